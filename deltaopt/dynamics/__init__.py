@@ -1,0 +1,1 @@
+"""The mechanics of sections 2 and 3 for any mechanism."""

@@ -1,0 +1,1 @@
+"""Charts. Nothing outside this folder imports matplotlib."""

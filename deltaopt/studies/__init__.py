@@ -1,0 +1,1 @@
+"""Comparisons over many solutions, each behind a command."""
