@@ -68,9 +68,9 @@ class Projected(ABC):
         system = ca.Function("system", [*state(m), m.controls, m.parameters, C], [A, b, m.J_bias])
         t, q, dq, tau, p = x = symbols(m.time, m.q, m.dq, m.controls, m.parameters)
         C_of_q, P = self.constraint_matrix.function(m)(t, q, p)
-        A, b, bias = system(t, q, dq, tau, p, C_of_q)
+        M_tilde, rest, bias = system(t, q, dq, tau, p, C_of_q)
         particular = -P @ bias
-        ddq = C_of_q @ solve(A @ C_of_q, b - A @ particular) + particular
+        ddq = C_of_q @ solve(M_tilde @ C_of_q, rest - M_tilde @ particular) + particular
         lam = self._multipliers(m)(t, q, dq, ddq, tau, p, P)
         return ca.Function("forward_dynamics", x, [ddq, lam])
 

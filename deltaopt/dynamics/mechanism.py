@@ -12,7 +12,7 @@ What follows by differentiation (the paper's letters):
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import casadi as ca
@@ -37,8 +37,8 @@ class Body:
     name: str
     mass: SX | float
     position: SX
-    inertia: SX | None = None
-    angular_velocity: SX | None = None
+    inertia: SX = field(default_factory=none)
+    angular_velocity: SX = field(default_factory=none)
 
 
 @dataclass(frozen=True)
@@ -106,11 +106,8 @@ class Mechanism:
         """Kinetic energy, J."""
         energy = SX(0)
         for body in self.bodies:
-            v = self.velocity(body)
-            energy += body.mass * ca.dot(v, v) / 2
-            if body.inertia is not None:
-                omega = body.angular_velocity
-                energy += ca.dot(omega, body.inertia * omega) / 2
+            v, omega = self.velocity(body), body.angular_velocity
+            energy += (body.mass * ca.dot(v, v) + ca.dot(omega, body.inertia * omega)) / 2
         return energy
 
     @cached_property

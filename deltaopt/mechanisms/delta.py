@@ -49,7 +49,8 @@ class DeltaParameters:
 
     def vector(self) -> SX:
         """The terms that are present, stacked."""
-        return ca.vertcat(*(getattr(self, name) for name in self.present()))
+        stacked: SX = ca.vertcat(*(SX(getattr(self, name)) for name in self.present()))
+        return stacked
 
 
 def delta(parameters: DeltaParameters) -> Mechanism:
