@@ -15,6 +15,14 @@ import yaml
 from deltaopt.errors import SceneError
 
 _NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
+_DEEPEST = 20  # a robot needs 3
+_OPENING = (
+    yaml.BlockMappingStartToken,
+    yaml.BlockSequenceStartToken,
+    yaml.FlowMappingStartToken,
+    yaml.FlowSequenceStartToken,
+)
+_CLOSING = (yaml.BlockEndToken, yaml.FlowMappingEndToken, yaml.FlowSequenceEndToken)
 
 
 def read_yaml(file: Path) -> dict[str, object]:
@@ -30,7 +38,7 @@ def read_yaml(file: Path) -> dict[str, object]:
 
 def _text(file: Path) -> str:
     try:
-        return file.read_text(encoding="utf-8-sig")  # editors on Windows write the signature
+        return file.read_text(encoding="utf-8")  # PyYAML skips a byte order mark
     except OSError as error:
         raise _unusable(f"cannot be read ({error.strerror})") from None
     except UnicodeDecodeError as error:
@@ -39,15 +47,13 @@ def _text(file: Path) -> str:
 
 def _parsed(text: str) -> object:
     try:
-        _refuse_aliases_and_tags(text)
+        _refuse_traps(text)
         root = yaml.compose(text, Loader=yaml.BaseLoader)
         if root is None:
             raise _unusable("is empty")
         return _content(root)
     except yaml.YAMLError as error:
         raise _unusable(f"is not valid YAML ({_reason(error)})") from None
-    except RecursionError:
-        raise _unusable("is nested too deeply") from None
 
 
 def _reason(error: yaml.YAMLError) -> str:
@@ -56,11 +62,19 @@ def _reason(error: yaml.YAMLError) -> str:
     return "it contains a control character"  # PyYAML's only complaint without a mark
 
 
-def _refuse_aliases_and_tags(text: str) -> None:
-    """Aliases let few lines expand to gigabytes; tags (``!!python/...``) have no use here."""
+def _refuse_traps(text: str) -> None:
+    """Refuse what takes a small file long to read, and tags, which have no use here.
+
+    Few aliases can expand to gigabytes; PyYAML's time is quadratic in the depth, its stack finite.
+    """
+    depth = 0
     for token in yaml.scan(text, Loader=yaml.BaseLoader):
+        line = token.start_mark.line + 1
+        depth += isinstance(token, _OPENING) - isinstance(token, _CLOSING)
+        if depth > _DEEPEST:
+            raise _unusable(f"is nested too deeply (line {line})")
         if isinstance(token, yaml.AliasToken | yaml.TagToken):
-            raise _unusable(f"uses an alias or a tag (line {token.start_mark.line + 1})")
+            raise _unusable(f"uses an alias or a tag (line {line})")
 
 
 def _content(node: yaml.Node) -> object:
