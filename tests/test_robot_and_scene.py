@@ -574,7 +574,7 @@ def test_the_forearm_must_bridge_the_gap(swapped: bool, forearm: float, closes: 
 def test_a_robot_that_closes_only_stretched_flat_cannot_move() -> None:
     radii = {"base_radius": 0.75, "platform_radius": 0.25}  # exact in binary
     content = changed(ROBOT | radii, "upper_arm.length", 0.25)
-    with pytest.raises(SceneError, match="forearm.length is 0.25; "):
+    with pytest.raises(SceneError, match=r"^forearm\.length is 0\.25; "):
         Robot.model_validate(changed(content, "forearm.length", 0.25))
 
 
