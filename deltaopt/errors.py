@@ -10,16 +10,34 @@ class DeltaOptError(Exception):
 
 
 class SceneError(DeltaOptError):
-    """A scene or robot file says something that cannot be used.
+    """A scene or robot says something that cannot be used.
 
-    Carries ``file`` (Path or None), ``key`` (dotted, such as ``"forearm.mass"``),
-    ``value`` (as found) and ``expected`` (what would be right, with its unit).
+    Carries ``file`` (Path, or None for a record made in Python), ``key`` (dotted, such as
+    ``"forearm.mass"``; empty where the whole file is meant), ``value`` (as found; None if there
+    is none) and ``expected`` (what would be right, with its unit, as a noun phrase).  ``problem``
+    says what is wrong where "is <value>" would not, e.g. "is missing".
     """
 
-    def __init__(self, file: Path | None, key: str, value: object, expected: str) -> None:
+    def __init__(
+        self, file: Path | None, key: str, value: object, expected: str, problem: str = ""
+    ) -> None:
+        super().__init__(file, key, value, expected, problem)  # as passed: copies and pickles
         self.file, self.key, self.value, self.expected = file, key, value, expected
-        place = ": ".join(str(part) for part in (file, key) if part)
-        super().__init__(f"{place}: {value!r} cannot be used; {expected}")
+        self.problem = problem
+
+    def __str__(self) -> str:
+        place = ": ".join(str(part) for part in (self.file, self.key) if part)
+        problem = self.problem or f"is {_shortened(repr(self.value))}"
+        return f"{place} {problem}; expected {self.expected}"
+
+    def inside(self, *, file: Path | None = None, key: str = "") -> SceneError:
+        """The same complaint, seen from the enclosing ``file`` or from the record at ``key``."""
+        dotted = ".".join(part for part in (key, self.key) if part)
+        return SceneError(file, dotted, self.value, self.expected, self.problem)
+
+
+def _shortened(text: str, limit: int = 120) -> str:
+    return text if len(text) <= limit else text[: limit - 3] + "..."
 
 
 class Unreachable(DeltaOptError):

@@ -1,0 +1,82 @@
+"""What robots and scenes have in common: frozen records whose errors are one sentence.
+
+A field's ``description`` is what its `SceneError` says was expected, so each quantity, its unit
+and its range are written once, where the field is declared.
+"""
+
+from __future__ import annotations
+
+import difflib
+from pathlib import Path
+from typing import Annotated, Any, Self
+
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidationInfo,
+    ValidatorFunctionWrapHandler,
+    field_validator,
+    model_validator,
+)
+
+from deltaopt.errors import SceneError
+
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+NonNegative = Annotated[Number, Field(ge=0)]
+Positive = Annotated[Number, Field(gt=0)]
+Text = Annotated[str, Field(strict=True, min_length=1)]
+
+Vector3 = tuple[float, float, float]
+PerMotor = Positive | tuple[Positive, Positive, Positive]
+"""One positive number for all three motors, or one for each."""
+
+
+def per_motor(limit: float | Vector3) -> Vector3:
+    """Return the limit of each motor, given one for all or one for each."""
+    return limit if isinstance(limit, tuple) else (limit, limit, limit)
+
+
+class Record(BaseModel):
+    """A frozen record; whatever cannot be used in it raises a `SceneError` naming its key."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    @classmethod
+    def from_content(cls, content: dict[str, object], file: Path) -> Self:
+        """Validate what ``file`` holds; errors name the file."""
+        try:
+            return cls.model_validate(content)
+        except SceneError as error:
+            raise error.inside(file=file) from None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _check_keys(cls, content: Any) -> Any:
+        if isinstance(content, dict):
+            for key, value in content.items():
+                if key not in cls.model_fields:
+                    raise SceneError(None, key, value, cls._nearest(key), "is not a known key")
+            for key, field in cls.model_fields.items():
+                if field.is_required() and key not in content:
+                    raise SceneError(None, key, None, str(field.description), "is missing")
+        return content
+
+    @classmethod
+    def _nearest(cls, key: str) -> str:
+        near = difflib.get_close_matches(key, cls.model_fields, n=1)
+        return near[0] if near else "one of " + ", ".join(cls.model_fields)
+
+    @field_validator("*", mode="wrap")
+    @classmethod
+    def _check_value(
+        cls, value: Any, validate: ValidatorFunctionWrapHandler, info: ValidationInfo
+    ) -> Any:
+        key = str(info.field_name)
+        try:
+            return validate(value)
+        except SceneError as error:  # from a record within this one
+            raise error.inside(key=key) from None
+        except ValidationError:
+            raise SceneError(None, key, value, str(cls.model_fields[key].description)) from None

@@ -1,0 +1,107 @@
+"""Reading the part of YAML that scenes and robots use: mappings, lists, numbers and text.
+
+A plain scalar that looks like a decimal number is a number (``1``, ``1e-3`` and ``1.e3``
+alike); every other scalar is text.  So nothing is ever a date, a boolean, a null, an octal or
+a sexagesimal number by surprise: ``payload: yes`` is text, which the records then refuse.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import yaml
+
+from deltaopt.errors import SceneError
+
+_NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
+_DEEPEST = 20  # a robot needs 3
+_OPENING = (
+    yaml.BlockMappingStartToken,
+    yaml.BlockSequenceStartToken,
+    yaml.FlowMappingStartToken,
+    yaml.FlowSequenceStartToken,
+)
+_CLOSING = (yaml.BlockEndToken, yaml.FlowMappingEndToken, yaml.FlowSequenceEndToken)
+
+
+def read_yaml(file: Path) -> dict[str, object]:
+    """Return the mapping that ``file`` holds, or raise a `SceneError` that names the file."""
+    try:
+        content = _parsed(_text(file))
+    except SceneError as error:
+        raise error.inside(file=file) from None
+    if not isinstance(content, dict):
+        raise SceneError(file, "", content, "a mapping of keys to values")
+    return content
+
+
+def _text(file: Path) -> str:
+    try:
+        return file.read_text(encoding="utf-8")  # PyYAML skips a byte order mark
+    except OSError as error:
+        raise _unusable(f"cannot be read ({error.strerror})") from None
+    except UnicodeDecodeError as error:
+        raise _unusable(f"is not UTF-8 text (byte {error.start})") from None
+
+
+def _parsed(text: str) -> object:
+    try:
+        _refuse_traps(text)
+        root = yaml.compose(text, Loader=yaml.BaseLoader)
+        if root is None:
+            raise _unusable("is empty")
+        return _content(root)
+    except yaml.YAMLError as error:
+        raise _unusable(f"is not valid YAML ({_reason(error)})") from None
+
+
+def _reason(error: yaml.YAMLError) -> str:
+    if isinstance(error, yaml.MarkedYAMLError) and error.problem_mark:
+        return f"line {error.problem_mark.line + 1}: {error.problem}"
+    return "it contains a control character"  # PyYAML's only complaint without a mark
+
+
+def _refuse_traps(text: str) -> None:
+    """Refuse what takes a small file long to read, and tags, which have no use here.
+
+    Few aliases can expand to gigabytes; PyYAML's time is quadratic in the depth, its stack finite.
+    """
+    depth = 0
+    for token in yaml.scan(text, Loader=yaml.BaseLoader):
+        line = token.start_mark.line + 1
+        depth += isinstance(token, _OPENING) - isinstance(token, _CLOSING)
+        if depth > _DEEPEST:
+            raise _unusable(f"is nested too deeply (line {line})")
+        if isinstance(token, yaml.AliasToken | yaml.TagToken):
+            raise _unusable(f"uses an alias or a tag (line {line})")
+
+
+def _content(node: yaml.Node) -> object:
+    if isinstance(node, yaml.MappingNode):
+        return _mapping(node)
+    if isinstance(node, yaml.SequenceNode):
+        return [_content(item) for item in node.value]
+    is_plain = isinstance(node, yaml.ScalarNode) and node.style is None
+    return float(node.value) if is_plain and _NUMBER.fullmatch(node.value) else node.value
+
+
+def _mapping(node: yaml.MappingNode) -> dict[str, object]:
+    mapping: dict[str, object] = {}
+    for key_node, value_node in node.value:
+        line = key_node.start_mark.line + 1
+        key = key_node.value
+        if not (isinstance(key, str) and key and key.isprintable()):
+            raise _unusable(f"has a key that is no word (line {line})")
+        try:
+            value = _content(value_node)
+        except SceneError as error:
+            raise error.inside(key=key) from None
+        if key in mapping:
+            raise SceneError(None, key, value, "each key once", f"is given again in line {line}")
+        mapping[key] = value
+    return mapping
+
+
+def _unusable(problem: str) -> SceneError:
+    return SceneError(None, "", None, "a YAML file of keys and values", problem)
