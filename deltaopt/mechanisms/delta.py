@@ -47,6 +47,10 @@ class DeltaParameters:
         """The same terms as free symbols."""
         return replace(self, **{name: SX.sym(name) for name in self.present()})
 
+    def values(self) -> list[float]:
+        """The terms that are present, as numbers."""
+        return [float(getattr(self, name)) for name in self.present()]
+
     def vector(self) -> SX:
         """The terms that are present, stacked."""
         stacked: SX = ca.vertcat(*(SX(getattr(self, name)) for name in self.present()))

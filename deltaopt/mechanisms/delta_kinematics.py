@@ -40,9 +40,7 @@ def forward_kinematics(p: DeltaParameters, theta: SX) -> SX:
     for k, azimuth in enumerate(AZIMUTHS):
         outward = p.a1 - p.a4 + 2 * p.a2 * ca.cos(theta[k])
         centres.append(
-            ca.vertcat(
-                -2 * p.a2 * ca.sin(theta[k]), cos(azimuth) * outward, sin(azimuth) * outward
-            )
+            ca.vertcat(-2 * p.a2 * ca.sin(theta[k]), cos(azimuth) * outward, sin(azimuth) * outward)
         )
     # The centre of the circle through the three centres lies on the line of both solutions.
     b, c = centres[1] - centres[0], centres[2] - centres[0]

@@ -1,0 +1,91 @@
+"""The Delta's kinematics and dynamics as functions of the platform's motion.
+
+The platform's position is ξ of eq. (55), so that q̇ = C v and q̈ = C a - P J̇ q̇. The
+parameters p stay an argument: one function serves every robot with the same terms.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+
+from deltaopt.dynamics.constraint_matrix import ClosedForm
+from deltaopt.dynamics.formulation import Formulation
+from deltaopt.dynamics.mechanism import SX, Mechanism
+from deltaopt.mechanisms.delta import DeltaParameters, delta
+from deltaopt.mechanisms.delta_kinematics import forward_kinematics, inverse_kinematics, reach
+
+
+@dataclass(frozen=True)
+class DeltaFunctions:
+    """Functions for a Delta with the terms of ``parameters``, in a formulation.
+
+    x, v, a: position, velocity, acceleration of the platform, 3. tau: 3. p: parameters.
+    """
+
+    parameters: DeltaParameters
+    formulation: Formulation
+
+    @cached_property
+    def mechanism(self) -> Mechanism:
+        """The twelve coordinates and nine constraints of section 4."""
+        return delta(self.parameters)
+
+    @cached_property
+    def inverse_kinematics(self) -> ca.Function:
+        """(x, p) -> q (12)."""
+        x, p = SX.sym("x", 3), self.parameters.symbols()
+        return ca.Function("inverse_kinematics", [x, p.vector()], [inverse_kinematics(p, x)])
+
+    @cached_property
+    def forward_kinematics(self) -> ca.Function:
+        """(theta, p) -> x."""
+        theta, p = SX.sym("theta", 3), self.parameters.symbols()
+        x = forward_kinematics(p, theta)
+        return ca.Function("forward_kinematics", [theta, p.vector()], [x])
+
+    @cached_property
+    def reach(self) -> ca.Function:
+        """(x, p) -> cos² q_{k,3} of the three chains, then sin² (q_{k,1} - q_{k,2})."""
+        x, p = SX.sym("x", 3), self.parameters.symbols()
+        return ca.Function("reach", [x, p.vector()], [ca.vec(reach(p, x))])
+
+    @cached_property
+    def velocity(self) -> ca.Function:
+        """(x, v, p) -> q, q̇ (12 each)."""
+        x, v, p = self._platform("x", "v")
+        q = self.inverse_kinematics(x, p)
+        C, _ = ClosedForm().function(self.mechanism)(0, q, p)
+        return ca.Function("velocity", [x, v, p], [q, C @ v]).expand()
+
+    @cached_property
+    def motion(self) -> ca.Function:
+        """(x, v, a, p) -> q, q̇, q̈ (12 each)."""
+        m = self.mechanism
+        x, v, a, p = self._platform("x", "v", "a")
+        q, dq = self.velocity(x, v, p)
+        C, P = ClosedForm().function(m)(0, q, p)
+        bias = ca.Function("bias", [m.q, m.dq, m.parameters], [m.J_bias])(q, dq, p)
+        return ca.Function("motion", [x, v, a, p], [q, dq, C @ a - P @ bias]).expand()
+
+    @cached_property
+    def inverse_dynamics(self) -> ca.Function:
+        """(x, v, a, p) -> τ (3), λ (9)."""
+        x, v, a, p = self._platform("x", "v", "a")
+        inverse = self.formulation.inverse_dynamics(self.mechanism)
+        tau, lam = inverse(0, *self.motion(x, v, a, p), p)
+        return ca.Function("inverse_dynamics", [x, v, a, p], [tau, lam])
+
+    @cached_property
+    def forward_dynamics(self) -> ca.Function:
+        """(x, v, tau, p) -> a."""
+        x, v, tau, p = self._platform("x", "v", "tau")
+        forward = self.formulation.forward_dynamics(self.mechanism)
+        ddq, _ = forward(0, *self.velocity(x, v, p), tau, p)
+        return ca.Function("forward_dynamics", [x, v, tau, p], [ddq[:3]])
+
+    def _platform(self, *names: str) -> list[ca.MX]:
+        p = ca.MX.sym("p", len(self.parameters.present()))
+        return [*(ca.MX.sym(name, 3) for name in names), p]

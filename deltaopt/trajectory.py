@@ -1,0 +1,113 @@
+"""A motion of the platform as a callable of time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+if TYPE_CHECKING:  # the model comes in as a value; nothing here needs to know it
+    from deltaopt.model import DeltaModel
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class PiecewisePolynomial:
+    """K polynomials of degree d in m components between K + 1 knots.
+
+    ``knots``: (K + 1,), increasing, s. ``coefficients``: (K, d + 1, m), of the ascending
+    powers of the time since the interval began.
+    """
+
+    knots: Array
+    coefficients: Array
+
+    def derivative(self) -> PiecewisePolynomial:
+        """Its derivative with respect to time."""
+        powers = np.arange(1, self.coefficients.shape[1])
+        return replace(self, coefficients=self.coefficients[:, 1:] * powers[:, None])
+
+    def slowed(self, factor: float) -> PiecewisePolynomial:
+        """The same path, ``factor`` times as slow."""
+        powers = np.arange(self.coefficients.shape[1])
+        return PiecewisePolynomial(
+            self.knots * factor, self.coefficients / factor ** powers[:, None]
+        )
+
+    def inside(self, intervals: NDArray[np.intp], since: Array) -> Array:
+        """Values, (N, m), a time after the beginning of an interval, (N,) each."""
+        values = np.zeros((len(since), self.coefficients.shape[2]))
+        for power in reversed(range(self.coefficients.shape[1])):  # Horner
+            values = values * since[:, None] + self.coefficients[intervals, power]
+        return values
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Platform and motors at N instants: t (N,), the others (N, 3).
+
+    x, v, a: m, m/s, m/s². theta, dtheta, ddtheta: rad, rad/s, rad/s². tau: N·m.
+    """
+
+    t: Array
+    x: Array
+    v: Array
+    a: Array
+    theta: Array
+    dtheta: Array
+    ddtheta: Array
+    tau: Array
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """The path of the platform's centre over time, and the model that gives its torques."""
+
+    position: PiecewisePolynomial
+    model: DeltaModel
+
+    @property
+    def knots(self) -> Array:
+        """Where one polynomial ends and the next begins, s; torques may jump there."""
+        return self.position.knots
+
+    @property
+    def duration(self) -> float:
+        """Time from start to goal, s."""
+        return float(self.knots[-1] - self.knots[0])
+
+    def __call__(self, t: ArrayLike) -> Motion:
+        """The motion at times t, (N,) or a number, s; just after a knot where it jumps.
+
+        Before the start and after the goal the first and last instant hold.
+        """
+        t = np.clip(np.atleast_1d(np.asarray(t, dtype=float)), self.knots[0], self.knots[-1])
+        last = len(self.knots) - 2
+        intervals = np.clip(np.searchsorted(self.knots, t, side="right") - 1, 0, last)
+        return self._motion(t, intervals, t - self.knots[intervals])
+
+    def inside_intervals(self, fractions: ArrayLike) -> Motion:
+        """The motion at these fractions of every interval, 0 and 1 from inside of it."""
+        fractions = np.asarray(fractions, dtype=float)
+        lengths = np.diff(self.knots)
+        intervals = np.repeat(np.arange(len(lengths)), len(fractions))
+        since = (lengths[:, None] * fractions).ravel()
+        return self._motion(self.knots[intervals] + since, intervals, since)
+
+    def slowed(self, factor: float) -> Trajectory:
+        """The same path, uniformly ``factor`` times as slow."""
+        return replace(self, position=self.position.slowed(factor))
+
+    def _motion(self, t: Array, intervals: NDArray[np.intp], since: Array) -> Motion:
+        velocity = self.position.derivative()
+        x, v, a = (
+            polynomial.inside(intervals, since)
+            for polynomial in (self.position, velocity, velocity.derivative())
+        )
+        q, dq, ddq = self.model.motion(x, v, a)
+        tau = self.model.inverse_dynamics(x, v, a)
+        motors = slice(3, None, 3)  # q_{1,1}, q_{2,1}, q_{3,1}
+        return Motion(t, x, v, a, q[:, motors], dq[:, motors], ddq[:, motors], tau)
