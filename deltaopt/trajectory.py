@@ -84,10 +84,11 @@ class Trajectory:
 
         Before the start and after the goal the first and last instant hold.
         """
-        t = np.clip(np.atleast_1d(np.asarray(t, dtype=float)), self.knots[0], self.knots[-1])
+        begin, end = self.knots[0], self.knots[-1]
+        instants: Array = np.clip(np.atleast_1d(np.asarray(t, dtype=float)), begin, end)
         last = len(self.knots) - 2
-        intervals = np.clip(np.searchsorted(self.knots, t, side="right") - 1, 0, last)
-        return self._motion(t, intervals, t - self.knots[intervals])
+        intervals = np.clip(np.searchsorted(self.knots, instants, side="right") - 1, 0, last)
+        return self._motion(instants, intervals, instants - self.knots[intervals])
 
     def inside_intervals(self, fractions: ArrayLike) -> Motion:
         """The motion at these fractions of every interval, 0 and 1 from inside of it."""
