@@ -43,6 +43,13 @@ def values(p):
     return [float(getattr(p, name)) for name in p.present()]
 
 
+def name(formulation):
+    """What a test with this formulation is called."""
+    parts = [type(formulation).__name__]
+    parts += [str(v) for k, v in vars(formulation).items() if k == "constraint_matrix"]
+    return "-".join(parts)
+
+
 def inverse_kinematics(p, x):
     """q of the industrial assembly mode, elbows outward, at the platform centre x."""
     q = np.empty(12)

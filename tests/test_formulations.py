@@ -86,7 +86,7 @@ def states(robot):
     return np.split(np.array(rows), [12, 24, 36], axis=1)
 
 
-@pytest.mark.parametrize("formulation", FORMULATIONS[1:], ids=repr)
+@pytest.mark.parametrize("formulation", FORMULATIONS[1:], ids=paper.name)
 def test_formulations_agree(robot, states, formulation):
     agree(robot, states, formulation, FORMULATIONS[0])
 
@@ -117,7 +117,7 @@ def test_partition_pivoted_at_each_state(robot, states):
         assert error(own_lam, np.array(lam).T[rows]).max() < 1e-12
 
 
-@pytest.mark.parametrize("formulation", FORMULATIONS, ids=repr)
+@pytest.mark.parametrize("formulation", FORMULATIONS, ids=paper.name)
 @pytest.mark.parametrize("name", ["delta_paper", "delta_general_inertia"])
 def test_reference(name, formulation):
     """Torques and accelerations to 1e-12 (1 + cond), multipliers to 1e-10."""
@@ -145,7 +145,7 @@ def test_constraint_forces_do_no_work(robot, states, matrix):
         )
 
 
-@pytest.mark.parametrize("formulation", FORMULATIONS[1:], ids=repr)
+@pytest.mark.parametrize("formulation", FORMULATIONS[1:], ids=paper.name)
 def test_residual_vanishes_on_the_motion_and_only_there(robot, states, formulation):
     q, dq, ddq, tau_other = states
     tau, _ = robot.inverse(Multiplier(), q, dq, ddq)
