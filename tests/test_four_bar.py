@@ -46,11 +46,8 @@ def four_bar():
         efforts=(Effort(tau, dq[0]),),
         controls=tau,
         holonomic=(bars[0] + bars[1] - ground - bars[2])[:2],
-        nonholonomic=SX(0, 1),
         gravity=SX([0, -G, 0]),
         potential=STIFFNESS * q[2] ** 2 / 2,
-        parameters=SX(0, 1),
-        time=SX.sym("t"),
     )
 
 

@@ -45,14 +45,8 @@ def knife_edge():
         q=q,
         dq=dq,
         bodies=(blade,),
-        efforts=(),
-        controls=SX(0, 1),
-        holonomic=SX(0, 1),
         nonholonomic=dq[0] * sin - dq[1] * cos,  # eq. (3)
         gravity=SX([A, 0, 0]),
-        potential=SX(0),
-        parameters=SX(0, 1),
-        time=SX.sym("t"),
         closed_form=(along, ca.vertcat(sin, -cos, 0)),
     )
 
