@@ -1,6 +1,6 @@
 """A mechanism of one's own: an engine's slider-crank turned at a constant speed.
 
-The second multiplier of its loop closure is the force of the cylinder's wall on the piston.
+The second multiplier of its loop closure is the side force that the piston passes to the rod.
 """
 
 import sys
@@ -28,7 +28,7 @@ def setup():
 
 
 def one_turn(mechanism, rpm):
-    """Crank angle (rad), motor torque (N·m) and force of the wall (N)."""
+    """Crank angle (rad), motor torque (N·m) and side force (N)."""
     t, rate = ca.SX.sym("t"), rpm * 2 * np.pi / 60
     theta, rod = rate * t, -ca.asin(CRANK / ROD * ca.sin(rate * t))
     q = ca.vertcat(theta, rod, CRANK * ca.cos(theta) + ROD * ca.cos(rod))
@@ -46,7 +46,7 @@ def plot(mechanism, path):
         axes[0].plot(np.degrees(angle), torque)
         axes[1].plot(np.degrees(angle), force, label=f"{rpm} rpm")
     axes[0].set(ylabel="motor torque (N·m)")
-    axes[1].set(ylabel="force of the wall (N)", xlabel="crank angle (°)")
+    axes[1].set(ylabel="side force (N)", xlabel="crank angle (°)")
     axes[1].legend()
     figure.savefig(path, dpi=150)
 
