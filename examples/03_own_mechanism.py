@@ -7,8 +7,9 @@ import sys
 
 import casadi as ca
 import numpy as np
-from deltaopt.dynamics import Body, Effort, Explicit, Mechanism, Partition
 from matplotlib.figure import Figure
+
+from deltaopt.dynamics import Body, Effort, Explicit, Mechanism, Partition
 
 CRANK, ROD = 0.04, 0.13  # lengths, m
 

@@ -10,6 +10,7 @@ from math import cos, pi, sin
 from pathlib import Path
 
 import numpy as np
+
 from deltaopt.mechanisms.delta import DeltaParameters
 
 PHI = (0.0, 2 * pi / 3, -2 * pi / 3)

@@ -3,12 +3,12 @@
 import casadi as ca
 import numpy as np
 import pytest
+
+import paper_delta as paper
 from deltaopt.dynamics import ClosedForm, NullSpace, Partition
 from deltaopt.dynamics.linear import reflect, solve_scalars
 from deltaopt.mechanisms.delta import delta
 from deltaopt.mechanisms.spherical_pendulum import spherical_pendulum
-
-import paper_delta as paper
 
 MATRICES = [ClosedForm(), Partition((0, 1, 2)), Partition((3, 6, 9)), NullSpace()]
 

@@ -4,10 +4,10 @@ import casadi as ca
 import mpmath
 import numpy as np
 import pytest
-from deltaopt.dynamics import ClosedForm
-from deltaopt.mechanisms.delta import delta
 
 import paper_delta as paper
+from deltaopt.dynamics import ClosedForm
+from deltaopt.mechanisms.delta import delta
 
 
 @pytest.fixture(scope="module", params=["delta_paper", "delta_general_inertia"])

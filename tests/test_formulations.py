@@ -6,6 +6,8 @@ Errors are relative to the longest vector of the kind: |a - b| / |b|.
 import casadi as ca
 import numpy as np
 import pytest
+
+import paper_delta as paper
 from deltaopt.dynamics import (
     ClosedForm,
     Explicit,
@@ -16,8 +18,6 @@ from deltaopt.dynamics import (
     VirtualWork,
 )
 from deltaopt.mechanisms.delta import delta
-
-import paper_delta as paper
 
 MATRICES = [ClosedForm(), Partition((0, 1, 2)), Partition((3, 6, 9)), NullSpace()]
 FORMULATIONS = [

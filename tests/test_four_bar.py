@@ -8,6 +8,8 @@ import casadi as ca
 import mpmath as mp
 import numpy as np
 import pytest
+
+import paper_delta
 from deltaopt.dynamics import (
     Body,
     Effort,
@@ -19,8 +21,6 @@ from deltaopt.dynamics import (
     Partition,
     VirtualWork,
 )
-
-import paper_delta
 
 SX = ca.SX
 GROUND, LENGTHS, MASSES, G = 0.5, (0.2, 0.45, 0.4), (0.3, 0.7, 0.6), 9.81

@@ -11,6 +11,8 @@ so it never runs down, but creeps along the slope.
 import casadi as ca
 import numpy as np
 import pytest
+
+import paper_delta
 from deltaopt.dynamics import (
     Body,
     ClosedForm,
@@ -22,8 +24,6 @@ from deltaopt.dynamics import (
     Partition,
     VirtualWork,
 )
-
-import paper_delta
 
 SX = ca.SX
 MASS, INERTIA, A, OMEGA = 1.7, 0.3, 4.0, 1.9

@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from pydantic import ValidationError
+
 from deltaopt.errors import SceneError
 from deltaopt.robot import Robot, load_robot
 from deltaopt.scene import Limits, Scene, load_scene
-from pydantic import ValidationError
 
 PROBLEMS = Path(__file__).parents[1] / "problems"
 

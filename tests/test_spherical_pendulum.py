@@ -12,6 +12,9 @@ The tip is massless and half the weight hangs on it in the redundant coordinates
 import casadi as ca
 import numpy as np
 import pytest
+from numpy import cos, sin
+
+import paper_delta
 from deltaopt.dynamics import (
     ClosedForm,
     Explicit,
@@ -22,9 +25,6 @@ from deltaopt.dynamics import (
     VirtualWork,
 )
 from deltaopt.mechanisms.spherical_pendulum import spherical_pendulum
-from numpy import cos, sin
-
-import paper_delta
 
 L, MASS, G = 0.7, 1.3, 9.81
 HEIGHT, RATE = 0.1, 7.0
