@@ -46,7 +46,7 @@ class PointFunction:
         """(y, p) -> r and the nonzeros of ∂r/∂y; their sparsity."""
         y, p, r = self._expressions
         J = ca.jacobian(r, y)
-        return ca.Function("jacobian", [y, p], [r, _nonzeros(J)]), J.sparsity()
+        return ca.Function("jacobian", [y, p], [r, J.nz[:]]), J.sparsity()
 
     @cached_property
     def hessian(self) -> tuple[ca.Function, ca.Sparsity]:
@@ -54,7 +54,7 @@ class PointFunction:
         y, p, r = self._expressions
         lam = ca.SX.sym("lam", r.numel())
         H = ca.hessian(ca.dot(lam, r), y)[0]
-        return ca.Function("hessian", [y, p, lam], [_nonzeros(H)]), H.sparsity()
+        return ca.Function("hessian", [y, p, lam], [H.nz[:]]), H.sparsity()
 
 
 @dataclass(frozen=True)
@@ -267,9 +267,3 @@ def _sparse(rows: Integers, columns: Integers, values: Array, n_rows: int, n_col
         n_rows,
         n_columns,
     )
-
-
-def _nonzeros(matrix: ca.SX) -> ca.SX:
-    """The nonzeros, column after column."""
-    stacked: ca.SX = ca.vertcat(*(ca.SX(element) for element in matrix.nonzeros()))
-    return stacked
