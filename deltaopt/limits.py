@@ -1,0 +1,148 @@
+"""How far a motion is from the limits of its motors, and how slow it must be to keep them.
+
+All of it from inverse dynamics of the motion itself, by the model the scene describes
+(never the one a trajectory carries), and between samples too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from math import inf, sqrt
+
+import casadi as ca
+import numpy as np
+
+from deltaopt.dynamics.lagrange import Explicit
+from deltaopt.errors import Unreachable
+from deltaopt.mechanisms.delta_functions import DeltaFunctions
+from deltaopt.model import DeltaModel, evaluate_rows
+from deltaopt.peaks import Curves, Index, peaks
+from deltaopt.scene import Scene
+from deltaopt.trajectory import Array, PiecewisePolynomial, Trajectory
+
+
+@dataclass(frozen=True)
+class Excess:
+    """Largest load over its limit, minus 1, over all motors and instants.
+
+    ``value``: positive where a motor cannot do it. ``motor``: which, 1 to 3. ``t``: when, s.
+    """
+
+    value: float
+    motor: int
+    t: float
+
+
+@dataclass(frozen=True)
+class Loads:
+    """What the motors bear at N instants, (N, 3) each.
+
+    ``static``: torque against gravity alone, N·m. ``torque``: the whole torque, N·m.
+    ``speed``: motor speed, rad/s.
+    """
+
+    static: Array
+    torque: Array
+    speed: Array
+
+
+def torque_excess(scene: Scene, trajectory: Trajectory) -> Excess:
+    """max |τ_k| / τ_max - 1."""
+    limits = np.array(scene.torque_limits)
+    return _excess(scene, trajectory, lambda loads: np.abs(loads.torque) / limits)
+
+
+def speed_excess(scene: Scene, trajectory: Trajectory) -> Excess | None:
+    """max |θ̇_k| / ω_max - 1; None where the drives have no speed limit."""
+    if scene.speed_limits is None:
+        return None
+    limits = np.array(scene.speed_limits)
+    return _excess(scene, trajectory, lambda loads: np.abs(loads.speed) / limits)
+
+
+def safe_factor(scene: Scene, trajectory: Trajectory, at_least: float = 1.0) -> float:
+    """The smallest factor k ≥ ``at_least`` by which slowing the motion keeps all limits.
+
+    Without friction τ = g + d / k² (gravity, and inertia forces d of the motion as given),
+    so each sample asks of k² in closed form. Infinite where no k does, such as where
+    gravity alone exceeds a torque limit.
+    """
+    highest = peaks(_curves(scene, trajectory, _demands(scene)), len(trajectory.knots) - 1)
+    slow_enough, fast_enough = highest.values[:-3], highest.values[-3:]
+    squared = max(at_least**2, float(slow_enough.max()))
+    return sqrt(squared) if fast_enough.max() * squared <= 1 else inf
+
+
+def _demands(scene: Scene) -> Callable[[Loads], Array]:
+    """What limits ask of k², (N, 6 or 9): k² ≥ all columns but the last 3, 1/k² ≥ those.
+
+    The last three are positive only where gravity alone exceeds a limit, so that a motor
+    needs the motion's help.
+    """
+    limits = np.array(scene.torque_limits)
+
+    def demands(loads: Loads) -> Array:
+        dynamic = loads.torque - loads.static
+        size, lack = np.abs(dynamic), np.abs(loads.static) - limits
+        room = limits - np.sign(dynamic) * loads.static  # for what inertia forces add
+        with np.errstate(divide="ignore", invalid="ignore"):
+            torque = np.where(room > 0, size / room, inf)
+            help_needed = np.where(lack > 0, lack / size, 0.0)
+        if scene.speed_limits is None:
+            return np.hstack([torque, help_needed])
+        speed = (loads.speed / np.array(scene.speed_limits)) ** 2
+        return np.hstack([torque, speed, help_needed])
+
+    return demands
+
+
+def _excess(scene: Scene, trajectory: Trajectory, ratios: Callable[[Loads], Array]) -> Excess:
+    highest = peaks(_curves(scene, trajectory, ratios), len(trajectory.knots) - 1)
+    motor = int(np.argmax(highest.values))
+    interval, fraction = highest.intervals[motor], highest.fractions[motor]
+    begin, end = trajectory.knots[interval : interval + 2]
+    t = float(begin + fraction * (end - begin))
+    return Excess(float(highest.values[motor]) - 1, motor + 1, t)
+
+
+def _curves(scene: Scene, trajectory: Trajectory, measure: Callable[[Loads], Array]) -> Curves:
+    """A measure of the loads as functions of time."""
+    model = DeltaModel(scene.robot, scene.payload)
+    position = trajectory.position
+    velocity = position.derivative()
+    acceleration = velocity.derivative()
+    lengths = np.diff(position.knots)
+
+    def curves(intervals: Index, fractions: Array) -> Array:
+        def at(polynomial: PiecewisePolynomial) -> Array:
+            return polynomial.inside(intervals, lengths[intervals] * fractions)
+
+        return measure(_loads(model, at(position), at(velocity), at(acceleration)))
+
+    return curves
+
+
+def _loads(model: DeltaModel, x: Array, v: Array, a: Array) -> Loads:
+    """Loads of a motion of the platform, (N, 3) each."""
+    function = _loads_function(model.functions)
+    loads = Loads(*evaluate_rows(function, x, v, a, parameters=model.parameters))
+    if not np.isfinite(loads.torque).all():
+        model.inverse_dynamics(x, v, a)  # raises what is the matter, at which point
+        raise Unreachable("the motion passes a singular position")
+    return loads
+
+
+@lru_cache(maxsize=16)
+def _loads_function(functions: DeltaFunctions) -> ca.Function:
+    """(x, v, a, p) -> static τ, τ, θ̇ (3 each), in scalars: the verifier's most frequent call."""
+    explicit = DeltaFunctions(functions.parameters, Explicit())
+    inverse, velocity = explicit.inverse_dynamics.expand(), explicit.velocity
+    x, v, a = (ca.SX.sym(name, 3) for name in "xva")
+    p = ca.SX.sym("p", len(functions.parameters.present()))
+    rest = ca.SX.zeros(3)
+    static, _ = inverse(x, rest, rest, p)
+    torque, _ = inverse(x, v, a, p)
+    _, dq = velocity(x, v, p)
+    return ca.Function("loads", [x, v, a, p], [static, torque, dq[3::3]], {"cse": True})
