@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.mechanisms.delta_functions import DeltaFunctions
-from deltaopt.planning.nlp import Layout, Options, PointFunction, Points, Program
+from deltaopt.planning.nlp import Layout, Options, PointFunction, Points, Program, Solution
 from deltaopt.planning.transcription import PiecewiseAcceleration
 from deltaopt.scene import Scene
 from deltaopt.trajectory import Motion, PiecewisePolynomial, Trajectory
@@ -162,6 +162,15 @@ class FlatProblem:
         lower[-7:-1] = upper[-7:-1] = np.concatenate([scales.goal, np.zeros(3)])
         lower[-1] = 1e-3
         return lower, upper
+
+    def prices(self, solution: Solution) -> Array:
+        """Fraction of the duration per fraction of a limit, (N, points, 3 or 6): torques, then
+        limited speeds; positive at the upper limit, negative at the lower."""
+        N, points = self.intervals, len(self.transcription.points)
+        torque = solution.bound_multipliers[:-7].reshape(N, self._block)[:, self._motion_size :]
+        speed = solution.row_multipliers[6 * N :].reshape(N, points, -1)[:, :, 3:]
+        prices = np.concatenate([torque.reshape(N, points, 3), speed], axis=2)
+        return np.asarray(prices / solution.z[-1])
 
     def _columns(self) -> NDArray[np.intp]:
         """Variables that interval i combines, per component: (N, 3, degree + 3)."""

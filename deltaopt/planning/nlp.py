@@ -93,10 +93,14 @@ class Points:
 
 @dataclass(frozen=True)
 class Solution:
-    """Where Ipopt ended: ``z`` the variables, ``multipliers`` those of the rows."""
+    """Where Ipopt ended: ``z`` the variables, multipliers of their bounds and of the rows.
+
+    A multiplier is positive where an upper bound holds, negative where a lower one does.
+    """
 
     z: Array
-    multipliers: Array
+    bound_multipliers: Array
+    row_multipliers: Array
     status: str
     iterations: int
     seconds: float
@@ -140,7 +144,8 @@ class Program:
             )
         return Solution(
             z=z,
-            multipliers=np.asarray(result["lam_g"].full()).ravel(),
+            bound_multipliers=np.asarray(result["lam_x"].full()).ravel(),
+            row_multipliers=np.asarray(result["lam_g"].full()).ravel(),
             status=stats["return_status"],
             iterations=stats["iter_count"],
             seconds=perf_counter() - begin,
