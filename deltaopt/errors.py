@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 
@@ -38,6 +39,11 @@ class SceneError(DeltaOptError):
 
 def _shortened(text: str, limit: int = 120) -> str:
     return text if len(text) <= limit else text[: limit - 3] + "..."
+
+
+def in_words(point: Iterable[float]) -> str:
+    """Coordinates for a sentence: [0.45, -0.05, 0]."""
+    return "[" + ", ".join(f"{coordinate:g}" for coordinate in point) + "]"
 
 
 class Unreachable(DeltaOptError):

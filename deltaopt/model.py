@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from deltaopt.dynamics.formulation import Formulation
 from deltaopt.dynamics.lagrange import Explicit
-from deltaopt.errors import Unreachable
+from deltaopt.errors import Unreachable, in_words
 from deltaopt.mechanisms.delta import DeltaParameters
 from deltaopt.mechanisms.delta_functions import DeltaFunctions
 from deltaopt.robot import Robot
@@ -82,7 +82,9 @@ class DeltaModel:
         x = self._evaluate(self.functions.forward_kinematics, theta)[0]
         bad = np.logical_not(np.isfinite(np.atleast_2d(x)).all(axis=1))
         if bad.any():
-            raise Unreachable(f"motor angles {_first(theta, bad)} rad: the bars do not meet there")
+            raise Unreachable(
+                f"motor angles {in_words(_first(theta, bad))} rad: the bars do not meet there"
+            )
         return x
 
     def motion(self, x: ArrayLike, v: ArrayLike, a: ArrayLike) -> tuple[Array, Array, Array]:
@@ -121,7 +123,7 @@ class DeltaModel:
         if not bad.any():
             return
         point = _first(x, bad)
-        raise Unreachable(f"the platform cannot be at {point} m: {self._obstacle(point)}")
+        raise Unreachable(f"the platform cannot be at {in_words(point)} m: {self._obstacle(point)}")
 
     def _obstacle(self, point: Array) -> str:
         """Which chain keeps the platform from a point, and how."""
