@@ -24,9 +24,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.mechanisms.delta_functions import DeltaFunctions
-from deltaopt.planning.nlp import Layout, Options, PointFunction, Points, Program, Solution
+from deltaopt.planning.nlp import Layout, PointFunction, Points, Program, Solution
+from deltaopt.planning.scales import Scales
 from deltaopt.planning.transcription import PiecewiseAcceleration
-from deltaopt.scene import Scene
 from deltaopt.trajectory import Motion, PiecewisePolynomial, Trajectory
 
 Array = NDArray[np.float64]
@@ -52,35 +52,26 @@ def equations(functions: DeltaFunctions, *, speed: bool) -> PointFunction:
 
 
 @dataclass(frozen=True)
-class Scales:
-    """Magnitudes of a scene: its length D (m), a time (s), and the drives' limits."""
+class Flat:
+    """Minimal coordinates: the default."""
 
-    scene: Scene
-    time: float
+    name: str = "flat"
 
-    @property
-    def origin(self) -> Array:
-        return np.array(self.scene.start)
+    def of(
+        self, functions: DeltaFunctions, transcription: PiecewiseAcceleration, *, speed: bool
+    ) -> FlatEquations:
+        return FlatEquations(equations(functions, speed=speed), transcription)
 
-    @property
-    def length(self) -> float:
-        return float(np.linalg.norm(np.array(self.scene.goal) - np.array(self.scene.start)))
 
-    @property
-    def goal(self) -> Array:
-        """The goal in these scales."""
-        return (np.array(self.scene.goal) - self.origin) / self.length
+@dataclass(frozen=True)
+class FlatEquations:
+    """The flat problem's equations at a point, to be put on a mesh."""
 
-    @property
-    def torques(self) -> Array:
-        return np.array(self.scene.torque_limits)
+    equations: PointFunction
+    transcription: PiecewiseAcceleration
 
-    def vector(self) -> Array:
-        """x_start, D, time, torque limits[, speed limits]."""
-        speeds = self.scene.speed_limits or ()
-        return np.array(
-            [*self.scene.start, self.length, self.time, *self.scene.torque_limits, *speeds]
-        )
+    def on(self, mesh: Array) -> FlatProblem:
+        return FlatProblem(self.equations, self.transcription, mesh)
 
 
 @dataclass(frozen=True)
@@ -94,7 +85,6 @@ class FlatProblem:
     equations: PointFunction
     transcription: PiecewiseAcceleration
     mesh: Array
-    options: Options
 
     @property
     def intervals(self) -> int:
@@ -120,7 +110,7 @@ class FlatProblem:
         upper = np.ones(self.equations.function.size1_out(0))
         upper[:3] = 0.0
         points = Points(self.equations, self._point_layout(), -upper, upper)
-        return Program(cost, self._continuity_layout(), [points], self.options)
+        return Program(cost, self._continuity_layout(), [points])
 
     def pack(self, trajectory: Trajectory, scales: Scales) -> Array:
         """The variables that describe a motion on this mesh, torques within their limits."""

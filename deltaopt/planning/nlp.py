@@ -22,7 +22,17 @@ from deltaopt.errors import NotConverged
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.intp]
-Options = dict[str, str | float | int | bool]
+
+IPOPT: dict[str, str | float | int | bool] = {
+    "print_time": False,
+    "calc_lam_p": False,
+    "ipopt.print_level": 0,
+    "ipopt.sb": "yes",
+    "ipopt.mu_strategy": "adaptive",
+    "ipopt.nlp_scaling_method": "none",  # variables and rows come scaled by the scene
+    "ipopt.tol": 1e-8,
+    "ipopt.max_iter": 200,
+}
 
 
 @dataclass(frozen=True)
@@ -110,10 +120,9 @@ class Program:
     """A nonlinear program built once, solved many times with other bounds and parameters.
 
     ``cost``: c, (n,). ``linear``: layout of the rows G z = 0. ``points``: the nonlinear rows.
-    ``options``: Ipopt's.
     """
 
-    def __init__(self, cost: Array, linear: Layout, points: list[Points], options: Options) -> None:
+    def __init__(self, cost: Array, linear: Layout, points: list[Points]) -> None:
         self._n = len(cost)
         self._linear = linear
         self._points = points
@@ -123,7 +132,7 @@ class Program:
         self._upper_rows = np.concatenate(
             [np.zeros(len(linear.columns)), *(np.tile(q.upper, q.number) for q in points)]
         )
-        self._solver = self._build(cost, options)
+        self._solver = self._build(cost)
 
     def solve(self, guess: Array, lower: Array, upper: Array, p: Array) -> Solution:
         """From a guess, within the bounds of the variables, with parameters p.
@@ -151,7 +160,7 @@ class Program:
             seconds=perf_counter() - begin,
         )
 
-    def _build(self, cost: Array, options: Options) -> ca.Function:
+    def _build(self, cost: Array) -> ca.Function:
         np_ = self._points[0].function.function.size1_in(1)
         z, p = ca.MX.sym("z", self._n), ca.MX.sym("p", np_)
         lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", len(self._lower_rows))
@@ -180,7 +189,7 @@ class Program:
             "jac_g": ca.Function("nlp_jac_g", [z, p], [g, jac]),
             "hess_lag": ca.Function("nlp_hess_l", [z, p, lam_f, lam_g], [hess]),
         }
-        return ca.nlpsol("nlp", "ipopt", program, {**functions, **options})
+        return ca.nlpsol("nlp", "ipopt", program, {**functions, **IPOPT})
 
     def _complaint(self, stats: dict[str, object], g: Array) -> str:
         """What Ipopt said, and which rows are violated most."""

@@ -14,9 +14,11 @@ from deltaopt.feasibility import check_feasible
 from deltaopt.limits import safe_factor
 from deltaopt.model import DeltaModel
 from deltaopt.planning.baseline import baseline
-from deltaopt.planning.flat import FlatProblem, Scales, equations
+from deltaopt.planning.flat import Flat
 from deltaopt.planning.gap import FRACTIONS, GivenAway, given_away, refined
-from deltaopt.planning.nlp import Options, PointFunction, Solution
+from deltaopt.planning.nlp import Solution
+from deltaopt.planning.problem import Pose, Posed, Problem
+from deltaopt.planning.scales import Scales
 from deltaopt.planning.transcription import PiecewiseAcceleration
 from deltaopt.record import Vector3
 from deltaopt.robot import Robot
@@ -26,16 +28,6 @@ from deltaopt.trajectory import Trajectory
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
 
-IPOPT: Options = {
-    "print_time": False,
-    "calc_lam_p": False,
-    "ipopt.print_level": 0,
-    "ipopt.sb": "yes",
-    "ipopt.mu_strategy": "adaptive",
-    "ipopt.nlp_scaling_method": "none",  # everything is scaled by the scene's magnitudes
-    "ipopt.tol": 1e-8,
-    "ipopt.max_iter": 200,
-}
 _ROUNDS = 8
 """Meshes at most; every refinement at least halves the gap, so this is 1e-2 of the first."""
 
@@ -95,6 +87,7 @@ def plan(
     tolerance: float = 1e-3,
     intervals: int = 10,
     transcription: PiecewiseAcceleration | None = None,
+    formulation: Pose | None = None,
     progress: Progress | None = None,
 ) -> Plan:
     """The fastest motion of a scene.
@@ -104,9 +97,7 @@ def plan(
 
     Raises Unreachable, Infeasible or NotConverged.
     """
-    planner = Planner(
-        scene.robot, scene.payload, scene.limits, tolerance, intervals, transcription
-    )
+    planner = Planner(scene.robot, scene.payload, scene.limits, tolerance, intervals, transcription)
     return planner.plan(scene.start, scene.goal, progress=progress)
 
 
@@ -121,6 +112,7 @@ class Planner:
         tolerance: float = 1e-3,
         intervals: int = 10,
         transcription: PiecewiseAcceleration | None = None,
+        formulation: Pose | None = None,
     ) -> None:
         if not tolerance > 0:
             raise ValueError(f"tolerance is {tolerance}; it must be greater than 0")
@@ -129,6 +121,7 @@ class Planner:
         self._robot, self._payload, self._limits = robot, payload, limits
         self._tolerance = tolerance
         self._transcription = transcription or PiecewiseAcceleration()
+        self._pose = formulation or Flat()
         self._first_mesh = np.full(intervals, 1 / intervals)
         self._model = DeltaModel(robot, payload)
 
@@ -145,7 +138,7 @@ class Planner:
         rounds = [_round(attempts)]
         while not self._done(rounds):
             mesh = refined(attempts[-1].problem.mesh, attempts[-1].lost, self._tolerance / 4)
-            attempts.append(self._attempt(self._problem(mesh), scales, attempts[-1].trajectory))
+            attempts.append(self._attempt(self._posed.on(mesh), scales, attempts[-1].trajectory))
             rounds.append(_round(attempts))
             if progress:
                 progress(str(rounds[-1]))
@@ -153,7 +146,7 @@ class Planner:
         return Plan(
             scene=scene,
             trajectory=last.trajectory.slowed(last.safe_factor),
-            formulation="flat",
+            formulation=self._pose.name,
             transcription=self._transcription.name,
             intervals=rounds[-1].intervals,
             status=last.solution.status,
@@ -168,20 +161,17 @@ class Planner:
         """After two meshes at least: one alone has nothing to be compared with."""
         return len(rounds) > 1 and (rounds[-1].gap <= self._tolerance or len(rounds) == _ROUNDS)
 
-    def _problem(self, mesh: Array) -> FlatProblem:
-        return FlatProblem(self._equations, self._transcription, mesh, IPOPT)
-
     @cached_property
-    def _first_problem(self) -> FlatProblem:
-        return self._problem(self._first_mesh)
-
-    @cached_property
-    def _equations(self) -> PointFunction:
+    def _posed(self) -> Posed:
         scene_has_speed = self._limits is not None and self._limits.speed is not None
         speed = scene_has_speed or self._robot.speed_limits is not None
-        return equations(self._model.functions, speed=speed)
+        return self._pose.of(self._model.functions, self._transcription, speed=speed)
 
-    def _attempt(self, problem: FlatProblem, scales: Scales, guess: Trajectory) -> Attempt:
+    @cached_property
+    def _first_problem(self) -> Problem:
+        return self._posed.on(self._first_mesh)
+
+    def _attempt(self, problem: Problem, scales: Scales, guess: Trajectory) -> Attempt:
         p = np.concatenate([scales.vector(), self._model.parameters])
         solution = problem.program.solve(problem.pack(guess, scales), *problem.bounds(scales), p)
         trajectory = Trajectory(problem.unpack(solution.z, scales), self._model)
@@ -193,7 +183,7 @@ class Planner:
 class Attempt:
     """A problem solved on one mesh, the motion not yet slowed."""
 
-    problem: FlatProblem
+    problem: Problem
     solution: Solution
     trajectory: Trajectory
     lost: GivenAway
@@ -224,7 +214,7 @@ def _round(attempts: list[Attempt]) -> Round:
         expected = before.lost.total - last.lost.total
         correction = max(1.0, fell / expected) if expected > 0 else 2.0
     return Round(
-        intervals=last.problem.intervals,
+        intervals=len(last.problem.mesh),
         iterations=last.solution.iterations,
         duration=last.trajectory.duration,
         safe_duration=last.trajectory.duration * last.safe_factor,
