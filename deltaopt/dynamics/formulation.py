@@ -39,7 +39,10 @@ class Projected(ABC):
 
     @abstractmethod
     def equations(self, mechanism: Mechanism, C: SX) -> SX:
-        """The ν equations of motion for variations δq = C δξ, zero where obeyed."""
+        """Virtual work per δξ of all but constraint forces for variations δq = C δξ.
+
+        Zero where the motion obeys the dynamics if the variations are admissible, J C = 0.
+        """
 
     def residual(self, mechanism: Mechanism) -> ca.Function:
         """(t, q, q̇, q̈, τ, p) -> ν."""
@@ -80,10 +83,10 @@ class Projected(ABC):
         return C, self.equations(m, C)
 
     def _multipliers(self, m: Mechanism) -> ca.Function:
-        """λ = -Pᵀ (Q* + Q), for J P = 1 turns eq. (37) into this."""
+        """λ: the constraint forces undo the work of the others, and J P = 1 singles out each."""
         P = SX.sym("P", m.q.numel(), m.mu.numel())
         x = [*state(m), m.ddq, m.controls, m.parameters, P]
-        return ca.Function("multipliers", x, [-P.T @ (m.Q_star + m.Q)])
+        return ca.Function("multipliers", x, [-self.equations(m, P)])
 
 
 def state(m: Mechanism) -> tuple[SX, SX, SX]:
