@@ -48,3 +48,7 @@ class Inconsistent(DeltaOptError):
 
 class IntegrationFailed(DeltaOptError):
     """A motion could not be followed to its end, e.g. into a singularity."""
+
+
+class MissingPackage(DeltaOptError):
+    """An optional package is not installed."""
