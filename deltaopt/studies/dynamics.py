@@ -51,10 +51,15 @@ class Row:
 
 @dataclass(frozen=True)
 class Study:
-    """``floor``: per task, the median error that rounding the state alone makes."""
+    """All rows, and how they came about.
+
+    ``floor``: per task, the median error that rounding the state alone makes.
+    ``independent``: the coordinates that the partition takes as independent.
+    """
 
     rows: list[Row]
     floor: dict[str, float]
+    independent: tuple[int, ...]
     states: int
     rounds: int
     digits: int
@@ -97,7 +102,8 @@ def compare_dynamics(
         for task in TASKS
     }
     progress(0.2, "deriving the models")
-    cases = _cases(mechanism, samples.parameters)
+    partition = Partition.pivoted(_jacobian(mechanism, NEAR_HOME, samples.parameters))
+    cases = _cases(mechanism, partition)
     progress(0.3, "compiling")
     in_c = [case for case in cases if case.model.compilable and compiler]
     machine = compiled([case.function for case in in_c], compiler) if compiler else []
@@ -121,12 +127,11 @@ def compare_dynamics(
         for case, run in zip(cases, interpreted_runs, strict=True)
     ]
     progress(1.0, "done")
-    return Study(rows, floor, states, rounds, digits)
+    return Study(rows, floor, partition.independent, states, rounds, digits)
 
 
-def _cases(mechanism: Mechanism, parameters: Array) -> list[_Case]:
+def _cases(mechanism: Mechanism, partition: Partition) -> list[_Case]:
     """Every model at every task; names of the functions differ."""
-    partition = Partition.pivoted(_jacobian(mechanism, NEAR_HOME, parameters))
     pairs = [(task, model) for task in TASKS for model in models(partition)]
     return [
         _Case(task, model, _renamed(model.build(mechanism, task), f"model{i}"))
