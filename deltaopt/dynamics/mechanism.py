@@ -57,8 +57,10 @@ class Effort:
 class Mechanism:
     """n coordinates q under γ constraints, ν = n − γ degrees of freedom.
 
+    What a mechanism does not have is left out.
+
     ``q``, ``dq``: symbols, n. ``controls``: symbols τ of the motors, m.
-    ``gravity``: acceleration of gravity in inertial axes, 3, m/s²; None where there is none.
+    ``gravity``: acceleration of gravity in inertial axes, 3, m/s².
     ``potential``: potential energy other than gravity's, J.
     ``holonomic``: f(q, t), h, eq. (1). ``nonholonomic``: J q̇ + μ of simple
     nonholonomic constraints, γ − h, linear in q̇, eq. (3).
@@ -72,14 +74,14 @@ class Mechanism:
     q: SX
     dq: SX
     bodies: tuple[Body, ...]
-    efforts: tuple[Effort, ...]
-    controls: SX
-    holonomic: SX
-    nonholonomic: SX
-    gravity: SX | None
-    potential: SX
-    parameters: SX
-    time: SX
+    efforts: tuple[Effort, ...] = ()
+    controls: SX = field(default_factory=none)
+    holonomic: SX = field(default_factory=none)
+    nonholonomic: SX = field(default_factory=none)
+    gravity: SX | None = None
+    potential: SX = field(default_factory=lambda: SX(0))
+    parameters: SX = field(default_factory=none)
+    time: SX = field(default_factory=lambda: SX.sym("t"))
     closed_form: tuple[SX, SX] | None = None
 
     @cached_property

@@ -11,7 +11,7 @@ from math import cos, pi, sin
 
 import casadi as ca
 
-from deltaopt.dynamics.mechanism import SX, Body, Effort, Mechanism, none
+from deltaopt.dynamics.mechanism import SX, Body, Effort, Mechanism
 
 AZIMUTHS = (0.0, 2 * pi / 3, -2 * pi / 3)
 """φ_k, rad."""
@@ -78,11 +78,8 @@ def delta(parameters: DeltaParameters) -> Mechanism:
         efforts=tuple(efforts),
         controls=tau,
         holonomic=holonomic,
-        nonholonomic=none(),
         gravity=None if p.g is None else ca.vertcat(p.g, 0, 0),
-        potential=SX(0),
         parameters=p.vector(),
-        time=SX.sym("t"),
         closed_form=_closed_form(ca.jacobian(holonomic, q)),
     )
 

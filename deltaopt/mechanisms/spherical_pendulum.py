@@ -14,7 +14,7 @@ from collections.abc import Callable
 
 import casadi as ca
 
-from deltaopt.dynamics.mechanism import SX, Body, Effort, Mechanism, none
+from deltaopt.dynamics.mechanism import SX, Body, Effort, Mechanism
 
 
 def spherical_pendulum(length: float, mass: float, g: float, zeta: Callable[[SX], SX]) -> Mechanism:
@@ -44,10 +44,7 @@ def spherical_pendulum(length: float, mass: float, g: float, zeta: Callable[[SX]
         efforts=(Effort(tau[0], ca.cos(theta) * dphi), Effort(tau[1], dtheta)),
         controls=tau,
         holonomic=tip - length * along - base,  # eq. (9)
-        nonholonomic=none(),
         gravity=SX([0, 0, g]),
-        potential=SX(0),
-        parameters=none(),
         time=t,
         closed_form=_closed_form(length, theta, phi),
     )
