@@ -7,7 +7,9 @@ from textwrap import fill
 from deltaopt.studies.dynamics import Row, Study
 
 _SAME = "the same cost indeed"
-_NOT_SAME = "the equations are the same, but not the length of the expressions each derivation leaves"
+_NOT_SAME = (
+    "the equations are the same, but not the length of the expressions each derivation leaves"
+)
 PAPER_SHARE = 0.83
 """Time of K and L_E with a C from eq. (8), over that of L_I, section 5.4."""
 
@@ -56,7 +58,8 @@ def notes(study: Study) -> str:
         f"{study.states} random states of the paper's Delta, median of {study.rounds} rounds in"
         " which every model runs in turn; ratios are to L_E in closed form in the same round."
         " In the interpreter a solver called at run time is machine code, what is written out in"
-        " scalars is not. Multipliers are not computed. Compiled: gcc -O2; LAPACK cannot be generated as C."
+        " scalars is not. Multipliers are not computed. Compiled: gcc -O2;"
+        " LAPACK cannot be generated as C."
         f"{machine} Operations: elementary ones, a linear system solved at run time (sparse QR,"
         " LAPACK LU) counted as a dense LU, 2/3 n³ + 2 n². Partition: independent coordinates"
         f" {', '.join(str(i + 1) for i in study.independent)} of 1 to 12, pivoted once. Error:"
