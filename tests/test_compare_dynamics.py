@@ -138,7 +138,11 @@ def test_the_verdict_follows_the_numbers(study: Study) -> None:
     mixed = made_up(study, {("L_I", "sparse QR"): 5.0, ("L_E", "closed form"): 4.0}, 3e-16)
     assert "no property of the models" in said(mixed)
 
+    assert "the order is reversed" in said(mixed)
+    assert "the order holds" in said(mixed)
+
     equal = made_up(study, {}, 3e-16)
+    assert "the order is a tie" in said(equal)
     assert "the same cost indeed" in said(equal)
 
 

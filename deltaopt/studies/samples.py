@@ -62,7 +62,7 @@ class _Maker:
     def row(self, rng: np.random.Generator) -> tuple[Array, Array, Array, Array]:
         """q, q̇, q̈, τ, each rounded once."""
         n, m = self.mechanism.q.numel(), self.mechanism.controls.numel()
-        guess = NEAR_HOME + rng.uniform(-1, 1, n) * np.repeat([0.05, 0.3], [3, n - 3])
+        guess = NEAR_HOME + rng.uniform(-1, 1, n) * np.repeat([0.12, 0.3], [3, n - 3])
         speeds = rng.uniform(-1, 1, n) * np.repeat([1.0, 5.0], [3, n - 3])
         q, dq = self.consistent(*self.projector(0.0, guess, speeds, self.parameters))
         tau = self.exact.matrix(rng.uniform(-5, 5, m))
