@@ -9,6 +9,7 @@ import argparse
 import sys
 from typing import Protocol
 
+from deltaopt.cli import check, inverse, plan
 from deltaopt.errors import DeltaOptError, SceneError
 
 
@@ -17,16 +18,14 @@ class Command(Protocol):
 
     HELP: str
 
-    @staticmethod
-    def add_arguments(parser: argparse.ArgumentParser) -> None: ...
+    def add_arguments(self, parser: argparse.ArgumentParser) -> None: ...
 
-    @staticmethod
-    def run(arguments: argparse.Namespace) -> int:
+    def run(self, arguments: argparse.Namespace) -> int:
         """The exit code."""
         ...
 
 
-COMMANDS: dict[str, Command] = {}
+COMMANDS: dict[str, Command] = {"plan": plan, "check": check, "inverse": inverse}
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -37,7 +36,12 @@ def main(argv: list[str] | None = None) -> int:
     )
     subparsers = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
     for name, command in COMMANDS.items():
-        subparser = subparsers.add_parser(name, help=command.HELP, description=command.HELP)
+        subparser = subparsers.add_parser(
+            name,
+            help=command.HELP,
+            description=command.__doc__,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
         command.add_arguments(subparser)
         subparser.set_defaults(run=command.run)
     arguments = parser.parse_args(argv)
@@ -49,6 +53,9 @@ def main(argv: list[str] | None = None) -> int:
     except DeltaOptError as error:
         print(f"deltaopt: {error}", file=sys.stderr)
         return 1
+    except OSError as error:  # all input is read and checked: an output that cannot be written
+        print(f"deltaopt: {error.filename}: {error.strerror}", file=sys.stderr)
+        return 2
     except KeyboardInterrupt:
         print("deltaopt: stopped", file=sys.stderr)
         return 130
