@@ -37,6 +37,16 @@ class PiecewisePolynomial:
             self.knots * factor, self.coefficients / factor ** powers[:, None]
         )
 
+    def at(self, t: Array) -> Array:
+        """Values, (N, m), at times (N,) between the first knot and the last."""
+        intervals = self.interval(t)
+        return self.inside(intervals, t - self.knots[intervals])
+
+    def interval(self, t: Array) -> NDArray[np.intp]:
+        """The interval of each time (N,); of a knot the one it begins, if there is one."""
+        last = len(self.knots) - 2
+        return np.clip(np.searchsorted(self.knots, t, side="right") - 1, 0, last)
+
     def inside(self, intervals: NDArray[np.intp], since: Array) -> Array:
         """Values, (N, m), a time after the beginning of an interval, (N,) each."""
         values = np.zeros((len(since), self.coefficients.shape[2]))
@@ -86,8 +96,7 @@ class Trajectory:
         """
         begin, end = self.knots[0], self.knots[-1]
         instants: Array = np.clip(np.atleast_1d(np.asarray(t, dtype=float)), begin, end)
-        last = len(self.knots) - 2
-        intervals = np.clip(np.searchsorted(self.knots, instants, side="right") - 1, 0, last)
+        intervals = self.position.interval(instants)
         return self._motion(instants, intervals, instants - self.knots[intervals])
 
     def inside_intervals(self, fractions: ArrayLike) -> Motion:

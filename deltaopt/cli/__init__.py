@@ -9,7 +9,7 @@ import argparse
 import sys
 from typing import Protocol
 
-from deltaopt.cli import check, inverse, plan
+from deltaopt.cli import check, compare, inverse, plan
 from deltaopt.errors import DeltaOptError, SceneError
 
 
@@ -25,7 +25,12 @@ class Command(Protocol):
         ...
 
 
-COMMANDS: dict[str, Command] = {"plan": plan, "check": check, "inverse": inverse}
+COMMANDS: dict[str, Command] = {
+    "plan": plan,
+    "check": check,
+    "inverse": inverse,
+    "compare": compare,
+}
 
 
 def main(argv: list[str] | None = None) -> int:

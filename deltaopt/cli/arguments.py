@@ -51,8 +51,8 @@ def positive(text: str) -> float:
     return number
 
 
-def count(text: str) -> int:
-    """A whole number greater than 0, for argparse."""
-    if not (text.isascii() and text.isdigit() and int(text) > 0):
-        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number greater than 0")
+def two_or_more(text: str) -> int:
+    """A whole number from 2 to 9999, for argparse."""
+    if not (text.isascii() and text.isdigit() and len(text) < 5 and int(text) > 1):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 2 to 9999")
     return int(text)

@@ -16,10 +16,11 @@ from __future__ import annotations
 import argparse
 import sys
 
-from deltaopt.cli.arguments import add_output, add_scene, count, output_directory, positive
+from deltaopt.cli.arguments import add_output, add_scene, output_directory, positive, two_or_more
 from deltaopt.export import RATE, Solution, StraightLine, save
 from deltaopt.feasibility import check_feasible
 from deltaopt.planning.baseline import baseline
+from deltaopt.planning.plan import Plan, plan
 from deltaopt.scene import Scene, load_scene
 from deltaopt.trajectory import Trajectory
 from deltaopt.verify import Check, Verification, verify
@@ -44,9 +45,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--intervals",
-        type=count,
+        type=two_or_more,
+        default=10,
         metavar="N",
-        help="intervals of the first mesh (default: chosen by the planner)",
+        help="intervals of the first mesh (default: 10)",
     )
     parser.add_argument(
         "--rate",
@@ -74,17 +76,19 @@ def run(arguments: argparse.Namespace) -> int:
 def _solve(scene: Scene, arguments: argparse.Namespace) -> tuple[Trajectory, Solution]:
     if arguments.baseline:
         return baseline(scene), StraightLine()
-    from deltaopt.planning.plan import (  # type: ignore[import-not-found, unused-ignore]
-        plan,
-    )
-
     found = plan(
         scene,
         tolerance=arguments.tolerance,
         intervals=arguments.intervals,
         progress=lambda text: print(text, file=sys.stderr, flush=True),
     )
+    _tell_gap(found)
     return found.trajectory, found
+
+
+def _tell_gap(found: Plan) -> None:
+    print(f"estimated to be at most {found.gap:.1e} longer than the optimum", end="")
+    print("" if found.within_tolerance else f", which is not the {found.tolerance:g} asked for")
 
 
 def table(verification: Verification) -> str:

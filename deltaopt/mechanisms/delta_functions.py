@@ -13,9 +13,11 @@ import casadi as ca
 
 from deltaopt.dynamics.constraint_matrix import ClosedForm
 from deltaopt.dynamics.formulation import Formulation
+from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.dynamics.mechanism import SX, Mechanism
 from deltaopt.mechanisms.delta import DeltaParameters, delta
 from deltaopt.mechanisms.delta_kinematics import forward_kinematics, inverse_kinematics, reach
+from deltaopt.mechanisms.delta_slender import explicit_equations, is_slender
 
 
 @dataclass(frozen=True)
@@ -69,6 +71,24 @@ class DeltaFunctions:
         C, P = ClosedForm().function(m)(0, q, p)
         bias = ca.Function("bias", [m.q, m.dq, m.parameters], [m.J_bias])(q, dq, p)
         return ca.Function("motion", [x, v, a, p], [q, dq, C @ a - P @ bias]).expand()
+
+    @cached_property
+    def explicit_equations(self) -> ca.Function:
+        """(x, v, a, tau, p) -> Cᵀ (Q* + Q), 3, N, eq. (39), and θ̇, 3; zero the former where
+        the motion obeys the dynamics. Without angles where the bars allow it."""
+        x, v, a, tau = (SX.sym(name, 3) for name in ("x", "v", "a", "tau"))
+        terms = self.parameters.symbols()
+        if is_slender(self.parameters):
+            results = explicit_equations(terms, x, v, a, tau)
+        else:
+            results = self._explicit_equations(x, v, a, tau, terms.vector())
+        inputs = [x, v, a, tau, terms.vector()]
+        return ca.Function("explicit_equations", inputs, list(results))
+
+    def _explicit_equations(self, x: SX, v: SX, a: SX, tau: SX, p: SX) -> tuple[SX, SX]:
+        q, dq, ddq = self.motion(x, v, a, p)
+        force = Explicit().residual(self.mechanism).expand()(0, q, dq, ddq, tau, p)
+        return force, dq[3::3]
 
     @cached_property
     def inverse_dynamics(self) -> ca.Function:

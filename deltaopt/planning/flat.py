@@ -1,0 +1,194 @@
+"""The flat problem: the platform's motion and the torques are the only unknowns.
+
+The position of the platform is a flat output of the fully actuated Delta: any smooth motion
+of it has joint angles by inverse kinematics and torques by inverse dynamics. So there are no
+dynamics to integrate and no redundant coordinates, only limits:
+
+    minimise T   subject to   Cᵀ (Q* + Q)(x, ẋ, ẍ, τ) = 0                     eq. (39)
+                              |τ_k| ≤ τ_max,   |θ̇_k(x, ẋ)| ≤ ω_max if there is one
+
+The torques stay variables at every point, since A(x)ᵀ τ = F is cheaper than its inverse and
+the slack of an inequality in Ipopt is a variable anyway.
+
+Variables are scaled by the scene: lengths by the distance D from start to goal, time by the
+baseline's duration, torques and speeds by their limits.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from deltaopt.mechanisms.delta_functions import DeltaFunctions
+from deltaopt.planning.nlp import Layout, PointFunction, Points, Program, Solution
+from deltaopt.planning.scales import Scales
+from deltaopt.planning.transcription import PiecewiseAcceleration
+from deltaopt.trajectory import Motion, PiecewisePolynomial, Trajectory
+
+Array = NDArray[np.float64]
+
+
+def equations(functions: DeltaFunctions, *, speed: bool) -> PointFunction:
+    """Eq. (39) in units of the largest torque at the elbow; then θ̇ in units of its limit.
+
+    y: X - x_start, V, A in units of D; τ in units of its limits; T in units of the
+    baseline's. p: ``Scales.vector``, then the mechanism's parameters.
+    """
+    terms = functions.parameters.symbols()
+    y, scales = ca.SX.sym("y", 13), ca.SX.sym("scales", 11 if speed else 8)
+    origin, length, time, torque = scales[:3], scales[3], scales[4], scales[5:8]
+    T = time * y[12]
+    x, v, a = origin + length * y[:3], length * y[3:6] / T, length * y[6:9] / T**2
+    force, dtheta = functions.explicit_equations(x, v, a, torque * y[9:12], terms.vector())
+    rows = [force * 2 * terms.a2 / ca.mmax(torque)]
+    if speed:
+        rows.append(dtheta / scales[8:11])
+    p = ca.vertcat(scales, terms.vector())
+    return PointFunction("motion", ca.Function("motion", [y, p], [ca.vertcat(*rows)]))
+
+
+@dataclass(frozen=True)
+class Flat:
+    """Minimal coordinates: the default."""
+
+    name: str = "flat"
+
+    def of(
+        self, functions: DeltaFunctions, transcription: PiecewiseAcceleration, *, speed: bool
+    ) -> FlatEquations:
+        return FlatEquations(equations(functions, speed=speed), transcription)
+
+
+@dataclass(frozen=True)
+class FlatEquations:
+    """The flat problem's equations at a point, to be put on a mesh."""
+
+    equations: PointFunction
+    transcription: PiecewiseAcceleration
+
+    def on(self, mesh: Array) -> FlatProblem:
+        return FlatProblem(self.equations, self.transcription, mesh)
+
+
+@dataclass(frozen=True)
+class FlatProblem:
+    """The flat problem on a mesh of interval fractions (N,), ready to be solved for scenes.
+
+    Variables: for every interval X_i, V_i, A_i0 … A_id, then τ at each of its points; last
+    X_N, V_N and T.
+    """
+
+    equations: PointFunction
+    transcription: PiecewiseAcceleration
+    mesh: Array
+
+    @property
+    def intervals(self) -> int:
+        return len(self.mesh)
+
+    @property
+    def _motion_size(self) -> int:
+        return 6 + 3 * len(self.transcription.nodes)
+
+    @property
+    def _block(self) -> int:
+        return self._motion_size + 3 * len(self.transcription.points)
+
+    @property
+    def n_variables(self) -> int:
+        return self.intervals * self._block + 7
+
+    @cached_property
+    def program(self) -> Program:
+        """Rows: continuity of X and V; eq. (39) and limited speeds at every point."""
+        cost = np.zeros(self.n_variables)
+        cost[-1] = 1.0
+        upper = np.ones(self.equations.function.size1_out(0))
+        upper[:3] = 0.0
+        points = Points(self.equations, self._point_layout(), -upper, upper)
+        return Program(cost, self._continuity_layout(), [points])
+
+    def pack(self, trajectory: Trajectory, scales: Scales) -> Array:
+        """The variables that describe a motion on this mesh, torques within their limits."""
+        T = trajectory.duration
+        knots = T * np.concatenate([[0.0], np.cumsum(self.mesh)])
+        at_knots = trajectory(knots)
+        X = (at_knots.x - scales.origin) / scales.length
+        V = at_knots.v * T / scales.length
+        A = self._inside(trajectory, self.transcription.nodes).a * T**2 / scales.length
+        tau = self._inside(trajectory, self.transcription.points).tau / scales.torques
+        N = self.intervals
+        blocks = [X[:-1], V[:-1], A.reshape(N, -1), np.clip(tau, -1, 1).reshape(N, -1)]
+        return np.concatenate([np.hstack(blocks).ravel(), X[-1], V[-1], [T / scales.time]])
+
+    def _inside(self, trajectory: Trajectory, c: Array) -> Motion:
+        """The motion at fractions of this mesh's intervals, ends from just inside."""
+        begin = np.concatenate([[0.0], np.cumsum(self.mesh)[:-1]])
+        inside = np.clip(c, 1e-9, 1 - 1e-9)
+        fractions = (begin[:, None] + self.mesh[:, None] * inside).ravel()
+        return trajectory(trajectory.duration * fractions)
+
+    def unpack(self, z: Array, scales: Scales) -> PiecewisePolynomial:
+        """The motion that the variables describe, in m and s."""
+        T, blocks = z[-1] * scales.time, z[:-7].reshape(self.intervals, self._block)
+        X, V = blocks[:, :3], blocks[:, 3:6]
+        A = blocks[:, 6 : self._motion_size].reshape(self.intervals, -1, 3)
+        coefficients = scales.length * self.transcription.coefficients(X, V, A, self.mesh)
+        coefficients[:, 0] += scales.origin
+        coefficients /= T ** np.arange(coefficients.shape[1])[:, None]
+        knots = T * np.concatenate([[0.0], np.cumsum(self.mesh)])
+        return PiecewisePolynomial(knots, coefficients)
+
+    def bounds(self, scales: Scales) -> tuple[Array, Array]:
+        """Start and goal at rest, torques within limits, a positive duration; the rest free."""
+        upper = np.full(self.n_variables, np.inf)
+        upper[:-7].reshape(self.intervals, self._block)[:, self._motion_size :] = 1.0
+        lower = -upper
+        lower[:6] = upper[:6] = 0.0
+        lower[-7:-1] = upper[-7:-1] = np.concatenate([scales.goal, np.zeros(3)])
+        lower[-1] = 1e-3
+        return lower, upper
+
+    def prices(self, solution: Solution) -> Array:
+        """Fraction of the duration per fraction of a limit, (N, points, 3 or 6): torques, then
+        limited speeds; positive at the upper limit, negative at the lower."""
+        N, points = self.intervals, len(self.transcription.points)
+        torque = solution.bound_multipliers[:-7].reshape(N, self._block)[:, self._motion_size :]
+        speed = solution.row_multipliers[6 * N :].reshape(N, points, -1)[:, :, 3:]
+        prices = np.concatenate([torque.reshape(N, points, 3), speed], axis=2)
+        return np.asarray(prices / solution.z[-1])
+
+    def _columns(self) -> NDArray[np.intp]:
+        """Variables that interval i combines, per component: (N, 3, degree + 3)."""
+        first = self._block * np.arange(self.intervals)[:, None, None]
+        component = np.arange(3)[:, None]
+        steps = 3 * np.arange(self.transcription.degree + 3)
+        return np.asarray(first + component + steps, dtype=np.intp)
+
+    def _point_layout(self) -> Layout:
+        """y = (X, V, A, τ, T) at every point of every interval."""
+        c, N, k = self.transcription.points, self.intervals, self.transcription.degree + 3
+        weights = np.zeros((N, len(c), 13, k))
+        columns = np.full((N, len(c), 13, k), self.n_variables - 1)
+        for j, part in enumerate(self.transcription.weights(c, self.mesh[:, None])):
+            weights[:, :, 3 * j : 3 * j + 3] = part[:, :, None]
+            columns[:, :, 3 * j : 3 * j + 3] = self._columns()[:, None]
+        weights[:, :, 9:, 0] = 1.0
+        torques = self._motion_size + np.arange(3 * len(c)).reshape(-1, 3)
+        columns[:, :, 9:12, 0] = self._block * np.arange(N)[:, None, None] + torques
+        return Layout(columns.reshape(-1, k), weights.reshape(-1, k))
+
+    def _continuity_layout(self) -> Layout:
+        """X and V at the end of an interval less those at the beginning of the next."""
+        N, k = self.intervals, self.transcription.degree + 3
+        weights = np.full((N, 2, 3, k + 1), -1.0)
+        columns = np.zeros((N, 2, 3, k + 1), dtype=np.intp)
+        for j, part in enumerate(self.transcription.weights(1.0, self.mesh)[:2]):
+            weights[:, j, :, :k] = part[:, None]
+            columns[:, j, :, :k] = self._columns()
+            columns[:, j, :, k] = self._block * np.arange(1, N + 1)[:, None] + 3 * j + np.arange(3)
+        return Layout(columns.reshape(-1, k + 1), weights.reshape(-1, k + 1))

@@ -1,0 +1,70 @@
+"""How much time a solution on a mesh gives away, from that solution alone.
+
+A multiplier is the price of a limit: by so much the duration falls if the limit is raised a
+little. Where a limit has a price the optimal motion is at it all the time; a motion made of
+polynomials is at it only where the mesh imposes it. What it leaves unused in between, at that
+price, is the time given away:
+
+    given away in an interval ≈ Σ_limits Σ_points price · mean over the interval of (1 ∓ load)
+
+(a dual weighted residual). Where the motion exceeds a limit in between, the whole of it must
+be slowed: that is the other part of the gap, and it is exact.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+FRACTIONS = np.linspace(0.0, 1.0, 25)
+"""Where in every interval the loads are taken, both ends included."""
+
+
+@dataclass(frozen=True)
+class GivenAway:
+    """Fractions of the duration, per interval of a mesh, (N,).
+
+    ``unused``: limits not made use of. ``exceeded``: what slowing down for this interval costs.
+    """
+
+    unused: Array
+    exceeded: Array
+
+    @property
+    def total(self) -> float:
+        """By how much the unslowed motion is estimated to be too long."""
+        return float(self.unused.sum())
+
+
+def given_away(prices: Array, torque: Array, speed: Array | None) -> GivenAway:
+    """From loads as fractions of their limits, (N, len(FRACTIONS), 3) each, and their prices.
+
+    ``prices``: fraction of the duration per fraction of the limit, (N, points, 3 or 6), of
+    torques and then speeds; positive at the upper limit, negative at the lower.
+    """
+    loads = torque if speed is None else np.concatenate([torque, speed], axis=2)
+    trapezoid = np.ones(len(FRACTIONS))
+    trapezoid[[0, -1]] = 0.5
+    mean = np.einsum("c,nck->nk", trapezoid / trapezoid.sum(), loads)
+    upper, lower = np.maximum(prices, 0).sum(axis=1), np.maximum(-prices, 0).sum(axis=1)
+    unused = (upper * (1 - mean) + lower * (1 + mean)).sum(axis=1)
+    # Torque falls with the square of the duration, speed with the duration itself.
+    exceeded = (np.abs(torque).max(axis=(1, 2)) - 1) / 2
+    if speed is not None:
+        exceeded = np.maximum(exceeded, np.abs(speed).max(axis=(1, 2)) - 1)
+    return GivenAway(np.maximum(unused, 0.0), np.maximum(exceeded, 0.0))
+
+
+def refined(mesh: Array, lost: GivenAway, aim: float) -> Array:
+    """The mesh, (N,), with intervals split so that what is given away falls to about ``aim``.
+
+    In an interval where a torque jumps the loss falls with the square of its length, in
+    others faster.
+    """
+    share = lost.unused / (aim / len(mesh)) + lost.exceeded / aim
+    pieces = np.clip(np.ceil(np.sqrt(share)), 1, 4).astype(int)
+    return np.repeat(mesh / pieces, pieces)

@@ -1,0 +1,283 @@
+"""Nonlinear programs made of one small function evaluated at many points.
+
+    minimise  c · z   subject to   l ≤ z ≤ u,   G z = b,   l_i ≤ r(y_i, p) ≤ u_i,   y_i = L_i z
+
+What happens at a point (torques, say) is a `PointFunction` r(y, p), differentiated once;
+where the points lie among the variables is a constant sparse `Layout` L. Jacobian and Hessian
+of the whole are then constant linear combinations of the points' derivatives, so the whole
+is never expanded and the same code serves every transcription and formulation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from time import perf_counter
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from deltaopt.errors import NotConverged
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.intp]
+
+IPOPT: dict[str, str | float | int | bool] = {
+    "print_time": False,
+    "calc_lam_p": False,
+    "ipopt.print_level": 0,
+    "ipopt.sb": "yes",
+    "ipopt.mu_strategy": "adaptive",
+    "ipopt.nlp_scaling_method": "none",  # variables and rows come scaled by the scene
+    "ipopt.tol": 1e-8,
+    "ipopt.max_iter": 200,
+}
+
+
+@dataclass(frozen=True)
+class PointFunction:
+    """r(y, p) at one point, with exact derivatives with respect to y.
+
+    ``function``: (y, p) -> r, scalar expressions. ``name`` is what an error calls its rows.
+    """
+
+    name: str
+    function: ca.Function
+
+    @cached_property
+    def _expressions(self) -> tuple[ca.SX, ca.SX, ca.SX]:
+        y = ca.SX.sym("y", self.function.size1_in(0))
+        p = ca.SX.sym("p", self.function.size1_in(1))
+        return y, p, self.function(y, p)
+
+    @cached_property
+    def jacobian(self) -> tuple[ca.Function, ca.Sparsity]:
+        """(y, p) -> r and the nonzeros of ∂r/∂y; their sparsity."""
+        y, p, r = self._expressions
+        J = ca.jacobian(r, y)
+        return ca.Function("jacobian", [y, p], [r, J.nz[:]]), J.sparsity()
+
+    @cached_property
+    def hessian(self) -> tuple[ca.Function, ca.Sparsity]:
+        """(y, p, λ) -> the nonzeros of ∂²(λ·r)/∂y²; their sparsity."""
+        y, p, r = self._expressions
+        lam = ca.SX.sym("lam", r.numel())
+        H = ca.hessian(ca.dot(lam, r), y)[0]
+        return ca.Function("hessian", [y, p, lam], [H.nz[:]]), H.sparsity()
+
+
+@dataclass(frozen=True)
+class Layout:
+    """A constant sparse matrix L, each row the sum of a few weighted variables.
+
+    ``columns`` and ``weights``: (rows, k); row i is Σ_k weights[i, k] z[columns[i, k]].
+    """
+
+    columns: Integers
+    weights: Array
+
+    def matrix(self, n_variables: int) -> ca.DM:
+        rows = np.repeat(np.arange(len(self.columns)), self.columns.shape[1])
+        return _sparse(
+            rows, self.columns.ravel(), self.weights.ravel(), len(self.columns), n_variables
+        )
+
+
+@dataclass(frozen=True)
+class Points:
+    """A point function at n points; the layout has n · ny rows, point by point.
+
+    ``lower``, ``upper``: bounds of r, (nr,), the same at every point.
+    """
+
+    function: PointFunction
+    layout: Layout
+    lower: Array
+    upper: Array
+
+    @property
+    def number(self) -> int:
+        return len(self.layout.columns) // self.function.function.size1_in(0)
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Where Ipopt ended: ``z`` the variables, multipliers of their bounds and of the rows.
+
+    A multiplier is positive where an upper bound holds, negative where a lower one does.
+    """
+
+    z: Array
+    bound_multipliers: Array
+    row_multipliers: Array
+    status: str
+    iterations: int
+    seconds: float
+
+
+class Program:
+    """A nonlinear program built once, solved many times with other bounds and parameters.
+
+    ``cost``: c, (n,). ``linear``: layout of the rows G z = 0. ``points``: the nonlinear rows.
+    """
+
+    def __init__(self, cost: Array, linear: Layout, points: list[Points]) -> None:
+        self._n = len(cost)
+        self._linear = linear
+        self._points = points
+        self._lower_rows = np.concatenate(
+            [np.zeros(len(linear.columns)), *(np.tile(q.lower, q.number) for q in points)]
+        )
+        self._upper_rows = np.concatenate(
+            [np.zeros(len(linear.columns)), *(np.tile(q.upper, q.number) for q in points)]
+        )
+        self._solver = self._build(cost)
+
+    def solve(self, guess: Array, lower: Array, upper: Array, p: Array) -> Solution:
+        """From a guess, within the bounds of the variables, with parameters p.
+
+        Raises NotConverged with Ipopt's status and the last iterate.
+        """
+        begin = perf_counter()
+        result = self._solver(
+            x0=guess, lbx=lower, ubx=upper, lbg=self._lower_rows, ubg=self._upper_rows, p=p
+        )
+        stats = self._solver.stats()
+        z = np.asarray(result["x"].full()).ravel()
+        if not stats["success"]:
+            raise NotConverged(
+                self._complaint(stats, np.asarray(result["g"].full()).ravel()),
+                stats["return_status"],
+                z,
+            )
+        return Solution(
+            z=z,
+            bound_multipliers=np.asarray(result["lam_x"].full()).ravel(),
+            row_multipliers=np.asarray(result["lam_g"].full()).ravel(),
+            status=stats["return_status"],
+            iterations=stats["iter_count"],
+            seconds=perf_counter() - begin,
+        )
+
+    def _build(self, cost: Array) -> ca.Function:
+        np_ = self._points[0].function.function.size1_in(1)
+        z, p = ca.MX.sym("z", self._n), ca.MX.sym("p", np_)
+        lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", len(self._lower_rows))
+        f = ca.dot(ca.DM(cost), z)
+        G = self._linear.matrix(self._n)
+        rows, entries, curvature = [ca.mtimes(G, z)], [], []
+        first = len(self._linear.columns)
+        for points in self._points:
+            n, nr = points.number, len(points.lower)
+            y = ca.reshape(ca.mtimes(points.layout.matrix(self._n), z), -1, n)
+            ps = ca.repmat(p, 1, n)
+            jacobian, J_sparsity = points.function.jacobian
+            hessian, H_sparsity = points.function.hessian
+            r, J = jacobian.map(n)(y, ps)
+            H = hessian.map(n)(y, ps, ca.reshape(lam_g[first : first + n * nr], nr, n))
+            rows.append(ca.vec(r))
+            entries.append((first, points, J_sparsity, ca.vec(J)))
+            curvature.append((points, H_sparsity, ca.vec(H)))
+            first += n * nr
+        g = ca.vertcat(*rows)
+        jac = _assemble_jacobian(G, entries, first, self._n)
+        hess = _assemble_hessian(curvature, self._n)
+        program = {"x": z, "p": p, "f": f, "g": g}
+        functions = {
+            "grad_f": ca.Function("nlp_grad_f", [z, p], [f, ca.DM(cost)]),
+            "jac_g": ca.Function("nlp_jac_g", [z, p], [g, jac]),
+            "hess_lag": ca.Function("nlp_hess_l", [z, p, lam_f, lam_g], [hess]),
+        }
+        return ca.nlpsol("nlp", "ipopt", program, {**functions, **IPOPT})
+
+    def _complaint(self, stats: dict[str, object], g: Array) -> str:
+        """What Ipopt said, and which rows are violated most."""
+        violation = np.maximum(self._lower_rows - g, g - self._upper_rows)
+        worst = int(np.nanargmax(violation)) if np.isfinite(violation).any() else 0
+        names = ["continuity"] * len(self._linear.columns)
+        for points in self._points:
+            n, nr = points.number, len(points.lower)
+            names += [
+                f"{points.function.name} {j} at point {i} of {n}"
+                for i in range(1, n + 1)
+                for j in range(1, nr + 1)
+            ]
+        return (
+            f"Ipopt stopped after {stats['iter_count']} iterations: {stats['return_status']}; "
+            f"worst constraint: {names[worst]}, violated by {violation[worst]:.1e}"
+        )
+
+
+def _assemble_jacobian(
+    G: ca.DM, entries: list[tuple[int, Points, ca.Sparsity, ca.MX]], n_rows: int, n: int
+) -> ca.MX:
+    """The Jacobian of all rows: each point's, times its rows of L."""
+    blocks = [ca.MX(G)]
+    for _, points, sparsity, nonzeros in entries:
+        a, b = (np.array(i, dtype=np.intp) for i in sparsity.get_triplet())
+        layout, N = points.layout, points.number
+        ny, nr, k = sparsity.size2(), sparsity.size1(), layout.columns.shape[1]
+        at = np.arange(N)[:, None]
+        y = at * ny + b  # (N, nnz)
+        rows = np.broadcast_to((at * nr + a)[..., None], (N, len(a), k))
+        source = np.broadcast_to(np.arange(N * len(a)).reshape(N, -1)[..., None], rows.shape)
+        blocks.append(
+            _scatter(rows, layout.columns[y], source, layout.weights[y], nonzeros, (N * nr, n))
+        )
+    return ca.vertcat(*blocks)
+
+
+def _assemble_hessian(curvature: list[tuple[Points, ca.Sparsity, ca.MX]], n: int) -> ca.MX:
+    """The upper triangle of Σ Lᵀ H L over all points."""
+    total = ca.MX(n, n)
+    for points, sparsity, nonzeros in curvature:
+        a, b = (np.array(i, dtype=np.intp) for i in sparsity.get_triplet())
+        layout, N = points.layout, points.number
+        ny, k = sparsity.size1(), layout.columns.shape[1]
+        at = np.arange(N)[:, None]
+        ya, yb = at * ny + a, at * ny + b  # (N, nnz)
+        shape = (N, len(a), k, k)
+        rows = np.broadcast_to(layout.columns[ya][..., :, None], shape)
+        columns = np.broadcast_to(layout.columns[yb][..., None, :], shape)
+        weights = layout.weights[ya][..., :, None] * layout.weights[yb][..., None, :]
+        source = np.broadcast_to(np.arange(N * len(a)).reshape(N, -1)[..., None, None], shape)
+        upper = np.where(rows <= columns, weights, 0.0)
+        total += _scatter(rows, columns, source, upper, nonzeros, (n, n))
+    return total
+
+
+def _scatter(
+    rows: Integers,
+    columns: Integers,
+    source: Integers,
+    weights: Array,
+    values: ca.MX,
+    shape: tuple[int, int],
+) -> ca.MX:
+    """The sparse matrix with Σ weights · values[source] at (rows, columns)."""
+    keep = weights.ravel() != 0
+    rows, columns = rows.ravel()[keep], columns.ravel()[keep]
+    # Column-major order is that of CasADi's nonzeros.
+    places, target = np.unique(columns * shape[0] + rows, return_inverse=True)
+    sparsity = ca.Sparsity.triplet(
+        *shape, [int(i) for i in places % shape[0]], [int(i) for i in places // shape[0]]
+    )
+    combine = _sparse(
+        target, source.ravel()[keep], weights.ravel()[keep], len(places), values.numel()
+    )
+    return ca.MX(sparsity, ca.mtimes(combine, values))
+
+
+def _sparse(rows: Integers, columns: Integers, values: Array, n_rows: int, n_columns: int) -> ca.DM:
+    """A sparse matrix from triplets; equal places add up, zeros are left out."""
+    keep = values != 0
+    places, target = np.unique(columns[keep] * n_rows + rows[keep], return_inverse=True)
+    sums = np.bincount(target, weights=values[keep], minlength=len(places))
+    return ca.DM.triplet(
+        [int(i) for i in places % n_rows],
+        [int(i) for i in places // n_rows],
+        ca.DM(sums),
+        n_rows,
+        n_columns,
+    )

@@ -1,0 +1,85 @@
+"""Motions as piecewise polynomials: from mesh variables to positions in between.
+
+On every interval of a mesh the acceleration is a polynomial through its values at Lobatto's
+nodes, both ends included, and free to jump at the knots, as bang-bang torques do. Position
+and velocity follow by integration, so nothing is left to be a defect.
+
+With D a length and time in units of the whole duration T, let X = x, V = T v, A = T² a. Then
+everything is linear in the mesh variables, for an interval of the fraction η of T:
+
+    X(c) = X_i + η c V_i + η² Σ_j  l̿_j(c) A_ij
+    V(c) = V_i + η Σ_j l̄_j(c) A_ij
+    A(c) = Σ_j l_j(c) A_ij                            c from 0 to 1, l_j Lagrange's polynomials
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.polynomial import Legendre, Polynomial
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class PiecewiseAcceleration:
+    """Acceleration of a degree on every interval; limits hold at its nodes and in between.
+
+    ``between``: further points, fractions of the interval, where the limits are imposed.
+    """
+
+    degree: int = 1
+    between: tuple[float, ...] = (1 / 3, 2 / 3)
+
+    @property
+    def name(self) -> str:
+        return f"acceleration of degree {self.degree}"
+
+    @cached_property
+    def nodes(self) -> Array:
+        """Lobatto's nodes, degree + 1, from 0 to 1."""
+        inner = np.sort(Legendre.basis(self.degree).deriv().roots().real)
+        return np.concatenate([[0.0], (inner + 1) / 2, [1.0]])
+
+    @cached_property
+    def points(self) -> Array:
+        """Where limits hold in an interval: the nodes and those between."""
+        return np.unique(np.concatenate([self.nodes, self.between]))
+
+    @cached_property
+    def _lagrange(self) -> list[Polynomial]:
+        polynomials = []
+        for j, node in enumerate(self.nodes):
+            product = Polynomial.fromroots(np.delete(self.nodes, j))
+            polynomials.append(product / product(node))
+        return polynomials
+
+    def weights(self, c: ArrayLike, eta: ArrayLike) -> tuple[Array, Array, Array]:
+        """Weights of (X_i, V_i, A_i0 … A_id) in X, V and A at fractions c of intervals η.
+
+        c and eta are broadcast together to a shape S; each result is S + (degree + 3,).
+        """
+        c, eta = np.broadcast_arrays(np.asarray(c, dtype=float), np.asarray(eta, dtype=float))
+        one, zero = np.ones_like(c), np.zeros_like(c)
+        acceleration = [p(c) for p in self._lagrange]
+        velocity = [eta * p.integ()(c) for p in self._lagrange]
+        position = [eta**2 * p.integ(2)(c) for p in self._lagrange]
+        return (
+            np.stack([one, eta * c, *position], axis=-1),
+            np.stack([zero, one, *velocity], axis=-1),
+            np.stack([zero, zero, *acceleration], axis=-1),
+        )
+
+    def coefficients(self, X: Array, V: Array, A: Array, eta: Array) -> Array:
+        """Powers of the time since the interval began, in units of T, of position.
+
+        X, V: (N, m) at the beginnings. A: (N, degree + 1, m). -> (N, degree + 3, m).
+        """
+        powers: Array = np.stack([p.coef for p in self._lagrange])  # (node, power)
+        i = np.arange(self.degree + 1)
+        integrated = powers.T @ A / ((i + 1) * (i + 2))[:, None]
+        integrated /= eta[:, None, None] ** i[:, None]
+        return np.concatenate([X[:, None], V[:, None], integrated], axis=1)
