@@ -50,7 +50,7 @@ def _limit_lines(axes: Axes, limits: Vector3 | None) -> None:
     if limits is None:
         return
     colours = ("black",) if len(set(limits)) == 1 else COLOURS
-    style: dict[str, Any] = {"linewidth": 0.9, "linestyle": (0, (1, 1))}
+    style: dict[str, Any] = {"linewidth": 0.9, "linestyle": (0, (1, 1)), "zorder": 1}
     for colour, limit in zip(colours, limits, strict=False):
         axes.axhline(-limit, color=colour, **style)
         axes.axhline(limit, color=colour, **style, label="limit" if colour is colours[0] else "")
