@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from deltaopt.feasibility import check_feasible
 from deltaopt.limits import safe_factor
 from deltaopt.model import DeltaModel
-from deltaopt.planning.baseline import baseline
+from deltaopt.planning.baseline import first_motion
 from deltaopt.planning.flat import Flat
 from deltaopt.planning.gap import FRACTIONS, GivenAway, given_away, refined
 from deltaopt.planning.nlp import Solution
@@ -132,16 +132,17 @@ class Planner:
         )
         check_feasible(scene)
         begin = perf_counter()
-        guess = baseline(scene)
+        guess = first_motion(scene)
         scales = Scales(scene, guess.duration)
         attempts = [self._attempt(self._first_problem, scales, guess)]
         rounds = [_round(attempts)]
+        tell = progress or (lambda _: None)
+        tell(str(rounds[-1]))
         while not self._done(rounds):
             mesh = refined(attempts[-1].problem.mesh, attempts[-1].lost, self._tolerance / 4)
             attempts.append(self._attempt(self._posed.on(mesh), scales, attempts[-1].trajectory))
             rounds.append(_round(attempts))
-            if progress:
-                progress(str(rounds[-1]))
+            tell(str(rounds[-1]))
         last = attempts[-1]
         return Plan(
             scene=scene,

@@ -66,8 +66,10 @@ def _volumes(model: DeltaModel, x: Array) -> Array:
     for k, azimuth in enumerate(AZIMUTHS):
         radial = np.array([0.0, cos(azimuth), sin(azimuth)])
         sideways = np.array([0.0, -sin(azimuth), cos(azimuth)])
-        outward = robot.base_radius - robot.platform_radius + robot.upper_arm.length * np.cos(
-            theta[:, k, None]
+        outward = (
+            robot.base_radius
+            - robot.platform_radius
+            + robot.upper_arm.length * np.cos(theta[:, k, None])
         )
         elbow = outward * radial
         elbow[:, 0] = -robot.upper_arm.length * np.sin(theta[:, k])
@@ -75,4 +77,5 @@ def _volumes(model: DeltaModel, x: Array) -> Array:
         normal = np.cross(bar, sideways)
         bars.append(bar)
         normals.append(normal / np.linalg.norm(normal, axis=1, keepdims=True))
-    return np.stack([np.linalg.det(np.stack(rows, axis=1)) for rows in (bars, normals)], axis=1)
+    both = [np.linalg.det(np.stack(rows, axis=1)) for rows in (bars, normals)]
+    return np.asarray(np.stack(both, axis=1))
