@@ -133,7 +133,7 @@ class Planner:
         check_feasible(scene)
         begin = perf_counter()
         guess = first_motion(scene)
-        scales = Scales(scene, guess.duration)
+        scales = Scales(scene, guess.duration, self._model.openings([start, goal]).min())
         attempts = [self._attempt(self._first_problem, scales, guess)]
         rounds = [_round(attempts)]
         tell = progress or (lambda _: None)
