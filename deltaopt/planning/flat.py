@@ -49,7 +49,9 @@ def equations(functions: DeltaFunctions, *, speed: bool) -> PointFunction:
     origin, length, time, torque = scales[:3], scales[3], scales[4], scales[5:8]
     T = time * y[12]
     x, v, a = origin + length * y[:3], length * y[3:6] / T, length * y[6:9] / T**2
-    force, dtheta, opening = functions.explicit_equations(x, v, a, torque * y[9:12], terms.vector())
+    force, opening, dtheta, _ = functions.explicit_equations(
+        x, v, a, torque * y[9:12], terms.vector()
+    )
     rows = [force * 2 * terms.a2 / ca.mmax(torque), opening - scales[8]]
     if speed:
         rows.append(dtheta / scales[9:12])

@@ -23,7 +23,9 @@ from deltaopt.errors import NotConverged
 Array = NDArray[np.float64]
 Integers = NDArray[np.intp]
 
-IPOPT: dict[str, str | float | int | bool] = {
+Options = dict[str, str | float | int | bool]
+
+IPOPT: Options = {
     "print_time": False,
     "show_eval_warnings": False,  # a trial point out of reach is a shorter step for Ipopt
     "calc_lam_p": False,
@@ -89,7 +91,7 @@ class Layout:
 class Points:
     """A point function at n points; the layout has n · ny rows, point by point.
 
-    ``lower``, ``upper``: bounds of r, (nr,), the same at every point.
+    ``lower``, ``upper``: bounds of r, (nr,) if the same at every point, else (n, nr).
     """
 
     function: PointFunction
@@ -100,6 +102,15 @@ class Points:
     @property
     def number(self) -> int:
         return len(self.layout.columns) // self.function.function.size1_in(0)
+
+    @property
+    def rows(self) -> int:
+        """Rows at one point."""
+        return int(self.function.function.size1_out(0))
+
+    def bounds(self, each: Array) -> Array:
+        """Bounds of all rows, point by point, from ``lower`` or ``upper``."""
+        return np.broadcast_to(each, (self.number, self.rows)).ravel()
 
 
 @dataclass(frozen=True)
@@ -121,19 +132,23 @@ class Program:
     """A nonlinear program built once, solved many times with other bounds and parameters.
 
     ``cost``: c, (n,). ``linear``: layout of the rows G z = 0. ``points``: the nonlinear rows.
+    ``options``: of Ipopt, where they differ from ``IPOPT``.
     """
 
-    def __init__(self, cost: Array, linear: Layout, points: list[Points]) -> None:
+    def __init__(
+        self,
+        cost: Array,
+        linear: Layout,
+        points: list[Points],
+        options: Options | None = None,
+    ) -> None:
         self._n = len(cost)
         self._linear = linear
         self._points = points
-        self._lower_rows = np.concatenate(
-            [np.zeros(len(linear.columns)), *(np.tile(q.lower, q.number) for q in points)]
-        )
-        self._upper_rows = np.concatenate(
-            [np.zeros(len(linear.columns)), *(np.tile(q.upper, q.number) for q in points)]
-        )
-        self._solver = self._build(cost)
+        continuity = np.zeros(len(linear.columns))
+        self._lower_rows = np.concatenate([continuity, *(q.bounds(q.lower) for q in points)])
+        self._upper_rows = np.concatenate([continuity, *(q.bounds(q.upper) for q in points)])
+        self._solver = self._build(cost, options or {})
 
     def solve(self, guess: Array, lower: Array, upper: Array, p: Array) -> Solution:
         """From a guess, within the bounds of the variables, with parameters p.
@@ -161,7 +176,7 @@ class Program:
             seconds=perf_counter() - begin,
         )
 
-    def _build(self, cost: Array) -> ca.Function:
+    def _build(self, cost: Array, options: Options) -> ca.Function:
         np_ = self._points[0].function.function.size1_in(1)
         z, p = ca.MX.sym("z", self._n), ca.MX.sym("p", np_)
         lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", len(self._lower_rows))
@@ -170,7 +185,7 @@ class Program:
         rows, entries, curvature = [ca.mtimes(G, z)], [], []
         first = len(self._linear.columns)
         for points in self._points:
-            n, nr = points.number, len(points.lower)
+            n, nr = points.number, points.rows
             y = ca.reshape(ca.mtimes(points.layout.matrix(self._n), z), -1, n)
             ps = ca.repmat(p, 1, n)
             jacobian, J_sparsity = points.function.jacobian
@@ -190,7 +205,7 @@ class Program:
             "jac_g": ca.Function("nlp_jac_g", [z, p], [g, jac]),
             "hess_lag": ca.Function("nlp_hess_l", [z, p, lam_f, lam_g], [hess]),
         }
-        return ca.nlpsol("nlp", "ipopt", program, {**functions, **IPOPT})
+        return ca.nlpsol("nlp", "ipopt", program, {**functions, **IPOPT, **options})
 
     def _complaint(self, stats: dict[str, object], g: Array) -> str:
         """What Ipopt said, and which rows are violated most."""
@@ -198,7 +213,7 @@ class Program:
         worst = int(np.nanargmax(violation)) if np.isfinite(violation).any() else 0
         names = ["continuity"] * len(self._linear.columns)
         for points in self._points:
-            n, nr = points.number, len(points.lower)
+            n, nr = points.number, points.rows
             names += [
                 f"{points.function.name} {j} at point {i} of {n}"
                 for i in range(1, n + 1)
