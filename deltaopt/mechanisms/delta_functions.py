@@ -80,7 +80,7 @@ class DeltaFunctions:
         x, v, a, tau = (SX.sym(name, 3) for name in ("x", "v", "a", "tau"))
         terms = self.parameters.symbols()
         if is_slender(self.parameters):
-            results = explicit_equations(terms, x, v, a, tau)
+            results: tuple[SX, ...] = explicit_equations(terms, x, v, a, tau)
         else:
             results = self._explicit_equations(x, v, a, tau, terms.vector())
         inputs = [x, v, a, tau, terms.vector()]

@@ -187,7 +187,7 @@ class Program:
         for points in self._points:
             n, nr = points.number, points.rows
             y = ca.reshape(ca.mtimes(points.layout.matrix(self._n), z), -1, n)
-            ps = ca.repmat(p, 1, n)
+            ps = ca.repmat(p[: points.function.function.size1_in(1)], 1, n)
             jacobian, J_sparsity = points.function.jacobian
             hessian, H_sparsity = points.function.hessian
             r, J = jacobian.map(n)(y, ps)
