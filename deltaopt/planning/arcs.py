@@ -38,7 +38,7 @@ OPTIONS: Options = {
     "ipopt.mu_strategy": "monotone",
     "ipopt.bound_push": 1e-8,
     "ipopt.bound_frac": 1e-8,
-    "ipopt.bound_relax_factor": 0.0,  # by default every limit is widened by 1e-8
+    "ipopt.bound_relax_factor": 1e-10,  # by default every limit is widened by 1e-8
     "ipopt.max_iter": 100,
     "calc_lam_x": True,  # held torques are fixed variables: their prices too
 }

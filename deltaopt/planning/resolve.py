@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 
 DEGREES = (5, 8, 11, 14)
 """Of the acceleration in an interval: the error falls by about 1e-2 from one to the next."""
+VANISHED = 1e-5
+"""Of the duration: shorter arcs were not there."""
 CERTIFIED = 1e-5
 """Residual of Pontryagin's condition at most: wrong structures miss it by orders."""
 
@@ -60,6 +62,7 @@ def resolve(
     """
     p = np.concatenate([scales.vector(), model.parameters])
     coarser = _solve(equations, model, structure, guess, scales, p, DEGREES[0], None)
+    structure, guess = _without_vanished(coarser), coarser.trajectory
     for degree in DEGREES[1:]:
         finer = _solve(equations, model, structure, guess, scales, p, degree, coarser)
         if finer.gap <= tolerance:
@@ -72,6 +75,14 @@ def resolve(
             finer.solution.z,
         )
     return finer
+
+
+def _without_vanished(found: Resolved) -> Structure:
+    """The structure with the lengths that were found, less the arcs that have none."""
+    lengths = found.problem.lengths(found.solution.z) / found.problem.lengths(found.solution.z).sum()
+    kept = lengths > VANISHED
+    was = found.problem.structure
+    return Structure(lengths[kept] / lengths[kept].sum(), was.torque[kept], was.speed[kept])
 
 
 def _solve(
