@@ -58,3 +58,15 @@ class NotConverged(DeltaOptError):
     def __init__(self, message: str, status: str, iterate: object) -> None:
         self.status, self.iterate = status, iterate
         super().__init__(message)
+
+
+class Inconsistent(DeltaOptError):
+    """A state violates the constraints of its mechanism too far to be projected onto them."""
+
+
+class IntegrationFailed(DeltaOptError):
+    """A motion could not be followed to its end, e.g. into a singularity."""
+
+
+class MissingPackage(DeltaOptError):
+    """An optional package is not installed."""

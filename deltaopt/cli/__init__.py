@@ -9,6 +9,7 @@ import argparse
 import sys
 from typing import Protocol
 
+from deltaopt.cli import compare
 from deltaopt.errors import DeltaOptError, SceneError
 
 
@@ -17,16 +18,14 @@ class Command(Protocol):
 
     HELP: str
 
-    @staticmethod
-    def add_arguments(parser: argparse.ArgumentParser) -> None: ...
+    def add_arguments(self, parser: argparse.ArgumentParser) -> None: ...
 
-    @staticmethod
-    def run(arguments: argparse.Namespace) -> int:
+    def run(self, arguments: argparse.Namespace) -> int:
         """The exit code."""
         ...
 
 
-COMMANDS: dict[str, Command] = {}
+COMMANDS: dict[str, Command] = {"compare": compare}
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -1,0 +1,86 @@
+"""The comparison of the dynamics as a chart: accuracy against time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
+
+from deltaopt.studies.dynamics import Row, Study
+
+COLOURS = {
+    "K, virtual work": "tab:green",
+    "K, Kane": "tab:olive",
+    "L_E": "tab:blue",
+    "L_I": "tab:red",
+}
+MARKERS = {
+    "closed form": "o",
+    "partition": "s",
+    "null space": "^",
+    "written out": "D",
+    "sparse QR": "v",
+    "LAPACK LU": "P",
+}
+NAMES = {"L_E": "$L_E$", "L_I": "$L_I$"}
+UNIT = 1e-16
+"""Of errors."""
+TITLES = {"inverse": "Inverse dynamics, q, q̇, q̈ → τ", "forward": "Forward dynamics, q, q̇, τ → q̈"}
+
+
+def draw(study: Study, path: Path) -> None:
+    """Save the chart as PNG."""
+    figure = Figure(figsize=(10, 5.4), layout="constrained")
+    FigureCanvasAgg(figure)
+    panels = figure.subplots(1, len(study.floor), sharex=True, sharey=True)
+    for axes, (task, floor) in zip(panels, study.floor.items(), strict=True):
+        _panel(axes, [row for row in study.rows if row.task == task], floor)
+        axes.set_title(TITLES[task])
+    panels[0].set_ylabel(
+        f"relative error against {study.digits} digits, 10⁻¹⁶\n(median; line up to the largest)"
+    )
+    figure.legend(handles=_legend(), loc="outside lower center", ncols=4, frameon=False)
+    figure.savefig(path, dpi=150)
+
+
+def _panel(axes: Axes, rows: list[Row], floor: float) -> None:
+    axes.set(xscale="log", yscale="log", xlabel="time per evaluation, µs")
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axis.set_major_formatter(FormatStrFormatter("%g"))
+        axis.set_minor_formatter(NullFormatter())
+    axes.grid(which="both", alpha=0.25)
+    axes.axhline(floor / UNIT, color="black", linestyle=":", linewidth=1)
+    for row in rows:
+        _point(axes, row, row.interpreted.seconds, "none")
+        if row.compiled:
+            _point(axes, row, row.compiled.seconds, COLOURS[row.model])
+
+
+def _point(axes: Axes, row: Row, seconds: float, face: str) -> None:
+    """Kane's are drawn smaller, for they lie on those of virtual work."""
+    colour, size = COLOURS[row.model], 4 if row.model == "K, Kane" else 7
+    x, median, largest = 1e6 * seconds, row.median_error / UNIT, row.largest_error / UNIT
+    axes.plot([x, x], [median, largest], color=colour, linewidth=0.8, alpha=0.5)
+    axes.plot(x, median, MARKERS[row.variant], color=colour, mfc=face, markersize=size)
+
+
+def _legend() -> list[Line2D]:
+    models = [
+        Line2D([], [], color=colour, marker="o", linestyle="none", label=NAMES.get(name, name))
+        for name, colour in COLOURS.items()
+    ]
+    variants = [
+        Line2D([], [], color="grey", marker=marker, linestyle="none", label=name)
+        for name, marker in MARKERS.items()
+    ]
+    fills = [
+        Line2D([], [], color="grey", marker="o", markerfacecolor=face, linestyle="none", label=name)
+        for name, face in (("compiled", "grey"), ("interpreted", "none"))
+    ]
+    floor = Line2D([], [], color="black", linestyle=":", label="rounding of the state alone")
+    return [*models, *variants, *fills, floor]
