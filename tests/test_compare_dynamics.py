@@ -15,12 +15,13 @@ from deltaopt.cli import main
 from deltaopt.cli.progress import ProgressBar
 from deltaopt.dynamics.constraint_matrix import Partition
 from deltaopt.dynamics.lagrange import Multiplier
-from deltaopt.mechanisms.delta import delta
+from deltaopt.mechanisms.delta import DeltaParameters, delta
 from deltaopt.studies.dynamics import Row, Study, compare_dynamics, operations
 from deltaopt.studies.dynamics_report import csv, notes, share, table, verdict
 from deltaopt.studies.machine_code import compiled, compiler
 from deltaopt.studies.many_digits import ManyDigits
 from deltaopt.studies.models import models
+from deltaopt.studies.printed import as_printed
 from deltaopt.studies.samples import PAPER, exact_samples, rounding_error
 from deltaopt.studies.tasks import TASKS, Samples
 from deltaopt.studies.timing import Time
@@ -56,7 +57,7 @@ def test_two_exact_formulations_differ_by_the_rounding_of_the_state_only(
 
 
 def test_all_models_are_accurate(study: Study) -> None:
-    assert len(study.rows) == 24
+    assert len(study.rows) == 36
     for row in study.rows:
         assert 0 <= row.median_error <= row.largest_error < 1e-13
 
@@ -89,7 +90,7 @@ def test_compiled_functions_give_the_same(samples: Samples) -> None:
     mechanism, command = delta(PAPER), compiler()
     assert command is not None
     for task in TASKS:
-        model = models(Partition((0, 1, 2)))[6]
+        model = models(Partition((0, 1, 2)), PAPER)[6]
         function = model.build(mechanism, task)
         (machine,) = compiled([function], command)
         arguments = [*(x[0] for x in task.inputs(samples)), samples.parameters]
@@ -100,9 +101,9 @@ def test_compiled_functions_give_the_same(samples: Samples) -> None:
 
 def test_table_and_csv_hold_every_row(study: Study) -> None:
     lines = [line for line in table(study).splitlines() if line]
-    assert len(lines) == 25
+    assert len(lines) == 37
     rows = list(csv_module.DictReader(StringIO(csv(study))))
-    assert len(rows) == 24
+    assert len(rows) == 36
     assert float(rows[0]["median_error"]) == study.rows[0].median_error
     assert rows[0]["model"] == "K, virtual work"
     assert rows[0]["compiled_us"] == ""
@@ -113,19 +114,19 @@ def made_up(study: Study, seconds: dict[tuple[str, str], float], error: float) -
     """The study with other times (µs, 10 where nothing is said) and L_I's errors."""
 
     def change(row: Row) -> Row:
-        time = Time(1e-6 * seconds.get((row.model, row.variant), 10.0), 1.0)
-        wrong = error if row.model == "L_I" else 3e-16
+        model = row.model.removesuffix(", printed")
+        time = Time(1e-6 * seconds.get((model, row.variant), 10.0), 1.0)
+        wrong = error if model == "L_I" else 3e-16
         return replace(row, interpreted=time, compiled=time, median_error=wrong)
 
-    return replace(
-        study, rows=[change(row) for row in study.rows], floor=dict.fromkeys(study.floor, 1e-16)
-    )
+    rows = [change(row) for row in study.rows]
+    return replace(study, rows=rows, floor=dict.fromkeys(study.floor, 1e-16))
 
 
 def test_the_verdict_follows_the_numbers(study: Study) -> None:
     paper = made_up(study, {("L_E", "null space"): 8.3, ("L_E", "closed form"): 8.0}, 3e-16)
-    assert share(paper, "inverse", "null space", compiled=True) == pytest.approx(0.83)
-    assert "the order holds" in said(paper)
+    assert share(paper, "inverse", "null space", "", compiled=True) == pytest.approx(0.83)
+    assert "the order holds." in said(paper)
     assert "holds throughout" in said(paper)
     assert "no reason to choose" in said(paper)
 
@@ -137,13 +138,27 @@ def test_the_verdict_follows_the_numbers(study: Study) -> None:
 
     mixed = made_up(study, {("L_I", "sparse QR"): 5.0, ("L_E", "closed form"): 4.0}, 3e-16)
     assert "no property of the models" in said(mixed)
-
     assert "the order is reversed" in said(mixed)
-    assert "the order holds" in said(mixed)
+    assert "the order holds." in said(mixed)
 
     equal = made_up(study, {}, 3e-16)
-    assert "the order is a tie" in said(equal)
     assert "the same cost indeed" in said(equal)
+    assert "the order is a tie" in said(equal)
+
+
+@pytest.mark.parametrize(
+    "terms", [PAPER, replace(PAPER, I42=0.002), replace(PAPER, g=None, m2=None)]
+)
+def test_printed_expressions_have_the_derived_values(terms: DeltaParameters) -> None:
+    mechanism = delta(terms)
+    printed = as_printed(mechanism, terms)
+    x = [mechanism.q, mechanism.dq, mechanism.controls, mechanism.parameters]
+    pairs = [(mechanism.M, printed.M), (mechanism.Q_gyr, printed.Q_gyr), (mechanism.Q, printed.Q)]
+    rng, p = np.random.default_rng(5), np.asarray(ca.DM(terms.vector())).ravel()
+    for derived, typed in pairs:
+        difference = ca.Function("difference", x, [derived - typed])
+        left = difference(*(rng.uniform(-1, 1, n) for n in (12, 12, 3)), p)
+        assert np.abs(left.full()).max() < 1e-14
 
 
 def said(study: Study) -> str:

@@ -213,15 +213,41 @@ def test_controls_may_depend_on_time_and_state() -> None:
     np.testing.assert_allclose(spring.q[:, 0], np.cos(2 * (times - 0.3)), atol=1e-8)
 
 
-@pytest.mark.parametrize("controls", [None, [1.0, 2.0]])
-def test_wrong_number_of_controls(controls: list[float] | None) -> None:
-    slider = slider_with_motor()
-    if controls is None:
-        motion = simulate(slider, Multiplier(), [0.0], [1.0], [0.0, 1.0])
-        assert motion.q[-1, 0] == pytest.approx(1.0)
-    else:
-        with pytest.raises(ValueError, match="2 controls given, the mechanism has 1"):
-            simulate(slider, Multiplier(), [0.0], [1.0], [0.0, 1.0], controls=controls)
+def test_without_controls_nothing_pushes() -> None:
+    motion = simulate(slider_with_motor(), Multiplier(), [0.0], [1.0], [0.0, 1.0])
+    assert motion.q[-1, 0] == pytest.approx(1.0)
+
+
+def test_wrong_number_of_controls() -> None:
+    with pytest.raises(ValueError, match="2 controls given, the mechanism has 1"):
+        simulate(slider_with_motor(), Multiplier(), [0.0], [1.0], [0.0, 1.0], controls=[1.0, 2.0])
+
+
+def test_only_the_closed_form_stops_at_a_serial_singularity(driven: Reference) -> None:
+    """20 N·m on each motor throws the arms in line with their bars at 0.08 s.
+
+    J keeps its rank there, so that L_I and a null-space basis go through and agree; J⁽ᵏ⁾ is
+    singular, so that eq. (55) has no C.
+    """
+
+    def thrown(formulation: Formulation) -> Motion:
+        return simulate(
+            driven.mechanism,
+            formulation,
+            driven.q[0],
+            driven.dq[0],
+            np.linspace(0, 0.3, 31),
+            controls=[20.0, 20.0, 20.0],
+            parameters=driven.parameters,
+            tolerance=1e-12,
+        )
+
+    multiplier, null_space = thrown(Multiplier()), thrown(Explicit(NullSpace()))
+    arm, bars = multiplier.q[:, 3], multiplier.q[:, 4]
+    assert np.ptp(np.sign(np.sin(arm - bars))) == 2
+    np.testing.assert_allclose(null_space.q, multiplier.q, rtol=0, atol=1e-8)
+    with pytest.raises(IntegrationFailed, match=r"between t = 0\.07 s and 0\.08 s"):
+        thrown(Explicit())
 
 
 @pytest.mark.parametrize("stabilisation", [NoStabilisation(), Baumgarte(), Projection()])

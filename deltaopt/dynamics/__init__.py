@@ -1,5 +1,6 @@
 """The mechanics of sections 2 and 3 for any mechanism."""
 
+from deltaopt.dynamics.consistency import EuclideanMetric, InertiaMetric
 from deltaopt.dynamics.constraint_matrix import (
     ClosedForm,
     ConstraintMatrix,
@@ -10,20 +11,35 @@ from deltaopt.dynamics.formulation import Formulation
 from deltaopt.dynamics.kane import GeneralSpeeds, Kane
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.dynamics.mechanism import Body, Effort, Mechanism
+from deltaopt.dynamics.simulation import Motion, simulate
+from deltaopt.dynamics.stabilisation import (
+    Baumgarte,
+    NoStabilisation,
+    Projection,
+    Stabilisation,
+)
 from deltaopt.dynamics.virtual_work import VirtualWork
 
 __all__ = [
+    "Baumgarte",
     "Body",
     "ClosedForm",
     "ConstraintMatrix",
     "Effort",
+    "EuclideanMetric",
     "Explicit",
     "Formulation",
     "GeneralSpeeds",
+    "InertiaMetric",
     "Kane",
     "Mechanism",
+    "Motion",
     "Multiplier",
+    "NoStabilisation",
     "NullSpace",
     "Partition",
+    "Projection",
+    "Stabilisation",
     "VirtualWork",
+    "simulate",
 ]

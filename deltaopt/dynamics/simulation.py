@@ -24,7 +24,7 @@ from deltaopt.dynamics.mechanism import SX, Mechanism
 from deltaopt.dynamics.stabilisation import Projection, Stabilisation
 from deltaopt.errors import IntegrationFailed
 
-MOST_STEPS = 100_000
+MOST_STEPS = 50_000
 """Integration steps between two reported times before giving up."""
 
 

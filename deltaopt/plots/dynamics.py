@@ -16,7 +16,9 @@ COLOURS = {
     "K, virtual work": "tab:green",
     "K, Kane": "tab:olive",
     "L_E": "tab:blue",
+    "L_E, printed": "tab:cyan",
     "L_I": "tab:red",
+    "L_I, printed": "tab:orange",
 }
 MARKERS = {
     "closed form": "o",
@@ -26,7 +28,6 @@ MARKERS = {
     "sparse QR": "v",
     "LAPACK LU": "P",
 }
-NAMES = {"L_E": "$L_E$", "L_I": "$L_I$"}
 UNIT = 1e-16
 """Of errors."""
 TITLES = {"inverse": "Inverse dynamics, q, q̇, q̈ → τ", "forward": "Forward dynamics, q, q̇, τ → q̈"}
@@ -69,9 +70,13 @@ def _point(axes: Axes, row: Row, seconds: float, face: str) -> None:
     axes.plot(x, median, MARKERS[row.variant], color=colour, mfc=face, markersize=size)
 
 
+def _typeset(name: str) -> str:
+    return name.replace("L_E", "$L_E$").replace("L_I", "$L_I$")
+
+
 def _legend() -> list[Line2D]:
     models = [
-        Line2D([], [], color=colour, marker="o", linestyle="none", label=NAMES.get(name, name))
+        Line2D([], [], color=colour, marker="o", linestyle="none", label=_typeset(name))
         for name, colour in COLOURS.items()
     ]
     variants = [

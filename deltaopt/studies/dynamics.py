@@ -132,7 +132,7 @@ def compare_dynamics(
 
 def _cases(mechanism: Mechanism, partition: Partition) -> list[_Case]:
     """Every model at every task; names of the functions differ."""
-    pairs = [(task, model) for task in TASKS for model in models(partition)]
+    pairs = [(task, model) for task in TASKS for model in models(partition, PAPER)]
     return [
         _Case(task, model, _renamed(model.build(mechanism, task), f"model{i}"))
         for i, (task, model) in enumerate(pairs)

@@ -1,14 +1,15 @@
 """The models that are compared, each written out as one function per task.
 
 K (virtual work; Kane with u = q̇) and L_E with each constraint matrix C, and L_I with its
-one big linear system solved in several ways. Written out in scalars with common
+one big linear system solved in several ways; L_E and L_I also with the paper's printed
+M, Q̂* and Q instead of those that CasADi derives. Written out in scalars with common
 subexpressions shared, but where L_I calls a linear solver at run time.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 
@@ -24,6 +25,8 @@ from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.dynamics.linear import solve_scalars
 from deltaopt.dynamics.mechanism import Mechanism
 from deltaopt.dynamics.virtual_work import VirtualWork
+from deltaopt.mechanisms.delta import DeltaParameters
+from deltaopt.studies.printed import as_printed
 from deltaopt.studies.tasks import Task
 
 
@@ -43,8 +46,8 @@ class Model:
     compilable: bool = True
 
 
-def models(partition: Partition) -> list[Model]:
-    """All that are compared."""
+def models(partition: Partition, terms: DeltaParameters) -> list[Model]:
+    """All that are compared, for a Delta that has these terms."""
     matrices: list[tuple[str, ConstraintMatrix, str]] = [
         ("closed form", ClosedForm(), "3 of 3×3"),
         ("partition", partition, "{gamma}×{gamma}"),
@@ -60,12 +63,22 @@ def models(partition: Partition) -> list[Model]:
         for name, kind in kinds
         for variant, C, sizes in matrices
     ]
-    return [
-        *projected,
+    multiplier = [
         Model("L_I", "written out", _big_system_written_out, _big_system_size),
         Model("L_I", "sparse QR", _solved_by("qr"), _big_system_size),
         Model("L_I", "LAPACK LU", _solved_by("lapacklu"), _big_system_size, compilable=False),
     ]
+    lagrange = [*(model for model in projected if model.name == "L_E"), *multiplier]
+    return [*projected, *multiplier, *(_printed(model, terms) for model in lagrange)]
+
+
+def _printed(model: Model, terms: DeltaParameters) -> Model:
+    """The same with M, Q̂* and Q as the paper prints them."""
+
+    def build(mechanism: Mechanism, task: Task) -> ca.Function:
+        return model.build(as_printed(mechanism, terms), task)
+
+    return replace(model, name=f"{model.name}, printed", build=build)
 
 
 def written_out(formulation: Formulation) -> Callable[[Mechanism, Task], ca.Function]:
