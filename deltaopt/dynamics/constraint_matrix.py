@@ -71,7 +71,7 @@ class Partition:
 
     def function(self, mechanism: Mechanism) -> ca.Function:
         J = mechanism.J
-        (gamma, n), nu = J.shape, len(self.independent)
+        (gamma, n), nu = _shape(mechanism), len(self.independent)
         if nu != n - gamma or len({*self.independent} & {*range(n)}) != nu:
             raise ValueError(
                 f"{mechanism.name} needs {n - gamma} different independent coordinates "
@@ -97,7 +97,7 @@ class NullSpace:
     """
 
     def function(self, mechanism: Mechanism) -> ca.Function:
-        gamma, n = mechanism.J.shape
+        gamma, n = _shape(mechanism)
         R, Q_T = reflect(mechanism.J.T, SX.eye(n))
         C = Q_T[gamma:, :].T
         P = ca.solve(R[:gamma, :], Q_T[:gamma, :]).T
@@ -125,6 +125,17 @@ class RankRevealing:
         J = ca.Function("J", [m.time, m.q, m.parameters], [ca.densify(m.J)])(t, q, p)
         P, C = singular_directions(gamma, m.q.numel(), self.freedoms, self.tolerance)(J)
         return ca.Function("rank_revealing", [t, q, p], [C, P])
+
+
+def _shape(m: Mechanism) -> tuple[int, int]:
+    """γ and n, where every constraint must take a freedom away."""
+    gamma, n = m.J.shape
+    if gamma >= n:
+        raise ValueError(
+            f"{m.name} has {gamma} constraints for {n} coordinates, so that some are redundant:"
+            " use RankRevealing"
+        )
+    return gamma, n
 
 
 def _function(name: str, m: Mechanism, C: SX, P: SX) -> ca.Function:
