@@ -9,7 +9,7 @@ import argparse
 import sys
 from typing import Protocol
 
-from deltaopt.cli import compare
+from deltaopt.cli import compare, stability
 from deltaopt.errors import DeltaOptError, SceneError
 
 
@@ -25,7 +25,7 @@ class Command(Protocol):
         ...
 
 
-COMMANDS: dict[str, Command] = {"compare": compare}
+COMMANDS: dict[str, Command] = {"compare": compare, "stability": stability}
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -12,9 +12,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from deltaopt.dynamics.constraint_matrix import ClosedForm, NullSpace, Partition
 from deltaopt.dynamics.formulation import Formulation
@@ -281,7 +283,7 @@ class Truth:
         return _median_errors(np.reshape(results, self.at_rounded.shape), self.at_rounded)
 
 
-def _result(function: ca.Function, arguments: list[object]) -> Array:
+def _result(function: ca.Function, arguments: list[Any]) -> Array:
     """The first result; not a number where the linear solver gives up."""
     try:
         found = np.asarray(function.call(arguments)[0].full())
@@ -327,5 +329,5 @@ def condition(A: Array) -> float:
     return float(np.linalg.cond(A)) if np.isfinite(A).all() else float("inf")
 
 
-def _first(failed: Array) -> float:
+def _first(failed: NDArray[np.bool]) -> float:
     return DISTANCES[int(np.argmax(failed))] if failed.any() else float("nan")
