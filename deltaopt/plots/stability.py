@@ -62,7 +62,7 @@ AT_ZERO = 1e-15
 def draw_singularities(study: Singularities, families: Iterable[Family], path: Path) -> None:
     """Errors and condition numbers of some of the families, one column each."""
     columns = list(families)
-    figure = Figure(figsize=(3.6 * len(columns) + 1.2, 12.5), layout="constrained")
+    figure = Figure(figsize=(max(11.0, 3.6 * len(columns) + 1.2), 12.5), layout="constrained")
     FigureCanvasAgg(figure)
     panels = figure.subplots(4, len(columns), sharex=True, sharey="row")
     for column, family in enumerate(columns):
@@ -209,12 +209,15 @@ def draw_benchmarks(study: Benchmarks, path: Path) -> None:
     for axes, benchmark in zip(panels, study.benchmarks, strict=True):
         _energy_panel(axes, study, benchmark)
     panels[0].set_ylabel("|change of energy|, J")
-    variants = [Line2D([], [], color=c, label=NAMES[v]) for v, c in COLOURS.items() if v in NAMES]
     models = [
-        Line2D([], [], color="grey", linestyle=style, label=name)
-        for name, style in (("$L_E$ (with any C)", "-"), ("K (Kane = virtual work)", "--"))
+        Line2D([], [], color="grey", label="$L_E$ (with any C)"),
+        Line2D([], [], color="grey", linestyle="--", label="K (Kane = virtual work)"),
     ]
-    shown = [h for h in variants if h.get_label() != NAMES["partition there"]]
+    shown = [
+        Line2D([], [], color=colour, label=NAMES[variant])
+        for variant, colour in COLOURS.items()
+        if any(o.variant == variant for o in study.outcomes)
+    ]
     figure.legend(handles=[*shown, *models], loc="outside lower center", ncols=5, frameon=False)
     figure.savefig(path, dpi=110)
 
