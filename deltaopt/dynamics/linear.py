@@ -70,8 +70,41 @@ class LeastNorm:
     tolerance: float
 
     def __call__(self, A: ca.MX, b: ca.MX) -> ca.MX:
-        pseudo_inverse, _ = singular_directions(*A.shape, 0, self.tolerance)(A)
-        return pseudo_inverse @ b
+        return _least_norm(A.shape[0], self.tolerance)(A, b)
+
+
+@cache
+def _least_norm(n: int, tolerance: float) -> ca.Function:
+    """A, b -> x. Cached, for CasADi does not keep what it calls back alive."""
+    return _LeastNorm(n, tolerance)
+
+
+class _LeastNorm(ca.Callback):
+    """NumPy's least squares as a CasADi function: much faster than a whole decomposition."""
+
+    def __init__(self, n: int, tolerance: float) -> None:
+        super().__init__()
+        self._n, self._tolerance = n, tolerance
+        # Integrators ask for a derivative even if they never call it.
+        self.construct("least_norm", {"enable_fd": True})
+
+    def get_n_in(self) -> int:
+        return 2
+
+    def get_n_out(self) -> int:
+        return 1
+
+    def get_sparsity_in(self, i: int) -> ca.Sparsity:
+        return ca.Sparsity.dense(self._n, 1 if i else self._n)
+
+    def get_sparsity_out(self, i: int) -> ca.Sparsity:
+        return ca.Sparsity.dense(self._n, 1)
+
+    def eval(self, arguments: Sequence[ca.DM]) -> list[Array]:
+        A, b = (np.asarray(x.full()) for x in arguments)
+        if not (np.isfinite(A).all() and np.isfinite(b).all()):
+            return [np.full((self._n, 1), np.nan)]
+        return [np.linalg.lstsq(A, b, rcond=self._tolerance)[0]]
 
 
 @cache
@@ -91,7 +124,6 @@ class _SingularDirections(ca.Callback):
     def __init__(self, rows: int, columns: int, free: int, tolerance: float) -> None:
         super().__init__()
         self._shape, self._free, self._tolerance = (rows, columns), free, tolerance
-        # Integrators ask for a derivative even if they never call it.
         self.construct("singular_directions", {"enable_fd": True})
 
     def get_n_in(self) -> int:

@@ -237,6 +237,10 @@ def _energy_panel(axes: Axes, study: Benchmarks, benchmark: Benchmark) -> None:
             axes.plot(o.times, error, style, color=COLOURS[o.variant], linewidth=0.9)
         else:
             missing.append(f"{o.model}, {o.variant}")
+    outcomes = study.of(benchmark.name)
+    inside = sum(not o.failure for o in outcomes)
+    note = f"{inside} of {len(outcomes)} inside the bound"
+    axes.text(0.98, 0.02, note, transform=axes.transAxes, ha="right", va="bottom", fontsize=9)
     if missing:
         axes.text(
             0.98,
