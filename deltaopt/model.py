@@ -111,7 +111,7 @@ class DeltaModel:
         q = self.inverse_kinematics(x)
         margins, at_rest = self._margins(q), _still(v) & _still(a)
         _require_parallel(margins)
-        _require_serial(margins[~np.broadcast_to(at_rest, len(margins))])
+        _require_serial(margins, moving=~at_rest)
         tau = self._evaluate(self.functions.inverse_dynamics, x, v, a)[0]
         holding = self.joint_inverse_dynamics(q, np.zeros(12), np.zeros(12))
         chosen = _near(margins) & at_rest
@@ -223,11 +223,13 @@ def _near(margins: Array) -> NDArray[np.bool]:
     return near
 
 
-def _require_serial(margins: Array) -> None:
-    """Raise Singular at the first row where a chain is in a serial singularity."""
-    for row, column in np.argwhere(np.abs(margins[:, :6]) < SERIAL_LIMIT)[:1]:
+def _require_serial(margins: Array, moving: NDArray[np.bool] | bool = True) -> None:
+    """Raise Singular at the first row that moves with a chain in a serial singularity."""
+    singular = (np.abs(margins[:, :6]) < SERIAL_LIMIT) & np.atleast_1d(moving)[:, None]
+    for row, column in np.argwhere(singular)[:1]:
         kind = Singularity.SIDEWAYS if column < 3 else Singularity.IN_LINE
-        raise Singular(kind, int(column) % 3 + 1, float(margins[row, column]), f"point {row}")
+        margin = float(np.broadcast_to(margins, (len(singular), 7))[row, column])
+        raise Singular(kind, int(column) % 3 + 1, margin, f"point {row}")
 
 
 def _require_parallel(margins: Array) -> None:

@@ -173,6 +173,16 @@ def test_at_rest_near_a_serial_singularity_there_is_an_answer(model: DeltaModel)
         np.testing.assert_array_equal(model.inverse_dynamics(near[:3], zero, zero), held[0])
 
 
+def test_the_first_singular_point_that_moves_is_named(model: DeltaModel) -> None:
+    near = rounded(Maker(FAMILIES["stretched"], EXACT).q(1e-7))[:3]
+    v = np.array([[0.0, 0, 0], [0.1, 0, 0], [0.1, 0, 0]])
+    for x in (np.array([near, [0.45, 0, 0], near]), near):
+        with pytest.raises(Singular) as caught:
+            model.inverse_dynamics(x, v, np.zeros(3))
+        assert str(caught.value).startswith("point 2" if x.ndim == 2 else "point 1")
+    assert model.inverse_dynamics(near, 0 * v, np.zeros(3)).shape == (3, 3)
+
+
 def test_the_parallel_singularity_is_named_for_torques_only(model: DeltaModel) -> None:
     at, zero = rounded(Maker(FAMILIES["coplanar"], EXACT).q(0.0)), np.zeros(3)
     for call in (
