@@ -79,7 +79,9 @@ def resolve(
 
 def _without_vanished(found: Resolved) -> Structure:
     """The structure with the lengths that were found, less the arcs that have none."""
-    lengths = found.problem.lengths(found.solution.z) / found.problem.lengths(found.solution.z).sum()
+    lengths = (
+        found.problem.lengths(found.solution.z) / found.problem.lengths(found.solution.z).sum()
+    )
     kept = lengths > VANISHED
     was = found.problem.structure
     return Structure(lengths[kept] / lengths[kept].sum(), was.torque[kept], was.speed[kept])
