@@ -115,10 +115,10 @@ class DeltaModel:
         motions that are possible there see ``joint_inverse_dynamics``.
         """
         q = self.inverse_kinematics(x)
+        tau = self._evaluate(self.functions.inverse_dynamics, x, v, a)[0]
         margins, at_rest = self._margins(q), _still(v) & _still(a)
         _require_parallel(margins)
         _require_serial(margins, moving=~at_rest)
-        tau = self._evaluate(self.functions.inverse_dynamics, x, v, a)[0]
         chosen = _near(margins) & at_rest
         if not chosen.any():
             return tau
