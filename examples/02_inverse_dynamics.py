@@ -45,7 +45,7 @@ def plot(t, explicit, multiplier, path):
         below.plot(t, (explicit - multiplier)[:, k] / np.abs(explicit).max(), linewidth=0.7)
     above.set(ylabel="torque (N·m)", title="lines: $L_E$, circles: $L_I$")
     below.set(ylabel="relative difference", xlabel="time (s)")
-    above.legend()
+    figure.legend(loc="outside right upper")
     figure.savefig(path, dpi=150)
 
 

@@ -70,10 +70,12 @@ def _with_progress(robot: Robot, arguments: argparse.Namespace) -> list[Outcome]
 def _summary(robot: Robot, outcomes: list[Outcome]) -> str:
     seconds = [o.seconds for o in outcomes]
     succeeded = sum(not o.failures for o in outcomes)
+    gaps = [o.gap for o in outcomes if o.intervals]  # of the plans there are
+    gap = f"{np.median(gaps):.1e}" if gaps else "unknown"
     return (
         f"{robot.name}: {succeeded} of {len(outcomes)} solved and verified; "
         f"planning median {np.median(seconds):.2f} s, 99 % {np.percentile(seconds, 99):.2f} s; "
-        f"estimated gap median {np.nanmedian([o.gap for o in outcomes]):.1e}"
+        f"estimated gap median {gap}"
     )
 
 
