@@ -190,7 +190,7 @@ def test_move_that_has_no_straight_line():
     ],
 )
 def test_no_detour_yet(start, goal):
-    """Moves for which a parabola below the workspace's middle could be driven."""
+    """Both can be driven along a parabola whose corner is below the middle of the line."""
     first_motion(Scene(robot=INDUSTRIAL, payload=1.0, start=start, goal=goal))
 
 
