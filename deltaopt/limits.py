@@ -16,7 +16,8 @@ import numpy as np
 
 from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.errors import Unreachable
-from deltaopt.mechanisms.delta_functions import DeltaFunctions
+from deltaopt.mechanisms.delta import DeltaTerms
+from deltaopt.mechanisms.delta_functions import delta_functions
 from deltaopt.model import DeltaModel, evaluate_rows
 from deltaopt.peaks import Curves, Index, peaks
 from deltaopt.scene import Scene
@@ -126,7 +127,7 @@ def _curves(scene: Scene, trajectory: Trajectory, measure: Callable[[Loads], Arr
 
 def _loads(model: DeltaModel, x: Array, v: Array, a: Array) -> Loads:
     """Loads of a motion of the platform, (N, 3) each."""
-    function = _loads_function(model.functions)
+    function = _loads_function(model.functions.terms)
     loads = Loads(*evaluate_rows(function, x, v, a, parameters=model.parameters))
     if not np.isfinite(loads.torque).all():
         model.inverse_dynamics(x, v, a)  # raises what is the matter, at which point
@@ -135,12 +136,12 @@ def _loads(model: DeltaModel, x: Array, v: Array, a: Array) -> Loads:
 
 
 @lru_cache(maxsize=16)
-def _loads_function(functions: DeltaFunctions) -> ca.Function:
+def _loads_function(terms: DeltaTerms) -> ca.Function:
     """(x, v, a, p) -> static τ, τ, θ̇ (3 each), in scalars: the verifier's most frequent call."""
-    explicit = DeltaFunctions(functions.parameters, Explicit())
+    explicit = delta_functions(terms, Explicit())
     inverse, velocity = explicit.inverse_dynamics.expand(), explicit.velocity
     x, v, a = (ca.SX.sym(name, 3) for name in "xva")
-    p = ca.SX.sym("p", len(functions.parameters.present()))
+    p = ca.SX.sym("p", len(terms.names))
     rest = ca.SX.zeros(3)
     static, _ = inverse(x, rest, rest, p)
     torque, _ = inverse(x, v, a, p)

@@ -13,7 +13,7 @@ from deltaopt.dynamics.formulation import Formulation
 from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.errors import Unreachable, in_words
 from deltaopt.mechanisms.delta import DeltaParameters
-from deltaopt.mechanisms.delta_functions import DeltaFunctions
+from deltaopt.mechanisms.delta_functions import DeltaFunctions, delta_functions
 from deltaopt.robot import Robot
 
 Array = NDArray[np.float64]
@@ -56,12 +56,17 @@ class DeltaModel:
     @cached_property
     def functions(self) -> DeltaFunctions:
         """The same as CasADi functions."""
-        return DeltaFunctions(delta_parameters(self.robot, self.payload), self.formulation)
+        return delta_functions(self.numbers.terms(), self.formulation)
 
     @cached_property
     def parameters(self) -> Array:
         """Values of the mechanism's parameters p."""
-        return np.asarray(self.functions.parameters.values())
+        return np.asarray(self.numbers.values())
+
+    @cached_property
+    def numbers(self) -> DeltaParameters:
+        """The paper's letters for this robot and payload."""
+        return delta_parameters(self.robot, self.payload)
 
     def inverse_kinematics(self, x: ArrayLike) -> Array:
         """q, (N, 12), of the platform's centre x, (N, 3), every elbow outside.

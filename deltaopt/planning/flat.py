@@ -38,7 +38,7 @@ def equations(functions: DeltaFunctions, *, speed: bool) -> PointFunction:
     y: X - x_start, V, A in units of D; τ in units of its limits; T in units of the
     baseline's. p: ``Scales.vector``, then the mechanism's parameters.
     """
-    terms = functions.parameters.symbols()
+    terms = functions.terms.symbols()
     y, scales = ca.SX.sym("y", 13), ca.SX.sym("scales", 11 if speed else 8)
     origin, length, time, torque = scales[:3], scales[3], scales[4], scales[5:8]
     T = time * y[12]
