@@ -3,18 +3,18 @@
      minimise T   subject to   -1 <= c(y_j) <= 1   at four points j of every interval,
      y = (X, V, A, T) at a point, linear in the knots' (X, V) and in T
 
-   c are the torques and, if limited, the speeds, in units of their limits. Both ends are at
-   rest and given. With t a copy of c kept strictly inside the limits, c(y) - t = 0, and its
-   multipliers and those of the limits eliminated, Newton's equations are in the knots alone:
-   6 x 6 blocks along the diagonal, and T as the last row. They are solved with Cholesky's
-   method, which also tells whether the step is one of descent.
+   c are three torques in units of their limits and other rows, such as speeds. Both ends are
+   at rest and given. With t a copy of c kept strictly inside the limits, c(y) - t = 0, and
+   its multipliers and those of the limits eliminated, Newton's equations are in the knots
+   alone: 6 x 6 blocks along the diagonal, and T as the last row. They are solved with
+   Cholesky's method, which also tells whether the step is one of descent.
 
    Written for the four points of an interval in the four lanes of a vector V. What comes
-   before this text: V, ALL, NP parameters, NC rows (3 or 6), and two generated functions:
+   before this text: V, ALL, NP parameters, NC rows, and two generated functions:
 
-     values(y, p, F, B, speeds)      F + B tau = 0 are the equations of motion, B 3 x 3
-     second(y and tau, lambda, p,    derivatives of F + B tau and of the speeds,
-            dF, dspeeds, H, H_tau)   H upper triangle by columns, H_tau 10 x 3
+     values(y, p, F, B, others)      F + B tau = 0 are the equations of motion, B 3 x 3
+     second(y and tau, lambda, p,    derivatives of F + B tau and of the other rows,
+            dF, dothers, H, H_tau)   H upper triangle by columns, H_tau 10 x 3
 */
 
 #include <float.h>
@@ -127,7 +127,7 @@ static void invert(const V *B, V *inverse) {
   for (int k = 0; k < 9; k++) inverse[k] *= one_by;
 }
 
-/* Torques and speeds at the points; the inverse of B beside. */
+/* Torques and other rows at the points; the inverse of B beside. */
 static void rows(const Problem *P, const V *y, V *c, V *inverse) {
   V F[3], B[9];
   values(y, P->p, F, B, c + 3);

@@ -36,8 +36,10 @@ STATUS = (
 @dataclass(frozen=True)
 class Settings:
     """``tolerance``: of complementarity and duration as fractions of the latter, and of rows.
-    ``barrier``: complementarity at first, the same fraction. ``closest``: to their limits that torques may
-    begin, as a fraction. ``iterations``: at most."""
+
+    ``barrier``: complementarity at first, the same fraction. ``closest``: to a limit that a
+    row may begin, as a fraction. ``iterations``: at most.
+    """
 
     tolerance: float = 1e-5
     barrier: float = 0.2
@@ -67,8 +69,8 @@ class _Report(ctypes.Structure):
 
 @dataclass(frozen=True)
 class Interior:
-    """Where the method ended. ``knots``: X, V at every knot, (N + 1, 6); ``T``; ``prices``: of
-    every row at every point, (N, 4, rows), positive at an upper limit."""
+    """Where the method ended. ``knots``: X, V at every knot, (N + 1, 6); ``T``; ``prices`` of
+    torques, openings and speeds at every point, (N, 4, 6 or 9), positive at an upper limit."""
 
     knots: Array
     T: float
@@ -83,7 +85,7 @@ class Interior:
 
 @dataclass(frozen=True)
 class InteriorPoint:
-    """The method for one point function: rows that are zero, three, then limited ones."""
+    """The method for one point function: three torques, three openings, speeds if limited."""
 
     code: ctypes.CDLL
     rows: int
@@ -150,10 +152,15 @@ def source(motion: PointFunction) -> str:
 
 
 def _functions(motion: PointFunction) -> tuple[ca.Function, ca.Function]:
-    """``values`` and ``second`` as interior_point.c wants them, y = (X, V, A, T), then τ."""
+    """``values`` and ``second`` as interior_point.c wants them, y = (X, V, A, T), then τ.
+
+    Rows 1 to 3 are zero for the right τ; 4 to 6, openings, at least 0 and at most 1; the rest
+    within ±1. What is at least 0 is 1 less it, at most 1.
+    """
     y, tau = ca.SX.sym("y", 10), ca.SX.sym("tau", 3)
     p = ca.SX.sym("p", motion.function.size1_in(1))
     r = motion.function(ca.vertcat(y[:9], tau, y[9]), p)
+    r[3:6] = 1 - r[3:6]
     lam = ca.SX.sym("lam", r.numel())
     B, r_0 = ca.jacobian(r[:3], tau), ca.substitute(r, tau, ca.SX.zeros(3))
     J, H = ca.jacobian(r, y), ca.hessian(ca.dot(lam, r), y)[0]

@@ -13,11 +13,10 @@ from numpy.typing import NDArray
 from deltaopt.feasibility import check_feasible
 from deltaopt.limits import safe_factor
 from deltaopt.model import DeltaModel
-from deltaopt.planning.baseline import baseline
+from deltaopt.planning.baseline import first_motion
 from deltaopt.planning.flat import Flat
 from deltaopt.planning.gap import FRACTIONS, GivenAway, given_away, refined
-from deltaopt.planning.nlp import Solution
-from deltaopt.planning.problem import Pose, Posed, Problem
+from deltaopt.planning.problem import Pose, Posed, Problem, Solved
 from deltaopt.planning.scales import Scales
 from deltaopt.planning.transcription import PiecewiseAcceleration
 from deltaopt.record import Vector3
@@ -132,16 +131,17 @@ class Planner:
         )
         check_feasible(scene)
         begin = perf_counter()
-        guess = baseline(scene)
-        scales = Scales(scene, guess.duration)
+        guess = first_motion(scene)
+        scales = Scales(scene, guess.duration, self._model.openings([start, goal]).min())
         attempts = [self._attempt(self._first_problem, scales, guess)]
         rounds = [_round(attempts)]
+        tell = progress or (lambda _: None)
+        tell(str(rounds[-1]))
         while not self._done(rounds):
             mesh = refined(attempts[-1].problem.mesh, attempts[-1].lost, self._tolerance / 4)
             attempts.append(self._attempt(self._posed.on(mesh), scales, attempts[-1].trajectory))
             rounds.append(_round(attempts))
-            if progress:
-                progress(str(rounds[-1]))
+            tell(str(rounds[-1]))
         last = attempts[-1]
         return Plan(
             scene=scene,
@@ -172,10 +172,9 @@ class Planner:
         return self._posed.on(self._first_mesh)
 
     def _attempt(self, problem: Problem, scales: Scales, guess: Trajectory) -> Attempt:
-        p = np.concatenate([scales.vector(), self._model.parameters])
-        solution = problem.program.solve(problem.pack(guess, scales), *problem.bounds(scales), p)
-        trajectory = Trajectory(problem.unpack(solution.z, scales), self._model)
-        lost = given_away(problem.prices(solution), *_loads(scales.scene, trajectory))
+        solution = problem.solve(guess, scales, self._model.parameters)
+        trajectory = Trajectory(solution.position, self._model)
+        lost = given_away(solution.prices, *_loads(scales.scene, trajectory))
         return Attempt(problem, solution, trajectory, lost, safe_factor(scales.scene, trajectory))
 
 
@@ -184,7 +183,7 @@ class Attempt:
     """A problem solved on one mesh, the motion not yet slowed."""
 
     problem: Problem
-    solution: Solution
+    solution: Solved
     trajectory: Trajectory
     lost: GivenAway
     safe_factor: float

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -24,6 +25,14 @@ class Problem(Protocol):
         """Lengths of the intervals as fractions of the duration, (N,)."""
         ...
 
+    def solve(self, guess: Trajectory, scales: Scales, parameters: Array) -> Solved:
+        """The fastest motion on this mesh; ``parameters``: the mechanism's."""
+        ...
+
+
+class NonlinearProblem(Protocol):
+    """A problem written as a nonlinear program for Ipopt."""
+
     @property
     def program(self) -> Program:
         """The nonlinear program; its parameters are ``Scales.vector`` and the mechanism's."""
@@ -42,9 +51,32 @@ class Problem(Protocol):
         ...
 
     def prices(self, solution: Solution) -> Array:
-        """Fraction of the duration per fraction of a limit, (N, points, 3 or 6): torques, then
-        limited speeds; positive at the upper limit, negative at the lower."""
+        """As in ``Solved``."""
         ...
+
+
+@dataclass(frozen=True)
+class Solved:
+    """The motion found on a mesh, and what its limits cost.
+
+    ``prices``: fraction of the duration per fraction of a limit, (N, points, 3 or 6): torques,
+    then limited speeds; positive at the upper limit, negative at the lower.
+    """
+
+    position: PiecewisePolynomial
+    prices: Array
+    status: str
+    iterations: int
+
+
+def solved_by_ipopt(
+    problem: NonlinearProblem, guess: Trajectory, scales: Scales, parameters: Array
+) -> Solved:
+    """Raises NotConverged."""
+    p = np.concatenate([scales.vector(), parameters])
+    found = problem.program.solve(problem.pack(guess, scales), *problem.bounds(scales), p)
+    position = problem.unpack(found.z, scales)
+    return Solved(position, problem.prices(found), found.status, found.iterations)
 
 
 class Posed(Protocol):
