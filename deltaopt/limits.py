@@ -18,8 +18,9 @@ from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.errors import Unreachable
 from deltaopt.mechanisms.delta import DeltaTerms
 from deltaopt.mechanisms.delta_functions import delta_functions
-from deltaopt.model import DeltaModel, evaluate_rows
+from deltaopt.model import DeltaModel
 from deltaopt.peaks import Curves, Index, peaks
+from deltaopt.rows import RowFunction
 from deltaopt.scene import Scene
 from deltaopt.trajectory import Array, PiecewisePolynomial, Trajectory
 
@@ -76,6 +77,13 @@ def safe_factor(scene: Scene, trajectory: Trajectory, at_least: float = 1.0) -> 
     return sqrt(squared) if fast_enough.max() * squared <= 1 else inf
 
 
+def loads_inside(scene: Scene, trajectory: Trajectory, fractions: Array) -> Loads:
+    """Loads at these fractions, (n,), of every interval, 0 and 1 from inside of it: N = K · n."""
+    intervals = len(trajectory.knots) - 1
+    where = np.repeat(np.arange(intervals), len(fractions)), np.tile(fractions, intervals)
+    return _loads_along(scene, trajectory)(*where)
+
+
 def _demands(scene: Scene) -> Callable[[Loads], Array]:
     """What limits ask of k², (N, 6 or 9): k² ≥ all columns but the last 3, 1/k² ≥ those.
 
@@ -110,25 +118,31 @@ def _excess(scene: Scene, trajectory: Trajectory, ratios: Callable[[Loads], Arra
 
 def _curves(scene: Scene, trajectory: Trajectory, measure: Callable[[Loads], Array]) -> Curves:
     """A measure of the loads as functions of time."""
+    loads = _loads_along(scene, trajectory)
+    return lambda intervals, fractions: measure(loads(intervals, fractions))
+
+
+def _loads_along(scene: Scene, trajectory: Trajectory) -> Callable[[Index, Array], Loads]:
+    """The loads at (interval (N,), fraction of it (N,))."""
     model = DeltaModel(scene.robot, scene.payload)
     position = trajectory.position
     velocity = position.derivative()
     acceleration = velocity.derivative()
     lengths = np.diff(position.knots)
 
-    def curves(intervals: Index, fractions: Array) -> Array:
+    def along(intervals: Index, fractions: Array) -> Loads:
         def at(polynomial: PiecewisePolynomial) -> Array:
             return polynomial.inside(intervals, lengths[intervals] * fractions)
 
-        return measure(_loads(model, at(position), at(velocity), at(acceleration)))
+        return _loads(model, at(position), at(velocity), at(acceleration))
 
-    return curves
+    return along
 
 
 def _loads(model: DeltaModel, x: Array, v: Array, a: Array) -> Loads:
     """Loads of a motion of the platform, (N, 3) each."""
     function = _loads_function(model.functions.terms)
-    loads = Loads(*evaluate_rows(function, x, v, a, parameters=model.parameters))
+    loads = Loads(*function(x, v, a, parameters=model.parameters))
     if not np.isfinite(loads.torque).all():
         model.inverse_dynamics(x, v, a)  # raises what is the matter, at which point
         raise Unreachable("the motion passes a singular position")
@@ -136,7 +150,7 @@ def _loads(model: DeltaModel, x: Array, v: Array, a: Array) -> Loads:
 
 
 @lru_cache(maxsize=16)
-def _loads_function(terms: DeltaTerms) -> ca.Function:
+def _loads_function(terms: DeltaTerms) -> RowFunction:
     """(x, v, a, p) -> static τ, τ, θ̇ (3 each), in scalars: the verifier's most frequent call."""
     explicit = delta_functions(terms, Explicit())
     inverse, velocity = explicit.inverse_dynamics.expand(), explicit.velocity
@@ -146,4 +160,5 @@ def _loads_function(terms: DeltaTerms) -> ca.Function:
     static, _ = inverse(x, rest, rest, p)
     torque, _ = inverse(x, v, a, p)
     _, dq = velocity(x, v, p)
-    return ca.Function("loads", [x, v, a, p], [static, torque, dq[3::3]], {"cse": True})
+    loads = ca.Function("loads", [x, v, a, p], [static, torque, dq[3::3]], {"cse": True})
+    return RowFunction(loads)

@@ -25,6 +25,7 @@ ORDER = (
     ("robot",),
     ("scene",),
     ("model",),
+    ("rows",),
     ("trajectory",),
     ("peaks",),
     ("limits", "feasibility"),

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.feasibility import check_feasible
-from deltaopt.limits import safe_factor
+from deltaopt.limits import loads_inside, safe_factor
 from deltaopt.model import DeltaModel
 from deltaopt.planning.baseline import first_motion
 from deltaopt.planning.flat import Flat
@@ -191,12 +191,12 @@ class Attempt:
 
 def _loads(scene: Scene, trajectory: Trajectory) -> tuple[Array, Array | None]:
     """Torques and, if limited, speeds inside the intervals, as fractions of their limits."""
-    motion = trajectory.inside_intervals(FRACTIONS)
+    loads = loads_inside(scene, trajectory, FRACTIONS)
     shape = (-1, len(FRACTIONS), 3)
-    torque = (motion.tau / np.array(scene.torque_limits)).reshape(shape)
+    torque = (loads.torque / np.array(scene.torque_limits)).reshape(shape)
     if scene.speed_limits is None:
         return torque, None
-    return torque, (motion.dtheta / np.array(scene.speed_limits)).reshape(shape)
+    return torque, (loads.speed / np.array(scene.speed_limits)).reshape(shape)
 
 
 def _round(attempts: list[Attempt]) -> Round:
