@@ -41,6 +41,8 @@ typedef struct {
   V upper[NC], lower[NC];        /* multipliers of the limits of t */
   V y[NC];                       /* of c = t: upper - lower */
   V dt[NC], dupper[NC], dlower[NC];
+  V moved[NC];                   /* t at the last trial */
+  V bend_upper[NC], bend_lower[NC]; /* second-order part of slack times multiplier */
   V C[NC][10];                   /* derivatives of the rows by X, V, A, T */
   double K[13][13];              /* curvature by both knots and T */
   double bending[4][4];          /* sum of A^2 over the points, as a form in the knots */
@@ -62,7 +64,11 @@ typedef struct {
 
 static double sum(V a) { return (a[0] + a[1]) + (a[2] + a[3]); }
 static V absolute(V a) { return EACH(fabs, a); }
-static double largest(V a) { return fmax(fmax(a[0], a[1]), fmax(a[2], a[3])); }
+static double greater(double a, double b) { return a > b ? a : b; } /* one instruction */
+static double lesser(double a, double b) { return a < b ? a : b; }
+static V larger(V a, V b) { return EACH2(greater, a, b); }
+static V smaller(V a, V b) { return EACH2(lesser, a, b); }
+static double largest(V a) { return greater(greater(a[0], a[1]), greater(a[2], a[3])); }
 static int64_t size(const Problem *P) { return 6 * (P->n + 1) + 1; }
 static double *duration(const Problem *P, double *z) { return z + size(P) - 1; }
 
@@ -298,6 +304,17 @@ static void newton_step(Problem *P) {
 
 /* ---- the steps of the method ---- */
 
+/* Keep the second-order part that the direction has, times a weight, for the next one. */
+static void bend(Problem *P, double weight) {
+  for (int64_t i = 0; i < P->n; i++) {
+    Interval *I = P->interval + i;
+    for (int r = 0; r < NC; r++) {
+      I->bend_upper[r] = -weight * I->dt[r] * I->dupper[r];
+      I->bend_lower[r] = weight * I->dt[r] * I->dlower[r];
+    }
+  }
+}
+
 /* The direction of all variables for a barrier parameter. */
 static void direction(Problem *P, double mu) {
   memset(P->g, 0, size(P) * sizeof(double));
@@ -309,7 +326,7 @@ static void direction(Problem *P, double mu) {
     for (int r = 0; r < NC; r++) {
       const V above = 1 - I->t[r], below = 1 + I->t[r];
       q[r] = (I->upper[r] / above + I->lower[r] / below) * (I->c[r] - I->t[r]);
-      q[r] += mu / above - mu / below;
+      q[r] += (mu - I->bend_upper[r]) / above - (mu - I->bend_lower[r]) / below;
     }
     pull_back(I, q, P->g + 6 * i, g_T);
   }
@@ -322,8 +339,8 @@ static void direction(Problem *P, double mu) {
       const V above = 1 - I->t[r], below = 1 + I->t[r];
       I->dt[r] = I->c[r] - I->t[r];
       for (int a = 0; a < 10; a++) I->dt[r] += I->C[r][a] * dy[a];
-      I->dupper[r] = (mu + I->upper[r] * I->dt[r]) / above - I->upper[r];
-      I->dlower[r] = (mu - I->lower[r] * I->dt[r]) / below - I->lower[r];
+      I->dupper[r] = (mu - I->bend_upper[r] + I->upper[r] * I->dt[r]) / above - I->upper[r];
+      I->dlower[r] = (mu - I->bend_lower[r] - I->lower[r] * I->dt[r]) / below - I->lower[r];
     }
   }
 }
@@ -334,16 +351,16 @@ static void longest_steps(const Problem *P, double fraction, double *primal, dou
   for (int64_t i = 0; i < P->n; i++) {
     const Interval *I = P->interval + i;
     for (int r = 0; r < NC; r++) {
-      by_t = EACH2(fmax, by_t, I->dt[r] / (1 - I->t[r]));
-      by_t = EACH2(fmax, by_t, -I->dt[r] / (1 + I->t[r]));
-      by_multiplier = EACH2(fmax, by_multiplier, -I->dupper[r] / I->upper[r]);
-      by_multiplier = EACH2(fmax, by_multiplier, -I->dlower[r] / I->lower[r]);
+      by_t = larger(by_t, I->dt[r] / (1 - I->t[r]));
+      by_t = larger(by_t, -I->dt[r] / (1 + I->t[r]));
+      by_multiplier = larger(by_multiplier, -I->dupper[r] / I->upper[r]);
+      by_multiplier = larger(by_multiplier, -I->dlower[r] / I->lower[r]);
     }
   }
-  *primal = fmin(1.0, fraction / largest(by_t));
-  *dual = fmin(1.0, fraction / largest(by_multiplier));
+  *primal = lesser(1.0, fraction / largest(by_t));
+  *dual = lesser(1.0, fraction / largest(by_multiplier));
   const double shrink = -*duration(P, P->dz) / *duration(P, P->z);
-  if (shrink > 0) *primal = fmin(*primal, 0.5 / shrink);
+  if (shrink > 0) *primal = lesser(*primal, 0.5 / shrink);
 }
 
 /* Sum of slack times multiplier after steps of these lengths. */
@@ -360,25 +377,35 @@ static double complementarity(const Problem *P, double primal, double dual) {
   return sum(total);
 }
 
-/* Mehrotra's choice: as far down as dz, Newton's step without barrier, would get, cubed. */
+/* Mehrotra's choice: as far down as dz, Newton's step without barrier, would get, cubed; and
+   his correction for what that step neglects, in so far as it can be taken. */
 static void choose_barrier(Problem *P, double tolerance) {
   const double products = 8.0 * NC * P->n, now = complementarity(P, 0, 0);
   double primal, dual;
   longest_steps(P, 1.0, &primal, &dual);
   const double share = complementarity(P, primal, dual) / now;
-  const double centring = fmin(fmax(share * share * share, 1e-3), 1.0);
+  const double centring = lesser(greater(share * share * share, 1e-3), 1.0);
   const double least = 0.05 * tolerance * *duration(P, P->z) / products;
-  P->mu = fmax(centring * now / products, least);
+  P->mu = greater(centring * now / products, least);
+  bend(P, primal*dual);
 }
 
-/* T and the barrier at t + step dt, plus the penalty on |c - t|; also that sum of |c - t|. */
-static double merit_of_rows(const Problem *P, const Interval *I, const V *c, double step) {
+/* Where a step takes t: halfway from t + step dt to c, that is towards where Newton's step
+   really leads, but no closer to the limits than a hundredth of the distance now. */
+static V moved(V t, V dt, V c, double step) {
+  const V lowest = 0.01 * (1 + t) - 1, highest = 1 - 0.01 * (1 - t);
+  return 0.5 * (t + step * dt) + 0.5 * smaller(larger(c, lowest), highest);
+}
+
+/* The barrier at t after a step, plus the penalty on |c - t|. */
+static double merit_of_rows(const Problem *P, Interval *I, const V *c, double step) {
   double barrier = 0;
   V infeasibility = ALL(0.0);
   for (int r = 0; r < NC; r++) {
-    const V t = I->t[r] + step * I->dt[r], room = 1 - t * t;
+    I->moved[r] = step > 0 ? moved(I->t[r], I->dt[r], c[r], step) : I->t[r];
+    const V room = 1 - I->moved[r] * I->moved[r];
     barrier -= log(room[0] * room[1] * room[2] * room[3]);
-    infeasibility += absolute(c[r] - t);
+    infeasibility += absolute(c[r] - I->moved[r]);
   }
   return P->mu * barrier + P->penalty * sum(infeasibility);
 }
@@ -405,7 +432,7 @@ static double merit_now(Problem *P, double *slope) {
   for (int64_t i = 0; i < P->n; i++) {
     const Interval *I = P->interval + i;
     for (int r = 0; r < NC; r++) {
-      needed = fmax(needed, largest(absolute(I->upper[r] + I->dupper[r] - I->lower[r] - I->dlower[r])));
+      needed = greater(needed, largest(absolute(I->upper[r] + I->dupper[r] - I->lower[r] - I->dlower[r])));
       infeasibility += sum(absolute(I->c[r] - I->t[r]));
       along += (P->mu / (1 - I->t[r]) - P->mu / (1 + I->t[r])) * I->dt[r];
     }
@@ -418,27 +445,30 @@ static double merit_now(Problem *P, double *slope) {
   return total;
 }
 
-/* Halve the step until the merit falls; 0 if it does not. */
-static double search(Problem *P, double step) {
-  double slope;
-  const double now = merit_now(P, &slope), aim = 1e-4 * fmin(slope, 0.0);
+/* Along a new direction halve the step until the merit falls; 0 if it does not. */
+static int try_direction(Problem *P, double *dual) {
+  double slope, step;
+  direction(P, P->mu);
+  longest_steps(P, greater(0.99, 1 - P->mu), &step, dual);
+  const double now = merit_now(P, &slope), aim = 1e-4 * lesser(slope, 0.0);
   for (int k = 0; k < 12; k++, step /= 2)
-    if (merit(P, step) <= now + aim * step + 1e-12) return step;
+    if (merit(P, step) <= now + aim * step + 1e-12) return 1;
   return 0;
 }
 
-static void move(Problem *P, double primal, double dual) {
+/* To the last trial, multipliers by a step of their own. */
+static void move(Problem *P, double dual) {
   memcpy(P->z, P->trial, size(P) * sizeof(double));
   for (int64_t i = 0; i < P->n; i++) {
     Interval *I = P->interval + i;
     for (int r = 0; r < NC; r++) {
-      I->t[r] += primal * I->dt[r];
+      I->t[r] = I->moved[r];
       I->upper[r] += dual * I->dupper[r];
       I->lower[r] += dual * I->dlower[r];
       /* never far from mu / slack: stiffness stays meaningful (Ipopt's kappa_sigma) */
       const V up = P->mu / (1 - I->t[r]), down = P->mu / (1 + I->t[r]);
-      I->upper[r] = EACH2(fmin, EACH2(fmax, I->upper[r], up * 1e-8), up * 1e8);
-      I->lower[r] = EACH2(fmin, EACH2(fmax, I->lower[r], down * 1e-8), down * 1e8);
+      I->upper[r] = smaller(larger(I->upper[r], up * 1e-8), up * 1e8);
+      I->lower[r] = smaller(larger(I->lower[r], down * 1e-8), down * 1e8);
       I->y[r] = I->upper[r] - I->lower[r];
     }
   }
@@ -457,11 +487,12 @@ static int begin(Problem *P, const double *mesh, const double *fractions, const 
     rows(P, y, I->c, inverse);
     for (int r = 0; r < NC; r++) {
       const V most = ALL(1 - S->closest), least = ALL(S->closest - 1);
-      I->t[r] = EACH2(fmin, EACH2(fmax, I->c[r], least), most);
+      I->t[r] = smaller(larger(I->c[r], least), most);
       I->upper[r] = P->mu / (1 - I->t[r]);
       I->lower[r] = P->mu / (1 + I->t[r]);
       I->y[r] = I->upper[r] - I->lower[r];
       I->dt[r] = I->dupper[r] = I->dlower[r] = ALL(0.0);
+      I->bend_upper[r] = I->bend_lower[r] = ALL(0.0);
       total += sum(absolute(I->c[r]));
     }
   }
@@ -476,26 +507,27 @@ static int solved(Problem *P, double tolerance) {
   for (int64_t i = 0; i < P->n; i++)
     for (int r = 0; r < NC; r++) {
       const Interval *I = P->interval + i;
-      R->primal = fmax(R->primal, largest(absolute(I->c[r] - I->t[r])));
+      R->primal = greater(R->primal, largest(absolute(I->c[r] - I->t[r])));
     }
   R->dual = fabs(*duration(P, P->dz)) / T;
   R->complementarity = complementarity(P, 0, 0) / T;
-  return fmax(R->complementarity, fmax(R->primal, R->dual)) <= tolerance;
+  return greater(R->complementarity, greater(R->primal, R->dual)) <= tolerance;
 }
 
 static int iterate(Problem *P, const Settings *S) {
-  double shift = 0, longest, dual;
+  double shift = 0, dual;
   for (; P->report->iterations < S->iterations; P->report->iterations++) {
     for (int64_t i = 0; i < P->n; i++) curvature(P, P->interval + i, P->z + 6 * i);
     if (!factorise_shifted(P, &shift)) return SINGULAR;
     direction(P, 0.0);
     if (solved(P, S->tolerance)) return SOLVED;
     choose_barrier(P, S->tolerance);
-    direction(P, P->mu);
-    longest_steps(P, fmax(0.99, 1 - P->mu), &longest, &dual);
-    const double primal = search(P, longest);
-    if (primal == 0) return NO_PROGRESS;
-    move(P, primal, dual);
+    if (!try_direction(P, &dual)) {
+      bend(P, 0.0);
+      if (!try_direction(P, &dual)) return NO_PROGRESS;
+    }
+    bend(P, 0.0);
+    move(P, dual);
   }
   return TOO_MANY_ITERATIONS;
 }

@@ -43,7 +43,7 @@ class Settings:
 
     tolerance: float = 1e-5
     barrier: float = 0.2
-    closest: float = 0.05
+    closest: float = 0.3
     iterations: int = 60
 
 
