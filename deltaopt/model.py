@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -52,6 +53,10 @@ class DeltaModel:
     robot: Robot
     payload: float | None = None
     formulation: Formulation = field(default_factory=Explicit)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """For other processes: they derive functions themselves."""
+        return DeltaModel, (self.robot, self.payload, self.formulation)
 
     @cached_property
     def functions(self) -> DeltaFunctions:

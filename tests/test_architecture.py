@@ -35,7 +35,7 @@ ORDER = (
     ("studies",),
     ("plots",),
     ("export",),
-    ("cli",),
+    ("cli", "__main__"),
 )
 """From left to right; a folder is one place. A module imports from its left or its own place."""
 

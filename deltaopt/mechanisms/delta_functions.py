@@ -75,20 +75,21 @@ class DeltaFunctions:
     @cached_property
     def explicit_equations(self) -> ca.Function:
         """(x, v, a, tau, p) -> Cᵀ (Q* + Q), 3, N, eq. (39), zero where the motion obeys the
-        dynamics; θ̇, 3; sin² (q_{k,1} - q_{k,2}), 3. Without angles where the bars allow it."""
+        dynamics; sin² (q_{k,1} - q_{k,2}), 3; θ̇, θ̈, 3 each. Without angles where the bars
+        allow it."""
         x, v, a, tau = (SX.sym(name, 3) for name in ("x", "v", "a", "tau"))
         terms = self.terms.symbols()
         if self.terms.slender:
-            results = explicit_equations(terms, x, v, a, tau)
+            results: tuple[SX, ...] = explicit_equations(terms, x, v, a, tau)
         else:
             results = self._explicit_equations(x, v, a, tau, terms.vector())
         inputs = [x, v, a, tau, terms.vector()]
         return ca.Function("explicit_equations", inputs, list(results))
 
-    def _explicit_equations(self, x: SX, v: SX, a: SX, tau: SX, p: SX) -> tuple[SX, SX, SX]:
+    def _explicit_equations(self, x: SX, v: SX, a: SX, tau: SX, p: SX) -> tuple[SX, ...]:
         q, dq, ddq = self.motion(x, v, a, p)
         force = Explicit().residual(self.mechanism).expand()(0, q, dq, ddq, tau, p)
-        return force, dq[3::3], self.reach(x, p)[3:]
+        return force, self.reach(x, p)[3:], dq[3::3], ddq[3::3]
 
     @cached_property
     def inverse_dynamics(self) -> ca.Function:

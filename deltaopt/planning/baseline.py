@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import isinf
 
 import numpy as np
-from numpy.polynomial.polynomial import polymul
+from numpy.polynomial.polynomial import polyder, polymul, polyval
 
 from deltaopt.errors import DeltaOptError, Infeasible, Unreachable
 from deltaopt.limits import safe_factor
@@ -65,6 +65,18 @@ def first_motion(scene: Scene) -> Trajectory:
         return baseline(scene)
     except DeltaOptError:
         return detour(scene)
+
+
+def between(trajectory: Trajectory, model: DeltaModel, start: Vector3, goal: Vector3) -> Trajectory:
+    """A motion shifted to other ends, by the straight line's share of the way in between."""
+    old, knots = trajectory.position, trajectory.knots
+    ends = old.at(knots[[0, -1]])
+    shifts = np.array([start, goal]) - ends
+    u = (knots - knots[0]) / trajectory.duration
+    share, rate = polyval(u, _ALONG), polyval(u, polyder(_ALONG)) / trajectory.duration
+    x = old.at(knots) + shifts[0] + np.outer(share, shifts[1] - shifts[0])
+    v = old.derivative().at(knots) + np.outer(rate, shifts[1] - shifts[0])
+    return Trajectory(PiecewisePolynomial.hermite(knots, x, v), model)
 
 
 def _fastest(scene: Scene, trajectory: Trajectory, name: str) -> Trajectory:

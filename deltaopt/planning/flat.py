@@ -21,7 +21,7 @@ baseline's duration, torques and speeds by their limits.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import casadi as ca
@@ -31,15 +31,16 @@ from numpy.typing import NDArray
 from deltaopt.mechanisms.delta_functions import DeltaFunctions
 from deltaopt.planning.interior_point import Interior, InteriorPoint, Settings, interior_point
 from deltaopt.planning.nlp import Layout, PointFunction, Points, Program, Solution
-from deltaopt.planning.problem import Solved, solved_by_ipopt
+from deltaopt.planning.problem import Guess, Solved, solved_by_ipopt
 from deltaopt.planning.scales import Scales
 from deltaopt.planning.transcription import PiecewiseAcceleration
 from deltaopt.trajectory import Motion, PiecewisePolynomial, Trajectory
 
 Array = NDArray[np.float64]
 
-INTERIOR = Settings(tolerance=1e-4)
-"""A tenth of the usual tolerance of a plan; what is left shows in the estimated gap."""
+FAR = Settings(barrier=0.2, closest=0.3)
+NEAR = Settings(barrier=0.01, closest=0.01)
+"""How the interior-point method begins, from a guess that is far from or near a solution."""
 
 
 def equations(functions: DeltaFunctions, *, speed: bool) -> PointFunction:
@@ -54,7 +55,9 @@ def equations(functions: DeltaFunctions, *, speed: bool) -> PointFunction:
     origin, length, time, torque = scales[:3], scales[3], scales[4], scales[5:8]
     T = time * y[12]
     x, v, a = origin + length * y[:3], length * y[3:6] / T, length * y[6:9] / T**2
-    force, dtheta, opening = functions.explicit_equations(x, v, a, torque * y[9:12], terms.vector())
+    force, opening, dtheta, _ = functions.explicit_equations(
+        x, v, a, torque * y[9:12], terms.vector()
+    )
     rows = [force * 2 * terms.a2 / ca.mmax(torque), opening - scales[8]]
     if speed:
         rows.append(dtheta / scales[9:12])
@@ -124,17 +127,27 @@ class FlatProblem:
         points = Points(self.equations, self._point_layout(), lower, upper)
         return Program(cost, self._continuity_layout(), [points])
 
-    def solve(self, guess: Trajectory, scales: Scales, parameters: Array) -> Solved:
+    def solve(self, guess: Guess, scales: Scales, parameters: Array) -> Solved:
         """By the interior-point method in machine code; by Ipopt where that does not do."""
+        found = self._from_inside(guess, scales, parameters)
+        if found is None:
+            return solved_by_ipopt(self, guess, scales, parameters)
+        prices = np.delete(found.prices, np.s_[3:6], axis=2) / found.T
+        return Solved(self._cubics(found, scales), prices, found.status, found.iterations)
+
+    def _from_inside(self, guess: Guess, scales: Scales, parameters: Array) -> Interior | None:
+        """By the interior-point method: as the guess suggests, or else from far."""
         method = self._interior_point
-        if method is not None:
-            p = np.concatenate([scales.vector(), parameters])
-            found = method.solve(self.mesh, p, *self._at_knots(guess, scales), INTERIOR)
+        if method is None:
+            return None
+        p = np.concatenate([scales.vector(), parameters])
+        knots, T = self._at_knots(guess.trajectory, scales)
+        for begin in (NEAR, FAR) if guess.near else (FAR, NEAR):
+            settings = replace(begin, tolerance=guess.tolerance)
+            found = method.solve(self.mesh, p, knots, T, settings)
             if found.solved:
-                position = self._cubics(found, scales)
-                prices = np.delete(found.prices, np.s_[3:6], axis=2) / found.T
-                return Solved(position, prices, found.status, found.iterations)
-        return solved_by_ipopt(self, guess, scales, parameters)
+                return found
+        return None
 
     @property
     def _interior_point(self) -> InteriorPoint | None:
@@ -152,17 +165,11 @@ class FlatProblem:
         return np.hstack([X, V]), T / scales.time
 
     def _cubics(self, found: Interior, scales: Scales) -> PiecewisePolynomial:
-        """The motion of Hermite's cubics between knots, in m and s."""
-        T, X, V = found.T * scales.time, found.knots[:, :3], found.knots[:, 3:]
-        eta = self.mesh[:, None]
-        secant = np.diff(X, axis=0) / eta
-        A = (3 * secant - 2 * V[:-1] - V[1:]) / eta
-        dA = (V[:-1] + V[1:] - 2 * secant) / eta**2
-        coefficients = scales.length * np.stack([X[:-1], V[:-1], A, dA], axis=1)
-        coefficients[:, 0] += scales.origin
-        coefficients /= T ** np.arange(4)[:, None]
-        knots = T * np.concatenate([[0.0], np.cumsum(self.mesh)])
-        return PiecewisePolynomial(knots, coefficients)
+        """The motion of cubics between knots, in m and s."""
+        T = found.T * scales.time
+        x = scales.origin + scales.length * found.knots[:, :3]
+        v = scales.length / T * found.knots[:, 3:]
+        return PiecewisePolynomial.hermite(T * np.append(0.0, np.cumsum(self.mesh)), x, v)
 
     def pack(self, trajectory: Trajectory, scales: Scales) -> Array:
         """The variables that describe a motion on this mesh, torques within their limits."""

@@ -19,11 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.errors import NotConverged
+from deltaopt.machine_code import compiled
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.intp]
 
-IPOPT: dict[str, str | float | int | bool] = {
+Options = dict[str, str | float | int | bool]
+
+IPOPT: Options = {
     "print_time": False,
     "show_eval_warnings": False,  # a trial point out of reach is a shorter step for Ipopt
     "calc_lam_p": False,
@@ -52,20 +55,26 @@ class PointFunction:
         p = ca.SX.sym("p", self.function.size1_in(1))
         return y, p, self.function(y, p)
 
-    @cached_property
+    @property
     def jacobian(self) -> tuple[ca.Function, ca.Sparsity]:
         """(y, p) -> r and the nonzeros of ∂r/∂y; their sparsity."""
-        y, p, r = self._expressions
-        J = ca.jacobian(r, y)
-        return ca.Function("jacobian", [y, p], [r, J.nz[:]]), J.sparsity()
+        return self._derivatives[0]
 
-    @cached_property
+    @property
     def hessian(self) -> tuple[ca.Function, ca.Sparsity]:
         """(y, p, λ) -> the nonzeros of ∂²(λ·r)/∂y²; their sparsity."""
+        return self._derivatives[1]
+
+    @cached_property
+    def _derivatives(self) -> list[tuple[ca.Function, ca.Sparsity]]:
+        """``jacobian`` and ``hessian``, in machine code where there is a compiler."""
         y, p, r = self._expressions
         lam = ca.SX.sym("lam", r.numel())
-        H = ca.hessian(ca.dot(lam, r), y)[0]
-        return ca.Function("hessian", [y, p, lam], [H.nz[:]]), H.sparsity()
+        J, H = ca.jacobian(r, y), ca.hessian(ca.dot(lam, r), y)[0]
+        jacobian = ca.Function("jacobian", [y, p], [r, J.nz[:]], {"cse": True})
+        hessian = ca.Function("hessian", [y, p, lam], [H.nz[:]], {"cse": True})
+        functions = compiled([jacobian, hessian])
+        return list(zip(functions, (J.sparsity(), H.sparsity()), strict=True))
 
 
 @dataclass(frozen=True)
@@ -89,7 +98,7 @@ class Layout:
 class Points:
     """A point function at n points; the layout has n · ny rows, point by point.
 
-    ``lower``, ``upper``: bounds of r, (nr,), the same at every point.
+    ``lower``, ``upper``: bounds of r, (nr,) if the same at every point, else (n, nr).
     """
 
     function: PointFunction
@@ -100,6 +109,15 @@ class Points:
     @property
     def number(self) -> int:
         return len(self.layout.columns) // self.function.function.size1_in(0)
+
+    @property
+    def rows(self) -> int:
+        """Rows at one point."""
+        return int(self.function.function.size1_out(0))
+
+    def bounds(self, each: Array) -> Array:
+        """Bounds of all rows, point by point, from ``lower`` or ``upper``."""
+        return np.broadcast_to(each, (self.number, self.rows)).ravel()
 
 
 @dataclass(frozen=True)
@@ -121,19 +139,23 @@ class Program:
     """A nonlinear program built once, solved many times with other bounds and parameters.
 
     ``cost``: c, (n,). ``linear``: layout of the rows G z = 0. ``points``: the nonlinear rows.
+    ``options``: of Ipopt, where they differ from ``IPOPT``.
     """
 
-    def __init__(self, cost: Array, linear: Layout, points: list[Points]) -> None:
+    def __init__(
+        self,
+        cost: Array,
+        linear: Layout,
+        points: list[Points],
+        options: Options | None = None,
+    ) -> None:
         self._n = len(cost)
         self._linear = linear
         self._points = points
-        self._lower_rows = np.concatenate(
-            [np.zeros(len(linear.columns)), *(np.tile(q.lower, q.number) for q in points)]
-        )
-        self._upper_rows = np.concatenate(
-            [np.zeros(len(linear.columns)), *(np.tile(q.upper, q.number) for q in points)]
-        )
-        self._solver = self._build(cost)
+        continuity = np.zeros(len(linear.columns))
+        self._lower_rows = np.concatenate([continuity, *(q.bounds(q.lower) for q in points)])
+        self._upper_rows = np.concatenate([continuity, *(q.bounds(q.upper) for q in points)])
+        self._solver = self._build(cost, options or {})
 
     def solve(self, guess: Array, lower: Array, upper: Array, p: Array) -> Solution:
         """From a guess, within the bounds of the variables, with parameters p.
@@ -161,7 +183,7 @@ class Program:
             seconds=perf_counter() - begin,
         )
 
-    def _build(self, cost: Array) -> ca.Function:
+    def _build(self, cost: Array, options: Options) -> ca.Function:
         np_ = self._points[0].function.function.size1_in(1)
         z, p = ca.MX.sym("z", self._n), ca.MX.sym("p", np_)
         lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", len(self._lower_rows))
@@ -170,7 +192,7 @@ class Program:
         rows, entries, curvature = [ca.mtimes(G, z)], [], []
         first = len(self._linear.columns)
         for points in self._points:
-            n, nr = points.number, len(points.lower)
+            n, nr = points.number, points.rows
             y = ca.reshape(ca.mtimes(points.layout.matrix(self._n), z), -1, n)
             ps = ca.repmat(p, 1, n)
             jacobian, J_sparsity = points.function.jacobian
@@ -190,7 +212,7 @@ class Program:
             "jac_g": ca.Function("nlp_jac_g", [z, p], [g, jac]),
             "hess_lag": ca.Function("nlp_hess_l", [z, p, lam_f, lam_g], [hess]),
         }
-        return ca.nlpsol("nlp", "ipopt", program, {**functions, **IPOPT})
+        return ca.nlpsol("nlp", "ipopt", program, {**functions, **IPOPT, **options})
 
     def _complaint(self, stats: dict[str, object], g: Array) -> str:
         """What Ipopt said, and which rows are violated most."""
@@ -198,7 +220,7 @@ class Program:
         worst = int(np.nanargmax(violation)) if np.isfinite(violation).any() else 0
         names = ["continuity"] * len(self._linear.columns)
         for points in self._points:
-            n, nr = points.number, len(points.lower)
+            n, nr = points.number, points.rows
             names += [
                 f"{points.function.name} {j} at point {i} of {n}"
                 for i in range(1, n + 1)

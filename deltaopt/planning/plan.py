@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from functools import cached_property
+from functools import lru_cache
+from pathlib import Path
 from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
 
+from deltaopt.errors import DeltaOptError, NotConverged
 from deltaopt.feasibility import check_feasible
 from deltaopt.limits import loads_inside, safe_factor
+from deltaopt.mechanisms.delta_functions import DeltaFunctions
 from deltaopt.model import DeltaModel
-from deltaopt.planning.baseline import first_motion
+from deltaopt.planning.baseline import between, first_motion
 from deltaopt.planning.flat import Flat
 from deltaopt.planning.gap import FRACTIONS, GivenAway, given_away, refined
-from deltaopt.planning.problem import Pose, Posed, Problem, Solved
+from deltaopt.planning.problem import Guess, Pose, Posed, Problem, Solved
 from deltaopt.planning.scales import Scales
 from deltaopt.planning.transcription import PiecewiseAcceleration
 from deltaopt.record import Vector3
@@ -26,6 +30,8 @@ from deltaopt.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
+Pair = tuple[Vector3, Vector3]
+"""Start and goal, m."""
 
 _ROUNDS = 8
 """Meshes at most; every refinement at least halves the gap, so this is 1e-2 of the first."""
@@ -74,6 +80,14 @@ class Plan:
         """From start to goal, s."""
         return self.trajectory.duration
 
+    def save(self, directory: str | Path) -> list[Path]:
+        """Verify, and write trajectory.csv, plan.json and plan.png; their paths."""
+        from deltaopt.export import save  # lies to the right: a convenience, not a dependence
+        from deltaopt.verify import verify
+
+        found = verify(self.scene, self.trajectory)
+        return save(Path(directory), self.scene, self.trajectory, found, self)
+
     @property
     def within_tolerance(self) -> bool:
         """Whether the gap is as small as was asked for."""
@@ -84,7 +98,7 @@ def plan(
     scene: Scene,
     *,
     tolerance: float = 1e-3,
-    intervals: int = 10,
+    intervals: int = 16,
     transcription: PiecewiseAcceleration | None = None,
     formulation: Pose | None = None,
     progress: Progress | None = None,
@@ -96,86 +110,158 @@ def plan(
 
     Raises Unreachable, Infeasible or NotConverged.
     """
-    planner = Planner(scene.robot, scene.payload, scene.limits, tolerance, intervals, transcription)
+    planner = Planner(
+        scene.robot, scene.payload, scene.limits, tolerance, intervals, transcription, formulation
+    )
     return planner.plan(scene.start, scene.goal, progress=progress)
 
 
+@dataclass(frozen=True)
 class Planner:
-    """Plans for one robot and payload; what does not depend on start and goal is built once."""
+    """Plans for one robot. What does not depend on start, goal and payload is built once.
 
-    def __init__(
+    ``payload``: kg, where a plan is not given one. ``tolerance``: of the optimality gap.
+    ``intervals``: of the first mesh, refined until the gap is within the tolerance.
+    """
+
+    robot: Robot
+    payload: float | None = None
+    limits: Limits | None = None
+    tolerance: float = 1e-3
+    intervals: int = 16
+    transcription: PiecewiseAcceleration | None = None
+    formulation: Pose | None = None
+
+    def __post_init__(self) -> None:
+        if not self.tolerance > 0:
+            raise ValueError(f"tolerance is {self.tolerance}; it must be greater than 0")
+        if self.intervals < 2:
+            raise ValueError(f"intervals is {self.intervals}; at least 2 are needed to stop again")
+
+    def plan(
         self,
-        robot: Robot,
+        start: Vector3,
+        goal: Vector3,
+        *,
         payload: float | None = None,
-        limits: Limits | None = None,
-        tolerance: float = 1e-3,
-        intervals: int = 10,
-        transcription: PiecewiseAcceleration | None = None,
-        formulation: Pose | None = None,
-    ) -> None:
-        if not tolerance > 0:
-            raise ValueError(f"tolerance is {tolerance}; it must be greater than 0")
-        if intervals < 2:
-            raise ValueError(f"intervals is {intervals}; at least 2 are needed to stop again")
-        self._robot, self._payload, self._limits = robot, payload, limits
-        self._tolerance = tolerance
-        self._transcription = transcription or PiecewiseAcceleration()
-        self._pose = formulation or Flat()
-        self._first_mesh = np.full(intervals, 1 / intervals)
-        self._model = DeltaModel(robot, payload)
+        near: Plan | None = None,
+        progress: Progress | None = None,
+    ) -> Plan:
+        """The fastest motion from rest at start to rest at goal (m).
 
-    def plan(self, start: Vector3, goal: Vector3, *, progress: Progress | None = None) -> Plan:
-        """The fastest motion from rest at start to rest at goal (m)."""
+        ``payload``: kg, another than the planner's. ``near``: a plan for similar ends, to
+        start from.
+
+        Raises Unreachable, Infeasible or NotConverged.
+        """
         scene = Scene(
-            robot=self._robot, payload=self._payload, start=start, goal=goal, limits=self._limits
+            robot=self.robot,
+            payload=self.payload if payload is None else payload,
+            start=start,
+            goal=goal,
+            limits=self.limits,
         )
         check_feasible(scene)
         begin = perf_counter()
-        guess = first_motion(scene)
-        scales = Scales(scene, guess.duration, self._model.openings([start, goal]).min())
-        attempts = [self._attempt(self._first_problem, scales, guess)]
-        rounds = [_round(attempts)]
-        tell = progress or (lambda _: None)
-        tell(str(rounds[-1]))
-        while not self._done(rounds):
-            mesh = refined(attempts[-1].problem.mesh, attempts[-1].lost, self._tolerance / 4)
-            attempts.append(self._attempt(self._posed.on(mesh), scales, attempts[-1].trajectory))
-            rounds.append(_round(attempts))
-            tell(str(rounds[-1]))
-        last = attempts[-1]
+        attempts, rounds = self._attempts(scene, near, progress or (lambda _: None))
+        best = min(range(len(rounds)), key=lambda i: rounds[i].safe_duration)
+        chosen, reached = attempts[best], rounds[best]
         return Plan(
             scene=scene,
-            trajectory=last.trajectory.slowed(last.safe_factor),
+            trajectory=chosen.trajectory.slowed(chosen.safe_factor),
             formulation=self._pose.name,
             transcription=self._transcription.name,
-            intervals=rounds[-1].intervals,
-            status=last.solution.status,
+            intervals=reached.intervals,
+            status=chosen.solution.status,
             iterations=sum(r.iterations for r in rounds),
             solve_seconds=perf_counter() - begin,
-            gap=rounds[-1].gap,
-            tolerance=self._tolerance,
+            gap=reached.gap,
+            tolerance=self.tolerance,
             rounds=tuple(rounds),
         )
 
+    def plan_many(self, pairs: Sequence[Pair], workers: int = 1) -> list[Plan | DeltaOptError]:
+        """A plan for every (start, goal), or why there is none, in their order.
+
+        ``workers``: processes; the results do not depend on their number.
+        """
+        if workers == 1:
+            return [self._plan_or_error(pair) for pair in pairs]
+        with ProcessPoolExecutor(workers) as pool:
+            chunk = max(1, len(pairs) // (4 * workers))
+            return list(pool.map(self._plan_or_error, pairs, chunksize=chunk))
+
+    def _plan_or_error(self, pair: Pair) -> Plan | DeltaOptError:
+        try:
+            return self.plan(*pair)
+        except DeltaOptError as error:
+            return error
+
+    def _attempts(
+        self, scene: Scene, near: Plan | None, tell: Progress
+    ) -> tuple[list[Attempt], list[Round]]:
+        """Solve on finer and finer meshes until the gap is small enough, or no more is gained."""
+        model = DeltaModel(scene.robot, scene.payload)
+        posed = self._posed(model)
+        first = self._first_guess(scene, near)
+        openings = model.openings([scene.start, scene.goal])
+        scales = Scales(scene, first.trajectory.duration, float(openings.min()))
+        mesh = np.full(self.intervals, 1 / self.intervals)
+        attempts = [_attempt(posed.on(mesh), scales, first, model)]
+        rounds = [_round(attempts)]
+        tell(str(rounds[-1]))
+        while not self._done(rounds):
+            last = attempts[-1]
+            mesh = refined(last.problem.mesh, last.lost, self.tolerance / 4)
+            guess = Guess(last.trajectory, near=True, tolerance=self.tolerance / 5)
+            try:
+                attempts.append(_attempt(posed.on(mesh), scales, guess, model))
+            except NotConverged as error:  # what is there already is a motion all the same
+                tell(f"{len(mesh)} intervals: {error}")
+                break
+            rounds.append(_round(attempts))
+            tell(str(rounds[-1]))
+        return attempts, rounds
+
+    def _first_guess(self, scene: Scene, near: Plan | None) -> Guess:
+        """The plan of similar ends, moved to these; or a motion without optimisation."""
+        if near is None:
+            return Guess(first_motion(scene), near=False, tolerance=self.tolerance)
+        model = DeltaModel(scene.robot, scene.payload)
+        moved = between(near.trajectory, model, scene.start, scene.goal)
+        return Guess(moved, near=True, tolerance=self.tolerance)
+
     def _done(self, rounds: list[Round]) -> bool:
         """After two meshes at least: one alone has nothing to be compared with."""
-        return len(rounds) > 1 and (rounds[-1].gap <= self._tolerance or len(rounds) == _ROUNDS)
+        return len(rounds) > 1 and (rounds[-1].gap <= self.tolerance or len(rounds) == _ROUNDS)
 
-    @cached_property
-    def _posed(self) -> Posed:
-        scene_has_speed = self._limits is not None and self._limits.speed is not None
-        speed = scene_has_speed or self._robot.speed_limits is not None
-        return self._pose.of(self._model.functions, self._transcription, speed=speed)
+    def _posed(self, model: DeltaModel) -> Posed:
+        """Built once in a process for all models with the same terms."""
+        scene_has_speed = self.limits is not None and self.limits.speed is not None
+        speed = scene_has_speed or self.robot.speed_limits is not None
+        return _posed(self._pose, model.functions, self._transcription, speed)
 
-    @cached_property
-    def _first_problem(self) -> Problem:
-        return self._posed.on(self._first_mesh)
+    @property
+    def _pose(self) -> Pose:
+        return self.formulation or Flat()
 
-    def _attempt(self, problem: Problem, scales: Scales, guess: Trajectory) -> Attempt:
-        solution = problem.solve(guess, scales, self._model.parameters)
-        trajectory = Trajectory(solution.position, self._model)
-        lost = given_away(solution.prices, *_loads(scales.scene, trajectory))
-        return Attempt(problem, solution, trajectory, lost, safe_factor(scales.scene, trajectory))
+    @property
+    def _transcription(self) -> PiecewiseAcceleration:
+        return self.transcription or PiecewiseAcceleration()
+
+
+@lru_cache(maxsize=32)
+def _posed(
+    pose: Pose, functions: DeltaFunctions, transcription: PiecewiseAcceleration, speed: bool
+) -> Posed:
+    return pose.of(functions, transcription, speed=speed)
+
+
+def _attempt(problem: Problem, scales: Scales, guess: Guess, model: DeltaModel) -> Attempt:
+    solution = problem.solve(guess, scales, model.parameters)
+    trajectory = Trajectory(solution.position, model)
+    lost = given_away(solution.prices, *_loads(scales.scene, trajectory))
+    return Attempt(problem, solution, trajectory, lost, safe_factor(scales.scene, trajectory))
 
 
 @dataclass(frozen=True)

@@ -25,9 +25,19 @@ class Problem(Protocol):
         """Lengths of the intervals as fractions of the duration, (N,)."""
         ...
 
-    def solve(self, guess: Trajectory, scales: Scales, parameters: Array) -> Solved:
+    def solve(self, guess: Guess, scales: Scales, parameters: Array) -> Solved:
         """The fastest motion on this mesh; ``parameters``: the mechanism's."""
         ...
+
+
+@dataclass(frozen=True)
+class Guess:
+    """A motion to start from. ``near``: whether it is a solution of a similar problem.
+    ``tolerance``: relative, of the duration, to which the solution is wanted at least."""
+
+    trajectory: Trajectory
+    near: bool
+    tolerance: float
 
 
 class NonlinearProblem(Protocol):
@@ -70,11 +80,11 @@ class Solved:
 
 
 def solved_by_ipopt(
-    problem: NonlinearProblem, guess: Trajectory, scales: Scales, parameters: Array
+    problem: NonlinearProblem, guess: Guess, scales: Scales, parameters: Array
 ) -> Solved:
     """Raises NotConverged."""
-    p = np.concatenate([scales.vector(), parameters])
-    found = problem.program.solve(problem.pack(guess, scales), *problem.bounds(scales), p)
+    p, z = np.concatenate([scales.vector(), parameters]), problem.pack(guess.trajectory, scales)
+    found = problem.program.solve(z, *problem.bounds(scales), p)
     position = problem.unpack(found.z, scales)
     return Solved(position, problem.prices(found), found.status, found.iterations)
 
@@ -88,7 +98,9 @@ class Posed(Protocol):
 
 
 class Pose(Protocol):
-    """A way to write the minimum-time problem as a nonlinear program."""
+    """A way to write the minimum-time problem as a nonlinear program; a value."""
+
+    def __hash__(self) -> int: ...
 
     @property
     def name(self) -> str: ...
