@@ -34,8 +34,8 @@ ORDER = (
     ("verify",),
     ("studies",),
     ("plots",),
-    ("export",),
-    ("cli", "__main__"),
+    ("export", "export_c"),
+    ("cli",),
 )
 """From left to right; a folder is one place. A module imports from its left or its own place."""
 
