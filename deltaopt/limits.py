@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from math import inf, sqrt
+from typing import NoReturn
 
 import casadi as ca
 import numpy as np
@@ -125,40 +126,52 @@ def _curves(scene: Scene, trajectory: Trajectory, measure: Callable[[Loads], Arr
 def _loads_along(scene: Scene, trajectory: Trajectory) -> Callable[[Index, Array], Loads]:
     """The loads at (interval (N,), fraction of it (N,))."""
     model = DeltaModel(scene.robot, scene.payload)
-    position = trajectory.position
-    velocity = position.derivative()
-    acceleration = velocity.derivative()
-    lengths = np.diff(position.knots)
+    coefficients, lengths = _padded(trajectory.position.coefficients), np.diff(trajectory.knots)
+    function = _loads_function(model.functions.terms, coefficients.shape[1] // 3)
 
     def along(intervals: Index, fractions: Array) -> Loads:
-        def at(polynomial: PiecewisePolynomial) -> Array:
-            return polynomial.inside(intervals, lengths[intervals] * fractions)
-
-        return _loads(model, at(position), at(velocity), at(acceleration))
+        since = (lengths[intervals] * fractions)[:, None]
+        loads = Loads(*function(coefficients[intervals], since, parameters=model.parameters))
+        if not np.isfinite(loads.torque).all():
+            _explain(model, trajectory.position, intervals, since[:, 0])
+        return loads
 
     return along
 
 
-def _loads(model: DeltaModel, x: Array, v: Array, a: Array) -> Loads:
-    """Loads of a motion of the platform, (N, 3) each."""
-    function = _loads_function(model.functions.terms)
-    loads = Loads(*function(x, v, a, parameters=model.parameters))
-    if not np.isfinite(loads.torque).all():
-        model.inverse_dynamics(x, v, a)  # raises what is the matter, at which point
-        raise Unreachable("the motion passes a singular position")
-    return loads
+def _padded(coefficients: Array) -> Array:
+    """(K, powers, 3) as (K, 3 · powers), powers a multiple of 6: few functions serve all."""
+    powers = -(-coefficients.shape[1] // 6) * 6
+    padded = np.zeros((len(coefficients), powers, 3))
+    padded[:, : coefficients.shape[1]] = coefficients
+    return padded.reshape(len(coefficients), -1)
+
+
+def _explain(
+    model: DeltaModel, position: PiecewisePolynomial, intervals: Index, since: Array
+) -> NoReturn:
+    """Raise what is the matter with a motion that has no torques."""
+    velocity = position.derivative()
+    polynomials = (position, velocity, velocity.derivative())
+    model.inverse_dynamics(*(q.inside(intervals, since) for q in polynomials))
+    raise Unreachable("the motion passes a singular position")
 
 
 @lru_cache(maxsize=16)
-def _loads_function(terms: DeltaTerms) -> RowFunction:
-    """(x, v, a, p) -> static τ, τ, θ̇ (3 each), in scalars: the verifier's most frequent call."""
+def _loads_function(terms: DeltaTerms, powers: int) -> RowFunction:
+    """(coefficients 3 · powers, time since the interval began, p) -> static τ, τ, θ̇ (3 each),
+    in scalars: the verifier's most frequent call."""
     explicit = delta_functions(terms, Explicit())
     inverse, velocity = explicit.inverse_dynamics.expand(), explicit.velocity
-    x, v, a = (ca.SX.sym(name, 3) for name in "xva")
-    p = ca.SX.sym("p", len(terms.names))
-    rest = ca.SX.zeros(3)
+    coefficients, t = ca.SX.sym("coefficients", 3 * powers), ca.SX.sym("t")
+    x, v, a = (ca.SX.zeros(3) for _ in range(3))
+    for c in reversed(ca.vertsplit(coefficients, 3)):  # Horner, differentiated twice
+        a = a * t + 2 * v
+        v = v * t + x
+        x = x * t + c
+    p, rest = ca.SX.sym("p", len(terms.names)), ca.SX.zeros(3)
     static, _ = inverse(x, rest, rest, p)
     torque, _ = inverse(x, v, a, p)
     _, dq = velocity(x, v, p)
-    loads = ca.Function("loads", [x, v, a, p], [static, torque, dq[3::3]], {"cse": True})
-    return RowFunction(loads)
+    inputs, results = [coefficients, t, p], [static, torque, dq[3::3]]
+    return RowFunction(ca.Function("loads", inputs, results, {"cse": True}))

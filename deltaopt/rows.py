@@ -81,4 +81,4 @@ def source(function: ca.Function) -> str:
 
 
 def _pointer(array: Array) -> ctypes.c_void_p:
-    return array.ctypes.data_as(ctypes.c_void_p)
+    return ctypes.c_void_p(array.ctypes.data)

@@ -133,7 +133,8 @@ class FlatProblem:
         if found is None:
             return solved_by_ipopt(self, guess, scales, parameters)
         prices = np.delete(found.prices, np.s_[3:6], axis=2) / found.T
-        return Solved(self._cubics(found, scales), prices, found.status, found.iterations)
+        position = self._cubics(found, scales)
+        return Solved(position, prices, found.status, found.iterations, found.spent)
 
     def _from_inside(self, guess: Guess, scales: Scales, parameters: Array) -> Interior | None:
         """By the interior-point method: as the guess suggests, or else from far."""

@@ -20,6 +20,7 @@
 #include <float.h>
 #include <stdint.h>
 #include <string.h>
+#include <time.h>
 
 enum { SOLVED, TOO_MANY_ITERATIONS, NO_PROGRESS, SINGULAR, NOT_A_NUMBER };
 
@@ -32,6 +33,7 @@ typedef struct {
 
 typedef struct {
   double complementarity, dual, primal; /* what is compared with the tolerance */
+  double evaluating, solving;            /* seconds: rows and derivatives; linear systems */
   int64_t iterations, factorisations, evaluations;
 } Report;
 
@@ -61,6 +63,12 @@ typedef struct {
   double pivot_T, mu, penalty;
   Report *report;
 } Problem;
+
+static double seconds(void) {
+  struct timespec now;
+  clock_gettime(CLOCK_MONOTONIC, &now);
+  return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
+}
 
 static double sum(V a) { return (a[0] + a[1]) + (a[2] + a[3]); }
 static V absolute(V a) { return EACH(fabs, a); }
@@ -247,10 +255,8 @@ static void eliminate(const Block *before, Block *B) {
     }
 }
 
-/* Factorise the curvature plus a shift times A^2; 0 where it is not positive definite. */
-static int factorise(Problem *P, double shift) {
+static int factorise_once(Problem *P, double shift) {
   double pivot = shift;
-  P->report->factorisations++;
   for (int64_t i = 0; i < P->n; i++) pivot += P->interval[i].K[12][12];
   for (int64_t i = 1; i < P->n; i++) {
     Block *B = P->block + i;
@@ -265,6 +271,15 @@ static int factorise(Problem *P, double shift) {
   return pivot > 1e-16;
 }
 
+/* Factorise the curvature plus a shift times A^2; 0 where it is not positive definite. */
+static int factorise(Problem *P, double shift) {
+  const double begin = seconds();
+  const int done = factorise_once(P, shift);
+  P->report->solving += seconds() - begin;
+  P->report->factorisations++;
+  return done;
+}
+
 /* Factorise with the smallest shift that gives a direction of descent; 0 if none does. */
 static int factorise_shifted(Problem *P, double *shift) {
   if (factorise(P, 0.0)) return 1;
@@ -276,6 +291,7 @@ static int factorise_shifted(Problem *P, double *shift) {
 
 /* dz from the gradient g. */
 static void newton_step(Problem *P) {
+  const double begin = seconds();
   const int64_t n = P->n;
   double *dz = P->dz, *dT = duration(P, dz);
   for (int64_t i = 0; i < size(P); i++) dz[i] = -P->g[i];
@@ -300,6 +316,7 @@ static void newton_step(Problem *P) {
     }
     solve_upper(B->D, x);
   }
+  P->report->solving += seconds() - begin;
 }
 
 /* ---- the steps of the method ---- */
@@ -413,15 +430,16 @@ static double merit_of_rows(const Problem *P, Interval *I, const V *c, double st
 static double merit(Problem *P, double step) {
   const double *dz = P->dz;
   for (int64_t i = 0; i < size(P); i++) P->trial[i] = P->z[i] + step * dz[i];
-  const double T = *duration(P, P->trial);
+  const double T = *duration(P, P->trial), begin = seconds();
   double total = T;
-  P->report->evaluations++;
   for (int64_t i = 0; i < P->n; i++) {
     V y[10], c[NC], inverse[9];
     at_points(P->interval + i, P->trial + 6 * i, T, y);
     rows(P, y, c, inverse);
     total += merit_of_rows(P, P->interval + i, c, step);
   }
+  P->report->evaluations++;
+  P->report->evaluating += seconds() - begin;
   return total;
 }
 
@@ -514,10 +532,16 @@ static int solved(Problem *P, double tolerance) {
   return greater(R->complementarity, greater(R->primal, R->dual)) <= tolerance;
 }
 
+static void differentiate_all(Problem *P) {
+  const double begin = seconds();
+  for (int64_t i = 0; i < P->n; i++) curvature(P, P->interval + i, P->z + 6 * i);
+  P->report->evaluating += seconds() - begin;
+}
+
 static int iterate(Problem *P, const Settings *S) {
   double shift = 0, dual;
   for (; P->report->iterations < S->iterations; P->report->iterations++) {
-    for (int64_t i = 0; i < P->n; i++) curvature(P, P->interval + i, P->z + 6 * i);
+    differentiate_all(P);
     if (!factorise_shifted(P, &shift)) return SINGULAR;
     direction(P, 0.0);
     if (solved(P, S->tolerance)) return SOLVED;

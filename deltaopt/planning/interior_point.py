@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from deltaopt.lanes import LANES, VECTOR, c_function
 from deltaopt.machine_code import library
-from deltaopt.planning.nlp import PointFunction
+from deltaopt.planning.nlp import PointFunction, Spent
 
 Array = NDArray[np.float64]
 
@@ -61,6 +61,8 @@ class _Report(ctypes.Structure):
         ("complementarity", ctypes.c_double),
         ("dual", ctypes.c_double),
         ("primal", ctypes.c_double),
+        ("evaluating", ctypes.c_double),
+        ("solving", ctypes.c_double),
         ("iterations", ctypes.c_int64),
         ("factorisations", ctypes.c_int64),
         ("evaluations", ctypes.c_int64),
@@ -77,6 +79,7 @@ class Interior:
     prices: Array
     status: str
     iterations: int
+    spent: Spent
 
     @property
     def solved(self) -> bool:
@@ -108,7 +111,8 @@ class InteriorPoint:
             self._memory(N),
         )
         knots, T = z[:-1].reshape(N + 1, 6), float(z[-1])
-        return Interior(knots, T, prices, STATUS[status], report.iterations)
+        spent = Spent(report.evaluating, report.solving)
+        return Interior(knots, T, prices, STATUS[status], report.iterations, spent)
 
     @cached_property
     def _fractions(self) -> Array:
@@ -126,7 +130,7 @@ class InteriorPoint:
 
 
 def _pointer(array: Array) -> ctypes.c_void_p:
-    return array.ctypes.data_as(ctypes.c_void_p)
+    return ctypes.c_void_p(array.ctypes.data)
 
 
 @lru_cache(maxsize=16)

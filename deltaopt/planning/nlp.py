@@ -121,6 +121,17 @@ class Points:
 
 
 @dataclass(frozen=True)
+class Spent:
+    """Seconds on rows and their derivatives, and on linear systems (with Ipopt, all else)."""
+
+    evaluation: float
+    algebra: float
+
+    def __add__(self, other: Spent) -> Spent:
+        return Spent(self.evaluation + other.evaluation, self.algebra + other.algebra)
+
+
+@dataclass(frozen=True)
 class Solution:
     """Where Ipopt ended: ``z`` the variables, multipliers of their bounds and of the rows.
 
@@ -133,6 +144,7 @@ class Solution:
     status: str
     iterations: int
     seconds: float
+    spent: Spent
 
 
 class Program:
@@ -181,6 +193,7 @@ class Program:
             status=stats["return_status"],
             iterations=stats["iter_count"],
             seconds=perf_counter() - begin,
+            spent=_spent(stats),
         )
 
     def _build(self, cost: Array, options: Options) -> ca.Function:
@@ -230,6 +243,11 @@ class Program:
             f"Ipopt stopped after {stats['iter_count']} iterations: {stats['return_status']}; "
             f"worst constraint: {names[worst]}, violated by {violation[worst]:.1e}"
         )
+
+
+def _spent(stats: dict[str, float]) -> Spent:
+    evaluation = sum(t for name, t in stats.items() if name.startswith("t_wall_nlp_"))
+    return Spent(evaluation, stats["t_wall_total"] - evaluation)
 
 
 def _assemble_jacobian(

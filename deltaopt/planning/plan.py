@@ -20,6 +20,7 @@ from deltaopt.model import DeltaModel
 from deltaopt.planning.baseline import between, first_motion
 from deltaopt.planning.flat import Flat
 from deltaopt.planning.gap import FRACTIONS, GivenAway, given_away, refined
+from deltaopt.planning.nlp import Spent
 from deltaopt.planning.problem import Guess, Pose, Posed, Problem, Solved
 from deltaopt.planning.scales import Scales
 from deltaopt.planning.transcription import PiecewiseAcceleration
@@ -40,13 +41,15 @@ _ROUNDS = 8
 @dataclass(frozen=True)
 class Round:
     """One mesh: ``duration`` of its solution, ``safe_duration`` once slowed to the limits (s),
-    estimated ``gap`` of the latter to the shortest possible, as a fraction of it."""
+    estimated ``gap`` of the latter to the shortest possible, as a fraction of it; seconds
+    ``spent``."""
 
     intervals: int
     iterations: int
     duration: float
     safe_duration: float
     gap: float
+    spent: Spent
 
     def __str__(self) -> str:
         return (
@@ -304,4 +307,5 @@ def _round(attempts: list[Attempt]) -> Round:
         duration=last.trajectory.duration,
         safe_duration=last.trajectory.duration * last.safe_factor,
         gap=last.safe_factor - 1 + correction * last.lost.total,
+        spent=last.solution.spent,
     )

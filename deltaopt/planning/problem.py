@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.mechanisms.delta_functions import DeltaFunctions
-from deltaopt.planning.nlp import Program, Solution
+from deltaopt.planning.nlp import Program, Solution, Spent
 from deltaopt.planning.scales import Scales
 from deltaopt.planning.transcription import PiecewiseAcceleration
 from deltaopt.trajectory import PiecewisePolynomial, Trajectory
@@ -77,6 +77,7 @@ class Solved:
     prices: Array
     status: str
     iterations: int
+    spent: Spent
 
 
 def solved_by_ipopt(
@@ -86,7 +87,7 @@ def solved_by_ipopt(
     p, z = np.concatenate([scales.vector(), parameters]), problem.pack(guess.trajectory, scales)
     found = problem.program.solve(z, *problem.bounds(scales), p)
     position = problem.unpack(found.z, scales)
-    return Solved(position, problem.prices(found), found.status, found.iterations)
+    return Solved(position, problem.prices(found), found.status, found.iterations, found.spent)
 
 
 class Posed(Protocol):
