@@ -9,7 +9,7 @@ import argparse
 import sys
 from typing import Protocol
 
-from deltaopt.cli import bench, check, compare, export, inverse, plan
+from deltaopt.cli import bench, check, compare, export, inverse, plan, stability
 from deltaopt.errors import DeltaOptError, SceneError
 
 
@@ -32,6 +32,7 @@ COMMANDS: dict[str, Command] = {
     "compare": compare,
     "export": export,
     "bench": bench,
+    "stability": stability,
 }
 
 

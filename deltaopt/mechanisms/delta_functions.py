@@ -17,6 +17,11 @@ from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.dynamics.mechanism import SX, Mechanism
 from deltaopt.mechanisms.delta import DeltaTerms, delta
 from deltaopt.mechanisms.delta_kinematics import forward_kinematics, inverse_kinematics, reach
+from deltaopt.mechanisms.delta_singularities import (
+    alignment_margins,
+    parallel_margin,
+    sideways_margins,
+)
 from deltaopt.mechanisms.delta_slender import explicit_equations
 
 
@@ -53,6 +58,13 @@ class DeltaFunctions:
         """(x, p) -> cos² q_{k,3} of the three chains, then sin² (q_{k,1} - q_{k,2})."""
         x, p = SX.sym("x", 3), self.terms.symbols()
         return ca.Function("reach", [x, p.vector()], [ca.vec(reach(p, x))])
+
+    @cached_property
+    def margins(self) -> ca.Function:
+        """q -> cos q_{k,3}, sin (q_{k,1} - q_{k,2}), volume of the bars' directions; 7."""
+        q = SX.sym("q", 12)
+        margins = ca.vertcat(sideways_margins(q), alignment_margins(q), parallel_margin(q))
+        return ca.Function("margins", [q], [margins])
 
     @cached_property
     def velocity(self) -> ca.Function:

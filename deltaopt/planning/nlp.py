@@ -28,8 +28,10 @@ Options = dict[str, str | float | int | bool]
 
 IPOPT: Options = {
     "print_time": False,
+    "record_time": True,
     "show_eval_warnings": False,  # a trial point out of reach is a shorter step for Ipopt
     "calc_lam_p": False,
+    "no_nlp_grad": True,  # of use for sensitivities only, and machine code has no derivative
     "ipopt.print_level": 0,
     "ipopt.sb": "yes",
     "ipopt.mu_strategy": "adaptive",
@@ -207,7 +209,7 @@ class Program:
         for points in self._points:
             n, nr = points.number, points.rows
             y = ca.reshape(ca.mtimes(points.layout.matrix(self._n), z), -1, n)
-            ps = ca.repmat(p, 1, n)
+            ps = ca.repmat(p[: points.function.function.size1_in(1)], 1, n)
             jacobian, J_sparsity = points.function.jacobian
             hessian, H_sparsity = points.function.hessian
             r, J = jacobian.map(n)(y, ps)

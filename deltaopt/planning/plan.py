@@ -18,11 +18,14 @@ from deltaopt.limits import loads_inside, safe_factor
 from deltaopt.mechanisms.delta_functions import DeltaFunctions
 from deltaopt.model import DeltaModel
 from deltaopt.planning.baseline import between, first_motion
-from deltaopt.planning.flat import Flat
+from deltaopt.planning.certificate import Certificate
+from deltaopt.planning.flat import Flat, ScaledEquations
 from deltaopt.planning.gap import FRACTIONS, GivenAway, given_away, refined
 from deltaopt.planning.nlp import Spent
 from deltaopt.planning.problem import Guess, Pose, Posed, Problem, Solved
+from deltaopt.planning.resolve import Resolved, Unsettled, resolve
 from deltaopt.planning.scales import Scales
+from deltaopt.planning.structure import read_structure
 from deltaopt.planning.transcription import PiecewiseAcceleration
 from deltaopt.record import Vector3
 from deltaopt.robot import Robot
@@ -34,8 +37,12 @@ Progress = Callable[[str], None]
 Pair = tuple[Vector3, Vector3]
 """Start and goal, m."""
 
-_ROUNDS = 8
-"""Meshes at most; every refinement at least halves the gap, so this is 1e-2 of the first."""
+RESOLVED_BELOW = 5e-4
+"""Tolerances below this are met by resolving switches, which is cheaper than finer meshes."""
+_READABLE = 2e-3
+"""A mesh solution with a smaller gap shows which motor is at which limit when."""
+_MOST_INTERVALS = 300
+"""No mesh is refined that is finer than this: every refinement multiplies time by four."""
 
 
 @dataclass(frozen=True)
@@ -64,6 +71,7 @@ class Plan:
 
     ``gap``: estimated excess of its duration over the shortest possible, as a fraction.
     ``rounds``: the meshes it took. ``solve_seconds``: wall time of all of them.
+    ``certificate``: how well Pontryagin's condition is met, where the switches are resolved.
     """
 
     scene: Scene
@@ -77,6 +85,7 @@ class Plan:
     gap: float
     tolerance: float
     rounds: tuple[Round, ...]
+    certificate: Certificate | None
 
     @property
     def duration(self) -> float:
@@ -109,7 +118,8 @@ def plan(
     """The fastest motion of a scene.
 
     ``tolerance``: of the optimality gap. ``intervals``: of the first mesh, refined where time
-    is given away until the gap is within the tolerance. ``progress``: told after every mesh.
+    is given away until the gap is within the tolerance; below ``RESOLVED_BELOW`` the switches
+    are resolved. ``progress``: told after every mesh.
 
     Raises Unreachable, Infeasible or NotConverged.
     """
@@ -166,21 +176,22 @@ class Planner:
         )
         check_feasible(scene)
         begin = perf_counter()
-        attempts, rounds = self._attempts(scene, near, progress or (lambda _: None))
+        attempts, rounds, resolved = self._solve(scene, near, progress or (lambda _: None))
         best = min(range(len(rounds)), key=lambda i: rounds[i].safe_duration)
-        chosen, reached = attempts[best], rounds[best]
+        chosen = resolved or attempts[best]
         return Plan(
             scene=scene,
             trajectory=chosen.trajectory.slowed(chosen.safe_factor),
             formulation=self._pose.name,
-            transcription=self._transcription.name,
-            intervals=reached.intervals,
+            transcription=resolved.problem.name if resolved else self._transcription.name,
+            intervals=len(chosen.trajectory.knots) - 1,
             status=chosen.solution.status,
             iterations=sum(r.iterations for r in rounds),
             solve_seconds=perf_counter() - begin,
-            gap=reached.gap,
+            gap=resolved.gap if resolved else rounds[best].gap,
             tolerance=self.tolerance,
             rounds=tuple(rounds),
+            certificate=resolved.certificate if resolved else None,
         )
 
     def plan_many(self, pairs: Sequence[Pair], workers: int = 1) -> list[Plan | DeltaOptError]:
@@ -200,13 +211,13 @@ class Planner:
         except DeltaOptError as error:
             return error
 
-    def _attempts(
+    def _solve(
         self, scene: Scene, near: Plan | None, tell: Progress
-    ) -> tuple[list[Attempt], list[Round]]:
-        """Solve on finer and finer meshes until the gap is small enough, or no more is gained."""
+    ) -> tuple[list[Attempt], list[Round], Resolved | None]:
+        """Solve on finer and finer meshes until the gap is small enough, the switches can be
+        resolved, or no more is gained."""
         model = DeltaModel(scene.robot, scene.payload)
-        posed = self._posed(model)
-        first = self._first_guess(scene, near)
+        posed, first = self._posed(model), self._first_guess(scene, near)
         openings = model.openings([scene.start, scene.goal])
         scales = Scales(scene, first.trajectory.duration, float(openings.min()))
         mesh = np.full(self.intervals, 1 / self.intervals)
@@ -214,17 +225,45 @@ class Planner:
         rounds = [_round(attempts)]
         tell(str(rounds[-1]))
         while not self._done(rounds):
-            last = attempts[-1]
-            mesh = refined(last.problem.mesh, last.lost, self.tolerance / 4)
-            guess = Guess(last.trajectory, near=True, tolerance=self.tolerance / 5)
+            last, aim = attempts[-1], self.tolerance / 4
+            if self.tolerance < RESOLVED_BELOW:
+                if rounds[-1].gap < _READABLE:
+                    resolved = self._resolved(last, scales, tell)
+                    if resolved:
+                        return attempts, rounds, resolved
+                aim = max(aim, rounds[-1].gap / 16)
+            mesh = refined(last.problem.mesh, last.lost, aim)
             try:
+                guess = Guess(last.trajectory, near=True, tolerance=self._accuracy)
                 attempts.append(_attempt(posed.on(mesh), scales, guess, model))
             except NotConverged as error:  # what is there already is a motion all the same
                 tell(f"{len(mesh)} intervals: {error}")
                 break
             rounds.append(_round(attempts))
             tell(str(rounds[-1]))
-        return attempts, rounds
+        return attempts, rounds, None
+
+    def _resolved(self, attempt: Attempt, scales: Scales, tell: Progress) -> Resolved | None:
+        """With its switches resolved, or None if the structure cannot be settled yet."""
+        model = attempt.trajectory.model
+        structure = read_structure(attempt.problem.mesh, *_loads(scales.scene, attempt.trajectory))
+        try:
+            found = resolve(
+                ScaledEquations.of(model.functions, speed=self._speed_is_limited),
+                model,
+                structure,
+                attempt.trajectory,
+                scales,
+                self.tolerance,
+            )
+        except Unsettled as error:
+            tell(f"{len(structure.lengths)} arcs: not settled yet: {error}")
+            return None
+        tell(
+            f"{len(structure.lengths)} arcs: {found.trajectory.duration:.9f} s, gap "
+            f"{found.gap:.1e}, satisfies Pontryagin's condition to {found.certificate.residual:.0e}"
+        )
+        return found
 
     def _first_guess(self, scene: Scene, near: Plan | None) -> Guess:
         """The plan of similar ends, moved to these; or a motion without optimisation."""
@@ -236,13 +275,22 @@ class Planner:
 
     def _done(self, rounds: list[Round]) -> bool:
         """After two meshes at least: one alone has nothing to be compared with."""
-        return len(rounds) > 1 and (rounds[-1].gap <= self.tolerance or len(rounds) == _ROUNDS)
+        enough = rounds[-1].gap <= self.tolerance
+        return len(rounds) > 1 and (enough or rounds[-1].intervals > _MOST_INTERVALS)
+
+    @property
+    def _accuracy(self) -> float:
+        """Of the solution on a mesh; structures are read from exact ones only."""
+        return self.tolerance / 5 if self.tolerance >= RESOLVED_BELOW else 1e-8
+
+    @property
+    def _speed_is_limited(self) -> bool:
+        in_scene = self.limits is not None and self.limits.speed is not None
+        return in_scene or self.robot.speed_limits is not None
 
     def _posed(self, model: DeltaModel) -> Posed:
         """Built once in a process for all models with the same terms."""
-        scene_has_speed = self.limits is not None and self.limits.speed is not None
-        speed = scene_has_speed or self.robot.speed_limits is not None
-        return _posed(self._pose, model.functions, self._transcription, speed)
+        return _posed(self._pose, model.functions, self._transcription, self._speed_is_limited)
 
     @property
     def _pose(self) -> Pose:
