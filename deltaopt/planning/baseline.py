@@ -21,6 +21,9 @@ _PULLS = (0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0)
 """How far arcs are pulled from the line towards the middle of the workspace, as a share."""
 
 
+_JOINT_LINE_INTERVALS = 32
+
+
 def straight_line(model: DeltaModel, start: Vector3, goal: Vector3, duration: float) -> Trajectory:
     """10 u³ - 15 u⁴ + 6 u⁵ of the way at u = t / duration: at rest and without acceleration
     at both ends, as in the paper's Fig. 4."""
@@ -59,12 +62,36 @@ def detour(scene: Scene) -> Trajectory:
     return min(arcs, key=lambda arc: arc.duration)
 
 
+def joint_line(scene: Scene) -> Trajectory:
+    """Motor angles straight from start to goal, the platform's way in between by cubics.
+
+    Raises Unreachable where the bars do not meet, Infeasible where gravity is too much.
+    """
+    model = DeltaModel(scene.robot, scene.payload)
+    ends = model.inverse_kinematics([scene.start, scene.goal])[:, 3::3]
+    u = np.linspace(0.0, 1.0, _JOINT_LINE_INTERVALS + 1)
+
+    def at(u: Array) -> Array:
+        share = polyval(u, _ALONG)[:, None]
+        return model.forward_kinematics((1 - share) * ends[0] + share * ends[1])
+
+    step = 1e-5
+    v = (at(u + step) - at(u - step)) / (2 * step)
+    v[[0, -1]] = 0.0
+    x = at(u)
+    x[[0, -1]] = scene.start, scene.goal
+    line = Trajectory(PiecewisePolynomial.hermite(u, x, v), model)
+    return _fastest(scene, line, "the line in motor angles")
+
+
 def first_motion(scene: Scene) -> Trajectory:
-    """The baseline, or a detour where there is none: what an optimisation may start from."""
-    try:
-        return baseline(scene)
-    except DeltaOptError:
-        return detour(scene)
+    """What an optimisation may start from: the first of these that there is."""
+    for motion in (baseline, joint_line):
+        try:
+            return motion(scene)
+        except DeltaOptError:
+            continue
+    return detour(scene)
 
 
 def between(trajectory: Trajectory, model: DeltaModel, start: Vector3, goal: Vector3) -> Trajectory:
