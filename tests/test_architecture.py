@@ -17,6 +17,7 @@ MODULES = {
 
 ORDER = (
     ("errors", "files"),
+    ("machine_code", "lanes"),
     ("dynamics",),
     ("mechanisms",),
     ("yaml_file",),
@@ -24,6 +25,7 @@ ORDER = (
     ("robot",),
     ("scene",),
     ("model",),
+    ("rows",),
     ("trajectory",),
     ("peaks",),
     ("limits", "feasibility"),
@@ -32,7 +34,7 @@ ORDER = (
     ("verify",),
     ("studies",),
     ("plots",),
-    ("export",),
+    ("export", "export_c"),
     ("cli",),
 )
 """From left to right; a folder is one place. A module imports from its left or its own place."""

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from deltaopt.dynamics.lagrange import Explicit
-from deltaopt.mechanisms.delta_slender import is_slender
 from deltaopt.model import DeltaModel, delta_parameters, evaluate_rows
 from deltaopt.robot import load_robot
 from deltaopt.studies.random_scenes import random_scenes
@@ -86,9 +85,9 @@ def test_force_vanishes_for_torques_of_inverse_dynamics():
 
 def test_which_bars_are_slender():
     bars = delta_parameters(ORSINO, 1.0)
-    assert is_slender(bars)
-    assert not is_slender(replace(bars, I43=2 * bars.I41))
-    assert not is_slender(replace(bars, I42=1e-4))
+    assert bars.terms().slender
+    assert not replace(bars, I43=2 * bars.I41).terms().slender
+    assert not replace(bars, I42=1e-4).terms().slender
 
 
 def test_bars_that_are_not_slender_are_served_too():

@@ -30,10 +30,10 @@ def run(arguments: argparse.Namespace) -> int:
 def _dynamics(arguments: argparse.Namespace) -> int:
     """Measure, print, save."""
     from deltaopt.files import whole
+    from deltaopt.machine_code import compiler
     from deltaopt.plots.dynamics import draw
     from deltaopt.studies.dynamics import compare_dynamics
     from deltaopt.studies.dynamics_report import csv, notes, table, verdict
-    from deltaopt.studies.machine_code import compiler
 
     if arguments.states < 1 or arguments.rounds < 1:
         print("deltaopt compare: --states and --rounds must be at least 1", file=sys.stderr)

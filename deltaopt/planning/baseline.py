@@ -7,7 +7,7 @@ from itertools import product
 from math import comb, isinf
 
 import numpy as np
-from numpy.polynomial.polynomial import polymul
+from numpy.polynomial.polynomial import polyder, polymul, polyval
 
 from deltaopt.errors import DeltaOptError, Infeasible, Unreachable
 from deltaopt.limits import safe_factor
@@ -21,6 +21,9 @@ _ALONG = np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0])
 """Share of the way at u = t / duration: at rest and without acceleration at both ends."""
 _PULLS = (0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0)
 """How far arcs are pulled from the line towards the middle of the workspace, as a share."""
+
+
+_JOINT_LINE_INTERVALS = 32
 
 
 def straight_line(model: DeltaModel, start: Vector3, goal: Vector3, duration: float) -> Trajectory:
@@ -80,12 +83,48 @@ def _bends(scene: Scene) -> Iterator[Trajectory]:
         yield _curve(scene, start + leave * (middle - start), goal + arrive * (middle - goal))
 
 
+def joint_line(scene: Scene) -> Trajectory:
+    """Motor angles straight from start to goal, the platform's way in between by cubics.
+
+    Raises Unreachable where the bars do not meet, Infeasible where gravity is too much.
+    """
+    model = DeltaModel(scene.robot, scene.payload)
+    ends = model.inverse_kinematics([scene.start, scene.goal])[:, 3::3]
+    u = np.linspace(0.0, 1.0, _JOINT_LINE_INTERVALS + 1)
+
+    def at(u: Array) -> Array:
+        share = polyval(u, _ALONG)[:, None]
+        return model.forward_kinematics((1 - share) * ends[0] + share * ends[1])
+
+    step = 1e-5
+    v = (at(u + step) - at(u - step)) / (2 * step)
+    v[[0, -1]] = 0.0
+    x = at(u)
+    x[[0, -1]] = scene.start, scene.goal
+    line = Trajectory(PiecewisePolynomial.hermite(u, x, v), model)
+    return _fastest(scene, line, "the line in motor angles")
+
+
 def first_motion(scene: Scene) -> Trajectory:
-    """The baseline, or a detour where there is none: what an optimisation may start from."""
-    try:
-        return baseline(scene)
-    except DeltaOptError:
-        return detour(scene)
+    """What an optimisation may start from: the first of these that there is."""
+    for motion in (baseline, joint_line):
+        try:
+            return motion(scene)
+        except DeltaOptError:
+            continue
+    return detour(scene)
+
+
+def between(trajectory: Trajectory, model: DeltaModel, start: Vector3, goal: Vector3) -> Trajectory:
+    """A motion shifted to other ends, by the straight line's share of the way in between."""
+    old, knots = trajectory.position, trajectory.knots
+    ends = old.at(knots[[0, -1]])
+    shifts = np.array([start, goal]) - ends
+    u = (knots - knots[0]) / trajectory.duration
+    share, rate = polyval(u, _ALONG), polyval(u, polyder(_ALONG)) / trajectory.duration
+    x = old.at(knots) + shifts[0] + np.outer(share, shifts[1] - shifts[0])
+    v = old.derivative().at(knots) + np.outer(rate, shifts[1] - shifts[0])
+    return Trajectory(PiecewisePolynomial.hermite(knots, x, v), model)
 
 
 def _fastest(scene: Scene, trajectory: Trajectory, name: str) -> Trajectory:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.mechanisms.delta_functions import DeltaFunctions
-from deltaopt.planning.nlp import Program, Solution
+from deltaopt.planning.nlp import Program, Solution, Spent
 from deltaopt.planning.scales import Scales
 from deltaopt.planning.transcription import PiecewiseAcceleration
 from deltaopt.trajectory import PiecewisePolynomial, Trajectory
@@ -23,6 +24,24 @@ class Problem(Protocol):
     def mesh(self) -> Array:
         """Lengths of the intervals as fractions of the duration, (N,)."""
         ...
+
+    def solve(self, guess: Guess, scales: Scales, parameters: Array) -> Solved:
+        """The fastest motion on this mesh; ``parameters``: the mechanism's."""
+        ...
+
+
+@dataclass(frozen=True)
+class Guess:
+    """A motion to start from. ``near``: whether it is a solution of a similar problem.
+    ``tolerance``: relative, of the duration, to which the solution is wanted at least."""
+
+    trajectory: Trajectory
+    near: bool
+    tolerance: float
+
+
+class NonlinearProblem(Protocol):
+    """A problem written as a nonlinear program for Ipopt."""
 
     @property
     def program(self) -> Program:
@@ -42,9 +61,33 @@ class Problem(Protocol):
         ...
 
     def prices(self, solution: Solution) -> Array:
-        """Fraction of the duration per fraction of a limit, (N, points, 3 or 6): torques, then
-        limited speeds; positive at the upper limit, negative at the lower."""
+        """As in ``Solved``."""
         ...
+
+
+@dataclass(frozen=True)
+class Solved:
+    """The motion found on a mesh, and what its limits cost.
+
+    ``prices``: fraction of the duration per fraction of a limit, (N, points, 3 or 6): torques,
+    then limited speeds; positive at the upper limit, negative at the lower.
+    """
+
+    position: PiecewisePolynomial
+    prices: Array
+    status: str
+    iterations: int
+    spent: Spent
+
+
+def solved_by_ipopt(
+    problem: NonlinearProblem, guess: Guess, scales: Scales, parameters: Array
+) -> Solved:
+    """Raises NotConverged."""
+    p, z = np.concatenate([scales.vector(), parameters]), problem.pack(guess.trajectory, scales)
+    found = problem.program.solve(z, *problem.bounds(scales), p)
+    position = problem.unpack(found.z, scales)
+    return Solved(position, problem.prices(found), found.status, found.iterations, found.spent)
 
 
 class Posed(Protocol):
@@ -56,7 +99,9 @@ class Posed(Protocol):
 
 
 class Pose(Protocol):
-    """A way to write the minimum-time problem as a nonlinear program."""
+    """A way to write the minimum-time problem as a nonlinear program; a value."""
+
+    def __hash__(self) -> int: ...
 
     @property
     def name(self) -> str: ...
