@@ -66,6 +66,10 @@ class NotConverged(DeltaOptError):
         super().__init__(message)
 
 
+class DependentConstraints(DeltaOptError):
+    """Constraints of a mechanism follow from others, so that no multiplier is unique."""
+
+
 class Inconsistent(DeltaOptError):
     """A state violates the constraints of its mechanism too far to be projected onto them."""
 

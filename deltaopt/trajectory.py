@@ -74,10 +74,15 @@ class Motion:
 
 @dataclass(frozen=True)
 class Trajectory:
-    """The path of the platform's centre over time, and the model that gives its torques."""
+    """The path of the platform's centre over time, and the model that gives its torques.
+
+    ``coordinates``: all twelve as polynomials, where they were planned as such and need not
+    close the loops; without them they follow from the path.
+    """
 
     position: PiecewisePolynomial
     model: DeltaModel
+    coordinates: PiecewisePolynomial | None = None
 
     @property
     def knots(self) -> Array:
@@ -109,7 +114,8 @@ class Trajectory:
 
     def slowed(self, factor: float) -> Trajectory:
         """The same path, uniformly ``factor`` times as slow."""
-        return replace(self, position=self.position.slowed(factor))
+        coordinates = self.coordinates and self.coordinates.slowed(factor)
+        return replace(self, position=self.position.slowed(factor), coordinates=coordinates)
 
     def _motion(self, t: Array, intervals: NDArray[np.intp], since: Array) -> Motion:
         velocity = self.position.derivative()

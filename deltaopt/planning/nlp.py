@@ -25,6 +25,7 @@ Integers = NDArray[np.intp]
 
 IPOPT: dict[str, str | float | int | bool] = {
     "print_time": False,
+    "record_time": True,
     "calc_lam_p": False,
     "ipopt.print_level": 0,
     "ipopt.sb": "yes",
@@ -88,17 +89,27 @@ class Layout:
 class Points:
     """A point function at n points; the layout has n · ny rows, point by point.
 
-    ``lower``, ``upper``: bounds of r, (nr,), the same at every point.
+    ``lower``, ``upper``: bounds of r, (nr,), the same at every point. ``fractions``: when, as
+    fractions of the duration, (n,), for errors to tell.
     """
 
     function: PointFunction
     layout: Layout
     lower: Array
     upper: Array
+    fractions: Array | None = None
 
     @property
     def number(self) -> int:
         return len(self.layout.columns) // self.function.function.size1_in(0)
+
+    def row_names(self) -> list[str]:
+        """What each row is and when, for an error."""
+        n, nr = self.number, len(self.lower)
+        when = [f"point {i} of {n}" for i in range(1, n + 1)]
+        if self.fractions is not None:
+            when = [f"{fraction:.1%} of the duration" for fraction in self.fractions]
+        return [f"{self.function.name} {j + 1} at {place}" for place in when for j in range(nr)]
 
 
 @dataclass(frozen=True)
@@ -106,6 +117,7 @@ class Solution:
     """Where Ipopt ended: ``z`` the variables, multipliers of their bounds and of the rows.
 
     A multiplier is positive where an upper bound holds, negative where a lower one does.
+    ``evaluation_seconds``: what of ``seconds`` went into functions and their derivatives.
     """
 
     z: Array
@@ -114,6 +126,7 @@ class Solution:
     status: str
     iterations: int
     seconds: float
+    evaluation_seconds: float = 0.0
 
 
 class Program:
@@ -158,6 +171,7 @@ class Program:
             status=stats["return_status"],
             iterations=stats["iter_count"],
             seconds=perf_counter() - begin,
+            evaluation_seconds=sum(v for k, v in stats.items() if k.startswith("t_wall_nlp_")),
         )
 
     def _build(self, cost: Array) -> ca.Function:
@@ -197,12 +211,7 @@ class Program:
         worst = int(np.nanargmax(violation)) if np.isfinite(violation).any() else 0
         names = ["continuity"] * len(self._linear.columns)
         for points in self._points:
-            n, nr = points.number, len(points.lower)
-            names += [
-                f"{points.function.name} {j} at point {i} of {n}"
-                for i in range(1, n + 1)
-                for j in range(1, nr + 1)
-            ]
+            names += points.row_names()
         return (
             f"Ipopt stopped after {stats['iter_count']} iterations: {stats['return_status']}; "
             f"worst constraint: {names[worst]}, violated by {violation[worst]:.1e}"
