@@ -93,6 +93,8 @@ def _climb(
         where = np.tile(interval, 3), np.concatenate([top - step, top, top + step])
         values = curves(*where)
         highest.see(*where, values)
+        if not np.isfinite(values).all():
+            return  # nothing can be higher
         left, middle, right = values[np.arange(3 * n), np.tile(function, 3)].reshape(3, n)
         curvature = left - 2 * middle + right
         bent = np.where(curvature < 0, curvature, -np.inf)

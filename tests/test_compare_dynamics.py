@@ -11,6 +11,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
+
 from deltaopt.cli import main
 from deltaopt.cli.progress import ProgressBar
 from deltaopt.dynamics.constraint_matrix import Partition

@@ -6,6 +6,7 @@ import casadi as ca
 import mpmath
 import numpy as np
 import pytest
+
 from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.dynamics.mechanism import SX
 from deltaopt.mechanisms.delta import delta

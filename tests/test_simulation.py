@@ -11,6 +11,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
+
 from deltaopt.dynamics.consistency import EuclideanMetric, Residuals
 from deltaopt.dynamics.constraint_matrix import NullSpace, Partition
 from deltaopt.dynamics.formulation import Formulation

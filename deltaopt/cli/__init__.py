@@ -9,7 +9,7 @@ import argparse
 import sys
 from typing import Protocol
 
-from deltaopt.cli import compare
+from deltaopt.cli import check, compare, inverse, plan
 from deltaopt.errors import DeltaOptError, SceneError
 
 
@@ -25,7 +25,12 @@ class Command(Protocol):
         ...
 
 
-COMMANDS: dict[str, Command] = {"compare": compare}
+COMMANDS: dict[str, Command] = {
+    "plan": plan,
+    "check": check,
+    "inverse": inverse,
+    "compare": compare,
+}
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -36,7 +41,12 @@ def main(argv: list[str] | None = None) -> int:
     )
     subparsers = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
     for name, command in COMMANDS.items():
-        subparser = subparsers.add_parser(name, help=command.HELP, description=command.HELP)
+        subparser = subparsers.add_parser(
+            name,
+            help=command.HELP,
+            description=command.__doc__,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
         command.add_arguments(subparser)
         subparser.set_defaults(run=command.run)
     arguments = parser.parse_args(argv)
@@ -48,6 +58,9 @@ def main(argv: list[str] | None = None) -> int:
     except DeltaOptError as error:
         print(f"deltaopt: {error}", file=sys.stderr)
         return 1
+    except OSError as error:  # all input is read and checked: an output that cannot be written
+        print(f"deltaopt: {error.filename}: {error.strerror}", file=sys.stderr)
+        return 2
     except KeyboardInterrupt:
         print("deltaopt: stopped", file=sys.stderr)
         return 130

@@ -1,28 +1,33 @@
-"""The baseline: a straight line from rest to rest, as fast as it may be without a detour."""
+"""Motions that need no optimisation: the straight line, and an arc where that is blocked."""
 
 from __future__ import annotations
 
 from math import isinf
 
 import numpy as np
+from numpy.polynomial.polynomial import polymul
 
-from deltaopt.errors import Infeasible, Unreachable
+from deltaopt.errors import DeltaOptError, Infeasible, Unreachable
 from deltaopt.limits import safe_factor
 from deltaopt.model import DeltaModel
 from deltaopt.record import Vector3
+from deltaopt.robot import Robot
 from deltaopt.scene import Scene
-from deltaopt.trajectory import PiecewisePolynomial, Trajectory
+from deltaopt.trajectory import Array, PiecewisePolynomial, Trajectory
+
+_ALONG = np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0])
+"""Share of the way at u = t / duration: at rest and without acceleration at both ends."""
+_PULLS = (0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0)
+"""How far arcs are pulled from the line towards the middle of the workspace, as a share."""
 
 
 def straight_line(model: DeltaModel, start: Vector3, goal: Vector3, duration: float) -> Trajectory:
     """10 u³ - 15 u⁴ + 6 u⁵ of the way at u = t / duration: at rest and without acceleration
     at both ends, as in the paper's Fig. 4."""
     begin, way = np.array(start), np.array(goal) - np.array(start)
-    along = np.array([0, 0, 0, 10, -15, 6]) / duration ** np.arange(6)
-    coefficients = along[:, None] * way
+    coefficients = _ALONG[:, None] * way
     coefficients[0] += begin
-    knots = np.array([0.0, duration])
-    return Trajectory(PiecewisePolynomial(knots, coefficients[None]), model)
+    return _one_piece(model, coefficients).slowed(duration)
 
 
 def baseline(scene: Scene) -> Trajectory:
@@ -32,12 +37,64 @@ def baseline(scene: Scene) -> Trajectory:
     exceeds a torque limit on it: a detour may exist all the same.
     """
     line = straight_line(DeltaModel(scene.robot, scene.payload), scene.start, scene.goal, 1.0)
+    return _fastest(scene, line, "the straight line from start to goal")
+
+
+def detour(scene: Scene) -> Trajectory:
+    """The fastest of a few arcs that bulge towards the middle of the workspace.
+
+    Raises Unreachable if none of them can be driven.
+    """
+    model = DeltaModel(scene.robot, scene.payload)
+    halfway = (np.array(scene.start) + scene.goal) / 2
+    arcs = []
+    for pull in _PULLS:
+        corner = halfway + pull * (_middle(scene.robot) - halfway)
+        try:
+            arcs.append(_fastest(scene, _arc(model, scene.start, scene.goal, corner), "the arc"))
+        except DeltaOptError:
+            continue
+    if not arcs:
+        raise Unreachable("neither a straight line nor a simple arc leads from start to goal")
+    return min(arcs, key=lambda arc: arc.duration)
+
+
+def first_motion(scene: Scene) -> Trajectory:
+    """The baseline, or a detour where there is none: what an optimisation may start from."""
     try:
-        factor = safe_factor(scene, line, at_least=0.0)
+        return baseline(scene)
+    except DeltaOptError:
+        return detour(scene)
+
+
+def _fastest(scene: Scene, trajectory: Trajectory, name: str) -> Trajectory:
+    """A motion at the shortest duration that keeps the limits."""
+    try:
+        factor = safe_factor(scene, trajectory, at_least=0.0)
     except Unreachable as error:
-        raise Unreachable(f"the straight line from start to goal: {error}") from None
+        raise Unreachable(f"{name}: {error}") from None
     if isinf(factor):
-        raise Infeasible(
-            "on the straight line from start to goal gravity alone exceeds a torque limit"
-        )
-    return line.slowed(factor)
+        raise Infeasible(f"{name}: gravity alone exceeds a torque limit on it")
+    return trajectory.slowed(factor)
+
+
+def _arc(model: DeltaModel, start: Vector3, goal: Vector3, corner: Array) -> Trajectory:
+    """The parabola that leaves start and reaches goal in the direction of a corner, in 1 s."""
+    begin, end = np.array(start), np.array(goal)
+    coefficients = np.outer(polymul(_ALONG, _ALONG), begin - 2 * corner + end)
+    coefficients[: len(_ALONG)] += np.outer(_ALONG, 2 * (corner - begin))
+    coefficients[0] += begin
+    return _one_piece(model, coefficients)
+
+
+def _one_piece(model: DeltaModel, coefficients: Array) -> Trajectory:
+    """A motion of one polynomial, coefficients (powers, 3), in 1 s."""
+    return Trajectory(PiecewisePolynomial(np.array([0.0, 1.0]), coefficients[None]), model)
+
+
+def _middle(robot: Robot) -> Array:
+    """Halfway between folded and stretched on the robot's axis, 3, m."""
+    arm, bars = robot.upper_arm.length, robot.forearm.length
+    offset = robot.base_radius - robot.platform_radius
+    folded, stretched = (max(reach**2 - offset**2, 0) ** 0.5 for reach in (bars - arm, bars + arm))
+    return np.array([(folded + stretched) / 2, 0.0, 0.0])

@@ -12,7 +12,6 @@ Virtual work and Kane's method lead to eq. (39) too.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -23,7 +22,7 @@ from numpy.typing import NDArray
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.dynamics.mechanism import SX
 from deltaopt.planning.closure import LoopClosure, closed
-from deltaopt.planning.nlp import PointFunction, Points, Program, Solution
+from deltaopt.planning.nlp import Layout, PointFunction, Points, Program, Solution
 from deltaopt.planning.system import RestToRest, System
 from deltaopt.planning.transcription import PiecewiseAcceleration
 from deltaopt.planning.variables import Variables
@@ -121,7 +120,7 @@ def _redundant(
     rows = ddf + closure.feedback(f, df)
     speed = None
     if u.speed is not None:
-        speed = _named("motor speed", y, system, _speeds(system, u.q * X, u.q * V, T))
+        speed = _named("motor speed", y, system, _speeds(system, u.q * X, u.q * V, T) / u.speed)
     return Equations(
         system,
         tuple(range(system.n)),
@@ -140,14 +139,14 @@ def _minimal_speed(system: System) -> PointFunction | None:
     y, X, V, _, _, T = _symbols(len(system.independent), 0)
     units = system.units.q[list(system.independent)]
     q, dq, _ = system.motion(units * X, units * V, SX.zeros(X.numel()), system.p)
-    return _named("motor speed", y, system, _speeds(system, q, dq, T))
+    return _named("motor speed", y, system, _speeds(system, q, dq, T) / system.units.speed)
 
 
 def _speeds(system: System, q: SX, dq: SX, T: SX) -> SX:
-    """Motor speeds over their limits; q̇ with time in units of the duration."""
+    """Motor speeds, rad/s; q̇ with time in units of the duration."""
     m, u = system.mechanism, system.units
     rate = ca.Function("rate", [m.q, m.dq, m.parameters], [m.B.T @ m.dq])
-    return rate(q, dq, m.parameters) / (u.time * T * u.speed)
+    return rate(q, dq, m.parameters) / (u.time * T)
 
 
 def _in_units(residual: SX, system: System) -> SX:

@@ -1,29 +1,17 @@
-"""The Delta as a system, and the poses of its planner beside the flat one."""
+"""The Delta as a system: a scene's task and its units in the terms of a chain."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.dynamics.formulation import Formulation
-from deltaopt.dynamics.lagrange import Multiplier
 from deltaopt.dynamics.mechanism import SX
 from deltaopt.mechanisms.delta_functions import DeltaFunctions
 from deltaopt.model import DeltaModel
-from deltaopt.planning.chain import (
-    ChainProblem,
-    Equations,
-    explicit_equations,
-    flat_equations,
-    forward_equations,
-    multiplier_equations,
-)
-from deltaopt.planning.closure import KnotConstraints, LoopClosure
+from deltaopt.planning.chain import ChainProblem, Equations
 from deltaopt.planning.nlp import Program, Solution
 from deltaopt.planning.scales import Scales
 from deltaopt.planning.system import RestToRest, System, Units
@@ -64,48 +52,6 @@ def rest_to_rest(scales: Scales) -> RestToRest:
 
 
 @dataclass(frozen=True)
-class Redundant:
-    """Twelve coordinates as polynomials under loop closure, by a formulation of the dynamics.
-
-    ``Multiplier``: eq. (37). Any other: eq. (39), for virtual work and Kane's method end in
-    the same three equations as the explicit form.
-    """
-
-    formulation: Formulation
-    closure: LoopClosure = field(default_factory=KnotConstraints)
-
-    @property
-    def name(self) -> str:
-        kind = "multiplier" if isinstance(self.formulation, Multiplier) else "explicit"
-        return f"{kind}, {self.closure.name}"
-
-    def of(
-        self, functions: DeltaFunctions, transcription: PiecewiseAcceleration, *, speed: bool
-    ) -> DeltaPosed:
-        return DeltaPosed(self.equations(delta_system(functions, speed=speed)), transcription)
-
-    def equations(self, system: System) -> Equations:
-        if isinstance(self.formulation, Multiplier):
-            return multiplier_equations(system, self.closure)
-        return explicit_equations(system, self.closure)
-
-
-@dataclass(frozen=True)
-class Forward:
-    """Minimal coordinates with the torque as control, forward dynamics as the defect."""
-
-    name: str = "forward"
-
-    def of(
-        self, functions: DeltaFunctions, transcription: PiecewiseAcceleration, *, speed: bool
-    ) -> DeltaPosed:
-        return DeltaPosed(self.equations(delta_system(functions, speed=speed)), transcription)
-
-    def equations(self, system: System) -> Equations:
-        return forward_equations(system)
-
-
-@dataclass(frozen=True)
 class DeltaPosed:
     """A chain's equations for the Delta, to be put on a mesh."""
 
@@ -135,16 +81,14 @@ class DeltaProblem:
         self.chain.equations.system.require_independent_constraints(task)
         return self.chain.pack(trajectory.position, task)
 
-    def unpack(self, z: Array, scales: Scales) -> PiecewisePolynomial:
-        q = self.chain.unpack(z, rest_to_rest(scales))
-        return PiecewisePolynomial(q.knots, q.coefficients[:, :, :3])
-
-    def coordinates(self, z: Array, scales: Scales) -> PiecewisePolynomial | None:
-        """All twelve, where they drift; else they follow from the platform's path."""
-        closure = self.chain.equations.closure
-        if closure is None or not closure.drifts:
-            return None
-        return self.chain.unpack(z, rest_to_rest(scales))
+    def unpack(
+        self, z: Array, scales: Scales
+    ) -> tuple[PiecewisePolynomial, PiecewisePolynomial | None]:
+        """The platform's path; and all twelve coordinates where they drift, since otherwise the
+        loops close at the knots and the motion is reported as that of the platform."""
+        q, closure = self.chain.unpack(z, rest_to_rest(scales)), self.chain.equations.closure
+        position = PiecewisePolynomial(q.knots, q.coefficients[:, :, :3])
+        return position, q if closure is not None and closure.drifts else None
 
     def bounds(self, scales: Scales) -> tuple[Array, Array]:
         return self.chain.bounds(rest_to_rest(scales))

@@ -132,8 +132,8 @@ class FlatProblem:
         fractions = (begin[:, None] + self.mesh[:, None] * inside).ravel()
         return trajectory(trajectory.duration * fractions)
 
-    def unpack(self, z: Array, scales: Scales) -> PiecewisePolynomial:
-        """The motion that the variables describe, in m and s."""
+    def unpack(self, z: Array, scales: Scales) -> tuple[PiecewisePolynomial, None]:
+        """The motion that the variables describe, in m and s; the loops close by themselves."""
         T, blocks = z[-1] * scales.time, z[:-7].reshape(self.intervals, self._block)
         X, V = blocks[:, :3], blocks[:, 3:6]
         A = blocks[:, 6 : self._motion_size].reshape(self.intervals, -1, 3)
@@ -141,7 +141,7 @@ class FlatProblem:
         coefficients[:, 0] += scales.origin
         coefficients /= T ** np.arange(coefficients.shape[1])[:, None]
         knots = T * np.concatenate([[0.0], np.cumsum(self.mesh)])
-        return PiecewisePolynomial(knots, coefficients)
+        return PiecewisePolynomial(knots, coefficients), None
 
     def bounds(self, scales: Scales) -> tuple[Array, Array]:
         """Start and goal at rest, torques within limits, a positive duration; the rest free."""

@@ -26,6 +26,7 @@ Integers = NDArray[np.intp]
 IPOPT: dict[str, str | float | int | bool] = {
     "print_time": False,
     "record_time": True,
+    "show_eval_warnings": False,  # a trial point out of reach is a shorter step for Ipopt
     "calc_lam_p": False,
     "ipopt.print_level": 0,
     "ipopt.sb": "yes",

@@ -10,13 +10,16 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
+from deltaopt.dynamics.formulation import Projected
+from deltaopt.dynamics.lagrange import Multiplier
 from deltaopt.feasibility import check_feasible
 from deltaopt.limits import safe_factor
 from deltaopt.model import DeltaModel
-from deltaopt.planning.baseline import baseline
+from deltaopt.planning.baseline import first_motion
 from deltaopt.planning.flat import Flat
 from deltaopt.planning.gap import FRACTIONS, GivenAway, given_away, refined
 from deltaopt.planning.nlp import Solution
+from deltaopt.planning.poses import posed_as
 from deltaopt.planning.problem import Pose, Posed, Problem
 from deltaopt.planning.scales import Scales
 from deltaopt.planning.transcription import PiecewiseAcceleration
@@ -87,17 +90,28 @@ def plan(
     tolerance: float = 1e-3,
     intervals: int = 10,
     transcription: PiecewiseAcceleration | None = None,
-    formulation: Pose | None = None,
+    formulation: Pose | Multiplier | Projected | None = None,
     progress: Progress | None = None,
 ) -> Plan:
     """The fastest motion of a scene.
+
+    ``formulation``: a pose (flat by default, forward), or a formulation of the dynamics, which
+    is posed in twelve coordinates: multiplier by eq. (37), the others all by eq. (39).
 
     ``tolerance``: of the optimality gap. ``intervals``: of the first mesh, refined where time
     is given away until the gap is within the tolerance. ``progress``: told after every mesh.
 
     Raises Unreachable, Infeasible or NotConverged.
     """
-    planner = Planner(scene.robot, scene.payload, scene.limits, tolerance, intervals, transcription)
+    planner = Planner(
+        scene.robot,
+        scene.payload,
+        scene.limits,
+        tolerance,
+        intervals,
+        transcription,
+        formulation,
+    )
     return planner.plan(scene.start, scene.goal, progress=progress)
 
 
@@ -112,7 +126,7 @@ class Planner:
         tolerance: float = 1e-3,
         intervals: int = 10,
         transcription: PiecewiseAcceleration | None = None,
-        formulation: Pose | None = None,
+        formulation: Pose | Multiplier | Projected | None = None,
     ) -> None:
         if not tolerance > 0:
             raise ValueError(f"tolerance is {tolerance}; it must be greater than 0")
@@ -121,7 +135,7 @@ class Planner:
         self._robot, self._payload, self._limits = robot, payload, limits
         self._tolerance = tolerance
         self._transcription = transcription or PiecewiseAcceleration()
-        self._pose = formulation or Flat()
+        self._pose = posed_as(formulation or Flat())
         self._first_mesh = np.full(intervals, 1 / intervals)
         self._model = DeltaModel(robot, payload)
 
@@ -132,16 +146,17 @@ class Planner:
         )
         check_feasible(scene)
         begin = perf_counter()
-        guess = baseline(scene)
+        guess = first_motion(scene)
         scales = Scales(scene, guess.duration)
         attempts = [self._attempt(self._first_problem, scales, guess)]
         rounds = [_round(attempts)]
+        tell = progress or (lambda _: None)
+        tell(str(rounds[-1]))
         while not self._done(rounds):
             mesh = refined(attempts[-1].problem.mesh, attempts[-1].lost, self._tolerance / 4)
             attempts.append(self._attempt(self._posed.on(mesh), scales, attempts[-1].trajectory))
             rounds.append(_round(attempts))
-            if progress:
-                progress(str(rounds[-1]))
+            tell(str(rounds[-1]))
         last = attempts[-1]
         return Plan(
             scene=scene,
@@ -174,7 +189,8 @@ class Planner:
     def _attempt(self, problem: Problem, scales: Scales, guess: Trajectory) -> Attempt:
         p = np.concatenate([scales.vector(), self._model.parameters])
         solution = problem.program.solve(problem.pack(guess, scales), *problem.bounds(scales), p)
-        trajectory = Trajectory(problem.unpack(solution.z, scales), self._model)
+        position, coordinates = problem.unpack(solution.z, scales)
+        trajectory = Trajectory(position, self._model, coordinates)
         lost = given_away(problem.prices(solution), *_loads(scales.scene, trajectory))
         return Attempt(problem, solution, trajectory, lost, safe_factor(scales.scene, trajectory))
 

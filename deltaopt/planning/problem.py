@@ -33,8 +33,11 @@ class Problem(Protocol):
         """The variables that describe a motion on this mesh."""
         ...
 
-    def unpack(self, z: Array, scales: Scales) -> PiecewisePolynomial:
-        """The motion of the platform that the variables describe, m and s."""
+    def unpack(
+        self, z: Array, scales: Scales
+    ) -> tuple[PiecewisePolynomial, PiecewisePolynomial | None]:
+        """The motion of the platform that the variables describe, m and s; and that of all
+        coordinates, m, rad and s, where it does not follow from the platform's."""
         ...
 
     def bounds(self, scales: Scales) -> tuple[Array, Array]:

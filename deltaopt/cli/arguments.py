@@ -1,0 +1,58 @@
+"""Arguments that commands share."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from errno import EACCES, ENOTDIR
+from math import isfinite
+from pathlib import Path
+
+
+def add_scene(parser: argparse.ArgumentParser) -> None:
+    """SCENE."""
+    parser.add_argument(
+        "scene", type=Path, metavar="SCENE", help="scene file, such as problems/pick_and_place.yaml"
+    )
+
+
+def add_output(parser: argparse.ArgumentParser) -> None:
+    """-o DIR."""
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        metavar="DIR",
+        help="directory to write to, made if need be (default: out/ and the scene's name)",
+    )
+
+
+def output_directory(arguments: argparse.Namespace) -> Path:
+    """The directory to write to. Made at once, so that a bad one is told before any work."""
+    scene: Path = arguments.scene
+    directory: Path = arguments.output or Path("out") / scene.stem
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+    except FileExistsError:
+        raise NotADirectoryError(ENOTDIR, "is a file, not a directory", str(directory)) from None
+    if not os.access(directory, os.W_OK):
+        raise PermissionError(EACCES, "may not be written to", str(directory))
+    return directory
+
+
+def positive(text: str) -> float:
+    """A finite number greater than 0, for argparse."""
+    try:
+        number = float(text)
+    except ValueError:
+        number = 0.0
+    if not (isfinite(number) and number > 0):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number greater than 0")
+    return number
+
+
+def two_or_more(text: str) -> int:
+    """A whole number from 2 to 9999, for argparse."""
+    if not (text.isascii() and text.isdigit() and len(text) < 5 and int(text) > 1):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 2 to 9999")
+    return int(text)

@@ -1,0 +1,78 @@
+"""Compute the torques along the straight line of a scene: the paper's section 5.3.
+
+The platform goes from start to goal on a straight line, at rest and without acceleration at
+both ends, in a time that is given. DIR receives
+
+  inverse.csv   the motion: platform, motors, torques
+  motion.png    displacement, velocity, acceleration (the paper's Fig. 4)
+  torques.png   torques of the motors (the paper's Fig. 5)
+
+Nothing is optimised, and limits are reported but need not be kept.
+"""
+
+from __future__ import annotations
+
+import argparse
+
+import numpy as np
+
+from deltaopt.cli.arguments import add_output, add_scene, output_directory, positive
+from deltaopt.export import write_csv
+from deltaopt.feasibility import check_feasible
+from deltaopt.limits import torque_excess
+from deltaopt.model import DeltaModel
+from deltaopt.planning.baseline import straight_line
+from deltaopt.scene import Scene, load_scene
+from deltaopt.trajectory import Trajectory
+
+HELP = "compute the torques along a straight line (the paper's Figs. 4 and 5)"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    add_scene(parser)
+    add_output(parser)
+    parser.add_argument(
+        "--duration",
+        type=positive,
+        default=0.5,
+        metavar="S",
+        help="time from start to goal, s (default: 0.5; the paper does not say its own)",
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    from deltaopt.plots.inverse import draw_motion, draw_torques  # slow to import
+
+    scene = load_scene(arguments.scene)
+    check_feasible(scene)
+    directory = output_directory(arguments)
+    model = DeltaModel(scene.robot, scene.payload)
+    trajectory = straight_line(model, scene.start, scene.goal, arguments.duration)
+    print(_table(trajectory))
+    print(_against_limit(scene, trajectory))
+    files = [directory / name for name in ("inverse.csv", "motion.png", "torques.png")]
+    write_csv(files[0], trajectory)
+    draw_motion(files[1], trajectory)
+    draw_torques(files[2], trajectory)
+    print("written:", ", ".join(map(str, files)))
+    return 0
+
+
+def _table(trajectory: Trajectory) -> str:
+    """Torques at both ends and their extremes, N·m, one motor a line."""
+    begin, end = trajectory.knots[[0, -1]]
+    tau = trajectory(np.linspace(begin, end, 1001)).tau
+    lines = [f"{'torque (N·m)':<14}{'at start':>10}{'at goal':>10}{'least':>10}{'most':>10}"]
+    for k in range(3):
+        values = (tau[0, k], tau[-1, k], tau[:, k].min(), tau[:, k].max())
+        lines.append(f"motor {k + 1:<8}" + "".join(f"{value:>10.4f}" for value in values))
+    return "\n".join(lines)
+
+
+def _against_limit(scene: Scene, trajectory: Trajectory) -> str:
+    excess = torque_excess(scene, trajectory)
+    limit = scene.torque_limits[excess.motor - 1]
+    return (
+        f"closest to its limit: motor {excess.motor}, {1 + excess.value:.1%} of {limit:g} N·m "
+        f"at t = {excess.t:.4f} s"
+    )

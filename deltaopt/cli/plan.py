@@ -1,0 +1,108 @@
+"""Find the fastest motion of a scene, verify it, and write it down.
+
+The motion begins and ends at rest and keeps the limits of torque and speed all the way;
+its path is free. What is found is then checked by code that knows nothing of how it was
+found. DIR receives
+
+  trajectory.csv   the motion for a controller: platform, motors, torques
+  plan.json        duration, how it was found, all measures of the check, the scene
+  plan.png         torques against their limits, motor speeds, path
+
+Exit code: 0 done and verified; 1 there is no verified solution; 2 bad input.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from deltaopt.cli.arguments import add_output, add_scene, output_directory, positive, two_or_more
+from deltaopt.export import RATE, Solution, StraightLine, save
+from deltaopt.feasibility import check_feasible
+from deltaopt.planning.baseline import baseline
+from deltaopt.planning.plan import Plan, plan
+from deltaopt.scene import Scene, load_scene
+from deltaopt.trajectory import Trajectory
+from deltaopt.verify import Check, Verification, verify
+
+HELP = "find the fastest motion of a scene and verify it"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    add_scene(parser)
+    add_output(parser)
+    parser.add_argument(
+        "--baseline",
+        action="store_true",
+        help="no optimisation: the straight line, as fast as the limits allow",
+    )
+    parser.add_argument(
+        "--tolerance",
+        type=positive,
+        default=1e-3,
+        metavar="GAP",
+        help="how much longer than the optimum the motion may take, relative (default: 1e-3)",
+    )
+    parser.add_argument(
+        "--intervals",
+        type=two_or_more,
+        default=10,
+        metavar="N",
+        help="intervals of the first mesh (default: 10)",
+    )
+    parser.add_argument(
+        "--rate",
+        type=positive,
+        default=RATE,
+        metavar="HZ",
+        help=f"instants per second in trajectory.csv (default: {RATE:g})",
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    scene = load_scene(arguments.scene)
+    check_feasible(scene)
+    directory = output_directory(arguments)
+    trajectory, solution = _solve(scene, arguments)
+    verification = verify(scene, trajectory)
+    print(table(verification))
+    files = save(directory, scene, trajectory, verification, solution, arguments.rate)
+    print("written:", ", ".join(map(str, files)))
+    for failure in verification.failures():
+        print(f"deltaopt: verification failed: {failure}", file=sys.stderr)
+    return 0 if verification.ok else 1
+
+
+def _solve(scene: Scene, arguments: argparse.Namespace) -> tuple[Trajectory, Solution]:
+    if arguments.baseline:
+        return baseline(scene), StraightLine()
+    found = plan(
+        scene,
+        tolerance=arguments.tolerance,
+        intervals=arguments.intervals,
+        progress=lambda text: print(text, file=sys.stderr, flush=True),
+    )
+    _tell_gap(found)
+    return found.trajectory, found
+
+
+def _tell_gap(found: Plan) -> None:
+    print(f"estimated to be at most {found.gap:.1e} longer than the optimum", end="")
+    print("" if found.within_tolerance else f", which is not the {found.tolerance:g} asked for")
+
+
+def table(verification: Verification) -> str:
+    """Duration and all measures beside their bounds, one a line."""
+    rows = [("measure", "value", "at most", "unit", ""), *map(_row, verification.checks())]
+    lines = (
+        f"{name:<17}{value:>10}{bound:>9}  {unit:<13}{ok}".rstrip()
+        for name, value, bound, unit, ok in rows
+    )
+    return "\n".join([f"duration {verification.duration:.6f} s", *lines])
+
+
+def _row(check: Check) -> tuple[str, str, str, str, str]:
+    bound = check.bound
+    name = bound.measure.replace("_", " ")
+    ok = "ok" if check.ok else "FAILED"
+    return name, f"{check.value:.1e}", f"{bound.at_most:.0e}", bound.unit, ok

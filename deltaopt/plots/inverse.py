@@ -1,0 +1,56 @@
+"""The paper's Figs. 4 and 5: a prescribed motion, and the torques it takes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from deltaopt.plots.style import COLOURS, STROKES, figure, motor_curves, without_box
+from deltaopt.trajectory import Motion, Trajectory
+
+_SAMPLES = 1001
+
+
+def draw_motion(file: Path, trajectory: Trajectory) -> None:
+    """Fig. 4: displacement, velocity and acceleration of the platform."""
+    motion = _sampled(trajectory)
+    rows = (
+        ("displacement (m)", motion.x - motion.x[0]),
+        ("velocity (m/s)", motion.v),
+        ("acceleration (m/s²)", motion.a),
+    )
+    with figure(file, 3.5, 5.0) as page:
+        panels = page.subplots(3, 1, sharex=True)
+        for panel, (label, values) in zip(panels, rows, strict=True):
+            for i, (colour, stroke) in enumerate(zip(COLOURS, STROKES, strict=True)):
+                line = panel.plot(motion.t, values[:, i], color=colour, linestyle=stroke)
+                line[0].set_label(f"${'xyz'[i]}$")
+            panel.set_ylabel(label)
+            panel.set_xlim(motion.t[0], motion.t[-1])
+            without_box(panel)
+        page.align_ylabels(panels)
+        panels[-1].set_xlabel(r"time $t$ (s)")
+        page.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
+
+
+def draw_torques(file: Path, trajectory: Trajectory) -> None:
+    """Fig. 5: motor torques, beside those that would hold the platform still where it is."""
+    motion = _sampled(trajectory)
+    rest = np.zeros_like(motion.x)
+    holding = trajectory.model.inverse_dynamics(motion.x, rest, rest)
+    with figure(file, 3.5, 2.9) as page:
+        axes = page.subplots()
+        motor_curves(axes, motion.t, motion.tau)
+        for k, colour in enumerate(COLOURS):
+            label = "at rest" if k == 0 else ""
+            axes.plot(motion.t, holding[:, k], ":", color=colour, linewidth=0.9, label=label)
+        axes.set_xlabel(r"time $t$ (s)")
+        axes.set_ylabel(r"torque $\tau_k$ (N·m)")
+        page.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=2)
+
+
+def _sampled(trajectory: Trajectory) -> Motion:
+    """A motion without jumps, close enough for a smooth line."""
+    begin, end = trajectory.knots[[0, -1]]
+    return trajectory(np.linspace(begin, end, _SAMPLES))

@@ -1,0 +1,67 @@
+"""What all charts share: fonts, colours that the colour-blind tell apart, whole files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from deltaopt.files import whole
+from deltaopt.trajectory import Array
+
+COLOURS = ("#0072B2", "#D55E00", "#009E73")
+"""Blue, vermilion and green of Okabe and Ito, for motors 1 to 3 or axes x, y, z."""
+STROKES = ("-", (0, (5, 1.5)), (0, (5, 1.5, 1, 1.5)))
+"""The same distinction in print without colour."""
+GREY = "0.45"
+
+_STYLE: Any = {
+    "font.family": "STIXGeneral",
+    "mathtext.fontset": "stix",
+    "font.size": 9,
+    "axes.titlesize": 9,
+    "axes.titlelocation": "left",
+    "axes.linewidth": 0.6,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.unicode_minus": True,
+    "grid.color": "0.9",
+    "grid.linewidth": 0.5,
+    "xtick.direction": "in",
+    "ytick.direction": "in",
+    "lines.linewidth": 1.3,
+    "legend.frameon": False,
+    "legend.handlelength": 2.8,
+    "pdf.fonttype": 42,
+    "svg.fonttype": "none",
+}
+
+
+@contextmanager
+def figure(file: Path, width: float, height: float) -> Iterator[Figure]:
+    """A figure of this size (inches) to draw on; it is in the file when all went well.
+
+    The format follows the file's suffix: png, pdf or svg.
+    """
+    with mpl.rc_context(_STYLE), whole(file) as temporary:
+        drawn = Figure(figsize=(width, height), layout="constrained")
+        yield drawn
+        drawn.savefig(temporary, dpi=300)
+
+
+def motor_curves(axes: Axes, t: Array, values: Array) -> None:
+    """A curve of each motor, from values (N, 3) at times (N,), s."""
+    for k, (colour, stroke) in enumerate(zip(COLOURS, STROKES, strict=True)):
+        axes.plot(t, values[:, k], color=colour, linestyle=stroke, label=f"motor {k + 1}")
+    axes.set_xlim(t[0], t[-1])
+    without_box(axes)
+
+
+def without_box(axes: Axes) -> None:
+    """Leave only the two axes that carry numbers."""
+    axes.spines[["top", "right"]].set_visible(False)
