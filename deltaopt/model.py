@@ -87,6 +87,10 @@ class DeltaModel:
             )
         return x
 
+    def openings(self, x: ArrayLike) -> Array:
+        """sin² (q_{k,1} - q_{k,2}) of the chains, (N, 3): 0 where one is folded or stretched."""
+        return self._evaluate(self.functions.reach, x)[0][..., 3:]
+
     def motion(self, x: ArrayLike, v: ArrayLike, a: ArrayLike) -> tuple[Array, Array, Array]:
         """q, q̇, q̈, (N, 12) each, of a motion of the platform."""
         x = np.asarray(x, dtype=float)

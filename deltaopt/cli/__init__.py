@@ -9,7 +9,7 @@ import argparse
 import sys
 from typing import Protocol
 
-from deltaopt.cli import check, compare, inverse, plan
+from deltaopt.cli import bench, check, compare, inverse, plan
 from deltaopt.errors import DeltaOptError, SceneError
 
 
@@ -30,6 +30,7 @@ COMMANDS: dict[str, Command] = {
     "check": check,
     "inverse": inverse,
     "compare": compare,
+    "bench": bench,
 }
 
 

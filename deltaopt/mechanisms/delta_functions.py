@@ -74,8 +74,8 @@ class DeltaFunctions:
 
     @cached_property
     def explicit_equations(self) -> ca.Function:
-        """(x, v, a, tau, p) -> Cᵀ (Q* + Q), 3, N, eq. (39), and θ̇, 3; zero the former where
-        the motion obeys the dynamics. Without angles where the bars allow it."""
+        """(x, v, a, tau, p) -> Cᵀ (Q* + Q), 3, N, eq. (39), zero where the motion obeys the
+        dynamics; θ̇, 3; sin² (q_{k,1} - q_{k,2}), 3. Without angles where the bars allow it."""
         x, v, a, tau = (SX.sym(name, 3) for name in ("x", "v", "a", "tau"))
         terms = self.parameters.symbols()
         if is_slender(self.parameters):
@@ -85,10 +85,10 @@ class DeltaFunctions:
         inputs = [x, v, a, tau, terms.vector()]
         return ca.Function("explicit_equations", inputs, list(results))
 
-    def _explicit_equations(self, x: SX, v: SX, a: SX, tau: SX, p: SX) -> tuple[SX, SX]:
+    def _explicit_equations(self, x: SX, v: SX, a: SX, tau: SX, p: SX) -> tuple[SX, SX, SX]:
         q, dq, ddq = self.motion(x, v, a, p)
         force = Explicit().residual(self.mechanism).expand()(0, q, dq, ddq, tau, p)
-        return force, dq[3::3]
+        return force, dq[3::3], self.reach(x, p)[3:]
 
     @cached_property
     def inverse_dynamics(self) -> ca.Function:

@@ -27,8 +27,9 @@ def is_slender(p: DeltaParameters) -> bool:
     return p.I42 is None and bool(p.I41 == p.I43)
 
 
-def explicit_equations(p: DeltaParameters, x: SX, v: SX, a: SX, tau: SX) -> tuple[SX, SX]:
-    """Cᵀ (Q* + Q), 3, N, zero where the motion obeys eq. (39); and θ̇, 3, rad/s.
+def explicit_equations(p: DeltaParameters, x: SX, v: SX, a: SX, tau: SX) -> tuple[SX, SX, SX]:
+    """Cᵀ (Q* + Q), 3, N, zero where the motion obeys eq. (39); θ̇, 3, rad/s; and
+    sin² (q_{k,1} - q_{k,2}), 3, zero where a chain is folded or stretched.
 
     x, v, a of the platform's centre, 3: m, m/s, m/s². tau, 3: N·m.
     """
@@ -36,12 +37,13 @@ def explicit_equations(p: DeltaParameters, x: SX, v: SX, a: SX, tau: SX) -> tupl
     force = -mass * a
     if p.g is not None:
         force += ca.vertcat(mass * p.g, 0, 0)
-    speeds = []
+    speeds, openings = [], []
     for azimuth, torque in zip(AZIMUTHS, ca.vertsplit(tau), strict=True):
         chain = _Chain(p, azimuth, x, v, a)
         force += chain.to_base(*chain.force_on_platform(torque))
         speeds.append(chain.dtheta)
-    return force, ca.vertcat(*speeds)
+        openings.append(chain.opening)
+    return force, ca.vertcat(*speeds), ca.vertcat(*openings)
 
 
 @dataclass(frozen=True)
@@ -75,10 +77,13 @@ class _Chain:
 
     def _place(self, down: SX, outward: SX, sideways: SX) -> None:
         """Elbow E, u = dE/dθ and bar L from the tip, relative to the motor's axis."""
-        arm2, bars2 = (2 * self.p.a2) ** 2, (2 * self.p.a3) ** 2
+        # The bar seen in the plane of the arm.
+        arm2, bars2 = (2 * self.p.a2) ** 2, (2 * self.p.a3) ** 2 - sideways**2
         distance2 = down**2 + outward**2
-        dot = (distance2 + arm2 - bars2 + sideways**2) / 2  # E·P
-        cross = ca.sqrt(arm2 * distance2 - dot**2)  # |E×P|: the elbow outside
+        dot = (distance2 + arm2 - bars2) / 2  # E·P
+        cross2 = arm2 * distance2 - dot**2
+        self.opening = cross2 / (arm2 * bars2)
+        cross = ca.sqrt(cross2)  # |E×P|: the elbow outside
         self.E_d = (down * dot - outward * cross) / distance2
         self.E_o = (outward * dot + down * cross) / distance2
         self.u_d, self.u_o = -self.E_o, self.E_d

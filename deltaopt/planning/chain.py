@@ -38,7 +38,8 @@ class Equations:
     ``coordinates``: indices of q that are polynomials. ``multipliers``: λ's among the
     algebraic unknowns. ``dynamics``: (X, V, A, τ[, λ], T), p -> rows that vanish.
     ``at_nodes``: whether torques are polynomials, given at the nodes, or free at all points.
-    ``acceleration``, ``speed``: (X, V, A, T), p -> rows that vanish, or are at most 1.
+    ``acceleration``: (X, V, A, T), p -> rows that vanish. ``speed``: rows of at most 1.
+    ``opening``: rows that are not negative.
     """
 
     system: System
@@ -47,6 +48,7 @@ class Equations:
     dynamics: PointFunction
     at_nodes: bool = False
     speed: PointFunction | None = None
+    opening: PointFunction | None = None
     closure: LoopClosure | None = None
     acceleration: PointFunction | None = None
     at_knots: PointFunction | None = None
@@ -66,7 +68,8 @@ def flat_equations(system: System) -> Equations:
         system.independent,
         0,
         _named("equation (39)", y, system, rows),
-        speed=_minimal_speed(system),
+        speed=_speed(system, minimal=True),
+        opening=_opening(system, minimal=True),
     )
 
 
@@ -85,7 +88,8 @@ def forward_equations(system: System) -> Equations:
         0,
         _named("forward dynamics", y, system, rows),
         at_nodes=True,
-        speed=_minimal_speed(system),
+        speed=_speed(system, minimal=True),
+        opening=_opening(system, minimal=True),
     )
 
 
@@ -118,35 +122,47 @@ def _redundant(
     second = ca.Function("second", [m.q, m.dq, m.ddq, m.parameters], [m.J @ m.ddq + m.J_bias])
     ddf = second(u.q * X, u.q * V, u.q * A, m.parameters) / u.closure  # the same in any time
     rows = ddf + closure.feedback(f, df)
-    speed = None
-    if u.speed is not None:
-        speed = _named("motor speed", y, system, _speeds(system, u.q * X, u.q * V, T) / u.speed)
     return Equations(
         system,
         tuple(range(system.n)),
         multipliers,
         dynamics,
-        speed=speed,
+        speed=_speed(system, minimal=False),
+        opening=_opening(system, minimal=False),
         closure=closure,
         acceleration=_named("loop closure at acceleration level", y, system, rows),
         at_knots=closure.at_knots(system),
     )
 
 
-def _minimal_speed(system: System) -> PointFunction | None:
-    if system.units.speed is None:
+def _speed(system: System, *, minimal: bool) -> PointFunction | None:
+    """Motor speeds over their limits, if there are any."""
+    m, u = system.mechanism, system.units
+    if u.speed is None:
         return None
+    y, q, dq, T = _state(system, minimal=minimal)
+    rate = ca.Function("rate", [m.q, m.dq, m.parameters], [m.B.T @ m.dq])
+    rows = rate(q, dq, m.parameters) / (u.time * T * u.speed)
+    return _named("motor speed", y, system, rows)
+
+
+def _opening(system: System, *, minimal: bool) -> PointFunction | None:
+    """What keeps the motion inside its assembly mode, if it can be left."""
+    if system.openings.numel() == 0:
+        return None
+    y, q, _, _ = _state(system, minimal=minimal)
+    return _named("assembly mode", y, system, system.inside(q, system.p))
+
+
+def _state(system: System, *, minimal: bool) -> tuple[SX, SX, SX, SX]:
+    """y = (X, V, A, T), q, q̇ (with time in units of the duration), T."""
+    if not minimal:
+        y, X, V, _, _, T = _symbols(system.n, 0)
+        return y, system.units.q * X, system.units.q * V, T
     y, X, V, _, _, T = _symbols(len(system.independent), 0)
     units = system.units.q[list(system.independent)]
     q, dq, _ = system.motion(units * X, units * V, SX.zeros(X.numel()), system.p)
-    return _named("motor speed", y, system, _speeds(system, q, dq, T) / system.units.speed)
-
-
-def _speeds(system: System, q: SX, dq: SX, T: SX) -> SX:
-    """Motor speeds, rad/s; q̇ with time in units of the duration."""
-    m, u = system.mechanism, system.units
-    rate = ca.Function("rate", [m.q, m.dq, m.parameters], [m.B.T @ m.dq])
-    return rate(q, dq, m.parameters) / (u.time * T)
+    return y, q, dq, T
 
 
 def _in_units(residual: SX, system: System) -> SX:
@@ -196,7 +212,7 @@ class ChainProblem:
         return Program(cost, self._continuity, self._rows())
 
     def _rows(self) -> list[Points]:
-        """Dynamics; then what the pose has of acceleration and knot closure, and speed last."""
+        """Dynamics; then what the pose has of closures and openings, and speed last."""
         e, v, t = self.equations, self.variables, self.transcription
         rows = [self._points(e.dynamics, v.points, algebraic=True)]
         if e.acceleration is not None:
@@ -205,16 +221,24 @@ class ChainProblem:
             size = e.at_knots.function.size1_out(0)
             zero = np.zeros(size)
             rows.append(Points(e.at_knots, v.ends(), zero, zero, v.knots[1:]))
+        if e.opening is not None:
+            rows.append(self._points(e.opening, t.points, upper=np.inf))
         if e.speed is not None:
-            rows.append(self._points(e.speed, t.points, most=1.0))
+            rows.append(self._points(e.speed, t.points, lower=-1.0, upper=1.0))
         return rows
 
     def _points(
-        self, function: PointFunction, c: Array, *, algebraic: bool = False, most: float = 0.0
+        self,
+        function: PointFunction,
+        c: Array,
+        *,
+        algebraic: bool = False,
+        lower: float = 0.0,
+        upper: float = 0.0,
     ) -> Points:
-        bound = np.full(function.function.size1_out(0), most)
+        one = np.ones(function.function.size1_out(0))
         layout = self.variables.at(c, algebraic=algebraic)
-        return Points(function, layout, -bound, bound, self.variables.fractions(c))
+        return Points(function, layout, lower * one, upper * one, self.variables.fractions(c))
 
     @cached_property
     def _continuity(self) -> Layout:

@@ -28,7 +28,7 @@ def delta_system(functions: DeltaFunctions, *, speed: bool) -> System:
     arm turns when its elbow moves so far; energies by the largest torque through that angle.
     """
     m = functions.mechanism
-    scales = SX.sym("scales", 11 if speed else 8)
+    scales = SX.sym("scales", 12 if speed else 9)
     D, time, torque = scales[3], scales[4], scales[5:8]
     named = dict(zip(functions.parameters.present(), ca.vertsplit(m.parameters), strict=True))
     angle = D / (2 * named["a2"])
@@ -38,9 +38,10 @@ def delta_system(functions: DeltaFunctions, *, speed: bool) -> System:
         time=time,
         energy=ca.mmax(torque) * angle,
         torque=torque,
-        speed=scales[8:11] if speed else None,
+        speed=scales[9:12] if speed else None,
     )
-    return System(m, (0, 1, 2), functions.inverse_kinematics, scales, units)
+    openings = ca.sin(m.q[3::3] - m.q[4::3]) ** 2 - scales[8]
+    return System(m, (0, 1, 2), functions.inverse_kinematics, scales, units, openings)
 
 
 def rest_to_rest(scales: Scales) -> RestToRest:

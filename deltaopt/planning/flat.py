@@ -6,6 +6,11 @@ dynamics to integrate and no redundant coordinates, only limits:
 
     minimise T   subject to   Cᵀ (Q* + Q)(x, ẋ, ẍ, τ) = 0                     eq. (39)
                               |τ_k| ≤ τ_max,   |θ̇_k(x, ẋ)| ≤ ω_max if there is one
+                              sin² (q_{k,1} − q_{k,2})(x) ≥ a margin
+
+The last keeps the motion inside its assembly mode: at the serial singularities, where a chain
+folds or stretches, x no longer says where the elbow is, and many a fastest motion would go
+there (see ``scales``).
 
 The torques stay variables at every point, since A(x)ᵀ τ = F is cheaper than its inverse and
 the slack of an inequality in Ipopt is a variable anyway.
@@ -33,20 +38,21 @@ Array = NDArray[np.float64]
 
 
 def equations(functions: DeltaFunctions, *, speed: bool) -> PointFunction:
-    """Eq. (39) in units of the largest torque at the elbow; then θ̇ in units of its limit.
+    """Eq. (39) in units of the largest torque at the elbow; how far each chain is from the
+    margin of its fold; then θ̇ in units of its limit.
 
     y: X - x_start, V, A in units of D; τ in units of its limits; T in units of the
     baseline's. p: ``Scales.vector``, then the mechanism's parameters.
     """
     terms = functions.parameters.symbols()
-    y, scales = ca.SX.sym("y", 13), ca.SX.sym("scales", 11 if speed else 8)
+    y, scales = ca.SX.sym("y", 13), ca.SX.sym("scales", 12 if speed else 9)
     origin, length, time, torque = scales[:3], scales[3], scales[4], scales[5:8]
     T = time * y[12]
     x, v, a = origin + length * y[:3], length * y[3:6] / T, length * y[6:9] / T**2
-    force, dtheta = functions.explicit_equations(x, v, a, torque * y[9:12], terms.vector())
-    rows = [force * 2 * terms.a2 / ca.mmax(torque)]
+    force, dtheta, opening = functions.explicit_equations(x, v, a, torque * y[9:12], terms.vector())
+    rows = [force * 2 * terms.a2 / ca.mmax(torque), opening - scales[8]]
     if speed:
-        rows.append(dtheta / scales[8:11])
+        rows.append(dtheta / scales[9:12])
     p = ca.vertcat(scales, terms.vector())
     return PointFunction("motion", ca.Function("motion", [y, p], [ca.vertcat(*rows)]))
 
@@ -104,12 +110,13 @@ class FlatProblem:
 
     @cached_property
     def program(self) -> Program:
-        """Rows: continuity of X and V; eq. (39) and limited speeds at every point."""
+        """Rows: continuity of X and V; at every point eq. (39), openings, limited speeds."""
         cost = np.zeros(self.n_variables)
         cost[-1] = 1.0
-        upper = np.ones(self.equations.function.size1_out(0))
-        upper[:3] = 0.0
-        points = Points(self.equations, self._point_layout(), -upper, upper)
+        speeds = np.ones(self.equations.function.size1_out(0) - 6)
+        lower = np.concatenate([np.zeros(6), -speeds])
+        upper = np.concatenate([np.zeros(3), np.full(3, np.inf), speeds])
+        points = Points(self.equations, self._point_layout(), lower, upper)
         return Program(cost, self._continuity_layout(), [points])
 
     def pack(self, trajectory: Trajectory, scales: Scales) -> Array:
@@ -158,7 +165,7 @@ class FlatProblem:
         limited speeds; positive at the upper limit, negative at the lower."""
         N, points = self.intervals, len(self.transcription.points)
         torque = solution.bound_multipliers[:-7].reshape(N, self._block)[:, self._motion_size :]
-        speed = solution.row_multipliers[6 * N :].reshape(N, points, -1)[:, :, 3:]
+        speed = solution.row_multipliers[6 * N :].reshape(N, points, -1)[:, :, 6:]
         prices = np.concatenate([torque.reshape(N, points, 3), speed], axis=2)
         return np.asarray(prices / solution.z[-1])
 

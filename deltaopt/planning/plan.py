@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from time import perf_counter
 
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 
 from deltaopt.dynamics.formulation import Projected
 from deltaopt.dynamics.lagrange import Multiplier
+from deltaopt.errors import NotConverged
 from deltaopt.feasibility import check_feasible
 from deltaopt.limits import safe_factor
 from deltaopt.model import DeltaModel
@@ -77,6 +79,14 @@ class Plan:
     def duration(self) -> float:
         """From start to goal, s."""
         return self.trajectory.duration
+
+    def save(self, directory: str | Path) -> list[Path]:
+        """Verify, and write trajectory.csv, plan.json and plan.png; their paths."""
+        from deltaopt.export import save  # lies to the right: a convenience, not a dependence
+        from deltaopt.verify import verify
+
+        found = verify(self.scene, self.trajectory)
+        return save(Path(directory), self.scene, self.trajectory, found, self)
 
     @property
     def within_tolerance(self) -> bool:
@@ -146,31 +156,42 @@ class Planner:
         )
         check_feasible(scene)
         begin = perf_counter()
-        guess = first_motion(scene)
-        scales = Scales(scene, guess.duration)
-        attempts = [self._attempt(self._first_problem, scales, guess)]
-        rounds = [_round(attempts)]
-        tell = progress or (lambda _: None)
-        tell(str(rounds[-1]))
-        while not self._done(rounds):
-            mesh = refined(attempts[-1].problem.mesh, attempts[-1].lost, self._tolerance / 4)
-            attempts.append(self._attempt(self._posed.on(mesh), scales, attempts[-1].trajectory))
-            rounds.append(_round(attempts))
-            tell(str(rounds[-1]))
-        last = attempts[-1]
+        attempts, rounds = self._attempts(scene, progress or (lambda _: None))
+        best = min(range(len(rounds)), key=lambda i: rounds[i].safe_duration)
+        chosen, reached = attempts[best], rounds[best]
         return Plan(
             scene=scene,
-            trajectory=last.trajectory.slowed(last.safe_factor),
+            trajectory=chosen.trajectory.slowed(chosen.safe_factor),
             formulation=self._pose.name,
             transcription=self._transcription.name,
-            intervals=rounds[-1].intervals,
-            status=last.solution.status,
+            intervals=reached.intervals,
+            status=chosen.solution.status,
             iterations=sum(r.iterations for r in rounds),
             solve_seconds=perf_counter() - begin,
-            gap=rounds[-1].gap,
+            gap=reached.gap,
             tolerance=self._tolerance,
             rounds=tuple(rounds),
         )
+
+    def _attempts(self, scene: Scene, tell: Progress) -> tuple[list[Attempt], list[Round]]:
+        """Solve on finer and finer meshes until the gap is small enough, or no more is gained."""
+        guess = first_motion(scene)
+        openings = self._model.openings([scene.start, scene.goal])
+        scales = Scales(scene, guess.duration, float(openings.min()))
+        attempts = [self._attempt(self._first_problem, scales, guess)]
+        rounds = [_round(attempts)]
+        tell(str(rounds[-1]))
+        while not self._done(rounds):
+            mesh = refined(attempts[-1].problem.mesh, attempts[-1].lost, self._tolerance / 4)
+            try:
+                finer = self._attempt(self._posed.on(mesh), scales, attempts[-1].trajectory)
+            except NotConverged as error:  # what is there already is a motion all the same
+                tell(f"{len(mesh)} intervals: {error}")
+                break
+            attempts.append(finer)
+            rounds.append(_round(attempts))
+            tell(str(rounds[-1]))
+        return attempts, rounds
 
     def _done(self, rounds: list[Round]) -> bool:
         """After two meshes at least: one alone has nothing to be compared with."""

@@ -12,12 +12,22 @@ from deltaopt.scene import Scene
 Array = NDArray[np.float64]
 
 
+OPENING = 0.1**2
+"""Least sin² (q_{k,1} - q_{k,2}) on the way: six degrees from folded or stretched.
+
+A motion that touches the serial singularity may be faster (of random moves by up to 1 %), but
+task space cannot describe it: torque for a given acceleration grows without bound there.
+"""
+
+
 @dataclass(frozen=True)
 class Scales:
-    """Magnitudes of a scene: its length D (m), a time (s), and the drives' limits."""
+    """Magnitudes of a scene: its length D (m), a time (s), the drives' limits, and how far
+    its ends are from a fold (least sin² (q_{k,1} - q_{k,2}))."""
 
     scene: Scene
     time: float
+    opening_at_ends: float
 
     @property
     def origin(self) -> Array:
@@ -37,8 +47,8 @@ class Scales:
         return np.array(self.scene.torque_limits)
 
     def vector(self) -> Array:
-        """x_start, D, time, torque limits[, speed limits]."""
-        speeds = self.scene.speed_limits or ()
-        return np.array(
-            [*self.scene.start, self.length, self.time, *self.scene.torque_limits, *speeds]
-        )
+        """x_start, D, time, torque limits, margin of the fold[, speed limits]."""
+        scene = self.scene
+        margin = min(OPENING, self.opening_at_ends / 2)
+        limits = [*scene.torque_limits, margin, *(scene.speed_limits or ())]
+        return np.array([*scene.start, self.length, self.time, *limits])

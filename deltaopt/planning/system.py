@@ -6,7 +6,7 @@ five-bar differ in what this module is given, not in the code of the poses.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import casadi as ca
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from deltaopt.dynamics.constraint_matrix import ClosedForm
 from deltaopt.dynamics.lagrange import Explicit
-from deltaopt.dynamics.mechanism import SX, Mechanism
+from deltaopt.dynamics.mechanism import SX, Mechanism, none
 from deltaopt.errors import DependentConstraints
 from deltaopt.planning.rank import dependent_rows
 
@@ -54,7 +54,8 @@ class System:
 
     ``independent``: indices of ξ among q; the mechanism's ``closed_form`` is for δξ.
     ``kinematics``: (ξ, mechanism's parameters) -> q (n). ``scales``: symbols on which, with
-    the mechanism's parameters, the ``units`` depend.
+    the mechanism's parameters, the ``units`` depend. ``openings``: expressions of q and p that
+    are not negative inside the assembly mode, if that can be left.
     """
 
     mechanism: Mechanism
@@ -62,6 +63,7 @@ class System:
     kinematics: ca.Function
     scales: SX
     units: Units
+    openings: SX = field(default_factory=none)
 
     @cached_property
     def p(self) -> SX:
@@ -99,6 +101,11 @@ class System:
         inverse = Explicit().inverse_dynamics(m).expand()
         results = inverse(0, *self.motion(*x, self.p), m.parameters)
         return ca.Function("inverse_dynamics", [*x, self.p], list(results))
+
+    @cached_property
+    def inside(self) -> ca.Function:
+        """(q, p) -> openings."""
+        return ca.Function("inside", [self.mechanism.q, self.p], [self.openings])
 
     @cached_property
     def magnitudes(self) -> ca.Function:

@@ -55,7 +55,8 @@ def _in_workspace(model: DeltaModel, rng: np.random.Generator) -> Array:
     closed = box[(serial > MARGIN**2).all(axis=1)]
     volumes = _volumes(model, closed)
     # The sign is that of the assembly mode: beyond it lies another one, past a singularity.
-    return closed[(volumes * np.array([1.0, -1.0]) > MARGIN).all(axis=1)]
+    kept: Array = closed[(volumes * np.array([1.0, -1.0]) > MARGIN).all(axis=1)]
+    return kept
 
 
 def _volumes(model: DeltaModel, x: Array) -> Array:

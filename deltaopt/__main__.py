@@ -1,0 +1,7 @@
+"""python -m deltaopt."""
+
+import sys
+
+from deltaopt.cli import main
+
+sys.exit(main())

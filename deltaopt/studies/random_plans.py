@@ -1,0 +1,51 @@
+"""Random moves planned and verified: how many succeed, in how long."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from time import perf_counter
+
+from deltaopt.errors import DeltaOptError
+from deltaopt.planning.plan import Planner
+from deltaopt.robot import Robot
+from deltaopt.scene import Scene
+from deltaopt.studies.random_scenes import random_scenes
+from deltaopt.verify import verify
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of one move: ``failures`` is empty if its plan passed verification and is
+    within the tolerance. ``seconds``: of planning, without verification."""
+
+    scene: Scene
+    seconds: float
+    gap: float
+    intervals: int
+    failures: tuple[str, ...]
+
+
+def random_plans(
+    robot: Robot, payload: float, number: int, seed: int, told: Callable[[int], None]
+) -> list[Outcome]:
+    """Plan and verify so many random moves; ``told`` after each of how many are done."""
+    planner = Planner(robot, payload)
+    outcomes = []
+    for scene in random_scenes(robot, payload, number, seed):
+        outcomes.append(_outcome(planner, scene))
+        told(len(outcomes))
+    return outcomes
+
+
+def _outcome(planner: Planner, scene: Scene) -> Outcome:
+    begin = perf_counter()
+    try:
+        plan = planner.plan(scene.start, scene.goal)
+    except DeltaOptError as error:
+        return Outcome(scene, perf_counter() - begin, float("nan"), 0, (str(error),))
+    seconds = perf_counter() - begin
+    failures = list(verify(scene, plan.trajectory).failures())
+    if not plan.within_tolerance:
+        failures.append(f"the gap, {plan.gap:.1e}, exceeds the tolerance of {plan.tolerance:g}")
+    return Outcome(scene, seconds, plan.gap, plan.intervals, tuple(failures))
