@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.dynamics.mechanism import SX
 from deltaopt.planning.closure import LoopClosure, closed
-from deltaopt.planning.nlp import Layout, PointFunction, Points, Program, Solution
+from deltaopt.planning.nlp import Layout, PointFunction, Points, Program, RunningCost, Solution
 from deltaopt.planning.system import RestToRest, System
 from deltaopt.planning.transcription import PiecewiseAcceleration
 from deltaopt.planning.variables import Variables
@@ -210,6 +210,17 @@ class ChainProblem:
         cost = np.zeros(self.variables.number)
         cost[-1] = 1.0
         return Program(cost, self._continuity, self._rows())
+
+    def least_effort(self) -> Program:
+        """Least (1/T) ∫ Σ (τ / τ_max)² dt instead, for a duration that bounds fix."""
+        e, v, t = self.equations, self.variables, self.transcription
+        y, _, _, _, w, _ = _symbols(v.components, v.unknowns)
+        squared = _named("effort", y, e.system, ca.sumsqr(w[: e.system.motors]))
+        points = self._points(squared, v.points, algebraic=True)
+        weights = np.zeros((v.intervals, len(v.points)))
+        weights[:, np.searchsorted(v.points, t.nodes)] = self.mesh[:, None] * t.quadrature
+        running = RunningCost(points, weights.ravel())
+        return Program(np.zeros(v.number), self._continuity, self._rows(), running)
 
     def _rows(self) -> list[Points]:
         """Dynamics; then what the pose has of closures and openings, and speed last."""

@@ -114,6 +114,17 @@ class Points:
 
 
 @dataclass(frozen=True)
+class RunningCost:
+    """Σ weights[i] l(y_i, p), to be added to the cost: an integral by quadrature.
+
+    ``points``: l, one row, its bounds without meaning. ``weights``: (number of points,).
+    """
+
+    points: Points
+    weights: Array
+
+
+@dataclass(frozen=True)
 class Solution:
     """Where Ipopt ended: ``z`` the variables, multipliers of their bounds and of the rows.
 
@@ -134,9 +145,16 @@ class Program:
     """A nonlinear program built once, solved many times with other bounds and parameters.
 
     ``cost``: c, (n,). ``linear``: layout of the rows G z = 0. ``points``: the nonlinear rows.
+    ``running``: a further cost, if there is one.
     """
 
-    def __init__(self, cost: Array, linear: Layout, points: list[Points]) -> None:
+    def __init__(
+        self,
+        cost: Array,
+        linear: Layout,
+        points: list[Points],
+        running: RunningCost | None = None,
+    ) -> None:
         self._n = len(cost)
         self._linear = linear
         self._points = points
@@ -146,7 +164,7 @@ class Program:
         self._upper_rows = np.concatenate(
             [np.zeros(len(linear.columns)), *(np.tile(q.upper, q.number) for q in points)]
         )
-        self._solver = self._build(cost)
+        self._solver = self._build(cost, running)
 
     def solve(self, guess: Array, lower: Array, upper: Array, p: Array) -> Solution:
         """From a guess, within the bounds of the variables, with parameters p.
@@ -175,11 +193,11 @@ class Program:
             evaluation_seconds=sum(v for k, v in stats.items() if k.startswith("t_wall_nlp_")),
         )
 
-    def _build(self, cost: Array) -> ca.Function:
+    def _build(self, cost: Array, running: RunningCost | None) -> ca.Function:
         np_ = self._points[0].function.function.size1_in(1)
         z, p = ca.MX.sym("z", self._n), ca.MX.sym("p", np_)
         lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", len(self._lower_rows))
-        f = ca.dot(ca.DM(cost), z)
+        f, gradient = ca.dot(ca.DM(cost), z), ca.MX(ca.DM(cost))
         G = self._linear.matrix(self._n)
         rows, entries, curvature = [ca.mtimes(G, z)], [], []
         first = len(self._linear.columns)
@@ -195,12 +213,16 @@ class Program:
             entries.append((first, points, J_sparsity, ca.vec(J)))
             curvature.append((points, H_sparsity, ca.vec(H)))
             first += n * nr
+        if running is not None:
+            value, slope, curved = _running(running, z, p, lam_f)
+            f, gradient = f + value, gradient + slope
+            curvature.append((running.points, running.points.function.hessian[1], curved))
         g = ca.vertcat(*rows)
         jac = _assemble_jacobian(G, entries, first, self._n)
         hess = _assemble_hessian(curvature, self._n)
         program = {"x": z, "p": p, "f": f, "g": g}
         functions = {
-            "grad_f": ca.Function("nlp_grad_f", [z, p], [f, ca.DM(cost)]),
+            "grad_f": ca.Function("nlp_grad_f", [z, p], [f, gradient]),
             "jac_g": ca.Function("nlp_jac_g", [z, p], [g, jac]),
             "hess_lag": ca.Function("nlp_hess_l", [z, p, lam_f, lam_g], [hess]),
         }
@@ -217,6 +239,23 @@ class Program:
             f"Ipopt stopped after {stats['iter_count']} iterations: {stats['return_status']}; "
             f"worst constraint: {names[worst]}, violated by {violation[worst]:.1e}"
         )
+
+
+def _running(
+    running: RunningCost, z: ca.MX, p: ca.MX, lam_f: ca.MX
+) -> tuple[ca.MX, ca.MX, ca.MX]:
+    """Value, gradient (dense) and nonzeros of the points' Hessians of a running cost."""
+    points, n = running.points, running.points.number
+    weights = ca.DM(running.weights).T
+    y = ca.reshape(ca.mtimes(points.layout.matrix(z.numel()), z), -1, n)
+    ps = ca.repmat(p, 1, n)
+    jacobian, sparsity = points.function.jacobian
+    r, J = jacobian.map(n)(y, ps)
+    nnz = sparsity.nnz()
+    weighted = ca.vec(ca.reshape(J, nnz, n) * ca.repmat(weights, nnz, 1))
+    rows = _assemble_jacobian(ca.DM(0, z.numel()), [(0, points, sparsity, weighted)], n, z.numel())
+    H = points.function.hessian[0].map(n)(y, ps, lam_f * weights)
+    return ca.dot(weights, r), ca.densify(ca.sum1(rows)).T, ca.vec(H)
 
 
 def _assemble_jacobian(
