@@ -58,11 +58,10 @@ class Equations:
 
 
 def flat_equations(system: System) -> Equations:
-    m, u, nu = system.mechanism, system.units, len(system.independent)
-    y, X, V, A, tau, T = _symbols(nu, system.motors)
-    motion = system.motion(*_physical(u.q[list(system.independent)], X, V, A, u.time * T), system.p)
-    residual = Explicit().residual(m).expand()(0, *motion, u.torque * tau, m.parameters)
-    rows = _in_units(residual, system)
+    u = system.units
+    y, X, V, A, tau, T = _symbols(len(system.independent), system.motors)
+    motion = _physical(u.q[list(system.independent)], X, V, A, u.time * T)
+    rows = _in_units(system.equations(*motion, u.torque * tau, system.p), system)
     return Equations(
         system,
         system.independent,
@@ -282,6 +281,11 @@ class ChainProblem:
         coefficients = self.variables.coefficients(z) * units.q[list(self.equations.coordinates)]
         coefficients /= T ** np.arange(coefficients.shape[1])[:, None]
         return PiecewisePolynomial(T * self.variables.knots, coefficients)
+
+    def torques(self, z: Array, task: RestToRest) -> Array:
+        """τ at the points that have them, (N, points, motors), N·m."""
+        limits = units_at(self.equations.system, task.p).torque
+        return self.variables.algebraic(z)[:, :, : self.equations.system.motors] * limits
 
     def bounds(self, task: RestToRest) -> tuple[Array, Array]:
         """All of q at rest at the start, ξ at rest at the goal: what follows is not fixed twice.

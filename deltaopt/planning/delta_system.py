@@ -41,7 +41,10 @@ def delta_system(functions: DeltaFunctions, *, speed: bool) -> System:
         speed=scales[9:12] if speed else None,
     )
     openings = ca.sin(m.q[3::3] - m.q[4::3]) ** 2 - scales[8]
-    return System(m, (0, 1, 2), functions.inverse_kinematics, scales, units, openings)
+    x = [SX.sym(name, 3) for name in ("x", "v", "a", "tau")]
+    force = functions.explicit_equations(*x, m.parameters)[0]
+    explicit = ca.Function("explicit", [*x, m.parameters], [force])
+    return System(m, (0, 1, 2), functions.inverse_kinematics, scales, units, openings, explicit)
 
 
 def rest_to_rest(scales: Scales) -> RestToRest:

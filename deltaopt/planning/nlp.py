@@ -28,6 +28,7 @@ IPOPT: dict[str, str | float | int | bool] = {
     "record_time": True,
     "show_eval_warnings": False,  # a trial point out of reach is a shorter step for Ipopt
     "calc_lam_p": False,
+    "no_nlp_grad": True,  # not needed, and functions from a library have no such derivative
     "ipopt.print_level": 0,
     "ipopt.sb": "yes",
     "ipopt.mu_strategy": "adaptive",
@@ -146,7 +147,13 @@ class Program:
 
     ``cost``: c, (n,). ``linear``: layout of the rows G z = 0. ``points``: the nonlinear rows.
     ``running``: a further cost, if there is one.
+
+    ``jacobian``: (z, p) -> all rows and their Jacobian. ``hessian``: (z, p, λ_f, λ_g) -> the
+    upper triangle of the Lagrangian's.
     """
+
+    jacobian: ca.Function
+    hessian: ca.Function
 
     def __init__(
         self,
@@ -165,6 +172,17 @@ class Program:
             [np.zeros(len(linear.columns)), *(np.tile(q.upper, q.number) for q in points)]
         )
         self._solver = self._build(cost, running)
+
+    @property
+    def rows(self) -> tuple[Array, Array]:
+        """Bounds of all rows."""
+        return self._lower_rows, self._upper_rows
+
+    @property
+    def row_names(self) -> list[str]:
+        """What each row is and when."""
+        names = ["continuity"] * len(self._linear.columns)
+        return names + [name for points in self._points for name in points.row_names()]
 
     def solve(self, guess: Array, lower: Array, upper: Array, p: Array) -> Solution:
         """From a guess, within the bounds of the variables, with parameters p.
@@ -226,18 +244,16 @@ class Program:
             "jac_g": ca.Function("nlp_jac_g", [z, p], [g, jac]),
             "hess_lag": ca.Function("nlp_hess_l", [z, p, lam_f, lam_g], [hess]),
         }
+        self.jacobian, self.hessian = functions["jac_g"], functions["hess_lag"]
         return ca.nlpsol("nlp", "ipopt", program, {**functions, **IPOPT})
 
     def _complaint(self, stats: dict[str, object], g: Array) -> str:
         """What Ipopt said, and which rows are violated most."""
         violation = np.maximum(self._lower_rows - g, g - self._upper_rows)
         worst = int(np.nanargmax(violation)) if np.isfinite(violation).any() else 0
-        names = ["continuity"] * len(self._linear.columns)
-        for points in self._points:
-            names += points.row_names()
         return (
             f"Ipopt stopped after {stats['iter_count']} iterations: {stats['return_status']}; "
-            f"worst constraint: {names[worst]}, violated by {violation[worst]:.1e}"
+            f"worst constraint: {self.row_names[worst]}, violated by {violation[worst]:.1e}"
         )
 
 

@@ -55,7 +55,8 @@ class System:
     ``independent``: indices of ξ among q; the mechanism's ``closed_form`` is for δξ.
     ``kinematics``: (ξ, mechanism's parameters) -> q (n). ``scales``: symbols on which, with
     the mechanism's parameters, the ``units`` depend. ``openings``: expressions of q and p that
-    are not negative inside the assembly mode, if that can be left.
+    are not negative inside the assembly mode, if that can be left. ``explicit``: eq. (39) as
+    (ξ, ξ̇, ξ̈, τ, mechanism's parameters) -> ν, where that is known simpler than through q.
     """
 
     mechanism: Mechanism
@@ -64,6 +65,7 @@ class System:
     scales: SX
     units: Units
     openings: SX = field(default_factory=none)
+    explicit: ca.Function | None = None
 
     @cached_property
     def p(self) -> SX:
@@ -93,6 +95,18 @@ class System:
         dq = C @ x[1]
         bias = ca.Function("bias", [m.q, m.dq, m.parameters], [m.J_bias])(q, dq, m.parameters)
         return ca.Function("motion", [*x, self.p], [q, dq, C @ x[2] - P @ bias])
+
+    @cached_property
+    def equations(self) -> ca.Function:
+        """(ξ, ξ̇, ξ̈, τ, p) -> Cᵀ (Q* + Q), ν, eq. (39)."""
+        m, nu = self.mechanism, len(self.independent)
+        x, tau = [SX.sym(name, nu) for name in ("x", "v", "a")], SX.sym("tau", self.motors)
+        if self.explicit is not None:
+            rows = self.explicit(*x, tau, m.parameters)
+        else:
+            motion = self.motion(*x, self.p)
+            rows = Explicit().residual(m).expand()(0, *motion, tau, m.parameters)
+        return ca.Function("equations", [*x, tau, self.p], [rows])
 
     @cached_property
     def inverse_dynamics(self) -> ca.Function:
