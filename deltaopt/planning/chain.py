@@ -116,7 +116,7 @@ def _redundant(
 ) -> Equations:
     """With loops closed at acceleration level at the nodes, and at the knots as asked."""
     m, u = system.mechanism, system.units
-    y, X, V, A, _, T = _symbols(system.n, 0)
+    y, X, V, A, _, _ = _symbols(system.n, 0)
     f, df, _ = closed(system, X, V)
     second = ca.Function("second", [m.q, m.dq, m.ddq, m.parameters], [m.J @ m.ddq + m.J_bias])
     ddf = second(u.q * X, u.q * V, u.q * A, m.parameters) / u.closure  # the same in any time

@@ -257,9 +257,7 @@ class Program:
         )
 
 
-def _running(
-    running: RunningCost, z: ca.MX, p: ca.MX, lam_f: ca.MX
-) -> tuple[ca.MX, ca.MX, ca.MX]:
+def _running(running: RunningCost, z: ca.MX, p: ca.MX, lam_f: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
     """Value, gradient (dense) and nonzeros of the points' Hessians of a running cost."""
     points, n = running.points, running.points.number
     weights = ca.DM(running.weights).T

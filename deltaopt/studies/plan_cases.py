@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import casadi as ca
@@ -115,7 +115,7 @@ def delta_case(name: str, scene: Scene) -> Case:
 class FiveBarTask:
     """Sideways across the low point, where the weak motors can hold the links at rest."""
 
-    parameters: FiveBarParameters = FiveBarParameters()
+    parameters: FiveBarParameters = field(default_factory=FiveBarParameters)
     start: tuple[float, float] = (0.328, -0.02)
     goal: tuple[float, float] = (0.328, 0.02)
     torque: float = 1.4

@@ -99,7 +99,9 @@ class Meter:
     def _errors(self) -> ca.Function:
         """(q, q̇, q̈, τ, p) -> (f, J q̇), q̈ - q̈(q, q̇, τ)."""
         system, m = self.case.system, self.case.system.mechanism
-        modelled, _ = Explicit().forward_dynamics(m).expand()(0, m.q, m.dq, m.controls, m.parameters)
+        modelled, _ = (
+            Explicit().forward_dynamics(m).expand()(0, m.q, m.dq, m.controls, m.parameters)
+        )
         return ca.Function(
             "errors",
             [m.q, m.dq, m.ddq, m.controls, system.p],

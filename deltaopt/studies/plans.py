@@ -8,7 +8,8 @@ is left, linear algebra above all. Building and compiling are not in them.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from math import inf, isfinite
 from time import perf_counter
 
 import numpy as np
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 
 from deltaopt.errors import NotConverged
 from deltaopt.planning.chain import (
+    ChainProblem,
     Equations,
     explicit_equations,
     flat_equations,
@@ -29,14 +31,17 @@ from deltaopt.planning.closure import (
     LoopClosure,
     Projection,
 )
-from deltaopt.planning.gap import given_away, refined
+from deltaopt.planning.gap import GivenAway, given_away, refined
+from deltaopt.planning.nlp import Solution
 from deltaopt.planning.system import System
 from deltaopt.planning.transcription import PiecewiseAcceleration
 from deltaopt.studies.machine_points import in_machine_code
 from deltaopt.studies.plan_cases import Case
 from deltaopt.studies.plan_measures import Meter, Quality, active_rank
+from deltaopt.trajectory import PiecewisePolynomial
 
 Array = NDArray[np.float64]
+Poses = dict[tuple[str, str], Equations]
 Progress = Callable[[float, str], None]
 """Told how much is done (0 to 1) and what comes next."""
 
@@ -49,10 +54,12 @@ CLOSURES: tuple[LoopClosure, ...] = (
     AccelerationLevel(),
 )
 UNIFORM = (10, 20, 40)
-"""Intervals of the uniform meshes; the one after them is refined where the flat motion gives
-time away."""
-REFINED_GAP = 1e-4
-"""What the flat motion may give away on the refined mesh."""
+"""Intervals of the uniform meshes; those after them are refined where the method's own motion
+gives time away: in each its torques jump inside other intervals."""
+AIM = 5e-5
+"""Gap at which a method's mesh is refined no further."""
+REFINEMENTS = 3
+"""At most."""
 RANK_AT_MOST = 10
 """Intervals of the meshes on which the rank is computed, by a dense decomposition."""
 
@@ -80,8 +87,9 @@ class Method:
 class Row:
     """One method on one mesh, evaluated in one mode.
 
-    ``failure``: what went wrong, empty if nothing. ``seconds``: wall time, of which
-    ``evaluation_seconds`` in functions. ``gap``: safe duration / reference - 1.
+    ``refined``: the mesh is, and the guess is the solution before; otherwise the mesh is uniform
+    and the guess the baseline. ``failure``: what went wrong, empty if nothing. ``seconds``: wall
+    time, of which ``evaluation_seconds`` in functions. ``gap``: safe duration / reference - 1.
     ``active_rows``, ``rank``: of the active Jacobian, None on fine meshes.
     """
 
@@ -92,26 +100,25 @@ class Row:
     compiled: bool
     failure: str
     seconds: float
-    evaluation_seconds: float
-    iterations: int
-    variables: int
-    jacobian_nonzeros: int
-    hessian_nonzeros: int
-    quality: Quality
-    gap: float
-    active_rows: int | None
-    rank: int | None
+    evaluation_seconds: float = inf
+    iterations: int = 0
+    variables: int = 0
+    jacobian_nonzeros: int = 0
+    hessian_nonzeros: int = 0
+    quality: Quality = field(default_factory=Quality)
+    gap: float = inf
+    active_rows: int | None = None
+    rank: int | None = None
 
 
 @dataclass(frozen=True)
 class Reference:
     """The flat motion on meshes refined ever further: ``duration`` (s, safe), ``gap`` (estimate
-    of what it is above the optimum, relative), ``mesh`` good for ``REFINED_GAP``."""
+    of what it is above the optimum, relative)."""
 
     duration: float
     gap: float
     intervals: int
-    mesh: Array
 
 
 @dataclass(frozen=True)
@@ -152,6 +159,7 @@ def compare_plans(
     compiler: str | None,
     tolerance: float = 1e-5,
     uniform: Sequence[int] = UNIFORM,
+    refinements: int = REFINEMENTS,
     progress: Progress = lambda done, what: None,
 ) -> PlanStudy:
     """Solve every case with every method on every mesh.
@@ -169,8 +177,8 @@ def compare_plans(
 
         tell(0.0, "reference")
         references[case.name] = reference = find_reference(case, tolerance)
-        bench = _Bench(case, reference, uniform)
-        modes: list[dict[tuple[str, str], Equations]] = [bench.interpreted()]
+        bench = _Bench(case, reference, uniform, refinements)
+        modes = [bench.interpreted()]
         if compiler:
             tell(0.1, "compiling")
             modes.append(bench.compiled(modes[0], compiler))
@@ -184,88 +192,133 @@ def compare_plans(
 
 def find_reference(case: Case, tolerance: float) -> Reference:
     """Refine the flat problem until its estimated gap is within the tolerance, or 7 times."""
-    equations, meter = flat_equations(case.system), Meter(case)
-    mesh, guess, good = np.full(10, 0.1), case.guess, None
+    solver = _Solver(case, flat_equations(case.system), LINEAR)
+    mesh, guess = np.full(10, 0.1), case.guess
     for _ in range(7):
-        problem = equations.on(mesh, LINEAR)
-        solution = problem.program.solve(
-            problem.pack(guess, case.task), *problem.bounds(case.task), case.task.p
-        )
-        guess = meter.independent(problem, problem.unpack(solution.z, case.task))
-        lost = given_away(problem.prices(solution), *case.loads(guess))
-        factor = case.safe_factor(guess)
-        gap = factor - 1 + lost.total
-        if good is None and gap <= REFINED_GAP:
-            good = mesh
+        solved = solver.solve(mesh, guess)
+        guess, factor = solved.motion, case.safe_factor(solved.motion)
+        gap = factor - 1 + solved.lost.total
         if gap <= tolerance:
             break
-        mesh = refined(mesh, lost, tolerance / 4 if good is not None else REFINED_GAP / 4)
-    last = np.diff(guess.knots) / guess.knots[-1]
-    return Reference(
-        float(guess.knots[-1]) * factor, gap, len(last), last if good is None else good
-    )
+        mesh = refined(mesh, solved.lost, tolerance / 4)
+    return Reference(float(guess.knots[-1]) * factor, gap, len(guess.knots) - 1)
+
+
+@dataclass(frozen=True)
+class _Solved:
+    """A solution on a mesh, its motion of ξ, and what it gives away."""
+
+    problem: ChainProblem
+    bounds: tuple[Array, Array]
+    solution: Solution
+    motion: PiecewisePolynomial
+    lost: GivenAway
+
+
+@dataclass(frozen=True)
+class _Solver:
+    """Solves a case as it is posed."""
+
+    case: Case
+    equations: Equations
+    transcription: PiecewiseAcceleration
+
+    def solve(self, mesh: Array, guess: PiecewisePolynomial) -> _Solved:
+        task, problem = self.case.task, self.equations.on(mesh, self.transcription)
+        bounds = problem.bounds(task)
+        solution = problem.program.solve(problem.pack(guess, task), *bounds, task.p)
+        motion = Meter(self.case).independent(problem, problem.unpack(solution.z, task))
+        lost = given_away(problem.prices(solution), *self.case.loads(motion))
+        return _Solved(problem, bounds, solution, motion, lost)
 
 
 class _Bench:
     """Solves one case with any method."""
 
-    def __init__(self, case: Case, reference: Reference, uniform: Sequence[int]) -> None:
+    def __init__(
+        self, case: Case, reference: Reference, uniform: Sequence[int], refinements: int
+    ) -> None:
         self.case, self.reference, self.meter = case, reference, Meter(case)
-        self.meshes = [np.full(n, 1 / n) for n in uniform] + [reference.mesh]
+        self.uniform, self.refinements = uniform, refinements
         self.compile_seconds = 0.0
 
-    def interpreted(self) -> dict[tuple[str, str], Equations]:
+    def interpreted(self) -> Poses:
         return {m.equations_key: m.build(self.case.system) for m in reversed(methods())}
 
-    def compiled(
-        self, equations: dict[tuple[str, str], Equations], compiler: str
-    ) -> dict[tuple[str, str], Equations]:
+    def compiled(self, equations: Poses, compiler: str) -> Poses:
         begin = perf_counter()
         fast = {key: in_machine_code(e, compiler) for key, e in equations.items()}
         self.compile_seconds = perf_counter() - begin
         return fast
 
-    def rows(
-        self, method: Method, modes: list[dict[tuple[str, str], Equations]]
-    ) -> list[Row]:
-        return [
-            self._row(method, mode[method.equations_key], mesh, compiled=bool(i))
-            for mesh in self.meshes
-            for i, mode in enumerate(modes)
-        ]
+    def rows(self, method: Method, modes: list[Poses]) -> list[Row]:
+        """On uniform meshes from the baseline; then on meshes refined for this method."""
+        found: list[Row] = []
+        last: _Solved | None = None
+        for n in self.uniform:
+            last = self._mesh(found, method, modes, np.full(n, 1 / n), self.case.guess)
+        for _ in range(self.refinements):
+            if last is None or not found[-1].gap > AIM:
+                break
+            mesh = refined(last.problem.mesh, last.lost, AIM / 2)
+            last = self._mesh(found, method, modes, mesh, last.motion)
+        return found
 
-    def _row(self, method: Method, equations: Equations, mesh: Array, *, compiled: bool) -> Row:
-        task, problem = self.case.task, equations.on(mesh, method.transcription)
-        program, bounds = problem.program, problem.bounds(self.case.task)
-        guess = problem.pack(self.case.guess, task)
-        quality, failure, rank = Quality(), "", None
-        begin = perf_counter()
-        seconds = evaluation = 0.0
-        iterations = 0
-        try:
-            solution = program.solve(guess, *bounds, task.p)
-            seconds, evaluation = solution.seconds, solution.evaluation_seconds
-            iterations = solution.iterations
-            quality = self.meter.quality(problem, solution.z)
-            if not np.isfinite(quality.safe_duration):
-                failure = "leaves the workspace, or no slowing keeps its limits"
-            if len(mesh) <= RANK_AT_MOST and not compiled:
-                rank = active_rank(program, solution, bounds, task.p)
-        except NotConverged as error:
-            failure, seconds = str(error), perf_counter() - begin
+    def _mesh(
+        self,
+        found: list[Row],
+        method: Method,
+        modes: list[Poses],
+        mesh: Array,
+        guess: PiecewisePolynomial,
+    ) -> _Solved | None:
+        """Add a row for each mode; the solution, if the last mode found one."""
+        solved: _Solved | None = None
+        for i, mode in enumerate(modes):
+            equations = mode[method.equations_key]
+            solver, begin = _Solver(self.case, equations, method.transcription), perf_counter()
+            try:
+                solved = solver.solve(mesh, guess)
+                row = self._row(
+                    method, solved, compiled=i > 0, refined=guess is not self.case.guess
+                )
+            except NotConverged as error:
+                solved = None
+                row = Row(
+                    self.case.name,
+                    method,
+                    len(mesh),
+                    guess is not self.case.guess,
+                    i > 0,
+                    failure=str(error),
+                    seconds=perf_counter() - begin,
+                )
+            found.append(row)
+        if solved is not None and not isfinite(found[-1].gap):
+            return None
+        return solved
+
+    def _row(self, method: Method, solved: _Solved, *, compiled: bool, refined: bool) -> Row:
+        case, problem, solution = self.case, solved.problem, solved.solution
+        quality = self.meter.quality(problem, solution.z)
+        failure, rank = "", None
+        if not isfinite(quality.safe_duration):
+            failure = "leaves the workspace, or no slowing keeps its limits"
+        if problem.variables.intervals <= RANK_AT_MOST and not compiled:
+            rank = active_rank(problem.program, solution, solved.bounds, case.task.p)
         return Row(
-            self.case.name,
+            case.name,
             method,
-            len(mesh),
-            mesh is self.reference.mesh,
+            problem.variables.intervals,
+            refined,
             compiled,
             failure,
-            seconds,
-            evaluation,
-            iterations,
-            len(guess),
-            int(program.jacobian.nnz_out(1)),
-            int(program.hessian.nnz_out(0)),
+            solution.seconds,
+            solution.evaluation_seconds,
+            solution.iterations,
+            len(solution.z),
+            int(problem.program.jacobian.nnz_out(1)),
+            int(problem.program.hessian.nnz_out(0)),
             quality,
             quality.safe_duration / self.reference.duration - 1,
             rank and rank[0],
