@@ -112,6 +112,20 @@ class Trajectory:
         since = (lengths[:, None] * fractions).ravel()
         return self._motion(self.knots[intervals] + since, intervals, since)
 
+    def coordinates_inside(self, fractions: ArrayLike) -> tuple[Array, Array, Array]:
+        """q, q̇, q̈, (K · len(fractions), 12) each, at these fractions of every interval: as
+        planned where they were planned, else from the path."""
+        if self.coordinates is None:
+            motion = self.inside_intervals(fractions)
+            return self.model.motion(motion.x, motion.v, motion.a)
+        fractions, lengths = np.asarray(fractions, dtype=float), np.diff(self.knots)
+        intervals = np.repeat(np.arange(len(lengths)), len(fractions))
+        since = (lengths[:, None] * fractions).ravel()
+        velocity = self.coordinates.derivative()
+        parts = (self.coordinates, velocity, velocity.derivative())
+        q, dq, ddq = (part.inside(intervals, since) for part in parts)
+        return q, dq, ddq
+
     def slowed(self, factor: float) -> Trajectory:
         """The same path, uniformly ``factor`` times as slow."""
         coordinates = self.coordinates and self.coordinates.slowed(factor)

@@ -261,7 +261,8 @@ class ChainProblem:
 
     def pack(self, position: PiecewisePolynomial, task: RestToRest) -> Array:
         """The variables that describe a motion of ξ (m, rad and s) on this mesh, torques within
-        their limits."""
+        their limits. Raises DependentConstraints."""
+        self.equations.system.require_independent_constraints(task)
         v = self.variables
         motion = _Motion(self.equations.system, position, task.p)
         units, T = motion.units, motion.duration

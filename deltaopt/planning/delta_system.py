@@ -81,9 +81,7 @@ class DeltaProblem:
         return self.chain.program
 
     def pack(self, trajectory: Trajectory, scales: Scales) -> Array:
-        task = rest_to_rest(scales)
-        self.chain.equations.system.require_independent_constraints(task)
-        return self.chain.pack(trajectory.position, task)
+        return self.chain.pack(trajectory.position, rest_to_rest(scales))
 
     def unpack(
         self, z: Array, scales: Scales

@@ -15,7 +15,6 @@ from deltaopt.planning.chain import (
 )
 from deltaopt.planning.closure import KnotConstraints, LoopClosure
 from deltaopt.planning.delta_system import DeltaPosed, delta_system
-from deltaopt.planning.flat import Flat
 from deltaopt.planning.problem import Pose
 from deltaopt.planning.system import System
 from deltaopt.planning.transcription import PiecewiseAcceleration
@@ -68,7 +67,3 @@ def posed_as(formulation: Pose | Multiplier | Projected) -> Pose:
     if isinstance(formulation, Multiplier | Projected):
         return Redundant(formulation)
     return formulation
-
-
-flat = Flat()
-forward = Forward()

@@ -134,8 +134,8 @@ class System:
 
     def coordinates(self, xi: Array, p: Array) -> Array:
         """q, (n,), of ξ, (ν,)."""
-        rest = np.zeros_like(xi)
-        return np.asarray(self.motion(xi, rest, rest, p)[0].full()).ravel()
+        q = self.kinematics(xi, p[self.scales.numel() :])
+        return np.asarray(q.full()).ravel()
 
     def require_independent_constraints(self, task: RestToRest) -> None:
         """Raise DependentConstraints if loop constraints follow from others at the start."""
