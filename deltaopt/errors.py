@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from enum import Enum
 from pathlib import Path
 
 
@@ -48,6 +49,38 @@ def in_words(point: Iterable[float]) -> str:
 
 class Unreachable(DeltaOptError):
     """A point lies outside the workspace, or outside the industrial assembly mode."""
+
+
+class Singularity(Enum):
+    """Kinds of singular positions of a Delta, as what is zero there."""
+
+    SIDEWAYS = "cos q_k3"
+    IN_LINE = "sin(q_k1 - q_k2)"
+    PARALLEL = "volume spanned by the directions of the bars"
+
+
+_SENTENCES = {
+    Singularity.SIDEWAYS: "the bars of chain {chain} lie sideways, serial singularity",
+    Singularity.IN_LINE: "arm and bars of chain {chain} are in line, serial singularity",
+    Singularity.PARALLEL: "all bars lie in one plane, parallel singularity",
+}
+
+
+class Singular(DeltaOptError):
+    """A position where what was asked for does not exist, or has lost its digits.
+
+    Carries ``kind``, ``chain`` (1 to 3; None where it takes all three, as for a parallel
+    singularity) and ``margin`` (what should not be zero).
+    """
+
+    def __init__(self, kind: Singularity, chain: int | None, margin: float, place: str) -> None:
+        super().__init__(kind, chain, margin, place)  # as passed: copies and pickles
+        self.kind, self.chain, self.margin, self.place = kind, chain, margin, place
+
+    def __str__(self) -> str:
+        sentence = _SENTENCES[self.kind].format(chain=self.chain)
+        zero = self.kind.value.replace("_k", f"_{self.chain}")
+        return f"{self.place}: {sentence} ({zero} = {self.margin:.1e})"
 
 
 class Infeasible(DeltaOptError):

@@ -10,13 +10,23 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deltaopt.dynamics.formulation import Formulation
-from deltaopt.dynamics.lagrange import Explicit
-from deltaopt.errors import Unreachable, in_words
-from deltaopt.mechanisms.delta import DeltaParameters
+from deltaopt.dynamics.lagrange import Explicit, Multiplier
+from deltaopt.dynamics.virtual_work import VirtualWork
+from deltaopt.errors import Singular, Singularity, Unreachable, in_words
+from deltaopt.mechanisms.delta import MOTOR_ANGLES, DeltaParameters
 from deltaopt.mechanisms.delta_functions import DeltaFunctions
 from deltaopt.robot import Robot
 
 Array = NDArray[np.float64]
+
+NEAR = 1e-2
+"""Serial margins below which accelerations are left to model L_I, torques at rest to the motor
+angles: eq. (55) loses digits there as ε⁻⁵ and ε⁻¹ (docs/stability.md)."""
+SERIAL_LIMIT = 1e-6
+"""Serial margins below which a moving platform raises Singular: torques have at best three
+digits left, for the platform's position determines the square of the margin only."""
+PARALLEL_LIMIT = 1e-12
+"""Parallel margin below which torques raise Singular: they have four digits left."""
 
 
 def delta_parameters(robot: Robot, payload: float | None) -> DeltaParameters:
@@ -93,31 +103,76 @@ class DeltaModel:
 
     def motion(self, x: ArrayLike, v: ArrayLike, a: ArrayLike) -> tuple[Array, Array, Array]:
         """q, q̇, q̈, (N, 12) each, of a motion of the platform."""
-        x = np.asarray(x, dtype=float)
+        margins = self._margins(self.inverse_kinematics(x))
+        _require_serial(margins)
         q, dq, ddq = self._evaluate(self.functions.motion, x, v, a)
-        self._require_reach(x, q)
         return q, dq, ddq
 
     def inverse_dynamics(self, x: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
-        """Motor torques τ, (N, 3), of a motion of the platform, eq. (39) by default."""
-        x = np.asarray(x, dtype=float)
+        """Motor torques τ, (N, 3), of a motion of the platform, eq. (39) by default.
+
+        Raises Singular in a parallel singularity, and in a serial one unless at rest; for
+        motions that are possible there see ``joint_inverse_dynamics``.
+        """
+        q = self.inverse_kinematics(x)
+        margins, at_rest = self._margins(q), _still(v) & _still(a)
+        _require_parallel(margins)
+        _require_serial(margins, moving=~at_rest)
         tau = self._evaluate(self.functions.inverse_dynamics, x, v, a)[0]
-        self._require_reach(x, tau)
+        chosen = _near(margins) & at_rest
+        if not chosen.any():
+            return tau
+        holding = self.joint_inverse_dynamics(q, np.zeros(12), np.zeros(12))
+        result: Array = np.where(chosen if tau.ndim == 1 else chosen[:, None], holding, tau)
+        return result
+
+    def joint_inverse_dynamics(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Array:
+        """Motor torques τ, (N, 3), of a motion of all coordinates q, q̇, q̈, (N, 12) each.
+
+        The motion must obey the constraints. Accurate in serial singularities too, where
+        the platform's position, velocity and acceleration do not determine the others; by
+        virtual work with the motor angles independent, whatever the model's formulation.
+        Raises Singular in a parallel singularity.
+        """
+        tau = self._evaluate(self._joint_inverse_dynamics, q, dq, ddq)[0]
+        _require_parallel(self._margins(np.asarray(q, dtype=float)))
         return tau
 
     def multipliers(self, x: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
         """λ, (N, 9), N: the force of each chain on the platform, eq. (37)."""
-        x = np.asarray(x, dtype=float)
-        lam = self._evaluate(self.functions.inverse_dynamics, x, v, a)[1]
-        self._require_reach(x, lam)
-        return lam
+        margins = self._margins(self.inverse_kinematics(x))
+        _require_parallel(margins)
+        _require_serial(margins)
+        return self._evaluate(self.functions.inverse_dynamics, x, v, a)[1]
 
     def forward_dynamics(self, x: ArrayLike, v: ArrayLike, tau: ArrayLike) -> Array:
         """Acceleration of the platform, (N, 3), under motor torques (N, 3)."""
-        x = np.asarray(x, dtype=float)
+        margins = self._margins(self.inverse_kinematics(x))
+        _require_serial(margins)
         a = self._evaluate(self.functions.forward_dynamics, x, v, tau)[0]
-        self._require_reach(x, a)
-        return a
+        near = _near(margins)
+        if not near.any():
+            return a
+        robust = self._evaluate(self._robust_functions.forward_dynamics, x, v, tau)[0]
+        result: Array = np.where(near if a.ndim == 1 else near[:, None], robust, a)
+        return result
+
+    @cached_property
+    def _robust_functions(self) -> DeltaFunctions:
+        """In the formulation that keeps accelerations accurate near serial singularities."""
+        return DeltaFunctions(self.functions.parameters, Multiplier())
+
+    @cached_property
+    def _joint_inverse_dynamics(self) -> ca.Function:
+        """(q, q̇, q̈, p) -> τ, λ."""
+        inverse = VirtualWork(MOTOR_ANGLES).inverse_dynamics(self.functions.mechanism)
+        _, *x = inverse.mx_in()
+        return ca.Function("joint_inverse_dynamics", x, list(inverse.call([ca.MX(0), *x])))
+
+    def _margins(self, q: Array) -> Array:
+        """N × 7: cos q_{k,3}, sin (q_{k,1} - q_{k,2}), volume of the bars' directions."""
+        rows: Array = self.functions.margins(np.atleast_2d(q).T).full().T
+        return rows
 
     def _evaluate(self, function: ca.Function, *arguments: ArrayLike) -> tuple[Array, ...]:
         return evaluate_rows(function, *arguments, parameters=self.parameters)
@@ -162,6 +217,33 @@ def evaluate_rows(
     ]
     single = all(r.ndim == 1 for r in rows)
     return tuple(r[0] if single else r for r in results)
+
+
+def _still(rate: ArrayLike) -> NDArray[np.bool]:
+    """Whether a velocity or acceleration is zero, (N,) or one for all."""
+    still: NDArray[np.bool] = np.all(np.atleast_2d(np.asarray(rate, dtype=float)) == 0, axis=1)
+    return still
+
+
+def _near(margins: Array) -> NDArray[np.bool]:
+    """Whether a chain is near a serial singularity, (N,)."""
+    near: NDArray[np.bool] = np.any(np.abs(margins[:, :6]) < NEAR, axis=1)
+    return near
+
+
+def _require_serial(margins: Array, moving: NDArray[np.bool] | bool = True) -> None:
+    """Raise Singular at the first row that moves with a chain in a serial singularity."""
+    singular = (np.abs(margins[:, :6]) < SERIAL_LIMIT) & np.atleast_1d(moving)[:, None]
+    for row, column in np.argwhere(singular)[:1]:
+        kind = Singularity.SIDEWAYS if column < 3 else Singularity.IN_LINE
+        margin = float(np.broadcast_to(margins, (len(singular), 7))[row, column])
+        raise Singular(kind, int(column) % 3 + 1, margin, f"point {row}")
+
+
+def _require_parallel(margins: Array) -> None:
+    """Raise Singular at the first row in a parallel singularity."""
+    for row in np.flatnonzero(np.abs(margins[:, 6]) < PARALLEL_LIMIT)[:1]:
+        raise Singular(Singularity.PARALLEL, None, float(margins[row, 6]), f"point {row}")
 
 
 def _first(rows: Array, bad: NDArray[np.bool]) -> Array:

@@ -9,7 +9,7 @@ import argparse
 import sys
 from typing import Protocol
 
-from deltaopt.cli import bench, check, compare, inverse, plan
+from deltaopt.cli import bench, check, compare, inverse, plan, stability
 from deltaopt.errors import DeltaOptError, SceneError
 
 
@@ -31,6 +31,7 @@ COMMANDS: dict[str, Command] = {
     "inverse": inverse,
     "compare": compare,
     "bench": bench,
+    "stability": stability,
 }
 
 

@@ -6,10 +6,12 @@ from deltaopt.dynamics.constraint_matrix import (
     ConstraintMatrix,
     NullSpace,
     Partition,
+    RankRevealing,
 )
 from deltaopt.dynamics.formulation import Formulation
 from deltaopt.dynamics.kane import GeneralSpeeds, Kane
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
+from deltaopt.dynamics.linear import LeastNorm
 from deltaopt.dynamics.mechanism import Body, Effort, Mechanism
 from deltaopt.dynamics.simulation import Motion, simulate
 from deltaopt.dynamics.stabilisation import (
@@ -32,6 +34,7 @@ __all__ = [
     "GeneralSpeeds",
     "InertiaMetric",
     "Kane",
+    "LeastNorm",
     "Mechanism",
     "Motion",
     "Multiplier",
@@ -39,6 +42,7 @@ __all__ = [
     "NullSpace",
     "Partition",
     "Projection",
+    "RankRevealing",
     "Stabilisation",
     "VirtualWork",
     "simulate",

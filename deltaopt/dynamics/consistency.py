@@ -6,7 +6,8 @@ A state that does not is moved by the least Δ, as a metric W measures it:
 
 once for velocities, where the constraints are linear; repeatedly (Gauss-Newton) for
 positions, where only the holonomic ones count. W may be singular where J is not: the
-matrix is that of model L_I.
+matrix is that of model L_I. Constraints may be redundant: residuals in a direction whose
+singular value is below ``NEGLIGIBLE`` are left alone.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.dynamics.formulation import state, symbols
-from deltaopt.dynamics.linear import solve
+from deltaopt.dynamics.linear import LeastNorm
 from deltaopt.dynamics.mechanism import SX, Mechanism
 from deltaopt.errors import Inconsistent
 
@@ -30,6 +31,8 @@ SLIGHT_POSITION = 1e-3
 """Largest |f| that is projected away, m (rad where a constraint is an angle)."""
 SLIGHT_VELOCITY = 1e-2
 """Largest |J q̇ + μ| that is projected away, m/s (rad/s)."""
+NEGLIGIBLE = 1e-8
+"""Singular values below this part of the largest count as zero."""
 MOST_STEPS = 20
 """Gauss-Newton steps; two or three are the rule."""
 
@@ -148,7 +151,7 @@ def _least(m: Mechanism, metric: Metric, J: SX, residual: SX) -> ca.Function:
     b = ca.densify(ca.vertcat(SX(n, 1), -residual))
     system = ca.Function("system", [*state(m), m.parameters], [A, b])
     x = symbols(*state(m), m.parameters)
-    return ca.Function("least", x, [solve(*system(*x))[:n]])
+    return ca.Function("least", x, [LeastNorm(NEGLIGIBLE)(*system(*x))[:n]])
 
 
 def _refuse(residual: Array, most: float, what: str, unit: str) -> None:

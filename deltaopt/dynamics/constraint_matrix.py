@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.dynamics.linear import reflect, solve_scalars
+from deltaopt.dynamics.linear import reflect, singular_directions, solve_scalars
 from deltaopt.dynamics.mechanism import SX, Mechanism
 
 
@@ -71,7 +71,7 @@ class Partition:
 
     def function(self, mechanism: Mechanism) -> ca.Function:
         J = mechanism.J
-        (gamma, n), nu = J.shape, len(self.independent)
+        (gamma, n), nu = _shape(mechanism), len(self.independent)
         if nu != n - gamma or len({*self.independent} & {*range(n)}) != nu:
             raise ValueError(
                 f"{mechanism.name} needs {n - gamma} different independent coordinates "
@@ -97,11 +97,45 @@ class NullSpace:
     """
 
     def function(self, mechanism: Mechanism) -> ca.Function:
-        gamma, n = mechanism.J.shape
+        gamma, n = _shape(mechanism)
         R, Q_T = reflect(mechanism.J.T, SX.eye(n))
         C = Q_T[gamma:, :].T
         P = ca.solve(R[:gamma, :], Q_T[:gamma, :]).T
         return _function("null_space", mechanism, C, P)
+
+
+@dataclass(frozen=True)
+class RankRevealing:
+    """An orthonormal basis by singular values: for constraints that depend on each other.
+
+    ``freedoms``: ν, the degrees of freedom; more than n - γ if constraints are redundant.
+    ``tolerance``: singular values of J below this part of the largest count as zero.
+
+    C are the directions of the ν smallest singular values, P is the pseudo-inverse: J P = 1
+    only on what J can reach, and the multipliers are the least of those possible. Evaluated
+    by LAPACK at run time: not for what is expanded to scalars or differentiated.
+    """
+
+    freedoms: int
+    tolerance: float = 1e-8
+
+    def function(self, mechanism: Mechanism) -> ca.Function:
+        m, gamma = mechanism, mechanism.mu.numel()
+        t, q, p = (ca.MX.sym("x", x.numel()) for x in (m.time, m.q, m.parameters))
+        J = ca.Function("J", [m.time, m.q, m.parameters], [ca.densify(m.J)])(t, q, p)
+        P, C = singular_directions(gamma, m.q.numel(), self.freedoms, self.tolerance)(J)
+        return ca.Function("rank_revealing", [t, q, p], [C, P])
+
+
+def _shape(m: Mechanism) -> tuple[int, int]:
+    """γ and n, where every constraint must take a freedom away."""
+    gamma, n = m.J.shape
+    if gamma >= n:
+        raise ValueError(
+            f"{m.name} has {gamma} constraints for {n} coordinates, so that some are redundant:"
+            " use RankRevealing"
+        )
+    return gamma, n
 
 
 def _function(name: str, m: Mechanism, C: SX, P: SX) -> ca.Function:

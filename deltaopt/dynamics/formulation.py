@@ -79,7 +79,7 @@ class Projected(ABC):
 
     def _equations(self, m: Mechanism) -> tuple[SX, SX]:
         """A symbol for C and the equations written with it."""
-        C = SX.sym("C", m.q.numel(), m.q.numel() - m.mu.numel())
+        C = SX.sym("C", *self.constraint_matrix.function(m).size_out(0))
         return C, self.equations(m, C)
 
     def _multipliers(self, m: Mechanism) -> ca.Function:

@@ -14,7 +14,7 @@ import casadi as ca
 
 from deltaopt.dynamics.constraint_matrix import ClosedForm, ConstraintMatrix
 from deltaopt.dynamics.formulation import Projected, affine, state, symbols
-from deltaopt.dynamics.linear import solve
+from deltaopt.dynamics.linear import LinearSolver, solve
 from deltaopt.dynamics.mechanism import SX, Mechanism
 
 
@@ -30,7 +30,12 @@ class Explicit(Projected):
 
 @dataclass(frozen=True)
 class Multiplier:
-    """Model L_I: one multiplier for each constraint, eq. (37)."""
+    """Model L_I: one multiplier for each constraint, eq. (37).
+
+    ``solver``: of its linear system; ``LeastNorm`` where constraints may be redundant.
+    """
+
+    solver: LinearSolver = solve
 
     def equations(self, mechanism: Mechanism) -> SX:
         """Q* + Q + Jᵀ λ, n."""
@@ -48,7 +53,7 @@ class Multiplier:
         A, b = affine(self.equations(m), ca.vertcat(m.controls, m.lam))
         system = ca.Function("system", [*state(m), m.ddq, m.parameters], [A, b])
         x = symbols(*state(m), m.ddq, m.parameters)
-        tau, lam = ca.vertsplit(solve(*system(*x)), [0, m.controls.numel(), A.shape[1]])
+        tau, lam = ca.vertsplit(self.solver(*system(*x)), [0, m.controls.numel(), A.shape[1]])
         return ca.Function("inverse_dynamics", x, [tau, lam])
 
     def forward_dynamics(self, mechanism: Mechanism) -> ca.Function:
@@ -58,5 +63,5 @@ class Multiplier:
         A, b = affine(equations, ca.vertcat(m.ddq, m.lam))
         system = ca.Function("system", [*state(m), m.controls, m.parameters], [A, b])
         x = symbols(*state(m), m.controls, m.parameters)
-        ddq, lam = ca.vertsplit(solve(*system(*x)), [0, m.ddq.numel(), A.shape[1]])
+        ddq, lam = ca.vertsplit(self.solver(*system(*x)), [0, m.ddq.numel(), A.shape[1]])
         return ca.Function("forward_dynamics", x, [ddq, lam])

@@ -2,9 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache
+
 import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
 
 SX = ca.SX
+Array = NDArray[np.float64]
+
+LinearSolver = Callable[[ca.MX, ca.MX], ca.MX]
+"""x of A (n × n) and b (n), A x = b."""
 
 
 def solve(A: ca.MX, b: ca.MX) -> ca.MX:
@@ -47,3 +57,93 @@ def solve_scalars(A: SX, B: SX) -> SX:
     """X with A X = B, A square, by QR written out in scalars."""
     R, rhs = reflect(A, B)
     return ca.solve(R, rhs)  # back-substitution: R is structurally triangular
+
+
+@dataclass(frozen=True)
+class LeastNorm:
+    """A ``LinearSolver`` for matrices that may be singular: the least of the best x.
+
+    By singular values; those below ``tolerance`` times the largest count as zero. Evaluated
+    by LAPACK at run time: it neither expands to scalars nor has derivatives.
+    """
+
+    tolerance: float
+
+    def __call__(self, A: ca.MX, b: ca.MX) -> ca.MX:
+        return _least_norm(A.shape[0], self.tolerance)(A, b)
+
+
+@cache
+def _least_norm(n: int, tolerance: float) -> ca.Function:
+    """A, b -> x. Cached, for CasADi does not keep what it calls back alive."""
+    return _LeastNorm(n, tolerance)
+
+
+class _LeastNorm(ca.Callback):
+    """NumPy's least squares as a CasADi function: much faster than a whole decomposition."""
+
+    def __init__(self, n: int, tolerance: float) -> None:
+        super().__init__()
+        self._n, self._tolerance = n, tolerance
+        # Integrators ask for a derivative even if they never call it.
+        self.construct("least_norm", {"enable_fd": True})
+
+    def get_n_in(self) -> int:
+        return 2
+
+    def get_n_out(self) -> int:
+        return 1
+
+    def get_sparsity_in(self, i: int) -> ca.Sparsity:
+        return ca.Sparsity.dense(self._n, 1 if i else self._n)
+
+    def get_sparsity_out(self, i: int) -> ca.Sparsity:
+        return ca.Sparsity.dense(self._n, 1)
+
+    def eval(self, arguments: Sequence[ca.DM]) -> list[Array]:
+        A, b = (np.asarray(x.full()) for x in arguments)
+        if not (np.isfinite(A).all() and np.isfinite(b).all()):
+            return [np.full((self._n, 1), np.nan)]
+        return [np.linalg.lstsq(A, b, rcond=self._tolerance)[0]]
+
+
+@cache
+def singular_directions(rows: int, columns: int, free: int, tolerance: float) -> ca.Function:
+    """A -> A⁺ (columns × rows), N (columns × free) with A N as small as can be, NᵀN = 1.
+
+    N are the directions of the ``free`` smallest singular values; A⁺ inverts A across them
+    and across whatever else has a singular value below ``tolerance`` times the largest.
+    Cached, for CasADi does not keep what it calls back alive.
+    """
+    return _SingularDirections(rows, columns, free, tolerance)
+
+
+class _SingularDirections(ca.Callback):
+    """NumPy's singular value decomposition as a CasADi function."""
+
+    def __init__(self, rows: int, columns: int, free: int, tolerance: float) -> None:
+        super().__init__()
+        self._shape, self._free, self._tolerance = (rows, columns), free, tolerance
+        self.construct("singular_directions", {"enable_fd": True})
+
+    def get_n_in(self) -> int:
+        return 1
+
+    def get_n_out(self) -> int:
+        return 2
+
+    def get_sparsity_in(self, i: int) -> ca.Sparsity:
+        return ca.Sparsity.dense(*self._shape)
+
+    def get_sparsity_out(self, i: int) -> ca.Sparsity:
+        rows, columns = self._shape
+        return ca.Sparsity.dense(columns, self._free if i else rows)
+
+    def eval(self, arguments: Sequence[ca.DM]) -> list[Array]:
+        A = np.asarray(arguments[0].full())
+        if not np.isfinite(A).all():
+            return [np.full(self.size_out(i), np.nan) for i in range(2)]
+        U, sigma, V_T = np.linalg.svd(A)
+        across = A.shape[1] - self._free
+        rank = min(across, int(np.sum(sigma > self._tolerance * sigma[0])))
+        return [(V_T[:rank].T / sigma[:rank]) @ U[:, :rank].T, V_T[across:].T]

@@ -9,6 +9,7 @@ inside q̈, hence no need for a solver of differential-algebraic equations.
 from __future__ import annotations
 
 import re
+import time
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -33,6 +34,7 @@ class Motion:
     """A simulated motion at N times.
 
     ``times``: N, s. ``q``, ``dq``: N × n. ``parameters``: those it was simulated with.
+    ``seconds``: spent integrating and projecting, not deriving the equations.
     """
 
     mechanism: Mechanism
@@ -40,6 +42,7 @@ class Motion:
     times: Array
     q: Array
     dq: Array
+    seconds: float
 
     @cached_property
     def position_drift(self) -> Array:
@@ -101,13 +104,15 @@ def simulate(
 
     rate = _state_rate(stabilisation.mechanism(mechanism), formulation, controls)
     projector = stabilisation.projector(mechanism)
+    start = time.perf_counter()
     states = (
         _unbroken(rate, grid, np.concatenate([q, dq]), p, tolerance)
         if projector is None
         else _projected(rate, projector, grid, np.concatenate([q, dq]), p, tolerance)
     )
+    seconds = time.perf_counter() - start
     n = mechanism.q.numel()
-    return Motion(mechanism, p, grid, states[:, :n], states[:, n:])
+    return Motion(mechanism, p, grid, states[:, :n], states[:, n:], seconds)
 
 
 def _state_rate(

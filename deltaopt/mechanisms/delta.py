@@ -11,10 +11,15 @@ from math import cos, pi, sin
 
 import casadi as ca
 
+from deltaopt.dynamics.constraint_matrix import Partition
 from deltaopt.dynamics.mechanism import SX, Body, Effort, Mechanism
 
 AZIMUTHS = (0.0, 2 * pi / 3, -2 * pi / 3)
 """φ_k, rad."""
+
+MOTOR_ANGLES = Partition((3, 6, 9))
+"""The constraint matrix whose δξ are the motor angles: it keeps torques exact at serial
+singularities, and has none to give at parallel ones (docs/stability.md)."""
 
 
 @dataclass(frozen=True)

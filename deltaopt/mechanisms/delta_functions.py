@@ -17,6 +17,11 @@ from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.dynamics.mechanism import SX, Mechanism
 from deltaopt.mechanisms.delta import DeltaParameters, delta
 from deltaopt.mechanisms.delta_kinematics import forward_kinematics, inverse_kinematics, reach
+from deltaopt.mechanisms.delta_singularities import (
+    alignment_margins,
+    parallel_margin,
+    sideways_margins,
+)
 from deltaopt.mechanisms.delta_slender import explicit_equations, is_slender
 
 
@@ -55,6 +60,13 @@ class DeltaFunctions:
         return ca.Function("reach", [x, p.vector()], [ca.vec(reach(p, x))])
 
     @cached_property
+    def margins(self) -> ca.Function:
+        """q -> cos q_{k,3}, sin (q_{k,1} - q_{k,2}), volume of the bars' directions; 7."""
+        q = SX.sym("q", 12)
+        margins = ca.vertcat(sideways_margins(q), alignment_margins(q), parallel_margin(q))
+        return ca.Function("margins", [q], [margins])
+
+    @cached_property
     def velocity(self) -> ca.Function:
         """(x, v, p) -> q, q̇ (12 each)."""
         x, v, p = self._platform("x", "v")
@@ -75,20 +87,21 @@ class DeltaFunctions:
     @cached_property
     def explicit_equations(self) -> ca.Function:
         """(x, v, a, tau, p) -> Cᵀ (Q* + Q), 3, N, eq. (39), zero where the motion obeys the
-        dynamics; θ̇, 3; sin² (q_{k,1} - q_{k,2}), 3. Without angles where the bars allow it."""
+        dynamics; sin² (q_{k,1} - q_{k,2}), 3; θ̇, θ̈, 3 each. Without angles where the bars
+        allow it."""
         x, v, a, tau = (SX.sym(name, 3) for name in ("x", "v", "a", "tau"))
         terms = self.parameters.symbols()
         if is_slender(self.parameters):
-            results = explicit_equations(terms, x, v, a, tau)
+            results: tuple[SX, ...] = explicit_equations(terms, x, v, a, tau)
         else:
             results = self._explicit_equations(x, v, a, tau, terms.vector())
         inputs = [x, v, a, tau, terms.vector()]
         return ca.Function("explicit_equations", inputs, list(results))
 
-    def _explicit_equations(self, x: SX, v: SX, a: SX, tau: SX, p: SX) -> tuple[SX, SX, SX]:
+    def _explicit_equations(self, x: SX, v: SX, a: SX, tau: SX, p: SX) -> tuple[SX, ...]:
         q, dq, ddq = self.motion(x, v, a, p)
         force = Explicit().residual(self.mechanism).expand()(0, q, dq, ddq, tau, p)
-        return force, dq[3::3], self.reach(x, p)[3:]
+        return force, self.reach(x, p)[3:], dq[3::3], ddq[3::3]
 
     @cached_property
     def inverse_dynamics(self) -> ca.Function:

@@ -27,9 +27,9 @@ def is_slender(p: DeltaParameters) -> bool:
     return p.I42 is None and bool(p.I41 == p.I43)
 
 
-def explicit_equations(p: DeltaParameters, x: SX, v: SX, a: SX, tau: SX) -> tuple[SX, SX, SX]:
-    """Cᵀ (Q* + Q), 3, N, zero where the motion obeys eq. (39); θ̇, 3, rad/s; and
-    sin² (q_{k,1} - q_{k,2}), 3, zero where a chain is folded or stretched.
+def explicit_equations(p: DeltaParameters, x: SX, v: SX, a: SX, tau: SX) -> tuple[SX, SX, SX, SX]:
+    """Cᵀ (Q* + Q), 3, N, zero where the motion obeys eq. (39); sin² (q_{k,1} - q_{k,2}), 3,
+    zero where a chain is folded or stretched; θ̇ and θ̈, 3 each, rad/s and rad/s².
 
     x, v, a of the platform's centre, 3: m, m/s, m/s². tau, 3: N·m.
     """
@@ -37,13 +37,14 @@ def explicit_equations(p: DeltaParameters, x: SX, v: SX, a: SX, tau: SX) -> tupl
     force = -mass * a
     if p.g is not None:
         force += ca.vertcat(mass * p.g, 0, 0)
-    speeds, openings = [], []
+    openings, speeds, accelerations = [], [], []
     for azimuth, torque in zip(AZIMUTHS, ca.vertsplit(tau), strict=True):
         chain = _Chain(p, azimuth, x, v, a)
         force += chain.to_base(*chain.force_on_platform(torque))
-        speeds.append(chain.dtheta)
         openings.append(chain.opening)
-    return force, ca.vertcat(*speeds), ca.vertcat(*openings)
+        speeds.append(chain.dtheta)
+        accelerations.append(chain.ddtheta)
+    return force, ca.vertcat(*openings), ca.vertcat(*speeds), ca.vertcat(*accelerations)
 
 
 @dataclass(frozen=True)

@@ -219,7 +219,7 @@ class ChainProblem:
         weights = np.zeros((v.intervals, len(v.points)))
         weights[:, np.searchsorted(v.points, t.nodes)] = self.mesh[:, None] * t.quadrature
         running = RunningCost(points, weights.ravel())
-        return Program(np.zeros(v.number), self._continuity, self._rows(), running)
+        return Program(np.zeros(v.number), self._continuity, self._rows(), running=running)
 
     def _rows(self) -> list[Points]:
         """Dynamics; then what the pose has of closures and openings, and speed last."""

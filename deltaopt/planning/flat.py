@@ -37,24 +37,55 @@ from deltaopt.trajectory import Motion, PiecewisePolynomial, Trajectory
 Array = NDArray[np.float64]
 
 
-def equations(functions: DeltaFunctions, *, speed: bool) -> PointFunction:
-    """Eq. (39) in units of the largest torque at the elbow; how far each chain is from the
-    margin of its fold; then θ̇ in units of its limit.
+@dataclass(frozen=True)
+class ScaledEquations:
+    """The equations at a point as expressions in scaled variables, each of the order of one.
 
-    y: X - x_start, V, A in units of D; τ in units of its limits; T in units of the
-    baseline's. p: ``Scales.vector``, then the mechanism's parameters.
+    ``y``: X - x_start, V, A in units of D; τ in units of its limits; T in units of the
+    baseline's duration, 13. ``p``: ``Scales.vector``, then the mechanism's parameters.
+    ``force``: eq. (39) in units of the largest torque at the elbow, 3. ``opening``: how far
+    the chains are from the margin of their fold, 3. ``speed`` and ``acceleration``: θ̇ in units
+    of its limit and its derivative in units of limit / T, 3, or None where speed is unlimited.
     """
-    terms = functions.parameters.symbols()
-    y, scales = ca.SX.sym("y", 13), ca.SX.sym("scales", 12 if speed else 9)
-    origin, length, time, torque = scales[:3], scales[3], scales[4], scales[5:8]
-    T = time * y[12]
-    x, v, a = origin + length * y[:3], length * y[3:6] / T, length * y[6:9] / T**2
-    force, dtheta, opening = functions.explicit_equations(x, v, a, torque * y[9:12], terms.vector())
-    rows = [force * 2 * terms.a2 / ca.mmax(torque), opening - scales[8]]
-    if speed:
-        rows.append(dtheta / scales[9:12])
-    p = ca.vertcat(scales, terms.vector())
-    return PointFunction("motion", ca.Function("motion", [y, p], [ca.vertcat(*rows)]))
+
+    y: ca.SX
+    p: ca.SX
+    force: ca.SX
+    opening: ca.SX
+    speed: ca.SX | None
+    acceleration: ca.SX | None
+
+    @classmethod
+    def of(cls, functions: DeltaFunctions, *, speed: bool) -> ScaledEquations:
+        """For a mechanism; ``speed``: whether motor speeds are limited."""
+        terms = functions.parameters.symbols()
+        y, scales = ca.SX.sym("y", 13), ca.SX.sym("scales", 12 if speed else 9)
+        origin, length, time, torque = scales[:3], scales[3], scales[4], scales[5:8]
+        T = time * y[12]
+        x, v, a = origin + length * y[:3], length * y[3:6] / T, length * y[6:9] / T**2
+        force, opening, dtheta, ddtheta = functions.explicit_equations(
+            x, v, a, torque * y[9:12], terms.vector()
+        )
+        return cls(
+            y=y,
+            p=ca.vertcat(scales, terms.vector()),
+            force=force * 2 * terms.a2 / ca.mmax(torque),
+            opening=opening - scales[8],
+            speed=dtheta / scales[9:12] if speed else None,
+            acceleration=ddtheta * T / scales[9:12] if speed else None,
+        )
+
+    def point_function(self, *rows: ca.SX | None) -> PointFunction:
+        """Those of the rows that there are."""
+        present = [row for row in rows if row is not None]
+        function = ca.Function("motion", [self.y, self.p], [ca.vertcat(*present)])
+        return PointFunction("motion", function)
+
+
+def equations(functions: DeltaFunctions, *, speed: bool) -> PointFunction:
+    """Rows of the flat problem at a point: force, opening, and speed if it is limited."""
+    scaled = ScaledEquations.of(functions, speed=speed)
+    return scaled.point_function(scaled.force, scaled.opening, scaled.speed)
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,9 @@ from deltaopt.errors import NotConverged
 Array = NDArray[np.float64]
 Integers = NDArray[np.intp]
 
-IPOPT: dict[str, str | float | int | bool] = {
+Options = dict[str, str | float | int | bool]
+
+IPOPT: Options = {
     "print_time": False,
     "record_time": True,
     "show_eval_warnings": False,  # a trial point out of reach is a shorter step for Ipopt
@@ -91,8 +93,8 @@ class Layout:
 class Points:
     """A point function at n points; the layout has n · ny rows, point by point.
 
-    ``lower``, ``upper``: bounds of r, (nr,), the same at every point. ``fractions``: when, as
-    fractions of the duration, (n,), for errors to tell.
+    ``lower``, ``upper``: bounds of r, (nr,) if the same at every point, else (n, nr).
+    ``fractions``: when, as fractions of the duration, (n,), for errors to tell.
     """
 
     function: PointFunction
@@ -105,9 +107,18 @@ class Points:
     def number(self) -> int:
         return len(self.layout.columns) // self.function.function.size1_in(0)
 
+    @property
+    def rows(self) -> int:
+        """Rows at one point."""
+        return int(self.function.function.size1_out(0))
+
+    def bounds(self, each: Array) -> Array:
+        """Bounds of all rows, point by point, from ``lower`` or ``upper``."""
+        return np.broadcast_to(each, (self.number, self.rows)).ravel()
+
     def row_names(self) -> list[str]:
         """What each row is and when, for an error."""
-        n, nr = self.number, len(self.lower)
+        n, nr = self.number, self.rows
         when = [f"point {i} of {n}" for i in range(1, n + 1)]
         if self.fractions is not None:
             when = [f"{fraction:.1%} of the duration" for fraction in self.fractions]
@@ -146,7 +157,8 @@ class Program:
     """A nonlinear program built once, solved many times with other bounds and parameters.
 
     ``cost``: c, (n,). ``linear``: layout of the rows G z = 0. ``points``: the nonlinear rows.
-    ``running``: a further cost, if there is one.
+    ``options``: of Ipopt, where they differ from ``IPOPT``. ``running``: a further cost, if
+    there is one.
 
     ``jacobian``: (z, p) -> all rows and their Jacobian. ``hessian``: (z, p, λ_f, λ_g) -> the
     upper triangle of the Lagrangian's.
@@ -160,18 +172,16 @@ class Program:
         cost: Array,
         linear: Layout,
         points: list[Points],
+        options: Options | None = None,
         running: RunningCost | None = None,
     ) -> None:
         self._n = len(cost)
         self._linear = linear
         self._points = points
-        self._lower_rows = np.concatenate(
-            [np.zeros(len(linear.columns)), *(np.tile(q.lower, q.number) for q in points)]
-        )
-        self._upper_rows = np.concatenate(
-            [np.zeros(len(linear.columns)), *(np.tile(q.upper, q.number) for q in points)]
-        )
-        self._solver = self._build(cost, running)
+        continuity = np.zeros(len(linear.columns))
+        self._lower_rows = np.concatenate([continuity, *(q.bounds(q.lower) for q in points)])
+        self._upper_rows = np.concatenate([continuity, *(q.bounds(q.upper) for q in points)])
+        self._solver = self._build(cost, options or {}, running)
 
     @property
     def rows(self) -> tuple[Array, Array]:
@@ -211,7 +221,7 @@ class Program:
             evaluation_seconds=sum(v for k, v in stats.items() if k.startswith("t_wall_nlp_")),
         )
 
-    def _build(self, cost: Array, running: RunningCost | None) -> ca.Function:
+    def _build(self, cost: Array, options: Options, running: RunningCost | None) -> ca.Function:
         np_ = self._points[0].function.function.size1_in(1)
         z, p = ca.MX.sym("z", self._n), ca.MX.sym("p", np_)
         lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", len(self._lower_rows))
@@ -220,9 +230,9 @@ class Program:
         rows, entries, curvature = [ca.mtimes(G, z)], [], []
         first = len(self._linear.columns)
         for points in self._points:
-            n, nr = points.number, len(points.lower)
+            n, nr = points.number, points.rows
             y = ca.reshape(ca.mtimes(points.layout.matrix(self._n), z), -1, n)
-            ps = ca.repmat(p, 1, n)
+            ps = ca.repmat(p[: points.function.function.size1_in(1)], 1, n)
             jacobian, J_sparsity = points.function.jacobian
             hessian, H_sparsity = points.function.hessian
             r, J = jacobian.map(n)(y, ps)
@@ -245,7 +255,7 @@ class Program:
             "hess_lag": ca.Function("nlp_hess_l", [z, p, lam_f, lam_g], [hess]),
         }
         self.jacobian, self.hessian = functions["jac_g"], functions["hess_lag"]
-        return ca.nlpsol("nlp", "ipopt", program, {**functions, **IPOPT})
+        return ca.nlpsol("nlp", "ipopt", program, {**functions, **IPOPT, **options})
 
     def _complaint(self, stats: dict[str, object], g: Array) -> str:
         """What Ipopt said, and which rows are violated most."""

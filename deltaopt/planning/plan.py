@@ -18,12 +18,15 @@ from deltaopt.feasibility import check_feasible
 from deltaopt.limits import safe_factor
 from deltaopt.model import DeltaModel
 from deltaopt.planning.baseline import first_motion
-from deltaopt.planning.flat import Flat
+from deltaopt.planning.certificate import Certificate
+from deltaopt.planning.flat import Flat, ScaledEquations
 from deltaopt.planning.gap import FRACTIONS, GivenAway, given_away, refined
 from deltaopt.planning.nlp import Solution
 from deltaopt.planning.poses import posed_as
 from deltaopt.planning.problem import Pose, Posed, Problem
+from deltaopt.planning.resolve import Resolved, Unsettled, resolve
 from deltaopt.planning.scales import Scales
+from deltaopt.planning.structure import read_structure
 from deltaopt.planning.transcription import PiecewiseAcceleration
 from deltaopt.record import Vector3
 from deltaopt.robot import Robot
@@ -33,8 +36,12 @@ from deltaopt.trajectory import Trajectory
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
 
-_ROUNDS = 8
-"""Meshes at most; every refinement at least halves the gap, so this is 1e-2 of the first."""
+RESOLVED_BELOW = 5e-4
+"""Tolerances below this are met by resolving switches, which is cheaper than finer meshes."""
+_READABLE = 2e-3
+"""A mesh solution with a smaller gap shows which motor is at which limit when."""
+_MOST_INTERVALS = 300
+"""No mesh is refined that is finer than this: every refinement multiplies time by four."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +68,7 @@ class Plan:
 
     ``gap``: estimated excess of its duration over the shortest possible, as a fraction.
     ``rounds``: the meshes it took. ``solve_seconds``: wall time of all of them.
+    ``certificate``: how well Pontryagin's condition is met, where the switches are resolved.
     """
 
     scene: Scene
@@ -74,6 +82,7 @@ class Plan:
     gap: float
     tolerance: float
     rounds: tuple[Round, ...]
+    certificate: Certificate | None
 
     @property
     def duration(self) -> float:
@@ -109,18 +118,13 @@ def plan(
     is posed in twelve coordinates: multiplier by eq. (37), the others all by eq. (39).
 
     ``tolerance``: of the optimality gap. ``intervals``: of the first mesh, refined where time
-    is given away until the gap is within the tolerance. ``progress``: told after every mesh.
+    is given away until the gap is within the tolerance; below ``RESOLVED_BELOW`` the switches
+    are resolved. ``progress``: told after every mesh.
 
     Raises Unreachable, Infeasible or NotConverged.
     """
     planner = Planner(
-        scene.robot,
-        scene.payload,
-        scene.limits,
-        tolerance,
-        intervals,
-        transcription,
-        formulation,
+        scene.robot, scene.payload, scene.limits, tolerance, intervals, transcription, formulation
     )
     return planner.plan(scene.start, scene.goal, progress=progress)
 
@@ -156,25 +160,29 @@ class Planner:
         )
         check_feasible(scene)
         begin = perf_counter()
-        attempts, rounds = self._attempts(scene, progress or (lambda _: None))
+        attempts, rounds, resolved = self._solve(scene, progress or (lambda _: None))
         best = min(range(len(rounds)), key=lambda i: rounds[i].safe_duration)
-        chosen, reached = attempts[best], rounds[best]
+        chosen = resolved or attempts[best]
         return Plan(
             scene=scene,
             trajectory=chosen.trajectory.slowed(chosen.safe_factor),
             formulation=self._pose.name,
-            transcription=self._transcription.name,
-            intervals=reached.intervals,
+            transcription=resolved.problem.name if resolved else self._transcription.name,
+            intervals=len(chosen.trajectory.knots) - 1,
             status=chosen.solution.status,
             iterations=sum(r.iterations for r in rounds),
             solve_seconds=perf_counter() - begin,
-            gap=reached.gap,
+            gap=resolved.gap if resolved else rounds[best].gap,
             tolerance=self._tolerance,
             rounds=tuple(rounds),
+            certificate=resolved.certificate if resolved else None,
         )
 
-    def _attempts(self, scene: Scene, tell: Progress) -> tuple[list[Attempt], list[Round]]:
-        """Solve on finer and finer meshes until the gap is small enough, or no more is gained."""
+    def _solve(
+        self, scene: Scene, tell: Progress
+    ) -> tuple[list[Attempt], list[Round], Resolved | None]:
+        """Solve on finer and finer meshes until the gap is small enough, the switches can be
+        resolved, or no more is gained."""
         guess = first_motion(scene)
         openings = self._model.openings([scene.start, scene.goal])
         scales = Scales(scene, guess.duration, float(openings.min()))
@@ -182,26 +190,62 @@ class Planner:
         rounds = [_round(attempts)]
         tell(str(rounds[-1]))
         while not self._done(rounds):
-            mesh = refined(attempts[-1].problem.mesh, attempts[-1].lost, self._tolerance / 4)
+            last, aim = attempts[-1], self._tolerance / 4
+            if self._tolerance < RESOLVED_BELOW:
+                if rounds[-1].gap < _READABLE:
+                    resolved = self._resolved(last, scales, tell)
+                    if resolved:
+                        return attempts, rounds, resolved
+                aim = max(aim, rounds[-1].gap / 16)
+            mesh = refined(last.problem.mesh, last.lost, aim)
             try:
-                finer = self._attempt(self._posed.on(mesh), scales, attempts[-1].trajectory)
+                attempts.append(self._attempt(self._posed.on(mesh), scales, last.trajectory))
             except NotConverged as error:  # what is there already is a motion all the same
                 tell(f"{len(mesh)} intervals: {error}")
                 break
-            attempts.append(finer)
             rounds.append(_round(attempts))
             tell(str(rounds[-1]))
-        return attempts, rounds
+        return attempts, rounds, None
+
+    def _resolved(self, attempt: Attempt, scales: Scales, tell: Progress) -> Resolved | None:
+        """With its switches resolved, or None if the structure cannot be settled yet."""
+        structure = read_structure(attempt.problem.mesh, *_loads(scales.scene, attempt.trajectory))
+        try:
+            found = resolve(
+                self._scaled_equations,
+                self._model,
+                structure,
+                attempt.trajectory,
+                scales,
+                self._tolerance,
+            )
+        except Unsettled as error:
+            tell(f"{len(structure.lengths)} arcs: not settled yet: {error}")
+            return None
+        tell(
+            f"{len(structure.lengths)} arcs: {found.trajectory.duration:.9f} s, gap "
+            f"{found.gap:.1e}, satisfies Pontryagin's condition to {found.certificate.residual:.0e}"
+        )
+        return found
 
     def _done(self, rounds: list[Round]) -> bool:
         """After two meshes at least: one alone has nothing to be compared with."""
-        return len(rounds) > 1 and (rounds[-1].gap <= self._tolerance or len(rounds) == _ROUNDS)
+        enough = rounds[-1].gap <= self._tolerance
+        return len(rounds) > 1 and (enough or rounds[-1].intervals > _MOST_INTERVALS)
+
+    @cached_property
+    def _speed_is_limited(self) -> bool:
+        in_scene = self._limits is not None and self._limits.speed is not None
+        return in_scene or self._robot.speed_limits is not None
 
     @cached_property
     def _posed(self) -> Posed:
-        scene_has_speed = self._limits is not None and self._limits.speed is not None
-        speed = scene_has_speed or self._robot.speed_limits is not None
-        return self._pose.of(self._model.functions, self._transcription, speed=speed)
+        functions = self._model.functions
+        return self._pose.of(functions, self._transcription, speed=self._speed_is_limited)
+
+    @cached_property
+    def _scaled_equations(self) -> ScaledEquations:
+        return ScaledEquations.of(self._model.functions, speed=self._speed_is_limited)
 
     @cached_property
     def _first_problem(self) -> Problem:

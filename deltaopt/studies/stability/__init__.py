@@ -1,0 +1,1 @@
+"""Where methods fail: towards singularities, over long times, on published benchmarks."""
