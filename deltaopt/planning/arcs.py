@@ -40,6 +40,7 @@ OPTIONS: Options = {
     "ipopt.bound_frac": 1e-8,
     "ipopt.bound_relax_factor": 1e-10,  # by default every limit is widened by 1e-8
     "ipopt.max_iter": 100,
+    "no_nlp_grad": False,  # it is what calc_lam_x needs
     "calc_lam_x": True,  # held torques are fixed variables: their prices too
 }
 _LONGEST = 0.15

@@ -14,7 +14,7 @@ from matplotlib.patches import Patch
 
 from deltaopt.plots.style import figure
 from deltaopt.studies.plans import PlanStudy, Row
-from deltaopt.studies.plans_report import POSES, compiled_modes, finest
+from deltaopt.studies.plans_report import POSES, compiled_modes, uniform
 
 COLOURS = {"flat": "#000000", "forward": "#E69F00", "explicit": "#0072B2", "multiplier": "#D55E00"}
 """Of Okabe and Ito."""
@@ -86,11 +86,11 @@ def _curves(axes: Axes, rows: list[Row], measure: Measure) -> None:
 
 
 def _shares(axes: Axes, study: PlanStudy, case: str, modes: list[bool]) -> None:
-    """Functions and linear algebra per iteration and interval, on the finest mesh."""
+    """Functions and linear algebra per iteration and interval, on the finest uniform mesh."""
     places = np.arange(len(POSES))
     width = 0.8 / len(modes)
     for i, mode in enumerate(modes):
-        rows = [finest(study, case, pose, mode) for pose in POSES]
+        rows = [uniform(study, case, pose, mode) for pose in POSES]
         for place, pose, row in zip(places, POSES, rows, strict=True):
             if row is None:
                 continue

@@ -15,6 +15,7 @@ from deltaopt.mechanisms.five_bar import FiveBarParameters, five_bar, inverse_ki
 from deltaopt.model import DeltaModel
 from deltaopt.planning.baseline import first_motion
 from deltaopt.planning.delta_system import delta_system, rest_to_rest
+from deltaopt.planning.plan import plan
 from deltaopt.planning.scales import Scales
 from deltaopt.planning.system import RestToRest, System, Units
 from deltaopt.scene import Scene
@@ -24,13 +25,28 @@ Array = NDArray[np.float64]
 
 FRACTIONS = np.linspace(0.0, 1.0, 25)
 """Where in every interval loads are taken, both ends from inside."""
+RESOLVED = 1e-7
+"""Gap of the references that the planner finds."""
 SLOWEST = 16.0
 """Largest factor that slowing is tried with."""
 
 
 @dataclass(frozen=True)
+class Reference:
+    """``duration`` (s, safe) of the best motion known, ``gap``: estimate of what it is above the
+    optimum, relative; ``origin``: how it was found."""
+
+    duration: float
+    gap: float
+    origin: str
+
+
+@dataclass(frozen=True)
 class Case:
-    """A task, the motion of ξ that every method starts from, and the motors' limits."""
+    """A task, the motion of ξ that every method starts from, and the motors' limits.
+
+    ``reference``: finds the best motion, if there is a better way than a fine flat mesh.
+    """
 
     name: str
     system: System
@@ -38,6 +54,7 @@ class Case:
     guess: PiecewisePolynomial
     torque: Array
     speed: Array | None = None
+    reference: Callable[[], Reference] | None = None
 
     def loads(self, position: PiecewisePolynomial) -> tuple[Array, Array | None]:
         """Torques and speeds over their limits, (N, 25, m) each; not a number out of reach."""
@@ -108,7 +125,14 @@ def delta_case(name: str, scene: Scene) -> Case:
         guess.position,
         np.array(scene.torque_limits),
         None if speed is None else np.array(speed),
+        lambda: _resolved(scene),
     )
+
+
+def _resolved(scene: Scene) -> Reference:
+    """The planner's motion with its switches resolved."""
+    found = plan(scene, tolerance=RESOLVED)
+    return Reference(found.duration, found.gap, found.transcription)
 
 
 @dataclass(frozen=True)

@@ -36,7 +36,7 @@ from deltaopt.planning.nlp import Solution
 from deltaopt.planning.system import System
 from deltaopt.planning.transcription import PiecewiseAcceleration
 from deltaopt.studies.machine_points import in_machine_code
-from deltaopt.studies.plan_cases import Case
+from deltaopt.studies.plan_cases import Case, Reference
 from deltaopt.studies.plan_measures import Meter, Quality, active_rank
 from deltaopt.trajectory import PiecewisePolynomial
 
@@ -59,7 +59,9 @@ gives time away: in each its torques jump inside other intervals."""
 AIM = 5e-5
 """Gap at which a method's mesh is refined no further."""
 REFINEMENTS = 3
-"""At most."""
+"""At most, and"""
+MOST_INTERVALS = 250
+"""of a refined mesh."""
 RANK_AT_MOST = 10
 """Intervals of the meshes on which the rank is computed, by a dense decomposition."""
 
@@ -109,16 +111,6 @@ class Row:
     gap: float = inf
     active_rows: int | None = None
     rank: int | None = None
-
-
-@dataclass(frozen=True)
-class Reference:
-    """The flat motion on meshes refined ever further: ``duration`` (s, safe), ``gap`` (estimate
-    of what it is above the optimum, relative)."""
-
-    duration: float
-    gap: float
-    intervals: int
 
 
 @dataclass(frozen=True)
@@ -191,7 +183,10 @@ def compare_plans(
 
 
 def find_reference(case: Case, tolerance: float) -> Reference:
-    """Refine the flat problem until its estimated gap is within the tolerance, or 7 times."""
+    """The case's own; else refine the flat problem until its estimated gap is within the
+    tolerance, or 7 times."""
+    if case.reference is not None:
+        return case.reference()
     solver = _Solver(case, flat_equations(case.system), LINEAR)
     mesh, guess = np.full(10, 0.1), case.guess
     for _ in range(7):
@@ -201,7 +196,7 @@ def find_reference(case: Case, tolerance: float) -> Reference:
         if gap <= tolerance:
             break
         mesh = refined(mesh, solved.lost, tolerance / 4)
-    return Reference(float(guess.knots[-1]) * factor, gap, len(guess.knots) - 1)
+    return Reference(float(guess.knots[-1]) * factor, gap, f"flat, {len(mesh)} intervals")
 
 
 @dataclass(frozen=True)
@@ -252,7 +247,8 @@ class _Bench:
         return fast
 
     def rows(self, method: Method, modes: list[Poses]) -> list[Row]:
-        """On uniform meshes from the baseline; then on meshes refined for this method."""
+        """On uniform meshes from the baseline in every mode; then, in the last mode, on meshes
+        refined for this method."""
         found: list[Row] = []
         last: _Solved | None = None
         for n in self.uniform:
@@ -261,6 +257,8 @@ class _Bench:
             if last is None or not found[-1].gap > AIM:
                 break
             mesh = refined(last.problem.mesh, last.lost, AIM / 2)
+            if len(mesh) > MOST_INTERVALS:
+                break
             last = self._mesh(found, method, modes, mesh, last.motion)
         return found
 
@@ -274,21 +272,22 @@ class _Bench:
     ) -> _Solved | None:
         """Add a row for each mode; the solution, if the last mode found one."""
         solved: _Solved | None = None
+        is_refined = guess is not self.case.guess
         for i, mode in enumerate(modes):
+            if is_refined and mode is not modes[-1]:
+                continue
             equations = mode[method.equations_key]
             solver, begin = _Solver(self.case, equations, method.transcription), perf_counter()
             try:
                 solved = solver.solve(mesh, guess)
-                row = self._row(
-                    method, solved, compiled=i > 0, refined=guess is not self.case.guess
-                )
+                row = self._row(method, solved, compiled=i > 0, refined=is_refined)
             except NotConverged as error:
                 solved = None
                 row = Row(
                     self.case.name,
                     method,
                     len(mesh),
-                    guess is not self.case.guess,
+                    is_refined,
                     i > 0,
                     failure=str(error),
                     seconds=perf_counter() - begin,

@@ -63,27 +63,27 @@ def csv(study: PlanStudy) -> str:
 
 
 def tables(study: PlanStudy) -> str:
-    """For each case its reference and the coarsest and finest mesh of each method."""
+    """For each case its reference and the finest uniform and refined mesh of each method."""
     return "\n\n".join(_table(study, case) for case in study.references)
 
 
 def verdict(study: PlanStudy) -> str:
     """Which to use when, in the numbers of this study."""
-    sentences = [_convergence(study), _same(study), _speed(study), _drift(study), _degree(study)]
+    sentences = [_convergence(study), _rank(study), _same(study), _speed(study), _drift(study)]
+    sentences.append(_degree(study))
     return fill(" ".join([*sentences, _advice(study)]), width=98)
 
 
-def finest(study: PlanStudy, case: str, pose: str, compiled: bool) -> Row | None:
-    """The finest converged mesh of a pose of degree 1 with its best closure."""
+def best(study: PlanStudy, case: str, pose: str) -> Row | None:
+    """The smallest gap of a pose with degree 1."""
     rows = [
         row
         for row in study.rows
-        if (row.case, row.method.pose, row.compiled) == (case, pose, compiled)
-        and row.method.closure == BEST_CLOSURE.get(pose, "")
+        if (row.case, row.method.pose) == (case, pose)
         and row.method.transcription == LINEAR
         and not row.failure
     ]
-    return rows[-1] if rows else None
+    return min(rows, key=lambda row: row.gap, default=None)
 
 
 def compiled_modes(study: PlanStudy) -> list[bool]:
@@ -91,15 +91,28 @@ def compiled_modes(study: PlanStudy) -> list[bool]:
 
 
 def _convergence(study: PlanStudy) -> str:
-    rows = [row for row in study.rows if not row.compiled]
+    last_mode = compiled_modes(study)[-1]
+    rows = [row for row in study.rows if row.compiled == last_mode]
     failed = [row for row in rows if row.failure]
-    linear = [row for row in rows if row.method.transcription == LINEAR and not row.failure]
-    most = max(linear, key=lambda row: row.iterations)
+    most = ", ".join(f"{pose} {_most_iterations(rows, pose)}" for pose in POSES)
     return (
-        f"{len(rows) - len(failed)} of {len(rows)} problems were solved"
-        f"{_failures(failed)}; with degree 1 in at most {most.iterations} iterations"
-        f" ({most.method} on {most.case}, {most.intervals} intervals)."
+        f"{len(rows) - len(failed)} of {len(rows)} problems were solved{_failures(failed)}."
+        f" With degree 1 and its steadiest closure each pose needs at most, on any mesh and"
+        f" case, so many iterations: {most}."
     )
+
+
+def _most_iterations(rows: list[Row], pose: str) -> str:
+    """Of the closure whose largest number is least among those that never failed."""
+    worst: dict[str, int] = {}
+    broken = {r.method.closure for r in rows if r.method.pose == pose and r.failure}
+    for row in rows:
+        if row.method.pose == pose and row.method.transcription == LINEAR:
+            key = row.method.closure
+            worst[key] = max(worst.get(key, 0), row.iterations)
+    whole = {key: value for key, value in worst.items() if key not in broken} or worst
+    best = min(whole, key=lambda key: whole[key])
+    return f"{whole[best]}" + (f" ({best})" if best else "")
 
 
 def _failures(failed: list[Row]) -> str:
@@ -109,16 +122,25 @@ def _failures(failed: list[Row]) -> str:
     return f" (not: {'; '.join(names)})"
 
 
+def _rank(study: PlanStudy) -> str:
+    rows = [row for row in study.rows if row.rank is not None and row.active_rows is not None]
+    deficient = [row for row in rows if (row.rank or 0) < (row.active_rows or 0)]
+    degrees = sorted({row.method.transcription.degree for row in deficient})
+    if not deficient:
+        return f"No active Jacobian of {len(rows)} lacks rank."
+    return (
+        f"{len(deficient)} active Jacobians of {len(rows)} lack rank, all of degree"
+        f" {' and '.join(map(str, degrees))}: more limits hold than its polynomials have freedom."
+    )
+
+
 def _same(study: PlanStudy) -> str:
     spreads = []
     for case in study.references:
-        rows = [finest(study, case, pose, False) for pose in POSES]
+        rows = [best(study, case, pose) for pose in POSES]
         durations = [row.quality.safe_duration for row in rows if row is not None]
         spreads.append(max(durations) / min(durations) - 1)
-    return (
-        "On the finest mesh of each the safe durations of the four poses differ by at most"
-        f" {max(spreads):.0e}."
-    )
+    return f"The best safe durations of the four poses differ by at most {max(spreads):.0e}."
 
 
 def _speed(study: PlanStudy) -> str:
@@ -131,8 +153,8 @@ def _speed(study: PlanStudy) -> str:
         share = _algebra_share(study, compiled)
         listed_share = ", ".join(f"{pose} {value:.0%}" for pose, value in share.items())
         sentences.append(
-            f"For one iteration on 40 intervals {mode} functions take, flat being 1: {listed};"
-            f" linear algebra's share of it is {listed_share}."
+            f"An iteration on the finest uniform mesh with {mode} functions takes, flat being 1:"
+            f" {listed}; of that linear algebra takes {listed_share}."
         )
     return " ".join(sentences)
 
@@ -141,7 +163,7 @@ def _ratio(study: PlanStudy, pose: str, compiled: bool) -> float:
     """Seconds per iteration over flat's on the finest uniform mesh, median over cases."""
     values = []
     for case in study.references:
-        own, flat = (_uniform(study, case, p, compiled) for p in (pose, "flat"))
+        own, flat = (uniform(study, case, p, compiled) for p in (pose, "flat"))
         if own and flat:
             values.append(own.seconds / own.iterations / (flat.seconds / flat.iterations))
     return float(np.median(values)) if values else float("nan")
@@ -150,13 +172,13 @@ def _ratio(study: PlanStudy, pose: str, compiled: bool) -> float:
 def _algebra_share(study: PlanStudy, compiled: bool) -> dict[str, float]:
     shares = {}
     for pose in POSES:
-        rows = [_uniform(study, case, pose, compiled) for case in study.references]
+        rows = [uniform(study, case, pose, compiled) for case in study.references]
         parts = [1 - row.evaluation_seconds / row.seconds for row in rows if row]
         shares[pose] = float(np.median(parts)) if parts else float("nan")
     return shares
 
 
-def _uniform(study: PlanStudy, case: str, pose: str, compiled: bool) -> Row | None:
+def uniform(study: PlanStudy, case: str, pose: str, compiled: bool) -> Row | None:
     """The finest uniform mesh of a pose of degree 1 with its best closure."""
     rows = [
         row
@@ -222,16 +244,17 @@ def _table(study: PlanStudy, case: str) -> str:
     reference = study.references[case]
     head = (
         f"{case}: reference {reference.duration:.7f} s, estimated to be at most"
-        f" {reference.gap:.0e} above the optimum ({reference.intervals} intervals)"
+        f" {reference.gap:.0e} above the optimum ({reference.origin})"
     )
-    rows = [row for row in study.rows if row.case == case and not row.compiled]
-    machine = {_key(row): row for row in study.rows if row.case == case and row.compiled}
+    last_mode = compiled_modes(study)[-1]
+    rows = [row for row in study.rows if row.case == case and row.compiled == last_mode]
+    slow = {_key(row): row for row in study.rows if row.case == case and not row.compiled}
     cells: list[tuple[str, ...]] = [HEADER]
     for i, row in enumerate(rows):
         last = i + 1 == len(rows) or rows[i + 1].method != row.method
-        first = i == 0 or rows[i - 1].method != row.method
-        if first or last or row.failure:
-            cells.append(_cells(row, machine.get(_key(row))))
+        uniform = i + 1 < len(rows) and rows[i + 1].refined and not row.refined
+        if uniform or last or row.failure:
+            cells.append(_cells(row, slow.get(_key(row))))
     widths = [max(len(line[i]) for line in cells) for i in range(len(HEADER))]
     return "\n".join([head, "", *(_line(line, widths) for line in cells)])
 
@@ -240,8 +263,8 @@ def _key(row: Row) -> tuple[str, int, bool]:
     return str(row.method), row.intervals, row.refined
 
 
-def _cells(row: Row, fast: Row | None) -> tuple[str, ...]:
-    shown, q = fast or row, row.quality
+def _cells(row: Row, slow: Row | None) -> tuple[str, ...]:
+    """``slow``: the same in the interpreter, where it was solved there."""
     words = (
         row.method.pose,
         row.method.closure,
@@ -250,14 +273,15 @@ def _cells(row: Row, fast: Row | None) -> tuple[str, ...]:
     )
     if row.failure:
         return (*words, "failed", *(len(HEADER) - 5) * ("",))
+    q = row.quality
     return (
         *words,
         str(row.iterations),
         str(row.variables),
-        f"{row.seconds:.3f}",
-        f"{fast.seconds:.3f}" if fast else "-",
-        f"{shown.evaluation_seconds:.3f}",
-        f"{shown.seconds - shown.evaluation_seconds:.3f}",
+        f"{slow.seconds:.3f}" if slow else "-",
+        f"{row.seconds:.3f}" if row.compiled else "-",
+        f"{row.evaluation_seconds:.3f}",
+        f"{row.seconds - row.evaluation_seconds:.3f}",
         f"{row.gap:.1e}",
         f"{q.kinematic_error:.0e}",
         f"{q.dynamic_error:.0e}",
