@@ -55,10 +55,12 @@ def equations(scene, pose, closure=None):
 
 
 @cache
-def solved(scene, pose, closure=None, intervals=10, transcription=PiecewiseAcceleration()):
+def solved(scene, pose, closure=None, intervals=10):
     """Problem, solution and quality from the baseline."""
     task = case(scene).task
-    problem = equations(scene, pose, closure).on(np.full(intervals, 1 / intervals), transcription)
+    problem = equations(scene, pose, closure).on(
+        np.full(intervals, 1 / intervals), PiecewiseAcceleration()
+    )
     guess = problem.pack(case(scene).guess, task)
     solution = problem.program.solve(guess, *problem.bounds(task), task.p)
     return problem, solution, Meter(case(scene)).quality(problem, solution.z)

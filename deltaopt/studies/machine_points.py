@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import casadi as ca
@@ -31,26 +31,33 @@ class MachinePointFunction(PointFunction):
         return self.code[1], self.sparsities[1]
 
 
-def in_machine_code(equations: Equations, compiler: str) -> Equations:
-    """The same equations, every point function compiled."""
-    points = {
-        f.name: getattr(equations, f.name)
-        for f in fields(equations)
-        if isinstance(getattr(equations, f.name), PointFunction)
-    }
-    sources = []
-    for name, point in points.items():
-        for kind, (function, _) in (("jacobian", point.jacobian), ("hessian", point.hessian)):
-            inputs = function.sx_in()
-            sources.append(ca.Function(f"{name}_{kind}", inputs, function.call(inputs)))
-    code = compiled(sources, compiler)
-    fast: dict[str, Any] = {
-        name: MachinePointFunction(
-            point.name,
-            point.function,
-            (code[2 * i], code[2 * i + 1]),
-            (point.jacobian[1], point.hessian[1]),
-        )
-        for i, (name, point) in enumerate(points.items())
-    }
-    return replace(equations, **fast)
+@dataclass
+class MachineCode:
+    """Compiles point functions with the C compiler ``command``, each that is alike once:
+    poses share theirs between loop closures, and scenes of one kind of robot share all."""
+
+    command: str
+    known: dict[str, MachinePointFunction] = field(default_factory=dict)
+
+    def __call__(self, equations: Equations) -> Equations:
+        """The same equations, every point function compiled."""
+        fast: dict[str, Any] = {}
+        for f in fields(equations):
+            value = getattr(equations, f.name)
+            if isinstance(value, PointFunction):
+                fast[f.name] = replace(self._compiled(value), name=value.name)
+        return replace(equations, **fast)
+
+    def _compiled(self, point: PointFunction) -> MachinePointFunction:
+        key = point.function.serialize()
+        if key not in self.known:
+            sources = []
+            for kind, (function, _) in (("jacobian", point.jacobian), ("hessian", point.hessian)):
+                inputs = function.sx_in()
+                sources.append(ca.Function(f"point_{kind}", inputs, function.call(inputs)))
+            jacobian, hessian = compiled(sources, self.command)
+            sparsities = point.jacobian[1], point.hessian[1]
+            self.known[key] = MachinePointFunction(
+                point.name, point.function, (jacobian, hessian), sparsities
+            )
+        return self.known[key]

@@ -35,7 +35,7 @@ from deltaopt.planning.gap import GivenAway, given_away, refined
 from deltaopt.planning.nlp import Solution
 from deltaopt.planning.system import System
 from deltaopt.planning.transcription import PiecewiseAcceleration
-from deltaopt.studies.machine_points import in_machine_code
+from deltaopt.studies.machine_points import MachineCode
 from deltaopt.studies.plan_cases import Case, Reference
 from deltaopt.studies.plan_measures import Meter, Quality, active_rank
 from deltaopt.trajectory import PiecewisePolynomial
@@ -162,6 +162,7 @@ def compare_plans(
     begin = perf_counter()
     rows: list[Row] = []
     references, compile_seconds = {}, {}
+    machine_code = MachineCode(compiler) if compiler else None
     for i, case in enumerate(cases):
 
         def tell(done: float, what: str, i: int = i, name: str = case.name) -> None:
@@ -171,9 +172,9 @@ def compare_plans(
         references[case.name] = reference = find_reference(case, tolerance)
         bench = _Bench(case, reference, uniform, refinements)
         modes = [bench.interpreted()]
-        if compiler:
+        if machine_code:
             tell(0.1, "compiling")
-            modes.append(bench.compiled(modes[0], compiler))
+            modes.append(bench.compiled(modes[0], machine_code))
         compile_seconds[case.name] = bench.compile_seconds
         for j, method in enumerate(methods()):
             tell(0.2 + 0.8 * j / len(methods()), str(method))
@@ -240,9 +241,9 @@ class _Bench:
     def interpreted(self) -> Poses:
         return {m.equations_key: m.build(self.case.system) for m in reversed(methods())}
 
-    def compiled(self, equations: Poses, compiler: str) -> Poses:
+    def compiled(self, equations: Poses, machine_code: MachineCode) -> Poses:
         begin = perf_counter()
-        fast = {key: in_machine_code(e, compiler) for key, e in equations.items()}
+        fast = {key: machine_code(e) for key, e in equations.items()}
         self.compile_seconds = perf_counter() - begin
         return fast
 
