@@ -95,8 +95,11 @@ class NotConverged(DeltaOptError):
     """
 
     def __init__(self, message: str, status: str, iterate: object) -> None:
+        super().__init__(message, status, iterate)  # as passed: copies and pickles
         self.status, self.iterate = status, iterate
-        super().__init__(message)
+
+    def __str__(self) -> str:
+        return str(self.args[0])
 
 
 class DependentConstraints(DeltaOptError):

@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
+import casadi as ca
 import numpy as np
 
+from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.errors import Infeasible, Unreachable, in_words
+from deltaopt.mechanisms.delta import DeltaTerms
+from deltaopt.mechanisms.delta_functions import delta_functions
 from deltaopt.model import DeltaModel
 from deltaopt.record import Vector3
+from deltaopt.rows import RowFunction
 from deltaopt.scene import Scene
 
 _SAME_PLACE = 1e-6  # m: near a parallel singularity forward kinematics knows half the digits
@@ -15,9 +22,31 @@ _SAME_PLACE = 1e-6  # m: near a parallel singularity forward kinematics knows ha
 def check_feasible(scene: Scene) -> None:
     """Raise Unreachable or Infeasible, in one sentence, if start or goal rule a motion out."""
     model = DeltaModel(scene.robot, scene.payload)
+    if _is_feasible(model, scene):
+        return
     for name, point in (("start", scene.start), ("goal", scene.goal)):
         _require_reach(model, name, point)
         _require_rest(model, name, point, scene.torque_limits)
+
+
+def _is_feasible(model: DeltaModel, scene: Scene) -> bool:
+    """The same in one evaluation, without words."""
+    ends = np.array([scene.start, scene.goal])
+    back, holding = _rest_function(model.functions.terms)(ends, parameters=model.parameters)
+    there = np.linalg.norm(back - ends, axis=1) <= _SAME_PLACE  # False where not a number
+    return bool(there.all() and (np.abs(holding) <= scene.torque_limits).all())
+
+
+@lru_cache(maxsize=16)
+def _rest_function(terms: DeltaTerms) -> RowFunction:
+    """(x, p) -> where forward kinematics puts the platform for x's motor angles, m; torques
+    that hold it there, N·m (3 each)."""
+    functions = delta_functions(terms, Explicit())
+    x, p = ca.SX.sym("x", 3), ca.SX.sym("p", len(terms.names))
+    back = functions.forward_kinematics(functions.inverse_kinematics(x, p)[3::3], p)
+    rest = ca.SX.zeros(3)
+    holding, _ = functions.inverse_dynamics.expand()(x, rest, rest, p)
+    return RowFunction(ca.Function("rest", [x, p], [back, holding], {"cse": True}))
 
 
 def _require_reach(model: DeltaModel, name: str, point: Vector3) -> None:

@@ -10,15 +10,18 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from math import inf, sqrt
+from typing import NoReturn
 
 import casadi as ca
 import numpy as np
 
 from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.errors import Unreachable
-from deltaopt.mechanisms.delta_functions import DeltaFunctions
-from deltaopt.model import DeltaModel, evaluate_rows
+from deltaopt.mechanisms.delta import DeltaTerms
+from deltaopt.mechanisms.delta_functions import delta_functions
+from deltaopt.model import DeltaModel
 from deltaopt.peaks import Curves, Index, peaks
+from deltaopt.rows import RowFunction
 from deltaopt.scene import Scene
 from deltaopt.trajectory import Array, PiecewisePolynomial, Trajectory
 
@@ -75,6 +78,13 @@ def safe_factor(scene: Scene, trajectory: Trajectory, at_least: float = 1.0) -> 
     return sqrt(squared) if fast_enough.max() * squared <= 1 else inf
 
 
+def loads_inside(scene: Scene, trajectory: Trajectory, fractions: Array) -> Loads:
+    """Loads at these fractions, (n,), of every interval, 0 and 1 from inside of it: N = K · n."""
+    intervals = len(trajectory.knots) - 1
+    where = np.repeat(np.arange(intervals), len(fractions)), np.tile(fractions, intervals)
+    return _loads_along(scene, trajectory)(*where)
+
+
 def _demands(scene: Scene) -> Callable[[Loads], Array]:
     """What limits ask of k², (N, 6 or 9): k² ≥ all columns but the last 3, 1/k² ≥ those.
 
@@ -109,40 +119,59 @@ def _excess(scene: Scene, trajectory: Trajectory, ratios: Callable[[Loads], Arra
 
 def _curves(scene: Scene, trajectory: Trajectory, measure: Callable[[Loads], Array]) -> Curves:
     """A measure of the loads as functions of time."""
+    loads = _loads_along(scene, trajectory)
+    return lambda intervals, fractions: measure(loads(intervals, fractions))
+
+
+def _loads_along(scene: Scene, trajectory: Trajectory) -> Callable[[Index, Array], Loads]:
+    """The loads at (interval (N,), fraction of it (N,))."""
     model = DeltaModel(scene.robot, scene.payload)
-    position = trajectory.position
+    coefficients, lengths = _padded(trajectory.position.coefficients), np.diff(trajectory.knots)
+    function = _loads_function(model.functions.terms, coefficients.shape[1] // 3)
+
+    def along(intervals: Index, fractions: Array) -> Loads:
+        since = (lengths[intervals] * fractions)[:, None]
+        loads = Loads(*function(coefficients[intervals], since, parameters=model.parameters))
+        if not np.isfinite(loads.torque).all():
+            _explain(model, trajectory.position, intervals, since[:, 0])
+        return loads
+
+    return along
+
+
+def _padded(coefficients: Array) -> Array:
+    """(K, powers, 3) as (K, 3 · powers), powers a multiple of 6: few functions serve all."""
+    powers = -(-coefficients.shape[1] // 6) * 6
+    padded = np.zeros((len(coefficients), powers, 3))
+    padded[:, : coefficients.shape[1]] = coefficients
+    return padded.reshape(len(coefficients), -1)
+
+
+def _explain(
+    model: DeltaModel, position: PiecewisePolynomial, intervals: Index, since: Array
+) -> NoReturn:
+    """Raise what is the matter with a motion that has no torques."""
     velocity = position.derivative()
-    acceleration = velocity.derivative()
-    lengths = np.diff(position.knots)
-
-    def curves(intervals: Index, fractions: Array) -> Array:
-        def at(polynomial: PiecewisePolynomial) -> Array:
-            return polynomial.inside(intervals, lengths[intervals] * fractions)
-
-        return measure(_loads(model, at(position), at(velocity), at(acceleration)))
-
-    return curves
-
-
-def _loads(model: DeltaModel, x: Array, v: Array, a: Array) -> Loads:
-    """Loads of a motion of the platform, (N, 3) each."""
-    function = _loads_function(model.functions)
-    loads = Loads(*evaluate_rows(function, x, v, a, parameters=model.parameters))
-    if not np.isfinite(loads.torque).all():
-        model.inverse_dynamics(x, v, a)  # raises what is the matter, at which point
-        raise Unreachable("the motion passes a singular position")
-    return loads
+    polynomials = (position, velocity, velocity.derivative())
+    model.inverse_dynamics(*(q.inside(intervals, since) for q in polynomials))
+    raise Unreachable("the motion passes a singular position")
 
 
 @lru_cache(maxsize=16)
-def _loads_function(functions: DeltaFunctions) -> ca.Function:
-    """(x, v, a, p) -> static τ, τ, θ̇ (3 each), in scalars: the verifier's most frequent call."""
-    explicit = DeltaFunctions(functions.parameters, Explicit())
+def _loads_function(terms: DeltaTerms, powers: int) -> RowFunction:
+    """(coefficients 3 · powers, time since the interval began, p) -> static τ, τ, θ̇ (3 each),
+    in scalars: the verifier's most frequent call."""
+    explicit = delta_functions(terms, Explicit())
     inverse, velocity = explicit.inverse_dynamics.expand(), explicit.velocity
-    x, v, a = (ca.SX.sym(name, 3) for name in "xva")
-    p = ca.SX.sym("p", len(functions.parameters.present()))
-    rest = ca.SX.zeros(3)
+    coefficients, t = ca.SX.sym("coefficients", 3 * powers), ca.SX.sym("t")
+    x, v, a = (ca.SX.zeros(3) for _ in range(3))
+    for c in reversed(ca.vertsplit(coefficients, 3)):  # Horner, differentiated twice
+        a = a * t + 2 * v
+        v = v * t + x
+        x = x * t + c
+    p, rest = ca.SX.sym("p", len(terms.names)), ca.SX.zeros(3)
     static, _ = inverse(x, rest, rest, p)
     torque, _ = inverse(x, v, a, p)
     _, dq = velocity(x, v, p)
-    return ca.Function("loads", [x, v, a, p], [static, torque, dq[3::3]], {"cse": True})
+    inputs, results = [coefficients, t, p], [static, torque, dq[3::3]]
+    return RowFunction(ca.Function("loads", inputs, results, {"cse": True}))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -14,7 +15,7 @@ from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.dynamics.virtual_work import VirtualWork
 from deltaopt.errors import Singular, Singularity, Unreachable, in_words
 from deltaopt.mechanisms.delta import MOTOR_ANGLES, DeltaParameters
-from deltaopt.mechanisms.delta_functions import DeltaFunctions
+from deltaopt.mechanisms.delta_functions import DeltaFunctions, delta_functions
 from deltaopt.robot import Robot
 
 Array = NDArray[np.float64]
@@ -63,15 +64,24 @@ class DeltaModel:
     payload: float | None = None
     formulation: Formulation = field(default_factory=Explicit)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """For other processes: they derive functions themselves."""
+        return DeltaModel, (self.robot, self.payload, self.formulation)
+
     @cached_property
     def functions(self) -> DeltaFunctions:
         """The same as CasADi functions."""
-        return DeltaFunctions(delta_parameters(self.robot, self.payload), self.formulation)
+        return delta_functions(self.numbers.terms(), self.formulation)
 
     @cached_property
     def parameters(self) -> Array:
         """Values of the mechanism's parameters p."""
-        return np.asarray(self.functions.parameters.values())
+        return np.asarray(self.numbers.values())
+
+    @cached_property
+    def numbers(self) -> DeltaParameters:
+        """The paper's letters for this robot and payload."""
+        return delta_parameters(self.robot, self.payload)
 
     def inverse_kinematics(self, x: ArrayLike) -> Array:
         """q, (N, 12), of the platform's centre x, (N, 3), every elbow outside.
@@ -115,10 +125,10 @@ class DeltaModel:
         motions that are possible there see ``joint_inverse_dynamics``.
         """
         q = self.inverse_kinematics(x)
+        tau = self._evaluate(self.functions.inverse_dynamics, x, v, a)[0]
         margins, at_rest = self._margins(q), _still(v) & _still(a)
         _require_parallel(margins)
         _require_serial(margins, moving=~at_rest)
-        tau = self._evaluate(self.functions.inverse_dynamics, x, v, a)[0]
         chosen = _near(margins) & at_rest
         if not chosen.any():
             return tau
@@ -160,7 +170,7 @@ class DeltaModel:
     @cached_property
     def _robust_functions(self) -> DeltaFunctions:
         """In the formulation that keeps accelerations accurate near serial singularities."""
-        return DeltaFunctions(self.functions.parameters, Multiplier())
+        return delta_functions(self.functions.terms, Multiplier())
 
     @cached_property
     def _joint_inverse_dynamics(self) -> ca.Function:

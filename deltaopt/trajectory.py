@@ -25,6 +25,15 @@ class PiecewisePolynomial:
     knots: Array
     coefficients: Array
 
+    @classmethod
+    def hermite(cls, knots: Array, x: Array, v: Array) -> PiecewisePolynomial:
+        """The cubics with values x and derivatives v, (K + 1, m), at the knots."""
+        h = np.diff(knots)[:, None]
+        secant = np.diff(x, axis=0) / h
+        square = (3 * secant - 2 * v[:-1] - v[1:]) / h
+        cube = (v[:-1] + v[1:] - 2 * secant) / h**2
+        return cls(knots, np.stack([x[:-1], v[:-1], square, cube], axis=1))
+
     def derivative(self) -> PiecewisePolynomial:
         """Its derivative with respect to time."""
         powers = np.arange(1, self.coefficients.shape[1])

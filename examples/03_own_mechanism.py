@@ -1,7 +1,6 @@
 """A mechanism of one's own: an engine's slider-crank turned at a constant speed.
 
-The second multiplier of its loop closure is the side force that the piston passes to the rod.
-"""
+The second multiplier of its loop closure is the side force that the piston passes to the rod."""
 
 import sys
 

@@ -127,7 +127,9 @@ def test_failing_writer_leaves_the_old_file_whole(tmp_path, monkeypatch):
 def test_plan_made_by_hand(tmp_path):
     """Whatever a gap is, JSON can say it."""
     line = baseline(SCENE)
-    plan = Plan(SCENE, line, "L_E, flat", "test", 40, "solved", 7, 0.5, float("inf"), 1e-3, ())
+    plan = Plan(
+        SCENE, line, "L_E, flat", "test", 40, "solved", 7, 0.5, float("inf"), 1e-3, (), None
+    )
     save(tmp_path / "new" / "folder", SCENE, line, verify(SCENE, line), plan, rate=50)
     content = json.loads((tmp_path / "new/folder/plan.json").read_text(encoding="utf-8"))
     assert (content["formulation"], content["intervals"]) == ("L_E, flat", 40)

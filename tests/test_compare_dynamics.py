@@ -16,10 +16,10 @@ from deltaopt.cli import main
 from deltaopt.cli.progress import ProgressBar
 from deltaopt.dynamics.constraint_matrix import Partition
 from deltaopt.dynamics.lagrange import Multiplier
+from deltaopt.machine_code import compiled, compiler
 from deltaopt.mechanisms.delta import DeltaParameters, delta
 from deltaopt.studies.dynamics import Row, Study, compare_dynamics, operations
 from deltaopt.studies.dynamics_report import csv, notes, share, table, verdict
-from deltaopt.studies.machine_code import compiled, compiler
 from deltaopt.studies.many_digits import ManyDigits
 from deltaopt.studies.models import models
 from deltaopt.studies.printed import as_printed
@@ -88,12 +88,11 @@ def test_counts_operations() -> None:
 
 @pytest.mark.skipif(compiler() is None, reason="no C compiler")
 def test_compiled_functions_give_the_same(samples: Samples) -> None:
-    mechanism, command = delta(PAPER), compiler()
-    assert command is not None
+    mechanism = delta(PAPER)
     for task in TASKS:
         model = models(Partition((0, 1, 2)), PAPER)[6]
         function = model.build(mechanism, task)
-        (machine,) = compiled([function], command)
+        (machine,) = compiled([function])
         arguments = [*(x[0] for x in task.inputs(samples)), samples.parameters]
         np.testing.assert_allclose(
             np.asarray(machine(*arguments)), np.asarray(function(*arguments)), rtol=1e-13
@@ -169,7 +168,7 @@ def said(study: Study) -> str:
 def test_command_writes_table_chart_and_verdict(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("deltaopt.studies.machine_code.compiler", lambda: None)
+    monkeypatch.setattr("deltaopt.machine_code.compiler", lambda: None)
     command = ["compare", "dynamics", "--states", "2", "--rounds", "2", "-o", str(tmp_path)]
     assert main(command) == 0
     printed = capsys.readouterr()

@@ -97,7 +97,7 @@ def test_explicit_and_multiplier_have_the_same_solutions(scene, closure):
 def test_the_flat_pose_is_that_of_the_planner():
     """The chain's flat equations and the production ones on the same mesh."""
     scene = deltaopt.load_scene(PROBLEMS / "pick_and_place.yaml")
-    planned = deltaopt.plan(scene, tolerance=1.0)
+    planned = deltaopt.plan(scene, tolerance=1e-6, intervals=10)
     _, _, quality = solved("pick_and_place", "flat")
     assert planned.rounds[0].duration == pytest.approx(quality.duration, rel=1e-6)
 

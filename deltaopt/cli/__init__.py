@@ -9,7 +9,7 @@ import argparse
 import sys
 from typing import Protocol
 
-from deltaopt.cli import bench, check, compare, inverse, plan, stability
+from deltaopt.cli import bench, check, compare, export, inverse, plan, stability
 from deltaopt.errors import DeltaOptError, SceneError
 
 
@@ -30,6 +30,7 @@ COMMANDS: dict[str, Command] = {
     "check": check,
     "inverse": inverse,
     "compare": compare,
+    "export": export,
     "bench": bench,
     "stability": stability,
 }

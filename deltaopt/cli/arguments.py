@@ -16,6 +16,11 @@ def add_scene(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_scenes(parser: argparse.ArgumentParser) -> None:
+    """SCENE..."""
+    parser.add_argument("scenes", nargs="+", type=Path, metavar="SCENE", help="scene files")
+
+
 def add_output(parser: argparse.ArgumentParser) -> None:
     """-o DIR."""
     parser.add_argument(

@@ -1,6 +1,7 @@
-"""Measure what is claimed, on seeded random moves.
+"""Measure what is claimed of plans.
 
-deltaopt bench random    plan and verify random moves of both shipped robots' kind
+deltaopt bench random    plan and verify random moves of robots
+deltaopt bench gap       hold the gap that plans estimate against the true one
 """
 
 from __future__ import annotations
@@ -10,24 +11,31 @@ from pathlib import Path
 
 import numpy as np
 
-from deltaopt.cli.arguments import positive
+from deltaopt.cli.arguments import add_scenes, positive
 from deltaopt.cli.progress import ProgressBar
 from deltaopt.robot import Robot, load_robot
+from deltaopt.scene import Scene, load_scene
+from deltaopt.studies.gap_study import TOLERANCES, GapStudy, gap_study
 from deltaopt.studies.random_plans import Outcome, random_plans
 
-HELP = "measure what is claimed, on seeded random moves"
+HELP = "measure what is claimed of plans: how many succeed, how good their gaps are"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     studies = parser.add_subparsers(title="studies", metavar="STUDY", required=True)
     random = studies.add_parser(
-        "random", help="plan and verify random moves: how many succeed", description=__doc__
+        "random", help="plan and verify random moves: how many succeed", description=_random.__doc__
     )
     random.add_argument("robots", nargs="+", type=Path, metavar="ROBOT", help="robot files")
     random.add_argument("--number", type=int, default=200, metavar="N", help="moves per robot")
     random.add_argument("--payload", type=positive, default=1.0, metavar="KG", help="payload, kg")
     random.add_argument("--seed", type=int, default=1, help="of the random numbers")
     random.set_defaults(study=_random)
+    gap = studies.add_parser(
+        "gap", help="hold estimated gaps against true ones", description=_gap.__doc__
+    )
+    add_scenes(gap)
+    gap.set_defaults(study=_gap)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -35,6 +43,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _random(arguments: argparse.Namespace) -> int:
+    """Plan and verify seeded random moves within the workspace of each robot."""
     robots = [load_robot(file) for file in arguments.robots]
     good = True
     for robot in robots:
@@ -61,8 +70,38 @@ def _with_progress(robot: Robot, arguments: argparse.Namespace) -> list[Outcome]
 def _summary(robot: Robot, outcomes: list[Outcome]) -> str:
     seconds = [o.seconds for o in outcomes]
     succeeded = sum(not o.failures for o in outcomes)
+    gaps = [o.gap for o in outcomes if o.intervals]  # of the plans there are
+    gap = f"{np.median(gaps):.1e}" if gaps else "unknown"
     return (
         f"{robot.name}: {succeeded} of {len(outcomes)} solved and verified; "
         f"planning median {np.median(seconds):.2f} s, 99 % {np.percentile(seconds, 99):.2f} s; "
-        f"estimated gap median {np.nanmedian([o.gap for o in outcomes]):.1e}"
+        f"estimated gap median {gap}"
     )
+
+
+def _gap(arguments: argparse.Namespace) -> int:
+    """Plan each scene at tolerances from 1e-2 to 1e-4, and at 1e-5 for the truth."""
+    scenes = {file.stem: load_scene(file) for file in arguments.scenes}
+    print("\n\n".join(_gap_table(name, _gap_of(name, scene)) for name, scene in scenes.items()))
+    return 0
+
+
+def _gap_of(name: str, scene: Scene) -> GapStudy:
+    bar, steps = ProgressBar(), len(TOLERANCES) + 1
+    return gap_study(scene, told=lambda done: bar(done / steps, name))
+
+
+def _gap_table(name: str, study: GapStudy) -> str:
+    """A plan a line, the reference in the last."""
+    rows = [
+        f"{plan.tolerance:>10.0e}{plan.intervals:>10}{plan.iterations:>11}"
+        f"{plan.gap:>14.1e}{study.true_gap(plan):>12.1e}"
+        for plan in study.plans
+    ]
+    reference = study.reference
+    header = f"{'tolerance':>10}{'intervals':>10}{'iterations':>11}{'estimated gap':>14}"
+    truth = (
+        f"true: against {reference.duration:.7f} s, {reference.intervals} intervals, itself "
+        f"estimated {reference.gap:.0e} above the optimum"
+    )
+    return "\n".join([name, f"{header}{'true gap':>12}", *rows, truth])

@@ -16,6 +16,7 @@ import numpy as np
 from deltaopt.cli.arguments import add_scene
 from deltaopt.errors import DeltaOptError, in_words
 from deltaopt.feasibility import check_feasible
+from deltaopt.machine_code import describe
 from deltaopt.mechanisms.delta import DeltaParameters
 from deltaopt.model import DeltaModel
 from deltaopt.planning.baseline import baseline
@@ -42,7 +43,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _description(scene: Scene) -> list[tuple[str, str]]:
     """Name and text of each line."""
     model = DeltaModel(scene.robot, scene.payload)
-    mechanism, parameters = model.functions.mechanism, model.functions.parameters
+    mechanism, parameters = model.functions.mechanism, model.numbers
     coordinates, constraints = mechanism.q.numel(), mechanism.mu.numel()
     distance = np.linalg.norm(np.subtract(scene.goal, scene.start))
     return [
@@ -58,6 +59,7 @@ def _description(scene: Scene) -> list[tuple[str, str]]:
         ("gravity", "none" if parameters.g is None else f"{parameters.g:g} m/s² downward (+x)"),
         ("torque", _limit(scene.torque_limits, "N·m")),
         ("speed", _limit(scene.speed_limits, "rad/s")),
+        ("machine code", describe()),
         ("left out", ", ".join([*_absent(parameters), _NEVER])),
         ("baseline", _baseline(scene)),
     ]

@@ -48,7 +48,6 @@ def _plans(arguments: argparse.Namespace) -> int:
     from deltaopt.files import whole
     from deltaopt.plots.plans import draw
     from deltaopt.scene import load_scene
-    from deltaopt.studies.machine_code import compiler
     from deltaopt.studies.plan_cases import FiveBarTask, delta_case
     from deltaopt.studies.plans import compare_plans
     from deltaopt.studies.plans_report import csv, tables, verdict
@@ -57,7 +56,7 @@ def _plans(arguments: argparse.Namespace) -> int:
         FiveBarTask().case if what == FIVE_BAR else delta_case(Path(what).stem, load_scene(what))
         for what in arguments.what
     ]
-    study = compare_plans(cases, compiler(), progress=ProgressBar())
+    study = compare_plans(cases, progress=ProgressBar())
     directory = arguments.directory or Path("out/compare_plans")
     with whole(directory / "plans.csv") as path:
         path.write_text(csv(study))
@@ -72,10 +71,10 @@ def _plans(arguments: argparse.Namespace) -> int:
 def _dynamics(arguments: argparse.Namespace) -> int:
     """Measure, print, save."""
     from deltaopt.files import whole
+    from deltaopt.machine_code import compiler
     from deltaopt.plots.dynamics import draw
     from deltaopt.studies.dynamics import compare_dynamics
     from deltaopt.studies.dynamics_report import csv, notes, table, verdict
-    from deltaopt.studies.machine_code import compiler
 
     if arguments.states < 1 or arguments.rounds < 1:
         print("deltaopt compare: --states and --rounds must be at least 1", file=sys.stderr)

@@ -139,6 +139,11 @@ def _solve(scene: Scene, arguments: argparse.Namespace) -> tuple[Trajectory, Sol
 def _tell_gap(found: Plan) -> None:
     print(f"estimated to be at most {found.gap:.1e} longer than the optimum", end="")
     print("" if found.within_tolerance else f", which is not the {found.tolerance:g} asked for")
+    if found.certificate:
+        print(
+            f"satisfies Pontryagin's condition to {found.certificate.residual:.0e}: "
+            "no motion near it is faster; one far from it may be"
+        )
 
 
 def table(verification: Verification) -> str:

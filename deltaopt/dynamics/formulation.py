@@ -17,7 +17,9 @@ from deltaopt.dynamics.mechanism import SX, Mechanism
 
 
 class Formulation(Protocol):
-    """A way to write the equations of motion of a mechanism."""
+    """A way to write the equations of motion of a mechanism; a value, equal to its like."""
+
+    def __hash__(self) -> int: ...
 
     def residual(self, mechanism: Mechanism) -> ca.Function:
         """(t, q, q̇, q̈, τ, [λ,] p) -> zero where the motion obeys the dynamics."""

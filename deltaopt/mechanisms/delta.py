@@ -48,6 +48,10 @@ class DeltaParameters:
         """Names of the terms the model has, in the order of ``Mechanism.parameters``."""
         return [f.name for f in fields(self) if getattr(self, f.name) is not None]
 
+    def terms(self) -> DeltaTerms:
+        """Which terms these (numerical) parameters have."""
+        return DeltaTerms(tuple(self.present()), self.I42 is None and bool(self.I41 == self.I43))
+
     def symbols(self) -> DeltaParameters:
         """The same terms as free symbols."""
         return replace(self, **{name: SX.sym(name) for name in self.present()})
@@ -60,6 +64,22 @@ class DeltaParameters:
         """The terms that are present, stacked."""
         stacked: SX = ca.vertcat(*(SX(getattr(self, name)) for name in self.present()))
         return stacked
+
+
+@dataclass(frozen=True)
+class DeltaTerms:
+    """What the expressions of a Delta's model depend on: which terms it has, not their values.
+
+    ``names``: in the order of ``Mechanism.parameters``. ``slender``: whether the bars are
+    alike about both cross axes and have no moment along them.
+    """
+
+    names: tuple[str, ...]
+    slender: bool
+
+    def symbols(self) -> DeltaParameters:
+        """The terms as free symbols."""
+        return DeltaParameters(**{name: SX.sym(name) for name in self.names})
 
 
 def delta(parameters: DeltaParameters) -> Mechanism:

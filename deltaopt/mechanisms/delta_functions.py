@@ -7,7 +7,7 @@ parameters p stay an argument: one function serves every robot with the same ter
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import casadi as ca
 
@@ -15,48 +15,48 @@ from deltaopt.dynamics.constraint_matrix import ClosedForm
 from deltaopt.dynamics.formulation import Formulation
 from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.dynamics.mechanism import SX, Mechanism
-from deltaopt.mechanisms.delta import DeltaParameters, delta
+from deltaopt.mechanisms.delta import DeltaTerms, delta
 from deltaopt.mechanisms.delta_kinematics import forward_kinematics, inverse_kinematics, reach
 from deltaopt.mechanisms.delta_singularities import (
     alignment_margins,
     parallel_margin,
     sideways_margins,
 )
-from deltaopt.mechanisms.delta_slender import explicit_equations, is_slender
+from deltaopt.mechanisms.delta_slender import explicit_equations
 
 
 @dataclass(frozen=True)
 class DeltaFunctions:
-    """Functions for a Delta with the terms of ``parameters``, in a formulation.
+    """Functions for a Delta with these terms, in a formulation.
 
     x, v, a: position, velocity, acceleration of the platform, 3. tau: 3. p: parameters.
     """
 
-    parameters: DeltaParameters
+    terms: DeltaTerms
     formulation: Formulation
 
     @cached_property
     def mechanism(self) -> Mechanism:
         """The twelve coordinates and nine constraints of section 4."""
-        return delta(self.parameters)
+        return delta(self.terms.symbols())
 
     @cached_property
     def inverse_kinematics(self) -> ca.Function:
         """(x, p) -> q (12)."""
-        x, p = SX.sym("x", 3), self.parameters.symbols()
+        x, p = SX.sym("x", 3), self.terms.symbols()
         return ca.Function("inverse_kinematics", [x, p.vector()], [inverse_kinematics(p, x)])
 
     @cached_property
     def forward_kinematics(self) -> ca.Function:
         """(theta, p) -> x."""
-        theta, p = SX.sym("theta", 3), self.parameters.symbols()
+        theta, p = SX.sym("theta", 3), self.terms.symbols()
         x = forward_kinematics(p, theta)
         return ca.Function("forward_kinematics", [theta, p.vector()], [x])
 
     @cached_property
     def reach(self) -> ca.Function:
         """(x, p) -> cos² q_{k,3} of the three chains, then sin² (q_{k,1} - q_{k,2})."""
-        x, p = SX.sym("x", 3), self.parameters.symbols()
+        x, p = SX.sym("x", 3), self.terms.symbols()
         return ca.Function("reach", [x, p.vector()], [ca.vec(reach(p, x))])
 
     @cached_property
@@ -90,8 +90,8 @@ class DeltaFunctions:
         dynamics; sin² (q_{k,1} - q_{k,2}), 3; θ̇, θ̈, 3 each. Without angles where the bars
         allow it."""
         x, v, a, tau = (SX.sym(name, 3) for name in ("x", "v", "a", "tau"))
-        terms = self.parameters.symbols()
-        if is_slender(self.parameters):
+        terms = self.terms.symbols()
+        if self.terms.slender:
             results: tuple[SX, ...] = explicit_equations(terms, x, v, a, tau)
         else:
             results = self._explicit_equations(x, v, a, tau, terms.vector())
@@ -120,5 +120,11 @@ class DeltaFunctions:
         return ca.Function("forward_dynamics", [x, v, tau, p], [ddq[:3]])
 
     def _platform(self, *names: str) -> list[ca.MX]:
-        p = ca.MX.sym("p", len(self.parameters.present()))
+        p = ca.MX.sym("p", len(self.terms.names))
         return [*(ca.MX.sym(name, 3) for name in names), p]
+
+
+@lru_cache(maxsize=64)
+def delta_functions(terms: DeltaTerms, formulation: Formulation) -> DeltaFunctions:
+    """The functions of all models with these terms: derived once in a process."""
+    return DeltaFunctions(terms, formulation)

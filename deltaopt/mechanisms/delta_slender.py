@@ -22,11 +22,6 @@ from deltaopt.dynamics.mechanism import SX
 from deltaopt.mechanisms.delta import AZIMUTHS, DeltaParameters
 
 
-def is_slender(p: DeltaParameters) -> bool:
-    """Whether the bars of these (numerical) parameters are alike about both cross axes."""
-    return p.I42 is None and bool(p.I41 == p.I43)
-
-
 def explicit_equations(p: DeltaParameters, x: SX, v: SX, a: SX, tau: SX) -> tuple[SX, SX, SX, SX]:
     """Cᵀ (Q* + Q), 3, N, zero where the motion obeys eq. (39); sin² (q_{k,1} - q_{k,2}), 3,
     zero where a chain is folded or stretched; θ̇ and θ̈, 3 each, rad/s and rad/s².

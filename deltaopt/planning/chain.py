@@ -12,7 +12,7 @@ Virtual work and Kane's method lead to eq. (39) too.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 
 import casadi as ca
@@ -52,6 +52,13 @@ class Equations:
     closure: LoopClosure | None = None
     acceleration: PointFunction | None = None
     at_knots: PointFunction | None = None
+
+    def derive(self) -> None:
+        """Differentiate and compile all point functions now rather than when first needed."""
+        for f in fields(self):
+            value = getattr(self, f.name)
+            if isinstance(value, PointFunction):
+                _ = value.hessian
 
     def on(self, mesh: Array, transcription: PiecewiseAcceleration) -> ChainProblem:
         return ChainProblem(self, transcription, mesh)

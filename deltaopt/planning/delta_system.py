@@ -10,13 +10,12 @@ from numpy.typing import NDArray
 
 from deltaopt.dynamics.mechanism import SX
 from deltaopt.mechanisms.delta_functions import DeltaFunctions
-from deltaopt.model import DeltaModel
 from deltaopt.planning.chain import ChainProblem, Equations
-from deltaopt.planning.nlp import Program, Solution
+from deltaopt.planning.problem import Guess, Solved
 from deltaopt.planning.scales import Scales
 from deltaopt.planning.system import RestToRest, System, Units
 from deltaopt.planning.transcription import PiecewiseAcceleration
-from deltaopt.trajectory import PiecewisePolynomial, Trajectory
+from deltaopt.trajectory import PiecewisePolynomial
 
 Array = NDArray[np.float64]
 
@@ -30,7 +29,7 @@ def delta_system(functions: DeltaFunctions, *, speed: bool) -> System:
     m = functions.mechanism
     scales = SX.sym("scales", 12 if speed else 9)
     D, time, torque = scales[3], scales[4], scales[5:8]
-    named = dict(zip(functions.parameters.present(), ca.vertsplit(m.parameters), strict=True))
+    named = dict(zip(functions.terms.names, ca.vertsplit(m.parameters), strict=True))
     angle = D / (2 * named["a2"])
     units = Units(
         q=ca.vertcat(*3 * [D], *9 * [angle]),
@@ -47,11 +46,10 @@ def delta_system(functions: DeltaFunctions, *, speed: bool) -> System:
     return System(m, (0, 1, 2), functions.inverse_kinematics, scales, units, openings, explicit)
 
 
-def rest_to_rest(scales: Scales) -> RestToRest:
-    """A scene's task in the order of ``delta_system``'s parameters."""
+def rest_to_rest(scales: Scales, parameters: Array) -> RestToRest:
+    """A scene's task; ``parameters``: the mechanism's."""
     scene = scales.scene
-    model = DeltaModel(scene.robot, scene.payload)
-    p = np.concatenate([scales.vector(), model.parameters])
+    p = np.concatenate([scales.vector(), parameters])
     return RestToRest(p, np.array(scene.start), np.array(scene.goal))
 
 
@@ -76,24 +74,18 @@ class DeltaProblem:
     def mesh(self) -> Array:
         return self.chain.mesh
 
-    @property
-    def program(self) -> Program:
-        return self.chain.program
-
-    def pack(self, trajectory: Trajectory, scales: Scales) -> Array:
-        return self.chain.pack(trajectory.position, rest_to_rest(scales))
-
-    def unpack(
-        self, z: Array, scales: Scales
-    ) -> tuple[PiecewisePolynomial, PiecewisePolynomial | None]:
-        """The platform's path; and all twelve coordinates where they drift, since otherwise the
-        loops close at the knots and the motion is reported as that of the platform."""
-        q, closure = self.chain.unpack(z, rest_to_rest(scales)), self.chain.equations.closure
-        position = PiecewisePolynomial(q.knots, q.coefficients[:, :, :3])
-        return position, q if closure is not None and closure.drifts else None
-
-    def bounds(self, scales: Scales) -> tuple[Array, Array]:
-        return self.chain.bounds(rest_to_rest(scales))
-
-    def prices(self, solution: Solution) -> Array:
-        return self.chain.prices(solution)
+    def solve(self, guess: Guess, scales: Scales, parameters: Array) -> Solved:
+        """By Ipopt. All twelve coordinates are told where they drift; otherwise the loops close
+        at the knots and the motion is reported as that of the platform."""
+        task, chain = rest_to_rest(scales, parameters), self.chain
+        z = chain.pack(guess.trajectory.position, task)
+        found = chain.program.solve(z, *chain.bounds(task), task.p)
+        q, closure = chain.unpack(found.z, task), chain.equations.closure
+        return Solved(
+            PiecewisePolynomial(q.knots, q.coefficients[:, :, :3]),
+            chain.prices(found),
+            found.status,
+            found.iterations,
+            found.spent,
+            q if closure is not None and closure.drifts else None,
+        )

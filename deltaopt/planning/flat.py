@@ -21,7 +21,7 @@ baseline's duration, torques and speeds by their limits.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import casadi as ca
@@ -29,12 +29,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.mechanisms.delta_functions import DeltaFunctions
+from deltaopt.planning.interior_point import Interior, InteriorPoint, Settings, interior_point
 from deltaopt.planning.nlp import Layout, PointFunction, Points, Program, Solution
+from deltaopt.planning.problem import Guess, Solved, solved_by_ipopt
 from deltaopt.planning.scales import Scales
 from deltaopt.planning.transcription import PiecewiseAcceleration
 from deltaopt.trajectory import Motion, PiecewisePolynomial, Trajectory
 
 Array = NDArray[np.float64]
+
+FAR = Settings(barrier=0.2, closest=0.3)
+NEAR = Settings(barrier=0.01, closest=0.01)
+"""How the interior-point method begins, from a guess that is far from or near a solution."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +64,7 @@ class ScaledEquations:
     @classmethod
     def of(cls, functions: DeltaFunctions, *, speed: bool) -> ScaledEquations:
         """For a mechanism; ``speed``: whether motor speeds are limited."""
-        terms = functions.parameters.symbols()
+        terms = functions.terms.symbols()
         y, scales = ca.SX.sym("y", 13), ca.SX.sym("scales", 12 if speed else 9)
         origin, length, time, torque = scales[:3], scales[3], scales[4], scales[5:8]
         T = time * y[12]
@@ -150,6 +156,51 @@ class FlatProblem:
         points = Points(self.equations, self._point_layout(), lower, upper)
         return Program(cost, self._continuity_layout(), [points])
 
+    def solve(self, guess: Guess, scales: Scales, parameters: Array) -> Solved:
+        """By the interior-point method in machine code; by Ipopt where that does not do."""
+        found = self._from_inside(guess, scales, parameters)
+        if found is None:
+            return solved_by_ipopt(self, guess, scales, parameters)
+        prices = np.delete(found.prices, np.s_[3:6], axis=2) / found.T
+        position = self._cubics(found, scales)
+        return Solved(position, prices, found.status, found.iterations, found.spent)
+
+    def _from_inside(self, guess: Guess, scales: Scales, parameters: Array) -> Interior | None:
+        """By the interior-point method: as the guess suggests, or else from far."""
+        method = self._interior_point
+        if method is None:
+            return None
+        p = np.concatenate([scales.vector(), parameters])
+        knots, T = self._at_knots(guess.trajectory, scales)
+        for begin in (NEAR, FAR) if guess.near else (FAR, NEAR):
+            settings = replace(begin, tolerance=guess.tolerance)
+            found = method.solve(self.mesh, p, knots, T, settings)
+            if found.solved:
+                return found
+        return None
+
+    @property
+    def _interior_point(self) -> InteriorPoint | None:
+        """Accelerations linear in an interval make a motion of cubics."""
+        if self.transcription.degree != 1:
+            return None
+        return interior_point(self.equations, tuple(self.transcription.points.tolist()))
+
+    def _at_knots(self, guess: Trajectory, scales: Scales) -> tuple[Array, float]:
+        """X and V at the knots, (N + 1, 6), and T."""
+        T = guess.duration
+        polynomial, times = guess.position, T * np.concatenate([[0.0], np.cumsum(self.mesh)])
+        X = (polynomial.at(times) - scales.origin) / scales.length
+        V = polynomial.derivative().at(times) * T / scales.length
+        return np.hstack([X, V]), T / scales.time
+
+    def _cubics(self, found: Interior, scales: Scales) -> PiecewisePolynomial:
+        """The motion of cubics between knots, in m and s."""
+        T = found.T * scales.time
+        x = scales.origin + scales.length * found.knots[:, :3]
+        v = scales.length / T * found.knots[:, 3:]
+        return PiecewisePolynomial.hermite(T * np.append(0.0, np.cumsum(self.mesh)), x, v)
+
     def pack(self, trajectory: Trajectory, scales: Scales) -> Array:
         """The variables that describe a motion on this mesh, torques within their limits."""
         T = trajectory.duration
@@ -170,8 +221,8 @@ class FlatProblem:
         fractions = (begin[:, None] + self.mesh[:, None] * inside).ravel()
         return trajectory(trajectory.duration * fractions)
 
-    def unpack(self, z: Array, scales: Scales) -> tuple[PiecewisePolynomial, None]:
-        """The motion that the variables describe, in m and s; the loops close by themselves."""
+    def unpack(self, z: Array, scales: Scales) -> PiecewisePolynomial:
+        """The motion that the variables describe, in m and s."""
         T, blocks = z[-1] * scales.time, z[:-7].reshape(self.intervals, self._block)
         X, V = blocks[:, :3], blocks[:, 3:6]
         A = blocks[:, 6 : self._motion_size].reshape(self.intervals, -1, 3)
@@ -179,7 +230,7 @@ class FlatProblem:
         coefficients[:, 0] += scales.origin
         coefficients /= T ** np.arange(coefficients.shape[1])[:, None]
         knots = T * np.concatenate([[0.0], np.cumsum(self.mesh)])
-        return PiecewisePolynomial(knots, coefficients), None
+        return PiecewisePolynomial(knots, coefficients)
 
     def bounds(self, scales: Scales) -> tuple[Array, Array]:
         """Start and goal at rest, torques within limits, a positive duration; the rest free."""

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.errors import NotConverged
+from deltaopt.machine_code import compiled
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.intp]
@@ -30,7 +31,7 @@ IPOPT: Options = {
     "record_time": True,
     "show_eval_warnings": False,  # a trial point out of reach is a shorter step for Ipopt
     "calc_lam_p": False,
-    "no_nlp_grad": True,  # not needed, and functions from a library have no such derivative
+    "no_nlp_grad": True,  # of use for sensitivities only, and machine code has no derivative
     "ipopt.print_level": 0,
     "ipopt.sb": "yes",
     "ipopt.mu_strategy": "adaptive",
@@ -56,20 +57,31 @@ class PointFunction:
         p = ca.SX.sym("p", self.function.size1_in(1))
         return y, p, self.function(y, p)
 
-    @cached_property
+    @property
     def jacobian(self) -> tuple[ca.Function, ca.Sparsity]:
         """(y, p) -> r and the nonzeros of ∂r/∂y; their sparsity."""
-        y, p, r = self._expressions
-        J = ca.jacobian(r, y)
-        return ca.Function("jacobian", [y, p], [r, J.nz[:]]), J.sparsity()
+        return self._derivatives[0]
 
-    @cached_property
+    @property
     def hessian(self) -> tuple[ca.Function, ca.Sparsity]:
         """(y, p, λ) -> the nonzeros of ∂²(λ·r)/∂y²; their sparsity."""
+        return self._derivatives[1]
+
+    @cached_property
+    def _derivatives(self) -> list[tuple[ca.Function, ca.Sparsity]]:
+        """``jacobian`` and ``hessian``, in machine code where there is a compiler."""
+        functions, sparsities = zip(*self.derived, strict=True)
+        return list(zip(compiled(functions), sparsities, strict=True))
+
+    @property
+    def derived(self) -> list[tuple[ca.Function, ca.Sparsity]]:
+        """``jacobian`` and ``hessian`` as CasADi derives them."""
         y, p, r = self._expressions
         lam = ca.SX.sym("lam", r.numel())
-        H = ca.hessian(ca.dot(lam, r), y)[0]
-        return ca.Function("hessian", [y, p, lam], [H.nz[:]]), H.sparsity()
+        J, H = ca.jacobian(r, y), ca.hessian(ca.dot(lam, r), y)[0]
+        jacobian = ca.Function("jacobian", [y, p], [r, J.nz[:]], {"cse": True})
+        hessian = ca.Function("hessian", [y, p, lam], [H.nz[:]], {"cse": True})
+        return [(jacobian, J.sparsity()), (hessian, H.sparsity())]
 
 
 @dataclass(frozen=True)
@@ -137,11 +149,21 @@ class RunningCost:
 
 
 @dataclass(frozen=True)
+class Spent:
+    """Seconds on rows and their derivatives, and on linear systems (with Ipopt, all else)."""
+
+    evaluation: float
+    algebra: float
+
+    def __add__(self, other: Spent) -> Spent:
+        return Spent(self.evaluation + other.evaluation, self.algebra + other.algebra)
+
+
+@dataclass(frozen=True)
 class Solution:
     """Where Ipopt ended: ``z`` the variables, multipliers of their bounds and of the rows.
 
     A multiplier is positive where an upper bound holds, negative where a lower one does.
-    ``evaluation_seconds``: what of ``seconds`` went into functions and their derivatives.
     """
 
     z: Array
@@ -150,7 +172,7 @@ class Solution:
     status: str
     iterations: int
     seconds: float
-    evaluation_seconds: float = 0.0
+    spent: Spent
 
 
 class Program:
@@ -218,7 +240,7 @@ class Program:
             status=stats["return_status"],
             iterations=stats["iter_count"],
             seconds=perf_counter() - begin,
-            evaluation_seconds=sum(v for k, v in stats.items() if k.startswith("t_wall_nlp_")),
+            spent=_spent(stats),
         )
 
     def _build(self, cost: Array, options: Options, running: RunningCost | None) -> ca.Function:
@@ -265,6 +287,11 @@ class Program:
             f"Ipopt stopped after {stats['iter_count']} iterations: {stats['return_status']}; "
             f"worst constraint: {self.row_names[worst]}, violated by {violation[worst]:.1e}"
         )
+
+
+def _spent(stats: dict[str, float]) -> Spent:
+    evaluation = sum(t for name, t in stats.items() if name.startswith("t_wall_nlp_"))
+    return Spent(evaluation, stats["t_wall_total"] - evaluation)
 
 
 def _running(running: RunningCost, z: ca.MX, p: ca.MX, lam_f: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from functools import cached_property
+from functools import lru_cache
 from pathlib import Path
 from time import perf_counter
 
@@ -13,17 +14,18 @@ from numpy.typing import NDArray
 
 from deltaopt.dynamics.formulation import Projected
 from deltaopt.dynamics.lagrange import Multiplier
-from deltaopt.errors import NotConverged
+from deltaopt.errors import DeltaOptError, NotConverged
 from deltaopt.feasibility import check_feasible
-from deltaopt.limits import safe_factor
+from deltaopt.limits import loads_inside, safe_factor
+from deltaopt.mechanisms.delta_functions import DeltaFunctions
 from deltaopt.model import DeltaModel
-from deltaopt.planning.baseline import first_motion
+from deltaopt.planning.baseline import between, first_motion
 from deltaopt.planning.certificate import Certificate
 from deltaopt.planning.flat import Flat, ScaledEquations
 from deltaopt.planning.gap import FRACTIONS, GivenAway, given_away, refined
-from deltaopt.planning.nlp import Solution
+from deltaopt.planning.nlp import Spent
 from deltaopt.planning.poses import posed_as
-from deltaopt.planning.problem import Pose, Posed, Problem
+from deltaopt.planning.problem import Guess, Pose, Posed, Problem, Solved
 from deltaopt.planning.resolve import Resolved, Unsettled, resolve
 from deltaopt.planning.scales import Scales
 from deltaopt.planning.structure import read_structure
@@ -35,6 +37,8 @@ from deltaopt.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
+Pair = tuple[Vector3, Vector3]
+"""Start and goal, m."""
 
 RESOLVED_BELOW = 5e-4
 """Tolerances below this are met by resolving switches, which is cheaper than finer meshes."""
@@ -47,13 +51,15 @@ _MOST_INTERVALS = 300
 @dataclass(frozen=True)
 class Round:
     """One mesh: ``duration`` of its solution, ``safe_duration`` once slowed to the limits (s),
-    estimated ``gap`` of the latter to the shortest possible, as a fraction of it."""
+    estimated ``gap`` of the latter to the shortest possible, as a fraction of it; seconds
+    ``spent``."""
 
     intervals: int
     iterations: int
     duration: float
     safe_duration: float
     gap: float
+    spent: Spent
 
     def __str__(self) -> str:
         return (
@@ -107,7 +113,7 @@ def plan(
     scene: Scene,
     *,
     tolerance: float = 1e-3,
-    intervals: int = 10,
+    intervals: int = 16,
     transcription: PiecewiseAcceleration | None = None,
     formulation: Pose | Multiplier | Projected | None = None,
     progress: Progress | None = None,
@@ -116,7 +122,6 @@ def plan(
 
     ``formulation``: a pose (flat by default, forward), or a formulation of the dynamics, which
     is posed in twelve coordinates: multiplier by eq. (37), the others all by eq. (39).
-
     ``tolerance``: of the optimality gap. ``intervals``: of the first mesh, refined where time
     is given away until the gap is within the tolerance; below ``RESOLVED_BELOW`` the switches
     are resolved. ``progress``: told after every mesh.
@@ -129,38 +134,54 @@ def plan(
     return planner.plan(scene.start, scene.goal, progress=progress)
 
 
+@dataclass(frozen=True)
 class Planner:
-    """Plans for one robot and payload; what does not depend on start and goal is built once."""
+    """Plans for one robot. What does not depend on start, goal and payload is built once.
 
-    def __init__(
+    ``payload``: kg, where a plan is not given one. ``tolerance``: of the optimality gap.
+    ``intervals``: of the first mesh, refined until the gap is within the tolerance.
+    """
+
+    robot: Robot
+    payload: float | None = None
+    limits: Limits | None = None
+    tolerance: float = 1e-3
+    intervals: int = 16
+    transcription: PiecewiseAcceleration | None = None
+    formulation: Pose | Multiplier | Projected | None = None
+
+    def __post_init__(self) -> None:
+        if not self.tolerance > 0:
+            raise ValueError(f"tolerance is {self.tolerance}; it must be greater than 0")
+        if self.intervals < 2:
+            raise ValueError(f"intervals is {self.intervals}; at least 2 are needed to stop again")
+
+    def plan(
         self,
-        robot: Robot,
+        start: Vector3,
+        goal: Vector3,
+        *,
         payload: float | None = None,
-        limits: Limits | None = None,
-        tolerance: float = 1e-3,
-        intervals: int = 10,
-        transcription: PiecewiseAcceleration | None = None,
-        formulation: Pose | Multiplier | Projected | None = None,
-    ) -> None:
-        if not tolerance > 0:
-            raise ValueError(f"tolerance is {tolerance}; it must be greater than 0")
-        if intervals < 2:
-            raise ValueError(f"intervals is {intervals}; at least 2 are needed to stop again")
-        self._robot, self._payload, self._limits = robot, payload, limits
-        self._tolerance = tolerance
-        self._transcription = transcription or PiecewiseAcceleration()
-        self._pose = posed_as(formulation or Flat())
-        self._first_mesh = np.full(intervals, 1 / intervals)
-        self._model = DeltaModel(robot, payload)
+        near: Plan | None = None,
+        progress: Progress | None = None,
+    ) -> Plan:
+        """The fastest motion from rest at start to rest at goal (m).
 
-    def plan(self, start: Vector3, goal: Vector3, *, progress: Progress | None = None) -> Plan:
-        """The fastest motion from rest at start to rest at goal (m)."""
+        ``payload``: kg, another than the planner's. ``near``: a plan for similar ends, to
+        start from.
+
+        Raises Unreachable, Infeasible or NotConverged.
+        """
         scene = Scene(
-            robot=self._robot, payload=self._payload, start=start, goal=goal, limits=self._limits
+            robot=self.robot,
+            payload=self.payload if payload is None else payload,
+            start=start,
+            goal=goal,
+            limits=self.limits,
         )
         check_feasible(scene)
         begin = perf_counter()
-        attempts, rounds, resolved = self._solve(scene, progress or (lambda _: None))
+        attempts, rounds, resolved = self._solve(scene, near, progress or (lambda _: None))
         best = min(range(len(rounds)), key=lambda i: rounds[i].safe_duration)
         chosen = resolved or attempts[best]
         return Plan(
@@ -173,25 +194,44 @@ class Planner:
             iterations=sum(r.iterations for r in rounds),
             solve_seconds=perf_counter() - begin,
             gap=resolved.gap if resolved else rounds[best].gap,
-            tolerance=self._tolerance,
+            tolerance=self.tolerance,
             rounds=tuple(rounds),
             certificate=resolved.certificate if resolved else None,
         )
 
+    def plan_many(self, pairs: Sequence[Pair], workers: int = 1) -> list[Plan | DeltaOptError]:
+        """A plan for every (start, goal), or why there is none, in their order.
+
+        ``workers``: processes; the results do not depend on their number.
+        """
+        if workers == 1:
+            return [self._plan_or_error(pair) for pair in pairs]
+        with ProcessPoolExecutor(workers) as pool:
+            chunk = max(1, len(pairs) // (4 * workers))
+            return list(pool.map(self._plan_or_error, pairs, chunksize=chunk))
+
+    def _plan_or_error(self, pair: Pair) -> Plan | DeltaOptError:
+        try:
+            return self.plan(*pair)
+        except DeltaOptError as error:
+            return error
+
     def _solve(
-        self, scene: Scene, tell: Progress
+        self, scene: Scene, near: Plan | None, tell: Progress
     ) -> tuple[list[Attempt], list[Round], Resolved | None]:
         """Solve on finer and finer meshes until the gap is small enough, the switches can be
         resolved, or no more is gained."""
-        guess = first_motion(scene)
-        openings = self._model.openings([scene.start, scene.goal])
-        scales = Scales(scene, guess.duration, float(openings.min()))
-        attempts = [self._attempt(self._first_problem, scales, guess)]
+        model = DeltaModel(scene.robot, scene.payload)
+        posed, first = self._posed(model), self._first_guess(scene, near)
+        openings = model.openings([scene.start, scene.goal])
+        scales = Scales(scene, first.trajectory.duration, float(openings.min()))
+        mesh = np.full(self.intervals, 1 / self.intervals)
+        attempts = [_attempt(posed.on(mesh), scales, first, model)]
         rounds = [_round(attempts)]
         tell(str(rounds[-1]))
         while not self._done(rounds):
-            last, aim = attempts[-1], self._tolerance / 4
-            if self._tolerance < RESOLVED_BELOW:
+            last, aim = attempts[-1], self.tolerance / 4
+            if self.tolerance < RESOLVED_BELOW:
                 if rounds[-1].gap < _READABLE:
                     resolved = self._resolved(last, scales, tell)
                     if resolved:
@@ -199,7 +239,8 @@ class Planner:
                 aim = max(aim, rounds[-1].gap / 16)
             mesh = refined(last.problem.mesh, last.lost, aim)
             try:
-                attempts.append(self._attempt(self._posed.on(mesh), scales, last.trajectory))
+                guess = Guess(last.trajectory, near=True, tolerance=self._accuracy)
+                attempts.append(_attempt(posed.on(mesh), scales, guess, model))
             except NotConverged as error:  # what is there already is a motion all the same
                 tell(f"{len(mesh)} intervals: {error}")
                 break
@@ -209,15 +250,16 @@ class Planner:
 
     def _resolved(self, attempt: Attempt, scales: Scales, tell: Progress) -> Resolved | None:
         """With its switches resolved, or None if the structure cannot be settled yet."""
+        model = attempt.trajectory.model
         structure = read_structure(attempt.problem.mesh, *_loads(scales.scene, attempt.trajectory))
         try:
             found = resolve(
-                self._scaled_equations,
-                self._model,
+                ScaledEquations.of(model.functions, speed=self._speed_is_limited),
+                model,
                 structure,
                 attempt.trajectory,
                 scales,
-                self._tolerance,
+                self.tolerance,
             )
         except Unsettled as error:
             tell(f"{len(structure.lengths)} arcs: not settled yet: {error}")
@@ -228,36 +270,54 @@ class Planner:
         )
         return found
 
+    def _first_guess(self, scene: Scene, near: Plan | None) -> Guess:
+        """The plan of similar ends, moved to these; or a motion without optimisation."""
+        if near is None:
+            return Guess(first_motion(scene), near=False, tolerance=self.tolerance)
+        model = DeltaModel(scene.robot, scene.payload)
+        moved = between(near.trajectory, model, scene.start, scene.goal)
+        return Guess(moved, near=True, tolerance=self.tolerance)
+
     def _done(self, rounds: list[Round]) -> bool:
         """After two meshes at least: one alone has nothing to be compared with."""
-        enough = rounds[-1].gap <= self._tolerance
+        enough = rounds[-1].gap <= self.tolerance
         return len(rounds) > 1 and (enough or rounds[-1].intervals > _MOST_INTERVALS)
 
-    @cached_property
+    @property
+    def _accuracy(self) -> float:
+        """Of the solution on a mesh; structures are read from exact ones only."""
+        return self.tolerance / 5 if self.tolerance >= RESOLVED_BELOW else 1e-8
+
+    @property
     def _speed_is_limited(self) -> bool:
-        in_scene = self._limits is not None and self._limits.speed is not None
-        return in_scene or self._robot.speed_limits is not None
+        in_scene = self.limits is not None and self.limits.speed is not None
+        return in_scene or self.robot.speed_limits is not None
 
-    @cached_property
-    def _posed(self) -> Posed:
-        functions = self._model.functions
-        return self._pose.of(functions, self._transcription, speed=self._speed_is_limited)
+    def _posed(self, model: DeltaModel) -> Posed:
+        """Built once in a process for all models with the same terms."""
+        return _posed(self._pose, model.functions, self._transcription, self._speed_is_limited)
 
-    @cached_property
-    def _scaled_equations(self) -> ScaledEquations:
-        return ScaledEquations.of(self._model.functions, speed=self._speed_is_limited)
+    @property
+    def _pose(self) -> Pose:
+        return posed_as(self.formulation or Flat())
 
-    @cached_property
-    def _first_problem(self) -> Problem:
-        return self._posed.on(self._first_mesh)
+    @property
+    def _transcription(self) -> PiecewiseAcceleration:
+        return self.transcription or PiecewiseAcceleration()
 
-    def _attempt(self, problem: Problem, scales: Scales, guess: Trajectory) -> Attempt:
-        p = np.concatenate([scales.vector(), self._model.parameters])
-        solution = problem.program.solve(problem.pack(guess, scales), *problem.bounds(scales), p)
-        position, coordinates = problem.unpack(solution.z, scales)
-        trajectory = Trajectory(position, self._model, coordinates)
-        lost = given_away(problem.prices(solution), *_loads(scales.scene, trajectory))
-        return Attempt(problem, solution, trajectory, lost, safe_factor(scales.scene, trajectory))
+
+@lru_cache(maxsize=32)
+def _posed(
+    pose: Pose, functions: DeltaFunctions, transcription: PiecewiseAcceleration, speed: bool
+) -> Posed:
+    return pose.of(functions, transcription, speed=speed)
+
+
+def _attempt(problem: Problem, scales: Scales, guess: Guess, model: DeltaModel) -> Attempt:
+    solution = problem.solve(guess, scales, model.parameters)
+    trajectory = Trajectory(solution.position, model, solution.coordinates)
+    lost = given_away(solution.prices, *_loads(scales.scene, trajectory))
+    return Attempt(problem, solution, trajectory, lost, safe_factor(scales.scene, trajectory))
 
 
 @dataclass(frozen=True)
@@ -265,7 +325,7 @@ class Attempt:
     """A problem solved on one mesh, the motion not yet slowed."""
 
     problem: Problem
-    solution: Solution
+    solution: Solved
     trajectory: Trajectory
     lost: GivenAway
     safe_factor: float
@@ -273,12 +333,12 @@ class Attempt:
 
 def _loads(scene: Scene, trajectory: Trajectory) -> tuple[Array, Array | None]:
     """Torques and, if limited, speeds inside the intervals, as fractions of their limits."""
-    motion = trajectory.inside_intervals(FRACTIONS)
+    loads = loads_inside(scene, trajectory, FRACTIONS)
     shape = (-1, len(FRACTIONS), 3)
-    torque = (motion.tau / np.array(scene.torque_limits)).reshape(shape)
+    torque = (loads.torque / np.array(scene.torque_limits)).reshape(shape)
     if scene.speed_limits is None:
         return torque, None
-    return torque, (motion.dtheta / np.array(scene.speed_limits)).reshape(shape)
+    return torque, (loads.speed / np.array(scene.speed_limits)).reshape(shape)
 
 
 def _round(attempts: list[Attempt]) -> Round:
@@ -300,4 +360,5 @@ def _round(attempts: list[Attempt]) -> Round:
         duration=last.trajectory.duration,
         safe_duration=last.trajectory.duration * last.safe_factor,
         gap=last.safe_factor - 1 + correction * last.lost.total,
+        spent=last.solution.spent,
     )

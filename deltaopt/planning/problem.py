@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.mechanisms.delta_functions import DeltaFunctions
-from deltaopt.planning.nlp import Program, Solution
+from deltaopt.planning.nlp import Program, Solution, Spent
 from deltaopt.planning.scales import Scales
 from deltaopt.planning.transcription import PiecewiseAcceleration
 from deltaopt.trajectory import PiecewisePolynomial, Trajectory
@@ -24,6 +25,24 @@ class Problem(Protocol):
         """Lengths of the intervals as fractions of the duration, (N,)."""
         ...
 
+    def solve(self, guess: Guess, scales: Scales, parameters: Array) -> Solved:
+        """The fastest motion on this mesh; ``parameters``: the mechanism's."""
+        ...
+
+
+@dataclass(frozen=True)
+class Guess:
+    """A motion to start from. ``near``: whether it is a solution of a similar problem.
+    ``tolerance``: relative, of the duration, to which the solution is wanted at least."""
+
+    trajectory: Trajectory
+    near: bool
+    tolerance: float
+
+
+class NonlinearProblem(Protocol):
+    """A problem written as a nonlinear program for Ipopt."""
+
     @property
     def program(self) -> Program:
         """The nonlinear program; its parameters are ``Scales.vector`` and the mechanism's."""
@@ -33,11 +52,8 @@ class Problem(Protocol):
         """The variables that describe a motion on this mesh."""
         ...
 
-    def unpack(
-        self, z: Array, scales: Scales
-    ) -> tuple[PiecewisePolynomial, PiecewisePolynomial | None]:
-        """The motion of the platform that the variables describe, m and s; and that of all
-        coordinates, m, rad and s, where it does not follow from the platform's."""
+    def unpack(self, z: Array, scales: Scales) -> PiecewisePolynomial:
+        """The motion of the platform that the variables describe, m and s."""
         ...
 
     def bounds(self, scales: Scales) -> tuple[Array, Array]:
@@ -45,9 +61,35 @@ class Problem(Protocol):
         ...
 
     def prices(self, solution: Solution) -> Array:
-        """Fraction of the duration per fraction of a limit, (N, points, 3 or 6): torques, then
-        limited speeds; positive at the upper limit, negative at the lower."""
+        """As in ``Solved``."""
         ...
+
+
+@dataclass(frozen=True)
+class Solved:
+    """The motion found on a mesh, and what its limits cost.
+
+    ``prices``: fraction of the duration per fraction of a limit, (N, points, 3 or 6): torques,
+    then limited speeds; positive at the upper limit, negative at the lower. ``coordinates``: all
+    twelve, m and rad, where they do not follow from the platform's position.
+    """
+
+    position: PiecewisePolynomial
+    prices: Array
+    status: str
+    iterations: int
+    spent: Spent
+    coordinates: PiecewisePolynomial | None = None
+
+
+def solved_by_ipopt(
+    problem: NonlinearProblem, guess: Guess, scales: Scales, parameters: Array
+) -> Solved:
+    """Raises NotConverged."""
+    p, z = np.concatenate([scales.vector(), parameters]), problem.pack(guess.trajectory, scales)
+    found = problem.program.solve(z, *problem.bounds(scales), p)
+    position = problem.unpack(found.z, scales)
+    return Solved(position, problem.prices(found), found.status, found.iterations, found.spent)
 
 
 class Posed(Protocol):
@@ -59,7 +101,9 @@ class Posed(Protocol):
 
 
 class Pose(Protocol):
-    """A way to write the minimum-time problem as a nonlinear program."""
+    """A way to write the minimum-time problem as a nonlinear program; a value."""
+
+    def __hash__(self) -> int: ...
 
     @property
     def name(self) -> str: ...

@@ -15,8 +15,8 @@ import numpy as np
 
 from deltaopt.dynamics.constraint_matrix import Partition
 from deltaopt.dynamics.mechanism import Mechanism
+from deltaopt.machine_code import Compiler, in_machine_code
 from deltaopt.mechanisms.delta import delta
-from deltaopt.studies.machine_code import compiled
 from deltaopt.studies.many_digits import ManyDigits
 from deltaopt.studies.models import Model, models
 from deltaopt.studies.samples import NEAR_HOME, PAPER, exact_samples, rounding_error
@@ -86,13 +86,13 @@ class _Case:
 def compare_dynamics(
     states: int,
     rounds: int,
-    compiler: str | None,
+    compiler: Compiler | None,
     digits: int = 50,
     progress: Progress = lambda done, what: None,
 ) -> Study:
     """Measure all models at both tasks on ``states`` random states of the paper's Delta.
 
-    ``compiler``: the command of a C compiler; None leaves compiled times out.
+    ``compiler``: the C compiler of this machine; None leaves compiled times out.
     """
     mechanism, exact = delta(PAPER), ManyDigits(digits)
     progress(0.0, f"{states} states in {digits} digits")
@@ -106,7 +106,8 @@ def compare_dynamics(
     cases = _cases(mechanism, partition)
     progress(0.3, "compiling")
     in_c = [case for case in cases if case.model.compilable and compiler]
-    machine = compiled([case.function for case in in_c], compiler) if compiler else []
+    machine = (in_machine_code([case.function for case in in_c]) if in_c else None) or []
+    in_c = in_c[: len(machine)]
     progress(0.5, "timing")
     interpreted_runs = [Run(case.function, case.task, samples) for case in cases]
     runs = [

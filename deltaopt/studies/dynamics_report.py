@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from textwrap import fill
 
+from deltaopt.machine_code import FLAGS
 from deltaopt.studies.dynamics import Row, Study
 
 _SAME = "the same cost indeed"
@@ -62,7 +63,8 @@ def notes(study: Study) -> str:
         f"{study.states} random states of the paper's Delta, median of {study.rounds} rounds in"
         " which every model runs in turn; ratios are to L_E in closed form in the same round."
         " In the interpreter a solver called at run time is machine code, what is written out in"
-        " scalars is not. Multipliers are not computed. Compiled: gcc -O2;"
+        " scalars is not. Multipliers are not computed. Compiled: "
+        f"{' '.join(FLAGS)};"
         " LAPACK cannot be generated as C."
         f"{machine} Operations: elementary ones, a linear system solved at run time (sparse QR,"
         " LAPACK LU) counted as a dense LU, 2/3 n³ + 2 n². Partition: independent coordinates"

@@ -121,7 +121,7 @@ def delta_case(name: str, scene: Scene) -> Case:
     return Case(
         name,
         delta_system(model.functions, speed=speed is not None),
-        rest_to_rest(scales),
+        rest_to_rest(scales, model.parameters),
         guess.position,
         np.array(scene.torque_limits),
         None if speed is None else np.array(speed),

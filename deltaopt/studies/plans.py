@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.errors import NotConverged
+from deltaopt.machine_code import compiler
 from deltaopt.planning.chain import (
     ChainProblem,
     Equations,
@@ -35,7 +36,7 @@ from deltaopt.planning.gap import GivenAway, given_away, refined
 from deltaopt.planning.nlp import Solution
 from deltaopt.planning.system import System
 from deltaopt.planning.transcription import PiecewiseAcceleration
-from deltaopt.studies.machine_points import MachineCode
+from deltaopt.studies.interpreted import interpreted
 from deltaopt.studies.plan_cases import Case, Reference
 from deltaopt.studies.plan_measures import Meter, Quality, active_rank
 from deltaopt.trajectory import PiecewisePolynomial
@@ -58,9 +59,9 @@ UNIFORM = (10, 20, 40)
 gives time away: in each its torques jump inside other intervals."""
 AIM = 5e-5
 """Gap at which a method's mesh is refined no further."""
-REFINEMENTS = 3
+REFINEMENTS = 2
 """At most, and"""
-MOST_INTERVALS = 250
+MOST_INTERVALS = 160
 """of a refined mesh."""
 RANK_AT_MOST = 10
 """Intervals of the meshes on which the rank is computed, by a dense decomposition."""
@@ -148,7 +149,6 @@ def methods() -> list[Method]:
 
 def compare_plans(
     cases: Sequence[Case],
-    compiler: str | None,
     tolerance: float = 1e-5,
     uniform: Sequence[int] = UNIFORM,
     refinements: int = REFINEMENTS,
@@ -156,13 +156,12 @@ def compare_plans(
 ) -> PlanStudy:
     """Solve every case with every method on every mesh.
 
-    ``compiler``: the command of a C compiler; None leaves compiled times out. ``tolerance``:
-    of the reference's gap.
+    Without a C compiler compiled times are left out. ``tolerance``: of the reference's gap.
     """
     begin = perf_counter()
     rows: list[Row] = []
-    references, compile_seconds = {}, {}
-    machine_code = MachineCode(compiler) if compiler else None
+    references: dict[str, Reference] = {}
+    compile_seconds: dict[str, float] = {}
     for i, case in enumerate(cases):
 
         def tell(done: float, what: str, i: int = i, name: str = case.name) -> None:
@@ -171,11 +170,15 @@ def compare_plans(
         tell(0.0, "reference")
         references[case.name] = reference = find_reference(case, tolerance)
         bench = _Bench(case, reference, uniform, refinements)
-        modes = [bench.interpreted()]
-        if machine_code:
+        poses = {m.equations_key: m.build(case.system) for m in reversed(methods())}
+        modes = [{key: interpreted(e) for key, e in poses.items()}]
+        if compiler() is not None:
             tell(0.1, "compiling")
-            modes.append(bench.compiled(modes[0], machine_code))
-        compile_seconds[case.name] = bench.compile_seconds
+            compiling = perf_counter()
+            for equations in poses.values():
+                equations.derive()
+            compile_seconds[case.name] = perf_counter() - compiling
+            modes.append(poses)
         for j, method in enumerate(methods()):
             tell(0.2 + 0.8 * j / len(methods()), str(method))
             rows += bench.rows(method, modes)
@@ -236,16 +239,6 @@ class _Bench:
     ) -> None:
         self.case, self.reference, self.meter = case, reference, Meter(case)
         self.uniform, self.refinements = uniform, refinements
-        self.compile_seconds = 0.0
-
-    def interpreted(self) -> Poses:
-        return {m.equations_key: m.build(self.case.system) for m in reversed(methods())}
-
-    def compiled(self, equations: Poses, machine_code: MachineCode) -> Poses:
-        begin = perf_counter()
-        fast = {key: machine_code(e) for key, e in equations.items()}
-        self.compile_seconds = perf_counter() - begin
-        return fast
 
     def rows(self, method: Method, modes: list[Poses]) -> list[Row]:
         """On uniform meshes from the baseline in every mode; then, in the last mode, on meshes
@@ -314,7 +307,7 @@ class _Bench:
             compiled,
             failure,
             solution.seconds,
-            solution.evaluation_seconds,
+            solution.spent.evaluation,
             solution.iterations,
             len(solution.z),
             int(problem.program.jacobian.nnz_out(1)),

@@ -133,7 +133,7 @@ def delta_on_springs() -> Mechanism:
 def _swing(name: str, times: Array, tolerance: float) -> Motion:
     """In all twelve coordinates."""
     p = np.array(PAPER.values())
-    q0 = DeltaFunctions(PAPER, Explicit()).inverse_kinematics(START, p).full().ravel()
+    q0 = DeltaFunctions(PAPER.terms(), Explicit()).inverse_kinematics(START, p).full().ravel()
     return simulate(
         delta_on_springs(),
         Explicit(ClosedForm()),
@@ -150,7 +150,7 @@ def _minimal(times: Array, tolerance: float) -> Motion:
     """In the platform's coordinates; the others by inverse kinematics and eq. (55)."""
     m, p = delta_on_springs(), np.array(PAPER.values())
     z = ca.MX.sym("z", 6)
-    velocity = DeltaFunctions(PAPER, Explicit()).velocity
+    velocity = DeltaFunctions(PAPER.terms(), Explicit()).velocity
     q, dq = velocity(z[:3], z[3:], p)
     ddq, _ = Explicit(ClosedForm()).forward_dynamics(m)(0.0, q, dq, np.zeros(3), p)
     span = times[-1] - times[0]

@@ -1,0 +1,78 @@
+"""CasADi's scalar functions as C text, for one point or for four side by side.
+
+The C type ``V`` of the text is a double, or a vector of four (GCC's and Clang's vector
+extension), whose lanes are four points: a processor with AVX then does four points at the
+price of one.
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from deltaopt.errors import DeltaOptError
+
+LANES = 4
+
+SCALAR = """\
+#include <math.h>
+typedef double V;
+#define EACH(f, a) f(a)
+#define EACH2(f, a, b) f(a, b)
+#define ALL(a) (a)
+"""
+"""What V is for one point."""
+
+VECTOR = """\
+#include <math.h>
+typedef double V __attribute__((vector_size(32)));
+static inline V all_lanes(double a) { return (V){a, a, a, a}; }
+#define EACH(f, a) ((V){f((a)[0]), f((a)[1]), f((a)[2]), f((a)[3])})
+#define EACH2(f, a, b) \\
+  ((V){f((a)[0], (b)[0]), f((a)[1], (b)[1]), f((a)[2], (b)[2]), f((a)[3], (b)[3])})
+#define ALL(a) all_lanes(a)
+"""
+"""What V is for four points. The compiler makes one instruction of EACH(sqrt, …)."""
+
+_C = {
+    ca.OP_ASSIGN: "{0}",
+    ca.OP_ADD: "{0} + {1}",
+    ca.OP_SUB: "{0} - {1}",
+    ca.OP_MUL: "{0} * {1}",
+    ca.OP_DIV: "{0} / {1}",
+    ca.OP_NEG: "-{0}",
+    ca.OP_SQ: "{0} * {0}",
+    ca.OP_TWICE: "{0} + {0}",
+    ca.OP_INV: "1 / {0}",
+    ca.OP_SQRT: "EACH(sqrt, {0})",
+    ca.OP_SIN: "EACH(sin, {0})",
+    ca.OP_COS: "EACH(cos, {0})",
+    ca.OP_ASIN: "EACH(asin, {0})",
+    ca.OP_FABS: "EACH(fabs, {0})",
+    ca.OP_SIGN: "EACH2(copysign, ALL(1.0), {0})",
+    ca.OP_ATAN2: "EACH2(atan2, {0}, {1})",
+    ca.OP_FMAX: "EACH2(fmax, {0}, {1})",
+    ca.OP_FMIN: "EACH2(fmin, {0}, {1})",
+}
+
+
+def c_function(function: ca.Function, name: str) -> str:
+    """``static void name(const V *x0, …, V *r0, …)``, the same as a function of scalars."""
+    arguments = [f"const V *x{i}" for i in range(function.n_in())]
+    arguments += [f"V *r{i}" for i in range(function.n_out())]
+    body = "\n".join(_instruction(function, k) for k in range(function.n_instructions()))
+    work = f"  V w[{max(function.sz_w(), 1)}];"
+    return f"static void {name}({', '.join(arguments)}) {{\n{work}\n{body}\n}}\n"
+
+
+def _instruction(function: ca.Function, k: int) -> str:
+    operation = function.instruction_id(k)
+    to, by = function.instruction_output(k), function.instruction_input(k)
+    if operation == ca.OP_INPUT:
+        return f"  w[{to[0]}] = x{by[0]}[{by[1]}];"
+    if operation == ca.OP_OUTPUT:
+        return f"  r{to[0]}[{to[1]}] = w[{by[0]}];"
+    if operation == ca.OP_CONST:
+        return f"  w[{to[0]}] = ALL({function.instruction_constant(k)!r});"
+    if operation not in _C:
+        raise DeltaOptError(f"operation {operation} of {function.name()} has no C text")
+    return f"  w[{to[0]}] = {_C[operation].format(*(f'w[{i}]' for i in by))};"

@@ -1,0 +1,585 @@
+/* An interior-point method for motions made of cubics between knots.
+
+     minimise T   subject to   -1 <= c(y_j) <= 1   at four points j of every interval,
+     y = (X, V, A, T) at a point, linear in the knots' (X, V) and in T
+
+   c are three torques in units of their limits and other rows, such as speeds. Both ends are
+   at rest and given. With t a copy of c kept strictly inside the limits, c(y) - t = 0, and
+   its multipliers and those of the limits eliminated, Newton's equations are in the knots
+   alone: 6 x 6 blocks along the diagonal, and T as the last row. They are solved with
+   Cholesky's method, which also tells whether the step is one of descent.
+
+   Written for the four points of an interval in the four lanes of a vector V. What comes
+   before this text: V, ALL, NP parameters, NC rows, and two generated functions:
+
+     values(y, p, F, B, others)      F + B tau = 0 are the equations of motion, B 3 x 3
+     second(y and tau, lambda, p,    derivatives of F + B tau and of the other rows,
+            dF, dothers, H, H_tau)   H upper triangle by columns, H_tau 10 x 3
+*/
+
+#include <float.h>
+#include <stdint.h>
+#include <string.h>
+#include <time.h>
+
+enum { SOLVED, TOO_MANY_ITERATIONS, NO_PROGRESS, SINGULAR, NOT_A_NUMBER };
+
+typedef struct {
+  double tolerance;   /* of complementarity and of T as fractions of T, and of |c - t| */
+  double barrier;     /* complementarity at first, as a fraction of T */
+  double closest;     /* how close t may begin to its limits, as a fraction */
+  int64_t iterations; /* at most */
+} Settings;
+
+typedef struct {
+  double complementarity, dual, primal; /* what is compared with the tolerance */
+  double evaluating, solving;            /* seconds: rows and derivatives; linear systems */
+  int64_t iterations, factorisations, evaluations;
+} Report;
+
+typedef struct {
+  V weight[3][4];                /* of X_i, V_i, X_i+1, V_i+1 in X, V, A */
+  V c[NC], t[NC];                /* rows and their copies */
+  V upper[NC], lower[NC];        /* multipliers of the limits of t */
+  V y[NC];                       /* of c = t: upper - lower */
+  V dt[NC], dupper[NC], dlower[NC];
+  V moved[NC];                   /* t at the last trial */
+  V bend_upper[NC], bend_lower[NC]; /* second-order part of slack times multiplier */
+  V C[NC][10];                   /* derivatives of the rows by X, V, A, T */
+  double K[13][13];              /* curvature by both knots and T */
+  double bending[4][4];          /* sum of A^2 over the points, as a form in the knots */
+} Interval;
+
+typedef struct {
+  double D[6][6], E[6][6], b[6]; /* of a knot: Cholesky factor, coupling to the next, to T */
+} Block;
+
+typedef struct {
+  int64_t n;
+  Interval *interval;            /* n */
+  Block *block;                  /* n, the first unused */
+  double *z, *dz, *trial, *g;    /* n + 1 knots of six, then T */
+  V p[NP];
+  double pivot_T, mu, penalty;
+  Report *report;
+} Problem;
+
+static double seconds(void) {
+  struct timespec now;
+  clock_gettime(CLOCK_MONOTONIC, &now);
+  return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
+}
+
+static double sum(V a) { return (a[0] + a[1]) + (a[2] + a[3]); }
+static V absolute(V a) { return EACH(fabs, a); }
+static double greater(double a, double b) { return a > b ? a : b; } /* one instruction */
+static double lesser(double a, double b) { return a < b ? a : b; }
+static V larger(V a, V b) { return EACH2(greater, a, b); }
+static V smaller(V a, V b) { return EACH2(lesser, a, b); }
+static double largest(V a) { return greater(greater(a[0], a[1]), greater(a[2], a[3])); }
+static int64_t size(const Problem *P) { return 6 * (P->n + 1) + 1; }
+static double *duration(const Problem *P, double *z) { return z + size(P) - 1; }
+
+/* ---- from knots to points and back ---- */
+
+/* Hermite's cubics and their derivatives at fractions s of an interval of length e. */
+static void set_weights(Interval *I, double e, const double *fractions) {
+  for (int k = 0; k < 4; k++) {
+    const double s = fractions[k], s2 = s * s, s3 = s2 * s;
+    const double W[3][4] = {
+        {1 - 3 * s2 + 2 * s3, e * (s - 2 * s2 + s3), 3 * s2 - 2 * s3, e * (s3 - s2)},
+        {6 * (s2 - s) / e, 1 - 4 * s + 3 * s2, 6 * (s - s2) / e, 3 * s2 - 2 * s},
+        {(12 * s - 6) / (e * e), (6 * s - 4) / e, (6 - 12 * s) / (e * e), (6 * s - 2) / e}};
+    for (int j = 0; j < 3; j++)
+      for (int a = 0; a < 4; a++) I->weight[j][a][k] = W[j][a];
+  }
+  for (int a = 0; a < 4; a++)
+    for (int b = 0; b < 4; b++) I->bending[a][b] = sum(I->weight[2][a] * I->weight[2][b]);
+}
+
+/* y = (X, V, A, T) at the points, from the interval's two knots. */
+static void at_points(const Interval *I, const double *knots, double T, V *y) {
+  for (int j = 0; j < 3; j++)
+    for (int k = 0; k < 3; k++) {
+      V value = ALL(0.0);
+      for (int a = 0; a < 4; a++) value += I->weight[j][a] * knots[3 * a + k];
+      y[3 * j + k] = value;
+    }
+  y[9] = ALL(T);
+}
+
+/* One number per knot variable from one per component of y: the transpose of at_points. */
+static V at_knot(const Interval *I, const V *m, int a, int k) {
+  return I->weight[0][a] * m[k] + I->weight[1][a] * m[3 + k] + I->weight[2][a] * m[6 + k];
+}
+
+/* Add the rows' derivatives, weighted by q, to a gradient by the knots and by T. */
+static void pull_back(const Interval *I, const V *q, double *g, double *g_T) {
+  V m[10];
+  for (int a = 0; a < 10; a++) {
+    m[a] = ALL(0.0);
+    for (int r = 0; r < NC; r++) m[a] += I->C[r][a] * q[r];
+  }
+  for (int a = 0; a < 4; a++)
+    for (int k = 0; k < 3; k++) g[3 * a + k] += sum(at_knot(I, m, a, k));
+  *g_T += sum(m[9]);
+}
+
+/* ---- the rows and their derivatives ---- */
+
+static void invert(const V *B, V *inverse) {
+  inverse[0] = B[4] * B[8] - B[5] * B[7];
+  inverse[1] = B[2] * B[7] - B[1] * B[8];
+  inverse[2] = B[1] * B[5] - B[2] * B[4];
+  inverse[3] = B[5] * B[6] - B[3] * B[8];
+  inverse[4] = B[0] * B[8] - B[2] * B[6];
+  inverse[5] = B[2] * B[3] - B[0] * B[5];
+  inverse[6] = B[3] * B[7] - B[4] * B[6];
+  inverse[7] = B[1] * B[6] - B[0] * B[7];
+  inverse[8] = B[0] * B[4] - B[1] * B[3];
+  const V one_by = 1.0 / (B[0] * inverse[0] + B[1] * inverse[3] + B[2] * inverse[6]);
+  for (int k = 0; k < 9; k++) inverse[k] *= one_by;
+}
+
+/* Torques and other rows at the points; the inverse of B beside. */
+static void rows(const Problem *P, const V *y, V *c, V *inverse) {
+  V F[3], B[9];
+  values(y, P->p, F, B, c + 3);
+  invert(B, inverse);
+  for (int k = 0; k < 3; k++) {
+    const V *row = inverse + 3 * k;
+    c[k] = -(row[0] * F[0] + row[1] * F[1] + row[2] * F[2]);
+  }
+}
+
+/* Rows, C, and into M, 10 x 10, the curvature of y . c, torques being functions of y. */
+static void differentiate(const Problem *P, Interval *I, const double *knots, V M[10][10]) {
+  V y[13], inverse[9], lambda[NC], dF[30], H[55], H_tau[30];
+  at_points(I, knots, *duration(P, P->z), y);
+  rows(P, y, I->c, inverse);
+  memcpy(y + 10, I->c, 3 * sizeof(V));
+  for (int k = 0; k < 3; k++)
+    lambda[k] = -(inverse[k] * I->y[0] + inverse[3 + k] * I->y[1] + inverse[6 + k] * I->y[2]);
+  for (int k = 3; k < NC; k++) lambda[k] = I->y[k];
+  second(y, lambda, P->p, dF, &I->C[0][0] + 30, H, H_tau);
+  for (int k = 0; k < 3; k++)
+    for (int a = 0; a < 10; a++)
+      I->C[k][a] = -(inverse[3 * k] * dF[a] + inverse[3 * k + 1] * dF[10 + a] +
+                     inverse[3 * k + 2] * dF[20 + a]);
+  const V *h = H;
+  for (int b = 0; b < 10; b++)
+    for (int a = 0; a <= b; a++) {
+      M[a][b] = *h++;
+      for (int k = 0; k < 3; k++)
+        M[a][b] += H_tau[3 * a + k] * I->C[k][b] + H_tau[3 * b + k] * I->C[k][a];
+    }
+}
+
+/* Curvature of the Lagrangian with t eliminated: that of y . c, and limits pushing back. */
+static void curvature(const Problem *P, Interval *I, const double *knots) {
+  V M[10][10], half[13][10];
+  differentiate(P, I, knots, M);
+  for (int r = 0; r < NC; r++) {
+    const V stiffness = I->upper[r] / (1 - I->t[r]) + I->lower[r] / (1 + I->t[r]);
+    for (int b = 0; b < 10; b++) {
+      const V pull = stiffness * I->C[r][b];
+      for (int a = 0; a <= b; a++) M[a][b] += pull * I->C[r][a];
+    }
+  }
+  for (int b = 0; b < 10; b++)
+    for (int a = 0; a < b; a++) M[b][a] = M[a][b];
+  for (int b = 0; b < 10; b++) { /* M is symmetric: its rows are its columns */
+    for (int a = 0; a < 12; a++) half[a][b] = at_knot(I, M[b], a / 3, a % 3);
+    half[12][b] = M[9][b];
+  }
+  for (int row = 0; row < 13; row++) {
+    for (int a = 0; a < 12 && a <= row; a++)
+      I->K[row][a] = I->K[a][row] = sum(at_knot(I, half[row], a / 3, a % 3));
+  }
+  I->K[12][12] = sum(half[12][9]);
+}
+
+/* ---- Newton's equations ---- */
+
+/* In place; 0 where the matrix is not positive definite. Only the lower triangle is used. */
+static int cholesky(double A[6][6]) {
+  for (int j = 0; j < 6; j++) {
+    double d = A[j][j];
+    for (int k = 0; k < j; k++) d -= A[j][k] * A[j][k];
+    if (!(d > 1e-14 * fabs(A[j][j]))) return 0;
+    A[j][j] = sqrt(d);
+    for (int i = j + 1; i < 6; i++) {
+      double s = A[i][j];
+      for (int k = 0; k < j; k++) s -= A[i][k] * A[j][k];
+      A[i][j] = s / A[j][j];
+    }
+  }
+  return 1;
+}
+
+static void solve_lower(double L[6][6], double *x) {
+  for (int i = 0; i < 6; i++) {
+    for (int k = 0; k < i; k++) x[i] -= L[i][k] * x[k];
+    x[i] /= L[i][i];
+  }
+}
+
+static void solve_upper(double L[6][6], double *x) {
+  for (int i = 5; i >= 0; i--) {
+    for (int k = i + 1; k < 6; k++) x[i] -= L[k][i] * x[k];
+    x[i] /= L[i][i];
+  }
+}
+
+/* Diagonal block, coupling to the next knot (transposed) and to T, of knot i. */
+static void assemble(const Problem *P, int64_t i, double shift, Block *B) {
+  const Interval *left = P->interval + i - 1, *right = P->interval + i;
+  for (int r = 0; r < 6; r++) {
+    B->b[r] = left->K[12][6 + r] + right->K[12][r];
+    for (int s = 0; s < 6; s++) {
+      B->D[r][s] = left->K[6 + r][6 + s] + right->K[r][s];
+      B->E[r][s] = right->K[6 + r][s];
+      if (r % 3 != s % 3) continue;
+      B->D[r][s] += shift * (left->bending[2 + r / 3][2 + s / 3] + right->bending[r / 3][s / 3]);
+      B->E[r][s] += shift * right->bending[2 + r / 3][s / 3];
+    }
+  }
+}
+
+/* What the elimination of the knot before leaves. */
+static void eliminate(const Block *before, Block *B) {
+  for (int r = 0; r < 6; r++)
+    for (int k = 0; k < 6; k++) {
+      B->b[r] -= before->E[r][k] * before->b[k];
+      for (int s = 0; s <= r; s++) B->D[r][s] -= before->E[r][k] * before->E[s][k];
+    }
+}
+
+static int factorise_once(Problem *P, double shift) {
+  double pivot = shift;
+  for (int64_t i = 0; i < P->n; i++) pivot += P->interval[i].K[12][12];
+  for (int64_t i = 1; i < P->n; i++) {
+    Block *B = P->block + i;
+    assemble(P, i, shift, B);
+    if (i > 1) eliminate(B - 1, B);
+    if (!cholesky(B->D)) return 0;
+    solve_lower(B->D, B->b);
+    for (int k = 0; k < 6; k++) pivot -= B->b[k] * B->b[k];
+    for (int r = 0; r < 6; r++) solve_lower(B->D, B->E[r]);
+  }
+  P->pivot_T = pivot;
+  return pivot > 1e-16;
+}
+
+/* Factorise the curvature plus a shift times A^2; 0 where it is not positive definite. */
+static int factorise(Problem *P, double shift) {
+  const double begin = seconds();
+  const int done = factorise_once(P, shift);
+  P->report->solving += seconds() - begin;
+  P->report->factorisations++;
+  return done;
+}
+
+/* Factorise with the smallest shift that gives a direction of descent; 0 if none does. */
+static int factorise_shifted(Problem *P, double *shift) {
+  if (factorise(P, 0.0)) return 1;
+  *shift = *shift > 0 ? *shift / 3 : 1e-6;
+  for (; *shift < 1e6; *shift *= 8)
+    if (factorise(P, *shift)) return 1;
+  return 0;
+}
+
+/* dz from the gradient g. */
+static void newton_step(Problem *P) {
+  const double begin = seconds();
+  const int64_t n = P->n;
+  double *dz = P->dz, *dT = duration(P, dz);
+  for (int64_t i = 0; i < size(P); i++) dz[i] = -P->g[i];
+  memset(dz, 0, 6 * sizeof(double));
+  memset(dz + 6 * n, 0, 6 * sizeof(double));
+  for (int64_t i = 1; i < n; i++) {
+    Block *B = P->block + i;
+    double *x = dz + 6 * i;
+    if (i > 1)
+      for (int r = 0; r < 6; r++)
+        for (int k = 0; k < 6; k++) x[r] -= B[-1].E[r][k] * x[k - 6];
+    solve_lower(B->D, x);
+    for (int k = 0; k < 6; k++) *dT -= B->b[k] * x[k];
+  }
+  *dT /= P->pivot_T;
+  for (int64_t i = n - 1; i > 0; i--) {
+    Block *B = P->block + i;
+    double *x = dz + 6 * i;
+    for (int k = 0; k < 6; k++) {
+      x[k] -= B->b[k] * *dT;
+      for (int r = 0; r < 6 && i < n - 1; r++) x[k] -= B->E[r][k] * x[6 + r];
+    }
+    solve_upper(B->D, x);
+  }
+  P->report->solving += seconds() - begin;
+}
+
+/* ---- the steps of the method ---- */
+
+/* Keep the second-order part that the direction has, times a weight, for the next one. */
+static void bend(Problem *P, double weight) {
+  for (int64_t i = 0; i < P->n; i++) {
+    Interval *I = P->interval + i;
+    for (int r = 0; r < NC; r++) {
+      I->bend_upper[r] = -weight * I->dt[r] * I->dupper[r];
+      I->bend_lower[r] = weight * I->dt[r] * I->dlower[r];
+    }
+  }
+}
+
+/* The direction of all variables for a barrier parameter. */
+static void direction(Problem *P, double mu) {
+  memset(P->g, 0, size(P) * sizeof(double));
+  double *g_T = duration(P, P->g);
+  *g_T = 1.0;
+  for (int64_t i = 0; i < P->n; i++) {
+    const Interval *I = P->interval + i;
+    V q[NC];
+    for (int r = 0; r < NC; r++) {
+      const V above = 1 - I->t[r], below = 1 + I->t[r];
+      q[r] = (I->upper[r] / above + I->lower[r] / below) * (I->c[r] - I->t[r]);
+      q[r] += (mu - I->bend_upper[r]) / above - (mu - I->bend_lower[r]) / below;
+    }
+    pull_back(I, q, P->g + 6 * i, g_T);
+  }
+  newton_step(P);
+  for (int64_t i = 0; i < P->n; i++) {
+    Interval *I = P->interval + i;
+    V dy[10];
+    at_points(I, P->dz + 6 * i, *duration(P, P->dz), dy);
+    for (int r = 0; r < NC; r++) {
+      const V above = 1 - I->t[r], below = 1 + I->t[r];
+      I->dt[r] = I->c[r] - I->t[r];
+      for (int a = 0; a < 10; a++) I->dt[r] += I->C[r][a] * dy[a];
+      I->dupper[r] = (mu - I->bend_upper[r] + I->upper[r] * I->dt[r]) / above - I->upper[r];
+      I->dlower[r] = (mu - I->bend_lower[r] - I->lower[r] * I->dt[r]) / below - I->lower[r];
+    }
+  }
+}
+
+/* The longest steps that keep a fraction of the distance to the limits of t, and of 0. */
+static void longest_steps(const Problem *P, double fraction, double *primal, double *dual) {
+  V by_t = ALL(1e-300), by_multiplier = ALL(1e-300); /* 1 / step */
+  for (int64_t i = 0; i < P->n; i++) {
+    const Interval *I = P->interval + i;
+    for (int r = 0; r < NC; r++) {
+      by_t = larger(by_t, I->dt[r] / (1 - I->t[r]));
+      by_t = larger(by_t, -I->dt[r] / (1 + I->t[r]));
+      by_multiplier = larger(by_multiplier, -I->dupper[r] / I->upper[r]);
+      by_multiplier = larger(by_multiplier, -I->dlower[r] / I->lower[r]);
+    }
+  }
+  *primal = lesser(1.0, fraction / largest(by_t));
+  *dual = lesser(1.0, fraction / largest(by_multiplier));
+  const double shrink = -*duration(P, P->dz) / *duration(P, P->z);
+  if (shrink > 0) *primal = lesser(*primal, 0.5 / shrink);
+}
+
+/* Sum of slack times multiplier after steps of these lengths. */
+static double complementarity(const Problem *P, double primal, double dual) {
+  V total = ALL(0.0);
+  for (int64_t i = 0; i < P->n; i++) {
+    const Interval *I = P->interval + i;
+    for (int r = 0; r < NC; r++) {
+      const V t = I->t[r] + primal * I->dt[r];
+      total += (1 - t) * (I->upper[r] + dual * I->dupper[r]);
+      total += (1 + t) * (I->lower[r] + dual * I->dlower[r]);
+    }
+  }
+  return sum(total);
+}
+
+/* Mehrotra's choice: as far down as dz, Newton's step without barrier, would get, cubed; and
+   his correction for what that step neglects, in so far as it can be taken. */
+static void choose_barrier(Problem *P, double tolerance) {
+  const double products = 8.0 * NC * P->n, now = complementarity(P, 0, 0);
+  double primal, dual;
+  longest_steps(P, 1.0, &primal, &dual);
+  const double share = complementarity(P, primal, dual) / now;
+  const double centring = lesser(greater(share * share * share, 1e-3), 1.0);
+  const double least = 0.05 * tolerance * *duration(P, P->z) / products;
+  P->mu = greater(centring * now / products, least);
+  bend(P, primal*dual);
+}
+
+/* Where a step takes t: halfway from t + step dt to c, that is towards where Newton's step
+   really leads, but no closer to the limits than a hundredth of the distance now. */
+static V moved(V t, V dt, V c, double step) {
+  const V lowest = 0.01 * (1 + t) - 1, highest = 1 - 0.01 * (1 - t);
+  return 0.5 * (t + step * dt) + 0.5 * smaller(larger(c, lowest), highest);
+}
+
+/* The barrier at t after a step, plus the penalty on |c - t|. */
+static double merit_of_rows(const Problem *P, Interval *I, const V *c, double step) {
+  double barrier = 0;
+  V infeasibility = ALL(0.0);
+  for (int r = 0; r < NC; r++) {
+    I->moved[r] = step > 0 ? moved(I->t[r], I->dt[r], c[r], step) : I->t[r];
+    const V room = 1 - I->moved[r] * I->moved[r];
+    barrier -= log(room[0] * room[1] * room[2] * room[3]);
+    infeasibility += absolute(c[r] - I->moved[r]);
+  }
+  return P->mu * barrier + P->penalty * sum(infeasibility);
+}
+
+static double merit(Problem *P, double step) {
+  const double *dz = P->dz;
+  for (int64_t i = 0; i < size(P); i++) P->trial[i] = P->z[i] + step * dz[i];
+  const double T = *duration(P, P->trial), begin = seconds();
+  double total = T;
+  for (int64_t i = 0; i < P->n; i++) {
+    V y[10], c[NC], inverse[9];
+    at_points(P->interval + i, P->trial + 6 * i, T, y);
+    rows(P, y, c, inverse);
+    total += merit_of_rows(P, P->interval + i, c, step);
+  }
+  P->report->evaluations++;
+  P->report->evaluating += seconds() - begin;
+  return total;
+}
+
+/* Merit now and its slope along the direction, the penalty being large enough for descent. */
+static double merit_now(Problem *P, double *slope) {
+  double needed = 0, infeasibility = 0;
+  V along = ALL(0.0);
+  for (int64_t i = 0; i < P->n; i++) {
+    const Interval *I = P->interval + i;
+    for (int r = 0; r < NC; r++) {
+      needed = greater(needed, largest(absolute(I->upper[r] + I->dupper[r] - I->lower[r] - I->dlower[r])));
+      infeasibility += sum(absolute(I->c[r] - I->t[r]));
+      along += (P->mu / (1 - I->t[r]) - P->mu / (1 + I->t[r])) * I->dt[r];
+    }
+  }
+  if (needed > P->penalty || needed < P->penalty / 10) P->penalty = 1.5 * needed + 1e-6;
+  *slope = *duration(P, P->dz) + sum(along) - P->penalty * infeasibility;
+  double total = *duration(P, P->z);
+  for (int64_t i = 0; i < P->n; i++)
+    total += merit_of_rows(P, P->interval + i, P->interval[i].c, 0.0);
+  return total;
+}
+
+/* Along a new direction halve the step until the merit falls; 0 if it does not. */
+static int try_direction(Problem *P, double *dual) {
+  double slope, step;
+  direction(P, P->mu);
+  longest_steps(P, greater(0.99, 1 - P->mu), &step, dual);
+  const double now = merit_now(P, &slope), aim = 1e-4 * lesser(slope, 0.0);
+  for (int k = 0; k < 12; k++, step /= 2)
+    if (merit(P, step) <= now + aim * step + 1e-12) return 1;
+  return 0;
+}
+
+/* To the last trial, multipliers by a step of their own. */
+static void move(Problem *P, double dual) {
+  memcpy(P->z, P->trial, size(P) * sizeof(double));
+  for (int64_t i = 0; i < P->n; i++) {
+    Interval *I = P->interval + i;
+    for (int r = 0; r < NC; r++) {
+      I->t[r] = I->moved[r];
+      I->upper[r] += dual * I->dupper[r];
+      I->lower[r] += dual * I->dlower[r];
+      /* never far from mu / slack: stiffness stays meaningful (Ipopt's kappa_sigma) */
+      const V up = P->mu / (1 - I->t[r]), down = P->mu / (1 + I->t[r]);
+      I->upper[r] = smaller(larger(I->upper[r], up * 1e-8), up * 1e8);
+      I->lower[r] = smaller(larger(I->lower[r], down * 1e-8), down * 1e8);
+      I->y[r] = I->upper[r] - I->lower[r];
+    }
+  }
+}
+
+/* Weights, rows and multipliers at the guess; 0 where the rows are no numbers. */
+static int begin(Problem *P, const double *mesh, const double *fractions, const Settings *S) {
+  double total = 0;
+  P->mu = S->barrier * *duration(P, P->z) / (8.0 * NC * P->n);
+  P->penalty = 0;
+  for (int64_t i = 0; i < P->n; i++) {
+    Interval *I = P->interval + i;
+    V y[10], inverse[9];
+    set_weights(I, mesh[i], fractions);
+    at_points(I, P->z + 6 * i, *duration(P, P->z), y);
+    rows(P, y, I->c, inverse);
+    for (int r = 0; r < NC; r++) {
+      const V most = ALL(1 - S->closest), least = ALL(S->closest - 1);
+      I->t[r] = smaller(larger(I->c[r], least), most);
+      I->upper[r] = P->mu / (1 - I->t[r]);
+      I->lower[r] = P->mu / (1 + I->t[r]);
+      I->y[r] = I->upper[r] - I->lower[r];
+      I->dt[r] = I->dupper[r] = I->dlower[r] = ALL(0.0);
+      I->bend_upper[r] = I->bend_lower[r] = ALL(0.0);
+      total += sum(absolute(I->c[r]));
+    }
+  }
+  return total < DBL_MAX;
+}
+
+/* Whether z is a solution: dz is Newton's step without barrier. */
+static int solved(Problem *P, double tolerance) {
+  const double T = *duration(P, P->z);
+  Report *R = P->report;
+  R->primal = 0;
+  for (int64_t i = 0; i < P->n; i++)
+    for (int r = 0; r < NC; r++) {
+      const Interval *I = P->interval + i;
+      R->primal = greater(R->primal, largest(absolute(I->c[r] - I->t[r])));
+    }
+  R->dual = fabs(*duration(P, P->dz)) / T;
+  R->complementarity = complementarity(P, 0, 0) / T;
+  return greater(R->complementarity, greater(R->primal, R->dual)) <= tolerance;
+}
+
+static void differentiate_all(Problem *P) {
+  const double begin = seconds();
+  for (int64_t i = 0; i < P->n; i++) curvature(P, P->interval + i, P->z + 6 * i);
+  P->report->evaluating += seconds() - begin;
+}
+
+static int iterate(Problem *P, const Settings *S) {
+  double shift = 0, dual;
+  for (; P->report->iterations < S->iterations; P->report->iterations++) {
+    differentiate_all(P);
+    if (!factorise_shifted(P, &shift)) return SINGULAR;
+    direction(P, 0.0);
+    if (solved(P, S->tolerance)) return SOLVED;
+    choose_barrier(P, S->tolerance);
+    if (!try_direction(P, &dual)) {
+      bend(P, 0.0);
+      if (!try_direction(P, &dual)) return NO_PROGRESS;
+    }
+    bend(P, 0.0);
+    move(P, dual);
+  }
+  return TOO_MANY_ITERATIONS;
+}
+
+/* ---- what Python calls ---- */
+
+static uintptr_t aligned(uintptr_t address) { return (address + 63) / 64 * 64; }
+
+/* Bytes of memory that ``solve`` needs for n intervals. */
+int64_t workspace(int64_t n) {
+  return 128 + n * (sizeof(Interval) + sizeof(Block)) + 3 * (6 * (n + 1) + 1) * sizeof(double) + 64;
+}
+
+/* z: in, a guess; out, the solution. prices: out, n x 4 x NC multipliers of the rows. */
+int solve(int64_t n, const double *mesh, const double *fractions, const double *p, double *z,
+          double *prices, const Settings *settings, Report *report, void *memory) {
+  Problem P = {.n = n, .z = z, .report = report};
+  P.interval = (Interval *)aligned((uintptr_t)memory);
+  P.block = (Block *)aligned((uintptr_t)(P.interval + n));
+  P.dz = (double *)(P.block + n);
+  P.trial = P.dz + size(&P);
+  P.g = P.trial + size(&P);
+  for (int k = 0; k < NP; k++) P.p[k] = ALL(p[k]);
+  memset(report, 0, sizeof *report);
+  const int status = begin(&P, mesh, fractions, settings) ? iterate(&P, settings) : NOT_A_NUMBER;
+  for (int64_t i = 0; i < n; i++)
+    for (int r = 0; r < NC; r++)
+      for (int l = 0; l < 4; l++)
+        prices[(4 * i + l) * NC + r] = P.interval[i].upper[r][l] - P.interval[i].lower[r][l];
+  return status;
+}

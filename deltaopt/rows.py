@@ -1,0 +1,84 @@
+"""Functions of many points at once, in machine code where there is a compiler."""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from deltaopt.lanes import LANES, VECTOR, c_function
+from deltaopt.machine_code import library
+from deltaopt.model import evaluate_rows
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class RowFunction:
+    """(x₀, …, p) -> (r₀, …), scalar expressions, evaluated for rows: (N, i) each -> (N, o) each."""
+
+    function: ca.Function
+
+    def __call__(self, *arguments: Array, parameters: Array) -> tuple[Array, ...]:
+        if self._code is None:
+            return evaluate_rows(self.function, *arguments, parameters=parameters)
+        rows = [np.ascontiguousarray(a) for a in arguments]
+        number, sizes = len(rows[0]), range(self.function.n_out())
+        results = tuple(np.empty((number, self.function.size1_out(i))) for i in sizes)
+        pointers = [_pointer(a) for a in (*rows, np.ascontiguousarray(parameters), *results)]
+        self._code(ctypes.c_int64(number), *pointers)
+        return results
+
+    @cached_property
+    def _code(self) -> Any:
+        """The C function of N, then pointers to inputs and outputs; None without a compiler."""
+        built = library(source(self.function))
+        return None if built is None else ctypes.CDLL(str(built)).rows
+
+
+def source(function: ca.Function) -> str:
+    """C text of ``rows``: four points at a time, the last again where there are fewer left."""
+    inputs = [function.size1_in(i) for i in range(function.n_in())]
+    outputs = [function.size1_out(i) for i in range(function.n_out())]
+    pointers = [f"const double *x{i}" for i in range(len(inputs))]
+    pointers += [f"double *r{i}" for i in range(len(outputs))]
+    names = [f"X{i}" for i in range(len(inputs))] + [f"R{i}" for i in range(len(outputs))]
+    declared = ", ".join(f"{n}[{s}]" for n, s in zip(names, inputs + outputs, strict=True))
+    *varying, last = inputs
+    gather = [
+        f"      for (int a = 0; a < {size}; a++) X{i}[a][l] = x{i}[{size} * k + a];"
+        for i, size in enumerate(varying)
+    ]
+    scatter = [
+        f"      for (int a = 0; a < {size}; a++) r{i}[{size} * (j + l) + a] = R{i}[a][l];"
+        for i, size in enumerate(outputs)
+    ]
+    lines = [
+        "#include <stdint.h>",
+        VECTOR,
+        c_function(function, "four"),
+        f"void rows(int64_t n, {', '.join(pointers)}) {{",
+        f"  V {declared};",
+        f"  for (int a = 0; a < {last}; a++) X{len(varying)}[a] = ALL(x{len(varying)}[a]);",
+        f"  for (int64_t j = 0; j < n; j += {LANES}) {{",
+        f"    for (int64_t l = 0; l < {LANES}; l++) {{",
+        "      const int64_t k = j + l < n ? j + l : n - 1;",
+        *gather,
+        "    }",
+        f"    four({', '.join(names)});",
+        f"    for (int64_t l = 0; l < {LANES} && j + l < n; l++) {{",
+        *scatter,
+        "    }",
+        "  }",
+        "}",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _pointer(array: Array) -> ctypes.c_void_p:
+    return ctypes.c_void_p(array.ctypes.data)
