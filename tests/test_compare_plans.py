@@ -46,9 +46,9 @@ def test_table_and_csv(study):
 
 
 def test_verdict_and_chart_with_a_failure(study, tmp_path):
-    first = study.rows[0]
+    first = study.rows[-1]
     failed = replace(first, failure="said so", quality=Quality(), gap=np.inf)
-    broken = replace(study, rows=[failed, *study.rows[1:]])
+    broken = replace(study, rows=[*study.rows[:-1], failed])
     assert f"{first.method} on five_bar ({first.intervals} intervals)" in verdict(broken)
     assert "failed" in tables(broken)
     draw(broken, "five_bar", tmp_path / "chart.png")

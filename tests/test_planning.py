@@ -70,7 +70,7 @@ def test_estimated_gap_against_a_finer_plan(scene):
 
 
 def test_a_gap_that_is_not_reached_is_told(monkeypatch):
-    monkeypatch.setattr("deltaopt.planning.plan._ROUNDS", 2)
+    monkeypatch.setattr("deltaopt.planning.plan._MOST_INTERVALS", 4)
     told = []
     found = plan(PICK, tolerance=1e-7, intervals=4, progress=told.append)
     assert not found.within_tolerance
@@ -161,10 +161,9 @@ def test_speed_limit_that_is_never_met_changes_nothing(picked):
 
 
 @pytest.mark.parametrize(
-    ("robot", "seed"), [(ORSINO, 1), (INDUSTRIAL, 9)], ids=["orsino", "industrial"]
+    ("robot", "seed"), [(ORSINO, 1), (INDUSTRIAL, 1)], ids=["orsino", "industrial"]
 )
 def test_random_moves(robot, seed):
-    """The industrial robot's seed is the first one without a case of ``test_no_detour_yet``."""
     told = []
     outcomes = random_plans(robot, 1.0, 12, seed, told.append)
     assert [outcome.failures for outcome in outcomes] == 12 * [()]
@@ -181,7 +180,6 @@ def test_move_that_has_no_straight_line():
     assert found.duration < detour(scene).duration
 
 
-@pytest.mark.xfail(raises=Unreachable, strict=True, reason="arcs bulge inward, not downward")
 @pytest.mark.parametrize(
     ("start", "goal"),
     [
@@ -189,9 +187,12 @@ def test_move_that_has_no_straight_line():
         ((0.8549, 0.2811, 0.1652), (0.3481, -0.0308, -0.6206)),
     ],
 )
-def test_no_detour_yet(start, goal):
-    """Both can be driven along a parabola whose corner is below the middle of the line."""
-    first_motion(Scene(robot=INDUSTRIAL, payload=1.0, start=start, goal=goal))
+def test_far_sides_are_joined(start, goal):
+    """No parabola towards the axis joins these; a line in motor angles does."""
+    scene = Scene(robot=INDUSTRIAL, payload=1.0, start=start, goal=goal)
+    motion = first_motion(scene)
+    ends = motion.position.at(motion.knots[[0, -1]])
+    assert np.abs(ends - [start, goal]).max() < 1e-9
 
 
 # No
@@ -268,8 +269,8 @@ def test_bench_gap(capsys, monkeypatch):
     assert " ".join(lines[1].split()) == "tolerance intervals iterations estimated gap true gap"
     tolerance, intervals, iterations, estimated, true = map(float, lines[2].split())
     assert tolerance == 1e-2
-    assert intervals > 10
-    assert iterations > 10
+    assert intervals >= 10
+    assert iterations >= 10
     assert 0 < true < 2 * estimated
 
 

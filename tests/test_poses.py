@@ -24,6 +24,7 @@ from deltaopt.planning.nlp import IPOPT
 from deltaopt.planning.poses import Redundant, posed_as
 from deltaopt.planning.rank import dependent_rows
 from deltaopt.planning.transcription import PiecewiseAcceleration
+from deltaopt.studies.interpreted import interpreted
 from deltaopt.studies.plan_cases import FiveBarTask, delta_case
 from deltaopt.studies.plan_measures import Meter, active_rank
 
@@ -51,7 +52,7 @@ def equations(scene, pose, closure=None):
         "explicit": lambda s: explicit_equations(s, closure),
         "multiplier": lambda s: multiplier_equations(s, closure),
     }
-    return build[pose](system)
+    return interpreted(build[pose](system))  # compiling takes longer than these solves
 
 
 @cache

@@ -42,7 +42,6 @@ OPTIONS: Options = {
     "ipopt.bound_frac": 1e-8,
     "ipopt.bound_relax_factor": 1e-10,  # by default every limit is widened by 1e-8
     "ipopt.max_iter": 100,
-    "calc_lam_x": True,  # held torques are fixed variables: their prices too
 }
 _LONGEST = 0.15
 """Of the duration: arcs longer than this are cut into intervals."""

@@ -235,13 +235,23 @@ class Program:
             )
         return Solution(
             z=z,
-            bound_multipliers=np.asarray(result["lam_x"].full()).ravel(),
+            bound_multipliers=self._bound_multipliers(result, lower == upper, p),
             row_multipliers=np.asarray(result["lam_g"].full()).ravel(),
             status=stats["return_status"],
             iterations=stats["iter_count"],
             seconds=perf_counter() - begin,
             spent=_spent(stats),
         )
+
+    def _bound_multipliers(
+        self, result: dict[str, ca.DM], fixed: NDArray[np.bool], p: Array
+    ) -> Array:
+        """Ipopt's; of variables that are fixed, which it does not see, from stationarity."""
+        multipliers = np.asarray(result["lam_x"].full()).ravel()
+        gradient = self._solver.get_function("nlp_grad_f")(result["x"], p)[1]
+        jacobian = self._solver.get_function("nlp_jac_g")(result["x"], p)[1]
+        rest = -(gradient + jacobian.T @ result["lam_g"]).full().ravel()
+        return np.where(fixed, rest, multipliers)
 
     def _build(self, cost: Array, options: Options, running: RunningCost | None) -> ca.Function:
         np_ = self._points[0].function.function.size1_in(1)
