@@ -15,16 +15,46 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Callable
 
 from deltaopt.cli.arguments import add_output, add_scene, output_directory, positive, two_or_more
+from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.export import RATE, Solution, StraightLine, save
 from deltaopt.feasibility import check_feasible
 from deltaopt.planning.baseline import baseline
+from deltaopt.planning.closure import (
+    AccelerationLevel,
+    Baumgarte,
+    KnotConstraints,
+    LoopClosure,
+    Projection,
+)
+from deltaopt.planning.flat import Flat
 from deltaopt.planning.plan import Plan, plan
+from deltaopt.planning.poses import Forward, Redundant
+from deltaopt.planning.problem import Pose
+from deltaopt.planning.transcription import PiecewiseAcceleration
 from deltaopt.scene import Scene, load_scene
 from deltaopt.trajectory import Trajectory
 from deltaopt.verify import Check, Verification, verify
 
+FORMULATIONS: dict[str, Callable[[LoopClosure], Pose]] = {
+    "flat": lambda closure: Flat(),
+    "explicit": lambda closure: Redundant(Explicit(), closure),
+    "multiplier": lambda closure: Redundant(Multiplier(), closure),
+    "forward": lambda closure: Forward(),
+}
+CLOSURES: dict[str, LoopClosure] = {
+    "knots": KnotConstraints(),
+    "projection": Projection(),
+    "baumgarte": Baumgarte(),
+    "acceleration": AccelerationLevel(),
+}
+TRANSCRIPTIONS = {
+    "linear": PiecewiseAcceleration(),
+    "quadratic": PiecewiseAcceleration(2, (0.25, 0.75)),
+    "cubic": PiecewiseAcceleration(3, (0.1, 0.5, 0.9)),
+}
 HELP = "find the fastest motion of a scene and verify it"
 
 
@@ -49,6 +79,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=10,
         metavar="N",
         help="intervals of the first mesh (default: 10)",
+    )
+    parser.add_argument(
+        "--formulation",
+        choices=FORMULATIONS,
+        default="flat",
+        help="coordinates and dynamics of the optimisation (default: flat)",
+    )
+    parser.add_argument(
+        "--closure",
+        choices=CLOSURES,
+        default="knots",
+        help="how explicit and multiplier keep the loops closed (default: knots)",
+    )
+    parser.add_argument(
+        "--transcription",
+        choices=TRANSCRIPTIONS,
+        default="linear",
+        help="acceleration in each interval (default: linear)",
     )
     parser.add_argument(
         "--rate",
@@ -80,6 +128,8 @@ def _solve(scene: Scene, arguments: argparse.Namespace) -> tuple[Trajectory, Sol
         scene,
         tolerance=arguments.tolerance,
         intervals=arguments.intervals,
+        formulation=FORMULATIONS[arguments.formulation](CLOSURES[arguments.closure]),
+        transcription=TRANSCRIPTIONS[arguments.transcription],
         progress=lambda text: print(text, file=sys.stderr, flush=True),
     )
     _tell_gap(found)

@@ -12,6 +12,8 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
+from deltaopt.dynamics.formulation import Projected
+from deltaopt.dynamics.lagrange import Multiplier
 from deltaopt.errors import DeltaOptError, NotConverged
 from deltaopt.feasibility import check_feasible
 from deltaopt.limits import loads_inside, safe_factor
@@ -22,6 +24,7 @@ from deltaopt.planning.certificate import Certificate
 from deltaopt.planning.flat import Flat, ScaledEquations
 from deltaopt.planning.gap import FRACTIONS, GivenAway, given_away, refined
 from deltaopt.planning.nlp import Spent
+from deltaopt.planning.poses import posed_as
 from deltaopt.planning.problem import Guess, Pose, Posed, Problem, Solved
 from deltaopt.planning.resolve import Resolved, Unsettled, resolve
 from deltaopt.planning.scales import Scales
@@ -112,11 +115,13 @@ def plan(
     tolerance: float = 1e-3,
     intervals: int = 16,
     transcription: PiecewiseAcceleration | None = None,
-    formulation: Pose | None = None,
+    formulation: Pose | Multiplier | Projected | None = None,
     progress: Progress | None = None,
 ) -> Plan:
     """The fastest motion of a scene.
 
+    ``formulation``: a pose (flat by default, forward), or a formulation of the dynamics, which
+    is posed in twelve coordinates: multiplier by eq. (37), the others all by eq. (39).
     ``tolerance``: of the optimality gap. ``intervals``: of the first mesh, refined where time
     is given away until the gap is within the tolerance; below ``RESOLVED_BELOW`` the switches
     are resolved. ``progress``: told after every mesh.
@@ -143,7 +148,7 @@ class Planner:
     tolerance: float = 1e-3
     intervals: int = 16
     transcription: PiecewiseAcceleration | None = None
-    formulation: Pose | None = None
+    formulation: Pose | Multiplier | Projected | None = None
 
     def __post_init__(self) -> None:
         if not self.tolerance > 0:
@@ -294,7 +299,7 @@ class Planner:
 
     @property
     def _pose(self) -> Pose:
-        return self.formulation or Flat()
+        return posed_as(self.formulation or Flat())
 
     @property
     def _transcription(self) -> PiecewiseAcceleration:
@@ -310,7 +315,7 @@ def _posed(
 
 def _attempt(problem: Problem, scales: Scales, guess: Guess, model: DeltaModel) -> Attempt:
     solution = problem.solve(guess, scales, model.parameters)
-    trajectory = Trajectory(solution.position, model)
+    trajectory = Trajectory(solution.position, model, solution.coordinates)
     lost = given_away(solution.prices, *_loads(scales.scene, trajectory))
     return Attempt(problem, solution, trajectory, lost, safe_factor(scales.scene, trajectory))
 
