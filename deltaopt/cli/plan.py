@@ -16,7 +16,14 @@ from __future__ import annotations
 import argparse
 import sys
 
-from deltaopt.cli.arguments import add_output, add_scene, output_directory, positive, two_or_more
+from deltaopt.cli.arguments import (
+    add_output,
+    add_scene,
+    one_or_more,
+    output_directory,
+    positive,
+    two_or_more,
+)
 from deltaopt.export import RATE, Solution, StraightLine, save
 from deltaopt.feasibility import check_feasible
 from deltaopt.planning.baseline import baseline
@@ -51,6 +58,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="intervals of the first mesh (default: 10)",
     )
     parser.add_argument(
+        "--starts",
+        type=one_or_more,
+        default=1,
+        metavar="N",
+        help="first guesses, all but the first of them random; the best is kept (default: 1)",
+    )
+    parser.add_argument("--seed", type=int, default=1, help="of the random first guesses")
+    parser.add_argument(
         "--rate",
         type=positive,
         default=RATE,
@@ -80,10 +95,23 @@ def _solve(scene: Scene, arguments: argparse.Namespace) -> tuple[Trajectory, Sol
         scene,
         tolerance=arguments.tolerance,
         intervals=arguments.intervals,
+        starts=arguments.starts,
+        seed=arguments.seed,
         progress=lambda text: print(text, file=sys.stderr, flush=True),
     )
+    _tell_optima(found)
     _tell_gap(found)
     return found.trajectory, found
+
+
+def _tell_optima(found: Plan) -> None:
+    """The distinct local minima, if there was more than one start."""
+    for i, optimum in enumerate(found.optima, 1):
+        x, y, z = optimum.halfway
+        print(
+            f"local optimum {i}: {optimum.duration:.6f} s from {optimum.starts} starts, "
+            f"halfway at ({x:.4f}, {y:.4f}, {z:.4f}) m"
+        )
 
 
 def _tell_gap(found: Plan) -> None:

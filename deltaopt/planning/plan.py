@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from time import perf_counter
@@ -15,7 +15,6 @@ from deltaopt.errors import NotConverged
 from deltaopt.feasibility import check_feasible
 from deltaopt.limits import safe_factor
 from deltaopt.model import DeltaModel
-from deltaopt.planning.baseline import first_motion
 from deltaopt.planning.certificate import Certificate
 from deltaopt.planning.flat import Flat, ScaledEquations
 from deltaopt.planning.gap import FRACTIONS, GivenAway, given_away, refined
@@ -23,6 +22,7 @@ from deltaopt.planning.nlp import Solution
 from deltaopt.planning.problem import Pose, Posed, Problem
 from deltaopt.planning.resolve import Resolved, Unsettled, resolve
 from deltaopt.planning.scales import Scales
+from deltaopt.planning.starts import Optimum, distinct, first_motions
 from deltaopt.planning.structure import read_structure
 from deltaopt.planning.transcription import PiecewiseAcceleration
 from deltaopt.record import Vector3
@@ -66,6 +66,7 @@ class Plan:
     ``gap``: estimated excess of its duration over the shortest possible, as a fraction.
     ``rounds``: the meshes it took. ``solve_seconds``: wall time of all of them.
     ``certificate``: how well Pontryagin's condition is met, where the switches are resolved.
+    ``optima``: the distinct local minima that several starts led to, fastest first.
     """
 
     scene: Scene
@@ -80,6 +81,7 @@ class Plan:
     tolerance: float
     rounds: tuple[Round, ...]
     certificate: Certificate | None
+    optima: tuple[Optimum, ...] = ()
 
     @property
     def duration(self) -> float:
@@ -107,20 +109,23 @@ def plan(
     intervals: int = 10,
     transcription: PiecewiseAcceleration | None = None,
     formulation: Pose | None = None,
+    starts: int = 1,
+    seed: int = 1,
     progress: Progress | None = None,
 ) -> Plan:
     """The fastest motion of a scene.
 
     ``tolerance``: of the optimality gap. ``intervals``: of the first mesh, refined where time
     is given away until the gap is within the tolerance; below ``RESOLVED_BELOW`` the switches
-    are resolved. ``progress``: told after every mesh.
+    are resolved. ``starts``: from how many first guesses, all but the first of them random by
+    ``seed``; the fastest motion is the plan. ``progress``: told after every mesh.
 
     Raises Unreachable, Infeasible or NotConverged.
     """
     planner = Planner(
         scene.robot, scene.payload, scene.limits, tolerance, intervals, transcription, formulation
     )
-    return planner.plan(scene.start, scene.goal, progress=progress)
+    return planner.plan(scene.start, scene.goal, starts=starts, seed=seed, progress=progress)
 
 
 class Planner:
@@ -135,26 +140,64 @@ class Planner:
         intervals: int = 10,
         transcription: PiecewiseAcceleration | None = None,
         formulation: Pose | None = None,
+        resolved_below: float = RESOLVED_BELOW,
     ) -> None:
+        """``resolved_below``: tolerances below this are met by resolving switches."""
         if not tolerance > 0:
             raise ValueError(f"tolerance is {tolerance}; it must be greater than 0")
         if intervals < 2:
             raise ValueError(f"intervals is {intervals}; at least 2 are needed to stop again")
         self._robot, self._payload, self._limits = robot, payload, limits
         self._tolerance = tolerance
+        self._by_switches = tolerance < resolved_below
         self._transcription = transcription or PiecewiseAcceleration()
         self._pose = formulation or Flat()
         self._first_mesh = np.full(intervals, 1 / intervals)
         self._model = DeltaModel(robot, payload)
 
-    def plan(self, start: Vector3, goal: Vector3, *, progress: Progress | None = None) -> Plan:
-        """The fastest motion from rest at start to rest at goal (m)."""
+    def plan(
+        self,
+        start: Vector3,
+        goal: Vector3,
+        *,
+        starts: int = 1,
+        seed: int = 1,
+        progress: Progress | None = None,
+    ) -> Plan:
+        """The fastest motion from rest at start to rest at goal (m), see ``plan``."""
         scene = Scene(
             robot=self._robot, payload=self._payload, start=start, goal=goal, limits=self._limits
         )
         check_feasible(scene)
+        tell = progress or (lambda _: None)
+        guesses = first_motions(scene, starts, seed)
+        if starts == 1:
+            return self._plan(scene, next(guesses), tell)
+        return self._best(scene, guesses, tell)
+
+    def _best(self, scene: Scene, guesses: Iterator[Trajectory], tell: Progress) -> Plan:
+        """The fastest of the plans from each first guess."""
         begin = perf_counter()
-        attempts, rounds, resolved = self._solve(scene, progress or (lambda _: None))
+        plans: list[Plan] = []
+        failures: list[NotConverged] = []
+        for i, guess in enumerate(guesses, 1):
+            tell(f"start {i}:")
+            try:
+                plans.append(self._plan(scene, guess, tell))
+            except NotConverged as error:
+                tell(str(error))
+                failures.append(error)
+        if not plans:
+            raise failures[0]
+        length = float(np.linalg.norm(np.subtract(scene.goal, scene.start)))
+        optima = distinct([(each.trajectory, each.gap) for each in plans], length)
+        best = min(plans, key=lambda each: each.duration)
+        return replace(best, optima=tuple(optima), solve_seconds=perf_counter() - begin)
+
+    def _plan(self, scene: Scene, guess: Trajectory, tell: Progress) -> Plan:
+        """From one first guess."""
+        begin = perf_counter()
+        attempts, rounds, resolved = self._solve(scene, guess, tell)
         best = min(range(len(rounds)), key=lambda i: rounds[i].safe_duration)
         chosen = resolved or attempts[best]
         return Plan(
@@ -173,11 +216,10 @@ class Planner:
         )
 
     def _solve(
-        self, scene: Scene, tell: Progress
+        self, scene: Scene, guess: Trajectory, tell: Progress
     ) -> tuple[list[Attempt], list[Round], Resolved | None]:
         """Solve on finer and finer meshes until the gap is small enough, the switches can be
         resolved, or no more is gained."""
-        guess = first_motion(scene)
         openings = self._model.openings([scene.start, scene.goal])
         scales = Scales(scene, guess.duration, float(openings.min()))
         attempts = [self._attempt(self._first_problem, scales, guess)]
@@ -185,7 +227,7 @@ class Planner:
         tell(str(rounds[-1]))
         while not self._done(rounds):
             last, aim = attempts[-1], self._tolerance / 4
-            if self._tolerance < RESOLVED_BELOW:
+            if self._by_switches:
                 if rounds[-1].gap < _READABLE:
                     resolved = self._resolved(last, scales, tell)
                     if resolved:
