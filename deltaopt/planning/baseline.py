@@ -51,13 +51,13 @@ def detour(scene: Scene) -> Trajectory:
     Raises Unreachable if none of them can be driven.
     """
     for curves in (_arcs, _bends):
-        driven = list(_driven(scene, curves(scene)))
-        if driven:
-            return min(driven, key=lambda motion: motion.duration)
+        motions = list(driven(scene, curves(scene)))
+        if motions:
+            return min(motions, key=lambda motion: motion.duration)
     raise Unreachable("neither a straight line nor a simple curve leads from start to goal")
 
 
-def _driven(scene: Scene, curves: Iterator[Trajectory]) -> Iterator[Trajectory]:
+def driven(scene: Scene, curves: Iterator[Trajectory]) -> Iterator[Trajectory]:
     """Those of the curves that can be driven, as fast as limits allow."""
     for curve in curves:
         try:
@@ -71,7 +71,7 @@ def _arcs(scene: Scene) -> Iterator[Trajectory]:
     halfway = (np.array(scene.start) + scene.goal) / 2
     for pull in _PULLS:
         corner = halfway + pull * (_middle(scene.robot, 0.5) - halfway)
-        yield _curve(scene, corner)
+        yield curve_between(scene, corner)
 
 
 def _bends(scene: Scene) -> Iterator[Trajectory]:
@@ -80,7 +80,9 @@ def _bends(scene: Scene) -> Iterator[Trajectory]:
     start, goal = np.array(scene.start), np.array(scene.goal)
     for depth, leave, arrive in product((0.5, 0.6, 0.7, 0.8), (0.5, 1.0, 1.3), (0.5, 1.0, 1.3)):
         middle = _middle(scene.robot, depth)
-        yield _curve(scene, start + leave * (middle - start), goal + arrive * (middle - goal))
+        yield curve_between(
+            scene, start + leave * (middle - start), goal + arrive * (middle - goal)
+        )
 
 
 def joint_line(scene: Scene) -> Trajectory:
@@ -138,7 +140,7 @@ def _fastest(scene: Scene, trajectory: Trajectory, name: str) -> Trajectory:
     return trajectory.slowed(factor)
 
 
-def _curve(scene: Scene, *control: Array) -> Trajectory:
+def curve_between(scene: Scene, *control: Array) -> Trajectory:
     """The Bézier curve from start to goal with these points between, driven in 1 s."""
     points = np.array([scene.start, *control, scene.goal])
     n = len(points) - 1
