@@ -42,6 +42,9 @@ OPTIONS: Options = {
     "ipopt.bound_frac": 1e-8,
     "ipopt.bound_relax_factor": 1e-10,  # by default every limit is widened by 1e-8
     "ipopt.max_iter": 100,
+    # By symmetry one row may imply another: multipliers are not unique then, and those of the
+    # last step may have wrong signs. The least-squares ones share the symmetry.
+    "ipopt.recalc_y": "yes",
 }
 _LONGEST = 0.15
 """Of the duration: arcs longer than this are cut into intervals."""
