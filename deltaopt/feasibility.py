@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from deltaopt.errors import Infeasible, Unreachable, in_words
+from deltaopt.errors import Infeasible, Singular, Unreachable, in_words
 from deltaopt.model import DeltaModel
 from deltaopt.record import Vector3
 from deltaopt.scene import Scene
@@ -13,11 +13,13 @@ _SAME_PLACE = 1e-6  # m: near a parallel singularity forward kinematics knows ha
 
 
 def check_feasible(scene: Scene) -> None:
-    """Raise Unreachable or Infeasible, in one sentence, if start or goal rule a motion out."""
+    """Raise Unreachable, Singular or Infeasible, in one sentence, if start or goal rule a
+    motion out."""
     model = DeltaModel(scene.robot, scene.payload)
     for name, point in (("start", scene.start), ("goal", scene.goal)):
         _require_reach(model, name, point)
         _require_rest(model, name, point, scene.torque_limits)
+        _require_departure(model, name, point)
 
 
 def _require_reach(model: DeltaModel, name: str, point: Vector3) -> None:
@@ -45,3 +47,11 @@ def _require_rest(model: DeltaModel, name: str, point: Vector3, limits: Vector3)
                 f"{name}: motor {motor} needs {abs(torque):.4g} N·m to hold the platform at rest "
                 f"at {in_words(point)} m, more than its limit of {limit:g} N·m"
             )
+
+
+def _require_departure(model: DeltaModel, name: str, point: Vector3) -> None:
+    """In a serial singularity the platform's position does not say how the chains move."""
+    try:
+        model.motion(point, np.zeros(3), np.zeros(3))
+    except Singular as error:
+        raise Singular(error.kind, error.chain, error.margin, name) from None

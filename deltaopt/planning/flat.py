@@ -43,7 +43,7 @@ class ScaledEquations:
 
     ``y``: X - x_start, V, A in units of D; τ in units of its limits; T in units of the
     baseline's duration, 13. ``p``: ``Scales.vector``, then the mechanism's parameters.
-    ``force``: eq. (39) in units of the largest torque at the elbow, 3. ``opening``: how far
+    ``force``: eq. (39) in units of the least torque limit at the elbow, 3. ``opening``: how far
     the chains are from the margin of their fold, 3. ``speed`` and ``acceleration``: θ̇ in units
     of its limit and its derivative in units of limit / T, 3, or None where speed is unlimited.
     """
@@ -69,7 +69,7 @@ class ScaledEquations:
         return cls(
             y=y,
             p=ca.vertcat(scales, terms.vector()),
-            force=force * 2 * terms.a2 / ca.mmax(torque),
+            force=force * 2 * terms.a2 / ca.mmin(torque),
             opening=opening - scales[8],
             speed=dtheta / scales[9:12] if speed else None,
             acceleration=ddtheta * T / scales[9:12] if speed else None,
@@ -158,10 +158,22 @@ class FlatProblem:
         X = (at_knots.x - scales.origin) / scales.length
         V = at_knots.v * T / scales.length
         A = self._inside(trajectory, self.transcription.nodes).a * T**2 / scales.length
+        A = self._meeting(X, V, A.reshape(self.intervals, -1, 3))
         tau = self._inside(trajectory, self.transcription.points).tau / scales.torques
         N = self.intervals
         blocks = [X[:-1], V[:-1], A.reshape(N, -1), np.clip(tau, -1, 1).reshape(N, -1)]
         return np.concatenate([np.hstack(blocks).ravel(), X[-1], V[-1], [T / scales.time]])
+
+    def _meeting(self, X: Array, V: Array, A: Array) -> Array:
+        """A with the least change after which every interval ends where the next begins.
+
+        Otherwise a guess may leave the workspace just before a goal that lies at its end.
+        """
+        position, velocity, _ = self.transcription.weights(1.0, self.mesh)
+        weights = np.stack([position, velocity], axis=1)  # (N, 2, degree + 3)
+        ends = np.stack([X[1:], V[1:]], axis=1)
+        combined = np.concatenate([X[:-1, None], V[:-1, None], A], axis=1)
+        return np.asarray(A + np.linalg.pinv(weights[..., 2:]) @ (ends - weights @ combined))
 
     def _inside(self, trajectory: Trajectory, c: Array) -> Motion:
         """The motion at fractions of this mesh's intervals, ends from just inside."""
