@@ -9,12 +9,19 @@ from deltaopt.model import DeltaModel
 from deltaopt.record import Vector3
 from deltaopt.scene import Scene
 
+_LEAST_WAY = 1e-12  # m: coordinates of a metre have digits down to 1e-16
 _SAME_PLACE = 1e-6  # m: near a parallel singularity forward kinematics knows half the digits
 
 
 def check_feasible(scene: Scene) -> None:
     """Raise Unreachable, Singular or Infeasible, in one sentence, if start or goal rule a
     motion out."""
+    way = np.linalg.norm(np.subtract(scene.goal, scene.start))
+    if way < _LEAST_WAY:
+        raise Infeasible(
+            f"start and goal are {way:.1e} m apart, which coordinates in double precision "
+            f"cannot resolve; at least {_LEAST_WAY:g} m are needed"
+        )
     model = DeltaModel(scene.robot, scene.payload)
     for name, point in (("start", scene.start), ("goal", scene.goal)):
         _require_reach(model, name, point)

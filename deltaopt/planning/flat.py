@@ -43,7 +43,7 @@ class ScaledEquations:
 
     ``y``: X - x_start, V, A in units of D; τ in units of its limits; T in units of the
     baseline's duration, 13. ``p``: ``Scales.vector``, then the mechanism's parameters.
-    ``force``: eq. (39) in units of the least torque limit at the elbow, 3. ``opening``: how far
+    ``force``: eq. (39) in units of the largest torque at the elbow, 3. ``opening``: how far
     the chains are from the margin of their fold, 3. ``speed`` and ``acceleration``: θ̇ in units
     of its limit and its derivative in units of limit / T, 3, or None where speed is unlimited.
     """
@@ -69,7 +69,7 @@ class ScaledEquations:
         return cls(
             y=y,
             p=ca.vertcat(scales, terms.vector()),
-            force=force * 2 * terms.a2 / ca.mmin(torque),
+            force=force * 2 * terms.a2 / ca.mmax(torque),
             opening=opening - scales[8],
             speed=dtheta / scales[9:12] if speed else None,
             acceleration=ddtheta * T / scales[9:12] if speed else None,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from math import isinf
 from pathlib import Path
 from time import perf_counter
 
@@ -157,6 +158,12 @@ class Planner:
         attempts, rounds, resolved = self._solve(scene, progress or (lambda _: None))
         best = min(range(len(rounds)), key=lambda i: rounds[i].safe_duration)
         chosen = resolved or attempts[best]
+        if isinf(chosen.safe_factor):
+            raise NotConverged(
+                "gravity alone exceeds a torque limit somewhere between the points of every mesh",
+                chosen.solution.status,
+                chosen.solution.z,
+            )
         return Plan(
             scene=scene,
             trajectory=chosen.trajectory.slowed(chosen.safe_factor),
@@ -192,6 +199,9 @@ class Planner:
                         return attempts, rounds, resolved
                 aim = max(aim, rounds[-1].gap / 16)
             mesh = refined(last.problem.mesh, last.lost, aim)
+            if len(mesh) == len(last.problem.mesh):
+                tell(f"{len(mesh)} intervals: nothing is known to be gained by more of them")
+                break
             try:
                 attempts.append(self._attempt(self._posed.on(mesh), scales, last.trajectory))
             except NotConverged as error:  # what is there already is a motion all the same
@@ -250,7 +260,8 @@ class Planner:
         solution = problem.program.solve(problem.pack(guess, scales), *problem.bounds(scales), p)
         trajectory = Trajectory(problem.unpack(solution.z, scales), self._model)
         lost = given_away(problem.prices(solution), *_loads(scales.scene, trajectory))
-        return Attempt(problem, solution, trajectory, lost, safe_factor(scales.scene, trajectory))
+        factor = safe_factor(scales.scene, trajectory)
+        return Attempt(problem, solution, trajectory, lost, factor)
 
 
 @dataclass(frozen=True)

@@ -30,13 +30,16 @@ MIDDLE: Vector3 = (0.45, 0.05, 0.0)
 """A good place, m."""
 ASIDE: Vector3 = (0.42, -0.06, 0.05)
 """Another."""
+DEEP: Vector3 = (0.46, 0.0, 0.0)
+HIGH: Vector3 = (0.4, 0.0, 0.0)
+"""On the axis, where all motors hold the same."""
 STRONG = 60.0
 """N·m, so that only the place matters."""
 DISTANCES = (1e-2, 1e-4, 1e-6, 1e-9)
 """Of a start or goal from the boundary, along the line to ``MIDDLE``, m."""
 SHARES = (0.99, 0.9999, 1.01)
 """Of a torque limit that holding still takes."""
-STEPS = (1e-2, 1e-4, 1e-6, 1e-8)
+STEPS = (1e-2, 1e-4, 1e-6, 1e-8, 1e-15)
 """From start to goal, m."""
 ORSINO = Robot(
     name="Orsino, Coutinho and Hess-Coelho",
@@ -136,13 +139,17 @@ def _singular() -> Iterator[Case]:
     """Starts and goals at serial singularities themselves, as far as doubles can tell."""
     for name in ENDS:
         yield Case("serial singularity", f"start, {name}", partial(_from_end, name, 0.0))
-    yield Case("serial singularity", "goal, a chain stretched", partial(_to_end, next(iter(ENDS)), 0.0))
+    yield Case(
+        "serial singularity", "goal, a chain stretched", partial(_to_end, next(iter(ENDS)), 0.0)
+    )
 
 
 def _gravity() -> Iterator[Case]:
     """Torque limits of which holding still at the start takes a share."""
     for share in SHARES:
-        yield Case("gravity", f"one motor holds with {share:.2%}", partial(_exhausted, share, False))
+        yield Case(
+            "gravity", f"one motor holds with {share:.2%}", partial(_exhausted, share, False)
+        )
         yield Case("gravity", f"all motors hold with {share:.2%}", partial(_exhausted, share, True))
 
 
@@ -154,7 +161,9 @@ def _coincident() -> Iterator[Case]:
 
 def _wide() -> Iterator[Case]:
     wide = ORSINO.model_copy(update={"base_radius": 0.10, "platform_radius": 0.20})
-    yield Case("wide platform", "platform 0.2 m, base 0.1 m", partial(_scene, MIDDLE, ASIDE, robot=wide))
+    yield Case(
+        "wide platform", "platform 0.2 m, base 0.1 m", partial(_scene, MIDDLE, ASIDE, robot=wide)
+    )
     equal = ORSINO.model_copy(update={"base_radius": 0.10})
     yield Case("wide platform", "both 0.1 m", partial(_scene, MIDDLE, ASIDE, robot=equal))
 
@@ -169,7 +178,7 @@ def _payloads() -> Iterator[Case]:
 
 
 def _unequal() -> Iterator[Case]:
-    for limits in ((200.0, 20.0, 2.0), (2.0, 200.0, 200.0)):
+    for limits in ((300.0, 30.0, 3.0), (2.0, 200.0, 200.0)):
         name = " ".join(f"{limit:g}" for limit in limits) + " N·m"
         yield Case("unequal motors", name, partial(_scene, MIDDLE, ASIDE, torque=limits))
 
@@ -210,9 +219,9 @@ def _before_end(name: str, distance: float) -> Vector3:
 
 
 def _exhausted(share: float, all_motors: bool) -> Scene:
-    """Limits of the largest holding torque over a share, or of each motor's own."""
-    holding = _holding(MIDDLE, PAYLOAD) / share
-    return _scene(MIDDLE, ASIDE, torque=_vector(holding) if all_motors else float(holding.max()))
+    """A limit that the strongest motor of ``ASIDE`` nearly exhausts, or that all do of ``DEEP``."""
+    start, goal = (DEEP, HIGH) if all_motors else (ASIDE, MIDDLE)
+    return _scene(start, goal, torque=float(_holding(start, PAYLOAD).max()) / share)
 
 
 def _heavy(times: float) -> Scene:
