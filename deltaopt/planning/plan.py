@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from math import isinf
 from pathlib import Path
 from time import perf_counter
 
@@ -221,6 +222,12 @@ class Planner:
         attempts, rounds, resolved = self._solve(scene, guess, tell)
         best = min(range(len(rounds)), key=lambda i: rounds[i].safe_duration)
         chosen = resolved or attempts[best]
+        if isinf(chosen.safe_factor):
+            raise NotConverged(
+                "gravity alone exceeds a torque limit somewhere between the points of every mesh",
+                chosen.solution.status,
+                chosen.trajectory,
+            )
         return Plan(
             scene=scene,
             trajectory=chosen.trajectory.slowed(chosen.safe_factor),
@@ -275,6 +282,9 @@ class Planner:
                         return attempts, rounds, resolved
                 aim = max(aim, rounds[-1].gap / 16)
             mesh = refined(last.problem.mesh, last.lost, aim)
+            if len(mesh) == len(last.problem.mesh):
+                tell(f"{len(mesh)} intervals: nothing is known to be gained by more of them")
+                break
             try:
                 guess = Guess(last.trajectory, near=True, tolerance=self._accuracy)
                 attempts.append(_attempt(posed.on(mesh), scales, guess, model))
