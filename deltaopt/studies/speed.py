@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import re
+import subprocess
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from time import perf_counter, thread_time
 
 import numpy as np
 
-from deltaopt.errors import DeltaOptError
+from deltaopt.errors import DeltaOptError, MissingPackage
+from deltaopt.export_c import export_c
 from deltaopt.limits import speed_excess, torque_excess
+from deltaopt.machine_code import compiler
 from deltaopt.planning.flat import Flat
 from deltaopt.planning.plan import Plan, Planner
 from deltaopt.planning.problem import Guess
@@ -47,7 +53,7 @@ def timed_plans(
 ) -> list[Timed]:
     """Plans of random moves, the first ``references`` of them held against finer ones."""
     finer = Planner(planner.robot, planner.payload, tolerance=_REFERENCE, intervals=40)
-    results = []
+    results: list[Timed] = []
     for scene in random_scenes(planner.robot, planner.payload, number, seed):
         if not results:
             _timed(planner, scene, None)  # what is built once is built now
@@ -95,10 +101,10 @@ def plan_report(name: str, results: list[Timed]) -> str:
         return f"{1e3 * np.nanmedian(values):.2f} / {1e3 * np.nanpercentile(values, 99):.2f} ms"
 
     true = [r.true_gap for r in results if np.isfinite(r.true_gap)]
-    share = [
-        np.nanmedian([part(r) / r.wall for r in results])
-        for part in (lambda r: r.evaluation, lambda r: r.algebra)
-    ]
+    share = (
+        np.nanmedian([r.evaluation / r.wall for r in results]),
+        np.nanmedian([r.algebra / r.wall for r in results]),
+    )
     lines = [
         f"{name}: {sum(r.ok for r in results)} of {len(results)} within limits and tolerance",
         f"  median / 99 %: clock {both(lambda r: r.wall)}, processor {both(lambda r: r.processor)}",
@@ -156,3 +162,20 @@ def _iteration(near: Plan, intervals: int) -> float:
     solved = problem.solve(guess, scales, model.parameters)
     spent = solved.spent
     return (spent.evaluation + spent.algebra) / (solved.iterations + 1)
+
+
+def exported_nanoseconds(robot: Robot) -> tuple[float, float]:
+    """Inverse and forward dynamics of ``deltaopt export c``, by its own test program.
+
+    Raises MissingPackage where there is no C compiler.
+    """
+    found = compiler()
+    if found is None:
+        raise MissingPackage("no C compiler is installed")
+    with TemporaryDirectory() as folder:
+        export_c(robot, Path(folder))
+        build = [found.command, "-O2", "delta.c", "test_delta.c", "-lm", "-o", "test_delta"]
+        subprocess.run(build, cwd=folder, check=True)
+        ran = subprocess.run([f"{folder}/test_delta"], capture_output=True, text=True, check=True)
+    inverse, forward = re.findall(r"(\d+) ns", ran.stdout)
+    return float(inverse), float(forward)
