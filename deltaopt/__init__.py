@@ -12,8 +12,15 @@ from deltaopt.errors import (
 )
 from deltaopt.model import DeltaModel
 from deltaopt.planning.baseline import baseline
+from deltaopt.planning.closure import (
+    AccelerationLevel,
+    Baumgarte,
+    KnotConstraints,
+    Projection,
+)
 from deltaopt.planning.flat import Flat
 from deltaopt.planning.plan import Plan, Planner, plan
+from deltaopt.planning.poses import Forward, Redundant
 from deltaopt.planning.transcription import PiecewiseAcceleration
 from deltaopt.robot import Robot, load_robot
 from deltaopt.scene import Limits, Scene, load_scene
@@ -30,16 +37,23 @@ kane = Kane()
 """Kane's equations, eq. (49)."""
 flat = Flat()
 """A plan in minimal coordinates."""
+forward = Forward()
+"""A plan with the torque as control and forward dynamics as the defect."""
 
 __all__ = [
+    "AccelerationLevel",
+    "Baumgarte",
     "DeltaModel",
     "DeltaOptError",
     "Infeasible",
+    "KnotConstraints",
     "Limits",
     "NotConverged",
     "PiecewiseAcceleration",
     "Plan",
     "Planner",
+    "Projection",
+    "Redundant",
     "Robot",
     "Scene",
     "SceneError",
@@ -49,6 +63,7 @@ __all__ = [
     "baseline",
     "explicit",
     "flat",
+    "forward",
     "kane",
     "load_robot",
     "load_scene",

@@ -102,6 +102,10 @@ class NotConverged(DeltaOptError):
         return str(self.args[0])
 
 
+class DependentConstraints(DeltaOptError):
+    """Constraints of a mechanism follow from others, so that no multiplier is unique."""
+
+
 class Inconsistent(DeltaOptError):
     """A state violates the constraints of its mechanism too far to be projected onto them."""
 

@@ -28,6 +28,15 @@ COLUMNS = (
 )
 
 
+class Certificate(Protocol):
+    """How well Pontryagin's condition is met."""
+
+    @property
+    def hamiltonian_spread(self) -> float: ...
+    @property
+    def sign_violation(self) -> float: ...
+
+
 class Solution(Protocol):
     """How a motion was found. A Plan is one."""
 
@@ -47,6 +56,8 @@ class Solution(Protocol):
     def gap(self) -> float | None: ...
     @property
     def tolerance(self) -> float | None: ...
+    @property
+    def certificate(self) -> Certificate | None: ...
 
 
 @dataclass(frozen=True)
@@ -61,6 +72,7 @@ class StraightLine:
     solve_seconds: float = 0.0
     gap: float | None = None
     tolerance: float | None = None
+    certificate: Certificate | None = None
 
 
 def save(
@@ -100,6 +112,7 @@ def write_json(
     content = {
         "duration": trajectory.duration,
         **{name: _finite(value) for name, value in found.items()},
+        "certificate": _certificate(solution.certificate),
         "verification": verification.as_dict(),
         "versions": {"python": platform.python_version()}
         | {name: _version(name) for name in ("deltaopt", "casadi", "numpy")},
@@ -108,6 +121,15 @@ def write_json(
     with whole(file) as temporary:
         text = json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False)
         temporary.write_text(text + "\n", encoding="utf-8")
+
+
+def _certificate(certificate: Certificate | None) -> dict[str, float] | None:
+    if certificate is None:
+        return None
+    return {
+        "hamiltonian_spread": certificate.hamiltonian_spread,
+        "sign_violation": certificate.sign_violation,
+    }
 
 
 def instants(trajectory: Trajectory, rate: float) -> Array:

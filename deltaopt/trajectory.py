@@ -83,10 +83,15 @@ class Motion:
 
 @dataclass(frozen=True)
 class Trajectory:
-    """The path of the platform's centre over time, and the model that gives its torques."""
+    """The path of the platform's centre over time, and the model that gives its torques.
+
+    ``coordinates``: all twelve as polynomials, where they were planned as such and need not
+    close the loops; without them they follow from the path.
+    """
 
     position: PiecewisePolynomial
     model: DeltaModel
+    coordinates: PiecewisePolynomial | None = None
 
     @property
     def knots(self) -> Array:
@@ -116,9 +121,24 @@ class Trajectory:
         since = (lengths[:, None] * fractions).ravel()
         return self._motion(self.knots[intervals] + since, intervals, since)
 
+    def coordinates_inside(self, fractions: ArrayLike) -> tuple[Array, Array, Array]:
+        """q, q̇, q̈, (K · len(fractions), 12) each, at these fractions of every interval: as
+        planned where they were planned, else from the path."""
+        if self.coordinates is None:
+            motion = self.inside_intervals(fractions)
+            return self.model.motion(motion.x, motion.v, motion.a)
+        fractions, lengths = np.asarray(fractions, dtype=float), np.diff(self.knots)
+        intervals = np.repeat(np.arange(len(lengths)), len(fractions))
+        since = (lengths[:, None] * fractions).ravel()
+        velocity = self.coordinates.derivative()
+        parts = (self.coordinates, velocity, velocity.derivative())
+        q, dq, ddq = (part.inside(intervals, since) for part in parts)
+        return q, dq, ddq
+
     def slowed(self, factor: float) -> Trajectory:
         """The same path, uniformly ``factor`` times as slow."""
-        return replace(self, position=self.position.slowed(factor))
+        coordinates = self.coordinates and self.coordinates.slowed(factor)
+        return replace(self, position=self.position.slowed(factor), coordinates=coordinates)
 
     def _motion(self, t: Array, intervals: NDArray[np.intp], since: Array) -> Motion:
         velocity = self.position.derivative()

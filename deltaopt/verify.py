@@ -217,7 +217,7 @@ def _errors(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
     """E_K and E_D of the reported q, q̇, q̈ and τ, by the scene's mechanism."""
     fractions = sample_fractions(len(trajectory.knots) - 1)
     motion = trajectory.inside_intervals(fractions)
-    q, dq, ddq = trajectory.model.motion(motion.x, motion.v, motion.a)
+    q, dq, ddq = trajectory.coordinates_inside(fractions)
     model = DeltaModel(scene.robot, scene.payload)
     kinematic, dynamic = evaluate_rows(
         _residuals(model), q, dq, ddq, motion.tau, parameters=model.parameters

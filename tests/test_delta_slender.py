@@ -37,7 +37,7 @@ def states(model: DeltaModel):
 
 
 def by_angles(model: DeltaModel, x, v, a, tau):
-    """Cᵀ (Q* + Q) of the general derivation, and the motors' speeds."""
+    """Cᵀ (Q* + Q) of the general derivation, the motors' speeds and accelerations."""
     residual = Explicit().residual(model.functions.mechanism)
     q, dq, ddq, torque = (ca.MX.sym(name, size) for name, size in SIZES.items())
     p = ca.MX.sym("p", len(model.parameters))
@@ -46,19 +46,18 @@ def by_angles(model: DeltaModel, x, v, a, tau):
     )
     motion = model.motion(x, v, a)
     (force,) = evaluate_rows(function, *motion, tau, parameters=model.parameters)
-    return force, motion[1][:, 3::3]
+    return force, motion[1][:, 3::3], motion[2][:, 3::3]
 
 
 @pytest.mark.parametrize("name", MODELS)
 def test_force_and_speeds(name):
     model = MODELS[name]
     x, v, a, tau = states(model)
-    force, dtheta, _ = evaluate_rows(
+    force, _, *motors = evaluate_rows(
         model.functions.explicit_equations, x, v, a, tau, parameters=model.parameters
     )
-    expected_force, expected_dtheta = by_angles(model, x, v, a, tau)
-    assert np.abs(force - expected_force).max() < 1e-12 * np.abs(expected_force).max()
-    assert np.abs(dtheta - expected_dtheta).max() < 1e-12 * np.abs(expected_dtheta).max()
+    for found, expected in zip((force, *motors), by_angles(model, x, v, a, tau), strict=True):
+        assert np.abs(found - expected).max() < 1e-12 * np.abs(expected).max()
 
 
 @pytest.mark.parametrize("name", MODELS)
@@ -66,7 +65,7 @@ def test_openings(name):
     """The margin that a planner keeps is sin² (q_{k,1} - q_{k,2})."""
     model = MODELS[name]
     x, v, a, tau = states(model)
-    *_, opening = evaluate_rows(
+    _, opening, *_ = evaluate_rows(
         model.functions.explicit_equations, x, v, a, tau, parameters=model.parameters
     )
     q = model.inverse_kinematics(x)
@@ -95,10 +94,9 @@ def test_bars_that_are_not_slender_are_served_too():
     forearm = ORSINO.forearm.model_copy(update={"inertia": (6e-3, 1e-4, 5e-3)})
     model = DeltaModel(ORSINO.model_copy(update={"forearm": forearm}), 1.0)
     x, v, a, tau = states(model)
-    force, dtheta, opening = evaluate_rows(
+    force, opening, *motors = evaluate_rows(
         model.functions.explicit_equations, x, v, a, tau, parameters=model.parameters
     )
-    expected_force, expected_dtheta = by_angles(model, x, v, a, tau)
-    assert np.abs(force - expected_force).max() < 1e-12 * np.abs(expected_force).max()
-    np.testing.assert_allclose(dtheta, expected_dtheta, rtol=1e-12, atol=1e-12)
+    for found, expected in zip((force, *motors), by_angles(model, x, v, a, tau), strict=True):
+        assert np.abs(found - expected).max() < 1e-12 * np.abs(expected).max()
     np.testing.assert_allclose(opening, model.openings(x), rtol=1e-12)

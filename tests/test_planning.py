@@ -11,7 +11,7 @@ import pytest
 import deltaopt
 from deltaopt.cli import main
 from deltaopt.errors import Infeasible, NotConverged, Unreachable
-from deltaopt.planning.baseline import baseline, detour
+from deltaopt.planning.baseline import baseline, detour, first_motion
 from deltaopt.planning.plan import Planner, plan
 from deltaopt.robot import load_robot
 from deltaopt.scene import Limits, Scene, load_scene
@@ -70,7 +70,7 @@ def test_estimated_gap_against_a_finer_plan(scene):
 
 
 def test_a_gap_that_is_not_reached_is_told(monkeypatch):
-    monkeypatch.setattr("deltaopt.planning.plan._ROUNDS", 2)
+    monkeypatch.setattr("deltaopt.planning.plan._MOST_INTERVALS", 4)
     told = []
     found = plan(PICK, tolerance=1e-7, intervals=4, progress=told.append)
     assert not found.within_tolerance
@@ -160,10 +160,12 @@ def test_speed_limit_that_is_never_met_changes_nothing(picked):
 # Any move
 
 
-@pytest.mark.parametrize("robot", [ORSINO, INDUSTRIAL], ids=["orsino", "industrial"])
-def test_random_moves(robot):
+@pytest.mark.parametrize(
+    ("robot", "seed"), [(ORSINO, 1), (INDUSTRIAL, 1)], ids=["orsino", "industrial"]
+)
+def test_random_moves(robot, seed):
     told = []
-    outcomes = random_plans(robot, 1.0, 12, seed=1, told=told.append)
+    outcomes = random_plans(robot, 1.0, 12, seed, 1e-3, told.append)
     assert [outcome.failures for outcome in outcomes] == 12 * [()]
     assert told == list(range(1, 13))
 
@@ -176,6 +178,21 @@ def test_move_that_has_no_straight_line():
     assert verify(scene, found.trajectory).ok
     assert found.within_tolerance
     assert found.duration < detour(scene).duration
+
+
+@pytest.mark.parametrize(
+    ("start", "goal"),
+    [
+        ((0.0645, 0.2925, 0.7299), (0.5273, 0.0225, 0.5238)),
+        ((0.8549, 0.2811, 0.1652), (0.3481, -0.0308, -0.6206)),
+    ],
+)
+def test_far_sides_are_joined(start, goal):
+    """No parabola towards the axis joins these; a line in motor angles does."""
+    scene = Scene(robot=INDUSTRIAL, payload=1.0, start=start, goal=goal)
+    motion = first_motion(scene)
+    ends = motion.position.at(motion.knots[[0, -1]])
+    assert np.abs(ends - [start, goal]).max() < 1e-9
 
 
 # No
@@ -252,8 +269,8 @@ def test_bench_gap(capsys, monkeypatch):
     assert " ".join(lines[1].split()) == "tolerance intervals iterations estimated gap true gap"
     tolerance, intervals, iterations, estimated, true = map(float, lines[2].split())
     assert tolerance == 1e-2
-    assert intervals > 10
-    assert iterations > 10
+    assert intervals >= 10
+    assert iterations >= 10
     assert 0 < true < 2 * estimated
 
 

@@ -1,13 +1,14 @@
 """Measure what is claimed of plans.
 
-deltaopt bench random    plan and verify random moves of robots
-deltaopt bench gap       hold the gap that plans estimate against the true one
-deltaopt bench plan      how long plans take, and where the time goes
-deltaopt bench scaling   how time grows with the number of intervals
-deltaopt bench start     from import to the first plan: cold, warm, without a compiler
-deltaopt bench solver    the same problem with other solvers and settings
-deltaopt bench inverse   exported C beside Pinocchio and MuJoCo, where installed
-deltaopt bench peers     plans beside rockit's with Ipopt, where installed
+deltaopt bench random      plan and verify random moves of robots
+deltaopt bench gap         hold the gap that plans estimate against the true one
+deltaopt bench tolerances  measure what a gap costs, on meshes and by switch resolution
+deltaopt bench plan        how long plans take, and where the time goes
+deltaopt bench scaling     how time grows with the number of intervals
+deltaopt bench start       from import to the first plan: cold, warm, without a compiler
+deltaopt bench solver      the same problem with other solvers and settings
+deltaopt bench inverse     exported C beside Pinocchio and MuJoCo, where installed
+deltaopt bench peers       plans beside rockit's with Ipopt, where installed
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from deltaopt.scene import Scene, load_scene
 from deltaopt.studies.gap_study import TOLERANCES, GapStudy, gap_study
 from deltaopt.studies.peers import PEERS
 from deltaopt.studies.random_plans import Outcome, random_plans
+from deltaopt.studies.tolerance_study import csv, table, tolerance_study
 
 HELP = "measure what is claimed of plans: how many succeed, how good their gaps are"
 
@@ -42,12 +44,32 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     random.add_argument("--number", type=int, default=200, metavar="N", help="moves per robot")
     random.add_argument("--payload", type=positive, default=1.0, metavar="KG", help="payload, kg")
     random.add_argument("--seed", type=int, default=1, help="of the random numbers")
+    random.add_argument(
+        "--tolerance",
+        type=positive,
+        default=1e-3,
+        metavar="GAP",
+        help="of the optimality gap; below 5e-4 by switch resolution (default: 1e-3)",
+    )
     random.set_defaults(study=_random)
     gap = studies.add_parser(
         "gap", help="hold estimated gaps against true ones", description=_gap.__doc__
     )
     add_scenes(gap)
     gap.set_defaults(study=_gap)
+    tolerances = studies.add_parser(
+        "tolerances", help="what a gap costs", description=_tolerances.__doc__
+    )
+    add_scenes(tolerances)
+    tolerances.add_argument(
+        "-o",
+        dest="directory",
+        type=Path,
+        metavar="DIR",
+        default=Path("out/tolerances"),
+        help="where resolution.png and resolution.csv go (default: out/tolerances)",
+    )
+    tolerances.set_defaults(study=_tolerances)
 
     _add_robot_study(studies, "plan", _plan, number=200)
     _add_robot_study(studies, "scaling", _scaling, number=5)
@@ -184,6 +206,7 @@ def _with_progress(robot: Robot, arguments: argparse.Namespace) -> list[Outcome]
         arguments.payload,
         number,
         arguments.seed,
+        arguments.tolerance,
         lambda done: bar(done / number, robot.name),
     )
 
@@ -196,7 +219,8 @@ def _summary(robot: Robot, outcomes: list[Outcome]) -> str:
     return (
         f"{robot.name}: {succeeded} of {len(outcomes)} solved and verified; "
         f"planning median {np.median(seconds):.2f} s, 99 % {np.percentile(seconds, 99):.2f} s; "
-        f"estimated gap median {gap}"
+        f"estimated gap median {gap}; planned {len(gaps)}, switches resolved and certified "
+        f"{sum(o.certified for o in outcomes)}, verified {sum(o.verified for o in outcomes)}"
     )
 
 
@@ -226,3 +250,23 @@ def _gap_table(name: str, study: GapStudy) -> str:
         f"estimated {reference.gap:.0e} above the optimum"
     )
     return "\n".join([name, f"{header}{'true gap':>12}", *rows, truth])
+
+
+def _tolerances(arguments: argparse.Namespace) -> int:
+    """Plan each scene on uniform meshes, on refined ones and with its switches resolved, at
+    tolerances from 1e-2 to 1e-8; processor time against the gap to the last of them."""
+    from deltaopt.files import whole
+    from deltaopt.plots.tolerances import draw  # slow to import
+
+    studies = {}
+    for file in arguments.scenes:
+        studies[file.stem] = tolerance_study(load_scene(file), told=ProgressBar())
+        print(table(file.stem, studies[file.stem]), end="\n\n", flush=True)
+    ratios = [study.ratio(1e-6, to=1e-3) for study in studies.values()]
+    print("1e-6 costs so many times what 1e-3 does:", ", ".join(f"{r:.1f}" for r in ratios))
+    chart, numbers = (arguments.directory / f"resolution.{kind}" for kind in ("png", "csv"))
+    with whole(numbers) as temporary:
+        temporary.write_text(csv(studies), encoding="utf-8")
+    draw(studies, chart)
+    print(f"written: {chart}, {numbers}")
+    return 0

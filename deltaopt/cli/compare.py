@@ -1,4 +1,11 @@
-"""``deltaopt compare``: studies that put methods side by side."""
+"""Put methods side by side, as tables and charts.
+
+  deltaopt compare dynamics         the models of the paper: their cost and accuracy
+  deltaopt compare SCENE... five-bar   ways to pose the fastest motion: what accuracy costs
+
+The latter solves each scene, and the planar five-bar where that word is among them, with
+every formulation, loop closure and transcription on a range of meshes.
+"""
 
 from __future__ import annotations
 
@@ -8,11 +15,13 @@ from pathlib import Path
 
 from deltaopt.cli.progress import ProgressBar
 
-HELP = "compare formulations of the dynamics: their cost and accuracy, as a table and a chart"
+HELP = "compare formulations, of the dynamics or of plans, as tables and charts"
+FIVE_BAR = "five-bar"
+SUFFIXES = (".yaml", ".yml")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("what", nargs="+", metavar="WHAT", help="dynamics: the models of the paper")
+    parser.add_argument("what", nargs="+", metavar="WHAT", help="dynamics, or scenes and five-bar")
     parser.add_argument(
         "-o", dest="directory", type=Path, metavar="DIR", help="default: out/compare_WHAT"
     )
@@ -23,8 +32,40 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     if arguments.what == ["dynamics"]:
         return _dynamics(arguments)
-    print(f"deltaopt compare: {' '.join(arguments.what)} is no study; dynamics is", file=sys.stderr)
-    return 2
+    unknown = [w for w in arguments.what if w != FIVE_BAR and Path(w).suffix not in SUFFIXES]
+    if unknown:
+        print(
+            f"deltaopt compare: {unknown[0]} is no study; dynamics is, scene files (.yaml) and"
+            f" {FIVE_BAR} are",
+            file=sys.stderr,
+        )
+        return 2
+    return _plans(arguments)
+
+
+def _plans(arguments: argparse.Namespace) -> int:
+    """Solve, measure, print, save."""
+    from deltaopt.files import whole
+    from deltaopt.plots.plans import draw
+    from deltaopt.scene import load_scene
+    from deltaopt.studies.plan_cases import FiveBarTask, delta_case
+    from deltaopt.studies.plans import compare_plans
+    from deltaopt.studies.plans_report import csv, tables, verdict
+
+    cases = [
+        FiveBarTask().case if what == FIVE_BAR else delta_case(Path(what).stem, load_scene(what))
+        for what in arguments.what
+    ]
+    study = compare_plans(cases, progress=ProgressBar())
+    directory = arguments.directory or Path("out/compare_plans")
+    with whole(directory / "plans.csv") as path:
+        path.write_text(csv(study))
+    for case in cases:
+        draw(study, case.name, directory / f"{case.name}.png")
+    print(tables(study), verdict(study), sep="\n\n")
+    names = ", ".join(f"{directory}/{case.name}.png" for case in cases)
+    print(f"\n{study.seconds:.0f} s in all; {directory}/plans.csv, {names}")
+    return 0
 
 
 def _dynamics(arguments: argparse.Namespace) -> int:

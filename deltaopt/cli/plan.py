@@ -15,16 +15,53 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Callable
 
-from deltaopt.cli.arguments import add_output, add_scene, output_directory, positive, two_or_more
+from deltaopt.cli.arguments import (
+    add_output,
+    add_scene,
+    one_or_more,
+    output_directory,
+    positive,
+    two_or_more,
+)
+from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.export import RATE, Solution, StraightLine, save
 from deltaopt.feasibility import check_feasible
 from deltaopt.planning.baseline import baseline
+from deltaopt.planning.closure import (
+    AccelerationLevel,
+    Baumgarte,
+    KnotConstraints,
+    LoopClosure,
+    Projection,
+)
+from deltaopt.planning.flat import Flat
 from deltaopt.planning.plan import Plan, plan
+from deltaopt.planning.poses import Forward, Redundant
+from deltaopt.planning.problem import Pose
+from deltaopt.planning.transcription import PiecewiseAcceleration
 from deltaopt.scene import Scene, load_scene
 from deltaopt.trajectory import Trajectory
 from deltaopt.verify import Check, Verification, verify
 
+FORMULATIONS: dict[str, Callable[[LoopClosure], Pose]] = {
+    "flat": lambda closure: Flat(),
+    "explicit": lambda closure: Redundant(Explicit(), closure),
+    "multiplier": lambda closure: Redundant(Multiplier(), closure),
+    "forward": lambda closure: Forward(),
+}
+CLOSURES: dict[str, LoopClosure] = {
+    "knots": KnotConstraints(),
+    "projection": Projection(),
+    "baumgarte": Baumgarte(),
+    "acceleration": AccelerationLevel(),
+}
+TRANSCRIPTIONS = {
+    "linear": PiecewiseAcceleration(),
+    "quadratic": PiecewiseAcceleration(2, (0.25, 0.75)),
+    "cubic": PiecewiseAcceleration(3, (0.1, 0.5, 0.9)),
+}
 HELP = "find the fastest motion of a scene and verify it"
 
 
@@ -50,6 +87,32 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="intervals of the first mesh (default: 10)",
     )
+    parser.add_argument(
+        "--formulation",
+        choices=FORMULATIONS,
+        default="flat",
+        help="coordinates and dynamics of the optimisation (default: flat)",
+    )
+    parser.add_argument(
+        "--closure",
+        choices=CLOSURES,
+        default="knots",
+        help="how explicit and multiplier keep the loops closed (default: knots)",
+    )
+    parser.add_argument(
+        "--transcription",
+        choices=TRANSCRIPTIONS,
+        default="linear",
+        help="acceleration in each interval (default: linear)",
+    )
+    parser.add_argument(
+        "--starts",
+        type=one_or_more,
+        default=1,
+        metavar="N",
+        help="first guesses, all but the first of them random; the best is kept (default: 1)",
+    )
+    parser.add_argument("--seed", type=int, default=1, help="of the random first guesses")
     parser.add_argument(
         "--rate",
         type=positive,
@@ -80,15 +143,35 @@ def _solve(scene: Scene, arguments: argparse.Namespace) -> tuple[Trajectory, Sol
         scene,
         tolerance=arguments.tolerance,
         intervals=arguments.intervals,
+        formulation=FORMULATIONS[arguments.formulation](CLOSURES[arguments.closure]),
+        transcription=TRANSCRIPTIONS[arguments.transcription],
+        starts=arguments.starts,
+        seed=arguments.seed,
         progress=lambda text: print(text, file=sys.stderr, flush=True),
     )
+    _tell_optima(found)
     _tell_gap(found)
     return found.trajectory, found
+
+
+def _tell_optima(found: Plan) -> None:
+    """The distinct local minima, if there was more than one start."""
+    for i, optimum in enumerate(found.optima, 1):
+        x, y, z = optimum.halfway
+        print(
+            f"local optimum {i}: {optimum.duration:.6f} s from {optimum.starts} starts, "
+            f"halfway at ({x:.4f}, {y:.4f}, {z:.4f}) m"
+        )
 
 
 def _tell_gap(found: Plan) -> None:
     print(f"estimated to be at most {found.gap:.1e} longer than the optimum", end="")
     print("" if found.within_tolerance else f", which is not the {found.tolerance:g} asked for")
+    if found.certificate:
+        print(
+            f"satisfies Pontryagin's condition to {found.certificate.residual:.0e}: "
+            "no motion near it is faster; one far from it may be"
+        )
 
 
 def table(verification: Verification) -> str:

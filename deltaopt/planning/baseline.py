@@ -1,8 +1,10 @@
-"""Motions that need no optimisation: the straight line, and an arc where that is blocked."""
+"""Motions that need no optimisation: the straight line, and a curve where that is blocked."""
 
 from __future__ import annotations
 
-from math import isinf
+from collections.abc import Iterator
+from itertools import product
+from math import comb, isinf
 
 import numpy as np
 from numpy.polynomial.polynomial import polyder, polymul, polyval
@@ -45,22 +47,43 @@ def baseline(scene: Scene) -> Trajectory:
 
 
 def detour(scene: Scene) -> Trajectory:
-    """The fastest of a few arcs that bulge towards the middle of the workspace.
+    """The fastest of a few curves that bulge towards the middle of the workspace.
 
     Raises Unreachable if none of them can be driven.
     """
-    model = DeltaModel(scene.robot, scene.payload)
-    halfway = (np.array(scene.start) + scene.goal) / 2
-    arcs = []
-    for pull in _PULLS:
-        corner = halfway + pull * (_middle(scene.robot) - halfway)
+    for curves in (_arcs, _bends):
+        motions = list(driven(scene, curves(scene)))
+        if motions:
+            return min(motions, key=lambda motion: motion.duration)
+    raise Unreachable("neither a straight line nor a simple curve leads from start to goal")
+
+
+def driven(scene: Scene, curves: Iterator[Trajectory]) -> Iterator[Trajectory]:
+    """Those of the curves that can be driven, as fast as limits allow."""
+    for curve in curves:
         try:
-            arcs.append(_fastest(scene, _arc(model, scene.start, scene.goal, corner), "the arc"))
+            yield _fastest(scene, curve, "the curve")
         except DeltaOptError:
             continue
-    if not arcs:
-        raise Unreachable("neither a straight line nor a simple arc leads from start to goal")
-    return min(arcs, key=lambda arc: arc.duration)
+
+
+def _arcs(scene: Scene) -> Iterator[Trajectory]:
+    """Parabolas drawn towards the middle."""
+    halfway = (np.array(scene.start) + scene.goal) / 2
+    for pull in _PULLS:
+        corner = halfway + pull * (_middle(scene.robot, 0.5) - halfway)
+        yield curve_between(scene, corner)
+
+
+def _bends(scene: Scene) -> Iterator[Trajectory]:
+    """Cubics that leave start and reach goal each towards a point on the axis, deeper ones
+    too: from one far side to the other, around what the chains cannot fold into."""
+    start, goal = np.array(scene.start), np.array(scene.goal)
+    for depth, leave, arrive in product((0.5, 0.6, 0.7, 0.8), (0.5, 1.0, 1.3), (0.5, 1.0, 1.3)):
+        middle = _middle(scene.robot, depth)
+        yield curve_between(
+            scene, start + leave * (middle - start), goal + arrive * (middle - goal)
+        )
 
 
 def joint_line(scene: Scene) -> Trajectory:
@@ -132,13 +155,16 @@ def _fastest(scene: Scene, trajectory: Trajectory, name: str) -> Trajectory:
     return trajectory.slowed(factor)
 
 
-def _arc(model: DeltaModel, start: Vector3, goal: Vector3, corner: Array) -> Trajectory:
-    """The parabola that leaves start and reaches goal in the direction of a corner, in 1 s."""
-    begin, end = np.array(start), np.array(goal)
-    coefficients = np.outer(polymul(_ALONG, _ALONG), begin - 2 * corner + end)
-    coefficients[: len(_ALONG)] += np.outer(_ALONG, 2 * (corner - begin))
-    coefficients[0] += begin
-    return _one_piece(model, coefficients)
+def curve_between(scene: Scene, *control: Array) -> Trajectory:
+    """The Bézier curve from start to goal with these points between, driven in 1 s."""
+    points = np.array([scene.start, *control, scene.goal])
+    n = len(points) - 1
+    # Powers of the share of the way: differences of the points, forward from the first.
+    coefficients, power = np.zeros((n * (len(_ALONG) - 1) + 1, 3)), np.ones(1)
+    for k in range(n + 1):
+        coefficients[: len(power)] += np.outer(power, comb(n, k) * np.diff(points, k, axis=0)[0])
+        power = polymul(power, _ALONG)
+    return _one_piece(DeltaModel(scene.robot, scene.payload), coefficients)
 
 
 def _one_piece(model: DeltaModel, coefficients: Array) -> Trajectory:
@@ -146,9 +172,9 @@ def _one_piece(model: DeltaModel, coefficients: Array) -> Trajectory:
     return Trajectory(PiecewisePolynomial(np.array([0.0, 1.0]), coefficients[None]), model)
 
 
-def _middle(robot: Robot) -> Array:
-    """Halfway between folded and stretched on the robot's axis, 3, m."""
+def _middle(robot: Robot, depth: float) -> Array:
+    """On the robot's axis, 3, m: at a depth from 0, folded, to 1, stretched."""
     arm, bars = robot.upper_arm.length, robot.forearm.length
     offset = robot.base_radius - robot.platform_radius
     folded, stretched = (max(reach**2 - offset**2, 0) ** 0.5 for reach in (bars - arm, bars + arm))
-    return np.array([(folded + stretched) / 2, 0.0, 0.0])
+    return np.array([folded + depth * (stretched - folded), 0.0, 0.0])

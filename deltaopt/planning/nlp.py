@@ -69,13 +69,18 @@ class PointFunction:
     @cached_property
     def _derivatives(self) -> list[tuple[ca.Function, ca.Sparsity]]:
         """``jacobian`` and ``hessian``, in machine code where there is a compiler."""
+        functions, sparsities = zip(*self.derived, strict=True)
+        return list(zip(compiled(functions), sparsities, strict=True))
+
+    @property
+    def derived(self) -> list[tuple[ca.Function, ca.Sparsity]]:
+        """``jacobian`` and ``hessian`` as CasADi derives them."""
         y, p, r = self._expressions
         lam = ca.SX.sym("lam", r.numel())
         J, H = ca.jacobian(r, y), ca.hessian(ca.dot(lam, r), y)[0]
         jacobian = ca.Function("jacobian", [y, p], [r, J.nz[:]], {"cse": True})
         hessian = ca.Function("hessian", [y, p, lam], [H.nz[:]], {"cse": True})
-        functions = compiled([jacobian, hessian])
-        return list(zip(functions, (J.sparsity(), H.sparsity()), strict=True))
+        return [(jacobian, J.sparsity()), (hessian, H.sparsity())]
 
 
 @dataclass(frozen=True)
@@ -100,12 +105,14 @@ class Points:
     """A point function at n points; the layout has n · ny rows, point by point.
 
     ``lower``, ``upper``: bounds of r, (nr,) if the same at every point, else (n, nr).
+    ``fractions``: when, as fractions of the duration, (n,), for errors to tell.
     """
 
     function: PointFunction
     layout: Layout
     lower: Array
     upper: Array
+    fractions: Array | None = None
 
     @property
     def number(self) -> int:
@@ -119,6 +126,25 @@ class Points:
     def bounds(self, each: Array) -> Array:
         """Bounds of all rows, point by point, from ``lower`` or ``upper``."""
         return np.broadcast_to(each, (self.number, self.rows)).ravel()
+
+    def row_names(self) -> list[str]:
+        """What each row is and when, for an error."""
+        n, nr = self.number, self.rows
+        when = [f"point {i} of {n}" for i in range(1, n + 1)]
+        if self.fractions is not None:
+            when = [f"{fraction:.1%} of the duration" for fraction in self.fractions]
+        return [f"{self.function.name} {j + 1} at {place}" for place in when for j in range(nr)]
+
+
+@dataclass(frozen=True)
+class RunningCost:
+    """Σ weights[i] l(y_i, p), to be added to the cost: an integral by quadrature.
+
+    ``points``: l, one row, its bounds without meaning. ``weights``: (number of points,).
+    """
+
+    points: Points
+    weights: Array
 
 
 @dataclass(frozen=True)
@@ -152,8 +178,15 @@ class Program:
     """A nonlinear program built once, solved many times with other bounds and parameters.
 
     ``cost``: c, (n,). ``linear``: layout of the rows G z = 0. ``points``: the nonlinear rows.
-    ``options``: of Ipopt, where they differ from ``IPOPT``.
+    ``options``: of Ipopt, where they differ from ``IPOPT``. ``running``: a further cost, if
+    there is one.
+
+    ``jacobian``: (z, p) -> all rows and their Jacobian. ``hessian``: (z, p, λ_f, λ_g) -> the
+    upper triangle of the Lagrangian's.
     """
+
+    jacobian: ca.Function
+    hessian: ca.Function
 
     def __init__(
         self,
@@ -161,6 +194,7 @@ class Program:
         linear: Layout,
         points: list[Points],
         options: Options | None = None,
+        running: RunningCost | None = None,
     ) -> None:
         self._n = len(cost)
         self._linear = linear
@@ -168,7 +202,18 @@ class Program:
         continuity = np.zeros(len(linear.columns))
         self._lower_rows = np.concatenate([continuity, *(q.bounds(q.lower) for q in points)])
         self._upper_rows = np.concatenate([continuity, *(q.bounds(q.upper) for q in points)])
-        self._solver = self._build(cost, options or {})
+        self._solver = self._build(cost, options or {}, running)
+
+    @property
+    def rows(self) -> tuple[Array, Array]:
+        """Bounds of all rows."""
+        return self._lower_rows, self._upper_rows
+
+    @property
+    def row_names(self) -> list[str]:
+        """What each row is and when."""
+        names = ["continuity"] * len(self._linear.columns)
+        return names + [name for points in self._points for name in points.row_names()]
 
     def solve(self, guess: Array, lower: Array, upper: Array, p: Array) -> Solution:
         """From a guess, within the bounds of the variables, with parameters p.
@@ -189,7 +234,7 @@ class Program:
             )
         return Solution(
             z=z,
-            bound_multipliers=np.asarray(result["lam_x"].full()).ravel(),
+            bound_multipliers=self._bound_multipliers(result, lower == upper, p),
             row_multipliers=np.asarray(result["lam_g"].full()).ravel(),
             status=stats["return_status"],
             iterations=stats["iter_count"],
@@ -197,11 +242,21 @@ class Program:
             spent=_spent(stats),
         )
 
-    def _build(self, cost: Array, options: Options) -> ca.Function:
+    def _bound_multipliers(
+        self, result: dict[str, ca.DM], fixed: NDArray[np.bool], p: Array
+    ) -> Array:
+        """Ipopt's; of variables that are fixed, which it does not see, from stationarity."""
+        multipliers = np.asarray(result["lam_x"].full()).ravel()
+        gradient = self._solver.get_function("nlp_grad_f")(result["x"], p)[1]
+        jacobian = self._solver.get_function("nlp_jac_g")(result["x"], p)[1]
+        rest = -(gradient + jacobian.T @ result["lam_g"]).full().ravel()
+        return np.where(fixed, rest, multipliers)
+
+    def _build(self, cost: Array, options: Options, running: RunningCost | None) -> ca.Function:
         np_ = self._points[0].function.function.size1_in(1)
         z, p = ca.MX.sym("z", self._n), ca.MX.sym("p", np_)
         lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", len(self._lower_rows))
-        f = ca.dot(ca.DM(cost), z)
+        f, gradient = ca.dot(ca.DM(cost), z), ca.MX(ca.DM(cost))
         G = self._linear.matrix(self._n)
         rows, entries, curvature = [ca.mtimes(G, z)], [], []
         first = len(self._linear.columns)
@@ -218,38 +273,50 @@ class Program:
             entries.append((first, points, J_sparsity, ca.vec(J)))
             curvature.append((points, H_sparsity, ca.vec(H)))
             first += n * nr
+        if running is not None:
+            value, slope, curved = _running(running, z, p, lam_f)
+            f, gradient = f + value, gradient + slope
+            curvature.append((running.points, running.points.function.hessian[1], curved))
         g = ca.vertcat(*rows)
         jac = _assemble_jacobian(G, entries, first, self._n)
         hess = _assemble_hessian(curvature, self._n)
         program = {"x": z, "p": p, "f": f, "g": g}
         functions = {
-            "grad_f": ca.Function("nlp_grad_f", [z, p], [f, ca.DM(cost)]),
+            "grad_f": ca.Function("nlp_grad_f", [z, p], [f, gradient]),
             "jac_g": ca.Function("nlp_jac_g", [z, p], [g, jac]),
             "hess_lag": ca.Function("nlp_hess_l", [z, p, lam_f, lam_g], [hess]),
         }
+        self.jacobian, self.hessian = functions["jac_g"], functions["hess_lag"]
         return ca.nlpsol("nlp", "ipopt", program, {**functions, **IPOPT, **options})
 
     def _complaint(self, stats: dict[str, object], g: Array) -> str:
         """What Ipopt said, and which rows are violated most."""
         violation = np.maximum(self._lower_rows - g, g - self._upper_rows)
         worst = int(np.nanargmax(violation)) if np.isfinite(violation).any() else 0
-        names = ["continuity"] * len(self._linear.columns)
-        for points in self._points:
-            n, nr = points.number, points.rows
-            names += [
-                f"{points.function.name} {j} at point {i} of {n}"
-                for i in range(1, n + 1)
-                for j in range(1, nr + 1)
-            ]
         return (
             f"Ipopt stopped after {stats['iter_count']} iterations: {stats['return_status']}; "
-            f"worst constraint: {names[worst]}, violated by {violation[worst]:.1e}"
+            f"worst constraint: {self.row_names[worst]}, violated by {violation[worst]:.1e}"
         )
 
 
 def _spent(stats: dict[str, float]) -> Spent:
     evaluation = sum(t for name, t in stats.items() if name.startswith("t_wall_nlp_"))
     return Spent(evaluation, stats["t_wall_total"] - evaluation)
+
+
+def _running(running: RunningCost, z: ca.MX, p: ca.MX, lam_f: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
+    """Value, gradient (dense) and nonzeros of the points' Hessians of a running cost."""
+    points, n = running.points, running.points.number
+    weights = ca.DM(running.weights).T
+    y = ca.reshape(ca.mtimes(points.layout.matrix(z.numel()), z), -1, n)
+    ps = ca.repmat(p, 1, n)
+    jacobian, sparsity = points.function.jacobian
+    r, J = jacobian.map(n)(y, ps)
+    nnz = sparsity.nnz()
+    weighted = ca.vec(ca.reshape(J, nnz, n) * ca.repmat(weights, nnz, 1))
+    rows = _assemble_jacobian(ca.DM(0, z.numel()), [(0, points, sparsity, weighted)], n, z.numel())
+    H = points.function.hessian[0].map(n)(y, ps, lam_f * weights)
+    return ca.dot(weights, r), ca.densify(ca.sum1(rows)).T, ca.vec(H)
 
 
 def _assemble_jacobian(

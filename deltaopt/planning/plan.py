@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -12,19 +12,23 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
+from deltaopt.dynamics.formulation import Projected
+from deltaopt.dynamics.lagrange import Multiplier
 from deltaopt.errors import DeltaOptError, NotConverged
 from deltaopt.feasibility import check_feasible
 from deltaopt.limits import Loads, loads_inside, safe_factor, sampled_factor
 from deltaopt.mechanisms.delta_functions import DeltaFunctions
 from deltaopt.model import DeltaModel
-from deltaopt.planning.baseline import between, first_motion
+from deltaopt.planning.baseline import between
 from deltaopt.planning.certificate import Certificate
 from deltaopt.planning.flat import Flat, ScaledEquations
 from deltaopt.planning.gap import FRACTIONS, GivenAway, given_away, refined
 from deltaopt.planning.nlp import Spent
+from deltaopt.planning.poses import posed_as
 from deltaopt.planning.problem import Guess, Pose, Posed, Problem, Solved
 from deltaopt.planning.resolve import Resolved, Unsettled, resolve
 from deltaopt.planning.scales import Scales
+from deltaopt.planning.starts import Optimum, distinct, first_motions
 from deltaopt.planning.structure import read_structure
 from deltaopt.planning.transcription import PiecewiseAcceleration
 from deltaopt.record import Vector3
@@ -72,6 +76,7 @@ class Plan:
     ``gap``: estimated excess of its duration over the shortest possible, as a fraction.
     ``rounds``: the meshes it took. ``solve_seconds``: wall time of all of them.
     ``certificate``: how well Pontryagin's condition is met, where the switches are resolved.
+    ``optima``: the distinct local minima that several starts led to, fastest first.
     """
 
     scene: Scene
@@ -86,6 +91,7 @@ class Plan:
     tolerance: float
     rounds: tuple[Round, ...]
     certificate: Certificate | None
+    optima: tuple[Optimum, ...] = ()
 
     @property
     def duration(self) -> float:
@@ -112,21 +118,26 @@ def plan(
     tolerance: float = 1e-3,
     intervals: int = 16,
     transcription: PiecewiseAcceleration | None = None,
-    formulation: Pose | None = None,
+    formulation: Pose | Multiplier | Projected | None = None,
+    starts: int = 1,
+    seed: int = 1,
     progress: Progress | None = None,
 ) -> Plan:
     """The fastest motion of a scene.
 
+    ``formulation``: a pose (flat by default, forward), or a formulation of the dynamics, which
+    is posed in twelve coordinates: multiplier by eq. (37), the others all by eq. (39).
     ``tolerance``: of the optimality gap. ``intervals``: of the first mesh, refined where time
     is given away until the gap is within the tolerance; below ``RESOLVED_BELOW`` the switches
-    are resolved. ``progress``: told after every mesh.
+    are resolved. ``starts``: from how many first guesses, all but the first of them random by
+    ``seed``; the fastest motion is the plan. ``progress``: told after every mesh.
 
     Raises Unreachable, Infeasible or NotConverged.
     """
     planner = Planner(
         scene.robot, scene.payload, scene.limits, tolerance, intervals, transcription, formulation
     )
-    return planner.plan(scene.start, scene.goal, progress=progress)
+    return planner.plan(scene.start, scene.goal, starts=starts, seed=seed, progress=progress)
 
 
 @dataclass(frozen=True)
@@ -135,6 +146,7 @@ class Planner:
 
     ``payload``: kg, where a plan is not given one. ``tolerance``: of the optimality gap.
     ``intervals``: of the first mesh, refined until the gap is within the tolerance.
+    ``resolved_below``: tolerances below this are met by resolving switches.
     """
 
     robot: Robot
@@ -143,7 +155,8 @@ class Planner:
     tolerance: float = 1e-3
     intervals: int = 16
     transcription: PiecewiseAcceleration | None = None
-    formulation: Pose | None = None
+    formulation: Pose | Multiplier | Projected | None = None
+    resolved_below: float = RESOLVED_BELOW
 
     def __post_init__(self) -> None:
         if not self.tolerance > 0:
@@ -158,12 +171,14 @@ class Planner:
         *,
         payload: float | None = None,
         near: Plan | None = None,
+        starts: int = 1,
+        seed: int = 1,
         progress: Progress | None = None,
     ) -> Plan:
         """The fastest motion from rest at start to rest at goal (m).
 
         ``payload``: kg, another than the planner's. ``near``: a plan for similar ends, to
-        start from.
+        start from. ``starts``, ``seed``: see ``plan``.
 
         Raises Unreachable, Infeasible or NotConverged.
         """
@@ -175,8 +190,35 @@ class Planner:
             limits=self.limits,
         )
         check_feasible(scene)
+        tell = progress or (lambda _: None)
+        guesses = self._guesses(scene, near, starts, seed)
+        if starts == 1:
+            return self._plan(scene, next(guesses), tell)
+        return self._best(scene, guesses, tell)
+
+    def _best(self, scene: Scene, guesses: Iterator[Guess], tell: Progress) -> Plan:
+        """The fastest of the plans from each first guess."""
         begin = perf_counter()
-        attempts, rounds, resolved = self._solve(scene, near, progress or (lambda _: None))
+        plans: list[Plan] = []
+        failures: list[NotConverged] = []
+        for i, guess in enumerate(guesses, 1):
+            tell(f"start {i}:")
+            try:
+                plans.append(self._plan(scene, guess, tell))
+            except NotConverged as error:
+                tell(str(error))
+                failures.append(error)
+        if not plans:
+            raise failures[0]
+        length = float(np.linalg.norm(np.subtract(scene.goal, scene.start)))
+        optima = distinct([(each.trajectory, each.gap) for each in plans], length)
+        best = min(plans, key=lambda each: each.duration)
+        return replace(best, optima=tuple(optima), solve_seconds=perf_counter() - begin)
+
+    def _plan(self, scene: Scene, guess: Guess, tell: Progress) -> Plan:
+        """From one first guess."""
+        begin = perf_counter()
+        attempts, rounds, resolved = self._solve(scene, guess, tell)
         best = min(range(len(rounds)), key=lambda i: rounds[i].safe_duration)
         attempts[best] = attempts[best].exact()
         rounds[best] = _round(attempts[: best + 1])
@@ -214,12 +256,12 @@ class Planner:
             return error
 
     def _solve(
-        self, scene: Scene, near: Plan | None, tell: Progress
+        self, scene: Scene, first: Guess, tell: Progress
     ) -> tuple[list[Attempt], list[Round], Resolved | None]:
         """Solve on finer and finer meshes until the gap is small enough, the switches can be
         resolved, or no more is gained."""
         model = DeltaModel(scene.robot, scene.payload)
-        posed, first = self._posed(model), self._first_guess(scene, near)
+        posed = self._posed(model)
         openings = model.openings([scene.start, scene.goal])
         scales = Scales(scene, first.trajectory.duration, float(openings.min()))
         mesh = np.full(self.intervals, 1 / self.intervals)
@@ -228,7 +270,7 @@ class Planner:
         tell(str(rounds[-1]))
         while not self._done(rounds):
             last, aim = attempts[-1], self.tolerance / 4
-            if self.tolerance < RESOLVED_BELOW:
+            if self._by_switches:
                 if rounds[-1].gap < _READABLE:
                     resolved = self._resolved(last, scales, tell)
                     if resolved:
@@ -271,13 +313,16 @@ class Planner:
         )
         return found
 
-    def _first_guess(self, scene: Scene, near: Plan | None) -> Guess:
-        """The plan of similar ends, moved to these; or a motion without optimisation."""
-        if near is None:
-            return Guess(first_motion(scene), near=False, tolerance=self.tolerance)
-        model = DeltaModel(scene.robot, scene.payload)
-        moved = between(near.trajectory, model, scene.start, scene.goal)
-        return Guess(moved, near=True, tolerance=self.tolerance)
+    def _guesses(self, scene: Scene, near: Plan | None, starts: int, seed: int) -> Iterator[Guess]:
+        """The plan of similar ends, moved to these; or motions without optimisation."""
+        if near is not None:
+            model = DeltaModel(scene.robot, scene.payload)
+            moved = between(near.trajectory, model, scene.start, scene.goal)
+            yield Guess(moved, near=True, tolerance=self.tolerance)
+            starts -= 1
+        if starts > 0:
+            for motion in first_motions(scene, starts, seed):
+                yield Guess(motion, near=False, tolerance=self.tolerance)
 
     def _done(self, rounds: list[Round]) -> bool:
         """After two meshes at least: one alone has nothing to be compared with."""
@@ -287,7 +332,11 @@ class Planner:
     @property
     def _accuracy(self) -> float:
         """Of the solution on a mesh; structures are read from exact ones only."""
-        return self.tolerance / 5 if self.tolerance >= RESOLVED_BELOW else 1e-8
+        return 1e-8 if self._by_switches else self.tolerance / 5
+
+    @property
+    def _by_switches(self) -> bool:
+        return self.tolerance < self.resolved_below
 
     @property
     def _speed_is_limited(self) -> bool:
@@ -300,7 +349,7 @@ class Planner:
 
     @property
     def _pose(self) -> Pose:
-        return self.formulation or Flat()
+        return posed_as(self.formulation or Flat())
 
     @property
     def _transcription(self) -> PiecewiseAcceleration:
@@ -316,7 +365,7 @@ def _posed(
 
 def _attempt(problem: Problem, scales: Scales, guess: Guess, model: DeltaModel) -> Attempt:
     solution = problem.solve(guess, scales, model.parameters)
-    trajectory = Trajectory(solution.position, model)
+    trajectory = Trajectory(solution.position, model, solution.coordinates)
     scene, loads = scales.scene, loads_inside(scales.scene, trajectory, FRACTIONS)
     lost = given_away(solution.prices, *_shares(scene, loads))
     return Attempt(problem, solution, trajectory, lost, sampled_factor(scene, loads), scene)

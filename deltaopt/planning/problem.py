@@ -65,7 +65,8 @@ class Solved:
     """The motion found on a mesh, and what its limits cost.
 
     ``prices``: fraction of the duration per fraction of a limit, (N, points, 3 or 6): torques,
-    then limited speeds; positive at the upper limit, negative at the lower.
+    then limited speeds; positive at the upper limit, negative at the lower. ``coordinates``: all
+    twelve, m and rad, where they do not follow from the platform's position.
     """
 
     position: PiecewisePolynomial
@@ -73,6 +74,7 @@ class Solved:
     status: str
     iterations: int
     spent: Spent
+    coordinates: PiecewisePolynomial | None = None
 
 
 def solved_by_ipopt(

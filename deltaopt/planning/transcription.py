@@ -38,6 +38,17 @@ class PiecewiseAcceleration:
     def name(self) -> str:
         return f"acceleration of degree {self.degree}"
 
+    @property
+    def order(self) -> int:
+        """With which power of the mesh the cost of a smooth problem converges: Lobatto's rule
+        on degree + 1 nodes integrates polynomials of degree 2 degree - 1."""
+        return 2 * self.degree
+
+    @cached_property
+    def quadrature(self) -> Array:
+        """Lobatto's weights at the nodes, summing to 1."""
+        return np.array([p.integ()(1.0) for p in self._lagrange])
+
     @cached_property
     def nodes(self) -> Array:
         """Lobatto's nodes, degree + 1, from 0 to 1."""

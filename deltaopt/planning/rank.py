@@ -1,0 +1,31 @@
+"""Which rows of a matrix follow from others."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def dependent_rows(A: Array, tolerance: float = 1e-9) -> list[int]:
+    """Indices of rows that are linear combinations of rows before them.
+
+    Modified Gram-Schmidt, twice for accuracy, on rows of length 1; what is left of a
+    dependent row is rounding. A row of zeros depends on any.
+    """
+    basis = np.zeros((min(A.shape), A.shape[1]))
+    found: list[int] = []
+    size = 0
+    for i, row in enumerate(A):
+        length = float(np.linalg.norm(row))
+        rest = row / length if length > 0 else row
+        for _ in range(2):
+            rest = rest - basis[:size].T @ (basis[:size] @ rest)
+        left = float(np.linalg.norm(rest))
+        if left <= tolerance:
+            found.append(i)
+        else:
+            basis[size] = rest / left
+            size += 1
+    return found
