@@ -3,20 +3,32 @@
 deltaopt bench random      plan and verify random moves of robots
 deltaopt bench gap         hold the gap that plans estimate against the true one
 deltaopt bench tolerances  measure what a gap costs, on meshes and by switch resolution
+deltaopt bench plan        how long plans take, and where the time goes
+deltaopt bench scaling     how time grows with the number of intervals
+deltaopt bench start       from import to the first plan: cold, warm, without a compiler
+deltaopt bench solver      the same problem with other solvers and settings
+deltaopt bench inverse     exported C beside Pinocchio and MuJoCo, where installed
+deltaopt bench peers       plans beside rockit's with Ipopt, where installed
 """
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from deltaopt.cli.arguments import add_scenes, positive
 from deltaopt.cli.progress import ProgressBar
+from deltaopt.errors import MissingPackage
+from deltaopt.planning.plan import Planner
 from deltaopt.robot import Robot, load_robot
 from deltaopt.scene import Scene, load_scene
 from deltaopt.studies.gap_study import TOLERANCES, GapStudy, gap_study
+from deltaopt.studies.peers import PEERS
 from deltaopt.studies.random_plans import Outcome, random_plans
 from deltaopt.studies.tolerance_study import csv, table, tolerance_study
 
@@ -58,6 +70,115 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="where resolution.png and resolution.csv go (default: out/tolerances)",
     )
     tolerances.set_defaults(study=_tolerances)
+
+    _add_robot_study(studies, "plan", _plan, number=200)
+    _add_robot_study(studies, "scaling", _scaling, number=5)
+    _add_robot_study(studies, "solver", _solver, number=20)
+    _add_robot_study(studies, "inverse", _inverse, number=2000)
+    _add_robot_study(studies, "peers", _peers, number=5)
+    start = studies.add_parser("start", help=_start.__doc__, description=_start.__doc__)
+    add_scenes(start)
+    start.set_defaults(study=_start)
+
+
+Study = Callable[[argparse.Namespace], int]
+
+
+def _add_robot_study(studies: Any, name: str, study: Study, number: int) -> None:
+    parser = studies.add_parser(name, help=study.__doc__, description=study.__doc__)
+    parser.add_argument("robots", nargs="+", type=Path, metavar="ROBOT", help="robot files")
+    parser.add_argument(
+        "--number", type=int, default=number, metavar="N", help=f"of moves or calls ({number})"
+    )
+    parser.add_argument("--payload", type=positive, default=1.0, metavar="KG", help="payload, kg")
+    parser.add_argument("--seed", type=int, default=1, help="of the random numbers")
+    parser.set_defaults(study=study)
+
+
+def _plan(arguments: argparse.Namespace) -> int:
+    """How long plans take, dense checks included, and where the time goes."""
+    from deltaopt.studies.speed import plan_report, timed_plans
+
+    good, number = True, arguments.number
+    for robot in map(load_robot, arguments.robots):
+        bar, name = ProgressBar(), robot.name
+        planner = Planner(robot, arguments.payload)
+        results = timed_plans(
+            planner,
+            number,
+            arguments.seed,
+            references=number // 10,
+            told=partial(_advance, bar, number, name),
+        )
+        print(plan_report(name, results))
+        good = good and all(r.ok for r in results)
+    return 0 if good else 1
+
+
+def _advance(bar: ProgressBar, number: int, name: str, done: int) -> None:
+    bar(done / number, name)
+
+
+def _scaling(arguments: argparse.Namespace) -> int:
+    """How the time of an iteration grows with the number of intervals."""
+    from deltaopt.studies.speed import scaling
+
+    for robot in map(load_robot, arguments.robots):
+        found = scaling(robot, arguments.payload, arguments.seed, arguments.number)
+        print(f"{robot.name}: time of an iteration grows as N^{found.exponent:.2f}")
+        for intervals, milliseconds in zip(found.intervals, found.milliseconds, strict=True):
+            print(f"  {intervals:4d} intervals {milliseconds:8.3f} ms")
+    return 0
+
+
+def _solver(arguments: argparse.Namespace) -> int:
+    """The flat problem on one mesh by other solvers and with other settings."""
+    from deltaopt.studies.solvers import compare_solvers, solver_report
+
+    for robot in map(load_robot, arguments.robots):
+        told = partial(_advance, ProgressBar(), arguments.number, robot.name)
+        trials = compare_solvers(
+            robot, arguments.payload, arguments.number, arguments.seed, 20, told
+        )
+        print(f"{robot.name}, 20 intervals, {arguments.number} moves\n{solver_report(trials)}")
+    return 0
+
+
+def _inverse(arguments: argparse.Namespace) -> int:
+    """Exported C beside Pinocchio and MuJoCo, where these are installed."""
+    from deltaopt.studies.speed import exported_nanoseconds
+
+    for robot in map(load_robot, arguments.robots):
+        inverse, forward = exported_nanoseconds(robot)
+        print(f"{robot.name}: inverse dynamics {inverse:.0f} ns, forward dynamics {forward:.0f} ns")
+        for name, measure in PEERS.items():
+            try:
+                peer = 1e9 * measure(robot, arguments.payload, arguments.number)
+            except MissingPackage as error:
+                print(f"  {error}")
+                continue
+            print(f"  {name}: {peer:.0f} ns, {peer / inverse:.0f} times as long")
+    return 0
+
+
+def _peers(arguments: argparse.Namespace) -> int:
+    """Plans beside rockit's with Ipopt, of equal optimality gap, where it is installed."""
+    from deltaopt.studies.peers import rockit_comparison
+
+    for robot in map(load_robot, arguments.robots):
+        print(rockit_comparison(robot, arguments.payload, arguments.number, arguments.seed))
+    return 0
+
+
+def _start(arguments: argparse.Namespace) -> int:
+    """Seconds from import to a verified plan: cold, warm, without a compiler."""
+    from deltaopt.studies.start import first_plan, plan_without_compiler, warm_plan
+
+    for scene in arguments.scenes:
+        cold, warm, plain = first_plan(scene), warm_plan(scene), plan_without_compiler(scene)
+        print(f"{scene.stem}: first plan ever {cold:.2f} s, cache warm {warm:.2f} s, ", end="")
+        print(f"no compiler {plain:.2f} s")
+    return 0
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -17,7 +17,7 @@ from deltaopt.dynamics.formulation import Projected
 from deltaopt.dynamics.lagrange import Multiplier
 from deltaopt.errors import DeltaOptError, NotConverged
 from deltaopt.feasibility import check_feasible
-from deltaopt.limits import loads_inside, safe_factor
+from deltaopt.limits import Loads, loads_inside, safe_factor, sampled_factor
 from deltaopt.mechanisms.delta_functions import DeltaFunctions
 from deltaopt.model import DeltaModel
 from deltaopt.planning.baseline import between
@@ -221,6 +221,8 @@ class Planner:
         begin = perf_counter()
         attempts, rounds, resolved = self._solve(scene, guess, tell)
         best = min(range(len(rounds)), key=lambda i: rounds[i].safe_duration)
+        attempts[best] = attempts[best].exact()
+        rounds[best] = _round(attempts[: best + 1])
         chosen = resolved or attempts[best]
         if isinf(chosen.safe_factor):
             raise NotConverged(
@@ -292,13 +294,17 @@ class Planner:
                 tell(f"{len(mesh)} intervals: {error}")
                 break
             rounds.append(_round(attempts))
+            if rounds[-1].gap <= self.tolerance:  # by samples; but is it?
+                attempts[-1] = attempts[-1].exact()
+                rounds[-1] = _round(attempts)
             tell(str(rounds[-1]))
         return attempts, rounds, None
 
     def _resolved(self, attempt: Attempt, scales: Scales, tell: Progress) -> Resolved | None:
         """With its switches resolved, or None if the structure cannot be settled yet."""
         model = attempt.trajectory.model
-        structure = read_structure(attempt.problem.mesh, *_loads(scales.scene, attempt.trajectory))
+        loads = loads_inside(attempt.scene, attempt.trajectory, FRACTIONS)
+        structure = read_structure(attempt.problem.mesh, *_shares(attempt.scene, loads))
         try:
             found = resolve(
                 ScaledEquations.of(model.functions, speed=self._speed_is_limited),
@@ -370,8 +376,9 @@ def _posed(
 def _attempt(problem: Problem, scales: Scales, guess: Guess, model: DeltaModel) -> Attempt:
     solution = problem.solve(guess, scales, model.parameters)
     trajectory = Trajectory(solution.position, model, solution.coordinates)
-    lost = given_away(solution.prices, *_loads(scales.scene, trajectory))
-    return Attempt(problem, solution, trajectory, lost, safe_factor(scales.scene, trajectory))
+    scene, loads = scales.scene, loads_inside(scales.scene, trajectory, FRACTIONS)
+    lost = given_away(solution.prices, *_shares(scene, loads))
+    return Attempt(problem, solution, trajectory, lost, sampled_factor(scene, loads), scene)
 
 
 @dataclass(frozen=True)
@@ -383,11 +390,19 @@ class Attempt:
     trajectory: Trajectory
     lost: GivenAway
     safe_factor: float
+    scene: Scene
+    is_exact: bool = False
+
+    def exact(self) -> Attempt:
+        """With the safe factor of all instants, not of samples only."""
+        if self.is_exact:
+            return self
+        factor = safe_factor(self.scene, self.trajectory)
+        return replace(self, safe_factor=factor, is_exact=True)
 
 
-def _loads(scene: Scene, trajectory: Trajectory) -> tuple[Array, Array | None]:
+def _shares(scene: Scene, loads: Loads) -> tuple[Array, Array | None]:
     """Torques and, if limited, speeds inside the intervals, as fractions of their limits."""
-    loads = loads_inside(scene, trajectory, FRACTIONS)
     shape = (-1, len(FRACTIONS), 3)
     torque = (loads.torque / np.array(scene.torque_limits)).reshape(shape)
     if scene.speed_limits is None:
