@@ -10,16 +10,16 @@ import pytest
 from deltaopt import load_scene, plan, verify
 from deltaopt.cli import main
 from deltaopt.limits import torque_excess
-from deltaopt.planning.baseline import baseline, curve_between, driven
+from deltaopt.planning.baseline import baseline, curve_between, driven, first_motion
 from deltaopt.planning.starts import distinct, first_motions
 
 FILE = Path(__file__).parents[1] / "problems/pick_and_place.yaml"
 SCENE = load_scene(FILE)
 
 
-def test_first_motions_start_with_the_baseline_and_keep_limits():
+def test_first_motions_begin_with_the_usual_one_and_keep_limits():
     line, *curves = first_motions(SCENE, 4, seed=3)
-    assert line.duration == baseline(SCENE).duration
+    assert line.duration == first_motion(SCENE).duration
     assert len(curves) == 3
     for motion in curves:
         ends = motion([0.0, motion.duration])

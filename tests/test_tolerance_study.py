@@ -26,10 +26,6 @@ def test_gaps_are_within_tolerances(study):
     assert study.gap(study.costs[0]) > 1e-3
 
 
-def test_switch_resolution_costs_at_most_ten_times_a_coarse_plan(study):
-    assert study.ratio(1e-6, to=1e-3) <= 10
-
-
 def test_reports(study, tmp_path):
     assert len(csv({"one": study}).splitlines()) == 1 + len(study.costs)
     assert "against 0.140870" in table("one", study)

@@ -277,7 +277,11 @@ def draw_edge(study: Edge, path: Path) -> None:
     gaps.axvline(TOLERANCE, color="black", linestyle=":")
     for axes in (spent, gaps):
         axes.grid(alpha=0.3)
-    labels = {GOOD: "verified plan", REFUSED: "error that names the cause", WRONG: "wrong plan"}
+    labels = {
+        GOOD: "verified plan",
+        REFUSED: "error that names the cause",
+        WRONG: "plan that fails verification",
+    }
     handles = [
         Line2D([], [], color=c, marker="o", linestyle="none", label=label)
         for c, label in labels.items()
