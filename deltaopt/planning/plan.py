@@ -42,8 +42,8 @@ Progress = Callable[[str], None]
 Pair = tuple[Vector3, Vector3]
 """Start and goal, m."""
 
-RESOLVED_BELOW = 5e-4
-"""Tolerances below this are met by resolving switches, which is cheaper than finer meshes."""
+RESOLVED_BELOW = 1e-4
+"""Tolerances below this are met by resolving switches: finer meshes cost more and more."""
 _READABLE = 2e-3
 """A mesh solution with a smaller gap shows which motor is at which limit when."""
 _MOST_INTERVALS = 300
