@@ -107,7 +107,7 @@ def _plan(arguments: argparse.Namespace) -> int:
             planner,
             number,
             arguments.seed,
-            references=number // 10,
+            references=min(20, number // 10),
             told=partial(_advance, bar, number, name),
         )
         print(plan_report(name, results))

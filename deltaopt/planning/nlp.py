@@ -31,6 +31,7 @@ IPOPT: Options = {
     "record_time": True,
     "show_eval_warnings": False,  # a trial point out of reach is a shorter step for Ipopt
     "calc_lam_p": False,
+    "no_nlp_grad": True,  # of use for sensitivities only, and machine code has no derivative
     "ipopt.print_level": 0,
     "ipopt.sb": "yes",
     "ipopt.mu_strategy": "adaptive",
@@ -266,10 +267,9 @@ class Program:
             ps = ca.repmat(p[: points.function.function.size1_in(1)], 1, n)
             jacobian, J_sparsity = points.function.jacobian
             hessian, H_sparsity = points.function.hessian
-            _, J = jacobian.map(n)(y, ps)
+            r, J = jacobian.map(n)(y, ps)
             H = hessian.map(n)(y, ps, ca.reshape(lam_g[first : first + n * nr], nr, n))
-            # Not from ``jacobian``: CasADi wants to differentiate this, and machine code cannot.
-            rows.append(ca.vec(points.function.function.map(n)(y, ps)))
+            rows.append(ca.vec(r))
             entries.append((first, points, J_sparsity, ca.vec(J)))
             curvature.append((points, H_sparsity, ca.vec(H)))
             first += n * nr

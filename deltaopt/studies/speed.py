@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import subprocess
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import perf_counter, thread_time
@@ -52,7 +52,7 @@ def timed_plans(
     planner: Planner, number: int, seed: int, *, references: int, told: Callable[[int], None]
 ) -> list[Timed]:
     """Plans of random moves, the first ``references`` of them held against finer ones."""
-    finer = Planner(planner.robot, planner.payload, tolerance=_REFERENCE, intervals=40)
+    finer = replace(planner, tolerance=_REFERENCE, intervals=40, resolved_below=0.0)
     results: list[Timed] = []
     for scene in random_scenes(planner.robot, planner.payload, number, seed):
         if not results:
