@@ -211,10 +211,22 @@ class FlatProblem:
         X = (at_knots.x - scales.origin) / scales.length
         V = at_knots.v * T / scales.length
         A = self._inside(trajectory, self.transcription.nodes).a * T**2 / scales.length
+        A = self._meeting(X, V, A.reshape(self.intervals, -1, 3))
         tau = self._inside(trajectory, self.transcription.points).tau / scales.torques
         N = self.intervals
         blocks = [X[:-1], V[:-1], A.reshape(N, -1), np.clip(tau, -1, 1).reshape(N, -1)]
         return np.concatenate([np.hstack(blocks).ravel(), X[-1], V[-1], [T / scales.time]])
+
+    def _meeting(self, X: Array, V: Array, A: Array) -> Array:
+        """A with the least change after which every interval ends where the next begins.
+
+        Otherwise a guess may leave the workspace just before a goal that lies at its end.
+        """
+        position, velocity, _ = self.transcription.weights(1.0, self.mesh)
+        weights = np.stack([position, velocity], axis=1)  # (N, 2, degree + 3)
+        ends = np.stack([X[1:], V[1:]], axis=1)
+        combined = np.concatenate([X[:-1, None], V[:-1, None], A], axis=1)
+        return np.asarray(A + np.linalg.pinv(weights[..., 2:]) @ (ends - weights @ combined))
 
     def _inside(self, trajectory: Trajectory, c: Array) -> Motion:
         """The motion at fractions of this mesh's intervals, ends from just inside."""

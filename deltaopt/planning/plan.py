@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from math import isinf
 from pathlib import Path
 from time import perf_counter
 
@@ -41,8 +42,8 @@ Progress = Callable[[str], None]
 Pair = tuple[Vector3, Vector3]
 """Start and goal, m."""
 
-RESOLVED_BELOW = 5e-4
-"""Tolerances below this are met by resolving switches, which is cheaper than finer meshes."""
+RESOLVED_BELOW = 1e-4
+"""Tolerances below this are met by resolving switches: finer meshes cost more and more."""
 _READABLE = 2e-3
 """A mesh solution with a smaller gap shows which motor is at which limit when."""
 _MOST_INTERVALS = 300
@@ -223,6 +224,12 @@ class Planner:
         attempts[best] = attempts[best].exact()
         rounds[best] = _round(attempts[: best + 1])
         chosen = resolved or attempts[best]
+        if isinf(chosen.safe_factor):
+            raise NotConverged(
+                "gravity alone exceeds a torque limit somewhere between the points of every mesh",
+                chosen.solution.status,
+                chosen.trajectory,
+            )
         return Plan(
             scene=scene,
             trajectory=chosen.trajectory.slowed(chosen.safe_factor),
@@ -277,6 +284,9 @@ class Planner:
                         return attempts, rounds, resolved
                 aim = max(aim, rounds[-1].gap / 16)
             mesh = refined(last.problem.mesh, last.lost, aim)
+            if len(mesh) == len(last.problem.mesh):
+                tell(f"{len(mesh)} intervals: nothing is known to be gained by more of them")
+                break
             try:
                 guess = Guess(last.trajectory, near=True, tolerance=self._accuracy)
                 attempts.append(_attempt(posed.on(mesh), scales, guess, model))

@@ -26,8 +26,6 @@ VANISHED = 1e-5
 """Of the duration: shorter arcs were not there."""
 CERTIFIED = 1e-5
 """Residual of Pontryagin's condition at most: wrong structures miss it by orders."""
-CONVERGED = 1e-6
-"""A residual above this may be that of too low a degree: multipliers converge after motions."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +65,7 @@ def resolve(
     structure, guess = _without_vanished(coarser), coarser.trajectory
     for degree in DEGREES[1:]:
         finer = _solve(equations, model, structure, guess, scales, p, degree, coarser)
-        if finer.gap <= tolerance and finer.certificate.residual <= CONVERGED:
+        if finer.gap <= tolerance:
             break
         coarser = finer
     if not finer.certificate.residual <= CERTIFIED:

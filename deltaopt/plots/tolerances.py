@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from matplotlib.axes import Axes
+from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
 from deltaopt.plots.style import COLOURS, GREY, figure, without_box
 from deltaopt.studies.tolerance_study import MESHES, REFINED, SWITCHES, ToleranceStudy
@@ -49,4 +50,7 @@ def _panel(axes: Axes, study: ToleranceStudy) -> None:
         )
     axes.axhspan(FLOOR / 2, KNOWN, color=GREY, alpha=0.12, linewidth=0)
     axes.set(xscale="log", yscale="log", ylim=(FLOOR / 2, 3e-2))
+    axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axes.xaxis.set_major_formatter(FormatStrFormatter("%g"))
+    axes.xaxis.set_minor_formatter(NullFormatter())
     without_box(axes)

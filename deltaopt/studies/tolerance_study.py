@@ -22,7 +22,7 @@ from deltaopt.trajectory import Trajectory
 UNIFORM = (10, 20, 40, 80, 160)
 """Intervals."""
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
-FINEST_MESH = 1e-5
+FINEST_MESH = 1e-4
 """Tolerances below this no mesh was refined to."""
 MESHES, REFINED, SWITCHES = "uniform meshes", "refined meshes", "switch resolution"
 
