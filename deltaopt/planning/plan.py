@@ -239,7 +239,7 @@ class Planner:
             status=chosen.solution.status,
             iterations=sum(r.iterations for r in rounds),
             solve_seconds=perf_counter() - begin,
-            gap=resolved.gap if resolved else rounds[best].gap,
+            gap=resolved.gap if resolved else _gap(rounds, best),
             tolerance=self.tolerance,
             rounds=tuple(rounds),
             certificate=resolved.certificate if resolved else None,
@@ -408,6 +408,15 @@ def _shares(scene: Scene, loads: Loads) -> tuple[Array, Array | None]:
     if scene.speed_limits is None:
         return torque, None
     return torque, (loads.speed / np.array(scene.speed_limits)).reshape(shape)
+
+
+def _gap(rounds: list[Round], chosen: int) -> float:
+    """Of a round's motion, by its own estimate or by what the last one leaves possible."""
+    own, last = rounds[chosen], rounds[-1]
+    if own is last:
+        return own.gap
+    shortest = last.safe_duration / (1 + last.gap)
+    return min(own.gap, own.safe_duration / shortest - 1)
 
 
 def _round(attempts: list[Attempt]) -> Round:
