@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 
 from deltaopt.dynamics.lagrange import Explicit
-from deltaopt.errors import Infeasible, Unreachable, in_words
+from deltaopt.errors import Infeasible, Singular, Unreachable, in_words
 from deltaopt.mechanisms.delta import DeltaTerms
 from deltaopt.mechanisms.delta_functions import delta_functions
 from deltaopt.model import DeltaModel
@@ -16,37 +16,51 @@ from deltaopt.record import Vector3
 from deltaopt.rows import RowFunction
 from deltaopt.scene import Scene
 
+_LEAST_WAY = 1e-12  # m: coordinates of a metre have digits down to 1e-16
+_CLEAR = 1e-6  # of squared distances from a serial singularity: nearer ones are looked at closely
 _SAME_PLACE = 1e-6  # m: near a parallel singularity forward kinematics knows half the digits
 
 
 def check_feasible(scene: Scene) -> None:
-    """Raise Unreachable or Infeasible, in one sentence, if start or goal rule a motion out."""
+    """Raise Unreachable, Singular or Infeasible, in one sentence, if start or goal rule a
+    motion out."""
+    way = np.linalg.norm(np.subtract(scene.goal, scene.start))
+    if way < _LEAST_WAY:
+        raise Infeasible(
+            f"start and goal are {way:.1e} m apart, which coordinates in double precision "
+            f"cannot resolve; at least {_LEAST_WAY:g} m are needed"
+        )
     model = DeltaModel(scene.robot, scene.payload)
     if _is_feasible(model, scene):
         return
     for name, point in (("start", scene.start), ("goal", scene.goal)):
         _require_reach(model, name, point)
         _require_rest(model, name, point, scene.torque_limits)
+        _require_departure(model, name, point)
 
 
 def _is_feasible(model: DeltaModel, scene: Scene) -> bool:
     """The same in one evaluation, without words."""
     ends = np.array([scene.start, scene.goal])
-    back, holding = _rest_function(model.functions.terms)(ends, parameters=model.parameters)
+    rest = _rest_function(model.functions.terms)
+    back, holding, reach = rest(ends, parameters=model.parameters)
     there = np.linalg.norm(back - ends, axis=1) <= _SAME_PLACE  # False where not a number
-    return bool(there.all() and (np.abs(holding) <= scene.torque_limits).all())
+    held = (np.abs(holding) <= scene.torque_limits).all()
+    return bool(there.all() and held and (reach > _CLEAR).all())
 
 
 @lru_cache(maxsize=16)
 def _rest_function(terms: DeltaTerms) -> RowFunction:
     """(x, p) -> where forward kinematics puts the platform for x's motor angles, m; torques
-    that hold it there, N·m (3 each)."""
+    that hold it there, N·m (3 each); squared distances from serial singularities (6)."""
     functions = delta_functions(terms, Explicit())
     x, p = ca.SX.sym("x", 3), ca.SX.sym("p", len(terms.names))
     back = functions.forward_kinematics(functions.inverse_kinematics(x, p)[3::3], p)
     rest = ca.SX.zeros(3)
     holding, _ = functions.inverse_dynamics.expand()(x, rest, rest, p)
-    return RowFunction(ca.Function("rest", [x, p], [back, holding], {"cse": True}))
+    return RowFunction(
+        ca.Function("rest", [x, p], [back, holding, functions.reach(x, p)], {"cse": True})
+    )
 
 
 def _require_reach(model: DeltaModel, name: str, point: Vector3) -> None:
@@ -74,3 +88,11 @@ def _require_rest(model: DeltaModel, name: str, point: Vector3, limits: Vector3)
                 f"{name}: motor {motor} needs {abs(torque):.4g} N·m to hold the platform at rest "
                 f"at {in_words(point)} m, more than its limit of {limit:g} N·m"
             )
+
+
+def _require_departure(model: DeltaModel, name: str, point: Vector3) -> None:
+    """In a serial singularity the platform's position does not say how the chains move."""
+    try:
+        model.motion(point, np.zeros(3), np.zeros(3))
+    except Singular as error:
+        raise Singular(error.kind, error.chain, error.margin, name) from None

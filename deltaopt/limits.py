@@ -73,7 +73,17 @@ def safe_factor(scene: Scene, trajectory: Trajectory, at_least: float = 1.0) -> 
     gravity alone exceeds a torque limit.
     """
     highest = peaks(_curves(scene, trajectory, _demands(scene)), len(trajectory.knots) - 1)
-    slow_enough, fast_enough = highest.values[:-3], highest.values[-3:]
+    return _factor(highest.values, at_least)
+
+
+def sampled_factor(scene: Scene, loads: Loads, at_least: float = 1.0) -> float:
+    """The same for the instants of the loads only: a little less where they miss a peak."""
+    return _factor(_demands(scene)(loads).max(axis=0), at_least)
+
+
+def _factor(highest: Array, at_least: float) -> float:
+    """From the largest demands, (6 or 9,)."""
+    slow_enough, fast_enough = highest[:-3], highest[-3:]
     squared = max(at_least**2, float(slow_enough.max()))
     return sqrt(squared) if fast_enough.max() * squared <= 1 else inf
 

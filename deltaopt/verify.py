@@ -7,7 +7,7 @@ for it. What it is held against is the scene, through models built here from the
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from math import inf, isinf
 from typing import Any
 
@@ -36,27 +36,76 @@ ARRIVAL_DISTANCE = 1e-5
 """m: what the project promises of a delivered motion; good robots repeat to 1e-4."""
 ARRIVAL_SPEED = 1e-3
 """m/s: covers ``ARRIVAL_DISTANCE`` in 10 ms, a tenth of a fast motion."""
+BOUNDARY_SHARE = 1e-3
+"""Of the way, and of its mean speed: a motion of a micrometre is held to less than one."""
+ARRIVAL_SHARE = 1e-2
+"""The same for where the torques lead."""
 
 
 @dataclass(frozen=True)
 class Bound:
-    """The most a measure may be, and what to say of a value that is more."""
+    """The most a measure may be, and what to say of a value that is more.
+
+    ``share``: of the distance from start to goal (m) or of the mean speed (m/s), if that is less.
+    """
 
     measure: str
     unit: str
     at_most: float
     complaint: str
+    share: float = inf
+
+    def for_way(self, distance: float, duration: float) -> Bound:
+        """The bound for a way of a distance (m) in a duration (s)."""
+        scale = distance / duration if self.unit == "m/s" else distance
+        return replace(self, at_most=min(self.at_most, self.share * scale))
 
 
 BOUNDS = (
     Bound("torque_excess", "1", EXCESS, "a motor would need {:.4%} more torque than its limit"),
     Bound("speed_excess", "1", EXCESS, "a motor would turn {:.4%} faster than its limit"),
-    Bound("start_distance", "m", BOUNDARY_DISTANCE, "it begins {:.3g} m from the scene's start"),
-    Bound("goal_distance", "m", BOUNDARY_DISTANCE, "it ends {:.3g} m from the scene's goal"),
-    Bound("start_speed", "m/s", BOUNDARY_SPEED, "it begins at {:.3g} m/s instead of at rest"),
-    Bound("goal_speed", "m/s", BOUNDARY_SPEED, "it ends at {:.3g} m/s instead of at rest"),
-    Bound("position_jump", "m", BOUNDARY_DISTANCE, "its position jumps by {:.3g} m at a knot"),
-    Bound("velocity_jump", "m/s", BOUNDARY_SPEED, "its velocity jumps by {:.3g} m/s at a knot"),
+    Bound(
+        "start_distance",
+        "m",
+        BOUNDARY_DISTANCE,
+        "it begins {:.3g} m from the scene's start",
+        BOUNDARY_SHARE,
+    ),
+    Bound(
+        "goal_distance",
+        "m",
+        BOUNDARY_DISTANCE,
+        "it ends {:.3g} m from the scene's goal",
+        BOUNDARY_SHARE,
+    ),
+    Bound(
+        "start_speed",
+        "m/s",
+        BOUNDARY_SPEED,
+        "it begins at {:.3g} m/s instead of at rest",
+        BOUNDARY_SHARE,
+    ),
+    Bound(
+        "goal_speed",
+        "m/s",
+        BOUNDARY_SPEED,
+        "it ends at {:.3g} m/s instead of at rest",
+        BOUNDARY_SHARE,
+    ),
+    Bound(
+        "position_jump",
+        "m",
+        BOUNDARY_DISTANCE,
+        "its position jumps by {:.3g} m at a knot",
+        BOUNDARY_SHARE,
+    ),
+    Bound(
+        "velocity_jump",
+        "m/s",
+        BOUNDARY_SPEED,
+        "its velocity jumps by {:.3g} m/s at a knot",
+        BOUNDARY_SHARE,
+    ),
     Bound(
         "kinematic_error",
         "m, m/s",
@@ -75,12 +124,14 @@ BOUNDS = (
         "m",
         ARRIVAL_DISTANCE,
         "its torques bring the platform to {:.3g} m from the goal",
+        ARRIVAL_SHARE,
     ),
     Bound(
         "arrival_speed",
         "m/s",
         ARRIVAL_SPEED,
         "its torques leave the platform moving at {:.3g} m/s at the end",
+        ARRIVAL_SHARE,
     ),
 )
 
@@ -107,6 +158,7 @@ class Check:
 class Verification:
     """The measures of a motion. Infinite: could not be evaluated, or there is no such value.
 
+    ``way``: m, from the scene's start to its goal.
     ``duration``, ``safe_duration``: s; the latter is the shortest to which the motion can be
         slowed so that it keeps its limits.
     ``torque_excess``, ``speed_excess``: largest load over limit, minus 1; no speed excess
@@ -121,6 +173,7 @@ class Verification:
     """
 
     duration: float
+    way: float = inf
     safe_duration: float = inf
     torque_excess: float = inf
     speed_excess: float | None = None
@@ -144,13 +197,17 @@ class Verification:
     def checks(self) -> list[Check]:
         """All measures that have a bound in this scene."""
         values = [(bound, getattr(self, bound.measure)) for bound in BOUNDS]
-        return [Check(bound, value) for bound, value in values if value is not None]
+        return [
+            Check(bound.for_way(self.way, self.duration), value)
+            for bound, value in values
+            if value is not None
+        ]
 
     def failures(self) -> list[str]:
         """What is wrong with the motion, one sentence each; empty if it passes."""
         failed = [c for c in self.checks() if not c.ok and not (self.obstacles and isinf(c.value))]
         sentences = [*self.obstacles, *(check.complaint for check in failed)]
-        if any(check.bound.at_most is EXCESS for check in failed):
+        if any(check.bound.unit == "1" for check in failed):
             sentences.append(
                 "slowing it down does not help: gravity alone exceeds a torque limit on its way"
                 if isinf(self.safe_duration)
@@ -170,19 +227,19 @@ class Verification:
 
 def verify(scene: Scene, trajectory: Trajectory) -> Verification:
     """Measure a motion that is to solve a scene. Never raises for a bad motion."""
-    duration = trajectory.duration
+    way, duration = _norm(np.subtract(scene.goal, scene.start)), trajectory.duration
     if not (np.diff(trajectory.knots) > 0).all():
-        return Verification(duration, obstacles=("time does not increase from knot to knot",))
+        return Verification(duration, way, obstacles=("time does not increase from knot to knot",))
     try:
         measures: dict[str, Any] = _loads(scene, trajectory) | _errors(scene, trajectory)
         measures |= _ends(scene, trajectory) | _jumps(trajectory)
     except Unreachable as error:
-        return Verification(duration, obstacles=(str(error),))
+        return Verification(duration, way, obstacles=(str(error),))
     try:
         distance, speed = arrival(scene, trajectory)
     except NotIntegrated as error:
-        return Verification(duration, **measures, obstacles=(str(error),))
-    return Verification(duration, **measures, arrival_distance=distance, arrival_speed=speed)
+        return Verification(duration, way, **measures, obstacles=(str(error),))
+    return Verification(duration, way, **measures, arrival_distance=distance, arrival_speed=speed)
 
 
 def _loads(scene: Scene, trajectory: Trajectory) -> dict[str, float]:

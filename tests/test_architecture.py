@@ -32,9 +32,10 @@ ORDER = (
     ("planning",),
     ("arrival",),
     ("verify",),
+    ("export_c",),
     ("studies",),
     ("plots",),
-    ("export", "export_c"),
+    ("export",),
     ("cli",),
 )
 """From left to right; a folder is one place. A module imports from its left or its own place."""

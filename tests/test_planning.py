@@ -165,7 +165,7 @@ def test_speed_limit_that_is_never_met_changes_nothing(picked):
 )
 def test_random_moves(robot, seed):
     told = []
-    outcomes = random_plans(robot, 1.0, 12, seed, told.append)
+    outcomes = random_plans(robot, 1.0, 12, seed, 1e-3, told.append)
     assert [outcome.failures for outcome in outcomes] == 12 * [()]
     assert told == list(range(1, 13))
 

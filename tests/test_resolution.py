@@ -22,6 +22,7 @@ REFERENCE = {
     "pick_and_place": 0.14087009,
     "light_and_fast": 0.10698816,
     "long_diagonal": 0.24566039,
+    "industrial_cross": 0.14004872,
 }
 
 

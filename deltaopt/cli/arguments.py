@@ -56,8 +56,17 @@ def positive(text: str) -> float:
     return number
 
 
+def one_or_more(text: str) -> int:
+    """A whole number from 1 to 9999, for argparse."""
+    return _whole(text, 1)
+
+
 def two_or_more(text: str) -> int:
     """A whole number from 2 to 9999, for argparse."""
-    if not (text.isascii() and text.isdigit() and len(text) < 5 and int(text) > 1):
-        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 2 to 9999")
+    return _whole(text, 2)
+
+
+def _whole(text: str, least: int) -> int:
+    if not (text.isascii() and text.isdigit() and len(text) < 5 and int(text) >= least):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from {least} to 9999")
     return int(text)

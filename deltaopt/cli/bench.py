@@ -1,22 +1,36 @@
 """Measure what is claimed of plans.
 
-deltaopt bench random    plan and verify random moves of robots
-deltaopt bench gap       hold the gap that plans estimate against the true one
+deltaopt bench random      plan and verify random moves of robots
+deltaopt bench gap         hold the gap that plans estimate against the true one
+deltaopt bench tolerances  measure what a gap costs, on meshes and by switch resolution
+deltaopt bench plan        how long plans take, and where the time goes
+deltaopt bench scaling     how time grows with the number of intervals
+deltaopt bench start       from import to the first plan: cold, warm, without a compiler
+deltaopt bench solver      the same problem with other solvers and settings
+deltaopt bench inverse     exported C beside Pinocchio and MuJoCo, where installed
+deltaopt bench peers       plans beside rockit's with Ipopt, where installed
 """
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from deltaopt.cli.arguments import add_scenes, positive
 from deltaopt.cli.progress import ProgressBar
+from deltaopt.errors import MissingPackage
+from deltaopt.planning.plan import Planner
 from deltaopt.robot import Robot, load_robot
 from deltaopt.scene import Scene, load_scene
 from deltaopt.studies.gap_study import TOLERANCES, GapStudy, gap_study
+from deltaopt.studies.peers import PEERS
 from deltaopt.studies.random_plans import Outcome, random_plans
+from deltaopt.studies.tolerance_study import csv, table, tolerance_study
 
 HELP = "measure what is claimed of plans: how many succeed, how good their gaps are"
 
@@ -30,12 +44,141 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     random.add_argument("--number", type=int, default=200, metavar="N", help="moves per robot")
     random.add_argument("--payload", type=positive, default=1.0, metavar="KG", help="payload, kg")
     random.add_argument("--seed", type=int, default=1, help="of the random numbers")
+    random.add_argument(
+        "--tolerance",
+        type=positive,
+        default=1e-3,
+        metavar="GAP",
+        help="of the optimality gap; below 5e-4 by switch resolution (default: 1e-3)",
+    )
     random.set_defaults(study=_random)
     gap = studies.add_parser(
         "gap", help="hold estimated gaps against true ones", description=_gap.__doc__
     )
     add_scenes(gap)
     gap.set_defaults(study=_gap)
+    tolerances = studies.add_parser(
+        "tolerances", help="what a gap costs", description=_tolerances.__doc__
+    )
+    add_scenes(tolerances)
+    tolerances.add_argument(
+        "-o",
+        dest="directory",
+        type=Path,
+        metavar="DIR",
+        default=Path("out/tolerances"),
+        help="where resolution.png and resolution.csv go (default: out/tolerances)",
+    )
+    tolerances.set_defaults(study=_tolerances)
+
+    _add_robot_study(studies, "plan", _plan, number=200)
+    _add_robot_study(studies, "scaling", _scaling, number=5)
+    _add_robot_study(studies, "solver", _solver, number=20)
+    _add_robot_study(studies, "inverse", _inverse, number=2000)
+    _add_robot_study(studies, "peers", _peers, number=5)
+    start = studies.add_parser("start", help=_start.__doc__, description=_start.__doc__)
+    add_scenes(start)
+    start.set_defaults(study=_start)
+
+
+Study = Callable[[argparse.Namespace], int]
+
+
+def _add_robot_study(studies: Any, name: str, study: Study, number: int) -> None:
+    parser = studies.add_parser(name, help=study.__doc__, description=study.__doc__)
+    parser.add_argument("robots", nargs="+", type=Path, metavar="ROBOT", help="robot files")
+    parser.add_argument(
+        "--number", type=int, default=number, metavar="N", help=f"of moves or calls ({number})"
+    )
+    parser.add_argument("--payload", type=positive, default=1.0, metavar="KG", help="payload, kg")
+    parser.add_argument("--seed", type=int, default=1, help="of the random numbers")
+    parser.set_defaults(study=study)
+
+
+def _plan(arguments: argparse.Namespace) -> int:
+    """How long plans take, dense checks included, and where the time goes."""
+    from deltaopt.studies.speed import plan_report, timed_plans
+
+    good, number = True, arguments.number
+    for robot in map(load_robot, arguments.robots):
+        bar, name = ProgressBar(), robot.name
+        planner = Planner(robot, arguments.payload)
+        results = timed_plans(
+            planner,
+            number,
+            arguments.seed,
+            references=min(20, number // 10),
+            told=partial(_advance, bar, number, name),
+        )
+        print(plan_report(name, results))
+        good = good and all(r.ok for r in results)
+    return 0 if good else 1
+
+
+def _advance(bar: ProgressBar, number: int, name: str, done: int) -> None:
+    bar(done / number, name)
+
+
+def _scaling(arguments: argparse.Namespace) -> int:
+    """How the time of an iteration grows with the number of intervals."""
+    from deltaopt.studies.speed import scaling
+
+    for robot in map(load_robot, arguments.robots):
+        found = scaling(robot, arguments.payload, arguments.seed, arguments.number)
+        print(f"{robot.name}: time of an iteration grows as N^{found.exponent:.2f}")
+        for intervals, milliseconds in zip(found.intervals, found.milliseconds, strict=True):
+            print(f"  {intervals:4d} intervals {milliseconds:8.3f} ms")
+    return 0
+
+
+def _solver(arguments: argparse.Namespace) -> int:
+    """The flat problem on one mesh by other solvers and with other settings."""
+    from deltaopt.studies.solvers import compare_solvers, solver_report
+
+    for robot in map(load_robot, arguments.robots):
+        told = partial(_advance, ProgressBar(), arguments.number, robot.name)
+        trials = compare_solvers(
+            robot, arguments.payload, arguments.number, arguments.seed, 20, told
+        )
+        print(f"{robot.name}, 20 intervals, {arguments.number} moves\n{solver_report(trials)}")
+    return 0
+
+
+def _inverse(arguments: argparse.Namespace) -> int:
+    """Exported C beside Pinocchio and MuJoCo, where these are installed."""
+    from deltaopt.studies.speed import exported_nanoseconds
+
+    for robot in map(load_robot, arguments.robots):
+        inverse, forward = exported_nanoseconds(robot)
+        print(f"{robot.name}: inverse dynamics {inverse:.0f} ns, forward dynamics {forward:.0f} ns")
+        for name, measure in PEERS.items():
+            try:
+                peer = 1e9 * measure(robot, arguments.payload, arguments.number)
+            except MissingPackage as error:
+                print(f"  {error}")
+                continue
+            print(f"  {name}: {peer:.0f} ns, {peer / inverse:.0f} times as long")
+    return 0
+
+
+def _peers(arguments: argparse.Namespace) -> int:
+    """Plans beside rockit's with Ipopt, of equal optimality gap, where it is installed."""
+    from deltaopt.studies.peers import rockit_comparison
+
+    for robot in map(load_robot, arguments.robots):
+        print(rockit_comparison(robot, arguments.payload, arguments.number, arguments.seed))
+    return 0
+
+
+def _start(arguments: argparse.Namespace) -> int:
+    """Seconds from import to a verified plan: cold, warm, without a compiler."""
+    from deltaopt.studies.start import first_plan, plan_without_compiler, warm_plan
+
+    for scene in arguments.scenes:
+        cold, warm, plain = first_plan(scene), warm_plan(scene), plan_without_compiler(scene)
+        print(f"{scene.stem}: first plan ever {cold:.2f} s, cache warm {warm:.2f} s, ", end="")
+        print(f"no compiler {plain:.2f} s")
+    return 0
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -63,6 +206,7 @@ def _with_progress(robot: Robot, arguments: argparse.Namespace) -> list[Outcome]
         arguments.payload,
         number,
         arguments.seed,
+        arguments.tolerance,
         lambda done: bar(done / number, robot.name),
     )
 
@@ -75,7 +219,8 @@ def _summary(robot: Robot, outcomes: list[Outcome]) -> str:
     return (
         f"{robot.name}: {succeeded} of {len(outcomes)} solved and verified; "
         f"planning median {np.median(seconds):.2f} s, 99 % {np.percentile(seconds, 99):.2f} s; "
-        f"estimated gap median {gap}"
+        f"estimated gap median {gap}; planned {len(gaps)}, switches resolved and certified "
+        f"{sum(o.certified for o in outcomes)}, verified {sum(o.verified for o in outcomes)}"
     )
 
 
@@ -105,3 +250,23 @@ def _gap_table(name: str, study: GapStudy) -> str:
         f"estimated {reference.gap:.0e} above the optimum"
     )
     return "\n".join([name, f"{header}{'true gap':>12}", *rows, truth])
+
+
+def _tolerances(arguments: argparse.Namespace) -> int:
+    """Plan each scene on uniform meshes, on refined ones and with its switches resolved, at
+    tolerances from 1e-2 to 1e-8; processor time against the gap to the last of them."""
+    from deltaopt.files import whole
+    from deltaopt.plots.tolerances import draw  # slow to import
+
+    studies = {}
+    for file in arguments.scenes:
+        studies[file.stem] = tolerance_study(load_scene(file), told=ProgressBar())
+        print(table(file.stem, studies[file.stem]), end="\n\n", flush=True)
+    ratios = [study.ratio(1e-6, to=1e-3) for study in studies.values()]
+    print("1e-6 costs so many times what 1e-3 does:", ", ".join(f"{r:.1f}" for r in ratios))
+    chart, numbers = (arguments.directory / f"resolution.{kind}" for kind in ("png", "csv"))
+    with whole(numbers) as temporary:
+        temporary.write_text(csv(studies), encoding="utf-8")
+    draw(studies, chart)
+    print(f"written: {chart}, {numbers}")
+    return 0

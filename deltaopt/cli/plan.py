@@ -17,7 +17,14 @@ import argparse
 import sys
 from collections.abc import Callable
 
-from deltaopt.cli.arguments import add_output, add_scene, output_directory, positive, two_or_more
+from deltaopt.cli.arguments import (
+    add_output,
+    add_scene,
+    one_or_more,
+    output_directory,
+    positive,
+    two_or_more,
+)
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.export import RATE, Solution, StraightLine, save
 from deltaopt.feasibility import check_feasible
@@ -99,6 +106,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="acceleration in each interval (default: linear)",
     )
     parser.add_argument(
+        "--starts",
+        type=one_or_more,
+        default=1,
+        metavar="N",
+        help="first guesses, all but the first of them random; the best is kept (default: 1)",
+    )
+    parser.add_argument("--seed", type=int, default=1, help="of the random first guesses")
+    parser.add_argument(
         "--rate",
         type=positive,
         default=RATE,
@@ -130,10 +145,23 @@ def _solve(scene: Scene, arguments: argparse.Namespace) -> tuple[Trajectory, Sol
         intervals=arguments.intervals,
         formulation=FORMULATIONS[arguments.formulation](CLOSURES[arguments.closure]),
         transcription=TRANSCRIPTIONS[arguments.transcription],
+        starts=arguments.starts,
+        seed=arguments.seed,
         progress=lambda text: print(text, file=sys.stderr, flush=True),
     )
+    _tell_optima(found)
     _tell_gap(found)
     return found.trajectory, found
+
+
+def _tell_optima(found: Plan) -> None:
+    """The distinct local minima, if there was more than one start."""
+    for i, optimum in enumerate(found.optima, 1):
+        x, y, z = optimum.halfway
+        print(
+            f"local optimum {i}: {optimum.duration:.6f} s from {optimum.starts} starts, "
+            f"halfway at ({x:.4f}, {y:.4f}, {z:.4f}) m"
+        )
 
 
 def _tell_gap(found: Plan) -> None:

@@ -90,6 +90,22 @@ def _benchmarks(directory: Path) -> None:
     )
 
 
+def _edge(directory: Path) -> None:
+    from deltaopt.plots.stability import draw_edge
+    from deltaopt.studies.stability import report
+    from deltaopt.studies.stability.edge import measure
+
+    study = measure(ProgressBar())
+    _save(
+        directory,
+        {
+            "edge.csv": lambda path: path.write_text(report.edge_csv(study)),
+            "edge.png": lambda path: draw_edge(study, path),
+        },
+        [report.edge_table(study), report.edge_verdict(study)],
+    )
+
+
 def _save(directory: Path, files: dict[str, Callable[[Path], object]], texts: list[str]) -> None:
     """Write the files, print the texts and where the files are."""
     from deltaopt.files import whole
@@ -104,5 +120,6 @@ STUDIES: dict[str, Callable[[Path], None]] = {
     "singularities": _singularities,
     "drift": _drift,
     "benchmarks": _benchmarks,
+    "edge": _edge,
 }
 """What each word runs."""

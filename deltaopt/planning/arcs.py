@@ -15,10 +15,8 @@ at every node would leave its acceleration undetermined between them.
 
 from __future__ import annotations
 
-from contextlib import redirect_stderr
 from dataclasses import dataclass
 from functools import cached_property
-from io import StringIO
 
 import casadi as ca
 import numpy as np
@@ -42,6 +40,11 @@ OPTIONS: Options = {
     "ipopt.bound_frac": 1e-8,
     "ipopt.bound_relax_factor": 1e-10,  # by default every limit is widened by 1e-8
     "ipopt.max_iter": 100,
+    # By symmetry a row may imply another: multipliers are not unique then, and those of the
+    # last step may have wrong signs. The least-squares ones share the symmetry.
+    "ipopt.recalc_y": "yes",
+    # Two motors that switch together leave more rows than variables; CasADi would say so.
+    "inputs_check": False,
 }
 _LONGEST = 0.15
 """Of the duration: arcs longer than this are cut into intervals."""
@@ -139,10 +142,7 @@ class ArcProblem:
             Points(velocity, self._velocity_layout(), zero, zero),
         ]
         empty = Layout(np.zeros((0, 1), dtype=np.intp), np.zeros((0, 1)))
-        # Two motors that switch together leave more rows than variables, one of them implied by
-        # symmetry; CasADi would say so every time.
-        with redirect_stderr(StringIO()):
-            return Program(cost, empty, points, OPTIONS)
+        return Program(cost, empty, points, OPTIONS)
 
     @cached_property
     def rows(self) -> PointFunction:

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.polynomial.polynomial import polyder, polymul, polyval
 
 from deltaopt.errors import DeltaOptError, Infeasible, Unreachable
-from deltaopt.limits import safe_factor
+from deltaopt.limits import loads_inside, safe_factor, sampled_factor
 from deltaopt.model import DeltaModel
+from deltaopt.peaks import sample_fractions
 from deltaopt.record import Vector3
 from deltaopt.robot import Robot
 from deltaopt.scene import Scene
@@ -51,13 +52,13 @@ def detour(scene: Scene) -> Trajectory:
     Raises Unreachable if none of them can be driven.
     """
     for curves in (_arcs, _bends):
-        driven = list(_driven(scene, curves(scene)))
-        if driven:
-            return min(driven, key=lambda motion: motion.duration)
+        motions = list(driven(scene, curves(scene)))
+        if motions:
+            return min(motions, key=lambda motion: motion.duration)
     raise Unreachable("neither a straight line nor a simple curve leads from start to goal")
 
 
-def _driven(scene: Scene, curves: Iterator[Trajectory]) -> Iterator[Trajectory]:
+def driven(scene: Scene, curves: Iterator[Trajectory]) -> Iterator[Trajectory]:
     """Those of the curves that can be driven, as fast as limits allow."""
     for curve in curves:
         try:
@@ -71,7 +72,7 @@ def _arcs(scene: Scene) -> Iterator[Trajectory]:
     halfway = (np.array(scene.start) + scene.goal) / 2
     for pull in _PULLS:
         corner = halfway + pull * (_middle(scene.robot, 0.5) - halfway)
-        yield _curve(scene, corner)
+        yield curve_between(scene, corner)
 
 
 def _bends(scene: Scene) -> Iterator[Trajectory]:
@@ -80,13 +81,15 @@ def _bends(scene: Scene) -> Iterator[Trajectory]:
     start, goal = np.array(scene.start), np.array(scene.goal)
     for depth, leave, arrive in product((0.5, 0.6, 0.7, 0.8), (0.5, 1.0, 1.3), (0.5, 1.0, 1.3)):
         middle = _middle(scene.robot, depth)
-        yield _curve(scene, start + leave * (middle - start), goal + arrive * (middle - goal))
+        yield curve_between(
+            scene, start + leave * (middle - start), goal + arrive * (middle - goal)
+        )
 
 
 def joint_line(scene: Scene) -> Trajectory:
-    """Motor angles straight from start to goal, the platform's way in between by cubics.
+    """Motor angles straight from start to goal in 1 s, the platform's way by cubics.
 
-    Raises Unreachable where the bars do not meet, Infeasible where gravity is too much.
+    Raises Unreachable where the bars do not meet.
     """
     model = DeltaModel(scene.robot, scene.payload)
     ends = model.inverse_kinematics([scene.start, scene.goal])[:, 3::3]
@@ -101,18 +104,32 @@ def joint_line(scene: Scene) -> Trajectory:
     v[[0, -1]] = 0.0
     x = at(u)
     x[[0, -1]] = scene.start, scene.goal
-    line = Trajectory(PiecewisePolynomial.hermite(u, x, v), model)
-    return _fastest(scene, line, "the line in motor angles")
+    return Trajectory(PiecewisePolynomial.hermite(u, x, v), model)
 
 
 def first_motion(scene: Scene) -> Trajectory:
     """What an optimisation may start from: the first of these that there is."""
-    for motion in (baseline, joint_line):
+    for line in (_line, joint_line):
         try:
-            return motion(scene)
+            return _roughly_fastest(scene, line(scene))
         except DeltaOptError:
             continue
     return detour(scene)
+
+
+def _line(scene: Scene) -> Trajectory:
+    model = DeltaModel(scene.robot, scene.payload)
+    return straight_line(model, scene.start, scene.goal, 1.0)
+
+
+def _roughly_fastest(scene: Scene, trajectory: Trajectory) -> Trajectory:
+    """At the shortest duration that keeps the limits at samples."""
+    intervals = len(trajectory.knots) - 1
+    loads = loads_inside(scene, trajectory, sample_fractions(intervals))
+    factor = sampled_factor(scene, loads, at_least=0.0)
+    if isinf(factor):
+        raise Infeasible("gravity alone exceeds a torque limit on the way")
+    return trajectory.slowed(factor)
 
 
 def between(trajectory: Trajectory, model: DeltaModel, start: Vector3, goal: Vector3) -> Trajectory:
@@ -138,7 +155,7 @@ def _fastest(scene: Scene, trajectory: Trajectory, name: str) -> Trajectory:
     return trajectory.slowed(factor)
 
 
-def _curve(scene: Scene, *control: Array) -> Trajectory:
+def curve_between(scene: Scene, *control: Array) -> Trajectory:
     """The Bézier curve from start to goal with these points between, driven in 1 s."""
     points = np.array([scene.start, *control, scene.goal])
     n = len(points) - 1

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from deltaopt.mechanisms.delta_functions import DeltaFunctions
 from deltaopt.planning.interior_point import Interior, InteriorPoint, Settings, interior_point
-from deltaopt.planning.nlp import Layout, PointFunction, Points, Program, Solution
+from deltaopt.planning.nlp import Layout, Options, PointFunction, Points, Program, Solution
 from deltaopt.planning.problem import Guess, Solved, solved_by_ipopt
 from deltaopt.planning.scales import Scales
 from deltaopt.planning.transcription import PiecewiseAcceleration
@@ -147,6 +147,10 @@ class FlatProblem:
 
     @cached_property
     def program(self) -> Program:
+        """For Ipopt with the planner's options."""
+        return self.program_with({})
+
+    def program_with(self, options: Options) -> Program:
         """Rows: continuity of X and V; at every point eq. (39), openings, limited speeds."""
         cost = np.zeros(self.n_variables)
         cost[-1] = 1.0
@@ -154,30 +158,28 @@ class FlatProblem:
         lower = np.concatenate([np.zeros(6), -speeds])
         upper = np.concatenate([np.zeros(3), np.full(3, np.inf), speeds])
         points = Points(self.equations, self._point_layout(), lower, upper)
-        return Program(cost, self._continuity_layout(), [points])
+        return Program(cost, self._continuity_layout(), [points], options)
 
     def solve(self, guess: Guess, scales: Scales, parameters: Array) -> Solved:
         """By the interior-point method in machine code; by Ipopt where that does not do."""
-        found = self._from_inside(guess, scales, parameters)
-        if found is None:
-            return solved_by_ipopt(self, guess, scales, parameters)
-        prices = np.delete(found.prices, np.s_[3:6], axis=2) / found.T
-        position = self._cubics(found, scales)
-        return Solved(position, prices, found.status, found.iterations, found.spent)
+        for begin in (NEAR, FAR) if guess.near else (FAR, NEAR):
+            settings = replace(begin, tolerance=guess.tolerance)
+            found = self.from_inside(guess, scales, parameters, settings)
+            if found is not None and found.solved:
+                prices = np.delete(found.prices, np.s_[3:6], axis=2) / found.T
+                position = self._cubics(found, scales)
+                return Solved(position, prices, found.status, found.iterations, found.spent)
+        return solved_by_ipopt(self, self.program, guess, scales, parameters)
 
-    def _from_inside(self, guess: Guess, scales: Scales, parameters: Array) -> Interior | None:
-        """By the interior-point method: as the guess suggests, or else from far."""
+    def from_inside(
+        self, guess: Guess, scales: Scales, parameters: Array, settings: Settings
+    ) -> Interior | None:
+        """By the interior-point method; None where there is no machine code for it."""
         method = self._interior_point
         if method is None:
             return None
         p = np.concatenate([scales.vector(), parameters])
-        knots, T = self._at_knots(guess.trajectory, scales)
-        for begin in (NEAR, FAR) if guess.near else (FAR, NEAR):
-            settings = replace(begin, tolerance=guess.tolerance)
-            found = method.solve(self.mesh, p, knots, T, settings)
-            if found.solved:
-                return found
-        return None
+        return method.solve(self.mesh, p, *self._at_knots(guess.trajectory, scales), settings)
 
     @property
     def _interior_point(self) -> InteriorPoint | None:
@@ -209,10 +211,22 @@ class FlatProblem:
         X = (at_knots.x - scales.origin) / scales.length
         V = at_knots.v * T / scales.length
         A = self._inside(trajectory, self.transcription.nodes).a * T**2 / scales.length
+        A = self._meeting(X, V, A.reshape(self.intervals, -1, 3))
         tau = self._inside(trajectory, self.transcription.points).tau / scales.torques
         N = self.intervals
         blocks = [X[:-1], V[:-1], A.reshape(N, -1), np.clip(tau, -1, 1).reshape(N, -1)]
         return np.concatenate([np.hstack(blocks).ravel(), X[-1], V[-1], [T / scales.time]])
+
+    def _meeting(self, X: Array, V: Array, A: Array) -> Array:
+        """A with the least change after which every interval ends where the next begins.
+
+        Otherwise a guess may leave the workspace just before a goal that lies at its end.
+        """
+        position, velocity, _ = self.transcription.weights(1.0, self.mesh)
+        weights = np.stack([position, velocity], axis=1)  # (N, 2, degree + 3)
+        ends = np.stack([X[1:], V[1:]], axis=1)
+        combined = np.concatenate([X[:-1, None], V[:-1, None], A], axis=1)
+        return np.asarray(A + np.linalg.pinv(weights[..., 2:]) @ (ends - weights @ combined))
 
     def _inside(self, trajectory: Trajectory, c: Array) -> Motion:
         """The motion at fractions of this mesh's intervals, ends from just inside."""

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
+from math import isinf
 from pathlib import Path
 from time import perf_counter
 
@@ -16,10 +17,10 @@ from deltaopt.dynamics.formulation import Projected
 from deltaopt.dynamics.lagrange import Multiplier
 from deltaopt.errors import DeltaOptError, NotConverged
 from deltaopt.feasibility import check_feasible
-from deltaopt.limits import loads_inside, safe_factor
+from deltaopt.limits import Loads, loads_inside, safe_factor, sampled_factor
 from deltaopt.mechanisms.delta_functions import DeltaFunctions
 from deltaopt.model import DeltaModel
-from deltaopt.planning.baseline import between, first_motion
+from deltaopt.planning.baseline import between
 from deltaopt.planning.certificate import Certificate
 from deltaopt.planning.flat import Flat, ScaledEquations
 from deltaopt.planning.gap import FRACTIONS, GivenAway, given_away, refined
@@ -28,6 +29,7 @@ from deltaopt.planning.poses import posed_as
 from deltaopt.planning.problem import Guess, Pose, Posed, Problem, Solved
 from deltaopt.planning.resolve import Resolved, Unsettled, resolve
 from deltaopt.planning.scales import Scales
+from deltaopt.planning.starts import Optimum, distinct, first_motions
 from deltaopt.planning.structure import read_structure
 from deltaopt.planning.transcription import PiecewiseAcceleration
 from deltaopt.record import Vector3
@@ -40,8 +42,8 @@ Progress = Callable[[str], None]
 Pair = tuple[Vector3, Vector3]
 """Start and goal, m."""
 
-RESOLVED_BELOW = 5e-4
-"""Tolerances below this are met by resolving switches, which is cheaper than finer meshes."""
+RESOLVED_BELOW = 1e-4
+"""Tolerances below this are met by resolving switches: finer meshes cost more and more."""
 _READABLE = 2e-3
 """A mesh solution with a smaller gap shows which motor is at which limit when."""
 _MOST_INTERVALS = 300
@@ -75,6 +77,7 @@ class Plan:
     ``gap``: estimated excess of its duration over the shortest possible, as a fraction.
     ``rounds``: the meshes it took. ``solve_seconds``: wall time of all of them.
     ``certificate``: how well Pontryagin's condition is met, where the switches are resolved.
+    ``optima``: the distinct local minima that several starts led to, fastest first.
     """
 
     scene: Scene
@@ -89,6 +92,7 @@ class Plan:
     tolerance: float
     rounds: tuple[Round, ...]
     certificate: Certificate | None
+    optima: tuple[Optimum, ...] = ()
 
     @property
     def duration(self) -> float:
@@ -116,6 +120,8 @@ def plan(
     intervals: int = 16,
     transcription: PiecewiseAcceleration | None = None,
     formulation: Pose | Multiplier | Projected | None = None,
+    starts: int = 1,
+    seed: int = 1,
     progress: Progress | None = None,
 ) -> Plan:
     """The fastest motion of a scene.
@@ -124,14 +130,15 @@ def plan(
     is posed in twelve coordinates: multiplier by eq. (37), the others all by eq. (39).
     ``tolerance``: of the optimality gap. ``intervals``: of the first mesh, refined where time
     is given away until the gap is within the tolerance; below ``RESOLVED_BELOW`` the switches
-    are resolved. ``progress``: told after every mesh.
+    are resolved. ``starts``: from how many first guesses, all but the first of them random by
+    ``seed``; the fastest motion is the plan. ``progress``: told after every mesh.
 
     Raises Unreachable, Infeasible or NotConverged.
     """
     planner = Planner(
         scene.robot, scene.payload, scene.limits, tolerance, intervals, transcription, formulation
     )
-    return planner.plan(scene.start, scene.goal, progress=progress)
+    return planner.plan(scene.start, scene.goal, starts=starts, seed=seed, progress=progress)
 
 
 @dataclass(frozen=True)
@@ -140,6 +147,7 @@ class Planner:
 
     ``payload``: kg, where a plan is not given one. ``tolerance``: of the optimality gap.
     ``intervals``: of the first mesh, refined until the gap is within the tolerance.
+    ``resolved_below``: tolerances below this are met by resolving switches.
     """
 
     robot: Robot
@@ -149,6 +157,7 @@ class Planner:
     intervals: int = 16
     transcription: PiecewiseAcceleration | None = None
     formulation: Pose | Multiplier | Projected | None = None
+    resolved_below: float = RESOLVED_BELOW
 
     def __post_init__(self) -> None:
         if not self.tolerance > 0:
@@ -163,12 +172,14 @@ class Planner:
         *,
         payload: float | None = None,
         near: Plan | None = None,
+        starts: int = 1,
+        seed: int = 1,
         progress: Progress | None = None,
     ) -> Plan:
         """The fastest motion from rest at start to rest at goal (m).
 
         ``payload``: kg, another than the planner's. ``near``: a plan for similar ends, to
-        start from.
+        start from. ``starts``, ``seed``: see ``plan``.
 
         Raises Unreachable, Infeasible or NotConverged.
         """
@@ -180,10 +191,45 @@ class Planner:
             limits=self.limits,
         )
         check_feasible(scene)
+        tell = progress or (lambda _: None)
+        guesses = self._guesses(scene, near, starts, seed)
+        if starts == 1:
+            return self._plan(scene, next(guesses), tell)
+        return self._best(scene, guesses, tell)
+
+    def _best(self, scene: Scene, guesses: Iterator[Guess], tell: Progress) -> Plan:
+        """The fastest of the plans from each first guess."""
         begin = perf_counter()
-        attempts, rounds, resolved = self._solve(scene, near, progress or (lambda _: None))
+        plans: list[Plan] = []
+        failures: list[NotConverged] = []
+        for i, guess in enumerate(guesses, 1):
+            tell(f"start {i}:")
+            try:
+                plans.append(self._plan(scene, guess, tell))
+            except NotConverged as error:
+                tell(str(error))
+                failures.append(error)
+        if not plans:
+            raise failures[0]
+        length = float(np.linalg.norm(np.subtract(scene.goal, scene.start)))
+        optima = distinct([(each.trajectory, each.gap) for each in plans], length)
+        best = min(plans, key=lambda each: each.duration)
+        return replace(best, optima=tuple(optima), solve_seconds=perf_counter() - begin)
+
+    def _plan(self, scene: Scene, guess: Guess, tell: Progress) -> Plan:
+        """From one first guess."""
+        begin = perf_counter()
+        attempts, rounds, resolved = self._solve(scene, guess, tell)
         best = min(range(len(rounds)), key=lambda i: rounds[i].safe_duration)
+        attempts[best] = attempts[best].exact()
+        rounds[best] = _round(attempts[: best + 1])
         chosen = resolved or attempts[best]
+        if isinf(chosen.safe_factor):
+            raise NotConverged(
+                "gravity alone exceeds a torque limit somewhere between the points of every mesh",
+                chosen.solution.status,
+                chosen.trajectory,
+            )
         return Plan(
             scene=scene,
             trajectory=chosen.trajectory.slowed(chosen.safe_factor),
@@ -193,7 +239,7 @@ class Planner:
             status=chosen.solution.status,
             iterations=sum(r.iterations for r in rounds),
             solve_seconds=perf_counter() - begin,
-            gap=resolved.gap if resolved else rounds[best].gap,
+            gap=resolved.gap if resolved else _gap(rounds, best),
             tolerance=self.tolerance,
             rounds=tuple(rounds),
             certificate=resolved.certificate if resolved else None,
@@ -217,12 +263,12 @@ class Planner:
             return error
 
     def _solve(
-        self, scene: Scene, near: Plan | None, tell: Progress
+        self, scene: Scene, first: Guess, tell: Progress
     ) -> tuple[list[Attempt], list[Round], Resolved | None]:
         """Solve on finer and finer meshes until the gap is small enough, the switches can be
         resolved, or no more is gained."""
         model = DeltaModel(scene.robot, scene.payload)
-        posed, first = self._posed(model), self._first_guess(scene, near)
+        posed = self._posed(model)
         openings = model.openings([scene.start, scene.goal])
         scales = Scales(scene, first.trajectory.duration, float(openings.min()))
         mesh = np.full(self.intervals, 1 / self.intervals)
@@ -231,13 +277,16 @@ class Planner:
         tell(str(rounds[-1]))
         while not self._done(rounds):
             last, aim = attempts[-1], self.tolerance / 4
-            if self.tolerance < RESOLVED_BELOW:
+            if self._by_switches:
                 if rounds[-1].gap < _READABLE:
                     resolved = self._resolved(last, scales, tell)
                     if resolved:
                         return attempts, rounds, resolved
                 aim = max(aim, rounds[-1].gap / 16)
             mesh = refined(last.problem.mesh, last.lost, aim)
+            if len(mesh) == len(last.problem.mesh):
+                tell(f"{len(mesh)} intervals: nothing is known to be gained by more of them")
+                break
             try:
                 guess = Guess(last.trajectory, near=True, tolerance=self._accuracy)
                 attempts.append(_attempt(posed.on(mesh), scales, guess, model))
@@ -245,13 +294,17 @@ class Planner:
                 tell(f"{len(mesh)} intervals: {error}")
                 break
             rounds.append(_round(attempts))
+            if rounds[-1].gap <= self.tolerance:  # by samples; but is it?
+                attempts[-1] = attempts[-1].exact()
+                rounds[-1] = _round(attempts)
             tell(str(rounds[-1]))
         return attempts, rounds, None
 
     def _resolved(self, attempt: Attempt, scales: Scales, tell: Progress) -> Resolved | None:
         """With its switches resolved, or None if the structure cannot be settled yet."""
         model = attempt.trajectory.model
-        structure = read_structure(attempt.problem.mesh, *_loads(scales.scene, attempt.trajectory))
+        loads = loads_inside(attempt.scene, attempt.trajectory, FRACTIONS)
+        structure = read_structure(attempt.problem.mesh, *_shares(attempt.scene, loads))
         try:
             found = resolve(
                 ScaledEquations.of(model.functions, speed=self._speed_is_limited),
@@ -270,13 +323,16 @@ class Planner:
         )
         return found
 
-    def _first_guess(self, scene: Scene, near: Plan | None) -> Guess:
-        """The plan of similar ends, moved to these; or a motion without optimisation."""
-        if near is None:
-            return Guess(first_motion(scene), near=False, tolerance=self.tolerance)
-        model = DeltaModel(scene.robot, scene.payload)
-        moved = between(near.trajectory, model, scene.start, scene.goal)
-        return Guess(moved, near=True, tolerance=self.tolerance)
+    def _guesses(self, scene: Scene, near: Plan | None, starts: int, seed: int) -> Iterator[Guess]:
+        """The plan of similar ends, moved to these; or motions without optimisation."""
+        if near is not None:
+            model = DeltaModel(scene.robot, scene.payload)
+            moved = between(near.trajectory, model, scene.start, scene.goal)
+            yield Guess(moved, near=True, tolerance=self.tolerance)
+            starts -= 1
+        if starts > 0:
+            for motion in first_motions(scene, starts, seed):
+                yield Guess(motion, near=False, tolerance=self.tolerance)
 
     def _done(self, rounds: list[Round]) -> bool:
         """After two meshes at least: one alone has nothing to be compared with."""
@@ -286,7 +342,11 @@ class Planner:
     @property
     def _accuracy(self) -> float:
         """Of the solution on a mesh; structures are read from exact ones only."""
-        return self.tolerance / 5 if self.tolerance >= RESOLVED_BELOW else 1e-8
+        return 1e-8 if self._by_switches else self.tolerance / 5
+
+    @property
+    def _by_switches(self) -> bool:
+        return self.tolerance < self.resolved_below
 
     @property
     def _speed_is_limited(self) -> bool:
@@ -316,8 +376,9 @@ def _posed(
 def _attempt(problem: Problem, scales: Scales, guess: Guess, model: DeltaModel) -> Attempt:
     solution = problem.solve(guess, scales, model.parameters)
     trajectory = Trajectory(solution.position, model, solution.coordinates)
-    lost = given_away(solution.prices, *_loads(scales.scene, trajectory))
-    return Attempt(problem, solution, trajectory, lost, safe_factor(scales.scene, trajectory))
+    scene, loads = scales.scene, loads_inside(scales.scene, trajectory, FRACTIONS)
+    lost = given_away(solution.prices, *_shares(scene, loads))
+    return Attempt(problem, solution, trajectory, lost, sampled_factor(scene, loads), scene)
 
 
 @dataclass(frozen=True)
@@ -329,16 +390,33 @@ class Attempt:
     trajectory: Trajectory
     lost: GivenAway
     safe_factor: float
+    scene: Scene
+    is_exact: bool = False
+
+    def exact(self) -> Attempt:
+        """With the safe factor of all instants, not of samples only."""
+        if self.is_exact:
+            return self
+        factor = safe_factor(self.scene, self.trajectory)
+        return replace(self, safe_factor=factor, is_exact=True)
 
 
-def _loads(scene: Scene, trajectory: Trajectory) -> tuple[Array, Array | None]:
+def _shares(scene: Scene, loads: Loads) -> tuple[Array, Array | None]:
     """Torques and, if limited, speeds inside the intervals, as fractions of their limits."""
-    loads = loads_inside(scene, trajectory, FRACTIONS)
     shape = (-1, len(FRACTIONS), 3)
     torque = (loads.torque / np.array(scene.torque_limits)).reshape(shape)
     if scene.speed_limits is None:
         return torque, None
     return torque, (loads.speed / np.array(scene.speed_limits)).reshape(shape)
+
+
+def _gap(rounds: list[Round], chosen: int) -> float:
+    """Of a round's motion, by its own estimate or by what the last one leaves possible."""
+    own, last = rounds[chosen], rounds[-1]
+    if own is last:
+        return own.gap
+    shortest = last.safe_duration / (1 + last.gap)
+    return min(own.gap, own.safe_duration / shortest - 1)
 
 
 def _round(attempts: list[Attempt]) -> Round:

@@ -43,11 +43,6 @@ class Guess:
 class NonlinearProblem(Protocol):
     """A problem written as a nonlinear program for Ipopt."""
 
-    @property
-    def program(self) -> Program:
-        """The nonlinear program; its parameters are ``Scales.vector`` and the mechanism's."""
-        ...
-
     def pack(self, trajectory: Trajectory, scales: Scales) -> Array:
         """The variables that describe a motion on this mesh."""
         ...
@@ -83,11 +78,14 @@ class Solved:
 
 
 def solved_by_ipopt(
-    problem: NonlinearProblem, guess: Guess, scales: Scales, parameters: Array
+    problem: NonlinearProblem, program: Program, guess: Guess, scales: Scales, parameters: Array
 ) -> Solved:
-    """Raises NotConverged."""
+    """By a program of the problem, with the parameters ``Scales.vector`` and the mechanism's.
+
+    Raises NotConverged.
+    """
     p, z = np.concatenate([scales.vector(), parameters]), problem.pack(guess.trajectory, scales)
-    found = problem.program.solve(z, *problem.bounds(scales), p)
+    found = program.solve(z, *problem.bounds(scales), p)
     position = problem.unpack(found.z, scales)
     return Solved(position, problem.prices(found), found.status, found.iterations, found.spent)
 

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.transforms import Transform
 
 from deltaopt.studies.stability.benchmarks import Benchmark, Benchmarks
 from deltaopt.studies.stability.drift import (
@@ -20,6 +21,7 @@ from deltaopt.studies.stability.drift import (
     Run,
     baumgarte,
 )
+from deltaopt.studies.stability.edge import TOLERANCE, Edge
 from deltaopt.studies.stability.families import Family
 from deltaopt.studies.stability.singularities import (
     DISTANCES,
@@ -251,3 +253,43 @@ def _energy_panel(axes: Axes, study: Benchmarks, benchmark: Benchmark) -> None:
             va="top",
             fontsize=8,
         )
+
+
+GOOD, REFUSED, WRONG = "tab:green", "tab:orange", "tab:red"
+
+
+def draw_edge(study: Edge, path: Path) -> None:
+    """Time spent on every scene and the gap of its plan, or the error it ends in."""
+    figure = Figure(figsize=(12.5, 0.25 * len(study.outcomes) + 1.6), layout="constrained")
+    FigureCanvasAgg(figure)
+    spent, gaps = figure.subplots(1, 2, sharey=True)
+    for row, o in enumerate(study.outcomes):
+        colour = REFUSED if o.error else GOOD if o.verified else WRONG
+        spent.plot(o.seconds, row, "o", color=colour)
+        if o.error:
+            gaps.text(0.02, row, o.error, color=colour, va="center", transform=_rows(gaps))
+        else:
+            gaps.plot(o.gap, row, "o", color=colour)
+    names = [f"{o.family}: {o.name}" for o in study.outcomes]
+    spent.set_yticks(range(len(names)), names, fontsize=8)
+    spent.set(xscale="log", xlabel="time spent, s", ylim=(len(names) - 0.5, -0.5))
+    gaps.set(xscale="log", xlim=(1e-4, 2), xlabel="gap to the shortest duration, as estimated")
+    gaps.axvline(TOLERANCE, color="black", linestyle=":")
+    for axes in (spent, gaps):
+        axes.grid(alpha=0.3)
+    labels = {
+        GOOD: "verified plan",
+        REFUSED: "error that names the cause",
+        WRONG: "plan that fails verification",
+    }
+    handles = [
+        Line2D([], [], color=c, marker="o", linestyle="none", label=label)
+        for c, label in labels.items()
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False)
+    figure.savefig(path, dpi=110)
+
+
+def _rows(axes: Axes) -> Transform:
+    """Fractions of the width, rows of the data."""
+    return axes.get_yaxis_transform()

@@ -17,20 +17,28 @@ from deltaopt.verify import verify
 @dataclass(frozen=True)
 class Outcome:
     """What became of one move: ``failures`` is empty if its plan passed verification and is
-    within the tolerance. ``seconds``: of planning, without verification."""
+    within the tolerance. ``seconds``: of planning, without verification. ``certified``: its
+    switches are resolved and Pontryagin's condition holds. ``verified``: passed verification."""
 
     scene: Scene
     seconds: float
     gap: float
     intervals: int
     failures: tuple[str, ...]
+    certified: bool = False
+    verified: bool = False
 
 
 def random_plans(
-    robot: Robot, payload: float, number: int, seed: int, told: Callable[[int], None]
+    robot: Robot,
+    payload: float,
+    number: int,
+    seed: int,
+    tolerance: float,
+    told: Callable[[int], None],
 ) -> list[Outcome]:
     """Plan and verify so many random moves; ``told`` after each of how many are done."""
-    planner = Planner(robot, payload)
+    planner = Planner(robot, payload, tolerance=tolerance)
     outcomes = []
     for scene in random_scenes(robot, payload, number, seed):
         outcomes.append(_outcome(planner, scene))
@@ -46,6 +54,8 @@ def _outcome(planner: Planner, scene: Scene) -> Outcome:
         return Outcome(scene, perf_counter() - begin, float("nan"), 0, (str(error),))
     seconds = perf_counter() - begin
     failures = list(verify(scene, plan.trajectory).failures())
+    verified = not failures
     if not plan.within_tolerance:
         failures.append(f"the gap, {plan.gap:.1e}, exceeds the tolerance of {plan.tolerance:g}")
-    return Outcome(scene, seconds, plan.gap, plan.intervals, tuple(failures))
+    certified = plan.certificate is not None
+    return Outcome(scene, seconds, plan.gap, plan.intervals, tuple(failures), certified, verified)

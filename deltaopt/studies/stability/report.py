@@ -16,6 +16,8 @@ from deltaopt.studies.stability.drift import (
     Drift,
     baumgarte,
 )
+from deltaopt.studies.stability.edge import TOLERANCE, Edge
+from deltaopt.studies.stability.edge import Outcome as EdgeOutcome
 from deltaopt.studies.stability.singularities import (
     DISTANCES,
     LOST,
@@ -161,6 +163,50 @@ def benchmarks_table(study: Benchmarks) -> str:
 def benchmarks_verdict(study: Benchmarks) -> str:
     """Who solved what."""
     return _paragraph(*(_solved(b, study.of(b.name)) for b in study.benchmarks))
+
+
+def edge_csv(study: Edge) -> str:
+    """One line per scene."""
+    header = "family,scene,seconds,duration_s,gap,iterations,verified,error,sentence"
+    rows = [
+        f"{o.family},{_plain(o.name)},{o.seconds!r},{o.duration!r},{o.gap!r},{o.iterations},"
+        f"{o.verified},{o.error},{_plain(o.sentence)}"
+        for o in study.outcomes
+    ]
+    return _lines([header, *rows])
+
+
+def edge_table(study: Edge) -> str:
+    """Aligned columns; errors by their kind."""
+    rows: list[tuple[str, ...]] = [("edge", "scene", "seconds", "duration, s", "gap", "")]
+    for o in study.outcomes:
+        numbers = ("-", "-") if o.error else (f"{o.duration:.4g}", f"{o.gap:.0e}")
+        end = o.error or ("verified" if o.verified else "WRONG")
+        rows.append((o.family, o.name, f"{o.seconds:.1f}", *numbers, end))
+    return _table(rows)
+
+
+def edge_verdict(study: Edge) -> str:
+    """How many ended how, and what fell short of the tolerance."""
+    plans = [o for o in study.outcomes if o.verified]
+    refused = [o for o in study.outcomes if o.error]
+    kinds = sorted({o.error for o in refused})
+    counts = ", ".join(f"{sum(o.error == kind for o in refused)} {kind}" for kind in kinds)
+    short = [o for o in plans if o.gap > TOLERANCE]
+    slowest = max(study.outcomes, key=lambda o: o.seconds)
+    return _paragraph(
+        f"Of {len(study.outcomes)} scenes at the edge {len(plans)} end in a plan that the verifier"
+        f" passes and {len(refused)} in an error that names the cause ({counts});"
+        f" {sum(not o.safe for o in study.outcomes)} end in anything else.",
+        f"The longest takes {slowest.seconds:.0f} s ({_scene(slowest)}).",
+        f"Of the plans {len(short)} miss the tolerance of {TOLERANCE:g} and say so: "
+        + ("; ".join(f"{_scene(o)}, gap {o.gap:.2f}" for o in short) or "none")
+        + ".",
+    )
+
+
+def _scene(outcome: EdgeOutcome) -> str:
+    return f"{outcome.family}: {outcome.name}"
 
 
 def _solved(benchmark: Benchmark, outcomes: list[Outcome]) -> str:
