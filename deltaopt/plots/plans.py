@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
 from deltaopt.plots.style import figure
 from deltaopt.studies.plans import PlanStudy, Row
@@ -58,6 +59,9 @@ def draw(study: PlanStudy, case: str, path: Path) -> None:
 def _curves(axes: Axes, rows: list[Row], measure: Measure) -> None:
     """A line per method over its meshes; failures as crosses at the upper edge."""
     axes.set(xscale="log", yscale="log", xlabel="wall time of the solve (s)")
+    axes.xaxis.set_major_locator(LogLocator(subs=(1, 3)))
+    axes.xaxis.set_major_formatter(FormatStrFormatter("%g"))
+    axes.xaxis.set_minor_formatter(NullFormatter())
     for method in dict.fromkeys(row.method for row in rows):
         own = [row for row in rows if row.method == method]
         good = [row for row in own if not row.failure and isfinite(measure(row))]
@@ -105,7 +109,7 @@ def _shares(axes: Axes, study: PlanStudy, case: str, modes: list[bool]) -> None:
             axes.text(x, functions + algebra, "ic"[i], ha="center", va="bottom", fontsize=8)
     axes.set_xticks(places, POSES)
     axes.set_ylabel("µs per iteration and interval")
-    axes.set_title("functions (dark), algebra (light); i, c: interpreted, compiled")
+    axes.set_title("functions (dark) and algebra (light),\ninterpreted (i) and compiled (c)")
     axes.grid(axis="x", visible=False)
 
 
