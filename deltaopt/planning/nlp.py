@@ -249,7 +249,7 @@ class Program:
         """Ipopt's; of variables that are fixed, which it does not see, from stationarity."""
         multipliers = np.asarray(result["lam_x"].full()).ravel()
         gradient = self._solver.get_function("nlp_grad_f")(result["x"], p)[1]
-        jacobian = self._solver.get_function("nlp_jac_g")(result["x"], p)[1]
+        jacobian = self.jacobian(result["x"], p)[1]
         rest = -(gradient + jacobian.T @ result["lam_g"]).full().ravel()
         return np.where(fixed, rest, multipliers)
 
