@@ -21,7 +21,7 @@ baseline's duration, torques and speeds by their limits.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import casadi as ca
@@ -52,6 +52,7 @@ class ScaledEquations:
     ``force``: eq. (39) in units of the largest torque at the elbow, 3. ``opening``: how far
     the chains are from the margin of their fold, 3. ``speed`` and ``acceleration``: θ̇ in units
     of its limit and its derivative in units of limit / T, 3, or None where speed is unlimited.
+    ``rate``: of the running cost, 1; for a robot its effort τᵀτ, N²m².
     """
 
     y: ca.SX
@@ -60,6 +61,7 @@ class ScaledEquations:
     opening: ca.SX
     speed: ca.SX | None
     acceleration: ca.SX | None
+    rate: ca.SX = field(default_factory=lambda: ca.SX(0))
 
     @classmethod
     def of(cls, functions: DeltaFunctions, *, speed: bool) -> ScaledEquations:
@@ -79,6 +81,7 @@ class ScaledEquations:
             opening=opening - scales[8],
             speed=dtheta / scales[9:12] if speed else None,
             acceleration=ddtheta * T / scales[9:12] if speed else None,
+            rate=ca.sumsqr(torque * y[9:12]),
         )
 
     def point_function(self, *rows: ca.SX | None) -> PointFunction:
@@ -86,6 +89,13 @@ class ScaledEquations:
         present = [row for row in rows if row is not None]
         function = ca.Function("motion", [self.y, self.p], [ca.vertcat(*present)])
         return PointFunction("motion", function)
+
+    @property
+    def running_cost(self) -> PointFunction:
+        """(y, h), p -> h r: what the rate r costs over a time h in the baseline's duration."""
+        h = ca.SX.sym("h")
+        function = ca.Function("running", [ca.vertcat(self.y, h), self.p], [h * self.rate])
+        return PointFunction("running cost", function)
 
 
 def equations(functions: DeltaFunctions, *, speed: bool) -> PointFunction:

@@ -43,6 +43,17 @@ class Scales:
         return (np.array(self.scene.goal) - self.origin) / self.length
 
     @property
+    def at_start(self) -> Array:
+        """X and V at the start, (6,)."""
+        return np.zeros(6)
+
+    @property
+    def at_goal(self) -> tuple[Array, Array]:
+        """Bounds of X and V at the goal, (6,) each."""
+        state = np.concatenate([self.goal, np.zeros(3)])
+        return state, state
+
+    @property
     def torques(self) -> Array:
         return np.array(self.scene.torque_limits)
 
