@@ -23,12 +23,14 @@ ORDER = (
     ("yaml_file",),
     ("record",),
     ("robot",),
+    ("objectives",),
     ("scene",),
     ("model",),
     ("rows",),
     ("trajectory",),
     ("peaks",),
     ("limits", "feasibility"),
+    ("effort",),
     ("planning",),
     ("arrival",),
     ("verify",),
@@ -44,7 +46,11 @@ MAY_IMPORT = {
     "dynamics": {"casadi", "numpy", "deltaopt.dynamics", "deltaopt.errors"},
     "mechanisms": {"casadi", "deltaopt.dynamics", "deltaopt.mechanisms"},
 }
-ONLY_IN = {"matplotlib": {"plots"}, "yaml": {"yaml_file"}, "pydantic": {"record", "robot", "scene"}}
+ONLY_IN = {
+    "matplotlib": {"plots"},
+    "yaml": {"yaml_file"},
+    "pydantic": {"record", "robot", "objectives", "scene"},
+}
 NEVER = [("verify", "planning"), ("arrival", "planning"), ("limits", "planning")]
 """Not even through others: the verifier shares nothing with the planner but the model."""
 CONVENIENCES = {

@@ -24,11 +24,14 @@ task space cannot describe it: torque for a given acceleration grows without bou
 @dataclass(frozen=True)
 class Scales:
     """Magnitudes of a scene: its length D (m), a time (s), the drives' limits, and how far
-    its ends are from a fold (least sin² (q_{k,1} - q_{k,2}))."""
+    its ends are from a fold (least sin² (q_{k,1} - q_{k,2})). ``torque_share`` and
+    ``speed_share``: of the limits that may be used, that of torque by interval, (N, 1, 3)."""
 
     scene: Scene
     time: float
     opening_at_ends: float
+    torque_share: Array | float = 1.0
+    speed_share: float = 1.0
 
     @property
     def origin(self) -> Array:
@@ -62,5 +65,6 @@ class Scales:
         """x_start, D, time, torque limits, margin of the fold[, speed limits]."""
         scene = self.scene
         margin = min(OPENING, self.opening_at_ends / 2)
-        limits = [*scene.torque_limits, margin, *(scene.speed_limits or ())]
+        speeds = (self.speed_share * speed for speed in scene.speed_limits or ())
+        limits = [*scene.torque_limits, margin, *speeds]
         return np.array([*scene.start, self.length, self.time, *limits])
