@@ -20,6 +20,7 @@ from deltaopt.errors import Unreachable
 from deltaopt.limits import safe_factor, speed_excess, torque_excess
 from deltaopt.model import DeltaModel, evaluate_rows
 from deltaopt.peaks import sample_fractions
+from deltaopt.pontryagin import extremal
 from deltaopt.scene import Scene
 from deltaopt.trajectory import Array, Trajectory
 
@@ -175,6 +176,8 @@ class Verification:
     ``kinematic_error``: E_K, mean over time of ‖(f, J q̇ + μ)‖, m and m/s.
     ``dynamic_error``: E_D, mean over time of ‖q̈ - q̈(q, q̇, τ)‖, m/s² and rad/s².
     ``arrival_distance``, ``arrival_speed``: m and m/s, where the reported torques lead.
+    ``hamiltonian_spread``, ``sign_violation``: how far the motion is from Pontryagin's condition
+        for its objective, see ``pontryagin``; None where that cannot be told.
     ``obstacles``: what kept a measure from being evaluated, one sentence each.
     """
 
@@ -195,6 +198,8 @@ class Verification:
     dynamic_error: float = inf
     arrival_distance: float = inf
     arrival_speed: float = inf
+    hamiltonian_spread: float | None = None
+    sign_violation: float | None = None
     obstacles: tuple[str, ...] = ()
 
     @property
@@ -241,6 +246,7 @@ def verify(scene: Scene, trajectory: Trajectory) -> Verification:
     try:
         measures: dict[str, Any] = _loads(scene, trajectory) | _errors(scene, trajectory)
         measures |= _ends(scene, trajectory) | _jumps(trajectory)
+        measures |= _optimality(scene, trajectory)
     except Unreachable as error:
         return Verification(duration, way, obstacles=(str(error),))
     try:
@@ -262,6 +268,15 @@ def _loads(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
     if given is not None:
         measures["duration_error"] = abs(trajectory.duration - given)
     return measures
+
+
+def _optimality(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
+    try:
+        found = extremal(scene, trajectory)
+    except np.linalg.LinAlgError:
+        return {}
+    spread, violation = found.hamiltonian_spread, found.sign_violation
+    return {"hamiltonian_spread": spread, "sign_violation": violation}
 
 
 def _ends(scene: Scene, trajectory: Trajectory) -> dict[str, float]:

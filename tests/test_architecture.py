@@ -30,7 +30,7 @@ ORDER = (
     ("trajectory",),
     ("peaks",),
     ("limits", "feasibility"),
-    ("effort",),
+    ("effort", "pontryagin"),
     ("planning",),
     ("arrival",),
     ("verify",),
@@ -51,7 +51,7 @@ ONLY_IN = {
     "yaml": {"yaml_file"},
     "pydantic": {"record", "robot", "objectives", "scene"},
 }
-NEVER = [("verify", "planning"), ("arrival", "planning"), ("limits", "planning")]
+NEVER = [(place, "planning") for place in ("verify", "arrival", "limits", "effort", "pontryagin")]
 """Not even through others: the verifier shares nothing with the planner but the model."""
 CONVENIENCES = {
     ("deltaopt.planning.plan", "deltaopt.export"),

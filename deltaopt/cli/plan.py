@@ -43,6 +43,7 @@ from deltaopt.planning.poses import Forward, Redundant
 from deltaopt.planning.problem import Pose
 from deltaopt.planning.starts import Optimum
 from deltaopt.planning.transcription import PiecewiseAcceleration
+from deltaopt.pontryagin import MET
 from deltaopt.scene import Scene, load_scene
 from deltaopt.trajectory import Trajectory
 from deltaopt.verify import Check, Verification, verify
@@ -195,7 +196,19 @@ def table(verification: Verification) -> str:
         for name, value, bound, unit, ok in rows
     )
     total = f"duration {verification.duration:.6f} s, effort {verification.effort:.6g} N²m²s"
-    return "\n".join([total, *lines])
+    return "\n".join([total, *lines, *_optimality(verification)])
+
+
+def _optimality(verification: Verification) -> list[str]:
+    """What the motion alone says of Pontryagin's condition: no bound, few motions meet it."""
+    spread, violation = verification.hamiltonian_spread, verification.sign_violation
+    if spread is None or violation is None:
+        return []
+    local = "; a local statement" if max(spread, violation) < MET else ", which it does not meet"
+    return [
+        f"Pontryagin's condition, by costates fitted to the motion: Hamiltonian constant to "
+        f"{spread:.1e}, signs of torques right to {violation:.1e}{local}"
+    ]
 
 
 def _row(check: Check) -> tuple[str, str, str, str, str]:
