@@ -128,7 +128,7 @@ class _Fit:
     @classmethod
     def of(cls, scene: Scene, trajectory: Trajectory) -> _Fit:
         model = DeltaModel(scene.robot, scene.payload)
-        fractions = _gauss().fractions
+        fractions = gauss().fractions
         m = trajectory.inside_intervals(fractions)
         T, D = trajectory.duration, float(np.linalg.norm(np.subtract(scene.goal, scene.start)))
         K, c = len(trajectory.knots) - 1, len(fractions)
@@ -148,7 +148,7 @@ class _Fit:
         torque_slopes = by_motion[:, :, :3, :6] + by_motion[:, :, :3, 6:] @ slopes
         time, effort = _weights(scene.objective)
         rate = time + effort * (along[..., :3] ** 2).sum(axis=2)
-        mean = float(np.diff(trajectory.knots) @ (rate[:, 1:-1] @ _gauss().weights)) / T
+        mean = float(np.diff(trajectory.knots) @ (rate[:, 1:-1] @ gauss().weights)) / T
         by_torque = 2 * effort / mean * along[..., None, :3]  # ∂r/∂τ, a row
         return cls(
             scene=scene,
@@ -212,7 +212,7 @@ class _Fit:
         number = 6 + sum(len(jump) for jump in self.jumps.values())
         now, place = np.zeros((6, number + 1)), 6
         now[:, :6] = np.eye(6)
-        p = np.empty((len(self.h), len(_gauss().fractions), 6, number + 1))
+        p = np.empty((len(self.h), len(gauss().fractions), 6, number + 1))
         for i in range(len(self.h)):
             for direction in self.jumps.get(i, ()):
                 now = now.copy()
@@ -227,16 +227,16 @@ class _Fit:
     def _responses(self) -> tuple[Array, Array]:
         """p inside an interval and at its end by p at its beginning, (K, c - 1, 6, 6), and by
         the rate alone, (K, c - 1, 6): Gauss's collocation of the adjoint equation."""
-        gauss, K = _gauss(), len(self.h)
+        by_gauss, K = gauss(), len(self.h)
         M = np.zeros((K, _STAGES, 6, 6))  # ṗ = M p + g
         M[..., :, 3:] = -self.slopes[:, 1:-1].transpose(0, 1, 3, 2)
         M[..., 3:, :3] -= np.eye(3)
         g = -self.rate_slopes[:, 1:-1]
-        coupled = np.einsum("k,kiab,ij->kiajb", self.h, M, gauss.a)
+        coupled = np.einsum("k,kiab,ij->kiajb", self.h, M, by_gauss.a)
         system = np.eye(6 * _STAGES) - coupled.reshape(K, 6 * _STAGES, -1)
         right = np.concatenate([M, g[..., None]], axis=3).reshape(K, 6 * _STAGES, 7)
         slopes = np.linalg.solve(system, right).reshape(K, _STAGES, 6, 7)
-        weights = np.vstack([gauss.a, gauss.weights])
+        weights = np.vstack([by_gauss.a, by_gauss.weights])
         steps = np.einsum("k,ij,kjab->kiab", self.h, weights, slopes)
         steps[..., :6] += np.eye(6)
         return steps[..., :6], steps[..., 6]
@@ -281,7 +281,7 @@ def _jumps(modes: Modes, by_state: Array) -> dict[int, Array]:
 
 
 @dataclass(frozen=True)
-class _Gauss:
+class Gauss:
     """Butcher's ``a`` and ``weights``; ``fractions``: the beginning, the nodes, the end."""
 
     a: Array
@@ -290,11 +290,12 @@ class _Gauss:
 
 
 @lru_cache(maxsize=1)
-def _gauss() -> _Gauss:
+def gauss() -> Gauss:
+    """Of eight stages, order 16."""
     nodes = (np.polynomial.legendre.leggauss(_STAGES)[0] + 1) / 2
     a, weights = np.empty((_STAGES, _STAGES)), np.empty(_STAGES)
     for j, node in enumerate(nodes):
         others = Polynomial.fromroots(np.delete(nodes, j))
         integral = (others / others(node)).integ()
         a[:, j], weights[j] = integral(nodes), integral(1.0)
-    return _Gauss(a, weights, np.concatenate([[0.0], nodes, [1.0]]))
+    return Gauss(a, weights, np.concatenate([[0.0], nodes, [1.0]]))

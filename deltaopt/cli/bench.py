@@ -3,6 +3,7 @@
 deltaopt bench random      plan and verify random moves of robots
 deltaopt bench gap         hold the gap that plans estimate against the true one
 deltaopt bench tolerances  measure what a gap costs, on meshes and by switch resolution
+deltaopt bench agreement   reference durations by transcriptions, shooting, forward dynamics
 deltaopt bench plan        how long plans take, and where the time goes
 deltaopt bench scaling     how time grows with the number of intervals
 deltaopt bench start       from import to the first plan: cold, warm, without a compiler
@@ -57,6 +58,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_scenes(gap)
     gap.set_defaults(study=_gap)
+    agree = studies.add_parser(
+        "agreement", help="do other methods find the same", description=_agreement.__doc__
+    )
+    add_scenes(agree)
+    agree.set_defaults(study=_agreement)
     tolerances = studies.add_parser(
         "tolerances", help="what a gap costs", description=_tolerances.__doc__
     )
@@ -250,6 +256,23 @@ def _gap_table(name: str, study: GapStudy) -> str:
         f"estimated {reference.gap:.0e} above the optimum"
     )
     return "\n".join([name, f"{header}{'true gap':>12}", *rows, truth])
+
+
+def _agreement(arguments: argparse.Namespace) -> int:
+    """Plan each scene at 1e-8, and again by switch resolution with polynomials of two degrees, by
+    shooting, and by forward dynamics on a uniform mesh and on one with knots at the switches."""
+    from deltaopt.studies.agreement import agreement
+    from deltaopt.studies.agreement import table as of_answers
+
+    for file in arguments.scenes:
+        bar = ProgressBar()
+        study = agreement(load_scene(file), told=partial(_advance_to, bar, file.stem))
+        print(of_answers(file.stem, study), flush=True)
+    return 0
+
+
+def _advance_to(bar: ProgressBar, name: str, done: float) -> None:
+    bar(done, name)
 
 
 def _tolerances(arguments: argparse.Namespace) -> int:
