@@ -30,10 +30,12 @@ from deltaopt.studies.shooting import shoot
 Array = NDArray[np.float64]
 
 DEGREES = (8, 11)
-INTERVALS = 80
+INTERVALS = 160
 _FRACTIONS = np.linspace(0.0, 1.0, 25)
 _DISTURBED = 1e-3
 """Lengths of arcs from which the others begin are off by so much."""
+_SLOWER = 1.1
+"""So much the guess for forward dynamics is slowed: its torques are within their limits then."""
 _QUADRATIC = PiecewiseAcceleration(2, (0.25, 0.75))
 
 
@@ -112,7 +114,7 @@ def _forward(found: Plan, mesh: Array) -> float:
     model, scales = found.trajectory.model, _scales(found)
     speed = found.scene.speed_limits is not None
     posed = Forward().of(model.functions, _QUADRATIC, speed=speed, cost=FASTEST)
-    start = Guess(found.trajectory, near=True, tolerance=1e-8)
+    start = Guess(found.trajectory.slowed(_SLOWER), near=False, tolerance=1e-8)
     return float(posed.on(mesh).solve(start, scales, model.parameters).position.knots[-1])
 
 
