@@ -277,7 +277,7 @@ class Planner:
         rounds = [_round(attempts)]
         tell(str(rounds[-1]))
         while not self._done(rounds):
-            last, aim = attempts[-1], self.tolerance / 4
+            last, aim = attempts[-1], self.tolerance / 2.5
             if self._by_switches:
                 if rounds[-1].gap < _READABLE:
                     resolved = self._resolved(last, scales, tell)
@@ -343,7 +343,7 @@ class Planner:
     @property
     def _accuracy(self) -> float:
         """Of the solution on a mesh; structures are read from exact ones only."""
-        return 1e-8 if self._by_switches else self.tolerance / 5
+        return 1e-8 if self._by_switches else self.tolerance / 2
 
     @property
     def _by_switches(self) -> bool:
