@@ -11,7 +11,7 @@ from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.errors import Infeasible, Singular, Unreachable, in_words
 from deltaopt.mechanisms.delta import DeltaTerms
 from deltaopt.mechanisms.delta_functions import delta_functions
-from deltaopt.model import DeltaModel
+from deltaopt.model import DeltaModel, delta_model
 from deltaopt.record import Vector3
 from deltaopt.rows import RowFunction
 from deltaopt.scene import Scene
@@ -30,7 +30,7 @@ def check_feasible(scene: Scene) -> None:
             f"start and goal are {way:.1e} m apart, which coordinates in double precision "
             f"cannot resolve; at least {_LEAST_WAY:g} m are needed"
         )
-    model = DeltaModel(scene.robot, scene.payload)
+    model = delta_model(scene.robot, scene.payload)
     if _is_feasible(model, scene):
         return
     for name, point in (("start", scene.start), ("goal", scene.goal)):

@@ -22,6 +22,10 @@
 #include <string.h>
 #include <time.h>
 
+#define SHORT 0.02 /* a step of which share of a direction says little about its rest */
+#define FAR 2.0    /* from one limit of a torque to the other */
+#define SHIFT 1e-5 /* the first that is tried: the scene's magnitudes are of the order of one */
+
 enum { SOLVED, TOO_MANY_ITERATIONS, NO_PROGRESS, SINGULAR, NOT_A_NUMBER };
 
 typedef struct {
@@ -280,11 +284,10 @@ static int factorise(Problem *P, double shift) {
   return done;
 }
 
-/* Factorise with the smallest shift that gives a direction of descent; 0 if none does. */
+/* Factorise with the first shift from this one on that gives a direction of descent; 0 if
+   none does. */
 static int factorise_shifted(Problem *P, double *shift) {
-  if (factorise(P, 0.0)) return 1;
-  *shift = *shift > 0 ? *shift / 3 : 1e-6;
-  for (; *shift < 1e6; *shift *= 8)
+  for (; *shift < 1e6; *shift = greater(8 * *shift, SHIFT))
     if (factorise(P, *shift)) return 1;
   return 0;
 }
@@ -538,12 +541,33 @@ static void differentiate_all(Problem *P) {
   P->report->evaluating += seconds() - begin;
 }
 
+/* The largest change of a row that the direction asks for. */
+static double largest_change(const Problem *P) {
+  V most = ALL(0.0);
+  for (int64_t i = 0; i < P->n; i++)
+    for (int r = 0; r < NC; r++) most = larger(most, absolute(P->interval[i].dt[r]));
+  return largest(most);
+}
+
+/* Newton's direction without barrier, shifted until it is one of descent; 0 if there is none.
+   Where curvature almost vanishes it would ask for torques far beyond their limits, and end
+   at the first of them: that too is cured by a shift. */
+static int aim(Problem *P, double *shift) {
+  *shift = *shift > SHIFT ? *shift / 8 : 0.0;
+  for (;; *shift = greater(8 * *shift, SHIFT)) {
+    if (!factorise_shifted(P, shift)) return 0;
+    direction(P, 0.0);
+    double primal, dual;
+    longest_steps(P, 1.0, &primal, &dual);
+    if (primal > SHORT || largest_change(P) < FAR) return 1;
+  }
+}
+
 static int iterate(Problem *P, const Settings *S) {
   double shift = 0, dual;
   for (; P->report->iterations < S->iterations; P->report->iterations++) {
     differentiate_all(P);
-    if (!factorise_shifted(P, &shift)) return SINGULAR;
-    direction(P, 0.0);
+    if (!aim(P, &shift)) return SINGULAR;
     if (solved(P, S->tolerance)) return SOLVED;
     choose_barrier(P, S->tolerance);
     if (!try_direction(P, &dual)) {

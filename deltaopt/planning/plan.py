@@ -19,7 +19,7 @@ from deltaopt.errors import DeltaOptError, NotConverged
 from deltaopt.feasibility import check_feasible
 from deltaopt.limits import Loads, loads_inside, safe_factor, sampled_factor
 from deltaopt.mechanisms.delta_functions import DeltaFunctions
-from deltaopt.model import DeltaModel
+from deltaopt.model import DeltaModel, delta_model
 from deltaopt.peaks import sample_fractions
 from deltaopt.planning.baseline import between
 from deltaopt.planning.certificate import Certificate
@@ -268,7 +268,7 @@ class Planner:
     ) -> tuple[list[Attempt], list[Round], Resolved | None]:
         """Solve on finer and finer meshes until the gap is small enough, the switches can be
         resolved, or no more is gained."""
-        model = DeltaModel(scene.robot, scene.payload)
+        model = delta_model(scene.robot, scene.payload)
         posed = self._posed(model)
         openings = model.openings([scene.start, scene.goal])
         scales = Scales(scene, first.trajectory.duration, float(openings.min()))
@@ -277,7 +277,7 @@ class Planner:
         rounds = [_round(attempts)]
         tell(str(rounds[-1]))
         while not self._done(rounds):
-            last, aim = attempts[-1], self.tolerance / 2.5
+            last, aim = attempts[-1], self.tolerance / 2
             if self._by_switches:
                 if rounds[-1].gap < _READABLE:
                     resolved = self._resolved(last, scales, tell)
@@ -327,7 +327,7 @@ class Planner:
     def _guesses(self, scene: Scene, near: Plan | None, starts: int, seed: int) -> Iterator[Guess]:
         """The plan of similar ends, moved to these; or motions without optimisation."""
         if near is not None:
-            model = DeltaModel(scene.robot, scene.payload)
+            model = delta_model(scene.robot, scene.payload)
             moved = between(near.trajectory, model, scene.start, scene.goal)
             yield Guess(moved, near=True, tolerance=self.tolerance)
             starts -= 1
@@ -379,7 +379,7 @@ def _attempt(problem: Problem, scales: Scales, guess: Guess, model: DeltaModel) 
     trajectory = Trajectory(solution.position, model, solution.coordinates)
     scene, loads = scales.scene, loads_inside(scales.scene, trajectory, FRACTIONS)
     lost = given_away(solution.prices, *_shares(scene, loads))
-    factor = sampled_factor(scene, loads)
+    factor = sampled_factor(loads)
     return Attempt(problem, solution, trajectory, loads, lost, factor, scene)
 
 
@@ -409,10 +409,8 @@ class Attempt:
 def _shares(scene: Scene, loads: Loads) -> tuple[Array, Array | None]:
     """Torques and, if limited, speeds inside the intervals, as fractions of their limits."""
     shape = (-1, len(FRACTIONS), 3)
-    torque = (loads.torque / np.array(scene.torque_limits)).reshape(shape)
-    if scene.speed_limits is None:
-        return torque, None
-    return torque, (loads.speed / np.array(scene.speed_limits)).reshape(shape)
+    speed = None if scene.speed_limits is None else loads.speed.reshape(shape)
+    return loads.torque.reshape(shape), speed
 
 
 def _gap(rounds: list[Round], chosen: int) -> float:
