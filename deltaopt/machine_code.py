@@ -20,7 +20,7 @@ from pathlib import Path
 import casadi as ca
 import platformdirs
 
-FLAGS = ("-O2", "-march=native", "-fno-math-errno", "-fno-trapping-math")
+FLAGS = ("-O3", "-march=native", "-fno-math-errno", "-fno-trapping-math")
 """Chosen by ``deltaopt bench solver``; the last two change no result, only let √ be inlined."""
 
 CACHE = "DELTAOPT_CACHE"
