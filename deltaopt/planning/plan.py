@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from deltaopt.dynamics.formulation import Projected
 from deltaopt.dynamics.lagrange import Multiplier
 from deltaopt.errors import DeltaOptError, NotConverged
-from deltaopt.feasibility import check_feasible
+from deltaopt.feasibility import check_feasible, least_opening
 from deltaopt.limits import Loads, loads_inside, safe_factor, sampled_factor
 from deltaopt.mechanisms.delta_functions import DeltaFunctions
 from deltaopt.model import DeltaModel, delta_model
@@ -270,8 +270,7 @@ class Planner:
         resolved, or no more is gained."""
         model = delta_model(scene.robot, scene.payload)
         posed = self._posed(model)
-        openings = model.openings([scene.start, scene.goal])
-        scales = Scales(scene, first.trajectory.duration, float(openings.min()))
+        scales = Scales(scene, first.trajectory.duration, least_opening(scene))
         mesh = np.full(self.intervals, 1 / self.intervals)
         attempts = [_attempt(posed.on(mesh), scales, first, model)]
         rounds = [_round(attempts)]
