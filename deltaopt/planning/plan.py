@@ -29,7 +29,7 @@ from deltaopt.planning.nlp import Spent
 from deltaopt.planning.poses import posed_as
 from deltaopt.planning.problem import Guess, Pose, Posed, Problem, Solved
 from deltaopt.planning.resolve import Resolved, Unsettled, resolve
-from deltaopt.planning.scales import Scales
+from deltaopt.planning.scales import Scales, margin_of_fold
 from deltaopt.planning.starts import Optimum, distinct, first_motions
 from deltaopt.planning.structure import read_structure
 from deltaopt.planning.transcription import PiecewiseAcceleration
@@ -233,7 +233,7 @@ class Planner:
             )
         return Plan(
             scene=scene,
-            trajectory=chosen.trajectory.slowed(chosen.safe_factor),
+            trajectory=chosen.trajectory.slowed(chosen.safe_factor * _for_rounding(scene)),
             formulation=self._pose.name,
             transcription=resolved.problem.name if resolved else self._transcription.name,
             intervals=len(chosen.trajectory.knots) - 1,
@@ -364,6 +364,11 @@ class Planner:
     @property
     def _transcription(self) -> PiecewiseAcceleration:
         return self.transcription or PiecewiseAcceleration()
+
+
+def _for_rounding(scene: Scene) -> float:
+    """Torques near a fold are known to rounding over its margin only, whoever computes them."""
+    return 1 + float(np.finfo(float).eps) / margin_of_fold(least_opening(scene))
 
 
 @lru_cache(maxsize=32)
