@@ -17,7 +17,7 @@ from deltaopt.dynamics.formulation import Projected
 from deltaopt.dynamics.lagrange import Multiplier
 from deltaopt.errors import DeltaOptError, NotConverged
 from deltaopt.feasibility import check_feasible, least_opening
-from deltaopt.limits import Loads, loads_inside, safe_factor, sampled_factor
+from deltaopt.limits import Loads, loads_inside, safe_factor, sampled_factor, slowing_inside
 from deltaopt.mechanisms.delta_functions import DeltaFunctions
 from deltaopt.model import DeltaModel, delta_model
 from deltaopt.peaks import sample_fractions
@@ -382,7 +382,8 @@ def _attempt(problem: Problem, scales: Scales, guess: Guess, model: DeltaModel) 
     solution = problem.solve(guess, scales, model.parameters)
     trajectory = Trajectory(solution.position, model, solution.coordinates)
     scene, loads = scales.scene, loads_inside(scales.scene, trajectory, FRACTIONS)
-    lost = given_away(solution.prices, *_shares(scene, loads))
+    slowing = slowing_inside(loads, len(FRACTIONS))
+    lost = given_away(solution.prices, *_shares(scene, loads), slowing)
     factor = sampled_factor(loads)
     return Attempt(problem, solution, trajectory, loads, lost, factor, scene)
 
