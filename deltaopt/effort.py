@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from deltaopt.model import DeltaModel
+from deltaopt.model import delta_model
 from deltaopt.objectives import Effort, Time, TimeAndEffort
 from deltaopt.scene import Scene
 from deltaopt.trajectory import Trajectory
@@ -20,7 +20,7 @@ def effort(scene: Scene, trajectory: Trajectory) -> float:
     """
     nodes, weights = np.polynomial.legendre.leggauss(_POINTS)
     motion = trajectory.inside_intervals((nodes + 1) / 2)
-    torque = DeltaModel(scene.robot, scene.payload).inverse_dynamics(motion.x, motion.v, motion.a)
+    torque = delta_model(scene.robot, scene.payload).inverse_dynamics(motion.x, motion.v, motion.a)
     squares = (torque**2).sum(axis=1).reshape(-1, _POINTS)
     return float(np.diff(trajectory.knots) / 2 @ (squares @ weights))
 

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.mechanisms.delta import DeltaTerms
 from deltaopt.mechanisms.delta_functions import delta_functions
-from deltaopt.model import DeltaModel
+from deltaopt.model import delta_model
 from deltaopt.objectives import Effort, Objective, Time, TimeAndEffort
 from deltaopt.rows import RowFunction
 from deltaopt.scene import Scene
@@ -127,7 +127,7 @@ class _Fit:
 
     @classmethod
     def of(cls, scene: Scene, trajectory: Trajectory) -> _Fit:
-        model = DeltaModel(scene.robot, scene.payload)
+        model = delta_model(scene.robot, scene.payload)
         fractions = gauss().fractions
         m = trajectory.inside_intervals(fractions)
         T, D = trajectory.duration, float(np.linalg.norm(np.subtract(scene.goal, scene.start)))
@@ -196,13 +196,14 @@ class _Fit:
         best = np.where(by_motion == 0, torque, best)
         lowered = by_motion * (torque - best) + self.squares * (torque**2 - best**2)
         lowered *= (self.modes == _TORQUE)[:, None]
+        largest = np.abs(by_motion).max()
         return Extremal(
             t=self.t.ravel(),
             costates=(p * mean * T / np.repeat([D, D / T], 3)).reshape(-1, 6),
             switching=S.reshape(-1, 3),
             hamiltonian=H.ravel(),
             hamiltonian_spread=float(np.abs(H - H.mean()).max()),
-            sign_violation=float(lowered.max() / np.abs(by_motion).max()),
+            sign_violation=float(lowered.max() / largest) if largest else 0.0,
         )
 
     def _costates(self) -> Array:

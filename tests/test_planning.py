@@ -51,7 +51,8 @@ def test_verified(picked):
 
 def test_plan_tells_how_it_was_found(picked):
     last = picked.rounds[-1]
-    assert (picked.duration, picked.intervals) == (last.safe_duration, last.intervals)
+    assert picked.duration == pytest.approx(last.safe_duration, rel=1e-12)
+    assert picked.intervals == last.intervals
     assert picked.gap == last.gap <= picked.tolerance == 1e-3
     assert picked.within_tolerance
     assert picked.iterations == sum(each.iterations for each in picked.rounds)
@@ -204,7 +205,7 @@ class Untouched:
 
     name: str = "untouched"
 
-    def of(self, functions, transcription, *, speed):
+    def of(self, functions, transcription, *, speed, cost):
         raise AssertionError("a nonlinear program is being built")
 
 
@@ -270,7 +271,7 @@ def test_bench_gap(capsys, monkeypatch):
     tolerance, intervals, iterations, estimated, true = map(float, lines[2].split())
     assert tolerance == 1e-2
     assert intervals >= 10
-    assert iterations >= 10
+    assert iterations >= 5
     assert 0 < true < 2 * estimated
 
 

@@ -11,12 +11,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from math import isinf
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.effort import cost as cost_of
-from deltaopt.errors import NotConverged
+from deltaopt.errors import Infeasible, NotConverged
+from deltaopt.feasibility import least_opening
 from deltaopt.limits import loads_inside, speed_excess, torque_excess
 from deltaopt.model import DeltaModel
 from deltaopt.objectives import Effort, Objective, Time, TimeAndEffort
@@ -83,33 +85,56 @@ class Settled:
     rounds: tuple[CostRound, ...]
 
 
+class Motion(Protocol):
+    """A motion and its gap, such as a Plan."""
+
+    @property
+    def trajectory(self) -> Trajectory: ...
+    @property
+    def gap(self) -> float: ...
+
+
 def least_cost(
     posed: Posed,
-    scales: Scales,
-    guess: Trajectory,
+    fastest: Motion,
     intervals: int,
     tolerance: float,
+    scene: Scene,
     tell: Callable[[str], None],
 ) -> Settled:
-    """The best motion near a guess, on meshes of twice as many intervals each until the gap is
-    within the tolerance.
+    """The best motion of a scene near the fastest, slowed to the duration if that is given, on
+    meshes of twice as many intervals each until the gap is within the tolerance.
 
     The gap is by how much the cost changed from the mesh before, and what keeping the limits
     between the points of the last one costs. It is more than what is left as long as every
     doubling changes the cost by less than half of what the one before did; it is no bound.
 
-    Raises NotConverged.
+    Raises Infeasible where the given duration is too short, and NotConverged.
     """
+    shortest = fastest.trajectory.duration
+    given = scene.objective.given_duration or shortest
+    if given * (1 + 2 * fastest.gap) < shortest:
+        raise Infeasible(
+            f"duration is {given:g} s, but the fastest motion that was found takes {shortest:.6g} s"
+        )
+    first = fastest.trajectory.slowed(given / shortest)
+    scales = Scales(scene, given, least_opening(scene))
     settled: Settled | None = None
     try:
-        for settled in _on_meshes(posed, scales, guess, intervals):
+        for settled in _on_meshes(posed, scales, first, intervals):
             tell(str(settled.rounds[-1]))
             if settled.gap <= tolerance:
                 break
-    except NotConverged as error:  # what is there already is a motion all the same
-        if settled is None:
+    except NotConverged as error:
+        if settled is not None:  # what is there already is a motion all the same
+            tell(str(error))
+            return settled
+        if given >= shortest:
             raise
-        tell(str(error))
+        raise Infeasible(
+            f"duration is {given:g} s, as good as the fastest motion's {shortest:.6g} s, and no "
+            f"motion was found that takes no longer: {error}"
+        ) from None
     assert settled is not None
     return settled
 
@@ -193,8 +218,8 @@ def _excesses(scene: Scene, trajectory: Trajectory) -> tuple[Array, float]:
 
     Of samples, but the largest is sought between them too.
     """
-    torques = np.abs(loads_inside(scene, trajectory, _FRACTIONS).torque)
-    shares = (torques / np.array(scene.torque_limits)).reshape(-1, len(_FRACTIONS), 3)
+    shares = np.abs(loads_inside(scene, trajectory, _FRACTIONS).torque)
+    shares = shares.reshape(-1, len(_FRACTIONS), 3)
     excess = np.maximum(shares.max(axis=1, keepdims=True) - 1, 0.0)
     peak, speed = torque_excess(scene, trajectory), speed_excess(scene, trajectory)
     where = int(trajectory.position.interval(np.array([peak.t]))[0])

@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from deltaopt.dynamics.formulation import Projected
 from deltaopt.dynamics.lagrange import Multiplier
 from deltaopt.effort import cost as cost_of
-from deltaopt.errors import DeltaOptError, Infeasible, NotConverged
-from deltaopt.feasibility import check_feasible
-from deltaopt.limits import Loads, loads_inside, safe_factor, sampled_factor
+from deltaopt.errors import DeltaOptError, NotConverged
+from deltaopt.feasibility import check_feasible, least_opening
+from deltaopt.limits import Loads, loads_inside, safe_factor, sampled_factor, slowing_inside
 from deltaopt.mechanisms.delta_functions import DeltaFunctions
-from deltaopt.model import DeltaModel
+from deltaopt.model import DeltaModel, delta_model
 from deltaopt.objectives import Objective, Time
 from deltaopt.peaks import sample_fractions
 from deltaopt.planning.baseline import between
@@ -33,7 +33,7 @@ from deltaopt.planning.nlp import Spent
 from deltaopt.planning.poses import posed_as
 from deltaopt.planning.problem import Guess, Pose, Posed, Problem, Solved
 from deltaopt.planning.resolve import Resolved, Unsettled, resolve
-from deltaopt.planning.scales import Scales
+from deltaopt.planning.scales import Scales, margin_of_fold
 from deltaopt.planning.starts import Optimum, distinct, first_motions
 from deltaopt.planning.structure import read_structure
 from deltaopt.planning.transcription import PiecewiseAcceleration
@@ -255,7 +255,7 @@ class Planner:
             )
         return Plan(
             scene=scene,
-            trajectory=chosen.trajectory.slowed(chosen.safe_factor),
+            trajectory=chosen.trajectory.slowed(chosen.safe_factor * _for_rounding(scene)),
             formulation=self._pose.name,
             transcription=resolved.problem.name if resolved else self._transcription.name,
             intervals=len(chosen.trajectory.knots) - 1,
@@ -269,29 +269,13 @@ class Planner:
         )
 
     def _of_least_cost(self, scene: Scene, guess: Guess, tell: Progress) -> Plan:
-        """From the fastest motion, slowed to the duration if that is given."""
+        """From the fastest motion."""
         begin = perf_counter()
         quick = Planner(self.robot, self.payload, self.limits)
         fastest = quick._plan(scene.model_copy(update={"objective": Time()}), guess, lambda _: None)
-        given = scene.objective.given_duration or fastest.duration
-        slower = given / fastest.duration
-        if slower * (1 + 2 * fastest.gap) < 1:
-            raise Infeasible(
-                f"duration is {given:g} s, but the fastest motion that was found takes "
-                f"{fastest.duration:.6g} s"
-            )
-        first, model = fastest.trajectory.slowed(slower), fastest.trajectory.model
         cost = cost_to_minimise(scene.objective, scene.torque_limits)
-        posed, scales = self._posed(model, cost), _scales(scene, first)
-        try:
-            found = least_cost(posed, scales, first, self.intervals, self.tolerance, tell)
-        except NotConverged as error:
-            if slower >= 1:
-                raise
-            raise Infeasible(
-                f"duration is {given:g} s, as good as the fastest motion's {fastest.duration:.6g} "
-                f"s, and no motion was found that takes no longer: {error}"
-            ) from None
+        posed = self._posed(fastest.trajectory.model, cost)
+        found = least_cost(posed, fastest, self.intervals, self.tolerance, scene, tell)
         return Plan(
             scene=scene,
             trajectory=found.trajectory,
@@ -329,14 +313,15 @@ class Planner:
     ) -> tuple[list[Attempt], list[Round], Resolved | None]:
         """Solve on finer and finer meshes until the gap is small enough, the switches can be
         resolved, or no more is gained."""
-        model = DeltaModel(scene.robot, scene.payload)
-        posed, scales = self._posed(model, FASTEST), _scales(scene, first.trajectory)
+        model = delta_model(scene.robot, scene.payload)
+        posed = self._posed(model, FASTEST)
+        scales = Scales(scene, first.trajectory.duration, least_opening(scene))
         mesh = np.full(self.intervals, 1 / self.intervals)
         attempts = [_attempt(posed.on(mesh), scales, first, model)]
         rounds = [_round(attempts)]
         tell(str(rounds[-1]))
         while not self._done(rounds):
-            last, aim = attempts[-1], self.tolerance / 4
+            last, aim = attempts[-1], self.tolerance / 2
             if self._by_switches:
                 if rounds[-1].gap < _READABLE:
                     resolved = self._resolved(last, scales, tell)
@@ -386,7 +371,7 @@ class Planner:
     def _guesses(self, scene: Scene, near: Plan | None, starts: int, seed: int) -> Iterator[Guess]:
         """The plan of similar ends, moved to these; or motions without optimisation."""
         if near is not None:
-            model = DeltaModel(scene.robot, scene.payload)
+            model = delta_model(scene.robot, scene.payload)
             moved = between(near.trajectory, model, scene.start, scene.goal)
             yield Guess(moved, near=True, tolerance=self.tolerance)
             starts -= 1
@@ -402,7 +387,7 @@ class Planner:
     @property
     def _accuracy(self) -> float:
         """Of the solution on a mesh; structures are read from exact ones only."""
-        return 1e-8 if self._by_switches else self.tolerance / 5
+        return 1e-8 if self._by_switches else self.tolerance / 2
 
     @property
     def _by_switches(self) -> bool:
@@ -429,6 +414,11 @@ class Planner:
         return self.transcription or usual
 
 
+def _for_rounding(scene: Scene) -> float:
+    """Torques near a fold are known to rounding over its margin only, whoever computes them."""
+    return 1 + float(np.finfo(float).eps) / margin_of_fold(least_opening(scene))
+
+
 @lru_cache(maxsize=32)
 def _posed(
     pose: Pose,
@@ -440,18 +430,13 @@ def _posed(
     return pose.of(functions, transcription, speed=speed, cost=cost)
 
 
-def _scales(scene: Scene, guess: Trajectory) -> Scales:
-    """Of a scene, in the unit of time of a first guess."""
-    openings = guess.model.openings([scene.start, scene.goal])
-    return Scales(scene, guess.duration, float(openings.min()))
-
-
 def _attempt(problem: Problem, scales: Scales, guess: Guess, model: DeltaModel) -> Attempt:
     solution = problem.solve(guess, scales, model.parameters)
     trajectory = Trajectory(solution.position, model, solution.coordinates)
     scene, loads = scales.scene, loads_inside(scales.scene, trajectory, FRACTIONS)
-    lost = given_away(solution.prices, *_shares(scene, loads))
-    factor = sampled_factor(scene, loads)
+    slowing = slowing_inside(loads, len(FRACTIONS))
+    lost = given_away(solution.prices, *_shares(scene, loads), slowing)
+    factor = sampled_factor(loads)
     return Attempt(problem, solution, trajectory, loads, lost, factor, scene)
 
 
@@ -481,10 +466,8 @@ class Attempt:
 def _shares(scene: Scene, loads: Loads) -> tuple[Array, Array | None]:
     """Torques and, if limited, speeds inside the intervals, as fractions of their limits."""
     shape = (-1, len(FRACTIONS), 3)
-    torque = (loads.torque / np.array(scene.torque_limits)).reshape(shape)
-    if scene.speed_limits is None:
-        return torque, None
-    return torque, (loads.speed / np.array(scene.speed_limits)).reshape(shape)
+    speed = None if scene.speed_limits is None else loads.speed.reshape(shape)
+    return loads.torque.reshape(shape), speed
 
 
 def _gap(rounds: list[Round], chosen: int) -> float:

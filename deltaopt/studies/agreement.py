@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.errors import NotConverged
-from deltaopt.limits import loads_inside
+from deltaopt.feasibility import least_opening
 from deltaopt.planning.arcs import ArcProblem
 from deltaopt.planning.cost import FASTEST
 from deltaopt.planning.flat import ScaledEquations
@@ -86,12 +86,12 @@ def agreement(scene: Scene, told: Callable[[float], None]) -> Agreement:
 def _structure(found: Plan) -> Structure:
     """Which limits hold when, from the motion itself; lengths a little off."""
     scene, motion = found.scene, found.trajectory
-    loads = loads_inside(scene, motion, _FRACTIONS)
+    inside = motion.inside_intervals(_FRACTIONS)
     shape = (-1, len(_FRACTIONS), 3)
-    torque = (loads.torque / np.array(scene.torque_limits)).reshape(shape)
+    torque = (inside.tau / np.array(scene.torque_limits)).reshape(shape)
     speed = None
     if scene.speed_limits is not None:
-        speed = (loads.speed / np.array(scene.speed_limits)).reshape(shape)
+        speed = (inside.dtheta / np.array(scene.speed_limits)).reshape(shape)
     read = read_structure(np.diff(motion.knots) / found.duration, torque, speed)
     rng = np.random.default_rng(1)
     off = 1 + _DISTURBED * rng.uniform(-1, 1, len(read.lengths))
@@ -120,8 +120,7 @@ def _forward(found: Plan, mesh: Array) -> float:
 
 def _scales(found: Plan) -> Scales:
     scene = found.scene
-    openings = found.trajectory.model.openings([scene.start, scene.goal])
-    return Scales(scene, found.duration, float(openings.min()))
+    return Scales(scene, found.duration, least_opening(scene))
 
 
 def _uniform() -> Array:
