@@ -34,7 +34,7 @@ from deltaopt.trajectory import Trajectory
 Array = NDArray[np.float64]
 
 SMOOTH = PiecewiseAcceleration(2, (0.25, 0.75))
-"""By measurement: `deltaopt bench objectives`. Degree 3 is no better once a limit is active."""
+"""By measurement, `deltaopt bench objectives`: degree 3 is no better once a limit is active."""
 MOST_INTERVALS = 256
 _FRACTIONS = np.linspace(0.0, 1.0, 97)
 """Where in every interval loads are held against their limits."""
