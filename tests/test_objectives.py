@@ -18,7 +18,7 @@ from deltaopt.planning.arcs import ArcProblem
 from deltaopt.planning.certificate import certify
 from deltaopt.planning.cost import Cost
 from deltaopt.planning.flat import FlatEquations, ScaledEquations
-from deltaopt.planning.structure import Structure
+from deltaopt.planning.structure import read_structure
 from deltaopt.planning.transcription import PiecewiseAcceleration
 from deltaopt.trajectory import Trajectory
 from test_exact_answers import Line, UnitMass
@@ -109,9 +109,8 @@ def test_a_push_that_comes_to_its_limit():
 
 def test_a_free_push_as_an_arc():
     """With a running cost and a given duration, to the last digit, and certified."""
-    none = np.zeros((1, 3), np.int8)
-    problem = ArcProblem(FREE.equations, Structure(np.ones(1), none, none), 4, EFFORT)
-    scales = FREE.scales
+    free = read_structure(np.full(10, 0.1), np.zeros((10, 3, 3)), None)
+    problem, scales = ArcProblem(FREE.equations, free, 4, EFFORT), FREE.scales
     p = scales.vector()
     found = problem.program.solve(problem.pack(FREE.guess, scales), *problem.bounds(scales), p)
     motion = Trajectory(problem.unpack(found.z, scales), UnitMass())

@@ -19,7 +19,7 @@ from deltaopt.planning.certificate import certify
 from deltaopt.planning.cost import Cost
 from deltaopt.planning.flat import ScaledEquations
 from deltaopt.planning.scales import Scales
-from deltaopt.planning.structure import Structure
+from deltaopt.planning.structure import Structure, read_structure
 from deltaopt.trajectory import PiecewisePolynomial, Trajectory
 from test_exact_answers import UnitMass
 
@@ -61,12 +61,17 @@ def guess() -> Trajectory:
     return Trajectory(PiecewisePolynomial(np.array([0.0, T]), line), UnitMass())
 
 
+def structure() -> Structure:
+    """As read from a mesh of ten intervals: down, free, up."""
+    loads = np.zeros((10, 3, 3))
+    loads[:, :, 0] = np.array([-1.0] * 4 + [0.0] * 4 + [1.0] * 2)[:, None]
+    return read_structure(np.full(10, 0.1), loads, None)
+
+
 @pytest.fixture(scope="module", params=[3, 5, 8])
 def solved(request):
     """(problem, solution) from lengths that are not the answer's."""
-    held = np.array([[-1, 0, 0], [0, 0, 0], [1, 0, 0]], np.int8)
-    structure = Structure(np.array([0.4, 0.4, 0.2]), held, np.zeros_like(held))
-    problem, scaled = ArcProblem(equations(), structure, request.param, COST), scales()
+    problem, scaled = ArcProblem(equations(), structure(), request.param, COST), scales()
     start = problem.pack(guess(), scaled)
     return problem, problem.program.solve(start, *problem.bounds(scaled), scaled.vector())
 
