@@ -17,7 +17,7 @@ LIGHT = load_scene("problems/light_and_fast.yaml")
 def test_other_means_find_the_same():
     """Polynomials of two degrees and shooting to 1e-8; forward dynamics, on a mesh that knows the
     switches, to 1e-7, on one that does not to 1e-5."""
-    study = agreement(LIGHT, lambda done: None)
+    study = agreement(LIGHT, lambda done: None, intervals=80)
     differ = [abs(study.differs(answer)) for answer in study.answers]
     assert max(differ[:3]) < 1e-8
     assert differ[4] < 1e-7 < differ[3] < 1e-5

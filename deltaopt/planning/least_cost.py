@@ -26,14 +26,14 @@ from deltaopt.planning.cost import FASTEST, Cost
 from deltaopt.planning.nlp import Spent
 from deltaopt.planning.problem import Guess, Posed, Solved
 from deltaopt.planning.scales import Scales
-from deltaopt.planning.transcription import PiecewiseAcceleration
+from deltaopt.planning.transcription import QUADRATIC
 from deltaopt.record import Vector3
 from deltaopt.scene import Scene
 from deltaopt.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
-SMOOTH = PiecewiseAcceleration(2, (0.25, 0.75))
+SMOOTH = QUADRATIC
 """By measurement, `deltaopt bench objectives`: degree 3 is no better once a limit is active."""
 MOST_INTERVALS = 256
 _FRACTIONS = np.linspace(0.0, 1.0, 97)

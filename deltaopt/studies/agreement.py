@@ -23,7 +23,7 @@ from deltaopt.planning.poses import Forward
 from deltaopt.planning.problem import Guess
 from deltaopt.planning.scales import Scales
 from deltaopt.planning.structure import Structure, read_structure
-from deltaopt.planning.transcription import PiecewiseAcceleration
+from deltaopt.planning.transcription import QUADRATIC
 from deltaopt.scene import Scene
 from deltaopt.studies.shooting import shoot
 
@@ -36,7 +36,6 @@ _DISTURBED = 1e-3
 """Lengths of arcs from which the others begin are off by so much."""
 _SLOWER = 1.1
 """So much the guess for forward dynamics is slowed: its torques are within their limits then."""
-_QUADRATIC = PiecewiseAcceleration(2, (0.25, 0.75))
 
 
 @dataclass(frozen=True)
@@ -60,8 +59,8 @@ class Agreement:
         return answer.duration / self.reference - 1
 
 
-def agreement(scene: Scene, told: Callable[[float], None]) -> Agreement:
-    """Of all ways, for one scene."""
+def agreement(scene: Scene, told: Callable[[float], None], intervals: int = INTERVALS) -> Agreement:
+    """Of all ways, for one scene; ``intervals``: of the meshes for forward dynamics."""
     found = plan(scene, tolerance=1e-8)
     structure = _structure(found)
     ways: list[tuple[str, Callable[[], float]]] = [
@@ -70,8 +69,11 @@ def agreement(scene: Scene, told: Callable[[float], None]) -> Agreement:
     ]
     ways += [
         ("shooting", lambda: shoot(scene, structure, found.duration).duration),
-        (f"forward, {INTERVALS} uniform", partial(_forward, found, _uniform())),
-        (f"forward, {INTERVALS} on switches", partial(_forward, found, _on_switches(found))),
+        (f"forward, {intervals} uniform", partial(_forward, found, _uniform(intervals))),
+        (
+            f"forward, {intervals} on switches",
+            partial(_forward, found, _on_switches(found, intervals)),
+        ),
     ]
     answers = []
     for i, (way, duration) in enumerate(ways, 1):
@@ -113,7 +115,7 @@ def _forward(found: Plan, mesh: Array) -> float:
     """Unslowed: what the transcription takes for the fastest."""
     model, scales = found.trajectory.model, _scales(found)
     speed = found.scene.speed_limits is not None
-    posed = Forward().of(model.functions, _QUADRATIC, speed=speed, cost=FASTEST)
+    posed = Forward().of(model.functions, QUADRATIC, speed=speed, cost=FASTEST)
     start = Guess(found.trajectory.slowed(_SLOWER), near=False, tolerance=1e-8)
     return float(posed.on(mesh).solve(start, scales, model.parameters).position.knots[-1])
 
@@ -123,14 +125,14 @@ def _scales(found: Plan) -> Scales:
     return Scales(scene, found.duration, least_opening(scene))
 
 
-def _uniform() -> Array:
-    return np.full(INTERVALS, 1 / INTERVALS)
+def _uniform(intervals: int) -> Array:
+    return np.full(intervals, 1 / intervals)
 
 
-def _on_switches(found: Plan) -> Array:
+def _on_switches(found: Plan, intervals: int) -> Array:
     """About as many intervals, none across a switch."""
     lengths = np.diff(found.trajectory.knots) / found.duration
-    pieces = np.ceil(lengths * INTERVALS).astype(int)
+    pieces = np.ceil(lengths * intervals).astype(int)
     return np.repeat(lengths / pieces, pieces)
 
 
