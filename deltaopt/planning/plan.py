@@ -17,7 +17,7 @@ from deltaopt.dynamics.formulation import Projected
 from deltaopt.dynamics.lagrange import Multiplier
 from deltaopt.effort import cost as cost_of
 from deltaopt.errors import DeltaOptError, NotConverged
-from deltaopt.feasibility import check_feasible, least_opening
+from deltaopt.feasibility import check_feasible, least_opening, least_reach
 from deltaopt.limits import Loads, loads_inside, safe_factor, sampled_factor, slowing_inside
 from deltaopt.mechanisms.delta_functions import DeltaFunctions
 from deltaopt.model import DeltaModel, delta_model
@@ -27,7 +27,7 @@ from deltaopt.planning.baseline import between
 from deltaopt.planning.certificate import Certificate
 from deltaopt.planning.cost import FASTEST, Cost
 from deltaopt.planning.flat import Flat, ScaledEquations
-from deltaopt.planning.gap import FRACTIONS, GivenAway, given_away, refined
+from deltaopt.planning.gap import DOUBT, FRACTIONS, GivenAway, given_away, refined
 from deltaopt.planning.least_cost import SMOOTH, CostRound, cost_to_minimise, least_cost
 from deltaopt.planning.nlp import Spent
 from deltaopt.planning.poses import posed_as
@@ -321,7 +321,7 @@ class Planner:
         rounds = [_round(attempts)]
         tell(str(rounds[-1]))
         while not self._done(rounds):
-            last, aim = attempts[-1], self.tolerance / 2
+            last, aim = attempts[-1], self.tolerance / 3
             if self._by_switches:
                 if rounds[-1].gap < _READABLE:
                     resolved = self._resolved(last, scales, tell)
@@ -387,7 +387,7 @@ class Planner:
     @property
     def _accuracy(self) -> float:
         """Of the solution on a mesh; structures are read from exact ones only."""
-        return 1e-8 if self._by_switches else self.tolerance / 2
+        return 1e-8 if self._by_switches else self.tolerance / 3
 
     @property
     def _by_switches(self) -> bool:
@@ -415,8 +415,10 @@ class Planner:
 
 
 def _for_rounding(scene: Scene) -> float:
-    """Torques near a fold are known to rounding over its margin only, whoever computes them."""
-    return 1 + float(np.finfo(float).eps) / margin_of_fold(least_opening(scene))
+    """Torques near a serial singularity are known to rounding over its distance only, whoever
+    computes them."""
+    least = min(margin_of_fold(least_opening(scene)), least_reach(scene))
+    return 1 + float(np.finfo(float).eps) / least
 
 
 @lru_cache(maxsize=32)
@@ -497,6 +499,6 @@ def _round(attempts: list[Attempt]) -> Round:
         iterations=last.solution.iterations,
         duration=last.trajectory.duration,
         safe_duration=last.trajectory.duration * last.safe_factor,
-        gap=last.safe_factor - 1 + correction * last.lost.total,
+        gap=last.safe_factor - 1 + correction * DOUBT * (last.lost.total + last.solution.left),
         spent=last.solution.spent,
     )
