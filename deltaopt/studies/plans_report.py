@@ -239,10 +239,7 @@ def _degree(study: PlanStudy) -> str:
         if linear and quadratic:
             total += 1
             better += min(r.gap for r in quadratic) < min(r.gap for r in linear)
-    return (
-        f"Degree 2 reaches a smaller gap than degree 1 in {better} of {total} cases: torques of"
-        " fastest motions jump, and a polynomial of higher degree swings where they do."
-    )
+    return f"Degree 2 reaches a smaller gap than degree 1 in {better} of {total} cases."
 
 
 def _of(study: PlanStudy, case: str, degree: int) -> Iterable[Row]:
