@@ -143,7 +143,13 @@ class Variables:
             weights[:, j, :, :k] = part[:, None]
             columns[:, j, :, :k] = self._columns()[:, which]
             columns[:, j, :, k] = self._begins()[:, None] + self._block + j * m + which
-        return Layout(columns.reshape(-1, k + 1), weights.reshape(-1, k + 1))
+        names = tuple(
+            f"continuity of the {what} of coordinate {i + 1} at {knot:.1%} of the duration"
+            for knot in self.knots[1:]
+            for what in ("position", "velocity")
+            for i in components
+        )
+        return Layout(columns.reshape(-1, k + 1), weights.reshape(-1, k + 1), names)
 
     def _begins(self) -> NDArray[np.intp]:
         return np.asarray(self._block * np.arange(self.intervals), dtype=np.intp)
