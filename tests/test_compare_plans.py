@@ -13,7 +13,7 @@ import deltaopt
 from deltaopt.dynamics.consistency import Residuals
 from deltaopt.limits import safe_factor
 from deltaopt.mechanisms.five_bar import FiveBarParameters, five_bar, inverse_kinematics
-from deltaopt.planning.chain import flat_equations
+from deltaopt.planning.chain_equations import flat_equations
 from deltaopt.planning.transcription import PiecewiseAcceleration
 from deltaopt.plots.plans import draw
 from deltaopt.studies.interpreted import interpreted

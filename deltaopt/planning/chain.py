@@ -1,13 +1,12 @@
-"""Four ways to pose minimum time for a closed chain, one problem that serves them all.
+"""Minimum time for a closed chain on a mesh: one problem that serves every pose.
 
-    flat         ξ polynomial in time; Cᵀ (Q* + Q) = 0 at ξ's q, q̇, q̈           eq. (39)
-    forward      ξ and τ polynomial; ξ̈ = forward dynamics of (ξ, ξ̇, τ) at the nodes
-    explicit     q polynomial; Cᵀ (Q* + Q) = 0, loops closed by constraints      eq. (39)
-    multiplier   q polynomial; Q* + Q + Jᵀ λ = 0, loops closed by constraints    eq. (37)
+    minimise T + ε Σ_i η_i ∫ (dτ/dc)² dc   over the interval i, c from 0 to 1, τ over its limits
 
-Solving for the products with J⁽ᵏ⁾⁻¹ in the explicit form by further unknowns w_k, with
-J⁽ᵏ⁾ᵀ w_k = (Q* + Q)⁽ᵏ⁾, gives the multiplier form again, w = -λ: lifted, they are one.
-Virtual work and Kane's method lead to eq. (39) too.
+subject to a pose's equations (see ``chain_equations``), limits and ends. The sum is no part of
+the task: in an interval where a torque switches, its values can be traded against each other
+for less than 1e-6 of the duration, along directions that are flat or slightly concave, and
+Ipopt creeps along them for tens of iterations. With ε they have a bottom; it costs nothing
+where torques jump at knots only, and a motion without such ramps exceeds its limits less.
 """
 
 from __future__ import annotations
@@ -19,17 +18,44 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.dynamics.mechanism import SX
-from deltaopt.planning.closure import LoopClosure, closed
+from deltaopt.planning.closure import LoopClosure
 from deltaopt.planning.cost import FASTEST, Cost
-from deltaopt.planning.nlp import Layout, PointFunction, Points, Program, RunningCost, Solution
+from deltaopt.planning.nlp import (
+    Layout,
+    Options,
+    PointFunction,
+    Points,
+    Program,
+    RunningCost,
+    Solution,
+)
 from deltaopt.planning.system import RestToRest, System
 from deltaopt.planning.transcription import PiecewiseAcceleration
 from deltaopt.planning.variables import Variables
 from deltaopt.trajectory import PiecewisePolynomial
 
 Array = NDArray[np.float64]
+
+STEADINESS = 1e-3
+"""ε above: it changes durations by less than 3e-5 once knots lie at the switches."""
+
+FAR: Options = {"ipopt.mumps_pivtol": 1e-3}
+"""From a guess that is no solution. With Ipopt's pivots (1e-6) MUMPS miscounts the signs of
+the eigenvalues of redundant poses on fine meshes, and Ipopt corrects what is in order."""
+NEAR: Options = {
+    **FAR,
+    "ipopt.mu_strategy": "monotone",
+    "ipopt.mu_init": 1e-6,
+    "ipopt.bound_mult_init_method": "mu-based",
+    "ipopt.bound_push": 1e-5,
+    "ipopt.bound_frac": 1e-5,
+    "ipopt.slack_bound_push": 1e-5,
+    "ipopt.slack_bound_frac": 1e-5,
+}
+"""From the solution on the mesh before. The barrier costs its parameter times the number of
+bounds, some 1e-3 of the duration, what a mesh may lack; Ipopt's own beginning drives torques so
+far from their limits that the duration grows tenfold before it falls again."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +64,9 @@ class Equations:
 
     ``coordinates``: indices of q that are polynomials. ``multipliers``: λ's among the
     algebraic unknowns. ``dynamics``: (X, V, A, τ[, λ], T), p -> rows that vanish.
-    ``at_nodes``: whether torques are polynomials, given at the nodes, or free at all points.
+    ``at_nodes``: whether dynamics and limits hold at the nodes, where the loops close and
+    whose number is that of a torque's coefficients, or at all points, where torque is that of
+    the path.
     ``acceleration``: (X, V, A, T), p -> rows that vanish. ``speed``: rows of at most 1.
     ``opening``: rows that are not negative.
     """
@@ -67,140 +95,25 @@ class Equations:
         return ChainProblem(self, transcription, mesh, cost)
 
 
-def flat_equations(system: System) -> Equations:
-    u = system.units
-    y, X, V, A, tau, T = _symbols(len(system.independent), system.motors)
-    motion = _physical(u.q[list(system.independent)], X, V, A, u.time * T)
-    rows = _in_units(system.equations(*motion, u.torque * tau, system.p), system)
-    return Equations(
-        system,
-        system.independent,
-        0,
-        _named("equation (39)", y, system, rows),
-        speed=_speed(system, minimal=True),
-        opening=_opening(system, minimal=True),
-    )
-
-
-def forward_equations(system: System) -> Equations:
-    m, u, nu = system.mechanism, system.units, len(system.independent)
-    units = u.q[list(system.independent)]
-    y, X, V, A, tau, T = _symbols(nu, system.motors)
-    rest = SX.zeros(nu)
-    x, v, _ = _physical(units, X, V, A, u.time * T)
-    q, dq, _ = system.motion(x, v, rest, system.p)
-    ddq, _ = Explicit().forward_dynamics(m).expand()(0, q, dq, u.torque * tau, m.parameters)
-    rows = A - (u.time * T) ** 2 * ddq[list(system.independent)] / units
-    return Equations(
-        system,
-        system.independent,
-        0,
-        _named("forward dynamics", y, system, rows),
-        at_nodes=True,
-        speed=_speed(system, minimal=True),
-        opening=_opening(system, minimal=True),
-    )
-
-
-def explicit_equations(system: System, closure: LoopClosure) -> Equations:
-    m, u = system.mechanism, system.units
-    y, X, V, A, tau, T = _symbols(system.n, system.motors)
-    motion = _physical(u.q, X, V, A, u.time * T)
-    residual = Explicit().residual(m).expand()(0, *motion, u.torque * tau, m.parameters)
-    dynamics = _named("equation (39)", y, system, _in_units(residual, system))
-    return _redundant(system, closure, 0, dynamics)
-
-
-def multiplier_equations(system: System, closure: LoopClosure) -> Equations:
-    m, u, gamma = system.mechanism, system.units, system.constraints
-    y, X, V, A, w, T = _symbols(system.n, system.motors + gamma)
-    tau, lam = u.torque * w[: system.motors], u.energy / u.closure * w[system.motors :]
-    motion = _physical(u.q, X, V, A, u.time * T)
-    residual = Multiplier().residual(m)(0, *motion, tau, lam, m.parameters)
-    dynamics = _named("equation (37)", y, system, residual * u.q / u.energy)
-    return _redundant(system, closure, gamma, dynamics)
-
-
-def _redundant(
-    system: System, closure: LoopClosure, multipliers: int, dynamics: PointFunction
-) -> Equations:
-    """With loops closed at acceleration level at the nodes, and at the knots as asked."""
-    m, u = system.mechanism, system.units
-    y, X, V, A, _, _ = _symbols(system.n, 0)
-    f, df, _ = closed(system, X, V)
-    second = ca.Function("second", [m.q, m.dq, m.ddq, m.parameters], [m.J @ m.ddq + m.J_bias])
-    ddf = second(u.q * X, u.q * V, u.q * A, m.parameters) / u.closure  # the same in any time
-    rows = ddf + closure.feedback(f, df)
-    return Equations(
-        system,
-        tuple(range(system.n)),
-        multipliers,
-        dynamics,
-        speed=_speed(system, minimal=False),
-        opening=_opening(system, minimal=False),
-        closure=closure,
-        acceleration=_named("loop closure at acceleration level", y, system, rows),
-        at_knots=closure.at_knots(system),
-    )
-
-
-def _speed(system: System, *, minimal: bool) -> PointFunction | None:
-    """Motor speeds over their limits, if there are any."""
-    m, u = system.mechanism, system.units
-    if u.speed is None:
-        return None
-    y, q, dq, T = _state(system, minimal=minimal)
-    rate = ca.Function("rate", [m.q, m.dq, m.parameters], [m.B.T @ m.dq])
-    rows = rate(q, dq, m.parameters) / (u.time * T * u.speed)
-    return _named("motor speed", y, system, rows)
-
-
-def _opening(system: System, *, minimal: bool) -> PointFunction | None:
-    """What keeps the motion inside its assembly mode, if it can be left."""
-    if system.openings.numel() == 0:
-        return None
-    y, q, _, _ = _state(system, minimal=minimal)
-    return _named("assembly mode", y, system, system.inside(q, system.p))
-
-
-def _state(system: System, *, minimal: bool) -> tuple[SX, SX, SX, SX]:
-    """y = (X, V, A, T), q, q̇ (with time in units of the duration), T."""
-    if not minimal:
-        y, X, V, _, _, T = _symbols(system.n, 0)
-        return y, system.units.q * X, system.units.q * V, T
-    y, X, V, _, _, T = _symbols(len(system.independent), 0)
-    units = system.units.q[list(system.independent)]
-    q, dq, _ = system.motion(units * X, units * V, SX.zeros(X.numel()), system.p)
-    return y, q, dq, T
-
-
-def _in_units(residual: SX, system: System) -> SX:
-    """Eq. (39): forces on ξ."""
-    return residual * system.units.q[list(system.independent)] / system.units.energy
-
-
-def _symbols(m: int, unknowns: int) -> tuple[SX, SX, SX, SX, SX, SX]:
+def symbols(m: int, unknowns: int) -> tuple[SX, SX, SX, SX, SX, SX]:
     """y and its parts X, V, A (m each), algebraic unknowns, T."""
     y = SX.sym("y", 3 * m + unknowns + 1)
     return y, y[:m], y[m : 2 * m], y[2 * m : 3 * m], y[3 * m : -1], y[-1]
 
 
-def _physical(units: SX, X: SX, V: SX, A: SX, T: SX) -> tuple[SX, SX, SX]:
-    return units * X, units * V / T, units * A / T**2
-
-
-def _named(name: str, y: SX, system: System, rows: SX) -> PointFunction:
+def named(name: str, y: SX, system: System, rows: SX) -> PointFunction:
     return PointFunction(name, ca.Function("rows", [y, system.p], [ca.cse(ca.densify(rows))]))
 
 
 @dataclass(frozen=True)
 class ChainProblem:
-    """A pose's equations on a mesh of interval fractions (N,)."""
+    """A pose's equations on a mesh of interval fractions (N,); ``steadiness``: ε."""
 
     equations: Equations
     transcription: PiecewiseAcceleration
     mesh: Array
     cost: Cost = FASTEST
+    steadiness: float = STEADINESS
 
     @cached_property
     def variables(self) -> Variables:
@@ -216,17 +129,35 @@ class ChainProblem:
 
     @cached_property
     def program(self) -> Program:
-        """Of least cost, the running one ∫ τᵀτ dt by Lobatto's rule at the nodes."""
+        """Of least cost, from a guess that is no solution."""
+        return self.program_with(FAR)
+
+    def program_with(self, options: Options) -> Program:
+        """With other options of Ipopt. Effort has a bottom of its own."""
         cost = np.zeros(self.variables.number)
         cost[-1] = self.cost.time
-        running = self._effort() if self.cost.running else None
-        return Program(cost, self._continuity, self._rows(), running=running)
+        running = self._effort() if self.cost.running else self._unsteadiness()
+        return Program(cost, self._continuity, self._rows(), options, running)
+
+    def _unsteadiness(self) -> RunningCost | None:
+        """ε Σ_i η_i ∫ (dτ/dc)² dc, torques linear between their points."""
+        if self.steadiness == 0:
+            return None
+        system, v = self.equations.system, self.variables
+        y = SX.sym("y", 2 * system.motors)
+        before, after = ca.vertsplit(y, system.motors)
+        change = named("change of torque", y, system, ca.sumsqr(after - before))
+        weights = self.steadiness * v.mesh[:, None] / np.diff(v.points)
+        bound = np.zeros(1)
+        points = Points(change, v.changes(system.motors), bound, bound)
+        return RunningCost(points, weights.ravel())
 
     def _effort(self) -> RunningCost:
+        """∫ τᵀτ dt by Lobatto's rule at the nodes."""
         e, v, t = self.equations, self.variables, self.transcription
-        y, _, _, _, w, T = _symbols(v.components, v.unknowns)
+        y, _, _, _, w, T = symbols(v.components, v.unknowns)
         m = e.system.motors
-        rate = _named("effort", y, e.system, T * ca.sumsqr(e.system.units.torque * w[:m]))
+        rate = named("effort", y, e.system, T * ca.sumsqr(e.system.units.torque * w[:m]))
         points = self._points(rate, v.points, algebraic=True)
         weights = np.zeros((v.intervals, len(v.points)))
         weights[:, np.searchsorted(v.points, t.nodes)] = self.mesh[:, None] * t.quadrature
@@ -243,9 +174,9 @@ class ChainProblem:
             zero = np.zeros(size)
             rows.append(Points(e.at_knots, v.ends(), zero, zero, v.knots[1:]))
         if e.opening is not None:
-            rows.append(self._points(e.opening, t.points, upper=np.inf))
+            rows.append(self._points(e.opening, v.points, upper=np.inf))
         if e.speed is not None:
-            rows.append(self._points(e.speed, t.points, lower=-1.0, upper=1.0))
+            rows.append(self._points(e.speed, t.velocity_points, lower=-1.0, upper=1.0))
         return rows
 
     def _points(
@@ -324,18 +255,19 @@ class ChainProblem:
 
     def prices(self, solution: Solution) -> Array:
         """Fraction of the duration per fraction of a limit, (N, points, m or 2 m): torques, then
-        limited speeds; positive at the upper limit, negative at the lower."""
-        v, N, points = self.variables, self.variables.intervals, self.transcription.points
-        m = self.equations.system.motors
-        torque = np.zeros((N, len(points), m))
-        torque[:, np.searchsorted(points, v.points)] = v.algebraic(solution.bound_multipliers)[
-            :, :, :m
-        ]
-        parts = [torque]
-        if self.equations.speed is not None:
-            speed = solution.row_multipliers[-N * len(points) * m :]
-            parts.append(speed.reshape(N, len(points), m))
-        return np.asarray(np.concatenate(parts, axis=2) / solution.z[-1])
+        limited speeds; positive at the upper limit, negative at the lower. The points are those
+        of torques and those of speeds, in order."""
+        v, m = self.variables, self.equations.system.motors
+        torque = v.algebraic(solution.bound_multipliers)[:, :, :m] / solution.z[-1]
+        if self.equations.speed is None:
+            return np.asarray(torque)
+        places = self.transcription.velocity_points
+        speed = solution.row_multipliers[-v.intervals * len(places) * m :] / solution.z[-1]
+        points = np.union1d(v.points, places)
+        prices = np.zeros((v.intervals, len(points), 2 * m))
+        prices[:, np.searchsorted(points, v.points), :m] = torque
+        prices[:, np.searchsorted(points, places), m:] = speed.reshape(-1, len(places), m)
+        return prices
 
 
 @dataclass(frozen=True)

@@ -109,7 +109,10 @@ class KnotConstraints:
         _, _, X, V = ca.vertsplit(y, system.n)
         f, df, _ = closed(system, X, V)
         rows = ca.vertcat(f, df)
-        return PointFunction("loop closure at a knot", ca.Function("knot", [y, system.p], [rows]))
+        return PointFunction(
+            "loop closure at a knot, constraint and its rate, row",
+            ca.Function("knot", [y, system.p], [rows]),
+        )
 
 
 @dataclass(frozen=True)
@@ -136,7 +139,9 @@ class Projection:
         f, df, J = closed(system, X, V)
         moved = X - X_before - J.T @ sigma, V - V_before - J.T @ rho
         rows = ca.vertcat(*moved, f, df)
-        return PointFunction("projection at a knot", ca.Function("knot", [y, system.p], [rows]))
+        return PointFunction(
+            "projection at a knot, row", ca.Function("knot", [y, system.p], [rows])
+        )
 
 
 def closed(system: System, X: SX, V: SX) -> tuple[SX, SX, SX]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from deltaopt.dynamics.mechanism import SX
 from deltaopt.mechanisms.delta_functions import DeltaFunctions
-from deltaopt.planning.chain import ChainProblem, Equations
+from deltaopt.planning.chain import FAR, NEAR, ChainProblem, Equations
 from deltaopt.planning.cost import Cost
 from deltaopt.planning.problem import Guess, Solved
 from deltaopt.planning.scales import Scales
@@ -81,7 +81,8 @@ class DeltaProblem:
         at the knots and the motion is reported as that of the platform."""
         task, chain = rest_to_rest(scales, parameters), self.chain
         z = chain.pack(guess.trajectory.position, task)
-        found = chain.program.solve(z, *chain.bounds(task, scales.torque_share), task.p)
+        program = chain.program_with(NEAR if guess.near else FAR)
+        found = program.solve(z, *chain.bounds(task, scales.torque_share), task.p)
         q, closure = chain.unpack(found.z, task), chain.equations.closure
         return Solved(
             PiecewisePolynomial(q.knots, q.coefficients[:, :, :3]),

@@ -93,10 +93,12 @@ class Layout:
     """A constant sparse matrix L, each row the sum of a few weighted variables.
 
     ``columns`` and ``weights``: (rows, k); row i is Σ_k weights[i, k] z[columns[i, k]].
+    ``names``: what an error calls each row, if it may be one's subject.
     """
 
     columns: Integers
     weights: Array
+    names: tuple[str, ...] = ()
 
     def matrix(self, n_variables: int) -> ca.DM:
         rows = np.repeat(np.arange(len(self.columns)), self.columns.shape[1])
@@ -217,7 +219,7 @@ class Program:
     @property
     def row_names(self) -> list[str]:
         """What each row is and when."""
-        names = ["continuity"] * len(self._linear.columns)
+        names = list(self._linear.names) or ["continuity"] * len(self._linear.columns)
         return names + [name for points in self._points for name in points.row_names()]
 
     def solve(self, guess: Array, lower: Array, upper: Array, p: Array) -> Solution:

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from deltaopt.dynamics.formulation import Projected
 from deltaopt.dynamics.lagrange import Multiplier
 from deltaopt.mechanisms.delta_functions import DeltaFunctions
-from deltaopt.planning.chain import (
-    Equations,
+from deltaopt.planning.chain import Equations
+from deltaopt.planning.chain_equations import (
     explicit_equations,
     forward_equations,
     multiplier_equations,

@@ -27,7 +27,7 @@ _SIMULTANEOUS = 2e-4
 @dataclass(frozen=True)
 class Structure:
     """``lengths`` of the arcs, (n,), fractions of the duration; ``torque`` and ``speed``:
-    the limits that hold, (n, 3), 1 the upper, -1 the lower, 0 none."""
+    the limits that hold, (n, m), 1 the upper, -1 the lower, 0 none."""
 
     lengths: Array
     torque: Signs
@@ -35,12 +35,15 @@ class Structure:
 
 
 def read_structure(mesh: Array, torque: Array, speed: Array | None) -> Structure:
-    """From loads in the intervals of a mesh (N,), fractions of their limits, (N, points, 3)."""
+    """From loads in the intervals of a mesh (N,), fractions of their limits, (N, points, m)."""
+    motors = torque.shape[2]
     ends = np.concatenate([[0.0], np.cumsum(mesh)])
     ends[-1] = 1.0
-    speeds = np.zeros((len(mesh), 3), np.int8) if speed is None else _held(speed, _SPEED_AT_LIMIT)
+    speeds = (
+        np.zeros((len(mesh), motors), np.int8) if speed is None else _held(speed, _SPEED_AT_LIMIT)
+    )
     torques = np.where(speeds != 0, 0, _held(torque, _TORQUE_AT_LIMIT)).astype(np.int8)
-    runs = [_runs(ends, torques[:, k], speeds[:, k], torque[:, :, k]) for k in range(3)]
+    runs = [_runs(ends, torques[:, k], speeds[:, k], torque[:, :, k]) for k in range(motors)]
     switches = _merged(np.concatenate([[r.end for r in motor] for motor in runs]))
     middles = (np.concatenate([[0.0], switches[:-1]]) + switches) / 2
     arcs = [[_at(motor, t) for motor in runs] for t in middles]

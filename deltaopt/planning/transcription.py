@@ -61,6 +61,13 @@ class PiecewiseAcceleration:
         return np.unique(np.concatenate([self.nodes, self.between]))
 
     @cached_property
+    def velocity_points(self) -> Array:
+        """Where limits of velocity can hold: of its coefficients degree + 1 are new in an
+        interval, the first is that of the interval before. More rows would depend on each
+        other, twice at a knot above all."""
+        return np.arange(1, self.degree + 2) / (self.degree + 1)
+
+    @cached_property
     def _lagrange(self) -> list[Polynomial]:
         polynomials = []
         for j, node in enumerate(self.nodes):

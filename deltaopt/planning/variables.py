@@ -111,6 +111,13 @@ class Variables:
             columns[:, :, 3 * m : -1, 0] = self._begins()[:, None, None] + inside
         return Layout(columns.reshape(-1, k), weights.reshape(-1, k))
 
+    def changes(self, count: int) -> Layout:
+        """y = (the first ``count`` unknowns at a point, the same at the next), of all intervals."""
+        points = self.unknowns * np.arange(len(self.points))[:, None] + np.arange(count)
+        pairs = np.concatenate([points[:-1], points[1:]], axis=1)
+        columns = self._begins()[:, None, None] + self._motion + pairs
+        return Layout(columns.reshape(-1, 1), np.ones((columns.size, 1)))
+
     def ends(self) -> Layout:
         """y = (X, V at the end of an interval; X, V at the beginning of the next; its unknowns
         at the end), for every interval."""
@@ -136,7 +143,13 @@ class Variables:
             weights[:, j, :, :k] = part[:, None]
             columns[:, j, :, :k] = self._columns()[:, which]
             columns[:, j, :, k] = self._begins()[:, None] + self._block + j * m + which
-        return Layout(columns.reshape(-1, k + 1), weights.reshape(-1, k + 1))
+        names = tuple(
+            f"continuity of the {what} of coordinate {i + 1} at {knot:.1%} of the duration"
+            for knot in self.knots[1:]
+            for what in ("position", "velocity")
+            for i in components
+        )
+        return Layout(columns.reshape(-1, k + 1), weights.reshape(-1, k + 1), names)
 
     def _begins(self) -> NDArray[np.intp]:
         return np.asarray(self._block * np.arange(self.intervals), dtype=np.intp)

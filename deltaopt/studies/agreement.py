@@ -7,7 +7,7 @@ forward dynamics on meshes that know nothing of switches and on meshes that have
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -17,6 +17,7 @@ from deltaopt.errors import NotConverged
 from deltaopt.feasibility import least_opening
 from deltaopt.planning.arcs import ArcProblem
 from deltaopt.planning.cost import FASTEST
+from deltaopt.planning.delta_system import DeltaProblem
 from deltaopt.planning.flat import ScaledEquations
 from deltaopt.planning.plan import Plan, plan
 from deltaopt.planning.poses import Forward
@@ -117,7 +118,9 @@ def _forward(found: Plan, mesh: Array) -> float:
     speed = found.scene.speed_limits is not None
     posed = Forward().of(model.functions, QUADRATIC, speed=speed, cost=FASTEST)
     start = Guess(found.trajectory.slowed(_SLOWER), near=False, tolerance=1e-8)
-    return float(posed.on(mesh).solve(start, scales, model.parameters).position.knots[-1])
+    chain = replace(posed.on(mesh).chain, steadiness=0.0)  # the duration alone
+    found_there = DeltaProblem(chain).solve(start, scales, model.parameters)
+    return float(found_there.position.knots[-1])
 
 
 def _scales(found: Plan) -> Scales:

@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 
 from deltaopt.errors import NotConverged
 from deltaopt.machine_code import compiler
-from deltaopt.planning.chain import (
-    ChainProblem,
-    Equations,
+from deltaopt.planning.chain import FAR, NEAR, ChainProblem, Equations
+from deltaopt.planning.chain_equations import (
     explicit_equations,
     flat_equations,
     forward_equations,
@@ -32,8 +31,9 @@ from deltaopt.planning.closure import (
     LoopClosure,
     Projection,
 )
-from deltaopt.planning.gap import GivenAway, given_away, refined
-from deltaopt.planning.nlp import Solution
+from deltaopt.planning.gap import GivenAway, given_away
+from deltaopt.planning.knots import at_switches
+from deltaopt.planning.nlp import Options, Program, Solution
 from deltaopt.planning.system import System
 from deltaopt.planning.transcription import PiecewiseAcceleration
 from deltaopt.studies.interpreted import interpreted
@@ -55,13 +55,13 @@ CLOSURES: tuple[LoopClosure, ...] = (
     AccelerationLevel(),
 )
 UNIFORM = (10, 20, 40)
-"""Intervals of the uniform meshes; those after them are refined where the method's own motion
-gives time away: in each its torques jump inside other intervals."""
-AIM = 5e-5
-"""Gap at which a method's mesh is refined no further."""
-REFINEMENTS = 2
+"""Intervals of the uniform meshes, from the baseline; those after them have knots where the
+method's own motion switches, and start from it."""
+AIM = 3e-5
+"""What a refined mesh may give away; a method's mesh is refined while its gap is larger."""
+REFINEMENTS = 3
 """At most, and"""
-MOST_INTERVALS = 160
+MOST_INTERVALS = 320
 """of a refined mesh."""
 RANK_AT_MOST = 10
 """Intervals of the meshes on which the rank is computed, by a dense decomposition."""
@@ -188,18 +188,18 @@ def compare_plans(
 
 def find_reference(case: Case, tolerance: float) -> Reference:
     """The case's own; else refine the flat problem until its estimated gap is within the
-    tolerance, or 7 times."""
+    tolerance, or 5 times."""
     if case.reference is not None:
         return case.reference()
     solver = _Solver(case, flat_equations(case.system), LINEAR)
-    mesh, guess = np.full(10, 0.1), case.guess
-    for _ in range(7):
-        solved = solver.solve(mesh, guess)
+    mesh, guess = np.full(40, 1 / 40), case.guess
+    for _ in range(5):
+        solved = solver.solve(mesh, guess, FAR if guess is case.guess else NEAR)
         guess, factor = solved.motion, case.safe_factor(solved.motion)
         gap = factor - 1 + solved.lost.total
         if gap <= tolerance:
             break
-        mesh = refined(mesh, solved.lost, tolerance / 4)
+        mesh = at_switches(mesh, *case.loads(guess), solved.lost, tolerance / 2)
     return Reference(float(guess.knots[-1]) * factor, gap, f"flat, {len(mesh)} intervals")
 
 
@@ -208,6 +208,7 @@ class _Solved:
     """A solution on a mesh, its motion of ξ, and what it gives away."""
 
     problem: ChainProblem
+    program: Program
     bounds: tuple[Array, Array]
     solution: Solution
     motion: PiecewisePolynomial
@@ -222,13 +223,14 @@ class _Solver:
     equations: Equations
     transcription: PiecewiseAcceleration
 
-    def solve(self, mesh: Array, guess: PiecewisePolynomial) -> _Solved:
+    def solve(self, mesh: Array, guess: PiecewisePolynomial, options: Options) -> _Solved:
         task, problem = self.case.task, self.equations.on(mesh, self.transcription)
         bounds = problem.bounds(task)
-        solution = problem.program.solve(problem.pack(guess, task), *bounds, task.p)
+        program = problem.program_with(options)
+        solution = program.solve(problem.pack(guess, task), *bounds, task.p)
         motion = Meter(self.case).independent(problem, problem.unpack(solution.z, task))
         lost = given_away(problem.prices(solution), *self.case.loads(motion))
-        return _Solved(problem, bounds, solution, motion, lost)
+        return _Solved(problem, program, bounds, solution, motion, lost)
 
 
 class _Bench:
@@ -241,55 +243,48 @@ class _Bench:
         self.uniform, self.refinements = uniform, refinements
 
     def rows(self, method: Method, modes: list[Poses]) -> list[Row]:
-        """On uniform meshes from the baseline in every mode; then, in the last mode, on meshes
-        refined for this method."""
+        """On uniform meshes from the baseline, the finest in every mode, others in the last; then,
+        in the last mode, on meshes with knots where this method's motion switches."""
         found: list[Row] = []
         last: _Solved | None = None
         for n in self.uniform:
-            last = self._mesh(found, method, modes, np.full(n, 1 / n), self.case.guess)
+            mesh = np.full(n, 1 / n)
+            if n == self.uniform[-1]:
+                for i, mode in enumerate(modes[:-1]):
+                    self._mesh(found, method, mode, i > 0, mesh, self.case.guess)
+            last = self._mesh(found, method, modes[-1], len(modes) > 1, mesh, self.case.guess)
         for _ in range(self.refinements):
             if last is None or not found[-1].gap > AIM:
                 break
-            mesh = refined(last.problem.mesh, last.lost, AIM / 2)
+            loads = self.case.loads(last.motion)
+            mesh = at_switches(last.problem.mesh, *loads, last.lost, AIM)
             if len(mesh) > MOST_INTERVALS:
                 break
-            last = self._mesh(found, method, modes, mesh, last.motion)
+            last = self._mesh(found, method, modes[-1], len(modes) > 1, mesh, last.motion)
         return found
 
     def _mesh(
         self,
         found: list[Row],
         method: Method,
-        modes: list[Poses],
+        mode: Poses,
+        compiled: bool,
         mesh: Array,
         guess: PiecewisePolynomial,
     ) -> _Solved | None:
-        """Add a row for each mode; the solution, if the last mode found one."""
-        solved: _Solved | None = None
-        is_refined = guess is not self.case.guess
-        for i, mode in enumerate(modes):
-            if is_refined and mode is not modes[-1]:
-                continue
-            equations = mode[method.equations_key]
-            solver, begin = _Solver(self.case, equations, method.transcription), perf_counter()
-            try:
-                solved = solver.solve(mesh, guess)
-                row = self._row(method, solved, compiled=i > 0, refined=is_refined)
-            except NotConverged as error:
-                solved = None
-                row = Row(
-                    self.case.name,
-                    method,
-                    len(mesh),
-                    is_refined,
-                    i > 0,
-                    failure=str(error),
-                    seconds=perf_counter() - begin,
-                )
-            found.append(row)
-        if solved is not None and not isfinite(found[-1].gap):
+        """Add a row; the solution, if there is one."""
+        refined = guess is not self.case.guess
+        solver = _Solver(self.case, mode[method.equations_key], method.transcription)
+        begin = perf_counter()
+        try:
+            solved = solver.solve(mesh, guess, NEAR if refined else FAR)
+        except NotConverged as error:
+            seconds = perf_counter() - begin
+            name, n = self.case.name, len(mesh)
+            found.append(Row(name, method, n, refined, compiled, str(error), seconds))
             return None
-        return solved
+        found.append(self._row(method, solved, compiled=compiled, refined=refined))
+        return solved if isfinite(found[-1].gap) else None
 
     def _row(self, method: Method, solved: _Solved, *, compiled: bool, refined: bool) -> Row:
         case, problem, solution = self.case, solved.problem, solved.solution
@@ -297,8 +292,8 @@ class _Bench:
         failure, rank = "", None
         if not isfinite(quality.safe_duration):
             failure = "leaves the workspace, or no slowing keeps its limits"
-        if problem.variables.intervals <= RANK_AT_MOST and not compiled:
-            rank = active_rank(problem.program, solution, solved.bounds, case.task.p)
+        if problem.variables.intervals <= RANK_AT_MOST:
+            rank = active_rank(solved.program, solution, solved.bounds, case.task.p)
         return Row(
             case.name,
             method,
@@ -310,8 +305,8 @@ class _Bench:
             solution.spent.evaluation,
             solution.iterations,
             len(solution.z),
-            int(problem.program.jacobian.nnz_out(1)),
-            int(problem.program.hessian.nnz_out(0)),
+            int(solved.program.jacobian.nnz_out(1)),
+            int(solved.program.hessian.nnz_out(0)),
             quality,
             quality.safe_duration / self.reference.duration - 1,
             rank and rank[0],

@@ -137,12 +137,40 @@ def _rank(study: PlanStudy) -> str:
 
 
 def _same(study: PlanStudy) -> str:
-    spreads = []
-    for case in study.references:
-        rows = [best(study, case, pose) for pose in POSES]
-        durations = [row.quality.safe_duration for row in rows if row is not None]
-        spreads.append(max(durations) / min(durations) - 1)
+    spreads = [spread(study, case) for case in study.references]
     return f"The best safe durations of the four poses differ by at most {max(spreads):.0e}."
+
+
+def spread(study: PlanStudy, case: str) -> float:
+    """Of the best safe durations of the poses, relative."""
+    rows = [best(study, case, pose) for pose in POSES]
+    durations = [row.quality.safe_duration for row in rows if row is not None]
+    return max(durations) / min(durations) - 1
+
+
+def most_iterations(study: PlanStudy, case: str, pose: str) -> int:
+    """On any mesh of a case, with degree 1 and closure at the knots."""
+    rows = [
+        row
+        for row in study.rows
+        if (row.case, row.method.pose) == (case, pose)
+        and row.method.closure == BEST_CLOSURE.get(pose, "")
+        and row.method.transcription == LINEAR
+    ]
+    return max(row.iterations for row in rows)
+
+
+def _agreement(study: PlanStudy, case: str) -> str:
+    """Of the poses on one case, with degree 1 and closure at the knots."""
+    rows = {pose: best(study, case, pose) for pose in POSES}
+    durations = ", ".join(
+        f"{pose} {row.quality.safe_duration:.7f}" for pose, row in rows.items() if row
+    )
+    most = ", ".join(f"{pose} {most_iterations(study, case, pose)}" for pose in POSES)
+    return (
+        f"best safe durations, s: {durations}; they differ by {spread(study, case):.0e}\n"
+        f"most iterations on any mesh: {most}"
+    )
 
 
 def _speed(study: PlanStudy) -> str:
@@ -211,10 +239,7 @@ def _degree(study: PlanStudy) -> str:
         if linear and quadratic:
             total += 1
             better += min(r.gap for r in quadratic) < min(r.gap for r in linear)
-    return (
-        f"Degree 2 reaches a smaller gap than degree 1 in {better} of {total} cases: torques of"
-        " fastest motions jump, and a polynomial of higher degree swings where they do."
-    )
+    return f"Degree 2 reaches a smaller gap than degree 1 in {better} of {total} cases."
 
 
 def _of(study: PlanStudy, case: str, degree: int) -> Iterable[Row]:
@@ -290,7 +315,8 @@ def _table(study: PlanStudy, case: str) -> str:
         if uniform or last or row.failure:
             cells.append(_cells(row, slow.get(_key(row))))
     widths = [max(len(line[i]) for line in cells) for i in range(len(HEADER))]
-    return "\n".join([head, "", *(_line(line, widths) for line in cells)])
+    lines = [head, _agreement(study, case), "", *(_line(line, widths) for line in cells)]
+    return "\n".join(lines)
 
 
 def _key(row: Row) -> tuple[str, int, bool]:
