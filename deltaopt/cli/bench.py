@@ -7,6 +7,7 @@ deltaopt bench plan        how long plans take, and where the time goes
 deltaopt bench scaling     how time grows with the number of intervals
 deltaopt bench start       from import to the first plan: cold, warm, without a compiler
 deltaopt bench solver      the same problem with other solvers and settings
+deltaopt bench near        what the plan of a neighbouring move is worth, and to which solver
 deltaopt bench inverse     exported C beside Pinocchio and MuJoCo, where installed
 deltaopt bench peers       plans beside rockit's with Ipopt, where installed
 """
@@ -74,6 +75,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     _add_robot_study(studies, "plan", _plan, number=200)
     _add_robot_study(studies, "scaling", _scaling, number=5)
     _add_robot_study(studies, "solver", _solver, number=20)
+    _add_robot_study(studies, "near", _near, number=20)
     _add_robot_study(studies, "inverse", _inverse, number=2000)
     _add_robot_study(studies, "peers", _peers, number=5)
     start = studies.add_parser("start", help=_start.__doc__, description=_start.__doc__)
@@ -141,6 +143,23 @@ def _solver(arguments: argparse.Namespace) -> int:
             robot, arguments.payload, arguments.number, arguments.seed, 20, told
         )
         print(f"{robot.name}, 20 intervals, {arguments.number} moves\n{solver_report(trials)}")
+    return 0
+
+
+def _near(arguments: argparse.Namespace) -> int:
+    """Plans and solvers from the solution of a move whose ends are 1 and 5 % of the way off."""
+    from deltaopt.studies.near import SHARES, gain_report, near_report, planner_near, solvers_near
+
+    number, seed = arguments.number, arguments.seed
+    for robot in map(load_robot, arguments.robots):
+        planner = Planner(robot, arguments.payload)
+        for share in SHARES:
+            told = partial(_advance, ProgressBar(), 10 * number, robot.name)
+            gains = planner_near(planner, 10 * number, seed, share, told)
+            told = partial(_advance, ProgressBar(), number, robot.name)
+            trials = solvers_near(robot, arguments.payload, number, seed, 20, share, told)
+            print(f"{robot.name}, ends moved by {share:.0%} of the way\n{gain_report(gains)}")
+            print(f"  one solve on 20 intervals, {number} moves:\n{near_report(trials)}")
     return 0
 
 
