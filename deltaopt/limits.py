@@ -95,6 +95,12 @@ def sampled_factor(loads: Loads, at_least: float = 1.0) -> float:
     return _factor(loads.demands.max(axis=0), at_least)
 
 
+def slowing_inside(loads: Loads, samples: int) -> Array:
+    """What each interval alone asks of k, from ``loads_inside`` at so many fractions, (K,)."""
+    squared = loads.demands[:, :6].max(axis=1).reshape(-1, samples).max(axis=1)
+    return np.asarray(np.sqrt(squared))
+
+
 def _factor(highest: Array, at_least: float) -> float:
     """From the largest demands, (9,)."""
     slow_enough, fast_enough = highest[:6].max(), highest[6:].max()

@@ -10,7 +10,7 @@
    Cholesky's method, which also tells whether the step is one of descent.
 
    Written for the four points of an interval in the four lanes of a vector V. What comes
-   before this text: V, ALL, NP parameters, NC rows, and two generated functions:
+   before this text: V, ALL, SHUFFLE, NP parameters, NC rows, and two generated functions:
 
      values(y, p, F, B, others)      F + B tau = 0 are the equations of motion, B 3 x 3
      second(y and tau, lambda, p,    derivatives of F + B tau and of the other rows,
@@ -50,7 +50,7 @@ typedef struct {
   V moved[NC];                   /* t at the last trial */
   V bend_upper[NC], bend_lower[NC]; /* second-order part of slack times multiplier */
   V C[NC][10];                   /* derivatives of the rows by X, V, A, T */
-  double K[13][13];              /* curvature by both knots and T */
+  double K[13][16];              /* curvature by both knots and T, the lower triangle */
   double bending[4][4];          /* sum of A^2 over the points, as a form in the knots */
 } Interval;
 
@@ -75,6 +75,13 @@ static double seconds(void) {
 }
 
 static double sum(V a) { return (a[0] + a[1]) + (a[2] + a[3]); }
+/* The sums of four vectors. */
+static V sum_each(const V *a) {
+  const V ab = SHUFFLE(a[0], a[1], 0, 4, 2, 6) + SHUFFLE(a[0], a[1], 1, 5, 3, 7);
+  const V cd = SHUFFLE(a[2], a[3], 0, 4, 2, 6) + SHUFFLE(a[2], a[3], 1, 5, 3, 7);
+  return SHUFFLE(ab, cd, 0, 1, 4, 5) + SHUFFLE(ab, cd, 2, 3, 6, 7);
+}
+
 static V absolute(V a) { return EACH(fabs, a); }
 static double greater(double a, double b) { return a > b ? a : b; } /* one instruction */
 static double lesser(double a, double b) { return a < b ? a : b; }
@@ -179,27 +186,44 @@ static void differentiate(const Problem *P, Interval *I, const double *knots, V 
     }
 }
 
-/* Curvature of the Lagrangian with t eliminated: that of y . c, and limits pushing back. */
+/* Add the limits pushing back: sum over the rows of stiffness times derivatives squared.
+   Openings depend on X alone, speeds on X, V and T. */
+static void push_back(const Interval *I, V M[10][10]) {
+  V stiffness[NC], pull[NC];
+  for (int r = 0; r < NC; r++)
+    stiffness[r] = I->upper[r] / (1 - I->t[r]) + I->lower[r] / (1 + I->t[r]);
+  for (int b = 0; b < 10; b++) {
+    for (int r = 0; r < NC; r++) pull[r] = stiffness[r] * I->C[r][b];
+    for (int a = 0; a <= b; a++) {
+      V sum = M[a][b];
+      for (int r = 0; r < 3; r++) sum += pull[r] * I->C[r][a];
+      if (b < 3)
+        for (int r = 3; r < 6; r++) sum += pull[r] * I->C[r][a];
+      if ((b < 6 || b == 9) && (a < 6 || a == 9))
+        for (int r = 6; r < NC; r++) sum += pull[r] * I->C[r][a];
+      M[a][b] = sum;
+    }
+  }
+}
+
+/* Curvature of the Lagrangian with t eliminated, by both knots and T: the lower triangle. */
 static void curvature(const Problem *P, Interval *I, const double *knots) {
   V M[10][10], half[13][10];
   differentiate(P, I, knots, M);
-  for (int r = 0; r < NC; r++) {
-    const V stiffness = I->upper[r] / (1 - I->t[r]) + I->lower[r] / (1 + I->t[r]);
-    for (int b = 0; b < 10; b++) {
-      const V pull = stiffness * I->C[r][b];
-      for (int a = 0; a <= b; a++) M[a][b] += pull * I->C[r][a];
-    }
-  }
+  push_back(I, M);
   for (int b = 0; b < 10; b++)
     for (int a = 0; a < b; a++) M[b][a] = M[a][b];
   for (int b = 0; b < 10; b++) { /* M is symmetric: its rows are its columns */
     for (int a = 0; a < 12; a++) half[a][b] = at_knot(I, M[b], a / 3, a % 3);
     half[12][b] = M[9][b];
   }
-  for (int row = 0; row < 13; row++) {
-    for (int a = 0; a < 12 && a <= row; a++)
-      I->K[row][a] = I->K[a][row] = sum(at_knot(I, half[row], a / 3, a % 3));
-  }
+  for (int row = 0; row < 13; row++)
+    for (int a = 0; a < 12 && a <= row; a += 4) {
+      V four[4];
+      for (int k = 0; k < 4; k++) four[k] = at_knot(I, half[row], (a + k) / 3, (a + k) % 3);
+      const V sums = sum_each(four);
+      memcpy(I->K[row] + a, &sums, sizeof sums);
+    }
   I->K[12][12] = sum(half[12][9]);
 }
 
@@ -240,7 +264,7 @@ static void assemble(const Problem *P, int64_t i, double shift, Block *B) {
   const Interval *left = P->interval + i - 1, *right = P->interval + i;
   for (int r = 0; r < 6; r++) {
     B->b[r] = left->K[12][6 + r] + right->K[12][r];
-    for (int s = 0; s < 6; s++) {
+    for (int s = 0; s < 6; s++) { /* what lies above D's diagonal is not used */
       B->D[r][s] = left->K[6 + r][6 + s] + right->K[r][s];
       B->E[r][s] = right->K[6 + r][s];
       if (r % 3 != s % 3) continue;

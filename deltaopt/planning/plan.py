@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from deltaopt.dynamics.formulation import Projected
 from deltaopt.dynamics.lagrange import Multiplier
 from deltaopt.errors import DeltaOptError, NotConverged
-from deltaopt.feasibility import check_feasible
-from deltaopt.limits import Loads, loads_inside, safe_factor, sampled_factor
+from deltaopt.feasibility import check_feasible, least_opening
+from deltaopt.limits import Loads, loads_inside, safe_factor, sampled_factor, slowing_inside
 from deltaopt.mechanisms.delta_functions import DeltaFunctions
 from deltaopt.model import DeltaModel, delta_model
 from deltaopt.peaks import sample_fractions
@@ -29,7 +29,7 @@ from deltaopt.planning.nlp import Spent
 from deltaopt.planning.poses import posed_as
 from deltaopt.planning.problem import Guess, Pose, Posed, Problem, Solved
 from deltaopt.planning.resolve import Resolved, Unsettled, resolve
-from deltaopt.planning.scales import Scales
+from deltaopt.planning.scales import Scales, margin_of_fold
 from deltaopt.planning.starts import Optimum, distinct, first_motions
 from deltaopt.planning.structure import read_structure
 from deltaopt.planning.transcription import PiecewiseAcceleration
@@ -233,7 +233,7 @@ class Planner:
             )
         return Plan(
             scene=scene,
-            trajectory=chosen.trajectory.slowed(chosen.safe_factor),
+            trajectory=chosen.trajectory.slowed(chosen.safe_factor * _for_rounding(scene)),
             formulation=self._pose.name,
             transcription=resolved.problem.name if resolved else self._transcription.name,
             intervals=len(chosen.trajectory.knots) - 1,
@@ -270,8 +270,7 @@ class Planner:
         resolved, or no more is gained."""
         model = delta_model(scene.robot, scene.payload)
         posed = self._posed(model)
-        openings = model.openings([scene.start, scene.goal])
-        scales = Scales(scene, first.trajectory.duration, float(openings.min()))
+        scales = Scales(scene, first.trajectory.duration, least_opening(scene))
         mesh = np.full(self.intervals, 1 / self.intervals)
         attempts = [_attempt(posed.on(mesh), scales, first, model)]
         rounds = [_round(attempts)]
@@ -367,6 +366,11 @@ class Planner:
         return self.transcription or PiecewiseAcceleration()
 
 
+def _for_rounding(scene: Scene) -> float:
+    """Torques near a fold are known to rounding over its margin only, whoever computes them."""
+    return 1 + float(np.finfo(float).eps) / margin_of_fold(least_opening(scene))
+
+
 @lru_cache(maxsize=32)
 def _posed(
     pose: Pose, functions: DeltaFunctions, transcription: PiecewiseAcceleration, speed: bool
@@ -378,7 +382,8 @@ def _attempt(problem: Problem, scales: Scales, guess: Guess, model: DeltaModel) 
     solution = problem.solve(guess, scales, model.parameters)
     trajectory = Trajectory(solution.position, model, solution.coordinates)
     scene, loads = scales.scene, loads_inside(scales.scene, trajectory, FRACTIONS)
-    lost = given_away(solution.prices, *_shares(scene, loads))
+    slowing = slowing_inside(loads, len(FRACTIONS))
+    lost = given_away(solution.prices, *_shares(scene, loads), slowing)
     factor = sampled_factor(loads)
     return Attempt(problem, solution, trajectory, loads, lost, factor, scene)
 
