@@ -7,6 +7,7 @@ deltaopt bench plan        how long plans take, and where the time goes
 deltaopt bench scaling     how time grows with the number of intervals
 deltaopt bench start       from import to the first plan: cold, warm, without a compiler
 deltaopt bench solver      the same problem with other solvers and settings
+deltaopt bench settings    the planner's settings held against others
 deltaopt bench near        what the plan of a neighbouring move is worth, and to which solver
 deltaopt bench inverse     exported C beside Pinocchio and MuJoCo, where installed
 deltaopt bench peers       plans beside rockit's with Ipopt, where installed
@@ -75,6 +76,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     _add_robot_study(studies, "plan", _plan, number=200)
     _add_robot_study(studies, "scaling", _scaling, number=5)
     _add_robot_study(studies, "solver", _solver, number=20)
+    _add_robot_study(studies, "settings", _settings, number=100)
     _add_robot_study(studies, "near", _near, number=20)
     _add_robot_study(studies, "inverse", _inverse, number=2000)
     _add_robot_study(studies, "peers", _peers, number=5)
@@ -143,6 +145,18 @@ def _solver(arguments: argparse.Namespace) -> int:
             robot, arguments.payload, arguments.number, arguments.seed, 20, told
         )
         print(f"{robot.name}, 20 intervals, {arguments.number} moves\n{solver_report(trials)}")
+    return 0
+
+
+def _settings(arguments: argparse.Namespace) -> int:
+    """First meshes and beginnings of the interior-point method around those of the planner."""
+    from deltaopt.studies.settings import compare_settings, settings_report
+
+    number = arguments.number
+    for robot in map(load_robot, arguments.robots):
+        told = partial(_advance, ProgressBar(), number, robot.name)
+        runs = compare_settings(robot, arguments.payload, number, arguments.seed, told)
+        print(f"{robot.name}, {number} moves\n{settings_report(runs)}")
     return 0
 
 

@@ -22,7 +22,7 @@ baseline's duration, torques and speeds by their limits.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import casadi as ca
 import numpy as np
@@ -92,6 +92,7 @@ class ScaledEquations:
         return PointFunction("motion", function)
 
 
+@lru_cache(maxsize=8)
 def equations(functions: DeltaFunctions, *, speed: bool) -> PointFunction:
     """Rows of the flat problem at a point: force, opening, and speed if it is limited."""
     scaled = ScaledEquations.of(functions, speed=speed)
@@ -100,14 +101,20 @@ def equations(functions: DeltaFunctions, *, speed: bool) -> PointFunction:
 
 @dataclass(frozen=True)
 class Flat:
-    """Minimal coordinates: the default."""
+    """Minimal coordinates: the default.
+
+    ``from_far``, ``from_near``: how the interior-point method begins from a first guess and from
+    the solution of a similar problem; the next where it does not get through from one.
+    """
 
     name: str = "flat"
+    from_far: tuple[Settings, ...] = _FROM_FAR
+    from_near: tuple[Settings, ...] = _FROM_NEAR
 
     def of(
         self, functions: DeltaFunctions, transcription: PiecewiseAcceleration, *, speed: bool
     ) -> FlatEquations:
-        return FlatEquations(equations(functions, speed=speed), transcription)
+        return FlatEquations(equations(functions, speed=speed), transcription, self)
 
 
 @dataclass(frozen=True)
@@ -116,9 +123,10 @@ class FlatEquations:
 
     equations: PointFunction
     transcription: PiecewiseAcceleration
+    pose: Flat = Flat()
 
     def on(self, mesh: Array) -> FlatProblem:
-        return FlatProblem(self.equations, self.transcription, mesh)
+        return FlatProblem(self.equations, self.transcription, mesh, self.pose)
 
 
 @dataclass(frozen=True)
@@ -132,6 +140,7 @@ class FlatProblem:
     equations: PointFunction
     transcription: PiecewiseAcceleration
     mesh: Array
+    pose: Flat = Flat()
 
     @property
     def intervals(self) -> int:
@@ -166,7 +175,7 @@ class FlatProblem:
 
     def solve(self, guess: Guess, scales: Scales, parameters: Array) -> Solved:
         """By the interior-point method in machine code; by Ipopt where that does not do."""
-        for begin in _FROM_NEAR if guess.near else _FROM_FAR:
+        for begin in self.pose.from_near if guess.near else self.pose.from_far:
             settings = replace(begin, tolerance=guess.tolerance)
             found = self.from_inside(guess, scales, parameters, settings)
             if found is not None and found.solved:

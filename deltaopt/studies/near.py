@@ -23,6 +23,7 @@ from deltaopt.planning.problem import Guess
 from deltaopt.robot import Robot
 from deltaopt.scene import Scene
 from deltaopt.studies.random_scenes import random_scenes
+from deltaopt.studies.settings import work
 from deltaopt.studies.solvers import (
     HEADER,
     Case,
@@ -210,11 +211,6 @@ def _timed(plan: Callable[[], Plan]) -> tuple[Plan, float]:
     begin = process_time()
     found = plan()
     return found, process_time() - begin
-
-
-def work(plan: Plan) -> float:
-    """Σ intervals · (iterations + 1) over the meshes of a plan."""
-    return float(sum(r.intervals * (r.iterations + 1) for r in plan.rounds))
 
 
 def gain_report(gains: list[Gain]) -> str:
