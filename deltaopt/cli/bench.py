@@ -10,7 +10,7 @@ deltaopt bench solver      the same problem with other solvers and settings
 deltaopt bench settings    the planner's settings held against others
 deltaopt bench near        what the plan of a neighbouring move is worth, and to which solver
 deltaopt bench inverse     exported C beside Pinocchio and MuJoCo, where installed
-deltaopt bench peers       plans beside rockit's with Ipopt, where installed
+deltaopt bench peers       plans beside rockit's, TOPP-RA's and Ruckig's, where installed
 """
 
 from __future__ import annotations
@@ -195,11 +195,19 @@ def _inverse(arguments: argparse.Namespace) -> int:
 
 
 def _peers(arguments: argparse.Namespace) -> int:
-    """Plans beside rockit's with Ipopt, of equal optimality gap, where it is installed."""
+    """Plans beside rockit's with Ipopt, of equal optimality gap, and beside the motions of
+    TOPP-RA on given paths and of Ruckig between motor angles, where these are installed."""
+    from deltaopt.studies.fixed_paths import fixed_path_comparison
     from deltaopt.studies.peers import rockit_comparison
 
+    payload, number, seed = arguments.payload, arguments.number, arguments.seed
     for robot in map(load_robot, arguments.robots):
-        print(rockit_comparison(robot, arguments.payload, arguments.number, arguments.seed))
+        told = partial(_advance, ProgressBar(), number, robot.name)
+        print(fixed_path_comparison(robot, payload, number, seed, told))
+        try:
+            print(rockit_comparison(robot, payload, number, seed))
+        except MissingPackage as error:
+            print(f"  {error}")
     return 0
 
 
