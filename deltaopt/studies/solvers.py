@@ -247,12 +247,10 @@ def solver_report(trials: dict[str, list[Trial]]) -> str:
 def report_line(name: str, results: list[Trial], first: list[Trial], exact: list[Trial]) -> str:
     """Medians over moves; iterations and what follows of those that were solved."""
     seconds = np.array([t.seconds for t in results])
-    solved = [(t, e) for t, e in zip(results, exact, strict=True) if t.solved] or [
-        (Trial(np.nan, np.nan, False), Trial(np.nan, np.nan, False))
-    ]
-    iterations = np.median([t.iterations for t, _ in solved])
-    evaluation = np.nanmedian([t.evaluation for t, _ in solved])
-    above = np.nanmedian([t.T / e.T - 1 for t, e in solved])
+    solved = [(t, e) for t, e in zip(results, exact, strict=True) if t.solved]
+    iterations, evaluation, above = np.median(
+        [(t.iterations, t.evaluation, t.T / e.T - 1) for t, e in solved] or [3 * (np.nan,)], axis=0
+    )
     return (
         f"{name:<46}{np.mean([t.solved for t in results]):>7.0%}{iterations:>11.0f}"
         f"{1e3 * np.median(seconds):>8.2f}{1e3 * np.percentile(seconds, 99):>8.1f}"
