@@ -19,7 +19,14 @@ from deltaopt.studies import fixed_paths
 from deltaopt.studies.fixed_paths import driven, fixed_path_comparison, platform_motion, straight
 from deltaopt.studies.near import gain_report, moved, planner_near
 from deltaopt.studies.settings import compare_settings, settings_report
-from deltaopt.studies.solvers import Trial, case_of, flat_problem, flat_stages, report_line
+from deltaopt.studies.solvers import (
+    Trial,
+    case_of,
+    flat_problem,
+    flat_stages,
+    left_out,
+    report_line,
+)
 from deltaopt.studies.sqp import FeasibleSqp, sqp
 from deltaopt.studies.stages import StageResult, Start, fatrop
 
@@ -110,6 +117,14 @@ def test_a_solver_that_never_solves_is_told_as_such():
     assert report_line("never", never, exact, exact).split()[:2] == ["never", "0%"]
     words = report_line("exact", exact, exact, exact).split()
     assert words == ["exact", "100%", "9", "1000.00", "1000.0", "1.0", "50%", "0e+00"]
+
+
+def test_solvers_that_are_not_there_are_told(monkeypatch):
+    monkeypatch.setattr("deltaopt.studies.solvers.compiler", lambda: object())
+    sentence = "worhp99 is not in this build of CasADi and left out"
+    assert left_out("ipopt", "worhp99") == [sentence]
+    monkeypatch.setattr("deltaopt.studies.solvers.compiler", lambda: None)
+    assert left_out("fatrop", "hpipm") == ["without a C compiler fatrop, hpipm are left out"]
 
 
 def test_ends_are_moved_by_their_share_of_the_way():

@@ -137,7 +137,7 @@ def _scaling(arguments: argparse.Namespace) -> int:
 
 def _solver(arguments: argparse.Namespace) -> int:
     """The flat problem on one mesh by other solvers and with other settings."""
-    from deltaopt.studies.solvers import compare_solvers, solver_report
+    from deltaopt.studies.solvers import compare_solvers, left_out, solver_report
 
     for robot in map(load_robot, arguments.robots):
         told = partial(_advance, ProgressBar(), arguments.number, robot.name)
@@ -145,6 +145,8 @@ def _solver(arguments: argparse.Namespace) -> int:
             robot, arguments.payload, arguments.number, arguments.seed, 20, told
         )
         print(f"{robot.name}, 20 intervals, {arguments.number} moves\n{solver_report(trials)}")
+    for sentence in left_out("fatrop"):
+        print(sentence)
     return 0
 
 
@@ -163,6 +165,7 @@ def _settings(arguments: argparse.Namespace) -> int:
 def _near(arguments: argparse.Namespace) -> int:
     """Plans and solvers from the solution of a move whose ends are 1 and 5 % of the way off."""
     from deltaopt.studies.near import SHARES, gain_report, near_report, planner_near, solvers_near
+    from deltaopt.studies.solvers import left_out
 
     number, seed = arguments.number, arguments.seed
     for robot in map(load_robot, arguments.robots):
@@ -174,6 +177,8 @@ def _near(arguments: argparse.Namespace) -> int:
             trials = solvers_near(robot, arguments.payload, number, seed, 20, share, told)
             print(f"{robot.name}, ends moved by {share:.0%} of the way\n{gain_report(gains)}")
             print(f"  one solve on 20 intervals, {number} moves:\n{near_report(trials)}")
+    for sentence in left_out("fatrop", "hpipm", "piqp"):
+        print(sentence)
     return 0
 
 

@@ -110,7 +110,8 @@ def _solvers(problem: FlatProblem) -> dict[str, Solver]:
         warm["fatrop, near, tolerance 1e-5"] = fatrop(stages, {"tolerance": 1e-5, "mu_init": 1e-3})
     for quadratic in filter(ca.has_conic, ("hpipm", "piqp")):
         warm[f"SQP with {quadratic}"] = sqp(stages, quadratic)
-        warm[f"feasible SQP with {quadratic}"] = FeasibleSqp(stages, quadratic)
+    if ca.has_conic("hpipm"):
+        warm["feasible SQP with hpipm"] = FeasibleSqp(stages, "hpipm")
     return solvers | {name: partial(_from_near, solver) for name, solver in warm.items()}
 
 

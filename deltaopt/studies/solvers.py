@@ -107,12 +107,9 @@ def compare_solvers(
     intervals: int,
     told: Callable[[int], None],
 ) -> dict[str, list[Trial]]:
-    """Every solver on every move, one after the other, so that load falls on all alike.
-
-    Solvers that this CasADi has not got, or that want a compiler, are missing from the result.
-    """
+    """Every solver on every move, one after the other, so that load falls on all alike."""
     problem = flat_problem(robot, payload, intervals)
-    solvers = {**_own(problem), **_on_flat(problem), **_on_multiplier(robot, payload, intervals)}
+    solvers = {**_own(), **_on_flat(problem), **_on_multiplier(robot, payload, intervals)}
     trials: dict[str, list[Trial]] = {name: [] for name in solvers}
     for i, scene in enumerate(random_scenes(robot, payload, number, seed)):
         case = case_of(problem, scene)
@@ -149,7 +146,7 @@ def _stages(program: Program, n: int, intervals: int, which: tuple[int, ...], m:
     return Stages(n, program.linear, program.points, block, states)
 
 
-def _own(problem: FlatProblem) -> dict[str, Solver]:
+def _own() -> dict[str, Solver]:
     return {name: partial(by_interior_point, settings) for name, settings in INTERIOR.items()}
 
 
@@ -188,6 +185,17 @@ def _on_multiplier(robot: Robot, payload: float, intervals: int) -> dict[str, So
 def available(plugin: str) -> bool:
     """Whether this CasADi has a solver and this machine a compiler to feed it with."""
     return bool(ca.has_nlpsol(plugin)) and compiler() is not None
+
+
+def left_out(*plugins: str) -> list[str]:
+    """A sentence for each of these solvers that cannot be tried here."""
+    if compiler() is None:
+        return [f"without a C compiler {', '.join(plugins)} are left out"]
+    return [
+        f"{plugin} is not in this build of CasADi and left out"
+        for plugin in plugins
+        if not (ca.has_nlpsol(plugin) or ca.has_conic(plugin))
+    ]
 
 
 def by_interior_point(settings: Settings, case: Case) -> Trial:
