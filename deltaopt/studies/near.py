@@ -226,7 +226,7 @@ def gain_report(gains: list[Gain]) -> str:
         f"{both(1e3 * warm[:, 0])} ms; intervals times iterations {np.median(cold[:, 1]):.0f} and "
         f"{np.median(warm[:, 1]):.0f}; ratio of medians "
         f"{np.median(warm[:, 0]) / np.median(cold[:, 0]):.2f} of the time, "
-        f"{np.median(warm[:, 1]) / np.median(cold[:, 1]):.2f} of the work; near is slower "
-        f"than cold by more than 1e-3 in {np.mean(differences > 1e-3):.1%} of {len(gains)} "
-        f"moves, faster in {np.mean(differences < -1e-3):.1%}"
+        f"{np.median(warm[:, 1]) / np.median(cold[:, 1]):.2f} of the work; the motion "
+        f"found from near is longer by more than 1e-3 in {np.mean(differences > 1e-3):.1%} of "
+        f"{len(gains)} moves, shorter in {np.mean(differences < -1e-3):.1%}"
     )
