@@ -52,8 +52,8 @@ class FeasibleSqp:
     """CasADi's feasible SQP method: every iterate keeps all rows, to 1e-6.
 
     Variables are differences from the start, and fixed ones have 1e-9 to move in: in its
-    feasibility steps CasADi 3.8.2 forgets to subtract the iterate from bounds, which leaves
-    none for a variable that is fixed elsewhere than at zero.
+    feasibility steps CasADi 3.8.2 poses bounds that are off by the iterate, which leaves nothing
+    for a variable that is fixed elsewhere than at zero.
     """
 
     def __init__(self, stages: Stages, quadratic: str) -> None:
@@ -124,8 +124,8 @@ def _solver(stages: Stages, name: str) -> dict[str, Any]:
 def _convex(stages: Stages) -> ca.Function:
     """The Hessian with every stage's eigenvalues raised to the margin.
 
-    CasADi's own convexification does not converge on these blocks, and the shift by
-    Gershgorin's bound that it offers besides is seven times the cost.
+    CasADi's own convexification by eigenvalues does not converge on these blocks, and its shift
+    by Gershgorin's bound is thousands of times the curvature that matters.
     """
     exact = stages.function("hess_lag")
     inputs = [ca.MX.sym(exact.name_in(i), exact.sparsity_in(i)) for i in range(exact.n_in())]
