@@ -44,6 +44,11 @@ def least_opening(scene: Scene) -> float:
     return float(_ends(scene)[2][:, 3:].min())
 
 
+def least_reach(scene: Scene) -> float:
+    """The smallest squared distance of start and goal from a serial singularity."""
+    return float(_ends(scene)[2].min())
+
+
 def _is_feasible(scene: Scene) -> bool:
     """The same in one evaluation, without words."""
     ends = np.array([scene.start, scene.goal])

@@ -181,7 +181,10 @@ class FlatProblem:
             if found is not None and found.solved:
                 prices = np.delete(found.prices, np.s_[3:6], axis=2) / found.T
                 position = self._cubics(found, scales)
-                return Solved(position, prices, found.status, found.iterations, found.spent)
+                left = found.left
+                return Solved(
+                    position, prices, found.status, found.iterations, found.spent, left=left
+                )
         return solved_by_ipopt(self, self.program, guess, scales, parameters)
 
     def from_inside(

@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 
 FRACTIONS = np.linspace(0.0, 1.0, 25)
 """Where in every interval the loads are taken, both ends included."""
+DOUBT = 1.25
+"""Times what is estimated to be given away: one estimate in ten falls short by as much."""
 
 
 @dataclass(frozen=True)

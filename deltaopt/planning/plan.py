@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from deltaopt.dynamics.formulation import Projected
 from deltaopt.dynamics.lagrange import Multiplier
 from deltaopt.errors import DeltaOptError, NotConverged
-from deltaopt.feasibility import check_feasible, least_opening
+from deltaopt.feasibility import check_feasible, least_opening, least_reach
 from deltaopt.limits import Loads, loads_inside, safe_factor, sampled_factor, slowing_inside
 from deltaopt.mechanisms.delta_functions import DeltaFunctions
 from deltaopt.model import DeltaModel, delta_model
@@ -24,7 +24,7 @@ from deltaopt.peaks import sample_fractions
 from deltaopt.planning.baseline import between
 from deltaopt.planning.certificate import Certificate
 from deltaopt.planning.flat import Flat, ScaledEquations
-from deltaopt.planning.gap import FRACTIONS, GivenAway, given_away, refined
+from deltaopt.planning.gap import DOUBT, FRACTIONS, GivenAway, given_away, refined
 from deltaopt.planning.nlp import Spent
 from deltaopt.planning.poses import posed_as
 from deltaopt.planning.problem import Guess, Pose, Posed, Problem, Solved
@@ -276,7 +276,7 @@ class Planner:
         rounds = [_round(attempts)]
         tell(str(rounds[-1]))
         while not self._done(rounds):
-            last, aim = attempts[-1], self.tolerance / 2
+            last, aim = attempts[-1], self.tolerance / 3
             if self._by_switches:
                 if rounds[-1].gap < _READABLE:
                     resolved = self._resolved(last, scales, tell)
@@ -342,7 +342,7 @@ class Planner:
     @property
     def _accuracy(self) -> float:
         """Of the solution on a mesh; structures are read from exact ones only."""
-        return 1e-8 if self._by_switches else self.tolerance / 2
+        return 1e-8 if self._by_switches else self.tolerance / 3
 
     @property
     def _by_switches(self) -> bool:
@@ -367,8 +367,10 @@ class Planner:
 
 
 def _for_rounding(scene: Scene) -> float:
-    """Torques near a fold are known to rounding over its margin only, whoever computes them."""
-    return 1 + float(np.finfo(float).eps) / margin_of_fold(least_opening(scene))
+    """Torques near a serial singularity are known to rounding over its distance only, whoever
+    computes them."""
+    least = min(margin_of_fold(least_opening(scene)), least_reach(scene))
+    return 1 + float(np.finfo(float).eps) / least
 
 
 @lru_cache(maxsize=32)
@@ -445,6 +447,6 @@ def _round(attempts: list[Attempt]) -> Round:
         iterations=last.solution.iterations,
         duration=last.trajectory.duration,
         safe_duration=last.trajectory.duration * last.safe_factor,
-        gap=last.safe_factor - 1 + correction * last.lost.total,
+        gap=last.safe_factor - 1 + correction * DOUBT * (last.lost.total + last.solution.left),
         spent=last.solution.spent,
     )
