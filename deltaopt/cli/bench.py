@@ -79,7 +79,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     _add_robot_study(studies, "settings", _settings, number=100)
     _add_robot_study(studies, "near", _near, number=20)
     _add_robot_study(studies, "inverse", _inverse, number=2000)
-    _add_robot_study(studies, "peers", _peers, number=5)
+    _add_robot_study(studies, "peers", _peers, number=20)
     start = studies.add_parser("start", help=_start.__doc__, description=_start.__doc__)
     add_scenes(start)
     start.set_defaults(study=_start)
@@ -200,8 +200,9 @@ def _inverse(arguments: argparse.Namespace) -> int:
 
 
 def _peers(arguments: argparse.Namespace) -> int:
-    """Plans beside rockit's with Ipopt, of equal optimality gap, and beside the motions of
-    TOPP-RA on given paths and of Ruckig between motor angles, where these are installed."""
+    """Plans beside the motions of TOPP-RA on given paths and of Ruckig between motor angles, and,
+    of a quarter of the moves, beside rockit's with Ipopt of equal optimality gap; what is
+    installed of these."""
     from deltaopt.studies.fixed_paths import fixed_path_comparison
     from deltaopt.studies.peers import rockit_comparison
 
@@ -210,7 +211,7 @@ def _peers(arguments: argparse.Namespace) -> int:
         told = partial(_advance, ProgressBar(), number, robot.name)
         print(fixed_path_comparison(robot, payload, number, seed, told))
         try:
-            print(rockit_comparison(robot, payload, number, seed))
+            print(rockit_comparison(robot, payload, max(1, number // 4), seed))
         except MissingPackage as error:
             print(f"  {error}")
     return 0
