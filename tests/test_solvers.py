@@ -15,7 +15,7 @@ from deltaopt.planning.plan import Planner
 from deltaopt.planning.problem import Guess
 from deltaopt.robot import load_robot
 from deltaopt.scene import load_scene
-from deltaopt.studies import fixed_paths
+from deltaopt.studies import fixed_paths, solvers
 from deltaopt.studies.fixed_paths import driven, fixed_path_comparison, platform_motion, straight
 from deltaopt.studies.near import gain_report, moved, planner_near
 from deltaopt.studies.settings import compare_settings, settings_report
@@ -120,10 +120,10 @@ def test_a_solver_that_never_solves_is_told_as_such():
 
 
 def test_solvers_that_are_not_there_are_told(monkeypatch):
-    monkeypatch.setattr("deltaopt.studies.solvers.compiler", lambda: object())
+    monkeypatch.setattr(solvers, "compiler", lambda: object())
     sentence = "worhp99 is not in this build of CasADi and left out"
     assert left_out("ipopt", "worhp99") == [sentence]
-    monkeypatch.setattr("deltaopt.studies.solvers.compiler", lambda: None)
+    monkeypatch.setattr(solvers, "compiler", lambda: None)
     assert left_out("fatrop", "hpipm") == ["without a C compiler fatrop, hpipm are left out"]
 
 

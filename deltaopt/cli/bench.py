@@ -163,7 +163,7 @@ def _settings(arguments: argparse.Namespace) -> int:
 
 
 def _near(arguments: argparse.Namespace) -> int:
-    """Plans and solvers from the solution of a move whose ends are 1 and 5 % of the way off."""
+    """Plans and solvers from the solution of a move whose ends are nearby."""
     from deltaopt.studies.near import SHARES, gain_report, near_report, planner_near, solvers_near
     from deltaopt.studies.solvers import left_out
 
