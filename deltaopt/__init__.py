@@ -11,6 +11,7 @@ from deltaopt.errors import (
     Unreachable,
 )
 from deltaopt.model import DeltaModel
+from deltaopt.objectives import Effort, Time, TimeAndEffort
 from deltaopt.planning.baseline import baseline
 from deltaopt.planning.closure import (
     AccelerationLevel,
@@ -45,6 +46,7 @@ __all__ = [
     "Baumgarte",
     "DeltaModel",
     "DeltaOptError",
+    "Effort",
     "Infeasible",
     "KnotConstraints",
     "Limits",
@@ -57,6 +59,8 @@ __all__ = [
     "Robot",
     "Scene",
     "SceneError",
+    "Time",
+    "TimeAndEffort",
     "Trajectory",
     "Unreachable",
     "Verification",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import platform
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from importlib.metadata import PackageNotFoundError, version
 from math import isfinite
@@ -13,7 +13,10 @@ from typing import Protocol
 
 import numpy as np
 
+from deltaopt.effort import cost
 from deltaopt.files import whole
+from deltaopt.pontryagin import MET, Extremal, extremal
+from deltaopt.record import Vector3
 from deltaopt.scene import Scene
 from deltaopt.trajectory import Array, Trajectory
 from deltaopt.verify import Verification
@@ -37,6 +40,21 @@ class Certificate(Protocol):
     def sign_violation(self) -> float: ...
 
 
+class Optimum(Protocol):
+    """A local minimum, and how many first guesses led to it."""
+
+    @property
+    def duration(self) -> float: ...
+    @property
+    def cost(self) -> float: ...
+    @property
+    def halfway(self) -> Vector3: ...
+    @property
+    def gap(self) -> float: ...
+    @property
+    def starts(self) -> int: ...
+
+
 class Solution(Protocol):
     """How a motion was found. A Plan is one."""
 
@@ -58,6 +76,8 @@ class Solution(Protocol):
     def tolerance(self) -> float | None: ...
     @property
     def certificate(self) -> Certificate | None: ...
+    @property
+    def optima(self) -> Sequence[Optimum]: ...
 
 
 @dataclass(frozen=True)
@@ -73,6 +93,7 @@ class StraightLine:
     gap: float | None = None
     tolerance: float | None = None
     certificate: Certificate | None = None
+    optima: Sequence[Optimum] = ()
 
 
 def save(
@@ -89,7 +110,7 @@ def save(
     csv, record, chart = (directory / n for n in ("trajectory.csv", "plan.json", "plan.png"))
     write_csv(csv, trajectory, rate)
     write_json(record, scene, trajectory, verification, solution)
-    draw(chart, scene, trajectory)
+    draw(chart, scene, trajectory, _drawn(scene, trajectory, verification))
     return [csv, record, chart]
 
 
@@ -111,8 +132,10 @@ def write_json(
     found = {f.name: getattr(solution, f.name) for f in fields(StraightLine)}
     content = {
         "duration": trajectory.duration,
+        "cost": {"value": cost(scene, trajectory), "unit": scene.objective.unit},
         **{name: _finite(value) for name, value in found.items()},
         "certificate": _certificate(solution.certificate),
+        "optima": [_optimum(each) for each in solution.optima],
         "verification": verification.as_dict(),
         "versions": {"python": platform.python_version()}
         | {name: _version(name) for name in ("deltaopt", "casadi", "numpy")},
@@ -130,6 +153,24 @@ def _certificate(certificate: Certificate | None) -> dict[str, float] | None:
         "hamiltonian_spread": certificate.hamiltonian_spread,
         "sign_violation": certificate.sign_violation,
     }
+
+
+def _optimum(found: Optimum) -> dict[str, object]:
+    return {
+        "duration": found.duration,
+        "cost": found.cost,
+        "halfway": list(found.halfway),
+        "gap": _finite(found.gap),
+        "starts": found.starts,
+    }
+
+
+def _drawn(scene: Scene, trajectory: Trajectory, verification: Verification) -> Extremal | None:
+    """What Pontryagin's condition says along the motion, if it is met."""
+    spread, violation = verification.hamiltonian_spread, verification.sign_violation
+    if spread is None or violation is None or max(spread, violation) > MET:
+        return None
+    return extremal(scene, trajectory)
 
 
 def instants(trajectory: Trajectory, rate: float) -> Array:

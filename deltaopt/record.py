@@ -65,8 +65,13 @@ class Record(BaseModel):
 
     @classmethod
     def _nearest(cls, key: str) -> str:
-        near = difflib.get_close_matches(key, cls.model_fields, n=1)
-        return near[0] if near else "one of " + ", ".join(cls.model_fields)
+        near = difflib.get_close_matches(key, cls._keys(), n=1)
+        return near[0] if near else "one of " + ", ".join(cls._keys())
+
+    @classmethod
+    def _keys(cls) -> list[str]:
+        """What may stand in a file."""
+        return list(cls.model_fields)
 
     @field_validator("*", mode="wrap")
     @classmethod

@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Literal, Self
+from typing import Any, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from deltaopt.errors import SceneError
+from deltaopt.objectives import EXPECTED, Objective, Time, content_of, objective_in
 from deltaopt.record import Number, PerMotor, Positive, Record, Vector3, per_motor
 from deltaopt.robot import Robot, load_robot
 from deltaopt.yaml_file import read_yaml
@@ -43,7 +44,7 @@ class Scene(Record):
     limits: Limits | None = Field(
         default=None, description="a mapping with the keys torque, speed or both"
     )
-    objective: Literal["time"] = Field(default="time", description="the word time")
+    objective: Objective = Field(default=Time(), description=EXPECTED)
 
     @property
     def torque_limits(self) -> Vector3:
@@ -58,6 +59,19 @@ class Scene(Record):
         if self.limits is None or self.limits.speed is None:
             return self.robot.speed_limits
         return per_motor(self.limits.speed)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read_objective(cls, content: Any) -> Any:
+        return objective_in(content) if isinstance(content, dict) else content
+
+    @model_serializer(mode="wrap")
+    def _write_objective(self, rest: SerializerFunctionWrapHandler) -> dict[str, object]:
+        return {**rest(self), **content_of(self.objective)}
+
+    @classmethod
+    def _keys(cls) -> list[str]:
+        return [*super()._keys(), "duration"]
 
     @model_validator(mode="after")
     def _moves(self) -> Self:

@@ -15,15 +15,19 @@ import casadi as ca
 import numpy as np
 
 from deltaopt.arrival import NotIntegrated, arrival
+from deltaopt.effort import effort
 from deltaopt.errors import Unreachable
 from deltaopt.limits import safe_factor, speed_excess, torque_excess
 from deltaopt.model import DeltaModel, evaluate_rows
 from deltaopt.peaks import sample_fractions
+from deltaopt.pontryagin import extremal
 from deltaopt.scene import Scene
 from deltaopt.trajectory import Array, Trajectory
 
 EXCESS = 1e-9
 """Of torque and speed: above the rounding of inverse dynamics, below any meaning of a limit."""
+DURATION = 1e-9
+"""s, of a duration that the scene gives: clocks of controllers are no better."""
 BOUNDARY_DISTANCE = 1e-7
 """m, also for jumps: encoders see micrometres; an NLP solved to 1e-8 leaves less than this."""
 BOUNDARY_SPEED = 1e-6
@@ -64,6 +68,7 @@ class Bound:
 BOUNDS = (
     Bound("torque_excess", "1", EXCESS, "a motor would need {:.4%} more torque than its limit"),
     Bound("speed_excess", "1", EXCESS, "a motor would turn {:.4%} faster than its limit"),
+    Bound("duration_error", "s", DURATION, "it takes {:.3g} s more or less than the scene says"),
     Bound(
         "start_distance",
         "m",
@@ -161,6 +166,8 @@ class Verification:
     ``way``: m, from the scene's start to its goal.
     ``duration``, ``safe_duration``: s; the latter is the shortest to which the motion can be
         slowed so that it keeps its limits.
+    ``effort``: ∫ τᵀτ dt, N²m²s.
+    ``duration_error``: s, from the scene's duration; None where it gives none.
     ``torque_excess``, ``speed_excess``: largest load over limit, minus 1; no speed excess
         (None) where the drives have no speed limit.
     ``start_distance``, ``goal_distance``: m, from the scene's points to the motion's ends.
@@ -169,12 +176,16 @@ class Verification:
     ``kinematic_error``: E_K, mean over time of ‖(f, J q̇ + μ)‖, m and m/s.
     ``dynamic_error``: E_D, mean over time of ‖q̈ - q̈(q, q̇, τ)‖, m/s² and rad/s².
     ``arrival_distance``, ``arrival_speed``: m and m/s, where the reported torques lead.
+    ``hamiltonian_spread``, ``sign_violation``: how far the motion is from Pontryagin's condition
+        for its objective, see ``pontryagin``; None where that cannot be told.
     ``obstacles``: what kept a measure from being evaluated, one sentence each.
     """
 
     duration: float
     way: float = inf
     safe_duration: float = inf
+    effort: float = inf
+    duration_error: float | None = None
     torque_excess: float = inf
     speed_excess: float | None = None
     start_distance: float = inf
@@ -187,6 +198,8 @@ class Verification:
     dynamic_error: float = inf
     arrival_distance: float = inf
     arrival_speed: float = inf
+    hamiltonian_spread: float | None = None
+    sign_violation: float | None = None
     obstacles: tuple[str, ...] = ()
 
     @property
@@ -207,7 +220,7 @@ class Verification:
         """What is wrong with the motion, one sentence each; empty if it passes."""
         failed = [c for c in self.checks() if not c.ok and not (self.obstacles and isinf(c.value))]
         sentences = [*self.obstacles, *(check.complaint for check in failed)]
-        if any(check.bound.unit == "1" for check in failed):
+        if any(check.bound.unit == "1" for check in failed) and self.duration_error is None:
             sentences.append(
                 "slowing it down does not help: gravity alone exceeds a torque limit on its way"
                 if isinf(self.safe_duration)
@@ -233,6 +246,7 @@ def verify(scene: Scene, trajectory: Trajectory) -> Verification:
     try:
         measures: dict[str, Any] = _loads(scene, trajectory) | _errors(scene, trajectory)
         measures |= _ends(scene, trajectory) | _jumps(trajectory)
+        measures |= _optimality(scene, trajectory)
     except Unreachable as error:
         return Verification(duration, way, obstacles=(str(error),))
     try:
@@ -243,11 +257,26 @@ def verify(scene: Scene, trajectory: Trajectory) -> Verification:
 
 
 def _loads(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
-    speed = speed_excess(scene, trajectory)
-    return {
+    speed, given = speed_excess(scene, trajectory), scene.objective.given_duration
+    measures = {
         "safe_duration": trajectory.duration * safe_factor(scene, trajectory),
+        "effort": effort(scene, trajectory),
         "torque_excess": torque_excess(scene, trajectory).value,
-    } | ({} if speed is None else {"speed_excess": speed.value})
+    }
+    if speed is not None:
+        measures["speed_excess"] = speed.value
+    if given is not None:
+        measures["duration_error"] = abs(trajectory.duration - given)
+    return measures
+
+
+def _optimality(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
+    try:
+        found = extremal(scene, trajectory)
+    except np.linalg.LinAlgError:
+        return {}
+    spread, violation = found.hamiltonian_spread, found.sign_violation
+    return {"hamiltonian_spread": spread, "sign_violation": violation}
 
 
 def _ends(scene: Scene, trajectory: Trajectory) -> dict[str, float]:

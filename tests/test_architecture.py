@@ -23,12 +23,14 @@ ORDER = (
     ("yaml_file",),
     ("record",),
     ("robot",),
+    ("objectives",),
     ("scene",),
     ("model",),
     ("rows",),
     ("trajectory",),
     ("peaks",),
     ("limits", "feasibility"),
+    ("effort", "pontryagin"),
     ("planning",),
     ("arrival",),
     ("verify",),
@@ -44,8 +46,12 @@ MAY_IMPORT = {
     "dynamics": {"casadi", "numpy", "deltaopt.dynamics", "deltaopt.errors"},
     "mechanisms": {"casadi", "deltaopt.dynamics", "deltaopt.mechanisms"},
 }
-ONLY_IN = {"matplotlib": {"plots"}, "yaml": {"yaml_file"}, "pydantic": {"record", "robot", "scene"}}
-NEVER = [("verify", "planning"), ("arrival", "planning"), ("limits", "planning")]
+ONLY_IN = {
+    "matplotlib": {"plots"},
+    "yaml": {"yaml_file"},
+    "pydantic": {"record", "robot", "objectives", "scene"},
+}
+NEVER = [(place, "planning") for place in ("verify", "arrival", "limits", "effort", "pontryagin")]
 """Not even through others: the verifier shares nothing with the planner but the model."""
 CONVENIENCES = {
     ("deltaopt.planning.plan", "deltaopt.export"),

@@ -206,7 +206,7 @@ class Untouched:
 
     name: str = "untouched"
 
-    def of(self, functions, transcription, *, speed):
+    def of(self, functions, transcription, *, speed, cost):
         raise AssertionError("a nonlinear program is being built")
 
 

@@ -20,6 +20,7 @@ from deltaopt.planning.chain import (
     multiplier_equations,
 )
 from deltaopt.planning.closure import AccelerationLevel, Baumgarte, KnotConstraints, Projection
+from deltaopt.planning.cost import Cost
 from deltaopt.planning.nlp import IPOPT
 from deltaopt.planning.poses import Redundant, posed_as
 from deltaopt.planning.rank import dependent_rows
@@ -149,12 +150,12 @@ def least_effort(pose, closure, degree, intervals):
     p = c.task.p.copy()
     p[4] = guess.knots[-1]  # the scale of time
     task = replace(c.task, p=p)
+    effort = Cost(time=0.0, running=1 / p[5] ** 2, duration_is_given=True)
     problem = equations(SMOOTH, pose, closure).on(
-        np.full(intervals, 1 / intervals), PiecewiseAcceleration(degree, ())
+        np.full(intervals, 1 / intervals), PiecewiseAcceleration(degree, ()), effort
     )
-    lower, upper = problem.bounds(task)
-    lower[-1] = upper[-1] = 1.0
-    solution = problem.least_effort().solve(problem.pack(guess, task), lower, upper, task.p)
+    start = problem.pack(guess, task)
+    solution = problem.program.solve(start, *problem.bounds(task), task.p)
     tau = problem.variables.algebraic(solution.z)[:, :, :3]
     quality = Meter(replace(c, task=task)).quality(problem, solution.z)
     per_interval = np.einsum("j,njk->n", problem.transcription.quadrature, tau**2)

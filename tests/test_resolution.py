@@ -15,6 +15,7 @@ from deltaopt.planning.nlp import Solution
 from deltaopt.planning.plan import Planner
 from deltaopt.planning.scales import Scales
 from deltaopt.planning.structure import read_structure
+from deltaopt.pontryagin import extremal
 
 # Durations in s, each by `deltaopt plan problems/NAME.yaml --tolerance 1e-8`; the digits given
 # agree between polynomials of degrees 8 and 11 on the arcs.
@@ -43,6 +44,12 @@ def test_certificate(resolved):
     assert found.certificate is not None
     assert found.certificate.hamiltonian_spread <= 1e-6
     assert found.certificate.sign_violation <= 1e-6
+
+
+def test_costates_fitted_to_the_motion_agree(resolved):
+    """Not from the multipliers of the program: nothing but the motion is looked at."""
+    _, scene, found = resolved
+    assert extremal(scene, found.trajectory).residual <= 1e-6
 
 
 def test_verified(resolved):

@@ -14,6 +14,7 @@ import yaml
 from pydantic import ValidationError
 
 from deltaopt.errors import SceneError
+from deltaopt.objectives import Effort, Time, TimeAndEffort
 from deltaopt.robot import Robot, load_robot
 from deltaopt.scene import Limits, Scene, load_scene
 
@@ -62,6 +63,9 @@ def write(folder: Path, robot: dict[str, Any] = ROBOT, scene: dict[str, Any] = S
     return folder / "scene.yaml"
 
 
+WEIGHTED = {"time": 1.0, "effort": 0.002}
+
+
 def error_of(scene_file: Path) -> SceneError:
     """Load a bad scene; check that the error is one sentence that a user can read."""
     with pytest.raises(SceneError) as caught:
@@ -94,7 +98,7 @@ def test_every_key_of_both_files_is_read(tmp_path: Path) -> None:
     assert scene.payload == 1.0
     assert (scene.start, scene.goal) == ((0.45, -0.05, 0.0), (0.45, 0.1, 0.0))
     assert scene.limits == Limits(torque=9.0, speed=(7.0, 6.0, 5.0))
-    assert scene.objective == "time"
+    assert scene.objective == Time()
 
 
 def test_limits_are_given_per_motor(tmp_path: Path) -> None:
@@ -139,7 +143,7 @@ def test_what_is_absent_is_none_and_gravity_the_earths(tmp_path: Path) -> None:
     assert loaded.payload is None
     assert loaded.limits is None
     assert loaded.speed_limits is None
-    assert loaded.objective == "time"
+    assert loaded.objective == Time()
 
 
 @pytest.mark.parametrize(
@@ -174,7 +178,7 @@ def test_the_robots_path_is_relative_to_the_scene(
 
 @pytest.mark.parametrize("file", sorted(PROBLEMS.glob("*.yaml")), ids=lambda file: file.stem)
 def test_every_shipped_scene_loads(file: Path) -> None:
-    assert load_scene(file).objective == "time"
+    assert load_scene(file).objective == Time()
 
 
 def test_the_papers_robot_has_the_papers_numbers() -> None:
@@ -192,6 +196,35 @@ def test_the_light_and_fast_scene_has_no_payload() -> None:
     scene = load_scene(PROBLEMS / "light_and_fast.yaml")
     assert scene.payload is None
     assert all(a != b for a, b in zip(scene.start, scene.goal, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("written", "meant"),
+    [
+        ({"objective": "effort", "duration": 0.3}, Effort(duration=0.3)),
+        ({"objective": WEIGHTED}, TimeAndEffort(time=1.0, effort=0.002)),
+    ],
+)
+def test_objectives_are_values_and_words_only_in_files(tmp_path: Path, written, meant) -> None:
+    scene = load_scene(write(tmp_path, scene=SCENE | written))
+    assert scene.objective == meant
+    dumped = json.loads(json.dumps(scene.model_dump(mode="json")))
+    assert dumped == SCENE | written | {"robot": ROBOT}
+    assert Scene.model_validate(dumped) == scene
+    assert Scene(robot=scene.robot, start=scene.start, goal=scene.goal, objective=meant).objective
+
+
+def test_effort_needs_a_duration(tmp_path: Path) -> None:
+    error = error_of(write(tmp_path, scene=changed(SCENE, "objective", "effort")))
+    assert (error.key, error.value, error.problem) == ("duration", None, "is missing")
+    assert error.expected == "a duration in s, greater than 0, since the objective is effort"
+
+
+@pytest.mark.parametrize("duration", [0.0, -0.3, "0.3 s", [0.3]])
+def test_a_bad_duration(tmp_path: Path, duration) -> None:
+    scene = SCENE | {"objective": "effort", "duration": duration}
+    error = error_of(write(tmp_path, scene=scene))
+    assert (error.key, error.value) == ("duration", duration)
 
 
 # --- records in Python --------------------------------------------------------------------
@@ -306,6 +339,10 @@ BAD_IN_SCENE = [
     ("limits.speed", 0.0, "rad/s, greater than 0, or three"),
     ("objective", "energy", "the word time"),
     ("objective", 1.0, "the word time"),
+    ("objective", ["time", "effort"], "the word time"),
+    ("duration", 0.3, "objective: effort beside it"),
+    ("objective.effort", 0.0, "a weight of the effort in 1/(N²m²), greater than 0"),
+    ("objective.time", "1", "a weight of the duration, greater than 0"),
 ]
 
 
@@ -319,7 +356,8 @@ def test_a_bad_value_in_the_robot(tmp_path: Path, key: str, value: object, expec
 
 @pytest.mark.parametrize(("key", "value", "expected"), BAD_IN_SCENE)
 def test_a_bad_value_in_the_scene(tmp_path: Path, key: str, value: object, expected: str) -> None:
-    error = error_of(write(tmp_path, scene=changed(SCENE, key, value)))
+    scene = SCENE | {"objective": WEIGHTED} if key.startswith("objective.") else SCENE
+    error = error_of(write(tmp_path, scene=changed(scene, key, value)))
     assert (error.file, error.key, error.value) == (tmp_path / "scene.yaml", key, value)
     assert expected in error.expected
     assert f": {key} is {value!r}" in str(error)
@@ -403,9 +441,9 @@ def test_an_unknown_key_in_the_robot(tmp_path: Path, key: str, expected: str) ->
     [
         ("paylod", "payload"),
         ("limits.sped", "speed"),
-        ("formulation", "one of robot, payload, start, goal, limits, objective"),
-        ("<<", "one of robot, payload, start, goal, limits, objective"),
-        ("5", "one of robot, payload, start, goal, limits, objective"),
+        ("mesh", "one of robot, payload, start, goal, limits, objective, duration"),
+        ("<<", "one of robot, payload, start, goal, limits, objective, duration"),
+        ("5", "one of robot, payload, start, goal, limits, objective, duration"),
     ],
 )
 def test_an_unknown_key_in_the_scene(tmp_path: Path, key: str, expected: str) -> None:

@@ -34,6 +34,11 @@ def test_first_motions_are_seeded():
     assert durations[0] != durations[2]
 
 
+def costs(*motions):
+    """Motions with what least time says of them, planned to 1e-3."""
+    return [(motion, motion.duration, 1e-3) for motion in motions]
+
+
 class TestDistinct:
     LINE = baseline(SCENE)
 
@@ -44,18 +49,18 @@ class TestDistinct:
         return motion
 
     def test_the_same_to_a_tolerance_is_one(self):
-        found = distinct([(self.LINE, 1e-3), (self.LINE.slowed(1.001), 1e-3)], 0.15)
+        found = distinct(costs(self.LINE, self.LINE.slowed(1.001)), 0.15)
         assert [(o.duration, o.starts) for o in found] == [(self.LINE.duration, 2)]
 
     def test_other_durations_are_others(self):
-        found = distinct([(self.LINE.slowed(1.01), 1e-3), (self.LINE, 1e-3)], 0.15)
+        found = distinct(costs(self.LINE.slowed(1.01), self.LINE), 0.15)
         assert [o.starts for o in found] == [1, 1]
         assert found[0].duration == self.LINE.duration
 
     def test_other_paths_of_one_duration_are_others(self):
         left, right = self.curve(0.05), self.curve(-0.05)
         assert left.duration == pytest.approx(right.duration, rel=1e-6)
-        assert len(distinct([(left, 1e-3), (right, 1e-3)], 0.15)) == 2
+        assert len(distinct(costs(left, right), 0.15)) == 2
 
 
 def test_the_best_is_delivered():

@@ -8,6 +8,10 @@ from errno import EACCES, ENOTDIR
 from math import isfinite
 from pathlib import Path
 
+from deltaopt.errors import SceneError
+from deltaopt.objectives import Time
+from deltaopt.scene import Scene, load_scene
+
 
 def add_scene(parser: argparse.ArgumentParser) -> None:
     """SCENE."""
@@ -30,6 +34,16 @@ def add_output(parser: argparse.ArgumentParser) -> None:
         metavar="DIR",
         help="directory to write to, made if need be (default: out/ and the scene's name)",
     )
+
+
+def load_fastest(file: Path) -> Scene:
+    """A scene for a study that compares durations; a SceneError for another objective."""
+    scene = load_scene(file)
+    if not isinstance(scene.objective, Time):
+        expected = "the word time: this command compares durations"
+        problem = f"is {scene.objective}"
+        raise SceneError(file, "objective", scene.objective, expected, problem)
+    return scene
 
 
 def output_directory(arguments: argparse.Namespace) -> Path:

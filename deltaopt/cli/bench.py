@@ -3,6 +3,8 @@
 deltaopt bench random      plan and verify random moves of robots
 deltaopt bench gap         hold the gap that plans estimate against the true one
 deltaopt bench tolerances  measure what a gap costs, on meshes and by switch resolution
+deltaopt bench agreement   reference durations by transcriptions, shooting, forward dynamics
+deltaopt bench objectives  least effort, and time with effort, by polynomials of three degrees
 deltaopt bench plan        how long plans take, and where the time goes
 deltaopt bench scaling     how time grows with the number of intervals
 deltaopt bench start       from import to the first plan: cold, warm, without a compiler
@@ -23,7 +25,7 @@ from typing import Any
 
 import numpy as np
 
-from deltaopt.cli.arguments import add_scenes, positive
+from deltaopt.cli.arguments import add_scenes, load_fastest, positive
 from deltaopt.cli.progress import ProgressBar
 from deltaopt.errors import MissingPackage
 from deltaopt.planning.plan import Planner
@@ -59,6 +61,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_scenes(gap)
     gap.set_defaults(study=_gap)
+    agree = studies.add_parser(
+        "agreement", help="do other methods find the same", description=_agreement.__doc__
+    )
+    add_scenes(agree)
+    agree.set_defaults(study=_agreement)
+    objectives = studies.add_parser(
+        "objectives", help="what less effort costs", description=_objectives.__doc__
+    )
+    add_scenes(objectives)
+    objectives.set_defaults(study=_objectives)
     tolerances = studies.add_parser(
         "tolerances", help="what a gap costs", description=_tolerances.__doc__
     )
@@ -273,7 +285,7 @@ def _summary(robot: Robot, outcomes: list[Outcome]) -> str:
 
 def _gap(arguments: argparse.Namespace) -> int:
     """Plan each scene at tolerances from 1e-2 to 1e-4, and at 1e-5 for the truth."""
-    scenes = {file.stem: load_scene(file) for file in arguments.scenes}
+    scenes = {file.stem: load_fastest(file) for file in arguments.scenes}
     print("\n\n".join(_gap_table(name, _gap_of(name, scene)) for name, scene in scenes.items()))
     return 0
 
@@ -299,6 +311,36 @@ def _gap_table(name: str, study: GapStudy) -> str:
     return "\n".join([name, f"{header}{'true gap':>12}", *rows, truth])
 
 
+def _agreement(arguments: argparse.Namespace) -> int:
+    """Plan each scene at 1e-8, and again by switch resolution with polynomials of two degrees, by
+    shooting, and by forward dynamics on a uniform mesh and on one with knots at the switches."""
+    from deltaopt.studies.agreement import agreement
+    from deltaopt.studies.agreement import table as of_answers
+
+    for file in arguments.scenes:
+        bar = ProgressBar()
+        study = agreement(load_fastest(file), told=partial(_advance_to, bar, file.stem))
+        print(of_answers(file.stem, study), flush=True)
+    return 0
+
+
+def _objectives(arguments: argparse.Namespace) -> int:
+    """Plan each scene for least effort in several durations and for time weighted with effort, by
+    polynomials of three degrees."""
+    from deltaopt.studies.objectives import objectives_study
+    from deltaopt.studies.objectives import table as of_trials
+
+    for file in arguments.scenes:
+        bar = ProgressBar()
+        study = objectives_study(load_scene(file), told=partial(_advance_to, bar, file.stem))
+        print(of_trials(file.stem, study), flush=True)
+    return 0
+
+
+def _advance_to(bar: ProgressBar, name: str, done: float) -> None:
+    bar(done, name)
+
+
 def _tolerances(arguments: argparse.Namespace) -> int:
     """Plan each scene on uniform meshes, on refined ones and with its switches resolved, at
     tolerances from 1e-2 to 1e-8; processor time against the gap to the last of them."""
@@ -307,7 +349,7 @@ def _tolerances(arguments: argparse.Namespace) -> int:
 
     studies = {}
     for file in arguments.scenes:
-        studies[file.stem] = tolerance_study(load_scene(file), told=ProgressBar())
+        studies[file.stem] = tolerance_study(load_fastest(file), told=ProgressBar())
         print(table(file.stem, studies[file.stem]), end="\n\n", flush=True)
     ratios = [study.ratio(1e-6, to=1e-3) for study in studies.values()]
     print("1e-6 costs so many times what 1e-3 does:", ", ".join(f"{r:.1f}" for r in ratios))

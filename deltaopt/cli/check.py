@@ -50,7 +50,7 @@ def _description(scene: Scene) -> list[tuple[str, str]]:
         ("robot", scene.robot.name),
         ("motion", f"{in_words(scene.start)} to {in_words(scene.goal)} m, {distance:.4g} m apart"),
         ("", "at rest at both ends, where the motors can hold it; path free"),
-        ("objective", f"least {scene.objective}"),
+        ("objective", str(scene.objective)),
         ("coordinates", f"{coordinates}: x, y, z of the platform, three angles of each chain"),
         ("constraints", f"{constraints}: loop closure, eq. (50)-(52)"),
         ("freedom", f"{coordinates - constraints} degrees, {mechanism.controls.numel()} motors"),

@@ -13,6 +13,7 @@ import argparse
 import sys
 from pathlib import Path
 
+from deltaopt.cli.arguments import load_fastest
 from deltaopt.cli.progress import ProgressBar
 
 HELP = "compare formulations, of the dynamics or of plans, as tables and charts"
@@ -47,14 +48,13 @@ def _plans(arguments: argparse.Namespace) -> int:
     """Solve, measure, print, save."""
     from deltaopt.files import whole
     from deltaopt.plots.plans import draw
-    from deltaopt.scene import load_scene
     from deltaopt.studies.plan_cases import FiveBarTask, delta_case
     from deltaopt.studies.plans import compare_plans
     from deltaopt.studies.plans_report import csv, tables, verdict
 
     cases = [
-        FiveBarTask().case if what == FIVE_BAR else delta_case(Path(what).stem, load_scene(what))
-        for what in arguments.what
+        FiveBarTask().case if what == FIVE_BAR else delta_case(file.stem, load_fastest(file))
+        for what, file in ((what, Path(what)) for what in arguments.what)
     ]
     study = compare_plans(cases, progress=ProgressBar())
     directory = arguments.directory or Path("out/compare_plans")

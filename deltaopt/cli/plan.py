@@ -1,4 +1,4 @@
-"""Find the fastest motion of a scene, verify it, and write it down.
+"""Find the best motion of a scene, verify it, and write it down.
 
 The motion begins and ends at rest and keeps the limits of torque and speed all the way;
 its path is free. What is found is then checked by code that knows nothing of how it was
@@ -28,6 +28,7 @@ from deltaopt.cli.arguments import (
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.export import RATE, Solution, StraightLine, save
 from deltaopt.feasibility import check_feasible
+from deltaopt.objectives import Time
 from deltaopt.planning.baseline import baseline
 from deltaopt.planning.closure import (
     AccelerationLevel,
@@ -40,7 +41,9 @@ from deltaopt.planning.flat import Flat
 from deltaopt.planning.plan import Plan, plan
 from deltaopt.planning.poses import Forward, Redundant
 from deltaopt.planning.problem import Pose
-from deltaopt.planning.transcription import PiecewiseAcceleration
+from deltaopt.planning.starts import Optimum
+from deltaopt.planning.transcription import CUBIC, LINEAR, QUADRATIC
+from deltaopt.pontryagin import MET
 from deltaopt.scene import Scene, load_scene
 from deltaopt.trajectory import Trajectory
 from deltaopt.verify import Check, Verification, verify
@@ -57,12 +60,8 @@ CLOSURES: dict[str, LoopClosure] = {
     "baumgarte": Baumgarte(),
     "acceleration": AccelerationLevel(),
 }
-TRANSCRIPTIONS = {
-    "linear": PiecewiseAcceleration(),
-    "quadratic": PiecewiseAcceleration(2, (0.25, 0.75)),
-    "cubic": PiecewiseAcceleration(3, (0.1, 0.5, 0.9)),
-}
-HELP = "find the fastest motion of a scene and verify it"
+TRANSCRIPTIONS = {"linear": LINEAR, "quadratic": QUADRATIC, "cubic": CUBIC}
+HELP = "find the best motion of a scene, the fastest as a rule, and verify it"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -78,7 +77,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=positive,
         default=1e-3,
         metavar="GAP",
-        help="how much longer than the optimum the motion may take, relative (default: 1e-3)",
+        help="how much longer than the optimum the motion may take, or how much dearer it may "
+        "be, relative (default: 1e-3)",
     )
     parser.add_argument(
         "--intervals",
@@ -102,8 +102,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--transcription",
         choices=TRANSCRIPTIONS,
-        default="linear",
-        help="acceleration in each interval (default: linear)",
+        help="acceleration in each interval (default: linear; quadratic where effort counts)",
     )
     parser.add_argument(
         "--starts",
@@ -144,7 +143,7 @@ def _solve(scene: Scene, arguments: argparse.Namespace) -> tuple[Trajectory, Sol
         tolerance=arguments.tolerance,
         intervals=arguments.intervals,
         formulation=FORMULATIONS[arguments.formulation](CLOSURES[arguments.closure]),
-        transcription=TRANSCRIPTIONS[arguments.transcription],
+        transcription=TRANSCRIPTIONS.get(arguments.transcription),
         starts=arguments.starts,
         seed=arguments.seed,
         progress=lambda text: print(text, file=sys.stderr, flush=True),
@@ -159,13 +158,24 @@ def _tell_optima(found: Plan) -> None:
     for i, optimum in enumerate(found.optima, 1):
         x, y, z = optimum.halfway
         print(
-            f"local optimum {i}: {optimum.duration:.6f} s from {optimum.starts} starts, "
+            f"local optimum {i}: {_told(found.scene, optimum)} from {optimum.starts} starts, "
             f"halfway at ({x:.4f}, {y:.4f}, {z:.4f}) m"
         )
 
 
+def _told(scene: Scene, optimum: Optimum) -> str:
+    """Its duration, or what it costs where that is not the same."""
+    if isinstance(scene.objective, Time):
+        return f"{optimum.duration:.6f} s"
+    return f"{optimum.cost:.6g} {scene.objective.unit} in {optimum.duration:.6f} s"
+
+
 def _tell_gap(found: Plan) -> None:
-    print(f"estimated to be at most {found.gap:.1e} longer than the optimum", end="")
+    if isinstance(found.scene.objective, Time):
+        print(f"estimated to be at most {found.gap:.1e} longer than the optimum", end="")
+    else:
+        print(f"{found.scene.objective}: {found.cost:.9g} {found.scene.objective.unit}")
+        print(f"estimated to be at most {found.gap:.1e} above the least", end="")
     print("" if found.within_tolerance else f", which is not the {found.tolerance:g} asked for")
     if found.certificate:
         print(
@@ -181,7 +191,20 @@ def table(verification: Verification) -> str:
         f"{name:<17}{value:>10}{bound:>9}  {unit:<13}{ok}".rstrip()
         for name, value, bound, unit, ok in rows
     )
-    return "\n".join([f"duration {verification.duration:.6f} s", *lines])
+    total = f"duration {verification.duration:.6f} s, effort {verification.effort:.6g} N²m²s"
+    return "\n".join([total, *lines, *_optimality(verification)])
+
+
+def _optimality(verification: Verification) -> list[str]:
+    """What the motion alone says of Pontryagin's condition: no bound, few motions meet it."""
+    spread, violation = verification.hamiltonian_spread, verification.sign_violation
+    if spread is None or violation is None:
+        return []
+    local = "; a local statement" if max(spread, violation) < MET else ", which it does not meet"
+    return [
+        f"Pontryagin's condition, by costates fitted to the motion: Hamiltonian constant to "
+        f"{spread:.1e}, signs of torques right to {violation:.1e}{local}"
+    ]
 
 
 def _row(check: Check) -> tuple[str, str, str, str, str]:

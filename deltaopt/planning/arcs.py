@@ -22,8 +22,17 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from deltaopt.planning.cost import FASTEST, Cost
 from deltaopt.planning.flat import ScaledEquations
-from deltaopt.planning.nlp import Layout, Options, PointFunction, Points, Program, Solution
+from deltaopt.planning.nlp import (
+    Layout,
+    Options,
+    PointFunction,
+    Points,
+    Program,
+    RunningCost,
+    Solution,
+)
 from deltaopt.planning.scales import Scales
 from deltaopt.planning.structure import Structure
 from deltaopt.planning.transcription import PiecewiseAcceleration
@@ -78,6 +87,7 @@ class ArcProblem:
     equations: ScaledEquations
     structure: Structure
     degree: int
+    cost: Cost = FASTEST
 
     @property
     def name(self) -> str:
@@ -133,7 +143,7 @@ class ArcProblem:
     @cached_property
     def program(self) -> Program:
         cost = np.zeros(self.n_variables)
-        cost[self._first_length : -1] = 1.0
+        cost[self._first_length : -1] = self.cost.time
         position, velocity = integration()
         zero = np.zeros(1)
         points = [
@@ -141,8 +151,16 @@ class ArcProblem:
             Points(position, self._position_layout(), zero, zero),
             Points(velocity, self._velocity_layout(), zero, zero),
         ]
-        empty = Layout(np.zeros((0, 1), dtype=np.intp), np.zeros((0, 1)))
-        return Program(cost, empty, points, OPTIONS)
+        return Program(cost, self._given_duration(), points, OPTIONS, self.running)
+
+    @cached_property
+    def running(self) -> RunningCost | None:
+        """∫ r dt by Lobatto's rule in every interval."""
+        if not self.cost.running:
+            return None
+        zero, weights = np.zeros(1), self.cost.running * self.transcription.quadrature
+        points = Points(self.equations.running_cost, self._running_layout(), zero, zero)
+        return RunningCost(points, np.tile(weights, self.intervals))
 
     @cached_property
     def rows(self) -> PointFunction:
@@ -171,7 +189,7 @@ class ArcProblem:
         return tuple(np.concatenate(b, axis=2).reshape(-1, rows) for b in (lower, upper))  # type: ignore[return-value]
 
     def bounds(self, scales: Scales) -> tuple[Array, Array]:
-        """Start and goal at rest, torques held or within limits, arcs not negative."""
+        """Start and goal, torques held or within limits, arcs not negative."""
         upper = np.full(self.n_variables, np.inf)
         lower = -upper
         held = np.broadcast_to(
@@ -181,8 +199,8 @@ class ArcProblem:
         lower[at] = np.where(held != 0, held, -1)
         upper[at] = np.where(held != 0, held, 1)
         goal = self.intervals * self._block
-        lower[:6] = upper[:6] = 0.0
-        lower[goal : goal + 6] = upper[goal : goal + 6] = np.concatenate([scales.goal, np.zeros(3)])
+        lower[:6] = upper[:6] = scales.at_start
+        lower[goal : goal + 6], upper[goal : goal + 6] = scales.at_goal
         lower[self._first_length : -1] = 0.0
         lower[-1] = upper[-1] = 1.0
         return lower, upper
@@ -203,7 +221,9 @@ class ArcProblem:
         z[at + 3] = (motion.v * T / D).reshape(n, d + 1, 3)[:, :d]
         z[self._accelerations[..., None] + three] = (motion.a * T**2 / D).reshape(n, d + 1, 3)
         z[self._torques[..., None] + three] = (motion.tau / scales.torques).reshape(n, d + 1, 3)
-        z[n * self._block : n * self._block + 3] = scales.goal
+        at_end = trajectory([trajectory.knots[-1]])
+        z[n * self._block :][:3] = (at_end.x[0] - scales.origin) / D
+        z[n * self._block :][3:6] = at_end.v[0] * T / D
         z[self._first_length : -1] = lengths / T
         z[-1] = 1.0
         lower, upper = self.bounds(scales)
@@ -235,7 +255,8 @@ class ArcProblem:
         n, d = self.intervals, self.degree
         rows = self.rows.function.size1_out(0)
         ends = np.cumsum([n * (d + 1) * rows, 3 * n * d])
-        nodes, position, velocity = np.split(solution.row_multipliers, ends)
+        linear = int(self.cost.duration_is_given)
+        nodes, position, velocity = np.split(solution.row_multipliers[linear:], ends)
         shape = (n, d, 3)
         return nodes.reshape(-1, rows), position.reshape(shape), velocity.reshape(shape)
 
@@ -266,6 +287,22 @@ class ArcProblem:
         columns[..., 9:12] = self._torques[..., None] + np.arange(3)
         columns[..., 12] = self.n_variables - 1
         return Layout(columns.reshape(-1, 1), np.ones((columns.size, 1)))
+
+    def _running_layout(self) -> Layout:
+        """(y, h/m) at every node."""
+        y = self._node_layout().columns.reshape(-1, 13)
+        arcs, nodes = np.repeat(self.arc, self.degree + 1), self.degree + 1
+        columns = np.hstack([y, self._first_length + arcs[:, None]])
+        weights = np.ones(columns.shape)
+        weights[:, -1] = np.repeat(1.0 / self.parts[self.arc], nodes)
+        return Layout(columns.reshape(-1, 1), weights.reshape(-1, 1))
+
+    def _given_duration(self) -> Layout:
+        """Lengths of the arcs less the constant 1, where the duration is the unit of time."""
+        given = int(self.cost.duration_is_given)
+        columns = np.arange(self._first_length, self.n_variables, dtype=np.intp)
+        weights = np.append(np.ones(len(self.parts)), -1.0)
+        return Layout(columns[None][:given], weights[None][:given])
 
     def _position_layout(self) -> Layout:
         """y = (X_c - X_0, c V_0, Σ l̿ A, h/m) for the nodes after the first, per component."""

@@ -36,13 +36,24 @@ def straight_line(model: DeltaModel, start: Vector3, goal: Vector3, duration: fl
 
 
 def baseline(scene: Scene) -> Trajectory:
-    """The straight line at the shortest duration that keeps the scene's limits.
+    """The straight line at the shortest duration that keeps the scene's limits, or at the
+    duration that the scene gives.
 
     Raises Unreachable where the line leaves the workspace, and Infeasible where gravity alone
-    exceeds a torque limit on it: a detour may exist all the same.
+    exceeds a torque limit on it or the given duration is too short: a detour may exist all
+    the same.
     """
     line = straight_line(delta_model(scene.robot, scene.payload), scene.start, scene.goal, 1.0)
-    return _fastest(scene, line, "the straight line from start to goal")
+    fastest = _fastest(scene, line, "the straight line from start to goal")
+    given = scene.objective.given_duration
+    if given is None:
+        return fastest
+    if given < fastest.duration:
+        raise Infeasible(
+            f"duration is {given:g} s, but the straight line from start to goal takes "
+            f"{fastest.duration:.6g} s at least"
+        )
+    return fastest.slowed(given / fastest.duration)
 
 
 def detour(scene: Scene) -> Trajectory:

@@ -1,13 +1,13 @@
 """Pontryagin's condition on a switch-resolved motion, from the multipliers of its program.
 
 The Lagrangian's derivative with respect to the state at a knot is the costate there: what a
-small shift of position (p_x) or velocity (p_v) would cost. Along a minimum-time motion
+small shift of position (p_x) or velocity (p_v) would cost. Along an optimal motion
 
-    H = p_x · ẋ + p_v · ẍ = -1          the Hamiltonian, constant
-    τ_k at its upper (lower) limit      only where raising the limit does not cost (gain) time
+    H = p_x · ẋ + p_v · ẍ + r           the Hamiltonian, constant; r: rate of a running cost
+    τ_k at its upper (lower) limit      only where raising the limit does not cost (gain)
 
-A motion that meets both satisfies the necessary condition of optimality: no motion near it is
-faster. A quite different one may be.
+and H = -1 where time is what is minimised. A motion that meets both satisfies the necessary
+condition of optimality: no motion near it is better. A quite different one may be.
 """
 
 from __future__ import annotations
@@ -28,7 +28,8 @@ Array = NDArray[np.float64]
 class Certificate:
     """How well Pontryagin's condition is met; both without dimension, 0 at best.
 
-    ``hamiltonian_spread``: max |H - mean H| / |mean H| over both ends of all intervals.
+    ``hamiltonian_spread``: max |H - mean H| over both ends of all intervals, as a fraction of
+    |mean H| or of the largest rate of a running cost, if that is more.
     ``sign_violation``: largest price of a wrong sign at a held torque, over the largest price.
     """
 
@@ -47,8 +48,9 @@ def certify(problem: ArcProblem, solution: Solution, p: Array) -> Certificate:
     prices = problem.prices(solution)
     held = problem.structure.torque[problem.arc][:, None]
     wrong = np.maximum(-prices * held, 0).max()
+    unit = max(abs(H.mean()), np.abs(running_rate(problem, solution, p)[0]).max())
     return Certificate(
-        float(np.abs(H - H.mean()).max() / abs(H.mean())), float(wrong / np.abs(prices).max())
+        float(np.abs(H - H.mean()).max() / unit), float(wrong / np.abs(prices).max())
     )
 
 
@@ -57,8 +59,9 @@ def hamiltonian(problem: ArcProblem, solution: Solution, p: Array) -> Array:
     kept = problem.interval_lengths(solution.z) > 1e-9
     first, last = _costates(problem, solution, p)
     velocity, acceleration = problem.velocities(solution.z), problem.accelerations(solution.z)
+    rate, _ = running_rate(problem, solution, p)
     ends = [
-        (np.hstack([velocity[:, i], acceleration[:, i]]) * costate).sum(axis=1)
+        (np.hstack([velocity[:, i], acceleration[:, i]]) * costate).sum(axis=1) + rate[:, i]
         for i, costate in ((0, first), (-1, last))
     ]
     return np.stack(ends, axis=1)[kept]
@@ -70,6 +73,8 @@ def _costates(problem: ArcProblem, solution: Solution, p: Array) -> tuple[Array,
     at_nodes, position, velocity = problem.row_multipliers(solution)
     shape = (n, d + 1, 6)
     limits = _pull_back(problem, solution.z, at_nodes, p).reshape(shape)
+    weights = problem.interval_lengths(solution.z)[:, None] * problem.transcription.quadrature
+    limits += weights[..., None] * running_rate(problem, solution, p)[1]
     step = problem.interval_lengths(solution.z)[:, None] * problem.transcription.nodes[1:]
     first_x = -position.sum(axis=1)
     first_v = -velocity.sum(axis=1) - (step[..., None] * position).sum(axis=1)
@@ -92,3 +97,16 @@ def _pull_back(problem: ArcProblem, z: Array, multipliers: Array, p: Array) -> A
     rows, columns = (np.array(i) for i in sparsity.get_triplet())
     products = nonzeros * multipliers[:, rows]
     return np.stack([products[:, columns == j].sum(axis=1) for j in range(6)], axis=1)
+
+
+def running_rate(problem: ArcProblem, solution: Solution, p: Array) -> tuple[Array, Array]:
+    """r at the nodes, (n, degree + 1), and its derivatives by X and V, (n, degree + 1, 6)."""
+    shape = problem.intervals, problem.degree + 1
+    if problem.running is None:
+        return np.zeros(shape), np.zeros((*shape, 6))
+    jacobian, sparsity = problem.running.points.function.jacobian
+    y = np.insert(problem.at_nodes(solution.z), 13, 1.0, axis=1)
+    rate, nonzeros = (problem.cost.running * r for r in evaluate_rows(jacobian, y, parameters=p))
+    dense = np.zeros((len(y), 14))
+    dense[:, np.array(sparsity.get_triplet()[1])] = nonzeros.reshape(len(y), -1)
+    return rate.reshape(shape), dense[:, :6].reshape(*shape, 6)

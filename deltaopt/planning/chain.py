@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.dynamics.mechanism import SX
 from deltaopt.planning.closure import LoopClosure, closed
+from deltaopt.planning.cost import FASTEST, Cost
 from deltaopt.planning.nlp import Layout, PointFunction, Points, Program, RunningCost, Solution
 from deltaopt.planning.system import RestToRest, System
 from deltaopt.planning.transcription import PiecewiseAcceleration
@@ -60,8 +61,10 @@ class Equations:
             if isinstance(value, PointFunction):
                 _ = value.hessian
 
-    def on(self, mesh: Array, transcription: PiecewiseAcceleration) -> ChainProblem:
-        return ChainProblem(self, transcription, mesh)
+    def on(
+        self, mesh: Array, transcription: PiecewiseAcceleration, cost: Cost = FASTEST
+    ) -> ChainProblem:
+        return ChainProblem(self, transcription, mesh, cost)
 
 
 def flat_equations(system: System) -> Equations:
@@ -197,6 +200,7 @@ class ChainProblem:
     equations: Equations
     transcription: PiecewiseAcceleration
     mesh: Array
+    cost: Cost = FASTEST
 
     @cached_property
     def variables(self) -> Variables:
@@ -212,21 +216,21 @@ class ChainProblem:
 
     @cached_property
     def program(self) -> Program:
-        """Shortest duration."""
+        """Of least cost, the running one ∫ τᵀτ dt by Lobatto's rule at the nodes."""
         cost = np.zeros(self.variables.number)
-        cost[-1] = 1.0
-        return Program(cost, self._continuity, self._rows())
+        cost[-1] = self.cost.time
+        running = self._effort() if self.cost.running else None
+        return Program(cost, self._continuity, self._rows(), running=running)
 
-    def least_effort(self) -> Program:
-        """Least (1/T) ∫ Σ (τ / τ_max)² dt instead, for a duration that bounds fix."""
+    def _effort(self) -> RunningCost:
         e, v, t = self.equations, self.variables, self.transcription
-        y, _, _, _, w, _ = _symbols(v.components, v.unknowns)
-        squared = _named("effort", y, e.system, ca.sumsqr(w[: e.system.motors]))
-        points = self._points(squared, v.points, algebraic=True)
+        y, _, _, _, w, T = _symbols(v.components, v.unknowns)
+        m = e.system.motors
+        rate = _named("effort", y, e.system, T * ca.sumsqr(e.system.units.torque * w[:m]))
+        points = self._points(rate, v.points, algebraic=True)
         weights = np.zeros((v.intervals, len(v.points)))
         weights[:, np.searchsorted(v.points, t.nodes)] = self.mesh[:, None] * t.quadrature
-        running = RunningCost(points, weights.ravel())
-        return Program(np.zeros(v.number), self._continuity, self._rows(), running=running)
+        return RunningCost(points, self.cost.running * weights.ravel())
 
     def _rows(self) -> list[Points]:
         """Dynamics; then what the pose has of closures and openings, and speed last."""
@@ -295,15 +299,15 @@ class ChainProblem:
         limits = units_at(self.equations.system, task.p).torque
         return self.variables.algebraic(z)[:, :, : self.equations.system.motors] * limits
 
-    def bounds(self, task: RestToRest) -> tuple[Array, Array]:
+    def bounds(self, task: RestToRest, share: Array | float = 1.0) -> tuple[Array, Array]:
         """All of q at rest at the start, ξ at rest at the goal: what follows is not fixed twice.
-        Torques within limits, a positive duration."""
+        Torques within a share of their limits, (N, 1, m), a positive or the given duration."""
         system, v = self.equations.system, self.variables
         which = list(self.equations.coordinates)
         q = units_at(system, task.p).q
         upper = np.full(v.number, np.inf)
-        limits = np.full(v.unknowns, np.inf)
-        limits[: system.motors] = 1.0
+        limits = np.full((v.intervals, 1, v.unknowns), np.inf)
+        limits[:, :, : system.motors] = share
         v.set_algebraic(upper, limits)
         lower, m = -upper, v.components
         start = (system.coordinates(task.start, task.p) / q)[which]
@@ -314,6 +318,8 @@ class ChainProblem:
             lower[place] = upper[place] = goal / q[i]
             lower[place + m] = upper[place + m] = 0.0
         lower[-1] = 1e-3
+        if self.cost.duration_is_given:
+            lower[-1] = upper[-1] = 1.0
         return lower, upper
 
     def prices(self, solution: Solution) -> Array:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from deltaopt.dynamics.mechanism import SX
 from deltaopt.mechanisms.delta_functions import DeltaFunctions
 from deltaopt.planning.chain import ChainProblem, Equations
+from deltaopt.planning.cost import Cost
 from deltaopt.planning.problem import Guess, Solved
 from deltaopt.planning.scales import Scales
 from deltaopt.planning.system import RestToRest, System, Units
@@ -59,9 +60,10 @@ class DeltaPosed:
 
     equations: Equations
     transcription: PiecewiseAcceleration
+    cost: Cost
 
     def on(self, mesh: Array) -> DeltaProblem:
-        return DeltaProblem(self.equations.on(mesh, self.transcription))
+        return DeltaProblem(self.equations.on(mesh, self.transcription, self.cost))
 
 
 @dataclass(frozen=True)
@@ -79,7 +81,7 @@ class DeltaProblem:
         at the knots and the motion is reported as that of the platform."""
         task, chain = rest_to_rest(scales, parameters), self.chain
         z = chain.pack(guess.trajectory.position, task)
-        found = chain.program.solve(z, *chain.bounds(task), task.p)
+        found = chain.program.solve(z, *chain.bounds(task, scales.torque_share), task.p)
         q, closure = chain.unpack(found.z, task), chain.equations.closure
         return Solved(
             PiecewisePolynomial(q.knots, q.coefficients[:, :, :3]),

@@ -4,7 +4,7 @@ The position of the platform is a flat output of the fully actuated Delta: any s
 of it has joint angles by inverse kinematics and torques by inverse dynamics. So there are no
 dynamics to integrate and no redundant coordinates, only limits:
 
-    minimise T   subject to   Cᵀ (Q* + Q)(x, ẋ, ẍ, τ) = 0                     eq. (39)
+    minimise T (or a `Cost`)   subject to   Cᵀ (Q* + Q)(x, ẋ, ẍ, τ) = 0                     eq. (39)
                               |τ_k| ≤ τ_max,   |θ̇_k(x, ẋ)| ≤ ω_max if there is one
                               sin² (q_{k,1} − q_{k,2})(x) ≥ a margin
 
@@ -21,7 +21,7 @@ baseline's duration, torques and speeds by their limits.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 
 import casadi as ca
@@ -29,8 +29,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.mechanisms.delta_functions import DeltaFunctions
+from deltaopt.planning.cost import FASTEST, Cost
 from deltaopt.planning.interior_point import Interior, InteriorPoint, Settings, interior_point
-from deltaopt.planning.nlp import Layout, Options, PointFunction, Points, Program, Solution
+from deltaopt.planning.nlp import (
+    Layout,
+    Options,
+    PointFunction,
+    Points,
+    Program,
+    RunningCost,
+    Solution,
+)
 from deltaopt.planning.problem import Guess, Solved, solved_by_ipopt
 from deltaopt.planning.scales import Scales
 from deltaopt.planning.transcription import PiecewiseAcceleration
@@ -56,6 +65,7 @@ class ScaledEquations:
     ``force``: eq. (39) in units of the largest torque at the elbow, 3. ``opening``: how far
     the chains are from the margin of their fold, 3. ``speed`` and ``acceleration``: θ̇ in units
     of its limit and its derivative in units of limit / T, 3, or None where speed is unlimited.
+    ``rate``: of the running cost, 1; for a robot its effort τᵀτ, N²m².
     """
 
     y: ca.SX
@@ -64,6 +74,7 @@ class ScaledEquations:
     opening: ca.SX
     speed: ca.SX | None
     acceleration: ca.SX | None
+    rate: ca.SX = field(default_factory=lambda: ca.SX(0))
 
     @classmethod
     def of(cls, functions: DeltaFunctions, *, speed: bool) -> ScaledEquations:
@@ -83,6 +94,7 @@ class ScaledEquations:
             opening=opening - scales[8],
             speed=dtheta / scales[9:12] if speed else None,
             acceleration=ddtheta * T / scales[9:12] if speed else None,
+            rate=ca.sumsqr(torque * y[9:12]),
         )
 
     def point_function(self, *rows: ca.SX | None) -> PointFunction:
@@ -91,12 +103,23 @@ class ScaledEquations:
         function = ca.Function("motion", [self.y, self.p], [ca.vertcat(*present)])
         return PointFunction("motion", function)
 
+    @property
+    def motion(self) -> PointFunction:
+        """Rows of the flat problem at a point: force, opening, and speed if it is limited."""
+        return self.point_function(self.force, self.opening, self.speed)
+
+    @property
+    def running_cost(self) -> PointFunction:
+        """(y, h), p -> h r: what the rate r costs over a time h in the baseline's duration."""
+        h = ca.SX.sym("h")
+        function = ca.Function("running", [ca.vertcat(self.y, h), self.p], [h * self.rate])
+        return PointFunction("running cost", function)
+
 
 @lru_cache(maxsize=8)
 def equations(functions: DeltaFunctions, *, speed: bool) -> PointFunction:
-    """Rows of the flat problem at a point: force, opening, and speed if it is limited."""
-    scaled = ScaledEquations.of(functions, speed=speed)
-    return scaled.point_function(scaled.force, scaled.opening, scaled.speed)
+    """``ScaledEquations.motion`` of a mechanism."""
+    return ScaledEquations.of(functions, speed=speed).motion
 
 
 @dataclass(frozen=True)
@@ -112,21 +135,37 @@ class Flat:
     from_near: tuple[Settings, ...] = _FROM_NEAR
 
     def of(
-        self, functions: DeltaFunctions, transcription: PiecewiseAcceleration, *, speed: bool
+        self,
+        functions: DeltaFunctions,
+        transcription: PiecewiseAcceleration,
+        *,
+        speed: bool,
+        cost: Cost = FASTEST,
     ) -> FlatEquations:
-        return FlatEquations(equations(functions, speed=speed), transcription, self)
+        running = None
+        if cost.running:
+            running = ScaledEquations.of(functions, speed=speed).running_cost
+        rows = equations(functions, speed=speed)
+        return FlatEquations(rows, transcription, cost, running, self)
 
 
 @dataclass(frozen=True)
 class FlatEquations:
-    """The flat problem's equations at a point, to be put on a mesh."""
+    """The flat problem's equations at a point, to be put on a mesh.
+
+    ``running``: (X, V, A, τ, T, h), p -> what a running cost adds in a time h, if there is one.
+    """
 
     equations: PointFunction
     transcription: PiecewiseAcceleration
+    cost: Cost = FASTEST
+    running: PointFunction | None = None
     pose: Flat = Flat()
 
     def on(self, mesh: Array) -> FlatProblem:
-        return FlatProblem(self.equations, self.transcription, mesh, self.pose)
+        return FlatProblem(
+            self.equations, self.transcription, mesh, self.cost, self.running, self.pose
+        )
 
 
 @dataclass(frozen=True)
@@ -140,6 +179,8 @@ class FlatProblem:
     equations: PointFunction
     transcription: PiecewiseAcceleration
     mesh: Array
+    cost: Cost = FASTEST
+    running: PointFunction | None = None
     pose: Flat = Flat()
 
     @property
@@ -166,12 +207,25 @@ class FlatProblem:
     def program_with(self, options: Options) -> Program:
         """Rows: continuity of X and V; at every point eq. (39), openings, limited speeds."""
         cost = np.zeros(self.n_variables)
-        cost[-1] = 1.0
+        cost[-1] = self.cost.time
         speeds = np.ones(self.equations.function.size1_out(0) - 6)
         lower = np.concatenate([np.zeros(6), -speeds])
         upper = np.concatenate([np.zeros(3), np.full(3, np.inf), speeds])
         points = Points(self.equations, self._point_layout(), lower, upper)
-        return Program(cost, self._continuity_layout(), [points], options)
+        return Program(cost, self._continuity_layout(), [points], options, self._running_cost())
+
+    def _running_cost(self) -> RunningCost | None:
+        """∫ r dt by Lobatto's rule at the nodes of every interval."""
+        if self.running is None:
+            return None
+        t, zero, y = self.transcription, np.zeros(1), self._point_layout()
+        N, points = self.intervals, len(t.points)
+        at = np.arange(N * points * 13).reshape(N, points, 13)
+        at = at[:, np.searchsorted(t.points, t.nodes)]
+        rows = np.append(at, at[:, :, -1:], axis=2).ravel()  # h: T, shared out by weights
+        layout = Layout(y.columns[rows], y.weights[rows])
+        quadrature = self.cost.running * self.mesh[:, None] * t.quadrature
+        return RunningCost(Points(self.running, layout, zero, zero), quadrature.ravel())
 
     def solve(self, guess: Guess, scales: Scales, parameters: Array) -> Solved:
         """By the interior-point method in machine code; by Ipopt where that does not do."""
@@ -199,8 +253,8 @@ class FlatProblem:
 
     @property
     def _interior_point(self) -> InteriorPoint | None:
-        """Accelerations linear in an interval make a motion of cubics."""
-        if self.transcription.degree != 1:
+        """Accelerations linear in an interval make a motion of cubics; it is the fastest."""
+        if self.transcription.degree != 1 or self.cost != FASTEST:
             return None
         return interior_point(self.equations, tuple(self.transcription.points.tolist()))
 
@@ -263,13 +317,17 @@ class FlatProblem:
         return PiecewisePolynomial(knots, coefficients)
 
     def bounds(self, scales: Scales) -> tuple[Array, Array]:
-        """Start and goal at rest, torques within limits, a positive duration; the rest free."""
+        """Start and goal, torques within limits, a positive or the given duration."""
         upper = np.full(self.n_variables, np.inf)
-        upper[:-7].reshape(self.intervals, self._block)[:, self._motion_size :] = 1.0
+        shape = (self.intervals, len(self.transcription.points), 3)
+        torques = np.broadcast_to(scales.torque_share, shape).reshape(self.intervals, -1)
+        upper[:-7].reshape(self.intervals, self._block)[:, self._motion_size :] = torques
         lower = -upper
-        lower[:6] = upper[:6] = 0.0
-        lower[-7:-1] = upper[-7:-1] = np.concatenate([scales.goal, np.zeros(3)])
+        lower[:6] = upper[:6] = scales.at_start
+        lower[-7:-1], upper[-7:-1] = scales.at_goal
         lower[-1] = 1e-3
+        if self.cost.duration_is_given:
+            lower[-1] = upper[-1] = 1.0
         return lower, upper
 
     def prices(self, solution: Solution) -> Array:

@@ -39,6 +39,10 @@ IPOPT: Options = {
     "ipopt.tol": 1e-8,
     "ipopt.max_iter": 200,
 }
+WITH_RUNNING_COST: Options = {
+    # From a bang-bang guess the filter that is usual here lets the duration run away.
+    "ipopt.adaptive_mu_globalization": "kkt-error",
+}
 
 
 @dataclass(frozen=True)
@@ -287,7 +291,8 @@ class Program:
             "hess_lag": ca.Function("nlp_hess_l", [z, p, lam_f, lam_g], [hess]),
         }
         self.jacobian, self.hessian = functions["jac_g"], functions["hess_lag"]
-        return ca.nlpsol("nlp", "ipopt", program, {**functions, **IPOPT, **options})
+        usual = IPOPT if running is None else IPOPT | WITH_RUNNING_COST
+        return ca.nlpsol("nlp", "ipopt", program, {**functions, **usual, **options})
 
     def _complaint(self, stats: dict[str, object], g: Array) -> str:
         """What Ipopt said, and which rows are violated most."""

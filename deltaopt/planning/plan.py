@@ -1,10 +1,10 @@
-"""From a scene to a motion that is fast, safe, and known to be nearly the fastest."""
+"""From a scene to a motion that is safe, and known to be nearly the best for its objective."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from math import isinf
 from pathlib import Path
@@ -15,16 +15,20 @@ from numpy.typing import NDArray
 
 from deltaopt.dynamics.formulation import Projected
 from deltaopt.dynamics.lagrange import Multiplier
+from deltaopt.effort import cost as cost_of
 from deltaopt.errors import DeltaOptError, NotConverged
 from deltaopt.feasibility import check_feasible, least_opening, least_reach
 from deltaopt.limits import Loads, loads_inside, safe_factor, sampled_factor, slowing_inside
 from deltaopt.mechanisms.delta_functions import DeltaFunctions
 from deltaopt.model import DeltaModel, delta_model
+from deltaopt.objectives import Objective, Time
 from deltaopt.peaks import sample_fractions
 from deltaopt.planning.baseline import between
 from deltaopt.planning.certificate import Certificate
+from deltaopt.planning.cost import FASTEST, Cost
 from deltaopt.planning.flat import Flat, ScaledEquations
 from deltaopt.planning.gap import DOUBT, FRACTIONS, GivenAway, given_away, refined
+from deltaopt.planning.least_cost import SMOOTH, CostRound, cost_to_minimise, least_cost
 from deltaopt.planning.nlp import Spent
 from deltaopt.planning.poses import posed_as
 from deltaopt.planning.problem import Guess, Pose, Posed, Problem, Solved
@@ -73,12 +77,13 @@ class Round:
 
 @dataclass(frozen=True)
 class Plan:
-    """A motion for a scene, slowed so that every limit holds between mesh points too.
+    """A motion for a scene that keeps every limit between mesh points too.
 
-    ``gap``: estimated excess of its duration over the shortest possible, as a fraction.
+    ``gap``: estimated excess of its cost, a duration as a rule, over the least possible, as a
+    fraction; ``Round`` and ``least_cost`` say how it is estimated.
     ``rounds``: the meshes it took. ``solve_seconds``: wall time of all of them.
     ``certificate``: how well Pontryagin's condition is met, where the switches are resolved.
-    ``optima``: the distinct local minima that several starts led to, fastest first.
+    ``optima``: the distinct local minima that several starts led to, best first.
     """
 
     scene: Scene
@@ -91,7 +96,7 @@ class Plan:
     solve_seconds: float
     gap: float
     tolerance: float
-    rounds: tuple[Round, ...]
+    rounds: tuple[Round, ...] | tuple[CostRound, ...]
     certificate: Certificate | None
     optima: tuple[Optimum, ...] = ()
 
@@ -99,6 +104,11 @@ class Plan:
     def duration(self) -> float:
         """From start to goal, s."""
         return self.trajectory.duration
+
+    @property
+    def cost(self) -> float:
+        """What the scene's objective measures, in its unit."""
+        return cost_of(self.scene, self.trajectory)
 
     def save(self, directory: str | Path) -> list[Path]:
         """Verify, and write trajectory.csv, plan.json and plan.png; their paths."""
@@ -125,19 +135,26 @@ def plan(
     seed: int = 1,
     progress: Progress | None = None,
 ) -> Plan:
-    """The fastest motion of a scene.
+    """The best motion of a scene: the fastest, unless its objective is another.
 
     ``formulation``: a pose (flat by default, forward), or a formulation of the dynamics, which
     is posed in twelve coordinates: multiplier by eq. (37), the others all by eq. (39).
     ``tolerance``: of the optimality gap. ``intervals``: of the first mesh, refined where time
     is given away until the gap is within the tolerance; below ``RESOLVED_BELOW`` the switches
     are resolved. ``starts``: from how many first guesses, all but the first of them random by
-    ``seed``; the fastest motion is the plan. ``progress``: told after every mesh.
+    ``seed``; the best motion is the plan. ``progress``: told after every mesh.
 
     Raises Unreachable, Infeasible or NotConverged.
     """
     planner = Planner(
-        scene.robot, scene.payload, scene.limits, tolerance, intervals, transcription, formulation
+        scene.robot,
+        scene.payload,
+        scene.limits,
+        tolerance,
+        intervals,
+        transcription,
+        formulation,
+        objective=scene.objective,
     )
     return planner.plan(scene.start, scene.goal, starts=starts, seed=seed, progress=progress)
 
@@ -149,6 +166,7 @@ class Planner:
     ``payload``: kg, where a plan is not given one. ``tolerance``: of the optimality gap.
     ``intervals``: of the first mesh, refined until the gap is within the tolerance.
     ``resolved_below``: tolerances below this are met by resolving switches.
+    ``objective``: what plans are the best in.
     """
 
     robot: Robot
@@ -159,6 +177,7 @@ class Planner:
     transcription: PiecewiseAcceleration | None = None
     formulation: Pose | Multiplier | Projected | None = None
     resolved_below: float = RESOLVED_BELOW
+    objective: Objective = field(default_factory=Time)
 
     def __post_init__(self) -> None:
         if not self.tolerance > 0:
@@ -177,7 +196,7 @@ class Planner:
         seed: int = 1,
         progress: Progress | None = None,
     ) -> Plan:
-        """The fastest motion from rest at start to rest at goal (m).
+        """The best motion from rest at start to rest at goal (m).
 
         ``payload``: kg, another than the planner's. ``near``: a plan for similar ends, to
         start from. ``starts``, ``seed``: see ``plan``.
@@ -190,6 +209,7 @@ class Planner:
             start=start,
             goal=goal,
             limits=self.limits,
+            objective=self.objective,
         )
         check_feasible(scene)
         tell = progress or (lambda _: None)
@@ -199,7 +219,7 @@ class Planner:
         return self._best(scene, guesses, tell)
 
     def _best(self, scene: Scene, guesses: Iterator[Guess], tell: Progress) -> Plan:
-        """The fastest of the plans from each first guess."""
+        """The best of the plans from each first guess."""
         begin = perf_counter()
         plans: list[Plan] = []
         failures: list[NotConverged] = []
@@ -213,12 +233,14 @@ class Planner:
         if not plans:
             raise failures[0]
         length = float(np.linalg.norm(np.subtract(scene.goal, scene.start)))
-        optima = distinct([(each.trajectory, each.gap) for each in plans], length)
-        best = min(plans, key=lambda each: each.duration)
+        optima = distinct([(each.trajectory, each.cost, each.gap) for each in plans], length)
+        best = min(plans, key=lambda each: each.cost)
         return replace(best, optima=tuple(optima), solve_seconds=perf_counter() - begin)
 
     def _plan(self, scene: Scene, guess: Guess, tell: Progress) -> Plan:
         """From one first guess."""
+        if not isinstance(scene.objective, Time):
+            return self._of_least_cost(scene, guess, tell)
         begin = perf_counter()
         attempts, rounds, resolved = self._solve(scene, guess, tell)
         best = min(range(len(rounds)), key=lambda i: rounds[i].safe_duration)
@@ -246,6 +268,29 @@ class Planner:
             certificate=resolved.certificate if resolved else None,
         )
 
+    def _of_least_cost(self, scene: Scene, guess: Guess, tell: Progress) -> Plan:
+        """From the fastest motion."""
+        begin = perf_counter()
+        quick = Planner(self.robot, self.payload, self.limits)
+        fastest = quick._plan(scene.model_copy(update={"objective": Time()}), guess, lambda _: None)
+        cost = cost_to_minimise(scene.objective, scene.torque_limits)
+        posed = self._posed(fastest.trajectory.model, cost)
+        found = least_cost(posed, fastest, self.intervals, self.tolerance, scene, tell)
+        return Plan(
+            scene=scene,
+            trajectory=found.trajectory,
+            formulation=self._pose.name,
+            transcription=self._transcription.name,
+            intervals=len(found.trajectory.knots) - 1,
+            status=found.solution.status,
+            iterations=sum(r.iterations for r in found.rounds),
+            solve_seconds=perf_counter() - begin,
+            gap=found.gap,
+            tolerance=self.tolerance,
+            rounds=found.rounds,
+            certificate=None,
+        )
+
     def plan_many(self, pairs: Sequence[Pair], workers: int = 1) -> list[Plan | DeltaOptError]:
         """A plan for every (start, goal), or why there is none, in their order.
 
@@ -269,7 +314,7 @@ class Planner:
         """Solve on finer and finer meshes until the gap is small enough, the switches can be
         resolved, or no more is gained."""
         model = delta_model(scene.robot, scene.payload)
-        posed = self._posed(model)
+        posed = self._posed(model, FASTEST)
         scales = Scales(scene, first.trajectory.duration, least_opening(scene))
         mesh = np.full(self.intervals, 1 / self.intervals)
         attempts = [_attempt(posed.on(mesh), scales, first, model)]
@@ -353,9 +398,11 @@ class Planner:
         in_scene = self.limits is not None and self.limits.speed is not None
         return in_scene or self.robot.speed_limits is not None
 
-    def _posed(self, model: DeltaModel) -> Posed:
+    def _posed(self, model: DeltaModel, cost: Cost) -> Posed:
         """Built once in a process for all models with the same terms."""
-        return _posed(self._pose, model.functions, self._transcription, self._speed_is_limited)
+        return _posed(
+            self._pose, model.functions, self._transcription, self._speed_is_limited, cost
+        )
 
     @property
     def _pose(self) -> Pose:
@@ -363,7 +410,8 @@ class Planner:
 
     @property
     def _transcription(self) -> PiecewiseAcceleration:
-        return self.transcription or PiecewiseAcceleration()
+        usual = PiecewiseAcceleration() if isinstance(self.objective, Time) else SMOOTH
+        return self.transcription or usual
 
 
 def _for_rounding(scene: Scene) -> float:
@@ -375,9 +423,13 @@ def _for_rounding(scene: Scene) -> float:
 
 @lru_cache(maxsize=32)
 def _posed(
-    pose: Pose, functions: DeltaFunctions, transcription: PiecewiseAcceleration, speed: bool
+    pose: Pose,
+    functions: DeltaFunctions,
+    transcription: PiecewiseAcceleration,
+    speed: bool,
+    cost: Cost,
 ) -> Posed:
-    return pose.of(functions, transcription, speed=speed)
+    return pose.of(functions, transcription, speed=speed, cost=cost)
 
 
 def _attempt(problem: Problem, scales: Scales, guess: Guess, model: DeltaModel) -> Attempt:

@@ -14,6 +14,7 @@ from deltaopt.planning.chain import (
     multiplier_equations,
 )
 from deltaopt.planning.closure import KnotConstraints, LoopClosure
+from deltaopt.planning.cost import FASTEST, Cost
 from deltaopt.planning.delta_system import DeltaPosed, delta_system
 from deltaopt.planning.problem import Pose
 from deltaopt.planning.system import System
@@ -37,9 +38,15 @@ class Redundant:
         return f"{kind}, {self.closure.name}"
 
     def of(
-        self, functions: DeltaFunctions, transcription: PiecewiseAcceleration, *, speed: bool
+        self,
+        functions: DeltaFunctions,
+        transcription: PiecewiseAcceleration,
+        *,
+        speed: bool,
+        cost: Cost = FASTEST,
     ) -> DeltaPosed:
-        return DeltaPosed(self.equations(delta_system(functions, speed=speed)), transcription)
+        equations = self.equations(delta_system(functions, speed=speed))
+        return DeltaPosed(equations, transcription, cost)
 
     def equations(self, system: System) -> Equations:
         if isinstance(self.formulation, Multiplier):
@@ -54,9 +61,15 @@ class Forward:
     name: str = "forward"
 
     def of(
-        self, functions: DeltaFunctions, transcription: PiecewiseAcceleration, *, speed: bool
+        self,
+        functions: DeltaFunctions,
+        transcription: PiecewiseAcceleration,
+        *,
+        speed: bool,
+        cost: Cost = FASTEST,
     ) -> DeltaPosed:
-        return DeltaPosed(self.equations(delta_system(functions, speed=speed)), transcription)
+        equations = self.equations(delta_system(functions, speed=speed))
+        return DeltaPosed(equations, transcription, cost)
 
     def equations(self, system: System) -> Equations:
         return forward_equations(system)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.mechanisms.delta_functions import DeltaFunctions
+from deltaopt.planning.cost import Cost
 from deltaopt.planning.nlp import Program, Solution, Spent
 from deltaopt.planning.scales import Scales
 from deltaopt.planning.transcription import PiecewiseAcceleration
@@ -26,7 +27,7 @@ class Problem(Protocol):
         ...
 
     def solve(self, guess: Guess, scales: Scales, parameters: Array) -> Solved:
-        """The fastest motion on this mesh; ``parameters``: the mechanism's."""
+        """The best motion on this mesh; ``parameters``: the mechanism's."""
         ...
 
 
@@ -101,7 +102,7 @@ class Posed(Protocol):
 
 
 class Pose(Protocol):
-    """A way to write the minimum-time problem as a nonlinear program; a value."""
+    """A way to write the problem as a nonlinear program; a value."""
 
     def __hash__(self) -> int: ...
 
@@ -109,7 +110,13 @@ class Pose(Protocol):
     def name(self) -> str: ...
 
     def of(
-        self, functions: DeltaFunctions, transcription: PiecewiseAcceleration, *, speed: bool
+        self,
+        functions: DeltaFunctions,
+        transcription: PiecewiseAcceleration,
+        *,
+        speed: bool,
+        cost: Cost,
     ) -> Posed:
-        """Its equations for a mechanism; ``speed``: whether motor speeds are limited."""
+        """Its equations for a mechanism; ``speed``: whether motor speeds are limited; ``cost``:
+        what is minimised, the running part of it effort in N²m²."""
         ...

@@ -29,11 +29,14 @@ def margin_of_fold(opening_at_ends: float) -> float:
 @dataclass(frozen=True)
 class Scales:
     """Magnitudes of a scene: its length D (m), a time (s), the drives' limits, and how far
-    its ends are from a fold (least sin² (q_{k,1} - q_{k,2}))."""
+    its ends are from a fold (least sin² (q_{k,1} - q_{k,2})). ``torque_share`` and
+    ``speed_share``: of the limits that may be used, that of torque by interval, (N, 1, 3)."""
 
     scene: Scene
     time: float
     opening_at_ends: float
+    torque_share: Array | float = 1.0
+    speed_share: float = 1.0
 
     @property
     def origin(self) -> Array:
@@ -49,15 +52,23 @@ class Scales:
         return (np.array(self.scene.goal) - self.origin) / self.length
 
     @property
+    def at_start(self) -> Array:
+        """X and V at the start, (6,)."""
+        return np.zeros(6)
+
+    @property
+    def at_goal(self) -> tuple[Array, Array]:
+        """Bounds of X and V at the goal, (6,) each."""
+        state = np.concatenate([self.goal, np.zeros(3)])
+        return state, state
+
+    @property
     def torques(self) -> Array:
         return np.array(self.scene.torque_limits)
 
     def vector(self) -> Array:
         """x_start, D, time, torque limits, margin of the fold[, speed limits]."""
         scene = self.scene
-        limits = [
-            *scene.torque_limits,
-            margin_of_fold(self.opening_at_ends),
-            *(scene.speed_limits or ()),
-        ]
+        speeds = (self.speed_share * speed for speed in scene.speed_limits or ())
+        limits = [*scene.torque_limits, margin_of_fold(self.opening_at_ends), *speeds]
         return np.array([*scene.start, self.length, self.time, *limits])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 
 import numpy as np
@@ -46,35 +46,36 @@ def _cubics(scene: Scene, seed: int) -> Iterator[Trajectory]:
 
 @dataclass(frozen=True)
 class Optimum:
-    """A local minimum: ``duration`` (s), the platform's place at half of it (m), the gap it
-    was planned to, and how many of the starts led there."""
+    """A local minimum: ``duration`` (s), ``cost`` in the objective's unit, the platform's place
+    at half of the time (m), the gap it was planned to, and how many of the starts led there."""
 
     duration: float
+    cost: float
     halfway: tuple[float, float, float]
     gap: float
     starts: int
 
 
-def distinct(found: Sequence[tuple[Trajectory, float]], length: float) -> list[Optimum]:
-    """Local minima among motions with their gaps, fastest first.
+def distinct(found: Sequence[tuple[Trajectory, float, float]], length: float) -> list[Optimum]:
+    """Local minima among motions with their costs and gaps, best first.
 
-    Two are one if their durations differ by no more than their gaps leave open and their
+    Two are one if their costs differ by no more than their gaps leave open and their
     halfway places by no more than a hundredth of ``length``, start to goal.
     """
     optima: list[Optimum] = []
-    for motion, gap in sorted(found, key=lambda each: each[0].duration):
+    for motion, cost, gap in sorted(found, key=lambda each: each[1]):
         halfway = motion([motion.knots[0] + motion.duration / 2]).x[0]
-        new = Optimum(motion.duration, tuple(halfway.tolist()), gap, 1)
+        new = Optimum(motion.duration, cost, tuple(halfway.tolist()), gap, 1)
         known = next((i for i, old in enumerate(optima) if _same(old, new, length)), None)
         if known is None:
             optima.append(new)
         else:
             old = optima[known]
-            optima[known] = Optimum(old.duration, old.halfway, old.gap, old.starts + 1)
+            optima[known] = replace(old, starts=old.starts + 1)
     return optima
 
 
 def _same(one: Optimum, other: Optimum, length: float) -> bool:
     apart = float(np.linalg.norm(np.subtract(one.halfway, other.halfway)))
-    longer = abs(one.duration / other.duration - 1)
-    return longer <= one.gap + other.gap and apart <= _SAME_PATH * length
+    dearer = abs(one.cost / other.cost - 1)
+    return dearer <= one.gap + other.gap and apart <= _SAME_PATH * length

@@ -94,3 +94,9 @@ class PiecewiseAcceleration:
         integrated = powers.T @ A / ((i + 1) * (i + 2))[:, None]
         integrated /= eta[:, None, None] ** i[:, None]
         return np.concatenate([X[:, None], V[:, None], integrated], axis=1)
+
+
+LINEAR = PiecewiseAcceleration()
+QUADRATIC = PiecewiseAcceleration(2, (0.25, 0.75))
+CUBIC = PiecewiseAcceleration(3, (0.1, 0.5, 0.9))
+"""With limits at four, five and seven points of an interval."""

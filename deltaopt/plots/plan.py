@@ -1,4 +1,8 @@
-"""A plan on one page: torques against their limits, motor speeds, and the path."""
+"""A plan on one page: torques against their limits, motor speeds, and the path.
+
+Where the motion meets Pontryagin's condition, below them: what each motor's torque is worth,
+and how constant the Hamiltonian is.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from deltaopt.plots.style import COLOURS, GREY, figure, motor_curves, without_box
+from deltaopt.pontryagin import Extremal
 from deltaopt.record import Vector3
 from deltaopt.scene import Scene
 from deltaopt.trajectory import Array, Trajectory
@@ -18,14 +23,17 @@ _TICKS = 10  # along the path, at equal times
 _SAMPLES = 2000  # over all intervals
 
 
-def draw(file: Path, scene: Scene, trajectory: Trajectory) -> None:
-    """Draw a motion that solves a scene."""
+def draw(
+    file: Path, scene: Scene, trajectory: Trajectory, extremal: Extremal | None = None
+) -> None:
+    """Draw a motion that solves a scene, and its switching functions if they are given."""
     steps = max(2, _SAMPLES // (len(trajectory.knots) - 1))
     motion = trajectory.inside_intervals(np.linspace(0, 1, steps))  # both sides of each knot
     begin, end = trajectory.knots[[0, -1]]
     ticks = trajectory(np.linspace(begin, end, _TICKS + 1)[1:-1]).x
-    with figure(file, 7.0, 4.1) as page:
-        grid = page.add_gridspec(2, 2, width_ratios=[1.7, 1])
+    rows = 2 if extremal is None else 3
+    with figure(file, 7.0, 2.05 * rows) as page:
+        grid = page.add_gridspec(rows, 2, width_ratios=[1.7, 1])
         torques = page.add_subplot(grid[0, 0])
         torques.set_ylabel(r"torque $\tau_k$ (N·m)")
         motor_curves(torques, motion.t, motion.tau)
@@ -42,7 +50,36 @@ def draw(file: Path, scene: Scene, trajectory: Trajectory) -> None:
         above = page.add_subplot(grid[1, 1])
         above.set_ylabel("$z$ (mm)")
         _path(above, scene, motion.x, ticks, along=2)
+        if extremal is not None:
+            switching = page.add_subplot(grid[2, 0], sharex=torques)
+            _switching(switching, extremal)
+            _hamiltonian(page.add_subplot(grid[2, 1]), extremal)
         _legend(page, torques, side)
+
+
+def _switching(axes: Axes, extremal: Extremal) -> None:
+    """What more torque would cost; negative at the upper limit, positive at the lower."""
+    axes.axhline(0.0, color="black", linewidth=0.6, zorder=1)
+    motor_curves(axes, extremal.t, extremal.switching)
+    axes.set_ylabel(r"$\tau_{k,\mathrm{max}}\,\partial H/\partial\tau_k$")
+    axes.set_xlabel(r"time $t$ (s)")
+
+
+def _hamiltonian(axes: Axes, extremal: Extremal) -> None:
+    """How far H is from its mean, and the residual in words."""
+    H = extremal.hamiltonian
+    away = np.maximum(np.abs(H - H.mean()), 1e-16)
+    axes.semilogy(extremal.t, away, "-", color="black", linewidth=0.7)
+    axes.set_ylim(1e-15, 1.0)
+    axes.set_xlim(extremal.t[0], extremal.t[-1])
+    axes.set_ylabel(r"$|H-\bar H|$")
+    axes.set_xlabel(r"time $t$ (s)")
+    axes.set_title(
+        f"Pontryagin's condition is met to {extremal.residual:.0e}:\n"
+        "no motion near it is better, others may be",
+        fontsize=8,
+    )
+    without_box(axes)
 
 
 def _limit_lines(axes: Axes, limits: Vector3 | None) -> None:
