@@ -9,8 +9,10 @@ deltaopt bench plan        how long plans take, and where the time goes
 deltaopt bench scaling     how time grows with the number of intervals
 deltaopt bench start       from import to the first plan: cold, warm, without a compiler
 deltaopt bench solver      the same problem with other solvers and settings
+deltaopt bench settings    the planner's settings held against others
+deltaopt bench near        what the plan of a neighbouring move is worth, and to which solver
 deltaopt bench inverse     exported C beside Pinocchio and MuJoCo, where installed
-deltaopt bench peers       plans beside rockit's with Ipopt, where installed
+deltaopt bench peers       plans beside rockit's, TOPP-RA's and Ruckig's, where installed
 """
 
 from __future__ import annotations
@@ -86,8 +88,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     _add_robot_study(studies, "plan", _plan, number=200)
     _add_robot_study(studies, "scaling", _scaling, number=5)
     _add_robot_study(studies, "solver", _solver, number=20)
+    _add_robot_study(studies, "settings", _settings, number=100)
+    _add_robot_study(studies, "near", _near, number=20)
     _add_robot_study(studies, "inverse", _inverse, number=2000)
-    _add_robot_study(studies, "peers", _peers, number=5)
+    _add_robot_study(studies, "peers", _peers, number=20)
     start = studies.add_parser("start", help=_start.__doc__, description=_start.__doc__)
     add_scenes(start)
     start.set_defaults(study=_start)
@@ -145,7 +149,7 @@ def _scaling(arguments: argparse.Namespace) -> int:
 
 def _solver(arguments: argparse.Namespace) -> int:
     """The flat problem on one mesh by other solvers and with other settings."""
-    from deltaopt.studies.solvers import compare_solvers, solver_report
+    from deltaopt.studies.solvers import compare_solvers, left_out, solver_report
 
     for robot in map(load_robot, arguments.robots):
         told = partial(_advance, ProgressBar(), arguments.number, robot.name)
@@ -153,6 +157,40 @@ def _solver(arguments: argparse.Namespace) -> int:
             robot, arguments.payload, arguments.number, arguments.seed, 20, told
         )
         print(f"{robot.name}, 20 intervals, {arguments.number} moves\n{solver_report(trials)}")
+    for sentence in left_out("fatrop"):
+        print(sentence)
+    return 0
+
+
+def _settings(arguments: argparse.Namespace) -> int:
+    """First meshes and beginnings of the interior-point method around those of the planner."""
+    from deltaopt.studies.settings import compare_settings, settings_report
+
+    number = arguments.number
+    for robot in map(load_robot, arguments.robots):
+        told = partial(_advance, ProgressBar(), number, robot.name)
+        runs = compare_settings(robot, arguments.payload, number, arguments.seed, told)
+        print(f"{robot.name}, {number} moves\n{settings_report(runs)}")
+    return 0
+
+
+def _near(arguments: argparse.Namespace) -> int:
+    """Plans and solvers from the solution of a move whose ends are nearby."""
+    from deltaopt.studies.near import SHARES, gain_report, near_report, planner_near, solvers_near
+    from deltaopt.studies.solvers import left_out
+
+    number, seed = arguments.number, arguments.seed
+    for robot in map(load_robot, arguments.robots):
+        planner = Planner(robot, arguments.payload)
+        for share in SHARES:
+            told = partial(_advance, ProgressBar(), 10 * number, robot.name)
+            gains = planner_near(planner, 10 * number, seed, share, told)
+            told = partial(_advance, ProgressBar(), number, robot.name)
+            trials = solvers_near(robot, arguments.payload, number, seed, 20, share, told)
+            print(f"{robot.name}, ends moved by {share:.0%} of the way\n{gain_report(gains)}")
+            print(f"  one solve on 20 intervals, {number} moves:\n{near_report(trials)}")
+    for sentence in left_out("fatrop", "hpipm", "piqp"):
+        print(sentence)
     return 0
 
 
@@ -174,11 +212,20 @@ def _inverse(arguments: argparse.Namespace) -> int:
 
 
 def _peers(arguments: argparse.Namespace) -> int:
-    """Plans beside rockit's with Ipopt, of equal optimality gap, where it is installed."""
+    """Plans beside the motions of TOPP-RA on given paths and of Ruckig between motor angles, and,
+    of a quarter of the moves, beside rockit's with Ipopt of equal optimality gap; what is
+    installed of these."""
+    from deltaopt.studies.fixed_paths import fixed_path_comparison
     from deltaopt.studies.peers import rockit_comparison
 
+    payload, number, seed = arguments.payload, arguments.number, arguments.seed
     for robot in map(load_robot, arguments.robots):
-        print(rockit_comparison(robot, arguments.payload, arguments.number, arguments.seed))
+        told = partial(_advance, ProgressBar(), number, robot.name)
+        print(fixed_path_comparison(robot, payload, number, seed, told))
+        try:
+            print(rockit_comparison(robot, payload, max(1, number // 4), seed))
+        except MissingPackage as error:
+            print(f"  {error}")
     return 0
 
 

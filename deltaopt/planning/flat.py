@@ -22,7 +22,7 @@ baseline's duration, torques and speeds by their limits.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import casadi as ca
 import numpy as np
@@ -116,6 +116,7 @@ class ScaledEquations:
         return PointFunction("running cost", function)
 
 
+@lru_cache(maxsize=8)
 def equations(functions: DeltaFunctions, *, speed: bool) -> PointFunction:
     """``ScaledEquations.motion`` of a mechanism."""
     return ScaledEquations.of(functions, speed=speed).motion
@@ -123,9 +124,15 @@ def equations(functions: DeltaFunctions, *, speed: bool) -> PointFunction:
 
 @dataclass(frozen=True)
 class Flat:
-    """Minimal coordinates: the default."""
+    """Minimal coordinates: the default.
+
+    ``from_far``, ``from_near``: how the interior-point method begins from a first guess and from
+    the solution of a similar problem; the next where it does not get through from one.
+    """
 
     name: str = "flat"
+    from_far: tuple[Settings, ...] = _FROM_FAR
+    from_near: tuple[Settings, ...] = _FROM_NEAR
 
     def of(
         self,
@@ -135,9 +142,11 @@ class Flat:
         speed: bool,
         cost: Cost = FASTEST,
     ) -> FlatEquations:
-        scaled = ScaledEquations.of(functions, speed=speed)
-        running = scaled.running_cost if cost.running else None
-        return FlatEquations(scaled.motion, transcription, cost, running)
+        running = None
+        if cost.running:
+            running = ScaledEquations.of(functions, speed=speed).running_cost
+        rows = equations(functions, speed=speed)
+        return FlatEquations(rows, transcription, cost, running, self)
 
 
 @dataclass(frozen=True)
@@ -151,9 +160,12 @@ class FlatEquations:
     transcription: PiecewiseAcceleration
     cost: Cost = FASTEST
     running: PointFunction | None = None
+    pose: Flat = Flat()
 
     def on(self, mesh: Array) -> FlatProblem:
-        return FlatProblem(self.equations, self.transcription, mesh, self.cost, self.running)
+        return FlatProblem(
+            self.equations, self.transcription, mesh, self.cost, self.running, self.pose
+        )
 
 
 @dataclass(frozen=True)
@@ -169,6 +181,7 @@ class FlatProblem:
     mesh: Array
     cost: Cost = FASTEST
     running: PointFunction | None = None
+    pose: Flat = Flat()
 
     @property
     def intervals(self) -> int:
@@ -216,7 +229,7 @@ class FlatProblem:
 
     def solve(self, guess: Guess, scales: Scales, parameters: Array) -> Solved:
         """By the interior-point method in machine code; by Ipopt where that does not do."""
-        for begin in _FROM_NEAR if guess.near else _FROM_FAR:
+        for begin in self.pose.from_near if guess.near else self.pose.from_far:
             settings = replace(begin, tolerance=guess.tolerance)
             found = self.from_inside(guess, scales, parameters, settings)
             if found is not None and found.solved:

@@ -204,8 +204,8 @@ class Program:
         running: RunningCost | None = None,
     ) -> None:
         self._n = len(cost)
-        self._linear = linear
-        self._points = points
+        self.linear = linear
+        self.points = points
         continuity = np.zeros(len(linear.columns))
         self._lower_rows = np.concatenate([continuity, *(q.bounds(q.lower) for q in points)])
         self._upper_rows = np.concatenate([continuity, *(q.bounds(q.upper) for q in points)])
@@ -219,8 +219,8 @@ class Program:
     @property
     def row_names(self) -> list[str]:
         """What each row is and when."""
-        names = list(self._linear.names) or ["continuity"] * len(self._linear.columns)
-        return names + [name for points in self._points for name in points.row_names()]
+        names = list(self.linear.names) or ["continuity"] * len(self.linear.columns)
+        return names + [name for points in self.points for name in points.row_names()]
 
     def solve(self, guess: Array, lower: Array, upper: Array, p: Array) -> Solution:
         """From a guess, within the bounds of the variables, with parameters p.
@@ -260,14 +260,14 @@ class Program:
         return np.where(fixed, rest, multipliers)
 
     def _build(self, cost: Array, options: Options, running: RunningCost | None) -> ca.Function:
-        np_ = self._points[0].function.function.size1_in(1)
+        np_ = self.points[0].function.function.size1_in(1)
         z, p = ca.MX.sym("z", self._n), ca.MX.sym("p", np_)
         lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", len(self._lower_rows))
         f, gradient = ca.dot(ca.DM(cost), z), ca.MX(ca.DM(cost))
-        G = self._linear.matrix(self._n)
+        G = self.linear.matrix(self._n)
         rows, entries, curvature = [ca.mtimes(G, z)], [], []
-        first = len(self._linear.columns)
-        for points in self._points:
+        first = len(self.linear.columns)
+        for points in self.points:
             n, nr = points.number, points.rows
             y = ca.reshape(ca.mtimes(points.layout.matrix(self._n), z), -1, n)
             ps = ca.repmat(p[: points.function.function.size1_in(1)], 1, n)
@@ -284,8 +284,8 @@ class Program:
             f, gradient = f + value, gradient + slope
             curvature.append((running.points, running.points.function.hessian[1], curved))
         g = ca.vertcat(*rows)
-        jac = _assemble_jacobian(G, entries, first, self._n)
-        hess = _assemble_hessian(curvature, self._n)
+        jac = assemble_jacobian(G, entries, first, self._n)
+        hess = assemble_hessian(curvature, self._n)
         program = {"x": z, "p": p, "f": f, "g": g}
         functions = {
             "grad_f": ca.Function("nlp_grad_f", [z, p], [f, gradient]),
@@ -321,12 +321,12 @@ def _running(running: RunningCost, z: ca.MX, p: ca.MX, lam_f: ca.MX) -> tuple[ca
     r, J = jacobian.map(n)(y, ps)
     nnz = sparsity.nnz()
     weighted = ca.vec(ca.reshape(J, nnz, n) * ca.repmat(weights, nnz, 1))
-    rows = _assemble_jacobian(ca.DM(0, z.numel()), [(0, points, sparsity, weighted)], n, z.numel())
+    rows = assemble_jacobian(ca.DM(0, z.numel()), [(0, points, sparsity, weighted)], n, z.numel())
     H = points.function.hessian[0].map(n)(y, ps, lam_f * weights)
     return ca.dot(weights, r), ca.densify(ca.sum1(rows)).T, ca.vec(H)
 
 
-def _assemble_jacobian(
+def assemble_jacobian(
     G: ca.DM, entries: list[tuple[int, Points, ca.Sparsity, ca.MX]], n_rows: int, n: int
 ) -> ca.MX:
     """The Jacobian of all rows: each point's, times its rows of L."""
@@ -345,7 +345,7 @@ def _assemble_jacobian(
     return ca.vertcat(*blocks)
 
 
-def _assemble_hessian(curvature: list[tuple[Points, ca.Sparsity, ca.MX]], n: int) -> ca.MX:
+def assemble_hessian(curvature: list[tuple[Points, ca.Sparsity, ca.MX]], n: int) -> ca.MX:
     """The upper triangle of Σ Lᵀ H L over all points."""
     total = ca.MX(n, n)
     for points, sparsity, nonzeros in curvature:
