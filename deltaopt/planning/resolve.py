@@ -2,109 +2,98 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.errors import NotConverged
+from deltaopt.errors import DeltaOptError, NotConverged
 from deltaopt.limits import safe_factor
 from deltaopt.model import DeltaModel
-from deltaopt.planning.arcs import ArcProblem
-from deltaopt.planning.certificate import Certificate, certify
-from deltaopt.planning.flat import ScaledEquations
-from deltaopt.planning.nlp import Solution
+from deltaopt.planning.certificate import Certificate
+from deltaopt.planning.examine import Examined
+from deltaopt.planning.extremal import Conditions, Extremal, Grid, Held, Stuck
 from deltaopt.planning.scales import Scales
-from deltaopt.planning.structure import Structure
+from deltaopt.planning.stage import Stage
+from deltaopt.planning.structure import VANISHED, Structure, changed
 from deltaopt.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
-DEGREES = (5, 8, 11, 14)
-"""Of the acceleration in an interval: the error falls by about 1e-2 from one to the next."""
-VANISHED = 1e-5
-"""Of the duration: shorter arcs were not there."""
+_DEGREE, _MODES = 8, 4
+_ATTEMPTS = 15
 CERTIFIED = 1e-5
-"""Residual of Pontryagin's condition at most: wrong structures miss it by orders."""
 
 
 @dataclass(frozen=True)
 class Resolved:
-    """A motion whose switches are resolved, not yet slowed.
-
-    ``gap``: what slowing costs, and by how much two degrees differ, as a fraction.
-    """
-
-    problem: ArcProblem
-    solution: Solution
+    conditions: Conditions
+    motion: Extremal
     trajectory: Trajectory
     safe_factor: float
     gap: float
     certificate: Certificate
+    iterations: int
+
+    @property
+    def name(self) -> str:
+        grid = self.conditions.grid
+        return f"{len(grid.parts)} arcs, acceleration of degree {grid.degree}"
 
 
 class Unsettled(NotConverged):
     """The structure read from the mesh is not that of an optimal motion."""
 
 
-def resolve(
-    equations: ScaledEquations,
-    model: DeltaModel,
-    structure: Structure,
-    guess: Trajectory,
-    scales: Scales,
-    tolerance: float,
-) -> Resolved:
-    """Solve for the switches of a structure, with degrees until the gap is within a tolerance.
-
-    Raises Unsettled where the program has no solution of this structure, or one that does not
-    meet Pontryagin's condition.
-    """
+def resolve(stage, model, structure, guess, scales, tolerance, tell: Callable[[str], None] = lambda _: None):
     p = np.concatenate([scales.vector(), model.parameters])
-    coarser = _solve(equations, model, structure, guess, scales, p, DEGREES[0], None)
-    structure, guess = _without_vanished(coarser), coarser.trajectory
-    for degree in DEGREES[1:]:
-        finer = _solve(equations, model, structure, guess, scales, p, degree, coarser)
-        if finer.gap <= tolerance:
-            break
-        coarser = finer
-    if not finer.certificate.residual <= CERTIFIED:
-        raise Unsettled(
-            f"Pontryagin's condition is missed by {finer.certificate.residual:.1e}",
-            finer.solution.status,
-            finer.solution.z,
-        )
-    return finer
-
-
-def _without_vanished(found: Resolved) -> Structure:
-    """The structure with the lengths that were found, less the arcs that have none."""
-    lengths = (
-        found.problem.lengths(found.solution.z) / found.problem.lengths(found.solution.z).sum()
-    )
-    kept = lengths > VANISHED
-    was = found.problem.structure
-    return Structure(lengths[kept] / lengths[kept].sum(), was.torque[kept], was.speed[kept])
-
-
-def _solve(
-    equations: ScaledEquations,
-    model: DeltaModel,
-    structure: Structure,
-    guess: Trajectory,
-    scales: Scales,
-    p: Array,
-    degree: int,
-    coarser: Resolved | None,
-) -> Resolved:
-    """One degree; its gap is what it differs from the coarser one by, if there is one."""
-    problem = ArcProblem(equations, structure, degree)
-    try:
-        solution = problem.program.solve(problem.pack(guess, scales), *problem.bounds(scales), p)
-    except NotConverged as error:
-        raise Unsettled(str(error), error.status, error.iterate) from None
-    trajectory = Trajectory(problem.unpack(solution.z, scales), model)
-    factor = safe_factor(scales.scene, trajectory)
-    differ = abs(trajectory.duration / coarser.trajectory.duration - 1) if coarser else np.inf
-    certificate = certify(problem, solution, p)
-    return Resolved(problem, solution, trajectory, factor, factor - 1 + differ, certificate)
+    grid = Grid.of(structure, _DEGREE, _MODES)
+    seen, total = [], 0
+    for attempt in range(_ATTEMPTS):
+        conditions = Conditions(stage, structure, Held.of(structure), grid, scales.goal, p)
+        try:
+            motion, iterations = conditions.solve(conditions.guess(guess, scales))
+        except Stuck as error:
+            raise Unsettled(str(error), "stuck", None) from None
+        total += iterations
+        lengths = motion.lengths / motion.duration
+        structure = replace(structure, lengths=lengths)
+        guess = Trajectory(conditions.polynomial(motion, scales), model)
+        tell(f"{attempt} {iterations} {motion.duration*scales.time:.9f} modes {grid.modes} parts {grid.parts} lengths {lengths}")
+        if lengths.min() <= VANISHED:
+            seen.append(structure.limits)
+            structure = changed(structure, [])
+            tell("reordered"); 
+            if structure.limits in seen:
+                raise Unsettled("the structures repeat themselves", "cycle", None)
+            grid = replace(Grid.of(structure, _DEGREE, grid.modes))
+            continue
+        examined = Examined(conditions, motion)
+        patches = list(examined.patches())
+        tell(f"free {examined.modes_missing:.0e} unused {examined.unused:.1e} signs {examined.sign_violation:.0e} worst {examined.worst_arcs}")
+        if patches:
+            for q in patches: tell(str(q))
+        if examined.modes_missing > 1e-6 and grid.modes < 13:
+            grid = replace(grid, modes=grid.modes + 3)
+            continue
+        if patches:
+            seen.append(structure.limits)
+            structure = changed(structure, patches)
+            if structure.limits in seen:
+                raise Unsettled("the structures repeat themselves", "cycle", None)
+            grid = Grid.of(structure, _DEGREE, grid.modes)
+            continue
+        factor = safe_factor(scales.scene, guess)
+        H = conditions.hamiltonian(motion)
+        certificate = Certificate(float(np.abs(H - H.mean()).max() / abs(H.mean())), examined.sign_violation)
+        gap = factor - 1 + examined.unused
+        tell(f"sf {factor-1:.1e} {certificate}")
+        if gap > tolerance and grid.parts.sum() < 100:
+            worst = examined.worst_arcs
+            grid = replace(grid, parts=np.where(worst > tolerance / 10, 2 * grid.parts, grid.parts))
+            continue
+        if not certificate.residual <= CERTIFIED:
+            raise Unsettled(f"Pontryagin's condition is missed by {certificate.residual:.1e}", "", None)
+        return Resolved(conditions, motion, guess, factor, gap, certificate, total)
+    raise Unsettled("too many attempts", "", None)
