@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 _EXCEEDED = 1e-6
 """Of a limit: what is less is left to the grid."""
-_WRONG_SIGN = 1e-6
+_WRONG_SIGN = 1e-5
 """Of the largest price."""
 
 

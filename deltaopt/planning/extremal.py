@@ -48,8 +48,12 @@ DENSE = np.linspace(0.0, 1.0, 21)
 _ITERATIONS = 25
 _CONVERGED = 1e-10
 """Largest residual, all of the order of one."""
+_STALLED = 1e-7
+"""What rounding may leave of it where the motion is hardly determined."""
 _LONGEST_STEP = 0.3
 _LEAST_SHIFT = 1e-9
+_PREFERENCE, _LEAST_PREFERENCE = 1e-3, 1e-9
+"""Cost of torque without limit, at first and at last: of motions equally fast take the calmest."""
 _REDUNDANT = 1e-10
 """Where rows imply each other by symmetry, costates stay where they are in that direction."""
 
@@ -98,19 +102,24 @@ class Grid:
 
     parts: Integers
     degree: int
-    modes: int
+    modes: Integers
 
     @classmethod
-    def of(cls, structure: Structure, degree: int, modes: int = 4) -> Grid:
-        parts = np.ceil(structure.lengths / _LONGEST).clip(1).astype(np.intp)
-        return cls(parts, degree, modes)
+    def of(cls, structure: Structure, degree: int, more: int = 0) -> Grid:
+        lengths = np.abs(structure.lengths)
+        parts = np.ceil(lengths / _LONGEST).clip(1).astype(np.intp)
+        return cls(parts, degree, np.ceil(1 + (more + 10) * lengths.clip(0.0, 0.3) / 0.3 * 0.6 + 4 * lengths).astype(np.intp))
+
+    @property
+    def most_modes(self) -> int:
+        return int(self.modes.max())
 
     @cached_property
     def shapes(self) -> Array:
-        """Legendre's polynomials over the arc at the nodes, (n, nodes, modes)."""
+        """Legendre's polynomials over the arc at the nodes, (n, nodes, most modes)."""
         number = np.arange(self.intervals) - self.first[self.arc]
         share = (number[:, None] + self.nodes) / self.parts[self.arc][:, None]
-        return legvander(2 * share - 1, self.modes - 1)
+        return legvander(2 * share - 1, self.most_modes - 1)
 
     @cached_property
     def transcription(self) -> PiecewiseAcceleration:
@@ -199,28 +208,50 @@ class Conditions:
 
     def solve(self, guess: Extremal) -> tuple[Extremal, int]:
         """The stationary point near a guess, and how many steps it took. Raises Stuck."""
-        now, shift = guess, 0.0
+        now, shift, before, shorter = guess, 0.0, np.inf, np.array([np.inf])
+        system = _System(self, now, _PREFERENCE)
         for iteration in range(_ITERATIONS):
-            system = _System(self, now)
             if not np.isfinite(system.residual):
                 raise Stuck("the motion leaves the workspace")
-            if system.residual < _CONVERGED:
+            shares = now.lengths / now.duration
+            if iteration >= 3 and self._vanishing(shares, shorter):
                 return now, iteration
-            step, shift = self._step(system, shift)
-            now = step.taken(now)
+            shorter = shares
+            if system.preference == _LEAST_PREFERENCE or not self.held.free:
+                if system.residual < _CONVERGED or before < 2 * system.residual < _STALLED:
+                    return now, iteration
+            before = system.residual
+            preference = max(_PREFERENCE * 10.0 ** -(iteration + 1), _LEAST_PREFERENCE)
+            now, system, shift = self._moved(system, shift, preference)
         raise Stuck(f"residual {system.residual:.0e} after {_ITERATIONS} steps")
 
-    def _step(self, system: _System, shift: float) -> tuple[_Step, float]:
-        """Newton's step, with the least shift of the curvature that keeps it short."""
+    def converged(self, motion: Extremal) -> bool:
+        return _System(self, motion, _LEAST_PREFERENCE).residual < _STALLED
+
+    def _vanishing(self, lengths: Array, before: Array) -> bool:
+        """Whether an arc is halved time and again: it is not there."""
+        small = np.abs(lengths) < 2e-3
+        return bool((small & (np.abs(lengths) < 0.7 * np.abs(before)) & (np.abs(lengths) > 0.2 * np.abs(before))).any())
+
+    def _moved(
+        self, system: _System, shift: float, preference: float
+    ) -> tuple[Extremal, _System, float]:
+        """By Newton's step, with the curvature shifted as far as it needs to be of use."""
         for _ in range(12):
             try:
                 step = system.step(shift)
             except np.linalg.LinAlgError:
                 step = None
-            if step is not None and step.primal < _LONGEST_STEP:
-                return step, shift / 30 if shift > _LEAST_SHIFT else 0.0
-            shift = max(10 * shift, _LEAST_SHIFT)
-        raise Stuck("no short step")
+            if step is not None and np.isfinite(step.primal):
+                longest = _LONGEST_STEP / max(np.abs(step.lengths).max() / system.at.duration, 1e-300)
+                for share in (1.0, 0.4, 0.15):
+                    share = min(share, longest)
+                    moved = step.taken(system.at, share)
+                    there = _System(self, moved, preference)
+                    if there.infeasibility < max((1 - 0.3 * share) * system.infeasibility, 0.02):
+                        return moved, there, shift / 30 if shift > _LEAST_SHIFT else 0.0
+            shift = max(30 * shift, _LEAST_SHIFT)
+        raise Stuck("no step is of use")
 
     def guess(self, trajectory: Trajectory, scales: Scales) -> Extremal:
         """From a motion of about this structure; multipliers of least squares."""
@@ -244,19 +275,20 @@ class Conditions:
             np.zeros((n, 6)),
             np.zeros((n, len(nodes), 3)),
             np.zeros(len(self.held.entries)),
-            np.zeros((len(grid.parts), 3, grid.modes)),
+            np.zeros((len(grid.parts), 3, grid.most_modes)),
         )
         for a, k in self.held.free:
             on_arc = grid.arc == a
-            shapes = grid.shapes[on_arc].reshape(-1, grid.modes)
+            modes = grid.modes[a]
+            shapes = grid.shapes[on_arc].reshape(-1, grid.most_modes)[:, :modes]
             y = self.at_nodes(zero)[on_arc].reshape(-1, 9)
             torque = np.clip(self.stage.values(y, self.p)[:, TORQUE + k], -1.0, 1.0)
-            zero.free[a, k] = np.linalg.lstsq(shapes, torque, rcond=None)[0]
+            zero.free[a, k, :modes] = np.linalg.lstsq(shapes, torque, rcond=None)[0]
         return self.with_multipliers(zero)
 
     def with_multipliers(self, motion: Extremal) -> Extremal:
         """Those of least squares."""
-        step = _System(self, motion, least_squares=True).step()
+        step = _System(self, motion, 0.0, least_squares=True).step()
         return replace(
             motion,
             costates=motion.costates + step.costates,
@@ -292,7 +324,7 @@ class Conditions:
 
     def hamiltonian(self, motion: Extremal) -> Array:
         """p · (V, A) at the beginning and the end of every interval, (n, 2)."""
-        system = _System(self, motion)
+        system = _System(self, motion, 0.0)
         first = system.gradient[:, :6].copy()
         for (a, _, _), nu, slope in zip(
             self.held.entries, motion.entry, system.entry_slopes, strict=True
@@ -329,15 +361,15 @@ class _Step:
     def primal(self) -> float:
         return float(max(np.abs(self.knots).max(), np.abs(self.lengths).max(), np.abs(self.free).max() / 3))
 
-    def taken(self, now: Extremal) -> Extremal:
+    def taken(self, now: Extremal, share: float) -> Extremal:
         return Extremal(
-            now.knots + self.knots,
-            now.A + self.A,
-            now.lengths + self.lengths,
-            now.costates + self.costates,
-            now.multipliers + self.multipliers,
-            now.entry + self.entry,
-            now.free + self.free,
+            now.knots + share * self.knots,
+            now.A + share * self.A,
+            now.lengths + share * self.lengths,
+            now.costates + share * self.costates,
+            now.multipliers + share * self.multipliers,
+            now.entry + share * self.entry,
+            now.free + share * self.free,
         )
 
 
@@ -345,9 +377,9 @@ class _System:
     """Newton's equations at a motion."""
 
     def __init__(
-        self, of: Conditions, at: Extremal, *, least_squares: bool = False
+        self, of: Conditions, at: Extremal, preference: float, *, least_squares: bool = False
     ) -> None:
-        self.of, self.at = of, at
+        self.of, self.at, self.preference = of, at, preference
         grid, held = of.grid, of.held
         n, k = grid.intervals, len(grid.nodes)
         arc = grid.arc
@@ -435,7 +467,8 @@ class _System:
         K[:, d:, :d] = self.row_slopes[:, :, 7:]
         K[:, :d, d:] = self.row_slopes[:, :, 7:].transpose(0, 2, 1)
         grid = self.of.grid
-        modes = 3 * grid.modes if self.of.held.free else 0
+        most = grid.most_modes
+        modes = 3 * most if self.of.held.free else 0
         B = np.zeros((n, 2 * d, 14 + modes))
         B[:, :d, :7] = self.curvature[:, 7:, :7]
         B[:, d:, :7] = self.row_slopes[:, :, :7]
@@ -443,7 +476,7 @@ class _System:
         B[:, :d, 13] = self.gradient[:, 7:]
         B[:, d:, 13] = self.residual_rows.reshape(n, -1)
         if modes:
-            by_free = B[:, d:, 14:].reshape(n, k, 3, 3, grid.modes)
+            by_free = B[:, d:, 14:].reshape(n, k, 3, 3, most)
             for j in range(3):
                 by_free[:, :, j, j] = -grid.shapes
             B[:, d:, 14:] = by_free.reshape(n, d, -1)
@@ -471,7 +504,9 @@ class _System:
         by_state = self.gradient[1:, :6] - self.at.costates[:-1]
         parts = [by_L, by_state, self.gradient[:, 7:]]
         for a, k in self.of.held.free:
-            parts.append(self.by_free[self.of.grid.arc == a, k].sum(axis=0))
+            modes = np.arange(self.of.grid.modes[a])
+            of_torque = self.by_free[self.of.grid.arc == a, k].sum(axis=0)[modes]
+            parts.append(of_torque + self.preference * self.at.free[a, k, modes] / (2 * modes + 1))
         stationarity = max(np.abs(part).max(initial=0.0) for part in parts)
         return max(self.infeasibility, float(stationarity))
 
@@ -480,11 +515,12 @@ class _System:
         self._condense(shift)
         grid, at, held = self.of.grid, self.at, self.of.held
         n, m, e = grid.intervals, len(grid.parts), len(held.entries)
-        first_L, f = 6 * (n - 1), len(held.free) * grid.modes
-        first_p = first_L + m + f
+        first_L = 6 * (n - 1)
+        numbers = [int(grid.modes[a]) for a, _ in held.free]
+        of_free = np.split(first_L + m + np.arange(sum(numbers)), np.cumsum(numbers)[:-1])
+        first_p = first_L + m + sum(numbers)
         first_nu = first_p + 6 * n
         size = first_nu + e
-        modes = np.arange(grid.modes)
         S, rhs = np.zeros((size + 7, size + 7)), np.zeros(size + 7)  # a bin for what is fixed
         six = np.arange(6)
         for i in range(n):
@@ -493,8 +529,8 @@ class _System:
             index, here = [at_s, [first_L + a], first_p + 6 * i + six], [np.arange(13)]
             for j, (b, k) in enumerate(held.free):
                 if b == a:
-                    index.append(first_L + m + j * grid.modes + modes)
-                    here.append(14 + k * grid.modes + modes)
+                    index.append(of_free[j])
+                    here.append(14 + k * grid.most_modes + np.arange(numbers[j]))
             into, out = np.concatenate(index), np.concatenate(here)
             share = np.ones(len(out))
             share[6] = 1.0 / grid.parts[a]
@@ -513,6 +549,10 @@ class _System:
             S[first_nu + j, here] += slope
             rhs[first_nu + j] += self.entry_rows[j]
         S, rhs = S[:size, :size], rhs[:size]
+        for j, (a, k) in enumerate(held.free):
+            at_w, modes = of_free[j], np.arange(numbers[j])
+            rhs[at_w] += self.preference * at.free[a, k, modes] / (2 * modes + 1)
+            S[at_w, at_w] += self.preference / (2 * modes + 1)
         along = np.arange(first_L, first_p)
         S[along, along] += shift if not self.least_squares else 1.0
         duals = np.arange(first_p, size)
@@ -523,7 +563,7 @@ class _System:
         lengths, costates = x[first_L : first_L + m], x[first_p:first_nu].reshape(n, 6)
         free = np.zeros_like(at.free)
         for j, (a, k) in enumerate(held.free):
-            free[a, k] = x[first_L + m + j * grid.modes + modes]
+            free[a, k, : numbers[j]] = x[of_free[j]]
         h = (lengths / grid.parts)[grid.arc]
         outer = [knots[:-1], h[:, None], costates, np.ones((n, 1))]
         if held.free:

@@ -21,8 +21,8 @@ from deltaopt.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
-_DEGREE, _MODES = 8, 4
-_ATTEMPTS = 15
+_DEGREE, _MODES = 8, 0
+_ATTEMPTS = 25
 CERTIFIED = 1e-5
 
 
@@ -49,7 +49,7 @@ class Unsettled(NotConverged):
 def resolve(stage, model, structure, guess, scales, tolerance, tell: Callable[[str], None] = lambda _: None):
     p = np.concatenate([scales.vector(), model.parameters])
     grid = Grid.of(structure, _DEGREE, _MODES)
-    seen, total = [], 0
+    seen, total, more = [], 0, 0
     for attempt in range(_ATTEMPTS):
         conditions = Conditions(stage, structure, Held.of(structure), grid, scales.goal, p)
         try:
@@ -61,38 +61,40 @@ def resolve(stage, model, structure, guess, scales, tolerance, tell: Callable[[s
         structure = replace(structure, lengths=lengths)
         guess = Trajectory(conditions.polynomial(motion, scales), model)
         tell(f"{attempt} {iterations} {motion.duration*scales.time:.9f} modes {grid.modes} parts {grid.parts} lengths {lengths}")
-        if lengths.min() <= VANISHED:
+        vanishing = np.abs(lengths) < 2e-3 if not conditions.converged(motion) else lengths < VANISHED
+        if vanishing.any() or lengths.min() < 0:
+            structure = replace(structure, lengths=np.where(vanishing, 0.0, lengths))
             seen.append(structure.limits)
             structure = changed(structure, [])
             tell("reordered"); 
             if structure.limits in seen:
                 raise Unsettled("the structures repeat themselves", "cycle", None)
-            grid = replace(Grid.of(structure, _DEGREE, grid.modes))
+            grid = replace(Grid.of(structure, _DEGREE, more))
             continue
         examined = Examined(conditions, motion)
         patches = list(examined.patches())
-        tell(f"free {examined.modes_missing:.0e} unused {examined.unused:.1e} signs {examined.sign_violation:.0e} worst {examined.worst_arcs}")
-        if patches:
-            for q in patches: tell(str(q))
-        if examined.modes_missing > 1e-6 and grid.modes < 13:
-            grid = replace(grid, modes=grid.modes + 3)
+        worst, finest = examined.worst_arcs, max(tolerance, 1e-7)
+        tell(f"free {examined.modes_missing:.0e} unused {examined.unused:.1e} signs {examined.sign_violation:.0e} worst {worst}")
+        for q in patches: tell(f"   {q[0]} {q[1].begin:.4f} {q[1].end:.4f} {q[1].limit}")
+        if worst.max() > finest and grid.parts.sum() < 60:
+            finer = np.ceil((worst / finest).clip(1) ** (1 / (grid.degree + 1))).astype(int)
+            grid = replace(grid, parts=grid.parts * finer)
+            continue
+        if examined.modes_missing > 1e-5 and grid.most_modes < 20:
+            grid, more = replace(grid, modes=grid.modes + 3), more + 3
             continue
         if patches:
             seen.append(structure.limits)
             structure = changed(structure, patches)
             if structure.limits in seen:
                 raise Unsettled("the structures repeat themselves", "cycle", None)
-            grid = Grid.of(structure, _DEGREE, grid.modes)
+            grid = Grid.of(structure, _DEGREE, more)
             continue
         factor = safe_factor(scales.scene, guess)
         H = conditions.hamiltonian(motion)
         certificate = Certificate(float(np.abs(H - H.mean()).max() / abs(H.mean())), examined.sign_violation)
         gap = factor - 1 + examined.unused
         tell(f"sf {factor-1:.1e} {certificate}")
-        if gap > tolerance and grid.parts.sum() < 100:
-            worst = examined.worst_arcs
-            grid = replace(grid, parts=np.where(worst > tolerance / 10, 2 * grid.parts, grid.parts))
-            continue
         if not certificate.residual <= CERTIFIED:
             raise Unsettled(f"Pontryagin's condition is missed by {certificate.residual:.1e}", "", None)
         return Resolved(conditions, motion, guess, factor, gap, certificate, total)
