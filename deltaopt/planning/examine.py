@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.planning.extremal import DENSE, Conditions, Extremal
+from deltaopt.planning.extremal import DENSE, Conditions, Extremal, Pin
 from deltaopt.planning.stage import OPENING, SPEED, TORQUE
 from deltaopt.planning.structure import Limit, Stretch
 
@@ -63,23 +63,30 @@ class Examined:
 
     @property
     def sign_violation(self) -> float:
-        """Largest price of the wrong sign at a held torque, or of any at a torque without
-        limit, over the largest price."""
+        """Largest price of the wrong sign at a held torque over the largest price."""
         signs = self.conditions.structure.torque[self.conditions.grid.arc][:, None]
-        wrong = np.maximum(-self.prices * signs, 0).max()
-        return float(max(wrong, self._price_of_free) / self.highest_price)
+        return float(np.maximum(-self.prices * signs, 0).max()) / self.highest_price
+
+    @cached_property
+    def _free_prices(self) -> Array:
+        """Of torques without limit, which should have none, (n, dense, 3)."""
+        free = np.zeros((len(self.conditions.grid.parts), 3))
+        for a, k in self.conditions.held.free:
+            free[a, k] = 1.0
+        return np.abs(self.prices) * free[self.conditions.grid.arc][:, None]
 
     @property
-    def _price_of_free(self) -> float:
-        prices = self.conditions.prices(self.motion)
-        arc = self.conditions.grid.arc
-        free = [np.abs(prices[arc == a, :, k]).max() for a, k in self.conditions.held.free]
-        return float(max(free, default=0.0))
+    def price_of_free(self) -> float:
+        """Largest price of a torque without limit over the largest price."""
+        return float(self._free_prices.max()) / self.highest_price
 
     @property
-    def modes_missing(self) -> float:
-        """Price of torques without limit over the largest: zero if they are what they should."""
-        return self._price_of_free / self.highest_price
+    def to_be_gained(self) -> float:
+        """By torques without limit, at most, as a fraction of the duration, to first order."""
+        room = 1 + np.abs(self.rows[..., TORQUE : TORQUE + 3])
+        h = self.conditions.intervals(self.motion)
+        each = (self._free_prices * room).mean(axis=1).sum(axis=1)
+        return float((h * each).sum() / h.sum())
 
     @property
     def unused(self) -> float:
@@ -91,6 +98,15 @@ class Examined:
         return float(abs((h * (self.prices * differ).mean(axis=1).sum(axis=1)).sum()) / h.sum())
 
     @property
+    def excess(self) -> float:
+        """Of torques and speeds over their limits, and of openings under their margin."""
+        rows = self.rows
+        over = np.abs(rows[..., TORQUE : TORQUE + 3]).max() - 1
+        under = -rows[..., OPENING : OPENING + 3].min()
+        fast = np.abs(rows[..., SPEED : SPEED + 3]).max(initial=0.0) - 1
+        return float(max(over, under, fast, 0.0))
+
+    @property
     def worst_arcs(self) -> Array:
         """How far what is held strays from its limit between nodes, (arcs,)."""
         conditions = self.conditions
@@ -98,6 +114,16 @@ class Examined:
         differ = np.where(signs != 0, signs - self.rows[..., TORQUE : TORQUE + 3], 0.0)
         each = np.abs(differ).max(axis=(1, 2))
         return np.maximum.reduceat(each, conditions.grid.first)
+
+    def pins(self) -> Iterator[Pin]:
+        """Ends of arcs where a torque without limit would exceed one."""
+        grid = self.conditions.grid
+        for a, k in self.conditions.held.free:
+            first = grid.first[a]
+            for end, at in ((0, (first, 0)), (1, (first + grid.parts[a] - 1, -1))):
+                torque = self.rows[at][TORQUE + k]
+                if abs(torque) > 1 + _EXCEEDED:
+                    yield Pin(a, k, end, float(np.sign(torque)))
 
     def patches(self) -> Iterator[tuple[int, Stretch]]:
         """(motor, stretch) to be held otherwise."""

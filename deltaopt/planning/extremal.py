@@ -19,6 +19,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
@@ -52,7 +53,7 @@ _STALLED = 1e-7
 """What rounding may leave of it where the motion is hardly determined."""
 _LONGEST_STEP = 0.3
 _LEAST_SHIFT = 1e-9
-_PREFERENCE, _LEAST_PREFERENCE = 1e-3, 1e-9
+_PREFERENCE, _LEAST_PREFERENCE = 1e-9, 1e-9
 """Cost of torque without limit, at first and at last: of motions equally fast take the calmest."""
 _REDUNDANT = 1e-10
 """Where rows imply each other by symmetry, costates stay where they are in that direction."""
@@ -184,11 +185,25 @@ class Extremal:
     multipliers: Array
     entry: Array
     free: Array
+    pins: Array
 
     @property
     def duration(self) -> float:
         """In units of the scales' time."""
         return float(self.lengths.sum())
+
+
+class Pin(NamedTuple):
+    """A torque without limit that begins (end = 0) or ends (1) an arc at a limit."""
+
+    arc: int
+    motor: int
+    end: int
+    limit: float
+
+    def shapes(self, modes: int) -> Array:
+        """Legendre's polynomials there."""
+        return np.ones(modes) if self.end else (-1.0) ** np.arange(modes)
 
 
 class Stuck(Exception):
@@ -205,6 +220,7 @@ class Conditions:
     grid: Grid
     goal: Array
     p: Array
+    pins: tuple[Pin, ...] = ()
 
     def solve(self, guess: Extremal) -> tuple[Extremal, int]:
         """The stationary point near a guess, and how many steps it took. Raises Stuck."""
@@ -236,22 +252,17 @@ class Conditions:
     def _moved(
         self, system: _System, shift: float, preference: float
     ) -> tuple[Extremal, _System, float]:
-        """By Newton's step, with the curvature shifted as far as it needs to be of use."""
+        """By Newton's step, with the curvature shifted as far as it needs to be short."""
         for _ in range(12):
             try:
                 step = system.step(shift)
             except np.linalg.LinAlgError:
                 step = None
-            if step is not None and np.isfinite(step.primal):
-                longest = _LONGEST_STEP / max(np.abs(step.lengths).max() / system.at.duration, 1e-300)
-                for share in (1.0, 0.4, 0.15):
-                    share = min(share, longest)
-                    moved = step.taken(system.at, share)
-                    there = _System(self, moved, preference)
-                    if there.infeasibility < max((1 - 0.3 * share) * system.infeasibility, 0.02):
-                        return moved, there, shift / 30 if shift > _LEAST_SHIFT else 0.0
-            shift = max(30 * shift, _LEAST_SHIFT)
-        raise Stuck("no step is of use")
+            if step is not None and step.primal < _LONGEST_STEP:
+                moved = step.taken(system.at, 1.0)
+                return moved, _System(self, moved, preference), shift / 30 if shift > _LEAST_SHIFT else 0.0
+            shift = max(10 * shift, _LEAST_SHIFT)
+        raise Stuck("no short step")
 
     def guess(self, trajectory: Trajectory, scales: Scales) -> Extremal:
         """From a motion of about this structure; multipliers of least squares."""
@@ -276,6 +287,7 @@ class Conditions:
             np.zeros((n, len(nodes), 3)),
             np.zeros(len(self.held.entries)),
             np.zeros((len(grid.parts), 3, grid.most_modes)),
+            np.zeros(len(self.pins)),
         )
         for a, k in self.held.free:
             on_arc = grid.arc == a
@@ -356,6 +368,7 @@ class _Step:
     multipliers: Array
     entry: Array
     free: Array
+    pins: Array
 
     @property
     def primal(self) -> float:
@@ -370,6 +383,7 @@ class _Step:
             now.multipliers + share * self.multipliers,
             now.entry + share * self.entry,
             now.free + share * self.free,
+            now.pins + share * self.pins,
         )
 
 
@@ -506,7 +520,11 @@ class _System:
         for a, k in self.of.held.free:
             modes = np.arange(self.of.grid.modes[a])
             of_torque = self.by_free[self.of.grid.arc == a, k].sum(axis=0)[modes]
-            parts.append(of_torque + self.preference * self.at.free[a, k, modes] / (2 * modes + 1))
+            of_torque += self.preference * self.at.free[a, k, modes] / (2 * modes + 1)
+            for pin, pi in zip(self.of.pins, self.at.pins, strict=True):
+                if (pin.arc, pin.motor) == (a, k):
+                    of_torque += pi * pin.shapes(len(modes))
+            parts.append(of_torque)
         stationarity = max(np.abs(part).max(initial=0.0) for part in parts)
         return max(self.infeasibility, float(stationarity))
 
@@ -520,7 +538,8 @@ class _System:
         of_free = np.split(first_L + m + np.arange(sum(numbers)), np.cumsum(numbers)[:-1])
         first_p = first_L + m + sum(numbers)
         first_nu = first_p + 6 * n
-        size = first_nu + e
+        first_pin = first_nu + e
+        size = first_pin + len(self.of.pins)
         S, rhs = np.zeros((size + 7, size + 7)), np.zeros(size + 7)  # a bin for what is fixed
         six = np.arange(6)
         for i in range(n):
@@ -548,6 +567,12 @@ class _System:
             S[here, first_nu + j] += slope
             S[first_nu + j, here] += slope
             rhs[first_nu + j] += self.entry_rows[j]
+        for j, (pin, pi) in enumerate(zip(self.of.pins, at.pins, strict=True)):
+            at_w = of_free[held.free.index((pin.arc, pin.motor))]
+            shapes = pin.shapes(len(at_w))
+            S[at_w, first_pin + j] = S[first_pin + j, at_w] = shapes
+            rhs[at_w] += pi * shapes
+            rhs[first_pin + j] = shapes @ at.free[pin.arc, pin.motor, : len(at_w)] - pin.limit
         S, rhs = S[:size, :size], rhs[:size]
         for j, (a, k) in enumerate(held.free):
             at_w, modes = of_free[j], np.arange(numbers[j])
@@ -576,6 +601,7 @@ class _System:
             lengths,
             costates,
             inner[:, d:].reshape(n, -1, 3),
-            x[first_nu:],
+            x[first_nu:first_pin],
             free,
+            x[first_pin:],
         )

@@ -49,9 +49,9 @@ class Unsettled(NotConverged):
 def resolve(stage, model, structure, guess, scales, tolerance, tell: Callable[[str], None] = lambda _: None):
     p = np.concatenate([scales.vector(), model.parameters])
     grid = Grid.of(structure, _DEGREE, _MODES)
-    seen, total, more = [], 0, 0
+    seen, total, more, pins = [], 0, 0, ()
     for attempt in range(_ATTEMPTS):
-        conditions = Conditions(stage, structure, Held.of(structure), grid, scales.goal, p)
+        conditions = Conditions(stage, structure, Held.of(structure), grid, scales.goal, p, pins)
         try:
             motion, iterations = conditions.solve(conditions.guess(guess, scales))
         except Stuck as error:
@@ -65,6 +65,7 @@ def resolve(stage, model, structure, guess, scales, tolerance, tell: Callable[[s
         if vanishing.any() or lengths.min() < 0:
             structure = replace(structure, lengths=np.where(vanishing, 0.0, lengths))
             seen.append(structure.limits)
+            pins = ()
             structure = changed(structure, [])
             tell("reordered"); 
             if structure.limits in seen:
@@ -74,28 +75,39 @@ def resolve(stage, model, structure, guess, scales, tolerance, tell: Callable[[s
         examined = Examined(conditions, motion)
         patches = list(examined.patches())
         worst, finest = examined.worst_arcs, max(tolerance, 1e-7)
-        tell(f"free {examined.modes_missing:.0e} unused {examined.unused:.1e} signs {examined.sign_violation:.0e} worst {worst}")
+        tell(f"free {examined.price_of_free:.0e} gain {examined.to_be_gained:.0e} unused {examined.unused:.1e} signs {examined.sign_violation:.0e} worst {worst}")
         for q in patches: tell(f"   {q[0]} {q[1].begin:.4f} {q[1].end:.4f} {q[1].limit}")
         if worst.max() > finest and grid.parts.sum() < 60:
             finer = np.ceil((worst / finest).clip(1) ** (1 / (grid.degree + 1))).astype(int)
             grid = replace(grid, parts=grid.parts * finer)
             continue
-        if examined.modes_missing > 1e-5 and grid.most_modes < 20:
+        coarse = examined.price_of_free > 1e-4 or examined.to_be_gained > tolerance
+        if examined.excess < tolerance and examined.sign_violation < CERTIFIED and not coarse:
+            factor = safe_factor(scales.scene, guess)
+            H = conditions.hamiltonian(motion)
+            spread = float(np.abs(H - H.mean()).max() / abs(H.mean()))
+            certificate = Certificate(spread, max(examined.sign_violation, examined.price_of_free))
+            gap = factor - 1 + examined.unused
+            tell(f"sf {factor-1:.1e} {certificate}")
+            if gap < tolerance and spread < CERTIFIED:
+                return Resolved(conditions, motion, guess, factor, gap, certificate, total)
+        if coarse and conditions.held.free and grid.most_modes < 24:
             grid, more = replace(grid, modes=grid.modes + 3), more + 3
             continue
-        if patches:
-            seen.append(structure.limits)
-            structure = changed(structure, patches)
-            if structure.limits in seen:
-                raise Unsettled("the structures repeat themselves", "cycle", None)
-            grid = Grid.of(structure, _DEGREE, more)
+        more_pins = [pin for pin in examined.pins() if pin not in pins]
+        if more_pins:
+            pins = (*pins, *more_pins)
+            tell(str(pins))
             continue
-        factor = safe_factor(scales.scene, guess)
-        H = conditions.hamiltonian(motion)
-        certificate = Certificate(float(np.abs(H - H.mean()).max() / abs(H.mean())), examined.sign_violation)
-        gap = factor - 1 + examined.unused
-        tell(f"sf {factor-1:.1e} {certificate}")
-        if not certificate.residual <= CERTIFIED:
-            raise Unsettled(f"Pontryagin's condition is missed by {certificate.residual:.1e}", "", None)
-        return Resolved(conditions, motion, guess, factor, gap, certificate, total)
+        new = changed(structure, patches)
+        if new.limits == structure.limits and conditions.held.free and grid.most_modes < 24:
+            grid, more = replace(grid, modes=grid.modes + 3), more + 3
+            continue
+        if new.limits == structure.limits:
+            raise Unsettled(f"nothing to change: signs {examined.sign_violation:.0e}, excess {examined.excess:.0e}", "", None)
+        seen.append(structure.limits)
+        structure, pins = new, ()
+        if structure.limits in seen:
+            raise Unsettled("the structures repeat themselves", "cycle", None)
+        grid = Grid.of(structure, _DEGREE, more)
     raise Unsettled("too many attempts", "", None)

@@ -82,22 +82,48 @@ class Stretch:
         return self.end - self.begin
 
 
-def read_structure(
-    mesh: Array, torque: Array, speed: Array | None, opening: Array | None = None
-) -> Structure:
-    """From loads in the intervals of a mesh (N,), fractions of their limits, (N, points, 3),
-    and from how far chains are from the margin of their fold."""
+@dataclass(frozen=True)
+class Reading:
+    """How a mesh is read. ``widest``: intervals; what is wider between two limits is no smeared
+    switch but an arc. ``simultaneous``: of the duration; closer switches are one."""
+
+    widest: int = 3
+    simultaneous: float = 2e-4
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What a mesh shows in its intervals (N,): loads as fractions of their limits, and how far
+    chains are from the margin of their fold, (N, points, 3) each; what limits cost there per
+    time, as fractions of the highest price, (N, 3) each."""
+
+    mesh: Array
+    torque: Array
+    speed: Array | None
+    opening: Array | None
+    torque_price: Array
+    speed_price: Array
+
+
+def read_structure(shown: Shown, reading: Reading = Reading()) -> Structure:
+    """The structure of a motion on a mesh."""
+    mesh = shown.mesh
     ends = np.concatenate([[0.0], np.cumsum(mesh)])
     ends[-1] = 1.0
     nothing = np.zeros((len(mesh), 3), np.int8)
-    speeds = nothing if speed is None else _held(speed, _SPEED_AT_LIMIT)
-    openings = nothing if opening is None else opening.max(axis=1) < _OPENING_AT_MARGIN
-    torques = np.where((speeds != 0) | (openings != 0), 0, _held(torque, _TORQUE_AT_LIMIT))
+    torques = _held(shown.torque, _TORQUE_AT_LIMIT)
+    torques = np.where((shown.torque_price > 1e-3) | (np.abs(shown.torque).min(axis=1) > 0.99), torques, 0)
+    speeds = nothing if shown.speed is None else _held(shown.speed, _SPEED_AT_LIMIT)
+    if shown.speed is not None:
+        speeds = np.where((shown.speed_price > 1e-3) | (np.abs(shown.speed).min(axis=1) > 0.9995), speeds, 0)
+    openings = nothing if shown.opening is None else shown.opening.max(axis=1) < _OPENING_AT_MARGIN
+    torques = np.where((speeds != 0) | (openings != 0), 0, torques)
     held = np.stack([torques, speeds, openings], axis=2).astype(int)  # (N, 3 motors, 3)
     motors = [
-        _sharpened(_stretches(ends, held[:, k].tolist(), torque[:, :, k])) for k in range(3)
+        _sharpened(_stretches(ends, held[:, k].tolist(), shown.torque[:, :, k]), reading.widest)
+        for k in range(3)
     ]
-    return _assembled(motors, _SIMULTANEOUS)
+    return _assembled(motors, reading.simultaneous)
 
 
 def changed(structure: Structure, patches: Iterable[tuple[int, Stretch]]) -> Structure:
@@ -167,12 +193,12 @@ def _stretches(ends: Array, held: list[list[int]], load: Array) -> list[Stretch]
     return found
 
 
-def _sharpened(stretches: list[Stretch]) -> list[Stretch]:
+def _sharpened(stretches: list[Stretch], widest: int) -> list[Stretch]:
     """Without the short stretches between limits: their neighbours meet at an instant, or
     torque jumps to the other limit and back."""
     kept: list[Stretch] = []
     for i, s in enumerate(stretches):
-        if s.limit != FREE or s.intervals > _WIDEST_SWITCH or len(stretches) == 1:
+        if s.limit != FREE or s.intervals > widest or len(stretches) == 1:
             kept.append(s)
             continue
         before = stretches[i - 1].limit if i else None
