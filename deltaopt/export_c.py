@@ -170,23 +170,15 @@ def c_functions(robot: Robot) -> list[ca.Function]:
 
 
 def _dynamics(functions: DeltaFunctions, p: SX, payload: SX) -> list[ca.Function]:
-    """Eq. (39) is affine in τ and in the acceleration: solved for the one or the other."""
-    x, v, a, tau = (SX.sym(name, 3) for name in ("x", "v", "a", "tau"))
-    force = functions.explicit_equations(x, v, a, tau, p)[0]
+    """Inverse and forward dynamics by eq. (39)."""
+    x, v, given = (SX.sym(name, 3) for name in ("x", "v", "given"))
     return [
-        ca.Function(name, [x, v, given, payload], [_solved(force, unknown)], {"cse": True})
-        for name, given, unknown in (
-            ("inverse_dynamics", a, tau),
-            ("forward_dynamics", tau, a),
+        ca.Function(name, [x, v, given, payload], [solved(x, v, given, p)], {"cse": True})
+        for name, solved in (
+            ("inverse_dynamics", functions.explicit_torques),
+            ("forward_dynamics", functions.explicit_acceleration),
         )
     ]
-
-
-def _solved(equations: SX, unknown: SX) -> SX:
-    """Three equations affine in three unknowns, by the adjugate matrix."""
-    rest = ca.substitute(equations, unknown, SX.zeros(3))
-    solution: SX = -ca.inv_minor(ca.jacobian(equations, unknown)) @ rest
-    return solution
 
 
 def program(robot: Robot) -> str:

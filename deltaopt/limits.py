@@ -20,10 +20,13 @@ from deltaopt.errors import Unreachable
 from deltaopt.mechanisms.delta import DeltaTerms
 from deltaopt.mechanisms.delta_functions import delta_functions
 from deltaopt.model import DeltaModel
-from deltaopt.peaks import Curves, Index, peaks
+from deltaopt.peaks import Index, everywhere, peaks, sample_fractions
 from deltaopt.rows import RowFunction
 from deltaopt.scene import Scene
 from deltaopt.trajectory import Array, PiecewisePolynomial, Trajectory
+
+_LoadsOf = Callable[[ca.SX, ca.SX, ca.SX, ca.SX], tuple[ca.SX, ca.SX]]
+"""(x, v, a, p) -> τ, θ̇, 3 each."""
 
 
 @dataclass(frozen=True)
@@ -52,27 +55,35 @@ class Loads:
 
 
 def torque_excess(scene: Scene, trajectory: Trajectory) -> Excess:
-    """max |τ_k| / τ_max - 1."""
+    """max |τ_k| / τ_max - 1, by the general derivation."""
     limits = np.array(scene.torque_limits)
     return _excess(scene, trajectory, lambda loads: np.abs(loads.torque) / limits)
 
 
 def speed_excess(scene: Scene, trajectory: Trajectory) -> Excess | None:
-    """max |θ̇_k| / ω_max - 1; None where the drives have no speed limit."""
+    """max |θ̇_k| / ω_max - 1, by the general derivation; None where there is no speed limit."""
     if scene.speed_limits is None:
         return None
     limits = np.array(scene.speed_limits)
     return _excess(scene, trajectory, lambda loads: np.abs(loads.speed) / limits)
 
 
-def safe_factor(scene: Scene, trajectory: Trajectory, at_least: float = 1.0) -> float:
+def safe_factor(
+    scene: Scene, trajectory: Trajectory, at_least: float = 1.0, sampled: Loads | None = None
+) -> float:
     """The smallest factor k ≥ ``at_least`` by which slowing the motion keeps all limits.
 
     Without friction τ = g + d / k² (gravity, and inertia forces d of the motion as given),
     so each sample asks of k² in closed form. Infinite where no k does, such as where
-    gravity alone exceeds a torque limit.
+    gravity alone exceeds a torque limit. ``sampled``: ``loads_inside`` of ``sample_fractions``,
+    where these are known already.
     """
-    highest = peaks(_curves(scene, trajectory, _demands(scene)), len(trajectory.knots) - 1)
+    demands, along = _demands(scene), _loads_along(scene, trajectory, _quick_loads)
+    intervals = len(trajectory.knots) - 1
+    fractions = sample_fractions(intervals)
+    if sampled is None:
+        sampled = along(*everywhere(intervals, fractions))
+    highest = peaks(lambda *where: demands(along(*where)), fractions, demands(sampled))
     return _factor(highest.values, at_least)
 
 
@@ -90,9 +101,8 @@ def _factor(highest: Array, at_least: float) -> float:
 
 def loads_inside(scene: Scene, trajectory: Trajectory, fractions: Array) -> Loads:
     """Loads at these fractions, (n,), of every interval, 0 and 1 from inside of it: N = K · n."""
-    intervals = len(trajectory.knots) - 1
-    where = np.repeat(np.arange(intervals), len(fractions)), np.tile(fractions, intervals)
-    return _loads_along(scene, trajectory)(*where)
+    along = _loads_along(scene, trajectory, _quick_loads)
+    return along(*everywhere(len(trajectory.knots) - 1, fractions))
 
 
 def _demands(scene: Scene) -> Callable[[Loads], Array]:
@@ -119,7 +129,10 @@ def _demands(scene: Scene) -> Callable[[Loads], Array]:
 
 
 def _excess(scene: Scene, trajectory: Trajectory, ratios: Callable[[Loads], Array]) -> Excess:
-    highest = peaks(_curves(scene, trajectory, ratios), len(trajectory.knots) - 1)
+    along = _loads_along(scene, trajectory, _general_loads)
+    fractions = sample_fractions(len(trajectory.knots) - 1)
+    sampled = along(*everywhere(len(trajectory.knots) - 1, fractions))
+    highest = peaks(lambda *where: ratios(along(*where)), fractions, ratios(sampled))
     motor = int(np.argmax(highest.values))
     interval, fraction = highest.intervals[motor], highest.fractions[motor]
     begin, end = trajectory.knots[interval : interval + 2]
@@ -127,17 +140,15 @@ def _excess(scene: Scene, trajectory: Trajectory, ratios: Callable[[Loads], Arra
     return Excess(float(highest.values[motor]) - 1, motor + 1, t)
 
 
-def _curves(scene: Scene, trajectory: Trajectory, measure: Callable[[Loads], Array]) -> Curves:
-    """A measure of the loads as functions of time."""
-    loads = _loads_along(scene, trajectory)
-    return lambda intervals, fractions: measure(loads(intervals, fractions))
-
-
-def _loads_along(scene: Scene, trajectory: Trajectory) -> Callable[[Index, Array], Loads]:
+def _loads_along(
+    scene: Scene, trajectory: Trajectory, of: Callable[[DeltaTerms, int], RowFunction]
+) -> Callable[[Index, Array], Loads]:
     """The loads at (interval (N,), fraction of it (N,))."""
-    model = DeltaModel(scene.robot, scene.payload)
+    model = trajectory.model
+    if model.robot is not scene.robot or model.payload != scene.payload:
+        model = DeltaModel(scene.robot, scene.payload)
     coefficients, lengths = _padded(trajectory.position.coefficients), np.diff(trajectory.knots)
-    function = _loads_function(model.functions.terms, coefficients.shape[1] // 3)
+    function = of(model.functions.terms, coefficients.shape[1] // 3)
 
     def along(intervals: Index, fractions: Array) -> Loads:
         since = (lengths[intervals] * fractions)[:, None]
@@ -168,11 +179,33 @@ def _explain(
 
 
 @lru_cache(maxsize=16)
-def _loads_function(terms: DeltaTerms, powers: int) -> RowFunction:
-    """(coefficients 3 · powers, time since the interval began, p) -> static τ, τ, θ̇ (3 each),
-    in scalars: the verifier's most frequent call."""
-    explicit = delta_functions(terms, Explicit())
-    inverse, velocity = explicit.inverse_dynamics.expand(), explicit.velocity
+def _quick_loads(terms: DeltaTerms, powers: int) -> RowFunction:
+    """Loads without angles where the bars allow it: what a planner asks for most."""
+    functions = delta_functions(terms, Explicit())
+    tau = ca.SX.zeros(3)  # speeds do not depend on it
+
+    def loads(x: ca.SX, v: ca.SX, a: ca.SX, p: ca.SX) -> tuple[ca.SX, ca.SX]:
+        return functions.explicit_torques(x, v, a, p), functions.explicit_equations(
+            x, v, a, tau, p
+        )[2]
+
+    return _loads_function(loads, terms, powers)
+
+
+@lru_cache(maxsize=16)
+def _general_loads(terms: DeltaTerms, powers: int) -> RowFunction:
+    """Loads by the general derivation in twelve coordinates: what verification asks for."""
+    functions = delta_functions(terms, Explicit())
+    inverse = functions.inverse_dynamics.expand()
+
+    def loads(x: ca.SX, v: ca.SX, a: ca.SX, p: ca.SX) -> tuple[ca.SX, ca.SX]:
+        return inverse(x, v, a, p)[0], functions.velocity(x, v, p)[1][3::3]
+
+    return _loads_function(loads, terms, powers)
+
+
+def _loads_function(loads: _LoadsOf, terms: DeltaTerms, powers: int) -> RowFunction:
+    """(coefficients 3 · powers, time since the interval began, p) -> static τ, τ, θ̇ (3 each)."""
     coefficients, t = ca.SX.sym("coefficients", 3 * powers), ca.SX.sym("t")
     x, v, a = (ca.SX.zeros(3) for _ in range(3))
     for c in reversed(ca.vertsplit(coefficients, 3)):  # Horner, differentiated twice
@@ -180,8 +213,7 @@ def _loads_function(terms: DeltaTerms, powers: int) -> RowFunction:
         v = v * t + x
         x = x * t + c
     p, rest = ca.SX.sym("p", len(terms.names)), ca.SX.zeros(3)
-    static, _ = inverse(x, rest, rest, p)
-    torque, _ = inverse(x, v, a, p)
-    _, dq = velocity(x, v, p)
-    inputs, results = [coefficients, t, p], [static, torque, dq[3::3]]
+    static, _ = loads(x, rest, rest, p)
+    torque, speed = loads(x, v, a, p)
+    inputs, results = [coefficients, t, p], [static, torque, speed]
     return RowFunction(ca.Function("loads", inputs, results, {"cse": True}))

@@ -49,17 +49,21 @@ def sample_fractions(intervals: int) -> Array:
     return np.linspace(0.0, 1.0, max(_FEWEST_STEPS, -(-_FEWEST_IN_ALL // intervals)) + 1)
 
 
-def peaks(curves: Curves, intervals: int) -> Peaks:
-    """Sample densely, then climb every hill between samples that may be the highest.
+def everywhere(intervals: int, fractions: Array) -> tuple[Index, Array]:
+    """These fractions (n,) of every interval: interval and fraction, (K · n,) each."""
+    return np.repeat(np.arange(intervals), len(fractions)), np.tile(fractions, intervals)
 
+
+def peaks(curves: Curves, fractions: Array, values: Array) -> Peaks:
+    """Climb every hill between samples that may be the highest.
+
+    ``values``: of the curves at ``everywhere`` of these fractions, evenly spaced, (K · n, c).
     The top of the parabola through three neighbours is the next middle, with neighbours
     8 times as close, thrice: for a smooth function the value is then right to about 1e-12.
     """
-    fractions = sample_fractions(intervals)
-    where = np.repeat(np.arange(intervals), len(fractions)), np.tile(fractions, intervals)
-    values = curves(*where)
+    intervals = len(values) // len(fractions)
     highest = Peaks.none(values.shape[1])
-    highest.see(*where, values)
+    highest.see(*everywhere(intervals, fractions), values)
     if np.isfinite(values).all():
         grid = values.reshape(intervals, len(fractions), -1)
         _climb(curves, highest, *_hills(grid, highest.values))

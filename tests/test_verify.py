@@ -14,7 +14,7 @@ from deltaopt.errors import Infeasible, Unreachable
 from deltaopt.feasibility import check_feasible
 from deltaopt.limits import safe_factor, speed_excess, torque_excess
 from deltaopt.model import DeltaModel
-from deltaopt.peaks import peaks, sample_fractions
+from deltaopt.peaks import everywhere, peaks, sample_fractions
 from deltaopt.planning.baseline import baseline, straight_line
 from deltaopt.scene import Limits, load_scene
 from deltaopt.trajectory import PiecewisePolynomial, Trajectory
@@ -75,13 +75,18 @@ def test_peaks_between_samples():
         t = (intervals + fractions)[:, None]
         return np.cos(2 * pi * (t - tops) / 7) * np.array([1.0, 2.0, 3.0, 4.0])
 
-    highest = peaks(curves, 3)
+    fractions = sample_fractions(3)
+    highest = peaks(curves, fractions, curves(*everywhere(3, fractions)))
     np.testing.assert_allclose(highest.values, [1, 2, 3, 4], rtol=1e-12)
     np.testing.assert_allclose(highest.intervals + highest.fractions, tops, atol=1e-5)
 
 
 def test_peaks_see_both_sides_of_a_knot():
-    highest = peaks(lambda i, f: np.where(i == 0, f, -1 - f)[:, None], 2)
+    def curves(intervals, fractions):
+        return np.where(intervals == 0, fractions, -1 - fractions)[:, None]
+
+    fractions = sample_fractions(2)
+    highest = peaks(curves, fractions, curves(*everywhere(2, fractions)))
     assert highest.values[0] == 1.0
     assert (highest.intervals[0], highest.fractions[0]) == (0, 1.0)
 

@@ -98,6 +98,24 @@ class DeltaFunctions:
         inputs = [x, v, a, tau, terms.vector()]
         return ca.Function("explicit_equations", inputs, list(results))
 
+    @cached_property
+    def explicit_torques(self) -> ca.Function:
+        """(x, v, a, p) -> τ by eq. (39) as ``explicit_equations`` writes it."""
+        x, v, a, tau, p, force = self._affine_equations()
+        return ca.Function("explicit_torques", [x, v, a, p], [_solved(force, tau)])
+
+    @cached_property
+    def explicit_acceleration(self) -> ca.Function:
+        """(x, v, tau, p) -> a by eq. (39) as ``explicit_equations`` writes it."""
+        x, v, a, tau, p, force = self._affine_equations()
+        return ca.Function("explicit_acceleration", [x, v, tau, p], [_solved(force, a)])
+
+    def _affine_equations(self) -> tuple[SX, ...]:
+        """x, v, a, tau, p, and eq. (39), affine in τ and in a."""
+        x = [SX.sym(name, 3) for name in ("x", "v", "a", "tau")]
+        p = self.terms.symbols().vector()
+        return *x, p, self.explicit_equations(*x, p)[0]
+
     def _explicit_equations(self, x: SX, v: SX, a: SX, tau: SX, p: SX) -> tuple[SX, ...]:
         q, dq, ddq = self.motion(x, v, a, p)
         force = Explicit().residual(self.mechanism).expand()(0, q, dq, ddq, tau, p)
@@ -122,6 +140,13 @@ class DeltaFunctions:
     def _platform(self, *names: str) -> list[ca.MX]:
         p = ca.MX.sym("p", len(self.terms.names))
         return [*(ca.MX.sym(name, 3) for name in names), p]
+
+
+def _solved(equations: SX, unknown: SX) -> SX:
+    """Three equations affine in three unknowns, by the adjugate matrix."""
+    rest = ca.substitute(equations, unknown, SX.zeros(3))
+    solution: SX = -ca.inv_minor(ca.jacobian(equations, unknown)) @ rest
+    return solution
 
 
 @lru_cache(maxsize=64)

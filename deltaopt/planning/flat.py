@@ -39,7 +39,7 @@ from deltaopt.trajectory import Motion, PiecewisePolynomial, Trajectory
 Array = NDArray[np.float64]
 
 FAR = Settings(barrier=0.2, closest=0.3)
-NEAR = Settings(barrier=0.01, closest=0.01)
+NEAR = Settings(barrier=0.1, closest=0.01)
 """How the interior-point method begins, from a guess that is far from or near a solution."""
 
 

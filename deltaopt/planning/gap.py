@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 
 FRACTIONS = np.linspace(0.0, 1.0, 25)
 """Where in every interval the loads are taken, both ends included."""
+_MOST_PIECES = 6
+"""An interval is cut into at once: what it gives away is but an estimate."""
 
 
 @dataclass(frozen=True)
@@ -66,5 +68,5 @@ def refined(mesh: Array, lost: GivenAway, aim: float) -> Array:
     others faster.
     """
     share = lost.unused / (aim / len(mesh)) + lost.exceeded / aim
-    pieces = np.clip(np.ceil(np.sqrt(share)), 1, 4).astype(int)
+    pieces = np.clip(np.ceil(np.sqrt(share)), 1, _MOST_PIECES).astype(int)
     return np.repeat(mesh / pieces, pieces)

@@ -20,6 +20,7 @@ from deltaopt.feasibility import check_feasible
 from deltaopt.limits import Loads, loads_inside, safe_factor, sampled_factor
 from deltaopt.mechanisms.delta_functions import DeltaFunctions
 from deltaopt.model import DeltaModel
+from deltaopt.peaks import sample_fractions
 from deltaopt.planning.baseline import between
 from deltaopt.planning.certificate import Certificate
 from deltaopt.planning.flat import Flat, ScaledEquations
@@ -276,7 +277,7 @@ class Planner:
         rounds = [_round(attempts)]
         tell(str(rounds[-1]))
         while not self._done(rounds):
-            last, aim = attempts[-1], self.tolerance / 4
+            last, aim = attempts[-1], self.tolerance / 2.5
             if self._by_switches:
                 if rounds[-1].gap < _READABLE:
                     resolved = self._resolved(last, scales, tell)
@@ -303,8 +304,8 @@ class Planner:
     def _resolved(self, attempt: Attempt, scales: Scales, tell: Progress) -> Resolved | None:
         """With its switches resolved, or None if the structure cannot be settled yet."""
         model = attempt.trajectory.model
-        loads = loads_inside(attempt.scene, attempt.trajectory, FRACTIONS)
-        structure = read_structure(attempt.problem.mesh, *_shares(attempt.scene, loads))
+        shares = _shares(attempt.scene, attempt.loads)
+        structure = read_structure(attempt.problem.mesh, *shares)
         try:
             found = resolve(
                 ScaledEquations.of(model.functions, speed=self._speed_is_limited),
@@ -342,7 +343,7 @@ class Planner:
     @property
     def _accuracy(self) -> float:
         """Of the solution on a mesh; structures are read from exact ones only."""
-        return 1e-8 if self._by_switches else self.tolerance / 5
+        return 1e-8 if self._by_switches else self.tolerance / 2
 
     @property
     def _by_switches(self) -> bool:
@@ -378,16 +379,18 @@ def _attempt(problem: Problem, scales: Scales, guess: Guess, model: DeltaModel) 
     trajectory = Trajectory(solution.position, model, solution.coordinates)
     scene, loads = scales.scene, loads_inside(scales.scene, trajectory, FRACTIONS)
     lost = given_away(solution.prices, *_shares(scene, loads))
-    return Attempt(problem, solution, trajectory, lost, sampled_factor(scene, loads), scene)
+    factor = sampled_factor(scene, loads)
+    return Attempt(problem, solution, trajectory, loads, lost, factor, scene)
 
 
 @dataclass(frozen=True)
 class Attempt:
-    """A problem solved on one mesh, the motion not yet slowed."""
+    """A problem solved on one mesh, the motion not yet slowed; ``loads`` at ``FRACTIONS``."""
 
     problem: Problem
     solution: Solved
     trajectory: Trajectory
+    loads: Loads
     lost: GivenAway
     safe_factor: float
     scene: Scene
@@ -397,7 +400,9 @@ class Attempt:
         """With the safe factor of all instants, not of samples only."""
         if self.is_exact:
             return self
-        factor = safe_factor(self.scene, self.trajectory)
+        as_sampled = len(sample_fractions(len(self.problem.mesh))) == len(FRACTIONS)
+        known = self.loads if as_sampled else None
+        factor = safe_factor(self.scene, self.trajectory, sampled=known)
         return replace(self, safe_factor=factor, is_exact=True)
 
 

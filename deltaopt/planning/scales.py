@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +34,7 @@ class Scales:
     def origin(self) -> Array:
         return np.array(self.scene.start)
 
-    @property
+    @cached_property
     def length(self) -> float:
         return float(np.linalg.norm(np.array(self.scene.goal) - np.array(self.scene.start)))
 
