@@ -28,10 +28,11 @@ from deltaopt.planning.gap import FRACTIONS, GivenAway, given_away, refined
 from deltaopt.planning.nlp import Spent
 from deltaopt.planning.poses import posed_as
 from deltaopt.planning.problem import Guess, Pose, Posed, Problem, Solved
-from deltaopt.planning.resolve import Resolved, Unsettled, resolve
 from deltaopt.planning.scales import Scales
+from deltaopt.planning.settle import Settled, Unsettled, settle
+from deltaopt.planning.stage import Stage
 from deltaopt.planning.starts import Optimum, distinct, first_motions
-from deltaopt.planning.structure import read_structure
+from deltaopt.planning.structure import READINGS, read_structure
 from deltaopt.planning.transcription import PiecewiseAcceleration
 from deltaopt.record import Vector3
 from deltaopt.robot import Robot
@@ -228,17 +229,17 @@ class Planner:
         if isinf(chosen.safe_factor):
             raise NotConverged(
                 "gravity alone exceeds a torque limit somewhere between the points of every mesh",
-                chosen.solution.status,
+                chosen.status,
                 chosen.trajectory,
             )
         return Plan(
             scene=scene,
             trajectory=chosen.trajectory.slowed(chosen.safe_factor),
             formulation=self._pose.name,
-            transcription=resolved.problem.name if resolved else self._transcription.name,
+            transcription=resolved.name if resolved else self._transcription.name,
             intervals=len(chosen.trajectory.knots) - 1,
-            status=chosen.solution.status,
-            iterations=sum(r.iterations for r in rounds),
+            status=chosen.status,
+            iterations=sum(r.iterations for r in rounds) + (resolved.iterations if resolved else 0),
             solve_seconds=perf_counter() - begin,
             gap=resolved.gap if resolved else _gap(rounds, best),
             tolerance=self.tolerance,
@@ -265,7 +266,7 @@ class Planner:
 
     def _solve(
         self, scene: Scene, first: Guess, tell: Progress
-    ) -> tuple[list[Attempt], list[Round], Resolved | None]:
+    ) -> tuple[list[Attempt], list[Round], Settled | None]:
         """Solve on finer and finer meshes until the gap is small enough, the switches can be
         resolved, or no more is gained."""
         model = DeltaModel(scene.robot, scene.payload)
@@ -301,28 +302,31 @@ class Planner:
             tell(str(rounds[-1]))
         return attempts, rounds, None
 
-    def _resolved(self, attempt: Attempt, scales: Scales, tell: Progress) -> Resolved | None:
+    def _resolved(self, attempt: Attempt, scales: Scales, tell: Progress) -> Settled | None:
         """With its switches resolved, or None if the structure cannot be settled yet."""
-        model = attempt.trajectory.model
-        shares = _shares(attempt.scene, attempt.loads)
-        structure = read_structure(attempt.problem.mesh, *shares)
-        try:
-            found = resolve(
-                ScaledEquations.of(model.functions, speed=self._speed_is_limited),
-                model,
-                structure,
-                attempt.trajectory,
-                scales,
-                self.tolerance,
+        model, motion = attempt.trajectory.model, attempt.trajectory
+        stage = _stage(model.functions, self._speed_is_limited)
+        x = motion.inside_intervals(FRACTIONS).x
+        openings = model.openings(x).reshape(-1, len(FRACTIONS), 3) - scales.margin
+        loads = (*_shares(attempt.scene, attempt.loads), openings)
+        tried = []
+        for reading in READINGS:
+            structure = read_structure(attempt.problem.mesh, *loads, reading)
+            if structure.limits in tried:
+                continue
+            tried.append(structure.limits)
+            try:
+                found = settle(stage, model, structure, motion, scales, self.tolerance)
+            except Unsettled as error:
+                tell(f"{len(structure.limits)} arcs: not settled yet: {error}")
+                continue
+            tell(
+                f"{len(found.conditions.structure.limits)} arcs: "
+                f"{found.trajectory.duration:.9f} s, gap {found.gap:.1e}, satisfies "
+                f"Pontryagin's condition to {found.certificate.residual:.0e}"
             )
-        except Unsettled as error:
-            tell(f"{len(structure.lengths)} arcs: not settled yet: {error}")
-            return None
-        tell(
-            f"{len(structure.lengths)} arcs: {found.trajectory.duration:.9f} s, gap "
-            f"{found.gap:.1e}, satisfies Pontryagin's condition to {found.certificate.residual:.0e}"
-        )
-        return found
+            return found
+        return None
 
     def _guesses(self, scene: Scene, near: Plan | None, starts: int, seed: int) -> Iterator[Guess]:
         """The plan of similar ends, moved to these; or motions without optimisation."""
@@ -374,6 +378,12 @@ def _posed(
     return pose.of(functions, transcription, speed=speed)
 
 
+@lru_cache(maxsize=8)
+def _stage(functions: DeltaFunctions, speed: bool) -> Stage:
+    """Built once in a process, as ``_posed``."""
+    return Stage(ScaledEquations.of(functions, speed=speed))
+
+
 def _attempt(problem: Problem, scales: Scales, guess: Guess, model: DeltaModel) -> Attempt:
     solution = problem.solve(guess, scales, model.parameters)
     trajectory = Trajectory(solution.position, model, solution.coordinates)
@@ -395,6 +405,10 @@ class Attempt:
     safe_factor: float
     scene: Scene
     is_exact: bool = False
+
+    @property
+    def status(self) -> str:
+        return self.solution.status
 
     def exact(self) -> Attempt:
         """With the safe factor of all instants, not of samples only."""

@@ -47,9 +47,13 @@ class Scales:
     def torques(self) -> Array:
         return np.array(self.scene.torque_limits)
 
+    @property
+    def margin(self) -> float:
+        """Of the fold: least sin² (q_{k,1} - q_{k,2}) on the way."""
+        return min(OPENING, self.opening_at_ends / 2)
+
     def vector(self) -> Array:
         """x_start, D, time, torque limits, margin of the fold[, speed limits]."""
         scene = self.scene
-        margin = min(OPENING, self.opening_at_ends / 2)
-        limits = [*scene.torque_limits, margin, *(scene.speed_limits or ())]
+        limits = [*scene.torque_limits, self.margin, *(scene.speed_limits or ())]
         return np.array([*scene.start, self.length, self.time, *limits])

@@ -23,10 +23,6 @@ _TORQUE_AT_LIMIT, _SPEED_AT_LIMIT = 0.9, 0.99
 polynomials leave some of it unused; speed comes to its limit gradually."""
 _OPENING_AT_MARGIN = 1e-3
 """At most, everywhere in an interval."""
-_WIDEST_SWITCH = 3
-"""Intervals: what is wider between two limits is no smeared switch but an arc."""
-_SIMULTANEOUS = 2e-4
-"""Of the duration: switches closer together than this are one."""
 VANISHED = 1e-5
 """Of the duration: shorter arcs are not there."""
 
@@ -63,6 +59,11 @@ class Structure:
         """The same of speed."""
         return np.array([[limit.speed for limit in arc] for arc in self.limits], np.int8)
 
+    @cached_property
+    def opening(self) -> Signs:
+        """1 where a chain is at the margin of its fold, (n, 3)."""
+        return np.array([[limit.opening for limit in arc] for arc in self.limits], np.int8)
+
 
 @dataclass(frozen=True)
 class Stretch:
@@ -91,36 +92,28 @@ class Reading:
     simultaneous: float = 2e-4
 
 
-@dataclass(frozen=True)
-class Shown:
-    """What a mesh shows in its intervals (N,): loads as fractions of their limits, and how far
-    chains are from the margin of their fold, (N, points, 3) each; what limits cost there per
-    time, as fractions of the highest price, (N, 3) each."""
-
-    mesh: Array
-    torque: Array
-    speed: Array | None
-    opening: Array | None
-    torque_price: Array
-    speed_price: Array
+READINGS = (Reading(), Reading(widest=8), Reading(simultaneous=3e-3), Reading(widest=1))
+"""In the order in which they are tried."""
 
 
-def read_structure(shown: Shown, reading: Reading = Reading()) -> Structure:
-    """The structure of a motion on a mesh."""
-    mesh = shown.mesh
+def read_structure(
+    mesh: Array,
+    torque: Array,
+    speed: Array | None,
+    opening: Array | None = None,
+    reading: Reading = READINGS[0],
+) -> Structure:
+    """From loads in the intervals of a mesh (N,), fractions of their limits, (N, points, 3),
+    and from how far chains are from the margin of their fold."""
     ends = np.concatenate([[0.0], np.cumsum(mesh)])
     ends[-1] = 1.0
     nothing = np.zeros((len(mesh), 3), np.int8)
-    torques = _held(shown.torque, _TORQUE_AT_LIMIT)
-    torques = np.where((shown.torque_price > 1e-3) | (np.abs(shown.torque).min(axis=1) > 0.99), torques, 0)
-    speeds = nothing if shown.speed is None else _held(shown.speed, _SPEED_AT_LIMIT)
-    if shown.speed is not None:
-        speeds = np.where((shown.speed_price > 1e-3) | (np.abs(shown.speed).min(axis=1) > 0.9995), speeds, 0)
-    openings = nothing if shown.opening is None else shown.opening.max(axis=1) < _OPENING_AT_MARGIN
-    torques = np.where((speeds != 0) | (openings != 0), 0, torques)
+    speeds = nothing if speed is None else _held(speed, _SPEED_AT_LIMIT)
+    openings = nothing if opening is None else opening.max(axis=1) < _OPENING_AT_MARGIN
+    torques = np.where((speeds != 0) | (openings != 0), 0, _held(torque, _TORQUE_AT_LIMIT))
     held = np.stack([torques, speeds, openings], axis=2).astype(int)  # (N, 3 motors, 3)
     motors = [
-        _sharpened(_stretches(ends, held[:, k].tolist(), shown.torque[:, :, k]), reading.widest)
+        _sharpened(_stretches(ends, held[:, k].tolist(), torque[:, :, k]), reading.widest)
         for k in range(3)
     ]
     return _assembled(motors, reading.simultaneous)
