@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from deltaopt.planning.dense import solve
 from deltaopt.planning.grid import Grid
 
 if TYPE_CHECKING:
@@ -249,9 +250,10 @@ class System:
         """Newton's, shortened by a shift of the curvature; None if there is none."""
         try:
             matrix, right = self._assembled(shift)
-            return self._unpacked(np.linalg.solve(matrix, -right))
-        except np.linalg.LinAlgError:
+        except np.linalg.LinAlgError:  # of an interval
             return None
+        x = solve(matrix, -right)
+        return None if x is None else self._unpacked(x)
 
     def _assembled(self, shift: float) -> tuple[Array, Array]:
         """The small system, in the order of ``_Places``."""

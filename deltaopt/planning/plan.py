@@ -223,8 +223,9 @@ class Planner:
         begin = perf_counter()
         attempts, rounds, resolved = self._solve(scene, guess, tell)
         best = min(range(len(rounds)), key=lambda i: rounds[i].safe_duration)
-        attempts[best] = attempts[best].exact()
-        rounds[best] = _round(attempts[: best + 1])
+        if not resolved:
+            attempts[best] = attempts[best].exact()
+            rounds[best] = _round(attempts[: best + 1])
         chosen = resolved or attempts[best]
         if isinf(chosen.safe_factor):
             raise NotConverged(
@@ -306,9 +307,7 @@ class Planner:
         """With its switches resolved, or None if the structure cannot be settled yet."""
         model, motion = attempt.trajectory.model, attempt.trajectory
         stage = _stage(model.functions, self._speed_is_limited)
-        x = motion.inside_intervals(FRACTIONS).x
-        openings = model.openings(x).reshape(-1, len(FRACTIONS), 3) - scales.margin
-        loads = (*_shares(attempt.scene, attempt.loads), openings)
+        loads = (*_shares(attempt.scene, attempt.loads), _openings(stage, motion, scales))
         tried = []
         for reading in READINGS:
             structure = read_structure(attempt.problem.mesh, *loads, reading)
@@ -427,6 +426,16 @@ def _shares(scene: Scene, loads: Loads) -> tuple[Array, Array | None]:
     if scene.speed_limits is None:
         return torque, None
     return torque, (loads.speed / np.array(scene.speed_limits)).reshape(shape)
+
+
+def _openings(stage: Stage, motion: Trajectory, scales: Scales) -> Array:
+    """How far chains are from the margin of their fold, (N, len(FRACTIONS), 3)."""
+    N = len(motion.knots) - 1
+    since = np.diff(motion.knots)[:, None] * FRACTIONS
+    x = motion.position.inside(np.repeat(np.arange(N), len(FRACTIONS)), since.ravel())
+    X = (x - scales.origin) / scales.length
+    p = np.concatenate([scales.vector(), motion.model.parameters])
+    return stage.openings(X, p).reshape(N, len(FRACTIONS), 3)
 
 
 def _gap(rounds: list[Round], chosen: int) -> float:

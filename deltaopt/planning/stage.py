@@ -38,6 +38,11 @@ class Stage:
         """Rows at points (N, 9) -> (N, rows)."""
         return self._values(y, parameters=p)[0]
 
+    def openings(self, X: Array, p: Array) -> Array:
+        """How far chains are from the margin of their fold at positions (N, 3) -> (N, 3)."""
+        y = np.hstack([X, np.zeros((len(X), 6))])
+        return self.values(y, p)[:, OPENING : OPENING + 3]
+
     def derivatives(self, y: Array, multipliers: Array, p: Array) -> tuple[Array, Array, Array]:
         """Rows (N, rows), their Jacobian (N, rows, 9), and the Hessian of the rows times
         multipliers (N, rows): (N, 9, 9)."""
