@@ -60,7 +60,7 @@ def solve(matrix: Array, right: Array) -> Array | None:
     code = _code()
     if code is None:
         try:
-            return np.linalg.solve(matrix, right)
+            return np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
         except np.linalg.LinAlgError:
             return None
     n = len(right)

@@ -161,9 +161,7 @@ class Examined:
         begin = np.cumsum(h) - h
         return np.ravel((begin[:, None] + h[:, None] * DENSE) / h.sum())
 
-    def _stretches(
-        self, motor: int, where: Truths, limit: Limit
-    ) -> Iterator[tuple[int, Stretch]]:
+    def _stretches(self, motor: int, where: Truths, limit: Limit) -> Iterator[tuple[int, Stretch]]:
         """From samples, (n, dense), to times halfway to those around."""
         inside, times = where.ravel().astype(int), self._times
         edges = np.flatnonzero(np.diff(np.concatenate([[0], inside, [0]])))

@@ -49,7 +49,7 @@ class Pin(NamedTuple):
 
     def shapes(self, modes: int) -> Array:
         """Legendre's polynomials there, (modes,)."""
-        return np.ones(modes) if self.end else (-1.0) ** np.arange(modes)
+        return np.asarray(np.ones(modes) if self.end else (-1.0) ** np.arange(modes), np.float64)
 
 
 @dataclass(frozen=True)

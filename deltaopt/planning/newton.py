@@ -120,7 +120,7 @@ class System:
     @property
     def costates(self) -> Array:
         """p where the intervals begin, after what enters there, (n, 6)."""
-        first = self._gradient[:, :6].copy()
+        first: Array = self._gradient[:, :6].copy()
         rows = zip(self.of.held.entries, self.at.entry, self._entry_slopes, strict=True)
         for entry, nu, slope in rows:
             first[self.of.grid.first[entry.arc]] -= nu * slope
@@ -239,7 +239,7 @@ class System:
                 by_free[:, :, j, j] = -grid.shapes
             B[:, d:, 14:] = by_free.reshape(n, d, -1)
             M[:, 14:, 13] = self._by_free.reshape(n, -1)
-        back = np.linalg.solve(K, B)
+        back = np.asarray(np.linalg.solve(K, B), np.float64)
         return back, M - B.transpose(0, 2, 1) @ back
 
     @cached_property

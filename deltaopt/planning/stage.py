@@ -62,7 +62,7 @@ class Stage:
         rate = ca.jtimes(e.opening, e.y[:3], e.y[3:6])
         bend = ca.jtimes(rate, e.y[:3], e.y[3:6]) + ca.jtimes(rate, e.y[3:6], e.y[6:9])
         rows = [-_inverse(B) @ rest, e.opening, rate, bend]
-        if e.speed is not None:
+        if e.speed is not None and e.acceleration is not None:
             rows += [e.speed, e.acceleration]
         function = ca.Function("rows", [e.y, e.p], [ca.vertcat(*rows)], {"cse": True})
         return function(ca.vertcat(X, V, A, 0, 0, 0, 1), e.p)
