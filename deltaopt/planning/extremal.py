@@ -37,7 +37,9 @@ _CONVERGED = 1e-10
 _STALLED = 1e-7
 """What rounding may leave of it where the motion is hardly determined."""
 _LONGEST_STEP = 0.3
-_LEAST_SHIFT = 1e-9
+_LEAST_SHIFT, _MOST_SHIFT = 1e-9, 1e-4
+_REVERSED = 1e-3
+"""Of the duration: an arc that remains shorter than minus this has its ends exchanged."""
 _TINY = 2e-3
 """Of the duration: arcs shorter than this that every step halves are vanishing."""
 
@@ -86,27 +88,38 @@ class Conditions:
     def solve(self, guess: Extremal) -> Stationary:
         """The stationary motion near a guess. Raises Stuck."""
         system, shift, residual = System(self, guess), 0.0, np.inf
-        lengths = np.full(len(self.grid.parts), np.inf)
+        lengths, reversed_for = np.full(len(self.grid.parts), np.inf), 0
         for iteration in range(_ITERATIONS):
             before, residual = residual, system.residual
             if not np.isfinite(residual):
                 raise Stuck("the motion leaves the workspace")
-            shorter, lengths = lengths, np.abs(system.at.lengths) / system.at.duration
-            vanishing = (lengths < _TINY) & (lengths < 0.7 * shorter) & (lengths > 0.2 * shorter)
+            shorter, lengths = np.abs(lengths), system.at.lengths / system.at.duration
+            vanishing = (np.abs(lengths) < _TINY) & (np.abs(lengths) < 0.7 * shorter)
+            vanishing &= np.abs(lengths) > 0.2 * shorter
+            reversed_for = reversed_for + 1 if lengths.min() < -_REVERSED else 0
             settled = residual < _CONVERGED or before < 2 * residual < _STALLED
-            if settled or (iteration > 2 and vanishing.any()):
+            hopeless = reversed_for > 2 and residual < 0.1
+            if settled or hopeless or (iteration > 2 and vanishing.any()):
                 return Stationary(system.at, iteration, vanishing & (not settled))
             system, shift = self._moved(system, shift)
         raise Stuck(f"a residual of {residual:.0e} is left after {_ITERATIONS} steps")
 
     def _moved(self, system: System, shift: float) -> tuple[System, float]:
-        """By Newton's step, the curvature shifted as far as it needs to be a short one."""
-        for _ in range(12):
-            step = system.step(shift)
-            if step is not None and step.largest < _LONGEST_STEP:
-                return System(self, system.at + step), shift / 30 if shift > _LEAST_SHIFT else 0.0
+        """By Newton's step, the curvature shifted as far as it needs to be a short one, or by
+        a part of it where that does not do."""
+        step = system.step(shift)
+        while (step is None or step.largest > _LONGEST_STEP) and shift < _MOST_SHIFT:
             shift = max(10 * shift, _LEAST_SHIFT)
-        raise Stuck("there is no short step")
+            step = system.step(shift)
+        if step is None or not np.isfinite(step.largest):
+            raise Stuck("there is no step")
+        share = min(1.0, _LONGEST_STEP / max(step.largest, 1e-300))
+        for _ in range(4):
+            moved = System(self, system.at + step.times(share))
+            if np.isfinite(moved.residual):
+                break
+            share /= 3
+        return moved, shift / 30 if shift > _LEAST_SHIFT else 0.0
 
     def guess(self, trajectory: Trajectory, scales: Scales) -> Extremal:
         """From a motion of about this structure; multipliers of least squares."""

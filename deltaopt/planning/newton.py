@@ -52,6 +52,10 @@ class Extremal:
         names = (field.name for field in fields(self))
         return Extremal(*(getattr(self, name) + getattr(step, name) for name in names))
 
+    def times(self, share: float) -> Extremal:
+        """A part of a step."""
+        return Extremal(*(share * getattr(self, field.name) for field in fields(self)))
+
     @property
     def duration(self) -> float:
         """In units of the scales' time."""
