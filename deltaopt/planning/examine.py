@@ -89,7 +89,7 @@ class Examined:
     @property
     def to_be_gained(self) -> float:
         """By torques without limit, at most and to first order, as a fraction."""
-        room = 1 + np.abs(self._torques)
+        room = 1 - np.sign(self._prices) * np.clip(self._torques, -1, 1)
         return self._mean(np.abs(self._prices) * self._without_limit * room)
 
     @property

@@ -18,6 +18,7 @@ an arc ends and what the torque does there is one thing, not two: the system wou
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,13 +26,14 @@ from numpy.typing import NDArray
 from deltaopt.planning.grid import DENSE, Grid, Held, Pin
 from deltaopt.planning.newton import Extremal, System
 from deltaopt.planning.scales import Scales
-from deltaopt.planning.stage import TORQUE, Stage
+from deltaopt.planning.stage import SPEED, TORQUE, Stage
 from deltaopt.planning.structure import Structure
 from deltaopt.trajectory import PiecewisePolynomial, Trajectory
 
 Array = NDArray[np.float64]
+Integers = NDArray[np.intp]
 
-_ITERATIONS = 25
+_ITERATIONS = 40
 _CONVERGED = 1e-10
 """Largest residual, all of the order of one."""
 _STALLED = 1e-7
@@ -42,6 +44,19 @@ _REVERSED = 1e-3
 """Of the duration: an arc that remains shorter than minus this has its ends exchanged."""
 _TINY = 2e-3
 """Of the duration: arcs shorter than this that every step halves are vanishing."""
+
+
+@dataclass(frozen=True)
+class Barrier:
+    """Keeps what no arc holds within its limits by an interior-point method: slack times
+    multiplier, per time, is ``first``, falls by ``fall`` from step to step, and ends at
+    ``last``, which is what it costs at most, a limit.
+
+    Without it a step is cheaper, and what exceeds a limit is seen afterwards."""
+
+    first: float = 1e-2
+    last: float = 1e-7
+    fall: float = 0.3
 
 
 class Stuck(Exception):
@@ -69,6 +84,7 @@ class Conditions:
     goal: Array
     p: Array
     pins: tuple[Pin, ...] = ()
+    barrier: Barrier | None = None
 
     @classmethod
     def of(
@@ -79,15 +95,44 @@ class Conditions:
         scales: Scales,
         parameters: Array,
         pins: tuple[Pin, ...] = (),
+        barrier: Barrier | None = None,
     ) -> Conditions:
         """For a scene and the parameters of its mechanism."""
         p = np.concatenate([scales.vector(), parameters])
         goal = np.concatenate([scales.goal, np.zeros(3)])
-        return cls(stage, structure, Held.of(structure), grid, goal, p, pins)
+        return cls(stage, structure, Held.of(structure), grid, goal, p, pins, barrier)
+
+    @cached_property
+    def others(self) -> Integers:
+        """Rows of the stage that may have to be kept within ±1: torques, and speeds."""
+        speeds = np.arange(SPEED, SPEED + 3) if self.stage.rows > SPEED else []
+        return np.concatenate([np.arange(TORQUE, TORQUE + 3), speeds]).astype(np.intp)
+
+    @cached_property
+    def within(self) -> NDArray[np.bool]:
+        """What is kept within ±1 at the nodes, (n, nodes, 6 or 9): torques that are polynomials,
+        those of motors that hold a speed or an opening, speeds that are not held there."""
+        grid, n, k = self.grid, self.grid.intervals, len(self.grid.nodes)
+        within = np.zeros((n, k, 3 + len(self.others)), bool)
+        if self.barrier is None:
+            return within
+        for a, motor in self.held.free:
+            within[grid.arc == a, :, motor] = True
+        if self.stage.rows > SPEED:
+            held = self.structure.speed[grid.arc] != 0
+            within[..., 3:6] = held[:, None]
+            within[..., 6:] = ~held[:, None]
+            within[0, 0, 6:] = within[-1, -1, 6:] = False
+            within[1:, 0, 6:] &= ~held[:-1]
+            within[:-1, -1, 6:] &= ~held[1:]
+        return within
 
     def solve(self, guess: Extremal) -> Stationary:
         """The stationary motion near a guess. Raises Stuck."""
-        system, shift, residual = System(self, guess), 0.0, np.inf
+        method = self.barrier if self.barrier and self.within.any() else Barrier(0.0, 0.0)
+        barrier = method.first
+        guess = self._inside(guess, barrier)
+        system, shift, residual = System(self, guess, barrier), 0.0, np.inf
         lengths, reversed_for = np.full(len(self.grid.parts), np.inf), 0
         for iteration in range(_ITERATIONS):
             before, residual = residual, system.residual
@@ -98,13 +143,15 @@ class Conditions:
             vanishing &= np.abs(lengths) > 0.2 * shorter
             reversed_for = reversed_for + 1 if lengths.min() < -_REVERSED else 0
             settled = residual < _CONVERGED or before < 2 * residual < _STALLED
+            settled = settled and barrier <= method.last
             hopeless = reversed_for > 2 and residual < 0.1
             if settled or hopeless or (iteration > 2 and vanishing.any()):
                 return Stationary(system.at, iteration, vanishing & (not settled))
-            system, shift = self._moved(system, shift)
+            barrier = max(barrier * method.fall, method.last)
+            system, shift = self._moved(system, shift, barrier)
         raise Stuck(f"a residual of {residual:.0e} is left after {_ITERATIONS} steps")
 
-    def _moved(self, system: System, shift: float) -> tuple[System, float]:
+    def _moved(self, system: System, shift: float, barrier: float) -> tuple[System, float]:
         """By Newton's step, the curvature shifted as far as it needs to be a short one, or by
         a part of it where that does not do."""
         step = system.step(shift)
@@ -113,9 +160,9 @@ class Conditions:
             step = system.step(shift)
         if step is None or not np.isfinite(step.largest):
             raise Stuck("there is no step")
-        share = min(1.0, _LONGEST_STEP / max(step.largest, 1e-300))
+        share = min(system.inside(step), _LONGEST_STEP / max(step.largest, 1e-300))
         for _ in range(4):
-            moved = System(self, system.at + step.times(share))
+            moved = System(self, system.at + step.times(share), barrier)
             if np.isfinite(moved.residual):
                 break
             share /= 3
@@ -143,8 +190,28 @@ class Conditions:
             entry=np.zeros(len(held.entries)),
             free=np.zeros((len(lengths), 3, grid.most_modes)),
             pins=np.zeros(len(self.pins)),
+            slack=np.zeros(self.within.shape),
+            upper=np.zeros(self.within.shape),
+            lower=np.zeros(self.within.shape),
         )
         return self._with_multipliers(replace(motion, free=self._free(motion)))
+
+    def _inside(self, motion: Extremal, barrier: float) -> Extremal:
+        """With slacks and multipliers to begin with."""
+        grid = self.grid
+        torques = np.einsum("nkl,nrl->nkr", grid.shapes, motion.free[grid.arc])
+        rows = self.stage.values(motion.at_nodes(grid).reshape(-1, 9), self.p)
+        others = rows[:, self.others].reshape(*torques.shape[:2], -1)
+        c = np.concatenate([torques, others], axis=2)
+        slack = np.where(self.within, np.clip(c, -0.99, 0.99), 0.0)
+        weight = np.abs(motion.intervals(grid))[:, None, None] * grid.quadrature[:, None]
+        weight = weight * self.within
+        return replace(
+            motion,
+            slack=slack,
+            upper=barrier * weight / (1 - slack),
+            lower=barrier * weight / (1 + slack),
+        )
 
     def _free(self, motion: Extremal) -> Array:
         """Torques without limit fitted to a motion, (arcs, 3, most modes)."""

@@ -36,7 +36,9 @@ class Extremal:
     ``knots``: (X, V), (n + 1, 6). ``A``: (n, nodes, 3). ``lengths``: of the arcs. ``costates``:
     p at the ends of the intervals, (n, 6). ``multipliers``: λ, (n, nodes, 3). ``entry``: ν.
     ``free``: w, Legendre's coefficients of torques without limit, (arcs, 3, most modes).
-    ``pins``: multipliers of pins.
+    ``pins``: multipliers of pins. ``slack``, ``upper``, ``lower``: of what is kept within ±1 at
+    the nodes, torques that are polynomials, other torques and speeds, (n, nodes, 9): copies
+    strictly inside, and their limits' multipliers.
     """
 
     knots: Array
@@ -47,6 +49,9 @@ class Extremal:
     entry: Array
     free: Array
     pins: Array
+    slack: Array
+    upper: Array
+    lower: Array
 
     def __add__(self, step: Extremal) -> Extremal:
         names = (field.name for field in fields(self))
@@ -92,8 +97,11 @@ class System:
     p_{i+1}), 13, then 1 for the right-hand side, then w of its arc.
     """
 
-    def __init__(self, of: Conditions, at: Extremal, *, least_squares: bool = False) -> None:
-        """``least_squares``: for a step of the multipliers to those of least squares."""
+    def __init__(
+        self, of: Conditions, at: Extremal, barrier: float = 0.0, *, least_squares: bool = False
+    ) -> None:
+        """``barrier``: slack times multiplier, per time. ``least_squares``: for a step of the
+        multipliers to those of least squares."""
         self.of, self.at, self._least_squares = of, at, least_squares
         grid, held = of.grid, of.held
         n, k, rows = grid.intervals, len(grid.nodes), of.stage.rows
@@ -102,8 +110,12 @@ class System:
         np.put_along_axis(weights, which, at.multipliers, axis=2)
         for entry, nu in zip(held.entries, at.entry, strict=True):
             weights[grid.first[entry.arc], 0, entry.row] += nu
+        within, others = of.within, of.others
+        y_within = at.upper - at.lower
+        bent = weights.copy()
+        bent[..., others] += y_within[..., 3:]
         y = at.at_nodes(grid)
-        r, J, H = of.stage.derivatives(y.reshape(-1, 9), weights.reshape(-1, rows), of.p)
+        r, J, H = of.stage.derivatives(y.reshape(-1, 9), bent.reshape(-1, rows), of.p)
         r, J, H = r.reshape(n, k, rows), J.reshape(n, k, rows, 9), H.reshape(n, k, 9, 9)
         wanted = np.einsum("nkl,nrl->nkr", grid.shapes, at.free[grid.arc])
         wanted += held.value[grid.arc][:, None]
@@ -113,13 +125,31 @@ class System:
             [r[grid.first[e.arc], 0, e.row] - e.value for e in held.entries], dtype=float
         )
         self._entry_slopes = [J[grid.first[e.arc], 0, e.row, :6] for e in held.entries]
-        m = np.einsum("nkr,nkra->nka", weights, J)
+        torques = np.einsum("nkl,nrl->nkr", grid.shapes, at.free[grid.arc])
+        c = np.where(within, np.concatenate([torques, r[..., others]], axis=2), 0.0)
+        self._off = np.where(within, c - at.slack, 0.0)
+        above, below = 1 - at.slack, 1 + at.slack
+        self._mu = (
+            barrier * np.abs(at.intervals(grid))[:, None, None] * grid.quadrature[:, None] * within
+        )
+        self._stiff = at.upper / above + at.lower / below
+        q = self._stiff * self._off + self._mu / above - self._mu / below
+        self._other_slopes = J[:, :, others]
+        if within[..., 3:].any():
+            slopes = self._other_slopes
+            H = H + slopes.transpose(0, 1, 3, 2) @ (self._stiff[..., 3:, None] * slopes)
+        m = np.einsum("nkr,nkra->nka", bent, J)
         m[:, -1, :6] += at.costates
         self._m, self._H = m, H
         self._held_slopes = np.take_along_axis(J, which[..., None], axis=2)
         self._slopes = self._of_nodes()
         self._gradient = (m.reshape(n, 1, -1) @ self._slopes.reshape(n, 9 * k, -1))[:, 0]
-        self._by_free = -np.einsum("nkr,nkl->nrl", at.multipliers, grid.shapes)
+        aim = q - y_within  # multipliers to come less those there are
+        m_aim = np.einsum("nkr,nkra->nka", aim[..., 3:], self._other_slopes)
+        self._gradient_aim = (m_aim.reshape(n, 1, -1) @ self._slopes.reshape(n, 9 * k, -1))[:, 0]
+        pull = y_within[..., :3] - at.multipliers
+        self._by_free = np.einsum("nkr,nkl->nrl", pull, grid.shapes)
+        self._by_free_aim = np.einsum("nkr,nkl->nrl", aim[..., :3], grid.shapes)
 
     @property
     def costates(self) -> Array:
@@ -136,7 +166,7 @@ class System:
         grid, at = self.of.grid, self.at
         by_length = 1.0 + np.bincount(grid.arc, self._gradient[:, 6] / grid.parts[grid.arc])
         by_state = self._gradient[1:, :6] - at.costates[:-1]
-        parts = [self._differ, self._gaps, self._entries, by_length, by_state]
+        parts = [self._differ, self._gaps, self._entries, by_length, by_state, self._off]
         parts += [self._gradient[:, 7:], *self._by_modes(), self._off_pins()]
         return float(max(np.abs(part).max(initial=0.0) for part in parts))
 
@@ -220,6 +250,7 @@ class System:
         d, end, most = 3 * k, slopes[:, -1, :6], grid.most_modes
         modes = 3 * most if self.of.held.free else 0
         G = (self._held_slopes @ slopes).reshape(n, d, -1)
+        gradient = self._gradient + (0.0 if self._least_squares else self._gradient_aim)
         right = 0.0 if self._least_squares else 1.0
         K = np.zeros((n, 2 * d, 2 * d))
         K[:, :d, :d] = Q[:, 7:, 7:]
@@ -229,13 +260,13 @@ class System:
         B[:, :d, :7] = Q[:, 7:, :7]
         B[:, d:, :7] = G[:, :, :7]
         B[:, :d, 7:13] = end[:, :, 7:].transpose(0, 2, 1)
-        B[:, :d, 13] = self._gradient[:, 7:]
+        B[:, :d, 13] = gradient[:, 7:]
         B[:, d:, 13] = right * self._differ.reshape(n, -1)
         M = np.zeros((n, 14 + modes, 14 + modes))
         M[:, :7, :7] = Q[:, :7, :7]
         M[:, 7:13, :7] = end[:, :, :7]
         M[:, :7, 7:13] = end[:, :, :7].transpose(0, 2, 1)
-        M[:, :7, 13] = self._gradient[:, :7]
+        M[:, :7, 13] = gradient[:, :7]
         M[:, 7:13, 13] = right * self._gaps
         if modes:
             by_free = np.zeros((n, k, 3, 3, most))
@@ -243,6 +274,14 @@ class System:
                 by_free[:, :, j, j] = -grid.shapes
             B[:, d:, 14:] = by_free.reshape(n, d, -1)
             M[:, 14:, 13] = self._by_free.reshape(n, -1)
+            if not self._least_squares:
+                M[:, 14:, 13] += self._by_free_aim.reshape(n, -1)
+                stiff = np.einsum(
+                    "nkl,nkr,nkm->nrlm", grid.shapes, self._stiff[..., :3], grid.shapes
+                )
+                for j in range(3):
+                    own = slice(14 + j * most, 14 + (j + 1) * most)
+                    M[:, own, own] += stiff[:, j]
         back = np.asarray(np.linalg.solve(K, B), np.float64)
         return back, M - B.transpose(0, 2, 1) @ back
 
@@ -308,7 +347,28 @@ class System:
         inside = -(self._condensed[0] @ np.hstack(outside)[..., None])[..., 0]
         A, multipliers = inside.reshape(n, 2, nodes, 3).transpose(1, 0, 2, 3)
         entry, pins = x[places.entries], x[places.pins]
-        return Extremal(knots, A, lengths, costates, multipliers, entry, free, pins)
+        by_own = np.concatenate([knots[:-1], h[:, None], A.reshape(n, -1)], axis=1)
+        dy = (self._slopes @ by_own[:, None, :, None])[..., 0]
+        moved = [
+            np.einsum("nkl,nrl->nkr", of.grid.shapes, free[of.grid.arc]),
+            np.einsum("nkra,nka->nkr", self._other_slopes, dy),
+        ]
+        slack = np.where(of.within, self._off + np.concatenate(moved, axis=2), 0.0)
+        upper = (self._mu + at.upper * slack) / (1 - at.slack) - at.upper
+        lower = (self._mu - at.lower * slack) / (1 + at.slack) - at.lower
+        return Extremal(
+            knots, A, lengths, costates, multipliers, entry, free, pins, slack, upper, lower
+        )
+
+    def inside(self, step: Extremal) -> float:
+        """The part of a step that keeps slacks and multipliers inside."""
+        at, least = self.at, 1.0
+        for now, by in ((1 - at.slack, -step.slack), (1 + at.slack, step.slack)):
+            least = min(least, 0.995 / max(float((-by / now).max()), 1e-300))
+        for now, by in ((at.upper, step.upper), (at.lower, step.lower)):
+            shrink = np.where(now > 0, -by / np.where(now > 0, now, 1.0), 0.0)
+            least = min(least, 0.995 / max(float(shrink.max()), 1e-300))
+        return least
 
 
 class _Places:

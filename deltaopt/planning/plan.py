@@ -23,6 +23,7 @@ from deltaopt.model import DeltaModel
 from deltaopt.peaks import sample_fractions
 from deltaopt.planning.baseline import between
 from deltaopt.planning.certificate import Certificate
+from deltaopt.planning.extremal import Barrier
 from deltaopt.planning.flat import Flat, ScaledEquations
 from deltaopt.planning.gap import FRACTIONS, GivenAway, given_away, refined
 from deltaopt.planning.nlp import Spent
@@ -308,23 +309,21 @@ class Planner:
         model, motion = attempt.trajectory.model, attempt.trajectory
         stage = _stage(model.functions, self._speed_is_limited)
         loads = (*_shares(attempt.scene, attempt.loads), _openings(stage, motion, scales))
-        tried = []
-        for reading in READINGS:
-            structure = read_structure(attempt.problem.mesh, *loads, reading)
-            if structure.limits in tried:
-                continue
-            tried.append(structure.limits)
-            try:
-                found = settle(stage, model, structure, motion, scales, self.tolerance)
-            except Unsettled as error:
-                tell(f"{len(structure.limits)} arcs: not settled yet: {error}")
-                continue
-            tell(
-                f"{len(found.conditions.structure.limits)} arcs: "
-                f"{found.trajectory.duration:.9f} s, gap {found.gap:.1e}, satisfies "
-                f"Pontryagin's condition to {found.certificate.residual:.0e}"
-            )
-            return found
+        structures = [read_structure(attempt.problem.mesh, *loads, reading) for reading in READINGS]
+        different = {structure.limits: structure for structure in reversed(structures)}
+        for structure in reversed(different.values()):
+            for barrier in (None, Barrier(last=self.tolerance / 10)):
+                try:
+                    found = settle(stage, model, structure, motion, scales, self.tolerance, barrier)
+                except Unsettled as error:
+                    tell(f"{len(structure.limits)} arcs: not settled yet: {error}")
+                    continue
+                tell(
+                    f"{len(found.conditions.structure.limits)} arcs: "
+                    f"{found.trajectory.duration:.9f} s, gap {found.gap:.1e}, satisfies "
+                    f"Pontryagin's condition to {found.certificate.residual:.0e}"
+                )
+                return found
         return None
 
     def _guesses(self, scene: Scene, near: Plan | None, starts: int, seed: int) -> Iterator[Guess]:

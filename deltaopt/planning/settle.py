@@ -17,7 +17,7 @@ from deltaopt.limits import safe_factor
 from deltaopt.model import DeltaModel
 from deltaopt.planning.certificate import Certificate
 from deltaopt.planning.examine import Examined
-from deltaopt.planning.extremal import Conditions, Stuck
+from deltaopt.planning.extremal import Barrier, Conditions, Stuck
 from deltaopt.planning.grid import Grid, Pin
 from deltaopt.planning.scales import Scales
 from deltaopt.planning.stage import Stage
@@ -88,6 +88,7 @@ def settle(
     guess: Trajectory,
     scales: Scales,
     tolerance: float,
+    barrier: Barrier | None = None,
     tell: Callable[[str], None] = lambda _: None,
 ) -> Settled:
     """The optimal motion whose structure is about the given one, to a tolerance of its gap.
@@ -97,7 +98,7 @@ def settle(
     trial, seen, iterations = _Trial.of(structure), [structure.limits], 0
     for _ in range(_ATTEMPTS):
         conditions = Conditions.of(
-            stage, trial.structure, trial.grid, scales, model.parameters, trial.pins
+            stage, trial.structure, trial.grid, scales, model.parameters, trial.pins, barrier
         )
         try:
             found = conditions.solve(conditions.guess(guess, scales))
