@@ -128,7 +128,7 @@ class System:
         torques = np.einsum("nkl,nrl->nkr", grid.shapes, at.free[grid.arc])
         c = np.where(within, np.concatenate([torques, r[..., others]], axis=2), 0.0)
         self._off = np.where(within, c - at.slack, 0.0)
-        above, below = 1 - at.slack, 1 + at.slack
+        above, below = (np.maximum(1 + s * at.slack, 1e-300) for s in (-1, 1))
         self._mu = (
             barrier * np.abs(at.intervals(grid))[:, None, None] * grid.quadrature[:, None] * within
         )

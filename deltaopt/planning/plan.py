@@ -49,6 +49,8 @@ RESOLVED_BELOW = 1e-4
 """Tolerances below this are met by resolving switches: finer meshes cost more and more."""
 _READABLE = 2e-3
 """A mesh solution with a smaller gap shows which motor is at which limit when."""
+_MOST_READ = 3
+"""Meshes that structures are read from: what they do not settle finer ones hardly do."""
 _MOST_INTERVALS = 300
 """No mesh is refined that is finer than this: every refinement multiplies time by four."""
 
@@ -279,10 +281,12 @@ class Planner:
         attempts = [_attempt(posed.on(mesh), scales, first, model)]
         rounds = [_round(attempts)]
         tell(str(rounds[-1]))
+        read = 0
         while not self._done(rounds):
             last, aim = attempts[-1], self.tolerance / 2.5
             if self._by_switches:
-                if rounds[-1].gap < _READABLE:
+                if rounds[-1].gap < _READABLE and read < _MOST_READ:
+                    read += 1
                     resolved = self._resolved(last, scales, tell)
                     if resolved:
                         return attempts, rounds, resolved
