@@ -105,7 +105,7 @@ class Conditions:
     @cached_property
     def others(self) -> Integers:
         """Rows of the stage that may have to be kept within ±1: torques, and speeds."""
-        speeds = np.arange(SPEED, SPEED + 3) if self.stage.rows > SPEED else []
+        speeds = np.arange(SPEED, min(SPEED + 3, self.stage.rows))
         return np.concatenate([np.arange(TORQUE, TORQUE + 3), speeds]).astype(np.intp)
 
     @cached_property
@@ -145,8 +145,11 @@ class Conditions:
             settled = residual < _CONVERGED or before < 2 * residual < _STALLED
             settled = settled and barrier <= method.last
             hopeless = reversed_for > 2 and residual < 0.1
-            if settled or hopeless or (iteration > 2 and vanishing.any()):
-                return Stationary(system.at, iteration, vanishing & (not settled))
+            if settled:
+                motion = system.at if method.last else self._polished(system.at)
+                return Stationary(motion, iteration, np.zeros(len(lengths), bool))
+            if hopeless or (iteration > 2 and vanishing.any()):
+                return Stationary(system.at, iteration, vanishing)
             barrier = max(barrier * method.fall, method.last)
             system, shift = self._moved(system, shift, barrier)
         if lengths.min() < 0 and residual < 1:  # there may be one if its ends are exchanged
@@ -228,12 +231,19 @@ class Conditions:
         return free
 
     def _with_multipliers(self, motion: Extremal) -> Extremal:
-        """Those of least squares."""
-        step = System(self, motion, least_squares=True).step()
+        """Those of least squares: where rows imply each other, as by symmetry, others differ."""
+        names = ("costates", "multipliers", "entry", "pins")
+        without = replace(motion, **{name: np.zeros_like(getattr(motion, name)) for name in names})
+        step = System(self, without, least_squares=True).step()
         if step is None:
             return motion
-        names = ("costates", "multipliers", "entry", "pins")
-        return replace(motion, **{name: getattr(step, name) for name in names})
+        return replace(without, **{name: getattr(step, name) for name in names})
+
+    def _polished(self, motion: Extremal) -> Extremal:
+        """A converged motion with the multipliers that share its symmetry, if it has any."""
+        motion = self._with_multipliers(motion)
+        step = System(self, motion).step(redundant=1e-8)
+        return motion if step is None else motion + step
 
     def between(self, motion: Extremal) -> Array:
         """y = (X, V, A) at ``DENSE`` fractions of the intervals, (n, dense, 9)."""

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Integers = NDArray[np.intp]
 
-_REDUNDANT = 1e-10
-"""Where rows imply each other by symmetry, costates stay where they are in that direction."""
 _CALM = 1e-9
 """Cost of torque without limit: of motions that are equally fast the calmest."""
 
@@ -289,16 +287,18 @@ class System:
     def _places(self) -> _Places:
         return _Places(self.of)
 
-    def step(self, shift: float = 0.0) -> Extremal | None:
-        """Newton's, shortened by a shift of the curvature; None if there is none."""
+    def step(self, shift: float = 0.0, redundant: float = 1e-10) -> Extremal | None:
+        """Newton's, shortened by a shift of the curvature; None if there is none. Where rows
+        imply each other by symmetry costates stay where they are, the more so the larger
+        ``redundant`` is."""
         try:
-            matrix, right = self._assembled(shift)
+            matrix, right = self._assembled(shift, redundant)
         except np.linalg.LinAlgError:  # of an interval
             return None
         x = solve(matrix, -right)
         return None if x is None else self._unpacked(x)
 
-    def _assembled(self, shift: float) -> tuple[Array, Array]:
+    def _assembled(self, shift: float, redundant: float) -> tuple[Array, Array]:
         """The small system, in the order of ``_Places``."""
         of, at, places = self.of, self.at, self._places
         _, small = self._condensed
@@ -328,7 +328,7 @@ class System:
             modes = places.free[of.held.free.index((pin.arc, pin.motor))]
             S[modes, places.pins[j]] = S[places.pins[j], modes] = pin.shapes(len(modes))
             right[places.pins[j]] = known * off
-        S[places.duals, places.duals] -= _REDUNDANT
+        S[places.duals, places.duals] -= redundant
         return S[: places.size, : places.size], right[: places.size]
 
     def _unpacked(self, x: Array) -> Extremal:

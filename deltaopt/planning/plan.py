@@ -313,9 +313,10 @@ class Planner:
         model, motion = attempt.trajectory.model, attempt.trajectory
         stage = _stage(model.functions, self._speed_is_limited)
         loads = (*_shares(attempt.scene, attempt.loads), _openings(stage, motion, scales))
-        structures = [read_structure(attempt.problem.mesh, *loads, reading) for reading in READINGS]
-        different = {structure.limits: structure for structure in reversed(structures)}
-        for structure in reversed(different.values()):
+        mesh = attempt.problem.mesh
+        structures = [read_structure(mesh, *loads, reading) for reading in READINGS]
+        limits = [structure.limits for structure in structures]
+        for structure in (s for i, s in enumerate(structures) if s.limits not in limits[:i]):
             for barrier in (None, Barrier(last=self.tolerance / 10)):
                 try:
                     found = settle(stage, model, structure, motion, scales, self.tolerance, barrier)
