@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from test_exact_answers import LINES, UNEVEN, Line
 
 from deltaopt import load_robot, load_scene, plan, verify
 from deltaopt.model import DeltaModel
@@ -25,6 +24,7 @@ from deltaopt.planning.structure import (
     read_structure,
 )
 from deltaopt.studies.random_scenes import random_scenes
+from test_exact_answers import LINES, UNEVEN, Line
 
 UP, DOWN = Limit(torque=1), Limit(torque=-1)
 
@@ -89,7 +89,7 @@ def test_newton_and_ipopt_find_the_same_switches():
     scene = load_scene("problems/light_and_fast.yaml")
     arcs = structure((0.234, "++-"), (0.166, "+--"), (0.057, "+-+"), (0.19, "--+"))
     arcs = Structure(
-        np.array([*arcs.lengths, 0.211, 0.142]), arcs.limits + ((DOWN, UP, UP), (UP, UP, UP))
+        np.array([*arcs.lengths, 0.211, 0.142]), (*arcs.limits, (DOWN, UP, UP), (UP, UP, UP))
     )
     guess = plan(scene, tolerance=1e-3).trajectory
     model = guess.model
@@ -162,7 +162,8 @@ def orsino(which: int):
 def test_a_move_with_a_torque_that_no_limit_holds():
     """Motor 2 has a stretch where more or less of it gains nothing."""
     scene, found = orsino(1)
-    assert found.certificate is not None and found.gap <= 1e-6
+    assert found.certificate is not None
+    assert found.gap <= 1e-6
     assert verify(scene, found.trajectory).ok
     middles = found.trajectory.inside_intervals([0.5])
     share = np.abs(middles.tau) / np.array(scene.torque_limits)
@@ -174,7 +175,8 @@ def test_a_move_with_a_torque_that_no_limit_holds():
 def test_a_move_along_the_margin_of_the_fold(which: int, motor: int, rides: bool):
     """A chain stays at the margin for a while, or touches it at an instant; never below."""
     scene, found = orsino(which)
-    assert found.certificate is not None and found.gap <= 1e-6
+    assert found.certificate is not None
+    assert found.gap <= 1e-6
     assert verify(scene, found.trajectory).ok
     times = np.linspace(0, found.duration, 2001)
     openings = found.trajectory.model.openings(found.trajectory.position.at(times))

@@ -33,7 +33,7 @@ from deltaopt.planning.scales import Scales
 from deltaopt.planning.settle import Settled, Unsettled, settle
 from deltaopt.planning.stage import Stage
 from deltaopt.planning.starts import Optimum, distinct, first_motions
-from deltaopt.planning.structure import READINGS, read_structure
+from deltaopt.planning.structure import READINGS, Limit, read_structure
 from deltaopt.planning.transcription import PiecewiseAcceleration
 from deltaopt.record import Vector3
 from deltaopt.robot import Robot
@@ -313,10 +313,12 @@ class Planner:
         model, motion = attempt.trajectory.model, attempt.trajectory
         stage = _stage(model.functions, self._speed_is_limited)
         loads = (*_shares(attempt.scene, attempt.loads), _openings(stage, motion, scales))
-        mesh = attempt.problem.mesh
-        structures = [read_structure(mesh, *loads, reading) for reading in READINGS]
-        limits = [structure.limits for structure in structures]
-        for structure in (s for i, s in enumerate(structures) if s.limits not in limits[:i]):
+        read: set[tuple[tuple[Limit, ...], ...]] = set()
+        for reading in READINGS:
+            structure = read_structure(attempt.problem.mesh, *loads, reading)
+            if structure.limits in read:
+                continue
+            read.add(structure.limits)
             for barrier in (None, Barrier(last=self.tolerance / 10)):
                 try:
                     found = settle(stage, model, structure, motion, scales, self.tolerance, barrier)
