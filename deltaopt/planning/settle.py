@@ -7,7 +7,6 @@ the polynomials do not do, there are more of them. So until nothing is wrong, or
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -89,9 +88,10 @@ def settle(
     scales: Scales,
     tolerance: float,
     barrier: Barrier | None = None,
-    tell: Callable[[str], None] = lambda _: None,
 ) -> Settled:
     """The optimal motion whose structure is about the given one, to a tolerance of its gap.
+
+    ``barrier``: for what no arc holds; without one limits are looked at afterwards.
 
     Raises Unsettled where there is none to be found.
     """
