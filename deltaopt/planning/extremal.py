@@ -129,6 +129,10 @@ class Conditions:
 
     def solve(self, guess: Extremal) -> Stationary:
         """The stationary motion near a guess. Raises Stuck."""
+        with np.errstate(all="ignore"):  # what is no number is looked for, and shortens a step
+            return self._solved(guess)
+
+    def _solved(self, guess: Extremal) -> Stationary:
         method = self.barrier if self.barrier and self.within.any() else Barrier(0.0, 0.0)
         barrier = method.first
         guess = self._inside(guess, barrier)
