@@ -11,9 +11,9 @@ from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.errors import Infeasible, Singular, Unreachable, in_words
 from deltaopt.mechanisms.delta import DeltaTerms
 from deltaopt.mechanisms.delta_functions import delta_functions
-from deltaopt.model import DeltaModel
+from deltaopt.model import DeltaModel, delta_model
 from deltaopt.record import Vector3
-from deltaopt.rows import RowFunction
+from deltaopt.rows import Array, RowFunction
 from deltaopt.scene import Scene
 
 _LEAST_WAY = 1e-12  # m: coordinates of a metre have digits down to 1e-16
@@ -30,8 +30,8 @@ def check_feasible(scene: Scene) -> None:
             f"start and goal are {way:.1e} m apart, which coordinates in double precision "
             f"cannot resolve; at least {_LEAST_WAY:g} m are needed"
         )
-    model = DeltaModel(scene.robot, scene.payload)
-    if _is_feasible(model, scene):
+    model = delta_model(scene.robot, scene.payload)
+    if _is_feasible(scene):
         return
     for name, point in (("start", scene.start), ("goal", scene.goal)):
         _require_reach(model, name, point)
@@ -39,14 +39,30 @@ def check_feasible(scene: Scene) -> None:
         _require_departure(model, name, point)
 
 
-def _is_feasible(model: DeltaModel, scene: Scene) -> bool:
+def least_opening(scene: Scene) -> float:
+    """sin² (q_{k,1} - q_{k,2}) of the chain at start or goal that is nearest to a fold."""
+    return float(_ends(scene)[2][:, 3:].min())
+
+
+def least_reach(scene: Scene) -> float:
+    """The smallest squared distance of start and goal from a serial singularity."""
+    return float(_ends(scene)[2].min())
+
+
+def _is_feasible(scene: Scene) -> bool:
     """The same in one evaluation, without words."""
     ends = np.array([scene.start, scene.goal])
-    rest = _rest_function(model.functions.terms)
-    back, holding, reach = rest(ends, parameters=model.parameters)
+    back, holding, reach = _ends(scene)
     there = np.linalg.norm(back - ends, axis=1) <= _SAME_PLACE  # False where not a number
     held = (np.abs(holding) <= scene.torque_limits).all()
     return bool(there.all() and held and (reach > _CLEAR).all())
+
+
+def _ends(scene: Scene) -> tuple[Array, ...]:
+    """``_rest_function`` at start and goal, 2 rows each."""
+    model = delta_model(scene.robot, scene.payload)
+    rest = _rest_function(model.functions.terms)
+    return rest(np.array([scene.start, scene.goal]), parameters=model.parameters)
 
 
 @lru_cache(maxsize=16)

@@ -30,6 +30,12 @@ static inline V all_lanes(double a) { return (V){a, a, a, a}; }
 #define EACH2(f, a, b) \\
   ((V){f((a)[0], (b)[0]), f((a)[1], (b)[1]), f((a)[2], (b)[2]), f((a)[3], (b)[3])})
 #define ALL(a) all_lanes(a)
+#ifdef __clang__
+#define SHUFFLE(a, b, i, j, k, l) __builtin_shufflevector(a, b, i, j, k, l)
+#else
+typedef long long LANES __attribute__((vector_size(32)));
+#define SHUFFLE(a, b, i, j, k, l) __builtin_shuffle(a, b, (LANES){i, j, k, l})
+#endif
 """
 """What V is for four points. The compiler makes one instruction of EACH(sqrt, …)."""
 

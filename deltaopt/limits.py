@@ -19,7 +19,7 @@ from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.errors import Unreachable
 from deltaopt.mechanisms.delta import DeltaTerms
 from deltaopt.mechanisms.delta_functions import delta_functions
-from deltaopt.model import DeltaModel
+from deltaopt.model import DeltaModel, delta_model
 from deltaopt.peaks import Index, everywhere, peaks, sample_fractions
 from deltaopt.rows import RowFunction
 from deltaopt.scene import Scene
@@ -27,6 +27,11 @@ from deltaopt.trajectory import Array, PiecewisePolynomial, Trajectory
 
 _LoadsOf = Callable[[ca.SX, ca.SX, ca.SX, ca.SX], tuple[ca.SX, ca.SX]]
 """(x, v, a, p) -> τ, θ̇, 3 each."""
+
+_NOTHING = 1e-60
+"""Stands for 0 as a divisor, so that what is asked of k² stays a number."""
+_TOO_MUCH = 1e50
+"""Of k²: no k does."""
 
 
 @dataclass(frozen=True)
@@ -43,29 +48,29 @@ class Excess:
 
 @dataclass(frozen=True)
 class Loads:
-    """What the motors bear at N instants, (N, 3) each.
+    """What the motors bear at N instants, as fractions of their limits.
 
-    ``static``: torque against gravity alone, N·m. ``torque``: the whole torque, N·m.
-    ``speed``: motor speed, rad/s.
+    ``torque``, ``speed``: (N, 3); speeds without limit are 0. ``demands``: (N, 9), what a
+    motion slowed to k times its duration must obey: k² ≥ the first six, by torque and speed,
+    1/k² ≥ the last three. These are positive only where gravity alone exceeds a limit, so
+    that a motor needs the motion's help.
     """
 
-    static: Array
     torque: Array
     speed: Array
+    demands: Array
 
 
 def torque_excess(scene: Scene, trajectory: Trajectory) -> Excess:
     """max |τ_k| / τ_max - 1, by the general derivation."""
-    limits = np.array(scene.torque_limits)
-    return _excess(scene, trajectory, lambda loads: np.abs(loads.torque) / limits)
+    return _excess(scene, trajectory, lambda loads: np.abs(loads.torque))
 
 
 def speed_excess(scene: Scene, trajectory: Trajectory) -> Excess | None:
     """max |θ̇_k| / ω_max - 1, by the general derivation; None where there is no speed limit."""
     if scene.speed_limits is None:
         return None
-    limits = np.array(scene.speed_limits)
-    return _excess(scene, trajectory, lambda loads: np.abs(loads.speed) / limits)
+    return _excess(scene, trajectory, lambda loads: np.abs(loads.speed))
 
 
 def safe_factor(
@@ -78,61 +83,53 @@ def safe_factor(
     gravity alone exceeds a torque limit. ``sampled``: ``loads_inside`` of ``sample_fractions``,
     where these are known already.
     """
-    demands, along = _demands(scene), _loads_along(scene, trajectory, _quick_loads)
-    intervals = len(trajectory.knots) - 1
+    along, intervals = _loads_along(scene, trajectory, _quick_loads), len(trajectory.knots) - 1
     fractions = sample_fractions(intervals)
-    if sampled is None:
-        sampled = along(*everywhere(intervals, fractions))
-    highest = peaks(lambda *where: demands(along(*where)), fractions, demands(sampled))
+    known = sampled or along(*everywhere(intervals, fractions))
+    highest = peaks(lambda *where: along(*where).demands, fractions, known.demands)
     return _factor(highest.values, at_least)
 
 
-def sampled_factor(scene: Scene, loads: Loads, at_least: float = 1.0) -> float:
+def sampled_factor(loads: Loads, at_least: float = 1.0) -> float:
     """The same for the instants of the loads only: a little less where they miss a peak."""
-    return _factor(_demands(scene)(loads).max(axis=0), at_least)
+    return _factor(loads.demands.max(axis=0), at_least)
+
+
+def slowing_inside(loads: Loads, samples: int) -> Array:
+    """What each interval alone asks of k, from ``loads_inside`` at so many fractions, (K,)."""
+    squared = loads.demands[:, :6].max(axis=1).reshape(-1, samples).max(axis=1)
+    return np.asarray(np.sqrt(squared))
 
 
 def _factor(highest: Array, at_least: float) -> float:
-    """From the largest demands, (6 or 9,)."""
-    slow_enough, fast_enough = highest[:-3], highest[-3:]
-    squared = max(at_least**2, float(slow_enough.max()))
-    return sqrt(squared) if fast_enough.max() * squared <= 1 else inf
+    """From the largest demands, (9,)."""
+    slow_enough, fast_enough = highest[:6].max(), highest[6:].max()
+    squared = np.maximum(at_least**2, slow_enough)  # not a number if one is none
+    return sqrt(squared) if squared < _TOO_MUCH and fast_enough * squared <= 1 else inf
 
 
 def loads_inside(scene: Scene, trajectory: Trajectory, fractions: Array) -> Loads:
-    """Loads at these fractions, (n,), of every interval, 0 and 1 from inside of it: N = K · n."""
+    """Loads at these fractions, (n,), of every interval, 0 and 1 from inside of it: N = K · n.
+
+    Raises Unreachable or Singular where the motion has none.
+    """
     along = _loads_along(scene, trajectory, _quick_loads)
     return along(*everywhere(len(trajectory.knots) - 1, fractions))
 
 
-def _demands(scene: Scene) -> Callable[[Loads], Array]:
-    """What limits ask of k², (N, 6 or 9): k² ≥ all columns but the last 3, 1/k² ≥ those.
-
-    The last three are positive only where gravity alone exceeds a limit, so that a motor
-    needs the motion's help.
-    """
-    limits = np.array(scene.torque_limits)
-
-    def demands(loads: Loads) -> Array:
-        dynamic = loads.torque - loads.static
-        size, lack = np.abs(dynamic), np.abs(loads.static) - limits
-        room = limits - np.sign(dynamic) * loads.static  # for what inertia forces add
-        with np.errstate(divide="ignore", invalid="ignore"):
-            torque = np.where(room > 0, size / room, inf)
-            help_needed = np.where(lack > 0, lack / size, 0.0)
-        if scene.speed_limits is None:
-            return np.hstack([torque, help_needed])
-        speed = (loads.speed / np.array(scene.speed_limits)) ** 2
-        return np.hstack([torque, speed, help_needed])
-
-    return demands
+def rough_factor(scene: Scene, trajectory: Trajectory) -> float:
+    """``safe_factor`` by samples, of any size; infinite too where the motion has no torques."""
+    intervals = len(trajectory.knots) - 1
+    evaluate = _Evaluation.of(scene, trajectory, _quick_loads)
+    loads = evaluate(*everywhere(intervals, sample_fractions(intervals)))
+    return sampled_factor(loads, at_least=0.0)
 
 
-def _excess(scene: Scene, trajectory: Trajectory, ratios: Callable[[Loads], Array]) -> Excess:
-    along = _loads_along(scene, trajectory, _general_loads)
-    fractions = sample_fractions(len(trajectory.knots) - 1)
-    sampled = along(*everywhere(len(trajectory.knots) - 1, fractions))
-    highest = peaks(lambda *where: ratios(along(*where)), fractions, ratios(sampled))
+def _excess(scene: Scene, trajectory: Trajectory, shares: Callable[[Loads], Array]) -> Excess:
+    along, intervals = _loads_along(scene, trajectory, _general_loads), len(trajectory.knots) - 1
+    fractions = sample_fractions(intervals)
+    sampled = along(*everywhere(intervals, fractions))
+    highest = peaks(lambda *where: shares(along(*where)), fractions, shares(sampled))
     motor = int(np.argmax(highest.values))
     interval, fraction = highest.intervals[motor], highest.fractions[motor]
     begin, end = trajectory.knots[interval : interval + 2]
@@ -140,21 +137,44 @@ def _excess(scene: Scene, trajectory: Trajectory, ratios: Callable[[Loads], Arra
     return Excess(float(highest.values[motor]) - 1, motor + 1, t)
 
 
+@dataclass(frozen=True)
+class _Evaluation:
+    """Loads at (interval (N,), fraction of it (N,)); not a number where there are none."""
+
+    model: DeltaModel
+    coefficients: Array
+    lengths: Array
+    function: RowFunction
+    parameters: Array
+
+    @classmethod
+    def of(
+        cls, scene: Scene, trajectory: Trajectory, of: Callable[[DeltaTerms, int], RowFunction]
+    ) -> _Evaluation:
+        model = delta_model(scene.robot, scene.payload)
+        coefficients = _padded(trajectory.position.coefficients)
+        function = of(model.functions.terms, coefficients.shape[1] // 3)
+        limits = [*scene.torque_limits, *(scene.speed_limits or (inf, inf, inf))]
+        parameters = np.concatenate([limits, model.parameters])
+        return cls(model, coefficients, np.diff(trajectory.knots), function, parameters)
+
+    def __call__(self, intervals: Index, fractions: Array) -> Loads:
+        since = (self.lengths[intervals] * fractions)[:, None]
+        coefficients = self.coefficients[intervals]
+        return Loads(*self.function(coefficients, since, parameters=self.parameters))
+
+
 def _loads_along(
     scene: Scene, trajectory: Trajectory, of: Callable[[DeltaTerms, int], RowFunction]
 ) -> Callable[[Index, Array], Loads]:
-    """The loads at (interval (N,), fraction of it (N,))."""
-    model = trajectory.model
-    if model.robot is not scene.robot or model.payload != scene.payload:
-        model = DeltaModel(scene.robot, scene.payload)
-    coefficients, lengths = _padded(trajectory.position.coefficients), np.diff(trajectory.knots)
-    function = of(model.functions.terms, coefficients.shape[1] // 3)
+    """The loads at (interval (N,), fraction of it (N,)), or an error that says why not."""
+    evaluate = _Evaluation.of(scene, trajectory, of)
 
     def along(intervals: Index, fractions: Array) -> Loads:
-        since = (lengths[intervals] * fractions)[:, None]
-        loads = Loads(*function(coefficients[intervals], since, parameters=model.parameters))
+        loads = evaluate(intervals, fractions)
         if not np.isfinite(loads.torque).all():
-            _explain(model, trajectory.position, intervals, since[:, 0])
+            since = evaluate.lengths[intervals] * fractions
+            _explain(evaluate.model, trajectory.position, intervals, since)
         return loads
 
     return along
@@ -182,12 +202,10 @@ def _explain(
 def _quick_loads(terms: DeltaTerms, powers: int) -> RowFunction:
     """Loads without angles where the bars allow it: what a planner asks for most."""
     functions = delta_functions(terms, Explicit())
-    tau = ca.SX.zeros(3)  # speeds do not depend on it
 
     def loads(x: ca.SX, v: ca.SX, a: ca.SX, p: ca.SX) -> tuple[ca.SX, ca.SX]:
-        return functions.explicit_torques(x, v, a, p), functions.explicit_equations(
-            x, v, a, tau, p
-        )[2]
+        speed = functions.explicit_equations(x, v, a, ca.SX.zeros(3), p)[2]
+        return functions.explicit_torques(x, v, a, p), speed
 
     return _loads_function(loads, terms, powers)
 
@@ -205,7 +223,8 @@ def _general_loads(terms: DeltaTerms, powers: int) -> RowFunction:
 
 
 def _loads_function(loads: _LoadsOf, terms: DeltaTerms, powers: int) -> RowFunction:
-    """(coefficients 3 · powers, time since the interval began, p) -> static τ, τ, θ̇ (3 each)."""
+    """(coefficients 3 · powers, time since the interval began, limits of torque and speed and
+    p) -> torque and speed over their limits (3 each), demands (9)."""
     coefficients, t = ca.SX.sym("coefficients", 3 * powers), ca.SX.sym("t")
     x, v, a = (ca.SX.zeros(3) for _ in range(3))
     for c in reversed(ca.vertsplit(coefficients, 3)):  # Horner, differentiated twice
@@ -213,7 +232,19 @@ def _loads_function(loads: _LoadsOf, terms: DeltaTerms, powers: int) -> RowFunct
         v = v * t + x
         x = x * t + c
     p, rest = ca.SX.sym("p", len(terms.names)), ca.SX.zeros(3)
-    static, _ = loads(x, rest, rest, p)
+    limits = ca.SX.sym("limits", 6)
     torque, speed = loads(x, v, a, p)
-    inputs, results = [coefficients, t, p], [static, torque, speed]
+    torque, speed = torque / limits[:3], speed / limits[3:]
+    static = loads(x, rest, rest, p)[0] / limits[:3]
+    inputs = [coefficients, t, ca.vertcat(limits, p)]
+    results = [torque, speed, _demands(static, torque, speed)]
     return RowFunction(ca.Function("loads", inputs, results, {"cse": True}))
+
+
+def _demands(static: ca.SX, torque: ca.SX, speed: ca.SX) -> ca.SX:
+    """As in ``Loads``, from shares of the limits; ``static``: against gravity alone."""
+    dynamic = torque - static
+    room = 1 - ca.sign(dynamic) * static  # for what inertia forces add
+    slower = ca.fabs(dynamic) / ca.fmax(room, _NOTHING)
+    faster = ca.fmax(ca.fabs(static) - 1, 0) / ca.fmax(ca.fabs(dynamic), _NOTHING)
+    return ca.vertcat(slower, speed**2, faster)

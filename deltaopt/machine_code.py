@@ -20,8 +20,9 @@ from pathlib import Path
 import casadi as ca
 import platformdirs
 
-FLAGS = ("-O2", "-march=native", "-fno-math-errno", "-fno-trapping-math")
-"""Chosen by ``deltaopt bench solver``; the last two change no result, only let √ be inlined."""
+FLAGS = ("-O3", "-fno-tree-slp-vectorize", "-march=native", "-fno-math-errno", "-fno-trapping-math")
+"""Vectors are written out where they pay (``lanes``): what the compiler joins beyond these is
+slower. The last two change no result, only let √ be inlined."""
 
 CACHE = "DELTAOPT_CACHE"
 """Environment variable naming another folder for the compiled libraries."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import casadi as ca
@@ -203,6 +203,12 @@ class DeltaModel:
             if not margins[1, k] > 0:
                 return f"arm and bars of chain {k + 1} cannot close there"
         return "the arms and bars are in a singular position there"
+
+
+@lru_cache(maxsize=64)
+def delta_model(robot: Robot, payload: float | None) -> DeltaModel:
+    """The explicit model of a robot with a payload (kg): its numbers are made once."""
+    return DeltaModel(robot, payload)
 
 
 def evaluate_rows(

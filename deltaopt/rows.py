@@ -28,11 +28,15 @@ class RowFunction:
         if self._code is None:
             return evaluate_rows(self.function, *arguments, parameters=parameters)
         rows = [np.ascontiguousarray(a) for a in arguments]
-        number, sizes = len(rows[0]), range(self.function.n_out())
-        results = tuple(np.empty((number, self.function.size1_out(i))) for i in sizes)
+        number = len(rows[0])
+        results = tuple(np.empty((number, size)) for size in self._sizes)
         pointers = [_pointer(a) for a in (*rows, np.ascontiguousarray(parameters), *results)]
         self._code(ctypes.c_int64(number), *pointers)
         return results
+
+    @cached_property
+    def _sizes(self) -> tuple[int, ...]:
+        return tuple(self.function.size1_out(i) for i in range(self.function.n_out()))
 
     @cached_property
     def _code(self) -> Any:

@@ -12,6 +12,7 @@ import deltaopt
 from deltaopt.cli import main
 from deltaopt.errors import Infeasible, NotConverged, Unreachable
 from deltaopt.planning.baseline import baseline, detour, first_motion
+from deltaopt.planning.gap import DOUBT
 from deltaopt.planning.plan import Planner, plan
 from deltaopt.robot import load_robot
 from deltaopt.scene import Limits, Scene, load_scene
@@ -51,7 +52,8 @@ def test_verified(picked):
 
 def test_plan_tells_how_it_was_found(picked):
     last = picked.rounds[-1]
-    assert (picked.duration, picked.intervals) == (last.safe_duration, last.intervals)
+    assert picked.duration == pytest.approx(last.safe_duration, rel=1e-12)
+    assert picked.intervals == last.intervals
     assert picked.gap == last.gap <= picked.tolerance == 1e-3
     assert picked.within_tolerance
     assert picked.iterations == sum(each.iterations for each in picked.rounds)
@@ -66,7 +68,7 @@ def test_estimated_gap_against_a_finer_plan(scene):
     for coarse in study.plans:
         assert coarse.within_tolerance
         assert study.true_gap(coarse) <= 1.5 * coarse.gap
-        assert study.true_gap(coarse) + study.reference.gap >= coarse.gap / 2
+        assert study.true_gap(coarse) + study.reference.gap >= coarse.gap / (2 * DOUBT)
 
 
 def test_a_gap_that_is_not_reached_is_told(monkeypatch):
@@ -270,7 +272,7 @@ def test_bench_gap(capsys, monkeypatch):
     tolerance, intervals, iterations, estimated, true = map(float, lines[2].split())
     assert tolerance == 1e-2
     assert intervals >= 10
-    assert iterations >= 10
+    assert iterations >= 5
     assert 0 < true < 2 * estimated
 
 

@@ -161,6 +161,7 @@ def planned() -> Plan:
 def test_another_payload_builds_nothing(monkeypatch):
     planner = Planner(ORSINO, 1.0)
     light = planner.plan(PICK.start, PICK.goal, payload=0.5)
+    assert torque_excess(light.scene, light.trajectory).value <= 1e-9
     monkeypatch.setattr(Flat, "of", lambda *_, **__: pytest.fail("built again"))
     monkeypatch.setattr(interior_point, "library", lambda _: pytest.fail("compiled again"))
     monkeypatch.setattr("deltaopt.rows.library", lambda _: pytest.fail("compiled again"))

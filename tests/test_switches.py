@@ -13,7 +13,7 @@ from deltaopt.planning.extremal import Barrier, Conditions
 from deltaopt.planning.flat import ScaledEquations
 from deltaopt.planning.grid import Grid
 from deltaopt.planning.plan import Planner
-from deltaopt.planning.scales import Scales
+from deltaopt.planning.scales import Scales, margin_of_fold
 from deltaopt.planning.stage import Stage
 from deltaopt.planning.structure import (
     FREE,
@@ -67,7 +67,7 @@ def test_rows_are_those_of_the_model(cross):
     rows = stage.values(y, p)
     tau = model.inverse_dynamics(x, v, a) / np.array(scene.torque_limits)
     np.testing.assert_allclose(rows[:, :3], tau, rtol=1e-9, atol=1e-12)
-    np.testing.assert_allclose(rows[:, 3:6], model.openings(x) - scales.margin, rtol=1e-9)
+    np.testing.assert_allclose(rows[:, 3:6], model.openings(x) - margin_of_fold(0.5), rtol=1e-9)
     speed = model.motion(x, v, a)[1][:, 3::3] / np.array(scene.speed_limits)
     np.testing.assert_allclose(rows[:, 12:15], speed, rtol=1e-9, atol=1e-12)
 

@@ -10,9 +10,8 @@ import numpy as np
 from numpy.polynomial.polynomial import polyder, polymul, polyval
 
 from deltaopt.errors import DeltaOptError, Infeasible, Unreachable
-from deltaopt.limits import loads_inside, safe_factor, sampled_factor
-from deltaopt.model import DeltaModel
-from deltaopt.peaks import sample_fractions
+from deltaopt.limits import rough_factor, safe_factor
+from deltaopt.model import DeltaModel, delta_model
 from deltaopt.record import Vector3
 from deltaopt.robot import Robot
 from deltaopt.scene import Scene
@@ -42,7 +41,7 @@ def baseline(scene: Scene) -> Trajectory:
     Raises Unreachable where the line leaves the workspace, and Infeasible where gravity alone
     exceeds a torque limit on it: a detour may exist all the same.
     """
-    line = straight_line(DeltaModel(scene.robot, scene.payload), scene.start, scene.goal, 1.0)
+    line = straight_line(delta_model(scene.robot, scene.payload), scene.start, scene.goal, 1.0)
     return _fastest(scene, line, "the straight line from start to goal")
 
 
@@ -91,7 +90,7 @@ def joint_line(scene: Scene) -> Trajectory:
 
     Raises Unreachable where the bars do not meet.
     """
-    model = DeltaModel(scene.robot, scene.payload)
+    model = delta_model(scene.robot, scene.payload)
     ends = model.inverse_kinematics([scene.start, scene.goal])[:, 3::3]
     u = np.linspace(0.0, 1.0, _JOINT_LINE_INTERVALS + 1)
 
@@ -118,17 +117,15 @@ def first_motion(scene: Scene) -> Trajectory:
 
 
 def _line(scene: Scene) -> Trajectory:
-    model = DeltaModel(scene.robot, scene.payload)
+    model = delta_model(scene.robot, scene.payload)
     return straight_line(model, scene.start, scene.goal, 1.0)
 
 
 def _roughly_fastest(scene: Scene, trajectory: Trajectory) -> Trajectory:
     """At the shortest duration that keeps the limits at samples."""
-    intervals = len(trajectory.knots) - 1
-    loads = loads_inside(scene, trajectory, sample_fractions(intervals))
-    factor = sampled_factor(scene, loads, at_least=0.0)
+    factor = rough_factor(scene, trajectory)
     if isinf(factor):
-        raise Infeasible("gravity alone exceeds a torque limit on the way")
+        raise Infeasible("it cannot be driven at any speed")
     return trajectory.slowed(factor)
 
 
@@ -164,7 +161,7 @@ def curve_between(scene: Scene, *control: Array) -> Trajectory:
     for k in range(n + 1):
         coefficients[: len(power)] += np.outer(power, comb(n, k) * np.diff(points, k, axis=0)[0])
         power = polymul(power, _ALONG)
-    return _one_piece(DeltaModel(scene.robot, scene.payload), coefficients)
+    return _one_piece(delta_model(scene.robot, scene.payload), coefficients)
 
 
 def _one_piece(model: DeltaModel, coefficients: Array) -> Trajectory:

@@ -39,8 +39,12 @@ from deltaopt.trajectory import Motion, PiecewisePolynomial, Trajectory
 Array = NDArray[np.float64]
 
 FAR = Settings(barrier=0.2, closest=0.3)
-NEAR = Settings(barrier=0.1, closest=0.01)
+NEAR = Settings(barrier=0.1, closest=0.01, iterations=30)
 """How the interior-point method begins, from a guess that is far from or near a solution."""
+_FROM_FAR = (FAR, Settings(barrier=0.5, closest=0.6), Settings(barrier=3.0, closest=0.6))
+_FROM_NEAR = (NEAR, Settings(barrier=3.0, closest=0.6), FAR)
+"""Where it does not get through from there, another beginning mostly does, far sooner than
+Ipopt, which comes last."""
 
 
 @dataclass(frozen=True)
@@ -162,13 +166,16 @@ class FlatProblem:
 
     def solve(self, guess: Guess, scales: Scales, parameters: Array) -> Solved:
         """By the interior-point method in machine code; by Ipopt where that does not do."""
-        for begin in (NEAR, FAR) if guess.near else (FAR, NEAR):
+        for begin in _FROM_NEAR if guess.near else _FROM_FAR:
             settings = replace(begin, tolerance=guess.tolerance)
             found = self.from_inside(guess, scales, parameters, settings)
             if found is not None and found.solved:
                 prices = np.delete(found.prices, np.s_[3:6], axis=2) / found.T
                 position = self._cubics(found, scales)
-                return Solved(position, prices, found.status, found.iterations, found.spent)
+                left = found.left
+                return Solved(
+                    position, prices, found.status, found.iterations, found.spent, left=left
+                )
         return solved_by_ipopt(self, self.program, guess, scales, parameters)
 
     def from_inside(

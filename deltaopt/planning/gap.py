@@ -22,8 +22,8 @@ Array = NDArray[np.float64]
 
 FRACTIONS = np.linspace(0.0, 1.0, 25)
 """Where in every interval the loads are taken, both ends included."""
-_MOST_PIECES = 6
-"""An interval is cut into at once: what it gives away is but an estimate."""
+DOUBT = 1.25
+"""Times what is estimated to be given away: one estimate in ten falls short by as much."""
 
 
 @dataclass(frozen=True)
@@ -42,11 +42,15 @@ class GivenAway:
         return float(self.unused.sum())
 
 
-def given_away(prices: Array, torque: Array, speed: Array | None) -> GivenAway:
+def given_away(
+    prices: Array, torque: Array, speed: Array | None, slowing: Array | None = None
+) -> GivenAway:
     """From loads as fractions of their limits, (N, len(FRACTIONS), 3) each, and their prices.
 
     ``prices``: fraction of the duration per fraction of the limit, (N, points, 3 or 6), of
-    torques and then speeds; positive at the upper limit, negative at the lower.
+    torques and then speeds; positive at the upper limit, negative at the lower. ``slowing``:
+    by what factor each interval asks the motion to be slowed, (N,); without it no torque is
+    taken to be spent on gravity.
     """
     loads = torque if speed is None else np.concatenate([torque, speed], axis=2)
     trapezoid = np.ones(len(FRACTIONS))
@@ -54,11 +58,16 @@ def given_away(prices: Array, torque: Array, speed: Array | None) -> GivenAway:
     mean = np.einsum("c,nck->nk", trapezoid / trapezoid.sum(), loads)
     upper, lower = np.maximum(prices, 0).sum(axis=1), np.maximum(-prices, 0).sum(axis=1)
     unused = (upper * (1 - mean) + lower * (1 + mean)).sum(axis=1)
-    # Torque falls with the square of the duration, speed with the duration itself.
-    exceeded = (np.abs(torque).max(axis=(1, 2)) - 1) / 2
+    exceeded = _exceeded(torque, speed) if slowing is None else slowing - 1
+    return GivenAway(np.maximum(unused, 0.0), np.maximum(exceeded, 0.0))
+
+
+def _exceeded(torque: Array, speed: Array | None) -> Array:
+    """Torque falls with the square of the duration, speed with the duration itself."""
+    exceeded: Array = (np.abs(torque).max(axis=(1, 2)) - 1) / 2
     if speed is not None:
         exceeded = np.maximum(exceeded, np.abs(speed).max(axis=(1, 2)) - 1)
-    return GivenAway(np.maximum(unused, 0.0), np.maximum(exceeded, 0.0))
+    return exceeded
 
 
 def refined(mesh: Array, lost: GivenAway, aim: float) -> Array:
@@ -68,5 +77,5 @@ def refined(mesh: Array, lost: GivenAway, aim: float) -> Array:
     others faster.
     """
     share = lost.unused / (aim / len(mesh)) + lost.exceeded / aim
-    pieces = np.clip(np.ceil(np.sqrt(share)), 1, _MOST_PIECES).astype(int)
+    pieces = np.clip(np.ceil(np.sqrt(share)), 1, 4).astype(int)
     return np.repeat(mesh / pieces, pieces)

@@ -10,7 +10,7 @@
    Cholesky's method, which also tells whether the step is one of descent.
 
    Written for the four points of an interval in the four lanes of a vector V. What comes
-   before this text: V, ALL, NP parameters, NC rows, and two generated functions:
+   before this text: V, ALL, SHUFFLE, NP parameters, NC rows, and two generated functions:
 
      values(y, p, F, B, others)      F + B tau = 0 are the equations of motion, B 3 x 3
      second(y and tau, lambda, p,    derivatives of F + B tau and of the other rows,
@@ -21,6 +21,10 @@
 #include <stdint.h>
 #include <string.h>
 #include <time.h>
+
+#define SHORT 0.02 /* a step of which share of a direction says little about its rest */
+#define FAR 2.0    /* from one limit of a torque to the other */
+#define SHIFT 1e-5 /* the first that is tried: the scene's magnitudes are of the order of one */
 
 enum { SOLVED, TOO_MANY_ITERATIONS, NO_PROGRESS, SINGULAR, NOT_A_NUMBER };
 
@@ -46,7 +50,7 @@ typedef struct {
   V moved[NC];                   /* t at the last trial */
   V bend_upper[NC], bend_lower[NC]; /* second-order part of slack times multiplier */
   V C[NC][10];                   /* derivatives of the rows by X, V, A, T */
-  double K[13][13];              /* curvature by both knots and T */
+  double K[13][16];              /* curvature by both knots and T, the lower triangle */
   double bending[4][4];          /* sum of A^2 over the points, as a form in the knots */
 } Interval;
 
@@ -71,6 +75,13 @@ static double seconds(void) {
 }
 
 static double sum(V a) { return (a[0] + a[1]) + (a[2] + a[3]); }
+/* The sums of four vectors. */
+static V sum_each(const V *a) {
+  const V ab = SHUFFLE(a[0], a[1], 0, 4, 2, 6) + SHUFFLE(a[0], a[1], 1, 5, 3, 7);
+  const V cd = SHUFFLE(a[2], a[3], 0, 4, 2, 6) + SHUFFLE(a[2], a[3], 1, 5, 3, 7);
+  return SHUFFLE(ab, cd, 0, 1, 4, 5) + SHUFFLE(ab, cd, 2, 3, 6, 7);
+}
+
 static V absolute(V a) { return EACH(fabs, a); }
 static double greater(double a, double b) { return a > b ? a : b; } /* one instruction */
 static double lesser(double a, double b) { return a < b ? a : b; }
@@ -175,27 +186,44 @@ static void differentiate(const Problem *P, Interval *I, const double *knots, V 
     }
 }
 
-/* Curvature of the Lagrangian with t eliminated: that of y . c, and limits pushing back. */
+/* Add the limits pushing back: sum over the rows of stiffness times derivatives squared.
+   Openings depend on X alone, speeds on X, V and T. */
+static void push_back(const Interval *I, V M[10][10]) {
+  V stiffness[NC], pull[NC];
+  for (int r = 0; r < NC; r++)
+    stiffness[r] = I->upper[r] / (1 - I->t[r]) + I->lower[r] / (1 + I->t[r]);
+  for (int b = 0; b < 10; b++) {
+    for (int r = 0; r < NC; r++) pull[r] = stiffness[r] * I->C[r][b];
+    for (int a = 0; a <= b; a++) {
+      V sum = M[a][b];
+      for (int r = 0; r < 3; r++) sum += pull[r] * I->C[r][a];
+      if (b < 3)
+        for (int r = 3; r < 6; r++) sum += pull[r] * I->C[r][a];
+      if ((b < 6 || b == 9) && (a < 6 || a == 9))
+        for (int r = 6; r < NC; r++) sum += pull[r] * I->C[r][a];
+      M[a][b] = sum;
+    }
+  }
+}
+
+/* Curvature of the Lagrangian with t eliminated, by both knots and T: the lower triangle. */
 static void curvature(const Problem *P, Interval *I, const double *knots) {
   V M[10][10], half[13][10];
   differentiate(P, I, knots, M);
-  for (int r = 0; r < NC; r++) {
-    const V stiffness = I->upper[r] / (1 - I->t[r]) + I->lower[r] / (1 + I->t[r]);
-    for (int b = 0; b < 10; b++) {
-      const V pull = stiffness * I->C[r][b];
-      for (int a = 0; a <= b; a++) M[a][b] += pull * I->C[r][a];
-    }
-  }
+  push_back(I, M);
   for (int b = 0; b < 10; b++)
     for (int a = 0; a < b; a++) M[b][a] = M[a][b];
   for (int b = 0; b < 10; b++) { /* M is symmetric: its rows are its columns */
     for (int a = 0; a < 12; a++) half[a][b] = at_knot(I, M[b], a / 3, a % 3);
     half[12][b] = M[9][b];
   }
-  for (int row = 0; row < 13; row++) {
-    for (int a = 0; a < 12 && a <= row; a++)
-      I->K[row][a] = I->K[a][row] = sum(at_knot(I, half[row], a / 3, a % 3));
-  }
+  for (int row = 0; row < 13; row++)
+    for (int a = 0; a < 12 && a <= row; a += 4) {
+      V four[4];
+      for (int k = 0; k < 4; k++) four[k] = at_knot(I, half[row], (a + k) / 3, (a + k) % 3);
+      const V sums = sum_each(four);
+      memcpy(I->K[row] + a, &sums, sizeof sums);
+    }
   I->K[12][12] = sum(half[12][9]);
 }
 
@@ -236,7 +264,7 @@ static void assemble(const Problem *P, int64_t i, double shift, Block *B) {
   const Interval *left = P->interval + i - 1, *right = P->interval + i;
   for (int r = 0; r < 6; r++) {
     B->b[r] = left->K[12][6 + r] + right->K[12][r];
-    for (int s = 0; s < 6; s++) {
+    for (int s = 0; s < 6; s++) { /* what lies above D's diagonal is not used */
       B->D[r][s] = left->K[6 + r][6 + s] + right->K[r][s];
       B->E[r][s] = right->K[6 + r][s];
       if (r % 3 != s % 3) continue;
@@ -280,11 +308,10 @@ static int factorise(Problem *P, double shift) {
   return done;
 }
 
-/* Factorise with the smallest shift that gives a direction of descent; 0 if none does. */
+/* Factorise with the first shift from this one on that gives a direction of descent; 0 if
+   none does. */
 static int factorise_shifted(Problem *P, double *shift) {
-  if (factorise(P, 0.0)) return 1;
-  *shift = *shift > 0 ? *shift / 3 : 1e-6;
-  for (; *shift < 1e6; *shift *= 8)
+  for (; *shift < 1e6; *shift = greater(8 * *shift, SHIFT))
     if (factorise(P, *shift)) return 1;
   return 0;
 }
@@ -538,12 +565,33 @@ static void differentiate_all(Problem *P) {
   P->report->evaluating += seconds() - begin;
 }
 
+/* The largest change of a row that the direction asks for. */
+static double largest_change(const Problem *P) {
+  V most = ALL(0.0);
+  for (int64_t i = 0; i < P->n; i++)
+    for (int r = 0; r < NC; r++) most = larger(most, absolute(P->interval[i].dt[r]));
+  return largest(most);
+}
+
+/* Newton's direction without barrier, shifted until it is one of descent; 0 if there is none.
+   Where curvature almost vanishes it would ask for torques far beyond their limits, and end
+   at the first of them: that too is cured by a shift. */
+static int aim(Problem *P, double *shift) {
+  *shift = *shift > SHIFT ? *shift / 8 : 0.0;
+  for (;; *shift = greater(8 * *shift, SHIFT)) {
+    if (!factorise_shifted(P, shift)) return 0;
+    direction(P, 0.0);
+    double primal, dual;
+    longest_steps(P, 1.0, &primal, &dual);
+    if (primal > SHORT || largest_change(P) < FAR) return 1;
+  }
+}
+
 static int iterate(Problem *P, const Settings *S) {
   double shift = 0, dual;
   for (; P->report->iterations < S->iterations; P->report->iterations++) {
     differentiate_all(P);
-    if (!factorise_shifted(P, &shift)) return SINGULAR;
-    direction(P, 0.0);
+    if (!aim(P, &shift)) return SINGULAR;
     if (solved(P, S->tolerance)) return SOLVED;
     choose_barrier(P, S->tolerance);
     if (!try_direction(P, &dual)) {

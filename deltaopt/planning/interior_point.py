@@ -72,11 +72,13 @@ class _Report(ctypes.Structure):
 @dataclass(frozen=True)
 class Interior:
     """Where the method ended. ``knots``: X, V at every knot, (N + 1, 6); ``T``; ``prices`` of
-    torques, openings and speeds at every point, (N, 4, 6 or 9), positive at an upper limit."""
+    torques, openings and speeds at every point, (N, 4, 6 or 9), positive at an upper limit.
+    ``left``: by what fraction of T Newton's next step would shorten the motion."""
 
     knots: Array
     T: float
     prices: Array
+    left: float
     status: str
     iterations: int
     spent: Spent
@@ -112,7 +114,7 @@ class InteriorPoint:
         )
         knots, T = z[:-1].reshape(N + 1, 6), float(z[-1])
         spent = Spent(report.evaluating, report.solving)
-        return Interior(knots, T, prices, STATUS[status], report.iterations, spent)
+        return Interior(knots, T, prices, report.dual, STATUS[status], report.iterations, spent)
 
     @cached_property
     def _fractions(self) -> Array:

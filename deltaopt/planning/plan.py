@@ -16,20 +16,20 @@ from numpy.typing import NDArray
 from deltaopt.dynamics.formulation import Projected
 from deltaopt.dynamics.lagrange import Multiplier
 from deltaopt.errors import DeltaOptError, NotConverged
-from deltaopt.feasibility import check_feasible
-from deltaopt.limits import Loads, loads_inside, safe_factor, sampled_factor
+from deltaopt.feasibility import check_feasible, least_opening, least_reach
+from deltaopt.limits import Loads, loads_inside, safe_factor, sampled_factor, slowing_inside
 from deltaopt.mechanisms.delta_functions import DeltaFunctions
-from deltaopt.model import DeltaModel
+from deltaopt.model import DeltaModel, delta_model
 from deltaopt.peaks import sample_fractions
 from deltaopt.planning.baseline import between
 from deltaopt.planning.certificate import Certificate
 from deltaopt.planning.extremal import Barrier
 from deltaopt.planning.flat import Flat, ScaledEquations
-from deltaopt.planning.gap import FRACTIONS, GivenAway, given_away, refined
+from deltaopt.planning.gap import DOUBT, FRACTIONS, GivenAway, given_away, refined
 from deltaopt.planning.nlp import Spent
 from deltaopt.planning.poses import posed_as
 from deltaopt.planning.problem import Guess, Pose, Posed, Problem, Solved
-from deltaopt.planning.scales import Scales
+from deltaopt.planning.scales import Scales, margin_of_fold
 from deltaopt.planning.settle import Settled, Unsettled, settle
 from deltaopt.planning.stage import Stage
 from deltaopt.planning.starts import Optimum, distinct, first_motions
@@ -238,7 +238,7 @@ class Planner:
             )
         return Plan(
             scene=scene,
-            trajectory=chosen.trajectory.slowed(chosen.safe_factor),
+            trajectory=chosen.trajectory.slowed(chosen.safe_factor * _for_rounding(scene)),
             formulation=self._pose.name,
             transcription=resolved.name if resolved else self._transcription.name,
             intervals=len(chosen.trajectory.knots) - 1,
@@ -273,17 +273,16 @@ class Planner:
     ) -> tuple[list[Attempt], list[Round], Settled | None]:
         """Solve on finer and finer meshes until the gap is small enough, the switches can be
         resolved, or no more is gained."""
-        model = DeltaModel(scene.robot, scene.payload)
+        model = delta_model(scene.robot, scene.payload)
         posed = self._posed(model)
-        openings = model.openings([scene.start, scene.goal])
-        scales = Scales(scene, first.trajectory.duration, float(openings.min()))
+        scales = Scales(scene, first.trajectory.duration, least_opening(scene))
         mesh = np.full(self.intervals, 1 / self.intervals)
         attempts = [_attempt(posed.on(mesh), scales, first, model)]
         rounds = [_round(attempts)]
         tell(str(rounds[-1]))
         read = 0
         while not self._done(rounds):
-            last, aim = attempts[-1], self.tolerance / 2.5
+            last, aim = attempts[-1], self.tolerance / 3
             if self._by_switches:
                 if rounds[-1].gap < _READABLE and read < _MOST_READ:
                     read += 1
@@ -336,7 +335,7 @@ class Planner:
     def _guesses(self, scene: Scene, near: Plan | None, starts: int, seed: int) -> Iterator[Guess]:
         """The plan of similar ends, moved to these; or motions without optimisation."""
         if near is not None:
-            model = DeltaModel(scene.robot, scene.payload)
+            model = delta_model(scene.robot, scene.payload)
             moved = between(near.trajectory, model, scene.start, scene.goal)
             yield Guess(moved, near=True, tolerance=self.tolerance)
             starts -= 1
@@ -352,7 +351,7 @@ class Planner:
     @property
     def _accuracy(self) -> float:
         """Of the solution on a mesh; structures are read from exact ones only."""
-        return 1e-8 if self._by_switches else self.tolerance / 2
+        return 1e-8 if self._by_switches else self.tolerance / 3
 
     @property
     def _by_switches(self) -> bool:
@@ -376,6 +375,13 @@ class Planner:
         return self.transcription or PiecewiseAcceleration()
 
 
+def _for_rounding(scene: Scene) -> float:
+    """Torques near a serial singularity are known to rounding over its distance only, whoever
+    computes them."""
+    least = min(margin_of_fold(least_opening(scene)), least_reach(scene))
+    return 1 + float(np.finfo(float).eps) / least
+
+
 @lru_cache(maxsize=32)
 def _posed(
     pose: Pose, functions: DeltaFunctions, transcription: PiecewiseAcceleration, speed: bool
@@ -393,8 +399,9 @@ def _attempt(problem: Problem, scales: Scales, guess: Guess, model: DeltaModel) 
     solution = problem.solve(guess, scales, model.parameters)
     trajectory = Trajectory(solution.position, model, solution.coordinates)
     scene, loads = scales.scene, loads_inside(scales.scene, trajectory, FRACTIONS)
-    lost = given_away(solution.prices, *_shares(scene, loads))
-    factor = sampled_factor(scene, loads)
+    slowing = slowing_inside(loads, len(FRACTIONS))
+    lost = given_away(solution.prices, *_shares(scene, loads), slowing)
+    factor = sampled_factor(loads)
     return Attempt(problem, solution, trajectory, loads, lost, factor, scene)
 
 
@@ -428,10 +435,8 @@ class Attempt:
 def _shares(scene: Scene, loads: Loads) -> tuple[Array, Array | None]:
     """Torques and, if limited, speeds inside the intervals, as fractions of their limits."""
     shape = (-1, len(FRACTIONS), 3)
-    torque = (loads.torque / np.array(scene.torque_limits)).reshape(shape)
-    if scene.speed_limits is None:
-        return torque, None
-    return torque, (loads.speed / np.array(scene.speed_limits)).reshape(shape)
+    speed = None if scene.speed_limits is None else loads.speed.reshape(shape)
+    return loads.torque.reshape(shape), speed
 
 
 def _openings(stage: Stage, motion: Trajectory, scales: Scales) -> Array:
@@ -471,6 +476,6 @@ def _round(attempts: list[Attempt]) -> Round:
         iterations=last.solution.iterations,
         duration=last.trajectory.duration,
         safe_duration=last.trajectory.duration * last.safe_factor,
-        gap=last.safe_factor - 1 + correction * last.lost.total,
+        gap=last.safe_factor - 1 + correction * DOUBT * (last.lost.total + last.solution.left),
         spent=last.solution.spent,
     )

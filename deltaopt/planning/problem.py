@@ -66,7 +66,8 @@ class Solved:
 
     ``prices``: fraction of the duration per fraction of a limit, (N, points, 3 or 6): torques,
     then limited speeds; positive at the upper limit, negative at the lower. ``coordinates``: all
-    twelve, m and rad, where they do not follow from the platform's position.
+    twelve, m and rad, where they do not follow from the platform's position. ``left``: by what
+    fraction of the duration the solver's next step would shorten it.
     """
 
     position: PiecewisePolynomial
@@ -75,6 +76,7 @@ class Solved:
     iterations: int
     spent: Spent
     coordinates: PiecewisePolynomial | None = None
+    left: float = 0.0
 
 
 def solved_by_ipopt(

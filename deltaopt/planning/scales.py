@@ -21,6 +21,11 @@ task space cannot describe it: torque for a given acceleration grows without bou
 """
 
 
+def margin_of_fold(opening_at_ends: float) -> float:
+    """Least sin² (q_{k,1} - q_{k,2}) on the way, from the least at its ends."""
+    return min(OPENING, opening_at_ends / 2)
+
+
 @dataclass(frozen=True)
 class Scales:
     """Magnitudes of a scene: its length D (m), a time (s), the drives' limits, and how far
@@ -47,13 +52,12 @@ class Scales:
     def torques(self) -> Array:
         return np.array(self.scene.torque_limits)
 
-    @property
-    def margin(self) -> float:
-        """Of the fold: least sin² (q_{k,1} - q_{k,2}) on the way."""
-        return min(OPENING, self.opening_at_ends / 2)
-
     def vector(self) -> Array:
         """x_start, D, time, torque limits, margin of the fold[, speed limits]."""
         scene = self.scene
-        limits = [*scene.torque_limits, self.margin, *(scene.speed_limits or ())]
+        limits = [
+            *scene.torque_limits,
+            margin_of_fold(self.opening_at_ends),
+            *(scene.speed_limits or ()),
+        ]
         return np.array([*scene.start, self.length, self.time, *limits])
