@@ -25,8 +25,8 @@ def test_other_means_find_the_same():
 
 
 def test_shooting_needs_motors_that_are_held():
-    free = np.zeros((4, 3, 3))
-    free[:2], free[2:, :, 1:] = 1.0, -1.0
-    structure = read_structure(np.full(4, 0.25), free, None)
+    free = np.zeros((20, 3, 3))
+    free[:10], free[10:, :, 1:] = 1.0, -1.0
+    structure = read_structure(np.full(20, 0.05), free, None)
     with pytest.raises(NotConverged, match="held by no limit"):
         shoot(LIGHT, structure, 0.1)

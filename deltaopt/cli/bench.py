@@ -53,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=positive,
         default=1e-3,
         metavar="GAP",
-        help="of the optimality gap; below 5e-4 by switch resolution (default: 1e-3)",
+        help="of the optimality gap; below 1e-4 by switch resolution (default: 1e-3)",
     )
     random.set_defaults(study=_random)
     gap = studies.add_parser(

@@ -26,16 +26,18 @@ from deltaopt.peaks import sample_fractions
 from deltaopt.planning.baseline import between
 from deltaopt.planning.certificate import Certificate
 from deltaopt.planning.cost import FASTEST, Cost
+from deltaopt.planning.extremal import Barrier
 from deltaopt.planning.flat import Flat, ScaledEquations
 from deltaopt.planning.gap import DOUBT, FRACTIONS, GivenAway, given_away, refined
 from deltaopt.planning.least_cost import SMOOTH, CostRound, cost_to_minimise, least_cost
 from deltaopt.planning.nlp import Spent
 from deltaopt.planning.poses import posed_as
 from deltaopt.planning.problem import Guess, Pose, Posed, Problem, Solved
-from deltaopt.planning.resolve import Resolved, Unsettled, resolve
 from deltaopt.planning.scales import Scales, margin_of_fold
+from deltaopt.planning.settle import Settled, Unsettled, settle
+from deltaopt.planning.stage import Stage
 from deltaopt.planning.starts import Optimum, distinct, first_motions
-from deltaopt.planning.structure import read_structure
+from deltaopt.planning.structure import READINGS, Limit, read_structure
 from deltaopt.planning.transcription import PiecewiseAcceleration
 from deltaopt.record import Vector3
 from deltaopt.robot import Robot
@@ -51,6 +53,8 @@ RESOLVED_BELOW = 1e-4
 """Tolerances below this are met by resolving switches: finer meshes cost more and more."""
 _READABLE = 2e-3
 """A mesh solution with a smaller gap shows which motor is at which limit when."""
+_MOST_READ = 3
+"""Meshes that structures are read from: what they do not settle finer ones hardly do."""
 _MOST_INTERVALS = 300
 """No mesh is refined that is finer than this: every refinement multiplies time by four."""
 
@@ -244,23 +248,24 @@ class Planner:
         begin = perf_counter()
         attempts, rounds, resolved = self._solve(scene, guess, tell)
         best = min(range(len(rounds)), key=lambda i: rounds[i].safe_duration)
-        attempts[best] = attempts[best].exact()
-        rounds[best] = _round(attempts[: best + 1])
+        if not resolved:
+            attempts[best] = attempts[best].exact()
+            rounds[best] = _round(attempts[: best + 1])
         chosen = resolved or attempts[best]
         if isinf(chosen.safe_factor):
             raise NotConverged(
                 "gravity alone exceeds a torque limit somewhere between the points of every mesh",
-                chosen.solution.status,
+                chosen.status,
                 chosen.trajectory,
             )
         return Plan(
             scene=scene,
             trajectory=chosen.trajectory.slowed(chosen.safe_factor * _for_rounding(scene)),
             formulation=self._pose.name,
-            transcription=resolved.problem.name if resolved else self._transcription.name,
+            transcription=resolved.name if resolved else self._transcription.name,
             intervals=len(chosen.trajectory.knots) - 1,
-            status=chosen.solution.status,
-            iterations=sum(r.iterations for r in rounds),
+            status=chosen.status,
+            iterations=sum(r.iterations for r in rounds) + (resolved.iterations if resolved else 0),
             solve_seconds=perf_counter() - begin,
             gap=resolved.gap if resolved else _gap(rounds, best),
             tolerance=self.tolerance,
@@ -310,7 +315,7 @@ class Planner:
 
     def _solve(
         self, scene: Scene, first: Guess, tell: Progress
-    ) -> tuple[list[Attempt], list[Round], Resolved | None]:
+    ) -> tuple[list[Attempt], list[Round], Settled | None]:
         """Solve on finer and finer meshes until the gap is small enough, the switches can be
         resolved, or no more is gained."""
         model = delta_model(scene.robot, scene.payload)
@@ -320,10 +325,12 @@ class Planner:
         attempts = [_attempt(posed.on(mesh), scales, first, model)]
         rounds = [_round(attempts)]
         tell(str(rounds[-1]))
+        read = 0
         while not self._done(rounds):
             last, aim = attempts[-1], self.tolerance / 3
             if self._by_switches:
-                if rounds[-1].gap < _READABLE:
+                if rounds[-1].gap < _READABLE and read < _MOST_READ:
+                    read += 1
                     resolved = self._resolved(last, scales, tell)
                     if resolved:
                         return attempts, rounds, resolved
@@ -345,28 +352,30 @@ class Planner:
             tell(str(rounds[-1]))
         return attempts, rounds, None
 
-    def _resolved(self, attempt: Attempt, scales: Scales, tell: Progress) -> Resolved | None:
+    def _resolved(self, attempt: Attempt, scales: Scales, tell: Progress) -> Settled | None:
         """With its switches resolved, or None if the structure cannot be settled yet."""
-        model = attempt.trajectory.model
-        shares = _shares(attempt.scene, attempt.loads)
-        structure = read_structure(attempt.problem.mesh, *shares)
-        try:
-            found = resolve(
-                ScaledEquations.of(model.functions, speed=self._speed_is_limited),
-                model,
-                structure,
-                attempt.trajectory,
-                scales,
-                self.tolerance,
-            )
-        except Unsettled as error:
-            tell(f"{len(structure.lengths)} arcs: not settled yet: {error}")
-            return None
-        tell(
-            f"{len(structure.lengths)} arcs: {found.trajectory.duration:.9f} s, gap "
-            f"{found.gap:.1e}, satisfies Pontryagin's condition to {found.certificate.residual:.0e}"
-        )
-        return found
+        model, motion = attempt.trajectory.model, attempt.trajectory
+        stage = _stage(model.functions, self._speed_is_limited)
+        loads = (*_shares(attempt.scene, attempt.loads), _openings(stage, motion, scales))
+        read: set[tuple[tuple[Limit, ...], ...]] = set()
+        for reading in READINGS:
+            structure = read_structure(attempt.problem.mesh, *loads, reading)
+            if structure.limits in read:
+                continue
+            read.add(structure.limits)
+            for barrier in (None, Barrier(last=self.tolerance / 10)):
+                try:
+                    found = settle(stage, model, structure, motion, scales, self.tolerance, barrier)
+                except Unsettled as error:
+                    tell(f"{len(structure.limits)} arcs: not settled yet: {error}")
+                    continue
+                tell(
+                    f"{len(found.conditions.structure.limits)} arcs: "
+                    f"{found.trajectory.duration:.9f} s, gap {found.gap:.1e}, satisfies "
+                    f"Pontryagin's condition to {found.certificate.residual:.0e}"
+                )
+                return found
+        return None
 
     def _guesses(self, scene: Scene, near: Plan | None, starts: int, seed: int) -> Iterator[Guess]:
         """The plan of similar ends, moved to these; or motions without optimisation."""
@@ -432,6 +441,12 @@ def _posed(
     return pose.of(functions, transcription, speed=speed, cost=cost)
 
 
+@lru_cache(maxsize=8)
+def _stage(functions: DeltaFunctions, speed: bool) -> Stage:
+    """Built once in a process, as ``_posed``."""
+    return Stage(ScaledEquations.of(functions, speed=speed))
+
+
 def _attempt(problem: Problem, scales: Scales, guess: Guess, model: DeltaModel) -> Attempt:
     solution = problem.solve(guess, scales, model.parameters)
     trajectory = Trajectory(solution.position, model, solution.coordinates)
@@ -455,6 +470,10 @@ class Attempt:
     scene: Scene
     is_exact: bool = False
 
+    @property
+    def status(self) -> str:
+        return self.solution.status
+
     def exact(self) -> Attempt:
         """With the safe factor of all instants, not of samples only."""
         if self.is_exact:
@@ -470,6 +489,16 @@ def _shares(scene: Scene, loads: Loads) -> tuple[Array, Array | None]:
     shape = (-1, len(FRACTIONS), 3)
     speed = None if scene.speed_limits is None else loads.speed.reshape(shape)
     return loads.torque.reshape(shape), speed
+
+
+def _openings(stage: Stage, motion: Trajectory, scales: Scales) -> Array:
+    """How far chains are from the margin of their fold, (N, len(FRACTIONS), 3)."""
+    N = len(motion.knots) - 1
+    since = np.diff(motion.knots)[:, None] * FRACTIONS
+    x = motion.position.inside(np.repeat(np.arange(N), len(FRACTIONS)), since.ravel())
+    X = (x - scales.origin) / scales.length
+    p = np.concatenate([scales.vector(), motion.model.parameters])
+    return stage.openings(X, p).reshape(N, len(FRACTIONS), 3)
 
 
 def _gap(rounds: list[Round], chosen: int) -> float:

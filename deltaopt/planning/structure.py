@@ -1,13 +1,16 @@
-"""Which motor is at which limit when: the structure of a time-optimal motion.
+"""Which limit holds which motor when: the structure of a time-optimal motion.
 
-Between two switches every motor is held by a limit of its torque, by a limit of its speed,
-or by none. Read from a converged motion on a mesh, the structure is a sequence of arcs with
-estimated lengths; where exactly they end is for ``arcs`` to find.
+Between two switches every motor is held by a limit of its torque or of its speed, by the
+margin of its chain's fold, or by none. Read from a converged motion on a mesh, the structure
+is a sequence of arcs with estimated lengths; where exactly they end is for others to find.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,51 +21,151 @@ Signs = NDArray[np.int8]
 _TORQUE_AT_LIMIT, _SPEED_AT_LIMIT = 0.9, 0.99
 """Of a load, everywhere in an interval. Torque comes to its limit in a jump, and coarse
 polynomials leave some of it unused; speed comes to its limit gradually."""
-_LONGEST_SWITCH = 0.03
-"""Of the duration: what is longer between two limits is no smeared switch but an arc."""
-_SIMULTANEOUS = 2e-4
-"""Of the duration: switches closer together than this are one."""
+_OPENING_AT_MARGIN = 1e-3
+"""At most, everywhere in an interval."""
+VANISHED = 1e-5
+"""Of the duration: shorter arcs are not there."""
+
+
+class Limit(NamedTuple):
+    """What holds a motor: the torque's or the speed's upper limit 1 or lower -1, the margin
+    of the fold 1; all 0 if nothing does. ``touched``: 1 if the fold comes to its margin at
+    the instant where this begins, and leaves it at once."""
+
+    torque: int = 0
+    speed: int = 0
+    opening: int = 0
+    touched: int = 0
+
+
+FREE = Limit()
 
 
 @dataclass(frozen=True)
 class Structure:
-    """``lengths`` of the arcs, (n,), fractions of the duration; ``torque`` and ``speed``:
-    the limits that hold, (n, m), 1 the upper, -1 the lower, 0 none."""
+    """``lengths`` of the arcs, (n,), fractions of the duration; ``limits``: of every arc, of
+    every motor."""
 
     lengths: Array
-    torque: Signs
-    speed: Signs
+    limits: tuple[tuple[Limit, ...], ...]
+
+    @cached_property
+    def torque(self) -> Signs:
+        """The limits of torque that hold, (n, 3): 1 the upper, -1 the lower, 0 none."""
+        return np.array([[limit.torque for limit in arc] for arc in self.limits], np.int8)
+
+    @cached_property
+    def speed(self) -> Signs:
+        """The same of speed."""
+        return np.array([[limit.speed for limit in arc] for arc in self.limits], np.int8)
+
+    @cached_property
+    def opening(self) -> Signs:
+        """1 where a chain is at the margin of its fold, (n, 3)."""
+        return np.array([[limit.opening for limit in arc] for arc in self.limits], np.int8)
 
 
-def read_structure(mesh: Array, torque: Array, speed: Array | None) -> Structure:
-    """From loads in the intervals of a mesh (N,), fractions of their limits, (N, points, m)."""
-    motors = torque.shape[2]
-    ends = np.concatenate([[0.0], np.cumsum(mesh)])
-    ends[-1] = 1.0
-    speeds = (
-        np.zeros((len(mesh), motors), np.int8) if speed is None else _held(speed, _SPEED_AT_LIMIT)
-    )
-    torques = np.where(speeds != 0, 0, _held(torque, _TORQUE_AT_LIMIT)).astype(np.int8)
-    runs = [_runs(ends, torques[:, k], speeds[:, k], torque[:, :, k]) for k in range(motors)]
-    switches = _merged(np.concatenate([[r.end for r in motor] for motor in runs]))
-    middles = (np.concatenate([[0.0], switches[:-1]]) + switches) / 2
-    arcs = [[_at(motor, t) for motor in runs] for t in middles]
-    return Structure(
-        np.diff(switches, prepend=0.0),
-        np.array([[run.torque for run in arc] for arc in arcs], np.int8),
-        np.array([[run.speed for run in arc] for arc in arcs], np.int8),
-    )
+@dataclass(frozen=True)
+class Stretch:
+    """A time, fractions of the duration, over which a motor is held by a limit.
 
-
-@dataclass
-class _Run:
-    """A stretch of time over which one motor is held by the same limit."""
+    ``impulse``: ∫ load dt, of a motor without limit.
+    """
 
     begin: float
     end: float
-    torque: int
-    speed: int
-    impulse: float  # ∫ load dt, of a stretch without limit
+    limit: Limit
+    intervals: int = 0
+    impulse: float = 0.0
+
+    @property
+    def length(self) -> float:
+        return self.end - self.begin
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How a mesh is read. ``widest``: intervals; what is wider between two limits is no smeared
+    switch but an arc. ``simultaneous``: of the duration; closer switches are one."""
+
+    widest: int = 3
+    simultaneous: float = 2e-4
+
+
+READINGS = (Reading(), Reading(widest=8), Reading(simultaneous=3e-3), Reading(widest=1))
+"""In the order in which they are tried."""
+
+
+def read_structure(
+    mesh: Array,
+    torque: Array,
+    speed: Array | None,
+    opening: Array | None = None,
+    reading: Reading = READINGS[0],
+) -> Structure:
+    """From loads in the intervals of a mesh (N,), fractions of their limits, (N, points, m),
+    and from how far chains are from the margin of their fold."""
+    ends = np.concatenate([[0.0], np.cumsum(mesh)])
+    ends[-1] = 1.0
+    m = torque.shape[2]
+    nothing = np.zeros((len(mesh), m), np.int8)
+    speeds = nothing if speed is None else _held(speed, _SPEED_AT_LIMIT)
+    openings = nothing if opening is None else opening.max(axis=1) < _OPENING_AT_MARGIN
+    torques = np.where((speeds != 0) | (openings != 0), 0, _held(torque, _TORQUE_AT_LIMIT))
+    held = np.stack([torques, speeds, openings], axis=2).astype(int)  # (N, m, 3)
+    motors = [
+        _sharpened(_stretches(ends, held[:, k].tolist(), torque[:, :, k]), reading.widest)
+        for k in range(m)
+    ]
+    return _assembled(motors, reading.simultaneous)
+
+
+def changed(structure: Structure, patches: Iterable[tuple[int, Stretch]]) -> Structure:
+    """With (motor, stretch) put over what is there, arcs in the order of their switches.
+
+    An arc of negative length has its switches in the wrong order: they are exchanged.
+    """
+    motors = _by_motor(structure)
+    for k, patch in patches:
+        before = [Stretch(s.begin, min(s.end, patch.begin), s.limit) for s in motors[k]]
+        after = [Stretch(max(s.begin, patch.end), s.end, s.limit) for s in motors[k]]
+        motors[k] = _joined([*before, patch, *after])
+    return _assembled(motors, VANISHED)
+
+
+def _by_motor(structure: Structure) -> list[list[Stretch]]:
+    """What holds each motor when, without stretches that end before they begin."""
+    ends = np.cumsum(structure.lengths).tolist()
+    ends[-1] = 1.0
+    motors = []
+    for k in range(len(structure.limits[0])):
+        stretches: list[Stretch] = []
+        for a, end in enumerate(ends):
+            limit = structure.limits[a][k]
+            begin = stretches[-1].end if stretches else 0.0
+            if stretches and stretches[-1].limit == limit:
+                begin = stretches.pop().begin
+            stretches.append(Stretch(begin, end, limit))
+        motors.append(_joined(stretches))
+    return motors
+
+
+def _joined(stretches: list[Stretch]) -> list[Stretch]:
+    """In order, one after the other; what is too short gives way to what follows."""
+    joined: list[Stretch] = []
+    touched = False
+    for s in stretches:
+        begin = joined[-1].end if joined else 0.0
+        if s.end - max(s.begin, begin) <= VANISHED:
+            touched = touched or bool(s.limit.opening)
+            continue
+        if touched:
+            s, touched = Stretch(s.begin, s.end, s.limit._replace(touched=1)), False
+        if joined and joined[-1].limit == s.limit:
+            begin = joined.pop().begin
+        joined.append(Stretch(begin, s.end, s.limit))
+    joined[-1] = Stretch(joined[-1].begin, 1.0, joined[-1].limit)
+    return joined
 
 
 def _held(load: Array, at_limit: float) -> Signs:
@@ -71,66 +174,71 @@ def _held(load: Array, at_limit: float) -> Signs:
     return np.asarray(upper, np.int8) - np.asarray(lower, np.int8)
 
 
-def _runs(ends: Array, torque: Signs, speed: Signs, load: Array) -> list[_Run]:
-    """Runs of one motor, smeared switches resolved into instants."""
-    runs: list[_Run] = []
-    for i, (t, s) in enumerate(zip(torque.tolist(), speed.tolist(), strict=True)):
-        impulse = float(load[i].mean() * (ends[i + 1] - ends[i]))
-        if runs and (runs[-1].torque, runs[-1].speed) == (t, s):
-            runs[-1].end = float(ends[i + 1])
-            runs[-1].impulse += impulse
-        else:
-            runs.append(_Run(float(ends[i]), float(ends[i + 1]), t, s, impulse))
-    return _sharpened(runs)
+def _stretches(ends: Array, held: list[list[int]], load: Array) -> list[Stretch]:
+    """Of one motor, as the intervals show them."""
+    found: list[Stretch] = []
+    for i, limit in enumerate(held):
+        begin, end = float(ends[i]), float(ends[i + 1])
+        number, impulse = 1, float(load[i].mean() * (end - begin))
+        if found and found[-1].limit == Limit(*limit):
+            last = found.pop()
+            begin, number, impulse = last.begin, last.intervals + 1, last.impulse + impulse
+        found.append(Stretch(begin, end, Limit(*limit), number, impulse))
+    return found
 
 
-def _sharpened(runs: list[_Run]) -> list[_Run]:
-    """Without the short runs between two limits: their neighbours meet at an instant."""
-    kept: list[_Run] = []
-    for i, run in enumerate(runs):
-        short = run.torque == run.speed == 0 and run.end - run.begin < _LONGEST_SWITCH
-        if not short or len(runs) == 1:
-            kept.append(run)
+def _sharpened(stretches: list[Stretch], widest: int) -> list[Stretch]:
+    """Without the short stretches between limits: their neighbours meet at an instant, or
+    torque jumps to the other limit and back."""
+    kept: list[Stretch] = []
+    for i, s in enumerate(stretches):
+        if s.limit != FREE or s.intervals > widest or len(stretches) == 1:
+            kept.append(s)
             continue
-        before, after = runs[i - 1] if i else None, runs[i + 1] if i + 1 < len(runs) else None
-        instant = _instant(run, before, after)
-        if before:
-            before.end = instant
-        if after:
-            after.begin = instant
-    joined: list[_Run] = []
-    for run in kept:
-        if joined and (joined[-1].torque, joined[-1].speed) == (run.torque, run.speed):
-            joined[-1].end = run.end
-        else:
-            joined.append(run)
-    return joined
+        before = stretches[i - 1].limit if i else None
+        after = stretches[i + 1].limit if i + 1 < len(stretches) else None
+        kept += _sharp(s, before, after)
+    return _joined(kept)
 
 
-def _instant(run: _Run, before: _Run | None, after: _Run | None) -> float:
-    """When the switch within a run happens: where the impulse of torque is the run's."""
-    if before is None:
-        return run.begin
-    if after is None:
-        return run.end
-    if before.torque and after.torque and before.torque != after.torque:
-        share = (run.impulse / (run.end - run.begin) - after.torque) / (
-            before.torque - after.torque
-        )
-        return run.begin + (run.end - run.begin) * min(max(share, 0.0), 1.0)
-    return (run.begin + run.end) / 2
+def _sharp(s: Stretch, before: Limit | None, after: Limit | None) -> list[Stretch]:
+    """Limits instead of a stretch without: where the impulse of torque says."""
+    first, last = before or after or FREE, after or before or FREE
+    if not first.torque or not last.torque:
+        middle = (s.begin + s.end) / 2
+        return [Stretch(s.begin, middle, first), Stretch(middle, s.end, last)]
+    mean = s.impulse / s.length
+    if first.torque != last.torque:
+        share = min(max((mean - last.torque) / (first.torque - last.torque), 0.0), 1.0)
+        instant = s.begin + s.length * share
+        return [Stretch(s.begin, instant, first), Stretch(instant, s.end, last)]
+    other = Limit(torque=-first.torque)
+    half = s.length * min(max((1 - mean * first.torque) / 4, 0.0), 0.5)
+    middle = s.begin if before is None else s.end if after is None else (s.begin + s.end) / 2
+    if before is None or after is None:
+        half *= 2
+    begin, end = max(middle - half, s.begin), min(middle + half, s.end)
+    return [Stretch(s.begin, begin, first), Stretch(begin, end, other), Stretch(end, s.end, last)]
 
 
-def _merged(switches: Array) -> Array:
+def _assembled(motors: list[list[Stretch]], simultaneous: float) -> Structure:
+    """Arcs from what holds each motor when."""
+    switches = _merged([s.end for motor in motors for s in motor], simultaneous)
+    middles = (np.concatenate([[0.0], switches[:-1]]) + switches) / 2
+    limits = [[_at(motor, t) for motor in motors] for t in middles.tolist()]
+    return Structure(np.diff(switches, prepend=0.0), tuple(tuple(arc) for arc in limits))
+
+
+def _merged(switches: list[float], simultaneous: float) -> Array:
     """Sorted, simultaneous ones as one, the end of the motion as the last."""
     merged: list[float] = []
-    for t in np.sort(switches).tolist():
-        if not merged or t - merged[-1] > _SIMULTANEOUS:
+    for t in sorted(switches):
+        if t > simultaneous and (not merged or t - merged[-1] > simultaneous):
             merged.append(t)
     merged[-1] = 1.0
     return np.array(merged)
 
 
-def _at(runs: list[_Run], t: float) -> _Run:
-    """The run that t lies in."""
-    return next((run for run in runs if t < run.end), runs[-1])
+def _at(stretches: list[Stretch], t: float) -> Limit:
+    """What holds the motor at t."""
+    return next((s for s in stretches if t < s.end), stretches[-1]).limit

@@ -93,6 +93,8 @@ class _Shooting:
         shifts = [np.zeros(n), *(s * _SHIFT * np.eye(n)[i] for i in range(n) for s in (1, -1))]
         shifts += [_SHIFT * (np.eye(n)[i] + np.eye(n)[j]) for i, j in pairs]
         misses = self.misses(lengths + np.array(shifts))
+        if not np.isfinite(misses).all():
+            raise NotConverged("shooting has left the workspace", "Out_Of_Reach", lengths)
         here, up, down = misses[0], misses[1 : 2 * n + 1 : 2], misses[2 : 2 * n + 2 : 2]
         J = ((up - down) / (2 * _SHIFT)).T
         curvature = np.zeros((len(here), n, n))

@@ -1,0 +1,169 @@
+"""From a structure that was read to the one that is optimal, its switches resolved.
+
+Newton's method finds the stationary motion of a structure. Arcs that vanish are left out; where
+the motion exceeds a limit, or a price has the wrong sign, the structure is changed there; where
+the polynomials do not do, there are more of them. So until nothing is wrong, or for too long.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from deltaopt.errors import NotConverged
+from deltaopt.limits import safe_factor
+from deltaopt.model import DeltaModel
+from deltaopt.planning.certificate import Certificate
+from deltaopt.planning.examine import Examined
+from deltaopt.planning.extremal import Barrier, Conditions, Stuck
+from deltaopt.planning.grid import Grid, Pin
+from deltaopt.planning.scales import Scales
+from deltaopt.planning.stage import Stage
+from deltaopt.planning.structure import Structure, changed
+from deltaopt.trajectory import Trajectory
+
+_DEGREE = 8
+"""Of the acceleration in an interval."""
+_ATTEMPTS = 16
+_MOST_INTERVALS, _MOST_MODES = 48, 24
+CERTIFIED = 1e-5
+"""Spread of the Hamiltonian and prices of the wrong sign at most: wrong structures miss it by
+orders."""
+_FREE_PRICE = 1e-4
+"""The same of a torque that has no limit, a polynomial being no better at its ends."""
+
+
+class Unsettled(NotConverged):
+    """No structure near the one that was read is that of an optimal motion."""
+
+
+@dataclass(frozen=True)
+class Settled:
+    """A motion whose switches are resolved, not yet slowed.
+
+    ``gap``: what slowing costs, and what is given away between nodes, as a fraction.
+    """
+
+    conditions: Conditions
+    trajectory: Trajectory
+    safe_factor: float
+    gap: float
+    certificate: Certificate
+    iterations: int
+
+    @property
+    def status(self) -> str:
+        return "Solve_Succeeded"
+
+    @property
+    def name(self) -> str:
+        grid = self.conditions.grid
+        return f"{len(grid.parts)} arcs, acceleration of degree {grid.degree}"
+
+
+@dataclass(frozen=True)
+class _Trial:
+    """What to solve for next. ``more_modes``: of torques without limit than at first."""
+
+    structure: Structure
+    grid: Grid
+    more_modes: int = 0
+    pins: tuple[Pin, ...] = ()
+
+    @classmethod
+    def of(cls, structure: Structure, more_modes: int = 0) -> _Trial:
+        return cls(structure, Grid.of(structure, _DEGREE, more_modes), more_modes)
+
+    def with_more_modes(self) -> _Trial:
+        grid = replace(self.grid, modes=self.grid.modes + 3)
+        return replace(self, grid=grid, more_modes=self.more_modes + 3)
+
+
+def settle(
+    stage: Stage,
+    model: DeltaModel,
+    structure: Structure,
+    guess: Trajectory,
+    scales: Scales,
+    tolerance: float,
+    barrier: Barrier | None = None,
+) -> Settled:
+    """The optimal motion whose structure is about the given one, to a tolerance of its gap.
+
+    ``barrier``: for what no arc holds; without one limits are looked at afterwards.
+
+    Raises Unsettled where there is none to be found.
+    """
+    trial, seen, iterations = _Trial.of(structure), [structure.limits], 0
+    for _ in range(_ATTEMPTS):
+        conditions = Conditions.of(
+            stage, trial.structure, trial.grid, scales, model.parameters, trial.pins, barrier
+        )
+        try:
+            found = conditions.solve(conditions.guess(guess, scales))
+        except Stuck as error:
+            raise Unsettled(str(error), "Stuck", guess) from None
+        iterations += found.iterations
+        shares = np.where(found.vanishing, 0.0, found.motion.lengths / found.motion.duration)
+        trial = replace(trial, structure=replace(trial.structure, lengths=shares))
+        guess = Trajectory(conditions.polynomial(found.motion, scales), model)
+        if shares.min() <= 0:
+            better = _Trial.of(changed(trial.structure, []), trial.more_modes)
+        else:
+            conditions = replace(conditions, structure=trial.structure)
+            examined = Examined(conditions, found.motion, tolerance / 2)
+            settled = _settled(examined, guess, scales, iterations, tolerance)
+            if settled:
+                return settled
+            better = _better(trial, examined, tolerance)
+        if better.structure.limits != trial.structure.limits:
+            if better.structure.limits in seen:
+                raise Unsettled("the structures repeat themselves", "Cycle", guess)
+            seen.append(better.structure.limits)
+        trial = better
+    raise Unsettled(f"no structure is right after {_ATTEMPTS}", "Too_Many", guess)
+
+
+def _settled(
+    examined: Examined, trajectory: Trajectory, scales: Scales, iterations: int, tolerance: float
+) -> Settled | None:
+    """The result, if it is one."""
+    wrong = examined.sign_violation > CERTIFIED or examined.free_price > _FREE_PRICE
+    if wrong or max(examined.excess, examined.to_be_gained, examined.unused) > tolerance:
+        return None
+    factor = safe_factor(scales.scene, trajectory)
+    gap = factor - 1 + examined.unused + examined.to_be_gained
+    H = examined.conditions.hamiltonian(examined.motion)
+    spread = float(np.abs(H - H.mean()).max() / abs(H.mean()))
+    if gap > tolerance or spread > CERTIFIED:
+        return None
+    certificate = Certificate(spread, max(examined.sign_violation, examined.free_price))
+    return Settled(examined.conditions, trajectory, factor, gap, certificate, iterations)
+
+
+def _better(trial: _Trial, examined: Examined, tolerance: float) -> _Trial:
+    """What to try next. Raises Unsettled where nothing is known to be wrong."""
+    finest = examined.finest
+    if examined.strays.max() > finest and trial.grid.intervals < _MOST_INTERVALS:
+        finer = np.ceil((examined.strays / finest).clip(1) ** (1 / (_DEGREE + 1)))
+        parts = trial.grid.parts * finer.astype(np.intp)
+        return replace(trial, grid=replace(trial.grid, parts=parts))
+    free = bool(examined.conditions.held.free) and trial.grid.most_modes < _MOST_MODES
+    coarse = examined.free_price > _FREE_PRICE or examined.to_be_gained > tolerance
+    if free and coarse:
+        return trial.with_more_modes()
+    pins = tuple(pin for pin in examined.pins() if pin not in trial.pins)
+    if pins:
+        return replace(trial, pins=trial.pins + pins)
+    other = changed(trial.structure, examined.patches())
+    if other.limits != trial.structure.limits:
+        return _Trial.of(other, trial.more_modes)
+    if free:
+        return trial.with_more_modes()
+    raise Unsettled(
+        f"prices of the wrong sign, {examined.sign_violation:.0e}, or an excess, "
+        f"{examined.excess:.0e}, that no other structure cures",
+        "Unsettled",
+        None,
+    )
