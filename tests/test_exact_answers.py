@@ -120,7 +120,7 @@ def meshes(line):
     for _ in range(3):
         motion, lost = line.on_mesh(mesh, guess)
         found.append((mesh, motion, lost))
-        mesh, guess = refined(mesh, lost, lost.total / 10), motion
+        mesh, guess = refined(mesh, lost, lost.total / 10, most=4), motion
     return found
 
 

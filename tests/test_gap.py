@@ -94,8 +94,9 @@ def test_loss_falls_with_the_square_of_the_length():
     np.testing.assert_allclose(finer, [0.25, 0.25, 0.2, 0.3])
 
 
-def test_at_most_four_pieces_at_once():
-    np.testing.assert_allclose(refined(MESH, lost(0, 1.0, 0), 1e-6), [0.5, *4 * [0.05], 0.3])
+def test_at_most_so_many_pieces_at_once():
+    finer = refined(MESH, lost(0, 1.0, 0), 1e-6, most=4)
+    np.testing.assert_allclose(finer, [0.5, *4 * [0.05], 0.3])
 
 
 def test_excess_is_refined_away():

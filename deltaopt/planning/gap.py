@@ -70,12 +70,13 @@ def _exceeded(torque: Array, speed: Array | None) -> Array:
     return exceeded
 
 
-def refined(mesh: Array, lost: GivenAway, aim: float) -> Array:
-    """The mesh, (N,), with intervals split so that what is given away falls to about ``aim``.
+def refined(mesh: Array, lost: GivenAway, aim: float, most: int = 6) -> Array:
+    """The mesh, (N,), with intervals split, into ``most`` pieces at most, so that what is given
+    away falls to about ``aim``.
 
     In an interval where a torque jumps the loss falls with the square of its length, in
     others faster.
     """
     share = lost.unused / (aim / len(mesh)) + lost.exceeded / aim
-    pieces = np.clip(np.ceil(np.sqrt(share)), 1, 4).astype(int)
+    pieces = np.clip(np.ceil(np.sqrt(share)), 1, most).astype(int)
     return np.repeat(mesh / pieces, pieces)
