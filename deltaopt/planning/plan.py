@@ -474,6 +474,11 @@ class Attempt:
     def status(self) -> str:
         return self.solution.status
 
+    @property
+    def to_be_gained(self) -> float:
+        """By other meshes and by solving this one exactly, a fraction of the duration."""
+        return self.lost.total + self.solution.left
+
     def exact(self) -> Attempt:
         """With the safe factor of all instants, not of samples only."""
         if self.is_exact:
@@ -521,13 +526,13 @@ def _round(attempts: list[Attempt]) -> Round:
     if len(attempts) > 1:
         before = attempts[-2]
         fell = before.trajectory.duration / last.trajectory.duration - 1
-        expected = before.lost.total - last.lost.total
+        expected = before.to_be_gained - last.to_be_gained
         correction = max(1.0, fell / expected) if expected > 0 else 2.0
     return Round(
         intervals=len(last.problem.mesh),
         iterations=last.solution.iterations,
         duration=last.trajectory.duration,
         safe_duration=last.trajectory.duration * last.safe_factor,
-        gap=last.safe_factor - 1 + correction * DOUBT * (last.lost.total + last.solution.left),
+        gap=last.safe_factor - 1 + correction * DOUBT * last.to_be_gained,
         spent=last.solution.spent,
     )
