@@ -18,21 +18,19 @@ from deltaopt.dynamics.lagrange import Multiplier
 from deltaopt.effort import cost as cost_of
 from deltaopt.errors import DeltaOptError, NotConverged
 from deltaopt.feasibility import check_feasible, least_opening, least_reach
-from deltaopt.limits import Loads, loads_inside, safe_factor, sampled_factor, slowing_inside
 from deltaopt.mechanisms.delta_functions import DeltaFunctions
 from deltaopt.model import DeltaModel, delta_model
 from deltaopt.objectives import Objective, Time
-from deltaopt.peaks import sample_fractions
 from deltaopt.planning.baseline import between
 from deltaopt.planning.certificate import Certificate
 from deltaopt.planning.cost import FASTEST, Cost
 from deltaopt.planning.extremal import Barrier
 from deltaopt.planning.flat import Flat, ScaledEquations
-from deltaopt.planning.gap import DOUBT, FRACTIONS, GivenAway, given_away, refined
+from deltaopt.planning.gap import FRACTIONS, refined
 from deltaopt.planning.least_cost import SMOOTH, CostRound, cost_to_minimise, least_cost
-from deltaopt.planning.nlp import Spent
 from deltaopt.planning.poses import posed_as
-from deltaopt.planning.problem import Guess, Pose, Posed, Problem, Solved
+from deltaopt.planning.problem import Guess, Pose, Posed
+from deltaopt.planning.rounds import Attempt, Round, attempt, gap_of, round_of, shares
 from deltaopt.planning.scales import Scales, margin_of_fold
 from deltaopt.planning.settle import Settled, Unsettled, settle
 from deltaopt.planning.stage import Stage
@@ -57,26 +55,6 @@ _MOST_READ = 3
 """Meshes that structures are read from: what they do not settle finer ones hardly do."""
 _MOST_INTERVALS = 300
 """No mesh is refined that is finer than this: every refinement multiplies time by four."""
-
-
-@dataclass(frozen=True)
-class Round:
-    """One mesh: ``duration`` of its solution, ``safe_duration`` once slowed to the limits (s),
-    estimated ``gap`` of the latter to the shortest possible, as a fraction of it; seconds
-    ``spent``."""
-
-    intervals: int
-    iterations: int
-    duration: float
-    safe_duration: float
-    gap: float
-    spent: Spent
-
-    def __str__(self) -> str:
-        return (
-            f"{self.intervals} intervals, {self.iterations} iterations: "
-            f"{self.safe_duration:.6f} s, at most {self.gap:.1e} above the optimum"
-        )
 
 
 @dataclass(frozen=True)
@@ -250,7 +228,7 @@ class Planner:
         best = min(range(len(rounds)), key=lambda i: rounds[i].safe_duration)
         if not resolved:
             attempts[best] = attempts[best].exact()
-            rounds[best] = _round(attempts[: best + 1])
+            rounds[best] = round_of(attempts[: best + 1])
         chosen = resolved or attempts[best]
         if isinf(chosen.safe_factor):
             raise NotConverged(
@@ -267,7 +245,7 @@ class Planner:
             status=chosen.status,
             iterations=sum(r.iterations for r in rounds) + (resolved.iterations if resolved else 0),
             solve_seconds=perf_counter() - begin,
-            gap=resolved.gap if resolved else _gap(rounds, best),
+            gap=resolved.gap if resolved else gap_of(rounds, best),
             tolerance=self.tolerance,
             rounds=tuple(rounds),
             certificate=resolved.certificate if resolved else None,
@@ -322,8 +300,8 @@ class Planner:
         posed = self._posed(model, FASTEST)
         scales = Scales(scene, first.trajectory.duration, least_opening(scene))
         mesh = np.full(self.intervals, 1 / self.intervals)
-        attempts = [_attempt(posed.on(mesh), scales, first, model)]
-        rounds = [_round(attempts)]
+        attempts = [attempt(posed.on(mesh), scales, first, model)]
+        rounds = [round_of(attempts)]
         tell(str(rounds[-1]))
         read = 0
         while not self._done(rounds):
@@ -341,25 +319,25 @@ class Planner:
                 break
             try:
                 guess = Guess(last.trajectory, near=True, tolerance=self._accuracy)
-                attempts.append(_attempt(posed.on(mesh), scales, guess, model))
+                attempts.append(attempt(posed.on(mesh), scales, guess, model))
             except NotConverged as error:  # what is there already is a motion all the same
                 tell(f"{len(mesh)} intervals: {error}")
                 break
-            rounds.append(_round(attempts))
+            rounds.append(round_of(attempts))
             if rounds[-1].gap <= self.tolerance:  # by samples; but is it?
                 attempts[-1] = attempts[-1].exact()
-                rounds[-1] = _round(attempts)
+                rounds[-1] = round_of(attempts)
             tell(str(rounds[-1]))
         return attempts, rounds, None
 
-    def _resolved(self, attempt: Attempt, scales: Scales, tell: Progress) -> Settled | None:
+    def _resolved(self, last: Attempt, scales: Scales, tell: Progress) -> Settled | None:
         """With its switches resolved, or None if the structure cannot be settled yet."""
-        model, motion = attempt.trajectory.model, attempt.trajectory
+        model, motion = last.trajectory.model, last.trajectory
         stage = _stage(model.functions, self._speed_is_limited)
-        loads = (*_shares(attempt.scene, attempt.loads), _openings(stage, motion, scales))
+        loads = (*shares(last.scene, last.loads), _openings(stage, motion, scales))
         read: set[tuple[tuple[Limit, ...], ...]] = set()
         for reading in READINGS:
-            structure = read_structure(attempt.problem.mesh, *loads, reading)
+            structure = read_structure(last.problem.mesh, *loads, reading)
             if structure.limits in read:
                 continue
             read.add(structure.limits)
@@ -447,55 +425,6 @@ def _stage(functions: DeltaFunctions, speed: bool) -> Stage:
     return Stage(ScaledEquations.of(functions, speed=speed))
 
 
-def _attempt(problem: Problem, scales: Scales, guess: Guess, model: DeltaModel) -> Attempt:
-    solution = problem.solve(guess, scales, model.parameters)
-    trajectory = Trajectory(solution.position, model, solution.coordinates)
-    scene, loads = scales.scene, loads_inside(scales.scene, trajectory, FRACTIONS)
-    slowing = slowing_inside(loads, len(FRACTIONS))
-    lost = given_away(solution.prices, *_shares(scene, loads), slowing)
-    factor = sampled_factor(loads)
-    return Attempt(problem, solution, trajectory, loads, lost, factor, scene)
-
-
-@dataclass(frozen=True)
-class Attempt:
-    """A problem solved on one mesh, the motion not yet slowed; ``loads`` at ``FRACTIONS``."""
-
-    problem: Problem
-    solution: Solved
-    trajectory: Trajectory
-    loads: Loads
-    lost: GivenAway
-    safe_factor: float
-    scene: Scene
-    is_exact: bool = False
-
-    @property
-    def status(self) -> str:
-        return self.solution.status
-
-    @property
-    def to_be_gained(self) -> float:
-        """By other meshes and by solving this one exactly, a fraction of the duration."""
-        return self.lost.total + self.solution.left
-
-    def exact(self) -> Attempt:
-        """With the safe factor of all instants, not of samples only."""
-        if self.is_exact:
-            return self
-        as_sampled = len(sample_fractions(len(self.problem.mesh))) == len(FRACTIONS)
-        known = self.loads if as_sampled else None
-        factor = safe_factor(self.scene, self.trajectory, sampled=known)
-        return replace(self, safe_factor=factor, is_exact=True)
-
-
-def _shares(scene: Scene, loads: Loads) -> tuple[Array, Array | None]:
-    """Torques and, if limited, speeds inside the intervals, as fractions of their limits."""
-    shape = (-1, len(FRACTIONS), 3)
-    speed = None if scene.speed_limits is None else loads.speed.reshape(shape)
-    return loads.torque.reshape(shape), speed
-
-
 def _openings(stage: Stage, motion: Trajectory, scales: Scales) -> Array:
     """How far chains are from the margin of their fold, (N, len(FRACTIONS), 3)."""
     N = len(motion.knots) - 1
@@ -504,35 +433,3 @@ def _openings(stage: Stage, motion: Trajectory, scales: Scales) -> Array:
     X = (x - scales.origin) / scales.length
     p = np.concatenate([scales.vector(), motion.model.parameters])
     return stage.openings(X, p).reshape(N, len(FRACTIONS), 3)
-
-
-def _gap(rounds: list[Round], chosen: int) -> float:
-    """Of a round's motion, by its own estimate or by what the last one leaves possible."""
-    own, last = rounds[chosen], rounds[-1]
-    if own is last:
-        return own.gap
-    shortest = last.safe_duration / (1 + last.gap)
-    return min(own.gap, own.safe_duration / shortest - 1)
-
-
-def _round(attempts: list[Attempt]) -> Round:
-    """What the last attempt reached.
-
-    The estimate of what it gives away is held against how much the duration really fell from
-    the mesh before: where the estimate fell short there, it is raised in proportion.
-    """
-    last = attempts[-1]
-    correction = 1.0
-    if len(attempts) > 1:
-        before = attempts[-2]
-        fell = before.trajectory.duration / last.trajectory.duration - 1
-        expected = before.to_be_gained - last.to_be_gained
-        correction = max(1.0, fell / expected) if expected > 0 else 2.0
-    return Round(
-        intervals=len(last.problem.mesh),
-        iterations=last.solution.iterations,
-        duration=last.trajectory.duration,
-        safe_duration=last.trajectory.duration * last.safe_factor,
-        gap=last.safe_factor - 1 + correction * DOUBT * last.to_be_gained,
-        spent=last.solution.spent,
-    )

@@ -1,0 +1,122 @@
+"""What one mesh brings: the motion, what it gives away, and the gap that leaves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deltaopt.limits import Loads, loads_inside, safe_factor, sampled_factor, slowing_inside
+from deltaopt.model import DeltaModel
+from deltaopt.peaks import sample_fractions
+from deltaopt.planning.gap import DOUBT, FRACTIONS, GivenAway, given_away
+from deltaopt.planning.nlp import Spent
+from deltaopt.planning.problem import Guess, Problem, Solved
+from deltaopt.planning.scales import Scales
+from deltaopt.scene import Scene
+from deltaopt.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Round:
+    """One mesh: ``duration`` of its solution, ``safe_duration`` once slowed to the limits (s),
+    estimated ``gap`` of the latter to the shortest possible, as a fraction of it; seconds
+    ``spent``."""
+
+    intervals: int
+    iterations: int
+    duration: float
+    safe_duration: float
+    gap: float
+    spent: Spent
+
+    def __str__(self) -> str:
+        return (
+            f"{self.intervals} intervals, {self.iterations} iterations: "
+            f"{self.safe_duration:.6f} s, at most {self.gap:.1e} above the optimum"
+        )
+
+
+def attempt(problem: Problem, scales: Scales, guess: Guess, model: DeltaModel) -> Attempt:
+    """Solve a problem and see what its motion asks of the motors. Raises NotConverged."""
+    solution = problem.solve(guess, scales, model.parameters)
+    trajectory = Trajectory(solution.position, model, solution.coordinates)
+    scene, loads = scales.scene, loads_inside(scales.scene, trajectory, FRACTIONS)
+    slowing = slowing_inside(loads, len(FRACTIONS))
+    lost = given_away(solution.prices, *shares(scene, loads), slowing)
+    factor = sampled_factor(loads)
+    return Attempt(problem, solution, trajectory, loads, lost, factor, scene)
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """A problem solved on one mesh, the motion not yet slowed; ``loads`` at ``FRACTIONS``."""
+
+    problem: Problem
+    solution: Solved
+    trajectory: Trajectory
+    loads: Loads
+    lost: GivenAway
+    safe_factor: float
+    scene: Scene
+    is_exact: bool = False
+
+    @property
+    def status(self) -> str:
+        return self.solution.status
+
+    @property
+    def to_be_gained(self) -> float:
+        """By other meshes and by solving this one exactly, a fraction of the duration."""
+        return self.lost.total + self.solution.left
+
+    def exact(self) -> Attempt:
+        """With the safe factor of all instants, not of samples only."""
+        if self.is_exact:
+            return self
+        as_sampled = len(sample_fractions(len(self.problem.mesh))) == len(FRACTIONS)
+        known = self.loads if as_sampled else None
+        factor = safe_factor(self.scene, self.trajectory, sampled=known)
+        return replace(self, safe_factor=factor, is_exact=True)
+
+
+def shares(scene: Scene, loads: Loads) -> tuple[Array, Array | None]:
+    """Torques and, if limited, speeds inside the intervals, as fractions of their limits."""
+    shape = (-1, len(FRACTIONS), 3)
+    speed = None if scene.speed_limits is None else loads.speed.reshape(shape)
+    return loads.torque.reshape(shape), speed
+
+
+def gap_of(rounds: list[Round], chosen: int) -> float:
+    """Of a round's motion, by its own estimate or by what the last one leaves possible."""
+    own, last = rounds[chosen], rounds[-1]
+    if own is last:
+        return own.gap
+    shortest = last.safe_duration / (1 + last.gap)
+    return min(own.gap, own.safe_duration / shortest - 1)
+
+
+def round_of(attempts: list[Attempt]) -> Round:
+    """What the last attempt reached.
+
+    The estimate of what it gives away is held against how much the duration really fell from
+    the mesh before: where the estimate fell short there, it is raised in proportion.
+    """
+    last = attempts[-1]
+    correction = 1.0
+    if len(attempts) > 1:
+        before = attempts[-2]
+        fell = before.trajectory.duration / last.trajectory.duration - 1
+        expected = before.to_be_gained - last.to_be_gained
+        correction = max(1.0, fell / expected) if expected > 0 else 2.0
+    return Round(
+        intervals=len(last.problem.mesh),
+        iterations=last.solution.iterations,
+        duration=last.trajectory.duration,
+        safe_duration=last.trajectory.duration * last.safe_factor,
+        gap=last.safe_factor - 1 + correction * DOUBT * last.to_be_gained,
+        spent=last.solution.spent,
+    )
