@@ -16,7 +16,7 @@ Curves = Callable[[Index, Array], Array]
 
 _FEWEST_STEPS = 24  # in an interval: more than the 20 points of the definition of an excess
 _FEWEST_IN_ALL = 240  # steps over all intervals, for motions of few long ones
-_ROUNDS = 3  # of refinement, each by _ZOOM: the place of a peak is known to 1/500 of a step
+_ROUNDS = 2  # of refinement, each by _ZOOM: the place of a peak is known to (1/64)² of a step
 _ZOOM = 8.0
 
 
@@ -59,7 +59,7 @@ def peaks(curves: Curves, fractions: Array, values: Array) -> Peaks:
 
     ``values``: of the curves at ``everywhere`` of these fractions, evenly spaced, (K · n, c).
     The top of the parabola through three neighbours is the next middle, with neighbours
-    8 times as close, thrice: for a smooth function the value is then right to about 1e-12.
+    8 times as close, twice: for a smooth function the value is then right to about 1e-12.
     """
     intervals = len(values) // len(fractions)
     highest = Peaks.none(values.shape[1])

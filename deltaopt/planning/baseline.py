@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import lru_cache
 from itertools import product
 from math import comb, isinf
 
+import casadi as ca
 import numpy as np
 from numpy.polynomial.polynomial import polyder, polymul, polyval
 
+from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.errors import DeltaOptError, Infeasible, Unreachable
 from deltaopt.limits import rough_factor, safe_factor
+from deltaopt.mechanisms.delta import DeltaTerms
+from deltaopt.mechanisms.delta_functions import delta_functions
 from deltaopt.model import DeltaModel, delta_model
 from deltaopt.record import Vector3
 from deltaopt.robot import Robot
+from deltaopt.rows import RowFunction
 from deltaopt.scene import Scene
 from deltaopt.trajectory import Array, PiecewisePolynomial, Trajectory
 
@@ -102,19 +108,29 @@ def joint_line(scene: Scene) -> Trajectory:
     Raises Unreachable where the bars do not meet.
     """
     model = delta_model(scene.robot, scene.payload)
-    ends = model.inverse_kinematics([scene.start, scene.goal])[:, 3::3]
     u = np.linspace(0.0, 1.0, _JOINT_LINE_INTERVALS + 1)
-
-    def at(u: Array) -> Array:
-        share = polyval(u, _ALONG)[:, None]
-        return model.forward_kinematics((1 - share) * ends[0] + share * ends[1])
-
-    step = 1e-5
-    v = (at(u + step) - at(u - step)) / (2 * step)
-    v[[0, -1]] = 0.0
-    x = at(u)
-    x[[0, -1]] = scene.start, scene.goal
+    ends = np.tile([*scene.start, *scene.goal], (len(u), 1))
+    share = np.asarray(polyval(u, _ALONG), dtype=float)[:, None]
+    rate = np.asarray(polyval(u, polyder(_ALONG)), dtype=float)[:, None]
+    function = _joint_line_function(model.functions.terms)
+    x, v = function(ends, share, rate, parameters=model.parameters)
+    if not np.isfinite(x).all():
+        raise Unreachable("motor angles straight from start to goal: the bars do not meet")
+    x[[0, -1]], v[[0, -1]] = (scene.start, scene.goal), 0.0
     return Trajectory(PiecewisePolynomial.hermite(u, x, v), model)
+
+
+@lru_cache(maxsize=16)
+def _joint_line_function(terms: DeltaTerms) -> RowFunction:
+    """(start and goal, share of the way in motor angles, its rate, p) -> x, v."""
+    functions = delta_functions(terms, Explicit())
+    ends, share, rate = ca.SX.sym("ends", 6), ca.SX.sym("share"), ca.SX.sym("rate")
+    p = ca.SX.sym("p", len(terms.names))
+    first, last = (functions.inverse_kinematics(end, p)[3::3] for end in (ends[:3], ends[3:]))
+    x = functions.forward_kinematics((1 - share) * first + share * last, p)
+    v = ca.jtimes(x, share, rate)
+    inputs = [ends, share, rate, p]
+    return RowFunction(ca.Function("joint_line", inputs, [x, v], {"cse": True}))
 
 
 def first_motion(scene: Scene) -> Trajectory:
