@@ -44,6 +44,7 @@ typedef struct {
 typedef struct {
   V weight[3][4];                /* of X_i, V_i, X_i+1, V_i+1 in X, V, A */
   V c[NC], t[NC];                /* rows and their copies */
+  V over[NC], under[NC];         /* 1 / distance of t to its limits */
   V upper[NC], lower[NC];        /* multipliers of the limits of t */
   V y[NC];                       /* of c = t: upper - lower */
   V dt[NC], dupper[NC], dlower[NC];
@@ -191,7 +192,7 @@ static void differentiate(const Problem *P, Interval *I, const double *knots, V 
 static void push_back(const Interval *I, V M[10][10]) {
   V stiffness[NC], pull[NC];
   for (int r = 0; r < NC; r++)
-    stiffness[r] = I->upper[r] / (1 - I->t[r]) + I->lower[r] / (1 + I->t[r]);
+    stiffness[r] = I->upper[r] * I->over[r] + I->lower[r] * I->under[r];
   for (int b = 0; b < 10; b++) {
     for (int r = 0; r < NC; r++) pull[r] = stiffness[r] * I->C[r][b];
     for (int a = 0; a <= b; a++) {
@@ -225,6 +226,12 @@ static void curvature(const Problem *P, Interval *I, const double *knots) {
       memcpy(I->K[row] + a, &sums, sizeof sums);
     }
   I->K[12][12] = sum(half[12][9]);
+}
+
+/* How far t is from its limits; kept, for a division takes as long as many products. */
+static void measure(Interval *I, int r) {
+  I->over[r] = 1 / (1 - I->t[r]);
+  I->under[r] = 1 / (1 + I->t[r]);
 }
 
 /* ---- Newton's equations ---- */
@@ -368,9 +375,8 @@ static void direction(Problem *P, double mu) {
     const Interval *I = P->interval + i;
     V q[NC];
     for (int r = 0; r < NC; r++) {
-      const V above = 1 - I->t[r], below = 1 + I->t[r];
-      q[r] = (I->upper[r] / above + I->lower[r] / below) * (I->c[r] - I->t[r]);
-      q[r] += (mu - I->bend_upper[r]) / above - (mu - I->bend_lower[r]) / below;
+      q[r] = (I->upper[r] * I->over[r] + I->lower[r] * I->under[r]) * (I->c[r] - I->t[r]);
+      q[r] += (mu - I->bend_upper[r]) * I->over[r] - (mu - I->bend_lower[r]) * I->under[r];
     }
     pull_back(I, q, P->g + 6 * i, g_T);
   }
@@ -380,11 +386,11 @@ static void direction(Problem *P, double mu) {
     V dy[10];
     at_points(I, P->dz + 6 * i, *duration(P, P->dz), dy);
     for (int r = 0; r < NC; r++) {
-      const V above = 1 - I->t[r], below = 1 + I->t[r];
-      I->dt[r] = I->c[r] - I->t[r];
-      for (int a = 0; a < 10; a++) I->dt[r] += I->C[r][a] * dy[a];
-      I->dupper[r] = (mu - I->bend_upper[r] + I->upper[r] * I->dt[r]) / above - I->upper[r];
-      I->dlower[r] = (mu - I->bend_lower[r] - I->lower[r] * I->dt[r]) / below - I->lower[r];
+      V dt = I->c[r] - I->t[r];
+      for (int a = 0; a < 10; a++) dt += I->C[r][a] * dy[a];
+      I->dt[r] = dt;
+      I->dupper[r] = (mu - I->bend_upper[r] + I->upper[r] * dt) * I->over[r] - I->upper[r];
+      I->dlower[r] = (mu - I->bend_lower[r] - I->lower[r] * dt) * I->under[r] - I->lower[r];
     }
   }
 }
@@ -395,8 +401,8 @@ static void longest_steps(const Problem *P, double fraction, double *primal, dou
   for (int64_t i = 0; i < P->n; i++) {
     const Interval *I = P->interval + i;
     for (int r = 0; r < NC; r++) {
-      by_t = larger(by_t, I->dt[r] / (1 - I->t[r]));
-      by_t = larger(by_t, -I->dt[r] / (1 + I->t[r]));
+      by_t = larger(by_t, I->dt[r] * I->over[r]);
+      by_t = larger(by_t, -I->dt[r] * I->under[r]);
       by_multiplier = larger(by_multiplier, -I->dupper[r] / I->upper[r]);
       by_multiplier = larger(by_multiplier, -I->dlower[r] / I->lower[r]);
     }
@@ -479,7 +485,7 @@ static double merit_now(Problem *P, double *slope) {
     for (int r = 0; r < NC; r++) {
       needed = greater(needed, largest(absolute(I->upper[r] + I->dupper[r] - I->lower[r] - I->dlower[r])));
       infeasibility += sum(absolute(I->c[r] - I->t[r]));
-      along += (P->mu / (1 - I->t[r]) - P->mu / (1 + I->t[r])) * I->dt[r];
+      along += P->mu * (I->over[r] - I->under[r]) * I->dt[r];
     }
   }
   if (needed > P->penalty || needed < P->penalty / 10) P->penalty = 1.5 * needed + 1e-6;
@@ -511,7 +517,8 @@ static void move(Problem *P, double dual) {
       I->upper[r] += dual * I->dupper[r];
       I->lower[r] += dual * I->dlower[r];
       /* never far from mu / slack: stiffness stays meaningful (Ipopt's kappa_sigma) */
-      const V up = P->mu / (1 - I->t[r]), down = P->mu / (1 + I->t[r]);
+      measure(I, r);
+      const V up = P->mu * I->over[r], down = P->mu * I->under[r];
       I->upper[r] = smaller(larger(I->upper[r], up * 1e-8), up * 1e8);
       I->lower[r] = smaller(larger(I->lower[r], down * 1e-8), down * 1e8);
       I->y[r] = I->upper[r] - I->lower[r];
@@ -533,8 +540,9 @@ static int begin(Problem *P, const double *mesh, const double *fractions, const 
     for (int r = 0; r < NC; r++) {
       const V most = ALL(1 - S->closest), least = ALL(S->closest - 1);
       I->t[r] = smaller(larger(I->c[r], least), most);
-      I->upper[r] = P->mu / (1 - I->t[r]);
-      I->lower[r] = P->mu / (1 + I->t[r]);
+      measure(I, r);
+      I->upper[r] = P->mu * I->over[r];
+      I->lower[r] = P->mu * I->under[r];
       I->y[r] = I->upper[r] - I->lower[r];
       I->dt[r] = I->dupper[r] = I->dlower[r] = ALL(0.0);
       I->bend_upper[r] = I->bend_lower[r] = ALL(0.0);
