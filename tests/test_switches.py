@@ -171,7 +171,7 @@ def test_a_move_with_a_torque_that_no_limit_holds():
     assert share[:, 1].min() < 0.9
 
 
-@pytest.mark.parametrize(("which", "motor", "rides"), [(25, 2, True), (26, 3, False)])
+@pytest.mark.parametrize(("which", "motor", "rides"), [(34, 3, True), (26, 3, False)])
 def test_a_move_along_the_margin_of_the_fold(which: int, motor: int, rides: bool):
     """A chain stays at the margin for a while, or touches it at an instant; never below."""
     scene, found = orsino(which)
