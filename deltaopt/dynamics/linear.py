@@ -32,6 +32,14 @@ def solve(A: ca.MX, b: ca.MX) -> ca.MX:
     return ca.Function("cofactors", [a, rhs], [ca.inv_minor(a) @ rhs])(A, b)
 
 
+def solve_affine(equations: SX, unknown: SX) -> SX:
+    """The unknowns at which as many equations, affine in them, are zero; by the adjugate
+    matrix, for up to three of them."""
+    rest = ca.substitute(equations, unknown, SX.zeros(unknown.numel()))
+    solution: SX = -ca.inv_minor(ca.jacobian(equations, unknown)) @ rest
+    return solution
+
+
 def reflect(A: SX, B: SX) -> tuple[SX, SX]:
     """R = Qᵀ A and Qᵀ B, R upper triangular, Q orthogonal, by Householder's reflections.
 

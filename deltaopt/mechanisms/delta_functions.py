@@ -14,6 +14,7 @@ import casadi as ca
 from deltaopt.dynamics.constraint_matrix import ClosedForm
 from deltaopt.dynamics.formulation import Formulation
 from deltaopt.dynamics.lagrange import Explicit
+from deltaopt.dynamics.linear import solve_affine
 from deltaopt.dynamics.mechanism import SX, Mechanism
 from deltaopt.mechanisms.delta import DeltaTerms, delta
 from deltaopt.mechanisms.delta_kinematics import forward_kinematics, inverse_kinematics, reach
@@ -102,13 +103,13 @@ class DeltaFunctions:
     def explicit_torques(self) -> ca.Function:
         """(x, v, a, p) -> τ by eq. (39) as ``explicit_equations`` writes it."""
         x, v, a, tau, p, force = self._affine_equations()
-        return ca.Function("explicit_torques", [x, v, a, p], [_solved(force, tau)])
+        return ca.Function("explicit_torques", [x, v, a, p], [solve_affine(force, tau)])
 
     @cached_property
     def explicit_acceleration(self) -> ca.Function:
         """(x, v, tau, p) -> a by eq. (39) as ``explicit_equations`` writes it."""
         x, v, a, tau, p, force = self._affine_equations()
-        return ca.Function("explicit_acceleration", [x, v, tau, p], [_solved(force, a)])
+        return ca.Function("explicit_acceleration", [x, v, tau, p], [solve_affine(force, a)])
 
     def _affine_equations(self) -> tuple[SX, ...]:
         """x, v, a, tau, p, and eq. (39), affine in τ and in a."""
@@ -140,13 +141,6 @@ class DeltaFunctions:
     def _platform(self, *names: str) -> list[ca.MX]:
         p = ca.MX.sym("p", len(self.terms.names))
         return [*(ca.MX.sym(name, 3) for name in names), p]
-
-
-def _solved(equations: SX, unknown: SX) -> SX:
-    """Three equations affine in three unknowns, by the adjugate matrix."""
-    rest = ca.substitute(equations, unknown, SX.zeros(3))
-    solution: SX = -ca.inv_minor(ca.jacobian(equations, unknown)) @ rest
-    return solution
 
 
 @lru_cache(maxsize=64)

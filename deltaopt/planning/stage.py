@@ -14,6 +14,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from deltaopt.dynamics.linear import solve_affine
 from deltaopt.planning.flat import ScaledEquations
 from deltaopt.rows import RowFunction
 
@@ -57,11 +58,9 @@ class Stage:
     def _row(self) -> ca.SX:
         e, y = self.equations, self._y
         X, V, A = ca.vertsplit(y, 3)
-        tau = e.y[9:12]
-        B, rest = ca.jacobian(e.force, tau), ca.substitute(e.force, tau, 0)
         rate = ca.jtimes(e.opening, e.y[:3], e.y[3:6])
         bend = ca.jtimes(rate, e.y[:3], e.y[3:6]) + ca.jtimes(rate, e.y[3:6], e.y[6:9])
-        rows = [-_inverse(B) @ rest, e.opening, rate, bend]
+        rows = [solve_affine(e.force, e.y[9:12]), e.opening, rate, bend]
         if e.speed is not None and e.acceleration is not None:
             rows += [e.speed, e.acceleration]
         function = ca.Function("rows", [e.y, e.p], [ca.vertcat(*rows)], {"cse": True})
@@ -80,10 +79,3 @@ class Stage:
         inputs = [y, multipliers, self.equations.p]
         results = [r, ca.densify(ca.vec(J.T)), ca.densify(ca.vec(H))]
         return RowFunction(ca.Function("derivatives", inputs, results, {"cse": True}))
-
-
-def _inverse(B: ca.SX) -> ca.SX:
-    """Of a 3 × 3 matrix, by cofactors."""
-    columns = ca.horzsplit(B)
-    crosses = [ca.cross(columns[(i + 1) % 3], columns[(i + 2) % 3]) for i in range(3)]
-    return ca.horzcat(*crosses).T / ca.dot(columns[0], crosses[0])

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.dynamics.lagrange import Explicit
+from deltaopt.dynamics.linear import solve_affine
 from deltaopt.errors import NotConverged
 from deltaopt.mechanisms.delta import DeltaTerms
 from deltaopt.mechanisms.delta_functions import delta_functions
@@ -165,7 +166,6 @@ def _acceleration(terms: DeltaTerms, at_speed: tuple[int, ...]) -> RowFunction:
     torque, _ = functions.inverse_dynamics.expand()(x, v, a, p)
     bend = functions.motion(x, v, a, p)[2][3::3]
     rows = [bend[k] if at_speed[k] else torque[k] - value[k] for k in range(3)]
-    affine = ca.vertcat(*rows)
-    solved = -ca.inv_minor(ca.jacobian(affine, a)) @ ca.substitute(affine, a, 0)
+    solved = solve_affine(ca.vertcat(*rows), a)
     function = ca.Function("acceleration", [x, v, value, p], [ca.densify(solved)], {"cse": True})
     return RowFunction(function)
