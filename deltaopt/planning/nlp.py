@@ -10,8 +10,10 @@ is never expanded and the same code serves every transcription and formulation.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from operator import attrgetter
 from time import perf_counter
 
 import casadi as ca
@@ -44,6 +46,9 @@ WITH_RUNNING_COST: Options = {
     "ipopt.adaptive_mu_globalization": "kkt-error",
 }
 
+Derivatives = list[tuple[ca.Function, ca.Sparsity]]
+"""Jacobian and Hessian: a function that returns nonzeros, last of its results; their sparsity."""
+
 
 @dataclass(frozen=True)
 class PointFunction:
@@ -64,21 +69,21 @@ class PointFunction:
     @property
     def jacobian(self) -> tuple[ca.Function, ca.Sparsity]:
         """(y, p) -> r and the nonzeros of ∂r/∂y; their sparsity."""
-        return self._derivatives[0]
+        return self.derivatives[0]
 
     @property
     def hessian(self) -> tuple[ca.Function, ca.Sparsity]:
         """(y, p, λ) -> the nonzeros of ∂²(λ·r)/∂y²; their sparsity."""
-        return self._derivatives[1]
+        return self.derivatives[1]
 
     @cached_property
-    def _derivatives(self) -> list[tuple[ca.Function, ca.Sparsity]]:
+    def derivatives(self) -> Derivatives:
         """``jacobian`` and ``hessian``, in machine code where there is a compiler."""
         functions, sparsities = zip(*self.derived, strict=True)
         return list(zip(compiled(functions), sparsities, strict=True))
 
     @property
-    def derived(self) -> list[tuple[ca.Function, ca.Sparsity]]:
+    def derived(self) -> Derivatives:
         """``jacobian`` and ``hessian`` as CasADi derives them."""
         y, p, r = self._expressions
         lam = ca.SX.sym("lam", r.numel())
@@ -264,27 +269,12 @@ class Program:
         z, p = ca.MX.sym("z", self._n), ca.MX.sym("p", np_)
         lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", len(self._lower_rows))
         f, gradient = ca.dot(ca.DM(cost), z), ca.MX(ca.DM(cost))
-        G = self.linear.matrix(self._n)
-        rows, entries, curvature = [ca.mtimes(G, z)], [], []
-        first = len(self.linear.columns)
-        for points in self.points:
-            n, nr = points.number, points.rows
-            y = ca.reshape(ca.mtimes(points.layout.matrix(self._n), z), -1, n)
-            ps = ca.repmat(p[: points.function.function.size1_in(1)], 1, n)
-            jacobian, J_sparsity = points.function.jacobian
-            hessian, H_sparsity = points.function.hessian
-            r, J = jacobian.map(n)(y, ps)
-            H = hessian.map(n)(y, ps, ca.reshape(lam_g[first : first + n * nr], nr, n))
-            rows.append(ca.vec(r))
-            entries.append((first, points, J_sparsity, ca.vec(J)))
-            curvature.append((points, H_sparsity, ca.vec(H)))
-            first += n * nr
+        derivatives = attrgetter("derivatives")
+        g, jac, curvature = assemble_rows(self.linear, self.points, derivatives, z, p, lam_g)
         if running is not None:
             value, slope, curved = _running(running, z, p, lam_f)
             f, gradient = f + value, gradient + slope
             curvature.append((running.points, running.points.function.hessian[1], curved))
-        g = ca.vertcat(*rows)
-        jac = assemble_jacobian(G, entries, first, self._n)
         hess = assemble_hessian(curvature, self._n)
         program = {"x": z, "p": p, "f": f, "g": g}
         functions = {
@@ -321,17 +311,47 @@ def _running(running: RunningCost, z: ca.MX, p: ca.MX, lam_f: ca.MX) -> tuple[ca
     r, J = jacobian.map(n)(y, ps)
     nnz = sparsity.nnz()
     weighted = ca.vec(ca.reshape(J, nnz, n) * ca.repmat(weights, nnz, 1))
-    rows = assemble_jacobian(ca.DM(0, z.numel()), [(0, points, sparsity, weighted)], n, z.numel())
+    rows = assemble_jacobian(ca.DM(0, z.numel()), [(points, sparsity, weighted)], z.numel())
     H = points.function.hessian[0].map(n)(y, ps, lam_f * weights)
     return ca.dot(weights, r), ca.densify(ca.sum1(rows)).T, ca.vec(H)
 
 
-def assemble_jacobian(
-    G: ca.DM, entries: list[tuple[int, Points, ca.Sparsity, ca.MX]], n_rows: int, n: int
-) -> ca.MX:
+Entries = tuple[Points, ca.Sparsity, ca.MX]
+"""Derivatives at points: their sparsity at each, and the nonzeros of all, point by point."""
+
+
+def assemble_rows(
+    linear: Layout,
+    of: Sequence[Points],
+    derivatives: Callable[[PointFunction], Derivatives],
+    z: ca.MX,
+    p: ca.MX,
+    multipliers: ca.MX,
+) -> tuple[ca.MX, ca.MX, list[Entries]]:
+    """All rows, linear ones first; their Jacobian; and the points' Hessians of the rows times
+    multipliers, for ``assemble_hessian``."""
+    n = z.numel()
+    G = linear.matrix(n)
+    rows, slopes, curvature = [ca.mtimes(G, z)], list[Entries](), list[Entries]()
+    first = len(linear.columns)
+    for points in of:
+        N, nr = points.number, points.rows
+        y = ca.reshape(ca.mtimes(points.layout.matrix(n), z), -1, N)
+        ps = ca.repmat(p[: points.function.function.size1_in(1)], 1, N)
+        (jacobian, J_sparsity), (hessian, H_sparsity) = derivatives(points.function)
+        r, J = jacobian.map(N)(y, ps)
+        H = hessian.map(N)(y, ps, ca.reshape(multipliers[first : first + N * nr], nr, N))
+        rows.append(ca.vec(r))
+        slopes.append((points, J_sparsity, ca.vec(J)))
+        curvature.append((points, H_sparsity, ca.vec(H)))
+        first += N * nr
+    return ca.vertcat(*rows), assemble_jacobian(G, slopes, n), curvature
+
+
+def assemble_jacobian(G: ca.DM, slopes: Sequence[Entries], n: int) -> ca.MX:
     """The Jacobian of all rows: each point's, times its rows of L."""
     blocks = [ca.MX(G)]
-    for _, points, sparsity, nonzeros in entries:
+    for points, sparsity, nonzeros in slopes:
         a, b = (np.array(i, dtype=np.intp) for i in sparsity.get_triplet())
         layout, N = points.layout, points.number
         ny, nr, k = sparsity.size2(), sparsity.size1(), layout.columns.shape[1]
@@ -345,7 +365,7 @@ def assemble_jacobian(
     return ca.vertcat(*blocks)
 
 
-def assemble_hessian(curvature: list[tuple[Points, ca.Sparsity, ca.MX]], n: int) -> ca.MX:
+def assemble_hessian(curvature: Sequence[Entries], n: int) -> ca.MX:
     """The upper triangle of Σ Lᵀ H L over all points."""
     total = ca.MX(n, n)
     for points, sparsity, nonzeros in curvature:

@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ from numpy.typing import NDArray
 
 from deltaopt.errors import MissingPackage
 from deltaopt.machine_code import library
-from deltaopt.planning.nlp import Layout, Options, Points, assemble_hessian, assemble_jacobian
+from deltaopt.planning.nlp import Layout, Options, Points, assemble_hessian, assemble_rows
 from deltaopt.trajectory import Array
 
 Integers = NDArray[np.intp]
@@ -164,26 +165,15 @@ class Stages:
         p = ca.MX.sym("p", self.points[0].function.function.size1_in(1))
         lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", len(order))
         prices = lam_g[_integers(np.argsort(order))]
-        G = self.gaps.matrix(n)
-        rows, entries, curvature, first = [ca.mtimes(G, s)], [], [], self.nx * self.horizon
-        for points in map(self._moved, self.points):
-            N, nr = points.number, points.rows
-            y = ca.reshape(ca.mtimes(points.layout.matrix(n), s), -1, N)
-            ps = ca.repmat(p, 1, N)
-            (jacobian, J_sparsity), (hessian, H_sparsity) = points.function.derived
-            r, J = jacobian.map(N)(y, ps)
-            H = hessian.map(N)(y, ps, ca.reshape(prices[first : first + N * nr], nr, N))
-            rows.append(ca.vec(r))
-            entries.append((first, points, J_sparsity, ca.vec(J)))
-            curvature.append((points, H_sparsity, ca.vec(H)))
-            first += N * nr
+        points, derived = [self._moved(points) for points in self.points], attrgetter("derived")
+        g, jac, curvature = assemble_rows(self.gaps, points, derived, s, p, prices)
         slope = ca.DM.zeros(n)
         slope[int(self.durations[-1])] = 1.0
         upper = assemble_hessian(curvature, n)
-        jac = assemble_jacobian(G, entries, first, n)[_integers(order), :]
+        jac = jac[_integers(order), :]
         results = {
             "f": ca.dot(slope, s),
-            "g": ca.vertcat(*rows)[_integers(order)],
+            "g": g[_integers(order)],
             "grad_f_x": ca.MX(slope),
             "jac_g_x": jac,
             "grad_gamma_x": lam_f * slope + ca.mtimes(jac.T, lam_g),
