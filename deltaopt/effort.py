@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from deltaopt.model import delta_model
-from deltaopt.objectives import Effort, Time, TimeAndEffort
 from deltaopt.scene import Scene
 from deltaopt.trajectory import Trajectory
 
@@ -27,10 +26,6 @@ def effort(scene: Scene, trajectory: Trajectory) -> float:
 
 def cost(scene: Scene, trajectory: Trajectory) -> float:
     """What the scene's objective measures, in its unit."""
-    match scene.objective:
-        case Time():
-            return trajectory.duration
-        case Effort():
-            return effort(scene, trajectory)
-        case TimeAndEffort(time=time, effort=weight):
-            return time * trajectory.duration + weight * effort(scene, trajectory)
+    by_time, by_effort = scene.objective.weights
+    total = by_time * trajectory.duration
+    return total + by_effort * effort(scene, trajectory) if by_effort else total

@@ -10,6 +10,8 @@ In a scene file a word or weights, and a duration where the motion is given one:
 
 from __future__ import annotations
 
+from abc import abstractmethod
+
 from pydantic import Field
 
 from deltaopt.errors import SceneError
@@ -22,8 +24,8 @@ EXPECTED = (
 DURATION = "a duration in s, greater than 0"
 
 
-class Time(Record):
-    """The shortest duration T."""
+class _Weighted(Record):
+    """What every objective is: a weighted sum of the duration and the effort."""
 
     @property
     def unit(self) -> str:
@@ -34,11 +36,24 @@ class Time(Record):
         """The duration, s, of an objective that fixes it."""
         return None
 
+    @property
+    @abstractmethod
+    def weights(self) -> tuple[float, float]:
+        """Of the duration, and of the effort."""
+
+
+class Time(_Weighted):
+    """The shortest duration T."""
+
+    @property
+    def weights(self) -> tuple[float, float]:
+        return 1.0, 0.0
+
     def __str__(self) -> str:
         return "least time"
 
 
-class Effort(Record):
+class Effort(_Weighted):
     """The least effort ∫ τᵀτ dt over a given ``duration`` (s)."""
 
     duration: Positive = Field(description=DURATION)
@@ -51,23 +66,23 @@ class Effort(Record):
     def given_duration(self) -> float | None:
         return self.duration
 
+    @property
+    def weights(self) -> tuple[float, float]:
+        return 0.0, 1.0
+
     def __str__(self) -> str:
         return f"least effort ∫ τᵀτ dt in {self.duration:g} s"
 
 
-class TimeAndEffort(Record):
+class TimeAndEffort(_Weighted):
     """The least ``time`` · T + ``effort`` · ∫ τᵀτ dt, s; ``effort`` is in 1/(N²m²)."""
 
     time: Positive = Field(default=1.0, description="a weight of the duration, greater than 0")
     effort: Positive = Field(description="a weight of the effort in 1/(N²m²), greater than 0")
 
     @property
-    def unit(self) -> str:
-        return "s"
-
-    @property
-    def given_duration(self) -> float | None:
-        return None
+    def weights(self) -> tuple[float, float]:
+        return self.time, self.effort
 
     def __str__(self) -> str:
         return f"least {self.time:g} T + {self.effort:g}/(N²m²) · ∫ τᵀτ dt"

@@ -31,7 +31,6 @@ from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.mechanisms.delta import DeltaTerms
 from deltaopt.mechanisms.delta_functions import delta_functions
 from deltaopt.model import delta_model
-from deltaopt.objectives import Effort, Objective, Time, TimeAndEffort
 from deltaopt.rows import RowFunction
 from deltaopt.scene import Scene
 from deltaopt.trajectory import Array, Trajectory
@@ -146,7 +145,7 @@ class _Fit:
         by_held = np.linalg.inv(rows[..., 6:])
         slopes = -by_held @ rows[..., :6]
         torque_slopes = by_motion[:, :, :3, :6] + by_motion[:, :, :3, 6:] @ slopes
-        time, effort = _weights(scene.objective)
+        time, effort = scene.objective.weights
         rate = time + effort * (along[..., :3] ** 2).sum(axis=2)
         mean = float(np.diff(trajectory.knots) @ (rate[:, 1:-1] @ gauss().weights)) / T
         by_torque = 2 * effort / mean * along[..., None, :3]  # ∂r/∂τ, a row
@@ -241,17 +240,6 @@ class _Fit:
         steps = np.einsum("k,ij,kjab->kiab", self.h, weights, slopes)
         steps[..., :6] += np.eye(6)
         return steps[..., :6], steps[..., 6]
-
-
-def _weights(objective: Objective) -> tuple[float, float]:
-    """Of the duration, and of the effort."""
-    match objective:
-        case Time():
-            return 1.0, 0.0
-        case Effort():
-            return 0.0, 1.0
-        case TimeAndEffort(time=time, effort=effort):
-            return time, effort
 
 
 def _modes(scene: Scene, torque: Array, at_entry: Array) -> tuple[Modes, Array]:
