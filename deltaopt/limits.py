@@ -20,13 +20,10 @@ from deltaopt.errors import Unreachable
 from deltaopt.mechanisms.delta import DeltaTerms
 from deltaopt.mechanisms.delta_functions import delta_functions
 from deltaopt.model import DeltaModel, delta_model
-from deltaopt.peaks import Index, everywhere, peaks, sample_fractions
+from deltaopt.peaks import Index, Peaks, everywhere, peaks, sample_fractions
 from deltaopt.rows import RowFunction
 from deltaopt.scene import Scene
 from deltaopt.trajectory import Array, PiecewisePolynomial, Trajectory
-
-_LoadsOf = Callable[[ca.SX, ca.SX, ca.SX, ca.SX], tuple[ca.SX, ca.SX]]
-"""(x, v, a, p) -> τ, θ̇, 3 each."""
 
 _NOTHING = 1e-60
 """Stands for 0 as a divisor, so that what is asked of k² stays a number."""
@@ -84,9 +81,7 @@ def safe_factor(
     where these are known already.
     """
     along, intervals = _loads_along(scene, trajectory, _quick_loads), len(trajectory.knots) - 1
-    fractions = sample_fractions(intervals)
-    known = sampled or along(*everywhere(intervals, fractions))
-    highest = peaks(lambda *where: along(*where).demands, fractions, known.demands)
+    highest = _highest(along, intervals, lambda loads: loads.demands, sampled)
     return _factor(highest.values, at_least)
 
 
@@ -127,14 +122,24 @@ def rough_factor(scene: Scene, trajectory: Trajectory) -> float:
 
 def _excess(scene: Scene, trajectory: Trajectory, shares: Callable[[Loads], Array]) -> Excess:
     along, intervals = _loads_along(scene, trajectory, _general_loads), len(trajectory.knots) - 1
-    fractions = sample_fractions(intervals)
-    sampled = along(*everywhere(intervals, fractions))
-    highest = peaks(lambda *where: shares(along(*where)), fractions, shares(sampled))
+    highest = _highest(along, intervals, shares)
     motor = int(np.argmax(highest.values))
     interval, fraction = highest.intervals[motor], highest.fractions[motor]
     begin, end = trajectory.knots[interval : interval + 2]
     t = float(begin + fraction * (end - begin))
     return Excess(float(highest.values[motor]) - 1, motor + 1, t)
+
+
+def _highest(
+    along: Callable[[Index, Array], Loads],
+    intervals: int,
+    of: Callable[[Loads], Array],
+    sampled: Loads | None = None,
+) -> Peaks:
+    """Of all instants, from the loads at the sampled ones, where these are known already."""
+    fractions = sample_fractions(intervals)
+    known = sampled or along(*everywhere(intervals, fractions))
+    return peaks(lambda *where: of(along(*where)), fractions, of(known))
 
 
 @dataclass(frozen=True)
@@ -201,30 +206,24 @@ def _explain(
 @lru_cache(maxsize=16)
 def _quick_loads(terms: DeltaTerms, powers: int) -> RowFunction:
     """Loads without angles where the bars allow it: what a planner asks for most."""
-    functions = delta_functions(terms, Explicit())
-
-    def loads(x: ca.SX, v: ca.SX, a: ca.SX, p: ca.SX) -> tuple[ca.SX, ca.SX]:
-        speed = functions.explicit_equations(x, v, a, ca.SX.zeros(3), p)[2]
-        return functions.explicit_torques(x, v, a, p), speed
-
-    return _loads_function(loads, terms, powers)
+    return _loads_function(delta_functions(terms, Explicit()).explicit_loads, terms, powers)
 
 
 @lru_cache(maxsize=16)
 def _general_loads(terms: DeltaTerms, powers: int) -> RowFunction:
     """Loads by the general derivation in twelve coordinates: what verification asks for."""
     functions = delta_functions(terms, Explicit())
-    inverse = functions.inverse_dynamics.expand()
+    x, v, a = (ca.SX.sym(name, 3) for name in ("x", "v", "a"))
+    p = terms.symbols().vector()
+    torque, _ = functions.inverse_dynamics.expand()(x, v, a, p)
+    speed = functions.velocity(x, v, p)[1][3::3]
+    return _loads_function(ca.Function("loads", [x, v, a, p], [torque, speed]), terms, powers)
 
-    def loads(x: ca.SX, v: ca.SX, a: ca.SX, p: ca.SX) -> tuple[ca.SX, ca.SX]:
-        return inverse(x, v, a, p)[0], functions.velocity(x, v, p)[1][3::3]
 
-    return _loads_function(loads, terms, powers)
-
-
-def _loads_function(loads: _LoadsOf, terms: DeltaTerms, powers: int) -> RowFunction:
+def _loads_function(loads: ca.Function, terms: DeltaTerms, powers: int) -> RowFunction:
     """(coefficients 3 · powers, time since the interval began, limits of torque and speed and
-    p) -> torque and speed over their limits (3 each), demands (9)."""
+    p) -> torque and speed over their limits (3 each), demands (9); by ``loads``, (x, v, a, p)
+    -> τ, θ̇."""
     coefficients, t = ca.SX.sym("coefficients", 3 * powers), ca.SX.sym("t")
     x, v, a = (ca.SX.zeros(3) for _ in range(3))
     for c in reversed(ca.vertsplit(coefficients, 3)):  # Horner, differentiated twice

@@ -106,6 +106,15 @@ class DeltaFunctions:
         return ca.Function("explicit_torques", [x, v, a, p], [solve_affine(force, tau)])
 
     @cached_property
+    def explicit_loads(self) -> ca.Function:
+        """(x, v, a, p) -> τ, θ̇ by ``explicit_equations``."""
+        x, v, a = (SX.sym(name, 3) for name in ("x", "v", "a"))
+        p = self.terms.symbols().vector()
+        rates = self.explicit_equations(x, v, a, SX.zeros(3), p)[2]
+        loads = [self.explicit_torques(x, v, a, p), rates]
+        return ca.Function("explicit_loads", [x, v, a, p], loads, {"cse": True})
+
+    @cached_property
     def explicit_acceleration(self) -> ca.Function:
         """(x, v, tau, p) -> a by eq. (39) as ``explicit_equations`` writes it."""
         x, v, a, tau, p, force = self._affine_equations()

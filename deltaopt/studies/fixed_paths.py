@@ -11,10 +11,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache, partial
-from time import process_time
-from typing import Any, TypeVar
+from typing import Any
 
-import casadi as ca
 import numpy as np
 
 from deltaopt.errors import DeltaOptError, MissingPackage
@@ -26,9 +24,8 @@ from deltaopt.rows import RowFunction
 from deltaopt.scene import Scene
 from deltaopt.studies.peers import installed
 from deltaopt.studies.random_scenes import random_scenes
+from deltaopt.studies.timing import timed_call
 from deltaopt.trajectory import Array, Trajectory
-
-Result = TypeVar("Result")
 
 _LINE = (100, 400)
 """Intervals of TOPP-RA's grids on straight lines."""
@@ -138,11 +135,7 @@ def _limits(toppra: Any, scene: Scene) -> Any:
 @lru_cache(maxsize=4)
 def _loads(functions: DeltaFunctions) -> RowFunction:
     """(x, v, a, p) -> τ, θ̇ in machine code where there is a compiler, as our planner's are."""
-    x, v, a = (ca.SX.sym(name, 3) for name in ("x", "v", "a"))
-    p = ca.SX.sym("p", len(functions.terms.names))
-    rates = functions.explicit_equations(x, v, a, ca.SX.zeros(3), p)[2]
-    results = [functions.explicit_torques(x, v, a, p), rates]
-    return RowFunction(ca.Function("loads", [x, v, a, p], results, {"cse": True}))
+    return RowFunction(functions.explicit_loads)
 
 
 # Ruckig
@@ -221,7 +214,7 @@ def fixed_path_comparison(
     ours = []
     for i, scene in enumerate(random_scenes(robot, payload, number, seed)):
         planner.plan(scene.start, scene.goal)
-        plan, seconds = _timed(partial(planner.plan, scene.start, scene.goal))
+        plan, seconds = timed_call(partial(planner.plan, scene.start, scene.goal))
         ours.append(seconds)
         for name, duration in _peers(scene, plan.trajectory).items():
             try:
@@ -229,7 +222,7 @@ def fixed_path_comparison(
             except MissingPackage as error:
                 missing[str(error)] = name
                 continue
-            found, theirs = _timed(duration)
+            found, theirs = timed_call(duration)
             timing = Timing(found / plan.duration, theirs / seconds)
             timings.setdefault(name, []).append(timing)
         told(i + 1)
@@ -257,12 +250,6 @@ def _peers(scene: Scene, ours: Trajectory) -> dict[str, Callable[[], float]]:
     peers["Ruckig, accelerations known"] = lambda: motors.duration(acceleration)
     peers["Ruckig, and their bisection"] = lambda: motors.duration(motors.largest_acceleration())
     return peers
-
-
-def _timed(call: Callable[[], Result]) -> tuple[Result, float]:
-    begin = process_time()
-    result = call()
-    return result, process_time() - begin
 
 
 def _line(name: str, timings: list[Timing]) -> str:

@@ -18,7 +18,7 @@ from deltaopt.model import DeltaModel
 from deltaopt.planning.baseline import between
 from deltaopt.planning.flat import FAR, NEAR, FlatProblem
 from deltaopt.planning.nlp import Options
-from deltaopt.planning.plan import Plan, Planner
+from deltaopt.planning.plan import Planner
 from deltaopt.planning.problem import Guess
 from deltaopt.robot import Robot
 from deltaopt.scene import Scene
@@ -39,6 +39,7 @@ from deltaopt.studies.solvers import (
 )
 from deltaopt.studies.sqp import FeasibleSqp, ipopt, sqp
 from deltaopt.studies.stages import StageResult, StageSolver, fatrop
+from deltaopt.studies.timing import timed_call
 from deltaopt.trajectory import Array, Trajectory
 
 _EXACT = "Ipopt, cold"
@@ -196,8 +197,8 @@ def planner_near(
         try:
             known = planner.plan(scene.start, scene.goal)
             other = moved(scene, share, rng)
-            cold, seconds = _timed(partial(planner.plan, other.start, other.goal))
-            warm, faster = _timed(partial(planner.plan, other.start, other.goal, near=known))
+            cold, seconds = timed_call(partial(planner.plan, other.start, other.goal))
+            warm, faster = timed_call(partial(planner.plan, other.start, other.goal, near=known))
         except DeltaOptError:
             continue
         difference = warm.duration / cold.duration - 1
@@ -206,12 +207,6 @@ def planner_near(
         if len(gains) == number:
             break
     return gains
-
-
-def _timed(plan: Callable[[], Plan]) -> tuple[Plan, float]:
-    begin = process_time()
-    found = plan()
-    return found, process_time() - begin
 
 
 def gain_report(gains: list[Gain]) -> str:

@@ -13,6 +13,7 @@ import numpy as np
 
 from deltaopt.dynamics.lagrange import Multiplier
 from deltaopt.errors import DeltaOptError
+from deltaopt.feasibility import least_opening
 from deltaopt.machine_code import compiler
 from deltaopt.model import DeltaModel
 from deltaopt.planning.baseline import first_motion
@@ -23,7 +24,7 @@ from deltaopt.planning.nlp import Options, Program
 from deltaopt.planning.poses import Redundant
 from deltaopt.planning.problem import Guess
 from deltaopt.planning.scales import Scales
-from deltaopt.planning.transcription import PiecewiseAcceleration
+from deltaopt.planning.transcription import LINEAR
 from deltaopt.robot import Robot
 from deltaopt.scene import Scene
 from deltaopt.studies.random_scenes import random_scenes
@@ -122,15 +123,14 @@ def compare_solvers(
 def flat_problem(robot: Robot, payload: float, intervals: int) -> FlatProblem:
     """On a uniform mesh."""
     functions, speed = DeltaModel(robot, payload).functions, robot.speed_limits is not None
-    posed = Flat().of(functions, PiecewiseAcceleration(), speed=speed)
+    posed = Flat().of(functions, LINEAR, speed=speed)
     return posed.on(np.full(intervals, 1 / intervals))
 
 
 def case_of(problem: FlatProblem, scene: Scene) -> Case:
     """From the planner's first motion."""
     model, motion = DeltaModel(scene.robot, scene.payload), first_motion(scene)
-    openings = model.openings([scene.start, scene.goal])
-    scales = Scales(scene, motion.duration, float(openings.min()))
+    scales = Scales(scene, motion.duration, least_opening(scene))
     return Case(problem, Guess(motion, near=False, tolerance=1e-3), scales, model.parameters)
 
 
@@ -163,7 +163,7 @@ def _on_flat(problem: FlatProblem) -> dict[str, Solver]:
 def _on_multiplier(robot: Robot, payload: float, intervals: int) -> dict[str, Solver]:
     """The same moves in twelve coordinates with λ: the other coordinates are controls."""
     functions, speed = DeltaModel(robot, payload).functions, robot.speed_limits is not None
-    posed = Redundant(Multiplier()).of(functions, PiecewiseAcceleration(), speed=speed)
+    posed = Redundant(Multiplier()).of(functions, LINEAR, speed=speed)
     chain = posed.on(np.full(intervals, 1 / intervals)).chain
     independent, m = chain.equations.system.independent, chain.variables.components
     stages = _stages(chain.program, chain.variables.number, intervals, independent, m)

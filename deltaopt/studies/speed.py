@@ -14,13 +14,14 @@ import numpy as np
 
 from deltaopt.errors import DeltaOptError, MissingPackage
 from deltaopt.export_c import export_c
+from deltaopt.feasibility import least_opening
 from deltaopt.limits import speed_excess, torque_excess
 from deltaopt.machine_code import compiler
 from deltaopt.planning.flat import Flat
 from deltaopt.planning.plan import Plan, Planner
 from deltaopt.planning.problem import Guess
 from deltaopt.planning.scales import Scales
-from deltaopt.planning.transcription import PiecewiseAcceleration
+from deltaopt.planning.transcription import LINEAR
 from deltaopt.robot import Robot
 from deltaopt.scene import Scene
 from deltaopt.studies.random_scenes import random_scenes
@@ -152,12 +153,9 @@ def scaling(
 def _iteration(near: Plan, intervals: int) -> float:
     """Seconds of one iteration on a uniform mesh."""
     scene, model = near.scene, near.trajectory.model
-    posed = Flat().of(
-        model.functions, PiecewiseAcceleration(), speed=scene.speed_limits is not None
-    )
+    posed = Flat().of(model.functions, LINEAR, speed=scene.speed_limits is not None)
     problem = posed.on(np.full(intervals, 1 / intervals))
-    openings = model.openings([scene.start, scene.goal])
-    scales = Scales(scene, near.duration, float(openings.min()))
+    scales = Scales(scene, near.duration, least_opening(scene))
     guess = Guess(near.trajectory, near=True, tolerance=1e-3)
     solved = problem.solve(guess, scales, model.parameters)
     spent = solved.spent
