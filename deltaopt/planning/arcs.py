@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from deltaopt.planning.cost import FASTEST, Cost
 from deltaopt.planning.flat import ScaledEquations
+from deltaopt.planning.grid import parts_of
 from deltaopt.planning.nlp import (
     Layout,
     Options,
@@ -55,8 +56,6 @@ OPTIONS: Options = {
     # Two motors that switch together leave more rows than variables; CasADi would say so.
     "inputs_check": False,
 }
-_LONGEST = 0.15
-"""Of the duration: arcs longer than this are cut into intervals."""
 
 
 def integration() -> tuple[PointFunction, PointFunction]:
@@ -89,10 +88,6 @@ class ArcProblem:
     degree: int
     cost: Cost = FASTEST
 
-    @property
-    def name(self) -> str:
-        return f"{len(self.parts)} arcs, acceleration of degree {self.degree}"
-
     @cached_property
     def transcription(self) -> PiecewiseAcceleration:
         return PiecewiseAcceleration(self.degree, between=())
@@ -100,7 +95,7 @@ class ArcProblem:
     @cached_property
     def parts(self) -> Integers:
         """Into how many intervals each arc is cut, (arcs,)."""
-        return np.ceil(self.structure.lengths / _LONGEST).clip(1).astype(np.intp)
+        return parts_of(self.structure.lengths)
 
     @cached_property
     def arc(self) -> Integers:
@@ -264,14 +259,11 @@ class ArcProblem:
         """The motion that the variables describe, without arcs that have vanished."""
         h = self.interval_lengths(z)
         kept = h > 1e-9
+        h = h[kept]
         X = z[self._states[kept, :1] + np.arange(3)]
         V = z[self._states[kept, :1] + np.arange(3, 6)]
         A = self.accelerations(z)[kept]
-        coefficients = scales.length * self.transcription.coefficients(X, V, A, h[kept])
-        coefficients[:, 0] += scales.origin
-        coefficients /= scales.time ** np.arange(coefficients.shape[1])[:, None]
-        knots = scales.time * np.concatenate([[0.0], np.cumsum(h[kept])])
-        return PiecewisePolynomial(knots, coefficients)
+        return scales.polynomial(h, self.transcription.coefficients(X, V, A, h), scales.time)
 
     def prices(self, solution: Solution) -> Array:
         """Multipliers of the torques' bounds at the nodes, (n, degree + 1, 3)."""

@@ -181,7 +181,7 @@ class Conditions:
         """From a motion of about this structure; multipliers of least squares."""
         grid, held = self.grid, self.held
         lengths = np.clip(self.structure.lengths, 0.0, 1.0) * trajectory.duration
-        h = (lengths / grid.parts)[grid.arc]
+        h = grid.intervals_of(lengths)
         begin = np.concatenate([[0.0], np.cumsum(h)])
         inside = begin[:-1, None] + h[:, None] * np.clip(grid.nodes, 1e-6, 1 - 1e-6)
         position, velocity = trajectory.position, trajectory.position.derivative()
@@ -208,7 +208,7 @@ class Conditions:
     def _inside(self, motion: Extremal, barrier: float) -> Extremal:
         """With slacks and multipliers to begin with."""
         grid = self.grid
-        torques = np.einsum("nkl,nrl->nkr", grid.shapes, motion.free[grid.arc])
+        torques = grid.torques(motion.free)
         rows = self.stage.values(motion.at_nodes(grid).reshape(-1, 9), self.p)
         others = rows[:, self.others].reshape(*torques.shape[:2], -1)
         c = np.concatenate([torques, others], axis=2)
@@ -271,8 +271,5 @@ class Conditions:
         kept = h > 1e-9
         h, A = h[kept], motion.A[kept]
         X, V = motion.knots[:-1][kept, :3], motion.knots[:-1][kept, 3:]
-        coefficients = scales.length * self.grid.transcription.coefficients(X, V, A, h)
-        coefficients[:, 0] += scales.origin
-        coefficients /= scales.time ** np.arange(coefficients.shape[1])[:, None]
-        knots = scales.time * np.concatenate([[0.0], np.cumsum(h)])
-        return PiecewisePolynomial(knots, coefficients)
+        coefficients = self.grid.transcription.coefficients(X, V, A, h)
+        return scales.polynomial(h, coefficients, scales.time)

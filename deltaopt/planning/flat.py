@@ -307,14 +307,11 @@ class FlatProblem:
 
     def unpack(self, z: Array, scales: Scales) -> PiecewisePolynomial:
         """The motion that the variables describe, in m and s."""
-        T, blocks = z[-1] * scales.time, z[:-7].reshape(self.intervals, self._block)
+        blocks = z[:-7].reshape(self.intervals, self._block)
         X, V = blocks[:, :3], blocks[:, 3:6]
         A = blocks[:, 6 : self._motion_size].reshape(self.intervals, -1, 3)
-        coefficients = scales.length * self.transcription.coefficients(X, V, A, self.mesh)
-        coefficients[:, 0] += scales.origin
-        coefficients /= T ** np.arange(coefficients.shape[1])[:, None]
-        knots = T * np.concatenate([[0.0], np.cumsum(self.mesh)])
-        return PiecewisePolynomial(knots, coefficients)
+        coefficients = self.transcription.coefficients(X, V, A, self.mesh)
+        return scales.polynomial(self.mesh, coefficients, z[-1] * scales.time)
 
     def bounds(self, scales: Scales) -> tuple[Array, Array]:
         """Start and goal, torques within limits, a positive or the given duration."""

@@ -93,6 +93,11 @@ class Held:
         return cls(row, value, tuple(free), tuple(entries))
 
 
+def parts_of(lengths: Array) -> Integers:
+    """Into how many intervals arcs of these shares of the duration are cut, (arcs,)."""
+    return np.ceil(lengths / _LONGEST).clip(1).astype(np.intp)
+
+
 @dataclass(frozen=True)
 class Grid:
     """Arcs cut into ``parts`` intervals, (arcs,); acceleration of a ``degree`` on each; torques
@@ -106,9 +111,8 @@ class Grid:
     def of(cls, structure: Structure, degree: int, more_modes: int = 0) -> Grid:
         """Long arcs in several parts and with more modes."""
         lengths = np.clip(structure.lengths, 0.0, 1.0)
-        parts = np.ceil(lengths / _LONGEST).clip(1).astype(np.intp)
         modes = 1 + (more_modes + 10) * lengths.clip(0.0, 0.3) / 0.5 + 4 * lengths
-        return cls(parts, degree, np.ceil(modes).astype(np.intp))
+        return cls(parts_of(lengths), degree, np.ceil(modes).astype(np.intp))
 
     @cached_property
     def arc(self) -> Integers:
@@ -123,6 +127,14 @@ class Grid:
     @property
     def intervals(self) -> int:
         return len(self.arc)
+
+    def intervals_of(self, lengths: Array) -> Array:
+        """Lengths of the intervals, (n,), from those of the arcs."""
+        return np.asarray((lengths / self.parts)[self.arc])
+
+    def torques(self, free: Array) -> Array:
+        """Torques without limit at the nodes, (n, nodes, 3), from their modes by arc."""
+        return np.asarray(np.einsum("nkl,nrl->nkr", self.shapes, free[self.arc]))
 
     @property
     def most_modes(self) -> int:

@@ -73,7 +73,7 @@ class Extremal:
 
     def intervals(self, grid: Grid) -> Array:
         """Lengths of the intervals, (n,)."""
-        return np.asarray((self.lengths / grid.parts)[grid.arc])
+        return grid.intervals_of(self.lengths)
 
     def at_nodes(self, grid: Grid) -> Array:
         """y = (X, V, A) at the nodes, (n, nodes, 9)."""
@@ -115,15 +115,14 @@ class System:
         y = at.at_nodes(grid)
         r, J, H = of.stage.derivatives(y.reshape(-1, 9), bent.reshape(-1, rows), of.p)
         r, J, H = r.reshape(n, k, rows), J.reshape(n, k, rows, 9), H.reshape(n, k, 9, 9)
-        wanted = np.einsum("nkl,nrl->nkr", grid.shapes, at.free[grid.arc])
-        wanted += held.value[grid.arc][:, None]
+        torques = grid.torques(at.free)
+        wanted = torques + held.value[grid.arc][:, None]
         self._differ = np.take_along_axis(r, which, axis=2) - wanted
         self._gaps = y[:, -1, :6] - np.vstack([at.knots[1:-1], of.goal])
         self._entries = np.array(
             [r[grid.first[e.arc], 0, e.row] - e.value for e in held.entries], dtype=float
         )
         self._entry_slopes = [J[grid.first[e.arc], 0, e.row, :6] for e in held.entries]
-        torques = np.einsum("nkl,nrl->nkr", grid.shapes, at.free[grid.arc])
         c = np.where(within, np.concatenate([torques, r[..., others]], axis=2), 0.0)
         self._off = np.where(within, c - at.slack, 0.0)
         above, below = (np.maximum(1 + s * at.slack, 1e-300) for s in (-1, 1))
@@ -340,7 +339,7 @@ class System:
         costates = x[places.costate(0)[0] :][: 6 * n].reshape(n, 6)
         for (a, k), modes in zip(of.held.free, places.free, strict=True):
             free[a, k, : len(modes)] = x[modes]
-        h = (lengths / of.grid.parts)[of.grid.arc]
+        h = of.grid.intervals_of(lengths)
         outside = [knots[:-1], h[:, None], costates, np.ones((n, 1))]
         if of.held.free:
             outside.append(free[of.grid.arc].reshape(n, -1))
@@ -350,7 +349,7 @@ class System:
         by_own = np.concatenate([knots[:-1], h[:, None], A.reshape(n, -1)], axis=1)
         dy = (self._slopes @ by_own[:, None, :, None])[..., 0]
         moved = [
-            np.einsum("nkl,nrl->nkr", of.grid.shapes, free[of.grid.arc]),
+            of.grid.torques(free),
             np.einsum("nkra,nka->nkr", self._other_slopes, dy),
         ]
         slack = np.where(of.within, self._off + np.concatenate(moved, axis=2), 0.0)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.scene import Scene
+from deltaopt.trajectory import PiecewisePolynomial
 
 Array = NDArray[np.float64]
 
@@ -65,6 +66,14 @@ class Scales:
     @property
     def torques(self) -> Array:
         return np.array(self.scene.torque_limits)
+
+    def polynomial(self, h: Array, coefficients: Array, T: float) -> PiecewisePolynomial:
+        """In m and s, from scaled coefficients on intervals of lengths h, (n,), in units of
+        a time T (s)."""
+        coefficients = self.length * coefficients
+        coefficients[:, 0] += self.origin
+        coefficients /= T ** np.arange(coefficients.shape[1])[:, None]
+        return PiecewisePolynomial(T * np.concatenate([[0.0], np.cumsum(h)]), coefficients)
 
     def vector(self) -> Array:
         """x_start, D, time, torque limits, margin of the fold[, speed limits]."""
