@@ -41,12 +41,13 @@ def check_feasible(scene: Scene) -> None:
 
 def least_opening(scene: Scene) -> float:
     """sin² (q_{k,1} - q_{k,2}) of the chain at start or goal that is nearest to a fold."""
-    return float(_ends(scene)[2][:, 3:].min())
+    return float(reach_at_ends(scene)[:, 3:].min())
 
 
-def least_reach(scene: Scene) -> float:
-    """The smallest squared distance of start and goal from a serial singularity."""
-    return float(_ends(scene)[2].min())
+def reach_at_ends(scene: Scene) -> Array:
+    """Squared distances of start and goal from serial singularities, (2, 6): sideways, then
+    sin² (q_{k,1} - q_{k,2})."""
+    return _ends(scene)[2]
 
 
 def _is_feasible(scene: Scene) -> bool:

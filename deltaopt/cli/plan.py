@@ -42,7 +42,7 @@ from deltaopt.planning.plan import Plan, plan
 from deltaopt.planning.poses import Forward, Redundant
 from deltaopt.planning.problem import Pose
 from deltaopt.planning.starts import Optimum
-from deltaopt.planning.transcription import CUBIC, LINEAR, QUADRATIC
+from deltaopt.planning.transcription import TRANSCRIPTIONS
 from deltaopt.pontryagin import MET
 from deltaopt.scene import Scene, load_scene
 from deltaopt.trajectory import Trajectory
@@ -60,7 +60,6 @@ CLOSURES: dict[str, LoopClosure] = {
     "baumgarte": Baumgarte(),
     "acceleration": AccelerationLevel(),
 }
-TRANSCRIPTIONS = {"linear": LINEAR, "quadratic": QUADRATIC, "cubic": CUBIC}
 HELP = "find the best motion of a scene, the fastest as a rule, and verify it"
 
 

@@ -17,7 +17,7 @@ from deltaopt.dynamics.formulation import Projected
 from deltaopt.dynamics.lagrange import Multiplier
 from deltaopt.effort import cost as cost_of
 from deltaopt.errors import DeltaOptError, NotConverged
-from deltaopt.feasibility import check_feasible, least_opening, least_reach
+from deltaopt.feasibility import check_feasible, least_opening, reach_at_ends
 from deltaopt.mechanisms.delta_functions import DeltaFunctions
 from deltaopt.model import DeltaModel, delta_model
 from deltaopt.objectives import Objective, Time
@@ -36,7 +36,7 @@ from deltaopt.planning.settle import Settled, Unsettled, settle
 from deltaopt.planning.stage import Stage
 from deltaopt.planning.starts import Optimum, distinct, first_motions
 from deltaopt.planning.structure import READINGS, Limit, read_structure
-from deltaopt.planning.transcription import PiecewiseAcceleration
+from deltaopt.planning.transcription import LINEAR, PiecewiseAcceleration
 from deltaopt.record import Vector3
 from deltaopt.robot import Robot
 from deltaopt.scene import Limits, Scene
@@ -397,14 +397,15 @@ class Planner:
 
     @property
     def _transcription(self) -> PiecewiseAcceleration:
-        usual = PiecewiseAcceleration() if isinstance(self.objective, Time) else SMOOTH
+        usual = LINEAR if isinstance(self.objective, Time) else SMOOTH
         return self.transcription or usual
 
 
 def _for_rounding(scene: Scene) -> float:
     """Torques near a serial singularity are known to rounding over its distance only, whoever
     computes them."""
-    least = min(margin_of_fold(least_opening(scene)), least_reach(scene))
+    reach = reach_at_ends(scene)
+    least = min(margin_of_fold(float(reach[:, 3:].min())), float(reach.min()))
     return 1 + float(np.finfo(float).eps) / least
 
 

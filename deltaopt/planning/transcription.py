@@ -106,4 +106,5 @@ class PiecewiseAcceleration:
 LINEAR = PiecewiseAcceleration()
 QUADRATIC = PiecewiseAcceleration(2, (0.25, 0.75))
 CUBIC = PiecewiseAcceleration(3, (0.1, 0.5, 0.9))
+TRANSCRIPTIONS = {"linear": LINEAR, "quadratic": QUADRATIC, "cubic": CUBIC}
 """With limits at four, five and seven points of an interval."""

@@ -15,13 +15,16 @@ from numpy.typing import NDArray
 
 from deltaopt.errors import NotConverged
 from deltaopt.feasibility import least_opening
+from deltaopt.limits import loads_inside
 from deltaopt.planning.arcs import ArcProblem
 from deltaopt.planning.cost import FASTEST
 from deltaopt.planning.delta_system import DeltaProblem
 from deltaopt.planning.flat import ScaledEquations
+from deltaopt.planning.gap import FRACTIONS
 from deltaopt.planning.plan import Plan, plan
 from deltaopt.planning.poses import Forward
 from deltaopt.planning.problem import Guess
+from deltaopt.planning.rounds import shares
 from deltaopt.planning.scales import Scales
 from deltaopt.planning.structure import Structure, read_structure
 from deltaopt.planning.transcription import QUADRATIC
@@ -32,7 +35,6 @@ Array = NDArray[np.float64]
 
 DEGREES = (8, 11)
 INTERVALS = 160
-_FRACTIONS = np.linspace(0.0, 1.0, 25)
 _DISTURBED = 1e-3
 """Lengths of arcs from which the others begin are off by so much."""
 _SLOWER = 1.1
@@ -89,13 +91,8 @@ def agreement(scene: Scene, told: Callable[[float], None], intervals: int = INTE
 def _structure(found: Plan) -> Structure:
     """Which limits hold when, from the motion itself; lengths a little off."""
     scene, motion = found.scene, found.trajectory
-    inside = motion.inside_intervals(_FRACTIONS)
-    shape = (-1, len(_FRACTIONS), 3)
-    torque = (inside.tau / np.array(scene.torque_limits)).reshape(shape)
-    speed = None
-    if scene.speed_limits is not None:
-        speed = (inside.dtheta / np.array(scene.speed_limits)).reshape(shape)
-    read = read_structure(np.diff(motion.knots) / found.duration, torque, speed)
+    loads = shares(scene, loads_inside(scene, motion, FRACTIONS))
+    read = read_structure(np.diff(motion.knots) / found.duration, *loads)
     rng = np.random.default_rng(1)
     off = 1 + _DISTURBED * rng.uniform(-1, 1, len(read.lengths))
     read.lengths[:] *= off

@@ -10,11 +10,10 @@ from deltaopt.effort import effort
 from deltaopt.errors import NotConverged
 from deltaopt.objectives import Effort, Objective, TimeAndEffort
 from deltaopt.planning.plan import Plan, plan
-from deltaopt.planning.transcription import CUBIC, LINEAR, QUADRATIC, PiecewiseAcceleration
+from deltaopt.planning.transcription import TRANSCRIPTIONS, PiecewiseAcceleration
 from deltaopt.pontryagin import extremal
 from deltaopt.scene import Scene
 
-TRANSCRIPTIONS = {"linear": LINEAR, "quadratic": QUADRATIC, "cubic": CUBIC}
 SLOWER = (1.01, 1.1, 1.5, 2.0)
 """Durations of least effort, of the fastest motion's."""
 WEIGHTS = (0.01, 0.1, 1.0)

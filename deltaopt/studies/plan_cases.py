@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.dynamics.mechanism import SX
+from deltaopt.feasibility import least_opening
 from deltaopt.mechanisms.five_bar import FiveBarParameters, five_bar, inverse_kinematics
 from deltaopt.model import DeltaModel
 from deltaopt.planning.baseline import first_motion
@@ -115,8 +116,7 @@ def motion_inside(position: PiecewisePolynomial, fractions: Array) -> tuple[Arra
 def delta_case(name: str, scene: Scene) -> Case:
     """A scene, from its baseline."""
     model, guess = DeltaModel(scene.robot, scene.payload), first_motion(scene)
-    openings = model.openings(np.array([scene.start, scene.goal]))
-    scales = Scales(scene, guess.duration, float(openings.min()))
+    scales = Scales(scene, guess.duration, least_opening(scene))
     speed = scene.speed_limits
     return Case(
         name,

@@ -35,7 +35,7 @@ from deltaopt.planning.gap import GivenAway, given_away
 from deltaopt.planning.knots import at_switches
 from deltaopt.planning.nlp import Options, Program, Solution
 from deltaopt.planning.system import System
-from deltaopt.planning.transcription import PiecewiseAcceleration
+from deltaopt.planning.transcription import LINEAR, QUADRATIC, PiecewiseAcceleration
 from deltaopt.studies.interpreted import interpreted
 from deltaopt.studies.plan_cases import Case, Reference
 from deltaopt.studies.plan_measures import Meter, Quality, active_rank
@@ -46,8 +46,6 @@ Poses = dict[tuple[str, str], Equations]
 Progress = Callable[[float, str], None]
 """Told how much is done (0 to 1) and what comes next."""
 
-LINEAR = PiecewiseAcceleration()
-QUADRATIC = PiecewiseAcceleration(2, (0.25, 0.75))
 CLOSURES: tuple[LoopClosure, ...] = (
     KnotConstraints(),
     Projection(),

@@ -9,8 +9,9 @@ from textwrap import fill
 
 import numpy as np
 
+from deltaopt.planning.transcription import LINEAR
 from deltaopt.studies.plan_measures import Quality
-from deltaopt.studies.plans import LINEAR, PlanStudy, Row
+from deltaopt.studies.plans import PlanStudy, Row
 
 QUALITIES = tuple(f.name for f in fields(Quality))
 COLUMNS = (

@@ -9,13 +9,14 @@ from time import process_time
 
 import numpy as np
 
+from deltaopt.feasibility import least_opening
 from deltaopt.limits import safe_factor
 from deltaopt.model import DeltaModel
 from deltaopt.planning.baseline import first_motion
 from deltaopt.planning.flat import FlatEquations, equations
 from deltaopt.planning.plan import RESOLVED_BELOW, Planner
 from deltaopt.planning.scales import Scales
-from deltaopt.planning.transcription import PiecewiseAcceleration
+from deltaopt.planning.transcription import LINEAR
 from deltaopt.scene import Scene
 from deltaopt.trajectory import Trajectory
 
@@ -95,9 +96,9 @@ def _on_uniform_mesh(scene: Scene, intervals: int) -> Cost:
     begin = process_time()
     model = DeltaModel(scene.robot, scene.payload)
     guess = first_motion(scene)
-    scales = Scales(scene, guess.duration, float(model.openings([scene.start, scene.goal]).min()))
+    scales = Scales(scene, guess.duration, least_opening(scene))
     rows = equations(model.functions, speed=scene.speed_limits is not None)
-    problem = FlatEquations(rows, PiecewiseAcceleration()).on(np.full(intervals, 1 / intervals))
+    problem = FlatEquations(rows, LINEAR).on(np.full(intervals, 1 / intervals))
     p = np.concatenate([scales.vector(), model.parameters])
     solution = problem.program.solve(problem.pack(guess, scales), *problem.bounds(scales), p)
     trajectory = Trajectory(problem.unpack(solution.z, scales), model)
