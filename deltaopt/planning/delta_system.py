@@ -12,7 +12,7 @@ from deltaopt.dynamics.mechanism import SX
 from deltaopt.mechanisms.delta_functions import DeltaFunctions
 from deltaopt.planning.chain import FAR, NEAR, ChainProblem, Equations
 from deltaopt.planning.cost import Cost
-from deltaopt.planning.problem import Guess, Solved
+from deltaopt.planning.problem import IPOPT_FINEST, Guess, Solved
 from deltaopt.planning.scales import Scales
 from deltaopt.planning.system import RestToRest, System, Units
 from deltaopt.planning.transcription import PiecewiseAcceleration
@@ -75,6 +75,10 @@ class DeltaProblem:
     @property
     def mesh(self) -> Array:
         return self.chain.mesh
+
+    @property
+    def finest(self) -> int:
+        return IPOPT_FINEST
 
     def solve(self, guess: Guess, scales: Scales, parameters: Array) -> Solved:
         """By Ipopt. All twelve coordinates are told where they drift; otherwise the loops close

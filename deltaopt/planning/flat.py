@@ -28,6 +28,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from deltaopt.errors import NotConverged
 from deltaopt.mechanisms.delta_functions import DeltaFunctions
 from deltaopt.planning.cost import FASTEST, Cost
 from deltaopt.planning.interior_point import Interior, InteriorPoint, Settings, interior_point
@@ -40,7 +41,7 @@ from deltaopt.planning.nlp import (
     RunningCost,
     Solution,
 )
-from deltaopt.planning.problem import Guess, Solved, solved_by_ipopt
+from deltaopt.planning.problem import IPOPT_FINEST, Guess, Solved, solved_by_ipopt
 from deltaopt.planning.scales import Scales
 from deltaopt.planning.transcription import PiecewiseAcceleration
 from deltaopt.trajectory import Motion, PiecewisePolynomial, Trajectory
@@ -54,6 +55,7 @@ _FROM_FAR = (FAR, Settings(barrier=0.5, closest=0.6), Settings(barrier=3.0, clos
 _FROM_NEAR = (NEAR, Settings(barrier=3.0, closest=0.6), FAR)
 """Where it does not get through from there, another beginning mostly does, far sooner than
 Ipopt, which comes last."""
+_FINEST = 4000
 
 
 @dataclass(frozen=True)
@@ -188,6 +190,11 @@ class FlatProblem:
         return len(self.mesh)
 
     @property
+    def finest(self) -> int:
+        """No mesh of more intervals is worth its time."""
+        return IPOPT_FINEST if self._interior_point is None else _FINEST
+
+    @property
     def _motion_size(self) -> int:
         return 6 + 3 * len(self.transcription.nodes)
 
@@ -233,12 +240,22 @@ class FlatProblem:
             settings = replace(begin, tolerance=guess.tolerance)
             found = self.from_inside(guess, scales, parameters, settings)
             if found is not None and found.solved:
-                prices = np.delete(found.prices, np.s_[3:6], axis=2) / found.T
-                position = self._cubics(found, scales)
-                left = found.left
+                prices = found.prices / found.T
                 return Solved(
-                    position, prices, found.status, found.iterations, found.spent, left=left
+                    self._cubics(found, scales),
+                    np.delete(prices, np.s_[3:6], axis=2),
+                    found.status,
+                    found.iterations,
+                    found.spent,
+                    left=found.left,
+                    opening_prices=prices[:, :, 3:6],
                 )
+        if self.intervals > IPOPT_FINEST:
+            raise NotConverged(
+                f"the interior-point method does not converge on {self.intervals} intervals",
+                "No_Progress",
+                guess.trajectory,
+            )
         return solved_by_ipopt(self, self.program, guess, scales, parameters)
 
     def from_inside(
@@ -248,8 +265,11 @@ class FlatProblem:
         method = self._interior_point
         if method is None:
             return None
-        p = np.concatenate([scales.vector(), parameters])
-        return method.solve(self.mesh, p, *self._at_knots(guess.trajectory, scales), settings)
+        p = np.concatenate([replace(scales, speed_share=1.0).vector(), parameters])
+        share = np.insert(scales.shares(self.intervals), [3, 3, 3], 1.0, axis=1)
+        share = np.ascontiguousarray(share[:, : method.rows])  # torques, openings, speeds
+        knots, T = self._at_knots(guess.trajectory, scales)
+        return method.solve(self.mesh, p, share, knots, T, settings)
 
     @property
     def _interior_point(self) -> InteriorPoint | None:

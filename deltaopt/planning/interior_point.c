@@ -3,8 +3,8 @@
      minimise T   subject to   -1 <= c(y_j) <= 1   at four points j of every interval,
      y = (X, V, A, T) at a point, linear in the knots' (X, V) and in T
 
-   c are three torques in units of their limits and other rows, such as speeds. Both ends are
-   at rest and given. With t a copy of c kept strictly inside the limits, c(y) - t = 0, and
+   c are three torques and other rows, such as speeds, over the share of their limits that an
+   interval may use. Both ends are at rest and given. With t a copy of c kept strictly inside the limits, c(y) - t = 0, and
    its multipliers and those of the limits eliminated, Newton's equations are in the knots
    alone: 6 x 6 blocks along the diagonal, and T as the last row. They are solved with
    Cholesky's method, which also tells whether the step is one of descent.
@@ -43,6 +43,7 @@ typedef struct {
 
 typedef struct {
   V weight[3][4];                /* of X_i, V_i, X_i+1, V_i+1 in X, V, A */
+  double scale[NC];              /* 1 / share of the limits that may be used */
   V c[NC], t[NC];                /* rows and their copies */
   V over[NC], under[NC];         /* 1 / distance of t to its limits */
   V upper[NC], lower[NC];        /* multipliers of the limits of t */
@@ -66,6 +67,7 @@ typedef struct {
   double *z, *dz, *trial, *g;    /* n + 1 knots of six, then T */
   V p[NP];
   double pivot_T, mu, penalty;
+  int too_long;
   Report *report;
 } Problem;
 
@@ -106,7 +108,7 @@ static void set_weights(Interval *I, double e, const double *fractions) {
       for (int a = 0; a < 4; a++) I->weight[j][a][k] = W[j][a];
   }
   for (int a = 0; a < 4; a++)
-    for (int b = 0; b < 4; b++) I->bending[a][b] = sum(I->weight[2][a] * I->weight[2][b]);
+    for (int b = 0; b < 4; b++) I->bending[a][b] = 16 * e * sum(I->weight[2][a] * I->weight[2][b]);
 }
 
 /* y = (X, V, A, T) at the points, from the interval's two knots. */
@@ -153,7 +155,7 @@ static void invert(const V *B, V *inverse) {
   for (int k = 0; k < 9; k++) inverse[k] *= one_by;
 }
 
-/* Torques and other rows at the points; the inverse of B beside. */
+/* Torques and other rows at the points, over their limits; the inverse of B beside. */
 static void rows(const Problem *P, const V *y, V *c, V *inverse) {
   V F[3], B[9];
   values(y, P->p, F, B, c + 3);
@@ -164,15 +166,22 @@ static void rows(const Problem *P, const V *y, V *c, V *inverse) {
   }
 }
 
+static void scale(const Interval *I, V *c) {
+  for (int r = 0; r < NC; r++) c[r] *= I->scale[r];
+}
+
 /* Rows, C, and into M, 10 x 10, the curvature of y . c, torques being functions of y. */
 static void differentiate(const Problem *P, Interval *I, const double *knots, V M[10][10]) {
-  V y[13], inverse[9], lambda[NC], dF[30], H[55], H_tau[30];
+  V y[13], inverse[9], weight[NC], lambda[NC], dF[30], H[55], H_tau[30];
   at_points(I, knots, *duration(P, P->z), y);
   rows(P, y, I->c, inverse);
   memcpy(y + 10, I->c, 3 * sizeof(V));
+  memcpy(weight, I->y, sizeof weight);
+  scale(I, weight);
+  scale(I, I->c);
   for (int k = 0; k < 3; k++)
-    lambda[k] = -(inverse[k] * I->y[0] + inverse[3 + k] * I->y[1] + inverse[6 + k] * I->y[2]);
-  for (int k = 3; k < NC; k++) lambda[k] = I->y[k];
+    lambda[k] = -(inverse[k] * weight[0] + inverse[3 + k] * weight[1] + inverse[6 + k] * weight[2]);
+  for (int k = 3; k < NC; k++) lambda[k] = weight[k];
   second(y, lambda, P->p, dF, &I->C[0][0] + 30, H, H_tau);
   for (int k = 0; k < 3; k++)
     for (int a = 0; a < 10; a++)
@@ -185,6 +194,8 @@ static void differentiate(const Problem *P, Interval *I, const double *knots, V 
       for (int k = 0; k < 3; k++)
         M[a][b] += H_tau[3 * a + k] * I->C[k][b] + H_tau[3 * b + k] * I->C[k][a];
     }
+  for (int r = 0; r < NC; r++)
+    for (int a = 0; a < 10; a++) I->C[r][a] *= I->scale[r];
 }
 
 /* Add the limits pushing back: sum over the rows of stiffness times derivatives squared.
@@ -317,8 +328,8 @@ static int factorise(Problem *P, double shift) {
 
 /* Factorise with the first shift from this one on that gives a direction of descent; 0 if
    none does. */
-static int factorise_shifted(Problem *P, double *shift) {
-  for (; *shift < 1e6; *shift = greater(8 * *shift, SHIFT))
+static int factorise_shifted(Problem *P, double *shift, double first) {
+  for (; *shift < 1e6; *shift = greater(8 * *shift, first))
     if (factorise(P, *shift)) return 1;
   return 0;
 }
@@ -469,6 +480,7 @@ static double merit(Problem *P, double step) {
     V y[10], c[NC], inverse[9];
     at_points(P->interval + i, P->trial + 6 * i, T, y);
     rows(P, y, c, inverse);
+    scale(P->interval + i, c);
     total += merit_of_rows(P, P->interval + i, c, step);
   }
   P->report->evaluations++;
@@ -503,7 +515,10 @@ static int try_direction(Problem *P, double *dual) {
   longest_steps(P, greater(0.99, 1 - P->mu), &step, dual);
   const double now = merit_now(P, &slope), aim = 1e-4 * lesser(slope, 0.0);
   for (int k = 0; k < 12; k++, step /= 2)
-    if (merit(P, step) <= now + aim * step + 1e-12) return 1;
+    if (merit(P, step) <= now + aim * step + 1e-12) {
+      P->too_long = k > 1;
+      return 1;
+    }
   return 0;
 }
 
@@ -527,7 +542,8 @@ static void move(Problem *P, double dual) {
 }
 
 /* Weights, rows and multipliers at the guess; 0 where the rows are no numbers. */
-static int begin(Problem *P, const double *mesh, const double *fractions, const Settings *S) {
+static int begin(Problem *P, const double *mesh, const double *fractions, const double *share,
+                 const Settings *S) {
   double total = 0;
   P->mu = S->barrier * *duration(P, P->z) / (8.0 * NC * P->n);
   P->penalty = 0;
@@ -537,6 +553,8 @@ static int begin(Problem *P, const double *mesh, const double *fractions, const 
     set_weights(I, mesh[i], fractions);
     at_points(I, P->z + 6 * i, *duration(P, P->z), y);
     rows(P, y, I->c, inverse);
+    for (int r = 0; r < NC; r++) I->scale[r] = 1 / share[NC * i + r];
+    scale(I, I->c);
     for (int r = 0; r < NC; r++) {
       const V most = ALL(1 - S->closest), least = ALL(S->closest - 1);
       I->t[r] = smaller(larger(I->c[r], least), most);
@@ -585,9 +603,11 @@ static double largest_change(const Problem *P) {
    Where curvature almost vanishes it would ask for torques far beyond their limits, and end
    at the first of them: that too is cured by a shift. */
 static int aim(Problem *P, double *shift) {
-  *shift = *shift > SHIFT ? *shift / 8 : 0.0;
-  for (;; *shift = greater(8 * *shift, SHIFT)) {
-    if (!factorise_shifted(P, shift)) return 0;
+  const double first = SHIFT * lesser(1.0, 1e3 * complementarity(P, 0, 0) / *duration(P, P->z));
+  *shift = P->too_long ? greater(8 * *shift, first) : *shift > first ? *shift / 8 : 0.0;
+  P->too_long = 0;
+  for (;; *shift = greater(8 * *shift, first)) {
+    if (!factorise_shifted(P, shift, first)) return 0;
     direction(P, 0.0);
     double primal, dual;
     longest_steps(P, 1.0, &primal, &dual);
@@ -621,9 +641,11 @@ int64_t workspace(int64_t n) {
   return 128 + n * (sizeof(Interval) + sizeof(Block)) + 3 * (6 * (n + 1) + 1) * sizeof(double) + 64;
 }
 
-/* z: in, a guess; out, the solution. prices: out, n x 4 x NC multipliers of the rows. */
-int solve(int64_t n, const double *mesh, const double *fractions, const double *p, double *z,
-          double *prices, const Settings *settings, Report *report, void *memory) {
+/* share: of the limits that may be used, n x NC. z: in, a guess; out, the solution. prices: out,
+   n x 4 x NC multipliers of the rows. */
+int solve(int64_t n, const double *mesh, const double *fractions, const double *share,
+          const double *p, double *z, double *prices, const Settings *settings, Report *report,
+          void *memory) {
   Problem P = {.n = n, .z = z, .report = report};
   P.interval = (Interval *)aligned((uintptr_t)memory);
   P.block = (Block *)aligned((uintptr_t)(P.interval + n));
@@ -632,10 +654,10 @@ int solve(int64_t n, const double *mesh, const double *fractions, const double *
   P.g = P.trial + size(&P);
   for (int k = 0; k < NP; k++) P.p[k] = ALL(p[k]);
   memset(report, 0, sizeof *report);
-  const int status = begin(&P, mesh, fractions, settings) ? iterate(&P, settings) : NOT_A_NUMBER;
+  const int status = begin(&P, mesh, fractions, share, settings) ? iterate(&P, settings) : NOT_A_NUMBER;
   for (int64_t i = 0; i < n; i++)
     for (int r = 0; r < NC; r++)
       for (int l = 0; l < 4; l++)
-        prices[(4 * i + l) * NC + r] = P.interval[i].upper[r][l] - P.interval[i].lower[r][l];
+        prices[(4 * i + l) * NC + r] = P.interval[i].y[r][l] * P.interval[i].scale[r];
   return status;
 }

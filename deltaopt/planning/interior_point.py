@@ -96,8 +96,11 @@ class InteriorPoint:
     rows: int
     points: tuple[float, ...]
 
-    def solve(self, mesh: Array, p: Array, knots: Array, T: float, settings: Settings) -> Interior:
-        """From a guess, (N + 1, 6) and T, whose ends stay. ``p``: the point function's."""
+    def solve(
+        self, mesh: Array, p: Array, share: Array, knots: Array, T: float, settings: Settings
+    ) -> Interior:
+        """From a guess, (N + 1, 6) and T, whose ends stay. ``p``: the point function's.
+        ``share``: of the rows' limits that may be used, (N, rows)."""
         N = len(mesh)
         z = np.append(knots, T)
         prices, report = np.empty((N, LANES, self.rows)), _Report()
@@ -105,6 +108,7 @@ class InteriorPoint:
             ctypes.c_int64(N),
             _pointer(np.ascontiguousarray(mesh)),
             self._fractions.ctypes.data_as(ctypes.c_void_p),
+            _pointer(share),
             _pointer(np.ascontiguousarray(p)),
             _pointer(z),
             _pointer(prices),

@@ -24,18 +24,14 @@ from deltaopt.objectives import Objective, Time
 from deltaopt.planning.baseline import between
 from deltaopt.planning.certificate import Certificate
 from deltaopt.planning.cost import FASTEST, Cost
-from deltaopt.planning.extremal import Barrier
-from deltaopt.planning.flat import Flat, ScaledEquations
-from deltaopt.planning.gap import FRACTIONS, refined
+from deltaopt.planning.flat import Flat
 from deltaopt.planning.least_cost import SMOOTH, CostRound, cost_to_minimise, least_cost
 from deltaopt.planning.poses import posed_as
 from deltaopt.planning.problem import Guess, Pose, Posed
-from deltaopt.planning.rounds import Attempt, Round, attempt, gap_of, round_of, shares
+from deltaopt.planning.rounds import Round, gap_of, round_of
 from deltaopt.planning.scales import Scales, margin_of_fold
-from deltaopt.planning.settle import Settled, Unsettled, settle
-from deltaopt.planning.stage import Stage
+from deltaopt.planning.search import Search
 from deltaopt.planning.starts import Optimum, distinct, first_motions
-from deltaopt.planning.structure import READINGS, Limit, read_structure
 from deltaopt.planning.transcription import LINEAR, PiecewiseAcceleration
 from deltaopt.record import Vector3
 from deltaopt.robot import Robot
@@ -49,12 +45,8 @@ Pair = tuple[Vector3, Vector3]
 
 RESOLVED_BELOW = 1e-4
 """Tolerances below this are met by resolving switches: finer meshes cost more and more."""
-_READABLE = 2e-3
-"""A mesh solution with a smaller gap shows which motor is at which limit when."""
-_MOST_READ = 3
-"""Meshes that structures are read from: what they do not settle finer ones hardly do."""
-_MOST_INTERVALS = 300
-"""No mesh is refined that is finer than this: every refinement multiplies time by four."""
+_FIRST = 1e-4
+"""To which the first mesh is solved at most, whatever the tolerance: it is coarse."""
 
 
 @dataclass(frozen=True)
@@ -224,12 +216,24 @@ class Planner:
         if not isinstance(scene.objective, Time):
             return self._of_least_cost(scene, guess, tell)
         begin = perf_counter()
-        attempts, rounds, resolved = self._solve(scene, guess, tell)
+        model = delta_model(scene.robot, scene.payload)
+        search = Search(
+            self._posed(model, FASTEST),
+            Scales(scene, guess.trajectory.duration, least_opening(scene)),
+            model,
+            self.tolerance,
+            self.tolerance < self.resolved_below,
+            tell,
+        )
+        resolved = search.from_guess(guess, self.intervals)
+        attempts, rounds = search.attempts, search.rounds
         best = min(range(len(rounds)), key=lambda i: rounds[i].safe_duration)
         if not resolved:
             attempts[best] = attempts[best].exact()
             rounds[best] = round_of(attempts[: best + 1])
         chosen = resolved or attempts[best]
+        by_mesh = search.resolves and not resolved
+        certificate = search.certificate(attempts[best]) if by_mesh else None
         if isinf(chosen.safe_factor):
             raise NotConverged(
                 "gravity alone exceeds a torque limit somewhere between the points of every mesh",
@@ -248,7 +252,7 @@ class Planner:
             gap=resolved.gap if resolved else gap_of(rounds, best),
             tolerance=self.tolerance,
             rounds=tuple(rounds),
-            certificate=resolved.certificate if resolved else None,
+            certificate=resolved.certificate if resolved else certificate,
         )
 
     def _of_least_cost(self, scene: Scene, guess: Guess, tell: Progress) -> Plan:
@@ -291,70 +295,6 @@ class Planner:
         except DeltaOptError as error:
             return error
 
-    def _solve(
-        self, scene: Scene, first: Guess, tell: Progress
-    ) -> tuple[list[Attempt], list[Round], Settled | None]:
-        """Solve on finer and finer meshes until the gap is small enough, the switches can be
-        resolved, or no more is gained."""
-        model = delta_model(scene.robot, scene.payload)
-        posed = self._posed(model, FASTEST)
-        scales = Scales(scene, first.trajectory.duration, least_opening(scene))
-        mesh = np.full(self.intervals, 1 / self.intervals)
-        attempts = [attempt(posed.on(mesh), scales, first, model)]
-        rounds = [round_of(attempts)]
-        tell(str(rounds[-1]))
-        read = 0
-        while not self._done(rounds):
-            last, aim = attempts[-1], self.tolerance / 3
-            if self._by_switches:
-                if rounds[-1].gap < _READABLE and read < _MOST_READ:
-                    read += 1
-                    resolved = self._resolved(last, scales, tell)
-                    if resolved:
-                        return attempts, rounds, resolved
-                aim = max(aim, rounds[-1].gap / 16)
-            mesh = refined(last.problem.mesh, last.lost, aim)
-            if len(mesh) == len(last.problem.mesh):
-                tell(f"{len(mesh)} intervals: nothing is known to be gained by more of them")
-                break
-            try:
-                guess = Guess(last.trajectory, near=True, tolerance=self._accuracy)
-                attempts.append(attempt(posed.on(mesh), scales, guess, model))
-            except NotConverged as error:  # what is there already is a motion all the same
-                tell(f"{len(mesh)} intervals: {error}")
-                break
-            rounds.append(round_of(attempts))
-            if rounds[-1].gap <= self.tolerance:  # by samples; but is it?
-                attempts[-1] = attempts[-1].exact()
-                rounds[-1] = round_of(attempts)
-            tell(str(rounds[-1]))
-        return attempts, rounds, None
-
-    def _resolved(self, last: Attempt, scales: Scales, tell: Progress) -> Settled | None:
-        """With its switches resolved, or None if the structure cannot be settled yet."""
-        model, motion = last.trajectory.model, last.trajectory
-        stage = _stage(model.functions, self._speed_is_limited)
-        loads = (*shares(last.scene, last.loads), _openings(stage, motion, scales))
-        read: set[tuple[tuple[Limit, ...], ...]] = set()
-        for reading in READINGS:
-            structure = read_structure(last.problem.mesh, *loads, reading)
-            if structure.limits in read:
-                continue
-            read.add(structure.limits)
-            for barrier in (None, Barrier(last=self.tolerance / 10)):
-                try:
-                    found = settle(stage, model, structure, motion, scales, self.tolerance, barrier)
-                except Unsettled as error:
-                    tell(f"{len(structure.limits)} arcs: not settled yet: {error}")
-                    continue
-                tell(
-                    f"{len(found.conditions.structure.limits)} arcs: "
-                    f"{found.trajectory.duration:.9f} s, gap {found.gap:.1e}, satisfies "
-                    f"Pontryagin's condition to {found.certificate.residual:.0e}"
-                )
-                return found
-        return None
-
     def _guesses(self, scene: Scene, near: Plan | None, starts: int, seed: int) -> Iterator[Guess]:
         """The plan of similar ends, moved to these; or motions without optimisation."""
         if near is not None:
@@ -364,21 +304,7 @@ class Planner:
             starts -= 1
         if starts > 0:
             for motion in first_motions(scene, starts, seed):
-                yield Guess(motion, near=False, tolerance=self.tolerance)
-
-    def _done(self, rounds: list[Round]) -> bool:
-        """After two meshes at least: one alone has nothing to be compared with."""
-        enough = rounds[-1].gap <= self.tolerance
-        return len(rounds) > 1 and (enough or rounds[-1].intervals > _MOST_INTERVALS)
-
-    @property
-    def _accuracy(self) -> float:
-        """Of the solution on a mesh; structures are read from exact ones only."""
-        return 1e-8 if self._by_switches else self.tolerance / 3
-
-    @property
-    def _by_switches(self) -> bool:
-        return self.tolerance < self.resolved_below
+                yield Guess(motion, near=False, tolerance=max(_FIRST, self.tolerance))
 
     @property
     def _speed_is_limited(self) -> bool:
@@ -418,19 +344,3 @@ def _posed(
     cost: Cost,
 ) -> Posed:
     return pose.of(functions, transcription, speed=speed, cost=cost)
-
-
-@lru_cache(maxsize=8)
-def _stage(functions: DeltaFunctions, speed: bool) -> Stage:
-    """Built once in a process, as ``_posed``."""
-    return Stage(ScaledEquations.of(functions, speed=speed))
-
-
-def _openings(stage: Stage, motion: Trajectory, scales: Scales) -> Array:
-    """How far chains are from the margin of their fold, (N, len(FRACTIONS), 3)."""
-    N = len(motion.knots) - 1
-    since = np.diff(motion.knots)[:, None] * FRACTIONS
-    x = motion.position.inside(np.repeat(np.arange(N), len(FRACTIONS)), since.ravel())
-    X = (x - scales.origin) / scales.length
-    p = np.concatenate([scales.vector(), motion.model.parameters])
-    return stage.openings(X, p).reshape(N, len(FRACTIONS), 3)

@@ -18,12 +18,21 @@ from deltaopt.trajectory import PiecewisePolynomial, Trajectory
 Array = NDArray[np.float64]
 
 
+IPOPT_FINEST = 300
+"""No mesh of more intervals is worth its time to Ipopt: every refinement multiplies it by four."""
+
+
 class Problem(Protocol):
     """A problem on a mesh, ready to be solved for scenes of a robot."""
 
     @property
     def mesh(self) -> Array:
         """Lengths of the intervals as fractions of the duration, (N,)."""
+        ...
+
+    @property
+    def finest(self) -> int:
+        """No mesh is refined that has more intervals."""
         ...
 
     def solve(self, guess: Guess, scales: Scales, parameters: Array) -> Solved:
@@ -68,7 +77,8 @@ class Solved:
     ``prices``: fraction of the duration per fraction of a limit, (N, points, 3 or 6): torques,
     then limited speeds; positive at the upper limit, negative at the lower. ``coordinates``: all
     twelve, m and rad, where they do not follow from the platform's position. ``left``: by what
-    fraction of the duration the solver's next step would shorten it.
+    fraction of the duration the solver's next step would shorten it. ``opening_prices``: the same
+    of the margins of the folds, (N, points, 3), where the solver tells them.
     """
 
     position: PiecewisePolynomial
@@ -78,6 +88,7 @@ class Solved:
     spent: Spent
     coordinates: PiecewisePolynomial | None = None
     left: float = 0.0
+    opening_prices: Array | None = None
 
 
 def solved_by_ipopt(

@@ -14,6 +14,7 @@ from deltaopt.planning.gap import DOUBT, FRACTIONS, GivenAway, given_away
 from deltaopt.planning.nlp import Spent
 from deltaopt.planning.problem import Guess, Problem, Solved
 from deltaopt.planning.scales import Scales
+from deltaopt.planning.tightening import Overshoot
 from deltaopt.scene import Scene
 from deltaopt.trajectory import Trajectory
 
@@ -48,7 +49,9 @@ def attempt(problem: Problem, scales: Scales, guess: Guess, model: DeltaModel) -
     slowing = slowing_inside(loads, len(FRACTIONS))
     lost = given_away(solution.prices, *shares(scene, loads), slowing)
     factor = sampled_factor(loads)
-    return Attempt(problem, solution, trajectory, loads, lost, factor, scene)
+    by_motor = shares(scene, loads)
+    over = Overshoot.of(problem.mesh, *by_motor)
+    return Attempt(problem, solution, trajectory, loads, lost, factor, scene, over)
 
 
 @dataclass(frozen=True)
@@ -62,6 +65,7 @@ class Attempt:
     lost: GivenAway
     safe_factor: float
     scene: Scene
+    overshoot: Overshoot
     is_exact: bool = False
 
     @property

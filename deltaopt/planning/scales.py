@@ -31,13 +31,13 @@ def margin_of_fold(opening_at_ends: float) -> float:
 class Scales:
     """Magnitudes of a scene: its length D (m), a time (s), the drives' limits, and how far
     its ends are from a fold (least sin² (q_{k,1} - q_{k,2})). ``torque_share`` and
-    ``speed_share``: of the limits that may be used, that of torque by interval, (N, 1, 3)."""
+    ``speed_share``: of the limits that may be used, everywhere or by interval, (N, 1, 3)."""
 
     scene: Scene
     time: float
     opening_at_ends: float
     torque_share: Array | float = 1.0
-    speed_share: float = 1.0
+    speed_share: Array | float = 1.0
 
     @property
     def origin(self) -> Array:
@@ -67,6 +67,11 @@ class Scales:
     def torques(self) -> Array:
         return np.array(self.scene.torque_limits)
 
+    def shares(self, intervals: int) -> Array:
+        """Of the limits of torque and speed that may be used in each interval, (N, 6)."""
+        by_interval = (self.torque_share, self.speed_share)
+        return np.hstack([np.broadcast_to(s, (intervals, 1, 3))[:, 0] for s in by_interval])
+
     def polynomial(self, h: Array, coefficients: Array, T: float) -> PiecewisePolynomial:
         """In m and s, from scaled coefficients on intervals of lengths h, (n,), in units of
         a time T (s)."""
@@ -76,8 +81,10 @@ class Scales:
         return PiecewisePolynomial(T * np.concatenate([[0.0], np.cumsum(h)]), coefficients)
 
     def vector(self) -> Array:
-        """x_start, D, time, torque limits, margin of the fold[, speed limits]."""
+        """x_start, D, time, torque limits, margin of the fold[, speed limits], the latter
+        without shares by interval: who solves has to know of these."""
         scene = self.scene
-        speeds = (self.speed_share * speed for speed in scene.speed_limits or ())
+        share = 1.0 if isinstance(self.speed_share, np.ndarray) else self.speed_share
+        speeds = (share * speed for speed in scene.speed_limits or ())
         limits = [*scene.torque_limits, margin_of_fold(self.opening_at_ends), *speeds]
         return np.array([*scene.start, self.length, self.time, *limits])

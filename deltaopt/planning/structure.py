@@ -8,7 +8,7 @@ is a sequence of arcs with estimated lengths; where exactly they end is for othe
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -18,9 +18,6 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Signs = NDArray[np.int8]
 
-_TORQUE_AT_LIMIT, _SPEED_AT_LIMIT = 0.9, 0.99
-"""Of a load, everywhere in an interval. Torque comes to its limit in a jump, and coarse
-polynomials leave some of it unused; speed comes to its limit gradually."""
 _OPENING_AT_MARGIN = 1e-3
 """At most, everywhere in an interval."""
 VANISHED = 1e-5
@@ -86,14 +83,21 @@ class Stretch:
 @dataclass(frozen=True)
 class Reading:
     """How a mesh is read. ``widest``: intervals; what is wider between two limits is no smeared
-    switch but an arc. ``simultaneous``: of the duration; closer switches are one."""
+    switch but an arc. ``simultaneous``: of the duration; closer switches are one. ``torque``,
+    ``speed``: of a load that is at its limit, everywhere in an interval. Torque comes to its
+    limit in a jump, and coarse polynomials leave some of it unused; speed comes gradually.
+    """
 
     widest: int = 3
     simultaneous: float = 2e-4
+    torque: float = 0.9
+    speed: float = 0.99
 
 
 READINGS = (Reading(), Reading(widest=8), Reading(simultaneous=3e-3), Reading(widest=1))
 """In the order in which they are tried."""
+SHARP = tuple(replace(reading, torque=0.99, speed=0.9999) for reading in READINGS)
+"""Of meshes on which next to nothing is given away."""
 
 
 def read_structure(
@@ -109,9 +113,9 @@ def read_structure(
     ends[-1] = 1.0
     m = torque.shape[2]
     nothing = np.zeros((len(mesh), m), np.int8)
-    speeds = nothing if speed is None else _held(speed, _SPEED_AT_LIMIT)
+    speeds = nothing if speed is None else _held(speed, reading.speed)
     openings = nothing if opening is None else opening.max(axis=1) < _OPENING_AT_MARGIN
-    torques = np.where((speeds != 0) | (openings != 0), 0, _held(torque, _TORQUE_AT_LIMIT))
+    torques = np.where((speeds != 0) | (openings != 0), 0, _held(torque, reading.torque))
     held = np.stack([torques, speeds, openings], axis=2).astype(int)  # (N, m, 3)
     motors = [
         _sharpened(_stretches(ends, held[:, k].tolist(), torque[:, :, k]), reading.widest)
