@@ -72,7 +72,8 @@ def test_estimated_gap_against_a_finer_plan(scene):
 
 
 def test_a_gap_that_is_not_reached_is_told(monkeypatch):
-    monkeypatch.setattr("deltaopt.planning.plan._MOST_INTERVALS", 4)
+    monkeypatch.setattr("deltaopt.planning.flat._FINEST", 4)
+    monkeypatch.setattr("deltaopt.planning.flat.IPOPT_FINEST", 4)
     told = []
     found = plan(PICK, tolerance=1e-7, intervals=4, progress=told.append)
     assert not found.within_tolerance

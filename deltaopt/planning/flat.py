@@ -49,7 +49,7 @@ from deltaopt.trajectory import Motion, PiecewisePolynomial, Trajectory
 Array = NDArray[np.float64]
 
 FAR = Settings(barrier=0.2, closest=0.3)
-NEAR = Settings(barrier=0.1, closest=0.01, iterations=30)
+NEAR = Settings(barrier=0.1, closest=0.01, iterations=60)
 """How the interior-point method begins, from a guess that is far from or near a solution."""
 _FROM_FAR = (FAR, Settings(barrier=0.5, closest=0.6), Settings(barrier=3.0, closest=0.6))
 _FROM_NEAR = (NEAR, Settings(barrier=3.0, closest=0.6), FAR)

@@ -67,7 +67,7 @@ typedef struct {
   double *z, *dz, *trial, *g;    /* n + 1 knots of six, then T */
   V p[NP];
   double pivot_T, mu, penalty;
-  int too_long;
+  int halvings; /* of the last step */
   Report *report;
 } Problem;
 
@@ -516,7 +516,7 @@ static int try_direction(Problem *P, double *dual) {
   const double now = merit_now(P, &slope), aim = 1e-4 * lesser(slope, 0.0);
   for (int k = 0; k < 12; k++, step /= 2)
     if (merit(P, step) <= now + aim * step + 1e-12) {
-      P->too_long = k > 1;
+      P->halvings = k;
       return 1;
     }
   return 0;
@@ -604,8 +604,8 @@ static double largest_change(const Problem *P) {
    at the first of them: that too is cured by a shift. */
 static int aim(Problem *P, double *shift) {
   const double first = SHIFT * lesser(1.0, 1e3 * complementarity(P, 0, 0) / *duration(P, P->z));
-  *shift = P->too_long ? greater(8 * *shift, first) : *shift > first ? *shift / 8 : 0.0;
-  P->too_long = 0;
+  if (P->halvings > 1) *shift = greater(8 * *shift, first);
+  if (P->halvings < 1) *shift = *shift > first ? *shift / 8 : 0.0;
   for (;; *shift = greater(8 * *shift, first)) {
     if (!factorise_shifted(P, shift, first)) return 0;
     direction(P, 0.0);

@@ -47,26 +47,35 @@ def attempt(problem: Problem, scales: Scales, guess: Guess, model: DeltaModel) -
     trajectory = Trajectory(solution.position, model, solution.coordinates)
     scene, loads = scales.scene, loads_inside(scales.scene, trajectory, FRACTIONS)
     slowing = slowing_inside(loads, len(FRACTIONS))
-    lost = given_away(solution.prices, *shares(scene, loads), slowing)
+    of_limits = shares(scene, loads)
+    lost = given_away(solution.prices, *of_limits, slowing)
+    overshoot = Overshoot.of(problem.mesh, *of_limits)
     factor = sampled_factor(loads)
-    by_motor = shares(scene, loads)
-    over = Overshoot.of(problem.mesh, *by_motor)
-    return Attempt(problem, solution, trajectory, loads, lost, factor, scene, over)
+    return Attempt(problem, solution, trajectory, loads, lost, overshoot, factor, scales)
 
 
 @dataclass(frozen=True)
 class Attempt:
-    """A problem solved on one mesh, the motion not yet slowed; ``loads`` at ``FRACTIONS``."""
+    """A problem solved on one mesh in a scene's scales, the motion not yet slowed; ``loads`` at
+    ``FRACTIONS``."""
 
     problem: Problem
     solution: Solved
     trajectory: Trajectory
     loads: Loads
     lost: GivenAway
-    safe_factor: float
-    scene: Scene
     overshoot: Overshoot
+    safe_factor: float
+    scales: Scales
     is_exact: bool = False
+
+    @property
+    def scene(self) -> Scene:
+        return self.scales.scene
+
+    @property
+    def mesh(self) -> Array:
+        return self.problem.mesh
 
     @property
     def status(self) -> str:
@@ -81,7 +90,7 @@ class Attempt:
         """With the safe factor of all instants, not of samples only."""
         if self.is_exact:
             return self
-        as_sampled = len(sample_fractions(len(self.problem.mesh))) == len(FRACTIONS)
+        as_sampled = len(sample_fractions(len(self.mesh))) == len(FRACTIONS)
         known = self.loads if as_sampled else None
         factor = safe_factor(self.scene, self.trajectory, sampled=known)
         return replace(self, safe_factor=factor, is_exact=True)
@@ -95,12 +104,12 @@ def shares(scene: Scene, loads: Loads) -> tuple[Array, Array | None]:
 
 
 def gap_of(rounds: list[Round], chosen: int) -> float:
-    """Of a round's motion, by its own estimate or by what the last one leaves possible."""
-    own, last = rounds[chosen], rounds[-1]
-    if own is last:
-        return own.gap
-    shortest = last.safe_duration / (1 + last.gap)
-    return min(own.gap, own.safe_duration / shortest - 1)
+    """Of a round's motion, by its own estimate or by what later ones leave possible, unless
+    these were led to another local minimum, or astray."""
+    own = rounds[chosen]
+    bounds = [later.safe_duration / (1 + later.gap) for later in rounds[chosen + 1 :]]
+    gaps = [own.safe_duration / bound - 1 for bound in bounds if bound <= own.safe_duration]
+    return min([own.gap, *gaps])
 
 
 def round_of(attempts: list[Attempt]) -> Round:
@@ -117,7 +126,7 @@ def round_of(attempts: list[Attempt]) -> Round:
         expected = before.to_be_gained - last.to_be_gained
         correction = max(1.0, fell / expected) if expected > 0 else 2.0
     return Round(
-        intervals=len(last.problem.mesh),
+        intervals=len(last.mesh),
         iterations=last.solution.iterations,
         duration=last.trajectory.duration,
         safe_duration=last.trajectory.duration * last.safe_factor,

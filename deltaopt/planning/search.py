@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 import numpy as np
@@ -16,7 +16,7 @@ from deltaopt.planning.adjoint import certify_mesh
 from deltaopt.planning.certificate import Certificate
 from deltaopt.planning.extremal import Barrier
 from deltaopt.planning.flat import ScaledEquations
-from deltaopt.planning.gap import FRACTIONS, refined
+from deltaopt.planning.gap import DOUBT, FRACTIONS, refined
 from deltaopt.planning.problem import Guess, Posed
 from deltaopt.planning.rounds import Attempt, Round, attempt, round_of, shares
 from deltaopt.planning.scales import Scales
@@ -29,17 +29,18 @@ from deltaopt.trajectory import Trajectory
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
 
-_READABLE = 2e-3
-"""A mesh solution with a smaller gap shows which motor is at which limit when."""
+_READABLE, _MOST_READ = 2e-3, 3
+"""A mesh solution with a smaller gap shows which motor is at which limit when; so many are read,
+for what they do not settle those with knots a little closer hardly do."""
 _SHARP = 1e-5
-"""One with a smaller gap shows it sharply."""
-_MOST_READ = 3
-"""Coarse meshes that structures are read from: what they do not settle finer ones hardly do."""
+"""One with a smaller gap shows it sharply, and is read once more."""
+_FALL, _FALL_TO_READ = 32.0, 16.0
+"""From one mesh to the next the gap is to fall to this part at least: asked for more, a coarse
+mesh would be split everywhere."""
 _LEAST_AIM = 3e-7
-"""Of a mesh: less than that cannot be told from the solver's rest."""
-_MOST_ROUNDS = 16
-_MOST_TIGHTENED = 4
-"""Rounds on one mesh with limits tightened, one after the other."""
+"""To be given away on a mesh: less cannot be told from what the solver leaves."""
+_MOST_ROUNDS, _MOST_ALIKE, _MOST_FAILURES = 17, 4, 2
+"""Meshes; of these alike, with limits tightened again and again; that bring no solution."""
 
 
 @dataclass
@@ -58,63 +59,91 @@ class Search:
     tell: Progress
     attempts: list[Attempt] = field(default_factory=list)
     rounds: list[Round] = field(default_factory=list)
+    _to_read: int = _MOST_READ
+    _to_read_sharply: int = 1
+    _alike: int = 0
+    _failures: int = 0
 
     def from_guess(self, first: Guess, intervals: int) -> Settled | None:
         """With its switches resolved, if they are; otherwise the best attempt is the answer.
 
         Raises NotConverged where the first mesh brings nothing.
         """
-        self._solve(np.full(intervals, 1 / intervals), first)
-        coarse, sharp, unchanged = _MOST_READ, True, 0
+        self._solve(np.full(intervals, 1 / intervals), first, self.scales)
         while not self._done:
             last, gap = self.attempts[-1], self.rounds[-1].gap
-            aim = max(self.tolerance / 3, _LEAST_AIM)
-            if self.resolves and gap < _READABLE and coarse:
-                coarse -= 1
-                aim = max(aim, gap / 16)
-                resolved = self._resolved(READINGS[: 4 if gap > 1e-4 else 2])
-            elif self.resolves and gap < _SHARP and sharp:
-                sharp = False
-                resolved = self._resolved(SHARP)
-            else:
-                resolved = None
-            if resolved:
-                return resolved
-            mesh = refined(last.problem.mesh, last.lost, aim)
-            unchanged = unchanged + 1 if len(mesh) == len(last.problem.mesh) else 0
-            if unchanged > _MOST_TIGHTENED:
+            aim = max(self.tolerance / 3, _LEAST_AIM, gap / _FALL)
+            if self._is_readable(gap):
+                resolved = self._resolved(SHARP[:2] if gap < _SHARP else READINGS[:3])
+                if resolved:
+                    return resolved
+                aim = max(aim, gap / _FALL_TO_READ)
+            mesh = self._finer(last, aim / 3**self._failures)
+            scales = last.overshoot.tightened(last.scales, mesh)
+            if self._is_stuck(last, mesh, scales):
                 self.tell(f"{len(mesh)} intervals: nothing is known to be gained by more of them")
                 break
-            self.scales = last.overshoot.tightened(self.scales, mesh)
             accuracy = max(self.tolerance / 3, gap / 300)
             try:
-                self._solve(mesh, Guess(last.trajectory, near=True, tolerance=accuracy))
+                self._solve(mesh, Guess(last.trajectory, near=True, tolerance=accuracy), scales)
             except NotConverged as error:  # what is there already is a motion all the same
                 self.tell(f"{len(mesh)} intervals: {error}")
-                break
+                self._failures += 1
         return None
 
     @property
     def _done(self) -> bool:
         """After two meshes at least: one alone has nothing to be compared with."""
-        number, last = len(self.rounds), self.rounds[-1]
-        too_fine = last.intervals > self.attempts[-1].problem.finest
-        return number > 1 and (last.gap <= self.tolerance or too_fine or number > _MOST_ROUNDS)
+        problem, gap = self.attempts[-1].problem, self.rounds[-1].gap
+        enough = gap <= self.tolerance or len(problem.mesh) > problem.finest
+        return (
+            (len(self.rounds) > 1 and enough)
+            or len(self.rounds) >= _MOST_ROUNDS
+            or self._failures > _MOST_FAILURES
+        )
 
-    def _solve(self, mesh: Array, guess: Guess) -> None:
-        self.attempts.append(attempt(self.posed.on(mesh), self.scales, guess, self.model))
+    def _solve(self, mesh: Array, guess: Guess, scales: Scales) -> None:
+        self.attempts.append(attempt(self.posed.on(mesh), scales, guess, self.model))
         self.rounds.append(round_of(self.attempts))
         if len(self.rounds) > 1 and self.rounds[-1].gap <= self.tolerance:  # by samples; but is it?
             self.attempts[-1] = self.attempts[-1].exact()
             self.rounds[-1] = round_of(self.attempts)
         self.tell(str(self.rounds[-1]))
 
+    def _finer(self, last: Attempt, aim: float) -> Array:
+        """The next mesh: the same if all that is wrong is cured by tighter limits."""
+        lost = last.lost
+        within = DOUBT * last.to_be_gained < self.tolerance / 2
+        if within and self.rounds[-1].gap < _SHARP and not self._failures:
+            lost = replace(lost, unused=np.zeros_like(lost.unused))
+        return refined(last.mesh, lost, aim)
+
+    def _is_stuck(self, last: Attempt, mesh: Array, scales: Scales) -> bool:
+        """Whether nothing new is to be tried."""
+        N = len(mesh)
+        if len(last.mesh) != N:
+            self._alike = 0
+            return False
+        self._alike += 1
+        same = np.array_equal(scales.shares(N), last.scales.shares(N))
+        return same or self._alike > _MOST_ALIKE
+
+    def _is_readable(self, gap: float) -> bool:
+        """Whether a structure is to be read from the last mesh."""
+        if not self.resolves or gap >= _READABLE:
+            return False
+        if gap < _SHARP and self._to_read_sharply:
+            self._to_read_sharply -= 1
+            return True
+        self._to_read -= 1
+        return self._to_read >= 0
+
     def certificate(self, chosen: Attempt) -> Certificate | None:
         """Of a solution on a mesh, if Pontryagin's condition is met there."""
         if chosen.solution.opening_prices is None:
             return None
         torque = shares(chosen.scene, chosen.loads)[0].mean(axis=1)
-        found = certify_mesh(self._stage, chosen.solution, chosen.trajectory, self.scales, torque)
+        found = certify_mesh(self._stage, chosen.solution, chosen.trajectory, chosen.scales, torque)
         return found if found.residual <= MET else None
 
     def _resolved(self, readings: Sequence[Reading]) -> Settled | None:
@@ -122,7 +151,7 @@ class Search:
         last, read = self.attempts[-1], set[tuple[tuple[Limit, ...], ...]]()
         loads = (*shares(last.scene, last.loads), self._openings(last.trajectory))
         for reading in readings:
-            structure = read_structure(last.problem.mesh, *loads, reading)
+            structure = read_structure(last.mesh, *loads, reading)
             if structure.limits in read:
                 continue
             read.add(structure.limits)
