@@ -278,8 +278,9 @@ def _summary(robot: Robot, outcomes: list[Outcome]) -> str:
     return (
         f"{robot.name}: {succeeded} of {len(outcomes)} solved and verified; "
         f"planning median {np.median(seconds):.2f} s, 99 % {np.percentile(seconds, 99):.2f} s; "
-        f"estimated gap median {gap}; planned {len(gaps)}, switches resolved and certified "
-        f"{sum(o.certified for o in outcomes)}, verified {sum(o.verified for o in outcomes)}"
+        f"estimated gap median {gap}; planned {len(gaps)}, switches resolved "
+        f"{sum(o.resolved for o in outcomes)}, certified {sum(o.certified for o in outcomes)}, "
+        f"verified {sum(o.verified for o in outcomes)}"
     )
 
 

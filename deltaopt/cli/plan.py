@@ -177,10 +177,9 @@ def _tell_gap(found: Plan) -> None:
         print(f"estimated to be at most {found.gap:.1e} above the least", end="")
     print("" if found.within_tolerance else f", which is not the {found.tolerance:g} asked for")
     if found.certificate:
-        print(
-            f"satisfies Pontryagin's condition to {found.certificate.residual:.0e}: "
-            "no motion near it is faster; one far from it may be"
-        )
+        met = f"satisfies Pontryagin's condition to {found.certificate.residual:.0e}"
+        near = "no motion near it is faster; one far from it may be"
+        print(f"{met}: {near}" if found.resolved else f"{met} on its mesh")
 
 
 def table(verification: Verification) -> str:

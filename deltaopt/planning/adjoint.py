@@ -18,38 +18,41 @@ from numpy.typing import NDArray
 
 from deltaopt.planning.certificate import Certificate
 from deltaopt.planning.problem import Solved
+from deltaopt.planning.rounds import Attempt, mean_torques
 from deltaopt.planning.scales import Scales
 from deltaopt.planning.stage import OPENING, SPEED, TORQUE, Stage
-from deltaopt.planning.transcription import LINEAR
 from deltaopt.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
 
-def certify_mesh(
-    stage: Stage, solved: Solved, motion: Trajectory, scales: Scales, torque: Array
-) -> Certificate:
-    """Of a solution by cubics whose motion is not yet slowed. ``torque``: mean of each interval,
-    fractions of the limits, (N, 3)."""
-    mesh, T = np.diff(motion.knots) / motion.duration, motion.duration / scales.time
-    weights, knots = _hermite(mesh), _at_knots(motion, scales)
-    y = np.einsum("danc,nak->ncdk", weights, knots)  # (N, points, 3, 3), by T
-    prices, J = _prices(solved), _slopes(stage, y, T, scales, motion)
-    pulled = np.einsum("ncr,ncrdk->ncdk", prices, J)
-    by_knot = np.einsum("ncdk,danc->nak", pulled, weights) * T  # prices are fractions of it
+def certify_mesh(stage: Stage, attempt: Attempt) -> Certificate:
+    """Of a motion of cubics that was found with prices of openings too, not yet slowed.
+
+    ``hamiltonian_spread``: max |H - mean H| over both ends of all intervals, over |mean H|.
+    ``sign_violation``: by how much other torques would lower H, at most, over the most that a
+    torque does.
+    """
+    H = hamiltonian(stage, attempt)
+    spread = float(np.abs(H - H.mean()).max() / abs(H.mean()))
+    density = attempt.solution.prices[:, :, :3].sum(axis=1) / attempt.mesh[:, None]
+    lowered = np.abs(density) - density * mean_torques(attempt)
+    return Certificate(spread, float(lowered.max() / np.abs(density).max()))
+
+
+def hamiltonian(stage: Stage, attempt: Attempt) -> Array:
+    """At the beginnings and then at the ends of the intervals, (2 N,): -1 at best."""
+    motion, scales = attempt.trajectory, attempt.scales
+    weights = _hermite(attempt.mesh, attempt.problem.points)
+    knots = _at_knots(motion, scales)
+    y = np.einsum("danc,nak->ncdk", weights, knots)  # (N, points, 3, 3), by the duration
+    J = _slopes(stage, y, motion.duration / scales.time, scales, motion)
+    pulled = np.einsum("ncr,ncrdk->ncdk", _prices(attempt.solution), J)
+    by_knot = np.einsum("ncdk,danc->nak", pulled, weights)  # costates over the duration
     A = np.einsum("anc,nak->nck", weights[2][:, :, [0, -1]], knots)
     first = (by_knot[:, :2] * np.stack([knots[:, 1], A[:, 0]], axis=1)).sum(axis=(1, 2))
     last = -(by_knot[:, 2:] * np.stack([knots[:, 3], A[:, 1]], axis=1)).sum(axis=(1, 2))
-    H = np.concatenate([first, last]) / T
-    return Certificate(
-        float(np.abs(H - H.mean()).max() / abs(H.mean())), _wrong(solved, mesh, torque)
-    )
-
-
-def _wrong(solved: Solved, mesh: Array, torque: Array) -> float:
-    """By how much other torques would lower H, at most, over the most that a torque does."""
-    density = solved.prices[:, :, :3].sum(axis=1) / mesh[:, None]
-    return float((np.abs(density) - density * torque).max() / np.abs(density).max())
+    return np.concatenate([first, last])
 
 
 def _at_knots(motion: Trajectory, scales: Scales) -> Array:
@@ -60,9 +63,9 @@ def _at_knots(motion: Trajectory, scales: Scales) -> Array:
     return np.concatenate([state[:-1], state[1:]], axis=1)
 
 
-def _hermite(mesh: Array) -> Array:
+def _hermite(mesh: Array, points: Array) -> Array:
     """Of both knots' (X, V) in X, V and A at the points, (3, 4, N, points)."""
-    s, e = LINEAR.points, mesh[:, None]
+    s, e = points, mesh[:, None]
     one = np.ones_like(e)
     return np.array(
         [

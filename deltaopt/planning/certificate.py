@@ -26,7 +26,8 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Certificate:
-    """How well Pontryagin's condition is met; both without dimension, 0 at best.
+    """How well Pontryagin's condition is met; both without dimension, 0 at best. On a mesh it is
+    as ``adjoint`` says.
 
     ``hamiltonian_spread``: max |H - mean H| over both ends of all intervals, as a fraction of
     |mean H| or of the largest rate of a running cost, if that is more.

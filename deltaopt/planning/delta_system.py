@@ -77,6 +77,10 @@ class DeltaProblem:
         return self.chain.mesh
 
     @property
+    def points(self) -> Array:
+        return self.chain.transcription.points
+
+    @property
     def finest(self) -> int:
         return IPOPT_FINEST
 

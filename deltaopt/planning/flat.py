@@ -49,13 +49,14 @@ from deltaopt.trajectory import Motion, PiecewisePolynomial, Trajectory
 Array = NDArray[np.float64]
 
 FAR = Settings(barrier=0.2, closest=0.3)
-NEAR = Settings(barrier=0.1, closest=0.01, iterations=60)
+NEAR = Settings(barrier=0.1, closest=0.01)
 """How the interior-point method begins, from a guess that is far from or near a solution."""
 _FROM_FAR = (FAR, Settings(barrier=0.5, closest=0.6), Settings(barrier=3.0, closest=0.6))
 _FROM_NEAR = (NEAR, Settings(barrier=3.0, closest=0.6), FAR)
 """Where it does not get through from there, another beginning mostly does, far sooner than
 Ipopt, which comes last."""
 _FINEST = 4000
+"""Intervals of the finest mesh that is worth its time by the interior-point method."""
 
 
 @dataclass(frozen=True)
@@ -190,8 +191,13 @@ class FlatProblem:
         return len(self.mesh)
 
     @property
+    def points(self) -> Array:
+        """Fractions of every interval where the limits hold."""
+        return self.transcription.points
+
+    @property
     def finest(self) -> int:
-        """No mesh of more intervals is worth its time."""
+        """Intervals of the finest mesh that is worth its time."""
         return IPOPT_FINEST if self._interior_point is None else _FINEST
 
     @property
@@ -250,7 +256,7 @@ class FlatProblem:
                     left=found.left,
                     opening_prices=prices[:, :, 3:6],
                 )
-        if self.intervals > IPOPT_FINEST:
+        if IPOPT_FINEST < self.intervals <= self.finest:  # Ipopt would take minutes
             raise NotConverged(
                 f"the interior-point method does not converge on {self.intervals} intervals",
                 "No_Progress",
@@ -266,8 +272,8 @@ class FlatProblem:
         if method is None:
             return None
         p = np.concatenate([replace(scales, speed_share=1.0).vector(), parameters])
-        share = np.insert(scales.shares(self.intervals), [3, 3, 3], 1.0, axis=1)
-        share = np.ascontiguousarray(share[:, : method.rows])  # torques, openings, speeds
+        shares = np.insert(scales.shares(self.intervals), [3, 3, 3], 1.0, axis=1)
+        share = shares[:, : method.rows]  # torques, openings, and speeds if there are any
         knots, T = self._at_knots(guess.trajectory, scales)
         return method.solve(self.mesh, p, share, knots, T, settings)
 

@@ -4,10 +4,10 @@
      y = (X, V, A, T) at a point, linear in the knots' (X, V) and in T
 
    c are three torques and other rows, such as speeds, over the share of their limits that an
-   interval may use. Both ends are at rest and given. With t a copy of c kept strictly inside the limits, c(y) - t = 0, and
-   its multipliers and those of the limits eliminated, Newton's equations are in the knots
-   alone: 6 x 6 blocks along the diagonal, and T as the last row. They are solved with
-   Cholesky's method, which also tells whether the step is one of descent.
+   interval may use. Both ends are at rest and given. With t a copy of c kept strictly inside
+   the limits, c(y) - t = 0, and its multipliers and those of the limits eliminated, Newton's
+   equations are in the knots alone: 6 x 6 blocks along the diagonal, and T as the last row.
+   They are solved with Cholesky's method, which also tells whether the step is one of descent.
 
    Written for the four points of an interval in the four lanes of a vector V. What comes
    before this text: V, ALL, SHUFFLE, NP parameters, NC rows, and two generated functions:
@@ -25,6 +25,9 @@
 #define SHORT 0.02 /* a step of which share of a direction says little about its rest */
 #define FAR 2.0    /* from one limit of a torque to the other */
 #define SHIFT 1e-5 /* the first that is tried: the scene's magnitudes are of the order of one */
+#define HIGHEST 1e-2 /* to which a shift grows because steps had to be halved */
+#define FAR_OFF 1e-3 /* of complementarity over T: nearer to a solution shifts are smaller */
+#define USUAL 16.0 /* so that the intervals of a mesh of 16 have weight 1 in the integral of A^2 */
 
 enum { SOLVED, TOO_MANY_ITERATIONS, NO_PROGRESS, SINGULAR, NOT_A_NUMBER };
 
@@ -53,7 +56,7 @@ typedef struct {
   V bend_upper[NC], bend_lower[NC]; /* second-order part of slack times multiplier */
   V C[NC][10];                   /* derivatives of the rows by X, V, A, T */
   double K[13][16];              /* curvature by both knots and T, the lower triangle */
-  double bending[4][4];          /* sum of A^2 over the points, as a form in the knots */
+  double bending[4][4];          /* its part of the integral of A^2, as a form in the knots */
 } Interval;
 
 typedef struct {
@@ -108,7 +111,7 @@ static void set_weights(Interval *I, double e, const double *fractions) {
       for (int a = 0; a < 4; a++) I->weight[j][a][k] = W[j][a];
   }
   for (int a = 0; a < 4; a++)
-    for (int b = 0; b < 4; b++) I->bending[a][b] = 16 * e * sum(I->weight[2][a] * I->weight[2][b]);
+    for (int b = 0; b < 4; b++) I->bending[a][b] = USUAL * e * sum(I->weight[2][a] * I->weight[2][b]);
 }
 
 /* y = (X, V, A, T) at the points, from the interval's two knots. */
@@ -155,7 +158,7 @@ static void invert(const V *B, V *inverse) {
   for (int k = 0; k < 9; k++) inverse[k] *= one_by;
 }
 
-/* Torques and other rows at the points, over their limits; the inverse of B beside. */
+/* Torques and other rows at the points, as shares of the whole limits; the inverse of B beside. */
 static void rows(const Problem *P, const V *y, V *c, V *inverse) {
   V F[3], B[9];
   values(y, P->p, F, B, c + 3);
@@ -166,6 +169,7 @@ static void rows(const Problem *P, const V *y, V *c, V *inverse) {
   }
 }
 
+/* From shares of the limits to shares of what may be used of them, or prices back. */
 static void scale(const Interval *I, V *c) {
   for (int r = 0; r < NC; r++) c[r] *= I->scale[r];
 }
@@ -601,10 +605,12 @@ static double largest_change(const Problem *P) {
 
 /* Newton's direction without barrier, shifted until it is one of descent; 0 if there is none.
    Where curvature almost vanishes it would ask for torques far beyond their limits, and end
-   at the first of them: that too is cured by a shift. */
+   at the first of them; or the rows' own curvature would halve its step again and again: both
+   are cured by a shift. */
 static int aim(Problem *P, double *shift) {
-  const double first = SHIFT * lesser(1.0, 1e3 * complementarity(P, 0, 0) / *duration(P, P->z));
-  if (P->halvings > 1) *shift = greater(8 * *shift, first);
+  const double left = complementarity(P, 0, 0) / *duration(P, P->z);
+  const double first = SHIFT * lesser(1.0, left / FAR_OFF);
+  if (P->halvings > 1) *shift = greater(*shift, lesser(greater(8 * *shift, first), HIGHEST));
   if (P->halvings < 1) *shift = *shift > first ? *shift / 8 : 0.0;
   for (;; *shift = greater(8 * *shift, first)) {
     if (!factorise_shifted(P, shift, first)) return 0;

@@ -102,14 +102,15 @@ class InteriorPoint:
         """From a guess, (N + 1, 6) and T, whose ends stay. ``p``: the point function's.
         ``share``: of the rows' limits that may be used, (N, rows)."""
         N = len(mesh)
+        mesh, p, share = (np.ascontiguousarray(each) for each in (mesh, p, share))  # kept till done
         z = np.append(knots, T)
         prices, report = np.empty((N, LANES, self.rows)), _Report()
         status = self.code.solve(
             ctypes.c_int64(N),
-            _pointer(np.ascontiguousarray(mesh)),
+            _pointer(mesh),
             self._fractions.ctypes.data_as(ctypes.c_void_p),
             _pointer(share),
-            _pointer(np.ascontiguousarray(p)),
+            _pointer(p),
             _pointer(z),
             _pointer(prices),
             ctypes.byref(_Settings(*vars(settings).values())),
@@ -124,15 +125,16 @@ class InteriorPoint:
     def _fractions(self) -> Array:
         return np.array(self.points)
 
-    @cached_property
-    def _memories(self) -> dict[int, Array]:
-        return {}
-
     def _memory(self, N: int) -> ctypes.c_void_p:
-        """Kept from call to call: fresh pages cost more than the solution."""
-        if N not in self._memories:
-            self._memories[N] = np.zeros(-(-self.code.workspace(ctypes.c_int64(N)) // 8))
-        return _pointer(self._memories[N])
+        """The largest so far, kept from call to call: fresh pages cost more than the solution."""
+        size = -(-self.code.workspace(ctypes.c_int64(N)) // 8)
+        if size > len(self._kept[0]):
+            self._kept[0] = np.zeros(size)
+        return _pointer(self._kept[0])
+
+    @cached_property
+    def _kept(self) -> list[Array]:
+        return [np.empty(0)]
 
 
 def _pointer(array: Array) -> ctypes.c_void_p:

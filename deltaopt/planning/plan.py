@@ -56,7 +56,8 @@ class Plan:
     ``gap``: estimated excess of its cost, a duration as a rule, over the least possible, as a
     fraction; ``Round`` and ``least_cost`` say how it is estimated.
     ``rounds``: the meshes it took. ``solve_seconds``: wall time of all of them.
-    ``certificate``: how well Pontryagin's condition is met, where the switches are resolved.
+    ``resolved``: whether its switches are. ``certificate``: how well Pontryagin's condition is
+    met, by the prices on the arcs, or on the mesh where these tell.
     ``optima``: the distinct local minima that several starts led to, best first.
     """
 
@@ -72,6 +73,7 @@ class Plan:
     tolerance: float
     rounds: tuple[Round, ...] | tuple[CostRound, ...]
     certificate: Certificate | None
+    resolved: bool = False
     optima: tuple[Optimum, ...] = ()
 
     @property
@@ -232,8 +234,6 @@ class Planner:
             attempts[best] = attempts[best].exact()
             rounds[best] = round_of(attempts[: best + 1])
         chosen = resolved or attempts[best]
-        by_mesh = search.resolves and not resolved
-        certificate = search.certificate(attempts[best]) if by_mesh else None
         if isinf(chosen.safe_factor):
             raise NotConverged(
                 "gravity alone exceeds a torque limit somewhere between the points of every mesh",
@@ -252,7 +252,8 @@ class Planner:
             gap=resolved.gap if resolved else gap_of(rounds, best),
             tolerance=self.tolerance,
             rounds=tuple(rounds),
-            certificate=resolved.certificate if resolved else certificate,
+            certificate=resolved.certificate if resolved else search.certificate(attempts[best]),
+            resolved=resolved is not None,
         )
 
     def _of_least_cost(self, scene: Scene, guess: Guess, tell: Progress) -> Plan:

@@ -19,7 +19,8 @@ Array = NDArray[np.float64]
 
 
 IPOPT_FINEST = 300
-"""No mesh of more intervals is worth its time to Ipopt: every refinement multiplies it by four."""
+"""Intervals of the finest mesh that is worth its time by Ipopt: every refinement multiplies it by
+four."""
 
 
 class Problem(Protocol):
@@ -31,8 +32,13 @@ class Problem(Protocol):
         ...
 
     @property
+    def points(self) -> Array:
+        """Fractions of every interval where the limits hold."""
+        ...
+
+    @property
     def finest(self) -> int:
-        """No mesh is refined that has more intervals."""
+        """Intervals of the finest mesh that is worth its time."""
         ...
 
     def solve(self, guess: Guess, scales: Scales, parameters: Array) -> Solved:
@@ -77,8 +83,9 @@ class Solved:
     ``prices``: fraction of the duration per fraction of a limit, (N, points, 3 or 6): torques,
     then limited speeds; positive at the upper limit, negative at the lower. ``coordinates``: all
     twelve, m and rad, where they do not follow from the platform's position. ``left``: by what
-    fraction of the duration the solver's next step would shorten it. ``opening_prices``: the same
-    of the margins of the folds, (N, points, 3), where the solver tells them.
+    fraction of the duration the solver's next step would shorten it. ``opening_prices``: where
+    the solver tells them, fraction of the duration per unit of the margins of the folds, (N,
+    points, 3), positive where a margin holds.
     """
 
     position: PiecewisePolynomial

@@ -20,6 +20,9 @@ from deltaopt.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
+_TELLING = 0.1
+"""Of what was to be gained on a mesh: if the next gains less, its estimate cannot be judged."""
+
 
 @dataclass(frozen=True)
 class Round:
@@ -49,7 +52,7 @@ def attempt(problem: Problem, scales: Scales, guess: Guess, model: DeltaModel) -
     slowing = slowing_inside(loads, len(FRACTIONS))
     of_limits = shares(scene, loads)
     lost = given_away(solution.prices, *of_limits, slowing)
-    overshoot = Overshoot.of(problem.mesh, *of_limits)
+    overshoot = Overshoot.of(problem.mesh, problem.points, *of_limits)
     factor = sampled_factor(loads)
     return Attempt(problem, solution, trajectory, loads, lost, overshoot, factor, scales)
 
@@ -96,6 +99,11 @@ class Attempt:
         return replace(self, safe_factor=factor, is_exact=True)
 
 
+def mean_torques(attempt: Attempt) -> Array:
+    """Of the intervals, as fractions of the limits, (N, 3)."""
+    return np.asarray(shares(attempt.scene, attempt.loads)[0].mean(axis=1))
+
+
 def shares(scene: Scene, loads: Loads) -> tuple[Array, Array | None]:
     """Torques and, if limited, speeds inside the intervals, as fractions of their limits."""
     shape = (-1, len(FRACTIONS), 3)
@@ -104,27 +112,31 @@ def shares(scene: Scene, loads: Loads) -> tuple[Array, Array | None]:
 
 
 def gap_of(rounds: list[Round], chosen: int) -> float:
-    """Of a round's motion, by its own estimate or by what later ones leave possible, unless
-    these were led to another local minimum, or astray."""
+    """Of a round's motion, by its own estimate or by what the last one leaves possible, unless
+    that was led to a worse local minimum."""
     own = rounds[chosen]
-    bounds = [later.safe_duration / (1 + later.gap) for later in rounds[chosen + 1 :]]
-    gaps = [own.safe_duration / bound - 1 for bound in bounds if bound <= own.safe_duration]
-    return min([own.gap, *gaps])
+    for last in reversed(rounds[chosen + 1 :]):
+        shortest = last.safe_duration / (1 + last.gap)
+        if shortest <= own.safe_duration:
+            return min(own.gap, own.safe_duration / shortest - 1)
+    return own.gap
 
 
 def round_of(attempts: list[Attempt]) -> Round:
     """What the last attempt reached.
 
     The estimate of what it gives away is held against how much the duration really fell from
-    the mesh before: where the estimate fell short there, it is raised in proportion.
+    the last other mesh: where the estimate fell short there, it is raised in proportion.
     """
     last = attempts[-1]
+    others = [each for each in attempts if len(each.mesh) != len(last.mesh)]
     correction = 1.0
-    if len(attempts) > 1:
-        before = attempts[-2]
+    if others:
+        before = others[-1]
         fell = before.trajectory.duration / last.trajectory.duration - 1
         expected = before.to_be_gained - last.to_be_gained
-        correction = max(1.0, fell / expected) if expected > 0 else 2.0
+        tells = expected > _TELLING * before.to_be_gained
+        correction = max(1.0, fell / expected) if tells else 2.0
     return Round(
         intervals=len(last.mesh),
         iterations=last.solution.iterations,

@@ -81,10 +81,9 @@ class Scales:
         return PiecewisePolynomial(T * np.concatenate([[0.0], np.cumsum(h)]), coefficients)
 
     def vector(self) -> Array:
-        """x_start, D, time, torque limits, margin of the fold[, speed limits], the latter
-        without shares by interval: who solves has to know of these."""
+        """x_start, D, time, torque limits, margin of the fold[, speed limits]: a program has one
+        for all intervals, so that the least share counts."""
         scene = self.scene
-        share = 1.0 if isinstance(self.speed_share, np.ndarray) else self.speed_share
-        speeds = (share * speed for speed in scene.speed_limits or ())
+        speeds = (float(np.min(self.speed_share)) * speed for speed in scene.speed_limits or ())
         limits = [*scene.torque_limits, margin_of_fold(self.opening_at_ends), *speeds]
         return np.array([*scene.start, self.length, self.time, *limits])

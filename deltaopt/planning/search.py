@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
@@ -16,7 +16,7 @@ from deltaopt.planning.adjoint import certify_mesh
 from deltaopt.planning.certificate import Certificate
 from deltaopt.planning.extremal import Barrier
 from deltaopt.planning.flat import ScaledEquations
-from deltaopt.planning.gap import DOUBT, FRACTIONS, refined
+from deltaopt.planning.gap import FRACTIONS, refined
 from deltaopt.planning.problem import Guess, Posed
 from deltaopt.planning.rounds import Attempt, Round, attempt, round_of, shares
 from deltaopt.planning.scales import Scales
@@ -57,12 +57,12 @@ class Search:
     tolerance: float
     resolves: bool
     tell: Progress
-    attempts: list[Attempt] = field(default_factory=list)
-    rounds: list[Round] = field(default_factory=list)
-    _to_read: int = _MOST_READ
-    _to_read_sharply: int = 1
-    _alike: int = 0
-    _failures: int = 0
+    attempts: list[Attempt] = field(default_factory=list, init=False)
+    rounds: list[Round] = field(default_factory=list, init=False)
+    _meshes_to_read: int = field(default=_MOST_READ, init=False)
+    _sharp_to_read: int = field(default=1, init=False)
+    _alike: int = field(default=0, init=False)
+    _failures: int = field(default=0, init=False)
 
     def from_guess(self, first: Guess, intervals: int) -> Settled | None:
         """With its switches resolved, if they are; otherwise the best attempt is the answer.
@@ -73,19 +73,21 @@ class Search:
         while not self._done:
             last, gap = self.attempts[-1], self.rounds[-1].gap
             aim = max(self.tolerance / 3, _LEAST_AIM, gap / _FALL)
-            if self._is_readable(gap):
-                resolved = self._resolved(SHARP[:2] if gap < _SHARP else READINGS[:3])
+            readings = self._readings_left(gap)
+            if readings:
+                resolved = self._resolved(readings)
                 if resolved:
                     return resolved
                 aim = max(aim, gap / _FALL_TO_READ)
             mesh = self._finer(last, aim / 3**self._failures)
             scales = last.overshoot.tightened(last.scales, mesh)
-            if self._is_stuck(last, mesh, scales):
-                self.tell(f"{len(mesh)} intervals: nothing is known to be gained by more of them")
+            if self._repeats(last, mesh, scales):
+                self.tell(f"{len(last.mesh)} intervals: no finer mesh is known to be worth it")
                 break
             accuracy = max(self.tolerance / 3, gap / 300)
             try:
                 self._solve(mesh, Guess(last.trajectory, near=True, tolerance=accuracy), scales)
+                self._failures = 0
             except NotConverged as error:  # what is there already is a motion all the same
                 self.tell(f"{len(mesh)} intervals: {error}")
                 self._failures += 1
@@ -94,13 +96,8 @@ class Search:
     @property
     def _done(self) -> bool:
         """After two meshes at least: one alone has nothing to be compared with."""
-        problem, gap = self.attempts[-1].problem, self.rounds[-1].gap
-        enough = gap <= self.tolerance or len(problem.mesh) > problem.finest
-        return (
-            (len(self.rounds) > 1 and enough)
-            or len(self.rounds) >= _MOST_ROUNDS
-            or self._failures > _MOST_FAILURES
-        )
+        enough = len(self.rounds) > 1 and self.rounds[-1].gap <= self.tolerance
+        return enough or len(self.rounds) >= _MOST_ROUNDS or self._failures > _MOST_FAILURES
 
     def _solve(self, mesh: Array, guess: Guess, scales: Scales) -> None:
         self.attempts.append(attempt(self.posed.on(mesh), scales, guess, self.model))
@@ -112,38 +109,37 @@ class Search:
 
     def _finer(self, last: Attempt, aim: float) -> Array:
         """The next mesh: the same if all that is wrong is cured by tighter limits."""
-        lost = last.lost
-        within = DOUBT * last.to_be_gained < self.tolerance / 2
-        if within and self.rounds[-1].gap < _SHARP and not self._failures:
+        lost, given_away = last.lost, self.rounds[-1].gap - (last.safe_factor - 1)
+        if given_away < self.tolerance / 2 and self.rounds[-1].gap < _SHARP and not self._failures:
             lost = replace(lost, unused=np.zeros_like(lost.unused))
-        return refined(last.mesh, lost, aim)
+        mesh = refined(last.mesh, lost, aim)
+        return mesh if len(mesh) <= last.problem.finest else last.mesh
 
-    def _is_stuck(self, last: Attempt, mesh: Array, scales: Scales) -> bool:
-        """Whether nothing new is to be tried."""
+    def _repeats(self, last: Attempt, mesh: Array, scales: Scales) -> bool:
+        """Whether nothing new would be tried; counts what is tried on one mesh."""
         N = len(mesh)
-        if len(last.mesh) != N:
-            self._alike = 0
-            return False
-        self._alike += 1
-        same = np.array_equal(scales.shares(N), last.scales.shares(N))
-        return same or self._alike > _MOST_ALIKE
+        self._alike = self._alike + 1 if len(last.mesh) == N else 0
+        same = self._alike and np.array_equal(scales.shares(N), last.scales.shares(N))
+        return bool(same) or self._alike > _MOST_ALIKE
 
-    def _is_readable(self, gap: float) -> bool:
-        """Whether a structure is to be read from the last mesh."""
-        if not self.resolves or gap >= _READABLE:
-            return False
-        if gap < _SHARP and self._to_read_sharply:
-            self._to_read_sharply -= 1
-            return True
-        self._to_read -= 1
-        return self._to_read >= 0
+    def _readings_left(self, gap: float) -> Sequence[Reading]:
+        """In which the last mesh is to be read for its structure, each mesh once."""
+        if not self.resolves or self._failures or self._alike or gap >= _READABLE:
+            return ()
+        if gap < _SHARP and self._sharp_to_read:
+            self._sharp_to_read -= 1
+            return SHARP
+        if not self._meshes_to_read:
+            return ()
+        self._meshes_to_read -= 1
+        return READINGS
 
     def certificate(self, chosen: Attempt) -> Certificate | None:
-        """Of a solution on a mesh, if Pontryagin's condition is met there."""
-        if chosen.solution.opening_prices is None:
+        """Of a solution on a mesh where switches were to be resolved, if Pontryagin's condition
+        is met there and the prices are known."""
+        if not self.resolves or chosen.solution.opening_prices is None:
             return None
-        torque = shares(chosen.scene, chosen.loads)[0].mean(axis=1)
-        found = certify_mesh(self._stage, chosen.solution, chosen.trajectory, chosen.scales, torque)
+        found = certify_mesh(self._stage, chosen)
         return found if found.residual <= MET else None
 
     def _resolved(self, readings: Sequence[Reading]) -> Settled | None:
@@ -155,7 +151,7 @@ class Search:
             if structure.limits in read:
                 continue
             read.add(structure.limits)
-            for barrier in self._barriers():
+            for barrier in (None, Barrier(last=self.tolerance / 10)):
                 try:
                     found = settle(
                         self._stage,
@@ -177,10 +173,6 @@ class Search:
                 return found
         return None
 
-    def _barriers(self) -> Iterator[Barrier | None]:
-        yield None
-        yield Barrier(last=self.tolerance / 10)
-
     @property
     def _stage(self) -> Stage:
         return _stage(self.model.functions, self.scales.scene.speed_limits is not None)
@@ -197,5 +189,5 @@ class Search:
 
 @lru_cache(maxsize=8)
 def _stage(functions: DeltaFunctions, speed: bool) -> Stage:
-    """Built once in a process, as ``_posed``."""
+    """Built once in a process for all models with the same terms."""
     return Stage(ScaledEquations.of(functions, speed=speed))

@@ -8,7 +8,7 @@ is a sequence of arcs with estimated lengths; where exactly they end is for othe
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -94,9 +94,9 @@ class Reading:
     speed: float = 0.99
 
 
-READINGS = (Reading(), Reading(widest=8), Reading(simultaneous=3e-3), Reading(widest=1))
+READINGS = (Reading(), Reading(widest=8), Reading(simultaneous=3e-3))
 """In the order in which they are tried."""
-SHARP = tuple(replace(reading, torque=0.99, speed=0.9999) for reading in READINGS)
+SHARP = (Reading(torque=0.99, speed=0.9999), Reading(widest=8, torque=0.99, speed=0.9999))
 """Of meshes on which next to nothing is given away."""
 
 

@@ -16,17 +16,15 @@ from numpy.typing import NDArray
 
 from deltaopt.planning.gap import FRACTIONS, TIGHTENED
 from deltaopt.planning.scales import Scales
-from deltaopt.planning.transcription import LINEAR
 
 Array = NDArray[np.float64]
 
-_POINTS = np.abs(FRACTIONS[:, None] - LINEAR.points).argmin(axis=0)
 _MORE = 1.25
 """Times the excess that was seen: the next motion's is about the same."""
 _REMEMBERED = 0.9
-"""Of what an interval was tightened by the last time: otherwise it would be exceeded again."""
-_NEAR_LIMIT = 0.95
-"""Smaller loads exceed nothing."""
+"""Of what was tightened the last time: forgotten at once, a limit would be exceeded again."""
+_NEAR_LIMIT = 0.99
+"""The next motion may bring a load to its limit that comes so near to it."""
 _LEAST = 0.9
 """Of a limit that remains."""
 
@@ -40,23 +38,27 @@ class Overshoot:
     each: Array
 
     @classmethod
-    def of(cls, mesh: Array, torque: Array, speed: Array | None) -> Overshoot:
-        """From loads at ``FRACTIONS`` of the intervals, (N, len(FRACTIONS), 3)."""
+    def of(cls, mesh: Array, points: Array, torque: Array, speed: Array | None) -> Overshoot:
+        """From loads at ``FRACTIONS`` of the intervals, (N, len(FRACTIONS), 3); limits hold at
+        other fractions, the ``points``."""
         loads = np.abs(torque if speed is None else np.concatenate([torque, speed], axis=2))
+        at_points = np.abs(FRACTIONS[:, None] - points).argmin(axis=0)
         highest = loads.max(axis=1)
-        over = highest - loads[:, _POINTS].max(axis=1)
+        over = highest - loads[:, at_points].max(axis=1)
         return cls(mesh, np.where(highest > _NEAR_LIMIT, over, 0.0))
 
     def tightened(self, scales: Scales, mesh: Array) -> Scales:
-        """Scales for a mesh that divides this one: the limits that its motion may use."""
-        over = self.each / self.mesh[:, None]
-        if len(mesh) == len(self.mesh):
-            before = (1 - scales.shares(len(mesh))[:, : over.shape[1]]) / _MORE
-            over = np.maximum(over, _REMEMBERED * before / self.mesh[:, None])
-        beside = np.pad(over, ((1, 1), (0, 0)))  # the jump may come to lie in the next interval
-        over = np.maximum(over, np.maximum(beside[:-2], beside[2:]))
+        """The limits that a motion on a mesh that divides this one may use. ``scales``: those
+        with which the motion on this mesh was found."""
+        density = self.each / self.mesh[:, None]
+        beside = np.pad(density, ((1, 1), (0, 0)))  # the jump may come to lie in the next interval
+        density = np.maximum(density, np.maximum(beside[:-2], beside[2:]))
         inside = np.searchsorted(np.cumsum(self.mesh)[:-1], np.cumsum(mesh) - mesh / 2)
-        share = np.maximum(1 - _MORE * over[inside] * mesh[:, None], _LEAST)
+        over = _MORE * density[inside] * mesh[:, None]
+        used = 1 - scales.shares(len(self.mesh))[inside, : over.shape[1]]
+        is_whole = mesh > 0.99 * self.mesh[inside]
+        over = np.maximum(over, _REMEMBERED * used * is_whole[:, None])
+        share = np.maximum(1 - over, _LEAST)
         share[mesh > TIGHTENED] = 1.0
         torque, speed = share[:, None, :3], share[:, None, 3:]
         return replace(scales, torque_share=torque, speed_share=speed if speed.size else 1.0)

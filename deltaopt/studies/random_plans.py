@@ -17,14 +17,16 @@ from deltaopt.verify import verify
 @dataclass(frozen=True)
 class Outcome:
     """What became of one move: ``failures`` is empty if its plan passed verification and is
-    within the tolerance. ``seconds``: of planning, without verification. ``certified``: its
-    switches are resolved and Pontryagin's condition holds. ``verified``: passed verification."""
+    within the tolerance. ``seconds``: of planning, without verification. ``resolved``: its
+    switches are. ``certified``: Pontryagin's condition is met to `pontryagin.MET` or better.
+    ``verified``: passed verification."""
 
     scene: Scene
     seconds: float
     gap: float
     intervals: int
     failures: tuple[str, ...]
+    resolved: bool = False
     certified: bool = False
     verified: bool = False
 
@@ -58,4 +60,13 @@ def _outcome(planner: Planner, scene: Scene) -> Outcome:
     if not plan.within_tolerance:
         failures.append(f"the gap, {plan.gap:.1e}, exceeds the tolerance of {plan.tolerance:g}")
     certified = plan.certificate is not None
-    return Outcome(scene, seconds, plan.gap, plan.intervals, tuple(failures), certified, verified)
+    return Outcome(
+        scene=scene,
+        seconds=seconds,
+        gap=plan.gap,
+        intervals=plan.intervals,
+        failures=tuple(failures),
+        resolved=plan.resolved,
+        certified=certified,
+        verified=verified,
+    )
