@@ -72,14 +72,16 @@ def test_estimated_gap_against_a_finer_plan(scene):
 
 
 def test_a_gap_that_is_not_reached_is_told(monkeypatch):
-    monkeypatch.setattr("deltaopt.planning.flat._FINEST", 4)
-    monkeypatch.setattr("deltaopt.planning.flat.IPOPT_FINEST", 4)
+    monkeypatch.setattr("deltaopt.planning.flat._FINEST", 20)
+    monkeypatch.setattr("deltaopt.planning.flat.IPOPT_FINEST", 20)
     told = []
-    found = plan(PICK, tolerance=1e-7, intervals=4, progress=told.append)
+    planner = Planner(PICK.robot, PICK.payload, tolerance=1e-7, intervals=4, resolved_below=0.0)
+    found = planner.plan(PICK.start, PICK.goal, progress=told.append)
     assert not found.within_tolerance
     assert found.gap > 1e-7
-    assert len(told) == len(found.rounds) == 2
-    assert told[-1] == str(found.rounds[-1])
+    assert found.rounds[-1].intervals <= 20
+    assert told[-2] == str(found.rounds[-1])
+    assert "no finer mesh" in told[-1]
 
 
 # What must not change it
