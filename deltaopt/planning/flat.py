@@ -256,7 +256,7 @@ class FlatProblem:
                     left=found.left,
                     opening_prices=prices[:, :, 3:6],
                 )
-        if IPOPT_FINEST < self.intervals <= self.finest:  # Ipopt would take minutes
+        if guess.near and IPOPT_FINEST < self.intervals <= self.finest:  # Ipopt takes minutes
             raise NotConverged(
                 f"the interior-point method does not converge on {self.intervals} intervals",
                 "No_Progress",

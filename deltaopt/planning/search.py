@@ -37,6 +37,10 @@ _SHARP = 1e-5
 _FALL, _FALL_TO_READ = 32.0, 16.0
 """From one mesh to the next the gap is to fall to this part at least: asked for more, a coarse
 mesh would be split everywhere."""
+_COARSE = 1e-3
+"""More is not aimed at on any mesh, not even where a motion cannot be slowed to its limits."""
+_EXACT, _COARSEST = 300.0, 1e-4
+"""A mesh is solved to this part of the gap of the one before, and to so much at least."""
 _LEAST_AIM = 3e-7
 """To be given away on a mesh: less cannot be told from what the solver leaves."""
 _MOST_ROUNDS, _MOST_ALIKE, _MOST_FAILURES = 17, 4, 2
@@ -72,7 +76,7 @@ class Search:
         self._solve(np.full(intervals, 1 / intervals), first, self.scales)
         while not self._done:
             last, gap = self.attempts[-1], self.rounds[-1].gap
-            aim = max(self.tolerance / 3, _LEAST_AIM, gap / _FALL)
+            aim = max(self.tolerance / 3, _LEAST_AIM, min(gap / _FALL, _COARSE))
             readings = self._readings_left(gap)
             if readings:
                 resolved = self._resolved(readings)
@@ -84,7 +88,7 @@ class Search:
             if self._repeats(last, mesh, scales):
                 self.tell(f"{len(last.mesh)} intervals: no finer mesh is known to be worth it")
                 break
-            accuracy = max(self.tolerance / 3, gap / 300)
+            accuracy = max(self.tolerance / 3, min(gap / _EXACT, _COARSEST))
             try:
                 self._solve(mesh, Guess(last.trajectory, near=True, tolerance=accuracy), scales)
                 self._failures = 0
