@@ -198,10 +198,12 @@ def _optimality(verification: Verification) -> list[str]:
     spread, violation = verification.hamiltonian_spread, verification.sign_violation
     if spread is None or violation is None:
         return []
-    local = "; a local statement" if max(spread, violation) < MET else ", which it does not meet"
+    met = "; a local statement"
+    unmet = ": not met, as by every motion whose torques do not jump at knots"
+    told = met if max(spread, violation) < MET else unmet
     return [
         f"Pontryagin's condition, by costates fitted to the motion: Hamiltonian constant to "
-        f"{spread:.1e}, signs of torques right to {violation:.1e}{local}"
+        f"{spread:.1e}, signs of torques right to {violation:.1e}{told}"
     ]
 
 
