@@ -14,7 +14,7 @@ from deltaopt.planning.adjoint import certify_mesh, hamiltonian
 from deltaopt.planning.flat import Flat
 from deltaopt.planning.gap import FRACTIONS, TIGHTENED, GivenAway, refined
 from deltaopt.planning.nlp import Spent
-from deltaopt.planning.plan import Planner
+from deltaopt.planning.plan import Planner, quicker
 from deltaopt.planning.problem import Guess, solved_by_ipopt
 from deltaopt.planning.rounds import Round, attempt, gap_of
 from deltaopt.planning.scales import Scales
@@ -270,3 +270,17 @@ def test_a_finer_mesh_tells_the_gap_of_a_coarser_one():
 def test_a_worse_local_minimum_says_nothing_of_the_gap():
     best, astray = round_with(1.0, 5e-3), round_with(1.2, 1e-6)
     assert gap_of([best, astray], 0) == 5e-3
+
+
+def test_of_two_plans_the_quicker_is_taken_with_what_both_know():
+    """1.000002 s that are told to be 9e-6 too long, 1.000003 s that are told to be 2e-6."""
+    plan = Planner(CROSS.robot, CROSS.payload).plan(CROSS.start, CROSS.goal)
+    T = plan.duration
+    one = replace(plan, trajectory=plan.trajectory.slowed(1.000002), gap=9e-6)
+    other = replace(plan, trajectory=plan.trajectory.slowed(1.000003), gap=2e-6)
+    for best in (quicker(one, other), quicker(other, one)):
+        assert best.duration == one.duration
+        assert best.gap == pytest.approx(1e-6, rel=1e-3)
+    astray = replace(plan, trajectory=plan.trajectory.slowed(1.1), gap=1e-7)
+    assert quicker(one, astray).gap == 9e-6
+    assert quicker(one, astray).duration == pytest.approx(1.000002 * T, rel=1e-12)

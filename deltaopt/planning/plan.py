@@ -45,6 +45,9 @@ Pair = tuple[Vector3, Vector3]
 
 RESOLVED_BELOW = 1e-4
 """Tolerances below this are met by resolving switches: finer meshes cost more and more."""
+_OTHER = 3
+"""Halves of the intervals of the first mesh where a small gap was not reached: which structure
+is read and which intervals are split depends on them."""
 _FIRST = 1e-4
 """To which the first mesh is solved at most, whatever the tolerance: it is coarse."""
 
@@ -217,6 +220,19 @@ class Planner:
         """From one first guess."""
         if not isinstance(scene.objective, Time):
             return self._of_least_cost(scene, guess, tell)
+        found = self._fastest(scene, guess, tell)
+        if found.within_tolerance or self.tolerance >= self.resolved_below:
+            return found
+        other = replace(self, intervals=_OTHER * self.intervals // 2)
+        tell(f"once more, from {other.intervals} intervals:")
+        try:
+            return quicker(found, other._fastest(scene, guess, tell))
+        except NotConverged as error:
+            tell(str(error))
+            return found
+
+    def _fastest(self, scene: Scene, guess: Guess, tell: Progress) -> Plan:
+        """From one first guess and one first mesh."""
         begin = perf_counter()
         model = delta_model(scene.robot, scene.payload)
         search = Search(
@@ -326,6 +342,19 @@ class Planner:
     def _transcription(self) -> PiecewiseAcceleration:
         usual = LINEAR if isinstance(self.objective, Time) else SMOOTH
         return self.transcription or usual
+
+
+def quicker(one: Plan, other: Plan) -> Plan:
+    """Of two plans for a scene, with the gap that both leave possible if they are near the same
+    optimum, and the time that both took."""
+    best, worse = sorted((one, other), key=lambda each: each.duration)
+    shortest = worse.duration / (1 + worse.gap)
+    return replace(
+        best,
+        gap=min(best.gap, best.duration / shortest - 1) if shortest <= best.duration else best.gap,
+        iterations=one.iterations + other.iterations,
+        solve_seconds=one.solve_seconds + other.solve_seconds,
+    )
 
 
 def _for_rounding(scene: Scene) -> float:
