@@ -195,7 +195,7 @@ def test_tightening_cures_what_slowing_pays_for():
     tighter = plain
     for _ in range(3):
         guess = Guess(tighter.trajectory, near=True, tolerance=1e-7)
-        tighter = attempt(problem, tighter.overshoot.tightened(tighter.scales, mesh), guess, model)
+        tighter = attempt(problem, tighter.tightened(mesh), guess, model)
     assert plain.safe_factor > 1 + 1e-5
     assert tighter.safe_factor - 1 < 0.1 * (plain.safe_factor - 1)
     assert (

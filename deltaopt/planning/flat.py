@@ -271,9 +271,9 @@ class FlatProblem:
         method = self._interior_point
         if method is None:
             return None
-        p = np.concatenate([replace(scales, speed_share=1.0).vector(), parameters])
-        shares = np.insert(scales.shares(self.intervals), [3, 3, 3], 1.0, axis=1)
-        share = shares[:, : method.rows]  # torques, openings, and speeds if there are any
+        p = np.concatenate([scales.whole.vector(), parameters])
+        shares, share = scales.shares(self.intervals), np.ones((self.intervals, method.rows))
+        share[:, :3], share[:, 6:] = shares[:, :3], shares[:, 3 : method.rows - 3]
         knots, T = self._at_knots(guess.trajectory, scales)
         return method.solve(self.mesh, p, share, knots, T, settings)
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from deltaopt.limits import Loads, loads_inside, safe_factor, sampled_factor, slowing_inside
 from deltaopt.model import DeltaModel
 from deltaopt.peaks import sample_fractions
-from deltaopt.planning.gap import DOUBT, FRACTIONS, GivenAway, given_away
+from deltaopt.planning.gap import DOUBT, FRACTIONS, TIGHTENED, GivenAway, given_away
 from deltaopt.planning.nlp import Spent
 from deltaopt.planning.problem import Guess, Problem, Solved
 from deltaopt.planning.scales import Scales
@@ -52,9 +52,8 @@ def attempt(problem: Problem, scales: Scales, guess: Guess, model: DeltaModel) -
     slowing = slowing_inside(loads, len(FRACTIONS))
     of_limits = shares(scene, loads)
     lost = given_away(solution.prices, *of_limits, slowing)
-    overshoot = Overshoot.of(problem.mesh, problem.points, *of_limits)
     factor = sampled_factor(loads)
-    return Attempt(problem, solution, trajectory, loads, lost, overshoot, factor, scales)
+    return Attempt(problem, solution, trajectory, loads, lost, factor, scales)
 
 
 @dataclass(frozen=True)
@@ -67,7 +66,6 @@ class Attempt:
     trajectory: Trajectory
     loads: Loads
     lost: GivenAway
-    overshoot: Overshoot
     safe_factor: float
     scales: Scales
     is_exact: bool = False
@@ -79,6 +77,13 @@ class Attempt:
     @property
     def mesh(self) -> Array:
         return self.problem.mesh
+
+    def tightened(self, mesh: Array) -> Scales:
+        """The limits that a motion on the next mesh, which divides this one, may use."""
+        if mesh.min() > TIGHTENED:
+            return self.scales.whole
+        overshoot = Overshoot.of(self.mesh, self.problem.points, *shares(self.scene, self.loads))
+        return overshoot.tightened(self.scales, mesh)
 
     @property
     def status(self) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -22,6 +22,10 @@ task space cannot describe it: torque for a given acceleration grows without bou
 """
 
 
+WHOLE = 1.0
+"""Share of a limit that may be used all of it."""
+
+
 def margin_of_fold(opening_at_ends: float) -> float:
     """Least sin² (q_{k,1} - q_{k,2}) on the way, from the least at its ends."""
     return min(OPENING, opening_at_ends / 2)
@@ -36,8 +40,8 @@ class Scales:
     scene: Scene
     time: float
     opening_at_ends: float
-    torque_share: Array | float = 1.0
-    speed_share: Array | float = 1.0
+    torque_share: Array | float = WHOLE
+    speed_share: Array | float = WHOLE
 
     @property
     def origin(self) -> Array:
@@ -67,10 +71,18 @@ class Scales:
     def torques(self) -> Array:
         return np.array(self.scene.torque_limits)
 
+    @property
+    def whole(self) -> Scales:
+        """Without shares."""
+        if self.torque_share is WHOLE and self.speed_share is WHOLE:
+            return self
+        return replace(self, torque_share=WHOLE, speed_share=WHOLE)
+
     def shares(self, intervals: int) -> Array:
         """Of the limits of torque and speed that may be used in each interval, (N, 6)."""
-        by_interval = (self.torque_share, self.speed_share)
-        return np.hstack([np.broadcast_to(s, (intervals, 1, 3))[:, 0] for s in by_interval])
+        shares = np.empty((intervals, 2, 3))
+        shares[:, :1], shares[:, 1:] = self.torque_share, self.speed_share
+        return shares.reshape(intervals, 6)
 
     def polynomial(self, h: Array, coefficients: Array, T: float) -> PiecewisePolynomial:
         """In m and s, from scaled coefficients on intervals of lengths h, (n,), in units of

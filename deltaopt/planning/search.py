@@ -84,7 +84,7 @@ class Search:
                     return resolved
                 aim = max(aim, gap / _FALL_TO_READ)
             mesh = self._finer(last, aim / 3**self._failures)
-            scales = last.overshoot.tightened(last.scales, mesh)
+            scales = last.tightened(mesh)
             if self._repeats(last, mesh, scales):
                 self.tell(f"{len(last.mesh)} intervals: no finer mesh is known to be worth it")
                 break

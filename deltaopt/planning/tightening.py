@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.planning.gap import FRACTIONS, TIGHTENED
-from deltaopt.planning.scales import Scales
+from deltaopt.planning.scales import WHOLE, Scales
 
 Array = NDArray[np.float64]
 
@@ -61,4 +61,4 @@ class Overshoot:
         share = np.maximum(1 - over, _LEAST)
         share[mesh > TIGHTENED] = 1.0
         torque, speed = share[:, None, :3], share[:, None, 3:]
-        return replace(scales, torque_share=torque, speed_share=speed if speed.size else 1.0)
+        return replace(scales, torque_share=torque, speed_share=speed if speed.size else WHOLE)
