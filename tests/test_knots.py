@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 from itertools import product
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-import deltaopt
 from deltaopt.planning.chain import FAR, NEAR
 from deltaopt.planning.chain_equations import (
     explicit_equations,
@@ -23,10 +21,9 @@ from deltaopt.planning.gap import FRACTIONS, GivenAway, given_away
 from deltaopt.planning.knots import at_switches
 from deltaopt.planning.transcription import PiecewiseAcceleration
 from deltaopt.studies.interpreted import interpreted
-from deltaopt.studies.plan_cases import FiveBarTask, delta_case
 from deltaopt.studies.plan_measures import Meter
+from shipped_cases import case
 
-PROBLEMS = Path(__file__).parents[1] / "problems"
 POSES = {
     "flat": flat_equations,
     "forward": forward_equations,
@@ -60,13 +57,6 @@ def test_an_arc_is_divided_where_it_exceeds_its_limits():
     found = at_switches(mesh, bang_bang(mesh, 0.5), None, lost, 1e-4)
     assert found[:19] == pytest.approx(0.01, rel=1e-6)
     assert found[20:] == pytest.approx(0.02, rel=1e-6)
-
-
-@cache
-def case(scene):
-    if scene == "five_bar":
-        return FiveBarTask().case
-    return delta_case(scene, deltaopt.load_scene(PROBLEMS / f"{scene}.yaml"))
 
 
 @cache

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -32,22 +31,14 @@ from deltaopt.planning.scales import Scales
 from deltaopt.planning.starts import first_motions
 from deltaopt.planning.transcription import PiecewiseAcceleration
 from deltaopt.studies.interpreted import interpreted
-from deltaopt.studies.plan_cases import FiveBarTask, delta_case
 from deltaopt.studies.plan_measures import Meter, active_rank
+from shipped_cases import PROBLEMS, case
 
-PROBLEMS = Path(__file__).parents[1] / "problems"
 CLOSURES = [KnotConstraints(), Projection(), Baumgarte(), AccelerationLevel()]
 
 
 def name(value):
     return getattr(value, "name", value)
-
-
-@cache
-def case(scene):
-    if scene == "five_bar":
-        return FiveBarTask().case
-    return delta_case(scene, deltaopt.load_scene(PROBLEMS / f"{scene}.yaml"))
 
 
 @cache

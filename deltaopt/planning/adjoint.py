@@ -44,7 +44,8 @@ def hamiltonian(stage: Stage, attempt: Attempt) -> Array:
     """At the beginnings and then at the ends of the intervals, (2 N,): -1 at best."""
     motion, scales = attempt.trajectory, attempt.scales
     weights = _hermite(attempt.mesh, attempt.problem.points)
-    knots = _at_knots(motion, scales)
+    states = scales.states(motion.position, motion.knots, motion.duration).reshape(-1, 2, 3)
+    knots = np.concatenate([states[:-1], states[1:]], axis=1)  # of both ends, (N, 4, 3)
     y = np.einsum("danc,nak->ncdk", weights, knots)  # (N, points, 3, 3), by the duration
     J = _slopes(stage, y, motion.duration / scales.time, scales, motion)
     pulled = np.einsum("ncr,ncrdk->ncdk", _prices(attempt.solution), J)
@@ -53,14 +54,6 @@ def hamiltonian(stage: Stage, attempt: Attempt) -> Array:
     first = (by_knot[:, :2] * np.stack([knots[:, 1], A[:, 0]], axis=1)).sum(axis=(1, 2))
     last = -(by_knot[:, 2:] * np.stack([knots[:, 3], A[:, 1]], axis=1)).sum(axis=(1, 2))
     return np.concatenate([first, last])
-
-
-def _at_knots(motion: Trajectory, scales: Scales) -> Array:
-    """X and V, per duration, where intervals begin and end, (N, 4, 3)."""
-    X = (motion.position.at(motion.knots) - scales.origin) / scales.length
-    V = motion.position.derivative().at(motion.knots) * motion.duration / scales.length
-    state = np.stack([X, V], axis=1)
-    return np.concatenate([state[:-1], state[1:]], axis=1)
 
 
 def _hermite(mesh: Array, points: Array) -> Array:

@@ -184,11 +184,10 @@ class Conditions:
         h = grid.intervals_of(lengths)
         begin = np.concatenate([[0.0], np.cumsum(h)])
         inside = begin[:-1, None] + h[:, None] * np.clip(grid.nodes, 1e-6, 1 - 1e-6)
-        position, velocity = trajectory.position, trajectory.position.derivative()
         D, T, n = scales.length, scales.time, grid.intervals
-        A = velocity.derivative().at(inside.ravel()).reshape(n, -1, 3) * T**2 / D
-        X, V = (position.at(begin) - scales.origin) / D, velocity.at(begin) * T / D
-        knots = np.hstack([X, V])
+        acceleration = trajectory.position.derivative().derivative()
+        A = acceleration.at(inside.ravel()).reshape(n, -1, 3) * T**2 / D
+        knots = scales.states(trajectory.position, begin, T)
         knots[0], knots[-1] = 0.0, self.goal
         motion = Extremal(
             knots=knots,

@@ -287,10 +287,8 @@ class FlatProblem:
     def _at_knots(self, guess: Trajectory, scales: Scales) -> tuple[Array, float]:
         """X and V at the knots, (N + 1, 6), and T."""
         T = guess.duration
-        polynomial, times = guess.position, T * np.concatenate([[0.0], np.cumsum(self.mesh)])
-        X = (polynomial.at(times) - scales.origin) / scales.length
-        V = polynomial.derivative().at(times) * T / scales.length
-        return np.hstack([X, V]), T / scales.time
+        times = T * np.concatenate([[0.0], np.cumsum(self.mesh)])
+        return scales.states(guess.position, times, T), T / scales.time
 
     def _cubics(self, found: Interior, scales: Scales) -> PiecewisePolynomial:
         """The motion of cubics between knots, in m and s."""

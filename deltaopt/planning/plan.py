@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -30,7 +30,7 @@ from deltaopt.planning.poses import posed_as
 from deltaopt.planning.problem import Guess, Pose, Posed
 from deltaopt.planning.rounds import Round, gap_of, round_of
 from deltaopt.planning.scales import Scales, margin_of_fold
-from deltaopt.planning.search import Search
+from deltaopt.planning.search import Progress, Search
 from deltaopt.planning.starts import Optimum, distinct, first_motions
 from deltaopt.planning.transcription import LINEAR, PiecewiseAcceleration
 from deltaopt.record import Vector3
@@ -39,7 +39,6 @@ from deltaopt.scene import Limits, Scene
 from deltaopt.trajectory import Trajectory
 
 Array = NDArray[np.float64]
-Progress = Callable[[str], None]
 Pair = tuple[Vector3, Vector3]
 """Start and goal, m."""
 

@@ -92,6 +92,11 @@ class Scales:
         coefficients /= T ** np.arange(coefficients.shape[1])[:, None]
         return PiecewisePolynomial(T * np.concatenate([[0.0], np.cumsum(h)]), coefficients)
 
+    def states(self, position: PiecewisePolynomial, times: Array, T: float) -> Array:
+        """(X, V) of a motion (m, s) at times (s), V in units of D / T: (n, 6)."""
+        X = (position.at(times) - self.origin) / self.length
+        return np.hstack([X, position.derivative().at(times) * T / self.length])
+
     def vector(self) -> Array:
         """x_start, D, time, torque limits, margin of the fold[, speed limits]: a program has one
         for all intervals, so that the least share counts."""

@@ -17,12 +17,13 @@ from deltaopt.planning.certificate import Certificate
 from deltaopt.planning.extremal import Barrier
 from deltaopt.planning.flat import ScaledEquations
 from deltaopt.planning.gap import FRACTIONS, refined
+from deltaopt.planning.grid import Held
 from deltaopt.planning.problem import Guess, Posed
 from deltaopt.planning.rounds import Attempt, Round, attempt, round_of, shares
 from deltaopt.planning.scales import Scales
 from deltaopt.planning.settle import Settled, Unsettled, settle
 from deltaopt.planning.stage import Stage
-from deltaopt.planning.structure import READINGS, SHARP, Limit, Reading, read_structure
+from deltaopt.planning.structure import READINGS, SHARP, Limit, Reading, Structure, read_structure
 from deltaopt.pontryagin import MET
 from deltaopt.trajectory import Trajectory
 
@@ -155,7 +156,7 @@ class Search:
             if structure.limits in read:
                 continue
             read.add(structure.limits)
-            for barrier in (None, Barrier(last=self.tolerance / 10)):
+            for barrier in self._barriers(structure):
                 try:
                     found = settle(
                         self._stage,
@@ -176,6 +177,12 @@ class Search:
                 )
                 return found
         return None
+
+    def _barriers(self, structure: Structure) -> tuple[Barrier | None, ...]:
+        """None first; then one, where there is anything that it would keep within limits."""
+        if self.scales.scene.speed_limits is None and not Held.of(structure).free:
+            return (None,)
+        return None, Barrier(last=self.tolerance / 10)
 
     @property
     def _stage(self) -> Stage:
