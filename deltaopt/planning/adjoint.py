@@ -1,11 +1,15 @@
 """Pontryagin's condition on a mesh, from the prices of the limits at its points.
 
 A motion of cubics is a function of positions and velocities at the knots. What a small shift
-of these at one knot would cost, by the prices λ of the limits c in the interval that begins
-there, is the costate p: it also is what the interval that ends there would gain. So at both
-ends of every interval, on the way of duration T in units of it,
+of these at a knot would cost, by the prices λ of the limits c afterwards, is the costate p: it
+also is what the limits before would gain. On the way of duration T in units of it,
 
-    p_i = Σ_j λ_ij ∂c_ij/∂(X, V)_i        H = p · (V, A) / T, which is -1 on an optimal motion
+    p_i = Σ_j λ_j ∂c_j/∂(X, V)_i        H = p · (V, A) / T, which is -1 on an optimal motion
+
+The sum may end at the next knot, were λ exact. But in intervals of 1e-4 a shift of one knot alone
+is worth nothing, accelerations being what they are, and how λ is spread over neighbouring points
+then is as good as unknown. So the shift fades out over a part of the motion, as one cubic, which
+is a motion of the mesh too: what is unknown cancels, and nothing is smoothed but that.
 
 On a mesh that is fit for its purpose H varies but little. As torques jump inside of intervals,
 it is not as constant as where switches are resolved.
@@ -25,11 +29,14 @@ from deltaopt.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
+_FADES = 0.05
+"""Over this part of the motion: many intervals where they are short."""
+
 
 def certify_mesh(stage: Stage, attempt: Attempt) -> Certificate:
     """Of a motion of cubics that was found with prices of openings too, not yet slowed.
 
-    ``hamiltonian_spread``: max |H - mean H| over both ends of all intervals, over |mean H|.
+    ``hamiltonian_spread``: max |H - mean H| at both ends of all intervals, over |mean H|.
     ``sign_violation``: by how much other torques would lower H, at most, over the most that a
     torque does.
     """
@@ -49,11 +56,37 @@ def hamiltonian(stage: Stage, attempt: Attempt) -> Array:
     y = np.einsum("danc,nak->ncdk", weights, knots)  # (N, points, 3, 3), by the duration
     J = _slopes(stage, y, motion.duration / scales.time, scales, motion)
     pulled = np.einsum("ncr,ncrdk->ncdk", _prices(attempt.solution), J)
-    by_knot = np.einsum("ncdk,danc->nak", pulled, weights)  # costates over the duration
+    p = _costates(np.einsum("ncdk,danc->nak", pulled, weights), attempt.mesh)
     A = np.einsum("anc,nak->nck", weights[2][:, :, [0, -1]], knots)
-    first = (by_knot[:, :2] * np.stack([knots[:, 1], A[:, 0]], axis=1)).sum(axis=(1, 2))
-    last = -(by_knot[:, 2:] * np.stack([knots[:, 3], A[:, 1]], axis=1)).sum(axis=(1, 2))
+    first = (p[:-1] * np.stack([knots[:, 1], A[:, 0]], axis=1)).sum(axis=(1, 2))
+    last = (p[1:] * np.stack([knots[:, 3], A[:, 1]], axis=1)).sum(axis=(1, 2))
     return np.concatenate([first, last])
+
+
+def _costates(pulled: Array, mesh: Array) -> Array:
+    """At the knots, (N + 1, 2, 3), over the duration. ``pulled``: Σ λ ∂c/∂(X, V) at both ends of
+    every interval, (N, 4, 3)."""
+    N, knots = len(mesh), np.concatenate([[0.0], np.cumsum(mesh)])
+    onwards = np.searchsorted(knots, knots + _FADES)
+    backwards = np.searchsorted(knots, knots - _FADES, side="right") - 1
+    p = np.empty((N + 1, 2, 3))
+    for i in range(N + 1):
+        begins = onwards[i] <= N  # otherwise the goal, which must stay, is too near
+        first, last = (i, onwards[i]) if begins else (min(backwards[i], i - 1), i)
+        shifts = _faded(knots[first : last + 1], begins)
+        here = pulled[first:last]
+        by = np.einsum("dan,ndk->ak", shifts[..., :-1], here[:, :2])
+        by += np.einsum("dan,ndk->ak", shifts[..., 1:], here[:, 2:])
+        p[i] = by if begins else -by
+    return p
+
+
+def _faded(knots: Array, begins: bool) -> Array:
+    """(X, V) at knots by a shift of (X, V) at the first or else the last, where the other end
+    stays, (2, 2, knots)."""
+    length = knots[-1] - knots[0]
+    weights = _hermite(np.array([length]), (knots - knots[0]) / length)[:2, :, 0]
+    return weights[:, :2] if begins else weights[:, 2:]
 
 
 def _hermite(mesh: Array, points: Array) -> Array:
