@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.planning.grid import DENSE, Grid, Held, Pin
-from deltaopt.planning.newton import Extremal, System
+from deltaopt.planning.newton import Extremal, Places, System
 from deltaopt.planning.scales import Scales
 from deltaopt.planning.stage import SPEED, TORQUE, Stage
 from deltaopt.planning.structure import Structure
@@ -34,6 +34,9 @@ Array = NDArray[np.float64]
 Integers = NDArray[np.intp]
 
 _ITERATIONS = 40
+_PATIENCE, _WITH_BARRIER, _FAR = 8, 20, 1.0
+"""Steps, and steps with a barrier, after which a residual that never came below this is given up:
+of motions that are found it does so in fewer, and most that are not are seen by that."""
 _CONVERGED = 1e-10
 """Largest residual, all of the order of one."""
 _STALLED = 1e-7
@@ -103,6 +106,11 @@ class Conditions:
         return cls(stage, structure, Held.of(structure), grid, goal, p, pins, barrier)
 
     @cached_property
+    def places(self) -> Places:
+        """Where the unknowns are in the small system."""
+        return Places(self)
+
+    @cached_property
     def others(self) -> Integers:
         """Rows of the stage that may have to be kept within ±1: torques, and speeds."""
         speeds = np.arange(SPEED, min(SPEED + 3, self.stage.rows))
@@ -138,10 +146,14 @@ class Conditions:
         guess = self._inside(guess, barrier)
         system, shift, residual = System(self, guess, barrier), 0.0, np.inf
         lengths, reversed_for = np.full(len(self.grid.parts), np.inf), 0
+        least, patience = np.inf, _WITH_BARRIER if method.last else _PATIENCE
         for iteration in range(_ITERATIONS):
             before, residual = residual, system.residual
             if not np.isfinite(residual):
                 raise Stuck("the motion leaves the workspace")
+            least = min(least, residual)
+            if iteration >= patience and least > _FAR:
+                raise Stuck(f"a residual of {residual:.0e} is left after {iteration} steps")
             shorter, lengths = np.abs(lengths), system.at.lengths / system.at.duration
             vanishing = (np.abs(lengths) < _TINY) & (np.abs(lengths) < 0.7 * shorter)
             vanishing &= np.abs(lengths) > 0.2 * shorter

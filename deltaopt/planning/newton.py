@@ -249,16 +249,13 @@ class System:
         G = (self._held_slopes @ slopes).reshape(n, d, -1)
         gradient = self._gradient + (0.0 if self._least_squares else self._gradient_aim)
         right = 0.0 if self._least_squares else 1.0
-        K = np.zeros((n, 2 * d, 2 * d))
-        K[:, :d, :d] = Q[:, 7:, 7:]
-        K[:, d:, :d] = G[:, :, 7:]
-        K[:, :d, d:] = G[:, :, 7:].transpose(0, 2, 1)
-        B = np.zeros((n, 2 * d, 14 + modes))
-        B[:, :d, :7] = Q[:, 7:, :7]
-        B[:, d:, :7] = G[:, :, :7]
-        B[:, :d, 7:13] = end[:, :, 7:].transpose(0, 2, 1)
-        B[:, :d, 13] = gradient[:, 7:]
-        B[:, d:, 13] = right * self._differ.reshape(n, -1)
+        by_A = np.zeros((n, d, 14 + modes))  # derivatives by A; by λ below
+        by_A[:, :, :7] = Q[:, 7:, :7]
+        by_A[:, :, 7:13] = end[:, :, 7:].transpose(0, 2, 1)
+        by_A[:, :, 13] = gradient[:, 7:]
+        held = np.zeros((n, d, 14 + modes))
+        held[:, :, :7] = G[:, :, :7]
+        held[:, :, 13] = right * self._differ.reshape(n, -1)
         M = np.zeros((n, 14 + modes, 14 + modes))
         M[:, :7, :7] = Q[:, :7, :7]
         M[:, 7:13, :7] = end[:, :, :7]
@@ -269,7 +266,7 @@ class System:
             by_free = np.zeros((n, k, 3, 3, most))
             for j in range(3):
                 by_free[:, :, j, j] = -grid.shapes
-            B[:, d:, 14:] = by_free.reshape(n, d, -1)
+            held[:, :, 14:] = by_free.reshape(n, d, -1)
             M[:, 14:, 13] = self._by_free.reshape(n, -1)
             if not self._least_squares:
                 M[:, 14:, 13] += self._by_free_aim.reshape(n, -1)
@@ -279,12 +276,11 @@ class System:
                 for j in range(3):
                     own = slice(14 + j * most, 14 + (j + 1) * most)
                     M[:, own, own] += stiff[:, j]
-        back = np.asarray(np.linalg.solve(K, B), np.float64)
-        return back, M - B.transpose(0, 2, 1) @ back
-
-    @cached_property
-    def _places(self) -> _Places:
-        return _Places(self.of)
+        inverse = np.linalg.inv(G[:, :, 7:])  # A by what is held, then λ by A
+        A = inverse @ held
+        multipliers = inverse.transpose(0, 2, 1) @ (by_A - Q[:, 7:, 7:] @ A)
+        left = M - by_A.transpose(0, 2, 1) @ A - held.transpose(0, 2, 1) @ multipliers
+        return np.concatenate([A, multipliers], axis=1), left
 
     def step(self, shift: float = 0.0, redundant: float = 1e-10) -> Extremal | None:
         """Newton's, shortened by a shift of the curvature; None if there is none. Where rows
@@ -298,14 +294,9 @@ class System:
         return None if x is None else self._unpacked(x)
 
     def _assembled(self, shift: float, redundant: float) -> tuple[Array, Array]:
-        """The small system, in the order of ``_Places``."""
-        of, at, places = self.of, self.at, self._places
-        _, small = self._condensed
-        S, right = np.zeros((places.size + 6, places.size + 6)), np.zeros(places.size + 6)
-        for i in range(of.grid.intervals):
-            inside, outside, share = places.outside(i)
-            S[np.ix_(outside, outside)] += small[i][np.ix_(inside, inside)] * np.outer(share, share)
-            right[outside] += small[i, inside, 13] * share
+        """The small system, in the order of ``Places``."""
+        of, at, places = self.of, self.at, self.of.places
+        S, right = places.summed(self._condensed[1])
         for i in range(of.grid.intervals - 1):  # the interval's end is the next one's beginning
             here, there = places.state(i + 1), places.costate(i)
             S[here, there] -= 1.0
@@ -331,7 +322,7 @@ class System:
         return S[: places.size, : places.size], right[: places.size]
 
     def _unpacked(self, x: Array) -> Extremal:
-        of, at, places = self.of, self.at, self._places
+        of, at, places = self.of, self.at, self.of.places
         n, nodes = of.grid.intervals, len(of.grid.nodes)
         knots, free = np.zeros((n + 1, 6)), np.zeros_like(at.free)
         knots[1:-1] = x[: 6 * (n - 1)].reshape(-1, 6)
@@ -370,7 +361,7 @@ class System:
         return least
 
 
-class _Places:
+class Places:
     """Where the unknowns are in the small system: states at the inner knots, lengths, modes,
     costates, multipliers of entries and of pins; last a bin for what is given."""
 
@@ -384,6 +375,7 @@ class _Places:
         )
         self.free = np.split(free, np.cumsum(modes)[:-1]) if modes else []
         self._first_costate, self.size = int(costates[0]), ends[-1]
+        self._width = 14 + (3 * of.grid.most_modes if of.held.free else 0)
         self.duals = np.concatenate([costates, self.entries, self.pins])
 
     def state(self, knot: int) -> Integers:
@@ -396,8 +388,46 @@ class _Places:
         begin = self._first_costate + 6 * interval
         return np.arange(begin, begin + 6)
 
-    def outside(self, interval: int) -> tuple[Integers, Integers, Array]:
-        """What is outside of an interval: where for the interval, where here, and factors."""
+    def summed(self, small: Array) -> tuple[Array, Array]:
+        """The intervals' matrices and right-hand sides, (n, 14 + w, 14 + w), in one."""
+        size = self.size + 6
+        where, source, share = self._of_matrix
+        S = np.bincount(where, small.ravel()[source] * share, size**2)
+        where, source, share = self._of_right
+        right = np.bincount(where, small[:, :, 13].ravel()[source] * share, size)
+        return np.asarray(S.reshape(size, size), np.float64), np.asarray(right, np.float64)
+
+    @cached_property
+    def _of_matrix(self) -> tuple[Integers, Integers, Array]:
+        """Of every number of the intervals' matrices: where it goes, where it is, its factor."""
+        size = self.size + 6
+        parts = [
+            (
+                (here[:, None] * size + here).ravel(),
+                ((i * self._width + inside)[:, None] * self._width + inside).ravel(),
+                np.outer(share, share).ravel(),
+            )
+            for i, (inside, here, share) in enumerate(self._outside)
+        ]
+        where, source, share = (np.concatenate(part) for part in zip(*parts, strict=True))
+        return where, source, share
+
+    @cached_property
+    def _of_right(self) -> tuple[Integers, Integers, Array]:
+        """The same of the right-hand sides."""
+        parts = [
+            (here, i * self._width + inside, share)
+            for i, (inside, here, share) in enumerate(self._outside)
+        ]
+        where, source, share = (np.concatenate(part) for part in zip(*parts, strict=True))
+        return where, source, share
+
+    @cached_property
+    def _outside(self) -> list[tuple[Integers, Integers, Array]]:
+        """What is outside of each interval: where for the interval, where here, and factors."""
+        return [self._outside_of(i) for i in range(self._of.grid.intervals)]
+
+    def _outside_of(self, interval: int) -> tuple[Integers, Integers, Array]:
         of = self._of
         a = int(of.grid.arc[interval])
         here = [self.state(interval), self.lengths[[a]], self.costate(interval)]

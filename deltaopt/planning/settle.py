@@ -25,7 +25,7 @@ from deltaopt.trajectory import Trajectory
 
 _DEGREE = 8
 """Of the acceleration in an interval."""
-_ATTEMPTS = 16
+_ATTEMPTS = 10
 _MOST_INTERVALS, _MOST_MODES = 48, 24
 CERTIFIED = 1e-5
 """Spread of the Hamiltonian and prices of the wrong sign at most: wrong structures miss it by
