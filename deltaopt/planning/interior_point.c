@@ -27,6 +27,7 @@
 #define SHIFT 1e-5 /* the first that is tried: the scene's magnitudes are of the order of one */
 #define HIGHEST 1e-2 /* to which a shift grows because steps had to be halved */
 #define FAR_OFF 1e-3 /* of complementarity over T: nearer to a solution shifts are smaller */
+#define RISE 10.0 /* times complementarity: what merit may rise by, see try_direction */
 #define USUAL 16.0 /* so that the intervals of a mesh of 16 have weight 1 in the integral of A^2 */
 
 enum { SOLVED, TOO_MANY_ITERATIONS, NO_PROGRESS, SINGULAR, NOT_A_NUMBER };
@@ -512,14 +513,18 @@ static double merit_now(Problem *P, double *slope) {
   return total;
 }
 
-/* Along a new direction halve the step until the merit falls; 0 if it does not. */
+/* Along a new direction halve the step until the merit falls, or hardly rises; 0 if it does not.
+   Rows are curved, and a full step leaves |c - t| in proportion to its square, which the next
+   one takes away. Halved for that every time (Maratos' effect) steps creep, and on fine meshes
+   seem to have arrived before they have. */
 static int try_direction(Problem *P, double *dual) {
   double slope, step;
   direction(P, P->mu);
   longest_steps(P, greater(0.99, 1 - P->mu), &step, dual);
-  const double now = merit_now(P, &slope), aim = 1e-4 * lesser(slope, 0.0);
+  const double now = merit_now(P, &slope) + RISE * complementarity(P, 0, 0) + 1e-12;
+  const double aim = 1e-4 * lesser(slope, 0.0);
   for (int k = 0; k < 12; k++, step /= 2)
-    if (merit(P, step) <= now + aim * step + 1e-12) {
+    if (merit(P, step) <= now + aim * step) {
       P->halvings = k;
       return 1;
     }

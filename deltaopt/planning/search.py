@@ -23,7 +23,7 @@ from deltaopt.planning.rounds import Attempt, Round, attempt, round_of, shares
 from deltaopt.planning.scales import Scales
 from deltaopt.planning.settle import Settled, Unsettled, settle
 from deltaopt.planning.stage import Stage
-from deltaopt.planning.structure import READINGS, SHARP, Limit, Reading, Structure, read_structure
+from deltaopt.planning.structure import SHARP, USUAL, Limit, Reading, Structure, read_structure
 from deltaopt.pontryagin import MET
 from deltaopt.trajectory import Trajectory
 
@@ -137,7 +137,7 @@ class Search:
         if not self._meshes_to_read:
             return ()
         self._meshes_to_read -= 1
-        return READINGS
+        return USUAL
 
     def certificate(self, chosen: Attempt) -> Certificate | None:
         """Of a solution on a mesh where switches were to be resolved, if Pontryagin's condition

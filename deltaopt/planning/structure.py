@@ -20,6 +20,8 @@ Signs = NDArray[np.int8]
 
 _OPENING_AT_MARGIN = 1e-3
 """At most, everywhere in an interval."""
+_SIMULTANEOUS = 2e-4
+"""Of the duration: switches that are read closer to each other are one."""
 VANISHED = 1e-5
 """Of the duration: shorter arcs are not there."""
 
@@ -83,19 +85,18 @@ class Stretch:
 @dataclass(frozen=True)
 class Reading:
     """How a mesh is read. ``widest``: intervals; what is wider between two limits is no smeared
-    switch but an arc. ``simultaneous``: of the duration; closer switches are one. ``torque``,
-    ``speed``: of a load that is at its limit, everywhere in an interval. Torque comes to its
-    limit in a jump, and coarse polynomials leave some of it unused; speed comes gradually.
+    switch but an arc. ``torque``, ``speed``: of a load that is at its limit, everywhere in an
+    interval. Torque comes to its limit in a jump, and coarse polynomials leave some of it unused;
+    speed comes gradually.
     """
 
     widest: int = 3
-    simultaneous: float = 2e-4
     torque: float = 0.9
     speed: float = 0.99
 
 
-READINGS = (Reading(), Reading(widest=8), Reading(simultaneous=3e-3))
-"""In the order in which they are tried."""
+USUAL = (Reading(),)
+"""The ways to read a mesh, in the order in which they are tried."""
 SHARP = (Reading(torque=0.99, speed=0.9999), Reading(widest=8, torque=0.99, speed=0.9999))
 """Of meshes on which next to nothing is given away."""
 
@@ -105,7 +106,7 @@ def read_structure(
     torque: Array,
     speed: Array | None,
     opening: Array | None = None,
-    reading: Reading = READINGS[0],
+    reading: Reading = USUAL[0],
 ) -> Structure:
     """From loads in the intervals of a mesh (N,), fractions of their limits, (N, points, m),
     and from how far chains are from the margin of their fold."""
@@ -121,7 +122,7 @@ def read_structure(
         _sharpened(_stretches(ends, held[:, k].tolist(), torque[:, :, k]), reading.widest)
         for k in range(m)
     ]
-    return _assembled(motors, reading.simultaneous)
+    return _assembled(motors, _SIMULTANEOUS)
 
 
 def changed(structure: Structure, patches: Iterable[tuple[int, Stretch]]) -> Structure:
