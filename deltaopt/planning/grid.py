@@ -8,7 +8,7 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
-from numpy.polynomial.legendre import legvander
+from numpy.polynomial.legendre import legder, legvander
 from numpy.typing import NDArray
 
 from deltaopt.planning.stage import (
@@ -163,6 +163,11 @@ class Grid:
         """The same at ``DENSE``, (dense, nodes) each."""
         return _weights(self.degree).at_dense
 
+    @property
+    def slope_at_dense(self) -> Array:
+        """Derivatives at ``DENSE`` of polynomials that are given at the nodes, (dense, nodes)."""
+        return _weights(self.degree).slope_at_dense
+
     @cached_property
     def shapes(self) -> Array:
         """Legendre's polynomials over the arc at the nodes, (n, nodes, most modes)."""
@@ -178,6 +183,7 @@ class _Weights:
     transcription: PiecewiseAcceleration
     at_nodes: tuple[Array, Array, Array]
     at_dense: tuple[Array, Array, Array]
+    slope_at_dense: Array
 
 
 @lru_cache(maxsize=8)
@@ -188,4 +194,12 @@ def _weights(degree: int) -> _Weights:
         position, velocity, acceleration = transcription.weights(c, 1.0)
         return position[:, 2:], velocity[:, 2:], acceleration[:, 2:]
 
-    return _Weights(transcription, of_acceleration(transcription.nodes), of_acceleration(DENSE))
+    nodes = transcription.nodes
+    at_nodes = legvander(2 * nodes - 1, degree)
+    slopes = legvander(2 * DENSE - 1, degree - 1) @ (2 * legder(np.eye(degree + 1)))
+    return _Weights(
+        transcription,
+        of_acceleration(nodes),
+        of_acceleration(DENSE),
+        np.asarray(slopes @ np.linalg.inv(at_nodes)),
+    )

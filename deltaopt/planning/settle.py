@@ -20,6 +20,7 @@ from deltaopt.planning.extremal import Barrier, Conditions, Stuck
 from deltaopt.planning.grid import Grid, Pin
 from deltaopt.planning.scales import Scales
 from deltaopt.planning.stage import Stage
+from deltaopt.planning.state_prices import wrong_push
 from deltaopt.planning.structure import Structure, changed
 from deltaopt.trajectory import Trajectory
 
@@ -32,6 +33,8 @@ CERTIFIED = 1e-5
 orders."""
 _FREE_PRICE = 1e-4
 """The same of a torque that has no limit, a polynomial being no better at its ends."""
+_PUSH = 1e-3
+"""The same of a limit of the state, of which prices are derivatives of polynomials."""
 
 
 class Unsettled(NotConverged):
@@ -128,7 +131,7 @@ def settle(
 def _settled(
     examined: Examined, trajectory: Trajectory, scales: Scales, iterations: int, tolerance: float
 ) -> Settled | None:
-    """The result, if it is one."""
+    """The result, if it is one. Raises Unsettled where a limit of the state should not be held."""
     wrong = examined.sign_violation > CERTIFIED or examined.free_price > _FREE_PRICE
     if wrong or max(examined.excess, examined.to_be_gained, examined.unused) > tolerance:
         return None
@@ -138,7 +141,14 @@ def _settled(
     spread = float(np.abs(H - H.mean()).max() / abs(H.mean()))
     if gap > tolerance or spread > CERTIFIED:
         return None
-    certificate = Certificate(spread, max(examined.sign_violation, examined.free_price))
+    push = wrong_push(examined.conditions, examined.motion)
+    if push > _PUSH:
+        raise Unsettled(
+            f"a speed or an opening is held that time would be gained by leaving, {push:.0e}",
+            "Unsettled",
+            trajectory,
+        )
+    certificate = Certificate(spread, max(examined.sign_violation, examined.free_price, push))
     return Settled(examined.conditions, trajectory, factor, gap, certificate, iterations)
 
 

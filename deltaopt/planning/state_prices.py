@@ -1,0 +1,57 @@
+"""Prices of limits of the state: of speeds, and of the margin of a fold, on resolved arcs.
+
+On an arc such a limit c is held by its derivative, whose price λ may have either sign, and by
+itself where the arc begins, ν. The price of c itself, a measure η, follows by parts:
+
+    ∫ λ ċ dt + ν c(t₀) = ∫ c dη      η(t) = ν - λ(t)        of a speed
+    ∫ λ c̈ dt + ν c(t₀) = ∫ c dη      η(t) = ν + dλ/dt       of an opening
+
+from 0 before the arc to ν after it. A limit can only push the motion away: η never falls where
+c has an upper limit, and never rises where it has a lower one. Otherwise time is gained by
+leaving it, though every torque have a price of the right sign.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deltaopt.planning.extremal import Conditions
+from deltaopt.planning.newton import Extremal
+from deltaopt.planning.stage import OPENING, OPENING_BEND, OPENING_RATE, SPEED
+
+Array = NDArray[np.float64]
+
+
+def wrong_push(conditions: Conditions, motion: Extremal) -> float:
+    """By how much a price falls where it must rise, at most, as a fraction of the duration."""
+    falls = [(np.maximum.accumulate(eta) - eta).max() for eta in pushes(conditions, motion)]
+    return float(max(falls, default=0.0)) / motion.duration
+
+
+def pushes(conditions: Conditions, motion: Extremal) -> Iterator[Array]:
+    """η of every limit that is held for a time or touched, in their order, made so that it
+    should rise; in durations per limit, from before the arc to after it, (samples,)."""
+    structure, grid = conditions.structure, conditions.grid
+    price, slope = _between(conditions, motion)
+    for entry, nu in zip(conditions.held.entries, motion.entry.tolist(), strict=True):
+        if OPENING_RATE <= entry.row < OPENING_BEND:  # held besides the opening itself
+            continue
+        is_speed = entry.row >= SPEED
+        k = entry.row - (SPEED if is_speed else OPENING)
+        signs = structure.speed[:, k] if is_speed else -structure.opening[:, k]
+        sign = int(signs[entry.arc]) or -1  # that of an opening which is only touched
+        after = np.flatnonzero(signs[entry.arc :] != sign)
+        last = entry.arc + int(after[0]) if len(after) else len(signs)
+        held = np.isin(grid.arc, np.arange(entry.arc, last))
+        eta = nu - price[held, :, k] if is_speed else nu + slope[held, :, k]
+        yield sign * np.concatenate([[0.0], eta.ravel(), [nu]])
+
+
+def _between(conditions: Conditions, motion: Extremal) -> tuple[Array, Array]:
+    """λ of what is held and its derivative by time, (n, dense, 3)."""
+    at_nodes, grid = conditions.prices(motion), conditions.grid
+    slope = grid.slope_at_dense @ at_nodes / motion.intervals(grid)[:, None, None]
+    return np.asarray(grid.at_dense[2] @ at_nodes), np.asarray(slope)

@@ -1,0 +1,89 @@
+"""Prices of speed limits and of the fold's margin on arcs: exact ones, and what a limit costs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import islice
+
+import numpy as np
+import pytest
+
+from deltaopt import load_robot
+from deltaopt.model import delta_model
+from deltaopt.planning.extremal import Conditions
+from deltaopt.planning.grid import Grid
+from deltaopt.planning.plan import Planner
+from deltaopt.planning.scales import Scales
+from deltaopt.planning.search import Search
+from deltaopt.planning.settle import Settled
+from deltaopt.planning.stage import Stage
+from deltaopt.planning.state_prices import pushes, wrong_push
+from deltaopt.planning.structure import read_structure
+from deltaopt.scene import Scene
+from deltaopt.studies.random_scenes import random_scenes
+from test_exact_answers import LINES, UNEVEN, Line
+from test_fine_meshes import first, machine_code, posed, scales_of
+
+
+@pytest.mark.parametrize("line", [line for line in LINES if line.v], ids=str)
+def test_a_speed_limit_has_its_exact_price(line: Line):
+    """T = d/v + v/u, so a share more of v saves d/v - v/u; in equal parts at all times at it."""
+    motion, _ = line.on_mesh(UNEVEN, line.guess)
+    arcs = read_structure(UNEVEN, *line.loads(motion))
+    conditions = Conditions.of(
+        Stage(line.equations), arcs, Grid.of(arcs, 5), line.scales, np.zeros(0)
+    )
+    found = conditions.solve(conditions.guess(motion, line.scales)).motion
+    (eta,) = pushes(conditions, found)
+    eta = eta * line.scales.time
+    at_limit = line.d / line.v - line.v / line.u
+    assert eta[0] == 0.0
+    assert eta[-1] == pytest.approx(at_limit, rel=1e-6)
+    halves = eta[1:-1].reshape(-1, 21)
+    np.testing.assert_allclose(halves[0], eta[1] + np.linspace(0, np.ptp(halves[0]), 21), atol=1e-6)
+    assert wrong_push(conditions, found) < 1e-6
+    pulled = replace(found, entry=-found.entry, multipliers=-found.multipliers)
+    assert wrong_push(conditions, pulled) == pytest.approx(at_limit / line.duration, rel=1e-5)
+
+
+def orsino(number: int) -> Scene:
+    """A random move, as of ``deltaopt bench random``."""
+    robot = load_robot("problems/robots/orsino.yaml")
+    return next(islice(random_scenes(robot, 1.0, number + 1, 1), number, None))
+
+
+def resolved(scene: Scene) -> tuple[Settled, Scales]:
+    scales, model = scales_of(scene), delta_model(scene.robot, scene.payload)
+    found = Search(posed(scene), scales, model, 1e-6, True, print).from_guess(first(scene, 1e-4), 16)
+    assert found is not None
+    return found, scales
+
+
+MARGIN = 8
+"""Among the stage's parameters: that of the fold, after start, D, time and torque limits."""
+
+
+@pytest.mark.parametrize("number", [7, 43])
+def test_the_price_of_a_margin_is_what_a_wider_one_costs(number):
+    """By solving again."""
+    found, scales = resolved(orsino(number))
+    at_margin = found.conditions
+    assert at_margin.structure.opening.any()
+    at = at_margin.solve(at_margin.guess(found.trajectory, scales)).motion
+    by = 1e-5 * at_margin.p[MARGIN]
+    wider = replace(at_margin, p=at_margin.p + by * np.eye(len(at_margin.p))[MARGIN])
+    slower = wider.solve(wider.guess(found.trajectory, scales)).motion
+    cost = (slower.duration - at.duration) / by
+    assert cost > 1e-2
+    assert sum(eta[-1] for eta in pushes(at_margin, at)) == pytest.approx(cost, rel=1e-3)
+
+
+@machine_code
+def test_an_arc_at_the_margin_that_should_be_left_is_not_resolved():
+    """One structure of this move meets all other conditions and is slower by 1.4e-5 than what
+    meshes find, which know of no structure."""
+    scene = orsino(34)
+    planner = Planner(scene.robot, 1.0, tolerance=1e-6)
+    found = planner.plan(scene.start, scene.goal)
+    on_meshes = replace(planner, resolved_below=0.0).plan(scene.start, scene.goal)
+    assert found.duration < on_meshes.duration * (1 + 1e-6)
