@@ -54,7 +54,8 @@ def orsino(number: int) -> Scene:
 
 def resolved(scene: Scene) -> tuple[Settled, Scales]:
     scales, model = scales_of(scene), delta_model(scene.robot, scene.payload)
-    found = Search(posed(scene), scales, model, 1e-6, True, print).from_guess(first(scene, 1e-4), 16)
+    search = Search(posed(scene), scales, model, 1e-6, True, print)
+    found = search.from_guess(first(scene, 1e-4), 16)
     assert found is not None
     return found, scales
 
