@@ -57,6 +57,10 @@ class Loads:
     speed: Array
     demands: Array
 
+    def highest_demands(self, samples: int) -> Array:
+        """In each interval, of so many samples: (K, 9)."""
+        return np.asarray(self.demands.reshape(-1, samples, 9).max(axis=1))
+
 
 def torque_excess(scene: Scene, trajectory: Trajectory) -> Excess:
     """max |τ_k| / τ_max - 1, by the general derivation."""
@@ -85,15 +89,14 @@ def safe_factor(
     return _factor(highest.values, at_least)
 
 
-def sampled_factor(loads: Loads, at_least: float = 1.0) -> float:
-    """The same for the instants of the loads only: a little less where they miss a peak."""
-    return _factor(loads.demands.max(axis=0), at_least)
+def sampled_factor(demands: Array, at_least: float = 1.0) -> float:
+    """The same from the demands of samples only, (N, 9): a little less where they miss a peak."""
+    return _factor(demands.max(axis=0), at_least)
 
 
-def slowing_inside(loads: Loads, samples: int) -> Array:
-    """What each interval alone asks of k, from ``loads_inside`` at so many fractions, (K,)."""
-    squared = loads.demands[:, :6].max(axis=1).reshape(-1, samples).max(axis=1)
-    return np.asarray(np.sqrt(squared))
+def slowing_inside(demands: Array) -> Array:
+    """What each interval alone asks of k, from its highest demands, (K, 9) -> (K,)."""
+    return np.asarray(np.sqrt(demands[:, :6].max(axis=1)))
 
 
 def _factor(highest: Array, at_least: float) -> float:
@@ -117,7 +120,7 @@ def rough_factor(scene: Scene, trajectory: Trajectory) -> float:
     intervals = len(trajectory.knots) - 1
     evaluate = _Evaluation.of(scene, trajectory, _quick_loads)
     loads = evaluate(*everywhere(intervals, sample_fractions(intervals)))
-    return sampled_factor(loads, at_least=0.0)
+    return sampled_factor(loads.demands, at_least=0.0)
 
 
 def _excess(scene: Scene, trajectory: Trajectory, shares: Callable[[Loads], Array]) -> Excess:

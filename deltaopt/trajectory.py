@@ -51,6 +51,16 @@ class PiecewisePolynomial:
         intervals = self.interval(t)
         return self.inside(intervals, t - self.knots[intervals])
 
+    def with_rate_at(self, t: Array) -> tuple[Array, Array]:
+        """Values and their derivatives with respect to time, (N, m) each, at times (N,)."""
+        intervals = self.interval(t)
+        since = (t - self.knots[intervals])[:, None]
+        values = rates = np.zeros((len(t), self.coefficients.shape[2]))
+        for power in reversed(range(self.coefficients.shape[1])):  # Horner, differentiated
+            rates = rates * since + values
+            values = values * since + self.coefficients[intervals, power]
+        return values, rates
+
     def interval(self, t: Array) -> NDArray[np.intp]:
         """The interval of each time (N,); of a knot the one it begins, if there is one."""
         last = len(self.knots) - 2

@@ -71,6 +71,7 @@ typedef struct {
   double *z, *dz, *trial, *g;    /* n + 1 knots of six, then T */
   V p[NP];
   double pivot_T, mu, penalty;
+  double left; /* complementarity now */
   int halvings; /* of the last step */
   Report *report;
 } Problem;
@@ -246,8 +247,9 @@ static void curvature(const Problem *P, Interval *I, const double *knots) {
 
 /* How far t is from its limits; kept, for a division takes as long as many products. */
 static void measure(Interval *I, int r) {
-  I->over[r] = 1 / (1 - I->t[r]);
-  I->under[r] = 1 / (1 + I->t[r]);
+  const V up = 1 - I->t[r], down = 1 + I->t[r], both = 1 / (up * down);
+  I->over[r] = down * both;
+  I->under[r] = up * both;
 }
 
 /* ---- Newton's equations ---- */
@@ -419,8 +421,9 @@ static void longest_steps(const Problem *P, double fraction, double *primal, dou
     for (int r = 0; r < NC; r++) {
       by_t = larger(by_t, I->dt[r] * I->over[r]);
       by_t = larger(by_t, -I->dt[r] * I->under[r]);
-      by_multiplier = larger(by_multiplier, -I->dupper[r] / I->upper[r]);
-      by_multiplier = larger(by_multiplier, -I->dlower[r] / I->lower[r]);
+      const V both = 1 / (I->upper[r] * I->lower[r]);
+      by_multiplier = larger(by_multiplier, -I->dupper[r] * I->lower[r] * both);
+      by_multiplier = larger(by_multiplier, -I->dlower[r] * I->upper[r] * both);
     }
   }
   *primal = lesser(1.0, fraction / largest(by_t));
@@ -446,13 +449,13 @@ static double complementarity(const Problem *P, double primal, double dual) {
 /* Mehrotra's choice: as far down as dz, Newton's step without barrier, would get, cubed; and
    his correction for what that step neglects, in so far as it can be taken. */
 static void choose_barrier(Problem *P, double tolerance) {
-  const double products = 8.0 * NC * P->n, now = complementarity(P, 0, 0);
+  const double products = 8.0 * NC * P->n;
   double primal, dual;
   longest_steps(P, 1.0, &primal, &dual);
-  const double share = complementarity(P, primal, dual) / now;
+  const double share = complementarity(P, primal, dual) / P->left;
   const double centring = lesser(greater(share * share * share, 1e-3), 1.0);
   const double least = 0.05 * tolerance * *duration(P, P->z) / products;
-  P->mu = greater(centring * now / products, least);
+  P->mu = greater(centring * P->left / products, least);
   bend(P, primal*dual);
 }
 
@@ -463,15 +466,18 @@ static V moved(V t, V dt, V c, double step) {
   return 0.5 * (t + step * dt) + 0.5 * smaller(larger(c, lowest), highest);
 }
 
-/* The barrier at t after a step, plus the penalty on |c - t|. */
+/* The barrier at t after a step, plus the penalty on |c - t|. A logarithm takes as long as many
+   products: there is one for three rows. */
 static double merit_of_rows(const Problem *P, Interval *I, const V *c, double step) {
   double barrier = 0;
-  V infeasibility = ALL(0.0);
+  V infeasibility = ALL(0.0), room = ALL(1.0);
   for (int r = 0; r < NC; r++) {
     I->moved[r] = step > 0 ? moved(I->t[r], I->dt[r], c[r], step) : I->t[r];
-    const V room = 1 - I->moved[r] * I->moved[r];
-    barrier -= log(room[0] * room[1] * room[2] * room[3]);
     infeasibility += absolute(c[r] - I->moved[r]);
+    room *= 1 - I->moved[r] * I->moved[r];
+    if (r % 3 < 2) continue;
+    barrier -= log(room[0] * room[1] * room[2] * room[3]);
+    room = ALL(1.0);
   }
   return P->mu * barrier + P->penalty * sum(infeasibility);
 }
@@ -521,7 +527,7 @@ static int try_direction(Problem *P, double *dual) {
   double slope, step;
   direction(P, P->mu);
   longest_steps(P, greater(0.99, 1 - P->mu), &step, dual);
-  const double now = merit_now(P, &slope) + RISE * complementarity(P, 0, 0) + 1e-12;
+  const double now = merit_now(P, &slope) + RISE * P->left + 1e-12;
   const double aim = 1e-4 * lesser(slope, 0.0);
   for (int k = 0; k < 12; k++, step /= 2)
     if (merit(P, step) <= now + aim * step) {
@@ -590,7 +596,7 @@ static int solved(Problem *P, double tolerance) {
       R->primal = greater(R->primal, largest(absolute(I->c[r] - I->t[r])));
     }
   R->dual = fabs(*duration(P, P->dz)) / T;
-  R->complementarity = complementarity(P, 0, 0) / T;
+  R->complementarity = P->left / T;
   return greater(R->complementarity, greater(R->primal, R->dual)) <= tolerance;
 }
 
@@ -613,7 +619,7 @@ static double largest_change(const Problem *P) {
    at the first of them; or the rows' own curvature would halve its step again and again: both
    are cured by a shift. */
 static int aim(Problem *P, double *shift) {
-  const double left = complementarity(P, 0, 0) / *duration(P, P->z);
+  const double left = P->left / *duration(P, P->z);
   const double first = SHIFT * lesser(1.0, left / FAR_OFF);
   if (P->halvings > 1) *shift = greater(*shift, lesser(greater(8 * *shift, first), HIGHEST));
   if (P->halvings < 1) *shift = *shift > first ? *shift / 8 : 0.0;
@@ -630,6 +636,7 @@ static int iterate(Problem *P, const Settings *S) {
   double shift = 0, dual;
   for (; P->report->iterations < S->iterations; P->report->iterations++) {
     differentiate_all(P);
+    P->left = complementarity(P, 0, 0);
     if (!aim(P, &shift)) return SINGULAR;
     if (solved(P, S->tolerance)) return SOLVED;
     choose_barrier(P, S->tolerance);

@@ -49,10 +49,9 @@ def attempt(problem: Problem, scales: Scales, guess: Guess, model: DeltaModel) -
     solution = problem.solve(guess, scales, model.parameters)
     trajectory = Trajectory(solution.position, model, solution.coordinates)
     scene, loads = scales.scene, loads_inside(scales.scene, trajectory, FRACTIONS)
-    slowing = slowing_inside(loads, len(FRACTIONS))
-    of_limits = shares(scene, loads)
-    lost = given_away(solution.prices, *of_limits, slowing)
-    factor = sampled_factor(loads)
+    demands = loads.highest_demands(len(FRACTIONS))
+    lost = given_away(solution.prices, *shares(scene, loads), slowing_inside(demands))
+    factor = sampled_factor(demands)
     return Attempt(problem, solution, trajectory, loads, lost, factor, scales)
 
 

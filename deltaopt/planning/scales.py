@@ -94,8 +94,8 @@ class Scales:
 
     def states(self, position: PiecewisePolynomial, times: Array, T: float) -> Array:
         """(X, V) of a motion (m, s) at times (s), V in units of D / T: (n, 6)."""
-        X = (position.at(times) - self.origin) / self.length
-        return np.hstack([X, position.derivative().at(times) * T / self.length])
+        x, v = position.with_rate_at(times)
+        return np.hstack([(x - self.origin) / self.length, v * (T / self.length)])
 
     def vector(self) -> Array:
         """x_start, D, time, torque limits, margin of the fold[, speed limits]: a program has one
