@@ -49,6 +49,7 @@ typedef struct {
   V weight[3][4];                /* of X_i, V_i, X_i+1, V_i+1 in X, V, A */
   double scale[NC];              /* 1 / share of the limits that may be used */
   V c[NC], t[NC];                /* rows and their copies */
+  V next[NC], inverse[9];        /* rows at the last trial, and of B in the equations of motion */
   V over[NC], under[NC];         /* 1 / distance of t to its limits */
   V upper[NC], lower[NC];        /* multipliers of the limits of t */
   V y[NC];                       /* of c = t: upper - lower */
@@ -176,15 +177,15 @@ static void scale(const Interval *I, V *c) {
   for (int r = 0; r < NC; r++) c[r] *= I->scale[r];
 }
 
-/* Rows, C, and into M, 10 x 10, the curvature of y . c, torques being functions of y. */
+/* C, and into M, 10 x 10, the curvature of y . c, torques being functions of y; the rows are
+   known from the trial that led here. */
 static void differentiate(const Problem *P, Interval *I, const double *knots, V M[10][10]) {
-  V y[13], inverse[9], weight[NC], lambda[NC], dF[30], H[55], H_tau[30];
+  V y[13], weight[NC], lambda[NC], dF[30], H[55], H_tau[30];
+  const V *inverse = I->inverse;
   at_points(I, knots, *duration(P, P->z), y);
-  rows(P, y, I->c, inverse);
-  memcpy(y + 10, I->c, 3 * sizeof(V));
+  for (int k = 0; k < 3; k++) y[10 + k] = I->c[k] / I->scale[k];
   memcpy(weight, I->y, sizeof weight);
   scale(I, weight);
-  scale(I, I->c);
   for (int k = 0; k < 3; k++)
     lambda[k] = -(inverse[k] * weight[0] + inverse[3 + k] * weight[1] + inverse[6 + k] * weight[2]);
   for (int k = 3; k < NC; k++) lambda[k] = weight[k];
@@ -488,11 +489,12 @@ static double merit(Problem *P, double step) {
   const double T = *duration(P, P->trial), begin = seconds();
   double total = T;
   for (int64_t i = 0; i < P->n; i++) {
-    V y[10], c[NC], inverse[9];
-    at_points(P->interval + i, P->trial + 6 * i, T, y);
-    rows(P, y, c, inverse);
-    scale(P->interval + i, c);
-    total += merit_of_rows(P, P->interval + i, c, step);
+    Interval *I = P->interval + i;
+    V y[10];
+    at_points(I, P->trial + 6 * i, T, y);
+    rows(P, y, I->next, I->inverse);
+    scale(I, I->next);
+    total += merit_of_rows(P, I, I->next, step);
   }
   P->report->evaluations++;
   P->report->evaluating += seconds() - begin;
@@ -543,6 +545,7 @@ static void move(Problem *P, double dual) {
   for (int64_t i = 0; i < P->n; i++) {
     Interval *I = P->interval + i;
     for (int r = 0; r < NC; r++) {
+      I->c[r] = I->next[r];
       I->t[r] = I->moved[r];
       I->upper[r] += dual * I->dupper[r];
       I->lower[r] += dual * I->dlower[r];
@@ -564,10 +567,10 @@ static int begin(Problem *P, const double *mesh, const double *fractions, const 
   P->penalty = 0;
   for (int64_t i = 0; i < P->n; i++) {
     Interval *I = P->interval + i;
-    V y[10], inverse[9];
+    V y[10];
     set_weights(I, mesh[i], fractions);
     at_points(I, P->z + 6 * i, *duration(P, P->z), y);
-    rows(P, y, I->c, inverse);
+    rows(P, y, I->c, I->inverse);
     for (int r = 0; r < NC; r++) I->scale[r] = 1 / share[NC * i + r];
     scale(I, I->c);
     for (int r = 0; r < NC; r++) {
