@@ -234,6 +234,16 @@ def test_hopeless_scenes(command, changes, code, words, tmp_path, capsys):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize(
+    ("changes", "code", "words"),
+    [({"payload": "-1"}, 2, "payload is -1"), ({"payload": "10"}, 1, "motor 1 needs 13 N·m")],
+)
+def test_hopeless_scenes_are_not_timed(changes, code, words, tmp_path, capsys):
+    found, sentence = failure(["bench", "start", str(scene_file(tmp_path, **changes))], capsys)
+    assert found == code
+    assert words in sentence
+
+
 @pytest.mark.parametrize("command", ["plan", "check", "inverse"])
 def test_no_such_scene(command, capsys):
     code, sentence = failure([command, "nowhere.yaml"], capsys)

@@ -28,6 +28,7 @@ import numpy as np
 from deltaopt.cli.arguments import add_scenes, load_fastest, positive
 from deltaopt.cli.progress import ProgressBar
 from deltaopt.errors import MissingPackage
+from deltaopt.feasibility import check_feasible
 from deltaopt.planning.plan import Planner
 from deltaopt.robot import Robot, load_robot
 from deltaopt.scene import Scene, load_scene
@@ -233,6 +234,8 @@ def _start(arguments: argparse.Namespace) -> int:
     """Seconds from import to a verified plan: cold, warm, without a compiler."""
     from deltaopt.studies.start import first_plan, plan_without_compiler, warm_plan
 
+    for file in arguments.scenes:
+        check_feasible(load_scene(file))  # said here, not by the processes that plan it
     for scene in arguments.scenes:
         cold, warm, plain = first_plan(scene), warm_plan(scene), plan_without_compiler(scene)
         print(f"{scene.stem}: first plan ever {cold:.2f} s, cache warm {warm:.2f} s, ", end="")
