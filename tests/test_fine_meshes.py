@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deltaopt import load_scene, verify
+from deltaopt import load_robot, load_scene, verify
 from deltaopt.feasibility import least_opening
 from deltaopt.model import delta_model
-from deltaopt.planning.adjoint import certify_mesh, hamiltonian
+from deltaopt.planning.adjoint import certify_mesh, costates, hamiltonian
 from deltaopt.planning.flat import Flat
 from deltaopt.planning.gap import FRACTIONS, TIGHTENED, GivenAway, refined
 from deltaopt.planning.nlp import Spent
@@ -25,6 +25,7 @@ from deltaopt.planning.tightening import Overshoot
 from deltaopt.planning.transcription import LINEAR
 from deltaopt.pontryagin import MET
 from deltaopt.scene import Limits, Scene
+from deltaopt.studies.random_scenes import random_scenes
 from test_resolution import REFERENCE
 
 
@@ -230,6 +231,28 @@ def test_the_hamiltonian_is_what_theory_says(searched):
     assert np.abs(coarse + 1).max() > 10 * MET
     assert searched.certificate(searched.attempts[-1]).residual <= MET
     assert searched.certificate(searched.attempts[0]) is None
+
+
+@pytest.mark.parametrize(
+    "mesh", [[1.0], [0.5, 0.5], [0.02] * 50, [0.6, *[0.001] * 100, 0.3], [*[0.001] * 700, 0.3]]
+)
+def test_prices_in_balance_tell_the_same_costates_however_shifts_fade(mesh):
+    """Then a shift of one knot costs afterwards what it gains before, whatever the others do."""
+    rng, mesh = np.random.default_rng(7), np.array(mesh)
+    pulled = rng.standard_normal((len(mesh), 4, 3))
+    pulled[1:, :2] = -pulled[:-1, 2:]
+    expected = np.concatenate([pulled[:, :2], -pulled[-1:, 2:]])
+    np.testing.assert_allclose(costates(pulled, mesh), expected, atol=1e-9)
+
+
+@machine_code
+def test_noise_between_neighbouring_knots_is_no_costate():
+    """A move with two motors at their speed limits: the costates of single intervals scatter."""
+    robot = load_robot("problems/robots/industrial.yaml")
+    found = searched_for(list(random_scenes(robot, 1.0, 10, 1))[9], 1e-6)
+    fine = found.attempts[-1]
+    assert np.abs(hamiltonian(found._stage, fine, 0.0) + 1).max() > 10 * MET
+    assert np.abs(hamiltonian(found._stage, fine) + 1).max() < MET
 
 
 @machine_code

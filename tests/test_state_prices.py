@@ -39,8 +39,10 @@ def test_a_speed_limit_has_its_exact_price(line: Line):
     at_limit = line.d / line.v - line.v / line.u
     assert eta[0] == 0.0
     assert eta[-1] == pytest.approx(at_limit, rel=1e-6)
-    halves = eta[1:-1].reshape(-1, 21)
-    np.testing.assert_allclose(halves[0], eta[1] + np.linspace(0, np.ptp(halves[0]), 21), atol=1e-6)
+    inside = eta[1:-1].reshape(-1, 21)  # of equally long intervals
+    begin = np.arange(len(inside))[:, None]
+    share = (begin + np.linspace(0, 1, 21)) / len(inside)
+    np.testing.assert_allclose(inside, at_limit * share, atol=1e-6 * at_limit)
     assert wrong_push(conditions, found) < 1e-6
     pulled = replace(found, entry=-found.entry, multipliers=-found.multipliers)
     assert wrong_push(conditions, pulled) == pytest.approx(at_limit / line.duration, rel=1e-5)
@@ -76,7 +78,12 @@ def test_the_price_of_a_margin_is_what_a_wider_one_costs(number):
     slower = wider.solve(wider.guess(found.trajectory, scales)).motion
     cost = (slower.duration - at.duration) / by
     assert cost > 1e-2
-    assert sum(eta[-1] for eta in pushes(at_margin, at)) == pytest.approx(cost, rel=1e-3)
+    prices = list(pushes(at_margin, at))
+    assert sum(eta[-1] for eta in prices) == pytest.approx(cost, rel=1e-3)
+    for eta in prices:  # it pushes all along, not only where it begins
+        assert np.diff(eta).min() > -1e-9
+        assert 0 < eta[1] < 0.5 * eta[-1]
+        assert eta[-2] - eta[1] > 0.1 * eta[-1]
 
 
 @machine_code

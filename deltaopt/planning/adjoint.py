@@ -29,8 +29,8 @@ from deltaopt.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
-_FADES = 0.05
-"""Over this part of the motion: many intervals where they are short."""
+FADES = 0.05
+"""Over this part of the motion a shift fades: many intervals where they are short."""
 
 
 def certify_mesh(stage: Stage, attempt: Attempt) -> Certificate:
@@ -47,8 +47,9 @@ def certify_mesh(stage: Stage, attempt: Attempt) -> Certificate:
     return Certificate(spread, float(lowered.max() / np.abs(density).max()))
 
 
-def hamiltonian(stage: Stage, attempt: Attempt) -> Array:
-    """At the beginnings and then at the ends of the intervals, (2 N,): -1 at best."""
+def hamiltonian(stage: Stage, attempt: Attempt, over: float = FADES) -> Array:
+    """At the beginnings and then at the ends of the intervals, (2 N,): -1 at best. ``over``: as
+    of ``costates``."""
     motion, scales = attempt.trajectory, attempt.scales
     weights = _hermite(attempt.mesh, attempt.problem.points)
     states = scales.states(motion.position, motion.knots, motion.duration).reshape(-1, 2, 3)
@@ -56,23 +57,25 @@ def hamiltonian(stage: Stage, attempt: Attempt) -> Array:
     y = np.einsum("danc,nak->ncdk", weights, knots)  # (N, points, 3, 3), by the duration
     J = _slopes(stage, y, motion.duration / scales.time, scales, motion)
     pulled = np.einsum("ncr,ncrdk->ncdk", _prices(attempt.solution), J)
-    p = _costates(np.einsum("ncdk,danc->nak", pulled, weights), attempt.mesh)
+    p = costates(np.einsum("ncdk,danc->nak", pulled, weights), attempt.mesh, over)
     A = np.einsum("anc,nak->nck", weights[2][:, :, [0, -1]], knots)
     first = (p[:-1] * np.stack([knots[:, 1], A[:, 0]], axis=1)).sum(axis=(1, 2))
     last = (p[1:] * np.stack([knots[:, 3], A[:, 1]], axis=1)).sum(axis=(1, 2))
     return np.concatenate([first, last])
 
 
-def _costates(pulled: Array, mesh: Array) -> Array:
+def costates(pulled: Array, mesh: Array, over: float = FADES) -> Array:
     """At the knots, (N + 1, 2, 3), over the duration. ``pulled``: Σ λ ∂c/∂(X, V) at both ends of
-    every interval, (N, 4, 3)."""
+    every interval, (N, 4, 3). ``over``: what part of the motion shifts fade over, one interval at
+    least."""
     N, knots = len(mesh), np.concatenate([[0.0], np.cumsum(mesh)])
-    onwards = np.searchsorted(knots, knots + _FADES)
-    backwards = np.searchsorted(knots, knots - _FADES, side="right") - 1
+    number = np.arange(N + 1)
+    onwards = np.maximum(np.searchsorted(knots, knots + over), number + 1)
+    backwards = np.minimum(np.searchsorted(knots, knots - over, side="right"), number) - 1
     p = np.empty((N + 1, 2, 3))
     for i in range(N + 1):
         begins = onwards[i] <= N  # otherwise the goal, which must stay, is too near
-        first, last = (i, onwards[i]) if begins else (min(backwards[i], i - 1), i)
+        first, last = (i, onwards[i]) if begins else (backwards[i], i)
         shifts = _faded(knots[first : last + 1], begins)
         here = pulled[first:last]
         by = np.einsum("dan,ndk->ak", shifts[..., :-1], here[:, :2])

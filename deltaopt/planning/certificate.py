@@ -31,8 +31,8 @@ class Certificate:
 
     ``hamiltonian_spread``: max |H - mean H| over both ends of all intervals, as a fraction of
     |mean H| or of the largest rate of a running cost, if that is more.
-    ``sign_violation``: largest price of a wrong sign at a held torque, over the largest price; or
-    by how much the price of a speed or an opening falls where it should rise, in durations.
+    ``sign_violation``: largest price of a wrong sign at a held torque, or of any at a torque that
+    no limit holds, over the largest price; or what ``state_prices`` finds wrong, if that is more.
     """
 
     hamiltonian_spread: float

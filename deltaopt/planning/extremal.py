@@ -151,9 +151,6 @@ class Conditions:
             before, residual = residual, system.residual
             if not np.isfinite(residual):
                 raise Stuck("the motion leaves the workspace")
-            least = min(least, residual)
-            if iteration >= patience and least > _FAR:
-                raise Stuck(f"a residual of {residual:.0e} is left after {iteration} steps")
             shorter, lengths = np.abs(lengths), system.at.lengths / system.at.duration
             vanishing = (np.abs(lengths) < _TINY) & (np.abs(lengths) < 0.7 * shorter)
             vanishing &= np.abs(lengths) > 0.2 * shorter
@@ -166,6 +163,9 @@ class Conditions:
                 return Stationary(motion, iteration, np.zeros(len(lengths), bool))
             if hopeless or (iteration > 2 and vanishing.any()):
                 return Stationary(system.at, iteration, vanishing)
+            least = min(least, residual)
+            if iteration >= patience and least > _FAR:
+                raise Stuck(f"a residual of {residual:.0e} is left after {iteration} steps")
             barrier = max(barrier * method.fall, method.last)
             system, shift = self._moved(system, shift, barrier)
         if lengths.min() < 0 and residual < 1:  # there may be one if its ends are exchanged

@@ -30,6 +30,8 @@
 #define RISE 10.0 /* times complementarity: what merit may rise by, see try_direction */
 #define USUAL 16.0 /* so that the intervals of a mesh of 16 have weight 1 in the integral of A^2 */
 
+_Static_assert(NC % 3 == 0, "rows come in threes, one for each motor");
+
 enum { SOLVED, TOO_MANY_ITERATIONS, NO_PROGRESS, SINGULAR, NOT_A_NUMBER };
 
 typedef struct {
@@ -49,7 +51,7 @@ typedef struct {
   V weight[3][4];                /* of X_i, V_i, X_i+1, V_i+1 in X, V, A */
   double scale[NC];              /* 1 / share of the limits that may be used */
   V c[NC], t[NC];                /* rows and their copies */
-  V next[NC], inverse[9];        /* rows at the last trial, and of B in the equations of motion */
+  V next[NC], inverse[9];        /* rows, and the inverse of B, at the last trial: z if taken */
   V over[NC], under[NC];         /* 1 / distance of t to its limits */
   V upper[NC], lower[NC];        /* multipliers of the limits of t */
   V y[NC];                       /* of c = t: upper - lower */
@@ -178,7 +180,7 @@ static void scale(const Interval *I, V *c) {
 }
 
 /* C, and into M, 10 x 10, the curvature of y . c, torques being functions of y; the rows are
-   known from the trial that led here. */
+   known from the trial that led here, or from the beginning. */
 static void differentiate(const Problem *P, Interval *I, const double *knots, V M[10][10]) {
   V y[13], weight[NC], lambda[NC], dF[30], H[55], H_tau[30];
   const V *inverse = I->inverse;
@@ -521,10 +523,11 @@ static double merit_now(Problem *P, double *slope) {
   return total;
 }
 
-/* Along a new direction halve the step until the merit falls, or hardly rises; 0 if it does not.
-   Rows are curved, and a full step leaves |c - t| in proportion to its square, which the next
-   one takes away. Halved for that every time (Maratos' effect) steps creep, and on fine meshes
-   seem to have arrived before they have. */
+/* Along a new direction halve the step until the merit rises by no more than RISE times what
+   complementarity is left; 0 if it does not. That allows nearly all that stays in the workspace
+   at first, and hardly any rise near a solution. Rows are curved, and a full step leaves |c - t|
+   in proportion to its square, which the next one takes away. Halved for that every time
+   (Maratos' effect) steps creep, and on fine meshes seem to have arrived before they have. */
 static int try_direction(Problem *P, double *dual) {
   double slope, step;
   direction(P, P->mu);

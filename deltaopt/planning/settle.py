@@ -34,7 +34,7 @@ orders."""
 _FREE_PRICE = 1e-4
 """The same of a torque that has no limit, a polynomial being no better at its ends."""
 _PUSH = 1e-3
-"""The same of a limit of the state, of which prices are derivatives of polynomials."""
+"""Of a limit of the state, as ``wrong_push``: prices there are derivatives of polynomials."""
 
 
 class Unsettled(NotConverged):

@@ -6,7 +6,9 @@ itself where the arc begins, ν. The price of c itself, a measure η, follows by
     ∫ λ ċ dt + ν c(t₀) = ∫ c dη      η(t) = ν - λ(t)        of a speed
     ∫ λ c̈ dt + ν c(t₀) = ∫ c dη      η(t) = ν + dλ/dt       of an opening
 
-from 0 before the arc to ν after it. A limit can only push the motion away: η never falls where
+from 0 before the arc to ν after it. (What else integrating by parts leaves at the ends is zero
+since these are free: λ where the arc ends, and where it begins, of an opening, λ less the
+multiplier of its derivative.) A limit can only push the motion away: η never falls where
 c has an upper limit, and never rises where it has a lower one. Otherwise time is gained by
 leaving it, though every torque have a price of the right sign.
 """
@@ -26,14 +28,16 @@ Array = NDArray[np.float64]
 
 
 def wrong_push(conditions: Conditions, motion: Extremal) -> float:
-    """By how much a price falls where it must rise, at most, as a fraction of the duration."""
+    """By how much a price falls where it must rise, at most: fractions of the duration, per limit
+    of speed or per unit of sin² of a fold."""
     falls = [(np.maximum.accumulate(eta) - eta).max() for eta in pushes(conditions, motion)]
     return float(max(falls, default=0.0)) / motion.duration
 
 
 def pushes(conditions: Conditions, motion: Extremal) -> Iterator[Array]:
     """η of every limit that is held for a time or touched, in their order, made so that it
-    should rise; in durations per limit, from before the arc to after it, (samples,)."""
+    should rise; in the scales' time, per limit of speed or per unit of sin² of a fold, from before
+    the arc to after it, (samples,)."""
     structure, grid = conditions.structure, conditions.grid
     price, slope = _between(conditions, motion)
     for entry, nu in zip(conditions.held.entries, motion.entry.tolist(), strict=True):

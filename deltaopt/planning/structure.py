@@ -96,9 +96,8 @@ class Reading:
 
 
 USUAL = (Reading(),)
-"""The ways to read a mesh, in the order in which they are tried."""
 SHARP = (Reading(torque=0.99, speed=0.9999), Reading(widest=8, torque=0.99, speed=0.9999))
-"""Of meshes on which next to nothing is given away."""
+"""How to read meshes on which next to nothing is given away, one way after the other."""
 
 
 def read_structure(
