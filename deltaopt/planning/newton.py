@@ -297,11 +297,10 @@ class System:
         """The small system, in the order of ``Places``."""
         of, at, places = self.of, self.at, self.of.places
         S, right = places.summed(self._condensed[1])
-        for i in range(of.grid.intervals - 1):  # the interval's end is the next one's beginning
-            here, there = places.state(i + 1), places.costate(i)
-            S[here, there] -= 1.0
-            S[there, here] -= 1.0
-            right[here] -= at.costates[i]
+        here, there = places.inner_states, places.inner_costates
+        S[here, there] -= 1.0  # an interval's end is the next one's beginning
+        S[there, here] -= 1.0
+        right[here] -= at.costates[:-1]
         right[places.lengths] += 1.0
         S[places.lengths, places.lengths] += 1.0 if self._least_squares else shift
         for modes, of_modes in zip(places.free, self._by_modes_alone(), strict=True):
@@ -377,6 +376,16 @@ class Places:
         self._first_costate, self.size = int(costates[0]), ends[-1]
         self._width = 14 + (3 * of.grid.most_modes if of.held.free else 0)
         self.duals = np.concatenate([costates, self.entries, self.pins])
+
+    @cached_property
+    def inner_states(self) -> Integers:
+        """(X, V) at the inner knots, (n - 1, 6)."""
+        return np.arange(6 * (self._of.grid.intervals - 1)).reshape(-1, 6)
+
+    @cached_property
+    def inner_costates(self) -> Integers:
+        """p there, (n - 1, 6)."""
+        return self._first_costate + self.inner_states
 
     def state(self, knot: int) -> Integers:
         """(X, V) at a knot; those of the first are given."""
