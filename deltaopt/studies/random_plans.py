@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import perf_counter
 
 from deltaopt.errors import DeltaOptError
-from deltaopt.planning.plan import Planner
+from deltaopt.planning.plan import Plan, Planner
 from deltaopt.robot import Robot
 from deltaopt.scene import Scene
 from deltaopt.studies.random_scenes import random_scenes
@@ -15,11 +15,21 @@ from deltaopt.verify import verify
 
 
 @dataclass(frozen=True)
+class Against:
+    """A plan whose switches are resolved held against one of meshes alone, which know of no
+    structure. ``differs``: its duration, as a fraction. ``told``: by how much it may, by the
+    gaps of both."""
+
+    differs: float
+    told: float
+
+
+@dataclass(frozen=True)
 class Outcome:
     """What became of one move: ``failures`` is empty if its plan passed verification and is
     within the tolerance. ``seconds``: of planning, without verification. ``resolved``: its
     switches are. ``certified``: Pontryagin's condition is met to `pontryagin.MET` or better.
-    ``verified``: passed verification."""
+    ``verified``: passed verification. ``against``: if there are both plans."""
 
     scene: Scene
     seconds: float
@@ -29,6 +39,7 @@ class Outcome:
     resolved: bool = False
     certified: bool = False
     verified: bool = False
+    against: Against | None = None
 
 
 def random_plans(
@@ -39,7 +50,8 @@ def random_plans(
     tolerance: float,
     told: Callable[[int], None],
 ) -> list[Outcome]:
-    """Plan and verify so many random moves; ``told`` after each of how many are done."""
+    """Plan and verify so many random moves, and on meshes alone too where switches are resolved;
+    ``told`` after each of how many are done."""
     planner = Planner(robot, payload, tolerance=tolerance)
     outcomes = []
     for scene in random_scenes(robot, payload, number, seed):
@@ -69,4 +81,14 @@ def _outcome(planner: Planner, scene: Scene) -> Outcome:
         resolved=plan.resolved,
         certified=certified,
         verified=verified,
+        against=_against(planner, plan) if plan.resolved else None,
     )
+
+
+def _against(planner: Planner, plan: Plan) -> Against | None:
+    meshes = replace(planner, resolved_below=0.0)
+    try:
+        other = meshes.plan(plan.scene.start, plan.scene.goal)
+    except DeltaOptError:
+        return None
+    return Against(abs(plan.duration / other.duration - 1), plan.gap + other.gap)
