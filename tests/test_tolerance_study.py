@@ -38,4 +38,5 @@ def test_random_moves_by_switch_resolution(capsys):
     assert main(["bench", "random", robot, "--number", "1", "--tolerance", "1e-6"]) == 0
     told = capsys.readouterr().out
     assert "planned 1, switches resolved 1, certified 1, verified 1" in told
-    assert "1 planned on meshes alone too: durations differ by more than both gaps tell in 0" in told
+    assert "1 planned on meshes alone too" in told
+    assert "differ by more than both gaps tell in 0" in told
