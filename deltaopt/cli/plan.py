@@ -199,7 +199,7 @@ def _optimality(verification: Verification) -> list[str]:
     if spread is None or violation is None:
         return []
     met = "; a local statement"
-    unmet = ": not met, as by every motion whose torques do not jump at knots"
+    unmet = ": not met; as a rule it is only where torques jump at knots"
     told = met if max(spread, violation) < MET else unmet
     return [
         f"Pontryagin's condition, by costates fitted to the motion: Hamiltonian constant to "
