@@ -8,8 +8,9 @@ from deltaopt.model import delta_model
 from deltaopt.scene import Scene
 from deltaopt.trajectory import Trajectory
 
-_POINTS = 24
-"""Of Gauss's rule in every interval: torques of polynomials are smooth there."""
+_FEWEST, _FEWEST_IN_ALL = 8, 240
+"""Points of Gauss's rule in an interval, where torques of polynomials are smooth; and in all, for
+motions of few long ones."""
 
 
 def effort(scene: Scene, trajectory: Trajectory) -> float:
@@ -17,10 +18,11 @@ def effort(scene: Scene, trajectory: Trajectory) -> float:
 
     Raises Unreachable where the motion has no torques.
     """
-    nodes, weights = np.polynomial.legendre.leggauss(_POINTS)
-    motion = trajectory.inside_intervals((nodes + 1) / 2)
-    torque = delta_model(scene.robot, scene.payload).inverse_dynamics(motion.x, motion.v, motion.a)
-    squares = (torque**2).sum(axis=1).reshape(-1, _POINTS)
+    points = max(_FEWEST, -(-_FEWEST_IN_ALL // (len(trajectory.knots) - 1)))
+    nodes, weights = np.polynomial.legendre.leggauss(points)
+    path = trajectory.path_inside((nodes + 1) / 2)
+    torque = delta_model(scene.robot, scene.payload).inverse_dynamics(*path)
+    squares = (torque**2).sum(axis=1).reshape(-1, points)
     return float(np.diff(trajectory.knots) / 2 @ (squares @ weights))
 
 

@@ -128,10 +128,10 @@ class _Fit:
     def of(cls, scene: Scene, trajectory: Trajectory) -> _Fit:
         model = delta_model(scene.robot, scene.payload)
         fractions = gauss().fractions
-        m = trajectory.inside_intervals(fractions)
+        x, v, a = trajectory.path_inside(fractions)
         T, D = trajectory.duration, float(np.linalg.norm(np.subtract(scene.goal, scene.start)))
         K, c = len(trajectory.knots) - 1, len(fractions)
-        results = _rows(model.functions.terms)(m.x, m.v, m.a, parameters=model.parameters)
+        results = _rows(model.functions.terms)(x, v, a, parameters=model.parameters)
         along, by_motion, at_entry, by_state = (
             part.reshape(K, c, *shape)
             for part, shape in zip(results, ((9,), (9, 9), (9,), (9, 6)), strict=True)
@@ -151,10 +151,10 @@ class _Fit:
         by_torque = 2 * effort / mean * along[..., None, :3]  # ∂r/∂τ, a row
         return cls(
             scene=scene,
-            t=m.t.reshape(K, c),
+            t=trajectory.knots[:-1, None] + np.diff(trajectory.knots)[:, None] * fractions,
             units=(D, T, mean),
             h=np.diff(trajectory.knots) / T,
-            motion=np.hstack([m.v * T / D, m.a * T**2 / D]).reshape(K, c, 6),
+            motion=np.hstack([v * T / D, a * T**2 / D]).reshape(K, c, 6),
             torque=along[..., :3] / limits,
             squares=effort / mean * limits**2,
             modes=modes,

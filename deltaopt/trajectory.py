@@ -125,25 +125,19 @@ class Trajectory:
 
     def inside_intervals(self, fractions: ArrayLike) -> Motion:
         """The motion at these fractions of every interval, 0 and 1 from inside of it."""
-        fractions = np.asarray(fractions, dtype=float)
-        lengths = np.diff(self.knots)
-        intervals = np.repeat(np.arange(len(lengths)), len(fractions))
-        since = (lengths[:, None] * fractions).ravel()
+        intervals, since = _inside(self.position, fractions)
         return self._motion(self.knots[intervals] + since, intervals, since)
+
+    def path_inside(self, fractions: ArrayLike) -> tuple[Array, Array, Array]:
+        """x, v, a, (K · len(fractions), 3) each, there: no motor is asked."""
+        return _with_derivatives(self.position, *_inside(self.position, fractions))
 
     def coordinates_inside(self, fractions: ArrayLike) -> tuple[Array, Array, Array]:
         """q, q̇, q̈, (K · len(fractions), 12) each, at these fractions of every interval: as
         planned where they were planned, else from the path."""
         if self.coordinates is None:
-            motion = self.inside_intervals(fractions)
-            return self.model.motion(motion.x, motion.v, motion.a)
-        fractions, lengths = np.asarray(fractions, dtype=float), np.diff(self.knots)
-        intervals = np.repeat(np.arange(len(lengths)), len(fractions))
-        since = (lengths[:, None] * fractions).ravel()
-        velocity = self.coordinates.derivative()
-        parts = (self.coordinates, velocity, velocity.derivative())
-        q, dq, ddq = (part.inside(intervals, since) for part in parts)
-        return q, dq, ddq
+            return self.model.motion(*self.path_inside(fractions))
+        return _with_derivatives(self.coordinates, *_inside(self.position, fractions))
 
     def slowed(self, factor: float) -> Trajectory:
         """The same path, uniformly ``factor`` times as slow."""
@@ -151,12 +145,24 @@ class Trajectory:
         return replace(self, position=self.position.slowed(factor), coordinates=coordinates)
 
     def _motion(self, t: Array, intervals: NDArray[np.intp], since: Array) -> Motion:
-        velocity = self.position.derivative()
-        x, v, a = (
-            polynomial.inside(intervals, since)
-            for polynomial in (self.position, velocity, velocity.derivative())
-        )
+        x, v, a = _with_derivatives(self.position, intervals, since)
         q, dq, ddq = self.model.motion(x, v, a)
         tau = self.model.inverse_dynamics(x, v, a)
         motors = slice(3, None, 3)  # q_{1,1}, q_{2,1}, q_{3,1}
         return Motion(t, x, v, a, q[:, motors], dq[:, motors], ddq[:, motors], tau)
+
+
+def _inside(position: PiecewisePolynomial, fractions: ArrayLike) -> tuple[NDArray[np.intp], Array]:
+    """Intervals, and times since they began, of these fractions of every interval."""
+    fractions, lengths = np.asarray(fractions, dtype=float), np.diff(position.knots)
+    intervals = np.repeat(np.arange(len(lengths)), len(fractions))
+    return intervals, (lengths[:, None] * fractions).ravel()
+
+
+def _with_derivatives(
+    of: PiecewisePolynomial, intervals: NDArray[np.intp], since: Array
+) -> tuple[Array, Array, Array]:
+    """Values and their first two derivatives with respect to time, (N, m) each."""
+    rate = of.derivative()
+    values, rates, bends = (q.inside(intervals, since) for q in (of, rate, rate.derivative()))
+    return values, rates, bends

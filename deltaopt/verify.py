@@ -280,19 +280,19 @@ def _optimality(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
 
 
 def _ends(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
-    ends = trajectory.inside_intervals([0.0, 1.0])
+    x, v, _ = trajectory.path_inside([0.0, 1.0])
     return {
-        "start_distance": _norm(ends.x[0] - scene.start),
-        "goal_distance": _norm(ends.x[-1] - scene.goal),
-        "start_speed": _norm(ends.v[0]),
-        "goal_speed": _norm(ends.v[-1]),
+        "start_distance": _norm(x[0] - scene.start),
+        "goal_distance": _norm(x[-1] - scene.goal),
+        "start_speed": _norm(v[0]),
+        "goal_speed": _norm(v[-1]),
     }
 
 
 def _jumps(trajectory: Trajectory) -> dict[str, float]:
     """Largest jump of position and velocity between the two sides of a knot."""
-    sides = trajectory.inside_intervals([0.0, 1.0])  # rows: begin, end, begin, end ...
-    x, v = (np.linalg.norm(row[2::2] - row[1:-1:2], axis=1) for row in (sides.x, sides.v))
+    sides = trajectory.path_inside([0.0, 1.0])  # rows: begin, end, begin, end ...
+    x, v, _ = (np.linalg.norm(row[2::2] - row[1:-1:2], axis=1) for row in sides)
     return {
         "position_jump": float(x.max(initial=0.0)),
         "velocity_jump": float(v.max(initial=0.0)),
@@ -302,11 +302,11 @@ def _jumps(trajectory: Trajectory) -> dict[str, float]:
 def _errors(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
     """E_K and E_D of the reported q, q̇, q̈ and τ, by the scene's mechanism."""
     fractions = sample_fractions(len(trajectory.knots) - 1)
-    motion = trajectory.inside_intervals(fractions)
     q, dq, ddq = trajectory.coordinates_inside(fractions)
+    tau = trajectory.model.inverse_dynamics(*trajectory.path_inside(fractions))
     model = DeltaModel(scene.robot, scene.payload)
     kinematic, dynamic = evaluate_rows(
-        _residuals(model), q, dq, ddq, motion.tau, parameters=model.parameters
+        _residuals(model), q, dq, ddq, tau, parameters=model.parameters
     )
     return {
         "kinematic_error": _mean_over_time(trajectory, fractions, kinematic),
