@@ -38,7 +38,7 @@ from deltaopt.planning.closure import (
     Projection,
 )
 from deltaopt.planning.flat import Flat
-from deltaopt.planning.plan import Plan, plan
+from deltaopt.planning.plan import Plan, Planner, plan
 from deltaopt.planning.poses import Forward, Redundant
 from deltaopt.planning.problem import Pose
 from deltaopt.planning.starts import Optimum
@@ -82,9 +82,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--intervals",
         type=two_or_more,
-        default=10,
+        default=Planner.intervals,
         metavar="N",
-        help="intervals of the first mesh (default: 10)",
+        help=f"intervals of the first mesh (default: {Planner.intervals})",
     )
     parser.add_argument(
         "--formulation",
