@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from deltaopt.model import delta_model
+from deltaopt.peaks import enough
 from deltaopt.scene import Scene
 from deltaopt.trajectory import Trajectory
 
-_FEWEST, _FEWEST_IN_ALL = 8, 240
-"""Points of Gauss's rule in an interval, where torques of polynomials are smooth; and in all, for
-motions of few long ones."""
+_FEWEST = 8
+"""Points of Gauss's rule in an interval, where torques of polynomials are smooth."""
 
 
 def effort(scene: Scene, trajectory: Trajectory) -> float:
@@ -18,7 +18,7 @@ def effort(scene: Scene, trajectory: Trajectory) -> float:
 
     Raises Unreachable where the motion has no torques.
     """
-    points = max(_FEWEST, -(-_FEWEST_IN_ALL // (len(trajectory.knots) - 1)))
+    points = enough(len(trajectory.knots) - 1, _FEWEST)
     nodes, weights = np.polynomial.legendre.leggauss(points)
     path = trajectory.path_inside((nodes + 1) / 2)
     torque = delta_model(scene.robot, scene.payload).inverse_dynamics(*path)

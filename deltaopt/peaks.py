@@ -15,7 +15,7 @@ Curves = Callable[[Index, Array], Array]
 """(interval (N,), fraction of it (N,)) -> values (N, c) of c functions, smooth in an interval."""
 
 _FEWEST_STEPS = 24  # in an interval: more than the 20 points of the definition of an excess
-_FEWEST_IN_ALL = 240  # steps over all intervals, for motions of few long ones
+_FEWEST_IN_ALL = 240  # over all intervals, for motions of few long ones
 _ROUNDS = 2  # of refinement, each by _ZOOM: the place of a peak is known to (1/64)² of a step
 _ZOOM = 8.0
 
@@ -44,9 +44,14 @@ class Peaks:
         self.fractions = np.where(better, fractions[rows], self.fractions)
 
 
+def enough(intervals: int, fewest: int) -> int:
+    """So many, but ``fewest`` at least, in each of so many intervals that all are well seen."""
+    return max(fewest, -(-_FEWEST_IN_ALL // intervals))
+
+
 def sample_fractions(intervals: int) -> Array:
     """Where to sample each of so many intervals: both ends and at least 20 points inside."""
-    return np.linspace(0.0, 1.0, max(_FEWEST_STEPS, -(-_FEWEST_IN_ALL // intervals)) + 1)
+    return np.linspace(0.0, 1.0, enough(intervals, _FEWEST_STEPS) + 1)
 
 
 def everywhere(intervals: int, fractions: Array) -> tuple[Index, Array]:

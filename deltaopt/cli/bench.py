@@ -278,20 +278,23 @@ def _summary(robot: Robot, outcomes: list[Outcome]) -> str:
     succeeded = sum(not o.failures for o in outcomes)
     gaps = [o.gap for o in outcomes if o.intervals]  # of the plans there are
     gap = f"{np.median(gaps):.1e}" if gaps else "unknown"
-    both = [o.against for o in outcomes if o.against]
-    held = ""
-    if both:
-        off = [each.differs for each in both if each.differs > each.told]
-        held = (
-            f"\n  {len(both)} planned on meshes alone too: durations differ by more than both gaps "
-            f"tell in {len(off)}, by {max(off, default=0.0):.1e} at most"
-        )
     return (
         f"{robot.name}: {succeeded} of {len(outcomes)} solved and verified; "
         f"planning median {np.median(seconds):.2f} s, 99 % {np.percentile(seconds, 99):.2f} s; "
         f"estimated gap median {gap}; planned {len(gaps)}, switches resolved "
         f"{sum(o.resolved for o in outcomes)}, certified {sum(o.certified for o in outcomes)}, "
-        f"verified {sum(o.verified for o in outcomes)}{held}"
+        f"verified {sum(o.verified for o in outcomes)}{_held_against_meshes(outcomes)}"
+    )
+
+
+def _held_against_meshes(outcomes: list[Outcome]) -> str:
+    both = [o.against for o in outcomes if o.against]
+    if not both:
+        return ""
+    off = [each.differs for each in both if each.differs > each.told]
+    return (
+        f"\n  {len(both)} planned on meshes alone too: durations differ by more than both gaps "
+        f"tell in {len(off)}, by {max(off, default=0.0):.1e} at most"
     )
 
 

@@ -20,7 +20,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.planning.certificate import Certificate
+from deltaopt.planning.certificate import Certificate, spread
 from deltaopt.planning.problem import Solved
 from deltaopt.planning.rounds import Attempt, mean_torques
 from deltaopt.planning.scales import Scales
@@ -40,11 +40,10 @@ def certify_mesh(stage: Stage, attempt: Attempt) -> Certificate:
     ``sign_violation``: by how much other torques would lower H, at most, over the most that a
     torque does.
     """
-    H = hamiltonian(stage, attempt)
-    spread = float(np.abs(H - H.mean()).max() / abs(H.mean()))
     density = attempt.solution.prices[:, :, :3].sum(axis=1) / attempt.mesh[:, None]
     lowered = np.abs(density) - density * mean_torques(attempt)
-    return Certificate(spread, float(lowered.max() / np.abs(density).max()))
+    violation = float(lowered.max() / np.abs(density).max())
+    return Certificate(spread(hamiltonian(stage, attempt)), violation)
 
 
 def hamiltonian(stage: Stage, attempt: Attempt, over: float = FADES) -> Array:

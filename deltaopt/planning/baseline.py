@@ -163,8 +163,9 @@ def between(trajectory: Trajectory, model: DeltaModel, start: Vector3, goal: Vec
     shifts = np.array([start, goal]) - ends
     u = (knots - knots[0]) / trajectory.duration
     share, rate = polyval(u, _ALONG), polyval(u, polyder(_ALONG)) / trajectory.duration
-    x = old.at(knots) + shifts[0] + np.outer(share, shifts[1] - shifts[0])
-    v = old.derivative().at(knots) + np.outer(rate, shifts[1] - shifts[0])
+    x, v = old.with_rate_at(knots)
+    x = x + shifts[0] + np.outer(share, shifts[1] - shifts[0])
+    v = v + np.outer(rate, shifts[1] - shifts[0])
     return Trajectory(PiecewisePolynomial.hermite(knots, x, v), model)
 
 

@@ -50,10 +50,13 @@ def certify(problem: ArcProblem, solution: Solution, p: Array) -> Certificate:
     prices = problem.prices(solution)
     held = problem.structure.torque[problem.arc][:, None]
     wrong = np.maximum(-prices * held, 0).max()
-    unit = max(abs(H.mean()), np.abs(running_rate(problem, solution, p)[0]).max())
-    return Certificate(
-        float(np.abs(H - H.mean()).max() / unit), float(wrong / np.abs(prices).max())
-    )
+    largest_rate = float(np.abs(running_rate(problem, solution, p)[0]).max())
+    return Certificate(spread(H, largest_rate), float(wrong / np.abs(prices).max()))
+
+
+def spread(H: Array, rate: float = 0.0) -> float:
+    """max |H - mean H| over |mean H|, or over the largest rate of a running cost, if more."""
+    return float(np.abs(H - H.mean()).max()) / max(float(abs(H.mean())), rate)
 
 
 def hamiltonian(problem: ArcProblem, solution: Solution, p: Array) -> Array:

@@ -49,8 +49,7 @@ class Examined:
     @cached_property
     def _prices(self) -> Array:
         """Of what is held, (n, dense, 3)."""
-        at_nodes = self.conditions.prices(self.motion)
-        return np.asarray(self.conditions.grid.at_dense[2] @ at_nodes)
+        return self.conditions.prices_between(self.motion)
 
     @cached_property
     def _signs(self) -> Array:

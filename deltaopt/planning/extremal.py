@@ -269,6 +269,10 @@ class Conditions:
         weight = motion.intervals(self.grid)[:, None] * self.grid.quadrature
         return np.asarray(motion.multipliers / weight[..., None])
 
+    def prices_between(self, motion: Extremal) -> Array:
+        """The same at ``DENSE``, (n, dense, 3)."""
+        return np.asarray(self.grid.at_dense[2] @ self.prices(motion))
+
     def hamiltonian(self, motion: Extremal) -> Array:
         """p · (V, A) at the beginning and the end of every interval, (n, 2)."""
         y = motion.at_nodes(self.grid)

@@ -398,45 +398,31 @@ class Places:
         return np.arange(begin, begin + 6)
 
     def summed(self, small: Array) -> tuple[Array, Array]:
-        """The intervals' matrices and right-hand sides, (n, 14 + w, 14 + w), in one."""
+        """The intervals' matrices, (n, 14 + w, 14 + w), in one; their column 13, the right-hand
+        side, apart."""
         size = self.size + 6
-        where, source, share = self._of_matrix
-        S = np.bincount(where, small.ravel()[source] * share, size**2)
-        where, source, share = self._of_right
-        right = np.bincount(where, small[:, :, 13].ravel()[source] * share, size)
-        return np.asarray(S.reshape(size, size), np.float64), np.asarray(right, np.float64)
+        where, source, share = self._sum
+        rows = np.bincount(where, small.ravel()[source] * share, size * (size + 1))
+        rows = rows.reshape(size, size + 1)
+        return np.asarray(rows[:, :size], np.float64), np.asarray(rows[:, size], np.float64)
 
     @cached_property
-    def _of_matrix(self) -> tuple[Integers, Integers, Array]:
+    def _sum(self) -> tuple[Integers, Integers, Array]:
         """Of every number of the intervals' matrices: where it goes, where it is, its factor."""
-        size = self.size + 6
-        parts = [
-            (
-                (here[:, None] * size + here).ravel(),
-                ((i * self._width + inside)[:, None] * self._width + inside).ravel(),
-                np.outer(share, share).ravel(),
-            )
-            for i, (inside, here, share) in enumerate(self._outside)
-        ]
-        where, source, share = (np.concatenate(part) for part in zip(*parts, strict=True))
-        return where, source, share
+        size, parts = self.size + 6, []
+        for i in range(self._of.grid.intervals):
+            inside, here, share = self._outside(i)
+            rows, columns = i * self._width + inside, np.append(inside, 13)
+            where = here[:, None] * (size + 1) + np.append(here, size)
+            factors = np.outer(share, np.append(share, 1.0))
+            parts.append((where, rows[:, None] * self._width + columns, factors))
+        where, source, factors = (
+            np.concatenate([each.ravel() for each in part]) for part in zip(*parts, strict=True)
+        )
+        return where, source, factors
 
-    @cached_property
-    def _of_right(self) -> tuple[Integers, Integers, Array]:
-        """The same of the right-hand sides."""
-        parts = [
-            (here, i * self._width + inside, share)
-            for i, (inside, here, share) in enumerate(self._outside)
-        ]
-        where, source, share = (np.concatenate(part) for part in zip(*parts, strict=True))
-        return where, source, share
-
-    @cached_property
-    def _outside(self) -> list[tuple[Integers, Integers, Array]]:
-        """What is outside of each interval: where for the interval, where here, and factors."""
-        return [self._outside_of(i) for i in range(self._of.grid.intervals)]
-
-    def _outside_of(self, interval: int) -> tuple[Integers, Integers, Array]:
+    def _outside(self, interval: int) -> tuple[Integers, Integers, Array]:
+        """What is outside of an interval: where for the interval, where here, and factors."""
         of = self._of
         a = int(of.grid.arc[interval])
         here = [self.state(interval), self.lengths[[a]], self.costate(interval)]

@@ -100,14 +100,18 @@ class Search:
 
     @property
     def _done(self) -> bool:
+        spent = len(self.rounds) >= _MOST_ROUNDS or self._failures > _MOST_FAILURES
+        return self._within_tolerance or spent
+
+    @property
+    def _within_tolerance(self) -> bool:
         """After two meshes at least: one alone has nothing to be compared with."""
-        enough = len(self.rounds) > 1 and self.rounds[-1].gap <= self.tolerance
-        return enough or len(self.rounds) >= _MOST_ROUNDS or self._failures > _MOST_FAILURES
+        return len(self.rounds) > 1 and self.rounds[-1].gap <= self.tolerance
 
     def _solve(self, mesh: Array, guess: Guess, scales: Scales) -> None:
         self.attempts.append(attempt(self.posed.on(mesh), scales, guess, self.model))
         self.rounds.append(round_of(self.attempts))
-        if len(self.rounds) > 1 and self.rounds[-1].gap <= self.tolerance:  # by samples; but is it?
+        if self._within_tolerance:  # by samples; but is it?
             self.attempts[-1] = self.attempts[-1].exact()
             self.rounds[-1] = round_of(self.attempts)
         self.tell(str(self.rounds[-1]))
@@ -190,12 +194,10 @@ class Search:
 
     def _openings(self, motion: Trajectory) -> Array:
         """How far chains are from the margin of their fold, (N, len(FRACTIONS), 3)."""
-        N, scales = len(motion.knots) - 1, self.scales
-        since = np.diff(motion.knots)[:, None] * FRACTIONS
-        x = motion.position.inside(np.repeat(np.arange(N), len(FRACTIONS)), since.ravel())
+        x, scales = motion.path_inside(FRACTIONS)[0], self.scales
         p = np.concatenate([scales.vector(), motion.model.parameters])
         openings = self._stage.openings((x - scales.origin) / scales.length, p)
-        return openings.reshape(N, len(FRACTIONS), 3)
+        return openings.reshape(-1, len(FRACTIONS), 3)
 
 
 @lru_cache(maxsize=8)

@@ -14,7 +14,7 @@ import numpy as np
 from deltaopt.errors import NotConverged
 from deltaopt.limits import safe_factor
 from deltaopt.model import DeltaModel
-from deltaopt.planning.certificate import Certificate
+from deltaopt.planning.certificate import Certificate, spread
 from deltaopt.planning.examine import Examined
 from deltaopt.planning.extremal import Barrier, Conditions, Stuck
 from deltaopt.planning.grid import Grid, Pin
@@ -137,9 +137,8 @@ def _settled(
         return None
     factor = safe_factor(scales.scene, trajectory)
     gap = factor - 1 + examined.unused + examined.to_be_gained
-    H = examined.conditions.hamiltonian(examined.motion)
-    spread = float(np.abs(H - H.mean()).max() / abs(H.mean()))
-    if gap > tolerance or spread > CERTIFIED:
+    uneven = spread(examined.conditions.hamiltonian(examined.motion))
+    if gap > tolerance or uneven > CERTIFIED:
         return None
     push = wrong_push(examined.conditions, examined.motion)
     if push > _PUSH:
@@ -148,7 +147,7 @@ def _settled(
             "Unsettled",
             trajectory,
         )
-    certificate = Certificate(spread, max(examined.sign_violation, examined.free_price, push))
+    certificate = Certificate(uneven, max(examined.sign_violation, examined.free_price, push))
     return Settled(examined.conditions, trajectory, factor, gap, certificate, iterations)
 
 

@@ -39,7 +39,7 @@ def pushes(conditions: Conditions, motion: Extremal) -> Iterator[Array]:
     should rise; in the scales' time, per limit of speed or per unit of sin² of a fold, from before
     the arc to after it, (samples,)."""
     structure, grid = conditions.structure, conditions.grid
-    price, slope = _between(conditions, motion)
+    price, slope = conditions.prices_between(motion), _slopes_between(conditions, motion)
     for entry, nu in zip(conditions.held.entries, motion.entry.tolist(), strict=True):
         if OPENING_RATE <= entry.row < OPENING_BEND:  # held besides the opening itself
             continue
@@ -54,8 +54,7 @@ def pushes(conditions: Conditions, motion: Extremal) -> Iterator[Array]:
         yield sign * np.concatenate([[0.0], eta.ravel(), [nu]])
 
 
-def _between(conditions: Conditions, motion: Extremal) -> tuple[Array, Array]:
-    """λ of what is held and its derivative by time, (n, dense, 3)."""
-    at_nodes, grid = conditions.prices(motion), conditions.grid
-    slope = grid.slope_at_dense @ at_nodes / motion.intervals(grid)[:, None, None]
-    return np.asarray(grid.at_dense[2] @ at_nodes), np.asarray(slope)
+def _slopes_between(conditions: Conditions, motion: Extremal) -> Array:
+    """Derivatives by time of the prices λ of what is held, (n, dense, 3)."""
+    grid, h = conditions.grid, motion.intervals(conditions.grid)[:, None, None]
+    return np.asarray(grid.slope_at_dense @ conditions.prices(motion) / h)
