@@ -7,11 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deltaopt import load_robot, load_scene, verify
-from deltaopt.feasibility import least_opening
+from deltaopt import load_scene, verify
 from deltaopt.model import delta_model
 from deltaopt.planning.adjoint import certify_mesh, costates, hamiltonian
-from deltaopt.planning.flat import Flat
 from deltaopt.planning.gap import FRACTIONS, TIGHTENED, GivenAway, refined
 from deltaopt.planning.nlp import Spent
 from deltaopt.planning.plan import Planner, quicker
@@ -19,34 +17,13 @@ from deltaopt.planning.problem import Guess, solved_by_ipopt
 from deltaopt.planning.rounds import Round, attempt, gap_of
 from deltaopt.planning.scales import Scales
 from deltaopt.planning.search import Search
-from deltaopt.planning.starts import first_motions
 from deltaopt.planning.structure import SHARP, Limit, read_structure
 from deltaopt.planning.tightening import Overshoot
 from deltaopt.planning.transcription import LINEAR
 from deltaopt.pontryagin import MET
 from deltaopt.scene import Limits, Scene
-from deltaopt.studies.random_scenes import random_scenes
+from posed_scenes import CROSS, first, machine_code, posed, random_move, scales_of
 from test_resolution import REFERENCE
-
-
-def posed(scene: Scene):
-    functions = delta_model(scene.robot, scene.payload).functions
-    return Flat().of(functions, LINEAR, speed=scene.speed_limits is not None)
-
-
-def scales_of(scene: Scene) -> Scales:
-    return Scales(scene, next(first_motions(scene, 1, 1)).duration, least_opening(scene))
-
-
-def first(scene: Scene, tolerance: float) -> Guess:
-    return Guess(next(first_motions(scene, 1, 1)), near=False, tolerance=tolerance)
-
-
-CROSS = load_scene("problems/industrial_cross.yaml")
-machine_code = pytest.mark.skipif(
-    posed(CROSS).on(np.full(4, 0.25))._interior_point is None,
-    reason="without a compiler meshes end at 300 intervals",
-)
 
 
 @machine_code
@@ -248,8 +225,7 @@ def test_prices_in_balance_tell_the_same_costates_however_shifts_fade(mesh):
 @machine_code
 def test_noise_between_neighbouring_knots_is_no_costate():
     """A move with two motors at their speed limits: the costates of single intervals scatter."""
-    robot = load_robot("problems/robots/industrial.yaml")
-    found = searched_for(list(random_scenes(robot, 1.0, 10, 1))[9], 1e-6)
+    found = searched_for(random_move("industrial", 9), 1e-6)
     fine = found.attempts[-1]
     assert np.abs(hamiltonian(found._stage, fine, 0.0) + 1).max() > 10 * MET
     assert np.abs(hamiltonian(found._stage, fine) + 1).max() < MET

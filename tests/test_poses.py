@@ -12,7 +12,6 @@ import pytest
 import deltaopt
 from deltaopt.dynamics import Explicit, Kane, Multiplier, VirtualWork
 from deltaopt.errors import DependentConstraints, NotConverged
-from deltaopt.feasibility import least_opening
 from deltaopt.model import delta_model
 from deltaopt.planning.chain_equations import (
     explicit_equations,
@@ -22,16 +21,13 @@ from deltaopt.planning.chain_equations import (
 )
 from deltaopt.planning.closure import AccelerationLevel, Baumgarte, KnotConstraints, Projection
 from deltaopt.planning.cost import Cost
-from deltaopt.planning.flat import Flat
 from deltaopt.planning.nlp import IPOPT
 from deltaopt.planning.poses import Redundant, posed_as
-from deltaopt.planning.problem import Guess
 from deltaopt.planning.rank import dependent_rows
-from deltaopt.planning.scales import Scales
-from deltaopt.planning.starts import first_motions
 from deltaopt.planning.transcription import PiecewiseAcceleration
 from deltaopt.studies.interpreted import interpreted
 from deltaopt.studies.plan_measures import Meter, active_rank
+from posed_scenes import first, posed, scales_of
 from shipped_cases import PROBLEMS, case
 
 CLOSURES = [KnotConstraints(), Projection(), Baumgarte(), AccelerationLevel()]
@@ -97,17 +93,14 @@ def test_the_flat_pose_is_that_of_the_planner():
     """The chain's flat equations and the production ones on the same mesh."""
     scene = deltaopt.load_scene(PROBLEMS / "pick_and_place.yaml")
     model, mesh = delta_model(scene.robot, scene.payload), np.full(10, 0.1)
-    guess = Guess(next(first_motions(scene, 1, 1)), near=False, tolerance=1e-8)
-    scales = Scales(scene, guess.trajectory.duration, least_opening(scene))
-    planners = Flat().of(model.functions, PiecewiseAcceleration(), speed=False).on(mesh)
-    planned = planners.solve(guess, scales, model.parameters).position.knots[-1]
+    planners = posed(scene).on(mesh).solve(first(scene, 1e-8), scales_of(scene), model.parameters)
     c = case("pick_and_place")
     problem = equations("pick_and_place", "flat").on(mesh, PiecewiseAcceleration())
     problem = replace(problem, steadiness=0.0)
     z = problem.pack(c.guess, c.task)
     solution = problem.program.solve(z, *problem.bounds(c.task), c.task.p)
     duration = problem.unpack(solution.z, c.task).knots[-1]
-    assert planned == pytest.approx(duration, rel=1e-6)
+    assert planners.position.knots[-1] == pytest.approx(duration, rel=1e-6)
 
 
 @pytest.mark.parametrize("formulation", [VirtualWork(), Explicit(), Kane()], ids=type)

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import islice
 
 import numpy as np
 import pytest
 
-from deltaopt import load_robot
 from deltaopt.model import delta_model
 from deltaopt.planning.extremal import Conditions
 from deltaopt.planning.grid import Grid
@@ -20,9 +18,8 @@ from deltaopt.planning.stage import Stage
 from deltaopt.planning.state_prices import pushes, wrong_push
 from deltaopt.planning.structure import read_structure
 from deltaopt.scene import Scene
-from deltaopt.studies.random_scenes import random_scenes
+from posed_scenes import first, machine_code, posed, random_move, scales_of
 from test_exact_answers import LINES, UNEVEN, Line
-from test_fine_meshes import first, machine_code, posed, scales_of
 
 
 @pytest.mark.parametrize("line", [line for line in LINES if line.v], ids=str)
@@ -48,12 +45,6 @@ def test_a_speed_limit_has_its_exact_price(line: Line):
     assert wrong_push(conditions, pulled) == pytest.approx(at_limit / line.duration, rel=1e-5)
 
 
-def orsino(number: int) -> Scene:
-    """A random move, as of ``deltaopt bench random``."""
-    robot = load_robot("problems/robots/orsino.yaml")
-    return next(islice(random_scenes(robot, 1.0, number + 1, 1), number, None))
-
-
 def resolved(scene: Scene) -> tuple[Settled, Scales]:
     scales, model = scales_of(scene), delta_model(scene.robot, scene.payload)
     search = Search(posed(scene), scales, model, 1e-6, True, print)
@@ -69,7 +60,7 @@ MARGIN = 8
 @pytest.mark.parametrize("number", [7, 43])
 def test_the_price_of_a_margin_is_what_a_wider_one_costs(number):
     """By solving again."""
-    found, scales = resolved(orsino(number))
+    found, scales = resolved(random_move("orsino", number))
     at_margin = found.conditions
     assert at_margin.structure.opening.any()
     at = at_margin.solve(at_margin.guess(found.trajectory, scales)).motion
@@ -90,7 +81,7 @@ def test_the_price_of_a_margin_is_what_a_wider_one_costs(number):
 def test_an_arc_at_the_margin_that_should_be_left_is_not_resolved():
     """One structure of this move meets all other conditions and is slower by 1.4e-5 than what
     meshes find, which know of no structure."""
-    scene = orsino(34)
+    scene = random_move("orsino", 34)
     planner = Planner(scene.robot, 1.0, tolerance=1e-6)
     found = planner.plan(scene.start, scene.goal)
     on_meshes = replace(planner, resolved_below=0.0).plan(scene.start, scene.goal)

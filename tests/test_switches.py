@@ -5,14 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from deltaopt import load_robot, load_scene, plan, verify
+from deltaopt import load_scene, plan, verify
 from deltaopt.model import DeltaModel
 from deltaopt.planning.arcs import ArcProblem
 from deltaopt.planning.dense import solve
 from deltaopt.planning.extremal import Barrier, Conditions
 from deltaopt.planning.flat import ScaledEquations
 from deltaopt.planning.grid import Grid
-from deltaopt.planning.plan import Planner
 from deltaopt.planning.scales import Scales, margin_of_fold
 from deltaopt.planning.stage import Stage
 from deltaopt.planning.structure import (
@@ -23,7 +22,7 @@ from deltaopt.planning.structure import (
     changed,
     read_structure,
 )
-from deltaopt.studies.random_scenes import random_scenes
+from posed_scenes import random_move
 from test_exact_answers import LINES, UNEVEN, Line
 
 UP, DOWN = Limit(torque=1), Limit(torque=-1)
@@ -154,9 +153,8 @@ class TestChanged:
 
 def orsino(which: int):
     """One of the seeded random moves, and its plan."""
-    robot = load_robot("problems/robots/orsino.yaml")
-    *_, scene = random_scenes(robot, 1.0, which + 1, seed=1)
-    return scene, Planner(robot, 1.0, tolerance=1e-6).plan(scene.start, scene.goal)
+    scene = random_move("orsino", which)
+    return scene, plan(scene, tolerance=1e-6)
 
 
 def test_a_move_with_a_torque_that_no_limit_holds():

@@ -1,0 +1,43 @@
+"""Scenes posed as the planner poses them, and the random moves of ``deltaopt bench random``."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from deltaopt import load_robot, load_scene
+from deltaopt.feasibility import least_opening
+from deltaopt.model import delta_model
+from deltaopt.planning.flat import Flat
+from deltaopt.planning.problem import Guess
+from deltaopt.planning.scales import Scales
+from deltaopt.planning.starts import first_motions
+from deltaopt.planning.transcription import LINEAR
+from deltaopt.scene import Scene
+from deltaopt.studies.random_scenes import random_scenes
+
+
+def posed(scene: Scene):
+    functions = delta_model(scene.robot, scene.payload).functions
+    return Flat().of(functions, LINEAR, speed=scene.speed_limits is not None)
+
+
+def scales_of(scene: Scene) -> Scales:
+    return Scales(scene, next(first_motions(scene, 1, 1)).duration, least_opening(scene))
+
+
+def first(scene: Scene, tolerance: float) -> Guess:
+    return Guess(next(first_motions(scene, 1, 1)), near=False, tolerance=tolerance)
+
+
+def random_move(robot: str, number: int) -> Scene:
+    """With 1 kg, from 0 on."""
+    *_, scene = random_scenes(load_robot(f"problems/robots/{robot}.yaml"), 1.0, number + 1, seed=1)
+    return scene
+
+
+CROSS = load_scene("problems/industrial_cross.yaml")
+machine_code = pytest.mark.skipif(
+    posed(CROSS).on(np.full(4, 0.25))._interior_point is None,
+    reason="without a compiler meshes end at 300 intervals",
+)
