@@ -7,7 +7,7 @@ import pytest
 
 from deltaopt import load_scene
 from deltaopt.errors import NotConverged
-from deltaopt.planning.structure import read_structure
+from deltaopt.planning.reading import read_structure
 from deltaopt.studies.agreement import agreement, table
 from deltaopt.studies.shooting import shoot
 

@@ -17,8 +17,8 @@ from deltaopt.planning.arcs import ArcProblem
 from deltaopt.planning.certificate import certify, hamiltonian
 from deltaopt.planning.flat import FlatEquations, ScaledEquations
 from deltaopt.planning.gap import FRACTIONS, GivenAway, given_away, refined
+from deltaopt.planning.reading import read_structure
 from deltaopt.planning.scales import Scales
-from deltaopt.planning.structure import read_structure
 from deltaopt.planning.transcription import PiecewiseAcceleration
 from deltaopt.trajectory import PiecewisePolynomial, Trajectory
 

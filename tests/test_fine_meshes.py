@@ -14,10 +14,11 @@ from deltaopt.planning.gap import FRACTIONS, TIGHTENED, GivenAway, refined
 from deltaopt.planning.nlp import Spent
 from deltaopt.planning.plan import Planner, quicker
 from deltaopt.planning.problem import Guess, solved_by_ipopt
+from deltaopt.planning.reading import SHARP, read_structure
 from deltaopt.planning.rounds import Round, attempt, gap_of
 from deltaopt.planning.scales import Scales
 from deltaopt.planning.search import Search
-from deltaopt.planning.structure import SHARP, Limit, read_structure
+from deltaopt.planning.structure import Limit
 from deltaopt.planning.tightening import Overshoot
 from deltaopt.planning.transcription import LINEAR
 from deltaopt.pontryagin import MET

@@ -18,7 +18,7 @@ from deltaopt.planning.arcs import ArcProblem
 from deltaopt.planning.certificate import certify
 from deltaopt.planning.cost import Cost
 from deltaopt.planning.flat import FlatEquations, ScaledEquations
-from deltaopt.planning.structure import read_structure
+from deltaopt.planning.reading import read_structure
 from deltaopt.planning.transcription import PiecewiseAcceleration
 from deltaopt.trajectory import Trajectory
 from test_exact_answers import Line, UnitMass

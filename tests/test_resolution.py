@@ -13,8 +13,8 @@ from deltaopt.planning.certificate import certify, hamiltonian
 from deltaopt.planning.flat import ScaledEquations
 from deltaopt.planning.nlp import Solution
 from deltaopt.planning.plan import Planner
+from deltaopt.planning.reading import read_structure
 from deltaopt.planning.scales import Scales
-from deltaopt.planning.structure import read_structure
 from deltaopt.pontryagin import extremal
 
 # Durations in s, each by `deltaopt plan problems/NAME.yaml --tolerance 1e-8`; the digits given

@@ -11,12 +11,12 @@ from deltaopt.model import delta_model
 from deltaopt.planning.extremal import Conditions
 from deltaopt.planning.grid import Grid
 from deltaopt.planning.plan import Planner
+from deltaopt.planning.reading import read_structure
 from deltaopt.planning.scales import Scales
 from deltaopt.planning.search import Search
 from deltaopt.planning.settle import Settled
 from deltaopt.planning.stage import Stage
 from deltaopt.planning.state_prices import pushes, wrong_push
-from deltaopt.planning.structure import read_structure
 from deltaopt.scene import Scene
 from posed_scenes import first, machine_code, posed, random_move, scales_of
 from test_exact_answers import LINES, UNEVEN, Line
@@ -31,8 +31,9 @@ def test_a_speed_limit_has_its_exact_price(line: Line):
         Stage(line.equations), arcs, Grid.of(arcs, 5), line.scales, np.zeros(0)
     )
     found = conditions.solve(conditions.guess(motion, line.scales)).motion
-    (eta,) = pushes(conditions, found)
-    eta = eta * line.scales.time
+    (push,) = pushes(conditions, found)
+    assert push.of_speed and push.motor == 0 and push.held.sum() == conditions.grid.parts[1]
+    eta = push.price * line.scales.time
     at_limit = line.d / line.v - line.v / line.u
     assert eta[0] == 0.0
     assert eta[-1] == pytest.approx(at_limit, rel=1e-6)
@@ -69,7 +70,7 @@ def test_the_price_of_a_margin_is_what_a_wider_one_costs(number):
     slower = wider.solve(wider.guess(found.trajectory, scales)).motion
     cost = (slower.duration - at.duration) / by
     assert cost > 1e-2
-    prices = list(pushes(at_margin, at))
+    prices = [push.price for push in pushes(at_margin, at)]
     assert sum(eta[-1] for eta in prices) == pytest.approx(cost, rel=1e-3)
     for eta in prices:  # it pushes all along, not only where it begins
         assert np.diff(eta).min() > -1e-9

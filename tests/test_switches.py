@@ -12,16 +12,10 @@ from deltaopt.planning.dense import solve
 from deltaopt.planning.extremal import Barrier, Conditions
 from deltaopt.planning.flat import ScaledEquations
 from deltaopt.planning.grid import Grid
+from deltaopt.planning.reading import read_structure
 from deltaopt.planning.scales import Scales, margin_of_fold
 from deltaopt.planning.stage import Stage
-from deltaopt.planning.structure import (
-    FREE,
-    Limit,
-    Stretch,
-    Structure,
-    changed,
-    read_structure,
-)
+from deltaopt.planning.structure import FREE, Limit, Stretch, Structure, changed
 from posed_scenes import random_move
 from test_exact_answers import LINES, UNEVEN, Line
 

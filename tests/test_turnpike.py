@@ -18,8 +18,9 @@ from deltaopt.planning.arcs import ArcProblem
 from deltaopt.planning.certificate import certify
 from deltaopt.planning.cost import Cost
 from deltaopt.planning.flat import ScaledEquations
+from deltaopt.planning.reading import read_structure
 from deltaopt.planning.scales import Scales
-from deltaopt.planning.structure import Structure, read_structure
+from deltaopt.planning.structure import Structure
 from deltaopt.trajectory import PiecewisePolynomial, Trajectory
 from test_exact_answers import UnitMass
 

@@ -41,7 +41,10 @@ _CONVERGED = 1e-10
 """Largest residual, all of the order of one."""
 _STALLED = 1e-7
 """What rounding may leave of it where the motion is hardly determined."""
-_LONGEST_STEP = 0.3
+_LONGEST_STEP, _LONGEST_INSIDE = 0.1, 0.3
+"""Without and with a barrier."""
+_SHRINK = 0.8
+"""By so much at most arcs become shorter in a step that cannot be reversed."""
 _LEAST_SHIFT, _MOST_SHIFT = 1e-9, 1e-4
 _REVERSED = 1e-3
 """Of the duration: an arc that remains shorter than minus this has its ends exchanged."""
@@ -128,7 +131,7 @@ class Conditions:
             within[grid.arc == a, :, motor] = True
         if self.stage.rows > SPEED:
             held = self.structure.speed[grid.arc] != 0
-            within[..., 3:6] = held[:, None]
+            within[..., 3:6] = self.held.without_row[grid.arc][:, None]
             within[..., 6:] = ~held[:, None]
             within[0, 0, 6:] = within[-1, -1, 6:] = False
             within[1:, 0, 6:] &= ~held[:-1]
@@ -175,13 +178,17 @@ class Conditions:
     def _moved(self, system: System, shift: float, barrier: float) -> tuple[System, float]:
         """By Newton's step, the curvature shifted as far as it needs to be a short one, or by
         a part of it where that does not do."""
+        longest = _LONGEST_INSIDE if self.barrier else _LONGEST_STEP
         step = system.step(shift)
-        while (step is None or step.largest > _LONGEST_STEP) and shift < _MOST_SHIFT:
+        while (step is None or step.largest > longest) and shift < _MOST_SHIFT:
             shift = max(10 * shift, _LEAST_SHIFT)
             step = system.step(shift)
         if step is None or not np.isfinite(step.largest):
             raise Stuck("there is no step")
-        share = min(system.inside(step), _LONGEST_STEP / max(step.largest, 1e-300))
+        share = min(system.inside(step), longest / max(step.largest, 1e-300))
+        bounded = ~self.structure.reversible & (system.at.lengths > 0)
+        shrink = -step.lengths / np.where(bounded, system.at.lengths, np.inf)
+        share = min(share, _SHRINK / max(float(shrink.max()), 1e-300))
         for _ in range(4):
             moved = System(self, system.at + step.times(share), barrier)
             if np.isfinite(moved.residual):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +18,7 @@ from deltaopt.planning.stage import (
     SPEED_RATE,
     TORQUE,
 )
-from deltaopt.planning.structure import FREE, Structure
+from deltaopt.planning.structure import FREE, Limit, Structure
 from deltaopt.planning.transcription import PiecewiseAcceleration
 
 Array = NDArray[np.float64]
@@ -69,28 +68,40 @@ class Held:
     @classmethod
     def of(cls, structure: Structure) -> Held:
         """A speed is held by its derivative along the arc and by itself where it begins, an
-        opening by its second derivative and, where it begins, by itself and the first."""
+        opening by its second derivative and, where it begins, by itself and the first; both in
+        place of a torque at no limit, the motor's own or, if that is at one, another's."""
         arcs = len(structure.lengths)
         row, value = np.zeros((arcs, 3), np.intp), np.zeros((arcs, 3))
         free, entries = [], []
-        for a, k in product(range(arcs), range(3)):
-            now = structure.limits[a][k]
-            before = structure.limits[a - 1][k] if a else FREE
-            if now.touched and before != now:
-                entries.append(Entry(a, OPENING + k, 0.0))
-            if now.speed:
-                row[a, k] = SPEED_RATE + k
-                if before.speed != now.speed:
+        for a, limits in enumerate(structure.limits):
+            row[a] = TORQUE + np.arange(3)
+            value[a] = [limit.torque for limit in limits]
+            without = [k for k in range(3) if not limits[k].torque]
+            for k, state in sorted(held_states(limits), key=lambda state: state[0] not in without):
+                row[a, without.pop(without.index(k) if k in without else 0)] = state
+            free += [(a, k) for k in without]
+            for k, now in enumerate(limits):
+                before = structure.limits[a - 1][k] if a else FREE
+                if now.touched and before != now:
+                    entries.append(Entry(a, OPENING + k, 0.0))
+                if now.grazed and before != now:
+                    entries.append(Entry(a, SPEED + k, float(now.grazed)))
+                if now.speed and before.speed != now.speed:
                     entries.append(Entry(a, SPEED + k, float(now.speed)))
-            elif now.opening:
-                row[a, k] = OPENING_BEND + k
-                if not before.opening:
+                if now.opening and not before.opening:
                     entries += [Entry(a, OPENING + k, 0.0), Entry(a, OPENING_RATE + k, 0.0)]
-            else:
-                row[a, k], value[a, k] = TORQUE + k, now.torque
-                if not now.torque:
-                    free.append((a, k))
         return cls(row, value, tuple(free), tuple(entries))
+
+    @property
+    def without_row(self) -> NDArray[np.bool]:
+        """Torques that follow from a speed or an opening that is held, (arcs, 3)."""
+        return np.asarray(self.row != TORQUE + np.arange(3))
+
+
+def held_states(limits: tuple[Limit, ...]) -> list[tuple[int, int]]:
+    """(motor, row that holds it) of the speeds and openings that are held."""
+    states = [(k, SPEED_RATE + k) for k, limit in enumerate(limits) if limit.speed]
+    return states + [(k, OPENING_BEND + k) for k, limit in enumerate(limits) if limit.opening]
 
 
 def parts_of(lengths: Array) -> Integers:

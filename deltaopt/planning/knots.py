@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.planning.gap import GivenAway
-from deltaopt.planning.structure import read_structure
+from deltaopt.planning.reading import read_structure
 
 Array = NDArray[np.float64]
 

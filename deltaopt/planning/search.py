@@ -19,11 +19,12 @@ from deltaopt.planning.flat import ScaledEquations
 from deltaopt.planning.gap import FRACTIONS, refined
 from deltaopt.planning.grid import Held
 from deltaopt.planning.problem import Guess, Posed
+from deltaopt.planning.reading import FINE, SHARP, USUAL, Prices, Reading, read_structure
 from deltaopt.planning.rounds import Attempt, Round, attempt, round_of, shares
 from deltaopt.planning.scales import Scales
 from deltaopt.planning.settle import Settled, Unsettled, settle
 from deltaopt.planning.stage import Stage
-from deltaopt.planning.structure import SHARP, USUAL, Limit, Reading, Structure, read_structure
+from deltaopt.planning.structure import Limit, Structure
 from deltaopt.pontryagin import MET
 from deltaopt.trajectory import Trajectory
 
@@ -96,7 +97,7 @@ class Search:
             except NotConverged as error:  # what is there already is a motion all the same
                 self.tell(f"{len(mesh)} intervals: {error}")
                 self._failures += 1
-        return None
+        return self._resolved(FINE) if self.resolves else None
 
     @property
     def _done(self) -> bool:
@@ -155,8 +156,9 @@ class Search:
         """With its switches resolved, or None if the structure cannot be settled yet."""
         last, read = self.attempts[-1], set[tuple[tuple[Limit, ...], ...]]()
         loads = (*shares(last.scene, last.loads), self._openings(last.trajectory))
+        prices = _prices(last)
         for reading in readings:
-            structure = read_structure(last.mesh, *loads, reading)
+            structure = read_structure(last.mesh, *loads, reading, prices)
             if structure.limits in read:
                 continue
             read.add(structure.limits)
@@ -198,6 +200,18 @@ class Search:
         p = np.concatenate([scales.vector(), motion.model.parameters])
         openings = self._stage.openings((x - scales.origin) / scales.length, p)
         return openings.reshape(-1, len(FRACTIONS), 3)
+
+
+def _prices(last: Attempt) -> Prices | None:
+    """If those of openings are known too."""
+    solution, h = last.solution, last.mesh[:, None]
+    if solution.opening_prices is None:
+        return None
+    of_time = solution.prices.sum(axis=1) / h
+    states = np.zeros((len(h), 3, 2))
+    states[..., 0] = of_time[:, 3:] if of_time.shape[1] > 3 else 0.0
+    states[..., 1] = solution.opening_prices.sum(axis=1) / h
+    return Prices(of_time[:, :3], states)
 
 
 @lru_cache(maxsize=8)

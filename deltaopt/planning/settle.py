@@ -8,6 +8,7 @@ the polynomials do not do, there are more of them. So until nothing is wrong, or
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from deltaopt.planning.certificate import Certificate, spread
 from deltaopt.planning.examine import Examined
 from deltaopt.planning.extremal import Barrier, Conditions, Stuck
 from deltaopt.planning.grid import Grid, Pin
+from deltaopt.planning.repair import PUSH, patches
 from deltaopt.planning.scales import Scales
 from deltaopt.planning.stage import Stage
 from deltaopt.planning.state_prices import wrong_push
@@ -31,10 +33,10 @@ _MOST_INTERVALS, _MOST_MODES = 48, 24
 CERTIFIED = 1e-5
 """Spread of the Hamiltonian and prices of the wrong sign at most: wrong structures miss it by
 orders."""
+_GROSS, _FAR_BEYOND = 1e-3, 0.05
+"""Prices of the wrong sign, and excesses, that no finer polynomials mend."""
 _FREE_PRICE = 1e-4
 """The same of a torque that has no limit, a polynomial being no better at its ends."""
-_PUSH = 1e-3
-"""Of a limit of the state, as ``wrong_push``: prices there are derivatives of polynomials."""
 
 
 class Unsettled(NotConverged):
@@ -99,6 +101,7 @@ def settle(
     Raises Unsettled where there is none to be found.
     """
     trial, seen, iterations = _Trial.of(structure), [structure.limits], 0
+    others: list[tuple[_Trial, Trajectory]] = []
     for _ in range(_ATTEMPTS):
         conditions = Conditions.of(
             stage, trial.structure, trial.grid, scales, model.parameters, trial.pins, barrier
@@ -106,13 +109,16 @@ def settle(
         try:
             found = conditions.solve(conditions.guess(guess, scales))
         except Stuck as error:
-            raise Unsettled(str(error), "Stuck", guess) from None
+            if not others:
+                raise Unsettled(str(error), "Stuck", guess) from None
+            trial, guess = others.pop()
+            continue
         iterations += found.iterations
         shares = np.where(found.vanishing, 0.0, found.motion.lengths / found.motion.duration)
         trial = replace(trial, structure=replace(trial.structure, lengths=shares))
         guess = Trajectory(conditions.polynomial(found.motion, scales), model)
         if shares.min() <= 0:
-            better = _Trial.of(changed(trial.structure, []), trial.more_modes)
+            better = [_Trial.of(changed(trial.structure, []), trial.more_modes)]
         else:
             conditions = replace(conditions, structure=trial.structure)
             examined = Examined(conditions, found.motion, tolerance / 2)
@@ -120,11 +126,17 @@ def settle(
             if settled:
                 return settled
             better = _better(trial, examined, tolerance)
-        if better.structure.limits != trial.structure.limits:
-            if better.structure.limits in seen:
-                raise Unsettled("the structures repeat themselves", "Cycle", guess)
-            seen.append(better.structure.limits)
-        trial = better
+        new = []
+        for each in better:
+            if each.structure.limits != trial.structure.limits:
+                if each.structure.limits in seen:
+                    continue
+                seen.append(each.structure.limits)
+            new.append(each)
+        others += [(each, guess) for each in reversed(new)]
+        if not others:
+            raise Unsettled("no other structure is known to be better", "Cycle", guess)
+        trial, guess = others.pop()
     raise Unsettled(f"no structure is right after {_ATTEMPTS}", "Too_Many", guess)
 
 
@@ -141,38 +153,39 @@ def _settled(
     if gap > tolerance or uneven > CERTIFIED:
         return None
     push = wrong_push(examined.conditions, examined.motion)
-    if push > _PUSH:
-        raise Unsettled(
-            f"a speed or an opening is held that time would be gained by leaving, {push:.0e}",
-            "Unsettled",
-            trajectory,
-        )
+    if push > PUSH:
+        return None
     certificate = Certificate(uneven, max(examined.sign_violation, examined.free_price, push))
     return Settled(examined.conditions, trajectory, factor, gap, certificate, iterations)
 
 
-def _better(trial: _Trial, examined: Examined, tolerance: float) -> _Trial:
-    """What to try next. Raises Unsettled where nothing is known to be wrong."""
+def _better(trial: _Trial, examined: Examined, tolerance: float) -> list[_Trial]:
+    """What to try next, the first first."""
+    if examined.sign_violation > _GROSS or examined.excess > _FAR_BEYOND:
+        ways = _otherwise(trial, examined)
+        if ways:
+            return ways
     finest = examined.finest
     if examined.strays.max() > finest and trial.grid.intervals < _MOST_INTERVALS:
         finer = np.ceil((examined.strays / finest).clip(1) ** (1 / (_DEGREE + 1)))
         parts = trial.grid.parts * finer.astype(np.intp)
-        return replace(trial, grid=replace(trial.grid, parts=parts))
+        return [replace(trial, grid=replace(trial.grid, parts=parts))]
     free = bool(examined.conditions.held.free) and trial.grid.most_modes < _MOST_MODES
     coarse = examined.free_price > _FREE_PRICE or examined.to_be_gained > tolerance
-    if free and coarse:
-        return trial.with_more_modes()
+    if free and (coarse or CERTIFIED < examined.sign_violation < 10 * examined.free_price):
+        return [trial.with_more_modes()]
     pins = tuple(pin for pin in examined.pins() if pin not in trial.pins)
     if pins:
-        return replace(trial, pins=trial.pins + pins)
-    other = changed(trial.structure, examined.patches())
-    if other.limits != trial.structure.limits:
-        return _Trial.of(other, trial.more_modes)
-    if free:
-        return trial.with_more_modes()
-    raise Unsettled(
-        f"prices of the wrong sign, {examined.sign_violation:.0e}, or an excess, "
-        f"{examined.excess:.0e}, that no other structure cures",
-        "Unsettled",
-        None,
-    )
+        return [replace(trial, pins=trial.pins + pins)]
+    ways = _otherwise(trial, examined)
+    return ways or ([trial.with_more_modes()] if free else [])
+
+
+def _otherwise(trial: _Trial, examined: Examined) -> list[_Trial]:
+    """Other structures: with all that is wrong changed, and with the worst of it."""
+    found = patches(examined)
+    ways = [changed(trial.structure, chain.from_iterable(found))]
+    if len(found) > 1:
+        ways.append(changed(trial.structure, found[0]))
+    ways = [way for way in ways if way.limits != trial.structure.limits]
+    return [_Trial.of(way, trial.more_modes) for way in ways]

@@ -16,28 +16,58 @@ leaving it, though every torque have a price of the right sign.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.planning.extremal import Conditions
+from deltaopt.planning.grid import Entry
 from deltaopt.planning.newton import Extremal
-from deltaopt.planning.stage import OPENING, OPENING_BEND, OPENING_RATE, SPEED
+from deltaopt.planning.stage import OPENING, OPENING_BEND, OPENING_RATE, SPEED, SPEED_RATE
 
 Array = NDArray[np.float64]
+Truths = NDArray[np.bool]
+
+
+@dataclass(frozen=True)
+class Push:
+    """η of a limit that is held for a time or touched, made so that it should rise; in the
+    scales' time, per limit of speed or per unit of sin² of a fold.
+
+    ``price``: from before the arc to after it, (samples + 2,); ``held``: the intervals in which
+    the samples between are, (n,).
+    """
+
+    entry: Entry
+    held: Truths
+    price: Array
+
+    @property
+    def motor(self) -> int:
+        return self.entry.row % 3
+
+    @property
+    def of_speed(self) -> bool:
+        return self.entry.row >= SPEED
+
+    @property
+    def falls(self) -> Array:
+        """By how much it is lower than before, or higher than after, (samples + 2,)."""
+        before = np.maximum.accumulate(self.price)
+        after = np.minimum.accumulate(self.price[::-1])[::-1]
+        return np.maximum(before - self.price, self.price - after)
 
 
 def wrong_push(conditions: Conditions, motion: Extremal) -> float:
     """By how much a price falls where it must rise, at most: fractions of the duration, per limit
     of speed or per unit of sin² of a fold."""
-    falls = [(np.maximum.accumulate(eta) - eta).max() for eta in pushes(conditions, motion)]
+    falls = [push.falls.max() for push in pushes(conditions, motion)]
     return float(max(falls, default=0.0)) / motion.duration
 
 
-def pushes(conditions: Conditions, motion: Extremal) -> Iterator[Array]:
-    """η of every limit that is held for a time or touched, in their order, made so that it
-    should rise; in the scales' time, per limit of speed or per unit of sin² of a fold, from before
-    the arc to after it, (samples,)."""
+def pushes(conditions: Conditions, motion: Extremal) -> Iterator[Push]:
+    """Of every limit of the state that is held for a time or touched, in their order."""
     structure, grid = conditions.structure, conditions.grid
     price, slope = conditions.prices_between(motion), _slopes_between(conditions, motion)
     for entry, nu in zip(conditions.held.entries, motion.entry.tolist(), strict=True):
@@ -46,12 +76,15 @@ def pushes(conditions: Conditions, motion: Extremal) -> Iterator[Array]:
         is_speed = entry.row >= SPEED
         k = entry.row - (SPEED if is_speed else OPENING)
         signs = structure.speed[:, k] if is_speed else -structure.opening[:, k]
-        sign = int(signs[entry.arc]) or -1  # that of an opening which is only touched
+        sign = int(entry.value) or -1  # that of an opening
         after = np.flatnonzero(signs[entry.arc :] != sign)
         last = entry.arc + int(after[0]) if len(after) else len(signs)
         held = np.isin(grid.arc, np.arange(entry.arc, last))
-        eta = nu - price[held, :, k] if is_speed else nu + slope[held, :, k]
-        yield sign * np.concatenate([[0.0], eta.ravel(), [nu]])
+        row = k + (SPEED_RATE if is_speed else OPENING_BEND)
+        slot = (conditions.held.row[grid.arc[held]] == row).argmax(axis=1)
+        at = np.flatnonzero(held), slice(None), slot
+        eta = nu - price[at] if is_speed else nu + slope[at]
+        yield Push(entry, held, sign * np.concatenate([[0.0], eta.ravel(), [nu]]))
 
 
 def _slopes_between(conditions: Conditions, motion: Extremal) -> Array:

@@ -1,15 +1,17 @@
-"""Which limit holds which motor when: the structure of a time-optimal motion.
+"""Which limits hold which motors when: the structure of a time-optimal motion.
 
-Between two switches every motor is held by a limit of its torque or of its speed, by the
-margin of its chain's fold, or by none. Read from a converged motion on a mesh, the structure
-is a sequence of arcs with estimated lengths; where exactly they end is for others to find.
+It is a sequence of arcs with estimated lengths; where exactly they end is for others to find.
+On every arc as many limits hold as there are motors, or fewer, each of a torque, a speed, or the
+margin of a fold. A motor may be at its limits of speed and of torque at once: then its speed is
+held by another motor's torque, for motors of a closed chain act on each other.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -17,27 +19,36 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Signs = NDArray[np.int8]
+Truths = NDArray[np.bool]
 
-_OPENING_AT_MARGIN = 1e-3
-"""At most, everywhere in an interval."""
-_SIMULTANEOUS = 2e-4
-"""Of the duration: switches that are read closer to each other are one."""
 VANISHED = 1e-5
 """Of the duration: shorter arcs are not there."""
 
 
 class Limit(NamedTuple):
     """What holds a motor: the torque's or the speed's upper limit 1 or lower -1, the margin
-    of the fold 1; all 0 if nothing does. ``touched``: 1 if the fold comes to its margin at
-    the instant where this begins, and leaves it at once."""
+    of the fold 1; 0 what does not. ``touched``, ``grazed``: of an opening and of a speed, that
+    come to their limit at the instant where this begins, and leave it at once."""
 
     torque: int = 0
     speed: int = 0
     opening: int = 0
     touched: int = 0
+    grazed: int = 0
+
+    @property
+    def later(self) -> Limit:
+        """After the instant where it begins."""
+        return self._replace(touched=0, grazed=0)
+
+    def goes_on(self, before: Limit) -> bool:
+        """Whether nothing changes where this follows on another."""
+        return self in (before, before.later)
 
 
 FREE = Limit()
+Limits = tuple[Limit, ...]
+"""Of every motor."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +57,7 @@ class Structure:
     every motor."""
 
     lengths: Array
-    limits: tuple[tuple[Limit, ...], ...]
+    limits: tuple[Limits, ...]
 
     @cached_property
     def torque(self) -> Signs:
@@ -59,6 +70,17 @@ class Structure:
         return np.array([[limit.speed for limit in arc] for arc in self.limits], np.int8)
 
     @cached_property
+    def reversible(self) -> Truths:
+        """Arcs that others begin than end, (n,): if they are of negative length their ends are in
+        the wrong order, no more."""
+        changing = [
+            {k for k, (before, after) in enumerate(zip(*pair, strict=True)) if before != after}
+            for pair in pairwise(self.limits)
+        ]
+        between = [first.isdisjoint(last) for first, last in pairwise(changing)]
+        return np.array([False, *between, False][: len(self.limits)])
+
+    @cached_property
     def opening(self) -> Signs:
         """1 where a chain is at the margin of its fold, (n, 3)."""
         return np.array([[limit.opening for limit in arc] for arc in self.limits], np.int8)
@@ -66,62 +88,15 @@ class Structure:
 
 @dataclass(frozen=True)
 class Stretch:
-    """A time, fractions of the duration, over which a motor is held by a limit.
-
-    ``impulse``: ∫ load dt, of a motor without limit.
-    """
+    """A time, fractions of the duration, over which a motor is held by a limit."""
 
     begin: float
     end: float
     limit: Limit
-    intervals: int = 0
-    impulse: float = 0.0
 
-    @property
-    def length(self) -> float:
-        return self.end - self.begin
-
-
-@dataclass(frozen=True)
-class Reading:
-    """How a mesh is read. ``widest``: intervals; what is wider between two limits is no smeared
-    switch but an arc. ``torque``, ``speed``: of a load that is at its limit, everywhere in an
-    interval. Torque comes to its limit in a jump, and coarse polynomials leave some of it unused;
-    speed comes gradually.
-    """
-
-    widest: int = 3
-    torque: float = 0.9
-    speed: float = 0.99
-
-
-USUAL = (Reading(),)
-SHARP = (Reading(torque=0.99, speed=0.9999), Reading(widest=8, torque=0.99, speed=0.9999))
-"""How to read meshes on which next to nothing is given away, one way after the other."""
-
-
-def read_structure(
-    mesh: Array,
-    torque: Array,
-    speed: Array | None,
-    opening: Array | None = None,
-    reading: Reading = USUAL[0],
-) -> Structure:
-    """From loads in the intervals of a mesh (N,), fractions of their limits, (N, points, m),
-    and from how far chains are from the margin of their fold."""
-    ends = np.concatenate([[0.0], np.cumsum(mesh)])
-    ends[-1] = 1.0
-    m = torque.shape[2]
-    nothing = np.zeros((len(mesh), m), np.int8)
-    speeds = nothing if speed is None else _held(speed, reading.speed)
-    openings = nothing if opening is None else opening.max(axis=1) < _OPENING_AT_MARGIN
-    torques = np.where((speeds != 0) | (openings != 0), 0, _held(torque, reading.torque))
-    held = np.stack([torques, speeds, openings], axis=2).astype(int)  # (N, m, 3)
-    motors = [
-        _sharpened(_stretches(ends, held[:, k].tolist(), torque[:, :, k]), reading.widest)
-        for k in range(m)
-    ]
-    return _assembled(motors, _SIMULTANEOUS)
+    def beginning(self, instant: float) -> Stretch:
+        """The rest of it, from later on."""
+        return replace(self, begin=instant, limit=self.limit.later)
 
 
 def changed(structure: Structure, patches: Iterable[tuple[int, Stretch]]) -> Structure:
@@ -131,10 +106,13 @@ def changed(structure: Structure, patches: Iterable[tuple[int, Stretch]]) -> Str
     """
     motors = _by_motor(structure)
     for k, patch in patches:
-        before = [Stretch(s.begin, min(s.end, patch.begin), s.limit) for s in motors[k]]
-        after = [Stretch(max(s.begin, patch.end), s.end, s.limit) for s in motors[k]]
-        motors[k] = _joined([*before, patch, *after])
-    return _assembled(motors, VANISHED)
+        before = [replace(s, end=min(s.end, patch.begin)) for s in motors[k]]
+        after = [s if s.begin >= patch.end else s.beginning(patch.end) for s in motors[k]]
+        if all(patch.begin > s.begin or patch.end <= s.begin for s in motors[k]):
+            patch = patch.beginning(patch.begin)
+        motors[k] = joined([*before, patch, *after])
+    found = assembled(motors, VANISHED)
+    return replace(found, limits=tuple(bearable(arc) for arc in found.limits))
 
 
 def _by_motor(structure: Structure) -> list[list[Stretch]]:
@@ -147,90 +125,57 @@ def _by_motor(structure: Structure) -> list[list[Stretch]]:
         for a, end in enumerate(ends):
             limit = structure.limits[a][k]
             begin = stretches[-1].end if stretches else 0.0
-            if stretches and stretches[-1].limit == limit:
-                begin = stretches.pop().begin
-            stretches.append(Stretch(begin, end, limit))
-        motors.append(_joined(stretches))
+            if stretches and limit.goes_on(stretches[-1].limit):
+                stretches[-1] = replace(stretches[-1], end=end)
+            else:
+                stretches.append(Stretch(begin, end, limit))
+        motors.append(joined(stretches))
     return motors
 
 
-def _joined(stretches: list[Stretch]) -> list[Stretch]:
+def joined(stretches: list[Stretch]) -> list[Stretch]:
     """In order, one after the other; what is too short gives way to what follows."""
-    joined: list[Stretch] = []
+    found: list[Stretch] = []
     touched = False
     for s in stretches:
-        begin = joined[-1].end if joined else 0.0
+        begin = found[-1].end if found else 0.0
         if s.end - max(s.begin, begin) <= VANISHED:
             touched = touched or bool(s.limit.opening)
             continue
         if touched:
-            s, touched = Stretch(s.begin, s.end, s.limit._replace(touched=1)), False
-        if joined and joined[-1].limit == s.limit:
-            begin = joined.pop().begin
-        joined.append(Stretch(begin, s.end, s.limit))
-    joined[-1] = Stretch(joined[-1].begin, 1.0, joined[-1].limit)
-    return joined
-
-
-def _held(load: Array, at_limit: float) -> Signs:
-    """The limit that holds all over an interval, (N, 3)."""
-    upper, lower = load.min(axis=1) > at_limit, load.max(axis=1) < -at_limit
-    return np.asarray(upper, np.int8) - np.asarray(lower, np.int8)
-
-
-def _stretches(ends: Array, held: list[list[int]], load: Array) -> list[Stretch]:
-    """Of one motor, as the intervals show them."""
-    found: list[Stretch] = []
-    for i, limit in enumerate(held):
-        begin, end = float(ends[i]), float(ends[i + 1])
-        number, impulse = 1, float(load[i].mean() * (end - begin))
-        if found and found[-1].limit == Limit(*limit):
-            last = found.pop()
-            begin, number, impulse = last.begin, last.intervals + 1, last.impulse + impulse
-        found.append(Stretch(begin, end, Limit(*limit), number, impulse))
+            s, touched = replace(s, limit=s.limit._replace(touched=1)), False
+        if found and s.limit.goes_on(found[-1].limit):
+            found[-1] = replace(found[-1], end=s.end)
+        else:
+            found.append(replace(s, begin=begin))
+    found[-1] = replace(found[-1], end=1.0)
     return found
 
 
-def _sharpened(stretches: list[Stretch], widest: int) -> list[Stretch]:
-    """Without the short stretches between limits: their neighbours meet at an instant, or
-    torque jumps to the other limit and back."""
-    kept: list[Stretch] = []
-    for i, s in enumerate(stretches):
-        if s.limit != FREE or s.intervals > widest or len(stretches) == 1:
-            kept.append(s)
-            continue
-        before = stretches[i - 1].limit if i else None
-        after = stretches[i + 1].limit if i + 1 < len(stretches) else None
-        kept += _sharp(s, before, after)
-    return _joined(kept)
-
-
-def _sharp(s: Stretch, before: Limit | None, after: Limit | None) -> list[Stretch]:
-    """Limits instead of a stretch without: where the impulse of torque says."""
-    first, last = before or after or FREE, after or before or FREE
-    if not first.torque or not last.torque:
-        middle = (s.begin + s.end) / 2
-        return [Stretch(s.begin, middle, first), Stretch(middle, s.end, last)]
-    mean = s.impulse / s.length
-    if first.torque != last.torque:
-        share = min(max((mean - last.torque) / (first.torque - last.torque), 0.0), 1.0)
-        instant = s.begin + s.length * share
-        return [Stretch(s.begin, instant, first), Stretch(instant, s.end, last)]
-    other = Limit(torque=-first.torque)
-    half = s.length * min(max((1 - mean * first.torque) / 4, 0.0), 0.5)
-    middle = s.begin if before is None else s.end if after is None else (s.begin + s.end) / 2
-    if before is None or after is None:
-        half *= 2
-    begin, end = max(middle - half, s.begin), min(middle + half, s.end)
-    return [Stretch(s.begin, begin, first), Stretch(begin, end, other), Stretch(end, s.end, last)]
-
-
-def _assembled(motors: list[list[Stretch]], simultaneous: float) -> Structure:
+def assembled(motors: list[list[Stretch]], simultaneous: float) -> Structure:
     """Arcs from what holds each motor when."""
     switches = _merged([s.end for motor in motors for s in motor], simultaneous)
     middles = (np.concatenate([[0.0], switches[:-1]]) + switches) / 2
-    limits = [[_at(motor, t) for motor in motors] for t in middles.tolist()]
-    return Structure(np.diff(switches, prepend=0.0), tuple(tuple(arc) for arc in limits))
+    limits = [tuple(at(motor, t) for motor in motors) for t in middles.tolist()]
+    return Structure(np.diff(switches, prepend=0.0), tuple(limits))
+
+
+def held_on(arc: Limits) -> int:
+    """How much an arc holds: torques, speeds and openings."""
+    return sum(bool(limit.torque) + bool(limit.speed) + limit.opening for limit in arc)
+
+
+def bearable(arc: Limits) -> Limits:
+    """With no more held than there are motors: torques give way, of motors that hold speeds or
+    openings first, then speeds."""
+    limits = list(arc)
+    for k in sorted(range(len(arc)), key=lambda k: not (arc[k].speed or arc[k].opening)):
+        if held_on(tuple(limits)) > len(arc):
+            limits[k] = limits[k]._replace(torque=0)
+    for k in range(len(arc)):
+        if held_on(tuple(limits)) > len(arc):
+            limits[k] = limits[k]._replace(speed=0)
+    return tuple(limits)
 
 
 def _merged(switches: list[float], simultaneous: float) -> Array:
@@ -243,6 +188,6 @@ def _merged(switches: list[float], simultaneous: float) -> Array:
     return np.array(merged)
 
 
-def _at(stretches: list[Stretch], t: float) -> Limit:
+def at(stretches: list[Stretch], t: float) -> Limit:
     """What holds the motor at t."""
     return next((s for s in stretches if t < s.end), stretches[-1]).limit

@@ -24,9 +24,10 @@ from deltaopt.planning.gap import FRACTIONS
 from deltaopt.planning.plan import Plan, plan
 from deltaopt.planning.poses import Forward
 from deltaopt.planning.problem import Guess
+from deltaopt.planning.reading import read_structure
 from deltaopt.planning.rounds import shares
 from deltaopt.planning.scales import Scales
-from deltaopt.planning.structure import Structure, read_structure
+from deltaopt.planning.structure import Structure
 from deltaopt.planning.transcription import QUADRATIC
 from deltaopt.scene import Scene
 from deltaopt.studies.shooting import shoot

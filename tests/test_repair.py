@@ -1,0 +1,149 @@
+"""Structures of a closed chain: motors at two limits at once, and wrong ones put right."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from deltaopt import Planner, verify
+from deltaopt.model import delta_model
+from deltaopt.planning.examine import Examined
+from deltaopt.planning.grid import Held
+from deltaopt.planning.repair import patches
+from deltaopt.planning.search import Search
+from deltaopt.planning.settle import Settled, settle
+from deltaopt.planning.stage import SPEED_RATE, TORQUE
+from deltaopt.planning.structure import Limit, Stretch, Structure, changed
+from deltaopt.trajectory import Trajectory
+from posed_scenes import first, machine_code, posed, random_move, scales_of
+
+UP, DOWN, BOTH = Limit(torque=1), Limit(torque=-1), Limit(torque=1, speed=1)
+NUMBER = 6
+"""Of a random move of industrial: one of its arcs holds a motor at both of its limits."""
+
+
+@cache
+def resolved(number: int) -> Settled:
+    scene = random_move("industrial", number)
+    model = delta_model(scene.robot, scene.payload)
+    search = Search(posed(scene), scales_of(scene), model, 1e-6, True, print)
+    found = search.from_guess(first(scene, 1e-4), 16)
+    assert found is not None
+    return found
+
+
+def at_once(structure: Structure) -> list[tuple[int, int]]:
+    """(arc, motor) where speed and torque are at their limits."""
+    return [tuple(each) for each in np.argwhere((structure.speed != 0) & (structure.torque != 0))]
+
+
+def test_a_speed_is_held_by_a_motor_whose_torque_is_at_no_limit():
+    held = Held.of(Structure(np.array([0.4, 0.6]), ((UP, DOWN, UP), (BOTH, Limit(), DOWN))))
+    assert held.row[1].tolist() == [TORQUE, SPEED_RATE, TORQUE + 2]
+    assert held.value[1].tolist() == [1, 0, -1]
+    assert held.free == ()
+
+
+def test_a_motor_at_its_limits_of_speed_and_torque():
+    """Verified, and as fast as meshes, which know of no structure."""
+    scene, found = random_move("industrial", NUMBER), resolved(NUMBER)
+    both = at_once(found.conditions.structure)
+    assert both
+    assert verify(scene, found.trajectory.slowed(found.safe_factor)).ok
+    ends = np.concatenate([[0.0], np.cumsum(found.conditions.structure.lengths)])
+    for arc, motor in both:
+        times = found.trajectory.duration * np.linspace(*ends[arc : arc + 2], 9)[1:-1]
+        motion = found.trajectory(times)
+        assert np.abs(motion.tau[:, motor]) == pytest.approx(scene.torque_limits[motor], rel=1e-6)
+        dtheta = found.trajectory.model.motion(motion.x, motion.v, motion.a)[1][:, 3 + 3 * motor]
+        assert np.abs(dtheta) == pytest.approx(scene.speed_limits[motor], rel=1e-6)
+
+
+@machine_code
+@pytest.mark.parametrize("number", [NUMBER, 13])
+def test_meshes_are_not_faster(number):
+    scene, found = random_move("industrial", number), resolved(number)
+    planner = Planner(scene.robot, 1.0, tolerance=1e-6, resolved_below=0.0)
+    on_meshes = planner.plan(scene.start, scene.goal).duration
+    assert found.trajectory.duration == pytest.approx(on_meshes, rel=3e-6)
+
+
+@machine_code
+def test_a_speed_that_touches_its_limit():
+    """At one instant, where the costates jump, and not before or after it."""
+    scene, found = random_move("industrial", 13), resolved(13)
+    structure = found.conditions.structure
+    grazed = np.array([[limit.grazed for limit in arc] for arc in structure.limits])
+    (arc, motor) = np.argwhere(grazed)[0]
+    ends = np.cumsum(structure.lengths) * found.trajectory.duration
+    instant, apart = ends[arc - 1], 0.02 * ends[-1]
+    at = [speed(found.trajectory, t)[motor] for t in (instant - apart, instant, instant + apart)]
+    limit = scene.speed_limits[motor]
+    assert abs(at[1]) == pytest.approx(limit, rel=1e-8)
+    assert max(abs(at[0]), abs(at[2])) < limit * (1 - 1e-4)
+
+
+def speed(trajectory: Trajectory, time: float) -> np.ndarray:
+    """θ̇ of the motors, rad/s."""
+    motion = trajectory([time])
+    return trajectory.model.motion(motion.x, motion.v, motion.a)[1][0, 3::3]
+
+
+def settled_from(structure: Structure) -> Settled:
+    found, scene = resolved(NUMBER), random_move("industrial", NUMBER)
+    model = found.trajectory.model
+    scales = scales_of(scene)
+    return settle(found.conditions.stage, model, structure, found.trajectory, scales, 1e-6)
+
+
+@pytest.mark.parametrize("longer", [0.6, 1.5])
+def test_a_disturbed_structure_is_found_again(longer):
+    """One arc shorter or longer: its switches are variables."""
+    right = resolved(NUMBER)
+    lengths = right.conditions.structure.lengths.copy()
+    lengths[3] *= longer
+    found = settled_from(replace(right.conditions.structure, lengths=lengths / lengths.sum()))
+    assert found.trajectory.duration == pytest.approx(right.trajectory.duration, rel=1e-8)
+    assert found.conditions.structure.limits == right.conditions.structure.limits
+
+
+def test_what_is_missing_is_put_in():
+    """An arc where another motor's torque holds the speed, left to the arc before it."""
+    right = resolved(NUMBER).conditions.structure
+    arc = at_once(right)[0][0]
+    lengths = np.delete(right.lengths, arc)
+    lengths[arc - 1] += right.lengths[arc]
+    found = settled_from(Structure(lengths, right.limits[:arc] + right.limits[arc + 1 :]))
+    assert found.trajectory.duration == pytest.approx(
+        resolved(NUMBER).trajectory.duration, rel=1e-8
+    )
+    assert found.conditions.structure.limits == right.limits
+
+
+def test_nothing_is_wrong_with_what_is_right():
+    right = resolved(NUMBER)
+    motion = right.conditions.solve(
+        right.conditions.guess(right.trajectory, scales_of(random_move("industrial", NUMBER)))
+    ).motion
+    assert patches(Examined(right.conditions, motion, 5e-7)) == []
+
+
+def test_a_touch_is_not_repeated_by_what_is_put_over_it():
+    touched = Limit(torque=-1, touched=1)
+    whole = Structure(np.array([0.5, 0.5]), ((UP,), (touched,)))
+    patched = changed(whole, [(0, Stretch(0.6, 0.7, Limit(torque=1, touched=1)))])
+    assert patched.limits == ((UP,), (touched,), (UP,), (DOWN,))
+
+
+def test_arcs_that_others_begin_than_end_may_be_reversed():
+    arcs = ((UP, UP), (DOWN, UP), (DOWN, DOWN), (DOWN, UP), (DOWN, DOWN))
+    assert Structure(np.full(5, 0.2), arcs).reversible.tolist() == [
+        False,
+        True,
+        False,
+        False,
+        False,
+    ]
