@@ -28,5 +28,5 @@ def test_shooting_needs_motors_that_are_held():
     free = np.zeros((20, 3, 3))
     free[:10], free[10:, :, 1:] = 1.0, -1.0
     structure = read_structure(np.full(20, 0.05), free, None)
-    with pytest.raises(NotConverged, match="held by no limit"):
+    with pytest.raises(NotConverged, match="at no limit"):
         shoot(LIGHT, structure, 0.1)

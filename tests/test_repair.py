@@ -17,6 +17,7 @@ from deltaopt.planning.search import Search
 from deltaopt.planning.settle import Settled, settle
 from deltaopt.planning.stage import SPEED_RATE, TORQUE
 from deltaopt.planning.structure import Limit, Stretch, Structure, changed
+from deltaopt.studies.shooting import shoot
 from deltaopt.trajectory import Trajectory
 from posed_scenes import first, machine_code, posed, random_move, scales_of
 
@@ -60,6 +61,17 @@ def test_a_motor_at_its_limits_of_speed_and_torque():
         assert np.abs(motion.tau[:, motor]) == pytest.approx(scene.torque_limits[motor], rel=1e-6)
         dtheta = found.trajectory.model.motion(motion.x, motion.v, motion.a)[1][:, 3 + 3 * motor]
         assert np.abs(dtheta) == pytest.approx(scene.speed_limits[motor], rel=1e-6)
+
+
+@pytest.mark.parametrize("number", [NUMBER, 13])
+def test_shooting_finds_the_same(number):
+    """By forward dynamics in twelve coordinates, from lengths that are a little off."""
+    scene, found = random_move("industrial", number), resolved(number)
+    structure = found.conditions.structure
+    off = 1 + 1e-3 * np.random.default_rng(1).uniform(-1, 1, len(structure.lengths))
+    duration = found.trajectory.duration
+    shot = shoot(scene, replace(structure, lengths=structure.lengths * off), duration)
+    assert shot.duration == pytest.approx(duration, rel=1e-8)
 
 
 @machine_code

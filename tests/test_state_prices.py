@@ -16,7 +16,7 @@ from deltaopt.planning.scales import Scales
 from deltaopt.planning.search import Search
 from deltaopt.planning.settle import Settled
 from deltaopt.planning.stage import Stage
-from deltaopt.planning.state_prices import pushes, wrong_push
+from deltaopt.planning.state_prices import pushes
 from deltaopt.scene import Scene
 from posed_scenes import first, machine_code, posed, random_move, scales_of
 from test_exact_answers import LINES, UNEVEN, Line
@@ -32,7 +32,9 @@ def test_a_speed_limit_has_its_exact_price(line: Line):
     )
     found = conditions.solve(conditions.guess(motion, line.scales)).motion
     (push,) = pushes(conditions, found)
-    assert push.of_speed and push.motor == 0 and push.held.sum() == conditions.grid.parts[1]
+    assert push.of_speed
+    assert push.motor == 0
+    assert push.held.sum() == conditions.grid.parts[1]
     eta = push.price * line.scales.time
     at_limit = line.d / line.v - line.v / line.u
     assert eta[0] == 0.0
@@ -41,9 +43,12 @@ def test_a_speed_limit_has_its_exact_price(line: Line):
     begin = np.arange(len(inside))[:, None]
     share = (begin + np.linspace(0, 1, 21)) / len(inside)
     np.testing.assert_allclose(inside, at_limit * share, atol=1e-6 * at_limit)
-    assert wrong_push(conditions, found) < 1e-6
+    assert push.falls.max() < 1e-6
     pulled = replace(found, entry=-found.entry, multipliers=-found.multipliers)
-    assert wrong_push(conditions, pulled) == pytest.approx(at_limit / line.duration, rel=1e-5)
+    (pulling,) = pushes(conditions, pulled)
+    assert pulling.pulls.any()
+    assert not push.pulls.any()
+    assert pulling.falls.max() == pytest.approx(at_limit / line.duration, rel=1e-5)
 
 
 def resolved(scene: Scene) -> tuple[Settled, Scales]:

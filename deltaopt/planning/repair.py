@@ -32,9 +32,6 @@ Patch = tuple[tuple[int, Stretch], ...]
 
 _WRONG_SIGN = 1e-5
 """Of the largest price."""
-PUSH = 1e-3
-"""By how much a limit of the state may pull, as ``wrong_push``: prices there are derivatives of
-polynomials."""
 _INSERTED = 0.04
 """Of a stretch amid an arc: where prices have the wrong sign for long, what is missing is short."""
 _ALIKE = 1e-9
@@ -151,7 +148,7 @@ class _Repair:
     def _pulling(self) -> list[tuple[Push, Truths]]:
         """Limits of the state, and where they pull: before, at the samples, and after."""
         conditions, motion = self.examined.conditions, self.examined.motion
-        found = [(p, p.falls > PUSH * motion.duration) for p in pushes(conditions, motion)]
+        found = [(push, push.pulls) for push in pushes(conditions, motion)]
         return [(push, pulls) for push, pulls in found if pulls.any()]
 
     @cached_property

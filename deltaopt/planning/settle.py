@@ -19,10 +19,10 @@ from deltaopt.planning.certificate import Certificate, spread
 from deltaopt.planning.examine import Examined
 from deltaopt.planning.extremal import Barrier, Conditions, Stuck
 from deltaopt.planning.grid import Grid, Pin
-from deltaopt.planning.repair import PUSH, patches
+from deltaopt.planning.repair import patches
 from deltaopt.planning.scales import Scales
 from deltaopt.planning.stage import Stage
-from deltaopt.planning.state_prices import wrong_push
+from deltaopt.planning.state_prices import pushes
 from deltaopt.planning.structure import Structure, changed
 from deltaopt.trajectory import Trajectory
 
@@ -143,7 +143,7 @@ def settle(
 def _settled(
     examined: Examined, trajectory: Trajectory, scales: Scales, iterations: int, tolerance: float
 ) -> Settled | None:
-    """The result, if it is one. Raises Unsettled where a limit of the state should not be held."""
+    """The result, if it is one."""
     wrong = examined.sign_violation > CERTIFIED or examined.free_price > _FREE_PRICE
     if wrong or max(examined.excess, examined.to_be_gained, examined.unused) > tolerance:
         return None
@@ -152,10 +152,11 @@ def _settled(
     uneven = spread(examined.conditions.hamiltonian(examined.motion))
     if gap > tolerance or uneven > CERTIFIED:
         return None
-    push = wrong_push(examined.conditions, examined.motion)
-    if push > PUSH:
+    found = list(pushes(examined.conditions, examined.motion))
+    if any(push.pulls.any() for push in found):
         return None
-    certificate = Certificate(uneven, max(examined.sign_violation, examined.free_price, push))
+    falls = max((float(push.falls.max()) for push in found), default=0.0)
+    certificate = Certificate(uneven, max(examined.sign_violation, examined.free_price, falls))
     return Settled(examined.conditions, trajectory, factor, gap, certificate, iterations)
 
 

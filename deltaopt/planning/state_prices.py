@@ -29,6 +29,10 @@ from deltaopt.planning.stage import OPENING, OPENING_BEND, OPENING_RATE, SPEED, 
 Array = NDArray[np.float64]
 Truths = NDArray[np.bool]
 
+_OF_SPEED, _BESIDE_FREE, _OF_OPENING = 1e-5, 1e-4, 1e-3
+"""By how much a price may fall: of a speed; of one where torques are at no limit, these being
+polynomials; of an opening, whose price is a polynomial's derivative."""
+
 
 @dataclass(frozen=True)
 class Push:
@@ -36,12 +40,14 @@ class Push:
     scales' time, per limit of speed or per unit of sin² of a fold.
 
     ``price``: from before the arc to after it, (samples + 2,); ``held``: the intervals in which
-    the samples between are, (n,).
+    the samples between are, (n,). ``may_fall``: a fraction of the duration.
     """
 
     entry: Entry
     held: Truths
     price: Array
+    duration: float
+    may_fall: float
 
     @property
     def motor(self) -> int:
@@ -53,23 +59,22 @@ class Push:
 
     @property
     def falls(self) -> Array:
-        """By how much it is lower than before, or higher than after, (samples + 2,)."""
+        """By how much it is lower than before, or higher than after, fractions of the duration,
+        (samples + 2,)."""
         before = np.maximum.accumulate(self.price)
         after = np.minimum.accumulate(self.price[::-1])[::-1]
-        return np.maximum(before - self.price, self.price - after)
+        return np.asarray(np.maximum(before - self.price, self.price - after) / self.duration)
 
-
-def wrong_push(conditions: Conditions, motion: Extremal) -> float:
-    """By how much a price falls where it must rise, at most: fractions of the duration, per limit
-    of speed or per unit of sin² of a fold."""
-    falls = [push.falls.max() for push in pushes(conditions, motion)]
-    return float(max(falls, default=0.0)) / motion.duration
+    @property
+    def pulls(self) -> Truths:
+        """Where time would be gained by leaving the limit, (samples + 2,)."""
+        return np.asarray(self.falls > self.may_fall)
 
 
 def pushes(conditions: Conditions, motion: Extremal) -> Iterator[Push]:
     """Of every limit of the state that is held for a time or touched, in their order."""
     structure, grid = conditions.structure, conditions.grid
-    price, slope = conditions.prices_between(motion), _slopes_between(conditions, motion)
+    lam, slope = conditions.prices_between(motion), _slopes_between(conditions, motion)
     for entry, nu in zip(conditions.held.entries, motion.entry.tolist(), strict=True):
         if OPENING_RATE <= entry.row < OPENING_BEND:  # held besides the opening itself
             continue
@@ -83,8 +88,11 @@ def pushes(conditions: Conditions, motion: Extremal) -> Iterator[Push]:
         row = k + (SPEED_RATE if is_speed else OPENING_BEND)
         slot = (conditions.held.row[grid.arc[held]] == row).argmax(axis=1)
         at = np.flatnonzero(held), slice(None), slot
-        eta = nu - price[at] if is_speed else nu + slope[at]
-        yield Push(entry, held, sign * np.concatenate([[0.0], eta.ravel(), [nu]]))
+        eta = nu - lam[at] if is_speed else nu + slope[at]
+        price = sign * np.concatenate([[0.0], eta.ravel(), [nu]])
+        of_speed = _BESIDE_FREE if conditions.held.free else _OF_SPEED
+        may_fall = of_speed if is_speed else _OF_OPENING
+        yield Push(entry, held, price, motion.duration, may_fall)
 
 
 def _slopes_between(conditions: Conditions, motion: Extremal) -> Array:

@@ -23,6 +23,8 @@ from deltaopt.errors import NotConverged
 from deltaopt.mechanisms.delta import DeltaTerms
 from deltaopt.mechanisms.delta_functions import delta_functions
 from deltaopt.model import DeltaModel
+from deltaopt.planning.grid import Held
+from deltaopt.planning.stage import SPEED, SPEED_RATE
 from deltaopt.planning.structure import Structure
 from deltaopt.pontryagin import gauss
 from deltaopt.rows import RowFunction
@@ -55,11 +57,12 @@ class Shot:
 def shoot(scene: Scene, structure: Structure, duration: float) -> Shot:
     """The fastest motion of a structure, from estimates of its lengths and duration (s).
 
-    Raises NotConverged, also where a motor is held by nothing on an arc.
+    Raises NotConverged, also where limits of torque and speed alone do not say what an arc is.
     """
-    held = (structure.torque != 0) | (structure.speed != 0)
-    if not held.all():
-        raise NotConverged("on some arc a motor is held by no limit", "Not_Held", structure)
+    if Held.of(structure).free or structure.opening.any():
+        raise NotConverged(
+            "on some arc a torque is at no limit, or a fold at its margin", "Not_Held", structure
+        )
     shooting = _Shooting(scene, structure, duration)
     lengths = structure.lengths.copy()
     for _ in range(_ITERATIONS):
@@ -124,21 +127,23 @@ class _Shooting:
         misses += list(((x - scene.goal) / way).T) + list((v * self.duration / way).T)
         return np.stack(misses, axis=1)
 
+    @cached_property
+    def held(self) -> Held:
+        return Held.of(self.structure)
+
     def _speed_misses(self, a: int, x: Array, v: Array) -> list[Array]:
-        speed = self.structure.speed
-        new = [k for k in range(3) if speed[a, k] and (a == 0 or speed[a - 1, k] != speed[a, k])]
+        new = [entry for entry in self.held.entries if entry.arc == a]
         if not new or self.scene.speed_limits is None:
             return []
-        dtheta = self.model.motion(x, v, np.zeros_like(x))[1][:, 3::3]
-        return [dtheta[:, k] / self.scene.speed_limits[k] - speed[a, k] for k in new]
+        share = self.model.motion(x, v, np.zeros_like(x))[1][:, 3::3] / self.scene.speed_limits
+        return [share[:, entry.row - SPEED] - entry.value for entry in new]
 
     def _along(self, a: int, x: Array, v: Array, length: Array) -> tuple[Array, Array]:
         """An arc, (B, 3) each."""
-        structure = self.structure
-        held = tuple(int(s != 0) for s in structure.speed[a])
-        value = structure.torque[a] * np.array(self.scene.torque_limits)
-        steps = int(np.ceil(_STEPS * structure.lengths[a]))
-        acceleration = _acceleration(self.model.functions.terms, held)
+        value = self.held.value[a] * np.array(self.scene.torque_limits)
+        steps = int(np.ceil(_STEPS * self.structure.lengths[a]))
+        rows_held = tuple(self.held.row[a].tolist())
+        acceleration = _acceleration(self.model.functions.terms, rows_held)
         h, g = (length / steps)[:, None, None], gauss()
         for _ in range(steps):
             A = np.zeros((len(x), len(g.weights), 3))
@@ -157,15 +162,18 @@ class _Shooting:
 
 
 @lru_cache(maxsize=8)
-def _acceleration(terms: DeltaTerms, at_speed: tuple[int, ...]) -> RowFunction:
-    """(x, v, held torques, p) -> the acceleration at which each motor has its torque or, if it
-    is at its speed limit, θ̈ = 0."""
+def _acceleration(terms: DeltaTerms, held: tuple[int, ...]) -> RowFunction:
+    """(x, v, torques, p) -> the acceleration at which rows of a stage, one for each motor, hold:
+    its torque or, of a motor at its speed limit, θ̈ = 0."""
     functions = delta_functions(terms, Explicit())
     x, v, a, value = (ca.SX.sym(name, 3) for name in ("x", "v", "a", "value"))
     p = terms.symbols().vector()
     torque, _ = functions.inverse_dynamics.expand()(x, v, a, p)
     bend = functions.motion(x, v, a, p)[2][3::3]
-    rows = [bend[k] if at_speed[k] else torque[k] - value[k] for k in range(3)]
+    rows = [
+        bend[row - SPEED_RATE] if row >= SPEED_RATE else torque[k] - value[k]
+        for k, row in enumerate(held)
+    ]
     solved = solve_affine(ca.vertcat(*rows), a)
     function = ca.Function("acceleration", [x, v, value, p], [ca.densify(solved)], {"cse": True})
     return RowFunction(function)
