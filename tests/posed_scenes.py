@@ -11,6 +11,8 @@ from deltaopt.model import delta_model
 from deltaopt.planning.flat import Flat
 from deltaopt.planning.problem import Guess
 from deltaopt.planning.scales import Scales
+from deltaopt.planning.search import Search
+from deltaopt.planning.settle import Settled
 from deltaopt.planning.starts import first_motions
 from deltaopt.planning.transcription import LINEAR
 from deltaopt.scene import Scene
@@ -28,6 +30,15 @@ def scales_of(scene: Scene) -> Scales:
 
 def first(scene: Scene, tolerance: float) -> Guess:
     return Guess(next(first_motions(scene, 1, 1)), near=False, tolerance=tolerance)
+
+
+def resolved(scene: Scene) -> Settled:
+    """To 1e-6, from the planner's own first mesh."""
+    model = delta_model(scene.robot, scene.payload)
+    search = Search(posed(scene), scales_of(scene), model, 1e-6, True, print)
+    found = search.from_guess(first(scene, 1e-4), 16)
+    assert found is not None
+    return found
 
 
 def random_move(robot: str, number: int) -> Scene:

@@ -35,12 +35,13 @@ def test_a_motor_is_at_its_limits_of_speed_and_of_torque():
 
 
 def test_of_more_limits_than_motors_the_cheapest_does_not_hold():
-    """A torque of 0.95 is near its limit but costs nothing."""
-    torque, speed = loads([(20, 1.0)], [(20, -0.95)]), loads([(20, 1.0)], [(20, 0.1)])
+    """The higher torque costs nothing, the lower one is what a coarse mesh leaves unused."""
+    torque, speed = loads([(20, 0.95)], [(20, -1.0)]), loads([(20, 1.0)], [(20, 0.1)])
     cost = prices(loads([(20, 0.3)], [(20, -1e-7)]), loads([(20, 0.5)], [(20, 0.0)]))
     assert read_structure(MESH, torque, speed, prices=cost).limits == (
         (Limit(torque=1, speed=1), FREE),
     )
+    assert read_structure(MESH, torque, speed).limits == ((AT_SPEED, DOWN),)
 
 
 def test_what_begins_at_one_instant_is_put_together():

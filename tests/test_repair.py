@@ -4,22 +4,23 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from itertools import product
 
 import numpy as np
 import pytest
 
+import posed_scenes
 from deltaopt import Planner, verify
-from deltaopt.model import delta_model
 from deltaopt.planning.examine import Examined
-from deltaopt.planning.grid import Held
-from deltaopt.planning.repair import patches
-from deltaopt.planning.search import Search
+from deltaopt.planning.grid import Held, held_states
+from deltaopt.planning.newton import System
+from deltaopt.planning.repair import _Repair, patches
 from deltaopt.planning.settle import Settled, settle
 from deltaopt.planning.stage import SPEED_RATE, TORQUE
-from deltaopt.planning.structure import Limit, Stretch, Structure, changed
+from deltaopt.planning.structure import Limit, Stretch, Structure, bearable, changed
 from deltaopt.studies.shooting import shoot
 from deltaopt.trajectory import Trajectory
-from posed_scenes import first, machine_code, posed, random_move, scales_of
+from posed_scenes import machine_code, random_move, scales_of
 
 UP, DOWN, BOTH = Limit(torque=1), Limit(torque=-1), Limit(torque=1, speed=1)
 NUMBER = 6
@@ -28,12 +29,7 @@ NUMBER = 6
 
 @cache
 def resolved(number: int) -> Settled:
-    scene = random_move("industrial", number)
-    model = delta_model(scene.robot, scene.payload)
-    search = Search(posed(scene), scales_of(scene), model, 1e-6, True, print)
-    found = search.from_guess(first(scene, 1e-4), 16)
-    assert found is not None
-    return found
+    return posed_scenes.resolved(random_move("industrial", number))
 
 
 def at_once(structure: Structure) -> list[tuple[int, int]]:
@@ -135,12 +131,40 @@ def test_what_is_missing_is_put_in():
     assert found.conditions.structure.limits == right.limits
 
 
+def examined(number: int) -> Examined:
+    right, scales = resolved(number), scales_of(random_move("industrial", number))
+    conditions = right.conditions
+    motion = conditions.solve(conditions.guess(right.trajectory, scales)).motion
+    return Examined(conditions, motion, 5e-7)
+
+
 def test_nothing_is_wrong_with_what_is_right():
-    right = resolved(NUMBER)
-    motion = right.conditions.solve(
-        right.conditions.guess(right.trajectory, scales_of(random_move("industrial", NUMBER)))
-    ).motion
-    assert patches(Examined(right.conditions, motion, 5e-7)) == []
+    assert patches(examined(NUMBER)) == []
+
+
+@pytest.mark.parametrize("number", [NUMBER, 13])
+def test_what_is_held_makes_the_hamiltonian_least(number):
+    """By costates, p · (V, A), against a grid of torques within their limits that keep the speeds;
+    and it is the vertex that repairs would choose."""
+    e = examined(number)
+    repair, conditions = _Repair(e), e.conditions
+    costates = System(conditions, e.motion).costates[:, 3:]
+    grid = np.linspace(-1, 1, 21)
+    for i, arc in enumerate(conditions.grid.arc):
+        limits = conditions.structure.limits[arc]
+        assert repair._vertex(i, 10, limits) == [limit.torque for limit in limits]
+        slopes, states = repair._slopes[i, 0], [row for _, row in held_states(limits)]
+        by_torque = np.linalg.inv(slopes[TORQUE : TORQUE + 3])
+        follow = np.flatnonzero(conditions.held.without_row[arc])
+        others = [k for k in range(3) if k not in follow]
+        off = np.zeros((len(grid) ** len(others), 3))
+        off[:, others] = np.array(list(product(grid, repeat=len(others)))).reshape(len(off), -1)
+        off[:, others] -= e.torques[i, 0, others]
+        plane = slopes[states] @ by_torque
+        off[:, follow] = -np.linalg.solve(plane[:, follow], plane[:, others] @ off[:, others].T).T
+        possible = np.abs(e.torques[i, 0] + off).max(axis=1) <= 1
+        gained = off[possible] @ (costates[i] @ by_torque)
+        assert gained.min(initial=0.0) > -1e-8
 
 
 def test_a_touch_is_not_repeated_by_what_is_put_over_it():
@@ -148,6 +172,40 @@ def test_a_touch_is_not_repeated_by_what_is_put_over_it():
     whole = Structure(np.array([0.5, 0.5]), ((UP,), (touched,)))
     patched = changed(whole, [(0, Stretch(0.6, 0.7, Limit(torque=1, touched=1)))])
     assert patched.limits == ((UP,), (touched,), (UP,), (DOWN,))
+
+
+@pytest.mark.parametrize("begin", [0.5, 0.5 + 2e-16])
+def test_a_touch_remains_where_something_else_is_put_from_there_on(begin):
+    whole = Structure(np.array([0.5, 0.5]), ((UP,), (Limit(torque=-1, touched=1),)))
+    patched = changed(whole, [(0, Stretch(begin, 0.7, Limit(torque=1, touched=1)))])
+    assert patched.limits == ((UP,), (Limit(torque=1, touched=1),), (DOWN,))
+
+
+def test_what_is_put_in_elsewhere_touches_nothing():
+    """A fold is at its margin in the middle, and only there."""
+    at_margin = Limit(opening=1)
+    whole = Structure(np.array([0.5, 0.3, 0.2]), ((UP,), (at_margin,), (DOWN,)))
+    assert changed(whole, [(0, Stretch(0.1, 0.2, DOWN))]).limits == (
+        (UP,),
+        (DOWN,),
+        (UP,),
+        (at_margin,),
+        (DOWN,),
+    )
+
+
+def test_a_graze_remains_where_its_arc_vanishes():
+    arcs = ((UP,), (Limit(torque=1, grazed=1),), (DOWN,))
+    left = changed(Structure(np.array([0.5, 0.0, 0.5]), arcs), [])
+    assert left.limits == ((UP,), (Limit(torque=-1, grazed=1),))
+
+
+def test_no_more_is_held_than_there_are_motors():
+    """And arcs that are alike then are one."""
+    arcs = ((BOTH, DOWN), (Limit(speed=1), DOWN))
+    found = bearable(Structure(np.array([0.4, 0.6]), arcs))
+    assert found.limits == ((Limit(speed=1), DOWN),)
+    assert found.lengths == pytest.approx([1.0])
 
 
 def test_arcs_that_others_begin_than_end_may_be_reversed():

@@ -122,16 +122,16 @@ class Conditions:
     @cached_property
     def within(self) -> NDArray[np.bool]:
         """What is kept within ±1 at the nodes, (n, nodes, 6 or 9): torques that are polynomials,
-        those of motors that hold a speed or an opening, speeds that are not held there."""
+        those that follow from a speed or an opening, and speeds that are not held there."""
         grid, n, k = self.grid, self.grid.intervals, len(self.grid.nodes)
         within = np.zeros((n, k, 3 + len(self.others)), bool)
         if self.barrier is None:
             return within
         for a, motor in self.held.free:
             within[grid.arc == a, :, motor] = True
+        within[..., 3:6] = self.held.without_row[grid.arc][:, None]
         if self.stage.rows > SPEED:
             held = self.structure.speed[grid.arc] != 0
-            within[..., 3:6] = self.held.without_row[grid.arc][:, None]
             within[..., 6:] = ~held[:, None]
             within[0, 0, 6:] = within[-1, -1, 6:] = False
             within[1:, 0, 6:] &= ~held[:-1]
@@ -156,7 +156,7 @@ class Conditions:
                 raise Stuck("the motion leaves the workspace")
             shorter, lengths = np.abs(lengths), system.at.lengths / system.at.duration
             vanishing = (np.abs(lengths) < _TINY) & (np.abs(lengths) < 0.7 * shorter)
-            vanishing &= np.abs(lengths) > 0.2 * shorter
+            vanishing &= np.abs(lengths) > 0.9 * (1 - _SHRINK) * shorter
             reversed_for = reversed_for + 1 if lengths.min() < -_REVERSED else 0
             settled = residual < _CONVERGED or before < 2 * residual < _STALLED
             settled = settled and barrier <= method.last
@@ -178,7 +178,7 @@ class Conditions:
     def _moved(self, system: System, shift: float, barrier: float) -> tuple[System, float]:
         """By Newton's step, the curvature shifted as far as it needs to be a short one, or by
         a part of it where that does not do."""
-        longest = _LONGEST_INSIDE if self.barrier else _LONGEST_STEP
+        longest = _LONGEST_INSIDE if barrier else _LONGEST_STEP
         step = system.step(shift)
         while (step is None or step.largest > longest) and shift < _MOST_SHIFT:
             shift = max(10 * shift, _LEAST_SHIFT)

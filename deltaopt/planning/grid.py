@@ -18,7 +18,7 @@ from deltaopt.planning.stage import (
     SPEED_RATE,
     TORQUE,
 )
-from deltaopt.planning.structure import FREE, Limit, Structure
+from deltaopt.planning.structure import FREE, Arc, Structure
 from deltaopt.planning.transcription import PiecewiseAcceleration
 
 Array = NDArray[np.float64]
@@ -98,7 +98,7 @@ class Held:
         return np.asarray(self.row != TORQUE + np.arange(3))
 
 
-def held_states(limits: tuple[Limit, ...]) -> list[tuple[int, int]]:
+def held_states(limits: Arc) -> list[tuple[int, int]]:
     """(motor, row that holds it) of the speeds and openings that are held."""
     states = [(k, SPEED_RATE + k) for k, limit in enumerate(limits) if limit.speed]
     return states + [(k, OPENING_BEND + k) for k, limit in enumerate(limits) if limit.opening]

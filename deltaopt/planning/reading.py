@@ -29,7 +29,7 @@ from deltaopt.planning.structure import (
 
 Array = NDArray[np.float64]
 
-SIMULTANEOUS = 2e-4
+_SIMULTANEOUS = 2e-4
 """Of the duration: switches that are read closer to each other are one."""
 _OPENING_AT_MARGIN = 1e-3
 """At most, everywhere in an interval."""
@@ -82,8 +82,9 @@ FINE = (
 
 @dataclass(frozen=True)
 class Prices:
-    """What limits cost in the intervals of a mesh, per time, fractions of the duration: of
-    ``torque``, (N, m), and of speeds and openings, ``states``, (N, m, 2)."""
+    """What limits cost in the intervals of a mesh, per time, fractions of the duration, positive at
+    an upper limit: of ``torque``, (N, m), and of speeds and openings, ``states``, (N, m, 2), these
+    per fraction of a limit and per unit of sin² of a fold."""
 
     torque: Array
     states: Array
@@ -117,19 +118,20 @@ def read_structure(
             speeds = _touches(ends, states[:, k, 0], prices.states[:, k, 0], reading)
             openings = _touches(ends, states[:, k, 1], prices.states[:, k, 1], reading)
             touches[k] = {t: Limit(grazed=sign) for t, sign in speeds}
-            touches[k] |= {t: Limit(touched=sign) for t, sign in openings}
+            for t, _ in openings:
+                touches[k][t] = touches[k].get(t, FREE)._replace(touched=1)
     torques = _possible(torques, states, weight)
     complete = np.abs(torques).sum(axis=1) + np.abs(states).sum(axis=(1, 2)) == m
     mean, motors = torque.mean(axis=1), []
     for k in range(m):
         sharp = _sharpened(ends, torques[:, k], mean[:, k], complete, reading.widest)
         motors.append(_together(ends, sharp, states[:, k], touches[k]))
-    structure = assembled(motors, SIMULTANEOUS)
-    return without_smears(structure, ends, mean, reading.widest, SIMULTANEOUS)
+    structure = assembled(motors, _SIMULTANEOUS)
+    return without_smears(structure, ends, mean, reading.widest, _SIMULTANEOUS)
 
 
 def _held(load: Array, at_limit: float) -> Signs:
-    """The limit that holds all over an interval, (N, 3)."""
+    """The limit that holds all over an interval, (N, m)."""
     upper, lower = load.min(axis=1) > at_limit, load.max(axis=1) < -at_limit
     return np.asarray(upper, np.int8) - np.asarray(lower, np.int8)
 

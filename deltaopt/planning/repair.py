@@ -20,13 +20,11 @@ from deltaopt.planning.examine import Examined
 from deltaopt.planning.grid import DENSE, held_states
 from deltaopt.planning.stage import OPENING, SPEED, TORQUE
 from deltaopt.planning.state_prices import Push, pushes
-from deltaopt.planning.structure import Limit, Stretch
+from deltaopt.planning.structure import Arc, Stretch
 
 Array = NDArray[np.float64]
 Truths = NDArray[np.bool]
 
-Limits = tuple[Limit, ...]
-"""Of every motor."""
 Patch = tuple[tuple[int, Stretch], ...]
 """(motor, stretch) of every motor."""
 
@@ -79,13 +77,13 @@ class _Repair:
         return np.ravel((np.cumsum(h) - h)[:, None] + h[:, None] * DENSE)
 
     @property
-    def _held(self) -> list[Limits]:
+    def _held(self) -> list[Arc]:
         """At the samples, in their order."""
         limits = self.examined.conditions.structure.limits
         return [limits[a] for a in self.examined.conditions.grid.arc for _ in DENSE]
 
     @property
-    def _wanted(self) -> list[Limits]:
+    def _wanted(self) -> list[Arc]:
         """What to hold at the samples, in their order."""
         wanted = self._held
         wrong = self._wrong.any(axis=(2, 3)) | self._to_leave.any(axis=(2, 3))
@@ -146,7 +144,7 @@ class _Repair:
 
     @cached_property
     def _pulling(self) -> list[tuple[Push, Truths]]:
-        """Limits of the state, and where they pull: before, at the samples, and after."""
+        """Arc of the state, and where they pull: before, at the samples, and after."""
         conditions, motion = self.examined.conditions, self.examined.motion
         found = [(push, push.pulls) for push in pushes(conditions, motion)]
         return [(push, pulls) for push, pulls in found if pulls.any()]
@@ -165,7 +163,7 @@ class _Repair:
         """(arc, motor) where a limit is touched that pulls."""
         return [(p.entry.arc, p.motor) for p, _ in self._pulling if not p.held.any()]
 
-    def _better(self, i: int, j: int) -> Limits:
+    def _better(self, i: int, j: int) -> Arc:
         """What to hold at a sample: the best vertex or, where a torque has no limit and so no
         price, what is exceeded."""
         e, wrong, leave = self.examined, self._wrong[i, j], self._to_leave[i, j]
@@ -180,8 +178,11 @@ class _Repair:
                 limits[k] = limits[k]._replace(speed=0)
             if leave[k, 1]:
                 limits[k] = limits[k]._replace(opening=0)
-        if not leave.any() and all(a != arc for a, _ in e.conditions.held.free):
+        if not leave[:, 1].any() and all(a != arc for a, _ in e.conditions.held.free):
             signs = self._vertex(i, j, tuple(limits))
+            if signs is None:  # no torques hold all of this
+                limits = [limit._replace(speed=0, opening=0) for limit in limits]
+                signs = self._vertex(i, j, tuple(limits))
             if signs is not None:
                 return tuple(
                     limit._replace(torque=s) for limit, s in zip(limits, signs, strict=True)
@@ -192,8 +193,8 @@ class _Repair:
                 limits[k] = limits[k]._replace(torque=sign)
         return tuple(limits)
 
-    def _vertex(self, i: int, j: int, limits: Limits) -> list[int] | None:
-        """Limits of torque, 1, -1 or 0, at which H is least of all that keep the speeds and
+    def _vertex(self, i: int, j: int, limits: Arc) -> list[int] | None:
+        """Arc of torque, 1, -1 or 0, at which H is least of all that keep the speeds and
         openings which ``limits`` holds; None if nothing does."""
         e, J = self.examined, self._slopes[i, j]
         by_torque = np.linalg.inv(J[TORQUE : TORQUE + 3])

@@ -24,7 +24,7 @@ from deltaopt.planning.rounds import Attempt, Round, attempt, round_of, shares
 from deltaopt.planning.scales import Scales
 from deltaopt.planning.settle import Settled, Unsettled, settle
 from deltaopt.planning.stage import Stage
-from deltaopt.planning.structure import Limit, Structure
+from deltaopt.planning.structure import Arc, Structure
 from deltaopt.pontryagin import MET
 from deltaopt.trajectory import Trajectory
 
@@ -97,7 +97,8 @@ class Search:
             except NotConverged as error:  # what is there already is a motion all the same
                 self.tell(f"{len(mesh)} intervals: {error}")
                 self._failures += 1
-        return self._resolved(FINE) if self.resolves else None
+        readable = self.resolves and self.rounds[-1].gap < _READABLE
+        return self._resolved(FINE) if readable and _prices(self.attempts[-1]) else None
 
     @property
     def _done(self) -> bool:
@@ -154,7 +155,7 @@ class Search:
 
     def _resolved(self, readings: Sequence[Reading]) -> Settled | None:
         """With its switches resolved, or None if the structure cannot be settled yet."""
-        last, read = self.attempts[-1], set[tuple[tuple[Limit, ...], ...]]()
+        last, read = self.attempts[-1], set[tuple[Arc, ...]]()
         loads = (*shares(last.scene, last.loads), self._openings(last.trajectory))
         prices = _prices(last)
         for reading in readings:
@@ -186,7 +187,8 @@ class Search:
 
     def _barriers(self, structure: Structure) -> tuple[Barrier | None, ...]:
         """None first; then one, where there is anything that it would keep within limits."""
-        if self.scales.scene.speed_limits is None and not Held.of(structure).free:
+        held = Held.of(structure)
+        if self.scales.scene.speed_limits is None and not (held.free or held.without_row.any()):
             return (None,)
         return None, Barrier(last=self.tolerance / 10)
 

@@ -12,7 +12,7 @@ from itertools import groupby, pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.planning.structure import Limits, Structure, bearable, held_on
+from deltaopt.planning.structure import Arc, Structure, bearable, held_on
 
 Array = NDArray[np.float64]
 
@@ -50,7 +50,7 @@ def without_smears(
                 limits.append(tuple(now))
             else:
                 limits[-1] = tuple(now)
-    return Structure(np.diff([*beginnings, 1.0]), tuple(bearable(arc) for arc in limits))
+    return bearable(Structure(np.diff([*beginnings, 1.0]), tuple(limits)))
 
 
 def _kept(structure: Structure, ends: Array, widest: int) -> list[int]:
@@ -61,7 +61,7 @@ def _kept(structure: Structure, ends: Array, widest: int) -> list[int]:
     while True:
         alike = [list(run) for _, run in groupby(kept, lambda a: held[a])]
         smears = []
-        for run, before, after in zip(alike, [[], *alike], [*alike[1:], []], strict=False):
+        for run, before, after in zip(alike, [[], *alike[:-1]], [*alike[1:], []], strict=True):
             around = [held[side[0]] for side in (before, after) if side]
             less = bool(around) and held[run[0]] < min(around)
             inside = (ends > begin[run[0]] + _SAME) & (ends < to[run[-1]] - _SAME)
@@ -73,15 +73,13 @@ def _kept(structure: Structure, ends: Array, widest: int) -> list[int]:
         kept = [a for a in kept if a not in smear]
 
 
-def _jump(
-    before: Limits, after: Limits, smear: tuple[float, float], ends: Array, torque: Array
-) -> float:
+def _jump(before: Arc, after: Arc, smear: tuple[float, float], ends: Array, torque: Array) -> float:
     """When torques come to or leave their limits, from their means in the intervals of a smear
     and those next to it; its middle if they do not say."""
     first, last = (int(np.searchsorted(ends, t - _SAME)) for t in smear)
     length = smear[1] - smear[0]
     if first == last:
-        return smear[0]
+        return sum(smear) / 2
     mean = np.diff(ends[first : last + 1]) @ torque[first:last] / (ends[last] - ends[first])
     instants, weights = [], []
     for k, (was, becomes) in enumerate(zip(before, after, strict=True)):

@@ -27,8 +27,8 @@ VANISHED = 1e-5
 
 class Limit(NamedTuple):
     """What holds a motor: the torque's or the speed's upper limit 1 or lower -1, the margin
-    of the fold 1; 0 what does not. ``touched``, ``grazed``: of an opening and of a speed, that
-    come to their limit at the instant where this begins, and leave it at once."""
+    of the fold 1; 0 what does not. ``touched``, 1, of an opening, ``grazed``, 1 or -1, of a speed:
+    they come to their limit at the instant where this begins, and leave it at once."""
 
     torque: int = 0
     speed: int = 0
@@ -47,8 +47,8 @@ class Limit(NamedTuple):
 
 
 FREE = Limit()
-Limits = tuple[Limit, ...]
-"""Of every motor."""
+Arc = tuple[Limit, ...]
+"""What holds every motor."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Structure:
     every motor."""
 
     lengths: Array
-    limits: tuple[Limits, ...]
+    limits: tuple[Arc, ...]
 
     @cached_property
     def torque(self) -> Signs:
@@ -106,13 +106,14 @@ def changed(structure: Structure, patches: Iterable[tuple[int, Stretch]]) -> Str
     """
     motors = _by_motor(structure)
     for k, patch in patches:
-        before = [replace(s, end=min(s.end, patch.begin)) for s in motors[k]]
-        after = [s if s.begin >= patch.end else s.beginning(patch.end) for s in motors[k]]
-        if all(patch.begin > s.begin or patch.end <= s.begin for s in motors[k]):
-            patch = patch.beginning(patch.begin)
+        earlier = [s for s in motors[k] if s.begin < patch.begin - VANISHED]
+        later = [s for s in motors[k] if s.end > patch.end + VANISHED]
+        if all(abs(s.begin - patch.begin) > VANISHED for s in motors[k]):
+            patch = replace(patch, limit=patch.limit.later)
+        before = [replace(s, end=min(s.end, patch.begin)) for s in earlier]
+        after = [s if s.begin >= patch.end else s.beginning(patch.end) for s in later]
         motors[k] = joined([*before, patch, *after])
-    found = assembled(motors, VANISHED)
-    return replace(found, limits=tuple(bearable(arc) for arc in found.limits))
+    return bearable(assembled(motors, VANISHED))
 
 
 def _by_motor(structure: Structure) -> list[list[Stretch]]:
@@ -134,16 +135,22 @@ def _by_motor(structure: Structure) -> list[list[Stretch]]:
 
 
 def joined(stretches: list[Stretch]) -> list[Stretch]:
-    """In order, one after the other; what is too short gives way to what follows."""
+    """In order, one after the other; what is too short gives way to what follows, but for a fold
+    that came to its margin there: it touches it."""
     found: list[Stretch] = []
-    touched = False
+    touched = grazed = 0
     for s in stretches:
         begin = found[-1].end if found else 0.0
         if s.end - max(s.begin, begin) <= VANISHED:
-            touched = touched or bool(s.limit.opening)
+            at_margin = s.limit.opening and not (found and found[-1].limit.opening)
+            touched, grazed = touched or s.limit.touched or at_margin, grazed or s.limit.grazed
             continue
-        if touched:
-            s, touched = replace(s, limit=s.limit._replace(touched=1)), False
+        limit = s.limit
+        if touched and not limit.opening:
+            limit = limit._replace(touched=1)
+        if grazed and not limit.speed:
+            limit = limit._replace(grazed=grazed)
+        s, touched, grazed = replace(s, limit=limit), 0, 0
         if found and s.limit.goes_on(found[-1].limit):
             found[-1] = replace(found[-1], end=s.end)
         else:
@@ -160,14 +167,27 @@ def assembled(motors: list[list[Stretch]], simultaneous: float) -> Structure:
     return Structure(np.diff(switches, prepend=0.0), tuple(limits))
 
 
-def held_on(arc: Limits) -> int:
+def held_on(arc: Arc) -> int:
     """How much an arc holds: torques, speeds and openings."""
     return sum(bool(limit.torque) + bool(limit.speed) + limit.opening for limit in arc)
 
 
-def bearable(arc: Limits) -> Limits:
-    """With no more held than there are motors: torques give way, of motors that hold speeds or
-    openings first, then speeds."""
+def bearable(structure: Structure) -> Structure:
+    """With no more held on any arc than there are motors: torques give way, of motors that hold
+    speeds or openings first, then speeds. Arcs that are alike then are one."""
+    lengths: list[float] = []
+    arcs: list[Arc] = []
+    for length, arc in zip(structure.lengths.tolist(), structure.limits, strict=True):
+        fewer = _fewer(arc)
+        if arcs and all(now.goes_on(was) for was, now in zip(arcs[-1], fewer, strict=True)):
+            lengths[-1] += length
+        else:
+            lengths.append(length)
+            arcs.append(fewer)
+    return Structure(np.array(lengths), tuple(arcs))
+
+
+def _fewer(arc: Arc) -> Arc:
     limits = list(arc)
     for k in sorted(range(len(arc)), key=lambda k: not (arc[k].speed or arc[k].opening)):
         if held_on(tuple(limits)) > len(arc):

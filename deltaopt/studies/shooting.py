@@ -59,7 +59,8 @@ def shoot(scene: Scene, structure: Structure, duration: float) -> Shot:
 
     Raises NotConverged, also where limits of torque and speed alone do not say what an arc is.
     """
-    if Held.of(structure).free or structure.opening.any():
+    held = Held.of(structure)
+    if held.free or any(entry.row < SPEED for entry in held.entries):
         raise NotConverged(
             "on some arc a torque is at no limit, or a fold at its margin", "Not_Held", structure
         )
