@@ -35,16 +35,20 @@ from deltaopt.rows import RowFunction
 from deltaopt.scene import Scene
 from deltaopt.trajectory import Array, Trajectory
 
-Modes = NDArray[np.intp]
+Integers = NDArray[np.intp]
+Truths = NDArray[np.bool]
 
 MET = 1e-3
 """Residual up to which Pontryagin's condition is met in a sense worth drawing."""
 _STAGES = 8
 """Of Gauss's collocation in every interval."""
-_AT_LIMIT, _AT_MARGIN = 0.99, 1e-7
-"""Of a load, all over an interval; by how much the sine of a held fold may vary."""
-_TORQUE, _SPEED, _FOLD = 0, 1, 2
-"""What is held along an interval: a torque, θ̈ of a motor at its speed limit, the fold."""
+_AT_LIMIT, _AT_MARGIN, _LONG = 0.99, 1e-7, 1e-3
+"""Of a load, all over an interval; by how much the sine of a held fold may vary, in an interval of
+so long a part of the duration if the motor's torque is at its limit."""
+_AT_SPEED, _TOUCHES = 1e-5, 1e-7
+"""By how much a speed may be below its limit along an interval and at an instant."""
+_SPEED, _FOLD = 3, 6
+"""First of the three rows that may be held along an interval: torques, θ̈, folds."""
 
 
 @dataclass(frozen=True)
@@ -102,9 +106,10 @@ class _Fit:
 
     c: the instants of an interval, its beginning, Gauss's nodes, its end. ``t``: (K, c).
     ``h``: lengths of the intervals, fractions of T, (K,). ``motion``: (V, A), (K, c, 6).
-    ``torque``: u, of its limit, (K, c, 3); r grows with ``squares`` u², (3,). ``modes``: (K, 3).
-    ``sign``: of the limit that the torque is at, (K, 3), 0 if it is at none. ``slopes``:
-    ∂A/∂(X, V), (K, c, 3, 6). ``by_held``: ∂A/∂ of what each motor holds, (K, c, 3, 3). ``rate``:
+    ``torque``: u, of its limit, (K, c, 3); r grows with ``squares`` u², (3,). ``held``: rows, (K,
+    3): of each motor its torque or, if that is at no limit, what it holds instead. ``sign``: of
+    the limit that the torque is at, (K, 3), 0 if it is at none. ``slopes``: ∂A/∂(X, V), (K, c, 3,
+    6). ``by_held``: ∂A/∂ of what is held, (K, c, 3, 3). ``rate``:
     r, (K, c). ``rate_slopes``: its derivatives by (X, V), (K, c, 6). ``jumps``: by interval,
     directions in which p may jump where it begins, (jumps, 6).
     """
@@ -116,7 +121,7 @@ class _Fit:
     motion: Array
     torque: Array
     squares: Array
-    modes: Modes
+    held: Integers
     sign: Array
     slopes: Array
     by_held: Array
@@ -139,9 +144,11 @@ class _Fit:
         units = np.repeat([D, D / T, D / T**2], 3)
         by_motion, by_state = by_motion * units, by_state * units[:6]
         limits = np.array(scene.torque_limits)
-        modes, sign = _modes(scene, along[..., :3] / limits, at_entry)
-        held = (3 * modes + np.arange(3))[:, None]  # (K, 1, 3), rows
-        rows = np.take_along_axis(by_motion, held[..., None], axis=2)
+        h = np.diff(trajectory.knots) / T
+        sign = _signs(along[..., :3] / limits)
+        states = _states(scene, sign, at_entry, h)
+        held = _rows_held(sign, states)
+        rows = np.take_along_axis(by_motion, held[:, None, :, None], axis=2)
         by_held = np.linalg.inv(rows[..., 6:])
         slopes = -by_held @ rows[..., :6]
         torque_slopes = by_motion[:, :, :3, :6] + by_motion[:, :, :3, 6:] @ slopes
@@ -153,27 +160,27 @@ class _Fit:
             scene=scene,
             t=trajectory.knots[:-1, None] + np.diff(trajectory.knots)[:, None] * fractions,
             units=(D, T, mean),
-            h=np.diff(trajectory.knots) / T,
+            h=h,
             motion=np.hstack([v * T / D, a * T**2 / D]).reshape(K, c, 6),
             torque=along[..., :3] / limits,
             squares=effort / mean * limits**2,
-            modes=modes,
+            held=held,
             sign=sign,
             slopes=slopes,
-            by_held=by_held * np.where(modes == _TORQUE, limits, 1.0)[:, None, None],
+            by_held=by_held * np.where(held < _SPEED, limits, 1.0)[:, None, None],
             rate=rate / mean,
             rate_slopes=(by_torque @ torque_slopes)[:, :, 0],
-            jumps=_jumps(modes, by_state[:, 0]),
+            jumps=_jumps(states | _touched(scene, states, at_entry), states, by_state[:, 0]),
         )
 
     def solved(self) -> Extremal:
         p = self._costates()
         H = (p * self.motion[..., None]).sum(axis=2)
         H[..., -1] += self.rate
-        of_torque = (self.modes == _TORQUE)[:, None]
+        of_torque = (self.held < _SPEED)[:, None]
         S = np.einsum("kcaj,kcau->kcju", self.by_held, p[:, :, 3:]) * of_torque[..., None]
         S[..., -1] += 2 * self.squares * self.torque * of_torque
-        free = (self.modes == _TORQUE) & (self.sign == 0)
+        free = (self.held < _SPEED) & (self.sign == 0)
         given = float(self.scene.objective.given_duration is not None)
         level = np.full((*H.shape[:2], 1), -given)  # H is this unknown where T is given
         equations = [np.concatenate([level, H], axis=2).reshape(-1, H.shape[-1] + 1)]
@@ -194,7 +201,7 @@ class _Fit:
             best = np.clip(-by_motion / (2 * self.squares), -1, 1)
         best = np.where(by_motion == 0, torque, best)
         lowered = by_motion * (torque - best) + self.squares * (torque**2 - best**2)
-        lowered *= (self.modes == _TORQUE)[:, None]
+        lowered *= (self.held < _SPEED)[:, None]
         largest = np.abs(by_motion).max()
         return Extremal(
             t=self.t.ravel(),
@@ -242,30 +249,56 @@ class _Fit:
         return steps[..., :6], steps[..., 6]
 
 
-def _modes(scene: Scene, torque: Array, at_entry: Array) -> tuple[Modes, Array]:
-    """What each motor holds in each interval, and the sign of the torque's limit, (K, 3)."""
+def _signs(torque: Array) -> Array:
+    """Of the limits that torques are at all over an interval, (K, 3)."""
     upper, lower = (torque > _AT_LIMIT).all(axis=1), (torque < -_AT_LIMIT).all(axis=1)
-    sign = upper.astype(float) - lower
+    return np.asarray(upper.astype(float) - lower)
+
+
+def _states(scene: Scene, sign: Array, at_entry: Array, h: Array) -> Truths:
+    """Speeds and folds that are at a limit all over an interval, (K, 6)."""
     fold = np.ptp(at_entry[..., 3:6], axis=1) < _AT_MARGIN
-    modes = np.where((sign == 0) & fold, _FOLD, _TORQUE)
+    fold &= (sign == 0) | (h > _LONG)[:, None]
+    fast = np.zeros_like(fold)
     if scene.speed_limits is not None:
-        speed = np.abs(at_entry[..., :3]) / np.array(scene.speed_limits)
-        fast = (speed > 1 - 1e-5).all(axis=1)
-        modes = np.where((sign == 0) & fast, _SPEED, modes)
-    return modes, sign
+        fast = (np.abs(at_entry[..., :3]) / scene.speed_limits > 1 - _AT_SPEED).all(axis=1)
+    return np.hstack([fast, fold])
 
 
-def _jumps(modes: Modes, by_state: Array) -> dict[int, Array]:
-    """Gradients of what is at a limit from an interval's beginning on, (jumps, 6) each;
-    ``by_state``: (K, 9, 6)."""
-    rows = {_SPEED: (0,), _FOLD: (3, 6)}
+def _rows_held(sign: Array, states: Truths) -> Integers:
+    """Rows, (K, 3): a speed or a fold is held by its own motor or, if that is at its limit of
+    torque, by another that is at none."""
+    held = np.tile(np.arange(3), (len(sign), 1))
+    for i in np.flatnonzero(states.any(axis=1)).tolist():
+        without = np.flatnonzero(sign[i] == 0).tolist()
+        for state in sorted(np.flatnonzero(states[i]).tolist(), key=lambda s: s % 3 not in without):
+            if without:
+                by = without.pop(without.index(state % 3) if state % 3 in without else 0)
+                held[i, by] = _SPEED + state
+    return held
+
+
+def _touched(scene: Scene, states: Truths, at_entry: Array) -> Truths:
+    """Speeds that are at a limit where an interval begins, and not held before or after, (K, 6)."""
+    touched = np.zeros_like(states)
+    if scene.speed_limits is not None:
+        there = np.abs(at_entry[:, 0, :3]) / scene.speed_limits > 1 - _TOUCHES
+        touched[1:, :3] = there[1:] & ~states[1:, :3] & ~states[:-1, :3]
+    return touched
+
+
+def _jumps(begins: Truths, states: Truths, by_state: Array) -> dict[int, Array]:
+    """Gradients of what comes to a limit where an interval begins, (jumps, 6) each.
+
+    ``begins``: what is at a limit from there on or at that instant, ``states``: all along, (K, 6);
+    ``by_state``: of speeds, folds and their rates, (K, 9, 6).
+    """
+    new = begins.copy()
+    new[1:] &= ~states[:-1]
     jumps: dict[int, list[Array]] = {}
-    for i in range(len(modes)):
-        for k in range(3):
-            begins = i == 0 or modes[i - 1, k] != modes[i, k]
-            if begins and modes[i, k] in rows:
-                of_motor = [by_state[i, row + k] for row in rows[int(modes[i, k])]]
-                jumps.setdefault(i, []).extend(of_motor)
+    for i, state in np.argwhere(new).tolist():
+        rows = (state,) if state < 3 else (state, state + 3)
+        jumps.setdefault(i, []).extend(by_state[i, row] for row in rows)
     return {i: np.array(each) for i, each in jumps.items()}
 
 

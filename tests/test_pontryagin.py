@@ -10,6 +10,7 @@ import pytest
 from matplotlib.image import imread
 
 import deltaopt
+import posed_scenes
 from deltaopt import Limits, load_scene, plan, verify
 from deltaopt.export import write_json
 from deltaopt.pontryagin import MET, extremal
@@ -87,6 +88,16 @@ def test_a_motion_at_a_limit_of_speed():
     speed = np.abs(found.trajectory(np.linspace(0, found.duration, 200)).dtheta).max(axis=1)
     assert (speed > 10 * (1 - 1e-6)).mean() > 0.05
     assert extremal(found.scene, found.trajectory).residual < 1e-5
+
+
+@pytest.mark.parametrize("number", [6, 13])
+def test_a_motor_at_its_limits_of_speed_and_torque(number):
+    """Its speed is held by another motor's torque; in the second move another speed touches its
+    limit at an instant, where the costates jump. With another payload it is not the fastest."""
+    scene = posed_scenes.random_move("industrial", number)
+    found = posed_scenes.resolved(scene)
+    assert extremal(scene, found.trajectory).residual < 1e-7
+    assert extremal(changed(scene, payload=1.1), found.trajectory).residual > 10 * MET
 
 
 def test_files_carry_it(tmp_path):
