@@ -17,8 +17,8 @@ from deltaopt.verify import verify
 @dataclass(frozen=True)
 class Against:
     """A plan whose switches are resolved held against one of meshes alone, which know of no
-    structure. ``differs``: its duration, as a fraction. ``told``: by how much it may, by the
-    gaps of both."""
+    structure. ``differs``: by what fraction it is longer. ``told``: by how much they may differ,
+    by the gaps of both."""
 
     differs: float
     told: float
@@ -91,4 +91,4 @@ def _against(planner: Planner, plan: Plan) -> Against | None:
         other = meshes.plan(plan.scene.start, plan.scene.goal)
     except DeltaOptError:
         return None
-    return Against(abs(plan.duration / other.duration - 1), plan.gap + other.gap)
+    return Against(plan.duration / other.duration - 1, plan.gap + other.gap)
