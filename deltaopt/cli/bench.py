@@ -294,8 +294,8 @@ def _held_against_meshes(outcomes: list[Outcome]) -> str:
     off = [each.differs for each in both if abs(each.differs) > each.told]
     slower, faster = [d for d in off if d > 0], [-d for d in off if d < 0]
     return (
-        f"\n  {len(both)} planned on meshes alone too: these are slower by more than both gaps tell "
-        f"in {len(faster)}, by {max(faster, default=0.0):.1e} at most, and faster in "
+        f"\n  {len(both)} planned on meshes alone too: these are slower by more than both gaps "
+        f"tell in {len(faster)}, by {max(faster, default=0.0):.1e} at most, and faster in "
         f"{len(slower)}, by {max(slower, default=0.0):.1e} at most"
     )
 
