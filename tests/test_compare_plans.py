@@ -14,6 +14,7 @@ from deltaopt.dynamics.consistency import Residuals
 from deltaopt.limits import safe_factor
 from deltaopt.mechanisms.five_bar import FiveBarParameters, five_bar, inverse_kinematics
 from deltaopt.planning.chain_equations import flat_equations
+from deltaopt.planning.nlp import PointFunction
 from deltaopt.planning.transcription import PiecewiseAcceleration
 from deltaopt.plots.plans import draw
 from deltaopt.studies.interpreted import interpreted
@@ -86,6 +87,15 @@ def test_five_bar_closes_its_loops():
     JC, JP = (np.array(x) for x in ca.Function("JC", [m.q], [J @ C, J @ P])(q))
     np.testing.assert_allclose(JC, 0, atol=1e-15)
     np.testing.assert_allclose(JP, np.eye(4), atol=1e-14)
+
+
+def test_interpreted_functions_are_not_compiled():
+    equations = interpreted(flat_equations(FiveBarTask().case.system))
+    functions = [value for value in vars(equations).values() if isinstance(value, PointFunction)]
+    assert functions
+    for each in functions:
+        kinds = {derivative.class_name() for derivative, _ in (each.jacobian, each.hessian)}
+        assert kinds == {"SXFunction"}
 
 
 def test_compiled_and_interpreted_functions_give_the_same_solution():

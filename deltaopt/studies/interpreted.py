@@ -17,7 +17,7 @@ class InterpretedPointFunction(PointFunction):
     """The same r(y, p), its derivatives not compiled."""
 
     @cached_property
-    def _derivatives(self) -> list[tuple[ca.Function, ca.Sparsity]]:
+    def derivatives(self) -> list[tuple[ca.Function, ca.Sparsity]]:
         return self.derived
 
 
