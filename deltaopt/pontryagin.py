@@ -109,9 +109,9 @@ class _Fit:
     ``torque``: u, of its limit, (K, c, 3); r grows with ``squares`` u², (3,). ``held``: rows, (K,
     3): of each motor its torque or, if that is at no limit, what it holds instead. ``sign``: of
     the limit that the torque is at, (K, 3), 0 if it is at none. ``slopes``: ∂A/∂(X, V), (K, c, 3,
-    6). ``by_held``: ∂A/∂ of what is held, (K, c, 3, 3). ``rate``:
-    r, (K, c). ``rate_slopes``: its derivatives by (X, V), (K, c, 6). ``jumps``: by interval,
-    directions in which p may jump where it begins, (jumps, 6).
+    6). ``by_held``: ∂A/∂ of what is held, (K, c, 3, 3). ``rate``: r, (K, c). ``rate_slopes``: its
+    derivatives by (X, V), (K, c, 6). ``jumps``: by interval, directions in which p may jump where
+    it begins, (jumps, 6).
     """
 
     scene: Scene
@@ -144,9 +144,9 @@ class _Fit:
         units = np.repeat([D, D / T, D / T**2], 3)
         by_motion, by_state = by_motion * units, by_state * units[:6]
         limits = np.array(scene.torque_limits)
-        h = np.diff(trajectory.knots) / T
+        lengths = np.diff(trajectory.knots)
         sign = _signs(along[..., :3] / limits)
-        states = _states(scene, sign, at_entry, h)
+        states = _states(scene, sign, at_entry, lengths / T)
         held = _rows_held(sign, states)
         rows = np.take_along_axis(by_motion, held[:, None, :, None], axis=2)
         by_held = np.linalg.inv(rows[..., 6:])
@@ -154,13 +154,13 @@ class _Fit:
         torque_slopes = by_motion[:, :, :3, :6] + by_motion[:, :, :3, 6:] @ slopes
         time, effort = scene.objective.weights
         rate = time + effort * (along[..., :3] ** 2).sum(axis=2)
-        mean = float(np.diff(trajectory.knots) @ (rate[:, 1:-1] @ gauss().weights)) / T
+        mean = float(lengths @ (rate[:, 1:-1] @ gauss().weights)) / T
         by_torque = 2 * effort / mean * along[..., None, :3]  # ∂r/∂τ, a row
         return cls(
             scene=scene,
-            t=trajectory.knots[:-1, None] + np.diff(trajectory.knots)[:, None] * fractions,
+            t=trajectory.knots[:-1, None] + lengths[:, None] * fractions,
             units=(D, T, mean),
-            h=h,
+            h=lengths / T,
             motion=np.hstack([v * T / D, a * T**2 / D]).reshape(K, c, 6),
             torque=along[..., :3] / limits,
             squares=effort / mean * limits**2,

@@ -27,8 +27,8 @@ def test_a_speed_limit_has_its_exact_price(line: Line):
     )
     found = conditions.solve(conditions.guess(motion, line.scales)).motion
     (push,) = pushes(conditions, found)
-    assert push.of_speed
-    assert push.motor == 0
+    assert push.entry.of_speed
+    assert push.entry.motor == 0
     assert push.held.sum() == conditions.grid.parts[1]
     eta = push.price * line.scales.time
     at_limit = line.d / line.v - line.v / line.u

@@ -17,6 +17,7 @@ from deltaopt.planning.extremal import Conditions
 from deltaopt.planning.grid import DENSE, Pin
 from deltaopt.planning.newton import Extremal
 from deltaopt.planning.stage import OPENING, SPEED, TORQUE
+from deltaopt.planning.state_prices import Push, pushes
 
 Array = NDArray[np.float64]
 
@@ -50,6 +51,11 @@ class Examined:
     def signs(self) -> Array:
         """Of the torques that are held, (n, 1, 3)."""
         return np.asarray(self.conditions.structure.torque[self.conditions.grid.arc][:, None])
+
+    @cached_property
+    def pushes(self) -> tuple[Push, ...]:
+        """Of the limits of the state."""
+        return tuple(pushes(self.conditions, self.motion))
 
     @cached_property
     def _without_limit(self) -> Array:

@@ -44,7 +44,7 @@ _STALLED = 1e-7
 _LONGEST_STEP, _LONGEST_INSIDE = 0.1, 0.3
 """Without and with a barrier."""
 _SHRINK = 0.8
-"""By so much at most arcs become shorter in a step that cannot be reversed."""
+"""By so much at most arcs that cannot be reversed become shorter in a step."""
 _LEAST_SHIFT, _MOST_SHIFT = 1e-9, 1e-4
 _REVERSED = 1e-3
 """Of the duration: an arc that remains shorter than minus this has its ends exchanged."""

@@ -37,6 +37,15 @@ class Entry(NamedTuple):
     row: int
     value: float
 
+    @property
+    def motor(self) -> int:
+        return self.row % 3
+
+    @property
+    def of_speed(self) -> bool:
+        """Otherwise of an opening."""
+        return self.row >= SPEED
+
 
 class Pin(NamedTuple):
     """A torque without limit that begins (``end`` 0) or ends (1) an arc at a value."""

@@ -115,8 +115,11 @@ def read_structure(
         weight = np.abs(prices.torque)
         torques = np.where(prices.torque * torques > reading.price * weight.max(), torques, 0)
         for k in range(m):
-            speeds = _touches(ends, states[:, k, 0], prices.states[:, k, 0], reading)
-            openings = _touches(ends, states[:, k, 1], prices.states[:, k, 1], reading)
+            (at_speed, speeds), (at_margin, openings) = (
+                _paid_for(ends, states[:, k, kind], prices.states[:, k, kind], reading)
+                for kind in (0, 1)
+            )
+            states[:, k] = np.stack([at_speed, at_margin], axis=1)
             touches[k] = {t: Limit(grazed=sign) for t, sign in speeds}
             for t, _ in openings:
                 touches[k][t] = touches[k].get(t, FREE)._replace(touched=1)
@@ -136,12 +139,13 @@ def _held(load: Array, at_limit: float) -> Signs:
     return np.asarray(upper, np.int8) - np.asarray(lower, np.int8)
 
 
-def _touches(ends: Array, held: Signs, price: Array, reading: Reading) -> list[tuple[float, int]]:
-    """When a limit is touched and no more, and which. ``held``, where it seems to hold, is left
-    where it costs something."""
-    touches, cost = [], np.abs(price) * np.diff(ends)
-    for i, j, sign in _runs(held):
-        held[i:j] = 0
+def _paid_for(
+    ends: Array, seems: Signs, price: Array, reading: Reading
+) -> tuple[Signs, list[tuple[float, int]]]:
+    """Where a limit of the state that seems to hold costs something, (N,), and when one is touched
+    and no more, and which."""
+    held, touches, cost = np.zeros_like(seems), [], np.abs(price) * np.diff(ends)
+    for i, j, sign in _runs(seems):
         if not sign or cost[i:j].sum() < _WORTHLESS:
             continue
         dear = np.abs(price[i:j]) > _DEAR * cost[i:j].sum() / (ends[j] - ends[i])
@@ -157,7 +161,7 @@ def _touches(ends: Array, held: Signs, price: Array, reading: Reading) -> list[t
                 touches.append((float(own @ middles / own.sum()), sign))
             else:
                 held[i + begin : i + end] = sign
-    return touches
+    return held, touches
 
 
 def _runs(signs: Signs) -> list[tuple[int, int, int]]:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from deltaopt.planning.examine import Examined
 from deltaopt.planning.grid import DENSE, held_states
 from deltaopt.planning.stage import OPENING, SPEED, TORQUE
-from deltaopt.planning.state_prices import Push, pushes
+from deltaopt.planning.state_prices import Push
 from deltaopt.planning.structure import Arc, Stretch
 
 Array = NDArray[np.float64]
@@ -144,9 +144,8 @@ class _Repair:
 
     @cached_property
     def _pulling(self) -> list[tuple[Push, Truths]]:
-        """Arc of the state, and where they pull: before, at the samples, and after."""
-        conditions, motion = self.examined.conditions, self.examined.motion
-        found = [(push, push.pulls) for push in pushes(conditions, motion)]
+        """Limits of the state, and where they pull: before, at the samples, and after."""
+        found = [(push, push.pulls) for push in self.examined.pushes]
         return [(push, pulls) for push, pulls in found if pulls.any()]
 
     @cached_property
@@ -155,13 +154,13 @@ class _Repair:
         leave = np.zeros((*self.examined.torques.shape[:2], 3, 2), bool)
         for push, pulls in self._pulling:
             inside = pulls[1:-1].reshape(-1, len(DENSE))
-            leave[push.held, :, push.motor, int(not push.of_speed)] |= inside
+            leave[push.held, :, push.entry.motor, int(not push.entry.of_speed)] |= inside
         return leave
 
     @property
     def _touched_in_vain(self) -> list[tuple[int, int]]:
         """(arc, motor) where a limit is touched that pulls."""
-        return [(p.entry.arc, p.motor) for p, _ in self._pulling if not p.held.any()]
+        return [(p.entry.arc, p.entry.motor) for p, _ in self._pulling if not p.held.any()]
 
     def _better(self, i: int, j: int) -> Arc:
         """What to hold at a sample: the best vertex or, where a torque has no limit and so no
@@ -194,20 +193,22 @@ class _Repair:
         return tuple(limits)
 
     def _vertex(self, i: int, j: int, limits: Arc) -> list[int] | None:
-        """Arc of torque, 1, -1 or 0, at which H is least of all that keep the speeds and
+        """Limits of torque, 1, -1 or 0, at which H is least of all that keep the speeds and
         openings which ``limits`` holds; None if nothing does."""
         e, J = self.examined, self._slopes[i, j]
         by_torque = np.linalg.inv(J[TORQUE : TORQUE + 3])
         row = e.conditions.held.row[e.conditions.grid.arc[i]]
         cost = -(e.prices[i, j] @ J[row]) @ by_torque
         states = [state for _, state in held_states(limits)]
+        if len(states) > 3:
+            return None
         plane, now = J[states] @ by_torque, e.torques[i, j]
         aim = plane @ now - e.rows[i, j, states]
         least, best = np.inf, None
-        for held in combinations(range(3), max(3 - len(states), 0)):
+        for held in combinations(range(3), 3 - len(states)):
             others = [k for k in range(3) if k not in held]
             square = plane[:, others]
-            if len(states) > 3 or (others and abs(np.linalg.det(square)) < _FLAT):
+            if abs(np.linalg.det(square)) < _FLAT:
                 continue
             for signs in product((1.0, -1.0), repeat=len(held)):
                 tau = np.zeros(3)

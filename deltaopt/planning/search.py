@@ -97,8 +97,9 @@ class Search:
             except NotConverged as error:  # what is there already is a motion all the same
                 self.tell(f"{len(mesh)} intervals: {error}")
                 self._failures += 1
-        readable = self.resolves and self.rounds[-1].gap < _READABLE
-        return self._resolved(FINE) if readable and _prices(self.attempts[-1]) else None
+        priced = self.attempts[-1].solution.opening_prices is not None
+        readable = self.resolves and priced and self.rounds[-1].gap < _READABLE
+        return self._resolved(FINE) if readable else None
 
     @property
     def _done(self) -> bool:

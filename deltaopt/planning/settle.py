@@ -22,7 +22,6 @@ from deltaopt.planning.grid import Grid, Pin
 from deltaopt.planning.repair import patches
 from deltaopt.planning.scales import Scales
 from deltaopt.planning.stage import Stage
-from deltaopt.planning.state_prices import pushes
 from deltaopt.planning.structure import Structure, changed
 from deltaopt.trajectory import Trajectory
 
@@ -152,34 +151,41 @@ def _settled(
     uneven = spread(examined.conditions.hamiltonian(examined.motion))
     if gap > tolerance or uneven > CERTIFIED:
         return None
-    found = list(pushes(examined.conditions, examined.motion))
-    if any(push.pulls.any() for push in found):
+    if any(push.pulls.any() for push in examined.pushes):
         return None
-    falls = max((float(push.falls.max()) for push in found), default=0.0)
+    falls = max((float(push.falls.max()) for push in examined.pushes), default=0.0)
     certificate = Certificate(uneven, max(examined.sign_violation, examined.free_price, falls))
     return Settled(examined.conditions, trajectory, factor, gap, certificate, iterations)
 
 
 def _better(trial: _Trial, examined: Examined, tolerance: float) -> list[_Trial]:
-    """What to try next, the first first."""
+    """What to try next, the first first: polynomials that do better before other structures, unless
+    what is wrong is gross."""
     if examined.sign_violation > _GROSS or examined.excess > _FAR_BEYOND:
-        ways = _otherwise(trial, examined)
-        if ways:
-            return ways
+        better = _otherwise(trial, examined) or _finer(trial, examined, tolerance)
+    else:
+        better = _finer(trial, examined, tolerance) or _otherwise(trial, examined)
+    return better or ([trial.with_more_modes()] if _may_have_more(trial, examined) else [])
+
+
+def _may_have_more(trial: _Trial, examined: Examined) -> bool:
+    """Modes, of torques without limit."""
+    return bool(examined.conditions.held.free) and trial.grid.most_modes < _MOST_MODES
+
+
+def _finer(trial: _Trial, examined: Examined, tolerance: float) -> list[_Trial]:
+    """With more intervals, modes or pins, if the motion asks for them."""
     finest = examined.finest
     if examined.strays.max() > finest and trial.grid.intervals < _MOST_INTERVALS:
         finer = np.ceil((examined.strays / finest).clip(1) ** (1 / (_DEGREE + 1)))
         parts = trial.grid.parts * finer.astype(np.intp)
         return [replace(trial, grid=replace(trial.grid, parts=parts))]
-    free = bool(examined.conditions.held.free) and trial.grid.most_modes < _MOST_MODES
     coarse = examined.free_price > _FREE_PRICE or examined.to_be_gained > tolerance
-    if free and (coarse or CERTIFIED < examined.sign_violation < 10 * examined.free_price):
+    coarse = coarse or CERTIFIED < examined.sign_violation < 10 * examined.free_price
+    if coarse and _may_have_more(trial, examined):
         return [trial.with_more_modes()]
     pins = tuple(pin for pin in examined.pins() if pin not in trial.pins)
-    if pins:
-        return [replace(trial, pins=trial.pins + pins)]
-    ways = _otherwise(trial, examined)
-    return ways or ([trial.with_more_modes()] if free else [])
+    return [replace(trial, pins=trial.pins + pins)] if pins else []
 
 
 def _otherwise(trial: _Trial, examined: Examined) -> list[_Trial]:

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from deltaopt.planning.extremal import Conditions
 from deltaopt.planning.grid import Entry
 from deltaopt.planning.newton import Extremal
-from deltaopt.planning.stage import OPENING, OPENING_BEND, OPENING_RATE, SPEED, SPEED_RATE
+from deltaopt.planning.stage import OPENING_BEND, OPENING_RATE, SPEED_RATE
 
 Array = NDArray[np.float64]
 Truths = NDArray[np.bool]
@@ -50,14 +50,6 @@ class Push:
     may_fall: float
 
     @property
-    def motor(self) -> int:
-        return self.entry.row % 3
-
-    @property
-    def of_speed(self) -> bool:
-        return self.entry.row >= SPEED
-
-    @property
     def falls(self) -> Array:
         """By how much it is lower than before, or higher than after, fractions of the duration,
         (samples + 2,)."""
@@ -78,20 +70,19 @@ def pushes(conditions: Conditions, motion: Extremal) -> Iterator[Push]:
     for entry, nu in zip(conditions.held.entries, motion.entry.tolist(), strict=True):
         if OPENING_RATE <= entry.row < OPENING_BEND:  # held besides the opening itself
             continue
-        is_speed = entry.row >= SPEED
-        k = entry.row - (SPEED if is_speed else OPENING)
-        signs = structure.speed[:, k] if is_speed else -structure.opening[:, k]
+        k = entry.motor
+        signs = structure.speed[:, k] if entry.of_speed else -structure.opening[:, k]
         sign = int(entry.value) or -1  # that of an opening
         after = np.flatnonzero(signs[entry.arc :] != sign)
         last = entry.arc + int(after[0]) if len(after) else len(signs)
         held = np.isin(grid.arc, np.arange(entry.arc, last))
-        row = k + (SPEED_RATE if is_speed else OPENING_BEND)
+        row = k + (SPEED_RATE if entry.of_speed else OPENING_BEND)
         slot = (conditions.held.row[grid.arc[held]] == row).argmax(axis=1)
         at = np.flatnonzero(held), slice(None), slot
-        eta = nu - lam[at] if is_speed else nu + slope[at]
+        eta = nu - lam[at] if entry.of_speed else nu + slope[at]
         price = sign * np.concatenate([[0.0], eta.ravel(), [nu]])
         of_speed = _BESIDE_FREE if conditions.held.free else _OF_SPEED
-        may_fall = of_speed if is_speed else _OF_OPENING
+        may_fall = of_speed if entry.of_speed else _OF_OPENING
         yield Push(entry, held, price, motion.duration, may_fall)
 
 

@@ -24,7 +24,7 @@ from deltaopt.mechanisms.delta import DeltaTerms
 from deltaopt.mechanisms.delta_functions import delta_functions
 from deltaopt.model import DeltaModel
 from deltaopt.planning.grid import Held
-from deltaopt.planning.stage import SPEED, SPEED_RATE
+from deltaopt.planning.stage import SPEED_RATE
 from deltaopt.planning.structure import Structure
 from deltaopt.pontryagin import gauss
 from deltaopt.rows import RowFunction
@@ -59,12 +59,11 @@ def shoot(scene: Scene, structure: Structure, duration: float) -> Shot:
 
     Raises NotConverged, also where limits of torque and speed alone do not say what an arc is.
     """
-    held = Held.of(structure)
-    if held.free or any(entry.row < SPEED for entry in held.entries):
+    shooting = _Shooting(scene, structure, duration)
+    if shooting.held.free or not all(entry.of_speed for entry in shooting.held.entries):
         raise NotConverged(
             "on some arc a torque is at no limit, or a fold at its margin", "Not_Held", structure
         )
-    shooting = _Shooting(scene, structure, duration)
     lengths = structure.lengths.copy()
     for _ in range(_ITERATIONS):
         step = shooting.step(lengths)
@@ -117,7 +116,7 @@ class _Shooting:
 
     def misses(self, lengths: Array) -> Array:
         """Of many motions at once, lengths (B, arcs) -> (B, 6 and one for each speed that an arc
-        begins to hold)."""
+        begins to hold or to leave at once)."""
         scene, structure = self.scene, self.structure
         way = float(np.linalg.norm(np.subtract(scene.goal, scene.start)))
         x = np.tile(np.array(scene.start), (len(lengths), 1))
@@ -137,7 +136,7 @@ class _Shooting:
         if not new or self.scene.speed_limits is None:
             return []
         share = self.model.motion(x, v, np.zeros_like(x))[1][:, 3::3] / self.scene.speed_limits
-        return [share[:, entry.row - SPEED] - entry.value for entry in new]
+        return [share[:, entry.motor] - entry.value for entry in new]
 
     def _along(self, a: int, x: Array, v: Array, length: Array) -> tuple[Array, Array]:
         """An arc, (B, 3) each."""
