@@ -10,23 +10,23 @@ from deltaopt.errors import (
     SceneError,
     Unreachable,
 )
-from deltaopt.model import DeltaModel
-from deltaopt.objectives import Effort, Time, TimeAndEffort
-from deltaopt.planning.baseline import baseline
-from deltaopt.planning.closure import (
+from deltaopt.motion.trajectory import Trajectory
+from deltaopt.planning.flat.flat_problem import Flat
+from deltaopt.planning.formulations.choice import Forward, Redundant
+from deltaopt.planning.formulations.loop_closure import (
     AccelerationLevel,
     Baumgarte,
     KnotConstraints,
     Projection,
 )
-from deltaopt.planning.flat import Flat
-from deltaopt.planning.plan import Plan, Planner, plan
-from deltaopt.planning.poses import Forward, Redundant
-from deltaopt.planning.transcription import PiecewiseAcceleration
-from deltaopt.robot import Robot, load_robot
-from deltaopt.scene import Limits, Scene, load_scene
-from deltaopt.trajectory import Trajectory
-from deltaopt.verify import Verification, verify
+from deltaopt.planning.initial_motion import baseline
+from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
+from deltaopt.planning.planner import Plan, Planner, plan
+from deltaopt.robot.model import DeltaModel
+from deltaopt.robot.robot import Robot, load_robot
+from deltaopt.scene.objective import Effort, Time, TimeAndEffort
+from deltaopt.scene.scene import Limits, Scene, load_scene
+from deltaopt.verify.verification import Verification, verify
 
 explicit = Explicit()
 """Model L_E, eq. (39)."""

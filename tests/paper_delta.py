@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from deltaopt.mechanisms.delta import DeltaParameters
+from deltaopt.mechanisms.delta.mechanism import DeltaParameters
 
 PHI = (0.0, 2 * pi / 3, -2 * pi / 3)
 DATA = Path(__file__).parent / "data"

@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 
 from deltaopt import load_robot, load_scene
-from deltaopt.feasibility import least_opening
-from deltaopt.model import delta_model
-from deltaopt.planning.flat import Flat
-from deltaopt.planning.problem import Guess
-from deltaopt.planning.scales import Scales
-from deltaopt.planning.search import Search
-from deltaopt.planning.settle import Settled
-from deltaopt.planning.starts import first_motions
-from deltaopt.planning.transcription import LINEAR
-from deltaopt.scene import Scene
-from deltaopt.studies.random_scenes import random_scenes
+from deltaopt.bench.random_scenes import random_scenes
+from deltaopt.planning.flat.flat_problem import Flat
+from deltaopt.planning.multistart import first_motions
+from deltaopt.planning.nlp.problem import Guess
+from deltaopt.planning.nlp.scaling import Scales
+from deltaopt.planning.nlp.transcription import LINEAR
+from deltaopt.planning.refinement import Search
+from deltaopt.planning.switching.resolution import Settled
+from deltaopt.robot.model import delta_model
+from deltaopt.scene.feasibility import least_opening
+from deltaopt.scene.scene import Scene
 
 
 def posed(scene: Scene):

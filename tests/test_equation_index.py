@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[1]
 ROWS = re.findall(
     r"^\| ([\d–]+) \| .+? \| (.+) \|$", (ROOT / "docs/equations.md").read_text(), re.M
 )

@@ -9,8 +9,8 @@ from math import isfinite
 from pathlib import Path
 
 from deltaopt.errors import SceneError
-from deltaopt.objectives import Time
-from deltaopt.scene import Scene, load_scene
+from deltaopt.scene.objective import Time
+from deltaopt.scene.scene import Scene, load_scene
 
 
 def add_scene(parser: argparse.ArgumentParser) -> None:

@@ -25,17 +25,17 @@ from typing import Any
 
 import numpy as np
 
+from deltaopt.bench.any_move import Outcome, random_plans
+from deltaopt.bench.peers import PEERS
 from deltaopt.cli.arguments import add_scenes, load_fastest, positive
 from deltaopt.cli.progress import ProgressBar
 from deltaopt.errors import MissingPackage
-from deltaopt.feasibility import check_feasible
-from deltaopt.planning.plan import Planner
-from deltaopt.robot import Robot, load_robot
-from deltaopt.scene import Scene, load_scene
-from deltaopt.studies.gap_study import TOLERANCES, GapStudy, gap_study
-from deltaopt.studies.peers import PEERS
-from deltaopt.studies.random_plans import Outcome, random_plans
-from deltaopt.studies.tolerance_study import csv, table, tolerance_study
+from deltaopt.planning.planner import Planner
+from deltaopt.robot.robot import Robot, load_robot
+from deltaopt.scene.feasibility import check_feasible
+from deltaopt.scene.scene import Scene, load_scene
+from studies.gap import TOLERANCES, GapStudy, gap_study
+from studies.tolerances import csv, table, tolerance_study
 
 HELP = "measure what is claimed of plans: how many succeed, how good their gaps are"
 
@@ -114,7 +114,7 @@ def _add_robot_study(studies: Any, name: str, study: Study, number: int) -> None
 
 def _plan(arguments: argparse.Namespace) -> int:
     """How long plans take, dense checks included, and where the time goes."""
-    from deltaopt.studies.speed import plan_report, timed_plans
+    from deltaopt.bench.plan_timing import plan_report, timed_plans
 
     good, number = True, arguments.number
     for robot in map(load_robot, arguments.robots):
@@ -138,7 +138,7 @@ def _advance(bar: ProgressBar, number: int, name: str, done: int) -> None:
 
 def _scaling(arguments: argparse.Namespace) -> int:
     """How the time of an iteration grows with the number of intervals."""
-    from deltaopt.studies.speed import scaling
+    from deltaopt.bench.plan_timing import scaling
 
     for robot in map(load_robot, arguments.robots):
         found = scaling(robot, arguments.payload, arguments.seed, arguments.number)
@@ -150,7 +150,7 @@ def _scaling(arguments: argparse.Namespace) -> int:
 
 def _solver(arguments: argparse.Namespace) -> int:
     """The flat problem on one mesh by other solvers and with other settings."""
-    from deltaopt.studies.solvers import compare_solvers, left_out, solver_report
+    from studies.solvers import compare_solvers, left_out, solver_report
 
     for robot in map(load_robot, arguments.robots):
         told = partial(_advance, ProgressBar(), arguments.number, robot.name)
@@ -165,7 +165,7 @@ def _solver(arguments: argparse.Namespace) -> int:
 
 def _settings(arguments: argparse.Namespace) -> int:
     """First meshes and beginnings of the interior-point method around those of the planner."""
-    from deltaopt.studies.settings import compare_settings, settings_report
+    from studies.settings import compare_settings, settings_report
 
     number = arguments.number
     for robot in map(load_robot, arguments.robots):
@@ -177,8 +177,8 @@ def _settings(arguments: argparse.Namespace) -> int:
 
 def _near(arguments: argparse.Namespace) -> int:
     """Plans and solvers from the solution of a move whose ends are nearby."""
-    from deltaopt.studies.near import SHARES, gain_report, near_report, planner_near, solvers_near
-    from deltaopt.studies.solvers import left_out
+    from studies.near import SHARES, gain_report, near_report, planner_near, solvers_near
+    from studies.solvers import left_out
 
     number, seed = arguments.number, arguments.seed
     for robot in map(load_robot, arguments.robots):
@@ -197,7 +197,7 @@ def _near(arguments: argparse.Namespace) -> int:
 
 def _inverse(arguments: argparse.Namespace) -> int:
     """Exported C beside Pinocchio and MuJoCo, where these are installed."""
-    from deltaopt.studies.speed import exported_nanoseconds
+    from deltaopt.bench.plan_timing import exported_nanoseconds
 
     for robot in map(load_robot, arguments.robots):
         inverse, forward = exported_nanoseconds(robot)
@@ -216,8 +216,8 @@ def _peers(arguments: argparse.Namespace) -> int:
     """Plans beside the motions of TOPP-RA on given paths and of Ruckig between motor angles, and,
     of a quarter of the moves, beside rockit's with Ipopt of equal optimality gap; what is
     installed of these."""
-    from deltaopt.studies.fixed_paths import fixed_path_comparison
-    from deltaopt.studies.peers import rockit_comparison
+    from deltaopt.bench.fixed_paths import fixed_path_comparison
+    from deltaopt.bench.peers import rockit_comparison
 
     payload, number, seed = arguments.payload, arguments.number, arguments.seed
     for robot in map(load_robot, arguments.robots):
@@ -232,7 +232,7 @@ def _peers(arguments: argparse.Namespace) -> int:
 
 def _start(arguments: argparse.Namespace) -> int:
     """Seconds from import to a verified plan: cold, warm, without a compiler."""
-    from deltaopt.studies.start import first_plan, plan_without_compiler, warm_plan
+    from deltaopt.bench.start import first_plan, plan_without_compiler, warm_plan
 
     for file in arguments.scenes:
         check_feasible(load_scene(file))  # said here, not by the processes that plan it
@@ -331,8 +331,8 @@ def _gap_table(name: str, study: GapStudy) -> str:
 def _agreement(arguments: argparse.Namespace) -> int:
     """Plan each scene at 1e-8, and again by switch resolution with polynomials of two degrees, by
     shooting, and by forward dynamics on a uniform mesh and on one with knots at the switches."""
-    from deltaopt.studies.agreement import agreement
-    from deltaopt.studies.agreement import table as of_answers
+    from studies.agreement import agreement
+    from studies.agreement import table as of_answers
 
     for file in arguments.scenes:
         bar = ProgressBar()
@@ -344,8 +344,8 @@ def _agreement(arguments: argparse.Namespace) -> int:
 def _objectives(arguments: argparse.Namespace) -> int:
     """Plan each scene for least effort in several durations and for time weighted with effort, by
     polynomials of three degrees."""
-    from deltaopt.studies.objectives import objectives_study
-    from deltaopt.studies.objectives import table as of_trials
+    from studies.objectives import objectives_study
+    from studies.objectives import table as of_trials
 
     for file in arguments.scenes:
         bar = ProgressBar()
@@ -361,8 +361,8 @@ def _advance_to(bar: ProgressBar, name: str, done: float) -> None:
 def _tolerances(arguments: argparse.Namespace) -> int:
     """Plan each scene on uniform meshes, on refined ones and with its switches resolved, at
     tolerances from 1e-2 to 1e-8; processor time against the gap to the last of them."""
-    from deltaopt.files import whole
-    from deltaopt.plots.tolerances import draw  # slow to import
+    from deltaopt.files.atomic_write import whole
+    from studies.plots.tolerances import draw  # slow to import
 
     studies = {}
     for file in arguments.scenes:

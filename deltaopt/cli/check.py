@@ -14,14 +14,14 @@ import argparse
 import numpy as np
 
 from deltaopt.cli.arguments import add_scene
+from deltaopt.codegen.compile import describe
 from deltaopt.errors import DeltaOptError, in_words
-from deltaopt.feasibility import check_feasible
-from deltaopt.machine_code import describe
-from deltaopt.mechanisms.delta import DeltaParameters
-from deltaopt.model import DeltaModel
-from deltaopt.planning.baseline import baseline
-from deltaopt.record import Vector3
-from deltaopt.scene import Scene, load_scene
+from deltaopt.files.validated_record import Vector3
+from deltaopt.mechanisms.delta.mechanism import DeltaParameters
+from deltaopt.planning.initial_motion import baseline
+from deltaopt.robot.model import DeltaModel
+from deltaopt.scene.feasibility import check_feasible
+from deltaopt.scene.scene import Scene, load_scene
 
 HELP = "check a scene and say what will be modelled"
 

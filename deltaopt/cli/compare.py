@@ -46,11 +46,11 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _plans(arguments: argparse.Namespace) -> int:
     """Solve, measure, print, save."""
-    from deltaopt.files import whole
+    from deltaopt.compare.plan_cases import FiveBarTask, delta_case
+    from deltaopt.compare.plans import compare_plans
+    from deltaopt.compare.plans_report import csv, tables, verdict
+    from deltaopt.files.atomic_write import whole
     from deltaopt.plots.plans import draw
-    from deltaopt.studies.plan_cases import FiveBarTask, delta_case
-    from deltaopt.studies.plans import compare_plans
-    from deltaopt.studies.plans_report import csv, tables, verdict
 
     cases = [
         FiveBarTask().case if what == FIVE_BAR else delta_case(file.stem, load_fastest(file))
@@ -70,11 +70,11 @@ def _plans(arguments: argparse.Namespace) -> int:
 
 def _dynamics(arguments: argparse.Namespace) -> int:
     """Measure, print, save."""
-    from deltaopt.files import whole
-    from deltaopt.machine_code import compiler
+    from deltaopt.codegen.compile import compiler
+    from deltaopt.compare.dynamics import compare_dynamics
+    from deltaopt.compare.dynamics_report import csv, notes, table, verdict
+    from deltaopt.files.atomic_write import whole
     from deltaopt.plots.dynamics import draw
-    from deltaopt.studies.dynamics import compare_dynamics
-    from deltaopt.studies.dynamics_report import csv, notes, table, verdict
 
     if arguments.states < 1 or arguments.rounds < 1:
         print("deltaopt compare: --states and --rounds must be at least 1", file=sys.stderr)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from deltaopt.robot import load_robot
+from deltaopt.robot.robot import load_robot
 
 HELP = "write a robot's kinematics and dynamics in C"
 
@@ -28,7 +28,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _c(arguments: argparse.Namespace) -> int:
-    from deltaopt.export_c import export_c
+    from deltaopt.output.controller_c import export_c
 
     written = export_c(load_robot(arguments.robot), arguments.output)
     print("written:", ", ".join(map(str, written)))

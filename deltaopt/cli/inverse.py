@@ -17,13 +17,13 @@ import argparse
 import numpy as np
 
 from deltaopt.cli.arguments import add_output, add_scene, output_directory, positive
-from deltaopt.export import write_csv
-from deltaopt.feasibility import check_feasible
-from deltaopt.limits import torque_excess
-from deltaopt.model import DeltaModel
-from deltaopt.planning.baseline import straight_line
-from deltaopt.scene import Scene, load_scene
-from deltaopt.trajectory import Trajectory
+from deltaopt.motion.time_scaling import torque_excess
+from deltaopt.motion.trajectory import Trajectory
+from deltaopt.output.plan_files import write_csv
+from deltaopt.planning.initial_motion import straight_line
+from deltaopt.robot.model import DeltaModel
+from deltaopt.scene.feasibility import check_feasible
+from deltaopt.scene.scene import Scene, load_scene
 
 HELP = "compute the torques along a straight line (the paper's Figs. 4 and 5)"
 

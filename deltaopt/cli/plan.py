@@ -26,27 +26,27 @@ from deltaopt.cli.arguments import (
     two_or_more,
 )
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
-from deltaopt.export import RATE, Solution, StraightLine, save
-from deltaopt.feasibility import check_feasible
-from deltaopt.objectives import Time
-from deltaopt.planning.baseline import baseline
-from deltaopt.planning.closure import (
+from deltaopt.motion.trajectory import Trajectory
+from deltaopt.output.plan_files import RATE, Solution, StraightLine, save
+from deltaopt.planning.flat.flat_problem import Flat
+from deltaopt.planning.formulations.choice import Forward, Redundant
+from deltaopt.planning.formulations.loop_closure import (
     AccelerationLevel,
     Baumgarte,
     KnotConstraints,
     LoopClosure,
     Projection,
 )
-from deltaopt.planning.flat import Flat
-from deltaopt.planning.plan import Plan, Planner, plan
-from deltaopt.planning.poses import Forward, Redundant
-from deltaopt.planning.problem import Pose
-from deltaopt.planning.starts import Optimum
-from deltaopt.planning.transcription import TRANSCRIPTIONS
-from deltaopt.pontryagin import MET
-from deltaopt.scene import Scene, load_scene
-from deltaopt.trajectory import Trajectory
-from deltaopt.verify import Check, Verification, verify
+from deltaopt.planning.initial_motion import baseline
+from deltaopt.planning.multistart import Optimum
+from deltaopt.planning.nlp.problem import Pose
+from deltaopt.planning.nlp.transcription import TRANSCRIPTIONS
+from deltaopt.planning.planner import Plan, Planner, plan
+from deltaopt.scene.feasibility import check_feasible
+from deltaopt.scene.objective import Time
+from deltaopt.scene.scene import Scene, load_scene
+from deltaopt.verify.pontryagin import MET
+from deltaopt.verify.verification import Check, Verification, verify
 
 FORMULATIONS: dict[str, Callable[[LoopClosure], Pose]] = {
     "flat": lambda closure: Flat(),

@@ -40,9 +40,9 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _singularities(directory: Path) -> None:
-    from deltaopt.plots.stability import draw_singularities
-    from deltaopt.studies.stability import report
-    from deltaopt.studies.stability.singularities import measure
+    from studies.plots.stability import draw_singularities
+    from studies.stability import report
+    from studies.stability.singularities import measure
 
     study = measure(ProgressBar())
     of_delta = [f for f in study.families if f.mechanism.name == "delta"]
@@ -59,9 +59,9 @@ def _singularities(directory: Path) -> None:
 
 
 def _drift(directory: Path) -> None:
-    from deltaopt.plots.stability import draw_drift
-    from deltaopt.studies.stability import report
-    from deltaopt.studies.stability.drift import measure
+    from studies.plots.stability import draw_drift
+    from studies.stability import report
+    from studies.stability.drift import measure
 
     study = measure(ProgressBar())
     _save(
@@ -75,9 +75,9 @@ def _drift(directory: Path) -> None:
 
 
 def _benchmarks(directory: Path) -> None:
-    from deltaopt.plots.stability import draw_benchmarks
-    from deltaopt.studies.stability import report
-    from deltaopt.studies.stability.benchmarks import measure
+    from studies.plots.stability import draw_benchmarks
+    from studies.stability import report
+    from studies.stability.benchmarks import measure
 
     study = measure(ProgressBar())
     _save(
@@ -91,9 +91,9 @@ def _benchmarks(directory: Path) -> None:
 
 
 def _edge(directory: Path) -> None:
-    from deltaopt.plots.stability import draw_edge
-    from deltaopt.studies.stability import report
-    from deltaopt.studies.stability.edge import measure
+    from studies.plots.stability import draw_edge
+    from studies.stability import report
+    from studies.stability.edge import measure
 
     study = measure(ProgressBar())
     _save(
@@ -108,7 +108,7 @@ def _edge(directory: Path) -> None:
 
 def _save(directory: Path, files: dict[str, Callable[[Path], object]], texts: list[str]) -> None:
     """Write the files, print the texts and where the files are."""
-    from deltaopt.files import whole
+    from deltaopt.files.atomic_write import whole
 
     for name, write in files.items():
         with whole(directory / name) as path:

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+from deltaopt.motion.trajectory import Motion, Trajectory
 from deltaopt.plots.style import COLOURS, STROKES, figure, motor_curves, without_box
-from deltaopt.trajectory import Motion, Trajectory
 
 _SAMPLES = 1001
 

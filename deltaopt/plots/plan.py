@@ -13,11 +13,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from deltaopt.files.validated_record import Vector3
+from deltaopt.motion.trajectory import Array, Trajectory
 from deltaopt.plots.style import COLOURS, GREY, figure, motor_curves, without_box
-from deltaopt.pontryagin import Extremal
-from deltaopt.record import Vector3
-from deltaopt.scene import Scene
-from deltaopt.trajectory import Array, Trajectory
+from deltaopt.scene.scene import Scene
+from deltaopt.verify.pontryagin import Extremal
 
 _TICKS = 10  # along the path, at equal times
 _SAMPLES = 2000  # over all intervals

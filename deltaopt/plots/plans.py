@@ -13,9 +13,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
+from deltaopt.compare.plans import PlanStudy, Row
+from deltaopt.compare.plans_report import POSES, compiled_modes, uniform
 from deltaopt.plots.style import figure
-from deltaopt.studies.plans import PlanStudy, Row
-from deltaopt.studies.plans_report import POSES, compiled_modes, uniform
 
 COLOURS = {"flat": "#000000", "forward": "#E69F00", "explicit": "#0072B2", "multiplier": "#D55E00"}
 """Of Okabe and Ito."""

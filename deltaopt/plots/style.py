@@ -11,8 +11,8 @@ import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from deltaopt.files import whole
-from deltaopt.trajectory import Array
+from deltaopt.files.atomic_write import whole
+from deltaopt.motion.trajectory import Array
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73")
 """Blue, vermilion and green of Okabe and Ito, for motors 1 to 3 or axes x, y, z."""

@@ -1,0 +1,1 @@
+"""How fast and how reliable planning is, measured on this machine."""

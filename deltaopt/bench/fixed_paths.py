@@ -1,0 +1,264 @@
+"""Peers that fix the path: TOPP-RA times a given one, Ruckig draws one between motor angles.
+
+TOPP-RA is given our inverse dynamics along a path x(s) of the platform, τ = a s̈ + b ṡ² + c,
+which is linear in what it seeks, at all points of its grid in one call. Ruckig knows nothing
+of torques: it is given the largest constant motor acceleration whose motion keeps them, which
+nobody has without our model either.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache, partial
+from typing import Any
+
+import numpy as np
+
+from deltaopt.bench.peers import installed
+from deltaopt.bench.random_scenes import random_scenes
+from deltaopt.codegen.vectorised import RowFunction
+from deltaopt.compare.timing import timed_call
+from deltaopt.errors import DeltaOptError, MissingPackage
+from deltaopt.mechanisms.delta.functions import DeltaFunctions
+from deltaopt.motion.trajectory import Array, Trajectory
+from deltaopt.planning.planner import Planner
+from deltaopt.robot.model import DeltaModel
+from deltaopt.robot.robot import Robot
+from deltaopt.scene.scene import Scene
+
+_LINE = (100, 400)
+"""Intervals of TOPP-RA's grids on straight lines."""
+_PIECES = (4, 32)
+"""And for each interval of ours on the path that we found."""
+_SAMPLES = np.linspace(0.0, 1.0, 301)
+"""Fractions of Ruckig's motions at which torques are looked at."""
+
+
+@dataclass(frozen=True)
+class Timing:
+    """A peer's duration over ours, and processor seconds over ours; not a number where it
+    found no motion."""
+
+    duration: float
+    seconds: float
+
+
+# TOPP-RA
+
+
+@dataclass(frozen=True)
+class Path:
+    """Points of a path by arc length: ``s`` (n,), m; x, dx/ds and d²x/ds², (n, 3)."""
+
+    s: Array
+    derivatives: tuple[Array, Array, Array]
+
+    @property
+    def dof(self) -> int:
+        return 3
+
+    @property
+    def path_interval(self) -> Array:
+        return self.s[[0, -1]]
+
+    def __call__(self, s: Array, order: int = 0) -> Array:
+        """At all of its points, which is where TOPP-RA asks."""
+        if not np.array_equal(s, self.s):
+            raise ValueError("the path is known at its own points only")
+        return self.derivatives[order]
+
+
+def straight(scene: Scene, intervals: int) -> Path:
+    """The line from start to goal."""
+    start, way = np.array(scene.start), np.subtract(scene.goal, scene.start)
+    length = float(np.linalg.norm(way))
+    s = np.linspace(0.0, length, intervals + 1)
+    tangent = np.broadcast_to(way / length, (intervals + 1, 3))
+    return Path(s, (start + np.outer(s, way / length), tangent, np.zeros_like(tangent)))
+
+
+def driven(trajectory: Trajectory, pieces: int) -> Path:
+    """The path of a motion, each of its intervals in as many equal pieces of time.
+
+    Its curvature jumps where acceleration does, at the knots: of each the later side is told.
+    """
+    knots, fine = trajectory.knots, 40
+    u = np.linspace(0.0, 1.0, fine * pieces + 1)[:-1]
+    t = np.append((knots[:-1, None] + np.diff(knots)[:, None] * u).ravel(), knots[-1])
+    speed = np.linalg.norm(trajectory.position.derivative().at(t), axis=1)
+    s = np.append(0.0, np.cumsum((speed[1:] + speed[:-1]) / 2 * np.diff(t)))[::fine]
+    later = np.clip(t[::fine] + 1e-9 * knots[-1], 1e-4 * knots[-1], (1 - 1e-4) * knots[-1])
+    motion = trajectory(later)
+    squared = (motion.v**2).sum(axis=1, keepdims=True)
+    along = (motion.a * motion.v).sum(axis=1, keepdims=True) * motion.v / squared
+    tangent = motion.v / np.sqrt(squared)
+    return Path(s, (trajectory.position.at(t[::fine]), tangent, (motion.a - along) / squared))
+
+
+def toppra_duration(scene: Scene, path: Path) -> float:
+    """Of the fastest motion along a path, from rest to rest, s; not a number if there is none."""
+    toppra = installed("toppra")
+    algorithm = toppra.algorithm.TOPPRA([_limits(toppra, scene)], path, gridpoints=path.s)
+    speeds = algorithm.compute_parameterization(0.0, 0.0)[1]
+    if speeds is None:
+        return np.nan
+    return float(np.sum(2 * np.diff(path.s) / (speeds[1:] + speeds[:-1])))
+
+
+def _limits(toppra: Any, scene: Scene) -> Any:
+    """Limits of torque, and of motor speed if there are any, as a constraint of TOPP-RA's."""
+    base: Any = toppra.constraint.LinearConstraint
+    model = DeltaModel(scene.robot, scene.payload)
+    loads_of, torque = _loads(model.functions), np.array(scene.torque_limits)
+
+    class Limits(base):  # type: ignore[misc]
+        def compute_constraint_params(self, path: Path, s: Array) -> Any:
+            x, dx, ddx = (path(s, order) for order in range(3))
+            rest = np.zeros_like(x)
+            states = np.vstack([x, x, x]), np.vstack([rest, rest, dx]), np.vstack([rest, dx, ddx])
+            loads, rates = loads_of(*states, parameters=model.parameters)
+            c, a, b = np.split(loads / torque, 3)
+            F, g = np.vstack([np.eye(3), -np.eye(3)]), np.ones(6)
+            highest = np.full(len(s), 1e6)
+            if scene.speed_limits is not None:
+                shares = rates[-len(s) :] / np.array(scene.speed_limits)
+                highest = 1 / (shares**2).max(axis=1)
+            bound = np.column_stack([np.zeros(len(s)), highest])
+            return a - c, b - c, c, F, g, None, bound
+
+    limits = Limits()
+    limits.identical = True
+    return limits
+
+
+@lru_cache(maxsize=4)
+def _loads(functions: DeltaFunctions) -> RowFunction:
+    """(x, v, a, p) -> τ, θ̇ in machine code where there is a compiler, as our planner's are."""
+    return RowFunction(functions.explicit_loads)
+
+
+# Ruckig
+
+
+@dataclass(frozen=True)
+class MotorLine:
+    """A move between motor angles at limited, constant accelerations."""
+
+    scene: Scene
+
+    def trajectory(self, acceleration: float) -> Any:
+        """Ruckig's, at this acceleration of every motor (rad/s²), without a limit of jerk."""
+        ruckig = installed("ruckig")
+        request = ruckig.InputParameter(3)
+        model = DeltaModel(self.scene.robot, self.scene.payload)
+        ends = model.inverse_kinematics([self.scene.start, self.scene.goal])[:, 3::3]
+        request.current_position, request.target_position = ends.tolist()
+        request.max_velocity = list(self.scene.speed_limits or 3 * [1e3])
+        request.max_acceleration = 3 * [acceleration]
+        found = ruckig.Trajectory(3)
+        ruckig.Ruckig(3).calculate(request, found)
+        return found
+
+    def duration(self, acceleration: float) -> float:
+        """s; not a number for an acceleration that is none. Raises MissingPackage."""
+        installed("ruckig")
+        return float(self.trajectory(acceleration).duration) if acceleration > 0 else np.nan
+
+    def keeps_torques(self, acceleration: float) -> bool:
+        found = self.trajectory(acceleration)
+        samples = [found.at_time(t) for t in found.duration * _SAMPLES]
+        theta, rates, accelerations = (np.array(part) for part in zip(*samples, strict=True))
+        model = DeltaModel(self.scene.robot, self.scene.payload)
+        try:
+            x = model.forward_kinematics(theta)
+            v, a = platform_motion(model, x, rates, accelerations)
+            torque = model.inverse_dynamics(x, v, a)
+        except DeltaOptError:
+            return False
+        return bool((np.abs(torque) <= np.array(self.scene.torque_limits)).all())
+
+    def largest_acceleration(self) -> float:
+        """By bisection to 1e-4; not a number where none keeps the torques."""
+        low, high = 1e-2, 1e5
+        if not self.keeps_torques(low):
+            return np.nan
+        while high / low > 1 + 1e-4:
+            middle = float(np.sqrt(low * high))
+            low, high = (middle, high) if self.keeps_torques(middle) else (low, middle)
+        return low
+
+
+def platform_motion(
+    model: DeltaModel, x: Array, rates: Array, accelerations: Array
+) -> tuple[Array, Array]:
+    """v and a of the platform, (N, 3), from those of the motors: θ̇ = J v, θ̈ = J a + J̇ v."""
+    J = np.stack([model.motion(x, column, np.zeros(3))[1][:, 3::3] for column in np.eye(3)], axis=2)
+    v = np.asarray(np.linalg.solve(J, rates[..., None])[..., 0], dtype=float)
+    bias = model.motion(x, v, np.zeros_like(v))[2][:, 3::3]
+    a = np.linalg.solve(J, (accelerations - bias)[..., None])[..., 0]
+    return v, np.asarray(a, dtype=float)
+
+
+# Both
+
+
+def fixed_path_comparison(
+    robot: Robot, payload: float, number: int, seed: int, told: Callable[[int], None]
+) -> str:
+    """Durations and processor time over ours on random moves; a peer that is not there, one
+    sentence."""
+    planner = Planner(robot, payload)
+    timings: dict[str, list[Timing]] = {}
+    missing: dict[str, str] = {}
+    ours = []
+    for i, scene in enumerate(random_scenes(robot, payload, number, seed)):
+        planner.plan(scene.start, scene.goal)
+        plan, seconds = timed_call(partial(planner.plan, scene.start, scene.goal))
+        ours.append(seconds)
+        for name, duration in _peers(scene, plan.trajectory).items():
+            try:
+                duration()
+            except MissingPackage as error:
+                missing[str(error)] = name
+                continue
+            found, theirs = timed_call(duration)
+            timing = Timing(found / plan.duration, theirs / seconds)
+            timings.setdefault(name, []).append(timing)
+        told(i + 1)
+    lines = [f"{robot.name}, {number} moves, ours {1e3 * np.median(ours):.1f} ms"]
+    lines += [_line(name, of) for name, of in timings.items()]
+    return "\n  ".join([*lines, *missing])
+
+
+def _peers(scene: Scene, ours: Trajectory) -> dict[str, Callable[[], float]]:
+    """Every peer's duration, s; what they are given that we have is there already."""
+    peers: dict[str, Callable[[], float]] = {}
+    for number in _LINE:
+        path = straight(scene, number)
+        name = f"TOPP-RA on the straight line, {number} intervals"
+        peers[name] = partial(toppra_duration, scene, path)
+    for number in _PIECES:
+        path = driven(ours, number)
+        name = f"TOPP-RA on our path, {number} for each of our intervals"
+        peers[name] = partial(toppra_duration, scene, path)
+    motors = MotorLine(scene)
+    try:
+        acceleration = motors.largest_acceleration()
+    except MissingPackage:
+        acceleration = np.nan
+    peers["Ruckig, accelerations known"] = lambda: motors.duration(acceleration)
+    peers["Ruckig, and their bisection"] = lambda: motors.duration(motors.largest_acceleration())
+    return peers
+
+
+def _line(name: str, timings: list[Timing]) -> str:
+    durations = np.array([t.duration for t in timings])
+    there = durations[np.isfinite(durations)]
+    if not len(there):
+        return f"{name}: none found"
+    return (
+        f"{name}: found on {len(there)} of {len(durations)}; duration over ours median "
+        f"{np.median(there):.4f}, from {there.min():.4f} to {there.max():.4f}; time over ours "
+        f"{np.median([t.seconds for t in timings]):.3g}"
+    )

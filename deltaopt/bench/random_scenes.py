@@ -1,0 +1,83 @@
+"""Seeded random moves between points of a robot's workspace.
+
+The workspace is where all chains close in the industrial assembly mode, at a distance from
+every kind of singularity, measured without dimension: cos q_{k,3} and sin(q_{k,1} - q_{k,2})
+(serial), the volume spanned by the three bars' directions (parallel), and that of the normals
+of the three parallelograms (the platform could tilt, which twelve coordinates cannot see).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import cos, sin
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deltaopt.codegen.vectorised import evaluate_rows
+from deltaopt.errors import Infeasible, Unreachable
+from deltaopt.mechanisms.delta.mechanism import AZIMUTHS
+from deltaopt.robot.model import DeltaModel
+from deltaopt.robot.robot import Robot
+from deltaopt.scene.feasibility import check_feasible
+from deltaopt.scene.scene import Scene
+
+Array = NDArray[np.float64]
+
+MARGIN = 0.1
+"""Least distance from every singularity, of 1 for the best there is."""
+_BATCH = 4096
+
+
+def random_scenes(robot: Robot, payload: float | None, number: int, seed: int) -> Iterator[Scene]:
+    """Moves between points drawn uniformly from the workspace, gravity held at both."""
+    rng = np.random.default_rng(seed)
+    model = DeltaModel(robot, payload)
+    points = np.empty((0, 3))
+    while number:
+        while len(points) < 2:
+            points = np.concatenate([points, _in_workspace(model, rng)])
+        start, goal = points[:2].tolist()
+        points = points[2:]
+        scene = Scene(robot=robot, payload=payload, start=tuple(start), goal=tuple(goal))
+        try:
+            check_feasible(scene)
+        except (Unreachable, Infeasible):
+            continue
+        number -= 1
+        yield scene
+
+
+def _in_workspace(model: DeltaModel, rng: np.random.Generator) -> Array:
+    """Of a batch of points in a box around the workspace those that lie in it."""
+    reach = model.robot.upper_arm.length + model.robot.forearm.length
+    box = rng.uniform([0, -reach, -reach], reach, size=(_BATCH, 3))
+    serial = evaluate_rows(model.functions.reach, box, parameters=model.parameters)[0]
+    closed = box[(serial > MARGIN**2).all(axis=1)]
+    volumes = _volumes(model, closed)
+    # The sign is that of the assembly mode: beyond it lies another one, past a singularity.
+    kept: Array = closed[(volumes * np.array([1.0, -1.0]) > MARGIN).all(axis=1)]
+    return kept
+
+
+def _volumes(model: DeltaModel, x: Array) -> Array:
+    """Volumes spanned by the bars' directions and by the parallelograms' normals, (N, 2)."""
+    theta = model.inverse_kinematics(x)[:, 3::3]
+    robot = model.robot
+    bars, normals = [], []
+    for k, azimuth in enumerate(AZIMUTHS):
+        radial = np.array([0.0, cos(azimuth), sin(azimuth)])
+        sideways = np.array([0.0, -sin(azimuth), cos(azimuth)])
+        outward = (
+            robot.base_radius
+            - robot.platform_radius
+            + robot.upper_arm.length * np.cos(theta[:, k, None])
+        )
+        elbow = outward * radial
+        elbow[:, 0] = -robot.upper_arm.length * np.sin(theta[:, k])
+        bar = (x - elbow) / robot.forearm.length
+        normal = np.cross(bar, sideways)
+        bars.append(bar)
+        normals.append(normal / np.linalg.norm(normal, axis=1, keepdims=True))
+    both = [np.linalg.det(np.stack(rows, axis=1)) for rows in (bars, normals)]
+    return np.asarray(np.stack(both, axis=1))

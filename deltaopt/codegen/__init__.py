@@ -1,0 +1,1 @@
+"""CasADi functions as compiled C, evaluated at many points at once."""

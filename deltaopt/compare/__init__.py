@@ -1,0 +1,1 @@
+"""Formulations of the dynamics, and of plans, compared in accuracy and cost."""

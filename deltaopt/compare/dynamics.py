@@ -1,0 +1,195 @@
+"""The paper's Table I and its 83 %, measured: what each model of the Delta costs and errs.
+
+Tasks: inverse dynamics (q, q̇, q̈ → τ) and forward dynamics (q, q̇, τ → q̈), without the
+multipliers. The same function is timed in CasADi's interpreter and as machine code, on
+many states in one call, each model in turn in every round.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from deltaopt.codegen.compile import Compiler, in_machine_code
+from deltaopt.compare.many_digits import ManyDigits
+from deltaopt.compare.models import Model, models
+from deltaopt.compare.samples import NEAR_HOME, PAPER, exact_samples, rounding_error
+from deltaopt.compare.tasks import TASKS, Array, Task
+from deltaopt.compare.timing import Run, Time, interleaved
+from deltaopt.dynamics.constraint_matrix import Partition
+from deltaopt.dynamics.mechanism import Mechanism
+from deltaopt.mechanisms.delta.mechanism import delta
+
+Progress = Callable[[float, str], None]
+"""Told how much is done (0 to 1) and what comes next."""
+
+REFERENCE = ("L_E", "closed form")
+"""The model whose time is 1."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """What one model costs and errs at one task.
+
+    ``operations``: elementary ones, see ``operations``. ``error``: largest over the
+    components, relative to the largest component; median and maximum over the states.
+    """
+
+    task: str
+    model: str
+    variant: str
+    systems: str
+    operations: int
+    interpreted: Time
+    compiled: Time | None
+    median_error: float
+    largest_error: float
+
+
+@dataclass(frozen=True)
+class Study:
+    """All rows, and how they came about.
+
+    ``floor``: per task, the median error that rounding the state alone makes.
+    ``independent``: the coordinates that the partition takes as independent.
+    """
+
+    rows: list[Row]
+    floor: dict[str, float]
+    independent: tuple[int, ...]
+    states: int
+    rounds: int
+    digits: int
+
+    def row(self, task: str, model: str, variant: str) -> Row:
+        """The row of a model."""
+        wanted = (task, model, variant)
+        return next(r for r in self.rows if (r.task, r.model, r.variant) == wanted)
+
+
+@dataclass(frozen=True)
+class _Case:
+    """A model at a task, as a function."""
+
+    task: Task
+    model: Model
+    function: ca.Function
+
+    @property
+    def is_reference(self) -> bool:
+        return (self.model.name, self.model.variant) == REFERENCE
+
+
+def compare_dynamics(
+    states: int,
+    rounds: int,
+    compiler: Compiler | None,
+    digits: int = 50,
+    progress: Progress = lambda done, what: None,
+) -> Study:
+    """Measure all models at both tasks on ``states`` random states of the paper's Delta.
+
+    ``compiler``: the C compiler of this machine; None leaves compiled times out.
+    """
+    mechanism, exact = delta(PAPER), ManyDigits(digits)
+    progress(0.0, f"{states} states in {digits} digits")
+    samples = exact_samples(mechanism, states, exact)
+    floor = {
+        task.name: float(np.median(rounding_error(mechanism, task, samples, exact)))
+        for task in TASKS
+    }
+    progress(0.2, "deriving the models")
+    partition = Partition.pivoted(_jacobian(mechanism, NEAR_HOME, samples.parameters))
+    cases = _cases(mechanism, partition)
+    progress(0.3, "compiling")
+    in_c = [case for case in cases if case.model.compilable and compiler]
+    machine = (in_machine_code([case.function for case in in_c]) if in_c else None) or []
+    in_c = in_c[: len(machine)]
+    progress(0.5, "timing")
+    interpreted_runs = [Run(case.function, case.task, samples) for case in cases]
+    runs = [
+        *interpreted_runs,
+        *(Run(f, c.task, samples) for f, c in zip(machine, in_c, strict=True)),
+    ]
+    times = interleaved(runs, rounds, lambda done: progress(0.5 + done / 2, "timing"))
+    interpreted = _ratios(cases, times[: len(cases)])
+    fast = _ratios(in_c, times[len(cases) :])
+    rows = [
+        _row(
+            mechanism,
+            case,
+            run.error(),
+            interpreted[case.function.name()],
+            fast.get(case.function.name()),
+        )
+        for case, run in zip(cases, interpreted_runs, strict=True)
+    ]
+    progress(1.0, "done")
+    return Study(rows, floor, partition.independent, states, rounds, digits)
+
+
+def _cases(mechanism: Mechanism, partition: Partition) -> list[_Case]:
+    """Every model at every task; names of the functions differ."""
+    pairs = [(task, model) for task in TASKS for model in models(partition, PAPER)]
+    return [
+        _Case(task, model, _renamed(model.build(mechanism, task), f"model{i}"))
+        for i, (task, model) in enumerate(pairs)
+    ]
+
+
+def _ratios(cases: list[_Case], times: Array) -> dict[str, Time]:
+    """Times by name of the function, beside the reference's at the same task."""
+    reference = {
+        case.task.name: own for case, own in zip(cases, times, strict=True) if case.is_reference
+    }
+    return {
+        case.function.name(): Time.of(own, reference[case.task.name])
+        for case, own in zip(cases, times, strict=True)
+    }
+
+
+def _row(m: Mechanism, case: _Case, error: Array, interpreted: Time, fast: Time | None) -> Row:
+    return Row(
+        task=case.task.name,
+        model=case.model.name,
+        variant=case.model.variant,
+        systems=case.model.systems(m, case.task),
+        operations=operations(case.function),
+        interpreted=interpreted,
+        compiled=fast,
+        median_error=float(np.median(error)),
+        largest_error=float(np.max(error)),
+    )
+
+
+def operations(function: ca.Function) -> int:
+    """Elementary operations of an evaluation, one for each +, ×, √, sin, comparison …
+
+    A linear system of n equations solved at run time counts as a dense LU factorisation
+    with two substitutions, 2/3 n³ + 2 n². CasADi's sparse QR does less where the matrix has
+    zeros.
+    """
+    count = 0
+    for k in range(function.n_instructions()):
+        operation = function.instruction_id(k)
+        if operation == ca.OP_CALL:
+            count += operations(function.instruction_MX(k).which_function())
+        elif operation == ca.OP_SOLVE:
+            n = function.instruction_MX(k).dep(1).shape[0]
+            count += round(2 / 3 * n**3 + 2 * n**2)
+        elif function.is_a("SXFunction"):
+            count += operation not in (ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, ca.OP_ASSIGN)
+    return count
+
+
+def _jacobian(m: Mechanism, q: Array, p: Array) -> Array:
+    """J at a state, γ × n."""
+    return np.asarray(ca.Function("J", [m.time, m.q, m.parameters], [m.J])(0.0, q, p))
+
+
+def _renamed(function: ca.Function, name: str) -> ca.Function:
+    x = function.sx_in() if function.is_a("SXFunction") else function.mx_in()
+    return ca.Function(name, x, [function(*x)])

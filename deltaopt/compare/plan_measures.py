@@ -1,0 +1,189 @@
+"""How good a planned motion is, measured on what the program itself reports.
+
+E_K and E_D (Bordalba et al. 2023) are of the polynomials q(t) and τ(t) as the program has
+them, its torques between the points being the polynomial through them. The arrival error is
+where these torques lead through forward dynamics with multipliers (model L_I), integrated to
+twelve digits. The safe duration is that of the path of ξ.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import inf, isfinite
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.polynomial import Polynomial
+from numpy.typing import NDArray
+
+from deltaopt.compare.plan_cases import FRACTIONS, Case, motion_inside
+from deltaopt.dynamics.lagrange import Explicit, Multiplier
+from deltaopt.motion.trajectory import PiecewisePolynomial
+from deltaopt.planning.formulations.collocation import ChainProblem
+from deltaopt.planning.formulations.scaled_mechanism import System
+from deltaopt.planning.nlp.program import Program, Solution
+
+Array = NDArray[np.float64]
+
+_CVODES: dict[str, Any] = {
+    "reltol": 1e-12,
+    "abstol": 1e-13,
+    "linear_multistep_method": "adams",
+    "nonlinear_solver_iteration": "functional",
+    "max_num_steps": 20_000,
+    "disable_internal_warnings": True,
+}
+
+
+@dataclass(frozen=True)
+class Quality:
+    """``duration``, ``safe_duration``: s. ``kinematic_error``: E_K, m and m/s. ``at_knots``:
+    the largest ‖f‖, ‖J q̇‖ at the beginning of an interval. ``dynamic_error``: E_D, m/s²,
+    rad/s². ``arrival_distance``, ``arrival_speed``: m, m/s. Infinite: could not be had."""
+
+    duration: float = inf
+    safe_duration: float = inf
+    kinematic_error: float = inf
+    at_knots: float = inf
+    dynamic_error: float = inf
+    arrival_distance: float = inf
+    arrival_speed: float = inf
+
+
+@dataclass(frozen=True)
+class Meter:
+    """Measures the motions of one case."""
+
+    case: Case
+
+    def quality(self, problem: ChainProblem, z: Array) -> Quality:
+        case, system = self.case, self.case.system
+        planned = problem.unpack(z, case.task)
+        xi = self.independent(problem, planned)
+        torques = problem.torques(z, case.task)
+        q, dq, ddq = self._coordinates(problem, planned)
+        tau = _between(problem.variables.points, torques, FRACTIONS).reshape(-1, system.motors)
+        f, error = system.rows(self._errors, q, dq, ddq, tau, p=case.task.p)
+        starts = np.linalg.norm(f, axis=1).reshape(-1, len(FRACTIONS))[:, 0]
+        duration = float(planned.knots[-1])
+        distance, speed = self._arrival(xi, problem, torques)
+        return Quality(
+            duration,
+            duration * case.safe_factor(xi),
+            _mean(planned.knots, f),
+            float(starts.max()),
+            _mean(planned.knots, error),
+            distance,
+            speed,
+        )
+
+    def independent(
+        self, problem: ChainProblem, planned: PiecewisePolynomial
+    ) -> PiecewisePolynomial:
+        """The path of ξ."""
+        which = [problem.equations.coordinates.index(i) for i in self.case.system.independent]
+        return PiecewisePolynomial(planned.knots, planned.coefficients[:, :, which])
+
+    def _coordinates(
+        self, problem: ChainProblem, planned: PiecewisePolynomial
+    ) -> tuple[Array, ...]:
+        """q, q̇, q̈ inside the intervals, as the program has them."""
+        motion = motion_inside(planned, FRACTIONS)
+        if len(problem.equations.coordinates) == self.case.system.n:
+            return motion
+        return self.case.system.rows(self.case.system.motion, *motion, p=self.case.task.p)
+
+    @cached_property
+    def _errors(self) -> ca.Function:
+        """(q, q̇, q̈, τ, p) -> (f, J q̇), q̈ - q̈(q, q̇, τ)."""
+        system, m = self.case.system, self.case.system.mechanism
+        modelled, _ = (
+            Explicit().forward_dynamics(m).expand()(0, m.q, m.dq, m.controls, m.parameters)
+        )
+        return ca.Function(
+            "errors",
+            [m.q, m.dq, m.ddq, m.controls, system.p],
+            [ca.vertcat(m.holonomic, m.constraint_rate), m.ddq - modelled],
+        )
+
+    def _arrival(
+        self, xi: PiecewisePolynomial, problem: ChainProblem, torques: Array
+    ) -> tuple[float, float]:
+        """Distance to the goal and speed there under the program's torques."""
+        task, nu = self.case.task, len(self.case.system.independent)
+        step = integrator(self.case.system, len(problem.variables.points))
+        powers = _powers(problem.variables.points)
+        state = np.concatenate([task.start, np.zeros(nu)])
+        for length, values in zip(np.diff(xi.knots), torques, strict=True):
+            p = np.concatenate([(powers.T @ values).ravel(), [length], task.p])
+            state = _integrated(step, state, p)
+            if not np.isfinite(state).all():
+                return inf, inf
+        distance = float(np.linalg.norm(state[:nu] - task.goal))
+        return distance, float(np.linalg.norm(state[nu:]))
+
+
+def integrator(system: System, points: int) -> ca.Function:
+    """Through one interval under a polynomial torque: state (ξ, ξ̇); parameters: coefficients
+    (powers × motors), length (s), p."""
+    nu, m = len(system.independent), system.mechanism
+    u, state, length = ca.MX.sym("u"), ca.MX.sym("state", 2 * nu), ca.MX.sym("length")
+    coefficients = ca.MX.sym("coefficients", system.motors, points)
+    p = ca.MX.sym("p", system.p.numel())
+    tau = ca.MX.zeros(system.motors)
+    for power in reversed(range(points)):
+        tau = tau * u + coefficients[:, power]
+    q, dq, _ = system.motion(state[:nu], state[nu:], ca.MX.zeros(nu), p)
+    ddq, _ = Multiplier().forward_dynamics(m)(0, q, dq, tau, p[system.scales.numel() :])
+    problem = {
+        "t": u,
+        "x": state,
+        "p": ca.vertcat(ca.vec(coefficients), length, p),
+        "ode": length * ca.vertcat(state[nu:], ddq[list(system.independent)]),
+    }
+    return ca.integrator("arrival", "cvodes", problem, 0, 1, _CVODES)
+
+
+def active_rank(
+    program: Program, solution: Solution, bounds: tuple[Array, Array], p: Array
+) -> tuple[int, int]:
+    """Rows of the Jacobian that hold with equality at a solution, and its rank: fewer, if rows
+    depend on each other. Variables that a bound holds do not count."""
+    _, J = program.jacobian(solution.z, p)
+    lower, upper = program.rows
+    held = np.abs(solution.bound_multipliers) > 1e-4
+    free = (bounds[0] < bounds[1]) & ~held
+    active = (lower == upper) | (np.abs(solution.row_multipliers) > 1e-4)
+    rows = np.asarray(ca.DM(J).full())[active][:, free]
+    return len(rows), int(np.linalg.matrix_rank(rows, tol=1e-9 * np.abs(rows).max()))
+
+
+def _between(nodes: Array, values: Array, c: Array) -> Array:
+    """Polynomials through values (N, nodes, m), at fractions c: (N, len(c), m)."""
+    return np.asarray(np.vander(c, len(nodes), increasing=True) @ (_powers(nodes).T @ values))
+
+
+def _powers(nodes: Array) -> Array:
+    """Coefficients of Lagrange's polynomials, (node, power)."""
+    rows = []
+    for j, node in enumerate(nodes):
+        product = Polynomial.fromroots(np.delete(nodes, j))
+        rows.append((product / product(node)).coef)
+    return np.stack(rows)
+
+
+def _mean(knots: Array, rows: Array) -> float:
+    """(1/T) ∫ ‖row‖ dt by trapezoids between FRACTIONS."""
+    sizes = np.linalg.norm(rows, axis=1).reshape(-1, len(FRACTIONS))
+    mean = float(np.trapezoid(sizes, FRACTIONS, axis=1) @ np.diff(knots) / knots[-1])
+    return mean if isfinite(mean) else inf
+
+
+def _integrated(step: ca.Function, state: Array, p: Array) -> Array:
+    """The state at the end of an interval; not a number where CVODES fails."""
+    try:
+        return np.asarray(step(x0=state, p=p)["xf"].full()).ravel()
+    except RuntimeError:  # CasADi's only word for it
+        return np.full(len(state), np.nan)

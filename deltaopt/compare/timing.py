@@ -1,0 +1,74 @@
+"""Times of functions, measured side by side."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import casadi as ca
+import numpy as np
+
+from deltaopt.compare.samples import relative_error
+from deltaopt.compare.tasks import Array, Samples, Task
+
+Result = TypeVar("Result")
+
+
+@dataclass(frozen=True)
+class Time:
+    """Median ``seconds`` per evaluation, and median ``ratio`` to a reference beside it."""
+
+    seconds: float
+    ratio: float
+
+    @staticmethod
+    def of(own: Array, reference: Array) -> Time:
+        """From the times in every round."""
+        return Time(float(np.median(own)), float(np.median(own / reference)))
+
+
+def timed_call(call: Callable[[], Result]) -> tuple[Result, float]:
+    """What a call returns, and its processor seconds."""
+    begin = time.process_time()
+    result = call()
+    return result, time.process_time() - begin
+
+
+class Run:
+    """A function on all samples in one call, without Python between them."""
+
+    def __init__(self, function: ca.Function, task: Task, samples: Samples) -> None:
+        self.count = len(samples.q)
+        parameters = np.tile(samples.parameters, (self.count, 1))
+        self._inputs = [np.ascontiguousarray(x) for x in [*task.inputs(samples), parameters]]
+        self._truth = task.truth(samples)
+        self._result = np.zeros_like(self._truth)
+        self._many = function.map(self.count)
+        self._buffer: Any
+        self._buffer, self._evaluate = self._many.buffer()
+        for i, x in enumerate(self._inputs):
+            self._buffer.set_arg(i, x.data)
+        self._buffer.set_res(0, self._result.data)
+
+    def seconds(self) -> float:
+        """Per evaluation, once the processor's caches hold what it needs."""
+        self._evaluate()
+        start = time.perf_counter()
+        self._evaluate()
+        return (time.perf_counter() - start) / self.count
+
+    def error(self) -> Array:
+        """Relative error at every sample."""
+        self._evaluate()
+        return relative_error(self._result, self._truth)
+
+
+def interleaved(runs: list[Run], rounds: int, progress: Callable[[float], None]) -> Array:
+    """Seconds per evaluation, runs × rounds: in every round each runs once, in turn."""
+    times = np.zeros((len(runs), rounds))
+    for k in range(rounds):
+        progress(k / rounds)
+        times[:, k] = [run.seconds() for run in runs]
+    return times

@@ -1,0 +1,1 @@
+"""Reading YAML, validating records, writing files that are whole or absent."""

@@ -1,0 +1,158 @@
+"""The Delta's kinematics and dynamics as functions of the platform's motion.
+
+The platform's position is ξ of eq. (55), so that q̇ = C v and q̈ = C a - P J̇ q̇. The
+parameters p stay an argument: one function serves every robot with the same terms.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import casadi as ca
+
+from deltaopt.dynamics.constraint_matrix import ClosedForm
+from deltaopt.dynamics.formulation import Formulation
+from deltaopt.dynamics.lagrange import Explicit
+from deltaopt.dynamics.linear import solve_affine
+from deltaopt.dynamics.mechanism import SX, Mechanism
+from deltaopt.mechanisms.delta.kinematics import forward_kinematics, inverse_kinematics, reach
+from deltaopt.mechanisms.delta.mechanism import DeltaTerms, delta
+from deltaopt.mechanisms.delta.singularities import (
+    alignment_margins,
+    parallel_margin,
+    sideways_margins,
+)
+from deltaopt.mechanisms.delta.slender_bars import explicit_equations
+
+
+@dataclass(frozen=True)
+class DeltaFunctions:
+    """Functions for a Delta with these terms, in a formulation.
+
+    x, v, a: position, velocity, acceleration of the platform, 3. tau: 3. p: parameters.
+    """
+
+    terms: DeltaTerms
+    formulation: Formulation
+
+    @cached_property
+    def mechanism(self) -> Mechanism:
+        """The twelve coordinates and nine constraints of section 4."""
+        return delta(self.terms.symbols())
+
+    @cached_property
+    def inverse_kinematics(self) -> ca.Function:
+        """(x, p) -> q (12)."""
+        x, p = SX.sym("x", 3), self.terms.symbols()
+        return ca.Function("inverse_kinematics", [x, p.vector()], [inverse_kinematics(p, x)])
+
+    @cached_property
+    def forward_kinematics(self) -> ca.Function:
+        """(theta, p) -> x."""
+        theta, p = SX.sym("theta", 3), self.terms.symbols()
+        x = forward_kinematics(p, theta)
+        return ca.Function("forward_kinematics", [theta, p.vector()], [x])
+
+    @cached_property
+    def reach(self) -> ca.Function:
+        """(x, p) -> cos² q_{k,3} of the three chains, then sin² (q_{k,1} - q_{k,2})."""
+        x, p = SX.sym("x", 3), self.terms.symbols()
+        return ca.Function("reach", [x, p.vector()], [ca.vec(reach(p, x))])
+
+    @cached_property
+    def margins(self) -> ca.Function:
+        """q -> cos q_{k,3}, sin (q_{k,1} - q_{k,2}), volume of the bars' directions; 7."""
+        q = SX.sym("q", 12)
+        margins = ca.vertcat(sideways_margins(q), alignment_margins(q), parallel_margin(q))
+        return ca.Function("margins", [q], [margins])
+
+    @cached_property
+    def velocity(self) -> ca.Function:
+        """(x, v, p) -> q, q̇ (12 each)."""
+        x, v, p = self._platform("x", "v")
+        q = self.inverse_kinematics(x, p)
+        C, _ = ClosedForm().function(self.mechanism)(0, q, p)
+        return ca.Function("velocity", [x, v, p], [q, C @ v]).expand()
+
+    @cached_property
+    def motion(self) -> ca.Function:
+        """(x, v, a, p) -> q, q̇, q̈ (12 each)."""
+        m = self.mechanism
+        x, v, a, p = self._platform("x", "v", "a")
+        q, dq = self.velocity(x, v, p)
+        C, P = ClosedForm().function(m)(0, q, p)
+        bias = ca.Function("bias", [m.q, m.dq, m.parameters], [m.J_bias])(q, dq, p)
+        return ca.Function("motion", [x, v, a, p], [q, dq, C @ a - P @ bias]).expand()
+
+    @cached_property
+    def explicit_equations(self) -> ca.Function:
+        """(x, v, a, tau, p) -> Cᵀ (Q* + Q), 3, N, eq. (39), zero where the motion obeys the
+        dynamics; sin² (q_{k,1} - q_{k,2}), 3; θ̇, θ̈, 3 each. Without angles where the bars
+        allow it."""
+        x, v, a, tau = (SX.sym(name, 3) for name in ("x", "v", "a", "tau"))
+        terms = self.terms.symbols()
+        if self.terms.slender:
+            results: tuple[SX, ...] = explicit_equations(terms, x, v, a, tau)
+        else:
+            results = self._explicit_equations(x, v, a, tau, terms.vector())
+        inputs = [x, v, a, tau, terms.vector()]
+        return ca.Function("explicit_equations", inputs, list(results))
+
+    @cached_property
+    def explicit_torques(self) -> ca.Function:
+        """(x, v, a, p) -> τ by eq. (39) as ``explicit_equations`` writes it."""
+        x, v, a, tau, p, force = self._affine_equations()
+        return ca.Function("explicit_torques", [x, v, a, p], [solve_affine(force, tau)])
+
+    @cached_property
+    def explicit_loads(self) -> ca.Function:
+        """(x, v, a, p) -> τ, θ̇ by ``explicit_equations``."""
+        x, v, a = (SX.sym(name, 3) for name in ("x", "v", "a"))
+        p = self.terms.symbols().vector()
+        rates = self.explicit_equations(x, v, a, SX.zeros(3), p)[2]
+        loads = [self.explicit_torques(x, v, a, p), rates]
+        return ca.Function("explicit_loads", [x, v, a, p], loads, {"cse": True})
+
+    @cached_property
+    def explicit_acceleration(self) -> ca.Function:
+        """(x, v, tau, p) -> a by eq. (39) as ``explicit_equations`` writes it."""
+        x, v, a, tau, p, force = self._affine_equations()
+        return ca.Function("explicit_acceleration", [x, v, tau, p], [solve_affine(force, a)])
+
+    def _affine_equations(self) -> tuple[SX, ...]:
+        """x, v, a, tau, p, and eq. (39), affine in τ and in a."""
+        x = [SX.sym(name, 3) for name in ("x", "v", "a", "tau")]
+        p = self.terms.symbols().vector()
+        return *x, p, self.explicit_equations(*x, p)[0]
+
+    def _explicit_equations(self, x: SX, v: SX, a: SX, tau: SX, p: SX) -> tuple[SX, ...]:
+        q, dq, ddq = self.motion(x, v, a, p)
+        force = Explicit().residual(self.mechanism).expand()(0, q, dq, ddq, tau, p)
+        return force, self.reach(x, p)[3:], dq[3::3], ddq[3::3]
+
+    @cached_property
+    def inverse_dynamics(self) -> ca.Function:
+        """(x, v, a, p) -> τ (3), λ (9)."""
+        x, v, a, p = self._platform("x", "v", "a")
+        inverse = self.formulation.inverse_dynamics(self.mechanism)
+        tau, lam = inverse(0, *self.motion(x, v, a, p), p)
+        return ca.Function("inverse_dynamics", [x, v, a, p], [tau, lam])
+
+    @cached_property
+    def forward_dynamics(self) -> ca.Function:
+        """(x, v, tau, p) -> a."""
+        x, v, tau, p = self._platform("x", "v", "tau")
+        forward = self.formulation.forward_dynamics(self.mechanism)
+        ddq, _ = forward(0, *self.velocity(x, v, p), tau, p)
+        return ca.Function("forward_dynamics", [x, v, tau, p], [ddq[:3]])
+
+    def _platform(self, *names: str) -> list[ca.MX]:
+        p = ca.MX.sym("p", len(self.terms.names))
+        return [*(ca.MX.sym(name, 3) for name in names), p]
+
+
+@lru_cache(maxsize=64)
+def delta_functions(terms: DeltaTerms, formulation: Formulation) -> DeltaFunctions:
+    """The functions of all models with these terms: derived once in a process."""
+    return DeltaFunctions(terms, formulation)

@@ -1,0 +1,81 @@
+"""Closed-form kinematics of the Delta in the industrial assembly mode."""
+
+from __future__ import annotations
+
+from math import cos, sin
+
+import casadi as ca
+
+from deltaopt.dynamics.mechanism import SX
+from deltaopt.mechanisms.delta.mechanism import AZIMUTHS, DeltaParameters
+
+
+def inverse_kinematics(p: DeltaParameters, x: SX) -> SX:
+    """q (12) of the platform's centre x (3), every elbow on the outer side of its chain.
+
+    In the frame of a chain the platform sees a planar two-link arm of lengths 2 a₂ and
+    2 a₃ cos q_{k,3}: eq. (50)-(52) solved for one chain. Not a number out of reach.
+    """
+    return ca.vertcat(x, *(_chain_angles(p, azimuth, x) for azimuth in AZIMUTHS))
+
+
+def reach(p: DeltaParameters, x: SX) -> SX:
+    """How far each chain is from its limits, 3 × 2, 1; negative out of reach.
+
+    First column: cos² q_{k,3}. Second: sin² (q_{k,1} - q_{k,2}), where the first allows it.
+    Both vanish at the serial singularities.
+    """
+    rows = []
+    for azimuth in AZIMUTHS:
+        chain = _Chain(p, azimuth, x)
+        rows.append(ca.horzcat(chain.c3_squared, chain.sine_squared))
+    return ca.vertcat(*rows)
+
+
+def forward_kinematics(p: DeltaParameters, theta: SX) -> SX:
+    """x (3) of the motor angles (3): the lower of the two places where three spheres of
+    radius 2 a₃ about the elbows, each moved inwards by a₄, meet. Not a number if none."""
+    radius = 2 * p.a3
+    centres = []
+    for k, azimuth in enumerate(AZIMUTHS):
+        outward = p.a1 - p.a4 + 2 * p.a2 * ca.cos(theta[k])
+        centres.append(
+            ca.vertcat(-2 * p.a2 * ca.sin(theta[k]), cos(azimuth) * outward, sin(azimuth) * outward)
+        )
+    # The centre of the circle through the three centres lies on the line of both solutions.
+    b, c = centres[1] - centres[0], centres[2] - centres[0]
+    normal = ca.cross(b, c)
+    n2 = ca.dot(normal, normal)
+    to_circumcentre = ca.cross(ca.dot(b, b) * c - ca.dot(c, c) * b, normal) / (2 * n2)
+    height = ca.sqrt((radius**2 - ca.dot(to_circumcentre, to_circumcentre)) / n2)
+    # x is down: of ±height take the one that adds to x.
+    return centres[0] + to_circumcentre + ca.sign(normal[0]) * height * normal
+
+
+class _Chain:
+    """A chain's planar two-link arm, ends at ``outward`` and ``up`` of its motor axis."""
+
+    def __init__(self, p: DeltaParameters, azimuth: float, x: SX) -> None:
+        self.outward = cos(azimuth) * x[1] + sin(azimuth) * x[2] - (p.a1 - p.a4)
+        self.up = -x[0]
+        self.s3 = (cos(azimuth) * x[2] - sin(azimuth) * x[1]) / (2 * p.a3)
+        self.c3_squared = (1 - self.s3) * (1 + self.s3)
+        arm2, bars2 = (2 * p.a2) ** 2, (2 * p.a3) ** 2 * self.c3_squared
+        self.distance2 = self.outward**2 + self.up**2
+        # |E·P| and |E×P| of elbow E and end P: the cosine and sine of the angle at the motor.
+        self.dot = (self.distance2 + arm2 - bars2) / 2
+        self.cross2 = arm2 * self.distance2 - self.dot**2
+        self.cosine = self.dot - arm2
+        self.sine_squared = self.cross2 / (arm2 * bars2)
+
+
+def _chain_angles(p: DeltaParameters, azimuth: float, x: SX) -> SX:
+    """q_{k,1}, q_{k,2}, q_{k,3} of one chain."""
+    chain = _Chain(p, azimuth, x)
+    cross = ca.sqrt(chain.cross2)
+    q1 = ca.atan2(
+        chain.up * chain.dot + chain.outward * cross, chain.outward * chain.dot - chain.up * cross
+    )
+    # From the arm to the bars, never across the cut of atan2: cross > 0 in this assembly mode.
+    q2 = q1 - ca.atan2(cross, chain.cosine)
+    return ca.vertcat(q1, q2, ca.asin(chain.s3))

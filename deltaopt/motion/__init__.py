@@ -1,0 +1,1 @@
+"""Motions as functions of time: trajectories, extrema, and slowing them to their limits."""

@@ -1,0 +1,111 @@
+"""The largest values of piecewise smooth functions of time, between samples too."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deltaopt.motion.trajectory import Array
+
+Index = NDArray[np.intp]
+Curves = Callable[[Index, Array], Array]
+"""(interval (N,), fraction of it (N,)) -> values (N, c) of c functions, smooth in an interval."""
+
+_FEWEST_STEPS = 24  # in an interval: more than the 20 points of the definition of an excess
+_FEWEST_IN_ALL = 240  # over all intervals, for motions of few long ones
+_ROUNDS = 2  # of refinement, each by _ZOOM: the place of a peak is known to (1/64)² of a step
+_ZOOM = 8.0
+
+
+@dataclass
+class Peaks:
+    """Largest value so far of each of c functions, and where: value, interval, fraction (c,)."""
+
+    values: Array
+    intervals: Index
+    fractions: Array
+
+    @classmethod
+    def none(cls, functions: int) -> Peaks:
+        """Before anything was seen."""
+        where = np.zeros(functions, dtype=np.intp)
+        return cls(np.full(functions, -np.inf), where, np.zeros(functions))
+
+    def see(self, intervals: Index, fractions: Array, values: Array) -> None:
+        """Keep what is larger among values (N, c)."""
+        rows = np.argmax(values, axis=0)
+        found = values[rows, np.arange(values.shape[1])]
+        better = found > self.values
+        self.values = np.where(better, found, self.values)
+        self.intervals = np.where(better, intervals[rows], self.intervals)
+        self.fractions = np.where(better, fractions[rows], self.fractions)
+
+
+def enough(intervals: int, fewest: int) -> int:
+    """So many, but ``fewest`` at least, in each of so many intervals that all are well seen."""
+    return max(fewest, -(-_FEWEST_IN_ALL // intervals))
+
+
+def sample_fractions(intervals: int) -> Array:
+    """Where to sample each of so many intervals: both ends and at least 20 points inside."""
+    return np.linspace(0.0, 1.0, enough(intervals, _FEWEST_STEPS) + 1)
+
+
+def everywhere(intervals: int, fractions: Array) -> tuple[Index, Array]:
+    """These fractions (n,) of every interval: interval and fraction, (K · n,) each."""
+    return np.repeat(np.arange(intervals), len(fractions)), np.tile(fractions, intervals)
+
+
+def peaks(curves: Curves, fractions: Array, values: Array) -> Peaks:
+    """Climb every hill between samples that may be the highest.
+
+    ``values``: of the curves at ``everywhere`` of these fractions, evenly spaced, (K · n, c).
+    The top of the parabola through three neighbours is the next middle, with neighbours
+    8 times as close, twice: for a smooth function the value is then right to about 1e-12.
+    """
+    intervals = len(values) // len(fractions)
+    highest = Peaks.none(values.shape[1])
+    highest.see(*everywhere(intervals, fractions), values)
+    if np.isfinite(values).all():
+        grid = values.reshape(intervals, len(fractions), -1)
+        _climb(curves, highest, *_hills(grid, highest.values))
+    return highest
+
+
+def _hills(grid: Array, highest: Array) -> tuple[Index, Index, Array, float]:
+    """Hills in samples (K, n, c) that may top the highest (c,): interval, function, fraction
+    of the top (N,) each, and the step between samples."""
+    left, middle, right = grid[:, :-2], grid[:, 1:-1], grid[:, 2:]
+    curvature, slope = left - 2 * middle + right, left - right
+    bent = np.where(curvature < 0, curvature, -np.inf)
+    offset, gain = slope / (2 * bent), -(slope**2) / (8 * bent)
+    hill = (curvature < 0) & (np.abs(offset) <= 1) & (gain > 1e-13 * np.abs(middle))
+    may_win = hill & (middle + 4 * gain >= highest)  # 4: a guess of the gain, not a bound
+    interval, sample, function = np.nonzero(may_win)
+    step = 1 / (grid.shape[1] - 1)
+    return interval, function, (sample + 1 + offset[may_win]) * step, step
+
+
+def _climb(
+    curves: Curves, highest: Peaks, interval: Index, function: Index, top: Array, step: float
+) -> None:
+    """Close in on the tops of hills, (N,) each, and let ``highest`` see all on the way."""
+    n = len(interval)
+    if n == 0:
+        return
+    for _ in range(_ROUNDS):
+        step /= _ZOOM
+        top = np.clip(top, step, 1 - step)
+        where = np.tile(interval, 3), np.concatenate([top - step, top, top + step])
+        values = curves(*where)
+        highest.see(*where, values)
+        if not np.isfinite(values).all():
+            return  # nothing can be higher
+        left, middle, right = values[np.arange(3 * n), np.tile(function, 3)].reshape(3, n)
+        curvature = left - 2 * middle + right
+        bent = np.where(curvature < 0, curvature, -np.inf)
+        top = top + np.clip((left - right) / (2 * bent), -1, 1) * step
+    highest.see(interval, np.clip(top, 0, 1), curves(interval, np.clip(top, 0, 1)))

@@ -1,0 +1,1 @@
+"""Plans as files, and a robot's dynamics as C."""

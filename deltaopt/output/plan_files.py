@@ -1,0 +1,202 @@
+"""Plans as files: trajectory.csv, plan.json and plan.png, each whole or absent."""
+
+from __future__ import annotations
+
+import json
+import platform
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields
+from importlib.metadata import PackageNotFoundError, version
+from math import isfinite
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from deltaopt.files.atomic_write import whole
+from deltaopt.files.validated_record import Vector3
+from deltaopt.motion.effort import cost
+from deltaopt.motion.trajectory import Array, Trajectory
+from deltaopt.scene.scene import Scene
+from deltaopt.verify.pontryagin import MET, Extremal, extremal
+from deltaopt.verify.verification import Verification
+
+RATE = 1000.0
+"""Instants per second in trajectory.csv, Hz: a usual rate of position controllers."""
+
+COLUMNS = (
+    "t",
+    *(name + axis for name in ("", "v", "a") for axis in "xyz"),
+    *(name + motor for name in ("theta", "dtheta", "ddtheta", "tau") for motor in "123"),
+)
+
+
+class Certificate(Protocol):
+    """How well Pontryagin's condition is met."""
+
+    @property
+    def hamiltonian_spread(self) -> float: ...
+    @property
+    def sign_violation(self) -> float: ...
+
+
+class Optimum(Protocol):
+    """A local minimum, and how many first guesses led to it."""
+
+    @property
+    def duration(self) -> float: ...
+    @property
+    def cost(self) -> float: ...
+    @property
+    def halfway(self) -> Vector3: ...
+    @property
+    def gap(self) -> float: ...
+    @property
+    def starts(self) -> int: ...
+
+
+class Solution(Protocol):
+    """How a motion was found. A Plan is one."""
+
+    @property
+    def formulation(self) -> str | None: ...
+    @property
+    def transcription(self) -> str: ...
+    @property
+    def intervals(self) -> int: ...
+    @property
+    def status(self) -> str: ...
+    @property
+    def iterations(self) -> int: ...
+    @property
+    def solve_seconds(self) -> float: ...
+    @property
+    def gap(self) -> float | None: ...
+    @property
+    def tolerance(self) -> float | None: ...
+    @property
+    def certificate(self) -> Certificate | None: ...
+    @property
+    def optima(self) -> Sequence[Optimum]: ...
+
+
+@dataclass(frozen=True)
+class StraightLine:
+    """The solution of a baseline, which needs no solver."""
+
+    formulation: str | None = None
+    transcription: str = "straight line"
+    intervals: int = 1
+    status: str = "closed form"
+    iterations: int = 0
+    solve_seconds: float = 0.0
+    gap: float | None = None
+    tolerance: float | None = None
+    certificate: Certificate | None = None
+    optima: Sequence[Optimum] = ()
+
+
+def save(
+    directory: Path,
+    scene: Scene,
+    trajectory: Trajectory,
+    verification: Verification,
+    solution: Solution,
+    rate: float = RATE,
+) -> list[Path]:
+    """Write the three files of a plan into a directory, made if need be; return their paths."""
+    from deltaopt.plots.plan import draw  # slow to import
+
+    csv, record, chart = (directory / n for n in ("trajectory.csv", "plan.json", "plan.png"))
+    write_csv(csv, trajectory, rate)
+    write_json(record, scene, trajectory, verification, solution)
+    draw(chart, scene, trajectory, _drawn(scene, trajectory, verification))
+    return [csv, record, chart]
+
+
+def write_csv(file: Path, trajectory: Trajectory, rate: float = RATE) -> None:
+    """The motion at ``rate`` (Hz) and at its last instant, one row each, to the last digit."""
+    with whole(file) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as out:
+        out.write(",".join(COLUMNS) + "\n")
+        out.writelines(_rows(trajectory, rate))
+
+
+def write_json(
+    file: Path,
+    scene: Scene,
+    trajectory: Trajectory,
+    verification: Verification,
+    solution: Solution,
+) -> None:
+    """How the motion was found, what verification says of it, versions, the scene as read."""
+    found = {f.name: getattr(solution, f.name) for f in fields(StraightLine)}
+    content = {
+        "duration": trajectory.duration,
+        "cost": {"value": cost(scene, trajectory), "unit": scene.objective.unit},
+        **{name: _finite(value) for name, value in found.items()},
+        "certificate": _certificate(solution.certificate),
+        "optima": [_optimum(each) for each in solution.optima],
+        "verification": verification.as_dict(),
+        "versions": {"python": platform.python_version()}
+        | {name: _version(name) for name in ("deltaopt", "casadi", "numpy")},
+        "scene": scene.model_dump(mode="json", exclude_none=True),
+    }
+    with whole(file) as temporary:
+        text = json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False)
+        temporary.write_text(text + "\n", encoding="utf-8")
+
+
+def _certificate(certificate: Certificate | None) -> dict[str, float] | None:
+    if certificate is None:
+        return None
+    return {
+        "hamiltonian_spread": certificate.hamiltonian_spread,
+        "sign_violation": certificate.sign_violation,
+    }
+
+
+def _optimum(found: Optimum) -> dict[str, object]:
+    return {
+        "duration": found.duration,
+        "cost": found.cost,
+        "halfway": list(found.halfway),
+        "gap": _finite(found.gap),
+        "starts": found.starts,
+    }
+
+
+def _drawn(scene: Scene, trajectory: Trajectory, verification: Verification) -> Extremal | None:
+    """What Pontryagin's condition says along the motion, if it is met."""
+    spread, violation = verification.hamiltonian_spread, verification.sign_violation
+    if spread is None or violation is None or max(spread, violation) > MET:
+        return None
+    return extremal(scene, trajectory)
+
+
+def instants(trajectory: Trajectory, rate: float) -> Array:
+    """Times, s, at ``rate`` (Hz) from the start, and the last instant once."""
+    before_the_end = int(np.ceil(trajectory.duration * rate * (1 - 1e-12)))
+    times = trajectory.knots[0] + np.arange(before_the_end) / rate
+    return np.append(times, trajectory.knots[-1])
+
+
+def _rows(trajectory: Trajectory, rate: float) -> Iterator[str]:
+    m = trajectory(instants(trajectory, rate))
+    table = np.hstack(
+        [m.t[:, None], m.x, m.v, m.a, m.theta, m.dtheta, m.ddtheta, m.tau]
+    )  # as COLUMNS
+    for row in table.tolist():
+        yield ",".join(map(repr, row)) + "\n"
+
+
+def _finite(value: object) -> object:
+    """JSON knows neither infinity nor NaN: null."""
+    return None if isinstance(value, float) and not isfinite(value) else value
+
+
+def _version(package: str) -> str | None:
+    """None where a source tree is used without being installed."""
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None

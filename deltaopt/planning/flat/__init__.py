@@ -1,0 +1,1 @@
+"""The default problem, in the platform's coordinates, and its interior-point method."""

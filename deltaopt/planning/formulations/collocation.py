@@ -1,0 +1,323 @@
+"""Minimum time for a closed chain on a mesh: one problem that serves every pose.
+
+    minimise T + ε Σ_i η_i ∫ (dτ/dc)² dc   over the interval i, c from 0 to 1, τ over its limits
+
+subject to a pose's equations (see ``chain_equations``), limits and ends. The sum is no part of
+the task: in an interval where a torque switches, its values can be traded against each other
+for less than 1e-6 of the duration, along directions that are flat or slightly concave, and
+Ipopt creeps along them for tens of iterations. With ε they have a bottom; it costs nothing
+where torques jump at knots only, and a motion without such ramps exceeds its limits less.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from deltaopt.dynamics.mechanism import SX
+from deltaopt.motion.trajectory import PiecewisePolynomial
+from deltaopt.planning.formulations.loop_closure import LoopClosure
+from deltaopt.planning.formulations.scaled_mechanism import RestToRest, System
+from deltaopt.planning.nlp.cost import FASTEST, Cost
+from deltaopt.planning.nlp.program import (
+    Layout,
+    Options,
+    PointFunction,
+    Points,
+    Program,
+    RunningCost,
+    Solution,
+)
+from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
+from deltaopt.planning.nlp.variables import Variables
+
+Array = NDArray[np.float64]
+
+STEADINESS = 1e-3
+"""ε above: it changes durations by less than 3e-5 once knots lie at the switches."""
+
+FAR: Options = {"ipopt.mumps_pivtol": 1e-3}
+"""From a guess that is no solution. With Ipopt's pivots (1e-6) MUMPS miscounts the signs of
+the eigenvalues of redundant poses on fine meshes, and Ipopt corrects what is in order."""
+NEAR: Options = {
+    **FAR,
+    "ipopt.mu_strategy": "monotone",
+    "ipopt.mu_init": 1e-6,
+    "ipopt.bound_mult_init_method": "mu-based",
+    "ipopt.bound_push": 1e-5,
+    "ipopt.bound_frac": 1e-5,
+    "ipopt.slack_bound_push": 1e-5,
+    "ipopt.slack_bound_frac": 1e-5,
+}
+"""From the solution on the mesh before. The barrier costs its parameter times the number of
+bounds, some 1e-3 of the duration, what a mesh may lack; Ipopt's own beginning drives torques so
+far from their limits that the duration grows tenfold before it falls again."""
+
+
+@dataclass(frozen=True)
+class Equations:
+    """A pose's equations for a system, differentiated once.
+
+    ``coordinates``: indices of q that are polynomials. ``multipliers``: λ's among the
+    algebraic unknowns. ``dynamics``: (X, V, A, τ[, λ], T), p -> rows that vanish.
+    ``at_nodes``: whether dynamics and limits hold at the nodes, where the loops close and
+    whose number is that of a torque's coefficients, or at all points, where torque is that of
+    the path.
+    ``acceleration``: (X, V, A, T), p -> rows that vanish. ``speed``: rows of at most 1.
+    ``opening``: rows that are not negative.
+    """
+
+    system: System
+    coordinates: tuple[int, ...]
+    multipliers: int
+    dynamics: PointFunction
+    at_nodes: bool = False
+    speed: PointFunction | None = None
+    opening: PointFunction | None = None
+    closure: LoopClosure | None = None
+    acceleration: PointFunction | None = None
+    at_knots: PointFunction | None = None
+
+    def derive(self) -> None:
+        """Differentiate and compile all point functions now rather than when first needed."""
+        for f in fields(self):
+            value = getattr(self, f.name)
+            if isinstance(value, PointFunction):
+                _ = value.hessian
+
+    def on(
+        self, mesh: Array, transcription: PiecewiseAcceleration, cost: Cost = FASTEST
+    ) -> ChainProblem:
+        return ChainProblem(self, transcription, mesh, cost)
+
+
+def symbols(m: int, unknowns: int) -> tuple[SX, SX, SX, SX, SX, SX]:
+    """y and its parts X, V, A (m each), algebraic unknowns, T."""
+    y = SX.sym("y", 3 * m + unknowns + 1)
+    return y, y[:m], y[m : 2 * m], y[2 * m : 3 * m], y[3 * m : -1], y[-1]
+
+
+def named(name: str, y: SX, system: System, rows: SX) -> PointFunction:
+    return PointFunction(name, ca.Function("rows", [y, system.p], [ca.cse(ca.densify(rows))]))
+
+
+@dataclass(frozen=True)
+class ChainProblem:
+    """A pose's equations on a mesh of interval fractions (N,); ``steadiness``: ε."""
+
+    equations: Equations
+    transcription: PiecewiseAcceleration
+    mesh: Array
+    cost: Cost = FASTEST
+    steadiness: float = STEADINESS
+
+    @cached_property
+    def variables(self) -> Variables:
+        e = self.equations
+        return Variables(
+            self.transcription,
+            self.mesh,
+            len(e.coordinates),
+            self.transcription.nodes if e.at_nodes else self.transcription.points,
+            e.system.motors + e.multipliers,
+            e.closure.unknowns(e.system) if e.closure else 0,
+        )
+
+    @cached_property
+    def program(self) -> Program:
+        """Of least cost, from a guess that is no solution."""
+        return self.program_with(FAR)
+
+    def program_with(self, options: Options) -> Program:
+        """With other options of Ipopt. Effort has a bottom of its own."""
+        cost = np.zeros(self.variables.number)
+        cost[-1] = self.cost.time
+        running = self._effort() if self.cost.running else self._unsteadiness()
+        return Program(cost, self._continuity, self._rows(), options, running)
+
+    def _unsteadiness(self) -> RunningCost | None:
+        """ε Σ_i η_i ∫ (dτ/dc)² dc, torques linear between their points."""
+        if self.steadiness == 0:
+            return None
+        system, v = self.equations.system, self.variables
+        y = SX.sym("y", 2 * system.motors)
+        before, after = ca.vertsplit(y, system.motors)
+        change = named("change of torque", y, system, ca.sumsqr(after - before))
+        weights = self.steadiness * v.mesh[:, None] / np.diff(v.points)
+        bound = np.zeros(1)
+        points = Points(change, v.changes(system.motors), bound, bound)
+        return RunningCost(points, weights.ravel())
+
+    def _effort(self) -> RunningCost:
+        """∫ τᵀτ dt by Lobatto's rule at the nodes."""
+        e, v, t = self.equations, self.variables, self.transcription
+        y, _, _, _, w, T = symbols(v.components, v.unknowns)
+        m = e.system.motors
+        rate = named("effort", y, e.system, T * ca.sumsqr(e.system.units.torque * w[:m]))
+        points = self._points(rate, v.points, algebraic=True)
+        weights = np.zeros((v.intervals, len(v.points)))
+        weights[:, np.searchsorted(v.points, t.nodes)] = self.mesh[:, None] * t.quadrature
+        return RunningCost(points, self.cost.running * weights.ravel())
+
+    def _rows(self) -> list[Points]:
+        """Dynamics; then what the pose has of closures and openings, and speed last."""
+        e, v, t = self.equations, self.variables, self.transcription
+        rows = [self._points(e.dynamics, v.points, algebraic=True)]
+        if e.acceleration is not None:
+            rows.append(self._points(e.acceleration, t.nodes))
+        if e.at_knots is not None:
+            size = e.at_knots.function.size1_out(0)
+            zero = np.zeros(size)
+            rows.append(Points(e.at_knots, v.ends(), zero, zero, v.knots[1:]))
+        if e.opening is not None:
+            rows.append(self._points(e.opening, v.points, upper=np.inf))
+        if e.speed is not None:
+            rows.append(self._points(e.speed, t.velocity_points, lower=-1.0, upper=1.0))
+        return rows
+
+    def _points(
+        self,
+        function: PointFunction,
+        c: Array,
+        *,
+        algebraic: bool = False,
+        lower: float = 0.0,
+        upper: float = 0.0,
+    ) -> Points:
+        one = np.ones(function.function.size1_out(0))
+        layout = self.variables.at(c, algebraic=algebraic)
+        return Points(function, layout, lower * one, upper * one, self.variables.fractions(c))
+
+    @cached_property
+    def _continuity(self) -> Layout:
+        e = self.equations
+        which = e.coordinates
+        if e.closure is not None:
+            which = e.closure.continuous(e.system)
+        places = tuple(e.coordinates.index(i) for i in which)
+        return self.variables.continuity(places)
+
+    def pack(self, position: PiecewisePolynomial, task: RestToRest) -> Array:
+        """The variables that describe a motion of ξ (m, rad and s) on this mesh, torques within
+        their limits. Raises DependentConstraints."""
+        self.equations.system.require_independent_constraints(task)
+        v = self.variables
+        motion = _Motion(self.equations.system, position, task.p)
+        units, T = motion.units, motion.duration
+        which = list(self.equations.coordinates)
+        X, V, _ = (part[:, which] / units.q[which] for part in motion.at(v.knots))
+        A = motion.at(_inside(v, self.transcription.nodes))[2][:, which] / units.q[which]
+        tau, lam = motion.forces(_inside(v, v.points))
+        w = np.clip(tau / units.torque, -1, 1)
+        if self.equations.multipliers:
+            w = np.hstack([w, lam * units.closure / units.energy])
+        return v.pack(X, V * T, A * T**2, w, T / units.time)
+
+    def unpack(self, z: Array, task: RestToRest) -> PiecewisePolynomial:
+        """What is polynomial of q, (N, degree + 3, m or ν), in m, rad and s."""
+        units = units_at(self.equations.system, task.p)
+        T = z[-1] * units.time
+        coefficients = self.variables.coefficients(z) * units.q[list(self.equations.coordinates)]
+        coefficients /= T ** np.arange(coefficients.shape[1])[:, None]
+        return PiecewisePolynomial(T * self.variables.knots, coefficients)
+
+    def torques(self, z: Array, task: RestToRest) -> Array:
+        """τ at the points that have them, (N, points, motors), N·m."""
+        limits = units_at(self.equations.system, task.p).torque
+        return self.variables.algebraic(z)[:, :, : self.equations.system.motors] * limits
+
+    def bounds(self, task: RestToRest, share: Array | float = 1.0) -> tuple[Array, Array]:
+        """All of q at rest at the start, ξ at rest at the goal: what follows is not fixed twice.
+        Torques within a share of their limits, (N, 1, m), a positive or the given duration."""
+        system, v = self.equations.system, self.variables
+        which = list(self.equations.coordinates)
+        q = units_at(system, task.p).q
+        upper = np.full(v.number, np.inf)
+        limits = np.full((v.intervals, 1, v.unknowns), np.inf)
+        limits[:, :, : system.motors] = share
+        v.set_algebraic(upper, limits)
+        lower, m = -upper, v.components
+        start = (system.coordinates(task.start, task.p) / q)[which]
+        lower[: 2 * m] = upper[: 2 * m] = np.concatenate([start, np.zeros(m)])
+        last = v.number - 2 * m - 1
+        for i, goal in zip(system.independent, task.goal, strict=True):
+            place = last + which.index(i)
+            lower[place] = upper[place] = goal / q[i]
+            lower[place + m] = upper[place + m] = 0.0
+        lower[-1] = 1e-3
+        if self.cost.duration_is_given:
+            lower[-1] = upper[-1] = 1.0
+        return lower, upper
+
+    def prices(self, solution: Solution) -> Array:
+        """Fraction of the duration per fraction of a limit, (N, points, m or 2 m): torques, then
+        limited speeds; positive at the upper limit, negative at the lower. The points are those
+        of torques and those of speeds, in order."""
+        v, m = self.variables, self.equations.system.motors
+        torque = v.algebraic(solution.bound_multipliers)[:, :, :m] / solution.z[-1]
+        if self.equations.speed is None:
+            return np.asarray(torque)
+        places = self.transcription.velocity_points
+        speed = solution.row_multipliers[-v.intervals * len(places) * m :] / solution.z[-1]
+        points = np.union1d(v.points, places)
+        prices = np.zeros((v.intervals, len(points), 2 * m))
+        prices[:, np.searchsorted(points, v.points), :m] = torque
+        prices[:, np.searchsorted(points, places), m:] = speed.reshape(-1, len(places), m)
+        return prices
+
+
+@dataclass(frozen=True)
+class UnitValues:
+    """``Units`` as numbers."""
+
+    q: Array
+    closure: Array
+    time: float
+    energy: float
+    torque: Array
+
+
+def units_at(system: System, p: Array) -> UnitValues:
+    q, closure, time, energy, torque = (
+        np.asarray(r.full()).ravel() for r in system.magnitudes.call([ca.DM(p)])
+    )
+    return UnitValues(q, closure, float(time[0]), float(energy[0]), torque)
+
+
+@dataclass(frozen=True)
+class _Motion:
+    """A motion of ξ, and all that follows from it."""
+
+    system: System
+    position: PiecewisePolynomial
+    p: Array
+
+    @property
+    def duration(self) -> float:
+        return float(self.position.knots[-1])
+
+    @property
+    def units(self) -> UnitValues:
+        return units_at(self.system, self.p)
+
+    def at(self, fractions: Array) -> tuple[Array, ...]:
+        """q, q̇, q̈, (N, n) each, at fractions of the duration."""
+        return self.system.rows(self.system.motion, *self._xi(fractions), p=self.p)
+
+    def forces(self, fractions: Array) -> tuple[Array, ...]:
+        """τ (N, m), λ (N, γ)."""
+        return self.system.rows(self.system.inverse_dynamics, *self._xi(fractions), p=self.p)
+
+    def _xi(self, fractions: Array) -> list[Array]:
+        velocity = self.position.derivative()
+        parts = (self.position, velocity, velocity.derivative())
+        return [part.at(fractions * self.duration) for part in parts]
+
+
+def _inside(v: Variables, c: Array) -> Array:
+    """Fractions of the duration at fractions c of the intervals, ends from just inside."""
+    return v.fractions(np.clip(c, 1e-9, 1 - 1e-9))

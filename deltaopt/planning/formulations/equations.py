@@ -1,0 +1,141 @@
+"""Four ways to pose minimum time for a closed chain: their equations at a point.
+
+    flat         ξ polynomial in time; Cᵀ (Q* + Q) = 0 at ξ's q, q̇, q̈           eq. (39)
+    forward      ξ and τ polynomial; ξ̈ = forward dynamics of (ξ, ξ̇, τ) at the nodes
+    explicit     q polynomial; Cᵀ (Q* + Q) = 0, loops closed by constraints      eq. (39)
+    multiplier   q polynomial; Q* + Q + Jᵀ λ = 0, loops closed by constraints    eq. (37)
+
+Solving for the products with J⁽ᵏ⁾⁻¹ in the explicit form by further unknowns w_k, with
+J⁽ᵏ⁾ᵀ w_k = (Q* + Q)⁽ᵏ⁾, gives the multiplier form again, w = -λ: lifted, they are one.
+Virtual work and Kane's method lead to eq. (39) too.
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from deltaopt.dynamics.lagrange import Explicit, Multiplier
+from deltaopt.dynamics.mechanism import SX
+from deltaopt.planning.formulations.collocation import Equations, named, symbols
+from deltaopt.planning.formulations.loop_closure import LoopClosure, closed
+from deltaopt.planning.formulations.scaled_mechanism import System
+from deltaopt.planning.nlp.program import PointFunction
+
+EXPLICIT = "dynamics, equation (39) for independent coordinate"
+
+
+def flat_equations(system: System) -> Equations:
+    u = system.units
+    y, X, V, A, tau, T = symbols(len(system.independent), system.motors)
+    motion = _physical(u.q[list(system.independent)], X, V, A, u.time * T)
+    rows = _in_units(system.equations(*motion, u.torque * tau, system.p), system)
+    return Equations(
+        system,
+        system.independent,
+        0,
+        named(EXPLICIT, y, system, rows),
+        speed=_speed(system, minimal=True),
+        opening=_opening(system, minimal=True),
+    )
+
+
+def forward_equations(system: System) -> Equations:
+    m, u, nu = system.mechanism, system.units, len(system.independent)
+    units = u.q[list(system.independent)]
+    y, X, V, A, tau, T = symbols(nu, system.motors)
+    rest = SX.zeros(nu)
+    x, v, _ = _physical(units, X, V, A, u.time * T)
+    q, dq, _ = system.motion(x, v, rest, system.p)
+    ddq, _ = Explicit().forward_dynamics(m).expand()(0, q, dq, u.torque * tau, m.parameters)
+    rows = A - (u.time * T) ** 2 * ddq[list(system.independent)] / units
+    return Equations(
+        system,
+        system.independent,
+        0,
+        named("forward dynamics of independent coordinate", y, system, rows),
+        at_nodes=True,
+        speed=_speed(system, minimal=True),
+        opening=_opening(system, minimal=True),
+    )
+
+
+def explicit_equations(system: System, closure: LoopClosure) -> Equations:
+    m, u = system.mechanism, system.units
+    y, X, V, A, tau, T = symbols(system.n, system.motors)
+    motion = _physical(u.q, X, V, A, u.time * T)
+    residual = Explicit().residual(m).expand()(0, *motion, u.torque * tau, m.parameters)
+    dynamics = named(EXPLICIT, y, system, _in_units(residual, system))
+    return _redundant(system, closure, 0, dynamics)
+
+
+def multiplier_equations(system: System, closure: LoopClosure) -> Equations:
+    m, u, gamma = system.mechanism, system.units, system.constraints
+    y, X, V, A, w, T = symbols(system.n, system.motors + gamma)
+    tau, lam = u.torque * w[: system.motors], u.energy / u.closure * w[system.motors :]
+    motion = _physical(u.q, X, V, A, u.time * T)
+    residual = Multiplier().residual(m)(0, *motion, tau, lam, m.parameters)
+    dynamics = named("dynamics, equation (37) for coordinate", y, system, residual * u.q / u.energy)
+    return _redundant(system, closure, gamma, dynamics)
+
+
+def _redundant(
+    system: System, closure: LoopClosure, multipliers: int, dynamics: PointFunction
+) -> Equations:
+    """With loops closed at acceleration level at the nodes, and at the knots as asked."""
+    m, u = system.mechanism, system.units
+    y, X, V, A, _, _ = symbols(system.n, 0)
+    f, df, _ = closed(system, X, V)
+    second = ca.Function("second", [m.q, m.dq, m.ddq, m.parameters], [m.J @ m.ddq + m.J_bias])
+    ddf = second(u.q * X, u.q * V, u.q * A, m.parameters) / u.closure  # the same in any time
+    rows = ddf + closure.feedback(f, df)
+    return Equations(
+        system,
+        tuple(range(system.n)),
+        multipliers,
+        dynamics,
+        at_nodes=True,
+        speed=_speed(system, minimal=False),
+        opening=_opening(system, minimal=False),
+        closure=closure,
+        acceleration=named("loop closure at acceleration level, constraint", y, system, rows),
+        at_knots=closure.at_knots(system),
+    )
+
+
+def _speed(system: System, *, minimal: bool) -> PointFunction | None:
+    """Motor speeds over their limits, if there are any."""
+    m, u = system.mechanism, system.units
+    if u.speed is None:
+        return None
+    y, q, dq, T = _state(system, minimal=minimal)
+    rate = ca.Function("rate", [m.q, m.dq, m.parameters], [m.B.T @ m.dq])
+    rows = rate(q, dq, m.parameters) / (u.time * T * u.speed)
+    return named("speed limit of motor", y, system, rows)
+
+
+def _opening(system: System, *, minimal: bool) -> PointFunction | None:
+    """What keeps the motion inside its assembly mode, if it can be left."""
+    if system.openings.numel() == 0:
+        return None
+    y, q, _, _ = _state(system, minimal=minimal)
+    return named("assembly mode of chain", y, system, system.inside(q, system.p))
+
+
+def _state(system: System, *, minimal: bool) -> tuple[SX, SX, SX, SX]:
+    """y = (X, V, A, T), q, q̇ (with time in units of the duration), T."""
+    if not minimal:
+        y, X, V, _, _, T = symbols(system.n, 0)
+        return y, system.units.q * X, system.units.q * V, T
+    y, X, V, _, _, T = symbols(len(system.independent), 0)
+    units = system.units.q[list(system.independent)]
+    q, dq, _ = system.motion(units * X, units * V, SX.zeros(X.numel()), system.p)
+    return y, q, dq, T
+
+
+def _in_units(residual: SX, system: System) -> SX:
+    """Eq. (39): forces on ξ."""
+    return residual * system.units.q[list(system.independent)] / system.units.energy
+
+
+def _physical(units: SX, X: SX, V: SX, A: SX, T: SX) -> tuple[SX, SX, SX]:
+    return units * X, units * V / T, units * A / T**2

@@ -1,0 +1,150 @@
+"""A mechanism as the redundant and the minimal problems see it, and its rest-to-rest task.
+
+Every pose is written for a mechanism and its independent coordinates ξ; the Delta and the
+five-bar differ in what this module is given, not in the code of the poses.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from deltaopt.dynamics.constraint_matrix import ClosedForm
+from deltaopt.dynamics.lagrange import Explicit
+from deltaopt.dynamics.mechanism import SX, Mechanism, none
+from deltaopt.errors import DependentConstraints
+from deltaopt.planning.formulations.independent_rows import dependent_rows
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Units:
+    """Magnitudes that bring variables and equations to the order of one.
+
+    ``q``: of the coordinates, n. ``closure``: of the constraints f, γ. ``time``: s.
+    ``energy``: J; a generalized force is measured in energy per unit of its coordinate.
+    ``torque``, ``speed``: limits of the motors, m; no speed, no limit.
+    """
+
+    q: SX
+    closure: SX
+    time: SX
+    energy: SX
+    torque: SX
+    speed: SX | None = None
+
+
+@dataclass(frozen=True)
+class RestToRest:
+    """From where to where, at rest at both ends: ξ, (ν,) each; ``p``: the system's parameters."""
+
+    p: Array
+    start: Array
+    goal: Array
+
+
+@dataclass(frozen=True)
+class System:
+    """A fully actuated mechanism with closed-form kinematics, and the units of a task.
+
+    ``independent``: indices of ξ among q; the mechanism's ``closed_form`` is for δξ.
+    ``kinematics``: (ξ, mechanism's parameters) -> q (n). ``scales``: symbols on which, with
+    the mechanism's parameters, the ``units`` depend. ``openings``: expressions of q and p that
+    are not negative inside the assembly mode, if that can be left. ``explicit``: eq. (39) as
+    (ξ, ξ̇, ξ̈, τ, mechanism's parameters) -> ν, where that is known simpler than through q.
+    """
+
+    mechanism: Mechanism
+    independent: tuple[int, ...]
+    kinematics: ca.Function
+    scales: SX
+    units: Units
+    openings: SX = field(default_factory=none)
+    explicit: ca.Function | None = None
+
+    @cached_property
+    def p(self) -> SX:
+        """Parameters of a program: scales, then the mechanism's."""
+        return ca.vertcat(self.scales, self.mechanism.parameters)
+
+    @property
+    def n(self) -> int:
+        """How many coordinates q."""
+        return int(self.mechanism.q.numel())
+
+    @property
+    def motors(self) -> int:
+        return int(self.mechanism.controls.numel())
+
+    @property
+    def constraints(self) -> int:
+        """γ."""
+        return int(self.mechanism.mu.numel())
+
+    @cached_property
+    def motion(self) -> ca.Function:
+        """(ξ, ξ̇, ξ̈, p) -> q, q̇, q̈ (n each): q̇ = C ξ̇, q̈ = C ξ̈ - P (J̇ q̇ + μ̇)."""
+        m, x = self.mechanism, [SX.sym(name, len(self.independent)) for name in ("x", "v", "a")]
+        q = self.kinematics(x[0], m.parameters)
+        C, P = ClosedForm().function(m)(0, q, m.parameters)
+        dq = C @ x[1]
+        bias = ca.Function("bias", [m.q, m.dq, m.parameters], [m.J_bias])(q, dq, m.parameters)
+        return ca.Function("motion", [*x, self.p], [q, dq, C @ x[2] - P @ bias])
+
+    @cached_property
+    def equations(self) -> ca.Function:
+        """(ξ, ξ̇, ξ̈, τ, p) -> Cᵀ (Q* + Q), ν, eq. (39)."""
+        m, nu = self.mechanism, len(self.independent)
+        x, tau = [SX.sym(name, nu) for name in ("x", "v", "a")], SX.sym("tau", self.motors)
+        if self.explicit is not None:
+            rows = self.explicit(*x, tau, m.parameters)
+        else:
+            motion = self.motion(*x, self.p)
+            rows = Explicit().residual(m).expand()(0, *motion, tau, m.parameters)
+        return ca.Function("equations", [*x, tau, self.p], [rows])
+
+    @cached_property
+    def inverse_dynamics(self) -> ca.Function:
+        """(ξ, ξ̇, ξ̈, p) -> τ (m), λ (γ)."""
+        m, x = self.mechanism, [SX.sym(name, len(self.independent)) for name in ("x", "v", "a")]
+        inverse = Explicit().inverse_dynamics(m).expand()
+        results = inverse(0, *self.motion(*x, self.p), m.parameters)
+        return ca.Function("inverse_dynamics", [*x, self.p], list(results))
+
+    @cached_property
+    def inside(self) -> ca.Function:
+        """(q, p) -> openings."""
+        return ca.Function("inside", [self.mechanism.q, self.p], [self.openings])
+
+    @cached_property
+    def magnitudes(self) -> ca.Function:
+        """p -> units of q (n), of f (γ), of time, energy, torque (m)."""
+        u = self.units
+        return ca.Function("magnitudes", [self.p], [u.q, u.closure, u.time, u.energy, u.torque])
+
+    def rows(self, function: ca.Function, *columns: Array, p: Array) -> tuple[Array, ...]:
+        """A function of (columns …, p) for rows: (N, i) each -> (N, o) each."""
+        results = function.call([*(ca.DM(c.T) for c in columns), ca.DM(p)])
+        return tuple(np.asarray(r.full()).T for r in results)
+
+    def coordinates(self, xi: Array, p: Array) -> Array:
+        """q, (n,), of ξ, (ν,)."""
+        q = self.kinematics(xi, p[self.scales.numel() :])
+        return np.asarray(q.full()).ravel()
+
+    def require_independent_constraints(self, task: RestToRest) -> None:
+        """Raise DependentConstraints if loop constraints follow from others at the start."""
+        m = self.mechanism
+        J = ca.Function("J", [m.time, m.q, self.p], [m.J])
+        dependent = dependent_rows(np.asarray(J(0, self.coordinates(task.start, task.p), task.p)))
+        if dependent:
+            names = ", ".join(str(row + 1) for row in dependent)
+            raise DependentConstraints(
+                f"{m.name}: loop constraint {names} of {self.constraints} follows from the others "
+                "at the start; leave it out"
+            )

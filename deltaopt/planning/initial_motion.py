@@ -1,0 +1,205 @@
+"""Motions that need no optimisation: the straight line, and a curve where that is blocked."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import lru_cache
+from itertools import product
+from math import comb, isinf
+
+import casadi as ca
+import numpy as np
+from numpy.polynomial.polynomial import polyder, polymul, polyval
+
+from deltaopt.codegen.vectorised import RowFunction
+from deltaopt.dynamics.lagrange import Explicit
+from deltaopt.errors import DeltaOptError, Infeasible, Unreachable
+from deltaopt.files.validated_record import Vector3
+from deltaopt.mechanisms.delta.functions import delta_functions
+from deltaopt.mechanisms.delta.mechanism import DeltaTerms
+from deltaopt.motion.time_scaling import rough_factor, safe_factor
+from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
+from deltaopt.robot.model import DeltaModel, delta_model
+from deltaopt.robot.robot import Robot
+from deltaopt.scene.scene import Scene
+
+_ALONG = np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0])
+"""Share of the way at u = t / duration: at rest and without acceleration at both ends."""
+_PULLS = (0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0)
+"""How far arcs are pulled from the line towards the middle of the workspace, as a share."""
+
+
+_JOINT_LINE_INTERVALS = 32
+
+
+def straight_line(model: DeltaModel, start: Vector3, goal: Vector3, duration: float) -> Trajectory:
+    """10 u³ - 15 u⁴ + 6 u⁵ of the way at u = t / duration: at rest and without acceleration
+    at both ends, as in the paper's Fig. 4."""
+    begin, way = np.array(start), np.array(goal) - np.array(start)
+    coefficients = _ALONG[:, None] * way
+    coefficients[0] += begin
+    return _one_piece(model, coefficients).slowed(duration)
+
+
+def baseline(scene: Scene) -> Trajectory:
+    """The straight line at the shortest duration that keeps the scene's limits, or at the
+    duration that the scene gives.
+
+    Raises Unreachable where the line leaves the workspace, and Infeasible where gravity alone
+    exceeds a torque limit on it or the given duration is too short: a detour may exist all
+    the same.
+    """
+    line = straight_line(delta_model(scene.robot, scene.payload), scene.start, scene.goal, 1.0)
+    fastest = _fastest(scene, line, "the straight line from start to goal")
+    given = scene.objective.given_duration
+    if given is None:
+        return fastest
+    if given < fastest.duration:
+        raise Infeasible(
+            f"duration is {given:g} s, but the straight line from start to goal takes "
+            f"{fastest.duration:.6g} s at least"
+        )
+    return fastest.slowed(given / fastest.duration)
+
+
+def detour(scene: Scene) -> Trajectory:
+    """The fastest of a few curves that bulge towards the middle of the workspace.
+
+    Raises Unreachable if none of them can be driven.
+    """
+    for curves in (_arcs, _bends):
+        motions = list(driven(scene, curves(scene)))
+        if motions:
+            return min(motions, key=lambda motion: motion.duration)
+    raise Unreachable("neither a straight line nor a simple curve leads from start to goal")
+
+
+def driven(scene: Scene, curves: Iterator[Trajectory]) -> Iterator[Trajectory]:
+    """Those of the curves that can be driven, as fast as limits allow."""
+    for curve in curves:
+        try:
+            yield _fastest(scene, curve, "the curve")
+        except DeltaOptError:
+            continue
+
+
+def _arcs(scene: Scene) -> Iterator[Trajectory]:
+    """Parabolas drawn towards the middle."""
+    halfway = (np.array(scene.start) + scene.goal) / 2
+    for pull in _PULLS:
+        corner = halfway + pull * (_middle(scene.robot, 0.5) - halfway)
+        yield curve_between(scene, corner)
+
+
+def _bends(scene: Scene) -> Iterator[Trajectory]:
+    """Cubics that leave start and reach goal each towards a point on the axis, deeper ones
+    too: from one far side to the other, around what the chains cannot fold into."""
+    start, goal = np.array(scene.start), np.array(scene.goal)
+    for depth, leave, arrive in product((0.5, 0.6, 0.7, 0.8), (0.5, 1.0, 1.3), (0.5, 1.0, 1.3)):
+        middle = _middle(scene.robot, depth)
+        yield curve_between(
+            scene, start + leave * (middle - start), goal + arrive * (middle - goal)
+        )
+
+
+def joint_line(scene: Scene) -> Trajectory:
+    """Motor angles straight from start to goal in 1 s, the platform's way by cubics.
+
+    Raises Unreachable where the bars do not meet.
+    """
+    model = delta_model(scene.robot, scene.payload)
+    u = np.linspace(0.0, 1.0, _JOINT_LINE_INTERVALS + 1)
+    ends = np.tile([*scene.start, *scene.goal], (len(u), 1))
+    share = np.asarray(polyval(u, _ALONG), dtype=float)[:, None]
+    rate = np.asarray(polyval(u, polyder(_ALONG)), dtype=float)[:, None]
+    function = _joint_line_function(model.functions.terms)
+    x, v = function(ends, share, rate, parameters=model.parameters)
+    if not np.isfinite(x).all():
+        raise Unreachable("motor angles straight from start to goal: the bars do not meet")
+    x[[0, -1]], v[[0, -1]] = (scene.start, scene.goal), 0.0
+    return Trajectory(PiecewisePolynomial.hermite(u, x, v), model)
+
+
+@lru_cache(maxsize=16)
+def _joint_line_function(terms: DeltaTerms) -> RowFunction:
+    """(start and goal, share of the way in motor angles, its rate, p) -> x, v."""
+    functions = delta_functions(terms, Explicit())
+    ends, share, rate = ca.SX.sym("ends", 6), ca.SX.sym("share"), ca.SX.sym("rate")
+    p = ca.SX.sym("p", len(terms.names))
+    first, last = (functions.inverse_kinematics(end, p)[3::3] for end in (ends[:3], ends[3:]))
+    x = functions.forward_kinematics((1 - share) * first + share * last, p)
+    v = ca.jtimes(x, share, rate)
+    inputs = [ends, share, rate, p]
+    return RowFunction(ca.Function("joint_line", inputs, [x, v], {"cse": True}))
+
+
+def first_motion(scene: Scene) -> Trajectory:
+    """What an optimisation may start from: the first of these that there is."""
+    for line in (_line, joint_line):
+        try:
+            return _roughly_fastest(scene, line(scene))
+        except DeltaOptError:
+            continue
+    return detour(scene)
+
+
+def _line(scene: Scene) -> Trajectory:
+    model = delta_model(scene.robot, scene.payload)
+    return straight_line(model, scene.start, scene.goal, 1.0)
+
+
+def _roughly_fastest(scene: Scene, trajectory: Trajectory) -> Trajectory:
+    """At the shortest duration that keeps the limits at samples."""
+    factor = rough_factor(scene, trajectory)
+    if isinf(factor):
+        raise Infeasible("it cannot be driven at any speed")
+    return trajectory.slowed(factor)
+
+
+def between(trajectory: Trajectory, model: DeltaModel, start: Vector3, goal: Vector3) -> Trajectory:
+    """A motion shifted to other ends, by the straight line's share of the way in between."""
+    old, knots = trajectory.position, trajectory.knots
+    ends = old.at(knots[[0, -1]])
+    shifts = np.array([start, goal]) - ends
+    u = (knots - knots[0]) / trajectory.duration
+    share, rate = polyval(u, _ALONG), polyval(u, polyder(_ALONG)) / trajectory.duration
+    x, v = old.with_rate_at(knots)
+    x = x + shifts[0] + np.outer(share, shifts[1] - shifts[0])
+    v = v + np.outer(rate, shifts[1] - shifts[0])
+    return Trajectory(PiecewisePolynomial.hermite(knots, x, v), model)
+
+
+def _fastest(scene: Scene, trajectory: Trajectory, name: str) -> Trajectory:
+    """A motion at the shortest duration that keeps the limits."""
+    try:
+        factor = safe_factor(scene, trajectory, at_least=0.0)
+    except Unreachable as error:
+        raise Unreachable(f"{name}: {error}") from None
+    if isinf(factor):
+        raise Infeasible(f"{name}: gravity alone exceeds a torque limit on it")
+    return trajectory.slowed(factor)
+
+
+def curve_between(scene: Scene, *control: Array) -> Trajectory:
+    """The Bézier curve from start to goal with these points between, driven in 1 s."""
+    points = np.array([scene.start, *control, scene.goal])
+    n = len(points) - 1
+    # Powers of the share of the way: differences of the points, forward from the first.
+    coefficients, power = np.zeros((n * (len(_ALONG) - 1) + 1, 3)), np.ones(1)
+    for k in range(n + 1):
+        coefficients[: len(power)] += np.outer(power, comb(n, k) * np.diff(points, k, axis=0)[0])
+        power = polymul(power, _ALONG)
+    return _one_piece(delta_model(scene.robot, scene.payload), coefficients)
+
+
+def _one_piece(model: DeltaModel, coefficients: Array) -> Trajectory:
+    """A motion of one polynomial, coefficients (powers, 3), in 1 s."""
+    return Trajectory(PiecewisePolynomial(np.array([0.0, 1.0]), coefficients[None]), model)
+
+
+def _middle(robot: Robot, depth: float) -> Array:
+    """On the robot's axis, 3, m: at a depth from 0, folded, to 1, stretched."""
+    arm, bars = robot.upper_arm.length, robot.forearm.length
+    offset = robot.base_radius - robot.platform_radius
+    folded, stretched = (max(reach**2 - offset**2, 0) ** 0.5 for reach in (bars - arm, bars + arm))
+    return np.array([folded + depth * (stretched - folded), 0.0, 0.0])

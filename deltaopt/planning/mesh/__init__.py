@@ -1,0 +1,1 @@
+"""Solutions on a mesh: their error estimate, and what the next mesh should be."""

@@ -1,0 +1,1 @@
+"""Nonlinear programs: variables, transcription, scaling, and their solution by Ipopt."""

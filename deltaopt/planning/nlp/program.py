@@ -1,0 +1,420 @@
+"""Nonlinear programs made of one small function evaluated at many points.
+
+    minimise  c · z   subject to   l ≤ z ≤ u,   G z = b,   l_i ≤ r(y_i, p) ≤ u_i,   y_i = L_i z
+
+What happens at a point (torques, say) is a `PointFunction` r(y, p), differentiated once;
+where the points lie among the variables is a constant sparse `Layout` L. Jacobian and Hessian
+of the whole are then constant linear combinations of the points' derivatives, so the whole
+is never expanded and the same code serves every transcription and formulation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from operator import attrgetter
+from time import perf_counter
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from deltaopt.codegen.compile import compiled
+from deltaopt.errors import NotConverged
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.intp]
+
+Options = dict[str, str | float | int | bool]
+
+IPOPT: Options = {
+    "print_time": False,
+    "record_time": True,
+    "show_eval_warnings": False,  # a trial point out of reach is a shorter step for Ipopt
+    "calc_lam_p": False,
+    "no_nlp_grad": True,  # of use for sensitivities only, and machine code has no derivative
+    "ipopt.print_level": 0,
+    "ipopt.sb": "yes",
+    "ipopt.mu_strategy": "adaptive",
+    "ipopt.nlp_scaling_method": "none",  # variables and rows come scaled by the scene
+    "ipopt.tol": 1e-8,
+    "ipopt.max_iter": 200,
+}
+WITH_RUNNING_COST: Options = {
+    # From a bang-bang guess the filter that is usual here lets the duration run away.
+    "ipopt.adaptive_mu_globalization": "kkt-error",
+}
+
+Derivatives = list[tuple[ca.Function, ca.Sparsity]]
+"""Jacobian and Hessian: a function that returns nonzeros, last of its results; their sparsity."""
+
+
+@dataclass(frozen=True)
+class PointFunction:
+    """r(y, p) at one point, with exact derivatives with respect to y.
+
+    ``function``: (y, p) -> r, scalar expressions. ``name`` is what an error calls its rows.
+    """
+
+    name: str
+    function: ca.Function
+
+    @cached_property
+    def _expressions(self) -> tuple[ca.SX, ca.SX, ca.SX]:
+        y = ca.SX.sym("y", self.function.size1_in(0))
+        p = ca.SX.sym("p", self.function.size1_in(1))
+        return y, p, self.function(y, p)
+
+    @property
+    def jacobian(self) -> tuple[ca.Function, ca.Sparsity]:
+        """(y, p) -> r and the nonzeros of ∂r/∂y; their sparsity."""
+        return self.derivatives[0]
+
+    @property
+    def hessian(self) -> tuple[ca.Function, ca.Sparsity]:
+        """(y, p, λ) -> the nonzeros of ∂²(λ·r)/∂y²; their sparsity."""
+        return self.derivatives[1]
+
+    @cached_property
+    def derivatives(self) -> Derivatives:
+        """``jacobian`` and ``hessian``, in machine code where there is a compiler."""
+        functions, sparsities = zip(*self.derived, strict=True)
+        return list(zip(compiled(functions), sparsities, strict=True))
+
+    @property
+    def derived(self) -> Derivatives:
+        """``jacobian`` and ``hessian`` as CasADi derives them."""
+        y, p, r = self._expressions
+        lam = ca.SX.sym("lam", r.numel())
+        J, H = ca.jacobian(r, y), ca.hessian(ca.dot(lam, r), y)[0]
+        jacobian = ca.Function("jacobian", [y, p], [r, J.nz[:]], {"cse": True})
+        hessian = ca.Function("hessian", [y, p, lam], [H.nz[:]], {"cse": True})
+        return [(jacobian, J.sparsity()), (hessian, H.sparsity())]
+
+
+@dataclass(frozen=True)
+class Layout:
+    """A constant sparse matrix L, each row the sum of a few weighted variables.
+
+    ``columns`` and ``weights``: (rows, k); row i is Σ_k weights[i, k] z[columns[i, k]].
+    ``names``: what an error calls each row, if it may be one's subject.
+    """
+
+    columns: Integers
+    weights: Array
+    names: tuple[str, ...] = ()
+
+    def matrix(self, n_variables: int) -> ca.DM:
+        rows = np.repeat(np.arange(len(self.columns)), self.columns.shape[1])
+        return _sparse(
+            rows, self.columns.ravel(), self.weights.ravel(), len(self.columns), n_variables
+        )
+
+
+@dataclass(frozen=True)
+class Points:
+    """A point function at n points; the layout has n · ny rows, point by point.
+
+    ``lower``, ``upper``: bounds of r, (nr,) if the same at every point, else (n, nr).
+    ``fractions``: when, as fractions of the duration, (n,), for errors to tell.
+    """
+
+    function: PointFunction
+    layout: Layout
+    lower: Array
+    upper: Array
+    fractions: Array | None = None
+
+    @property
+    def number(self) -> int:
+        return len(self.layout.columns) // self.function.function.size1_in(0)
+
+    @property
+    def rows(self) -> int:
+        """Rows at one point."""
+        return int(self.function.function.size1_out(0))
+
+    def bounds(self, each: Array) -> Array:
+        """Bounds of all rows, point by point, from ``lower`` or ``upper``."""
+        return np.broadcast_to(each, (self.number, self.rows)).ravel()
+
+    def row_names(self) -> list[str]:
+        """What each row is and when, for an error."""
+        n, nr = self.number, self.rows
+        when = [f"point {i} of {n}" for i in range(1, n + 1)]
+        if self.fractions is not None:
+            when = [f"{fraction:.1%} of the duration" for fraction in self.fractions]
+        return [f"{self.function.name} {j + 1} at {place}" for place in when for j in range(nr)]
+
+
+@dataclass(frozen=True)
+class RunningCost:
+    """Σ weights[i] l(y_i, p), to be added to the cost: an integral by quadrature.
+
+    ``points``: l, one row, its bounds without meaning. ``weights``: (number of points,).
+    """
+
+    points: Points
+    weights: Array
+
+
+@dataclass(frozen=True)
+class Spent:
+    """Seconds on rows and their derivatives, and on linear systems (with Ipopt, all else)."""
+
+    evaluation: float
+    algebra: float
+
+    def __add__(self, other: Spent) -> Spent:
+        return Spent(self.evaluation + other.evaluation, self.algebra + other.algebra)
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Where Ipopt ended: ``z`` the variables, multipliers of their bounds and of the rows.
+
+    A multiplier is positive where an upper bound holds, negative where a lower one does.
+    """
+
+    z: Array
+    bound_multipliers: Array
+    row_multipliers: Array
+    status: str
+    iterations: int
+    seconds: float
+    spent: Spent
+
+
+class Program:
+    """A nonlinear program built once, solved many times with other bounds and parameters.
+
+    ``cost``: c, (n,). ``linear``: layout of the rows G z = 0. ``points``: the nonlinear rows.
+    ``options``: of Ipopt, where they differ from ``IPOPT``. ``running``: a further cost, if
+    there is one.
+
+    ``jacobian``: (z, p) -> all rows and their Jacobian. ``hessian``: (z, p, λ_f, λ_g) -> the
+    upper triangle of the Lagrangian's.
+    """
+
+    jacobian: ca.Function
+    hessian: ca.Function
+
+    def __init__(
+        self,
+        cost: Array,
+        linear: Layout,
+        points: list[Points],
+        options: Options | None = None,
+        running: RunningCost | None = None,
+    ) -> None:
+        self._n = len(cost)
+        self.linear = linear
+        self.points = points
+        continuity = np.zeros(len(linear.columns))
+        self._lower_rows = np.concatenate([continuity, *(q.bounds(q.lower) for q in points)])
+        self._upper_rows = np.concatenate([continuity, *(q.bounds(q.upper) for q in points)])
+        self._solver = self._build(cost, options or {}, running)
+
+    @property
+    def rows(self) -> tuple[Array, Array]:
+        """Bounds of all rows."""
+        return self._lower_rows, self._upper_rows
+
+    @property
+    def row_names(self) -> list[str]:
+        """What each row is and when."""
+        names = list(self.linear.names) or ["continuity"] * len(self.linear.columns)
+        return names + [name for points in self.points for name in points.row_names()]
+
+    def solve(self, guess: Array, lower: Array, upper: Array, p: Array) -> Solution:
+        """From a guess, within the bounds of the variables, with parameters p.
+
+        Raises NotConverged with Ipopt's status and the last iterate.
+        """
+        begin = perf_counter()
+        result = self._solver(
+            x0=guess, lbx=lower, ubx=upper, lbg=self._lower_rows, ubg=self._upper_rows, p=p
+        )
+        stats = self._solver.stats()
+        z = np.asarray(result["x"].full()).ravel()
+        if not stats["success"]:
+            raise NotConverged(
+                self._complaint(stats, np.asarray(result["g"].full()).ravel()),
+                stats["return_status"],
+                z,
+            )
+        return Solution(
+            z=z,
+            bound_multipliers=self._bound_multipliers(result, lower == upper, p),
+            row_multipliers=np.asarray(result["lam_g"].full()).ravel(),
+            status=stats["return_status"],
+            iterations=stats["iter_count"],
+            seconds=perf_counter() - begin,
+            spent=_spent(stats),
+        )
+
+    def _bound_multipliers(
+        self, result: dict[str, ca.DM], fixed: NDArray[np.bool], p: Array
+    ) -> Array:
+        """Ipopt's; of variables that are fixed, which it does not see, from stationarity."""
+        multipliers = np.asarray(result["lam_x"].full()).ravel()
+        gradient = self._solver.get_function("nlp_grad_f")(result["x"], p)[1]
+        jacobian = self.jacobian(result["x"], p)[1]
+        rest = -(gradient + jacobian.T @ result["lam_g"]).full().ravel()
+        return np.where(fixed, rest, multipliers)
+
+    def _build(self, cost: Array, options: Options, running: RunningCost | None) -> ca.Function:
+        np_ = self.points[0].function.function.size1_in(1)
+        z, p = ca.MX.sym("z", self._n), ca.MX.sym("p", np_)
+        lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", len(self._lower_rows))
+        f, gradient = ca.dot(ca.DM(cost), z), ca.MX(ca.DM(cost))
+        derivatives = attrgetter("derivatives")
+        g, jac, curvature = assemble_rows(self.linear, self.points, derivatives, z, p, lam_g)
+        if running is not None:
+            value, slope, curved = _running(running, z, p, lam_f)
+            f, gradient = f + value, gradient + slope
+            curvature.append((running.points, running.points.function.hessian[1], curved))
+        hess = assemble_hessian(curvature, self._n)
+        program = {"x": z, "p": p, "f": f, "g": g}
+        functions = {
+            "grad_f": ca.Function("nlp_grad_f", [z, p], [f, gradient]),
+            "jac_g": ca.Function("nlp_jac_g", [z, p], [g, jac]),
+            "hess_lag": ca.Function("nlp_hess_l", [z, p, lam_f, lam_g], [hess]),
+        }
+        self.jacobian, self.hessian = functions["jac_g"], functions["hess_lag"]
+        usual = IPOPT if running is None else IPOPT | WITH_RUNNING_COST
+        return ca.nlpsol("nlp", "ipopt", program, {**functions, **usual, **options})
+
+    def _complaint(self, stats: dict[str, object], g: Array) -> str:
+        """What Ipopt said, and which rows are violated most."""
+        violation = np.maximum(self._lower_rows - g, g - self._upper_rows)
+        worst = int(np.nanargmax(violation)) if np.isfinite(violation).any() else 0
+        return (
+            f"Ipopt stopped after {stats['iter_count']} iterations: {stats['return_status']}; "
+            f"worst constraint: {self.row_names[worst]}, violated by {violation[worst]:.1e}"
+        )
+
+
+def _spent(stats: dict[str, float]) -> Spent:
+    evaluation = sum(t for name, t in stats.items() if name.startswith("t_wall_nlp_"))
+    return Spent(evaluation, stats["t_wall_total"] - evaluation)
+
+
+def _running(running: RunningCost, z: ca.MX, p: ca.MX, lam_f: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
+    """Value, gradient (dense) and nonzeros of the points' Hessians of a running cost."""
+    points, n = running.points, running.points.number
+    weights = ca.DM(running.weights).T
+    y = ca.reshape(ca.mtimes(points.layout.matrix(z.numel()), z), -1, n)
+    ps = ca.repmat(p, 1, n)
+    jacobian, sparsity = points.function.jacobian
+    r, J = jacobian.map(n)(y, ps)
+    nnz = sparsity.nnz()
+    weighted = ca.vec(ca.reshape(J, nnz, n) * ca.repmat(weights, nnz, 1))
+    rows = assemble_jacobian(ca.DM(0, z.numel()), [(points, sparsity, weighted)], z.numel())
+    H = points.function.hessian[0].map(n)(y, ps, lam_f * weights)
+    return ca.dot(weights, r), ca.densify(ca.sum1(rows)).T, ca.vec(H)
+
+
+Entries = tuple[Points, ca.Sparsity, ca.MX]
+"""Derivatives at points: their sparsity at each, and the nonzeros of all, point by point."""
+
+
+def assemble_rows(
+    linear: Layout,
+    of: Sequence[Points],
+    derivatives: Callable[[PointFunction], Derivatives],
+    z: ca.MX,
+    p: ca.MX,
+    multipliers: ca.MX,
+) -> tuple[ca.MX, ca.MX, list[Entries]]:
+    """All rows, linear ones first; their Jacobian; and the points' Hessians of the rows times
+    multipliers, for ``assemble_hessian``."""
+    n = z.numel()
+    G = linear.matrix(n)
+    rows, slopes, curvature = [ca.mtimes(G, z)], list[Entries](), list[Entries]()
+    first = len(linear.columns)
+    for points in of:
+        N, nr = points.number, points.rows
+        y = ca.reshape(ca.mtimes(points.layout.matrix(n), z), -1, N)
+        ps = ca.repmat(p[: points.function.function.size1_in(1)], 1, N)
+        (jacobian, J_sparsity), (hessian, H_sparsity) = derivatives(points.function)
+        r, J = jacobian.map(N)(y, ps)
+        H = hessian.map(N)(y, ps, ca.reshape(multipliers[first : first + N * nr], nr, N))
+        rows.append(ca.vec(r))
+        slopes.append((points, J_sparsity, ca.vec(J)))
+        curvature.append((points, H_sparsity, ca.vec(H)))
+        first += N * nr
+    return ca.vertcat(*rows), assemble_jacobian(G, slopes, n), curvature
+
+
+def assemble_jacobian(G: ca.DM, slopes: Sequence[Entries], n: int) -> ca.MX:
+    """The Jacobian of all rows: each point's, times its rows of L."""
+    blocks = [ca.MX(G)]
+    for points, sparsity, nonzeros in slopes:
+        a, b = (np.array(i, dtype=np.intp) for i in sparsity.get_triplet())
+        layout, N = points.layout, points.number
+        ny, nr, k = sparsity.size2(), sparsity.size1(), layout.columns.shape[1]
+        at = np.arange(N)[:, None]
+        y = at * ny + b  # (N, nnz)
+        rows = np.broadcast_to((at * nr + a)[..., None], (N, len(a), k))
+        source = np.broadcast_to(np.arange(N * len(a)).reshape(N, -1)[..., None], rows.shape)
+        blocks.append(
+            _scatter(rows, layout.columns[y], source, layout.weights[y], nonzeros, (N * nr, n))
+        )
+    return ca.vertcat(*blocks)
+
+
+def assemble_hessian(curvature: Sequence[Entries], n: int) -> ca.MX:
+    """The upper triangle of Σ Lᵀ H L over all points."""
+    total = ca.MX(n, n)
+    for points, sparsity, nonzeros in curvature:
+        a, b = (np.array(i, dtype=np.intp) for i in sparsity.get_triplet())
+        layout, N = points.layout, points.number
+        ny, k = sparsity.size1(), layout.columns.shape[1]
+        at = np.arange(N)[:, None]
+        ya, yb = at * ny + a, at * ny + b  # (N, nnz)
+        shape = (N, len(a), k, k)
+        rows = np.broadcast_to(layout.columns[ya][..., :, None], shape)
+        columns = np.broadcast_to(layout.columns[yb][..., None, :], shape)
+        weights = layout.weights[ya][..., :, None] * layout.weights[yb][..., None, :]
+        source = np.broadcast_to(np.arange(N * len(a)).reshape(N, -1)[..., None, None], shape)
+        upper = np.where(rows <= columns, weights, 0.0)
+        total += _scatter(rows, columns, source, upper, nonzeros, (n, n))
+    return total
+
+
+def _scatter(
+    rows: Integers,
+    columns: Integers,
+    source: Integers,
+    weights: Array,
+    values: ca.MX,
+    shape: tuple[int, int],
+) -> ca.MX:
+    """The sparse matrix with Σ weights · values[source] at (rows, columns)."""
+    keep = weights.ravel() != 0
+    rows, columns = rows.ravel()[keep], columns.ravel()[keep]
+    # Column-major order is that of CasADi's nonzeros.
+    places, target = np.unique(columns * shape[0] + rows, return_inverse=True)
+    sparsity = ca.Sparsity.triplet(
+        *shape, [int(i) for i in places % shape[0]], [int(i) for i in places // shape[0]]
+    )
+    combine = _sparse(
+        target, source.ravel()[keep], weights.ravel()[keep], len(places), values.numel()
+    )
+    return ca.MX(sparsity, ca.mtimes(combine, values))
+
+
+def _sparse(rows: Integers, columns: Integers, values: Array, n_rows: int, n_columns: int) -> ca.DM:
+    """A sparse matrix from triplets; equal places add up, zeros are left out."""
+    keep = values != 0
+    places, target = np.unique(columns[keep] * n_rows + rows[keep], return_inverse=True)
+    sums = np.bincount(target, weights=values[keep], minlength=len(places))
+    return ca.DM.triplet(
+        [int(i) for i in places % n_rows],
+        [int(i) for i in places // n_rows],
+        ca.DM(sums),
+        n_rows,
+        n_columns,
+    )

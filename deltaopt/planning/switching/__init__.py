@@ -1,0 +1,1 @@
+"""Switch resolution: which limit is active when, solved to many digits."""

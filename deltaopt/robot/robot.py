@@ -1,0 +1,126 @@
+"""A Delta robot as its file describes it: whole lengths, masses, inertias, drives.
+
+SI units throughout.  A quantity that is None does not exist in the model, except an inertia:
+then the link is a slender bar.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Self
+
+from pydantic import Field, model_validator
+
+from deltaopt.errors import SceneError
+from deltaopt.files.validated_record import (
+    NonNegative,
+    PerMotor,
+    Positive,
+    Record,
+    Text,
+    Vector3,
+    per_motor,
+)
+from deltaopt.files.yaml_file import read_yaml
+
+
+class UpperArm(Record):
+    """The link a motor turns: ``length`` 2 a₂ (m), ``mass`` m₃ (kg), ``inertia`` I₃,₃ (kg·m²).
+
+    The inertia is about the motor's direction, through the centre of mass.
+    """
+
+    length: Positive = Field(description="a length in m, greater than 0")
+    mass: NonNegative = Field(description="a mass in kg, at least 0")
+    inertia: NonNegative | None = Field(
+        default=None, description="a moment of inertia in kg·m², at least 0"
+    )
+
+
+class Forearm(Record):
+    """A parallelogram: ``length`` 2 a₃ (m) of its bars, ``mass`` m₄ (kg) of the pair.
+
+    ``inertia`` is (I₄,₁, I₄,₂, I₄,₃), the pair's principal moments in kg·m².
+    """
+
+    length: Positive = Field(description="a length in m, greater than 0")
+    mass: NonNegative = Field(description="a mass in kg (of the pair of bars), at least 0")
+    inertia: tuple[NonNegative, NonNegative, NonNegative] | None = Field(
+        default=None, description="three principal moments of inertia in kg·m², each at least 0"
+    )
+
+    @model_validator(mode="after")
+    def _inertia_is_of_a_body(self) -> Self:
+        # I₁ = Σ m (y² + z²) and so on: none exceeds the other two together.  For a slender bar
+        # two are equal and the third is 0, so rounding must be allowed for.
+        if self.inertia and 2 * max(self.inertia) > sum(self.inertia) * (1 + 1e-9):
+            expected = "moments in kg·m² of which none exceeds the sum of the other two"
+            raise SceneError(None, "inertia", self.inertia, expected)
+        return self
+
+
+class Platform(Record):
+    """The moving platform: ``mass`` m₁ (kg), without payload."""
+
+    mass: Positive = Field(description="a mass in kg, greater than 0")
+
+
+class Drive(Record):
+    """What motor and gear give at the arm: ``torque`` (N·m) and ``speed`` (rad/s; None = any)."""
+
+    torque: PerMotor = Field(description="one torque in N·m, greater than 0, or three")
+    speed: PerMotor | None = Field(
+        default=None, description="one angular speed in rad/s, greater than 0, or three"
+    )
+
+
+class Robot(Record):
+    """A Delta robot: ``base_radius`` a₁ and ``platform_radius`` a₄ in m, ``gravity`` in m/s²."""
+
+    name: Text = Field(description="the robot's name")
+    source: Text | None = Field(default=None, description="a text saying whence the numbers come")
+    base_radius: NonNegative = Field(description="a length in m, at least 0")
+    platform_radius: NonNegative = Field(description="a length in m, at least 0")
+    upper_arm: UpperArm = Field(description="a mapping with the keys length and mass")
+    forearm: Forearm = Field(description="a mapping with the keys length and mass")
+    platform: Platform = Field(description="a mapping with the key mass")
+    drive: Drive = Field(description="a mapping with the key torque")
+    gravity: NonNegative = Field(
+        default=9.81, description="an acceleration in m/s², at least 0, downward"
+    )
+
+    @property
+    def torque_limits(self) -> Vector3:
+        """Largest torque of each motor at its arm, N·m."""
+        return per_motor(self.drive.torque)
+
+    @property
+    def speed_limits(self) -> Vector3 | None:
+        """Largest speed of each arm, rad/s; None if the drives have no limit."""
+        return None if self.drive.speed is None else per_motor(self.drive.speed)
+
+    @model_validator(mode="after")
+    def _loops_can_close(self) -> Self:
+        # Let the platform's centre be p and u_k its horizontal component along chain k's
+        # azimuth.  In the arm's plane, the parallelogram's lower end is then u_k − d from the
+        # motor's axis radially, d = base_radius − platform_radius.  If the chain closes, that
+        # end is no farther than arm + forearm from the axis, so |u_k − d| ≤ arm + forearm.  The
+        # azimuths are 120° apart, so Σ u_k = 0 and the mean over k gives |d| ≤ arm + forearm.
+        # Conversely, if |d| ≤ arm + forearm, every chain closes at a point straight below the
+        # base's centre: there u_k = 0, and the depth brings the distance √(d² + depth²) to
+        # arm + forearm.  With equality all chains are stretched flat and this is the only
+        # point, so a robot that moves needs "<".
+        gap = abs(self.base_radius - self.platform_radius) - self.upper_arm.length
+        if self.forearm.length <= gap:
+            expected = (
+                f"a length in m greater than {gap:.6g}, what base_radius, platform_radius and "
+                "upper_arm.length leave to bridge"
+            )
+            raise SceneError(None, "forearm.length", self.forearm.length, expected)
+        return self
+
+
+def load_robot(path: str | Path) -> Robot:
+    """Read a robot file; raise a `SceneError` naming file and key if it cannot be used."""
+    file = Path(path)
+    return Robot.from_content(read_yaml(file), file)

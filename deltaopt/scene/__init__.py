@@ -1,0 +1,1 @@
+"""What is to be moved, from where to where, within which limits, for which objective."""

@@ -1,1 +1,0 @@
-"""Comparisons over many solutions, each behind a command."""

@@ -1,0 +1,1 @@
+"""Verification of a motion by means that its planner did not use."""

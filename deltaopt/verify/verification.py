@@ -1,0 +1,338 @@
+"""Checks a motion by means the planner did not use: section 5 of DESIGN.md.
+
+Nothing here comes from ``planning``. What is checked is the motion as reported: the path as
+a function of time, and the coordinates and torques that the trajectory's own model gives
+for it. What it is held against is the scene, through models built here from the scene.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+from math import inf, isinf
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from deltaopt.codegen.vectorised import evaluate_rows
+from deltaopt.errors import Unreachable
+from deltaopt.motion.effort import effort
+from deltaopt.motion.extrema import sample_fractions
+from deltaopt.motion.time_scaling import safe_factor, speed_excess, torque_excess
+from deltaopt.motion.trajectory import Array, Trajectory
+from deltaopt.robot.model import DeltaModel
+from deltaopt.scene.scene import Scene
+from deltaopt.verify.forward_replay import NotIntegrated, arrival
+from deltaopt.verify.pontryagin import extremal
+
+EXCESS = 1e-9
+"""Of torque and speed: above the rounding of inverse dynamics, below any meaning of a limit."""
+DURATION = 1e-9
+"""s, of a duration that the scene gives: clocks of controllers are no better."""
+BOUNDARY_DISTANCE = 1e-7
+"""m, also for jumps: encoders see micrometres; an NLP solved to 1e-8 leaves less than this."""
+BOUNDARY_SPEED = 1e-6
+"""m/s, also for jumps: a nanometre within a controller's millisecond."""
+KINEMATIC_ERROR = 1e-9
+"""m and m/s: rounding of the closed-form kinematics leaves 1e-15."""
+DYNAMIC_ERROR = 1e-6
+"""m/s² and rad/s², where accelerations are of the order of 1e3: rounding leaves 1e-10."""
+ARRIVAL_DISTANCE = 1e-5
+"""m: what the project promises of a delivered motion; good robots repeat to 1e-4."""
+ARRIVAL_SPEED = 1e-3
+"""m/s: covers ``ARRIVAL_DISTANCE`` in 10 ms, a tenth of a fast motion."""
+BOUNDARY_SHARE = 1e-3
+"""Of the way, and of its mean speed: a motion of a micrometre is held to less than one."""
+ARRIVAL_SHARE = 1e-2
+"""The same for where the torques lead."""
+
+
+@dataclass(frozen=True)
+class Bound:
+    """The most a measure may be, and what to say of a value that is more.
+
+    ``share``: of the distance from start to goal (m) or of the mean speed (m/s), if that is less.
+    """
+
+    measure: str
+    unit: str
+    at_most: float
+    complaint: str
+    share: float = inf
+
+    def for_way(self, distance: float, duration: float) -> Bound:
+        """The bound for a way of a distance (m) in a duration (s)."""
+        scale = distance / duration if self.unit == "m/s" else distance
+        return replace(self, at_most=min(self.at_most, self.share * scale))
+
+
+BOUNDS = (
+    Bound("torque_excess", "1", EXCESS, "a motor would need {:.4%} more torque than its limit"),
+    Bound("speed_excess", "1", EXCESS, "a motor would turn {:.4%} faster than its limit"),
+    Bound("duration_error", "s", DURATION, "it takes {:.3g} s more or less than the scene says"),
+    Bound(
+        "start_distance",
+        "m",
+        BOUNDARY_DISTANCE,
+        "it begins {:.3g} m from the scene's start",
+        BOUNDARY_SHARE,
+    ),
+    Bound(
+        "goal_distance",
+        "m",
+        BOUNDARY_DISTANCE,
+        "it ends {:.3g} m from the scene's goal",
+        BOUNDARY_SHARE,
+    ),
+    Bound(
+        "start_speed",
+        "m/s",
+        BOUNDARY_SPEED,
+        "it begins at {:.3g} m/s instead of at rest",
+        BOUNDARY_SHARE,
+    ),
+    Bound(
+        "goal_speed",
+        "m/s",
+        BOUNDARY_SPEED,
+        "it ends at {:.3g} m/s instead of at rest",
+        BOUNDARY_SHARE,
+    ),
+    Bound(
+        "position_jump",
+        "m",
+        BOUNDARY_DISTANCE,
+        "its position jumps by {:.3g} m at a knot",
+        BOUNDARY_SHARE,
+    ),
+    Bound(
+        "velocity_jump",
+        "m/s",
+        BOUNDARY_SPEED,
+        "its velocity jumps by {:.3g} m/s at a knot",
+        BOUNDARY_SHARE,
+    ),
+    Bound(
+        "kinematic_error",
+        "m, m/s",
+        KINEMATIC_ERROR,
+        "its coordinates leave the loops open by {:.3g} (m and m/s, on average)",
+    ),
+    Bound(
+        "dynamic_error",
+        "m/s², rad/s²",
+        DYNAMIC_ERROR,
+        "its torques give accelerations that differ by {:.3g} from its own "
+        "(m/s² and rad/s², on average)",
+    ),
+    Bound(
+        "arrival_distance",
+        "m",
+        ARRIVAL_DISTANCE,
+        "its torques bring the platform to {:.3g} m from the goal",
+        ARRIVAL_SHARE,
+    ),
+    Bound(
+        "arrival_speed",
+        "m/s",
+        ARRIVAL_SPEED,
+        "its torques leave the platform moving at {:.3g} m/s at the end",
+        ARRIVAL_SHARE,
+    ),
+)
+
+
+@dataclass(frozen=True)
+class Check:
+    """One measure of a motion beside its bound."""
+
+    bound: Bound
+    value: float
+
+    @property
+    def ok(self) -> bool:
+        """Whether the measure is within its bound; what is not a number is not."""
+        return bool(self.value <= self.bound.at_most)
+
+    @property
+    def complaint(self) -> str:
+        """The sentence for a value that is out of bounds."""
+        return self.bound.complaint.format(self.value)
+
+
+@dataclass(frozen=True)
+class Verification:
+    """The measures of a motion. Infinite: could not be evaluated, or there is no such value.
+
+    ``way``: m, from the scene's start to its goal.
+    ``duration``, ``safe_duration``: s; the latter is the shortest to which the motion can be
+        slowed so that it keeps its limits.
+    ``effort``: ∫ τᵀτ dt, N²m²s.
+    ``duration_error``: s, from the scene's duration; None where it gives none.
+    ``torque_excess``, ``speed_excess``: largest load over limit, minus 1; no speed excess
+        (None) where the drives have no speed limit.
+    ``start_distance``, ``goal_distance``: m, from the scene's points to the motion's ends.
+    ``start_speed``, ``goal_speed``: m/s, of the platform at the motion's ends.
+    ``position_jump``, ``velocity_jump``: m and m/s, the largest at a knot.
+    ``kinematic_error``: E_K, mean over time of ‖(f, J q̇ + μ)‖, m and m/s.
+    ``dynamic_error``: E_D, mean over time of ‖q̈ - q̈(q, q̇, τ)‖, m/s² and rad/s².
+    ``arrival_distance``, ``arrival_speed``: m and m/s, where the reported torques lead.
+    ``hamiltonian_spread``, ``sign_violation``: how far the motion is from Pontryagin's condition
+        for its objective, see ``pontryagin``; None where that cannot be told.
+    ``obstacles``: what kept a measure from being evaluated, one sentence each.
+    """
+
+    duration: float
+    way: float = inf
+    safe_duration: float = inf
+    effort: float = inf
+    duration_error: float | None = None
+    torque_excess: float = inf
+    speed_excess: float | None = None
+    start_distance: float = inf
+    goal_distance: float = inf
+    start_speed: float = inf
+    goal_speed: float = inf
+    position_jump: float = inf
+    velocity_jump: float = inf
+    kinematic_error: float = inf
+    dynamic_error: float = inf
+    arrival_distance: float = inf
+    arrival_speed: float = inf
+    hamiltonian_spread: float | None = None
+    sign_violation: float | None = None
+    obstacles: tuple[str, ...] = ()
+
+    @property
+    def ok(self) -> bool:
+        """Whether the motion passes."""
+        return not self.obstacles and all(check.ok for check in self.checks())
+
+    def checks(self) -> list[Check]:
+        """All measures that have a bound in this scene."""
+        values = [(bound, getattr(self, bound.measure)) for bound in BOUNDS]
+        return [
+            Check(bound.for_way(self.way, self.duration), value)
+            for bound, value in values
+            if value is not None
+        ]
+
+    def failures(self) -> list[str]:
+        """What is wrong with the motion, one sentence each; empty if it passes."""
+        failed = [c for c in self.checks() if not c.ok and not (self.obstacles and isinf(c.value))]
+        sentences = [*self.obstacles, *(check.complaint for check in failed)]
+        if any(check.bound.unit == "1" for check in failed) and self.duration_error is None:
+            sentences.append(
+                "slowing it down does not help: gravity alone exceeds a torque limit on its way"
+                if isinf(self.safe_duration)
+                else f"slowed to {self.safe_duration:.6g} s it would keep the limits"
+            )
+        return sentences
+
+    def as_dict(self) -> dict[str, object]:
+        """All measures, ``ok`` and ``failures`` for JSON, which knows no infinity: null."""
+        measures = {
+            name: None if isinstance(value, float) and not np.isfinite(value) else value
+            for name, value in asdict(self).items()
+            if name != "obstacles"
+        }
+        return {"ok": self.ok, "failures": self.failures(), **measures}
+
+
+def verify(scene: Scene, trajectory: Trajectory) -> Verification:
+    """Measure a motion that is to solve a scene. Never raises for a bad motion."""
+    way, duration = _norm(np.subtract(scene.goal, scene.start)), trajectory.duration
+    if not (np.diff(trajectory.knots) > 0).all():
+        return Verification(duration, way, obstacles=("time does not increase from knot to knot",))
+    try:
+        measures: dict[str, Any] = _loads(scene, trajectory) | _errors(scene, trajectory)
+        measures |= _ends(scene, trajectory) | _jumps(trajectory)
+        measures |= _optimality(scene, trajectory)
+    except Unreachable as error:
+        return Verification(duration, way, obstacles=(str(error),))
+    try:
+        distance, speed = arrival(scene, trajectory)
+    except NotIntegrated as error:
+        return Verification(duration, way, **measures, obstacles=(str(error),))
+    return Verification(duration, way, **measures, arrival_distance=distance, arrival_speed=speed)
+
+
+def _loads(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
+    speed, given = speed_excess(scene, trajectory), scene.objective.given_duration
+    measures = {
+        "safe_duration": trajectory.duration * safe_factor(scene, trajectory),
+        "effort": effort(scene, trajectory),
+        "torque_excess": torque_excess(scene, trajectory).value,
+    }
+    if speed is not None:
+        measures["speed_excess"] = speed.value
+    if given is not None:
+        measures["duration_error"] = abs(trajectory.duration - given)
+    return measures
+
+
+def _optimality(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
+    try:
+        found = extremal(scene, trajectory)
+    except np.linalg.LinAlgError:
+        return {}
+    spread, violation = found.hamiltonian_spread, found.sign_violation
+    return {"hamiltonian_spread": spread, "sign_violation": violation}
+
+
+def _ends(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
+    x, v, _ = trajectory.path_inside([0.0, 1.0])
+    return {
+        "start_distance": _norm(x[0] - scene.start),
+        "goal_distance": _norm(x[-1] - scene.goal),
+        "start_speed": _norm(v[0]),
+        "goal_speed": _norm(v[-1]),
+    }
+
+
+def _jumps(trajectory: Trajectory) -> dict[str, float]:
+    """Largest jump of position and velocity between the two sides of a knot."""
+    sides = trajectory.path_inside([0.0, 1.0])  # rows: begin, end, begin, end ...
+    x, v, _ = (np.linalg.norm(row[2::2] - row[1:-1:2], axis=1) for row in sides)
+    return {
+        "position_jump": float(x.max(initial=0.0)),
+        "velocity_jump": float(v.max(initial=0.0)),
+    }
+
+
+def _errors(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
+    """E_K and E_D of the reported q, q̇, q̈ and τ, by the scene's mechanism."""
+    fractions = sample_fractions(len(trajectory.knots) - 1)
+    q, dq, ddq = trajectory.coordinates_inside(fractions)
+    tau = trajectory.model.inverse_dynamics(*trajectory.path_inside(fractions))
+    model = DeltaModel(scene.robot, scene.payload)
+    kinematic, dynamic = evaluate_rows(
+        _residuals(model), q, dq, ddq, tau, parameters=model.parameters
+    )
+    return {
+        "kinematic_error": _mean_over_time(trajectory, fractions, kinematic),
+        "dynamic_error": _mean_over_time(trajectory, fractions, dynamic),
+    }
+
+
+def _residuals(model: DeltaModel) -> ca.Function:
+    """(q, q̇, q̈, τ, p) -> (f, J q̇ + μ) (18), q̈ - q̈(q, q̇, τ) (12)."""
+    m = model.functions.mechanism
+    closure = ca.Function("closure", [m.q, m.dq, m.parameters], [m.holonomic, m.constraint_rate])
+    forward = model.formulation.forward_dynamics(m)
+    q, dq, ddq = (ca.MX.sym(name, 12) for name in ("q", "dq", "ddq"))
+    tau, p = ca.MX.sym("tau", 3), ca.MX.sym("p", len(model.parameters))
+    modelled, _ = forward(0, q, dq, tau, p)
+    kinematic = ca.vertcat(*closure(q, dq, p))
+    return ca.Function("residuals", [q, dq, ddq, tau, p], [kinematic, ddq - modelled])
+
+
+def _mean_over_time(trajectory: Trajectory, fractions: Array, rows: Array) -> float:
+    """(1/T) ∫ ‖row‖ dt by trapezoids between the samples, (K · n, m), of every interval."""
+    sizes = np.linalg.norm(rows, axis=1).reshape(-1, len(fractions))
+    per_interval = np.trapezoid(sizes, fractions, axis=1)
+    return float(per_interval @ np.diff(trajectory.knots)) / trajectory.duration
+
+
+def _norm(vector: Array) -> float:
+    return float(np.linalg.norm(vector))

@@ -1,0 +1,333 @@
+"""Torques and accelerations on the way into singularities, against fifty digits.
+
+Whatever the state, consistent or not, all formulations mean the same torques and the same
+accelerations: those of model L_I's linear system. A state is made in many digits and rounded;
+the truth is that system solved in many digits at the *rounded* state. What a method's result
+differs from it is the method's error. What the truth itself moves by rounding the state is the
+conditioning of the problem, which no method can undo; it is reported beside.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from deltaopt.compare.many_digits import ManyDigits, Matrix
+from deltaopt.compare.samples import rounded
+from deltaopt.compare.tasks import Array, ForwardDynamics, InverseDynamics, Task
+from deltaopt.dynamics.constraint_matrix import ClosedForm, NullSpace, Partition
+from deltaopt.dynamics.formulation import Formulation
+from deltaopt.dynamics.kane import Kane
+from deltaopt.dynamics.lagrange import Explicit, Multiplier
+from deltaopt.dynamics.mechanism import Mechanism
+from deltaopt.dynamics.virtual_work import VirtualWork
+from studies.stability.families import (
+    Family,
+    Maker,
+    Motion,
+    delta_families,
+    pendulum_families,
+)
+
+Progress = Callable[[float, str], None]
+
+DISTANCES = (*(10.0**-k for k in range(1, 15)), 0.0)
+"""ε, at last the singularity itself."""
+MOTIONS = 3
+"""Random motions at each state; errors are their median."""
+SLOPE_ERRORS = (1e-14, 1e-1)
+"""Errors between which a slope is fitted."""
+LOST = 1e-9
+"""Relative error from which on a method counts as failed."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What is computed, and whether the mechanism moves."""
+
+    name: str
+    title: str
+    task: Task
+    moving: bool
+
+
+PROBLEMS = (
+    Problem("rest", "torques at rest", InverseDynamics(), False),
+    Problem("inverse", "torques in motion", InverseDynamics(), True),
+    Problem("forward", "accelerations", ForwardDynamics(), True),
+)
+
+
+@dataclass(frozen=True)
+class Method:
+    """A formulation; ``of``: from the Jacobian at a regular state and at the state itself."""
+
+    model: str
+    variant: str
+    of: Callable[[Array, Array], Formulation]
+
+
+METHODS = (
+    *(
+        Method(model, variant, of)
+        for model, kind in (("K, virtual work", VirtualWork), ("K, Kane", Kane), ("L_E", Explicit))
+        for variant, of in (
+            ("closed form", lambda J0, J, kind=kind: kind(ClosedForm())),
+            ("partition", lambda J0, J, kind=kind: kind(Partition.pivoted(J0))),
+            ("partition there", lambda J0, J, kind=kind: kind(Partition.pivoted(J))),
+            ("null space", lambda J0, J, kind=kind: kind(NullSpace())),
+        )
+    ),
+    Method("L_I", "sparse QR", lambda J0, J: Multiplier()),
+    Method("L_I", "LAPACK LU", lambda J0, J: Multiplier(lapack_lu)),
+)
+"""Each formulation with each constraint matrix or linear solver."""
+
+
+def lapack_lu(A: ca.MX, b: ca.MX) -> ca.MX:
+    """x of A x = b, by LU with partial pivoting."""
+    return ca.solve(A, b, "lapacklu")
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Relative ``errors`` at the ``DISTANCES``; not a number where nothing was returned."""
+
+    family: str
+    problem: str
+    model: str
+    variant: str
+    errors: Array
+
+    @property
+    def slope(self) -> float:
+        """Power of ε that the error follows; nan where it never grows beyond rounding."""
+        e = np.array(DISTANCES)
+        low, high = SLOPE_ERRORS
+        fit = (e > 0) & (self.errors > low) & (self.errors < high)
+        if fit.sum() < 3 or np.ptp(np.log10(self.errors[fit])) < 1:
+            return float("nan")
+        return float(np.polyfit(np.log(e[fit]), np.log(self.errors[fit]), 1)[0])
+
+    @property
+    def lost_at(self) -> float:
+        """Largest ε at which the error exceeds ``LOST`` or there is no result; nan if none."""
+        return _first(~(self.errors <= LOST))
+
+    @property
+    def silent_at(self) -> float:
+        """Largest ε at which there is no result; nan if there is always one."""
+        return _first(np.isnan(self.errors))
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """Condition numbers of one matrix at the ``DISTANCES``; infinite where it does not exist."""
+
+    family: str
+    matrix: str
+    numbers: Array
+
+
+@dataclass(frozen=True)
+class Singularities:
+    """All curves. ``floors``: what rounding the state alone makes, as curves of no method."""
+
+    families: list[Family]
+    curves: list[Curve]
+    floors: list[Curve]
+    conditions: list[Conditions]
+    digits: int
+
+    def curve(self, family: str, problem: str, model: str, variant: str) -> Curve:
+        wanted = (family, problem, model, variant)
+        found = [*self.curves, *self.floors]
+        return next(c for c in found if (c.family, c.problem, c.model, c.variant) == wanted)
+
+
+def measure(progress: Progress = lambda done, what: None, digits: int = 50) -> Singularities:
+    """All methods at all problems on the way into every singularity."""
+    exact, groups = ManyDigits(digits), (delta_families(), pendulum_families())
+    families = []
+    for group in groups:
+        functions = Functions(group[0].mechanism)
+        families += [(family, functions) for family in group]
+    curves, floors, conditions = [], [], []
+    for i, (family, functions) in enumerate(families):
+        progress(i / len(families), f"{family.name}: states in {digits} digits")
+        states = States.make(family, functions, exact)
+        for j, problem in enumerate(PROBLEMS):
+            progress((i + (j + 1) / 4) / len(families), f"{family.name}: {problem.title}")
+            truth = Truth.of(states, problem, exact)
+            floors.append(
+                Curve(family.name, problem.name, "state", "rounding", truth.conditioning())
+            )
+            curves += [
+                Curve(
+                    family.name,
+                    problem.name,
+                    method.model,
+                    method.variant,
+                    truth.errors(states, problem, method),
+                )
+                for method in METHODS
+            ]
+        conditions += list(_conditions(states))
+    progress(1.0, "done")
+    return Singularities([f for f, _ in families], curves, floors, conditions, digits)
+
+
+class Functions:
+    """The functions of a mechanism, each built once."""
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        self.mechanism = mechanism
+        self._built: dict[tuple[Task, Formulation], ca.Function] = {}
+
+    @cached_property
+    def jacobian(self) -> ca.Function:
+        """(t, q, p) -> J, dense."""
+        m = self.mechanism
+        return ca.Function("J", [m.time, m.q, m.parameters], [ca.densify(m.J)])
+
+    def system(self, task: Task) -> ca.Function:
+        """Model L_I's A and b."""
+        inputs, A, b = task.big_system(self.mechanism)
+        return ca.Function("system", inputs, [A, b])
+
+    def function(self, task: Task, formulation: Formulation) -> ca.Function:
+        key = (task, formulation)
+        if key not in self._built:
+            self._built[key] = task.function(formulation, self.mechanism)
+        return self._built[key]
+
+
+@dataclass(frozen=True)
+class States:
+    """Motions of a family at every distance: distances × motions, exact."""
+
+    family: Family
+    functions: Functions
+    at_rest: list[list[Motion]]
+    in_motion: list[list[Motion]]
+
+    @classmethod
+    def make(cls, family: Family, functions: Functions, exact: ManyDigits) -> States:
+        maker, rng = Maker(family, exact), np.random.default_rng(0)
+        q = [maker.q(distance) for distance in DISTANCES]
+        at_rest, in_motion = (
+            [[maker.motion(x, rng, moving=moving) for _ in range(MOTIONS)] for x in q]
+            for moving in (False, True)
+        )
+        return cls(family, functions, at_rest, in_motion)
+
+    def of(self, problem: Problem) -> list[list[Motion]]:
+        return self.in_motion if problem.moving else self.at_rest
+
+    @property
+    def q(self) -> Array:
+        """Rounded, distances × n."""
+        return np.array([rounded(motions[0].q) for motions in self.at_rest])
+
+
+@dataclass(frozen=True)
+class Truth:
+    """Results at the rounded states and at the exact ones, distances × motions × sought;
+    not a number where the linear system has no solution."""
+
+    at_rounded: Array
+    at_exact: Array
+
+    @classmethod
+    def of(cls, states: States, problem: Problem, exact: ManyDigits) -> Truth:
+        system = states.functions.system(problem.task)
+        p = states.family.parameters
+
+        def solved(inputs: list[Matrix], sought: int) -> Array:
+            A, b = exact.evaluate(system, [0.0], *inputs, p)
+            try:
+                return rounded(exact.solve(A, b)[:sought])
+            except ZeroDivisionError:
+                return np.full(sought, np.nan)
+
+        at_rounded, at_exact = [], []
+        for motions in states.of(problem):
+            for motion in motions:
+                inputs, sought = _inputs(motion, problem.task)
+                at_exact.append(solved(inputs, sought))
+                at_rounded.append(solved([rounded(x) for x in inputs], sought))
+        shape = (len(DISTANCES), MOTIONS, -1)
+        return cls(np.reshape(at_rounded, shape), np.reshape(at_exact, shape))
+
+    def conditioning(self) -> Array:
+        """What rounding the state alone does to the result, by distance."""
+        return _median_errors(self.at_rounded, self.at_exact)
+
+    def errors(self, states: States, problem: Problem, method: Method) -> Array:
+        """What a method does, by distance."""
+        f, p = states.functions, states.family.parameters
+        J0 = f.jacobian(0.0, states.family.regular, p).full()
+        results = []
+        for q, motions in zip(states.q, states.of(problem), strict=True):
+            formulation = method.of(J0, f.jacobian(0.0, q, p).full())
+            function = f.function(problem.task, formulation)
+            for motion in motions:
+                inputs, _ = _inputs(motion, problem.task)
+                results.append(_result(function, [0.0, *(rounded(x) for x in inputs), p]))
+        return _median_errors(np.reshape(results, self.at_rounded.shape), self.at_rounded)
+
+
+def _result(function: ca.Function, arguments: list[Any]) -> Array:
+    """The first result; not a number where the linear solver gives up."""
+    try:
+        found = np.asarray(function.call(arguments)[0].full())
+    except RuntimeError:
+        return np.full(function.numel_out(0), np.nan)
+    return found.ravel()
+
+
+def _median_errors(value: Array, truth: Array) -> Array:
+    """Median over the motions, by distance; nan if any of them has no result."""
+    error, size = np.abs(value - truth).max(axis=2), np.abs(truth).max(axis=2)
+    errors = error / np.where(size > 0, size, 1.0)  # the truth may be nothing at all
+    return np.where(np.isfinite(errors).all(axis=1), np.median(errors, axis=1), np.nan)
+
+
+def _inputs(motion: Motion, task: Task) -> tuple[list[Matrix], int]:
+    """What the task takes after the time, and how many numbers it seeks."""
+    if isinstance(task, InverseDynamics):
+        return [motion.q, motion.dq, motion.ddq], motion.tau.rows
+    return [motion.q, motion.dq, motion.tau], motion.q.rows
+
+
+def _conditions(states: States) -> Iterator[Conditions]:
+    """Of J, of the paper's C, and of model L_I's matrices at rest."""
+    m, p = states.family.mechanism, states.family.parameters
+    C = ClosedForm().function(m)
+    f = states.functions
+    inverse, forward = (f.system(task) for task in (InverseDynamics(), ForwardDynamics()))
+    still, no_torque = np.zeros(m.q.numel()), np.zeros(m.controls.numel())
+    matrices: dict[str, Callable[[Array], ca.DM]] = {
+        "J": lambda q: f.jacobian(0.0, q, p),
+        "C in closed form": lambda q: C(0.0, q, p)[0],
+        "L_I, inverse": lambda q: inverse(0.0, q, still, still, p)[0],
+        "L_I, forward": lambda q: forward(0.0, q, still, no_torque, p)[0],
+    }
+    for name, matrix in matrices.items():
+        numbers = np.array([condition(np.asarray(ca.densify(matrix(q)))) for q in states.q])
+        yield Conditions(states.family.name, name, numbers)
+
+
+def condition(A: Array) -> float:
+    """Largest over smallest singular value."""
+    return float(np.linalg.cond(A)) if np.isfinite(A).all() else float("inf")
+
+
+def _first(failed: NDArray[np.bool]) -> float:
+    return DISTANCES[int(np.argmax(failed))] if failed.any() else float("nan")

@@ -1,0 +1,290 @@
+"""The command line: what it prints and writes, and how it fails."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import deltaopt.cli.plan
+from deltaopt.cli import COMMANDS, main
+from deltaopt.output.plan_files import COLUMNS, instants, save, write_csv
+from deltaopt.planning.initial_motion import baseline
+from deltaopt.planning.planner import Plan
+from deltaopt.scene.scene import load_scene
+from deltaopt.verify.verification import verify
+
+PROBLEMS = Path(__file__).parents[2] / "problems"
+SCENE_FILE = PROBLEMS / "pick_and_place.yaml"
+SCENE = load_scene(SCENE_FILE)
+HEADER = (
+    "t,x,y,z,vx,vy,vz,ax,ay,az,theta1,theta2,theta3,dtheta1,dtheta2,dtheta3,"
+    "ddtheta1,ddtheta2,ddtheta3,tau1,tau2,tau3"
+)
+PNG = b"\x89PNG\r\n\x1a\n"
+
+
+def scene_file(folder: Path, **changes: str) -> Path:
+    """The pick-and-place scene with some lines replaced."""
+    lines = {
+        "robot": str(PROBLEMS / "robots/orsino.yaml"),
+        "payload": "1.0",
+        "start": "[0.45, -0.05, 0.0]",
+        "goal": "[0.45, 0.10, 0.0]",
+    } | changes
+    file = folder / "scene.yaml"
+    file.write_text("".join(f"{key}: {value}\n" for key, value in lines.items()), encoding="utf-8")
+    return file
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+# What is written
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("out")
+    assert main(["plan", str(SCENE_FILE), "--baseline", "-o", str(folder)]) == 0
+    return folder
+
+
+def test_baseline_writes_three_files(written):
+    assert names(written) == ["plan.json", "plan.png", "trajectory.csv"]
+    assert (written / "plan.png").read_bytes().startswith(PNG)
+
+
+def test_csv_is_the_motion_to_the_last_digit(written):
+    text = (written / "trajectory.csv").read_text(encoding="utf-8")
+    header, *rows = text.splitlines()
+    assert header == HEADER
+    assert header == ",".join(COLUMNS)
+    table = np.array([[float(number) for number in row] for row in csv.reader(rows)])
+    line = baseline(SCENE)
+    assert table[-1, 0] == line.duration
+    np.testing.assert_array_equal(table[:-1, 0], np.arange(len(rows) - 1) / 1000)
+    motion = line(table[:, 0])
+    np.testing.assert_array_equal(table[:, 1:4], motion.x)
+    np.testing.assert_array_equal(table[:, 10:13], motion.theta)
+    np.testing.assert_array_equal(table[:, 19:], motion.tau)
+
+
+def test_json_says_what_was_found(written):
+    content = json.loads((written / "plan.json").read_text(encoding="utf-8"))
+    assert content["duration"] == baseline(SCENE).duration
+    assert content["verification"]["ok"] is True
+    assert content["verification"]["torque_excess"] < 1e-9
+    assert content["scene"]["robot"]["name"] == SCENE.robot.name
+    assert content["scene"]["goal"] == [0.45, 0.1, 0.0]
+    wanted = {"formulation", "transcription", "intervals", "status", "iterations", "solve_seconds"}
+    assert wanted <= set(content)
+    assert {"casadi", "numpy", "python"} <= set(content["versions"])
+
+
+@pytest.mark.parametrize("rate", [1000.0, 333.0, 7.0, 1 / 0.196, 1e-3])
+def test_instants(rate):
+    line = baseline(SCENE)
+    t = instants(line, rate)
+    assert (t[0], t[-1]) == (0, line.duration)
+    assert (np.diff(t) > 0).all()
+    np.testing.assert_allclose(np.diff(t)[:-1], 1 / rate)
+    assert t[-1] - t[-2] <= 1 / rate * (1 + 1e-12)
+
+
+def test_last_instant_is_written_once():
+    line = baseline(SCENE)
+    even = line.slowed(0.2 / line.duration)
+    assert len(instants(even, 1000.0)) == 201
+    assert np.diff(instants(even, 1000.0)).min() > 0.9e-3
+
+
+def test_rate(tmp_path):
+    arguments = ["plan", str(SCENE_FILE), "--baseline", "-o", str(tmp_path), "--rate", "100"]
+    assert main(arguments) == 0
+    assert len((tmp_path / "trajectory.csv").read_text().splitlines()) == 1 + 20 + 1
+
+
+def test_failing_writer_leaves_the_old_file_whole(tmp_path, monkeypatch):
+    file = tmp_path / "trajectory.csv"
+    file.write_text("old", encoding="utf-8")
+
+    def broken(*_):
+        yield "half a row"
+        raise RuntimeError
+
+    monkeypatch.setattr("deltaopt.export._rows", broken)
+    with pytest.raises(RuntimeError):
+        write_csv(file, baseline(SCENE))
+    assert file.read_text(encoding="utf-8") == "old"
+    assert names(tmp_path) == ["trajectory.csv"]
+
+
+def test_plan_made_by_hand(tmp_path):
+    """Whatever a gap is, JSON can say it."""
+    line = baseline(SCENE)
+    plan = Plan(
+        SCENE, line, "L_E, flat", "test", 40, "solved", 7, 0.5, float("inf"), 1e-3, (), None
+    )
+    save(tmp_path / "new" / "folder", SCENE, line, verify(SCENE, line), plan, rate=50)
+    content = json.loads((tmp_path / "new/folder/plan.json").read_text(encoding="utf-8"))
+    assert (content["formulation"], content["intervals"]) == ("L_E, flat", 40)
+    assert content["gap"] is None
+
+
+# What is printed
+
+
+def test_plan(tmp_path, capsys):
+    assert main(["plan", str(SCENE_FILE), "-o", str(tmp_path)]) == 0
+    out = capsys.readouterr().out
+    duration = json.loads((tmp_path / "plan.json").read_text(encoding="utf-8"))["duration"]
+    assert 0.140869 < duration < 0.140870 * 1.001
+    assert f"duration {duration:.6f} s" in out
+    assert out.count(" ok\n") == 11
+    assert "FAILED" not in out
+
+
+def test_failed_verification_is_exit_1(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(deltaopt.cli.plan, "baseline", lambda scene: baseline(scene).slowed(0.99))
+    assert main(["plan", str(SCENE_FILE), "--baseline", "-o", str(tmp_path)]) == 1
+    printed = capsys.readouterr()
+    assert "torque excess       1.7e-02    1e-09  1            FAILED" in printed.out
+    assert "verification failed: a motor would need 1.7" in printed.err
+    content = json.loads((tmp_path / "plan.json").read_text(encoding="utf-8"))
+    assert content["verification"]["ok"] is False
+
+
+def test_check(capsys):
+    assert main(["check", str(SCENE_FILE)]) == 0
+    out = capsys.readouterr().out
+    for words in (
+        "coordinates  12:",
+        "constraints  9:",
+        "freedom      3 degrees",
+        "payload 1 kg",
+        "torque       at most 10 N·m",
+        "speed        no limit",
+        "friction",
+        "straight line in 0.196573 s",
+    ):
+        assert words in out
+
+
+def test_check_names_what_a_scene_leaves_out(capsys, tmp_path):
+    assert main(["check", str(PROBLEMS / "light_and_fast.yaml")]) == 0
+    assert "left out     payload" in capsys.readouterr().out
+    line_too_high = scene_file(
+        tmp_path, start="[0.22, 0.442, -0.135]", goal="[0.163, 0.129, 0.427]"
+    )
+    assert main(["check", str(line_too_high)]) == 0
+    assert "baseline     none: the straight line" in capsys.readouterr().out
+
+
+def test_inverse(tmp_path, capsys):
+    arguments = ["inverse", str(SCENE_FILE), "-o", str(tmp_path), "--duration", "0.4"]
+    assert main(arguments) == 0
+    assert names(tmp_path) == ["inverse.csv", "motion.png", "torques.png"]
+    assert (tmp_path / "torques.png").read_bytes().startswith(PNG)
+    assert len((tmp_path / "inverse.csv").read_text().splitlines()) == 1 + 400 + 1
+    assert "motor 1 " in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("arguments", [[], *([name] for name in COMMANDS)])
+def test_help(arguments, capsys):
+    with pytest.raises(SystemExit) as end:
+        main([*arguments, "--help"])
+    assert end.value.code == 0
+    assert "usage: deltaopt" in capsys.readouterr().out
+
+
+# How it fails: one sentence, no traceback, nothing half-written
+
+
+def failure(arguments: list[str], capsys) -> tuple[int, str]:
+    code = main(arguments)
+    printed = capsys.readouterr()
+    assert printed.err.startswith("deltaopt: ")
+    assert printed.err.count("\n") == 1
+    return code, printed.err
+
+
+@pytest.mark.parametrize("command", ["plan", "check", "inverse"])
+@pytest.mark.parametrize(
+    ("changes", "code", "words"),
+    [
+        ({"payload": "-1"}, 2, "payload is -1"),
+        ({"paylod": "1"}, 2, "paylod is not a known key"),
+        ({"robot": "none.yaml"}, 2, "which is no file"),
+        ({"goal": "[0.45, -0.05, 0.0]"}, 2, "expected a point in m other than start"),
+        ({"goal": "[0.45, 0.9, 0.0]"}, 1, "goal: the platform cannot be at [0.45, 0.9, 0] m"),
+        ({"payload": "10"}, 1, "motor 1 needs 13 N·m"),
+    ],
+)
+def test_hopeless_scenes(command, changes, code, words, tmp_path, capsys):
+    scene = str(scene_file(tmp_path, **changes))
+    output = [] if command == "check" else ["-o", str(tmp_path / "out")]
+    found, sentence = failure([command, scene, *output], capsys)
+    assert found == code
+    assert words in sentence
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("changes", "code", "words"),
+    [({"payload": "-1"}, 2, "payload is -1"), ({"payload": "10"}, 1, "motor 1 needs 13 N·m")],
+)
+def test_hopeless_scenes_are_not_timed(changes, code, words, tmp_path, capsys):
+    found, sentence = failure(["bench", "start", str(scene_file(tmp_path, **changes))], capsys)
+    assert found == code
+    assert words in sentence
+
+
+@pytest.mark.parametrize("command", ["plan", "check", "inverse"])
+def test_no_such_scene(command, capsys):
+    code, sentence = failure([command, "nowhere.yaml"], capsys)
+    assert code == 2
+    assert "nowhere.yaml cannot be read" in sentence
+
+
+@pytest.mark.parametrize("command", ["plan", "inverse"])
+@pytest.mark.parametrize("inside", ["", "/deeper"])
+def test_output_that_is_a_file(command, inside, tmp_path, capsys):
+    file = tmp_path / "file"
+    file.write_text("mine", encoding="utf-8")
+    code, sentence = failure([command, str(SCENE_FILE), "-o", f"{file}{inside}"], capsys)
+    assert code == 2
+    assert "directory" in sentence
+    assert file.read_text(encoding="utf-8") == "mine"
+
+
+def test_output_file_that_is_a_directory(tmp_path, capsys):
+    (tmp_path / "trajectory.csv").mkdir()
+    assert main(["plan", str(SCENE_FILE), "--baseline", "-o", str(tmp_path)]) == 2
+    assert "Traceback" not in capsys.readouterr().err
+    assert names(tmp_path) == ["trajectory.csv"]
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        [],
+        ["plot"],
+        ["plan"],
+        ["plan", "a.yaml", "--rate", "0"],
+        ["plan", "a.yaml", "--rate", "inf"],
+        ["plan", "a.yaml", "--tolerance", "-1e-3"],
+        ["plan", "a.yaml", "--intervals", "1"],
+        ["plan", "a.yaml", "--intervals", "2.5"],
+        ["inverse", "a.yaml", "--duration", "nan"],
+    ],
+)
+def test_wrong_usage_is_exit_2(words, capsys):
+    with pytest.raises(SystemExit) as end:
+        main(words)
+    assert end.value.code == 2
+    assert "Traceback" not in capsys.readouterr().err

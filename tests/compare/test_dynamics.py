@@ -1,0 +1,204 @@
+"""The comparison of the dynamics: right numbers from a tiny run, nothing about times."""
+
+from __future__ import annotations
+
+import csv as csv_module
+import sys
+from dataclasses import replace
+from io import StringIO
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from deltaopt.cli import main
+from deltaopt.cli.progress import ProgressBar
+from deltaopt.codegen.compile import compiled, compiler
+from deltaopt.compare.dynamics import Row, Study, compare_dynamics, operations
+from deltaopt.compare.dynamics_report import csv, notes, share, table, verdict
+from deltaopt.compare.many_digits import ManyDigits
+from deltaopt.compare.models import models
+from deltaopt.compare.printed import as_printed
+from deltaopt.compare.samples import PAPER, exact_samples, rounding_error
+from deltaopt.compare.tasks import TASKS, Samples
+from deltaopt.compare.timing import Time
+from deltaopt.dynamics.constraint_matrix import Partition
+from deltaopt.dynamics.lagrange import Multiplier
+from deltaopt.mechanisms.delta.mechanism import DeltaParameters, delta
+
+
+@pytest.fixture(scope="module")
+def study() -> Study:
+    return compare_dynamics(states=3, rounds=2, compiler=None)
+
+
+@pytest.fixture(scope="module")
+def samples() -> Samples:
+    return exact_samples(delta(PAPER), 4, ManyDigits())
+
+
+def test_samples_obey_constraints_and_dynamics(samples: Samples) -> None:
+    mechanism = delta(PAPER)
+    f = ca.Function("f", [mechanism.q, mechanism.parameters], [mechanism.holonomic])
+    inverse = Multiplier().inverse_dynamics(mechanism)
+    for q, dq, ddq, tau in zip(samples.q, samples.dq, samples.ddq, samples.tau, strict=True):
+        assert np.abs(np.asarray(f(q, samples.parameters))).max() < 1e-15
+        again, _ = inverse(0.0, q, dq, ddq, samples.parameters)
+        np.testing.assert_allclose(np.asarray(again).ravel(), tau, rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_two_exact_formulations_differ_by_the_rounding_of_the_state_only(
+    task: object, samples: Samples
+) -> None:
+    """q̈ came from L_I in 50 digits; L_E in 50 digits returns it but for the rounding."""
+    error = rounding_error(delta(PAPER), task, samples, ManyDigits())  # type: ignore[arg-type]
+    assert np.all(error < 5e-15)
+
+
+def test_all_models_are_accurate(study: Study) -> None:
+    assert len(study.rows) == 36
+    for row in study.rows:
+        assert 0 <= row.median_error <= row.largest_error < 1e-13
+
+
+def test_virtual_work_and_kane_need_the_same_operations(study: Study) -> None:
+    """With u = q̇ they are the same equations, section 3.3."""
+    for task in ("inverse", "forward"):
+        for variant in ("closed form", "partition", "null space"):
+            rows = [study.row(task, f"K, {name}", variant) for name in ("Kane", "virtual work")]
+            assert rows[0].operations == rows[1].operations
+
+
+def test_sizes_of_the_linear_systems(study: Study) -> None:
+    assert study.row("inverse", "L_E", "closed form").systems == "3 of 3×3, 3×3"
+    assert study.row("inverse", "L_I", "sparse QR").systems == "12×12"
+    assert study.row("forward", "L_I", "sparse QR").systems == "21×21"
+
+
+def test_counts_operations() -> None:
+    x, y = ca.SX.sym("x"), ca.SX.sym("y")
+    scalars = ca.Function("f", [x, y], [ca.sin(x) * y + 2])
+    assert operations(scalars) == 3
+    A, b = ca.MX.sym("A", 6, 6), ca.MX.sym("b", 6)
+    solver = ca.Function("g", [A, b], [ca.solve(A, b, "qr") * scalars(A[0, 0], b[0])])
+    assert operations(solver) == 3 + round(2 / 3 * 6**3 + 2 * 6**2)
+
+
+@pytest.mark.skipif(compiler() is None, reason="no C compiler")
+def test_compiled_functions_give_the_same(samples: Samples) -> None:
+    mechanism = delta(PAPER)
+    for task in TASKS:
+        model = models(Partition((0, 1, 2)), PAPER)[6]
+        function = model.build(mechanism, task)
+        (machine,) = compiled([function])
+        arguments = [*(x[0] for x in task.inputs(samples)), samples.parameters]
+        np.testing.assert_allclose(
+            np.asarray(machine(*arguments)), np.asarray(function(*arguments)), rtol=1e-13
+        )
+
+
+def test_table_and_csv_hold_every_row(study: Study) -> None:
+    lines = [line for line in table(study).splitlines() if line]
+    assert len(lines) == 37
+    rows = list(csv_module.DictReader(StringIO(csv(study))))
+    assert len(rows) == 36
+    assert float(rows[0]["median_error"]) == study.rows[0].median_error
+    assert rows[0]["model"] == "K, virtual work"
+    assert rows[0]["compiled_us"] == ""
+    assert "No C compiler" in notes(study)
+
+
+def made_up(study: Study, seconds: dict[tuple[str, str], float], error: float) -> Study:
+    """The study with other times (µs, 10 where nothing is said) and L_I's errors."""
+
+    def change(row: Row) -> Row:
+        model = row.model.removesuffix(", printed")
+        time = Time(1e-6 * seconds.get((model, row.variant), 10.0), 1.0)
+        wrong = error if model == "L_I" else 3e-16
+        return replace(row, interpreted=time, compiled=time, median_error=wrong)
+
+    rows = [change(row) for row in study.rows]
+    return replace(study, rows=rows, floor=dict.fromkeys(study.floor, 1e-16))
+
+
+def test_the_verdict_follows_the_numbers(study: Study) -> None:
+    paper = made_up(study, {("L_E", "null space"): 8.3, ("L_E", "closed form"): 8.0}, 3e-16)
+    assert share(paper, "inverse", "null space", "", compiled=True) == pytest.approx(0.83)
+    assert "the order holds." in said(paper)
+    assert "holds throughout" in said(paper)
+    assert "no reason to choose" in said(paper)
+
+    reverse = made_up(study, {("L_I", "sparse QR"): 5.0}, 3e-15)
+    assert "the order is reversed" in said(reverse)
+    assert "is reversed: L_I comes before L_E" in said(reverse)
+    assert "30.0 times (L_I)" in said(reverse)
+    assert "tells them apart" in said(reverse)
+
+    mixed = made_up(study, {("L_I", "sparse QR"): 5.0, ("L_E", "closed form"): 4.0}, 3e-16)
+    assert "no property of the models" in said(mixed)
+    assert "the order is reversed" in said(mixed)
+    assert "the order holds." in said(mixed)
+
+    equal = made_up(study, {}, 3e-16)
+    assert "the same cost indeed" in said(equal)
+    assert "the order is a tie" in said(equal)
+
+
+@pytest.mark.parametrize(
+    "terms", [PAPER, replace(PAPER, I42=0.002), replace(PAPER, g=None, m2=None)]
+)
+def test_printed_expressions_have_the_derived_values(terms: DeltaParameters) -> None:
+    mechanism = delta(terms)
+    printed = as_printed(mechanism, terms)
+    x = [mechanism.q, mechanism.dq, mechanism.controls, mechanism.parameters]
+    pairs = [(mechanism.M, printed.M), (mechanism.Q_gyr, printed.Q_gyr), (mechanism.Q, printed.Q)]
+    rng, p = np.random.default_rng(5), np.asarray(ca.DM(terms.vector())).ravel()
+    for derived, typed in pairs:
+        difference = ca.Function("difference", x, [derived - typed])
+        left = difference(*(rng.uniform(-1, 1, n) for n in (12, 12, 3)), p)
+        assert np.abs(left.full()).max() < 1e-14
+
+
+def said(study: Study) -> str:
+    return " ".join(verdict(study).split())
+
+
+def test_command_writes_table_chart_and_verdict(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("deltaopt.machine_code.compiler", lambda: None)
+    command = ["compare", "dynamics", "--states", "2", "--rounds", "2", "-o", str(tmp_path)]
+    assert main(command) == 0
+    printed = capsys.readouterr()
+    assert "null space" in printed.out
+    assert "ranking" in printed.out
+    assert "100%" in printed.err
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["dynamics.csv", "dynamics.png"]
+    assert (tmp_path / "dynamics.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("words", [["kinematics"], ["dynamics", "--states", "0"]])
+def test_bad_usage_is_two(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["compare", *words]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_missing_mpmath_is_one_sentence(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for module in [name for name in sys.modules if name.startswith("deltaopt.studies")]:
+        monkeypatch.delitem(sys.modules, module)
+    monkeypatch.setitem(sys.modules, "mpmath", None)
+    assert main(["compare", "dynamics"]) == 1
+    assert "pip install 'deltaopt[compare]'" in capsys.readouterr().err
+
+
+def test_progress_bar() -> None:
+    stream = StringIO()
+    bar = ProgressBar(stream)
+    bar(0.5, "half")
+    bar(1.0, "done")
+    assert " 50%  half" in stream.getvalue()
+    assert stream.getvalue().endswith("\n")

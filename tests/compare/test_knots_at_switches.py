@@ -1,0 +1,103 @@
+"""Knots at switches: where they are put, and what they do for redundant poses."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from itertools import product
+
+import numpy as np
+import pytest
+
+from deltaopt.compare.interpreted import interpreted
+from deltaopt.compare.knots_at_switches import at_switches
+from deltaopt.compare.plan_measures import Meter
+from deltaopt.planning.formulations.collocation import FAR, NEAR
+from deltaopt.planning.formulations.equations import (
+    explicit_equations,
+    flat_equations,
+    forward_equations,
+    multiplier_equations,
+)
+from deltaopt.planning.formulations.loop_closure import KnotConstraints
+from deltaopt.planning.mesh.error_estimate import FRACTIONS, GivenAway, given_away
+from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
+from tests.shipped_cases import case
+
+POSES = {
+    "flat": flat_equations,
+    "forward": forward_equations,
+    "explicit": lambda system: explicit_equations(system, KnotConstraints()),
+    "multiplier": lambda system: multiplier_equations(system, KnotConstraints()),
+}
+
+
+def bang_bang(mesh, switch):
+    """One motor from its upper to its lower limit, the switching interval a ramp of its impulse."""
+    begin = np.append(0.0, np.cumsum(mesh))[:-1]
+    share = np.clip((switch - begin) / mesh, 0, 1)[:, None, None]
+    ramp = (2 * share - 1) - (1 - np.abs(2 * share - 1)) * (2 * FRACTIONS[:, None] - 1)
+    return np.where((share > 0) & (share < 1), ramp, 2 * share - 1) * np.ones((1, 25, 1))
+
+
+@pytest.mark.parametrize("switch", [0.33, 0.5, 0.618])
+def test_a_knot_lies_at_the_switch(switch):
+    mesh = np.full(50, 0.02)
+    lost = GivenAway(np.zeros(50), np.zeros(50))
+    found = at_switches(mesh, bang_bang(mesh, switch), None, lost, 1e-4)
+    assert found.sum() == pytest.approx(1.0, abs=1e-14)
+    assert np.abs(np.cumsum(found) - switch).min() < 1e-3
+    assert len(found) <= 52
+
+
+def test_an_arc_is_divided_where_it_exceeds_its_limits():
+    """Twice the aim to the square: in two, and only there."""
+    mesh = np.full(50, 0.02)
+    lost = GivenAway(np.zeros(50), np.where(np.arange(50) < 10, 4e-4, 0.0))
+    found = at_switches(mesh, bang_bang(mesh, 0.5), None, lost, 1e-4)
+    assert found[:19] == pytest.approx(0.01, rel=1e-6)
+    assert found[20:] == pytest.approx(0.02, rel=1e-6)
+
+
+@cache
+def continued(scene, pose, steadiness=None):
+    """From 20 uniform intervals to two meshes with knots at switches: iterations of each, and
+    the last duration, as planned and slowed until it is safe."""
+    c = case(scene)
+    equations = interpreted(POSES[pose](c.system))
+    mesh, guess, iterations = np.full(20, 0.05), c.guess, []
+    for options in (FAR, NEAR, NEAR):
+        problem = equations.on(mesh, PiecewiseAcceleration())
+        if steadiness is not None:
+            problem = replace(problem, steadiness=steadiness)
+        z, bounds = problem.pack(guess, c.task), problem.bounds(c.task)
+        solution = problem.program_with(options).solve(z, *bounds, c.task.p)
+        guess = Meter(c).independent(problem, problem.unpack(solution.z, c.task))
+        loads = c.loads(guess)
+        lost = given_away(problem.prices(solution), *loads)
+        mesh = at_switches(mesh, *loads, lost, 1e-4)
+        iterations.append(solution.iterations)
+    duration = float(guess.knots[-1])
+    return iterations, duration, duration * c.safe_factor(guess)
+
+
+SCENES = ["industrial_cross", "five_bar"]
+HARDEST = ("long_diagonal", "explicit")
+
+
+@pytest.mark.parametrize(("scene", "pose"), [*product(SCENES, POSES), HARDEST])
+def test_every_pose_converges_on_every_mesh(scene, pose):
+    assert max(continued(scene, pose)[0]) <= 40
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_poses_under_one_rule_for_limits_agree(scene):
+    """Limits at the nodes: three poses, one motion but for the error of the mesh."""
+    durations = [continued(scene, pose)[1] for pose in ("forward", "explicit", "multiplier")]
+    np.testing.assert_allclose(durations, durations[0], rtol=1e-4)
+
+
+def test_steadiness_costs_next_to_nothing():
+    """With knots at the switches the duration is that of the problem without it."""
+    steady, free = (continued("five_bar", "multiplier", value)[1] for value in (None, 0.0))
+    assert steady == pytest.approx(free, rel=3e-5)

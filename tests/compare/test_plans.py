@@ -1,0 +1,110 @@
+"""The comparison of plans on a tiny run: what it says is what it measured."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import deltaopt
+from deltaopt.compare.interpreted import interpreted
+from deltaopt.compare.plan_cases import FiveBarTask, delta_case
+from deltaopt.compare.plan_measures import Quality
+from deltaopt.compare.plans import compare_plans, methods
+from deltaopt.compare.plans_report import COLUMNS, csv, tables, verdict
+from deltaopt.dynamics.consistency import Residuals
+from deltaopt.mechanisms.five_bar import FiveBarParameters, five_bar, inverse_kinematics
+from deltaopt.motion.time_scaling import safe_factor
+from deltaopt.motion.trajectory import Trajectory
+from deltaopt.planning.formulations.equations import flat_equations
+from deltaopt.planning.nlp.program import PointFunction
+from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
+from deltaopt.plots.plans import draw
+
+PROBLEMS = Path(__file__).parents[2] / "problems"
+
+
+@pytest.fixture(scope="module")
+def study():
+    return compare_plans([FiveBarTask().case], tolerance=1e-2, uniform=(6,), refinements=1)
+
+
+def test_every_method_is_in_it(study):
+    assert {str(row.method) for row in study.rows} == {str(method) for method in methods()}
+    assert not [row for row in study.rows if row.failure and not row.refined]
+    assert all(0 < row.evaluation_seconds < row.seconds for row in study.rows if not row.failure)
+
+
+def test_table_and_csv(study):
+    lines = csv(study).splitlines()
+    assert lines[0].split(",") == list(COLUMNS)
+    assert len(lines) == 1 + len(study.rows)
+    assert {line.count(",") for line in lines if '"' not in line} == {len(COLUMNS) - 1}
+    assert "multiplier  constraints at knots" in tables(study)
+
+
+def test_verdict_and_chart_with_a_failure(study, tmp_path):
+    first = study.rows[-1]
+    failed = replace(first, failure="said so", quality=Quality(), gap=np.inf)
+    broken = replace(study, rows=[*study.rows[:-1], failed])
+    assert f"{first.method} on five_bar ({first.intervals} intervals)" in " ".join(
+        verdict(broken).split()
+    )
+    assert "failed" in tables(broken)
+    draw(broken, "five_bar", tmp_path / "chart.png")
+    assert (tmp_path / "chart.png").stat().st_size > 20_000
+
+
+def test_safe_duration_is_that_of_verification():
+    """Of the Delta, by the general way that serves the five-bar too."""
+    scene = deltaopt.load_scene(PROBLEMS / "industrial_cross.yaml")
+    model = deltaopt.DeltaModel(scene.robot, scene.payload)
+    c = delta_case("cross", scene)
+    faster = c.guess.slowed(0.8)
+    expected = safe_factor(scene, Trajectory(faster, model))
+    assert c.safe_factor(faster) == pytest.approx(expected, rel=1e-4)
+
+
+def test_slowing_the_five_bar_with_friction():
+    """Friction falls with the speed, not with its square: the limit is met exactly."""
+    c = FiveBarTask().case
+    faster = c.guess.slowed(0.7)
+    torque, _ = c.loads(faster.slowed(c.safe_factor(faster)))
+    assert np.abs(torque).max() == pytest.approx(1.0, abs=1e-9)
+
+
+def test_five_bar_closes_its_loops():
+    p = FiveBarParameters()
+    m = five_bar(p)
+    q = inverse_kinematics(p)([0.3, 0.02], [])
+    residual = Residuals(m)(0.0, q, np.zeros(6), [])[0]
+    np.testing.assert_allclose(residual, 0, atol=1e-15)
+    C, P = m.closed_form
+    J = m.J
+    JC, JP = (np.array(x) for x in ca.Function("JC", [m.q], [J @ C, J @ P])(q))
+    np.testing.assert_allclose(JC, 0, atol=1e-15)
+    np.testing.assert_allclose(JP, np.eye(4), atol=1e-14)
+
+
+def test_interpreted_functions_are_not_compiled():
+    equations = interpreted(flat_equations(FiveBarTask().case.system))
+    functions = [value for value in vars(equations).values() if isinstance(value, PointFunction)]
+    assert functions
+    for each in functions:
+        kinds = {derivative.class_name() for derivative, _ in (each.jacobian, each.hessian)}
+        assert kinds == {"SXFunction"}
+
+
+def test_compiled_and_interpreted_functions_give_the_same_solution():
+    c = FiveBarTask().case
+    equations = flat_equations(c.system)
+    durations = []
+    for e in (equations, interpreted(equations)):
+        problem = e.on(np.full(6, 1 / 6), PiecewiseAcceleration())
+        guess = problem.pack(c.guess, c.task)
+        solution = problem.program.solve(guess, *problem.bounds(c.task), c.task.p)
+        durations.append(solution.z[-1])
+    assert durations[0] == pytest.approx(durations[1], rel=1e-9)

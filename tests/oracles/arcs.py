@@ -1,0 +1,326 @@
+"""Switch resolution: arcs of free length between switches, smooth inside.
+
+Where a motor is at a limit all along an arc it is held there, at every node of polynomials of
+high degree; where the arcs end is a variable. Nothing is smeared then, and the error falls
+exponentially with the degree. Lengths of time are variables, so the integration of the
+acceleration is no longer linear and stands as rows, with position and velocity at all nodes
+as variables. For a node c of an interval that is the m-th part of an arc of length h:
+
+    X_c = X_0 + (h/m) c V_0 + (h/m)² Σ_j l̿_j(c) A_j
+    V_c = V_0 + (h/m) Σ_j l̄_j(c) A_j
+
+A motor at its speed limit is held by θ̇ = ±ω where the arc begins and θ̈ = 0 along it: θ̇ = ±ω
+at every node would leave its acceleration undetermined between them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
+from deltaopt.planning.flat.flat_problem import ScaledEquations
+from deltaopt.planning.nlp.cost import FASTEST, Cost
+from deltaopt.planning.nlp.program import (
+    Layout,
+    Options,
+    PointFunction,
+    Points,
+    Program,
+    RunningCost,
+    Solution,
+)
+from deltaopt.planning.nlp.scaling import Scales
+from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
+from deltaopt.planning.switching.arc_mesh import parts_of
+from deltaopt.planning.switching.structure import Structure
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.intp]
+
+OPTIONS: Options = {
+    "ipopt.tol": 1e-11,
+    "ipopt.mu_init": 1e-6,
+    "ipopt.mu_strategy": "monotone",
+    "ipopt.bound_push": 1e-8,
+    "ipopt.bound_frac": 1e-8,
+    "ipopt.bound_relax_factor": 1e-10,  # by default every limit is widened by 1e-8
+    "ipopt.max_iter": 100,
+    # By symmetry a row may imply another: multipliers are not unique then, and those of the
+    # last step may have wrong signs. The least-squares ones share the symmetry.
+    "ipopt.recalc_y": "yes",
+    # Two motors that switch together leave more rows than variables; CasADi would say so.
+    "inputs_check": False,
+}
+
+
+def integration() -> tuple[PointFunction, PointFunction]:
+    """Rows of position and of velocity: (X_c - X_0, c V_0, Σ l̿ A, h) and (V_c - V_0, Σ l̄ A, h).
+
+    The lengths of intervals enter scaled by the layout; p is not used.
+    """
+    e, w, u, h = (ca.SX.sym(name) for name in "ewuh")
+    return (
+        PointFunction("position", _function([e, w, u, h], e - h * w - h**2 * u)),
+        PointFunction("velocity", _function([e, u, h], e - h * u)),
+    )
+
+
+def _function(y: list[ca.SX], row: ca.SX) -> ca.Function:
+    return ca.Function("row", [ca.vertcat(*y), ca.SX.sym("p", 0)], [row])
+
+
+@dataclass(frozen=True)
+class ArcProblem:
+    """A structure to be solved for its switches.
+
+    Variables: for every interval X, V at its beginning, X, V at its inner nodes, then A and
+    τ at all its nodes; last X, V at the goal, the lengths of the arcs, and a constant 1.
+    Velocities and accelerations are in units of the baseline's duration.
+    """
+
+    equations: ScaledEquations
+    structure: Structure
+    degree: int
+    cost: Cost = FASTEST
+
+    @cached_property
+    def transcription(self) -> PiecewiseAcceleration:
+        return PiecewiseAcceleration(self.degree, between=())
+
+    @cached_property
+    def parts(self) -> Integers:
+        """Into how many intervals each arc is cut, (arcs,)."""
+        return parts_of(self.structure.lengths)
+
+    @cached_property
+    def arc(self) -> Integers:
+        """The arc of each interval, (n,)."""
+        return np.repeat(np.arange(len(self.parts)), self.parts)
+
+    @property
+    def intervals(self) -> int:
+        return int(self.parts.sum())
+
+    @property
+    def _block(self) -> int:
+        return 12 * self.degree + 6
+
+    @property
+    def n_variables(self) -> int:
+        return self.intervals * self._block + 6 + len(self.parts) + 1
+
+    @property
+    def _first_length(self) -> int:
+        return self.n_variables - 1 - len(self.parts)
+
+    @cached_property
+    def _states(self) -> Integers:
+        """Where X begins at each node of each interval, (n, degree + 1); V follows."""
+        d, begin = self.degree, self._block * np.arange(self.intervals)[:, None]
+        return np.hstack([begin + 6 * np.arange(d), begin + self._block])
+
+    @cached_property
+    def _accelerations(self) -> Integers:
+        """Where A begins, (n, degree + 1)."""
+        begin = self._block * np.arange(self.intervals)[:, None] + 6 * self.degree
+        return np.asarray(begin + 3 * np.arange(self.degree + 1))
+
+    @property
+    def _torques(self) -> Integers:
+        """Where τ begins, (n, degree + 1)."""
+        return self._accelerations + 3 * (self.degree + 1)
+
+    @cached_property
+    def program(self) -> Program:
+        cost = np.zeros(self.n_variables)
+        cost[self._first_length : -1] = self.cost.time
+        position, velocity = integration()
+        zero = np.zeros(1)
+        points = [
+            Points(self.rows, self._node_layout(), *self._row_bounds()),
+            Points(position, self._position_layout(), zero, zero),
+            Points(velocity, self._velocity_layout(), zero, zero),
+        ]
+        return Program(cost, self._given_duration(), points, OPTIONS, self.running)
+
+    @cached_property
+    def running(self) -> RunningCost | None:
+        """∫ r dt by Lobatto's rule in every interval."""
+        if not self.cost.running:
+            return None
+        zero, weights = np.zeros(1), self.cost.running * self.transcription.quadrature
+        points = Points(self.equations.running_cost, self._running_layout(), zero, zero)
+        return RunningCost(points, np.tile(weights, self.intervals))
+
+    @cached_property
+    def rows(self) -> PointFunction:
+        e = self.equations
+        return e.point_function(e.force, e.opening, e.speed, e.acceleration)
+
+    def _row_bounds(self) -> tuple[Array, Array]:
+        """Of force, opening, speed and acceleration at every node, (n · nodes, rows)."""
+        shape = (self.intervals, self.degree + 1, 3)
+        zero, free = np.zeros(shape), np.full(shape, np.inf)
+        if self.equations.speed is None:
+            lower, upper = [zero, zero], [zero, free]
+        else:
+            held = self.structure.speed[self.arc][:, None]  # (n, 1, 3)
+            begins = np.zeros(shape, dtype=bool)
+            begins[:, 0] = True
+            begins[1:, 0] = (
+                self.structure.speed[self.arc[1:]] != self.structure.speed[self.arc[:-1]]
+            )
+            at_limit = np.where(held != 0, held, 1.0)
+            speed_lower = np.where(held == 0, -1.0, np.where(begins, at_limit, -np.inf))
+            speed_upper = np.where(held == 0, 1.0, np.where(begins, at_limit, np.inf))
+            bend = np.where(np.broadcast_to(held, shape) != 0, 0.0, np.inf)
+            lower, upper = [zero, zero, speed_lower, -bend], [zero, free, speed_upper, bend]
+        rows = 3 * len(lower)
+        return tuple(np.concatenate(b, axis=2).reshape(-1, rows) for b in (lower, upper))  # type: ignore[return-value]
+
+    def bounds(self, scales: Scales) -> tuple[Array, Array]:
+        """Start and goal, torques held or within limits, arcs not negative."""
+        upper = np.full(self.n_variables, np.inf)
+        lower = -upper
+        held = np.broadcast_to(
+            self.structure.torque[self.arc][:, None], (self.intervals, self.degree + 1, 3)
+        )
+        at = self._torques[..., None] + np.arange(3)
+        lower[at] = np.where(held != 0, held, -1)
+        upper[at] = np.where(held != 0, held, 1)
+        goal = self.intervals * self._block
+        lower[:6] = upper[:6] = scales.at_start
+        lower[goal : goal + 6], upper[goal : goal + 6] = scales.at_goal
+        lower[self._first_length : -1] = 0.0
+        lower[-1] = upper[-1] = 1.0
+        return lower, upper
+
+    def pack(self, trajectory: Trajectory, scales: Scales) -> Array:
+        """Variables from a motion of about this structure."""
+        d, nodes = self.degree, self.transcription.nodes
+        lengths = self.structure.lengths * trajectory.duration
+        interval = (lengths / self.parts)[self.arc]
+        begin = np.concatenate([[0.0], np.cumsum(interval)[:-1]])
+        inside = np.clip(nodes, 1e-6, 1 - 1e-6)
+        motion = trajectory((begin[:, None] + interval[:, None] * inside).ravel())
+        n, D, T = self.intervals, scales.length, scales.time
+        z = np.zeros(self.n_variables)
+        three = np.arange(3)
+        at = self._states[:, :d, None] + three
+        z[at] = ((motion.x - scales.origin) / D).reshape(n, d + 1, 3)[:, :d]
+        z[at + 3] = (motion.v * T / D).reshape(n, d + 1, 3)[:, :d]
+        z[self._accelerations[..., None] + three] = (motion.a * T**2 / D).reshape(n, d + 1, 3)
+        z[self._torques[..., None] + three] = (motion.tau / scales.torques).reshape(n, d + 1, 3)
+        at_end = trajectory([trajectory.knots[-1]])
+        z[n * self._block :][:3] = (at_end.x[0] - scales.origin) / D
+        z[n * self._block :][3:6] = at_end.v[0] * T / D
+        z[self._first_length : -1] = lengths / T
+        z[-1] = 1.0
+        lower, upper = self.bounds(scales)
+        return np.clip(z, lower, upper)
+
+    def lengths(self, z: Array) -> Array:
+        """Lengths of the arcs in units of the baseline's duration, (arcs,)."""
+        return z[self._first_length : -1]
+
+    def interval_lengths(self, z: Array) -> Array:
+        """Lengths of the intervals in the same unit, (n,)."""
+        return np.asarray((self.lengths(z) / self.parts)[self.arc])
+
+    def velocities(self, z: Array) -> Array:
+        """V at all nodes, (n, degree + 1, 3)."""
+        return np.asarray(z[self._states[..., None] + np.arange(3, 6)])
+
+    def accelerations(self, z: Array) -> Array:
+        """A at all nodes, (n, degree + 1, 3)."""
+        return np.asarray(z[self._accelerations[..., None] + np.arange(3)])
+
+    def at_nodes(self, z: Array) -> Array:
+        """y = (X, V, A, τ, 1) of all nodes, (n · (degree + 1), 13)."""
+        return np.asarray(z[self._node_layout().columns.reshape(-1, 13)])
+
+    def row_multipliers(self, solution: Solution) -> tuple[Array, Array, Array]:
+        """Of the rows at the nodes (n · (degree + 1), rows), and of those that integrate
+        position and velocity, (n, degree, 3) each."""
+        n, d = self.intervals, self.degree
+        rows = self.rows.function.size1_out(0)
+        ends = np.cumsum([n * (d + 1) * rows, 3 * n * d])
+        linear = int(self.cost.duration_is_given)
+        nodes, position, velocity = np.split(solution.row_multipliers[linear:], ends)
+        shape = (n, d, 3)
+        return nodes.reshape(-1, rows), position.reshape(shape), velocity.reshape(shape)
+
+    def unpack(self, z: Array, scales: Scales) -> PiecewisePolynomial:
+        """The motion that the variables describe, without arcs that have vanished."""
+        h = self.interval_lengths(z)
+        kept = h > 1e-9
+        h = h[kept]
+        X = z[self._states[kept, :1] + np.arange(3)]
+        V = z[self._states[kept, :1] + np.arange(3, 6)]
+        A = self.accelerations(z)[kept]
+        return scales.polynomial(h, self.transcription.coefficients(X, V, A, h), scales.time)
+
+    def prices(self, solution: Solution) -> Array:
+        """Multipliers of the torques' bounds at the nodes, (n, degree + 1, 3)."""
+        at = self._torques[..., None] + np.arange(3)
+        return np.asarray(solution.bound_multipliers[at])
+
+    def _node_layout(self) -> Layout:
+        """y = (X, V, A, τ, 1) at every node."""
+        n, d = self.intervals, self.degree
+        columns = np.zeros((n, d + 1, 13), dtype=np.intp)
+        columns[..., :6] = self._states[..., None] + np.arange(6)
+        columns[..., 6:9] = self._accelerations[..., None] + np.arange(3)
+        columns[..., 9:12] = self._torques[..., None] + np.arange(3)
+        columns[..., 12] = self.n_variables - 1
+        return Layout(columns.reshape(-1, 1), np.ones((columns.size, 1)))
+
+    def _running_layout(self) -> Layout:
+        """(y, h/m) at every node."""
+        y = self._node_layout().columns.reshape(-1, 13)
+        arcs, nodes = np.repeat(self.arc, self.degree + 1), self.degree + 1
+        columns = np.hstack([y, self._first_length + arcs[:, None]])
+        weights = np.ones(columns.shape)
+        weights[:, -1] = np.repeat(1.0 / self.parts[self.arc], nodes)
+        return Layout(columns.reshape(-1, 1), weights.reshape(-1, 1))
+
+    def _given_duration(self) -> Layout:
+        """Lengths of the arcs less the constant 1, where the duration is the unit of time."""
+        given = int(self.cost.duration_is_given)
+        columns = np.arange(self._first_length, self.n_variables, dtype=np.intp)
+        weights = np.append(np.ones(len(self.parts)), -1.0)
+        return Layout(columns[None][:given], weights[None][:given])
+
+    def _position_layout(self) -> Layout:
+        """y = (X_c - X_0, c V_0, Σ l̿ A, h/m) for the nodes after the first, per component."""
+        position, _, _ = self.transcription.weights(self.transcription.nodes[1:], 1.0)
+        return self._integration_layout(position[:, 1:], velocity=False)
+
+    def _velocity_layout(self) -> Layout:
+        """y = (V_c - V_0, Σ l̄ A, h/m) for the nodes after the first, per component."""
+        _, velocity, _ = self.transcription.weights(self.transcription.nodes[1:], 1.0)
+        return self._integration_layout(velocity[:, 1:], velocity=True)
+
+    def _integration_layout(self, weights: Array, *, velocity: bool) -> Layout:
+        """``weights``: of V_0 and A_j at the nodes after the first, (degree, degree + 2)."""
+        n, d, of = self.intervals, self.degree, 3 if velocity else 0
+        ny = 3 if velocity else 4
+        columns = np.zeros((n, d, 3, ny, d + 1), dtype=np.intp)
+        values = np.zeros(columns.shape)
+        three = np.arange(3)
+        columns[..., 0, 0] = self._states[:, 1:, None] + of + three
+        columns[..., 0, 1] = self._states[:, :1, None] + of + three
+        values[..., 0, 0], values[..., 0, 1] = 1.0, -1.0
+        if not velocity:
+            columns[..., 1, 0] = self._states[:, :1, None] + 3 + three
+            values[..., 1, 0] = weights[:, None, 0]
+        columns[..., -2, :] = self._accelerations[:, None, None, :] + three[:, None]
+        values[..., -2, :] = weights[:, None, 1:]
+        columns[..., -1, 0] = (self._first_length + self.arc)[:, None, None]
+        values[..., -1, 0] = (1.0 / self.parts[self.arc])[:, None, None]
+        return Layout(columns.reshape(-1, d + 1), values.reshape(-1, d + 1))

@@ -1,0 +1,223 @@
+"""Machine code: kept, shared, left out; plans with and without it; C for controllers."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from deltaopt.cli import main
+from deltaopt.codegen import compile as machine_code
+from deltaopt.codegen.compile import CACHE, compiled, compiler, describe, library
+from deltaopt.codegen.simd_c import c_function
+from deltaopt.codegen.vectorised import RowFunction
+from deltaopt.errors import DeltaOptError, Unreachable
+from deltaopt.motion.time_scaling import torque_excess
+from deltaopt.planning.flat.flat_problem import Flat, interior_point
+from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
+from deltaopt.planning.planner import Plan, Planner
+from deltaopt.robot.model import DeltaModel
+from deltaopt.robot.robot import load_robot
+from deltaopt.scene.scene import load_scene
+
+PROBLEMS = Path(__file__).parents[3] / "problems"
+ORSINO = load_robot(PROBLEMS / "robots" / "orsino.yaml")
+INDUSTRIAL = load_robot(PROBLEMS / "robots" / "industrial.yaml")
+PICK = load_scene(PROBLEMS / "pick_and_place.yaml")
+
+needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler")
+
+
+@pytest.fixture
+def empty_cache(tmp_path, monkeypatch):
+    monkeypatch.setenv(CACHE, str(tmp_path / "cache"))
+    return tmp_path / "cache"
+
+
+def source(number: int) -> str:
+    return f"int answer(void) {{ return {number}; }}\n"
+
+
+# Kept libraries
+
+
+@needs_compiler
+def test_compiled_once(empty_cache, monkeypatch):
+    first = library(source(1))
+    assert first is not None
+    monkeypatch.setattr(machine_code, "_build", lambda *_: pytest.fail("built again"))
+    assert library(source(1)) == first
+    assert [file.name for file in empty_cache.iterdir()] == [first.name]
+
+
+@needs_compiler
+def test_what_shapes_the_code_shapes_the_name(empty_cache, monkeypatch):
+    names = {library(source(1)), library(source(2))}
+    monkeypatch.setattr(machine_code, "FLAGS", ("-O0",))
+    machine_code._compiler_at.cache_clear()
+    names.add(library(source(1)))
+    machine_code._compiler_at.cache_clear()
+    assert len(names) == 3
+
+
+@needs_compiler
+def test_two_processes_at_once(empty_cache):
+    with ProcessPoolExecutor(2) as pool:
+        paths = list(pool.map(library, [source(3)] * 4))
+    assert len(set(paths)) == 1
+    assert [file.name for file in empty_cache.iterdir()] == [paths[0].name]
+
+
+@needs_compiler
+def test_what_does_not_compile_is_no_library(empty_cache):
+    assert library("this is not C") is None
+    assert not list(empty_cache.iterdir())
+
+
+@needs_compiler
+def test_unwritable_cache_is_no_library(tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv(CACHE, str(tmp_path / "file"))
+    assert library(source(1)) is None
+    assert describe().startswith("no: ")
+
+
+def test_without_compiler(empty_cache, monkeypatch):
+    monkeypatch.setenv("PATH", "")
+    assert compiler() is None
+    assert library(source(1)) is None
+    assert describe().startswith("no: no C compiler")
+    x = ca.SX.sym("x")
+    function = ca.Function("f", [x], [x**2])
+    assert compiled([function]) == [function]
+
+
+# Four points at a time
+
+
+@needs_compiler
+@pytest.mark.parametrize("number", [1, 3, 4, 9])
+def test_rows_are_those_of_casadi(number):
+    x, p = ca.SX.sym("x", 2), ca.SX.sym("p")
+    values = [ca.atan2(x[0], x[1]) * p, ca.sqrt(ca.sumsqr(x)), ca.fmax(x[0], -x[1]), -x[0] / p]
+    function = ca.Function("f", [x, p], [ca.vertcat(*values), ca.sin(x)])
+    points = np.random.default_rng(number).normal(size=(number, 2))
+    found = RowFunction(function)(points, parameters=np.array([0.7]))
+    expected = function.map(number)(points.T, 0.7)
+    for ours, theirs in zip(found, expected, strict=True):
+        np.testing.assert_allclose(ours, theirs.full().T, rtol=1e-13)
+
+
+def test_what_has_no_c_text_is_told():
+    x = ca.SX.sym("x")
+    with pytest.raises(DeltaOptError, match="has no C text"):
+        c_function(ca.Function("f", [x], [ca.erf(x)]), "f")
+
+
+# Plans
+
+
+@needs_compiler
+@pytest.mark.parametrize(("robot", "depth"), [(ORSINO, 0.45), (INDUSTRIAL, 0.75)])
+def test_interior_point_finds_what_ipopt_finds(robot, depth, monkeypatch):
+    start, goal = (depth, -0.05, 0.02), (depth + 0.05, 0.08, 0.0)
+    ours = Planner(robot, 1.0, tolerance=5e-4).plan(start, goal)
+    assert {r.iterations for r in ours.rounds} != {0}
+    monkeypatch.setattr("deltaopt.planning.flat.interior_point", lambda *_: None)
+    theirs = Planner(robot, 1.0, tolerance=5e-4).plan(start, goal)
+    assert ours.duration == pytest.approx(theirs.duration, rel=1e-3)
+    assert ours.within_tolerance
+    assert theirs.within_tolerance
+
+
+def test_same_plan_without_compiler():
+    """In a process of its own: what is compiled stays so in this one."""
+    script = (
+        "from deltaopt.planning.planner import plan; from deltaopt.scene.scene import load_scene;"
+        f"print(plan(load_scene({str(PROBLEMS / 'pick_and_place.yaml')!r})).duration)"
+    )
+    ran = subprocess.run(
+        [sys.executable, "-c", script],
+        cwd=PROBLEMS.parent,
+        env={"PATH": "", "PYTHONPATH": str(PROBLEMS.parent)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert float(ran.stdout) == pytest.approx(planned().duration, rel=1e-3)
+
+
+def planned() -> Plan:
+    return Planner(PICK.robot, PICK.payload, PICK.limits).plan(PICK.start, PICK.goal)
+
+
+def test_another_payload_builds_nothing(monkeypatch):
+    planner = Planner(ORSINO, 1.0)
+    light = planner.plan(PICK.start, PICK.goal, payload=0.5)
+    assert torque_excess(light.scene, light.trajectory).value <= 1e-9
+    monkeypatch.setattr(Flat, "of", lambda *_, **__: pytest.fail("built again"))
+    monkeypatch.setattr(interior_point, "library", lambda _: pytest.fail("compiled again"))
+    monkeypatch.setattr("deltaopt.rows.library", lambda _: pytest.fail("compiled again"))
+    heavy = planner.plan(PICK.start, PICK.goal, payload=1.5)
+    assert light.duration < heavy.duration
+    assert heavy.scene.payload == 1.5
+    assert torque_excess(heavy.scene, heavy.trajectory).value <= 1e-9
+
+
+def test_models_of_the_same_terms_share_their_functions():
+    one, other = DeltaModel(ORSINO, 1.0), DeltaModel(INDUSTRIAL, 2.0)
+    assert one.functions is other.functions
+    assert one.functions is not DeltaModel(ORSINO).functions
+
+
+def test_warm_start_leads_to_the_same_motion():
+    planner = Planner(ORSINO, 1.0)
+    neighbour = planner.plan((0.45, -0.05, 0.0), (0.45, 0.10, 0.0))
+    ends = (0.455, -0.048, 0.004), (0.452, 0.103, -0.003)
+    warm, cold = planner.plan(*ends, near=neighbour), planner.plan(*ends)
+    assert warm.duration == pytest.approx(cold.duration, rel=1e-3)
+    assert warm.within_tolerance
+
+
+def test_many_plans_in_order():
+    planner = Planner(ORSINO, 1.0)
+    goals = [(0.45, 0.1, 0.0), (9.0, 0.0, 0.0), (0.46, 0.08, 0.03), (0.47, 0.0, 0.1)]
+    pairs = [((0.45, -0.05, 0.0), goal) for goal in goals]
+    alone, shared = planner.plan_many(pairs), planner.plan_many(pairs, workers=2)
+    assert isinstance(alone[1], Unreachable)
+    assert str(shared[1]) == str(alone[1])
+    for mine, theirs, goal in zip(alone, shared, goals, strict=True):
+        if isinstance(mine, Plan):
+            assert isinstance(theirs, Plan)
+            assert mine.duration == theirs.duration
+            assert mine.scene.goal == goal
+
+
+def test_other_points_are_left_to_ipopt():
+    transcription = PiecewiseAcceleration(degree=2)
+    posed = Flat().of(DeltaModel(ORSINO, 1.0).functions, transcription, speed=False)
+    assert posed.on(np.full(4, 0.25))._interior_point is None
+
+
+# C for controllers
+
+
+@pytest.mark.parametrize("name", ["orsino", "industrial"])
+def test_exported_c_gives_our_numbers(name, tmp_path, capsys):
+    robot = PROBLEMS / "robots" / f"{name}.yaml"
+    assert main(["export", "c", str(robot), "-o", str(tmp_path)]) == 0
+    assert "delta.c" in capsys.readouterr().out
+    command = shutil.which("gcc") or shutil.which("cc")
+    if command is None:
+        pytest.skip("no C compiler")
+    strict = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-O1"]
+    files = ["delta.c", "test_delta.c", "-lm", "-o", "test_delta"]
+    subprocess.run([command, *strict, *files], cwd=tmp_path, check=True)
+    ran = subprocess.run([tmp_path / "test_delta"], capture_output=True, text=True)
+    assert ran.returncode == 0, ran.stdout

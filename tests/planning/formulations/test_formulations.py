@@ -1,0 +1,250 @@
+"""Poses, loop closures and transcriptions against each other and against what they promise."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import deltaopt
+from deltaopt.compare.interpreted import interpreted
+from deltaopt.compare.plan_measures import Meter, active_rank
+from deltaopt.dynamics import Explicit, Kane, Multiplier, VirtualWork
+from deltaopt.errors import DependentConstraints, NotConverged
+from deltaopt.planning.formulations.choice import Redundant, posed_as
+from deltaopt.planning.formulations.equations import (
+    explicit_equations,
+    flat_equations,
+    forward_equations,
+    multiplier_equations,
+)
+from deltaopt.planning.formulations.independent_rows import dependent_rows
+from deltaopt.planning.formulations.loop_closure import (
+    AccelerationLevel,
+    Baumgarte,
+    KnotConstraints,
+    Projection,
+)
+from deltaopt.planning.nlp.cost import Cost
+from deltaopt.planning.nlp.program import IPOPT
+from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
+from deltaopt.robot.model import delta_model
+from tests.posed_scenes import first, posed, scales_of
+from tests.shipped_cases import PROBLEMS, case
+
+CLOSURES = [KnotConstraints(), Projection(), Baumgarte(), AccelerationLevel()]
+
+
+def name(value):
+    return getattr(value, "name", value)
+
+
+@cache
+def equations(scene, pose, closure=None):
+    system = case(scene).system
+    build = {
+        "flat": flat_equations,
+        "forward": forward_equations,
+        "explicit": lambda s: explicit_equations(s, closure),
+        "multiplier": lambda s: multiplier_equations(s, closure),
+    }
+    return interpreted(build[pose](system))  # compiling takes longer than these solves
+
+
+@cache
+def solved(scene, pose, closure=None, intervals=10):
+    """Problem, solution and quality from the baseline."""
+    task = case(scene).task
+    problem = equations(scene, pose, closure).on(
+        np.full(intervals, 1 / intervals), PiecewiseAcceleration()
+    )
+    guess = problem.pack(case(scene).guess, task)
+    solution = problem.program.solve(guess, *problem.bounds(task), task.p)
+    return problem, solution, Meter(case(scene)).quality(problem, solution.z)
+
+
+SCENES = ["pick_and_place", "industrial_cross", "five_bar"]
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_poses_agree_on_a_coarse_mesh(scene):
+    """Ten intervals: what is left is the error of the transcription."""
+    durations = [
+        solved(scene, *pose)[2].duration
+        for pose in (
+            ("flat",),
+            ("forward",),
+            ("explicit", KnotConstraints()),
+            ("multiplier", Projection()),
+        )
+    ]
+    np.testing.assert_allclose(durations, durations[0], rtol=4e-3)
+
+
+@pytest.mark.parametrize("scene", SCENES)
+@pytest.mark.parametrize("closure", CLOSURES, ids=name)
+def test_explicit_and_multiplier_have_the_same_solutions(scene, closure):
+    """λ takes nothing from and adds nothing to the motion: the collocation is the same."""
+    explicit, multiplier = (solved(scene, pose, closure) for pose in ("explicit", "multiplier"))
+    np.testing.assert_allclose(explicit[2].duration, multiplier[2].duration, rtol=1e-6)
+    for _, solution, _ in (explicit, multiplier):
+        assert solution.iterations <= 40
+
+
+def test_the_flat_pose_is_that_of_the_planner():
+    """The chain's flat equations and the production ones on the same mesh."""
+    scene = deltaopt.load_scene(PROBLEMS / "pick_and_place.yaml")
+    model, mesh = delta_model(scene.robot, scene.payload), np.full(10, 0.1)
+    planners = posed(scene).on(mesh).solve(first(scene, 1e-8), scales_of(scene), model.parameters)
+    c = case("pick_and_place")
+    problem = equations("pick_and_place", "flat").on(mesh, PiecewiseAcceleration())
+    problem = replace(problem, steadiness=0.0)
+    z = problem.pack(c.guess, c.task)
+    solution = problem.program.solve(z, *problem.bounds(c.task), c.task.p)
+    duration = problem.unpack(solution.z, c.task).knots[-1]
+    assert planners.position.knots[-1] == pytest.approx(duration, rel=1e-6)
+
+
+@pytest.mark.parametrize("formulation", [VirtualWork(), Explicit(), Kane()], ids=type)
+def test_formulations_without_multipliers_are_one_pose(formulation):
+    assert posed_as(formulation).name.startswith("explicit")
+    assert posed_as(Multiplier()).name.startswith("multiplier")
+    assert posed_as(deltaopt.flat) is deltaopt.flat
+
+
+def test_plans_pass_verification_in_redundant_coordinates():
+    scene = deltaopt.load_scene(PROBLEMS / "pick_and_place.yaml")
+    flat = deltaopt.plan(scene, tolerance=1e-3)
+    for formulation in (deltaopt.explicit, deltaopt.multiplier):
+        plan = deltaopt.plan(scene, tolerance=1e-3, formulation=formulation)
+        report = deltaopt.verify(scene, plan.trajectory)
+        assert report.ok, report.failures()
+        assert report.kinematic_error <= 1e-9
+        assert plan.duration == pytest.approx(flat.duration, rel=1e-3)
+
+
+def test_drift_is_in_the_reported_motion():
+    """Acceleration level: verify measures the twelve polynomials, and does not pass them."""
+    scene = deltaopt.load_scene(PROBLEMS / "pick_and_place.yaml")
+    pose = Redundant(Multiplier(), AccelerationLevel())
+    plan = deltaopt.plan(scene, tolerance=1.0, formulation=pose)
+    report = deltaopt.verify(scene, plan.trajectory)
+    assert plan.trajectory.coordinates is not None
+    assert 1e-7 < report.kinematic_error < 1e-1
+    assert any("loops open" in failure for failure in report.failures())
+
+
+@pytest.mark.parametrize("closure", [KnotConstraints(), Projection()], ids=name)
+@pytest.mark.parametrize("scene", ["pick_and_place", "five_bar"])
+def test_loops_are_closed_at_knots(scene, closure):
+    assert solved(scene, "explicit", closure)[2].at_knots <= 1e-9
+
+
+SMOOTH = "pick_and_place"
+
+
+@cache
+def least_effort(pose, closure, degree, intervals):
+    """Least mean of (τ/τ_max)² at twice the baseline's duration, where no limit is active."""
+    c = case(SMOOTH)
+    guess = c.guess.slowed(2.0)
+    p = c.task.p.copy()
+    p[4] = guess.knots[-1]  # the scale of time
+    task = replace(c.task, p=p)
+    effort = Cost(time=0.0, running=1 / p[5] ** 2, duration_is_given=True)
+    problem = equations(SMOOTH, pose, closure).on(
+        np.full(intervals, 1 / intervals), PiecewiseAcceleration(degree, ()), effort
+    )
+    start = problem.pack(guess, task)
+    solution = problem.program.solve(start, *problem.bounds(task), task.p)
+    tau = problem.variables.algebraic(solution.z)[:, :, :3]
+    quality = Meter(replace(c, task=task)).quality(problem, solution.z)
+    per_interval = np.einsum("j,njk->n", problem.transcription.quadrature, tau**2)
+    return float(problem.mesh @ per_interval), quality
+
+
+@pytest.mark.parametrize(
+    ("pose", "closure"),
+    [
+        ("flat", None),
+        ("forward", None),
+        ("explicit", KnotConstraints()),
+        ("explicit", AccelerationLevel()),
+        ("multiplier", Projection()),
+    ],
+    ids=name,
+)
+@pytest.mark.parametrize("degree", [1, 2])
+def test_order_of_the_transcription(pose, closure, degree):
+    exact, _ = least_effort("flat", None, 4, 16)
+    errors = [abs(least_effort(pose, closure, degree, n)[0] - exact) for n in (8, 16)]
+    measured = np.log2(errors[0] / errors[1])
+    assert measured == pytest.approx(PiecewiseAcceleration(degree).order, abs=0.3)
+
+
+@pytest.mark.parametrize("pose", ["explicit", "multiplier"])
+def test_poses_agree_where_nothing_jumps(pose):
+    """To 1e-5 of the cost: fourth order, sixteen intervals, against degree 4 in flat."""
+    exact, _ = least_effort("flat", None, 4, 16)
+    for closure in (KnotConstraints(), Projection()):
+        assert least_effort(pose, closure, 2, 16)[0] == pytest.approx(exact, rel=1e-5)
+
+
+def test_order_of_degree_three():
+    exact, _ = least_effort("flat", None, 4, 16)
+    errors = [abs(least_effort("flat", None, 3, n)[0] - exact) for n in (4, 8)]
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(6, abs=0.3)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_drift_falls_with_the_order(degree):
+    """Acceleration level on a smooth motion: the loops open with the error of the mesh."""
+    drift = [least_effort("explicit", AccelerationLevel(), degree, n)[1] for n in (8, 16)]
+    slope = np.log2(drift[0].kinematic_error / drift[1].kinematic_error)
+    assert slope == pytest.approx(2 * degree, abs=0.3)
+
+
+@pytest.mark.parametrize("pose", ["explicit", "multiplier"])
+@pytest.mark.parametrize("closure", CLOSURES, ids=name)
+def test_no_active_row_depends_on_others(pose, closure):
+    problem, solution, _ = solved("pick_and_place", pose, closure, intervals=4)
+    task = case("pick_and_place").task
+    rows, rank = active_rank(problem.program, solution, problem.bounds(task), task.p)
+    assert rank == rows
+
+
+def test_a_duplicated_loop_constraint_is_named():
+    c = case("pick_and_place")
+    m = c.system.mechanism
+    doubled = replace(m, holonomic=ca.vertcat(m.holonomic, m.holonomic[3] + 0))
+    units = replace(c.system.units, closure=ca.vertcat(c.system.units.closure, 1))
+    system = replace(c.system, mechanism=doubled, units=units)
+    problem = multiplier_equations(system, AccelerationLevel()).on(
+        np.full(4, 0.25), PiecewiseAcceleration()
+    )
+    with pytest.raises(DependentConstraints, match="loop constraint 10 of 10 follows"):
+        problem.pack(c.guess, c.task)
+
+
+def test_dependent_rows():
+    rows = np.random.default_rng(1).normal(size=(4, 6))
+    A = np.vstack([rows[:2], rows[0] - 2 * rows[1], rows[2:], np.zeros(6), rows.sum(axis=0)])
+    assert dependent_rows(A) == [2, 5, 6]
+
+
+def test_not_converged_names_constraint_and_time(monkeypatch):
+    monkeypatch.setitem(IPOPT, "ipopt.max_iter", 2)
+    task = case("pick_and_place").task
+    problem = equations("pick_and_place", "multiplier", KnotConstraints()).on(
+        np.full(4, 0.25), PiecewiseAcceleration()
+    )
+    guess = problem.pack(case("pick_and_place").guess, task)
+    named = (
+        r"Maximum_Iter.*worst constraint: (dynamics, equation \(37\) for coordinate|loop closure at"
+        r" (a knot|acceleration level), constraint( and its rate, row)?) \d+ at [\d.]+% of "
+    )
+    with pytest.raises(NotConverged, match=named):
+        problem.program.solve(guess, *problem.bounds(task), task.p)

@@ -1,0 +1,287 @@
+"""Meshes alone to a gap of 1e-6: tightened limits, and Pontryagin's condition from their prices."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from deltaopt import load_scene
+from deltaopt.planning.mesh.constraint_tightening import Overshoot
+from deltaopt.planning.mesh.error_estimate import FRACTIONS, TIGHTENED, GivenAway, refined
+from deltaopt.planning.mesh.mesh_costates import certify_mesh, costates, hamiltonian
+from deltaopt.planning.mesh.mesh_solution import Round, attempt, gap_of
+from deltaopt.planning.nlp.problem import Guess, solved_by_ipopt
+from deltaopt.planning.nlp.program import Spent
+from deltaopt.planning.nlp.scaling import Scales
+from deltaopt.planning.nlp.transcription import LINEAR
+from deltaopt.planning.planner import Planner, quicker
+from deltaopt.planning.refinement import Search
+from deltaopt.planning.switching.detection import SHARP, read_structure
+from deltaopt.planning.switching.structure import Limit
+from deltaopt.robot.model import delta_model
+from deltaopt.scene.scene import Limits, Scene
+from deltaopt.verify.pontryagin import MET
+from deltaopt.verify.verification import verification as verify
+from tests.planning.switching.test_resolution import REFERENCE
+from tests.posed_scenes import CROSS, first, machine_code, posed, random_move, scales_of
+
+
+@machine_code
+@pytest.mark.parametrize("name", REFERENCE)
+def test_a_mesh_alone_comes_to_the_reference(name):
+    """Known by switch resolution, a quite different method."""
+    scene = load_scene(f"problems/{name}.yaml")
+    planner = Planner(scene.robot, scene.payload, scene.limits, tolerance=1e-6, resolved_below=0.0)
+    found = planner.plan(scene.start, scene.goal)
+    assert found.within_tolerance
+    assert -2e-7 < found.duration / REFERENCE[name] - 1 < 1.2e-6
+    assert verify(scene, found.trajectory).ok
+
+
+def limited(scene: Scene, share: float) -> Scene:
+    """With a share of all limits."""
+    torque = tuple(share * limit for limit in scene.torque_limits)
+    speed = tuple(share * limit for limit in scene.speed_limits)
+    return scene.model_copy(update={"limits": Limits(torque=torque, speed=speed)})
+
+
+@machine_code
+def test_a_share_of_the_limits_is_that_of_weaker_motors():
+    """The same program, scaled otherwise; the prices are those of the whole limits."""
+    mesh, by_interval = np.full(12, 1 / 12), np.full((12, 1, 3), 0.8)
+    model, scales = delta_model(CROSS.robot, CROSS.payload), scales_of(CROSS)
+    problem, guess = posed(CROSS).on(mesh), first(CROSS, 1e-9)
+    shared = replace(scales, torque_share=by_interval, speed_share=by_interval)
+    weaker = Scales(limited(CROSS, 0.8), scales.time, scales.opening_at_ends)
+    one, other = (problem.solve(guess, s, model.parameters) for s in (shared, weaker))
+    assert one.position.knots[-1] == pytest.approx(other.position.knots[-1], rel=1e-8)
+    np.testing.assert_allclose(0.8 * one.prices, other.prices, atol=1e-5)
+
+
+@machine_code
+def test_shares_by_interval_and_motor_are_those_of_ipopt():
+    """Whose torques have bounds of their own in every interval."""
+    rng, mesh = np.random.default_rng(5), np.full(12, 1 / 12)
+    scene = load_scene("problems/pick_and_place.yaml")
+    model, guess = delta_model(scene.robot, scene.payload), first(scene, 1e-9)
+    share = rng.uniform(0.7, 1.0, (12, 1, 3))
+    scales = replace(scales_of(scene), torque_share=share)
+    problem = posed(scene).on(mesh)
+    ours = problem.solve(guess, scales, model.parameters)
+    ipopts = solved_by_ipopt(problem, problem.program, guess, scales, model.parameters)
+    assert ours.status == "Solve_Succeeded"
+    assert ours.position.knots[-1] == pytest.approx(ipopts.position.knots[-1], rel=1e-6)
+    np.testing.assert_allclose(ours.prices, ipopts.prices, atol=2e-3)
+
+
+# Tightened limits
+
+
+def loads(N: int, value: float = 0.5) -> np.ndarray:
+    return np.full((N, len(FRACTIONS), 3), value)
+
+
+def bump(torque: np.ndarray, interval: int, motor: int, height: float) -> None:
+    """At the limit at all points, and over it halfway between the first two."""
+    torque[interval, :, motor] = 1.0
+    torque[interval, len(FRACTIONS) // 6, motor] = 1 + height
+
+
+N = 1000
+FINE = np.full(N, 1 / N)
+
+
+def overshoot(torque: np.ndarray, mesh: np.ndarray = FINE) -> Overshoot:
+    return Overshoot.of(mesh, LINEAR.points, torque, None)
+
+
+def test_only_what_lies_between_the_points_is_overshoot():
+    torque = loads(N)
+    bump(torque, 3, 1, 1e-3)
+    torque[5, :, 2] = -1.002  # at the points too: no matter of the mesh
+    over = overshoot(torque).each
+    assert over[3, 1] == pytest.approx(1e-3)
+    over[3, 1] = 0.0
+    assert (over == 0).all()
+
+
+def test_limits_hold_at_other_points_of_other_transcriptions():
+    torque = loads(N)
+    bump(torque, 3, 1, 1e-3)
+    at_the_bump = np.array([0.0, 1 / 6, 1.0])
+    assert (Overshoot.of(FINE, at_the_bump, torque, None).each == 0).all()
+
+
+def test_limits_are_tightened_where_they_are_exceeded_and_beside(scales):
+    torque = loads(N)
+    bump(torque, 3, 1, 1e-3)
+    share = overshoot(torque).tightened(scales, FINE).shares(N)
+    np.testing.assert_allclose(share[2:5, 1], 1 - 1.25e-3)
+    share[2:5, 1] = 1.0
+    assert (share == 1).all()
+
+
+def test_tightening_falls_with_the_interval(scales):
+    torque = loads(N)
+    bump(torque, 3, 1, 1e-3)
+    halves = overshoot(torque).tightened(scales, np.repeat(FINE / 2, 2)).shares(2 * N)
+    np.testing.assert_allclose(halves[4:10, 1], 1 - 1.25e-3 / 2)
+
+
+def test_tightening_is_remembered_where_nothing_was_split(scales):
+    """The next motion does not exceed the limit, and would if that were forgotten; nor does
+    what is remembered spread to other intervals."""
+    torque = loads(N)
+    bump(torque, 3, 1, 1e-3)
+    once = overshoot(torque).tightened(scales, FINE)
+    again = overshoot(loads(N)).tightened(once, FINE).shares(N)
+    np.testing.assert_allclose(again[2:5, 1], 1 - 0.9 * 1.25e-3)
+    assert (np.delete(again, [2, 3, 4], axis=0) == 1).all()
+    split = np.insert(np.delete(FINE, 3), [3, 3], FINE[3] / 2)
+    after = overshoot(loads(N)).tightened(once, split).shares(N + 1)
+    np.testing.assert_allclose(after[2:6, 1], [1 - 0.9 * 1.25e-3, 1, 1, 1 - 0.9 * 1.25e-3])
+
+
+def test_long_intervals_are_not_tightened(scales):
+    mesh = np.full(10, 0.1)
+    assert mesh[0] > TIGHTENED
+    torque = loads(10)
+    bump(torque, 3, 1, 1e-2)
+    assert (overshoot(torque, mesh).tightened(scales, mesh).shares(10) == 1).all()
+
+
+def test_no_interval_is_split_beyond_rounding():
+    lost = GivenAway(np.array([1.0, 0.0]), np.zeros(2))
+    assert refined(np.array([1.5e-4, 1 - 1.5e-4]), lost, 1e-6).min() == 1.5e-4
+
+
+@pytest.fixture(scope="module")
+def scales():
+    return scales_of(CROSS)
+
+
+@machine_code
+def test_tightening_cures_what_slowing_pays_for():
+    """On one mesh: the excess falls tenfold, and the duration hardly rises."""
+    model, scales, mesh = (
+        delta_model(CROSS.robot, CROSS.payload),
+        scales_of(CROSS),
+        np.full(400, 1 / 400),
+    )
+    problem = posed(CROSS).on(mesh)
+    plain = attempt(problem, scales, first(CROSS, 1e-7), model)
+    tighter = plain
+    for _ in range(3):
+        guess = Guess(tighter.trajectory, near=True, tolerance=1e-7)
+        tighter = attempt(problem, tighter.tightened(mesh), guess, model)
+    assert plain.safe_factor > 1 + 1e-5
+    assert tighter.safe_factor - 1 < 0.1 * (plain.safe_factor - 1)
+    assert (
+        0
+        < tighter.trajectory.duration / plain.trajectory.duration - 1
+        < 0.1 * (plain.safe_factor - 1)
+    )
+
+
+# What a mesh says of Pontryagin's condition
+
+
+def searched_for(scene: Scene, tolerance: float) -> Search:
+    """On meshes alone, from a coarse one to a fine one."""
+    model = delta_model(scene.robot, scene.payload)
+    search = Search(posed(scene), scales_of(scene), model, tolerance, True, print)
+    search._meshes_to_read = search._sharp_to_read = 0
+    search.from_guess(first(scene, 1e-4), 16)
+    return search
+
+
+@pytest.fixture(scope="module")
+def searched():
+    return searched_for(CROSS, 1e-6)
+
+
+@machine_code
+def test_the_hamiltonian_is_what_theory_says(searched):
+    """-1, from prices that know nothing of it; not so on a coarse mesh."""
+    coarse, fine = (hamiltonian(searched._stage, searched.attempts[i]) for i in (0, -1))
+    np.testing.assert_allclose(fine, -1, atol=MET)
+    assert np.abs(coarse + 1).max() > 10 * MET
+    assert searched.certificate(searched.attempts[-1]).residual <= MET
+    assert searched.certificate(searched.attempts[0]) is None
+
+
+@pytest.mark.parametrize(
+    "mesh", [[1.0], [0.5, 0.5], [0.02] * 50, [0.6, *[0.001] * 100, 0.3], [*[0.001] * 700, 0.3]]
+)
+def test_prices_in_balance_tell_the_same_costates_however_shifts_fade(mesh):
+    """Then a shift of one knot costs afterwards what it gains before, whatever the others do."""
+    rng, mesh = np.random.default_rng(7), np.array(mesh)
+    pulled = rng.standard_normal((len(mesh), 4, 3))
+    pulled[1:, :2] = -pulled[:-1, 2:]
+    expected = np.concatenate([pulled[:, :2], -pulled[-1:, 2:]])
+    np.testing.assert_allclose(costates(pulled, mesh), expected, atol=1e-9)
+
+
+@machine_code
+def test_noise_between_neighbouring_knots_is_no_costate():
+    """A move with two motors at their speed limits: the costates of single intervals scatter."""
+    found = searched_for(random_move("industrial", 9), 1e-6)
+    fine = found.attempts[-1]
+    assert np.abs(hamiltonian(found._stage, fine, 0.0) + 1).max() > 10 * MET
+    assert np.abs(hamiltonian(found._stage, fine) + 1).max() < MET
+
+
+@machine_code
+def test_wrong_prices_do_not_satisfy_it(searched):
+    """Those of one motor a tenth too high."""
+    fine = searched.attempts[-1]
+    wrong = fine.solution.prices * np.array([1.1, 1, 1, 1, 1, 1])
+    disturbed = replace(fine, solution=replace(fine.solution, prices=wrong))
+    assert certify_mesh(searched._stage, disturbed).residual > 10 * MET
+
+
+def test_sharp_readings_tell_coming_to_a_limit_from_being_there():
+    """Speed rises to its limit within three intervals, torque leaves its limit a little early."""
+    torque, speed = np.zeros((10, 3, 1)), np.zeros((10, 3, 1))
+    torque[:4], speed[4:, :, 0] = 1.0, 1.0
+    speed[3, :, 0] = [0.992, 0.996, 0.9999]
+    mesh = np.full(10, 0.1)
+    coarse = read_structure(mesh, torque, speed)
+    sharp = read_structure(mesh, torque, speed, None, SHARP[0])
+    assert coarse.lengths[0] == pytest.approx(0.3)
+    assert sharp.lengths[0] == pytest.approx(0.4)
+    assert sharp.limits == ((Limit(torque=1),), (Limit(speed=1),))
+
+
+# Which gap is told
+
+
+def round_with(duration, gap):
+    return Round(10, 5, duration, duration * 1.001, gap, Spent(0.0, 0.0))
+
+
+def test_a_finer_mesh_tells_the_gap_of_a_coarser_one():
+    """1.001 s against at least 1.0003 / 1.0001 s."""
+    best, finer = round_with(1.0, 5e-3), Round(20, 5, 1.0002, 1.0003, 1e-4, Spent(0.0, 0.0))
+    assert gap_of([best, finer], 0) == pytest.approx(0.0008, rel=1e-2)
+
+
+def test_a_worse_local_minimum_says_nothing_of_the_gap():
+    best, astray = round_with(1.0, 5e-3), round_with(1.2, 1e-6)
+    assert gap_of([best, astray], 0) == 5e-3
+
+
+def test_of_two_plans_the_quicker_is_taken_with_what_both_know():
+    """1.000002 s that are told to be 9e-6 too long, 1.000003 s that are told to be 2e-6."""
+    plan = Planner(CROSS.robot, CROSS.payload).plan(CROSS.start, CROSS.goal)
+    T = plan.duration
+    one = replace(plan, trajectory=plan.trajectory.slowed(1.000002), gap=9e-6)
+    other = replace(plan, trajectory=plan.trajectory.slowed(1.000003), gap=2e-6)
+    for best in (quicker(one, other), quicker(other, one)):
+        assert best.duration == one.duration
+        assert best.gap == pytest.approx(1e-6, rel=1e-3)
+    astray = replace(plan, trajectory=plan.trajectory.slowed(1.1), gap=1e-7)
+    assert quicker(one, astray).gap == 9e-6
+    assert quicker(one, astray).duration == pytest.approx(1.000002 * T, rel=1e-12)

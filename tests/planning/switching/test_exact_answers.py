@@ -1,0 +1,180 @@
+"""A unit mass on a line, whose fastest motions are known, through the planner's machinery.
+
+The robot is replaced by force = acceleration, axis by axis; everything else, from the mesh to
+the certificate, is what plans are made with.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import SimpleNamespace
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
+from deltaopt.planning.flat.flat_problem import FlatEquations, ScaledEquations
+from deltaopt.planning.mesh.error_estimate import FRACTIONS, GivenAway, given_away, refined
+from deltaopt.planning.nlp.scaling import Scales
+from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
+from deltaopt.planning.switching.detection import read_structure
+from tests.oracles.arcs import ArcProblem
+from tests.oracles.certify import certify, hamiltonian
+
+
+class UnitMass:
+    """What a trajectory needs of a model: coordinates and forces of a mass of 1 kg."""
+
+    def motion(self, x, v, a):
+        """Twelve coordinates, as a trajectory expects of three chains."""
+        return tuple(np.repeat(part, 4, axis=1) for part in (x, v, a))
+
+    def inverse_dynamics(self, x, v, a):
+        return a
+
+
+@dataclass(frozen=True)
+class Line:
+    """A way of d along the first axis with |force| ≤ u and, if given, |speed| ≤ v."""
+
+    d: float
+    u: float
+    v: float | None
+
+    @property
+    def duration(self) -> float:
+        if self.v is None:
+            return 2 * np.sqrt(self.d / self.u)
+        return self.d / self.v + self.v / self.u
+
+    @property
+    def switches(self) -> list[float]:
+        """Where the force jumps."""
+        if self.v is None:
+            return [self.duration / 2]
+        return [self.v / self.u, self.duration - self.v / self.u]
+
+    @property
+    def scales(self) -> Scales:
+        """In a unit of time that is none of the answers."""
+        scene = SimpleNamespace(
+            start=(0.0, 0.0, 0.0),
+            goal=(self.d, 0.0, 0.0),
+            torque_limits=(self.u,) * 3,
+            speed_limits=self.v and (self.v,) * 3,
+        )
+        return Scales(scene, 1.3 * self.duration, 1.0)
+
+    @property
+    def equations(self) -> ScaledEquations:
+        y, p = ca.SX.sym("y", 13), ca.SX.sym("p", len(self.scales.vector()))
+        length, time, force = p[3], p[4] * y[12], p[5:8]
+        speed = length * y[3:6] / time / p[9:12] if self.v else None
+        bend = length * y[6:9] / time**2 * p[4] * y[12] / p[9:12] if self.v else None
+        rows = y[9:12] - length * y[6:9] / time**2 / force
+        return ScaledEquations(y, p, rows, ca.SX.ones(3), speed, bend)
+
+    @property
+    def guess(self) -> Trajectory:
+        """As of a plan: the straight line, smoothly, at 1.6 times the duration."""
+        shares = np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0])[:, None]
+        way = shares * np.array([self.d, 0.0, 0.0])
+        position = PiecewisePolynomial(np.array([0.0, 1.0]), way[None])
+        return Trajectory(position.slowed(1.6 * self.duration), UnitMass())
+
+    def loads(self, motion: Trajectory):
+        """As the planner takes them."""
+        inside = motion.inside_intervals(FRACTIONS)
+        shape = (-1, len(FRACTIONS), 3)
+        speed = (inside.v / self.v).reshape(shape) if self.v else None
+        return (inside.a / self.u).reshape(shape), speed
+
+    def on_mesh(self, mesh, guess: Trajectory):
+        """The motion of a mesh and what it is estimated to give away."""
+        e = self.equations
+        rows = e.point_function(e.force, e.opening, e.speed)
+        problem = FlatEquations(rows, PiecewiseAcceleration()).on(mesh)
+        scales = self.scales
+        solution = problem.program.solve(
+            problem.pack(guess, scales), *problem.bounds(scales), scales.vector()
+        )
+        motion = Trajectory(problem.unpack(solution.z, scales), UnitMass())
+        return motion, given_away(problem.prices(solution), *self.loads(motion))
+
+
+LINES = [Line(0.7, 3.0, None), Line(0.7, 3.0, 0.9), Line(200.0, 0.5, None), Line(200.0, 0.5, 7.0)]
+UNEVEN = np.array([0.13, 0.09, 0.1, 0.08, 0.12, 0.07, 0.11, 0.06, 0.14, 0.1])
+"""A mesh that has no knot at any of the switches."""
+
+
+@pytest.fixture(scope="module", params=LINES, ids=str)
+def line(request) -> Line:
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def meshes(line):
+    """Refined twice: (mesh, motion, what it gives away)."""
+    found, mesh, guess = [], UNEVEN, line.guess
+    for _ in range(3):
+        motion, lost = line.on_mesh(mesh, guess)
+        found.append((mesh, motion, lost))
+        mesh, guess = refined(mesh, lost, lost.total / 10, most=4), motion
+    return found
+
+
+@pytest.fixture(scope="module")
+def resolved(line, meshes):
+    """(problem, solution): switches resolved, structure as read from the last mesh."""
+    mesh, motion, _ = meshes[-1]
+    problem = ArcProblem(line.equations, read_structure(mesh, *line.loads(motion)), 5)
+    scales = line.scales
+    guess = problem.pack(motion, scales)
+    return problem, problem.program.solve(guess, *problem.bounds(scales), scales.vector())
+
+
+def gap(line: Line, motion: Trajectory, lost: GivenAway) -> float:
+    """Of the motion once it is slowed to its limits, the true one."""
+    return motion.duration * (1 + lost.exceeded.max()) / line.duration - 1
+
+
+def test_meshes_are_never_faster_than_possible(line, meshes):
+    assert all(gap(line, motion, lost) > -1e-7 for _, motion, lost in meshes)
+
+
+def test_meshes_come_to_the_answer(line, meshes):
+    gaps = [gap(line, motion, lost) for _, motion, lost in meshes]
+    assert gaps[-1] < 0.2 * gaps[0]
+
+
+def test_estimated_gap_is_about_the_true_one(line, meshes):
+    for _, motion, lost in meshes:
+        estimated = lost.exceeded.max() + lost.total
+        assert 0.5 * gap(line, motion, lost) < estimated < 2.5 * gap(line, motion, lost)
+
+
+def test_structure_is_that_of_the_answer(line, resolved):
+    problem, _ = resolved
+    held = problem.structure.torque[:, 0].tolist(), problem.structure.speed[:, 0].tolist()
+    assert held == (([1, -1], [0, 0]) if line.v is None else ([1, 0, -1], [0, 1, 0]))
+    assert not problem.structure.torque[:, 1:].any()
+
+
+def test_duration_to_eight_digits(line, resolved):
+    problem, solution = resolved
+    duration = problem.lengths(solution.z).sum() * line.scales.time
+    assert duration == pytest.approx(line.duration, rel=1e-8)
+
+
+def test_switches_to_six_digits(line, resolved):
+    problem, solution = resolved
+    ends = np.cumsum(problem.lengths(solution.z)) * line.scales.time
+    np.testing.assert_allclose(ends[:-1], line.switches, rtol=1e-6)
+
+
+def test_pontryagins_condition(line, resolved):
+    problem, solution = resolved
+    p = line.scales.vector()
+    assert certify(problem, solution, p).residual < 1e-7
+    np.testing.assert_allclose(hamiltonian(problem, solution, p), -1, atol=1e-7)

@@ -1,0 +1,138 @@
+"""Switch resolution: structures that are read, optima that are certified."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from deltaopt import load_scene, plan
+from deltaopt.planning.flat.flat_problem import ScaledEquations
+from deltaopt.planning.nlp.program import Solution
+from deltaopt.planning.nlp.scaling import Scales
+from deltaopt.planning.planner import Planner
+from deltaopt.planning.switching.detection import read_structure
+from deltaopt.verify.pontryagin import extremal
+from deltaopt.verify.verification import verification as verify
+from tests.oracles.arcs import ArcProblem
+from tests.oracles.certify import certify, hamiltonian
+
+# Durations in s, each by `deltaopt plan problems/NAME.yaml --tolerance 1e-8`; the digits given
+# agree between polynomials of degrees 8 and 11 on the arcs.
+REFERENCE = {
+    "pick_and_place": 0.14087009,
+    "light_and_fast": 0.10698816,
+    "long_diagonal": 0.24566039,
+    "industrial_cross": 0.14004872,
+}
+
+
+@pytest.fixture(scope="module", params=REFERENCE)
+def resolved(request):
+    scene = load_scene(f"problems/{request.param}.yaml")
+    return request.param, scene, plan(scene, tolerance=1e-8)
+
+
+def test_reference_durations(resolved):
+    name, _, found = resolved
+    assert found.duration == pytest.approx(REFERENCE[name], abs=2e-8)
+    assert found.gap <= 1e-8
+
+
+def test_certificate(resolved):
+    _, _, found = resolved
+    assert found.certificate is not None
+    assert found.certificate.hamiltonian_spread <= 1e-6
+    assert found.certificate.sign_violation <= 1e-6
+
+
+def test_costates_fitted_to_the_motion_agree(resolved):
+    """Not from the multipliers of the program: nothing but the motion is looked at."""
+    _, scene, found = resolved
+    assert extremal(scene, found.trajectory).residual <= 1e-6
+
+
+def test_verified(resolved):
+    _, scene, found = resolved
+    assert verify(scene, found.trajectory).ok
+
+
+def test_mesh_plans_are_never_faster(resolved):
+    """The certificate is local; a mesh solution below it would prove it wrong."""
+    _, scene, found = resolved
+    assert plan(scene, tolerance=1e-3).duration > found.duration
+
+
+def test_two_motors_by_symmetry_switch_together():
+    """Motors 2 and 3 mirror each other in the plane z = 0 of pick_and_place."""
+    found = plan(load_scene("problems/pick_and_place.yaml"), tolerance=1e-6)
+    tau = found.trajectory(np.linspace(0, found.duration, 400)).tau
+    np.testing.assert_allclose(tau[:, 1], tau[:, 2], atol=1e-6)
+
+
+class TestRead:
+    MESH = np.full(10, 0.1)
+
+    def loads(self, *rows):
+        """One sign or ramp per interval and motor, as loads at three points."""
+        return np.array(
+            [
+                [[m[0], (m[0] + m[1]) / 2, m[1]] for m in motors]
+                for motors in zip(*rows, strict=True)
+            ]
+        ).transpose(0, 2, 1)
+
+    def test_a_smeared_switch_is_where_its_impulse_says(self):
+        up, down = (1, 1), (-1, -1)
+        smeared = [up] * 4 + [(1, 0)] + [down] * 5  # mean 0.5: three quarters of it up
+        short = np.array([0.1] * 4 + [0.02] + [0.116] * 5)
+        structure = read_structure(short, self.loads(smeared, [up] * 10, [down] * 10), None)
+        assert structure.torque.tolist() == [[1, 1, -1], [-1, 1, -1]]
+        assert structure.lengths == pytest.approx([0.415, 0.585])
+
+    def test_a_long_stretch_without_limit_is_an_arc(self):
+        free = [(1, 1)] * 3 + [(0.2, 0.3)] * 4 + [(-1, -1)] * 3
+        structure = read_structure(self.MESH, self.loads(free, [(1, 1)] * 10, [(1, 1)] * 10), None)
+        assert structure.torque[:, 0].tolist() == [1, 0, -1]
+        assert structure.lengths == pytest.approx([0.3, 0.4, 0.3])
+
+    def test_a_motor_at_its_speed_limit_has_a_free_torque(self):
+        tau = [(1, 1)] * 5 + [(0.95, 0.95)] * 5
+        speed = [(0, 0.5)] * 5 + [(1, 1)] * 5
+        rest = [(0, 0)] * 10
+        structure = read_structure(
+            self.MESH,
+            self.loads(tau, [(1, 1)] * 10, [(1, 1)] * 10),
+            self.loads(speed, rest, rest),
+        )
+        assert structure.torque[:, 0].tolist() == [1, 0]
+        assert structure.speed[:, 0].tolist() == [0, 1]
+
+
+def test_a_perturbed_motion_has_no_certificate():
+    """Multipliers that do not belong to the motion leave H anything but constant."""
+    scene = load_scene("problems/light_and_fast.yaml")
+    problem, solution, p = _solved(scene)
+    assert certify(problem, solution, p).residual < 1e-6
+    assert hamiltonian(problem, solution, p) == pytest.approx(-1, abs=1e-6)
+    rng = np.random.default_rng(1)
+    z = solution.z * (1 + 1e-2 * rng.standard_normal(len(solution.z)))
+    assert certify(problem, replace(solution, z=z), p).hamiltonian_spread > 1e-3
+
+
+def _solved(scene) -> tuple[ArcProblem, Solution, np.ndarray]:
+    """light_and_fast with the switches that were found for it, to be found again."""
+    planner = Planner(scene.robot, scene.payload, scene.limits, tolerance=1e-6)
+    found = planner.plan(scene.start, scene.goal)
+    motion = found.trajectory.inside_intervals(np.linspace(0, 1, 25))
+    loads = (motion.tau / np.array(scene.torque_limits)).reshape(-1, 25, 3)
+    mesh = np.diff(found.trajectory.knots) / found.duration
+    model = found.trajectory.model
+    scales = Scales(scene, 0.15, float(model.openings([scene.start, scene.goal]).min()))
+    problem = ArcProblem(
+        ScaledEquations.of(model.functions, speed=False), read_structure(mesh, loads, None), 6
+    )
+    p = np.concatenate([scales.vector(), model.parameters])
+    guess = problem.pack(found.trajectory, scales)
+    return problem, problem.program.solve(guess, *problem.bounds(scales), p), p

@@ -1,0 +1,178 @@
+"""Newton's method on the conditions of a structure: against Ipopt, exact answers, differences."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from deltaopt import load_scene, plan
+from deltaopt.planning.flat.constraint_rows import Stage
+from deltaopt.planning.flat.flat_problem import ScaledEquations
+from deltaopt.planning.nlp.scaling import Scales, margin_of_fold
+from deltaopt.planning.switching.arc_mesh import Grid
+from deltaopt.planning.switching.conditions import Barrier, Conditions
+from deltaopt.planning.switching.dense import solve
+from deltaopt.planning.switching.detection import read_structure
+from deltaopt.planning.switching.structure import FREE, Limit, Stretch, Structure, changed
+from deltaopt.robot.model import DeltaModel
+from deltaopt.verify.verification import verification as verify
+from tests.oracles.arcs import ArcProblem
+from tests.planning.switching.test_exact_answers import LINES, UNEVEN, Line
+from tests.posed_scenes import random_move
+
+UP, DOWN = Limit(torque=1), Limit(torque=-1)
+
+
+def structure(*arcs: tuple[float, str]) -> Structure:
+    """Arcs of (length, limit of each motor's torque)."""
+    words = {"+": UP, "-": DOWN, "0": FREE}
+    return Structure(
+        np.array([length for length, _ in arcs]),
+        tuple(tuple(words[letter] for letter in motors) for _, motors in arcs),
+    )
+
+
+def test_dense_systems_with_zeros_on_the_diagonal():
+    rng = np.random.default_rng(3)
+    for n in (1, 3, 4, 5, 37, 130):
+        matrix = rng.standard_normal((n, n)) * (1 - np.eye(n)) if n > 1 else np.ones((1, 1))
+        x = rng.standard_normal(n)
+        np.testing.assert_allclose(solve(matrix, matrix @ x), x, atol=1e-9)
+    assert solve(np.zeros((4, 4)), np.ones(4)) is None
+
+
+@pytest.fixture(scope="module")
+def cross():
+    """industrial_cross: its stage and parameters; speeds are limited."""
+    scene = load_scene("problems/industrial_cross.yaml")
+    model = DeltaModel(scene.robot, scene.payload)
+    scales = Scales(scene, 0.15, 0.5)
+    stage = Stage(ScaledEquations.of(model.functions, speed=True))
+    return scene, model, scales, stage, np.concatenate([scales.vector(), model.parameters])
+
+
+def test_rows_are_those_of_the_model(cross):
+    """Torques by inverse dynamics of the twelve coordinates, in units of their limits."""
+    scene, model, scales, stage, p = cross
+    rng = np.random.default_rng(1)
+    y = rng.uniform(-0.3, 0.3, (5, 9))
+    x = scales.origin + scales.length * y[:, :3]
+    v, a = scales.length * y[:, 3:6] / scales.time, scales.length * y[:, 6:] / scales.time**2
+    rows = stage.values(y, p)
+    tau = model.inverse_dynamics(x, v, a) / np.array(scene.torque_limits)
+    np.testing.assert_allclose(rows[:, :3], tau, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(rows[:, 3:6], model.openings(x) - margin_of_fold(0.5), rtol=1e-9)
+    speed = model.motion(x, v, a)[1][:, 3::3] / np.array(scene.speed_limits)
+    np.testing.assert_allclose(rows[:, 12:15], speed, rtol=1e-9, atol=1e-12)
+
+
+def test_derivatives_of_the_rows_by_differences(cross):
+    *_, stage, p = cross
+    rng = np.random.default_rng(2)
+    y, along = rng.uniform(-0.3, 0.3, (4, 9)), rng.standard_normal((4, 9))
+    multipliers, step = rng.standard_normal((4, stage.rows)), 1e-5
+    _, J, H = stage.derivatives(y, multipliers, p)
+    after, before = (stage.derivatives(y + s * step * along, multipliers, p) for s in (1, -1))
+    slope = (after[0] - before[0]) / (2 * step)
+    np.testing.assert_allclose(np.einsum("nra,na->nr", J, along), slope, rtol=1e-6, atol=1e-6)
+    bend = np.einsum("nr,nra->na", multipliers, after[1] - before[1]) / (2 * step)
+    np.testing.assert_allclose(np.einsum("nab,nb->na", H, along), bend, rtol=1e-5, atol=1e-5)
+
+
+def test_newton_and_ipopt_find_the_same_switches():
+    scene = load_scene("problems/light_and_fast.yaml")
+    arcs = structure((0.234, "++-"), (0.166, "+--"), (0.057, "+-+"), (0.19, "--+"))
+    arcs = Structure(
+        np.array([*arcs.lengths, 0.211, 0.142]), (*arcs.limits, (DOWN, UP, UP), (UP, UP, UP))
+    )
+    guess = plan(scene, tolerance=1e-3).trajectory
+    model = guess.model
+    scales = Scales(scene, 0.15, float(model.openings([scene.start, scene.goal]).min()))
+    equations = ScaledEquations.of(model.functions, speed=False)
+    conditions = Conditions.of(Stage(equations), arcs, Grid.of(arcs, 8), scales, model.parameters)
+    found = conditions.solve(conditions.guess(guess, scales)).motion
+    problem = ArcProblem(equations, arcs, 8)
+    p = np.concatenate([scales.vector(), model.parameters])
+    other = problem.program.solve(problem.pack(guess, scales), *problem.bounds(scales), p)
+    np.testing.assert_allclose(found.lengths, problem.lengths(other.z), atol=1e-8)
+    np.testing.assert_allclose(found.A, problem.accelerations(other.z), atol=1e-5)
+    np.testing.assert_allclose(conditions.hamiltonian(found), -1, atol=1e-9)
+    prices = np.abs(conditions.prices(found))
+    assert ((conditions.prices(found) * arcs.torque[problem.arc][:, None]) > -1e-7).all()
+    weight = problem.interval_lengths(other.z)[:, None, None] * conditions.grid.quadrature[:, None]
+    np.testing.assert_allclose(prices, np.abs(problem.prices(other)) / weight, atol=1e-4)
+
+
+@pytest.mark.parametrize("line", LINES, ids=str)
+@pytest.mark.parametrize("barrier", [None, Barrier(last=1e-9)], ids=["plain", "barrier"])
+def test_exact_answers(line: Line, barrier: Barrier | None):
+    """Also where two axes have nothing to do, so that their force is free and has no price."""
+    motion, _ = line.on_mesh(UNEVEN, line.guess)
+    arcs = read_structure(UNEVEN, *line.loads(motion))
+    grid = Grid.of(arcs, 5)
+    conditions = Conditions.of(
+        Stage(line.equations), arcs, grid, line.scales, np.zeros(0), (), barrier
+    )
+    found = conditions.solve(conditions.guess(motion, line.scales)).motion
+    assert found.duration * line.scales.time == pytest.approx(line.duration, rel=2e-8)
+    ends = np.cumsum(found.lengths)[:-1] * line.scales.time
+    np.testing.assert_allclose(ends, line.switches, rtol=1e-6)
+    np.testing.assert_allclose(conditions.hamiltonian(found), -1, atol=1e-6)
+
+
+class TestChanged:
+    def test_an_arc_of_negative_length_has_its_switches_exchanged(self):
+        wrong = structure((0.5, "+++"), (-0.01, "-++"), (0.51, "--+"))
+        right = changed(wrong, [])
+        assert right.limits == ((UP, UP, UP), (UP, DOWN, UP), (DOWN, DOWN, UP))
+        assert right.lengths == pytest.approx([0.49, 0.01, 0.5])
+
+    def test_an_arc_without_length_is_not_there(self):
+        assert changed(structure((0.5, "+++"), (0.0, "-++"), (0.5, "+++")), []).limits == (
+            (UP, UP, UP),
+        )
+
+    def test_a_patch_is_put_over_what_is_there(self):
+        whole = structure((0.6, "+++"), (0.4, "--+"))
+        patched = changed(whole, [(2, Stretch(0.2, 0.3, DOWN))])
+        assert patched.lengths == pytest.approx([0.2, 0.1, 0.3, 0.4])
+        assert [arc[2] for arc in patched.limits] == [UP, DOWN, UP, UP]
+
+    def test_an_arc_at_the_margin_that_vanishes_leaves_a_touch(self):
+        arcs = structure((0.5, "+++"), (0.0, "0++"), (0.5, "-++"))
+        margin = Limit(opening=1)
+        limits = (arcs.limits[0], (margin, UP, UP), arcs.limits[2])
+        touched = changed(Structure(arcs.lengths, limits), [])
+        assert touched.limits[1][0] == Limit(torque=-1, touched=1)
+
+
+def orsino(which: int):
+    """One of the seeded random moves, and its plan."""
+    scene = random_move("orsino", which)
+    return scene, plan(scene, tolerance=1e-6)
+
+
+def test_a_move_with_a_torque_that_no_limit_holds():
+    """Motor 2 has a stretch where more or less of it gains nothing."""
+    scene, found = orsino(1)
+    assert found.certificate is not None
+    assert found.gap <= 1e-6
+    assert verify(scene, found.trajectory).ok
+    middles = found.trajectory.inside_intervals([0.5])
+    share = np.abs(middles.tau) / np.array(scene.torque_limits)
+    assert share[:, [0, 2]].min() > 0.99999
+    assert share[:, 1].min() < 0.9
+
+
+@pytest.mark.parametrize(("which", "motor", "rides"), [(34, 3, True), (26, 3, False)])
+def test_a_move_along_the_margin_of_the_fold(which: int, motor: int, rides: bool):
+    """A chain stays at the margin for a while, or touches it at an instant; never below."""
+    scene, found = orsino(which)
+    assert found.certificate is not None
+    assert found.gap <= 1e-6
+    assert verify(scene, found.trajectory).ok
+    times = np.linspace(0, found.duration, 2001)
+    openings = found.trajectory.model.openings(found.trajectory.position.at(times))
+    margin = openings[:, motor - 1].min()
+    assert margin == pytest.approx(0.1**2, abs=2e-6)
+    assert ((openings[:, motor - 1] < margin + 1e-6).sum() > 40) == rides

@@ -1,0 +1,152 @@
+"""The straight line: its torques against the reference, its duration, its power balance."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from deltaopt.errors import Infeasible, Unreachable
+from deltaopt.motion.time_scaling import torque_excess
+from deltaopt.planning.initial_motion import baseline, first_motion, straight_line
+from deltaopt.robot.model import DeltaModel
+from deltaopt.robot.robot import load_robot
+from deltaopt.scene.feasibility import check_feasible
+from deltaopt.scene.scene import Limits, Scene, load_scene
+from deltaopt.verify.verification import verify
+
+ROOT = Path(__file__).parents[2]
+ORSINO = load_robot(ROOT / "problems/robots/orsino.yaml")
+SCENES = [load_scene(ROOT / f"problems/{n}.yaml") for n in ("pick_and_place", "industrial_cross")]
+LINE = np.load(Path(__file__).parents[1] / "data/line_paper.npz")
+
+
+def reference_line():
+    model = DeltaModel(ORSINO, payload=1.0)
+    return straight_line(model, tuple(LINE["x"][0]), tuple(LINE["x"][-1]), float(LINE["duration"]))
+
+
+def test_motion_of_the_reference():
+    motion = reference_line()(LINE["t"])
+    np.testing.assert_allclose(motion.x, LINE["x"], atol=1e-15)
+    np.testing.assert_allclose(motion.v, LINE["xd"], atol=1e-14)
+    np.testing.assert_allclose(motion.a, LINE["xdd"], atol=1e-13)
+
+
+def test_torques_of_the_reference():
+    error = np.linalg.norm(reference_line()(LINE["t"]).tau - LINE["tau"], axis=1)
+    scale = np.linalg.norm(LINE["tau"], axis=1)
+    assert (error / scale < 1e-12 * (1 + LINE["cond"])).all()
+
+
+def energy(model: DeltaModel, motion):
+    """Kinetic and potential energy, (N,) J, from the speeds of the ends of slender bars.
+
+    A bar whose ends move at u and w has the kinetic energy m (u·u + u·w + w·w) / 6.
+    """
+    robot, payload = model.robot, model.payload or 0.0
+    arm, bars = robot.upper_arm, robot.forearm
+    mass = robot.platform.mass + payload
+
+    def dot(u, w):
+        return np.einsum("ni,ni->n", u, w)
+
+    kinetic, drop = mass * dot(motion.v, motion.v) / 2, mass * motion.x[:, 0]
+    for k, azimuth in enumerate(2 * np.pi / 3 * np.array([0, 1, -1])):
+        s, c = np.sin(motion.theta[:, k]), np.cos(motion.theta[:, k])
+        speed = arm.length * motion.dtheta[:, k]
+        elbow = np.stack([-c, -s * np.cos(azimuth), -s * np.sin(azimuth)], 1) * speed[:, None]
+        kinetic += arm.mass * dot(elbow, elbow) / 6
+        ends = dot(elbow, elbow) + dot(elbow, motion.v) + dot(motion.v, motion.v)
+        kinetic += bars.mass * ends / 6
+        elbow_drop = -arm.length * s
+        drop += arm.mass * elbow_drop / 2 + bars.mass * (elbow_drop + motion.x[:, 0]) / 2
+    return kinetic, -robot.gravity * drop
+
+
+def test_energies_of_the_reference():
+    line = reference_line()
+    kinetic, potential = energy(line.model, line(LINE["t"]))
+    np.testing.assert_allclose(kinetic, LINE["T"], atol=1e-14)
+    np.testing.assert_allclose(potential - LINE["V"], (potential - LINE["V"])[0], atol=1e-13)
+
+
+@pytest.mark.parametrize("scene", SCENES, ids=["orsino", "industrial"])
+def test_power_balance(scene):
+    """What the motors do, ∫ τ·θ̇ dt, is what the energies gain, between any two instants."""
+    line = baseline(scene)
+    instants = np.linspace(0, line.duration, 41)
+    nodes, weights = np.polynomial.legendre.leggauss(12)
+    half = line.duration / 80
+    motion = line(((instants[:-1] + half)[:, None] + half * nodes).ravel())
+    power = np.einsum("nk,nk->n", motion.tau, motion.dtheta).reshape(40, 12)
+    total = sum(energy(line.model, line(instants)))
+    assert np.abs(power @ weights * half - np.diff(total)).max() < 1e-12 * np.ptp(total)
+
+
+@pytest.mark.parametrize("scene", SCENES, ids=["orsino", "industrial"])
+def test_duration_touches_the_limit(scene):
+    line = baseline(scene)
+    tau = line(np.linspace(0, line.duration, 8_001)).tau
+    most = (np.abs(tau) / np.array(scene.torque_limits)).max()
+    assert 1 - 1e-6 < most <= 1 + 1e-12
+    assert torque_excess(scene, line.slowed(0.999)).value > 1e-3
+
+
+def test_starts_and_ends_at_rest():
+    line = baseline(SCENES[0])
+    motion = line([0.0, line.duration])
+    np.testing.assert_allclose(motion.x, [SCENES[0].start, SCENES[0].goal], atol=1e-15)
+    np.testing.assert_allclose(motion.v, 0, atol=1e-14)
+    np.testing.assert_allclose(motion.a, 0, atol=1e-11)
+
+
+def test_speed_limit_decides():
+    scene = SCENES[0].model_copy(update={"limits": Limits(speed=(1.0, 2.0, 3.0))})
+    line = baseline(scene)
+    speed = np.abs(line(np.linspace(0, line.duration, 8_001)).dtheta).max(axis=0)
+    assert (speed / [1, 2, 3]).max() == pytest.approx(1, abs=1e-6)
+
+
+def test_larger_torque_is_never_slower():
+    durations = []
+    for torque in (3.0, 5.0, 8.0, 10.0):
+        limits = Limits(torque=torque)
+        durations.append(baseline(SCENES[0].model_copy(update={"limits": limits})).duration)
+    assert (np.diff(durations) < 0).all()
+
+
+AROUND_THE_TOP = Scene(
+    robot=ORSINO, payload=1.0, start=(0.22, 0.442, -0.135), goal=(0.163, 0.129, 0.427)
+)
+"""Both ends are in reach, and the middle of the line is too high for folded arms."""
+
+
+def test_line_out_of_the_workspace():
+    check_feasible(AROUND_THE_TOP)
+    with pytest.raises(Unreachable, match=r"the straight line from start to goal: .*chain"):
+        baseline(AROUND_THE_TOP)
+
+
+def test_detour():
+    """It is a motion like any other, and touches a limit."""
+    around = first_motion(AROUND_THE_TOP)
+    found = verify(AROUND_THE_TOP, around)
+    assert found.failures() == []
+    assert abs(found.torque_excess) < 1e-9
+
+
+def test_first_motion_is_the_line_where_there_is_one():
+    expected = baseline(SCENES[0]).duration
+    assert first_motion(SCENES[0]).duration == pytest.approx(expected, rel=1e-4)
+
+
+def test_gravity_alone_on_the_line():
+    """The ends can be held, a point of the line between them cannot."""
+    scene = Scene(
+        robot=ORSINO, payload=1.0, start=(0.505, -0.137, -0.17), goal=(0.114, -0.337, 0.383)
+    )
+    check_feasible(scene)
+    with pytest.raises(Infeasible, match="gravity alone"):
+        baseline(scene)

@@ -1,0 +1,83 @@
+"""Several first guesses: what is random, what is distinct, what is delivered."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from deltaopt import load_scene, plan
+from deltaopt.cli import main
+from deltaopt.motion.time_scaling import torque_excess
+from deltaopt.planning.initial_motion import baseline, curve_between, driven, first_motion
+from deltaopt.planning.multistart import distinct, first_motions
+from deltaopt.verify.verification import verification as verify
+
+FILE = Path(__file__).parents[2] / "problems/pick_and_place.yaml"
+SCENE = load_scene(FILE)
+
+
+def test_first_motions_begin_with_the_usual_one_and_keep_limits():
+    line, *curves = first_motions(SCENE, 4, seed=3)
+    assert line.duration == first_motion(SCENE).duration
+    assert len(curves) == 3
+    for motion in curves:
+        ends = motion([0.0, motion.duration])
+        np.testing.assert_allclose(ends.x, [SCENE.start, SCENE.goal], atol=1e-9)
+        np.testing.assert_allclose(ends.v, 0, atol=1e-9)
+        assert torque_excess(SCENE, motion).value < 1e-9
+
+
+def test_first_motions_are_seeded():
+    durations = [[m.duration for m in first_motions(SCENE, 3, seed)] for seed in (1, 1, 2)]
+    assert durations[0] == durations[1]
+    assert durations[0] != durations[2]
+
+
+def costs(*motions):
+    """Motions with what least time says of them, planned to 1e-3."""
+    return [(motion, motion.duration, 1e-3) for motion in motions]
+
+
+class TestDistinct:
+    LINE = baseline(SCENE)
+
+    def curve(self, side: float):
+        """A detour to one side, or mirrored to the other: equal duration, other path."""
+        corner = (np.array(SCENE.start) + SCENE.goal) / 2 + [0.0, 0.0, side]
+        (motion,) = driven(SCENE, iter([curve_between(SCENE, corner)]))
+        return motion
+
+    def test_the_same_to_a_tolerance_is_one(self):
+        found = distinct(costs(self.LINE, self.LINE.slowed(1.001)), 0.15)
+        assert [(o.duration, o.starts) for o in found] == [(self.LINE.duration, 2)]
+
+    def test_other_durations_are_others(self):
+        found = distinct(costs(self.LINE.slowed(1.01), self.LINE), 0.15)
+        assert [o.starts for o in found] == [1, 1]
+        assert found[0].duration == self.LINE.duration
+
+    def test_other_paths_of_one_duration_are_others(self):
+        left, right = self.curve(0.05), self.curve(-0.05)
+        assert left.duration == pytest.approx(right.duration, rel=1e-6)
+        assert len(distinct(costs(left, right), 0.15)) == 2
+
+
+def test_the_best_is_delivered():
+    found = plan(SCENE, tolerance=1e-2, starts=2, seed=2)
+    assert sum(o.starts for o in found.optima) == 2
+    assert found.duration == found.optima[0].duration
+    assert verify(SCENE, found.trajectory).ok
+
+
+def test_command_tells_the_optima(tmp_path, capsys):
+    arguments = ["plan", str(FILE), "--tolerance", "1e-2", "--starts", "2", "-o", str(tmp_path)]
+    assert main(arguments) == 0
+    assert "local optimum 1: 0.14" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("text", ["0", "-1", "many"])
+def test_starts_must_be_a_number(text, tmp_path):
+    with pytest.raises(SystemExit):
+        main(["plan", str(FILE), "--starts", text, "-o", str(tmp_path)])

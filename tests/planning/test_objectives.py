@@ -1,0 +1,208 @@
+"""Least effort, and time weighted with it: exact answers, symmetries, other formulations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cache
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import deltaopt
+from deltaopt import load_scene, plan
+from deltaopt.errors import Infeasible
+from deltaopt.motion.effort import cost, effort
+from deltaopt.motion.trajectory import Trajectory
+from deltaopt.planning.flat.flat_problem import FlatEquations, ScaledEquations
+from deltaopt.planning.nlp.cost import Cost
+from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
+from deltaopt.planning.switching.detection import read_structure
+from deltaopt.scene.objective import Effort, TimeAndEffort
+from deltaopt.verify.verification import verification as verify
+from tests.oracles.arcs import ArcProblem
+from tests.oracles.certify import certify
+from tests.planning.switching.test_exact_answers import Line, UnitMass
+
+EFFORT = Cost(time=0.0, running=1.0, duration_is_given=True)
+PICK = load_scene("problems/pick_and_place.yaml")
+LIGHT = load_scene("problems/light_and_fast.yaml")
+GENTLY = load_scene("problems/objectives/pick_and_place_gently.yaml")
+MILD = load_scene("problems/objectives/industrial_cross_mild.yaml")
+
+
+@dataclass(frozen=True)
+class Push(Line):
+    """A way of d along the first axis in the time T with |force| ≤ u and least ∫ force² dt.
+
+    The force is linear in time, from 6 d / T² to its opposite, unless that is more than u: then
+    it is u for a time s first, and -u for as long at the end.
+    """
+
+    T: float = 1.0
+
+    @property
+    def s(self) -> float:
+        """From d = 2 u (s T/2 - s²/2 + (T/2 - s)²/3)."""
+        if 6 * self.d / self.T**2 <= self.u:
+            return 0.0
+        rest = (self.T**2 / 4 - self.d / self.u) * 3  # (T/2 - s)², by substitution
+        return self.T / 2 - float(np.sqrt(rest))
+
+    @property
+    def least(self) -> float:
+        if self.s == 0:
+            return 12 * self.d**2 / self.T**3
+        return 2 * self.u**2 * (self.s + (self.T / 2 - self.s) / 3)
+
+    @property
+    def scales(self):
+        return replace(super().scales, time=self.T)
+
+    @property
+    def equations(self) -> ScaledEquations:
+        e, force = super().equations, self.u
+        return replace(e, rate=ca.sumsqr(force * e.y[9:12]))
+
+    @property
+    def guess(self) -> Trajectory:
+        return super().guess.slowed(self.T / super().guess.duration)
+
+    def effort(self, motion: Trajectory) -> float:
+        nodes, weights = np.polynomial.legendre.leggauss(8)
+        squares = (motion.inside_intervals((nodes + 1) / 2).a ** 2).sum(axis=1)
+        return float(np.diff(motion.knots) / 2 @ (squares.reshape(-1, 8) @ weights))
+
+
+FREE, HELD = Push(0.7, 30.0, None, 0.9), Push(0.7, 4.0, None, 0.9)
+
+
+def pushed(push, degree, mesh) -> Trajectory:
+    """The least effort on a mesh."""
+    e, scales = push.equations, push.scales
+    between = np.arange(1, 6) / 6
+    transcription = PiecewiseAcceleration(degree, tuple(between))
+    problem = FlatEquations(e.motion, transcription, EFFORT, e.running_cost).on(mesh)
+    found = problem.program.solve(
+        problem.pack(push.guess, scales), *problem.bounds(scales), scales.vector()
+    )
+    return Trajectory(problem.unpack(found.z, scales), UnitMass())
+
+
+@pytest.mark.parametrize("degree", [2, 3])
+def test_a_free_push_is_linear(degree):
+    """Which lies in the space of polynomials, whatever the mesh."""
+    motion, t = pushed(FREE, degree, np.array([0.2, 0.5, 0.3])), np.linspace(0, 0.9, 7)
+    assert motion.duration == pytest.approx(0.9, rel=1e-14)
+    assert FREE.effort(motion) == pytest.approx(12 * 0.7**2 / 0.9**3, rel=1e-9)
+    force = 6 * 0.7 / 0.9**2 * (1 - 2 * t / 0.9)
+    np.testing.assert_allclose(motion(t).a[:, 0], force, atol=1e-6)
+
+
+def test_a_push_that_comes_to_its_limit():
+    """Its force has kinks, between knots here: three times the intervals, an eighth of the error
+    and less."""
+    motions = [pushed(HELD, 2, np.full(n, 1 / n)) for n in (7, 21)]
+    errors = [abs(HELD.effort(motion) / HELD.least - 1) for motion in motions]
+    assert errors[0] < 2e-3
+    assert errors[1] < errors[0] / 8
+
+
+def test_a_free_push_as_an_arc():
+    """With a running cost and a given duration, to the last digit, and certified."""
+    free = read_structure(np.full(10, 0.1), np.zeros((10, 3, 3)), None)
+    problem, scales = ArcProblem(FREE.equations, free, 4, EFFORT), FREE.scales
+    p = scales.vector()
+    found = problem.program.solve(problem.pack(FREE.guess, scales), *problem.bounds(scales), p)
+    motion = Trajectory(problem.unpack(found.z, scales), UnitMass())
+    assert FREE.effort(motion) == pytest.approx(FREE.least, rel=1e-12)
+    assert certify(problem, found, p).hamiltonian_spread < 1e-9
+
+
+@cache
+def planned(scene, **settings):
+    found = plan(scene, tolerance=1e-3, **settings)
+    assert found.within_tolerance
+    return found
+
+
+def in_time(duration, scene=PICK):
+    return scene.model_copy(update={"objective": Effort(duration=duration)})
+
+
+def weighted(weight, scene=PICK):
+    return scene.model_copy(update={"objective": TimeAndEffort(effort=weight)})
+
+
+@pytest.mark.parametrize("scene", [GENTLY, MILD], ids=["effort", "both"])
+def test_plans_are_verified_and_settled(scene):
+    found = planned(scene)
+    report = verify(scene, found.trajectory)
+    assert report.ok, report.failures()
+    assert report.torque_excess <= 0
+    assert found.cost == pytest.approx(cost(scene, found.trajectory), rel=1e-15)
+    finer = plan(scene, tolerance=1e-4, intervals=32)
+    assert abs(found.cost / finer.cost - 1) <= found.gap
+
+
+def test_a_given_duration_is_kept():
+    assert planned(GENTLY).duration == pytest.approx(0.28, rel=1e-14)
+    report = verify(GENTLY, planned(GENTLY).trajectory.slowed(1.001))
+    assert report.failures() == ["it takes 0.00028 s more or less than the scene says"]
+
+
+def test_there_and_back_cost_the_same():
+    """Without friction a motion backwards needs the same torques."""
+    back = GENTLY.model_copy(update={"start": GENTLY.goal, "goal": GENTLY.start})
+    assert planned(back).cost == pytest.approx(planned(GENTLY).cost, rel=1e-6)
+
+
+def test_more_time_needs_less_effort():
+    efforts = [planned(in_time(T)).cost for T in (0.145, 0.17, 0.28)]
+    assert efforts == sorted(efforts, reverse=True)
+
+
+def test_nothing_needs_less_effort():
+    """Neither the straight line nor the fastest motion slowed down, in the same time."""
+    fastest = plan(PICK)
+    others = [deltaopt.baseline(GENTLY), fastest.trajectory.slowed(0.28 / fastest.duration)]
+    assert all(effort(GENTLY, other) > 1.1 * planned(GENTLY).cost for other in others)
+
+
+@pytest.mark.parametrize(
+    ("scene", "pose"),
+    [(in_time(0.2, LIGHT), deltaopt.forward), (GENTLY, deltaopt.explicit)],
+    ids=["forward", "explicit"],
+)
+def test_poses_agree(scene, pose):
+    """Scenes for which other tests compile these poses too."""
+    other = plan(scene, formulation=pose, intervals=8)
+    assert other.cost == pytest.approx(planned(scene).cost, rel=2e-5)
+    assert verify(scene, other.trajectory).ok
+
+
+def test_without_weight_on_effort_it_is_the_fastest():
+    fastest = plan(PICK, tolerance=1e-5)
+    heavy, light = (planned(weighted(weight)) for weight in (1e-3, 3e-5))
+    assert fastest.duration < light.duration < heavy.duration
+    assert light.duration == pytest.approx(fastest.duration, rel=1e-3)
+    for found in (heavy, light):  # better in its own objective than the other is
+        assert found.cost < cost(found.scene, fastest.trajectory)
+
+
+def test_only_the_ratio_of_the_weights_counts():
+    scene = PICK.model_copy(update={"objective": TimeAndEffort(time=3.0, effort=3e-3)})
+    assert planned(scene).cost == pytest.approx(3 * planned(weighted(1e-3)).cost, rel=1e-9)
+
+
+def test_a_duration_shorter_than_the_fastest():
+    with pytest.raises(Infeasible, match=r"^duration is 0.14 s, but the fastest motion .* 0.1409"):
+        plan(in_time(0.14))
+    with pytest.raises(Infeasible, match=r"^duration is 0.19 s, but the straight line .* 0.1965"):
+        deltaopt.baseline(in_time(0.19))
+
+
+def test_starts_are_compared_by_cost():
+    found = plan(GENTLY, tolerance=1e-2, starts=2)
+    assert sum(o.starts for o in found.optima) == 2
+    assert found.cost == found.optima[0].cost

@@ -1,0 +1,283 @@
+"""Plans: as fast as they can be, verified, and what must not change them does not."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import deltaopt
+from deltaopt.bench.any_move import random_plans
+from deltaopt.cli import main
+from deltaopt.errors import Infeasible, NotConverged, Unreachable
+from deltaopt.planning.initial_motion import baseline, detour, first_motion
+from deltaopt.planning.mesh.error_estimate import DOUBT
+from deltaopt.planning.planner import Planner, plan
+from deltaopt.robot.robot import load_robot
+from deltaopt.scene.scene import Limits, Scene, load_scene
+from deltaopt.verify.verification import verify
+from studies.gap import gap_study
+
+PROBLEMS = Path(__file__).parents[2] / "problems"
+ORSINO, INDUSTRIAL = (
+    load_robot(PROBLEMS / f"robots/{name}.yaml") for name in ("orsino", "industrial")
+)
+PICK = load_scene(PROBLEMS / "pick_and_place.yaml")
+LIGHT = load_scene(PROBLEMS / "light_and_fast.yaml")
+CROSS = load_scene(PROBLEMS / "industrial_cross.yaml")
+
+
+@pytest.fixture(scope="module")
+def picked():
+    return plan(PICK)
+
+
+# As fast as it can be
+
+
+def test_duration_against_a_switch_resolved_solution(picked):
+    assert picked.duration == pytest.approx(0.140870, rel=1e-3)
+    assert picked.duration > 0.140869
+    assert picked.duration < 0.75 * baseline(PICK).duration
+
+
+def test_verified(picked):
+    found = verify(PICK, picked.trajectory)
+    assert found.failures() == []
+    assert found.torque_excess <= 1e-9
+    assert found.arrival_distance <= 1e-5
+
+
+def test_plan_tells_how_it_was_found(picked):
+    last = picked.rounds[-1]
+    assert picked.duration == pytest.approx(last.safe_duration, rel=1e-12)
+    assert picked.intervals == last.intervals
+    assert picked.gap == last.gap <= picked.tolerance == 1e-3
+    assert picked.within_tolerance
+    assert picked.iterations == sum(each.iterations for each in picked.rounds)
+    assert len(picked.trajectory.knots) == picked.intervals + 1
+    assert all(each.duration <= each.safe_duration for each in picked.rounds)
+
+
+@pytest.mark.parametrize("scene", [PICK, CROSS], ids=["orsino", "industrial"])
+def test_estimated_gap_against_a_finer_plan(scene):
+    """The truth is known to the finer plan's own gap."""
+    study = gap_study(scene, (1e-2, 1e-3), reference=1e-4)
+    for coarse in study.plans:
+        assert coarse.within_tolerance
+        assert study.true_gap(coarse) <= 1.5 * coarse.gap
+        assert study.true_gap(coarse) + study.reference.gap >= coarse.gap / (2 * DOUBT)
+
+
+def test_a_gap_that_is_not_reached_is_told(monkeypatch):
+    monkeypatch.setattr("deltaopt.planning.flat._FINEST", 20)
+    monkeypatch.setattr("deltaopt.planning.flat.IPOPT_FINEST", 20)
+    told = []
+    planner = Planner(PICK.robot, PICK.payload, tolerance=1e-7, intervals=4, resolved_below=0.0)
+    found = planner.plan(PICK.start, PICK.goal, progress=told.append)
+    assert not found.within_tolerance
+    assert found.gap > 1e-7
+    assert found.rounds[-1].intervals <= 20
+    assert told[-2] == str(found.rounds[-1])
+    assert "no finer mesh" in told[-1]
+
+
+# What must not change it
+
+
+@pytest.fixture(scope="module")
+def light():
+    """A planner for a scene without symmetry, and the duration it finds."""
+    planner = Planner(LIGHT.robot, LIGHT.payload)
+    return planner, planner.plan(LIGHT.start, LIGHT.goal).duration
+
+
+def turned(point, turns: int):
+    """A point turned by thirds about the axis x."""
+    angle = turns * 2 * np.pi / 3
+    c, s = np.cos(angle), np.sin(angle)
+    x, y, z = point
+    return (x, float(c * y - s * z), float(s * y + c * z))
+
+
+@pytest.mark.parametrize("turns", [1, 2])
+def test_turned_by_a_third(light, turns):
+    planner, duration = light
+    found = planner.plan(turned(LIGHT.start, turns), turned(LIGHT.goal, turns))
+    assert found.duration == pytest.approx(duration, rel=1e-6)
+
+
+def test_way_back(light):
+    """From rest to rest without friction, a motion may be run backwards."""
+    planner, duration = light
+    assert planner.plan(LIGHT.goal, LIGHT.start).duration == pytest.approx(duration, rel=1e-6)
+
+
+def test_mirrored(light):
+    """z to -z swaps chains 2 and 3."""
+    planner, duration = light
+    ends = [(x, y, -z) for x, y, z in (LIGHT.start, LIGHT.goal)]
+    assert planner.plan(*ends).duration == pytest.approx(duration, rel=1e-6)
+
+
+def test_planner_has_no_memory(light):
+    planner, duration = light
+    assert planner.plan(LIGHT.start, LIGHT.goal).duration == duration
+    assert plan(LIGHT).duration == duration
+
+
+# Limits
+
+
+def limited(scene: Scene, **limits: float) -> Scene:
+    return scene.model_copy(update={"limits": Limits(**limits)})
+
+
+def test_larger_torque_is_never_slower(picked):
+    durations = [plan(limited(PICK, torque=torque)).duration for torque in (6.0, 9.9)]
+    assert durations[0] > durations[1] > picked.duration
+
+
+def test_speed_limit_of_the_drive():
+    """It is reached, and kept."""
+    found = verify(CROSS, plan(CROSS).trajectory)
+    assert found.ok
+    assert found.speed_excess is not None
+    assert found.speed_excess <= 1e-9
+
+
+def test_speed_limit_of_the_scene(picked):
+    scene = limited(PICK, speed=4.0)
+    slower = plan(scene)
+    found = verify(scene, slower.trajectory)
+    assert found.ok
+    assert -1e-3 < found.speed_excess <= 1e-9
+    assert slower.within_tolerance
+    assert slower.duration > 1.01 * picked.duration
+
+
+def test_speed_limit_that_is_never_met_changes_nothing(picked):
+    assert plan(limited(PICK, speed=100.0)).duration == pytest.approx(picked.duration, rel=1e-3)
+
+
+# Any move
+
+
+@pytest.mark.parametrize(
+    ("robot", "seed"), [(ORSINO, 1), (INDUSTRIAL, 1)], ids=["orsino", "industrial"]
+)
+def test_random_moves(robot, seed):
+    told = []
+    outcomes = random_plans(robot, 1.0, 12, seed, 1e-3, told.append)
+    assert [outcome.failures for outcome in outcomes] == 12 * [()]
+    assert told == list(range(1, 13))
+
+
+def test_move_that_has_no_straight_line():
+    scene = Scene(
+        robot=ORSINO, payload=1.0, start=(0.22, 0.442, -0.135), goal=(0.163, 0.129, 0.427)
+    )
+    found = plan(scene)
+    assert verify(scene, found.trajectory).ok
+    assert found.within_tolerance
+    assert found.duration < detour(scene).duration
+
+
+@pytest.mark.parametrize(
+    ("start", "goal"),
+    [
+        ((0.0645, 0.2925, 0.7299), (0.5273, 0.0225, 0.5238)),
+        ((0.8549, 0.2811, 0.1652), (0.3481, -0.0308, -0.6206)),
+    ],
+)
+def test_far_sides_are_joined(start, goal):
+    """No parabola towards the axis joins these; a line in motor angles does."""
+    scene = Scene(robot=INDUSTRIAL, payload=1.0, start=start, goal=goal)
+    motion = first_motion(scene)
+    ends = motion.position.at(motion.knots[[0, -1]])
+    assert np.abs(ends - [start, goal]).max() < 1e-9
+
+
+# No
+
+
+@dataclass(frozen=True)
+class Untouched:
+    """A pose that must not be asked for its equations."""
+
+    name: str = "untouched"
+
+    def of(self, functions, transcription, *, speed, cost):
+        raise AssertionError("a nonlinear program is being built")
+
+
+@pytest.mark.parametrize(
+    ("payload", "goal", "error", "words"),
+    [
+        (1.0, (0.45, 0.9, 0.0), Unreachable, r"goal: the platform cannot be at"),
+        (10.0, (0.45, 0.1, 0.0), Infeasible, r"motor 1 needs 13 N·m to hold"),
+    ],
+)
+def test_hopeless_before_anything_is_built(payload, goal, error, words):
+    planner = Planner(ORSINO, payload, formulation=Untouched())
+    with pytest.raises(error, match=words):
+        planner.plan((0.45, -0.05, 0.0), goal)
+    with pytest.raises(AssertionError, match="is being built"):
+        Planner(ORSINO, 1.0, formulation=Untouched()).plan((0.45, -0.05, 0.0), (0.45, 0.1, 0.0))
+
+
+@pytest.mark.parametrize(
+    "setting", [{"tolerance": 0.0}, {"tolerance": float("nan")}, {"intervals": 1}]
+)
+def test_settings_out_of_range(setting):
+    with pytest.raises(ValueError, match=next(iter(setting))):
+        plan(PICK, **setting)
+
+
+# Files and commands
+
+
+def test_save(picked, tmp_path):
+    files = picked.save(tmp_path / "out")
+    assert [file.name for file in files] == ["trajectory.csv", "plan.json", "plan.png"]
+    assert all(file.stat().st_size > 1000 for file in files)
+
+
+def test_bench_random(capsys):
+    robot = str(PROBLEMS / "robots/orsino.yaml")
+    assert main(["bench", "random", robot, "--number", "1", "--seed", "3"]) == 0
+    assert "1 of 1 solved and verified" in capsys.readouterr().out
+
+
+def test_bench_random_names_what_failed(capsys, monkeypatch):
+    def failing(*_):
+        raise NotConverged("no luck", "Maximum_Iterations_Exceeded", None)
+
+    monkeypatch.setattr(Planner, "plan", failing)
+    robot = str(PROBLEMS / "robots/orsino.yaml")
+    assert main(["bench", "random", robot, "--number", "2"]) == 1
+    out = capsys.readouterr().out
+    assert "0 of 2 solved and verified" in out
+    assert out.count(": no luck\n") == 2
+
+
+def test_bench_gap(capsys, monkeypatch):
+    monkeypatch.setattr(
+        "deltaopt.cli.bench.gap_study",
+        lambda scene, told: gap_study(scene, (1e-2,), reference=3e-3, told=told),
+    )
+    assert main(["bench", "gap", str(PROBLEMS / "pick_and_place.yaml")]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "pick_and_place"
+    assert " ".join(lines[1].split()) == "tolerance intervals iterations estimated gap true gap"
+    tolerance, intervals, iterations, estimated, true = map(float, lines[2].split())
+    assert tolerance == 1e-2
+    assert intervals >= 10
+    assert iterations >= 5
+    assert 0 < true < 2 * estimated
+
+
+def test_everything_public_is_there():
+    assert all(hasattr(deltaopt, name) for name in deltaopt.__all__)

@@ -1,0 +1,147 @@
+"""The model a user meets, against reference states, its own inverses and facts by hand."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from deltaopt.dynamics import Explicit, Kane, Multiplier, VirtualWork
+from deltaopt.errors import Unreachable
+from deltaopt.robot.model import DeltaModel
+from deltaopt.robot.robot import Robot, load_robot
+
+ROOT = Path(__file__).parents[2]
+ORSINO = load_robot(ROOT / "problems/robots/orsino.yaml")
+INDUSTRIAL = load_robot(ROOT / "problems/robots/industrial.yaml")
+
+
+@dataclass
+class Reference:
+    """Rows of a reference file, and the robot they belong to."""
+
+    rows: Any
+    robot: Robot
+    payload: float
+
+    @property
+    def motion(self):
+        return self.rows["x"], self.rows["xd"], self.rows["xdd"]
+
+
+def reference(name: str) -> Reference:
+    rows = np.load(Path(__file__).parents[1] / "data" / f"{name}.npz")
+    p = json.loads(str(rows["params"]))
+    arm = {"length": 2 * p["a2"], "mass": p["m3"]}
+    forearm: dict[str, Any] = {"length": 2 * p["a3"], "mass": p["m4"]}
+    if "I33" in p:
+        arm["inertia"] = p["I33"]
+        forearm["inertia"] = (p["I41"], p["I42"], p["I43"])
+    content = {
+        "name": name,
+        "base_radius": p["a1"],
+        "platform_radius": p["a4"],
+        "upper_arm": arm,
+        "forearm": forearm,
+        "platform": {"mass": p["m1"]},
+        "drive": {"torque": 10.0},
+        "gravity": p["g"],
+    }
+    return Reference(rows, Robot.model_validate(content), p["m2"])
+
+
+@pytest.fixture(params=["states_paper", "states_general_inertia"])
+def states(request) -> Reference:
+    return reference(request.param)
+
+
+def relative(found, expected):
+    """Error of each row as a fraction of the row; of rows that are zero as it is."""
+    scale = np.linalg.norm(expected, axis=1)
+    return np.linalg.norm(found - expected, axis=1) / np.where(scale > 0, scale, 1)
+
+
+def test_inverse_kinematics(states):
+    """q, q̇ and q̈; angles may differ by whole turns."""
+    model = DeltaModel(states.robot, states.payload)
+    q, dq, ddq = model.motion(*states.motion)
+    turns = (q - states.rows["q"])[:, 3:] / (2 * np.pi)
+    bound = 1e-12 * (1 + states.rows["cond"])
+    assert np.array_equal(q[:, :3], states.rows["x"])
+    assert (np.abs(turns - np.round(turns)).max(axis=1) < bound).all()
+    assert (relative(dq, states.rows["qd"]) < bound).all()
+    assert (relative(ddq, states.rows["qdd"]) < bound).all()
+
+
+@pytest.mark.parametrize("formulation", [Explicit(), Multiplier(), VirtualWork(), Kane()])
+def test_inverse_dynamics(states, formulation):
+    model = DeltaModel(states.robot, states.payload, formulation)
+    tau = model.inverse_dynamics(*states.motion)
+    assert (relative(tau, states.rows["tau"]) < 1e-12 * (1 + states.rows["cond"])).all()
+
+
+def test_multipliers(states):
+    model = DeltaModel(states.robot, states.payload)
+    lam = model.multipliers(*states.motion)
+    assert relative(lam, states.rows["lam"]).max() < 1e-10
+
+
+def test_forward_undoes_inverse(states):
+    """To 1e-9 of the acceleration."""
+    x, v, a = states.motion
+    for formulation in (Explicit(), Multiplier()):
+        model = DeltaModel(states.robot, states.payload, formulation)
+        back = model.forward_dynamics(x, v, model.inverse_dynamics(x, v, a))
+        assert relative(back, a).max() < 1e-9
+
+
+@pytest.mark.parametrize("robot", [ORSINO, INDUSTRIAL], ids=["orsino", "industrial"])
+def test_forward_kinematics_undoes_inverse(robot):
+    rng = np.random.default_rng(1)
+    depth = robot.forearm.length
+    x = rng.uniform([0.75 * depth, -0.2 * depth, -0.2 * depth], [1.1 * depth] + 2 * [0.2 * depth])
+    x = x + np.zeros((200, 3)) + 0.1 * depth * rng.uniform(-1, 1, (200, 3))
+    model = DeltaModel(robot)
+    theta = model.inverse_kinematics(x)[:, 3::3]
+    np.testing.assert_allclose(model.forward_kinematics(theta), x, atol=1e-12)
+
+
+def test_by_hand():
+    """At (0.40, 0, 0) the arms are horizontal: each motor holds a third of the weight there."""
+    model, rest = DeltaModel(ORSINO, payload=1.0), np.zeros(3)
+    assert model.inverse_kinematics([0.4, 0, 0])[3::3] == pytest.approx(0, abs=1e-15)
+    held = model.inverse_dynamics([0.4, 0, 0], rest, rest)
+    assert held == pytest.approx(9.81 * 0.53 / 3, rel=1e-14)
+    assert model.inverse_kinematics([0.45, 0, 0])[3::3] == pytest.approx(-0.23223, abs=5e-6)
+    held = model.inverse_dynamics([0.45, 0, 0], rest, rest)
+    assert held == pytest.approx(1.87045266200582, rel=1e-13)
+
+
+def test_shapes():
+    model = DeltaModel(ORSINO)
+    one, many = np.array([0.45, 0.0, 0.0]), np.full((7, 3), [0.45, 0.0, 0.0])
+    assert model.inverse_kinematics(one).shape == (12,)
+    assert model.inverse_kinematics(many).shape == (7, 12)
+    assert model.inverse_dynamics(many, one * 0, one * 0).shape == (7, 3)
+    assert model.multipliers(one, one * 0, one * 0).shape == (9,)
+    assert model.inverse_kinematics(np.zeros((0, 3))).shape == (0, 12)
+    with pytest.raises(ValueError, match=r"\(N, 3\)"):
+        model.inverse_kinematics([0.45, 0.0])
+    with pytest.raises(ValueError, match="one length"):
+        model.inverse_dynamics(many, many[:3], many)
+
+
+@pytest.mark.parametrize("x", [[0.7, 0, 0], [0.28, 0, 0], [0.45, 0.9, 0], [np.nan, 0, 0]])
+def test_out_of_reach(x):
+    model = DeltaModel(ORSINO)
+    with pytest.raises(Unreachable, match=r"the platform cannot be at \[.*\] m: "):
+        model.inverse_kinematics([[0.45, 0, 0], x])
+
+
+def test_bars_that_do_not_meet():
+    with pytest.raises(Unreachable, match="the bars do not meet"):
+        DeltaModel(INDUSTRIAL.model_copy(update={"base_radius": 0.9})).forward_kinematics([0, 0, 0])

@@ -1,0 +1,622 @@
+"""Robots and scenes: good files give exact values, bad ones one clear sentence."""
+
+from __future__ import annotations
+
+import copy
+import json
+import pickle
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from pydantic import ValidationError
+
+from deltaopt.errors import SceneError
+from deltaopt.robot.robot import Robot, load_robot
+from deltaopt.scene.objective import Effort, Time, TimeAndEffort
+from deltaopt.scene.scene import Limits, Scene, load_scene
+
+PROBLEMS = Path(__file__).parents[2] / "problems"
+
+ROBOT = {
+    "name": "test robot",
+    "source": "made up",
+    "base_radius": 0.2,
+    "platform_radius": 0.1,
+    "upper_arm": {"length": 0.2, "mass": 0.4, "inertia": 1.5e-3},
+    "forearm": {"length": 0.5, "mass": 0.25, "inertia": [0.0, 0.005, 0.005]},
+    "platform": {"mass": 0.3},
+    "drive": {"torque": [10.0, 11.0, 12.0], "speed": 8.0},
+    "gravity": 9.8,
+}
+SCENE = {
+    "robot": "robot.yaml",
+    "payload": 1.0,
+    "start": [0.45, -0.05, 0.0],
+    "goal": [0.45, 0.1, 0.0],
+    "limits": {"torque": 9.0, "speed": [7.0, 6.0, 5.0]},
+    "objective": "time",
+}
+ABSENT = object()
+
+
+def changed(record: dict[str, Any], key: str, value: object) -> dict[str, Any]:
+    """Return a copy of ``record`` with ``value`` at the dotted ``key``, or without the key."""
+    record = copy.deepcopy(record)
+    *path, last = key.split(".")
+    within = record
+    for part in path:
+        within = within[part]
+    if value is ABSENT:
+        del within[last]
+    else:
+        within[last] = value
+    return record
+
+
+def write(folder: Path, robot: dict[str, Any] = ROBOT, scene: dict[str, Any] = SCENE) -> Path:
+    """Write both files into ``folder`` and return the scene's."""
+    (folder / "robot.yaml").write_text(yaml.safe_dump(robot), encoding="utf-8")
+    (folder / "scene.yaml").write_text(yaml.safe_dump(scene), encoding="utf-8")
+    return folder / "scene.yaml"
+
+
+WEIGHTED = {"time": 1.0, "effort": 0.002}
+
+
+def error_of(scene_file: Path) -> SceneError:
+    """Load a bad scene; check that the error is one sentence that a user can read."""
+    with pytest.raises(SceneError) as caught:
+        load_scene(scene_file)
+    error, message = caught.value, str(caught.value)
+    assert message.startswith(f"{error.file}")
+    assert error.key in message
+    assert message.endswith(f"; expected {error.expected}")
+    assert len(message.splitlines()) == 1
+    for jargon in ("pydantic", "http", "validation error", "Traceback", "input_", "None"):
+        assert jargon not in message
+    return error
+
+
+# --- good files ---------------------------------------------------------------------------
+
+
+def test_every_key_of_both_files_is_read(tmp_path: Path) -> None:
+    scene = load_scene(write(tmp_path))
+    robot = scene.robot
+    assert robot == load_robot(tmp_path / "robot.yaml")
+    assert (robot.name, robot.source, robot.gravity) == ("test robot", "made up", 9.8)
+    assert (robot.base_radius, robot.platform_radius) == (0.2, 0.1)
+    assert (robot.upper_arm.length, robot.upper_arm.mass) == (0.2, 0.4)
+    assert robot.upper_arm.inertia == 1.5e-3
+    assert (robot.forearm.length, robot.forearm.mass) == (0.5, 0.25)
+    assert robot.forearm.inertia == (0.0, 0.005, 0.005)
+    assert robot.platform.mass == 0.3
+    assert (robot.drive.torque, robot.drive.speed) == ((10.0, 11.0, 12.0), 8.0)
+    assert scene.payload == 1.0
+    assert (scene.start, scene.goal) == ((0.45, -0.05, 0.0), (0.45, 0.1, 0.0))
+    assert scene.limits == Limits(torque=9.0, speed=(7.0, 6.0, 5.0))
+    assert scene.objective == Time()
+
+
+def test_limits_are_given_per_motor(tmp_path: Path) -> None:
+    scene = load_scene(write(tmp_path))
+    assert scene.robot.torque_limits == (10.0, 11.0, 12.0)
+    assert scene.robot.speed_limits == (8.0, 8.0, 8.0)
+    assert scene.torque_limits == (9.0, 9.0, 9.0)
+    assert scene.speed_limits == (7.0, 6.0, 5.0)
+
+
+@pytest.mark.parametrize("limits", [ABSENT, {}])
+def test_without_limits_of_its_own_a_scene_has_the_drives(tmp_path: Path, limits: object) -> None:
+    scene = load_scene(write(tmp_path, scene=changed(SCENE, "limits", limits)))
+    assert scene.torque_limits == (10.0, 11.0, 12.0)
+    assert scene.speed_limits == (8.0, 8.0, 8.0)
+
+
+def test_a_scene_may_limit_the_speed_of_a_drive_that_has_no_limit(tmp_path: Path) -> None:
+    scene = load_scene(write(tmp_path, robot=changed(ROBOT, "drive.speed", ABSENT)))
+    assert scene.robot.speed_limits is None
+    assert scene.speed_limits == (7.0, 6.0, 5.0)
+
+
+def test_a_limit_equal_to_the_drives_is_allowed(tmp_path: Path) -> None:
+    limits = {"torque": [10.0, 11.0, 12.0], "speed": 8.0}
+    scene = load_scene(write(tmp_path, scene=changed(SCENE, "limits", limits)))
+    assert scene.torque_limits == (10.0, 11.0, 12.0)
+
+
+def test_what_is_absent_is_none_and_gravity_the_earths(tmp_path: Path) -> None:
+    robot, scene = ROBOT, SCENE
+    for key in ("source", "upper_arm.inertia", "forearm.inertia", "drive.speed", "gravity"):
+        robot = changed(robot, key, ABSENT)
+    for key in ("payload", "limits", "objective"):
+        scene = changed(scene, key, ABSENT)
+    loaded = load_scene(write(tmp_path, robot, scene))
+    assert loaded.robot.source is None
+    assert loaded.robot.upper_arm.inertia is None
+    assert loaded.robot.forearm.inertia is None
+    assert loaded.robot.speed_limits is None
+    assert loaded.robot.gravity == 9.81
+    assert loaded.payload is None
+    assert loaded.limits is None
+    assert loaded.speed_limits is None
+    assert loaded.objective == Time()
+
+
+@pytest.mark.parametrize(
+    ("written", "number"),
+    [("1e-3", 1e-3), ("1.e3", 1e3), ("+.5", 0.5), ("2E0", 2.0), ("010", 10.0), ("3", 3.0)],
+)
+def test_numbers_are_read_as_they_look(tmp_path: Path, written: str, number: float) -> None:
+    file = write(tmp_path)
+    file.write_text(file.read_text().replace("payload: 1.0", f"payload: {written}"))
+    payload = load_scene(file).payload
+    assert payload == number
+    assert isinstance(payload, float)
+
+
+def test_a_byte_order_mark_is_ignored(tmp_path: Path) -> None:
+    file = write(tmp_path)
+    file.write_bytes(b"\xef\xbb\xbf" + file.read_bytes())
+    assert load_scene(file).payload == 1.0
+
+
+def test_the_robots_path_is_relative_to_the_scene(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "scenes").mkdir()
+    (tmp_path / "robots").mkdir()
+    write(tmp_path / "robots")
+    write(tmp_path / "scenes", scene=changed(SCENE, "robot", "../robots/robot.yaml"))
+    (tmp_path / "scenes" / "robot.yaml").unlink()
+    monkeypatch.chdir(tmp_path)
+    assert load_scene("scenes/scene.yaml").robot.name == "test robot"
+
+
+@pytest.mark.parametrize("file", sorted(PROBLEMS.glob("*.yaml")), ids=lambda file: file.stem)
+def test_every_shipped_scene_loads(file: Path) -> None:
+    assert load_scene(file).objective == Time()
+
+
+def test_the_papers_robot_has_the_papers_numbers() -> None:
+    robot = load_robot(PROBLEMS / "robots" / "orsino.yaml")
+    assert (robot.base_radius, robot.platform_radius) == (0.2, 0.1)
+    assert (robot.upper_arm.length, robot.forearm.length) == (0.2, 0.5)
+    assert (robot.upper_arm.mass, robot.forearm.mass, robot.platform.mass) == (0.4, 0.25, 0.3)
+    assert robot.upper_arm.inertia is None
+    assert robot.forearm.inertia is None
+    assert robot.speed_limits is None
+    assert robot.torque_limits == (10.0, 10.0, 10.0)
+
+
+def test_the_light_and_fast_scene_has_no_payload() -> None:
+    scene = load_scene(PROBLEMS / "light_and_fast.yaml")
+    assert scene.payload is None
+    assert all(a != b for a, b in zip(scene.start, scene.goal, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("written", "meant"),
+    [
+        ({"objective": "effort", "duration": 0.3}, Effort(duration=0.3)),
+        ({"objective": WEIGHTED}, TimeAndEffort(time=1.0, effort=0.002)),
+    ],
+)
+def test_objectives_are_values_and_words_only_in_files(tmp_path: Path, written, meant) -> None:
+    scene = load_scene(write(tmp_path, scene=SCENE | written))
+    assert scene.objective == meant
+    dumped = json.loads(json.dumps(scene.model_dump(mode="json")))
+    assert dumped == SCENE | written | {"robot": ROBOT}
+    assert Scene.model_validate(dumped) == scene
+    assert Scene(robot=scene.robot, start=scene.start, goal=scene.goal, objective=meant).objective
+
+
+def test_effort_needs_a_duration(tmp_path: Path) -> None:
+    error = error_of(write(tmp_path, scene=changed(SCENE, "objective", "effort")))
+    assert (error.key, error.value, error.problem) == ("duration", None, "is missing")
+    assert error.expected == "a duration in s, greater than 0, since the objective is effort"
+
+
+@pytest.mark.parametrize("duration", [0.0, -0.3, "0.3 s", [0.3]])
+def test_a_bad_duration(tmp_path: Path, duration) -> None:
+    scene = SCENE | {"objective": "effort", "duration": duration}
+    error = error_of(write(tmp_path, scene=scene))
+    assert (error.key, error.value) == ("duration", duration)
+
+
+# --- records in Python --------------------------------------------------------------------
+
+
+def test_a_dump_is_json_and_validates_to_the_same_record(tmp_path: Path) -> None:
+    scene = load_scene(write(tmp_path))
+    text = json.dumps(scene.model_dump(mode="json"))
+    assert Scene.model_validate(json.loads(text)) == scene
+    assert Scene.model_validate(scene.model_dump()) == scene
+    assert Robot.model_validate(json.loads(text)["robot"]) == scene.robot
+    assert json.loads(text) == changed(SCENE, "robot", ROBOT)
+
+
+def test_a_scene_can_be_made_in_python() -> None:
+    robot = Robot.model_validate(ROBOT)
+    scene = Scene(robot=robot, start=(0.4, 0, 0), goal=tuple(np.array([0.4, 0.1, 0.0])))
+    assert scene.robot is robot
+    assert scene.start == (0.4, 0.0, 0.0)
+    assert scene.goal == (0.4, 0.1, 0.0)
+    assert scene.payload is None
+
+
+def test_a_bad_scene_in_python_is_a_scene_error_without_a_file() -> None:
+    with pytest.raises(SceneError) as caught:
+        Scene(robot=Robot.model_validate(ROBOT), start=(0, 0, 1), goal=(0, 0, 1))
+    error = caught.value
+    assert (error.file, error.key, error.value) == (None, "goal", (0.0, 0.0, 1.0))
+    assert str(error) == "goal is (0.0, 0.0, 1.0); expected a point in m other than start"
+
+
+def test_booleans_are_not_numbers() -> None:
+    with pytest.raises(SceneError) as caught:
+        Robot.model_validate(changed(ROBOT, "platform.mass", True))
+    assert (caught.value.key, caught.value.value) == ("platform.mass", True)
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), 10**400])
+def test_numbers_are_finite(value: float) -> None:
+    with pytest.raises(SceneError) as caught:
+        Robot.model_validate(changed(ROBOT, "upper_arm.length", value))
+    assert caught.value.key == "upper_arm.length"
+
+
+def test_records_are_frozen(tmp_path: Path) -> None:
+    scene = load_scene(write(tmp_path))
+    with pytest.raises(ValidationError, match="frozen"):
+        scene.payload = 2.0
+    with pytest.raises(ValidationError, match="frozen"):
+        scene.robot.platform.mass = 2.0
+    assert hash(scene) == hash(load_scene(tmp_path / "scene.yaml"))
+
+
+def test_an_error_survives_pickling() -> None:
+    error = SceneError(Path("a.yaml"), "payload", -1.0, "a mass in kg")
+    again = pickle.loads(pickle.dumps(error))
+    assert str(again) == str(error) == "a.yaml: payload is -1.0; expected a mass in kg"
+    assert (again.file, again.key, again.value) == (Path("a.yaml"), "payload", -1.0)
+
+
+# --- bad values ---------------------------------------------------------------------------
+
+BAD_IN_ROBOT = [
+    ("name", 3.0, "name"),
+    ("name", "", "name"),
+    ("source", [1.0], "text"),
+    ("base_radius", -0.1, "m, at least 0"),
+    ("platform_radius", "0.1 m", "m, at least 0"),
+    ("upper_arm", 3.0, "keys length and mass"),
+    ("upper_arm", [0.2, 0.4], "keys length and mass"),
+    ("upper_arm.length", 0.0, "m, greater than 0"),
+    ("upper_arm.mass", -0.4, "kg, at least 0"),
+    ("upper_arm.mass", {"kg": 0.4}, "kg, at least 0"),
+    ("upper_arm.inertia", -1e-3, "kg·m², at least 0"),
+    ("forearm", "", "keys length and mass"),
+    ("forearm.length", -0.5, "m, greater than 0"),
+    ("forearm.mass", -0.25, "kg (of the pair of bars), at least 0"),
+    ("forearm.inertia", [0.0, 0.005], "three principal moments of inertia in kg·m²"),
+    ("forearm.inertia", [0.0, 0.005, -0.005], "three principal moments of inertia in kg·m²"),
+    ("forearm.inertia", 0.005, "three principal moments of inertia in kg·m²"),
+    ("platform", [], "key mass"),
+    ("platform.mass", 0.0, "kg, greater than 0"),
+    ("drive", "strong", "key torque"),
+    ("drive.torque", 0.0, "N·m, greater than 0, or three"),
+    ("drive.torque", [10.0, 10.0], "N·m, greater than 0, or three"),
+    ("drive.torque", [10.0, 10.0, 0.0], "N·m, greater than 0, or three"),
+    ("drive.torque", [10.0, 10.0, 10.0, 10.0], "N·m, greater than 0, or three"),
+    ("drive.speed", -1.0, "rad/s, greater than 0, or three"),
+    ("drive.speed", [1.0, "fast", 1.0], "rad/s, greater than 0, or three"),
+    ("gravity", -9.81, "m/s², at least 0"),
+]
+BAD_IN_SCENE = [
+    ("robot", 3.0, "path of a robot file"),
+    ("robot", "", "path of a robot file"),
+    ("robot", "nowhere.yaml", "path of a robot file"),
+    ("robot", ".", "path of a robot file"),
+    ("robot", {"name": "inline"}, "path of a robot file"),
+    ("payload", 0.0, "kg, greater than 0"),
+    ("payload", -1.0, "kg, greater than 0"),
+    ("payload", "heavy", "kg, greater than 0"),
+    ("payload", "1.0", "kg, greater than 0"),
+    ("payload", [1.0], "kg, greater than 0"),
+    ("start", [0.45, 0.0], "three coordinates [x, y, z] in m"),
+    ("start", [0.45, 0.0, 0.0, 0.0], "three coordinates [x, y, z] in m"),
+    ("start", 0.45, "three coordinates [x, y, z] in m"),
+    ("goal", {"x": 0.45, "y": 0.0, "z": 0.0}, "three coordinates [x, y, z] in m"),
+    ("goal", [0.45, "left", 0.0], "three coordinates [x, y, z] in m"),
+    ("limits", 9.0, "keys torque, speed or both"),
+    ("limits", [9.0], "keys torque, speed or both"),
+    ("limits.torque", -9.0, "N·m, greater than 0, or three"),
+    ("limits.torque", [9.0], "N·m, greater than 0, or three"),
+    ("limits.speed", 0.0, "rad/s, greater than 0, or three"),
+    ("objective", "energy", "the word time"),
+    ("objective", 1.0, "the word time"),
+    ("objective", ["time", "effort"], "the word time"),
+    ("duration", 0.3, "objective: effort beside it"),
+    ("objective.effort", 0.0, "a weight of the effort in 1/(N²m²), greater than 0"),
+    ("objective.time", "1", "a weight of the duration, greater than 0"),
+]
+
+
+@pytest.mark.parametrize(("key", "value", "expected"), BAD_IN_ROBOT)
+def test_a_bad_value_in_the_robot(tmp_path: Path, key: str, value: object, expected: str) -> None:
+    error = error_of(write(tmp_path, robot=changed(ROBOT, key, value)))
+    assert (error.file, error.key, error.value) == (tmp_path / "robot.yaml", key, value)
+    assert expected in error.expected
+    assert f": {key} is {value!r}; " in str(error)
+
+
+@pytest.mark.parametrize(("key", "value", "expected"), BAD_IN_SCENE)
+def test_a_bad_value_in_the_scene(tmp_path: Path, key: str, value: object, expected: str) -> None:
+    scene = SCENE | {"objective": WEIGHTED} if key.startswith("objective.") else SCENE
+    error = error_of(write(tmp_path, scene=changed(scene, key, value)))
+    assert (error.file, error.key, error.value) == (tmp_path / "scene.yaml", key, value)
+    assert expected in error.expected
+    assert f": {key} is {value!r}" in str(error)
+
+
+@pytest.mark.parametrize(
+    "written", ["", "~", "null", "yes", "true", ".nan", ".inf", "1:30", "1_0", "0x10", "1,5"]
+)
+def test_what_only_yaml_takes_for_a_number_is_text(tmp_path: Path, written: str) -> None:
+    file = write(tmp_path)
+    file.write_text(file.read_text().replace("payload: 1.0", f"payload: {written}"))
+    error = error_of(file)
+    assert (error.file, error.key, error.value) == (file, "payload", written)
+
+
+def test_a_number_too_large_for_a_float(tmp_path: Path) -> None:
+    file = write(tmp_path)
+    file.write_text(file.read_text().replace("payload: 1.0", "payload: 1e999"))
+    assert (error_of(file).key, error_of(file).value) == ("payload", float("inf"))
+
+
+def test_a_long_value_is_shortened_in_the_message_only(tmp_path: Path) -> None:
+    value = [1.0] * 1000
+    error = error_of(write(tmp_path, scene=changed(SCENE, "start", value)))
+    assert error.value == value
+    assert len(str(error)) < 250 + len(str(tmp_path))
+
+
+# --- keys ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "key",
+    [
+        "name",
+        "base_radius",
+        "platform_radius",
+        "upper_arm",
+        "upper_arm.length",
+        "upper_arm.mass",
+        "forearm",
+        "forearm.length",
+        "forearm.mass",
+        "platform",
+        "platform.mass",
+        "drive",
+        "drive.torque",
+    ],
+)
+def test_a_key_missing_in_the_robot(tmp_path: Path, key: str) -> None:
+    error = error_of(write(tmp_path, robot=changed(ROBOT, key, ABSENT)))
+    assert (error.file, error.key, error.value) == (tmp_path / "robot.yaml", key, None)
+    assert f": {key} is missing; expected " in str(error)
+
+
+@pytest.mark.parametrize("key", ["robot", "start", "goal"])
+def test_a_key_missing_in_the_scene(tmp_path: Path, key: str) -> None:
+    error = error_of(write(tmp_path, scene=changed(SCENE, key, ABSENT)))
+    assert (error.file, error.key, error.value) == (tmp_path / "scene.yaml", key, None)
+    assert f": {key} is missing; expected " in str(error)
+
+
+@pytest.mark.parametrize(
+    ("key", "expected"),
+    [
+        ("platfrom", "platform"),
+        ("forearm.lenght", "length"),
+        ("drive.torques", "torque"),
+        ("upper_arm.colour", "one of length, mass, inertia"),
+    ],
+)
+def test_an_unknown_key_in_the_robot(tmp_path: Path, key: str, expected: str) -> None:
+    error = error_of(write(tmp_path, robot=changed(ROBOT, key, 1.0)))
+    assert (error.file, error.key, error.value) == (tmp_path / "robot.yaml", key, 1.0)
+    assert error.expected == expected
+    assert f": {key} is not a known key; expected {expected}" in str(error)
+
+
+@pytest.mark.parametrize(
+    ("key", "expected"),
+    [
+        ("paylod", "payload"),
+        ("limits.sped", "speed"),
+        ("mesh", "one of robot, payload, start, goal, limits, objective, duration"),
+        ("<<", "one of robot, payload, start, goal, limits, objective, duration"),
+        ("5", "one of robot, payload, start, goal, limits, objective, duration"),
+    ],
+)
+def test_an_unknown_key_in_the_scene(tmp_path: Path, key: str, expected: str) -> None:
+    error = error_of(write(tmp_path, scene=changed(SCENE, key, 1.0)))
+    assert (error.file, error.key, error.value) == (tmp_path / "scene.yaml", key, 1.0)
+    assert error.expected == expected
+
+
+def test_a_misspelt_key_is_named_rather_than_the_key_it_leaves_missing(tmp_path: Path) -> None:
+    robot = changed(changed(ROBOT, "forearm.mass", ABSENT), "forearm.masss", 0.25)
+    error = error_of(write(tmp_path, robot=robot))
+    assert (error.key, error.value, error.expected) == ("forearm.masss", 0.25, "mass")
+
+
+@pytest.mark.parametrize(
+    ("first", "doubled", "key", "value"),
+    [
+        ("payload: 1.0", "payload: 1.0\npayload: 2.0", "payload", 2.0),
+        ("torque: 9.0", "torque: 9.0\n  torque: 8.0", "limits.torque", 8.0),
+    ],
+)
+def test_a_key_given_twice(
+    tmp_path: Path, first: str, doubled: str, key: str, value: float
+) -> None:
+    file = write(tmp_path)
+    text = file.read_text().replace(first, doubled)
+    file.write_text(text)
+    line = text.splitlines().index(doubled.splitlines()[-1]) + 1
+    error = error_of(file)
+    assert (error.file, error.key, error.value) == (file, key, value)
+    assert f": {key} is given again in line {line}; expected each key once" in str(error)
+
+
+# --- files that are no scene --------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("content", "problem"),
+    [
+        (b"", "is empty"),
+        (b"# only a comment\n", "is empty"),
+        (b"robot: [1, 2\npayload: 3\n", "is not valid YAML (line 2: "),
+        (b"robot: a\n\tpayload: 3\n", "is not valid YAML (line 2: "),
+        (b"robot: a: b\n", "is not valid YAML (line 1: "),
+        (b"robot: a\n---\nrobot: b\n", "is not valid YAML (line 2: "),
+        (b"robot: \x01\n", "is not valid YAML (it contains a control character)"),
+        (b"robot: caf\xe9\n", "is not UTF-8 text (byte 10)"),
+        (b"robot: &here a\nstart: *here\n", "uses an alias or a tag (line 2)"),
+        (b"robot: !!python/name:os.system a\n", "uses an alias or a tag (line 1)"),
+        (b"robot: a\nstart: " + 50_000 * b"[", "is nested too deeply (line 2)"),
+        (50_000 * b"- ", "is nested too deeply (line 1)"),
+        (b"? [1, 2]\n: 3\n", "has a key that is no word (line 1)"),
+        (b'robot: a\n"two\\nlines": 3\n', "has a key that is no word (line 2)"),
+        (b"'': 3\n", "has a key that is no word (line 1)"),
+    ],
+)
+@pytest.mark.parametrize("name", ["scene.yaml", "robot.yaml"])
+def test_a_file_that_cannot_be_parsed(
+    tmp_path: Path, name: str, content: bytes, problem: str
+) -> None:
+    scene_file = write(tmp_path)
+    (tmp_path / name).write_bytes(content)
+    error = error_of(scene_file)
+    assert (error.file, error.key, error.value) == (tmp_path / name, "", None)
+    assert str(error).startswith(f"{tmp_path / name} {problem}")
+
+
+@pytest.mark.parametrize(
+    ("content", "value"), [("- a\n- 1\n", ["a", 1.0]), ("hello\n", "hello"), ("0\n", 0.0)]
+)
+def test_a_file_that_is_no_mapping(tmp_path: Path, content: str, value: object) -> None:
+    scene_file = write(tmp_path)
+    scene_file.write_text(content)
+    error = error_of(scene_file)
+    assert (error.file, error.key, error.value) == (scene_file, "", value)
+    assert error.expected == "a mapping of keys to values"
+
+
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [("nowhere.yaml", "No such file"), (".", "Is a directory"), ("scene.yaml/x", "Not a dir")],
+)
+def test_a_file_that_cannot_be_read(tmp_path: Path, name: str, reason: str) -> None:
+    write(tmp_path)
+    error = error_of(tmp_path / name)
+    assert error.file == tmp_path / name
+    assert f"{tmp_path / name} cannot be read ({reason}" in str(error)
+
+
+# --- what single values cannot tell -------------------------------------------------------
+
+
+def test_a_scene_must_move(tmp_path: Path) -> None:
+    error = error_of(write(tmp_path, scene=changed(SCENE, "goal", SCENE["start"])))
+    assert (error.file, error.key) == (tmp_path / "scene.yaml", "goal")
+    assert error.value == (0.45, -0.05, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "expected"),
+    [
+        ("limits.torque", 10.5, "at most what the drive gives, 10, 11, 12 N·m"),
+        ("limits.torque", (10.0, 11.0, 12.001), "at most what the drive gives, 10, 11, 12 N·m"),
+        ("limits.speed", 8.1, "at most what the drive gives, 8 rad/s"),
+        ("limits.speed", (7.0, 9.0, 7.0), "at most what the drive gives, 8 rad/s"),
+    ],
+)
+def test_a_scene_cannot_exceed_the_drive(
+    tmp_path: Path, key: str, value: float | tuple[float, ...], expected: str
+) -> None:
+    written = list(value) if isinstance(value, tuple) else value
+    error = error_of(write(tmp_path, scene=changed(SCENE, key, written)))
+    assert (error.file, error.key, error.value) == (tmp_path / "scene.yaml", key, value)
+    assert error.expected == expected
+
+
+@pytest.mark.parametrize(
+    "inertia", [[0.005, 0.005, 0.0101], [0.0101, 0.005, 0.005], [0.0, 0.005, 0.0051]]
+)
+def test_no_body_has_such_moments_of_inertia(tmp_path: Path, inertia: list[float]) -> None:
+    error = error_of(write(tmp_path, robot=changed(ROBOT, "forearm.inertia", inertia)))
+    assert (error.file, error.key) == (tmp_path / "robot.yaml", "forearm.inertia")
+    assert error.value == tuple(inertia)
+    assert "kg·m²" in error.expected
+
+
+@pytest.mark.parametrize("inertia", [[0.001, 0.009, 0.01], [0.0, 0.005, 0.005], [0.0, 0.0, 0.0]])
+def test_flat_bodies_and_points_have_moments_of_inertia(inertia: list[float]) -> None:
+    # In floats 2 × 0.01 exceeds 0.001 + 0.009 + 0.01.
+    robot = Robot.model_validate(changed(ROBOT, "forearm.inertia", inertia))
+    assert robot.forearm.inertia == tuple(inertia)
+
+
+def closes_somewhere(robot: Robot) -> bool:
+    """Search the workspace for a point where each chain's end is within reach of its elbow."""
+    arm, forearm = robot.upper_arm.length, robot.forearm.length
+    offset = robot.base_radius - robot.platform_radius
+    across, down = np.linspace(-1.5, 1.5, 61), np.linspace(0.0, 1.5, 61)
+    x, y, z = np.meshgrid(down, across, across, indexing="ij")
+    within = np.full(x.shape, True)
+    for azimuth in (0, 2 * np.pi / 3, -2 * np.pi / 3):
+        radial = y * np.cos(azimuth) + z * np.sin(azimuth) - offset
+        lateral = z * np.cos(azimuth) - y * np.sin(azimuth)
+        distance = np.hypot(radial, x)  # from the motor's axis, in the arm's plane
+        within &= np.hypot(distance - arm, lateral) <= forearm
+        within &= np.hypot(distance + arm, lateral) >= forearm
+    return bool(within.any())
+
+
+@pytest.mark.parametrize("swapped", [False, True])
+@pytest.mark.parametrize(("forearm", "closes"), [(0.25, False), (0.29, False), (0.31, True)])
+def test_the_forearm_must_bridge_the_gap(swapped: bool, forearm: float, closes: bool) -> None:
+    base, platform = (0.1, 0.6) if swapped else (0.6, 0.1)  # gap 0.5 − 0.2 = 0.3
+    good = Robot.model_validate(ROBOT | {"base_radius": base, "platform_radius": platform})
+    lengths = good.forearm.model_copy(update={"length": forearm})
+    assert closes_somewhere(good.model_copy(update={"forearm": lengths})) is closes
+    content = changed(good.model_dump(), "forearm.length", forearm)
+    if closes:
+        assert Robot.model_validate(content).forearm.length == forearm
+        return
+    with pytest.raises(SceneError) as caught:
+        Robot.model_validate(content)
+    assert (caught.value.key, caught.value.value) == ("forearm.length", forearm)
+    assert "a length in m greater than 0.3," in caught.value.expected
+
+
+def test_a_robot_that_closes_only_stretched_flat_cannot_move() -> None:
+    radii = {"base_radius": 0.75, "platform_radius": 0.25}  # exact in binary
+    content = changed(ROBOT | radii, "upper_arm.length", 0.25)
+    with pytest.raises(SceneError, match=r"^forearm\.length is 0\.25; "):
+        Robot.model_validate(changed(content, "forearm.length", 0.25))
+
+
+def test_a_forearm_shorter_than_the_arm_may_do(tmp_path: Path) -> None:
+    robot = load_scene(write(tmp_path, robot=changed(ROBOT, "forearm.length", 0.05))).robot
+    assert closes_somewhere(robot)

@@ -1,0 +1,86 @@
+"""Scenes at the edge: each ends in a verified plan or in an error that names the cause."""
+
+from math import isfinite, nan
+from pathlib import Path
+
+import pytest
+
+from deltaopt.planning.initial_motion import baseline
+from deltaopt.planning.planner import plan
+from deltaopt.scene.scene import Scene
+from deltaopt.verify.verification import verify
+from studies.plots.stability import draw_edge
+from studies.stability import report
+from studies.stability.edge import (
+    MIDDLE,
+    ORSINO,
+    TOLERANCE,
+    Edge,
+    Outcome,
+    attempt,
+    cases,
+)
+
+REFUSED = {
+    "goal outside": ("Unreachable", "goal: the platform cannot be at [0.75, 0, 0] m"),
+    "start, a chain stretched": ("Singular", "start: arm and bars of chain 2 are in line"),
+    "start, a chain folded": ("Singular", "start: arm and bars of chain 1 are in line"),
+    "start, bars sideways": ("Singular", "start: the bars of chain 1 lie sideways"),
+    "goal, a chain stretched": ("Singular", "goal: arm and bars of chain 2 are in line"),
+    "one motor holds with 101.00%": ("Infeasible", "start: motor 2 needs 2.275 N·m to hold"),
+    "all motors hold with 101.00%": ("Infeasible", "start: motor 1 needs"),
+    "1e-15 m apart": ("Infeasible", "start and goal are 1.0e-15 m apart"),
+    "zero": ("SceneError", "payload is 0.0; expected a mass in kg, greater than 0"),
+    "10 of what can be held": ("Infeasible", "start: motor 1 needs"),
+    "2 200 200 N·m": ("Infeasible", "start: motor 1 needs 2.239 N·m"),
+}
+"""All others must be planned."""
+FAR_FROM_BEST = "start 1e-09 m"
+"""Nearer than the mesh can follow: the plan is right but slow, and says so."""
+
+
+@pytest.mark.parametrize("case", cases(), ids=lambda case: f"{case.family}: {case.name}")
+def test_plan_or_cause(case):
+    found = attempt(case)
+    assert found.seconds < 30
+    if case.name in REFUSED:
+        error, sentence = REFUSED[case.name]
+        assert (found.error, found.verified) == (error, False)
+        assert sentence in found.sentence
+        return
+    assert found.verified, (found.error, found.sentence)
+    assert isfinite(found.duration)
+    assert found.gap <= TOLERANCE or case.name.startswith(FAR_FROM_BEST)
+
+
+def test_a_motion_that_stays_is_no_plan_for_a_short_way():
+    """1e-8 m are less than what a robot notices, and a plan must cover them all the same."""
+    x, y, z = MIDDLE
+    near = Scene(robot=ORSINO, start=MIDDLE, goal=(x, y + 1e-8, z))
+    motion = baseline(near)
+    assert verify(near, motion).ok
+    other = near.model_copy(update={"goal": (x, y - 1e-8, z)})
+    found = verify(other, motion)
+    assert not found.ok
+    assert found.failures()[0].startswith("it ends 2e-08 m from the scene's goal")
+
+
+def test_refinement_ends_when_nothing_more_is_known():
+    """Where gravity takes most of a limit, slowing costs more than the excess says."""
+    drive = ORSINO.drive.model_copy(update={"torque": (40.0, 20.0, 2.0)})
+    robot = ORSINO.model_copy(update={"drive": drive})
+    scene = Scene(robot=robot, payload=1.0, start=MIDDLE, goal=(0.45, -0.05, 0.03))
+    rounds = plan(scene, tolerance=TOLERANCE, intervals=20).rounds
+    assert len(rounds) < 10
+
+
+def test_report_and_chart(tmp_path: Path):
+    good = Outcome("a", "b, c", 1.0, 0.1, 0.5, 10, True, "", "")
+    bad = Outcome("a", "d", 2.0, nan, nan, 0, False, "Infeasible", "start: no")
+    study = Edge([good, bad])
+    assert "1 end in a plan" in report.edge_verdict(study)
+    assert "1 Infeasible); 0 end in anything else" in report.edge_verdict(study).replace("\n", " ")
+    assert all(row.count(",") == 8 for row in report.edge_csv(study).splitlines())
+    assert report.edge_table(study).splitlines()[2].endswith("Infeasible")
+    draw_edge(study, tmp_path / "edge.png")
+    assert (tmp_path / "edge.png").stat().st_size > 10_000

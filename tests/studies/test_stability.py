@@ -1,0 +1,367 @@
+"""Where methods fail: slopes, singular states, redundant constraints, what the model refuses."""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import replace
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from deltaopt.cli import main
+from deltaopt.compare.many_digits import ManyDigits
+from deltaopt.compare.samples import PAPER, rounded
+from deltaopt.compare.tasks import InverseDynamics
+from deltaopt.dynamics import (
+    Explicit,
+    LeastNorm,
+    Multiplier,
+    NullSpace,
+    Partition,
+    RankRevealing,
+    VirtualWork,
+    simulate,
+)
+from deltaopt.dynamics.linear import singular_directions
+from deltaopt.errors import Singular, Singularity
+from deltaopt.mechanisms.delta.mechanism import MOTOR_ANGLES, delta
+from deltaopt.robot.model import DeltaModel
+from deltaopt.robot.robot import load_robot
+from studies.stability import benchmarks, drift, report, singularities
+from studies.stability.families import Family, Maker, delta_families, pendulum_families
+from studies.stability.mechanisms import bricard, bricard_start, n_four_bar
+
+FAMILIES = {f.name: f for f in [*delta_families(), *pendulum_families()]}
+EXACT = ManyDigits(50)
+P = np.array(PAPER.values())
+ROBOT = Path(__file__).parents[2] / "problems/robots/orsino.yaml"
+
+
+@pytest.fixture(scope="module")
+def model() -> DeltaModel:
+    return DeltaModel(load_robot(ROBOT), payload=1.0)
+
+
+def joints(family: Family, distance: float, *, moving: bool) -> tuple[list[np.ndarray], np.ndarray]:
+    """q, q̇, q̈, rounded, and the torques in fifty digits from Q* + Q + Jᵀ λ = 0."""
+    maker = Maker(family, EXACT)
+    motion = maker.motion(maker.q(distance), np.random.default_rng(4), moving=moving)
+    state = [rounded(x) for x in (motion.q, motion.dq, motion.ddq)]
+    inputs, A, b = InverseDynamics().big_system(family.mechanism)
+    system = ca.Function("system", inputs, [A, b])
+    A, b = EXACT.evaluate(system, [0.0], *state, family.parameters)
+    return state, rounded(EXACT.solve(A, b)[:3])
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+@pytest.mark.parametrize("distance", [1e-3, 0.0])
+def test_states_obey_the_constraints_to_many_digits(name: str, distance: float) -> None:
+    family = FAMILIES[name]
+    maker = Maker(family, EXACT)
+    motion = maker.motion(maker.q(distance), np.random.default_rng(1), moving=True)
+    m = family.mechanism
+    rate = m.J @ m.ddq + m.J_bias
+    f = ca.Function(
+        "f",
+        [m.time, m.q, m.dq, m.ddq, m.parameters],
+        [ca.vertcat(m.holonomic, m.constraint_rate, rate)],
+    )
+    (left,) = EXACT.evaluate(f, [0.0], motion.q, motion.dq, motion.ddq, family.parameters)
+    assert max(abs(x) for x in left) < 1e-45
+    assert 0.1 < max(abs(x) for x in motion.dq) < 5
+
+
+def error(formulation: object, family: Family, distance: float, *, moving: bool) -> float:
+    state, truth = joints(family, distance, moving=moving)
+    inverse = formulation.inverse_dynamics(family.mechanism)  # type: ignore[attr-defined]
+    tau = inverse(0.0, *state, family.parameters)[0].full().ravel()
+    return float(np.abs(tau - truth).max() / np.abs(truth).max())
+
+
+@pytest.mark.parametrize("moving", [False, True])
+def test_closed_form_loses_digits_in_proportion_and_null_space_none(moving: bool) -> None:
+    """Towards stretched bars: 1/ε for eq. (55); 1e-9 is what is asked of the null space."""
+    family = FAMILIES["stretched"]
+    distances = np.array([1e-3, 1e-5, 1e-7, 1e-9])
+    errors = [error(Explicit(), family, e, moving=moving) for e in distances]
+    assert np.polyfit(np.log10(distances), np.log10(errors), 1)[0] == pytest.approx(-1, abs=0.3)
+    assert error(Explicit(), family, 0.0, moving=moving) > 1e-3
+    for C in (NullSpace(), MOTOR_ANGLES):
+        assert error(Explicit(C), family, 0.0, moving=moving) < 1e-13
+    assert error(Multiplier(), family, 0.0, moving=moving) < 1e-13
+
+
+@pytest.mark.parametrize("distance", [1e-2, 1e-7, 1e-14, 0.0])
+@pytest.mark.parametrize("name", ["stretched", "sideways"])
+def test_motor_angles_keep_torques_at_serial_singularities(name: str, distance: float) -> None:
+    assert error(VirtualWork(MOTOR_ANGLES), FAMILIES[name], distance, moving=True) < 1e-13
+
+
+def test_slopes_are_fitted_where_errors_grow() -> None:
+    distances = np.array(singularities.DISTANCES)
+    errors = np.where(distances > 0, 1e-15 / np.maximum(distances, 1e-30) ** 2, np.nan)
+    curve = singularities.Curve("f", "p", "m", "v", errors)
+    assert curve.slope == pytest.approx(-2)
+    assert curve.lost_at == 1e-4
+    assert curve.silent_at == 0.0
+    flat = replace(curve, errors=np.full(distances.shape, 1e-16))
+    assert np.isnan([flat.slope, flat.lost_at, flat.silent_at]).all()
+
+
+# What the model refuses, and what it still answers
+
+
+def test_holding_torques_at_the_stretched_boundary(model: DeltaModel) -> None:
+    """All chains stretched on the axis: a third of the weight's work each, by hand.
+
+    Virtual work of a chain with both bars along one line from (a1 - a4) outward: moving the
+    motor angle alone turns arm and bars so that the platform stays: only arm and bars work.
+    """
+    a1, a2, a3, a4, g = PAPER.a1, PAPER.a2, PAPER.a3, PAPER.a4, 9.81
+    q1 = -np.arccos(-(a1 - a4) / (2 * a2 + 2 * a3))
+    q = np.array([-(2 * a2 + 2 * a3) * np.sin(q1), 0, 0, *3 * [q1, q1, 0.0]])
+    down = -np.cos(q1)  # of the elbow per unit of arm length and angle
+    work = g * (PAPER.m3 * a2 * down + PAPER.m4 * (2 * a2 * down + a3 * down * -a2 / a3))
+    still = np.zeros(12)
+    np.testing.assert_allclose(model.joint_inverse_dynamics(q, still, still), -work, rtol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["stretched", "sideways"])
+def test_joint_inverse_dynamics_in_many_points(model: DeltaModel, name: str) -> None:
+    pairs = [joints(FAMILIES[name], e, moving=True) for e in (1e-1, 1e-8, 0.0)]
+    q, dq, ddq = (np.array([state[i] for state, _ in pairs]) for i in range(3))
+    truth = np.array([tau for _, tau in pairs])
+    np.testing.assert_allclose(model.joint_inverse_dynamics(q, dq, ddq), truth, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "chain", "words"),
+    [
+        ("stretched", Singularity.IN_LINE, 1, "arm and bars of chain 1 are in line"),
+        ("sideways", Singularity.SIDEWAYS, 1, "bars of chain 1 lie sideways"),
+    ],
+)
+def test_serial_singularities_are_named(
+    model: DeltaModel, name: str, kind: Singularity, chain: int, words: str
+) -> None:
+    near = rounded(Maker(FAMILIES[name], EXACT).q(1e-7))[:3]
+    v, zero = np.array([0.1, 0.0, 0.2]), np.zeros(3)
+    calls = (
+        lambda: model.inverse_dynamics(near, v, zero),
+        lambda: model.motion(near, v, zero),
+        lambda: model.forward_dynamics(near, v, zero),
+        lambda: model.multipliers(near, v, zero),
+    )
+    for call in calls:
+        with pytest.raises(Singular, match=words) as caught:
+            call()
+        assert (caught.value.kind, caught.value.chain) == (kind, chain)
+        assert 0 < abs(caught.value.margin) < 1e-6
+        assert str(pickle.loads(pickle.dumps(caught.value))) == str(caught.value)
+
+
+def test_at_rest_near_a_serial_singularity_there_is_an_answer(model: DeltaModel) -> None:
+    zero = np.zeros(3)
+    for name in ("stretched", "sideways"):
+        near = rounded(Maker(FAMILIES[name], EXACT).q(1e-6))
+        held = model.inverse_dynamics(np.vstack([near[:3], [0.45, 0, 0]]), zero, zero)
+        truth = model.joint_inverse_dynamics(near, np.zeros(12), np.zeros(12))
+        np.testing.assert_allclose(held[0], truth, rtol=1e-8)
+        np.testing.assert_allclose(held[1], 1.87045266200582, rtol=1e-12)
+        np.testing.assert_array_equal(model.inverse_dynamics(near[:3], zero, zero), held[0])
+
+
+def test_the_first_singular_point_that_moves_is_named(model: DeltaModel) -> None:
+    near = rounded(Maker(FAMILIES["stretched"], EXACT).q(1e-7))[:3]
+    v = np.array([[0.0, 0, 0], [0.1, 0, 0], [0.1, 0, 0]])
+    for x in (np.array([near, [0.45, 0, 0], near]), near):
+        with pytest.raises(Singular) as caught:
+            model.inverse_dynamics(x, v, np.zeros(3))
+        assert str(caught.value).startswith("point 2" if x.ndim == 2 else "point 1")
+    assert model.inverse_dynamics(near, 0 * v, np.zeros(3)).shape == (3, 3)
+
+
+def test_the_parallel_singularity_is_named_for_torques_only(model: DeltaModel) -> None:
+    at, zero = rounded(Maker(FAMILIES["coplanar"], EXACT).q(0.0)), np.zeros(3)
+    for call in (
+        lambda: model.inverse_dynamics(at[:3], zero, zero),
+        lambda: model.joint_inverse_dynamics(at, np.zeros(12), np.zeros(12)),
+    ):
+        with pytest.raises(Singular, match="parallel singularity") as caught:
+            call()
+        assert caught.value.kind is Singularity.PARALLEL
+    a = model.forward_dynamics(at[:3], zero, zero)
+    again = DeltaModel(model.robot, 1.0, Multiplier()).forward_dynamics(at[:3], zero, zero)
+    np.testing.assert_allclose(a, again, rtol=1e-9)
+
+
+def test_accelerations_near_a_serial_singularity(model: DeltaModel) -> None:
+    """At ε = 1e-4 eq. (55) has three digits; the model gives what L_I does in fifty."""
+    family = FAMILIES["stretched"]
+    x = rounded(Maker(family, EXACT).q(1e-4))[:3]
+    v, tau = np.zeros(3), np.array([1.0, -0.5, 0.3])
+    (q,) = EXACT.evaluate(model.functions.inverse_kinematics, x, P)
+    system = singularities.Functions(family.mechanism).system(singularities.PROBLEMS[2].task)
+    A, b = EXACT.evaluate(system, [0.0], q, np.zeros(12), tau, P)
+    truth = rounded(EXACT.solve(A, b)[:3])
+    np.testing.assert_allclose(model.forward_dynamics(x, v, tau), truth, rtol=1e-7)
+
+
+# Redundant constraints
+
+
+def test_singular_directions_of_a_matrix_of_known_rank() -> None:
+    rng = np.random.default_rng(2)
+    A = rng.normal(size=(5, 2)) @ rng.normal(size=(2, 4))
+    inverse, free = (x.full() for x in singular_directions(5, 4, 2, 1e-8)(A))
+    np.testing.assert_allclose(inverse, np.linalg.pinv(A), atol=1e-13)
+    np.testing.assert_allclose(A @ free, 0, atol=1e-13)
+    np.testing.assert_allclose(free.T @ free, np.eye(2), atol=1e-14)
+    assert np.isnan(singular_directions(5, 4, 2, 1e-8)(A * np.nan)[0].full()).all()
+
+
+def test_least_norm_solves_what_can_be_solved() -> None:
+    A, b = ca.MX.sym("A", 3, 3), ca.MX.sym("b", 3)
+    x = ca.Function("x", [A, b], [LeastNorm(1e-10)(A, b)])
+    np.testing.assert_allclose(x(np.diag([2, 4, 0]), [2, 2, 7]).full().ravel(), [1, 0.5, 0])
+
+
+def test_rank_revealing_agrees_with_the_null_space_where_both_work() -> None:
+    m, q = delta(PAPER), rounded(Maker(FAMILIES["stretched"], EXACT).q(0.1))
+    C, P_ = (x.full() for x in RankRevealing(3).function(m)(0, q, P))
+    N, pseudo = (x.full() for x in NullSpace().function(m)(0, q, P))
+    np.testing.assert_allclose(C @ C.T, N @ N.T, atol=1e-13)
+    np.testing.assert_allclose(P_, pseudo, atol=1e-12 * np.abs(pseudo).max())
+
+
+def test_bricard_has_one_redundant_constraint_and_one_freedom() -> None:
+    m, (q, _) = bricard(), bricard_start()
+    J = ca.Function("J", [m.q], [ca.densify(m.J)])(q).full()
+    assert J.shape == (24, 24)
+    assert np.linalg.matrix_rank(J) == 23
+    assert np.abs(ca.Function("f", [m.q], [m.holonomic])(q).full()).max() == 0
+
+
+@pytest.mark.parametrize("matrix", [NullSpace(), Partition(())])
+def test_redundant_constraints_are_refused_by_matrices_that_need_full_rank(
+    matrix: NullSpace | Partition,
+) -> None:
+    with pytest.raises(ValueError, match=r"24 constraints for 24 coordinates.*RankRevealing"):
+        matrix.function(bricard())
+
+
+@pytest.mark.parametrize("formulation", [Explicit(RankRevealing(1)), Multiplier(LeastNorm(1e-8))])
+def test_bricard_keeps_its_energy(formulation: Explicit | Multiplier) -> None:
+    times = np.linspace(0, 0.5, 11)
+    motion = simulate(bricard(), formulation, *bricard_start(), times, tolerance=1e-8)
+    assert np.abs(motion.energy - motion.energy[0]).max() < 1e-5
+    assert np.abs(motion.position_drift).max() < 1e-14
+    assert np.abs(motion.q[-1] - motion.q[0]).max() > 0.2
+
+
+def four_bars_as_a_pendulum(times: np.ndarray) -> np.ndarray:
+    """Angle of the cranks from upright: 3 θ̈ = 3.5 g sin θ, three cranks, two couplers."""
+    x = ca.SX.sym("x", 2)
+    ode = {"x": x, "ode": ca.vertcat(x[1], 3.5 * 9.81 * ca.sin(x[0]) / 3)}
+    flow = ca.integrator("p", "rk", ode, 0.0, list(times[1:]), {"number_of_finite_elements": 4000})
+    return np.concatenate([[0.0], flow(x0=[0.0, 1.0])["xf"].full()[0]])
+
+
+@pytest.mark.parametrize("way", [benchmarks.WAYS[3], benchmarks.WAYS[-1]], ids=["K", "L_I"])
+def test_four_bars_pass_their_singularities_as_a_parallelogram(way: benchmarks.Way) -> None:
+    """Through the aligned position (θ = π/2) and back up again, on the right branch."""
+    b = benchmarks.benchmarks()[0]
+    times = np.linspace(0, 3.0, 61)
+    motion = simulate(
+        n_four_bar(),
+        way.formulation(b, np.zeros((5, 6)) + np.eye(5, 6)),
+        b.q0,
+        b.dq0,
+        times,
+        tolerance=1e-10,
+    )
+    theta = four_bars_as_a_pendulum(times)
+    assert theta[-1] > 5  # past both aligned positions
+    expected = np.column_stack([np.sin(theta), np.cos(theta)])
+    for i in range(3):
+        np.testing.assert_allclose(motion.q[:, 2 * i : 2 * i + 2] - [i, 0], expected, atol=1e-5)
+    assert np.abs(motion.energy - motion.energy[0]).max() < b.bound / 1e4
+
+
+def test_attempts_become_phrases() -> None:
+    four, _, ring = benchmarks.benchmarks()
+    ways = {(w.model, w.variant): w for w in benchmarks.WAYS}
+    good = benchmarks.attempt(four, ways["L_E", "null space"], 0.2)
+    assert good.failure == ""
+    assert good.largest < 1e-6
+    assert "cannot be built" in benchmarks.attempt(four, ways["L_E", "closed form"], 0.2).failure
+    assert "stops: " in benchmarks.attempt(ring, ways["L_I", "sparse QR"], 0.1).failure
+    strict = replace(four, bound=1e-18)
+    failure = benchmarks.attempt(strict, ways["L_E", "null space"], 0.2).failure
+    assert "off by more than 1e-18 J from t = 0.0" in failure
+
+
+# The command
+
+
+def test_drift_in_small(tmp_path: Path) -> None:
+    study = drift.measure(duration=0.2)
+    assert len(study.runs) == 3 * (2 + len(drift.FREQUENCIES) + 1)
+    for method in ("projection", drift.MINIMAL):
+        assert all(r.position < 1e-14 for r in study.by(method))
+    assert study.run("none", 1e-10).position < study.run("none", 1e-6).position
+    said = " ".join(report.drift_verdict(study).split())
+    assert "Over 0.2 s at tolerance 1e-08" in said
+    assert report.drift_csv(study).count("\n") == len(study.runs) + 1
+
+
+def test_command_writes_chart_csv_and_sentence(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    few = tuple(w for w in benchmarks.WAYS if w.variant in ("rank revealing", "sparse QR"))
+    monkeypatch.setattr(benchmarks, "WAYS", few)
+    monkeypatch.setattr(benchmarks.measure, "__defaults__", (lambda done, what: None, 0.1))
+    assert main(["stability", "benchmarks", "-o", str(tmp_path)]) == 0
+    printed = capsys.readouterr()
+    assert "A02: inside 0.1 J are" in printed.out
+    assert "100%" in printed.err
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["benchmarks.csv", "benchmarks.png"]
+    assert (tmp_path / "benchmarks.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_singularities_in_small(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    from studies.plots.stability import draw_singularities
+
+    monkeypatch.setattr(singularities, "MOTIONS", 1)
+    monkeypatch.setattr(singularities, "delta_families", pendulum_families)
+    monkeypatch.setattr(singularities, "pendulum_families", lambda: pendulum_families()[:1])
+    study = singularities.measure(digits=30)
+    assert len(study.curves) == 3 * 3 * len(singularities.METHODS)
+    assert study.curve("level", "forward", "L_E", "closed form").errors.max() < 1e-14
+    rows = report.singularities_csv(study).splitlines()
+    assert all(row.count(",") == 5 for row in rows)
+    draw_singularities(study, study.families, tmp_path / "chart.png")
+    assert (tmp_path / "chart.png").stat().st_size > 10_000
+
+
+def test_unknown_study_is_two(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["stability", "earthquakes"]) == 2
+    assert "earthquakes is no study" in capsys.readouterr().err
+
+
+def test_task_space_torques_lose_digits_with_the_square_of_the_distance(model: DeltaModel) -> None:
+    """What the limits in model.py rest on: a platform in motion towards stretched bars."""
+    v, a = np.array([0.3, 0.2, -0.1]), np.array([1.0, -2.0, 0.5])
+    system = singularities.Functions(delta(PAPER)).system(InverseDynamics())
+    errors = []
+    for distance in (1e-3, 1e-4, 1e-5, 2e-6):
+        x = rounded(Maker(FAMILIES["stretched"], EXACT).q(distance))[:3]
+        A, b = EXACT.evaluate(system, [0.0], *EXACT.evaluate(model.functions.motion, x, v, a, P), P)
+        truth = rounded(EXACT.solve(A, b)[:3])
+        errors.append(np.abs(model.inverse_dynamics(x, v, a) / truth - 1).max())
+    assert errors[0] < 1e-8
+    assert errors[-1] < 1e-2
+    slope = np.polyfit(np.log10([1e-3, 1e-4, 1e-5, 2e-6]), np.log10(errors), 1)[0]
+    assert slope == pytest.approx(-2, abs=0.5)
