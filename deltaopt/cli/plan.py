@@ -26,6 +26,7 @@ from deltaopt.cli.arguments import (
     two_or_more,
 )
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
+from deltaopt.motion.certificate import MET
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.plan_files import RATE, Solution, StraightLine, save
 from deltaopt.planning.flat.flat_problem import Flat
@@ -45,7 +46,6 @@ from deltaopt.planning.planner import Plan, Planner, plan
 from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene, load_scene
-from deltaopt.verify.pontryagin import MET
 from deltaopt.verify.verification import Check, Verification, verify
 
 FORMULATIONS: dict[str, Callable[[LoopClosure], Pose]] = {

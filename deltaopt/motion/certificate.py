@@ -9,6 +9,10 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+MET = 1e-3
+"""Residual up to which Pontryagin's condition counts as met: a motion further off is not drawn with
+switching functions, and carries no certificate."""
+
 
 @dataclass(frozen=True)
 class Certificate:

@@ -15,10 +15,11 @@ import numpy as np
 
 from deltaopt.files.atomic_write import whole
 from deltaopt.files.validated_record import Vector3
+from deltaopt.motion.certificate import MET
 from deltaopt.motion.effort import cost
 from deltaopt.motion.trajectory import Array, Trajectory
 from deltaopt.scene.scene import Scene
-from deltaopt.verify.pontryagin import MET, Extremal, extremal
+from deltaopt.verify.pontryagin import Extremal, extremal
 from deltaopt.verify.verification import Verification
 
 RATE = 1000.0

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from deltaopt.errors import NotConverged
 from deltaopt.mechanisms.delta.functions import DeltaFunctions
-from deltaopt.motion.certificate import Certificate
+from deltaopt.motion.certificate import MET, Certificate
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.flat.constraint_rows import Stage
 from deltaopt.planning.flat.flat_problem import ScaledEquations
@@ -33,7 +33,6 @@ from deltaopt.planning.switching.detection import (
 from deltaopt.planning.switching.resolution import Settled, Unsettled, settle
 from deltaopt.planning.switching.structure import Arc, Structure
 from deltaopt.robot.model import DeltaModel
-from deltaopt.verify.pontryagin import MET
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]

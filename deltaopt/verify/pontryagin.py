@@ -38,8 +38,6 @@ from deltaopt.scene.scene import Scene
 Integers = NDArray[np.intp]
 Truths = NDArray[np.bool]
 
-MET = 1e-3
-"""Residual up to which Pontryagin's condition is met in a sense worth drawing."""
 _STAGES = 8
 """Of Gauss's collocation in every interval."""
 _AT_LIMIT, _AT_MARGIN, _LONG = 0.99, 1e-7, 1e-3

@@ -7,12 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from deltaopt import load_scene, plan
+from deltaopt import load_scene, plan, verify
 from deltaopt.cli import main
 from deltaopt.motion.time_scaling import torque_excess
 from deltaopt.planning.initial_motion import baseline, curve_between, driven, first_motion
 from deltaopt.planning.multistart import distinct, first_motions
-from deltaopt.verify.verification import verification as verify
 
 FILE = Path(__file__).parents[2] / "problems/pick_and_place.yaml"
 SCENE = load_scene(FILE)

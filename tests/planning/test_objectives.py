@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import deltaopt
-from deltaopt import load_scene, plan
+from deltaopt import load_scene, plan, verify
 from deltaopt.errors import Infeasible
 from deltaopt.motion.effort import cost, effort
 from deltaopt.motion.trajectory import Trajectory
@@ -19,7 +19,6 @@ from deltaopt.planning.nlp.cost import Cost
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 from deltaopt.planning.switching.detection import read_structure
 from deltaopt.scene.objective import Effort, TimeAndEffort
-from deltaopt.verify.verification import verification as verify
 from tests.oracles.arcs import ArcProblem
 from tests.oracles.certify import certify
 from tests.planning.switching.test_exact_answers import Line, UnitMass

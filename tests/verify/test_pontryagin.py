@@ -10,10 +10,9 @@ import pytest
 from matplotlib.image import imread
 
 import deltaopt
-from deltaopt import Limits, load_scene, plan
+from deltaopt import Limits, load_scene, plan, verify
 from deltaopt.output.plan_files import write_json
 from deltaopt.verify.pontryagin import MET, extremal
-from deltaopt.verify.verification import verification as verify
 from tests import posed_scenes
 
 LIGHT = load_scene("problems/light_and_fast.yaml")

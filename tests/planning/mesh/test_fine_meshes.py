@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deltaopt import load_scene
+from deltaopt import load_scene, verify
+from deltaopt.motion.certificate import MET
 from deltaopt.planning.mesh.constraint_tightening import Overshoot
 from deltaopt.planning.mesh.error_estimate import FRACTIONS, TIGHTENED, GivenAway, refined
 from deltaopt.planning.mesh.mesh_costates import certify_mesh, costates, hamiltonian
@@ -22,8 +23,6 @@ from deltaopt.planning.switching.detection import SHARP, read_structure
 from deltaopt.planning.switching.structure import Limit
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.scene import Limits, Scene
-from deltaopt.verify.pontryagin import MET
-from deltaopt.verify.verification import verification as verify
 from tests.planning.switching.test_resolution import REFERENCE
 from tests.posed_scenes import CROSS, first, machine_code, posed, random_move, scales_of
 

@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from deltaopt import Planner
+from deltaopt import Planner, verify
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.flat.constraint_rows import SPEED_RATE, TORQUE
 from deltaopt.planning.switching.active_set import _Repair, patches
@@ -18,7 +18,6 @@ from deltaopt.planning.switching.kkt_system import System
 from deltaopt.planning.switching.residuals import Examined
 from deltaopt.planning.switching.resolution import Settled, settle
 from deltaopt.planning.switching.structure import Limit, Stretch, Structure, bearable, changed
-from deltaopt.verify.verification import verification as verify
 from tests import posed_scenes
 from tests.oracles.shooting import shoot
 from tests.posed_scenes import machine_code, random_move, scales_of

@@ -7,14 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deltaopt import load_scene, plan
+from deltaopt import load_scene, plan, verify
 from deltaopt.planning.flat.flat_problem import ScaledEquations
 from deltaopt.planning.nlp.program import Solution
 from deltaopt.planning.nlp.scaling import Scales
 from deltaopt.planning.planner import Planner
 from deltaopt.planning.switching.detection import read_structure
 from deltaopt.verify.pontryagin import extremal
-from deltaopt.verify.verification import verification as verify
 from tests.oracles.arcs import ArcProblem
 from tests.oracles.certify import certify, hamiltonian
 

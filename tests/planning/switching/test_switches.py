@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from deltaopt import load_scene, plan
+from deltaopt import load_scene, plan, verify
 from deltaopt.planning.flat.constraint_rows import Stage
 from deltaopt.planning.flat.flat_problem import ScaledEquations
 from deltaopt.planning.nlp.scaling import Scales, margin_of_fold
@@ -15,7 +15,6 @@ from deltaopt.planning.switching.dense import solve
 from deltaopt.planning.switching.detection import read_structure
 from deltaopt.planning.switching.structure import FREE, Limit, Stretch, Structure, changed
 from deltaopt.robot.model import DeltaModel
-from deltaopt.verify.verification import verification as verify
 from tests.oracles.arcs import ArcProblem
 from tests.planning.switching.test_exact_answers import LINES, UNEVEN, Line
 from tests.posed_scenes import random_move
