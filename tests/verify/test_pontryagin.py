@@ -11,8 +11,9 @@ from matplotlib.image import imread
 
 import deltaopt
 from deltaopt import Limits, load_scene, plan, verify
+from deltaopt.motion.certificate import MET
 from deltaopt.output.plan_files import write_json
-from deltaopt.verify.pontryagin import MET, extremal
+from deltaopt.verify.pontryagin import extremal
 from tests import posed_scenes
 
 LIGHT = load_scene("problems/light_and_fast.yaml")
