@@ -20,6 +20,7 @@ from deltaopt.planning.formulations.loop_closure import (
     Projection,
 )
 from deltaopt.planning.initial_motion import baseline
+from deltaopt.planning.nlp.problem import InteriorPoint, Ipopt
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 from deltaopt.planning.planner import Plan, Planner, plan
 from deltaopt.robot.model import DeltaModel
@@ -38,6 +39,10 @@ kane = Kane()
 """Kane's equations, eq. (49)."""
 flat = Flat()
 """A plan in minimal coordinates."""
+interior_point = InteriorPoint()
+"""deltaopt's own solver, in compiled C: the default of the flat formulation."""
+ipopt = Ipopt()
+"""The general solver of all formulations."""
 forward = Forward()
 """A plan with the torque as control and forward dynamics as the defect."""
 
@@ -48,6 +53,8 @@ __all__ = [
     "DeltaOptError",
     "Effort",
     "Infeasible",
+    "InteriorPoint",
+    "Ipopt",
     "KnotConstraints",
     "Limits",
     "NotConverged",
@@ -68,6 +75,8 @@ __all__ = [
     "explicit",
     "flat",
     "forward",
+    "interior_point",
+    "ipopt",
     "kane",
     "load_robot",
     "load_scene",

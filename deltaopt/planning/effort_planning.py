@@ -17,17 +17,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.errors import Infeasible, NotConverged
-from deltaopt.files.validated_record import Vector3
 from deltaopt.motion.effort import cost as cost_of
-from deltaopt.motion.time_scaling import loads_inside, speed_excess, torque_excess
+from deltaopt.motion.time_scaling import highest_rows, loads_inside
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.nlp.cost import FASTEST, Cost
-from deltaopt.planning.nlp.problem import Guess, Posed, Solved
+from deltaopt.planning.nlp.problem import FormulatedProblem, Guess, Solved
 from deltaopt.planning.nlp.program import Spent
-from deltaopt.planning.nlp.scaling import Scales
+from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import QUADRATIC
 from deltaopt.robot.model import DeltaModel
-from deltaopt.scene.feasibility import least_opening
 from deltaopt.scene.objective import Effort, Objective, Time, TimeAndEffort
 from deltaopt.scene.scene import Scene
 
@@ -43,19 +41,25 @@ _WIDENED = 1 - 2e-8
 """Ipopt widens all bounds by 1e-8."""
 
 
-def cost_to_minimise(objective: Objective, limits: Vector3) -> Cost:
-    """An objective in a problem's terms, of the order of one; ``limits``: of torque, N·m."""
+def cost_to_minimise(objective: Objective, scaling: Scaling) -> Cost:
+    """An objective in a problem's terms, of the order of one."""
     match objective:
         case Time():
             return FASTEST
         case Effort():
-            return Cost(time=0.0, running=1 / max(limits) ** 2, duration_is_given=True)
+            largest = float(scaling.torque.max())
+            return Cost(time=0.0, running=1 / largest**2, duration_is_given=True)
         case TimeAndEffort(time=time, effort=effort):
             return Cost(time=1.0, running=effort / time)
 
 
+def scaling_to_duration(scene: Scene, shortest: float) -> Scaling:
+    """Units of a scene, time in that of the duration that it gives or else the shortest (s)."""
+    return Scaling(scene, scene.objective.given_duration or shortest)
+
+
 @dataclass(frozen=True)
-class CostRound:
+class CostIteration:
     """One mesh: ``duration`` (s) and ``cost`` of its motion, in ``unit``, estimated ``gap`` of
     the latter to the least possible, as a fraction of it; seconds ``spent``."""
 
@@ -76,13 +80,13 @@ class CostRound:
 
 
 @dataclass(frozen=True)
-class Settled:
+class LeastCost:
     """The motion of the last mesh, within all limits. ``gap``: as of its round."""
 
     trajectory: Trajectory
     solution: Solved
     gap: float
-    rounds: tuple[CostRound, ...]
+    meshes: tuple[CostIteration, ...]
 
 
 class Motion(Protocol):
@@ -95,13 +99,13 @@ class Motion(Protocol):
 
 
 def least_cost(
-    posed: Posed,
+    problem: FormulatedProblem,
     fastest: Motion,
     intervals: int,
     tolerance: float,
-    scene: Scene,
+    scaling: Scaling,
     tell: Callable[[str], None],
-) -> Settled:
+) -> LeastCost:
     """The best motion of a scene near the fastest, slowed to the duration if that is given, on
     meshes of twice as many intervals each until the gap is within the tolerance.
 
@@ -111,51 +115,49 @@ def least_cost(
 
     Raises Infeasible where the given duration is too short, and NotConverged.
     """
-    shortest = fastest.trajectory.duration
-    given = scene.objective.given_duration or shortest
+    shortest, given = fastest.trajectory.duration, scaling.time
     if given * (1 + 2 * fastest.gap) < shortest:
         raise Infeasible(
             f"duration is {given:g} s, but the fastest motion that was found takes {shortest:.6g} s"
         )
     first = fastest.trajectory.slowed(given / shortest)
-    scales = Scales(scene, given, least_opening(scene))
-    settled: Settled | None = None
+    found: LeastCost | None = None
     try:
-        for settled in _on_meshes(posed, scales, first, intervals):
-            tell(str(settled.rounds[-1]))
-            if settled.gap <= tolerance:
+        for found in _on_meshes(problem, scaling, first, intervals):
+            tell(str(found.meshes[-1]))
+            if found.gap <= tolerance:
                 break
     except NotConverged as error:
-        if settled is not None:  # what is there already is a motion all the same
+        if found is not None:  # what is there already is a motion all the same
             tell(str(error))
-            return settled
+            return found
         if given >= shortest:
             raise
         raise Infeasible(
             f"duration is {given:g} s, as good as the fastest motion's {shortest:.6g} s, and no "
             f"motion was found that takes no longer: {error}"
         ) from None
-    assert settled is not None
-    return settled
+    assert found is not None
+    return found
 
 
 def _on_meshes(
-    posed: Posed, scales: Scales, first: Trajectory, intervals: int
-) -> Iterator[Settled]:
+    problem: FormulatedProblem, scaling: Scaling, first: Trajectory, intervals: int
+) -> Iterator[LeastCost]:
     """On the first mesh, and on ever finer ones as long as there may be such."""
-    rounds: list[CostRound] = []
+    meshes: list[CostIteration] = []
     before, guess, model = np.inf, first, first.model
-    scales = replace(scales, torque_share=_WIDENED, speed_share=_WIDENED)
-    while not rounds or intervals <= MOST_INTERVALS:
+    scaling = replace(scaling, share=_WIDENED)
+    while not meshes or intervals <= MOST_INTERVALS:
         mesh = np.full(intervals, 1 / intervals)
         try:
-            raw = _solved(posed, mesh, scales, guess, model, near=bool(rounds))
+            raw = _solved(problem, mesh, scaling, guess, model, near=bool(meshes))
         except NotConverged:  # hardly slower than possible, Ipopt loses its way now and then
-            raw = _solved(posed, mesh, scales, first, model, near=False)
-        safe = _within_limits(posed, mesh, scales, raw, model)
+            raw = _solved(problem, mesh, scaling, first, model, near=False)
+        safe = _within_limits(problem, mesh, scaling, raw, model)
         gap = abs(before / raw.cost - 1) + abs(safe.cost / raw.cost - 1)
-        rounds.append(_round(safe, intervals, scales, gap))
-        yield Settled(safe.trajectory, safe.solution, gap, tuple(rounds))
+        meshes.append(_iteration(safe, intervals, scaling, gap))
+        yield LeastCost(safe.trajectory, safe.solution, gap, tuple(meshes))
         before, guess, intervals = raw.cost, safe.trajectory, 2 * intervals
 
 
@@ -169,35 +171,35 @@ class _OnMesh:
 
 
 def _solved(
-    posed: Posed, mesh: Array, scales: Scales, guess: Trajectory, model: DeltaModel, *, near: bool
+    problem: FormulatedProblem,
+    mesh: Array,
+    scaling: Scaling,
+    guess: Trajectory,
+    model: DeltaModel,
+    *,
+    near: bool,
 ) -> _OnMesh:
     start = Guess(guess, near=near, tolerance=1e-8)
-    solution = posed.on(mesh).solve(start, scales, model.parameters)
+    solution = problem.on(mesh).solve(start, scaling, model.parameters)
     trajectory = Trajectory(solution.position, model, solution.coordinates)
-    return _OnMesh(
-        solution,
-        trajectory,
-        cost_of(scales.scene, trajectory),
-        solution.iterations,
-        solution.spent,
-    )
+    cost = cost_of(scaling.scene, trajectory)
+    return _OnMesh(solution, trajectory, cost, solution.iterations, solution.spent)
 
 
 def _within_limits(
-    posed: Posed, mesh: Array, scales: Scales, found: _OnMesh, model: DeltaModel
+    problem: FormulatedProblem, mesh: Array, scaling: Scaling, found: _OnMesh, model: DeltaModel
 ) -> _OnMesh:
     """With limits tightened where they were exceeded, until they are kept everywhere."""
-    scene, iterations, spent = scales.scene, found.iterations, found.spent
-    share, speed_share = np.full((len(mesh), 1, 3), _WIDENED), _WIDENED
+    constraints, iterations, spent = scaling.constraints, found.iterations, found.spent
+    share = np.full((len(mesh), constraints.number), _WIDENED)
     for i in range(_TIGHTENINGS):
-        torque, speed = _excesses(scene, found.trajectory)
-        worst = max(float(torque.max()), speed)
+        excess = _excesses(scaling, found.trajectory)
+        worst = float(excess.max())
         if worst <= 0:
             return replace(found, iterations=iterations, spent=spent)
-        share = share / _tightening(torque, i)
-        speed_share /= float(_tightening(np.array(speed), i))
-        tightened = replace(scales, torque_share=share, speed_share=speed_share)
-        found = _solved(posed, mesh, tightened, found.trajectory, model, near=True)
+        share = share / _tightening(excess, i)
+        tightened = replace(scaling, share=share)
+        found = _solved(problem, mesh, tightened, found.trajectory, model, near=True)
         iterations, spent = iterations + found.iterations, spent + found.spent
     raise NotConverged(
         f"a limit is exceeded by {worst:.1e} between the points of {len(mesh)} intervals, "
@@ -213,27 +215,32 @@ def _tightening(excess: Array, times: int) -> Array:
     return np.where(excess > 0, 1 + (1.2 + times / 2) * excess + 1e-8, 1.0)
 
 
-def _excesses(scene: Scene, trajectory: Trajectory) -> tuple[Array, float]:
-    """By interval and motor, (N, 1, 3), of torque; the largest of speed; not negative.
+def _excesses(scaling: Scaling, trajectory: Trajectory) -> Array:
+    """By how much each row exceeds its bounds in each interval, (N, rows), not negative.
 
-    Of samples, but the largest is sought between them too.
+    Rows of accelerations and torques, in each interval, from samples, but the largest is sought
+    between them too; of velocities the largest, for all intervals, since one interval's velocity is
+    its neighbours' too. Rows of positions are margins that no tightening is owed.
     """
-    shares = np.abs(loads_inside(scene, trajectory, _FRACTIONS).torque)
-    shares = shares.reshape(-1, len(_FRACTIONS), 3)
-    excess = np.maximum(shares.max(axis=1, keepdims=True) - 1, 0.0)
-    peak, speed = torque_excess(scene, trajectory), speed_excess(scene, trajectory)
-    where = int(trajectory.position.interval(np.array([peak.t]))[0])
-    excess[where, 0, peak.motor - 1] = max(excess[where, 0, peak.motor - 1], peak.value)
-    return excess, 0.0 if speed is None else max(speed.value, 0.0)
+    constraints = scaling.constraints
+    sizes = constraints.size(loads_inside(scaling.scene, trajectory, _FRACTIONS).rows)
+    sizes = sizes.reshape(-1, len(_FRACTIONS), constraints.number).max(axis=1)
+    highest = highest_rows(scaling.scene, trajectory)
+    at = highest.intervals, np.arange(constraints.number)
+    sizes[at] = np.maximum(sizes[at], highest.values)
+    velocity = constraints.of_order(1)
+    sizes[:, velocity] = highest.values[velocity].max(initial=0.0)
+    sizes[:, constraints.of_order(0)] = 0.0
+    return np.maximum(sizes - 1, 0.0)
 
 
-def _round(found: _OnMesh, intervals: int, scales: Scales, gap: float) -> CostRound:
-    return CostRound(
+def _iteration(found: _OnMesh, intervals: int, scaling: Scaling, gap: float) -> CostIteration:
+    return CostIteration(
         intervals,
         found.iterations,
         found.trajectory.duration,
         found.cost,
-        scales.scene.objective.unit,
+        scaling.scene.objective.unit,
         gap,
         found.spent,
     )

@@ -156,19 +156,6 @@ def _roughly_fastest(scene: Scene, trajectory: Trajectory) -> Trajectory:
     return trajectory.slowed(factor)
 
 
-def between(trajectory: Trajectory, model: DeltaModel, start: Vector3, goal: Vector3) -> Trajectory:
-    """A motion shifted to other ends, by the straight line's share of the way in between."""
-    old, knots = trajectory.position, trajectory.knots
-    ends = old.at(knots[[0, -1]])
-    shifts = np.array([start, goal]) - ends
-    u = (knots - knots[0]) / trajectory.duration
-    share, rate = polyval(u, _ALONG), polyval(u, polyder(_ALONG)) / trajectory.duration
-    x, v = old.with_rate_at(knots)
-    x = x + shifts[0] + np.outer(share, shifts[1] - shifts[0])
-    v = v + np.outer(rate, shifts[1] - shifts[0])
-    return Trajectory(PiecewisePolynomial.hermite(knots, x, v), model)
-
-
 def _fastest(scene: Scene, trajectory: Trajectory, name: str) -> Trajectory:
     """A motion at the shortest duration that keeps the limits."""
     try:

@@ -17,24 +17,30 @@ from deltaopt.dynamics.formulation import Projected
 from deltaopt.dynamics.lagrange import Multiplier
 from deltaopt.errors import DeltaOptError, NotConverged
 from deltaopt.files.validated_record import Vector3
+from deltaopt.limits.constraints import Constraints
 from deltaopt.mechanisms.delta.functions import DeltaFunctions
 from deltaopt.motion.certificate import Certificate
 from deltaopt.motion.effort import cost as cost_of
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.planning.effort_planning import SMOOTH, CostRound, cost_to_minimise, least_cost
+from deltaopt.planning.effort_planning import (
+    SMOOTH,
+    CostIteration,
+    cost_to_minimise,
+    least_cost,
+    scaling_to_duration,
+)
 from deltaopt.planning.flat.flat_problem import Flat
-from deltaopt.planning.formulations.choice import posed_as
-from deltaopt.planning.initial_motion import between
-from deltaopt.planning.mesh.mesh_solution import Round, gap_of, round_of
+from deltaopt.planning.formulations.choice import problem_formulation
+from deltaopt.planning.mesh.mesh_solution import Iteration, gap_of, iteration_of
 from deltaopt.planning.multistart import Optimum, distinct, first_motions
 from deltaopt.planning.nlp.cost import FASTEST, Cost
-from deltaopt.planning.nlp.problem import Guess, Pose, Posed
-from deltaopt.planning.nlp.scaling import Scales, margin_of_fold
+from deltaopt.planning.nlp.problem import FormulatedProblem, Guess, ProblemFormulation, Solver
+from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import LINEAR, PiecewiseAcceleration
-from deltaopt.planning.refinement import Progress, Search
+from deltaopt.planning.refinement import Progress, Refinement, Resolver
 from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.robot.robot import Robot
-from deltaopt.scene.feasibility import check_feasible, least_opening, reach_at_ends
+from deltaopt.scene.feasibility import check_feasible, reach_at_ends
 from deltaopt.scene.objective import Objective, Time
 from deltaopt.scene.scene import Limits, Scene
 
@@ -47,6 +53,8 @@ RESOLVED_BELOW = 1e-4
 _OTHER = 3
 """Halves of the intervals of the first mesh where a small gap was not reached: which structure
 is read and which intervals are split depends on them."""
+_NEAREST = 1e-2
+"""Squared distance to a serial singularity that motions keep if their ends do."""
 _FIRST = 1e-4
 """To which the first mesh is solved at most, whatever the tolerance: it is coarse."""
 
@@ -56,8 +64,8 @@ class Plan:
     """A motion for a scene that keeps every limit between mesh points too.
 
     ``gap``: estimated excess of its cost, a duration as a rule, over the least possible, as a
-    fraction; ``Round`` and ``least_cost`` say how it is estimated.
-    ``rounds``: the meshes it took. ``solve_seconds``: wall time of all of them.
+    fraction; ``Iteration`` and ``least_cost`` say how it is estimated.
+    ``meshes``: those it took. ``solve_seconds``: wall time of all of them.
     ``resolved``: whether its switches are. ``certificate``: how well Pontryagin's condition is
     met, by the prices on the arcs, or on the mesh where these tell.
     ``optima``: the distinct local minima that several starts led to, best first.
@@ -73,7 +81,7 @@ class Plan:
     solve_seconds: float
     gap: float
     tolerance: float
-    rounds: tuple[Round, ...] | tuple[CostRound, ...]
+    meshes: tuple[Iteration, ...] | tuple[CostIteration, ...]
     certificate: Certificate | None
     resolved: bool = False
     optima: tuple[Optimum, ...] = ()
@@ -110,15 +118,17 @@ def plan(
     tolerance: float = 1e-3,
     intervals: int = 16,
     transcription: PiecewiseAcceleration | None = None,
-    formulation: Pose | Multiplier | Projected | None = None,
+    formulation: ProblemFormulation | Multiplier | Projected | None = None,
+    solver: Solver | None = None,
     starts: int = 1,
     seed: int = 1,
     progress: Progress | None = None,
 ) -> Plan:
     """The best motion of a scene: the fastest, unless its objective is another.
 
-    ``formulation``: a pose (flat by default, forward), or a formulation of the dynamics, which
-    is posed in twelve coordinates: multiplier by eq. (37), the others all by eq. (39).
+    ``formulation``: of the problem (flat by default, forward), or one of the dynamics, which
+    stands for the problem in twelve coordinates: multiplier by eq. (37), the others by eq. (39).
+    ``solver``: `InteriorPoint` or `Ipopt`; the first by default where the formulation has it.
     ``tolerance``: of the optimality gap. ``intervals``: of the first mesh, refined where time
     is given away until the gap is within the tolerance; below ``RESOLVED_BELOW`` the switches
     are resolved. ``starts``: from how many first guesses, all but the first of them random by
@@ -135,8 +145,9 @@ def plan(
         transcription,
         formulation,
         objective=scene.objective,
+        solver=solver,
     )
-    return planner.plan(scene.start, scene.goal, starts=starts, seed=seed, progress=progress)
+    return planner.plan_scene(scene, starts=starts, seed=seed, progress=progress)
 
 
 @dataclass(frozen=True)
@@ -155,13 +166,19 @@ class Planner:
     tolerance: float = 1e-3
     intervals: int = 16
     transcription: PiecewiseAcceleration | None = None
-    formulation: Pose | Multiplier | Projected | None = None
+    formulation: ProblemFormulation | Multiplier | Projected | None = None
     resolved_below: float = RESOLVED_BELOW
     objective: Objective = field(default_factory=Time)
+    solver: Solver | None = None
 
     def __post_init__(self) -> None:
         if not self.tolerance > 0:
             raise ValueError(f"tolerance is {self.tolerance}; it must be greater than 0")
+        if self.solver and not isinstance(self.solver, self._formulation.solvers):
+            raise ValueError(
+                f"solver is {self.solver.name}, which solves the flat formulation only; "
+                f"{self._formulation.name} is solved by ipopt"
+            )
         if self.intervals < 2:
             raise ValueError(f"intervals is {self.intervals}; at least 2 are needed to stop again")
 
@@ -171,15 +188,13 @@ class Planner:
         goal: Vector3,
         *,
         payload: float | None = None,
-        near: Plan | None = None,
         starts: int = 1,
         seed: int = 1,
         progress: Progress | None = None,
     ) -> Plan:
         """The best motion from rest at start to rest at goal (m).
 
-        ``payload``: kg, another than the planner's. ``near``: a plan for similar ends, to
-        start from. ``starts``, ``seed``: see ``plan``.
+        ``payload``: kg, another than the planner's. ``starts``, ``seed``: see ``plan``.
 
         Raises Unreachable, Infeasible or NotConverged.
         """
@@ -191,9 +206,18 @@ class Planner:
             limits=self.limits,
             objective=self.objective,
         )
+        return self.plan_scene(scene, starts=starts, seed=seed, progress=progress)
+
+    def plan_scene(
+        self, scene: Scene, *, starts: int = 1, seed: int = 1, progress: Progress | None = None
+    ) -> Plan:
+        """The best motion of a scene, with this planner's settings.
+
+        ``starts``, ``seed``: see ``plan``. Raises Unreachable, Infeasible or NotConverged.
+        """
         check_feasible(scene)
         tell = progress or (lambda _: None)
-        guesses = self._guesses(scene, near, starts, seed)
+        guesses = self._guesses(scene, starts, seed)
         if starts == 1:
             return self._plan(scene, next(guesses), tell)
         return self._best(scene, guesses, tell)
@@ -236,63 +260,76 @@ class Planner:
         """From one first guess and one first mesh."""
         begin = perf_counter()
         model = delta_model(scene.robot, scene.payload)
-        search = Search(
-            self._posed(model, FASTEST),
-            Scales(scene, guess.trajectory.duration, least_opening(scene)),
+        scaling = Scaling(scene, guess.trajectory.duration)
+        refinement = Refinement(
+            self._problem(model, scaling, FASTEST),
+            scaling,
             model,
             self.tolerance,
-            self.tolerance < self.resolved_below,
+            self._resolver(scaling, model, tell),
             tell,
         )
-        resolved = search.from_guess(guess, self.intervals)
-        attempts, rounds = search.attempts, search.rounds
-        best = min(range(len(rounds)), key=lambda i: rounds[i].safe_duration)
+        resolved = refinement.from_guess(guess, self.intervals)
+        solutions, iterations = refinement.solutions, refinement.iterations
+        best = min(range(len(iterations)), key=lambda i: iterations[i].safe_duration)
         if not resolved:
-            attempts[best] = attempts[best].exact()
-            rounds[best] = round_of(attempts[: best + 1])
-        chosen = resolved or attempts[best]
+            solutions[best] = solutions[best].exact()
+            iterations[best] = iteration_of(solutions[: best + 1])
+        chosen = resolved or solutions[best]
         if isinf(chosen.safe_factor):
             raise NotConverged(
-                "gravity alone exceeds a torque limit somewhere between the points of every mesh",
+                "a limit is exceeded at rest, such as a torque limit by gravity alone, somewhere "
+                "between the points of every mesh",
                 chosen.status,
                 chosen.trajectory,
             )
+        spent = sum(each.iterations for each in iterations)
         return Plan(
             scene=scene,
             trajectory=chosen.trajectory.slowed(chosen.safe_factor * _for_rounding(scene)),
-            formulation=self._pose.name,
+            formulation=self._formulation.name,
             transcription=resolved.name if resolved else self._transcription.name,
             intervals=len(chosen.trajectory.knots) - 1,
             status=chosen.status,
-            iterations=sum(r.iterations for r in rounds) + (resolved.iterations if resolved else 0),
+            iterations=spent + (resolved.iterations if resolved else 0),
             solve_seconds=perf_counter() - begin,
-            gap=resolved.gap if resolved else gap_of(rounds, best),
+            gap=resolved.gap if resolved else gap_of(iterations, best),
             tolerance=self.tolerance,
-            rounds=tuple(rounds),
-            certificate=resolved.certificate if resolved else search.certificate(attempts[best]),
+            meshes=tuple(iterations),
+            certificate=resolved.certificate if resolved else refinement.certificate(best),
             resolved=resolved is not None,
         )
+
+    def _resolver(self, scaling: Scaling, model: DeltaModel, tell: Progress) -> Resolver | None:
+        """What resolves switches, imported where the tolerance asks for it only; None where the
+        scene has limits that arcs cannot hold."""
+        if self.tolerance >= self.resolved_below:
+            return None
+        from deltaopt.planning.switching.resolver import resolver
+
+        return resolver(scaling, model, self.tolerance, tell)
 
     def _of_least_cost(self, scene: Scene, guess: Guess, tell: Progress) -> Plan:
         """From the fastest motion."""
         begin = perf_counter()
         quick = Planner(self.robot, self.payload, self.limits)
         fastest = quick._plan(scene.model_copy(update={"objective": Time()}), guess, lambda _: None)
-        cost = cost_to_minimise(scene.objective, scene.torque_limits)
-        posed = self._posed(fastest.trajectory.model, cost)
-        found = least_cost(posed, fastest, self.intervals, self.tolerance, scene, tell)
+        scaling = scaling_to_duration(scene, fastest.duration)
+        cost = cost_to_minimise(scene.objective, scaling)
+        problem = self._problem(fastest.trajectory.model, scaling, cost)
+        found = least_cost(problem, fastest, self.intervals, self.tolerance, scaling, tell)
         return Plan(
             scene=scene,
             trajectory=found.trajectory,
-            formulation=self._pose.name,
+            formulation=self._formulation.name,
             transcription=self._transcription.name,
             intervals=len(found.trajectory.knots) - 1,
             status=found.solution.status,
-            iterations=sum(r.iterations for r in found.rounds),
+            iterations=sum(each.iterations for each in found.meshes),
             solve_seconds=perf_counter() - begin,
             gap=found.gap,
             tolerance=self.tolerance,
-            rounds=found.rounds,
+            meshes=found.meshes,
             certificate=None,
         )
 
@@ -313,31 +350,30 @@ class Planner:
         except DeltaOptError as error:
             return error
 
-    def _guesses(self, scene: Scene, near: Plan | None, starts: int, seed: int) -> Iterator[Guess]:
-        """The plan of similar ends, moved to these; or motions without optimisation."""
-        if near is not None:
-            model = delta_model(scene.robot, scene.payload)
-            moved = between(near.trajectory, model, scene.start, scene.goal)
-            yield Guess(moved, near=True, tolerance=self.tolerance)
-            starts -= 1
-        if starts > 0:
-            for motion in first_motions(scene, starts, seed):
-                yield Guess(motion, near=False, tolerance=max(_FIRST, self.tolerance))
+    def _guesses(self, scene: Scene, starts: int, seed: int) -> Iterator[Guess]:
+        """Motions without optimisation."""
+        for motion in first_motions(scene, starts, seed):
+            yield Guess(motion, near=False, tolerance=max(_FIRST, self.tolerance))
 
-    @property
-    def _speed_is_limited(self) -> bool:
-        in_scene = self.limits is not None and self.limits.speed is not None
-        return in_scene or self.robot.speed_limits is not None
-
-    def _posed(self, model: DeltaModel, cost: Cost) -> Posed:
-        """Built once in a process for all models with the same terms."""
-        return _posed(
-            self._pose, model.functions, self._transcription, self._speed_is_limited, cost
+    def _problem(self, model: DeltaModel, scaling: Scaling, cost: Cost) -> FormulatedProblem:
+        """Built once in a process for all models with the same terms and limits."""
+        return _problem(
+            self._formulation,
+            model.functions,
+            self._transcription,
+            scaling.constraints,
+            cost,
+            self._solver,
         )
 
     @property
-    def _pose(self) -> Pose:
-        return posed_as(self.formulation or Flat())
+    def _formulation(self) -> ProblemFormulation:
+        return problem_formulation(self.formulation or Flat())
+
+    @property
+    def _solver(self) -> Solver:
+        """The one that was asked for, or the fastest that the formulation has."""
+        return self.solver or self._formulation.solvers[0]()
 
     @property
     def _transcription(self) -> PiecewiseAcceleration:
@@ -361,17 +397,17 @@ def quicker(one: Plan, other: Plan) -> Plan:
 def _for_rounding(scene: Scene) -> float:
     """Torques near a serial singularity are known to rounding over its distance only, whoever
     computes them."""
-    reach = reach_at_ends(scene)
-    least = min(margin_of_fold(float(reach[:, 3:].min())), float(reach.min()))
+    least = min(_NEAREST, float(reach_at_ends(scene).min()) / 2)
     return 1 + float(np.finfo(float).eps) / least
 
 
 @lru_cache(maxsize=32)
-def _posed(
-    pose: Pose,
+def _problem(
+    formulation: ProblemFormulation,
     functions: DeltaFunctions,
     transcription: PiecewiseAcceleration,
-    speed: bool,
+    constraints: Constraints,
     cost: Cost,
-) -> Posed:
-    return pose.of(functions, transcription, speed=speed, cost=cost)
+    solver: Solver,
+) -> FormulatedProblem:
+    return formulation.of(functions, transcription, constraints, cost, solver)

@@ -1,47 +1,37 @@
-"""Finer and finer meshes, until little enough is given away or the switches are resolved."""
+"""Mesh refinement: finer and finer meshes, until little enough time is given away."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.errors import NotConverged
-from deltaopt.mechanisms.delta.functions import DeltaFunctions
-from deltaopt.motion.certificate import MET, Certificate
+from deltaopt.motion.certificate import Certificate
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.planning.flat.constraint_rows import Stage
-from deltaopt.planning.flat.flat_problem import ScaledEquations
-from deltaopt.planning.mesh.error_estimate import FRACTIONS, refined
-from deltaopt.planning.mesh.mesh_costates import certify_mesh
-from deltaopt.planning.mesh.mesh_solution import Attempt, Round, attempt, round_of, shares
-from deltaopt.planning.nlp.problem import Guess, Posed
-from deltaopt.planning.nlp.scaling import Scales
-from deltaopt.planning.switching.arc_mesh import Held
-from deltaopt.planning.switching.conditions import Barrier
-from deltaopt.planning.switching.detection import (
-    FINE,
-    SHARP,
-    USUAL,
-    Prices,
-    Reading,
-    read_structure,
+from deltaopt.planning.mesh.error_estimate import refined
+from deltaopt.planning.mesh.mesh_solution import (
+    Iteration,
+    MeshSolution,
+    iteration_of,
+    solve_on_mesh,
 )
-from deltaopt.planning.switching.resolution import Settled, Unsettled, settle
-from deltaopt.planning.switching.structure import Arc, Structure
+from deltaopt.planning.nlp.problem import FormulatedProblem, Guess
+from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.robot.model import DeltaModel
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
 
 _READABLE, _MOST_READ = 2e-3, 3
-"""A mesh solution with a smaller gap shows which motor is at which limit when; so many are read,
-for what they do not settle those with knots a little closer hardly do."""
+"""A mesh solution with a smaller gap shows which limit is active when; from so many meshes the
+switching structure is detected, for what they do not resolve those with knots a little closer
+hardly do."""
 _SHARP = 1e-5
-"""One with a smaller gap shows it sharply, and is read once more."""
+"""One with a smaller gap shows it sharply, and is tried once more."""
 _FALL, _FALL_TO_READ = 32.0, 16.0
 """From one mesh to the next the gap is to fall to this part at least: asked for more, a coarse
 mesh would be split everywhere."""
@@ -51,179 +41,147 @@ _EXACT, _COARSEST = 300.0, 1e-4
 """A mesh is solved to this part of the gap of the one before, and to so much at least."""
 _LEAST_AIM = 3e-7
 """To be given away on a mesh: less cannot be told from what the solver leaves."""
-_MOST_ROUNDS, _MOST_ALIKE, _MOST_FAILURES = 17, 4, 2
+_MOST_MESHES, _MOST_ALIKE, _MOST_FAILURES = 17, 4, 2
 """Meshes; of these alike, with limits tightened again and again; that bring no solution."""
 
 
+class ResolvedMotion(Protocol):
+    """A motion whose switches are resolved, with its gap and certificate."""
+
+    @property
+    def trajectory(self) -> Trajectory: ...
+    @property
+    def safe_factor(self) -> float: ...
+    @property
+    def gap(self) -> float: ...
+    @property
+    def certificate(self) -> Certificate: ...
+    @property
+    def iterations(self) -> int: ...
+    @property
+    def status(self) -> str: ...
+    @property
+    def name(self) -> str: ...
+
+
+class Resolver(Protocol):
+    """Resolves switches from mesh solutions, and certifies these."""
+
+    def from_coarse(self, solution: MeshSolution) -> ResolvedMotion | None:
+        """From a mesh that shows the structure roughly; None if it cannot be resolved yet."""
+        ...
+
+    def from_fine(self, solution: MeshSolution) -> ResolvedMotion | None:
+        """From a mesh on which next to nothing is given away."""
+        ...
+
+    def from_last(self, solution: MeshSolution) -> ResolvedMotion | None:
+        """From the last mesh, where multipliers tell what is at its limit."""
+        ...
+
+    def certificate(self, solution: MeshSolution) -> Certificate | None:
+        """Of a mesh solution, if Pontryagin's condition is met there."""
+        ...
+
+
 @dataclass
-class Search:
+class Refinement:
     """From a first guess to the best motion, for one scene.
 
-    ``resolves``: whether switches are to be resolved. ``attempts`` and ``rounds``: the meshes it
-    has taken so far.
+    ``resolver``: how switches are resolved, None if they are not to be. ``solutions`` and
+    ``iterations``: of the meshes it has taken so far.
     """
 
-    posed: Posed
-    scales: Scales
+    problem: FormulatedProblem
+    scaling: Scaling
     model: DeltaModel
     tolerance: float
-    resolves: bool
+    resolver: Resolver | None
     tell: Progress
-    attempts: list[Attempt] = field(default_factory=list, init=False)
-    rounds: list[Round] = field(default_factory=list, init=False)
-    _meshes_to_read: int = field(default=_MOST_READ, init=False)
-    _sharp_to_read: int = field(default=1, init=False)
+    solutions: list[MeshSolution] = field(default_factory=list, init=False)
+    iterations: list[Iteration] = field(default_factory=list, init=False)
+    _coarse_left: int = field(default=_MOST_READ, init=False)
+    _fine_left: int = field(default=1, init=False)
     _alike: int = field(default=0, init=False)
     _failures: int = field(default=0, init=False)
 
-    def from_guess(self, first: Guess, intervals: int) -> Settled | None:
-        """With its switches resolved, if they are; otherwise the best attempt is the answer.
+    def from_guess(self, first: Guess, intervals: int) -> ResolvedMotion | None:
+        """The motion with its switches resolved, if they are; otherwise the best of ``solutions``
+        is the answer.
 
         Raises NotConverged where the first mesh brings nothing.
         """
-        self._solve(np.full(intervals, 1 / intervals), first, self.scales)
+        self._solve(np.full(intervals, 1 / intervals), first, self.scaling)
         while not self._done:
-            last, gap = self.attempts[-1], self.rounds[-1].gap
+            last, gap = self.solutions[-1], self.iterations[-1].gap
             aim = max(self.tolerance / 3, _LEAST_AIM, min(gap / _FALL, _COARSE))
-            readings = self._readings_left(gap)
-            if readings:
-                resolved = self._resolved(readings)
+            resolve = self._way_to_resolve(gap)
+            if resolve:
+                resolved = resolve(last)
                 if resolved:
                     return resolved
                 aim = max(aim, gap / _FALL_TO_READ)
             mesh = self._finer(last, aim / 3**self._failures)
-            scales = last.tightened(mesh)
-            if self._repeats(last, mesh, scales):
+            scaling = last.tightened(mesh)
+            if self._repeats(last, mesh, scaling):
                 self.tell(f"{len(last.mesh)} intervals: no finer mesh is known to be worth it")
                 break
             accuracy = max(self.tolerance / 3, min(gap / _EXACT, _COARSEST))
             try:
-                self._solve(mesh, Guess(last.trajectory, near=True, tolerance=accuracy), scales)
+                self._solve(mesh, Guess(last.trajectory, near=True, tolerance=accuracy), scaling)
                 self._failures = 0
             except NotConverged as error:  # what is there already is a motion all the same
                 self.tell(f"{len(mesh)} intervals: {error}")
                 self._failures += 1
-        priced = self.attempts[-1].solution.opening_prices is not None
-        readable = self.resolves and priced and self.rounds[-1].gap < _READABLE
-        return self._resolved(FINE) if readable else None
+        if self.resolver is None or self.iterations[-1].gap >= _READABLE:
+            return None
+        return self.resolver.from_last(self.solutions[-1])
+
+    def certificate(self, chosen: int) -> Certificate | None:
+        """Of a mesh solution, where switches were to be resolved and its condition is met."""
+        return self.resolver and self.resolver.certificate(self.solutions[chosen])
 
     @property
     def _done(self) -> bool:
-        spent = len(self.rounds) >= _MOST_ROUNDS or self._failures > _MOST_FAILURES
+        spent = len(self.iterations) >= _MOST_MESHES or self._failures > _MOST_FAILURES
         return self._within_tolerance or spent
 
     @property
     def _within_tolerance(self) -> bool:
         """After two meshes at least: one alone has nothing to be compared with."""
-        return len(self.rounds) > 1 and self.rounds[-1].gap <= self.tolerance
+        return len(self.iterations) > 1 and self.iterations[-1].gap <= self.tolerance
 
-    def _solve(self, mesh: Array, guess: Guess, scales: Scales) -> None:
-        self.attempts.append(attempt(self.posed.on(mesh), scales, guess, self.model))
-        self.rounds.append(round_of(self.attempts))
+    def _solve(self, mesh: Array, guess: Guess, scaling: Scaling) -> None:
+        self.solutions.append(solve_on_mesh(self.problem.on(mesh), scaling, guess, self.model))
+        self.iterations.append(iteration_of(self.solutions))
         if self._within_tolerance:  # by samples; but is it?
-            self.attempts[-1] = self.attempts[-1].exact()
-            self.rounds[-1] = round_of(self.attempts)
-        self.tell(str(self.rounds[-1]))
+            self.solutions[-1] = self.solutions[-1].exact()
+            self.iterations[-1] = iteration_of(self.solutions)
+        self.tell(str(self.iterations[-1]))
 
-    def _finer(self, last: Attempt, aim: float) -> Array:
+    def _finer(self, last: MeshSolution, aim: float) -> Array:
         """The next mesh: the same if all that is wrong is cured by tighter limits."""
-        lost, given_away = last.lost, self.rounds[-1].gap - (last.safe_factor - 1)
-        if given_away < self.tolerance / 2 and self.rounds[-1].gap < _SHARP and not self._failures:
+        lost, unused = last.lost, self.iterations[-1].gap - (last.safe_factor - 1)
+        if unused < self.tolerance / 2 and self.iterations[-1].gap < _SHARP and not self._failures:
             lost = replace(lost, unused=np.zeros_like(lost.unused))
         mesh = refined(last.mesh, lost, aim)
         return mesh if len(mesh) <= last.problem.finest else last.mesh
 
-    def _repeats(self, last: Attempt, mesh: Array, scales: Scales) -> bool:
+    def _repeats(self, last: MeshSolution, mesh: Array, scaling: Scaling) -> bool:
         """Whether nothing new would be tried; counts what is tried on one mesh."""
         N = len(mesh)
         self._alike = self._alike + 1 if len(last.mesh) == N else 0
-        same = self._alike and np.array_equal(scales.shares(N), last.scales.shares(N))
+        same = self._alike and np.array_equal(scaling.shares(N), last.scaling.shares(N))
         return bool(same) or self._alike > _MOST_ALIKE
 
-    def _readings_left(self, gap: float) -> Sequence[Reading]:
-        """In which the last mesh is to be read for its structure, each mesh once."""
-        if not self.resolves or self._failures or self._alike or gap >= _READABLE:
-            return ()
-        if gap < _SHARP and self._sharp_to_read:
-            self._sharp_to_read -= 1
-            return SHARP
-        if not self._meshes_to_read:
-            return ()
-        self._meshes_to_read -= 1
-        return USUAL
-
-    def certificate(self, chosen: Attempt) -> Certificate | None:
-        """Of a solution on a mesh where switches were to be resolved, if Pontryagin's condition
-        is met there and the prices are known."""
-        if not self.resolves or chosen.solution.opening_prices is None:
+    def _way_to_resolve(self, gap: float) -> Callable[[MeshSolution], ResolvedMotion | None] | None:
+        """How the switches of the last mesh are to be resolved, each mesh once; None if not."""
+        if self.resolver is None or self._failures or self._alike or gap >= _READABLE:
             return None
-        found = certify_mesh(self._stage, chosen)
-        return found if found.residual <= MET else None
-
-    def _resolved(self, readings: Sequence[Reading]) -> Settled | None:
-        """With its switches resolved, or None if the structure cannot be settled yet."""
-        last, read = self.attempts[-1], set[tuple[Arc, ...]]()
-        loads = (*shares(last.scene, last.loads), self._openings(last.trajectory))
-        prices = _prices(last)
-        for reading in readings:
-            structure = read_structure(last.mesh, *loads, reading, prices)
-            if structure.limits in read:
-                continue
-            read.add(structure.limits)
-            for barrier in self._barriers(structure):
-                try:
-                    found = settle(
-                        self._stage,
-                        self.model,
-                        structure,
-                        last.trajectory,
-                        self.scales,
-                        self.tolerance,
-                        barrier,
-                    )
-                except Unsettled as error:
-                    self.tell(f"{len(structure.limits)} arcs: not settled yet: {error}")
-                    continue
-                self.tell(
-                    f"{len(found.conditions.structure.limits)} arcs: "
-                    f"{found.trajectory.duration:.9f} s, gap {found.gap:.1e}, satisfies "
-                    f"Pontryagin's condition to {found.certificate.residual:.0e}"
-                )
-                return found
-        return None
-
-    def _barriers(self, structure: Structure) -> tuple[Barrier | None, ...]:
-        """None first; then one, where there is anything that it would keep within limits."""
-        held = Held.of(structure)
-        if self.scales.scene.speed_limits is None and not (held.free or held.without_row.any()):
-            return (None,)
-        return None, Barrier(last=self.tolerance / 10)
-
-    @property
-    def _stage(self) -> Stage:
-        return _stage(self.model.functions, self.scales.scene.speed_limits is not None)
-
-    def _openings(self, motion: Trajectory) -> Array:
-        """How far chains are from the margin of their fold, (N, len(FRACTIONS), 3)."""
-        x, scales = motion.path_inside(FRACTIONS)[0], self.scales
-        p = np.concatenate([scales.vector(), motion.model.parameters])
-        openings = self._stage.openings((x - scales.origin) / scales.length, p)
-        return openings.reshape(-1, len(FRACTIONS), 3)
-
-
-def _prices(last: Attempt) -> Prices | None:
-    """If those of openings are known too."""
-    solution, h = last.solution, last.mesh[:, None]
-    if solution.opening_prices is None:
-        return None
-    of_time = solution.prices.sum(axis=1) / h
-    states = np.zeros((len(h), 3, 2))
-    states[..., 0] = of_time[:, 3:] if of_time.shape[1] > 3 else 0.0
-    states[..., 1] = solution.opening_prices.sum(axis=1) / h
-    return Prices(of_time[:, :3], states)
-
-
-@lru_cache(maxsize=8)
-def _stage(functions: DeltaFunctions, speed: bool) -> Stage:
-    """Built once in a process for all models with the same terms."""
-    return Stage(ScaledEquations.of(functions, speed=speed))
+        if gap < _SHARP and self._fine_left:
+            self._fine_left -= 1
+            return self.resolver.from_fine
+        if not self._coarse_left:
+            return None
+        self._coarse_left -= 1
+        return self.resolver.from_coarse

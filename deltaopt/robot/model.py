@@ -108,8 +108,11 @@ class DeltaModel:
             )
         return x
 
-    def openings(self, x: ArrayLike) -> Array:
-        """sin² (q_{k,1} - q_{k,2}) of the chains, (N, 3): 0 where one is folded or stretched."""
+    def alignments(self, x: ArrayLike) -> Array:
+        """sin² (q_{k,1} - q_{k,2}) of the chains, (N, 3), with the platform at x, (N, 3), m.
+
+        0 where a chain is folded or stretched: the distance to its serial singularity.
+        """
         return self._evaluate(self.functions.reach, x)[0][..., 3:]
 
     def motion(self, x: ArrayLike, v: ArrayLike, a: ArrayLike) -> tuple[Array, Array, Array]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import lru_cache
 
 import casadi as ca
@@ -11,10 +12,13 @@ from deltaopt.codegen.vectorised import Array, RowFunction
 from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.errors import Infeasible, Singular, Unreachable, in_words
 from deltaopt.files.validated_record import Vector3
+from deltaopt.limits.constraints import Constraints
 from deltaopt.mechanisms.delta.functions import delta_functions
+from deltaopt.mechanisms.delta.instant import CoordinateInstant
 from deltaopt.mechanisms.delta.mechanism import DeltaTerms
 from deltaopt.robot.model import DeltaModel, delta_model
-from deltaopt.scene.scene import Scene
+from deltaopt.scene.scene import Scene, limits_of
+from deltaopt.scene.task import distance
 
 _LEAST_WAY = 1e-12  # m: coordinates of a metre have digits down to 1e-16
 _CLEAR = 1e-6  # of squared distances from a serial singularity: nearer ones are looked at closely
@@ -24,24 +28,19 @@ _SAME_PLACE = 1e-6  # m: near a parallel singularity forward kinematics knows ha
 def check_feasible(scene: Scene) -> None:
     """Raise Unreachable, Singular or Infeasible, in one sentence, if start or goal rule a
     motion out."""
-    way = np.linalg.norm(np.subtract(scene.goal, scene.start))
+    way = distance(scene.task)
     if way < _LEAST_WAY:
         raise Infeasible(
             f"start and goal are {way:.1e} m apart, which coordinates in double precision "
             f"cannot resolve; at least {_LEAST_WAY:g} m are needed"
         )
-    model = delta_model(scene.robot, scene.payload)
     if _is_feasible(scene):
         return
+    model = delta_model(scene.robot, scene.payload)
     for name, point in (("start", scene.start), ("goal", scene.goal)):
         _require_reach(model, name, point)
-        _require_rest(model, name, point, scene.torque_limits)
+        _require_rest(model, scene, name, point)
         _require_departure(model, name, point)
-
-
-def least_opening(scene: Scene) -> float:
-    """sin² (q_{k,1} - q_{k,2}) of the chain at start or goal that is nearest to a fold."""
-    return float(reach_at_ends(scene)[:, 3:].min())
 
 
 def reach_at_ends(scene: Scene) -> Array:
@@ -53,31 +52,41 @@ def reach_at_ends(scene: Scene) -> Array:
 def _is_feasible(scene: Scene) -> bool:
     """The same in one evaluation, without words."""
     ends = np.array([scene.start, scene.goal])
-    back, holding, reach = _ends(scene)
+    back, rows, reach = _ends(scene)
     there = np.linalg.norm(back - ends, axis=1) <= _SAME_PLACE  # False where not a number
-    held = (np.abs(holding) <= scene.torque_limits).all()
+    held = (np.abs(rows) <= 1).all()
     return bool(there.all() and held and (reach > _CLEAR).all())
 
 
 def _ends(scene: Scene) -> tuple[Array, ...]:
     """``_rest_function`` at start and goal, 2 rows each."""
-    model = delta_model(scene.robot, scene.payload)
-    rest = _rest_function(model.functions.terms)
-    return rest(np.array([scene.start, scene.goal]), parameters=model.parameters)
+    model, limits = delta_model(scene.robot, scene.payload), limits_of(scene)
+    rest = _rest_function(model.functions.terms, limits.constraints)
+    ends = np.array([scene.start, scene.goal])
+    return rest(ends, parameters=np.concatenate([limits.numbers, model.parameters]))
 
 
-@lru_cache(maxsize=16)
-def _rest_function(terms: DeltaTerms) -> RowFunction:
-    """(x, p) -> where forward kinematics puts the platform for x's motor angles, m; torques
-    that hold it there, N·m (3 each); squared distances from serial singularities (6)."""
-    functions = delta_functions(terms, Explicit())
-    x, p = ca.SX.sym("x", 3), ca.SX.sym("p", len(terms.names))
-    back = functions.forward_kinematics(functions.inverse_kinematics(x, p)[3::3], p)
-    rest = ca.SX.zeros(3)
-    holding, _ = functions.inverse_dynamics.expand()(x, rest, rest, p)
-    return RowFunction(
-        ca.Function("rest", [x, p], [back, holding, functions.reach(x, p)], {"cse": True})
-    )
+@lru_cache(maxsize=32)
+def _rest_function(terms: DeltaTerms, constraints: Constraints) -> RowFunction:
+    """(x, numbers of the limits and p) -> where forward kinematics puts the platform for x's motor
+    angles, m (3); constraint rows that two-sided bounds would keep within ±1 at rest there; squared
+    distances from serial singularities (6)."""
+    functions, rest = delta_functions(terms, Explicit()), ca.SX.zeros(3)
+    x, p, numbers = ca.SX.sym("x", 3), ca.SX.sym("p", len(terms.names)), constraints.numbers()
+    motion = CoordinateInstant.general(functions, x, rest, rest, p)
+    back = functions.forward_kinematics(motion.theta, p)
+    rows = constraints.rows(motion, numbers)
+    within = [_within(rows[i], *constraints.sides[i]) for i in range(constraints.number)]
+    results = [back, ca.vertcat(*within), functions.reach(x, p)]
+    inputs = [x, ca.vertcat(numbers, p)]
+    return RowFunction(ca.Function("rest", inputs, results, {"cse": True}))
+
+
+def _within(row: ca.SX, lower: bool, upper: bool) -> ca.SX:
+    """A row with the sides that it does not have taken away."""
+    if lower and upper:
+        return row
+    return ca.fmax(row, 0) if upper else ca.fmin(row, 0)
 
 
 def _require_reach(model: DeltaModel, name: str, point: Vector3) -> None:
@@ -93,17 +102,30 @@ def _require_reach(model: DeltaModel, name: str, point: Vector3) -> None:
         )
 
 
-def _require_rest(model: DeltaModel, name: str, point: Vector3, limits: Vector3) -> None:
-    """A motion begins and ends at rest, where the motors hold the weight."""
+def _require_rest(model: DeltaModel, scene: Scene, name: str, point: Vector3) -> None:
+    """A motion begins and ends at rest, where every limit must hold, gravity's torques included."""
     try:
-        holding = model.inverse_dynamics(point, np.zeros(3), np.zeros(3))
+        model.inverse_dynamics(point, np.zeros(3), np.zeros(3))
     except Unreachable as error:
         raise Unreachable(f"{name}: {error}") from None
-    for motor, (torque, limit) in enumerate(zip(holding, limits, strict=True), start=1):
-        if abs(torque) > limit:
-            raise Infeasible(
-                f"{name}: motor {motor} needs {abs(torque):.4g} N·m to hold the platform at rest "
-                f"at {in_words(point)} m, more than its limit of {limit:g} N·m"
+    for sentence in _exceeded_at_rest(scene, point):
+        raise Infeasible(f"{name}: at rest at {in_words(point)} m the {sentence}")
+
+
+def _exceeded_at_rest(scene: Scene, point: Vector3) -> Iterator[str]:
+    """What exceeds its bound with the platform at rest at a point, in words."""
+    model, limits = delta_model(scene.robot, scene.payload), limits_of(scene)
+    constraints, rest = limits.constraints, ca.SX.zeros(3)
+    x, p, numbers = (ca.SX(ca.DM(each)) for each in (point, model.parameters, limits.numbers))
+    motion = CoordinateInstant.general(model.functions, x, rest, rest, p)
+    found = np.array(ca.DM(constraints.measures(motion, numbers))).ravel()
+    for row, (value, lower, upper) in enumerate(zip(found, *limits.bounds(), strict=True)):
+        if not lower <= value <= upper:
+            unit = constraints.limits[constraints.item_of(row)[0]].unit
+            beyond, bound = ("at most", upper) if value > upper else ("at least", lower)
+            yield (
+                f"{constraints.label(row)} is {value:.4g} {unit}, where {beyond} {bound:g} {unit} "
+                "is allowed"
             )
 
 

@@ -6,29 +6,46 @@ It says what is wanted; how it is computed is a setting of the planner.
 from __future__ import annotations
 
 import os
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Self
 
-from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
+from pydantic import (
+    Field,
+    SerializerFunctionWrapHandler,
+    create_model,
+    model_serializer,
+    model_validator,
+)
 
 from deltaopt.errors import SceneError
-from deltaopt.files.validated_record import Number, PerMotor, Positive, Record, Vector3, per_motor
+from deltaopt.files.validated_record import Number, Positive, Record
 from deltaopt.files.yaml_file import read_yaml
+from deltaopt.limits.constraints import SceneLimits
+from deltaopt.limits.limit import Limit
+from deltaopt.limits.serial_singularity import SerialSingularity
+from deltaopt.limits.speed import Speed
+from deltaopt.limits.torque import Torque
 from deltaopt.robot.robot import Robot, load_robot
 from deltaopt.scene.objective import EXPECTED, Objective, Time, content_of, objective_in
+from deltaopt.scene.task import RestToRest, Task
 
 _ROBOT_FILE = "the path of a robot file, relative to the scene file"
 
 
-class Limits(Record):
-    """Limits at the arm that tighten the drive's: ``torque`` (N·m) and ``speed`` (rad/s)."""
+LIMITS: tuple[Limit, ...] = (Torque(), SerialSingularity(), Speed())
+"""Every kind of limit there is; rows of a problem are in this order."""
 
-    torque: PerMotor | None = Field(
-        default=None, description="one torque in N·m, greater than 0, or three"
-    )
-    speed: PerMotor | None = Field(
-        default=None, description="one angular speed in rad/s, greater than 0, or three"
-    )
+_KEYS: dict[str, Any] = {
+    limit.key.name: (limit.key.type | None, Field(default=None, description=limit.key.expected))
+    for limit in LIMITS
+    if limit.key
+}
+_Keys: Any = create_model("_Keys", __base__=Record, **_KEYS)
+
+
+class Limits(_Keys):  # type: ignore[misc]  # its fields are the keys of LIMITS
+    """Limits of a scene, by key; those of the drive are tightened by them."""
 
 
 class Scene(Record):
@@ -42,23 +59,19 @@ class Scene(Record):
     start: tuple[Number, Number, Number] = Field(description="three coordinates [x, y, z] in m")
     goal: tuple[Number, Number, Number] = Field(description="three coordinates [x, y, z] in m")
     limits: Limits | None = Field(
-        default=None, description="a mapping with the keys torque, speed or both"
+        default=None,
+        description="a mapping with some of the keys " + ", ".join(Limits.model_fields),
     )
     objective: Objective = Field(default=Time(), description=EXPECTED)
 
     @property
-    def torque_limits(self) -> Vector3:
-        """Largest torque of each motor at its arm in this scene, N·m."""
-        if self.limits is None or self.limits.torque is None:
-            return self.robot.torque_limits
-        return per_motor(self.limits.torque)
+    def task(self) -> Task:
+        """What the motion is to do."""
+        return RestToRest(self.start, self.goal)
 
-    @property
-    def speed_limits(self) -> Vector3 | None:
-        """Largest speed of each arm in this scene, rad/s; None if there is no limit."""
-        if self.limits is None or self.limits.speed is None:
-            return self.robot.speed_limits
-        return per_motor(self.limits.speed)
+    def given(self, key: str) -> Any:
+        """What stands under ``limits`` and a key; None if nothing does."""
+        return getattr(self.limits, key, None)
 
     @model_validator(mode="before")
     @classmethod
@@ -81,20 +94,16 @@ class Scene(Record):
 
     @model_validator(mode="after")
     def _limits_tighten_the_drive(self) -> Self:
-        if self.limits is not None:
-            _check_within(self.robot.torque_limits, self.limits.torque, "limits.torque", "N·m")
-            _check_within(self.robot.speed_limits, self.limits.speed, "limits.speed", "rad/s")
+        for limit in LIMITS:
+            if limit.key:
+                limit.items(self)
         return self
 
 
-def _check_within(
-    drive: Vector3 | None, limit: float | Vector3 | None, key: str, unit: str
-) -> None:
-    if drive is None or limit is None:
-        return
-    if any(ours > its for ours, its in zip(per_motor(limit), drive, strict=True)):
-        most = f"{drive[0]:g}" if len(set(drive)) == 1 else ", ".join(f"{d:g}" for d in drive)
-        raise SceneError(None, key, limit, f"at most what the drive gives, {most} {unit}")
+@lru_cache(maxsize=256)
+def limits_of(scene: Scene) -> SceneLimits:
+    """The limits that hold in a scene, with their numbers."""
+    return SceneLimits.of(LIMITS, scene)
 
 
 def load_scene(path: str | Path) -> Scene:

@@ -18,10 +18,10 @@ from deltaopt.codegen.vectorised import evaluate_rows
 from deltaopt.errors import Unreachable
 from deltaopt.motion.effort import effort
 from deltaopt.motion.extrema import sample_fractions
-from deltaopt.motion.time_scaling import safe_factor, speed_excess, torque_excess
+from deltaopt.motion.time_scaling import highest_rows, safe_factor
 from deltaopt.motion.trajectory import Array, Trajectory
 from deltaopt.robot.model import DeltaModel
-from deltaopt.scene.scene import Scene
+from deltaopt.scene.scene import Scene, limits_of
 from deltaopt.verify.forward_replay import NotIntegrated, arrival
 from deltaopt.verify.pontryagin import extremal
 
@@ -258,14 +258,15 @@ def verify(scene: Scene, trajectory: Trajectory) -> Verification:
 
 
 def _loads(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
-    speed, given = speed_excess(scene, trajectory), scene.objective.given_duration
+    given, constraints = scene.objective.given_duration, limits_of(scene).constraints
+    highest = highest_rows(scene, trajectory).values
     measures = {
         "safe_duration": trajectory.duration * safe_factor(scene, trajectory),
         "effort": effort(scene, trajectory),
-        "torque_excess": torque_excess(scene, trajectory).value,
     }
-    if speed is not None:
-        measures["speed_excess"] = speed.value
+    for limit, rows in zip(constraints.limits, constraints.slices, strict=True):
+        if limit.promised:
+            measures[f"{limit.name}_excess"] = float(highest[rows].max()) - 1
     if given is not None:
         measures["duration_error"] = abs(trajectory.duration - given)
     return measures

@@ -5,12 +5,7 @@ of it has joint angles by inverse kinematics and torques by inverse dynamics. So
 dynamics to integrate and no redundant coordinates, only limits:
 
     minimise T (or a `Cost`)   subject to   Cᵀ (Q* + Q)(x, ẋ, ẍ, τ) = 0                     eq. (39)
-                              |τ_k| ≤ τ_max,   |θ̇_k(x, ẋ)| ≤ ω_max if there is one
-                              sin² (q_{k,1} − q_{k,2})(x) ≥ a margin
-
-The last keeps the motion inside its assembly mode: at the serial singularities, where a chain
-folds or stretches, x no longer says where the elbow is, and many a fastest motion would go
-there (see ``scales``).
+                                            the rows of the scene's limits within their bounds
 
 The torques stay variables at every point, since A(x)ᵀ τ = F is cheaper than its inverse and
 the slack of an inequality in Ipopt is a variable anyway.
@@ -21,32 +16,34 @@ baseline's duration, torques and speeds by their limits.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from dataclasses import dataclass, replace
+from functools import cached_property
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.errors import NotConverged
+from deltaopt.limits.constraints import Constraints
 from deltaopt.mechanisms.delta.functions import DeltaFunctions
 from deltaopt.motion.trajectory import Motion, PiecewisePolynomial, Trajectory
-from deltaopt.planning.flat.interior_point import Interior, InteriorPoint, Settings, interior_point
+from deltaopt.planning.flat.equations import PointEquations, point_equations
+from deltaopt.planning.flat.interior_point import CompiledMethod, Interior, Settings, interior_point
 from deltaopt.planning.nlp.cost import FASTEST, Cost
-from deltaopt.planning.nlp.problem import IPOPT_FINEST, Guess, Solved, solved_by_ipopt
+from deltaopt.planning.nlp.problem import IPOPT_FINEST, Guess, InteriorPoint, Ipopt, Solved, Solver
 from deltaopt.planning.nlp.program import (
     Layout,
     Options,
-    PointFunction,
     Points,
     Program,
     RunningCost,
     Solution,
 )
-from deltaopt.planning.nlp.scaling import Scales
+from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 
 Array = NDArray[np.float64]
+
+_FAST = InteriorPoint()
 
 FAR = Settings(barrier=0.2, closest=0.3)
 NEAR = Settings(barrier=0.1, closest=0.01)
@@ -60,131 +57,60 @@ _FINEST = 4000
 
 
 @dataclass(frozen=True)
-class ScaledEquations:
-    """The equations at a point as expressions in scaled variables, each of the order of one.
-
-    ``y``: X - x_start, V, A in units of D; τ in units of its limits; T in units of the
-    baseline's duration, 13. ``p``: ``Scales.vector``, then the mechanism's parameters.
-    ``force``: eq. (39) in units of the largest torque at the elbow, 3. ``opening``: how far
-    the chains are from the margin of their fold, 3. ``speed`` and ``acceleration``: θ̇ in units
-    of its limit and its derivative in units of limit / T, 3, or None where speed is unlimited.
-    ``rate``: of the running cost, 1; for a robot its effort τᵀτ, N²m².
-    """
-
-    y: ca.SX
-    p: ca.SX
-    force: ca.SX
-    opening: ca.SX
-    speed: ca.SX | None
-    acceleration: ca.SX | None
-    rate: ca.SX = field(default_factory=lambda: ca.SX(0))
-
-    @classmethod
-    def of(cls, functions: DeltaFunctions, *, speed: bool) -> ScaledEquations:
-        """For a mechanism; ``speed``: whether motor speeds are limited."""
-        terms = functions.terms.symbols()
-        y, scales = ca.SX.sym("y", 13), ca.SX.sym("scales", 12 if speed else 9)
-        origin, length, time, torque = scales[:3], scales[3], scales[4], scales[5:8]
-        T = time * y[12]
-        x, v, a = origin + length * y[:3], length * y[3:6] / T, length * y[6:9] / T**2
-        force, opening, dtheta, ddtheta = functions.explicit_equations(
-            x, v, a, torque * y[9:12], terms.vector()
-        )
-        return cls(
-            y=y,
-            p=ca.vertcat(scales, terms.vector()),
-            force=force * 2 * terms.a2 / ca.mmax(torque),
-            opening=opening - scales[8],
-            speed=dtheta / scales[9:12] if speed else None,
-            acceleration=ddtheta * T / scales[9:12] if speed else None,
-            rate=ca.sumsqr(torque * y[9:12]),
-        )
-
-    def point_function(self, *rows: ca.SX | None) -> PointFunction:
-        """Those of the rows that there are."""
-        present = [row for row in rows if row is not None]
-        function = ca.Function("motion", [self.y, self.p], [ca.vertcat(*present)])
-        return PointFunction("motion", function)
-
-    @property
-    def motion(self) -> PointFunction:
-        """Rows of the flat problem at a point: force, opening, and speed if it is limited."""
-        return self.point_function(self.force, self.opening, self.speed)
-
-    @property
-    def running_cost(self) -> PointFunction:
-        """(y, h), p -> h r: what the rate r costs over a time h in the baseline's duration."""
-        h = ca.SX.sym("h")
-        function = ca.Function("running", [ca.vertcat(self.y, h), self.p], [h * self.rate])
-        return PointFunction("running cost", function)
-
-
-@lru_cache(maxsize=8)
-def equations(functions: DeltaFunctions, *, speed: bool) -> PointFunction:
-    """``ScaledEquations.motion`` of a mechanism."""
-    return ScaledEquations.of(functions, speed=speed).motion
-
-
-@dataclass(frozen=True)
 class Flat:
-    """Minimal coordinates: the default.
-
-    ``from_far``, ``from_near``: how the interior-point method begins from a first guess and from
-    the solution of a similar problem; the next where it does not get through from one.
-    """
+    """The platform's coordinates alone: the default formulation."""
 
     name: str = "flat"
-    from_far: tuple[Settings, ...] = _FROM_FAR
-    from_near: tuple[Settings, ...] = _FROM_NEAR
+
+    @property
+    def solvers(self) -> tuple[type[Ipopt] | type[InteriorPoint], ...]:
+        """Both, the default first."""
+        return InteriorPoint, Ipopt
 
     def of(
         self,
         functions: DeltaFunctions,
         transcription: PiecewiseAcceleration,
-        *,
-        speed: bool,
+        constraints: Constraints,
         cost: Cost = FASTEST,
+        solver: Solver = _FAST,
     ) -> FlatEquations:
-        running = None
-        if cost.running:
-            running = ScaledEquations.of(functions, speed=speed).running_cost
-        rows = equations(functions, speed=speed)
-        return FlatEquations(rows, transcription, cost, running, self)
+        """The equations for a mechanism under limits, to be put on a mesh."""
+        return FlatEquations(point_equations(functions, constraints), transcription, cost, solver)
 
 
 @dataclass(frozen=True)
 class FlatEquations:
-    """The flat problem's equations at a point, to be put on a mesh.
+    """The flat problem's equations at a point, to be put on a mesh."""
 
-    ``running``: (X, V, A, τ, T, h), p -> what a running cost adds in a time h, if there is one.
-    """
-
-    equations: PointFunction
+    equations: PointEquations
     transcription: PiecewiseAcceleration
     cost: Cost = FASTEST
-    running: PointFunction | None = None
-    pose: Flat = Flat()
+    solver: Solver = _FAST
 
     def on(self, mesh: Array) -> FlatProblem:
-        return FlatProblem(
-            self.equations, self.transcription, mesh, self.cost, self.running, self.pose
-        )
+        """The problem on a mesh of interval lengths, (N,), fractions of the duration."""
+        return FlatProblem(self.equations, self.transcription, mesh, self.cost, self.solver)
 
 
 @dataclass(frozen=True)
 class FlatProblem:
     """The flat problem on a mesh of interval fractions (N,), ready to be solved for scenes.
 
-    Variables: for every interval X_i, V_i, A_i0 … A_id, then τ at each of its points; last
+    Variables for Ipopt: for every interval X_i, V_i, A_i0 … A_id, then τ at each of its points; last
     X_N, V_N and T.
     """
 
-    equations: PointFunction
+    equations: PointEquations
     transcription: PiecewiseAcceleration
     mesh: Array
     cost: Cost = FASTEST
-    running: PointFunction | None = None
-    pose: Flat = Flat()
+    solver: Solver = _FAST
+
+    @property
+    def constraints(self) -> Constraints:
+        """The limits of the scenes that it can be solved for."""
+        return self.equations.constraints
 
     @property
     def intervals(self) -> int:
@@ -218,18 +144,19 @@ class FlatProblem:
         return self.program_with({})
 
     def program_with(self, options: Options) -> Program:
-        """Rows: continuity of X and V; at every point eq. (39), openings, limited speeds."""
+        """Rows: continuity of X and V; at every point eq. (39) and the limits that are no bounds
+        on one torque."""
         cost = np.zeros(self.n_variables)
         cost[-1] = self.cost.time
-        speeds = np.ones(self.equations.function.size1_out(0) - 6)
-        lower = np.concatenate([np.zeros(6), -speeds])
-        upper = np.concatenate([np.zeros(3), np.full(3, np.inf), speeds])
-        points = Points(self.equations, self._point_layout(), lower, upper)
+        sides = self.constraints.sides[self.equations.of_motion]
+        lower = np.concatenate([np.zeros(3), np.where(sides[:, 0], -1.0, -np.inf)])
+        upper = np.concatenate([np.zeros(3), np.where(sides[:, 1], 1.0, np.inf)])
+        points = Points(self.equations.point_function, self._point_layout(), lower, upper)
         return Program(cost, self._continuity_layout(), [points], options, self._running_cost())
 
     def _running_cost(self) -> RunningCost | None:
         """∫ r dt by Lobatto's rule at the nodes of every interval."""
-        if self.running is None:
+        if not self.cost.running:
             return None
         t, zero, y = self.transcription, np.zeros(1), self._point_layout()
         N, points = self.intervals, len(t.points)
@@ -238,23 +165,27 @@ class FlatProblem:
         rows = np.append(at, at[:, :, -1:], axis=2).ravel()  # h: T, shared out by weights
         layout = Layout(y.columns[rows], y.weights[rows])
         quadrature = self.cost.running * self.mesh[:, None] * t.quadrature
-        return RunningCost(Points(self.running, layout, zero, zero), quadrature.ravel())
+        return RunningCost(
+            Points(self.equations.running_cost, layout, zero, zero), quadrature.ravel()
+        )
 
-    def solve(self, guess: Guess, scales: Scales, parameters: Array) -> Solved:
-        """By the interior-point method in machine code; by Ipopt where that does not do."""
-        for begin in self.pose.from_near if guess.near else self.pose.from_far:
+    def solve(self, guess: Guess, scaling: Scaling, parameters: Array) -> Solved:
+        """By the interior-point method in machine code; by Ipopt where that is asked for, where
+        there is no machine code, and where the method does not converge. Raises NotConverged."""
+        method = self._interior_point
+        for begin in _FROM_NEAR if guess.near else _FROM_FAR:
+            if method is None:
+                break
             settings = replace(begin, tolerance=guess.tolerance)
-            found = self.from_inside(guess, scales, parameters, settings)
-            if found is not None and found.solved:
-                prices = found.prices / found.T
+            found = self._from_inside(method, guess, scaling, parameters, settings)
+            if found.solved:
                 return Solved(
-                    self._cubics(found, scales),
-                    np.delete(prices, np.s_[3:6], axis=2),
+                    self._cubics(found, scaling),
+                    found.prices / found.T,
                     found.status,
                     found.iterations,
                     found.spent,
                     left=found.left,
-                    opening_prices=prices[:, :, 3:6],
                 )
         if guess.near and IPOPT_FINEST < self.intervals <= self.finest:  # Ipopt takes minutes
             raise NotConverged(
@@ -262,54 +193,70 @@ class FlatProblem:
                 "No_Progress",
                 guess.trajectory,
             )
-        return solved_by_ipopt(self, self.program, guess, scales, parameters)
+        return self._by_ipopt(guess, scaling, parameters)
 
-    def from_inside(
-        self, guess: Guess, scales: Scales, parameters: Array, settings: Settings
-    ) -> Interior | None:
-        """By the interior-point method; None where there is no machine code for it."""
-        method = self._interior_point
-        if method is None:
-            return None
-        p = np.concatenate([scales.whole.vector(), parameters])
-        shares, share = scales.shares(self.intervals), np.ones((self.intervals, method.rows))
-        share[:, :3], share[:, 6:] = shares[:, :3], shares[:, 3 : method.rows - 3]
-        knots, T = self._at_knots(guess.trajectory, scales)
-        return method.solve(self.mesh, p, share, knots, T, settings)
+    def _from_inside(
+        self,
+        method: CompiledMethod,
+        guess: Guess,
+        scaling: Scaling,
+        parameters: Array,
+        settings: Settings,
+    ) -> Interior:
+        """By the interior-point method."""
+        knots, T = self._at_knots(guess.trajectory, scaling)
+        shares = np.ascontiguousarray(scaling.shares(self.intervals))
+        p = scaling.parameters(parameters)
+        return method.solve(self.mesh, p, shares, knots, T, settings)
 
-    @property
-    def _interior_point(self) -> InteriorPoint | None:
+    @cached_property
+    def _interior_point(self) -> CompiledMethod | None:
         """Accelerations linear in an interval make a motion of cubics; it is the fastest."""
-        if self.transcription.degree != 1 or self.cost != FASTEST:
+        general = self.transcription.degree != 1 or self.cost != FASTEST
+        if general or isinstance(self.solver, Ipopt):
             return None
         return interior_point(self.equations, tuple(self.transcription.points.tolist()))
 
-    def _at_knots(self, guess: Trajectory, scales: Scales) -> tuple[Array, float]:
+    def _by_ipopt(self, guess: Guess, scaling: Scaling, parameters: Array) -> Solved:
+        z, p = self.pack(guess.trajectory, scaling), scaling.parameters(parameters)
+        share = np.repeat(scaling.shares(self.intervals), len(self.points), axis=0)
+        of_motion = share[:, self.equations.of_motion]
+        shares = np.hstack([np.ones((len(share), 3)), of_motion]).ravel()
+        found = self.program.solve(z, *self.bounds(scaling), p, shares)
+        return Solved(
+            self.unpack(found.z, scaling),
+            self.multipliers(found),
+            found.status,
+            found.iterations,
+            found.spent,
+        )
+
+    def _at_knots(self, guess: Trajectory, scaling: Scaling) -> tuple[Array, float]:
         """X and V at the knots, (N + 1, 6), and T."""
         T = guess.duration
         times = T * np.concatenate([[0.0], np.cumsum(self.mesh)])
-        return scales.states(guess.position, times, T), T / scales.time
+        return scaling.states(guess.position, times, T), T / scaling.time
 
-    def _cubics(self, found: Interior, scales: Scales) -> PiecewisePolynomial:
+    def _cubics(self, found: Interior, scaling: Scaling) -> PiecewisePolynomial:
         """The motion of cubics between knots, in m and s."""
-        T = found.T * scales.time
-        x = scales.origin + scales.length * found.knots[:, :3]
-        v = scales.length / T * found.knots[:, 3:]
+        T = found.T * scaling.time
+        x = scaling.origin + scaling.length * found.knots[:, :3]
+        v = scaling.length / T * found.knots[:, 3:]
         return PiecewisePolynomial.hermite(T * np.append(0.0, np.cumsum(self.mesh)), x, v)
 
-    def pack(self, trajectory: Trajectory, scales: Scales) -> Array:
+    def pack(self, trajectory: Trajectory, scaling: Scaling) -> Array:
         """The variables that describe a motion on this mesh, torques within their limits."""
         T = trajectory.duration
         knots = T * np.concatenate([[0.0], np.cumsum(self.mesh)])
         at_knots = trajectory(knots)
-        X = (at_knots.x - scales.origin) / scales.length
-        V = at_knots.v * T / scales.length
-        A = self._inside(trajectory, self.transcription.nodes).a * T**2 / scales.length
+        X = (at_knots.x - scaling.origin) / scaling.length
+        V = at_knots.v * T / scaling.length
+        A = self._inside(trajectory, self.transcription.nodes).a * T**2 / scaling.length
         A = self._meeting(X, V, A.reshape(self.intervals, -1, 3))
-        tau = self._inside(trajectory, self.transcription.points).tau / scales.torques
+        tau = self._inside(trajectory, self.transcription.points).tau / scaling.torque
         N = self.intervals
         blocks = [X[:-1], V[:-1], A.reshape(N, -1), np.clip(tau, -1, 1).reshape(N, -1)]
-        return np.concatenate([np.hstack(blocks).ravel(), X[-1], V[-1], [T / scales.time]])
+        return np.concatenate([np.hstack(blocks).ravel(), X[-1], V[-1], [T / scaling.time]])
 
     def _meeting(self, X: Array, V: Array, A: Array) -> Array:
         """A with the least change after which every interval ends where the next begins.
@@ -329,36 +276,38 @@ class FlatProblem:
         fractions = (begin[:, None] + self.mesh[:, None] * inside).ravel()
         return trajectory(trajectory.duration * fractions)
 
-    def unpack(self, z: Array, scales: Scales) -> PiecewisePolynomial:
+    def unpack(self, z: Array, scaling: Scaling) -> PiecewisePolynomial:
         """The motion that the variables describe, in m and s."""
         blocks = z[:-7].reshape(self.intervals, self._block)
         X, V = blocks[:, :3], blocks[:, 3:6]
         A = blocks[:, 6 : self._motion_size].reshape(self.intervals, -1, 3)
         coefficients = self.transcription.coefficients(X, V, A, self.mesh)
-        return scales.polynomial(self.mesh, coefficients, z[-1] * scales.time)
+        return scaling.polynomial(self.mesh, coefficients, z[-1] * scaling.time)
 
-    def bounds(self, scales: Scales) -> tuple[Array, Array]:
+    def bounds(self, scaling: Scaling) -> tuple[Array, Array]:
         """Start and goal, torques within limits, a positive or the given duration."""
         upper = np.full(self.n_variables, np.inf)
-        shape = (self.intervals, len(self.transcription.points), 3)
-        torques = np.broadcast_to(scales.torque_share, shape).reshape(self.intervals, -1)
-        upper[:-7].reshape(self.intervals, self._block)[:, self._motion_size :] = torques
+        torques = scaling.shares(self.intervals)[:, None, self.constraints.is_control]
+        shape = (self.intervals, len(self.points), 3)
+        filled = np.broadcast_to(torques, shape).reshape(self.intervals, -1)
+        upper[:-7].reshape(self.intervals, self._block)[:, self._motion_size :] = filled
         lower = -upper
-        lower[:6] = upper[:6] = scales.at_start
-        lower[-7:-1], upper[-7:-1] = scales.at_goal
+        lower[:6] = upper[:6] = scaling.at_start
+        lower[-7:-1] = upper[-7:-1] = scaling.at_goal
         lower[-1] = 1e-3
         if self.cost.duration_is_given:
             lower[-1] = upper[-1] = 1.0
         return lower, upper
 
-    def prices(self, solution: Solution) -> Array:
-        """Fraction of the duration per fraction of a limit, (N, points, 3 or 6): torques, then
-        limited speeds; positive at the upper limit, negative at the lower."""
-        N, points = self.intervals, len(self.transcription.points)
+    def multipliers(self, solution: Solution) -> Array:
+        """As in ``Solved``, (N, points, rows)."""
+        N, points = self.intervals, len(self.points)
+        found = np.empty((N, points, self.constraints.number))
         torque = solution.bound_multipliers[:-7].reshape(N, self._block)[:, self._motion_size :]
-        speed = solution.row_multipliers[6 * N :].reshape(N, points, -1)[:, :, 6:]
-        prices = np.concatenate([torque.reshape(N, points, 3), speed], axis=2)
-        return np.asarray(prices / solution.z[-1])
+        found[:, :, self.constraints.is_control] = torque.reshape(N, points, 3)
+        of_motion = solution.row_multipliers[6 * N :].reshape(N, points, -1)[:, :, 3:]
+        found[:, :, self.equations.of_motion] = of_motion
+        return np.asarray(found / solution.z[-1])
 
     def _columns(self) -> NDArray[np.intp]:
         """Variables that interval i combines, per component: (N, 3, degree + 3)."""

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from deltaopt.codegen.compile import library
 from deltaopt.codegen.simd_c import LANES, VECTOR, c_function
-from deltaopt.planning.nlp.program import PointFunction, Spent
+from deltaopt.planning.flat.equations import PointEquations
+from deltaopt.planning.nlp.program import Spent
 
 Array = NDArray[np.float64]
 
@@ -89,7 +90,7 @@ class Interior:
 
 
 @dataclass(frozen=True)
-class InteriorPoint:
+class CompiledMethod:
     """The method for one point function: three torques, three openings, speeds if limited."""
 
     code: ctypes.CDLL
@@ -142,37 +143,36 @@ def _pointer(array: Array) -> ctypes.c_void_p:
 
 
 @lru_cache(maxsize=16)
-def interior_point(motion: PointFunction, points: tuple[float, ...]) -> InteriorPoint | None:
+def interior_point(equations: PointEquations, points: tuple[float, ...]) -> CompiledMethod | None:
     """The method for the flat problem's equations, if there is machine code for it here."""
     if len(points) != LANES:
         return None
-    built = library(source(motion))
+    built = library(source(equations))
     if built is None:
         return None
     code = ctypes.CDLL(str(built))
     code.workspace.restype = ctypes.c_int64
-    return InteriorPoint(code, motion.function.size1_out(0), points)
+    return CompiledMethod(code, equations.constraints.number, points)
 
 
-def source(motion: PointFunction) -> str:
-    """C text: the point function and its derivatives, then the method."""
-    values, second = _functions(motion)
-    sizes = f"enum {{ NC = {motion.function.size1_out(0)}, NP = {motion.function.size1_in(1)} }};"
+def source(equations: PointEquations) -> str:
+    """C text: the rows at a point and their derivatives, then the method."""
+    values, second = _functions(equations)
+    rows, parameters = equations.constraints.number, equations.parameters.vector.numel()
+    sizes = f"enum {{ NC = {rows}, NP = {parameters} }};"
     method = files("deltaopt.planning.flat").joinpath("interior_point.c").read_text()
     parts = [VECTOR, sizes, c_function(values, "values"), c_function(second, "second"), method]
     return "\n".join(parts)
 
 
-def _functions(motion: PointFunction) -> tuple[ca.Function, ca.Function]:
+def _functions(equations: PointEquations) -> tuple[ca.Function, ca.Function]:
     """``values`` and ``second`` as interior_point.c wants them, y = (X, V, A, T), then τ.
 
-    Rows 1 to 3 are zero for the right τ; 4 to 6, openings, at least 0 and at most 1; the rest
-    within ±1. What is at least 0 is 1 less it, at most 1.
+    Rows 1 to 3 are zero for the right τ, the rest within ±1.
     """
     y, tau = ca.SX.sym("y", 10), ca.SX.sym("tau", 3)
-    p = ca.SX.sym("p", motion.function.size1_in(1))
-    r = motion.function(ca.vertcat(y[:9], tau, y[9]), p)
-    r[3:6] = 1 - r[3:6]
+    p = ca.SX.sym("p", equations.parameters.vector.numel())
+    r = equations.point_function.function(ca.vertcat(y[:9], tau, y[9]), p)
     lam = ca.SX.sym("lam", r.numel())
     B, r_0 = ca.jacobian(r[:3], tau), ca.substitute(r, tau, ca.SX.zeros(3))
     J, H = ca.jacobian(r, y), ca.hessian(ca.dot(lam, r), y)[0]

@@ -1,24 +1,33 @@
-"""Poses as values: what a user chooses between."""
+"""Formulations of the problem as values: what a user chooses between."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 from deltaopt.dynamics.formulation import Projected
 from deltaopt.dynamics.lagrange import Multiplier
+from deltaopt.limits.constraints import Constraints
 from deltaopt.mechanisms.delta.functions import DeltaFunctions
 from deltaopt.planning.formulations.collocation import Equations
-from deltaopt.planning.formulations.delta import DeltaPosed, delta_system
+from deltaopt.planning.formulations.delta import DeltaEquations, scaled_delta
 from deltaopt.planning.formulations.equations import (
     explicit_equations,
     forward_equations,
     multiplier_equations,
 )
 from deltaopt.planning.formulations.loop_closure import KnotConstraints, LoopClosure
-from deltaopt.planning.formulations.scaled_mechanism import System
+from deltaopt.planning.formulations.scaled_mechanism import ScaledMechanism
 from deltaopt.planning.nlp.cost import FASTEST, Cost
-from deltaopt.planning.nlp.problem import Pose
+from deltaopt.planning.nlp.problem import (
+    InteriorPoint,
+    Ipopt,
+    ProblemFormulation,
+    Solver,
+)
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
+
+_IPOPT = Ipopt()
 
 
 @dataclass(frozen=True)
@@ -37,18 +46,23 @@ class Redundant:
         kind = "multiplier" if isinstance(self.formulation, Multiplier) else "explicit"
         return f"{kind}, {self.closure.name}"
 
+    @property
+    def solvers(self) -> tuple[type[Ipopt] | type[InteriorPoint], ...]:
+        """Only the general one."""
+        return (Ipopt,)
+
     def of(
         self,
         functions: DeltaFunctions,
         transcription: PiecewiseAcceleration,
-        *,
-        speed: bool,
+        constraints: Constraints,
         cost: Cost = FASTEST,
-    ) -> DeltaPosed:
-        equations = self.equations(delta_system(functions, speed=speed))
-        return DeltaPosed(equations, transcription, cost)
+        solver: Solver = _IPOPT,
+    ) -> DeltaEquations:
+        """Its equations for the Delta under limits."""
+        return DeltaEquations(_equations(self, functions, constraints), transcription, cost)
 
-    def equations(self, system: System) -> Equations:
+    def equations(self, system: ScaledMechanism) -> Equations:
         if isinstance(self.formulation, Multiplier):
             return multiplier_equations(system, self.closure)
         return explicit_equations(system, self.closure)
@@ -60,23 +74,37 @@ class Forward:
 
     name: str = "forward"
 
+    @property
+    def solvers(self) -> tuple[type[Ipopt] | type[InteriorPoint], ...]:
+        """Only the general one."""
+        return (Ipopt,)
+
     def of(
         self,
         functions: DeltaFunctions,
         transcription: PiecewiseAcceleration,
-        *,
-        speed: bool,
+        constraints: Constraints,
         cost: Cost = FASTEST,
-    ) -> DeltaPosed:
-        equations = self.equations(delta_system(functions, speed=speed))
-        return DeltaPosed(equations, transcription, cost)
+        solver: Solver = _IPOPT,
+    ) -> DeltaEquations:
+        """Its equations for the Delta under limits."""
+        return DeltaEquations(_equations(self, functions, constraints), transcription, cost)
 
-    def equations(self, system: System) -> Equations:
+    def equations(self, system: ScaledMechanism) -> Equations:
         return forward_equations(system)
 
 
-def posed_as(formulation: Pose | Multiplier | Projected) -> Pose:
-    """A pose as it is; a formulation of the dynamics in redundant coordinates."""
+@lru_cache(maxsize=16)
+def _equations(
+    formulation: Redundant | Forward, functions: DeltaFunctions, constraints: Constraints
+) -> Equations:
+    return formulation.equations(scaled_delta(functions, constraints))
+
+
+def problem_formulation(
+    formulation: ProblemFormulation | Multiplier | Projected,
+) -> ProblemFormulation:
+    """A formulation of the problem as it is; one of the dynamics in redundant coordinates."""
     if isinstance(formulation, Multiplier | Projected):
         return Redundant(formulation)
     return formulation

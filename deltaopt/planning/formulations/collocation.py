@@ -1,9 +1,9 @@
-"""Minimum time for a closed chain on a mesh: one problem that serves every pose.
+"""Minimum time for a closed chain on a mesh by collocation: one problem for every formulation.
 
     minimise T + ε Σ_i η_i ∫ (dτ/dc)² dc   over the interval i, c from 0 to 1, τ over its limits
 
-subject to a pose's equations (see ``chain_equations``), limits and ends. The sum is no part of
-the task: in an interval where a torque switches, its values can be traded against each other
+subject to a formulation's equations (see ``equations``), limits and ends. The sum is no part of
+the ends: in an interval where a torque switches, its values can be traded against each other
 for less than 1e-6 of the duration, along directions that are flat or slightly concave, and
 Ipopt creeps along them for tens of iterations. With ε they have a bottom; it costs nothing
 where torques jump at knots only, and a motion without such ramps exceeds its limits less.
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from deltaopt.dynamics.mechanism import SX
 from deltaopt.motion.trajectory import PiecewisePolynomial
 from deltaopt.planning.formulations.loop_closure import LoopClosure
-from deltaopt.planning.formulations.scaled_mechanism import RestToRest, System
+from deltaopt.planning.formulations.scaled_mechanism import BoundaryValues, ScaledMechanism
 from deltaopt.planning.nlp.cost import FASTEST, Cost
 from deltaopt.planning.nlp.program import (
     Layout,
@@ -59,40 +59,49 @@ far from their limits that the duration grows tenfold before it falls again."""
 
 
 @dataclass(frozen=True)
+class RowsOfOrder:
+    """Constraint rows of one order: their indices among the limits' rows, and (X, V, A[, τ …], T),
+    p -> rows. ``with_torque``: whether torques are among their arguments."""
+
+    order: int
+    rows: tuple[int, ...]
+    function: PointFunction
+    with_torque: bool
+
+
+@dataclass(frozen=True)
 class Equations:
-    """A pose's equations for a system, differentiated once.
+    """A formulation's equations for a mechanism, differentiated once.
 
     ``coordinates``: indices of q that are polynomials. ``multipliers``: λ's among the
     algebraic unknowns. ``dynamics``: (X, V, A, τ[, λ], T), p -> rows that vanish.
     ``at_nodes``: whether dynamics and limits hold at the nodes, where the loops close and
     whose number is that of a torque's coefficients, or at all points, where torque is that of
     the path.
-    ``acceleration``: (X, V, A, T), p -> rows that vanish. ``speed``: rows of at most 1.
-    ``opening``: rows that are not negative.
+    ``acceleration``: (X, V, A, T), p -> rows that vanish. ``limits``: rows within their bounds.
     """
 
-    system: System
+    system: ScaledMechanism
     coordinates: tuple[int, ...]
     multipliers: int
     dynamics: PointFunction
     at_nodes: bool = False
-    speed: PointFunction | None = None
-    opening: PointFunction | None = None
+    limits: tuple[RowsOfOrder, ...] = ()
     closure: LoopClosure | None = None
     acceleration: PointFunction | None = None
     at_knots: PointFunction | None = None
 
     def derive(self) -> None:
         """Differentiate and compile all point functions now rather than when first needed."""
-        for f in fields(self):
-            value = getattr(self, f.name)
+        values = [getattr(self, f.name) for f in fields(self)]
+        for value in [*values, *(each.function for each in self.limits)]:
             if isinstance(value, PointFunction):
                 _ = value.hessian
 
     def on(
         self, mesh: Array, transcription: PiecewiseAcceleration, cost: Cost = FASTEST
-    ) -> ChainProblem:
-        return ChainProblem(self, transcription, mesh, cost)
+    ) -> CollocationProblem:
+        return CollocationProblem(self, transcription, mesh, cost)
 
 
 def symbols(m: int, unknowns: int) -> tuple[SX, SX, SX, SX, SX, SX]:
@@ -101,12 +110,12 @@ def symbols(m: int, unknowns: int) -> tuple[SX, SX, SX, SX, SX, SX]:
     return y, y[:m], y[m : 2 * m], y[2 * m : 3 * m], y[3 * m : -1], y[-1]
 
 
-def named(name: str, y: SX, system: System, rows: SX) -> PointFunction:
+def named(name: str, y: SX, system: ScaledMechanism, rows: SX) -> PointFunction:
     return PointFunction(name, ca.Function("rows", [y, system.p], [ca.cse(ca.densify(rows))]))
 
 
 @dataclass(frozen=True)
-class ChainProblem:
+class CollocationProblem:
     """A pose's equations on a mesh of interval fractions (N,); ``steadiness``: ε."""
 
     equations: Equations
@@ -164,7 +173,7 @@ class ChainProblem:
         return RunningCost(points, self.cost.running * weights.ravel())
 
     def _rows(self) -> list[Points]:
-        """Dynamics; then what the pose has of closures and openings, and speed last."""
+        """Dynamics; then what the formulation has of closures, and limits last, by order."""
         e, v, t = self.equations, self.variables, self.transcription
         rows = [self._points(e.dynamics, v.points, algebraic=True)]
         if e.acceleration is not None:
@@ -173,11 +182,19 @@ class ChainProblem:
             size = e.at_knots.function.size1_out(0)
             zero = np.zeros(size)
             rows.append(Points(e.at_knots, v.ends(), zero, zero, v.knots[1:]))
-        if e.opening is not None:
-            rows.append(self._points(e.opening, v.points, upper=np.inf))
-        if e.speed is not None:
-            rows.append(self._points(e.speed, t.velocity_points, lower=-1.0, upper=1.0))
+        for each in e.limits:
+            sides = e.system.limits.sides[list(each.rows)]
+            lower = np.where(sides[:, 0], -1.0, -np.inf)
+            upper = np.where(sides[:, 1], 1.0, np.inf)
+            c = self._places(each)
+            layout = v.at(c, algebraic=each.with_torque)
+            rows.append(Points(each.function, layout, lower, upper, v.fractions(c)))
         return rows
+
+    def _places(self, limits: RowsOfOrder) -> Array:
+        """Fractions of an interval where rows of an order hold. Velocities have few coefficients of
+        their own in an interval: more rows of them would depend on each other (LICQ)."""
+        return self.transcription.velocity_points if limits.order == 1 else self.variables.points
 
     def _points(
         self,
@@ -185,12 +202,11 @@ class ChainProblem:
         c: Array,
         *,
         algebraic: bool = False,
-        lower: float = 0.0,
-        upper: float = 0.0,
     ) -> Points:
-        one = np.ones(function.function.size1_out(0))
+        """Rows that vanish."""
+        zero = np.zeros(function.function.size1_out(0))
         layout = self.variables.at(c, algebraic=algebraic)
-        return Points(function, layout, lower * one, upper * one, self.variables.fractions(c))
+        return Points(function, layout, zero, zero, self.variables.fractions(c))
 
     @cached_property
     def _continuity(self) -> Layout:
@@ -201,12 +217,12 @@ class ChainProblem:
         places = tuple(e.coordinates.index(i) for i in which)
         return self.variables.continuity(places)
 
-    def pack(self, position: PiecewisePolynomial, task: RestToRest) -> Array:
+    def pack(self, position: PiecewisePolynomial, ends: BoundaryValues) -> Array:
         """The variables that describe a motion of ξ (m, rad and s) on this mesh, torques within
         their limits. Raises DependentConstraints."""
-        self.equations.system.require_independent_constraints(task)
+        self.equations.system.require_independent_constraints(ends)
         v = self.variables
-        motion = _Motion(self.equations.system, position, task.p)
+        motion = _Motion(self.equations.system, position, ends.p)
         units, T = motion.units, motion.duration
         which = list(self.equations.coordinates)
         X, V, _ = (part[:, which] / units.q[which] for part in motion.at(v.knots))
@@ -217,34 +233,35 @@ class ChainProblem:
             w = np.hstack([w, lam * units.closure / units.energy])
         return v.pack(X, V * T, A * T**2, w, T / units.time)
 
-    def unpack(self, z: Array, task: RestToRest) -> PiecewisePolynomial:
+    def unpack(self, z: Array, ends: BoundaryValues) -> PiecewisePolynomial:
         """What is polynomial of q, (N, degree + 3, m or ν), in m, rad and s."""
-        units = units_at(self.equations.system, task.p)
+        units = units_at(self.equations.system, ends.p)
         T = z[-1] * units.time
         coefficients = self.variables.coefficients(z) * units.q[list(self.equations.coordinates)]
         coefficients /= T ** np.arange(coefficients.shape[1])[:, None]
         return PiecewisePolynomial(T * self.variables.knots, coefficients)
 
-    def torques(self, z: Array, task: RestToRest) -> Array:
+    def torques(self, z: Array, ends: BoundaryValues) -> Array:
         """τ at the points that have them, (N, points, motors), N·m."""
-        limits = units_at(self.equations.system, task.p).torque
+        limits = units_at(self.equations.system, ends.p).torque
         return self.variables.algebraic(z)[:, :, : self.equations.system.motors] * limits
 
-    def bounds(self, task: RestToRest, share: Array | float = 1.0) -> tuple[Array, Array]:
+    def bounds(self, ends: BoundaryValues, shares: Array | None = None) -> tuple[Array, Array]:
         """All of q at rest at the start, ξ at rest at the goal: what follows is not fixed twice.
-        Torques within a share of their limits, (N, 1, m), a positive or the given duration."""
+        Torques within shares of their limits, (N, rows), a positive or the given duration."""
         system, v = self.equations.system, self.variables
         which = list(self.equations.coordinates)
-        q = units_at(system, task.p).q
+        q = units_at(system, ends.p).q
         upper = np.full(v.number, np.inf)
         limits = np.full((v.intervals, 1, v.unknowns), np.inf)
+        share = 1.0 if shares is None else shares[:, None, system.limits.is_control]
         limits[:, :, : system.motors] = share
         v.set_algebraic(upper, limits)
         lower, m = -upper, v.components
-        start = (system.coordinates(task.start, task.p) / q)[which]
+        start = (system.coordinates(ends.start, ends.p) / q)[which]
         lower[: 2 * m] = upper[: 2 * m] = np.concatenate([start, np.zeros(m)])
         last = v.number - 2 * m - 1
-        for i, goal in zip(system.independent, task.goal, strict=True):
+        for i, goal in zip(system.independent, ends.goal, strict=True):
             place = last + which.index(i)
             lower[place] = upper[place] = goal / q[i]
             lower[place + m] = upper[place + m] = 0.0
@@ -253,21 +270,39 @@ class ChainProblem:
             lower[-1] = upper[-1] = 1.0
         return lower, upper
 
-    def prices(self, solution: Solution) -> Array:
-        """Fraction of the duration per fraction of a limit, (N, points, m or 2 m): torques, then
-        limited speeds; positive at the upper limit, negative at the lower. The points are those
-        of torques and those of speeds, in order."""
-        v, m = self.variables, self.equations.system.motors
-        torque = v.algebraic(solution.bound_multipliers)[:, :, :m] / solution.z[-1]
-        if self.equations.speed is None:
-            return np.asarray(torque)
-        places = self.transcription.velocity_points
-        speed = solution.row_multipliers[-v.intervals * len(places) * m :] / solution.z[-1]
-        points = np.union1d(v.points, places)
-        prices = np.zeros((v.intervals, len(points), 2 * m))
-        prices[:, np.searchsorted(points, v.points), :m] = torque
-        prices[:, np.searchsorted(points, places), m:] = speed.reshape(-1, len(places), m)
-        return prices
+    def row_shares(self, shares: Array) -> Array:
+        """Of their bounds what all nonlinear rows may use, from those of the limits, (N, rows)."""
+        parts, e = [], self.equations
+        for points in self._rows():
+            limits = next((each for each in e.limits if each.function is points.function), None)
+            if limits is None:
+                parts.append(np.ones(points.number * points.rows))
+            else:
+                own = shares[:, None, list(limits.rows)]
+                shape = (self.variables.intervals, len(self._places(limits)), own.shape[2])
+                parts.append(np.broadcast_to(own, shape).ravel())
+        return np.concatenate(parts)
+
+    def multipliers(self, solution: Solution) -> Array:
+        """As in ``Solved``, (N, points, rows): zero where a row does not hold. The points are all
+        those where some row holds, in order."""
+        e, v = self.equations, self.variables
+        limits = e.system.limits
+        points = v.points
+        for each in e.limits:
+            points = np.union1d(points, self._places(each))
+        found = np.zeros((v.intervals, len(points), limits.number))
+        torque = v.algebraic(solution.bound_multipliers)[:, :, : e.system.motors]
+        at = np.searchsorted(points, v.points)
+        found[:, at[:, None], np.flatnonzero(limits.is_control)] = torque
+        end = len(solution.row_multipliers)
+        for each in reversed(e.limits):
+            places = self._places(each)
+            begin = end - v.intervals * len(places) * len(each.rows)
+            own = solution.row_multipliers[begin:end].reshape(v.intervals, len(places), -1)
+            found[:, np.searchsorted(points, places)[:, None], list(each.rows)] = own
+            end = begin
+        return np.asarray(found / solution.z[-1])
 
 
 @dataclass(frozen=True)
@@ -281,7 +316,7 @@ class UnitValues:
     torque: Array
 
 
-def units_at(system: System, p: Array) -> UnitValues:
+def units_at(system: ScaledMechanism, p: Array) -> UnitValues:
     q, closure, time, energy, torque = (
         np.asarray(r.full()).ravel() for r in system.magnitudes.call([ca.DM(p)])
     )
@@ -292,7 +327,7 @@ def units_at(system: System, p: Array) -> UnitValues:
 class _Motion:
     """A motion of ξ, and all that follows from it."""
 
-    system: System
+    system: ScaledMechanism
     position: PiecewisePolynomial
     p: Array
 

@@ -1,4 +1,4 @@
-"""Four ways to pose minimum time for a closed chain: their equations at a point.
+"""Four formulations of minimum time for a closed chain: their equations at a point.
 
     flat         ξ polynomial in time; Cᵀ (Q* + Q) = 0 at ξ's q, q̇, q̈           eq. (39)
     forward      ξ and τ polynomial; ξ̈ = forward dynamics of (ξ, ξ̇, τ) at the nodes
@@ -16,15 +16,15 @@ import casadi as ca
 
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.dynamics.mechanism import SX
-from deltaopt.planning.formulations.collocation import Equations, named, symbols
+from deltaopt.planning.formulations.collocation import Equations, RowsOfOrder, named, symbols
 from deltaopt.planning.formulations.loop_closure import LoopClosure, closed
-from deltaopt.planning.formulations.scaled_mechanism import System
+from deltaopt.planning.formulations.scaled_mechanism import ScaledMechanism
 from deltaopt.planning.nlp.program import PointFunction
 
 EXPLICIT = "dynamics, equation (39) for independent coordinate"
 
 
-def flat_equations(system: System) -> Equations:
+def flat_equations(system: ScaledMechanism) -> Equations:
     u = system.units
     y, X, V, A, tau, T = symbols(len(system.independent), system.motors)
     motion = _physical(u.q[list(system.independent)], X, V, A, u.time * T)
@@ -34,12 +34,11 @@ def flat_equations(system: System) -> Equations:
         system.independent,
         0,
         named(EXPLICIT, y, system, rows),
-        speed=_speed(system, minimal=True),
-        opening=_opening(system, minimal=True),
+        limits=_limits(system, minimal=True),
     )
 
 
-def forward_equations(system: System) -> Equations:
+def forward_equations(system: ScaledMechanism) -> Equations:
     m, u, nu = system.mechanism, system.units, len(system.independent)
     units = u.q[list(system.independent)]
     y, X, V, A, tau, T = symbols(nu, system.motors)
@@ -54,12 +53,11 @@ def forward_equations(system: System) -> Equations:
         0,
         named("forward dynamics of independent coordinate", y, system, rows),
         at_nodes=True,
-        speed=_speed(system, minimal=True),
-        opening=_opening(system, minimal=True),
+        limits=_limits(system, minimal=True),
     )
 
 
-def explicit_equations(system: System, closure: LoopClosure) -> Equations:
+def explicit_equations(system: ScaledMechanism, closure: LoopClosure) -> Equations:
     m, u = system.mechanism, system.units
     y, X, V, A, tau, T = symbols(system.n, system.motors)
     motion = _physical(u.q, X, V, A, u.time * T)
@@ -68,7 +66,7 @@ def explicit_equations(system: System, closure: LoopClosure) -> Equations:
     return _redundant(system, closure, 0, dynamics)
 
 
-def multiplier_equations(system: System, closure: LoopClosure) -> Equations:
+def multiplier_equations(system: ScaledMechanism, closure: LoopClosure) -> Equations:
     m, u, gamma = system.mechanism, system.units, system.constraints
     y, X, V, A, w, T = symbols(system.n, system.motors + gamma)
     tau, lam = u.torque * w[: system.motors], u.energy / u.closure * w[system.motors :]
@@ -79,7 +77,7 @@ def multiplier_equations(system: System, closure: LoopClosure) -> Equations:
 
 
 def _redundant(
-    system: System, closure: LoopClosure, multipliers: int, dynamics: PointFunction
+    system: ScaledMechanism, closure: LoopClosure, multipliers: int, dynamics: PointFunction
 ) -> Equations:
     """With loops closed at acceleration level at the nodes, and at the knots as asked."""
     m, u = system.mechanism, system.units
@@ -94,45 +92,34 @@ def _redundant(
         multipliers,
         dynamics,
         at_nodes=True,
-        speed=_speed(system, minimal=False),
-        opening=_opening(system, minimal=False),
+        limits=_limits(system, minimal=False),
         closure=closure,
         acceleration=named("loop closure at acceleration level, constraint", y, system, rows),
         at_knots=closure.at_knots(system),
     )
 
 
-def _speed(system: System, *, minimal: bool) -> PointFunction | None:
-    """Motor speeds over their limits, if there are any."""
-    m, u = system.mechanism, system.units
-    if u.speed is None:
-        return None
-    y, q, dq, T = _state(system, minimal=minimal)
-    rate = ca.Function("rate", [m.q, m.dq, m.parameters], [m.B.T @ m.dq])
-    rows = rate(q, dq, m.parameters) / (u.time * T * u.speed)
-    return named("speed limit of motor", y, system, rows)
+def _limits(system: ScaledMechanism, *, minimal: bool) -> tuple[RowsOfOrder, ...]:
+    """The constraint rows that are no bounds on one torque, by order."""
+    which = list(system.independent) if minimal else list(range(system.n))
+    y, X, V, A, tau, T = symbols(len(which), system.motors)
+    q, dq, ddq = _physical(system.units.q[which], X, V, A, system.units.time * T)
+    if minimal:
+        q, dq, ddq = system.motion(q, dq, ddq, system.p)
+    rows = system.limits.function(q, dq, ddq, system.units.torque * tau, system.p)
+    found = []
+    for order in (0, 1, 2):
+        own = system.limits.of_order(order)
+        if own:
+            with_torque = bool(ca.jacobian(rows[own], tau).nnz())
+            inputs = y if with_torque else ca.vertcat(X, V, A, T)
+            name = f"limit of order {order}, row"
+            function = ca.Function("rows", [inputs, system.p], [ca.cse(ca.densify(rows[own]))])
+            found.append(RowsOfOrder(order, tuple(own), PointFunction(name, function), with_torque))
+    return tuple(found)
 
 
-def _opening(system: System, *, minimal: bool) -> PointFunction | None:
-    """What keeps the motion inside its assembly mode, if it can be left."""
-    if system.openings.numel() == 0:
-        return None
-    y, q, _, _ = _state(system, minimal=minimal)
-    return named("assembly mode of chain", y, system, system.inside(q, system.p))
-
-
-def _state(system: System, *, minimal: bool) -> tuple[SX, SX, SX, SX]:
-    """y = (X, V, A, T), q, q̇ (with time in units of the duration), T."""
-    if not minimal:
-        y, X, V, _, _, T = symbols(system.n, 0)
-        return y, system.units.q * X, system.units.q * V, T
-    y, X, V, _, _, T = symbols(len(system.independent), 0)
-    units = system.units.q[list(system.independent)]
-    q, dq, _ = system.motion(units * X, units * V, SX.zeros(X.numel()), system.p)
-    return y, q, dq, T
-
-
-def _in_units(residual: SX, system: System) -> SX:
+def _in_units(residual: SX, system: ScaledMechanism) -> SX:
     """Eq. (39): forces on ξ."""
     return residual * system.units.q[list(system.independent)] / system.units.energy
 

@@ -20,7 +20,7 @@ from typing import Protocol
 import casadi as ca
 
 from deltaopt.dynamics.mechanism import SX
-from deltaopt.planning.formulations.scaled_mechanism import System
+from deltaopt.planning.formulations.scaled_mechanism import ScaledMechanism
 from deltaopt.planning.nlp.program import PointFunction
 
 
@@ -35,7 +35,7 @@ class LoopClosure(Protocol):
         """Whether errors of an interval are passed on to the next."""
         ...
 
-    def continuous(self, system: System) -> tuple[int, ...]:
+    def continuous(self, system: ScaledMechanism) -> tuple[int, ...]:
         """Coordinates whose position and velocity go on at the knots."""
         ...
 
@@ -43,11 +43,11 @@ class LoopClosure(Protocol):
         """What is added to d²f, all with time in units of the duration."""
         ...
 
-    def unknowns(self, system: System) -> int:
+    def unknowns(self, system: ScaledMechanism) -> int:
         """Further unknowns at every knot."""
         ...
 
-    def at_knots(self, system: System) -> PointFunction | None:
+    def at_knots(self, system: ScaledMechanism) -> PointFunction | None:
         """Rows that vanish at every knot: (X, V before, X, V after, unknowns), p -> rows."""
         ...
 
@@ -59,16 +59,16 @@ class AccelerationLevel:
     name: str = "acceleration level"
     drifts: bool = True
 
-    def continuous(self, system: System) -> tuple[int, ...]:
+    def continuous(self, system: ScaledMechanism) -> tuple[int, ...]:
         return tuple(range(system.n))
 
     def feedback(self, f: SX, df: SX) -> SX:
         return SX.zeros(f.numel())
 
-    def unknowns(self, system: System) -> int:
+    def unknowns(self, system: ScaledMechanism) -> int:
         return 0
 
-    def at_knots(self, system: System) -> PointFunction | None:
+    def at_knots(self, system: ScaledMechanism) -> PointFunction | None:
         return None
 
 
@@ -95,16 +95,16 @@ class KnotConstraints:
     name: str = "constraints at knots"
     drifts: bool = False
 
-    def continuous(self, system: System) -> tuple[int, ...]:
+    def continuous(self, system: ScaledMechanism) -> tuple[int, ...]:
         return system.independent
 
     def feedback(self, f: SX, df: SX) -> SX:
         return SX.zeros(f.numel())
 
-    def unknowns(self, system: System) -> int:
+    def unknowns(self, system: ScaledMechanism) -> int:
         return 0
 
-    def at_knots(self, system: System) -> PointFunction | None:
+    def at_knots(self, system: ScaledMechanism) -> PointFunction | None:
         y = SX.sym("y", 4 * system.n)
         _, _, X, V = ca.vertsplit(y, system.n)
         f, df, _ = closed(system, X, V)
@@ -122,16 +122,16 @@ class Projection:
     name: str = "projection at knots"
     drifts: bool = False
 
-    def continuous(self, system: System) -> tuple[int, ...]:
+    def continuous(self, system: ScaledMechanism) -> tuple[int, ...]:
         return ()
 
     def feedback(self, f: SX, df: SX) -> SX:
         return SX.zeros(f.numel())
 
-    def unknowns(self, system: System) -> int:
+    def unknowns(self, system: ScaledMechanism) -> int:
         return 2 * system.constraints
 
-    def at_knots(self, system: System) -> PointFunction | None:
+    def at_knots(self, system: ScaledMechanism) -> PointFunction | None:
         n, gamma = system.n, system.constraints
         y = SX.sym("y", 4 * n + 2 * gamma)
         X_before, V_before, X, V = ca.vertsplit(y[: 4 * n], n)
@@ -144,7 +144,7 @@ class Projection:
         )
 
 
-def closed(system: System, X: SX, V: SX) -> tuple[SX, SX, SX]:
+def closed(system: ScaledMechanism, X: SX, V: SX) -> tuple[SX, SX, SX]:
     """f, J q̇ and J, in units: time of the duration, so that it does not matter."""
     m, u = system.mechanism, system.units
     constraints = ca.Function(

@@ -1,12 +1,12 @@
-"""A mechanism as the redundant and the minimal problems see it, and its rest-to-rest task.
+"""A mechanism as the redundant and the minimal problems see it, and what is known at both ends.
 
-Every pose is written for a mechanism and its independent coordinates ξ; the Delta and the
-five-bar differ in what this module is given, not in the code of the poses.
+Every formulation is written for a mechanism and its independent coordinates ξ; the Delta and the
+five-bar differ in what this module is given, not in the code of the formulations.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import casadi as ca
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from deltaopt.dynamics.constraint_matrix import ClosedForm
 from deltaopt.dynamics.lagrange import Explicit
-from deltaopt.dynamics.mechanism import SX, Mechanism, none
+from deltaopt.dynamics.mechanism import SX, Mechanism
 from deltaopt.errors import DependentConstraints
 from deltaopt.planning.formulations.independent_rows import dependent_rows
 
@@ -28,7 +28,7 @@ class Units:
 
     ``q``: of the coordinates, n. ``closure``: of the constraints f, γ. ``time``: s.
     ``energy``: J; a generalized force is measured in energy per unit of its coordinate.
-    ``torque``, ``speed``: limits of the motors, m; no speed, no limit.
+    ``torque``: of the motors, m.
     """
 
     q: SX
@@ -36,11 +36,34 @@ class Units:
     time: SX
     energy: SX
     torque: SX
-    speed: SX | None = None
 
 
 @dataclass(frozen=True)
-class RestToRest:
+class LimitRows:
+    """Normalised constraint rows of a mechanism: lower bounds at -1, upper bounds at 1.
+
+    ``function``: (q, q̇, q̈, τ, p) -> rows, p as of ``ScaledMechanism``. ``orders``: of each row, 0
+    for positions to 2 for torques. ``sides``: whether it has a lower and an upper bound, (rows, 2).
+    ``is_control``: rows that are a torque in its unit, in the order of the motors.
+    """
+
+    function: ca.Function
+    orders: NDArray[np.intp]
+    sides: NDArray[np.bool]
+    is_control: NDArray[np.bool]
+
+    @property
+    def number(self) -> int:
+        """How many rows."""
+        return len(self.orders)
+
+    def of_order(self, order: int) -> list[int]:
+        """Indices of the rows of an order that are no bounds on one torque."""
+        return [int(i) for i in np.flatnonzero((self.orders == order) & ~self.is_control)]
+
+
+@dataclass(frozen=True)
+class BoundaryValues:
     """From where to where, at rest at both ends: ξ, (ν,) each; ``p``: the system's parameters."""
 
     p: Array
@@ -49,14 +72,14 @@ class RestToRest:
 
 
 @dataclass(frozen=True)
-class System:
+class ScaledMechanism:
     """A fully actuated mechanism with closed-form kinematics, and the units of a task.
 
     ``independent``: indices of ξ among q; the mechanism's ``closed_form`` is for δξ.
     ``kinematics``: (ξ, mechanism's parameters) -> q (n). ``scales``: symbols on which, with
-    the mechanism's parameters, the ``units`` depend. ``openings``: expressions of q and p that
-    are not negative inside the assembly mode, if that can be left. ``explicit``: eq. (39) as
-    (ξ, ξ̇, ξ̈, τ, mechanism's parameters) -> ν, where that is known simpler than through q.
+    the mechanism's parameters, the ``units`` depend. ``limits``: its constraint rows.
+    ``explicit``: eq. (39) as (ξ, ξ̇, ξ̈, τ, mechanism's parameters) -> ν, where that is known
+    simpler than through q.
     """
 
     mechanism: Mechanism
@@ -64,7 +87,7 @@ class System:
     kinematics: ca.Function
     scales: SX
     units: Units
-    openings: SX = field(default_factory=none)
+    limits: LimitRows
     explicit: ca.Function | None = None
 
     @cached_property
@@ -117,11 +140,6 @@ class System:
         return ca.Function("inverse_dynamics", [*x, self.p], list(results))
 
     @cached_property
-    def inside(self) -> ca.Function:
-        """(q, p) -> openings."""
-        return ca.Function("inside", [self.mechanism.q, self.p], [self.openings])
-
-    @cached_property
     def magnitudes(self) -> ca.Function:
         """p -> units of q (n), of f (γ), of time, energy, torque (m)."""
         u = self.units
@@ -137,7 +155,7 @@ class System:
         q = self.kinematics(xi, p[self.scales.numel() :])
         return np.asarray(q.full()).ravel()
 
-    def require_independent_constraints(self, task: RestToRest) -> None:
+    def require_independent_constraints(self, task: BoundaryValues) -> None:
         """Raise DependentConstraints if loop constraints follow from others at the start."""
         m = self.mechanism
         J = ca.Function("J", [m.time, m.q, self.p], [m.J])

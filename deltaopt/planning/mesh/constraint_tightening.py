@@ -15,9 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.planning.mesh.error_estimate import FRACTIONS, TIGHTENED
-from deltaopt.planning.nlp.scaling import WHOLE, Scales
+from deltaopt.planning.nlp.scaling import Scaling
 
 Array = NDArray[np.float64]
+Truths = NDArray[np.bool]
 
 _MORE = 1.25
 """Times the excess that was seen: the next motion's is about the same."""
@@ -31,34 +32,33 @@ _LEAST = 0.9
 
 @dataclass(frozen=True)
 class Overshoot:
-    """By how much loads between the points of a mesh, (N,), exceed those at the points, as
-    fractions of their limits: ``each``, (N, 3 or 6), torques and then limited speeds."""
+    """By how much rows between the points of a mesh, (N,), exceed those at the points: ``each``,
+    (N, rows), shares of their bounds; zero for rows that are not to be tightened."""
 
     mesh: Array
     each: Array
 
     @classmethod
-    def of(cls, mesh: Array, points: Array, torque: Array, speed: Array | None) -> Overshoot:
-        """From loads at ``FRACTIONS`` of the intervals, (N, len(FRACTIONS), 3); limits hold at
-        other fractions, the ``points``."""
-        loads = np.abs(torque if speed is None else np.concatenate([torque, speed], axis=2))
+    def of(cls, mesh: Array, points: Array, size: Array, tightened: Truths) -> Overshoot:
+        """From the size of rows at ``FRACTIONS`` of the intervals, 1 at a bound, (N,
+        len(FRACTIONS), rows); bounds hold at other fractions, the ``points``. ``tightened``: which
+        rows may be, (rows,)."""
         at_points = np.abs(FRACTIONS[:, None] - points).argmin(axis=0)
-        highest = loads.max(axis=1)
-        over = highest - loads[:, at_points].max(axis=1)
-        return cls(mesh, np.where(highest > _NEAR_LIMIT, over, 0.0))
+        highest = size.max(axis=1)
+        over = highest - size[:, at_points].max(axis=1)
+        return cls(mesh, np.where((highest > _NEAR_LIMIT) & tightened, over, 0.0))
 
-    def tightened(self, scales: Scales, mesh: Array) -> Scales:
-        """The limits that a motion on a mesh that divides this one may use. ``scales``: those
-        with which the motion on this mesh was found."""
+    def tightened(self, scaling: Scaling, mesh: Array) -> Scaling:
+        """The limits that a motion on a mesh that divides this one may use. ``scaling``: that with
+        which the motion on this mesh was found."""
         density = self.each / self.mesh[:, None]
         beside = np.pad(density, ((1, 1), (0, 0)))  # the jump may come to lie in the next interval
         density = np.maximum(density, np.maximum(beside[:-2], beside[2:]))
         inside = np.searchsorted(np.cumsum(self.mesh)[:-1], np.cumsum(mesh) - mesh / 2)
         over = _MORE * density[inside] * mesh[:, None]
-        used = 1 - scales.shares(len(self.mesh))[inside, : over.shape[1]]
+        used = 1 - scaling.shares(len(self.mesh))[inside]
         is_whole = mesh > 0.99 * self.mesh[inside]
         over = np.maximum(over, _REMEMBERED * used * is_whole[:, None])
         share = np.maximum(1 - over, _LEAST)
         share[mesh > TIGHTENED] = 1.0
-        torque, speed = share[:, None, :3], share[:, None, 3:]
-        return replace(scales, torque_share=torque, speed_share=speed if speed.size else WHOLE)
+        return replace(scaling, share=share)

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 FRACTIONS = np.linspace(0.0, 1.0, 25)
 """Where in every interval the loads are taken, both ends included."""
-DOUBT = 1.25
+SAFETY_FACTOR = 1.25
 """Times what is estimated to be given away: one estimate in ten falls short by as much."""
 TIGHTENED = 4e-3
 """Of the duration: what exceeds a limit in shorter intervals is cured by tightening it there."""
@@ -32,7 +32,7 @@ knots, is known to rounding over the square of the length."""
 
 
 @dataclass(frozen=True)
-class GivenAway:
+class ErrorEstimate:
     """Fractions of the duration, per interval of a mesh, (N,).
 
     ``unused``: limits not made use of. ``exceeded``: what slowing down for this interval costs.
@@ -47,35 +47,22 @@ class GivenAway:
         return float(self.unused.sum())
 
 
-def given_away(
-    prices: Array, torque: Array, speed: Array | None, slowing: Array | None = None
-) -> GivenAway:
-    """From loads as fractions of their limits, (N, len(FRACTIONS), 3) each, and their prices.
+def error_estimate(multipliers: Array, loads: Array, slowing: Array) -> ErrorEstimate:
+    """From normalised rows at ``FRACTIONS`` of the intervals, (N, len(FRACTIONS), rows), and the
+    multipliers of their bounds, (N, points, rows), positive at upper bounds and negative at lower.
 
-    ``prices``: fraction of the duration per fraction of the limit, (N, points, 3 or 6), of
-    torques and then speeds; positive at the upper limit, negative at the lower. ``slowing``:
-    by what factor each interval asks the motion to be slowed, (N,); without it no torque is
-    taken to be spent on gravity.
+    ``slowing``: by what factor each interval asks the motion to be slowed, (N,).
     """
-    loads = torque if speed is None else np.concatenate([torque, speed], axis=2)
     trapezoid = np.ones(len(FRACTIONS))
     trapezoid[[0, -1]] = 0.5
     mean = np.einsum("c,nck->nk", trapezoid / trapezoid.sum(), loads)
-    upper, lower = np.maximum(prices, 0).sum(axis=1), np.maximum(-prices, 0).sum(axis=1)
+    upper = np.maximum(multipliers, 0).sum(axis=1)
+    lower = np.maximum(-multipliers, 0).sum(axis=1)
     unused = (upper * (1 - mean) + lower * (1 + mean)).sum(axis=1)
-    exceeded = _exceeded(torque, speed) if slowing is None else slowing - 1
-    return GivenAway(np.maximum(unused, 0.0), np.maximum(exceeded, 0.0))
+    return ErrorEstimate(np.maximum(unused, 0.0), np.maximum(slowing - 1, 0.0))
 
 
-def _exceeded(torque: Array, speed: Array | None) -> Array:
-    """Torque falls with the square of the duration, speed with the duration itself."""
-    exceeded: Array = (np.abs(torque).max(axis=(1, 2)) - 1) / 2
-    if speed is not None:
-        exceeded = np.maximum(exceeded, np.abs(speed).max(axis=(1, 2)) - 1)
-    return exceeded
-
-
-def refined(mesh: Array, lost: GivenAway, aim: float, most: int = 6) -> Array:
+def refined(mesh: Array, lost: ErrorEstimate, aim: float, most: int = 6) -> Array:
     """The mesh, (N,), with intervals split, into ``most`` pieces at most, so that what is given
     away falls to about ``aim``.
 

@@ -7,31 +7,33 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from deltaopt.limits.constraints import Constraints
 from deltaopt.motion.extrema import sample_fractions
-from deltaopt.motion.time_scaling import (
-    Loads,
-    loads_inside,
-    safe_factor,
-    sampled_factor,
-    slowing_inside,
-)
+from deltaopt.motion.time_scaling import Loads, loads_inside, safe_factor, sampled_factor
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.mesh.constraint_tightening import Overshoot
-from deltaopt.planning.mesh.error_estimate import DOUBT, FRACTIONS, TIGHTENED, GivenAway, given_away
+from deltaopt.planning.mesh.error_estimate import (
+    FRACTIONS,
+    SAFETY_FACTOR,
+    TIGHTENED,
+    ErrorEstimate,
+    error_estimate,
+)
 from deltaopt.planning.nlp.problem import Guess, Problem, Solved
 from deltaopt.planning.nlp.program import Spent
-from deltaopt.planning.nlp.scaling import Scales
+from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.robot.model import DeltaModel
 from deltaopt.scene.scene import Scene
 
 Array = NDArray[np.float64]
+Truths = NDArray[np.bool]
 
 _TELLING = 0.1
 """Of what was to be gained on a mesh: if the next gains less, its estimate cannot be judged."""
 
 
 @dataclass(frozen=True)
-class Round:
+class Iteration:
     """One mesh: ``duration`` of its solution, ``safe_duration`` once slowed to the limits (s),
     estimated ``gap`` of the latter to the shortest possible, as a fraction of it; seconds
     ``spent``."""
@@ -50,45 +52,69 @@ class Round:
         )
 
 
-def attempt(problem: Problem, scales: Scales, guess: Guess, model: DeltaModel) -> Attempt:
-    """Solve a problem and see what its motion asks of the motors. Raises NotConverged."""
-    solution = problem.solve(guess, scales, model.parameters)
+def solve_on_mesh(
+    problem: Problem, scaling: Scaling, guess: Guess, model: DeltaModel
+) -> MeshSolution:
+    """Solve a problem and see what its motion asks of the limits. Raises NotConverged."""
+    solution = problem.solve(guess, scaling, model.parameters)
     trajectory = Trajectory(solution.position, model, solution.coordinates)
-    scene, loads = scales.scene, loads_inside(scales.scene, trajectory, FRACTIONS)
-    demands = loads.highest_demands(len(FRACTIONS))
-    lost = given_away(solution.prices, *shares(scene, loads), slowing_inside(demands))
-    factor = sampled_factor(demands)
-    return Attempt(problem, solution, trajectory, loads, lost, factor, scales)
+    loads = loads_inside(scaling.scene, trajectory, FRACTIONS)
+    rows = charged(scaling.constraints)
+    lost = error_estimate(
+        solution.multipliers[:, :, rows],
+        _by_interval(loads.rows)[:, :, rows],
+        np.sqrt(loads.highest_slower(len(FRACTIONS))),
+    )
+    factor = sampled_factor(loads)
+    return MeshSolution(problem, solution, trajectory, loads, lost, factor, scaling)
+
+
+def charged(constraints: Constraints) -> Truths:
+    """Rows that give time away where the mesh leaves them unused, (rows,): all but those of
+    positions, which an optimal motion too touches at an instant and leaves again."""
+    return np.asarray(constraints.orders > 0)
+
+
+def _by_interval(rows: Array) -> Array:
+    """Rows at ``FRACTIONS``, (N · len(FRACTIONS), rows), by interval."""
+    return rows.reshape(-1, len(FRACTIONS), rows.shape[1])
 
 
 @dataclass(frozen=True)
-class Attempt:
-    """A problem solved on one mesh in a scene's scales, the motion not yet slowed; ``loads`` at
+class MeshSolution:
+    """A problem solved on one mesh in a scene's scaling, the motion not yet slowed; ``loads`` at
     ``FRACTIONS``."""
 
     problem: Problem
     solution: Solved
     trajectory: Trajectory
     loads: Loads
-    lost: GivenAway
+    lost: ErrorEstimate
     safe_factor: float
-    scales: Scales
+    scaling: Scaling
     is_exact: bool = False
 
     @property
+    def rows(self) -> Array:
+        """Constraint rows inside the intervals, (N, len(FRACTIONS), rows)."""
+        return _by_interval(self.loads.rows)
+
+    @property
     def scene(self) -> Scene:
-        return self.scales.scene
+        return self.scaling.scene
 
     @property
     def mesh(self) -> Array:
         return self.problem.mesh
 
-    def tightened(self, mesh: Array) -> Scales:
+    def tightened(self, mesh: Array) -> Scaling:
         """The limits that a motion on the next mesh, which divides this one, may use."""
         if mesh.min() > TIGHTENED:
-            return self.scales.whole
-        overshoot = Overshoot.of(self.mesh, self.problem.points, *shares(self.scene, self.loads))
-        return overshoot.tightened(self.scales, mesh)
+            return self.scaling.whole
+        may_be = charged(self.scaling.constraints)
+        size = self.scaling.constraints.size(self.rows)
+        overshoot = Overshoot.of(self.mesh, self.problem.points, size, may_be)
+        return overshoot.tightened(self.scaling, mesh)
 
     @property
     def status(self) -> str:
@@ -99,7 +125,7 @@ class Attempt:
         """By other meshes and by solving this one exactly, a fraction of the duration."""
         return self.lost.total + self.solution.left
 
-    def exact(self) -> Attempt:
+    def exact(self) -> MeshSolution:
         """With the safe factor of all instants, not of samples only."""
         if self.is_exact:
             return self
@@ -109,37 +135,25 @@ class Attempt:
         return replace(self, safe_factor=factor, is_exact=True)
 
 
-def mean_torques(attempt: Attempt) -> Array:
-    """Of the intervals, as fractions of the limits, (N, 3)."""
-    return np.asarray(shares(attempt.scene, attempt.loads)[0].mean(axis=1))
-
-
-def shares(scene: Scene, loads: Loads) -> tuple[Array, Array | None]:
-    """Torques and, if limited, speeds inside the intervals, as fractions of their limits."""
-    shape = (-1, len(FRACTIONS), 3)
-    speed = None if scene.speed_limits is None else loads.speed.reshape(shape)
-    return loads.torque.reshape(shape), speed
-
-
-def gap_of(rounds: list[Round], chosen: int) -> float:
+def gap_of(iterations: list[Iteration], chosen: int) -> float:
     """Of a round's motion, by its own estimate or by what the last one leaves possible, unless
     that was led to a worse local minimum."""
-    own = rounds[chosen]
-    for last in reversed(rounds[chosen + 1 :]):
+    own = iterations[chosen]
+    for last in reversed(iterations[chosen + 1 :]):
         shortest = last.safe_duration / (1 + last.gap)
         if shortest <= own.safe_duration:
             return min(own.gap, own.safe_duration / shortest - 1)
     return own.gap
 
 
-def round_of(attempts: list[Attempt]) -> Round:
+def iteration_of(solutions: list[MeshSolution]) -> Iteration:
     """What the last attempt reached.
 
     The estimate of what it gives away is held against how much the duration really fell from
     the last other mesh: where the estimate fell short there, it is raised in proportion.
     """
-    last = attempts[-1]
-    others = [each for each in attempts if len(each.mesh) != len(last.mesh)]
+    last = solutions[-1]
+    others = [each for each in solutions if len(each.mesh) != len(last.mesh)]
     correction = 1.0
     if others:
         before = others[-1]
@@ -147,11 +161,11 @@ def round_of(attempts: list[Attempt]) -> Round:
         expected = before.to_be_gained - last.to_be_gained
         tells = expected > _TELLING * before.to_be_gained
         correction = max(1.0, fell / expected) if tells else 2.0
-    return Round(
+    return Iteration(
         intervals=len(last.mesh),
         iterations=last.solution.iterations,
         duration=last.trajectory.duration,
         safe_duration=last.trajectory.duration * last.safe_factor,
-        gap=last.safe_factor - 1 + correction * DOUBT * last.to_be_gained,
+        gap=last.safe_factor - 1 + correction * SAFETY_FACTOR * last.to_be_gained,
         spent=last.solution.spent,
     )

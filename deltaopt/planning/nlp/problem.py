@@ -8,11 +8,12 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from deltaopt.limits.constraints import Constraints
 from deltaopt.mechanisms.delta.functions import DeltaFunctions
 from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
 from deltaopt.planning.nlp.cost import Cost
-from deltaopt.planning.nlp.program import Program, Solution, Spent
-from deltaopt.planning.nlp.scaling import Scales
+from deltaopt.planning.nlp.program import Spent
+from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 
 Array = NDArray[np.float64]
@@ -21,6 +22,55 @@ Array = NDArray[np.float64]
 IPOPT_FINEST = 300
 """Intervals of the finest mesh that is worth its time by Ipopt: every refinement multiplies it by
 four."""
+
+
+@dataclass(frozen=True)
+class Ipopt:
+    """The general interior-point solver that most of the field knows and cites. It solves every
+    formulation, with or without a compiler."""
+
+    name: str = "ipopt"
+
+
+@dataclass(frozen=True)
+class InteriorPoint:
+    """deltaopt's own interior-point method in compiled C, for the flat formulation; Ipopt where
+    there is no compiler, and where the method does not converge."""
+
+    name: str = "interior-point"
+
+
+Solver = Ipopt | InteriorPoint
+
+
+@dataclass(frozen=True)
+class Guess:
+    """A motion to start from. ``near``: whether it is a solution of a similar problem.
+    ``tolerance``: relative, of the duration, to which the solution is wanted at least."""
+
+    trajectory: Trajectory
+    near: bool
+    tolerance: float
+
+
+@dataclass(frozen=True)
+class Solved:
+    """The motion found on a mesh, and the multipliers of its limits.
+
+    ``multipliers``: by what fraction of the duration a motion is longer for each unit of a
+    normalised row that its bound is tighter ("shadow prices"), (N, points, rows): positive at an
+    upper bound, negative at a lower one. ``coordinates``: all twelve, m and rad, where they do not
+    follow from the platform's position. ``left``: by what fraction of the duration the solver's
+    next step would shorten it.
+    """
+
+    position: PiecewisePolynomial
+    multipliers: Array
+    status: str
+    iterations: int
+    spent: Spent
+    coordinates: PiecewisePolynomial | None = None
+    left: float = 0.0
 
 
 class Problem(Protocol):
@@ -41,85 +91,20 @@ class Problem(Protocol):
         """Intervals of the finest mesh that is worth its time."""
         ...
 
-    def solve(self, guess: Guess, scales: Scales, parameters: Array) -> Solved:
-        """The best motion on this mesh; ``parameters``: the mechanism's."""
+    def solve(self, guess: Guess, scaling: Scaling, parameters: Array) -> Solved:
+        """The best motion on this mesh; ``parameters``: the mechanism's. Raises NotConverged."""
         ...
 
 
-@dataclass(frozen=True)
-class Guess:
-    """A motion to start from. ``near``: whether it is a solution of a similar problem.
-    ``tolerance``: relative, of the duration, to which the solution is wanted at least."""
-
-    trajectory: Trajectory
-    near: bool
-    tolerance: float
-
-
-class NonlinearProblem(Protocol):
-    """A problem written as a nonlinear program for Ipopt."""
-
-    def pack(self, trajectory: Trajectory, scales: Scales) -> Array:
-        """The variables that describe a motion on this mesh."""
-        ...
-
-    def unpack(self, z: Array, scales: Scales) -> PiecewisePolynomial:
-        """The motion of the platform that the variables describe, m and s."""
-        ...
-
-    def bounds(self, scales: Scales) -> tuple[Array, Array]:
-        """Of the variables, for a scene."""
-        ...
-
-    def prices(self, solution: Solution) -> Array:
-        """As in ``Solved``."""
-        ...
-
-
-@dataclass(frozen=True)
-class Solved:
-    """The motion found on a mesh, and what its limits cost.
-
-    ``prices``: fraction of the duration per fraction of a limit, (N, points, 3 or 6): torques,
-    then limited speeds; positive at the upper limit, negative at the lower. ``coordinates``: all
-    twelve, m and rad, where they do not follow from the platform's position. ``left``: by what
-    fraction of the duration the solver's next step would shorten it. ``opening_prices``: where
-    the solver tells them, fraction of the duration per unit of the margins of the folds, (N,
-    points, 3), positive where a margin holds.
-    """
-
-    position: PiecewisePolynomial
-    prices: Array
-    status: str
-    iterations: int
-    spent: Spent
-    coordinates: PiecewisePolynomial | None = None
-    left: float = 0.0
-    opening_prices: Array | None = None
-
-
-def solved_by_ipopt(
-    problem: NonlinearProblem, program: Program, guess: Guess, scales: Scales, parameters: Array
-) -> Solved:
-    """By a program of the problem, with the parameters ``Scales.vector`` and the mechanism's.
-
-    Raises NotConverged.
-    """
-    p, z = np.concatenate([scales.vector(), parameters]), problem.pack(guess.trajectory, scales)
-    found = program.solve(z, *problem.bounds(scales), p)
-    position = problem.unpack(found.z, scales)
-    return Solved(position, problem.prices(found), found.status, found.iterations, found.spent)
-
-
-class Posed(Protocol):
-    """A formulation's equations for a mechanism, differentiated once."""
+class FormulatedProblem(Protocol):
+    """A formulation's equations for a mechanism and limits, differentiated once."""
 
     def on(self, mesh: Array) -> Problem:
         """The problem on a mesh."""
         ...
 
 
-class Pose(Protocol):
+class ProblemFormulation(Protocol):
     """A way to write the problem as a nonlinear program; a value."""
 
     def __hash__(self) -> int: ...
@@ -127,14 +112,19 @@ class Pose(Protocol):
     @property
     def name(self) -> str: ...
 
+    @property
+    def solvers(self) -> tuple[type[Ipopt] | type[InteriorPoint], ...]:
+        """Which solvers can be asked for."""
+        ...
+
     def of(
         self,
         functions: DeltaFunctions,
         transcription: PiecewiseAcceleration,
-        *,
-        speed: bool,
+        constraints: Constraints,
         cost: Cost,
-    ) -> Posed:
-        """Its equations for a mechanism; ``speed``: whether motor speeds are limited; ``cost``:
-        what is minimised, the running part of it effort in N²m²."""
+        solver: Solver,
+    ) -> FormulatedProblem:
+        """Its equations for a mechanism under limits; ``cost``: what is minimised, the running part
+        of it effort in N²m²."""
         ...

@@ -227,15 +227,19 @@ class Program:
         names = list(self.linear.names) or ["continuity"] * len(self.linear.columns)
         return names + [name for points in self.points for name in points.row_names()]
 
-    def solve(self, guess: Array, lower: Array, upper: Array, p: Array) -> Solution:
+    def solve(
+        self, guess: Array, lower: Array, upper: Array, p: Array, shares: Array | float = 1.0
+    ) -> Solution:
         """From a guess, within the bounds of the variables, with parameters p.
 
+        ``shares``: of their bounds what the nonlinear rows may use, (rows,).
         Raises NotConverged with Ipopt's status and the last iterate.
         """
-        begin = perf_counter()
-        result = self._solver(
-            x0=guess, lbx=lower, ubx=upper, lbg=self._lower_rows, ubg=self._upper_rows, p=p
-        )
+        begin, linear = perf_counter(), len(self.linear.columns)
+        rows = [bounds.copy() for bounds in self.rows]
+        for bounds in rows:
+            bounds[linear:] *= shares
+        result = self._solver(x0=guess, lbx=lower, ubx=upper, lbg=rows[0], ubg=rows[1], p=p)
         stats = self._solver.stats()
         z = np.asarray(result["x"].full()).ravel()
         if not stats["success"]:

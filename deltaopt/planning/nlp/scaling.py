@@ -5,84 +5,129 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from deltaopt.limits.constraints import Constraints, SceneLimits
 from deltaopt.motion.trajectory import PiecewisePolynomial
-from deltaopt.scene.scene import Scene
+from deltaopt.scene.scene import Scene, limits_of
+from deltaopt.scene.task import EndState, distance
 
 Array = NDArray[np.float64]
-
-
-OPENING = 0.1**2
-"""Least sin² (q_{k,1} - q_{k,2}) on the way: six degrees from folded or stretched.
-
-A motion that touches the serial singularity may be faster (of random moves by up to 1 %), but
-task space cannot describe it: torque for a given acceleration grows without bound there.
-"""
-
 
 WHOLE = 1.0
 """Share of a limit that may be used all of it."""
 
 
-def margin_of_fold(opening_at_ends: float) -> float:
-    """Least sin² (q_{k,1} - q_{k,2}) on the way, from the least at its ends."""
-    return min(OPENING, opening_at_ends / 2)
+@dataclass(frozen=True)
+class Parameters:
+    """Parameters of a point function, by name, as symbols.
+
+    ``origin`` (3, m), ``length`` (m), ``time`` (s) and ``torque`` (3, N·m) are the units of scaled
+    variables; ``limits`` the numbers of the limits; ``mechanism`` those of the mechanism.
+    """
+
+    origin: ca.SX
+    length: ca.SX
+    time: ca.SX
+    torque: ca.SX
+    limits: ca.SX
+    mechanism: ca.SX
+
+    @classmethod
+    def symbols(cls, constraints: Constraints, mechanism: ca.SX) -> Parameters:
+        """Symbols for all but the mechanism's, which exist."""
+        return cls(
+            origin=ca.SX.sym("origin", 3),
+            length=ca.SX.sym("length"),
+            time=ca.SX.sym("time"),
+            torque=ca.SX.sym("torque", constraints.motors),
+            limits=constraints.numbers(),
+            mechanism=mechanism,
+        )
+
+    @property
+    def scaling(self) -> ca.SX:
+        """Those that ``Scaling.vector`` gives numbers for."""
+        return ca.vertcat(self.origin, self.length, self.time, self.torque, self.limits)
+
+    @property
+    def vector(self) -> ca.SX:
+        """All of them, in their order."""
+        return ca.vertcat(self.scaling, self.mechanism)
 
 
 @dataclass(frozen=True)
-class Scales:
-    """Magnitudes of a scene: its length D (m), a time (s), the drives' limits, and how far
-    its ends are from a fold (least sin² (q_{k,1} - q_{k,2})). ``torque_share`` and
-    ``speed_share``: of the limits that may be used, everywhere or by interval, (N, 1, 3)."""
+class Scaling:
+    """Units of a scene's scaled variables, and its limits.
+
+    Lengths are measured from the start in units of the distance from start to goal (m), time in
+    units of ``time`` (s), torques in units of the largest that the scene allows. ``share``: of each
+    limit what a motion may use, everywhere or by interval, (N, rows).
+    """
 
     scene: Scene
     time: float
-    opening_at_ends: float
-    torque_share: Array | float = WHOLE
-    speed_share: Array | float = WHOLE
+    share: Array | float = WHOLE
+
+    @cached_property
+    def limits(self) -> SceneLimits:
+        """The limits of the scene."""
+        return limits_of(self.scene)
 
     @property
+    def constraints(self) -> Constraints:
+        """The limits without their numbers."""
+        return self.limits.constraints
+
+    @cached_property
     def origin(self) -> Array:
-        return np.array(self.scene.start)
+        """Start of the motion, (3,), m."""
+        return np.array(self.scene.task.start.position)
 
     @cached_property
     def length(self) -> float:
-        return float(np.linalg.norm(np.array(self.scene.goal) - np.array(self.scene.start)))
+        """Distance from start to goal, m."""
+        return distance(self.scene.task)
 
-    @property
-    def goal(self) -> Array:
-        """The goal in these scales."""
-        return (np.array(self.scene.goal) - self.origin) / self.length
+    @cached_property
+    def torque(self) -> Array:
+        """The unit of torque: the largest that the scene allows each motor, (motors,), N·m."""
+        return self.limits.bounds()[1][self.constraints.is_control]
 
-    @property
+    @cached_property
     def at_start(self) -> Array:
         """X and V at the start, (6,)."""
-        return np.zeros(6)
+        return self._state(self.scene.task.start)
+
+    @cached_property
+    def at_goal(self) -> Array:
+        """X and V at the goal, (6,)."""
+        return self._state(self.scene.task.goal)
+
+    def _state(self, end: EndState) -> Array:
+        """An end at rest, in these units: a velocity would depend on the duration."""
+        position = (np.array(end.position) - self.origin) / self.length
+        return np.concatenate([position, np.zeros(3)])
 
     @property
-    def at_goal(self) -> tuple[Array, Array]:
-        """Bounds of X and V at the goal, (6,) each."""
-        state = np.concatenate([self.goal, np.zeros(3)])
-        return state, state
-
-    @property
-    def torques(self) -> Array:
-        return np.array(self.scene.torque_limits)
-
-    @property
-    def whole(self) -> Scales:
-        """Without shares."""
-        if self.torque_share is WHOLE and self.speed_share is WHOLE:
-            return self
-        return replace(self, torque_share=WHOLE, speed_share=WHOLE)
+    def whole(self) -> Scaling:
+        """With all of every limit."""
+        return self if self.share is WHOLE else replace(self, share=WHOLE)
 
     def shares(self, intervals: int) -> Array:
-        """Of the limits of torque and speed that may be used in each interval, (N, 6)."""
-        shares = np.empty((intervals, 2, 3))
-        shares[:, :1], shares[:, 1:] = self.torque_share, self.speed_share
-        return shares.reshape(intervals, 6)
+        """Of each limit what may be used in each interval, (N, rows)."""
+        return np.broadcast_to(self.share, (intervals, self.constraints.number))
+
+    def vector(self) -> Array:
+        """Numbers of ``Parameters.scaling``."""
+        units = [*self.origin, self.length, self.time, *self.torque]
+        return np.concatenate([units, self.limits.numbers])
+
+    def parameters(self, mechanism: Array) -> Array:
+        """Numbers of all parameters of a point function; ``mechanism``: the mechanism's."""
+        return np.concatenate([self.vector(), mechanism])
 
     def polynomial(self, h: Array, coefficients: Array, T: float) -> PiecewisePolynomial:
         """In m and s, from scaled coefficients on intervals of lengths h, (n,), in units of
@@ -93,14 +138,6 @@ class Scales:
         return PiecewisePolynomial(T * np.concatenate([[0.0], np.cumsum(h)]), coefficients)
 
     def states(self, position: PiecewisePolynomial, times: Array, T: float) -> Array:
-        """(X, V) of a motion (m, s) at times (s), V in units of D / T: (n, 6)."""
+        """(X, V) of a motion (m, s) at times (s), V in units of length / T: (n, 6)."""
         x, v = position.with_rate_at(times)
         return np.hstack([(x - self.origin) / self.length, v * (T / self.length)])
-
-    def vector(self) -> Array:
-        """x_start, D, time, torque limits, margin of the fold[, speed limits]: a program has one
-        for all intervals, so that the least share counts."""
-        scene = self.scene
-        speeds = (float(np.min(self.speed_share)) * speed for speed in scene.speed_limits or ())
-        limits = [*scene.torque_limits, margin_of_fold(self.opening_at_ends), *speeds]
-        return np.array([*scene.start, self.length, self.time, *limits])

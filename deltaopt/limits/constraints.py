@@ -1,0 +1,277 @@
+"""All limits of a scene together, as normalised constraint rows, and what follows from them.
+
+Nothing here knows which limits there are. Rows are in the order of the limits; every array with a
+last axis of rows is in that order, everywhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from deltaopt.errors import DeltaOptError
+from deltaopt.limits.limit import SX, Bounds, Described, Instant, Limit, Numbers
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.intp]
+Truths = NDArray[np.bool]
+
+_EXPONENTS = (0, 1, 2, 4)
+"""With which power of the speed a quantity may change: position, speed, torque or acceleration, and
+squares of the latter."""
+
+
+@dataclass(frozen=True)
+class Constraints:
+    """The limits of a scene without their numbers: each item's limit, and how many numbers it has.
+
+    Hashable: scenes that differ in numbers only share what is derived and compiled.
+    """
+
+    items: tuple[tuple[Limit, int], ...]
+    motors: int = 3
+
+    @property
+    def limits(self) -> tuple[Limit, ...]:
+        """The limit of each item, in the order of the rows."""
+        return tuple(limit for limit, _ in self.items)
+
+    @property
+    def parameters(self) -> int:
+        """How many numbers they need."""
+        return sum(size for _, size in self.items)
+
+    def numbers(self) -> SX:
+        """Symbols for the numbers of all items."""
+        return SX.sym("limits", self.parameters)
+
+    def rows(self, motion: Instant, numbers: SX) -> SX:
+        """All rows at an instant, normalised: lower bounds at -1, upper bounds at 1; (rows,)."""
+        parts = zip(self.limits, self._split(numbers), strict=True)
+        return ca.vertcat(*(limit.rows(motion, own) for limit, own in parts))
+
+    def measures(self, motion: Instant, numbers: SX) -> SX:
+        """What people read, item by item, each in its unit."""
+        parts = zip(self.limits, self._split(numbers), strict=True)
+        return ca.vertcat(*(limit.measure(motion, own) for limit, own in parts))
+
+    def normalised_measures(self, motion: Instant, numbers: SX) -> SX:
+        """The same over their bounds: lower bounds at -1, upper bounds at 1."""
+        parts = zip(self.limits, self._split(numbers), strict=True)
+        return ca.vertcat(
+            *(limit.bounds(own).normalised(limit.measure(motion, own)) for limit, own in parts)
+        )
+
+    def _split(self, numbers: SX) -> list[SX]:
+        ends = np.cumsum([0, *(size for _, size in self.items)]).tolist()
+        return [numbers[a:b] for a, b in zip(ends[:-1], ends[1:], strict=True)]
+
+    def item_of(self, row: int) -> tuple[int, int]:
+        """The item that a row belongs to, and which of its rows it is."""
+        item = next(i for i, rows in enumerate(self.slices) if row < rows.stop)
+        return item, row - self.slices[item].start
+
+    def label(self, row: int) -> str:
+        """A row in words: "torque of motor 2"."""
+        item, own = self.item_of(row)
+        limit, rows = self.limits[item], self.slices[item]
+        which = f" {own + 1}" if rows.stop - rows.start > 1 else ""
+        return f"{limit.name} of {limit.subject}{which}"
+
+    @cached_property
+    def slices(self) -> tuple[slice, ...]:
+        """Where the rows of each item are."""
+        any_motion, numbers = _AnyMotion(self.motors), self.numbers()
+        parts = zip(self.limits, self._split(numbers), strict=True)
+        ends = np.cumsum([0, *(limit.rows(any_motion, own).numel() for limit, own in parts)])
+        return tuple(
+            slice(a, b) for a, b in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True)
+        )
+
+    @property
+    def number(self) -> int:
+        """How many rows there are."""
+        return self.slices[-1].stop if self.slices else 0
+
+    @cached_property
+    def orders(self) -> Integers:
+        """The order of each row, (rows,)."""
+        return self._of_rows([limit.order for limit in self.limits], np.intp)
+
+    @cached_property
+    def sides(self) -> Truths:
+        """Whether a row has a lower and an upper bound, (rows, 2)."""
+        bounds = self._bounds
+        return np.stack(
+            [
+                self._of_rows([b.lower is not None for b in bounds], np.bool),
+                self._of_rows([b.upper is not None for b in bounds], np.bool),
+            ],
+            axis=1,
+        )
+
+    def size(self, rows: Array) -> Array:
+        """How near rows, (…, rows), are to the nearer of their bounds: 1 at a bound."""
+        lower, upper = self.sides.T
+        return np.maximum(np.where(upper, rows, -np.inf), np.where(lower, -rows, -np.inf))
+
+    @cached_property
+    def closed_sides(self) -> Truths:
+        """The same with sides that are out of reach closed, (rows, 2)."""
+        closed = self._of_rows([b.out_of_reach for b in self._bounds], np.bool)
+        return np.asarray(self.sides | closed[:, None])
+
+    @property
+    def _bounds(self) -> list[Bounds]:
+        parts = zip(self.limits, self._split(self.numbers()), strict=True)
+        return [limit.bounds(own) for limit, own in parts]
+
+    def _of_rows(self, of_items: Sequence[object], kind: type) -> NDArray[Any]:
+        """A value of each item, repeated for its rows."""
+        counts = [s.stop - s.start for s in self.slices]
+        return np.repeat(np.array(of_items, kind), counts)
+
+    @cached_property
+    def is_control(self) -> Truths:
+        """Rows that are a share of one motor's torque and of nothing else, (rows,)."""
+        motion, numbers = _AnyMotion(self.motors), self.numbers()
+        rows = self.rows(motion, numbers)
+        slope = ca.jacobian(rows, motion.everything)
+        by_torque = ca.jacobian(rows, motion.tau)
+        alone = np.array(
+            [slope[i, :].nnz() == by_torque[i, :].nnz() == 1 for i in range(self.number)]
+        )
+        linear = np.logical_not(np.array(ca.which_depends(rows, motion.tau, 2, True)))
+        return np.asarray(alone & linear, bool)
+
+    @cached_property
+    def slowing_exponents(self) -> Integers:
+        """How rows change when a motion is slowed, (rows,).
+
+        A motion k times as slow has rows r₀ + (r - r₀) / kⁿ, with r₀ those at rest at the same
+        place: n, found by trying; 0 where slowing changes nothing.
+        Raises DeltaOptError where no n fits.
+        """
+        motion, numbers = _AnyMotion(self.motors), self.numbers()
+        s = SX.sym("s")
+        rows = ca.substitute(self.rows(motion, numbers), motion.everything, motion.slowed(s))
+        f = ca.Function("slowed", [s, motion.seeds, numbers], [rows])
+        rng, found = np.random.default_rng(1), np.full(self.number, -1, np.intp)
+        x, p = rng.uniform(0.5, 1.5, motion.seeds.numel()), rng.uniform(0.5, 1.5, self.parameters)
+        still, whole, part = (np.array(f(s, x, p)).ravel() for s in (0.0, 1.0, 0.7))
+        for n in reversed(_EXPONENTS):
+            fits = np.isclose(part - still, 0.7**n * (whole - still), rtol=1e-9, atol=1e-12)
+            found[fits] = n
+        found[np.isclose(whole, still, rtol=0, atol=1e-12)] = 0
+        if (found < 0).any():
+            names = {
+                limit.name
+                for limit, s in zip(self.limits, self.slices, strict=True)
+                if (found[s] < 0).any()
+            }
+            raise DeltaOptError(f"slowing a motion changes {', '.join(names)} by no single power")
+        return found
+
+    def of_order(self, order: int) -> Integers:
+        """Indices of the rows of an order."""
+        return np.asarray(np.flatnonzero(self.orders == order))
+
+
+@dataclass(frozen=True)
+class SceneLimits:
+    """The limits of one scene: which there are, and their numbers, (constraints.size,)."""
+
+    constraints: Constraints
+    numbers: Array
+
+    @classmethod
+    def of(cls, limits: Sequence[Limit], scene: Described) -> SceneLimits:
+        """Those of these limits that exist in a scene."""
+        found: list[tuple[Limit, Numbers]] = [
+            (limit, numbers) for limit in limits for numbers in limit.items(scene)
+        ]
+        items = tuple((limit, len(numbers)) for limit, numbers in found)
+        values = np.array([value for _, numbers in found for value in numbers], dtype=float)
+        return cls(_shared(Constraints(items)), values)
+
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper bound of every measure in its unit, infinite where there is none."""
+        lower, upper = self._bounds
+        return np.array(lower, dtype=float), np.array(upper, dtype=float)
+
+    @property
+    def _bounds(self) -> tuple[list[float], list[float]]:
+        both: tuple[list[float], list[float]] = ([], [])
+        for (limit, _), rows, own in zip(
+            self.constraints.items, self.constraints.slices, self.of_items, strict=True
+        ):
+            bounds, count = limit.bounds(SX(ca.DM(own))), rows.stop - rows.start
+            for side, found, none in zip(
+                (bounds.lower, bounds.upper), both, (-np.inf, np.inf), strict=True
+            ):
+                values = [none] if side is None else np.array(ca.DM(side)).ravel().tolist()
+                found += values if len(values) == count else values * count
+        return both
+
+    @property
+    def of_items(self) -> list[Array]:
+        """The numbers of each item."""
+        ends = np.cumsum([size for _, size in self.constraints.items])[:-1]
+        return np.split(self.numbers, ends)
+
+
+_KNOWN: dict[Constraints, Constraints] = {}
+
+
+def _shared(constraints: Constraints) -> Constraints:
+    """One object for all that are equal, so that what is derived from it is derived once."""
+    return _KNOWN.setdefault(constraints, constraints)
+
+
+class _AnyMotion:
+    """An instant of which every quantity is a symbol of its own."""
+
+    def __init__(self, motors: int) -> None:
+        self.x, self.v, self.a = (SX.sym(name, 3) for name in ("x", "v", "a"))
+        self.q, self.dq, self.ddq = (SX.sym(name, 12) for name in ("q", "dq", "ddq"))
+        self.theta, self.dtheta, self.ddtheta, self.tau, self.alignment, self._holding = (
+            SX.sym(name, motors)
+            for name in ("theta", "dtheta", "ddtheta", "tau", "alignment", "holding")
+        )
+
+    @property
+    def everything(self) -> SX:
+        """All quantities."""
+        return ca.vertcat(*self._positions, *self._rates, *self._second, self.tau)
+
+    @property
+    def seeds(self) -> SX:
+        """All quantities, and the torques that hold the robot at rest."""
+        return ca.vertcat(self.everything, self._holding)
+
+    def slowed(self, s: SX) -> SX:
+        """All quantities of the motion at s times its speed."""
+        return ca.vertcat(
+            *self._positions,
+            *(s * rate for rate in self._rates),
+            *(s**2 * rate for rate in self._second),
+            self._holding + s**2 * (self.tau - self._holding),
+        )
+
+    @property
+    def _positions(self) -> list[SX]:
+        return [self.x, self.q, self.theta, self.alignment]
+
+    @property
+    def _rates(self) -> list[SX]:
+        return [self.v, self.dq, self.dtheta]
+
+    @property
+    def _second(self) -> list[SX]:
+        return [self.a, self.ddq, self.ddtheta]

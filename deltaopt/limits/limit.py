@@ -1,0 +1,212 @@
+"""What a limit is: a quantity of the motion at an instant, and its bounds.
+
+A limit is one file of this folder. It says how its quantity follows from the motion and where its
+numbers stand in robot and scene; derivatives, normalisation, safe slowing, charts and verification
+follow from that and are written once, elsewhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import casadi as ca
+
+from deltaopt.errors import SceneError
+from deltaopt.files.validated_record import PerMotor, Vector3, per_motor
+from deltaopt.robot.robot import Robot
+
+SX = ca.SX
+Numbers = tuple[float, ...]
+"""The numbers of one item of a limit, in the order of its parameters."""
+
+
+class Instant(Protocol):
+    """A motion at one instant, as CasADi expressions of one model.
+
+    The platform's position ``x``, velocity ``v`` and acceleration ``a`` (3; m, m/s, m/s²); all
+    coordinates ``q`` (12; m and rad), their rates ``dq`` and ``ddq``; motor angles ``theta`` (rad)
+    and their rates ``dtheta`` and ``ddtheta``; motor torques ``tau`` (N·m), one for each motor;
+    ``alignment``, sin² (q_{k,1} - q_{k,2}) of each chain, 0 in its serial singularity.
+    """
+
+    @property
+    def x(self) -> SX: ...
+    @property
+    def v(self) -> SX: ...
+    @property
+    def a(self) -> SX: ...
+    @property
+    def q(self) -> SX: ...
+    @property
+    def dq(self) -> SX: ...
+    @property
+    def ddq(self) -> SX: ...
+    @property
+    def theta(self) -> SX: ...
+    @property
+    def dtheta(self) -> SX: ...
+    @property
+    def ddtheta(self) -> SX: ...
+    @property
+    def tau(self) -> SX: ...
+    @property
+    def alignment(self) -> SX: ...
+
+
+class Described(Protocol):
+    """What a limit may read of a scene: robot, payload (kg), ends (m), and its own key."""
+
+    @property
+    def robot(self) -> Robot: ...
+    @property
+    def payload(self) -> float | None: ...
+    @property
+    def start(self) -> Vector3: ...
+    @property
+    def goal(self) -> Vector3: ...
+
+    def given(self, key: str) -> Any:
+        """What the scene says under ``limits`` and this key; None if nothing."""
+        ...
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Lower and upper bound of a quantity, None where there is none, and its natural ``scale``.
+
+    Two bounds are symmetric, ±``scale``.
+
+    ``out_of_reach``: of a quantity with one bound, whether it can never be two scales beyond it, as
+    a squared sine cannot. A method that prefers rows with two sides may then close the other one.
+    """
+
+    lower: SX | None
+    upper: SX | None
+    scale: SX
+    out_of_reach: bool = False
+
+    @classmethod
+    def symmetric(cls, limit: SX) -> Bounds:
+        """-limit ≤ quantity ≤ limit."""
+        return cls(-limit, limit, limit)
+
+    @classmethod
+    def at_most(cls, limit: SX, *, out_of_reach: bool = False) -> Bounds:
+        """quantity ≤ limit, a limit greater than 0."""
+        return cls(None, limit, limit, out_of_reach)
+
+    @classmethod
+    def at_least(cls, limit: SX, scale: float, *, out_of_reach: bool = False) -> Bounds:
+        """quantity ≥ limit, which may be 0."""
+        return cls(limit, None, SX(scale), out_of_reach)
+
+    def normalised(self, quantity: SX) -> SX:
+        """The quantity with its lower bound at -1 and its upper bound at 1."""
+        if self.lower is not None and self.upper is not None:
+            return quantity / self.scale
+        if self.upper is not None:
+            return 1 + (quantity - self.upper) / self.scale
+        return -1 + (quantity - self.lower) / self.scale
+
+
+@dataclass(frozen=True)
+class Key:
+    """A key under ``limits`` in a scene file: its name, its type for pydantic, what is expected."""
+
+    name: str
+    type: Any
+    expected: str
+
+
+class Limit(Protocol):
+    """A limit: stateless, so that scenes with the same limits share compiled code.
+
+    ``name`` and ``unit``: of its quantity. ``subject``: what has one each, such as a motor.
+    ``order``: the highest derivative of position that the quantity depends on, 0 for positions to 2
+    for accelerations and torques. ``key``: where a scene gives it, None if it cannot. ``promised``:
+    whether a verified motion keeps it; otherwise it is a margin that the planner keeps for its own
+    sake.
+    """
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def unit(self) -> str: ...
+    @property
+    def subject(self) -> str: ...
+    @property
+    def order(self) -> int: ...
+    @property
+    def key(self) -> Key | None: ...
+    @property
+    def promised(self) -> bool: ...
+
+    def __hash__(self) -> int: ...
+
+    def items(self, scene: Described) -> Sequence[Numbers]:
+        """The numbers of each of its items in a scene, none where the limit does not exist.
+
+        Raises SceneError where the scene contradicts the robot.
+        """
+        ...
+
+    def bounds(self, numbers: SX) -> Bounds:
+        """Of ``measure``."""
+        ...
+
+    def measure(self, motion: Instant, numbers: SX) -> SX:
+        """The quantity as people read it, in ``unit``."""
+        ...
+
+    def rows(self, motion: Instant, numbers: SX) -> SX:
+        """The same as smooth rows, normalised: lower bounds at -1, upper bounds at 1."""
+        ...
+
+
+class MotorLimit:
+    """A limit of each motor, given by the drive and tightened by a scene."""
+
+    name: str
+    unit: str
+    order: int
+    key: Key
+    subject = "motor"
+    promised = True
+
+    def __eq__(self, other: object) -> bool:
+        return type(other) is type(self)
+
+    def __hash__(self) -> int:
+        return hash(type(self))
+
+    def of_drive(self, robot: Robot) -> Vector3 | None:
+        """What the robot's drives give; None if that is unlimited."""
+        raise NotImplementedError
+
+    def measure(self, motion: Instant, numbers: SX) -> SX:
+        """One quantity for each motor."""
+        raise NotImplementedError
+
+    def items(self, scene: Described) -> Sequence[Numbers]:
+        drive, given = self.of_drive(scene.robot), scene.given(self.key.name)
+        if given is None:
+            return [] if drive is None else [drive]
+        if drive is not None:
+            require_tighter(self, drive, given)
+        return [per_motor(given)]
+
+    def bounds(self, numbers: SX) -> Bounds:
+        return Bounds.symmetric(numbers)
+
+    def rows(self, motion: Instant, numbers: SX) -> SX:
+        return self.bounds(numbers).normalised(self.measure(motion, numbers))
+
+
+def require_tighter(limit: MotorLimit, drive: Vector3, given: PerMotor) -> None:
+    """Raise a SceneError where a scene allows more than the drive gives."""
+    if any(ours > its for ours, its in zip(per_motor(given), drive, strict=True)):
+        most = f"{drive[0]:g}" if len(set(drive)) == 1 else ", ".join(f"{d:g}" for d in drive)
+        expected = f"at most what the drive gives, {most} {limit.unit}"
+        raise SceneError(None, f"limits.{limit.key.name}", given, expected)

@@ -1,0 +1,20 @@
+"""|θ̇_k| ≤ ω_max: how fast motor and gear turn the arm."""
+
+from __future__ import annotations
+
+from deltaopt.files.validated_record import PerMotor, Vector3
+from deltaopt.limits.limit import SX, Instant, Key, MotorLimit
+from deltaopt.robot.robot import Robot
+
+
+class Speed(MotorLimit):
+    """Largest angular speed of each arm, rad/s."""
+
+    name, unit, order = "speed", "rad/s", 1
+    key = Key("speed", PerMotor, "one angular speed in rad/s, greater than 0, or three")
+
+    def of_drive(self, robot: Robot) -> Vector3 | None:
+        return robot.speed_limits
+
+    def measure(self, motion: Instant, numbers: SX) -> SX:
+        return motion.dtheta

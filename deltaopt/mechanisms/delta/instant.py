@@ -1,0 +1,144 @@
+"""A motion of the Delta at one instant: every quantity that a limit may ask for, as expressions.
+
+Three ways to the same quantities, derived only when asked for: from the platform's motion by eq.
+(39) without angles where the bars allow it, from the platform's motion by the general derivation in
+twelve coordinates, and from the twelve coordinates themselves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+
+from deltaopt.dynamics.mechanism import SX
+from deltaopt.mechanisms.delta.functions import DeltaFunctions
+
+
+@dataclass(frozen=True, eq=False)
+class PlatformInstant:
+    """From the platform's motion ``x``, ``v``, ``a`` (3; m, m/s, m/s²) and the parameters ``p``.
+
+    ``given_torque``: the motor torques (3, N·m), where these are variables of their own; otherwise
+    they follow from the motion by eq. (39).
+    """
+
+    functions: DeltaFunctions
+    x: SX
+    v: SX
+    a: SX
+    p: SX
+    given_torque: SX | None = None
+
+    @cached_property
+    def tau(self) -> SX:
+        """Motor torques, 3, N·m."""
+        if self.given_torque is not None:
+            return self.given_torque
+        return self.functions.explicit_torques(self.x, self.v, self.a, self.p)
+
+    @property
+    def force(self) -> SX:
+        """Cᵀ (Q* + Q) of eq. (39), 3, N: zero where the torques move the platform so."""
+        return self._equations[0]
+
+    @property
+    def alignment(self) -> SX:
+        """sin² (q_{k,1} - q_{k,2}), 3."""
+        return self._equations[1]
+
+    @property
+    def dtheta(self) -> SX:
+        """Speeds of the arms, 3, rad/s."""
+        return self._equations[2]
+
+    @property
+    def ddtheta(self) -> SX:
+        """Accelerations of the arms, 3, rad/s²."""
+        return self._equations[3]
+
+    @property
+    def theta(self) -> SX:
+        """Angles of the arms, 3, rad."""
+        return self.q[3::3]
+
+    @property
+    def q(self) -> SX:
+        """All coordinates, 12, m and rad."""
+        return self._coordinates[0]
+
+    @property
+    def dq(self) -> SX:
+        """Their rates, 12, m/s and rad/s."""
+        return self._coordinates[1]
+
+    @property
+    def ddq(self) -> SX:
+        """Their second derivatives, 12, m/s² and rad/s²."""
+        return self._coordinates[2]
+
+    @cached_property
+    def _coordinates(self) -> tuple[SX, SX, SX]:
+        q, dq, ddq = self.functions.motion(self.x, self.v, self.a, self.p)
+        return q, dq, ddq
+
+    @cached_property
+    def _equations(self) -> tuple[SX, SX, SX, SX]:
+        torque = SX.zeros(3) if self.given_torque is None else self.given_torque
+        force, alignment, dtheta, ddtheta = self.functions.explicit_equations(
+            self.x, self.v, self.a, torque, self.p
+        )
+        return force, alignment, dtheta, ddtheta
+
+
+@dataclass(frozen=True, eq=False)
+class CoordinateInstant:
+    """From all twelve coordinates ``q``, their rates ``dq``, ``ddq``, and the torques ``tau``."""
+
+    q: SX
+    dq: SX
+    ddq: SX
+    tau: SX
+
+    @classmethod
+    def general(cls, functions: DeltaFunctions, x: SX, v: SX, a: SX, p: SX) -> CoordinateInstant:
+        """Of the platform's motion, all by the general derivation in twelve coordinates."""
+        torque, _ = functions.inverse_dynamics.expand()(x, v, a, p)
+        q, dq, ddq = functions.motion(x, v, a, p)
+        return cls(q, dq, ddq, torque)
+
+    @property
+    def x(self) -> SX:
+        """Position of the platform, 3, m."""
+        return self.q[:3]
+
+    @property
+    def v(self) -> SX:
+        """Velocity of the platform, 3, m/s."""
+        return self.dq[:3]
+
+    @property
+    def a(self) -> SX:
+        """Acceleration of the platform, 3, m/s²."""
+        return self.ddq[:3]
+
+    @property
+    def theta(self) -> SX:
+        """Angles of the arms, 3, rad."""
+        return self.q[3::3]
+
+    @property
+    def dtheta(self) -> SX:
+        """Speeds of the arms, 3, rad/s."""
+        return self.dq[3::3]
+
+    @property
+    def ddtheta(self) -> SX:
+        """Accelerations of the arms, 3, rad/s²."""
+        return self.ddq[3::3]
+
+    @property
+    def alignment(self) -> SX:
+        """sin² (q_{k,1} - q_{k,2}), 3."""
+        return ca.sin(self.q[3::3] - self.q[4::3]) ** 2

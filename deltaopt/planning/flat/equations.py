@@ -1,0 +1,89 @@
+"""The equations of the flat problem at one point of a motion, in scaled variables."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from deltaopt.limits.constraints import Constraints
+from deltaopt.mechanisms.delta.functions import DeltaFunctions
+from deltaopt.mechanisms.delta.instant import PlatformInstant
+from deltaopt.planning.nlp.program import PointFunction
+from deltaopt.planning.nlp.scaling import Parameters
+
+Integers = NDArray[np.intp]
+
+
+@dataclass(frozen=True, eq=False)
+class PointEquations:
+    """Equations of motion and constraint rows at a point, each of the order of one.
+
+    ``y``: position from the start, velocity and acceleration in units of the scene's length and of
+    the duration (X, V, A; 3 each), torques in units of their limits (3), the duration in units of
+    the scene's time; 13. ``force``: eq. (39) in units of the largest torque at the elbow, 3, zero
+    where the torques move the platform so. ``rows``: those of the limits, normalised. ``rate``: of
+    the effort, τᵀτ, N²m².
+    """
+
+    constraints: Constraints
+    y: ca.SX
+    parameters: Parameters
+    force: ca.SX
+    rows: ca.SX
+    rate: ca.SX
+
+    @classmethod
+    def of(cls, functions: DeltaFunctions, constraints: Constraints) -> PointEquations:
+        """For a mechanism and the limits of a scene."""
+        terms = functions.terms.symbols()
+        parameters = Parameters.symbols(constraints, terms.vector())
+        y, p = ca.SX.sym("y", 13), parameters
+        T, tau = p.time * y[12], p.torque * y[9:12]
+        motion = PlatformInstant(
+            functions,
+            p.origin + p.length * y[:3],
+            p.length * y[3:6] / T,
+            p.length * y[6:9] / T**2,
+            p.mechanism,
+            tau,
+        )
+        rows = constraints.rows(motion, p.limits)
+        rows[np.flatnonzero(constraints.is_control).tolist()] = y[9:12]  # that is their unit
+        return cls(
+            constraints=constraints,
+            y=y,
+            parameters=parameters,
+            force=motion.force * 2 * terms.a2 / ca.mmax(p.torque),
+            rows=rows,
+            rate=ca.sumsqr(tau),
+        )
+
+    @property
+    def of_motion(self) -> Integers:
+        """Indices of the rows that are no bounds on one torque, (others,)."""
+        return np.asarray(np.flatnonzero(~self.constraints.is_control))
+
+    @cached_property
+    def point_function(self) -> PointFunction:
+        """(y, p) -> eq. (39), 3, then the rows that are no bounds on one torque."""
+        rows = ca.vertcat(self.force, self.rows[self.of_motion.tolist()])
+        return PointFunction(
+            "motion", ca.Function("motion", [self.y, self.parameters.vector], [rows])
+        )
+
+    @cached_property
+    def running_cost(self) -> PointFunction:
+        """(y and h, p) -> h τᵀτ: the effort over a time h in the scene's time."""
+        h = ca.SX.sym("h")
+        inputs = [ca.vertcat(self.y, h), self.parameters.vector]
+        return PointFunction("running cost", ca.Function("running", inputs, [h * self.rate]))
+
+
+@lru_cache(maxsize=16)
+def point_equations(functions: DeltaFunctions, constraints: Constraints) -> PointEquations:
+    """Those of a mechanism and limits, derived once in a process."""
+    return PointEquations.of(functions, constraints)
