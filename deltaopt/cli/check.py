@@ -1,8 +1,9 @@
 """Check a scene and say what of it will be modelled, and what not.
 
 Reads the scene and its robot, makes sure that the platform can be at both ends and that the
-motors can hold it there, and shows the baseline: the straight line, as fast as the limits
-allow.
+motors can hold it there, lists the limits that hold, and shows the baseline: the straight line
+driven by a quintic law (10 u³ - 15 u⁴ + 6 u⁵ of the way), slowed until it keeps the limits. Timed
+optimally the same line takes much less: `python -m studies line` in a clone says how much.
 
 Exit code: 0 the scene can be planned; 1 it has no solution; 2 bad input.
 """
@@ -12,19 +13,23 @@ from __future__ import annotations
 import argparse
 
 import numpy as np
+from numpy.typing import NDArray
 
 from deltaopt.cli.arguments import add_scene
 from deltaopt.codegen.compile import describe
 from deltaopt.errors import DeltaOptError, in_words
-from deltaopt.files.validated_record import Vector3
 from deltaopt.mechanisms.delta.mechanism import DeltaParameters
 from deltaopt.planning.initial_motion import baseline
 from deltaopt.robot.model import DeltaModel
 from deltaopt.scene.feasibility import check_feasible
-from deltaopt.scene.scene import Scene, load_scene
+from deltaopt.scene.scene import Scene, limits_of, load_scene
+from deltaopt.scene.task import distance
+
+Array = NDArray[np.float64]
 
 HELP = "check a scene and say what will be modelled"
 
+_ORDERS = ("position", "velocity", "acceleration or torque")
 _NEVER = "friction, motor and gear inertia, elasticity, play"
 
 
@@ -37,19 +42,19 @@ def run(arguments: argparse.Namespace) -> int:
     check_feasible(scene)
     for name, text in _description(scene):
         print(f"{name:<13}{text}")
+    print(f"\n{limits_table(scene)}")
     return 0
 
 
 def _description(scene: Scene) -> list[tuple[str, str]]:
     """Name and text of each line."""
-    model = DeltaModel(scene.robot, scene.payload)
+    model, task = DeltaModel(scene.robot, scene.payload), scene.task
     mechanism, parameters = model.functions.mechanism, model.numbers
     coordinates, constraints = mechanism.q.numel(), mechanism.mu.numel()
-    distance = np.linalg.norm(np.subtract(scene.goal, scene.start))
+    start, goal = in_words(task.start.position), in_words(task.goal.position)
     return [
         ("robot", scene.robot.name),
-        ("motion", f"{in_words(scene.start)} to {in_words(scene.goal)} m, {distance:.4g} m apart"),
-        ("", "at rest at both ends, where the motors can hold it; path free"),
+        ("task", f"{task.description}: {start} to {goal} m, {distance(task):.4g} m apart"),
         ("objective", str(scene.objective)),
         ("coordinates", f"{coordinates}: x, y, z of the platform, three angles of each chain"),
         ("constraints", f"{constraints}: loop closure, eq. (50)-(52)"),
@@ -57,12 +62,41 @@ def _description(scene: Scene) -> list[tuple[str, str]]:
         ("bodies", f"{len(mechanism.bodies)}: {_masses(parameters)}"),
         ("inertia", _inertias(parameters)),
         ("gravity", "none" if parameters.g is None else f"{parameters.g:g} m/s² downward (+x)"),
-        ("torque", _limit(scene.torque_limits, "N·m")),
-        ("speed", _limit(scene.speed_limits, "rad/s")),
         ("machine code", describe()),
         ("left out", ", ".join([*_absent(parameters), _NEVER])),
         ("baseline", _baseline(scene)),
     ]
+
+
+def limits_table(scene: Scene) -> str:
+    """The limits that hold in a scene, one a line: unit, bounds, order, whether slowing helps."""
+    limits = limits_of(scene)
+    constraints, (lower, upper) = limits.constraints, limits.bounds()
+    rows = [("limit", "of each", "unit", "bound", "order", "slowing helps", "")]
+    for limit, own in zip(constraints.limits, constraints.slices, strict=True):
+        rows.append(
+            (
+                limit.name,
+                limit.subject,
+                limit.unit,
+                _bounds(lower[own], upper[own]),
+                f"{limit.order} ({_ORDERS[limit.order]})",
+                "yes" if constraints.slowing_exponents[own].any() else "no",
+                "" if limit.promised else "a margin of the planner's, not verified",
+            )
+        )
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    lines = ("  ".join(f"{cell:<{w}}" for cell, w in zip(row, widths, strict=True)) for row in rows)
+    return "\n".join(line.rstrip() for line in lines)
+
+
+def _bounds(lower: Array, upper: Array) -> str:
+    """In words: ± 10, at most 5, at least 0.01; one for each where they differ."""
+    size = [f"{value:g}" for value in dict.fromkeys(np.where(np.isfinite(upper), upper, lower))]
+    each = ", ".join(size)
+    if np.isfinite(lower).all() and np.isfinite(upper).all():
+        return f"± {each}"
+    return f"at most {each}" if np.isfinite(upper).all() else f"at least {each}"
 
 
 def _masses(p: DeltaParameters) -> str:
@@ -83,15 +117,8 @@ def _absent(p: DeltaParameters) -> list[str]:
     return [name for name, value in terms.items() if value is None]
 
 
-def _limit(limits: Vector3 | None, unit: str) -> str:
-    if limits is None:
-        return "no limit"
-    each = f"{limits[0]:g}" if len(set(limits)) == 1 else in_words(limits)
-    return f"at most {each} {unit}"
-
-
 def _baseline(scene: Scene) -> str:
     try:
-        return f"straight line in {baseline(scene).duration:.6f} s"
+        return f"straight line by a quintic law in {baseline(scene).duration:.6f} s"
     except DeltaOptError as error:
         return f"none: {error}"

@@ -17,7 +17,7 @@ import argparse
 import numpy as np
 
 from deltaopt.cli.arguments import add_output, add_scene, output_directory, positive
-from deltaopt.motion.time_scaling import torque_excess
+from deltaopt.motion.limit_curves import limit_curves
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.plan_files import write_csv
 from deltaopt.planning.initial_motion import straight_line
@@ -49,7 +49,7 @@ def run(arguments: argparse.Namespace) -> int:
     model = DeltaModel(scene.robot, scene.payload)
     trajectory = straight_line(model, scene.start, scene.goal, arguments.duration)
     print(_table(trajectory))
-    print(_against_limit(scene, trajectory))
+    print(_against_limits(scene, trajectory))
     files = [directory / name for name in ("inverse.csv", "motion.png", "torques.png")]
     write_csv(files[0], trajectory)
     draw_motion(files[1], trajectory)
@@ -69,10 +69,17 @@ def _table(trajectory: Trajectory) -> str:
     return "\n".join(lines)
 
 
-def _against_limit(scene: Scene, trajectory: Trajectory) -> str:
-    excess = torque_excess(scene, trajectory)
-    limit = scene.torque_limits[excess.motor - 1]
-    return (
-        f"closest to its limit: motor {excess.motor}, {1 + excess.value:.1%} of {limit:g} N·m "
-        f"at t = {excess.t:.4f} s"
-    )
+def _against_limits(scene: Scene, trajectory: Trajectory) -> str:
+    """How near the motion comes to each limit, and when, one a line."""
+    steps = np.linspace(0.0, 1.0, 2001)
+    lines = []
+    for curves in limit_curves(scene, trajectory, steps):
+        share = curves.of_bounds
+        instant, row = np.unravel_index(int(np.nanargmax(share)), share.shape)
+        which = f" of {curves.limit.subject} {row + 1}" if share.shape[1] > 1 else ""
+        lines.append(
+            f"closest to its limit: {curves.limit.name}{which}, {share[instant, row]:.1%} of "
+            f"{curves.upper[row]:g} {curves.limit.unit} at "
+            f"t = {steps[instant] * trajectory.duration:.4f} s"
+        )
+    return "\n".join(lines)

@@ -40,7 +40,7 @@ from deltaopt.planning.formulations.loop_closure import (
 )
 from deltaopt.planning.initial_motion import baseline
 from deltaopt.planning.multistart import Optimum
-from deltaopt.planning.nlp.problem import Pose
+from deltaopt.planning.nlp.problem import InteriorPoint, Ipopt, ProblemFormulation, Solver
 from deltaopt.planning.nlp.transcription import TRANSCRIPTIONS
 from deltaopt.planning.planner import Plan, Planner, plan
 from deltaopt.scene.feasibility import check_feasible
@@ -48,7 +48,7 @@ from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene, load_scene
 from deltaopt.verify.verification import Check, Verification, verify
 
-FORMULATIONS: dict[str, Callable[[LoopClosure], Pose]] = {
+FORMULATIONS: dict[str, Callable[[LoopClosure], ProblemFormulation]] = {
     "flat": lambda closure: Flat(),
     "explicit": lambda closure: Redundant(Explicit(), closure),
     "multiplier": lambda closure: Redundant(Multiplier(), closure),
@@ -60,6 +60,7 @@ CLOSURES: dict[str, LoopClosure] = {
     "baumgarte": Baumgarte(),
     "acceleration": AccelerationLevel(),
 }
+SOLVERS: dict[str, Solver] = {each.name: each for each in (InteriorPoint(), Ipopt())}
 HELP = "find the best motion of a scene, the fastest as a rule, and verify it"
 
 
@@ -69,7 +70,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--baseline",
         action="store_true",
-        help="no optimisation: the straight line, as fast as the limits allow",
+        help="no optimisation: the straight line by a quintic law, slowed until it keeps the "
+        "limits (timed optimally the same line takes much less)",
     )
     parser.add_argument(
         "--tolerance",
@@ -91,6 +93,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         choices=FORMULATIONS,
         default="flat",
         help="coordinates and dynamics of the optimisation (default: flat)",
+    )
+    parser.add_argument(
+        "--solver",
+        choices=SOLVERS,
+        help="interior-point: deltaopt's own, in compiled C, for the flat formulation; ipopt: for "
+        "all (default: the first that the formulation has)",
     )
     parser.add_argument(
         "--closure",
@@ -121,10 +129,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
+    formulation = FORMULATIONS[arguments.formulation](CLOSURES[arguments.closure])
+    possible = [solver.name for solver in (each() for each in formulation.solvers)]
+    if arguments.solver and arguments.solver not in possible:
+        print(
+            f"deltaopt plan: --solver is {arguments.solver}; with --formulation "
+            f"{arguments.formulation} it may be {' or '.join(possible)}",
+            file=sys.stderr,
+        )
+        return 2
     scene = load_scene(arguments.scene)
     check_feasible(scene)
     directory = output_directory(arguments)
-    trajectory, solution = _solve(scene, arguments)
+    trajectory, solution = _solve(scene, formulation, arguments)
     verification = verify(scene, trajectory)
     print(table(verification))
     files = save(directory, scene, trajectory, verification, solution, arguments.rate)
@@ -134,15 +151,18 @@ def run(arguments: argparse.Namespace) -> int:
     return 0 if verification.ok else 1
 
 
-def _solve(scene: Scene, arguments: argparse.Namespace) -> tuple[Trajectory, Solution]:
+def _solve(
+    scene: Scene, formulation: ProblemFormulation, arguments: argparse.Namespace
+) -> tuple[Trajectory, Solution]:
     if arguments.baseline:
         return baseline(scene), StraightLine()
     found = plan(
         scene,
         tolerance=arguments.tolerance,
         intervals=arguments.intervals,
-        formulation=FORMULATIONS[arguments.formulation](CLOSURES[arguments.closure]),
+        formulation=formulation,
         transcription=TRANSCRIPTIONS.get(arguments.transcription),
+        solver=SOLVERS.get(arguments.solver),
         starts=arguments.starts,
         seed=arguments.seed,
         progress=lambda text: print(text, file=sys.stderr, flush=True),

@@ -1,4 +1,4 @@
-"""A plan on one page: torques against their limits, motor speeds, and the path.
+"""A plan on one page: what it asks of every limit, and the path.
 
 Where the motion meets Pontryagin's condition, below them: what each motor's torque is worth,
 and how constant the Hamiltonian is.
@@ -13,13 +13,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from deltaopt.files.validated_record import Vector3
+from deltaopt.motion.limit_curves import LimitCurves, limit_curves
 from deltaopt.motion.trajectory import Array, Trajectory
 from deltaopt.plots.style import COLOURS, GREY, figure, motor_curves, without_box
 from deltaopt.scene.scene import Scene
 from deltaopt.verify.pontryagin import Extremal
 
 _TICKS = 10  # along the path, at equal times
+_LIMIT = "limit"
 _SAMPLES = 2000  # over all intervals
 
 
@@ -28,21 +29,23 @@ def draw(
 ) -> None:
     """Draw a motion that solves a scene, and its switching functions if they are given."""
     steps = max(2, _SAMPLES // (len(trajectory.knots) - 1))
-    motion = trajectory.inside_intervals(np.linspace(0, 1, steps))  # both sides of each knot
+    inside = np.linspace(0, 1, steps)  # both sides of each knot
+    motion = trajectory.inside_intervals(inside)
+    curves = list(limit_curves(scene, trajectory, inside))
     begin, end = trajectory.knots[[0, -1]]
     ticks = trajectory(np.linspace(begin, end, _TICKS + 1)[1:-1]).x
-    rows = 2 if extremal is None else 3
+    panels = max(2, len(curves))
+    rows = panels + (extremal is not None)
     with figure(file, 7.0, 2.05 * rows) as page:
         grid = page.add_gridspec(rows, 2, width_ratios=[1.7, 1])
-        torques = page.add_subplot(grid[0, 0])
-        torques.set_ylabel(r"torque $\tau_k$ (N·m)")
-        motor_curves(torques, motion.t, motion.tau)
-        _limit_lines(torques, scene.robot.torque_limits)
-        speeds = page.add_subplot(grid[1, 0], sharex=torques)
-        speeds.set_ylabel(r"motor speed $\dot\theta_k$ (rad/s)")
-        speeds.set_xlabel(r"time $t$ (s)")
-        motor_curves(speeds, motion.t, motion.dtheta)
-        _limit_lines(speeds, scene.robot.speed_limits)
+        left = [page.add_subplot(grid[0, 0])]
+        left += [page.add_subplot(grid[i, 0], sharex=left[0]) for i in range(1, panels)]
+        for axes, each in zip(left, curves, strict=False):
+            _limit(axes, motion.t, each)
+        if len(curves) < panels:  # there is room to show how fast the motors turn
+            left[-1].set_ylabel(r"motor speed $\dot\theta_k$ (rad/s)")
+            motor_curves(left[-1], motion.t, motion.dtheta)
+        left[-1].set_xlabel(r"time $t$ (s)")
         side = page.add_subplot(grid[0, 1])
         side.set_ylabel("$x$ (mm), down")
         _path(side, scene, motion.x, ticks, along=0)
@@ -51,10 +54,22 @@ def draw(
         above.set_ylabel("$z$ (mm)")
         _path(above, scene, motion.x, ticks, along=2)
         if extremal is not None:
-            switching = page.add_subplot(grid[2, 0], sharex=torques)
+            switching = page.add_subplot(grid[panels, 0], sharex=left[0])
             _switching(switching, extremal)
-            _hamiltonian(page.add_subplot(grid[2, 1]), extremal)
-        _legend(page, torques, side)
+            _hamiltonian(page.add_subplot(grid[panels, 1]), extremal)
+        _legend(page, left[0], side)
+
+
+def _limit(axes: Axes, t: Array, curves: LimitCurves) -> None:
+    """A limit's quantity over time between its bounds."""
+    axes.set_ylabel(f"{curves.limit.name} ({curves.limit.unit})")
+    if curves.values.shape[1] == len(COLOURS):
+        motor_curves(axes, t, curves.values)
+    else:
+        axes.plot(t, curves.values, "-", color="black")
+        without_box(axes)
+    _limit_lines(axes, curves.lower)
+    _limit_lines(axes, curves.upper)
 
 
 def _switching(axes: Axes, extremal: Extremal) -> None:
@@ -82,15 +97,14 @@ def _hamiltonian(axes: Axes, extremal: Extremal) -> None:
     without_box(axes)
 
 
-def _limit_lines(axes: Axes, limits: Vector3 | None) -> None:
-    """Limits of both signs: black where the motors share them, else in each motor's colour."""
-    if limits is None:
-        return
-    colours = ("black",) if len(set(limits)) == 1 else COLOURS
+def _limit_lines(axes: Axes, bounds: Array) -> None:
+    """Bounds: black where the motors share them, else in each motor's colour."""
+    shared = len(set(bounds.tolist())) == 1
     style: dict[str, Any] = {"linewidth": 0.9, "linestyle": (0, (1, 1)), "zorder": 1}
-    for colour, limit in zip(colours, limits, strict=False):
-        axes.axhline(-limit, color=colour, **style)
-        axes.axhline(limit, color=colour, **style, label="limit" if colour is colours[0] else "")
+    for colour, bound in zip(("black",) if shared else COLOURS, bounds.tolist(), strict=False):
+        if np.isfinite(bound):
+            named = any(line.get_label() == _LIMIT for line in axes.get_lines())
+            axes.axhline(bound, color=colour, label="" if named else _LIMIT, **style)
 
 
 def _path(axes: Axes, scene: Scene, path: Array, ticks: Array, *, along: int) -> None:
