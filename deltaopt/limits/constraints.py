@@ -205,6 +205,11 @@ class SceneLimits:
         lower, upper = self._bounds
         return np.array(lower, dtype=float), np.array(upper, dtype=float)
 
+    def upper(self, name: str) -> Array | None:
+        """The upper bounds of a limit, by its name; None where it does not exist."""
+        parts = zip(self.constraints.limits, self.constraints.slices, strict=True)
+        return next((self.bounds()[1][rows] for limit, rows in parts if limit.name == name), None)
+
     @property
     def _bounds(self) -> tuple[list[float], list[float]]:
         both: tuple[list[float], list[float]] = ([], [])

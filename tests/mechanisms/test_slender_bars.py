@@ -62,16 +62,16 @@ def test_force_and_speeds(name):
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_openings(name):
+def test_alignments(name):
     """The margin that a planner keeps is sin² (q_{k,1} - q_{k,2})."""
     model = MODELS[name]
     x, v, a, tau = states(model)
-    _, opening, *_ = evaluate_rows(
+    _, alignment, *_ = evaluate_rows(
         model.functions.explicit_equations, x, v, a, tau, parameters=model.parameters
     )
     q = model.inverse_kinematics(x)
-    np.testing.assert_allclose(opening, model.openings(x), rtol=1e-12, atol=1e-13)
-    np.testing.assert_allclose(opening, np.sin(q[:, 3::3] - q[:, 4::3]) ** 2, rtol=1e-9)
+    np.testing.assert_allclose(alignment, model.alignments(x), rtol=1e-12, atol=1e-13)
+    np.testing.assert_allclose(alignment, np.sin(q[:, 3::3] - q[:, 4::3]) ** 2, rtol=1e-9)
 
 
 def test_force_vanishes_for_torques_of_inverse_dynamics():
@@ -95,9 +95,9 @@ def test_bars_that_are_not_slender_are_served_too():
     forearm = ORSINO.forearm.model_copy(update={"inertia": (6e-3, 1e-4, 5e-3)})
     model = DeltaModel(ORSINO.model_copy(update={"forearm": forearm}), 1.0)
     x, v, a, tau = states(model)
-    force, opening, *motors = evaluate_rows(
+    force, alignment, *motors = evaluate_rows(
         model.functions.explicit_equations, x, v, a, tau, parameters=model.parameters
     )
     for found, expected in zip((force, *motors), by_angles(model, x, v, a, tau), strict=True):
         assert np.abs(found - expected).max() < 1e-12 * np.abs(expected).max()
-    np.testing.assert_allclose(opening, model.openings(x), rtol=1e-12)
+    np.testing.assert_allclose(alignment, model.alignments(x), rtol=1e-12)

@@ -32,7 +32,7 @@ from deltaopt.planning.nlp.cost import Cost
 from deltaopt.planning.nlp.program import IPOPT
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 from deltaopt.robot.model import delta_model
-from tests.posed_scenes import first, posed, scales_of
+from tests.planned_scenes import first_guess, flat_equations, scaling_of
 from tests.shipped_cases import PROBLEMS, case
 
 CLOSURES = [KnotConstraints(), Projection(), Baumgarte(), AccelerationLevel()]
@@ -98,7 +98,11 @@ def test_the_flat_pose_is_that_of_the_planner():
     """The chain's flat equations and the production ones on the same mesh."""
     scene = deltaopt.load_scene(PROBLEMS / "pick_and_place.yaml")
     model, mesh = delta_model(scene.robot, scene.payload), np.full(10, 0.1)
-    planners = posed(scene).on(mesh).solve(first(scene, 1e-8), scales_of(scene), model.parameters)
+    planners = (
+        flat_equations(scene)
+        .on(mesh)
+        .solve(first_guess(scene, 1e-8), scaling_of(scene), model.parameters)
+    )
     c = case("pick_and_place")
     problem = equations("pick_and_place", "flat").on(mesh, PiecewiseAcceleration())
     problem = replace(problem, steadiness=0.0)

@@ -1,86 +1,85 @@
-"""What a solution gives away: no more and no less than its prices and loads say."""
+"""What a solution gives away: no more and no less than its multipliers and rows say."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from deltaopt.planning.mesh.error_estimate import FRACTIONS, GivenAway, given_away, refined
+from deltaopt.planning.mesh.error_estimate import FRACTIONS, ErrorEstimate, error_estimate, refined
 
 N, POINTS = 3, 4
+STILL = np.ones(N)
+"""No interval asks the motion to be slowed."""
 
 
-def loads(value: float) -> np.ndarray:
-    return np.full((N, len(FRACTIONS), 3), value)
+def loads(value: float, rows: int = 3) -> np.ndarray:
+    return np.full((N, len(FRACTIONS), rows), value)
 
 
-def price(value: float, interval: int = 1, point: int = 2, motor: int = 0, limits: int = 3):
-    """One price at one point; the others zero."""
-    prices = np.zeros((N, POINTS, limits))
-    prices[interval, point, motor] = value
-    return prices
+def multiplier(value: float, interval: int = 1, point: int = 2, row: int = 0, rows: int = 3):
+    """One multiplier at one point; the others zero."""
+    multipliers = np.zeros((N, POINTS, rows))
+    multipliers[interval, point, row] = value
+    return multipliers
 
 
-def test_nothing_is_lost_without_a_price():
-    lost = given_away(np.zeros((N, POINTS, 3)), loads(0.3), None)
+def test_nothing_is_lost_without_a_multiplier():
+    lost = error_estimate(np.zeros((N, POINTS, 3)), loads(0.3), STILL)
     assert lost.total == 0
     assert (lost.exceeded == 0).all()
 
 
 @pytest.mark.parametrize("sign", [1, -1])
-def test_nothing_is_lost_at_the_limit_that_has_a_price(sign):
-    assert given_away(price(sign * 0.5), loads(sign), None).total < 1e-15
+def test_nothing_is_lost_at_the_limit_that_has_a_multiplier(sign):
+    assert error_estimate(multiplier(sign * 0.5), loads(sign), STILL).total < 1e-15
 
 
 @pytest.mark.parametrize("sign", [1, -1])
-def test_unused_load_costs_its_price(sign):
+def test_unused_load_costs_its_multiplier(sign):
     """Only in the interval that pays it."""
-    lost = given_away(price(sign * 0.5), loads(sign * 0.9), None)
+    lost = error_estimate(multiplier(sign * 0.5), loads(sign * 0.9), STILL)
     np.testing.assert_allclose(lost.unused, [0, 0.5 * 0.1, 0])
 
 
 def test_load_on_the_wrong_side_costs_most():
-    assert given_away(price(0.5), loads(-1.0), None).total == pytest.approx(0.5 * 2)
+    assert error_estimate(multiplier(0.5), loads(-1.0), STILL).total == pytest.approx(0.5 * 2)
 
 
 def test_mean_load_is_exact_for_a_ramp():
     """A torque that switches within the interval, linearly, loses half of it."""
     torque = loads(1.0)
     torque[1, :, 0] = 1 - 2 * FRACTIONS
-    assert given_away(price(0.5), torque, None).total == pytest.approx(0.5)
+    assert error_estimate(multiplier(0.5), torque, STILL).total == pytest.approx(0.5)
 
 
-def test_prices_of_an_interval_add_up():
-    prices = price(0.2) + price(0.1, point=0) + price(-0.3, motor=2)
-    assert given_away(prices, loads(0.0), None).total == pytest.approx(0.6)
+def test_multipliers_of_an_interval_add_up():
+    multipliers = multiplier(0.2) + multiplier(0.1, point=0) + multiplier(-0.3, row=2)
+    assert error_estimate(multipliers, loads(0.0), STILL).total == pytest.approx(0.6)
 
 
-def test_excess_of_torque_counts_half_and_of_speed_whole():
-    """Torque falls with the square of the duration, speed with the duration."""
-    torque, speed = loads(0.5), loads(0.5)
-    torque[0, 7, 1], torque[1, 3, 2] = 1.02, -1.04
-    speed[2, 5, 0] = -1.03
-    prices = np.zeros((N, POINTS, 6))
-    lost = given_away(prices, torque, speed)
-    np.testing.assert_allclose(lost.exceeded, [0.01, 0.02, 0.03])
+def test_what_slowing_asks_for_is_exceeded():
+    """Each interval by its own factor; a factor below 1 asks for nothing."""
+    lost = error_estimate(np.zeros((N, POINTS, 3)), loads(0.5), np.array([1.01, 0.97, 1.03]))
+    np.testing.assert_allclose(lost.exceeded, [0.01, 0, 0.03])
     assert lost.total == 0
 
 
-def test_speeds_have_prices_of_their_own():
-    lost = given_away(price(0.4, motor=4, limits=6), loads(0.0), loads(0.75))
+def test_rows_have_multipliers_of_their_own():
+    rows = np.concatenate([loads(0.0), loads(0.75)], axis=2)
+    lost = error_estimate(multiplier(0.4, row=4, rows=6), rows, STILL)
     np.testing.assert_allclose(lost.unused, [0, 0.1, 0])
 
 
 def test_more_than_all_is_never_given_back():
     """Loads over their limits between points would make the loss negative."""
-    assert given_away(price(0.5), loads(1.1), None).total == 0
+    assert error_estimate(multiplier(0.5), loads(1.1), STILL).total == 0
 
 
 MESH = np.array([0.5, 0.2, 0.3])
 
 
-def lost(*unused: float, exceeded: tuple[float, ...] = (0, 0, 0)) -> GivenAway:
-    return GivenAway(np.array(unused), np.array(exceeded, dtype=float))
+def lost(*unused: float, exceeded: tuple[float, ...] = (0, 0, 0)) -> ErrorEstimate:
+    return ErrorEstimate(np.array(unused), np.array(exceeded, dtype=float))
 
 
 def test_a_good_mesh_stays():
@@ -107,6 +106,6 @@ def test_excess_is_refined_away():
 def test_the_whole_stays_one():
     rng = np.random.default_rng(3)
     mesh = rng.dirichlet(np.ones(20))
-    finer = refined(mesh, GivenAway(rng.exponential(1e-4, 20), rng.exponential(1e-4, 20)), 1e-4)
+    finer = refined(mesh, ErrorEstimate(rng.exponential(1e-4, 20), rng.exponential(1e-4, 20)), 1e-4)
     assert finer.sum() == pytest.approx(1, abs=1e-14)
     assert len(finer) > 20

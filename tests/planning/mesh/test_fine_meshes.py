@@ -23,8 +23,15 @@ from deltaopt.planning.switching.detection import SHARP, read_structure
 from deltaopt.planning.switching.structure import Limit
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.scene import Limits, Scene
+from tests.planned_scenes import (
+    CROSS,
+    first_guess,
+    flat_equations,
+    machine_code,
+    random_move,
+    scaling_of,
+)
 from tests.planning.switching.test_resolution import REFERENCE
-from tests.posed_scenes import CROSS, first, machine_code, posed, random_move, scales_of
 
 
 @machine_code
@@ -50,8 +57,8 @@ def limited(scene: Scene, share: float) -> Scene:
 def test_a_share_of_the_limits_is_that_of_weaker_motors():
     """The same program, scaled otherwise; the prices are those of the whole limits."""
     mesh, by_interval = np.full(12, 1 / 12), np.full((12, 1, 3), 0.8)
-    model, scales = delta_model(CROSS.robot, CROSS.payload), scales_of(CROSS)
-    problem, guess = posed(CROSS).on(mesh), first(CROSS, 1e-9)
+    model, scales = delta_model(CROSS.robot, CROSS.payload), scaling_of(CROSS)
+    problem, guess = flat_equations(CROSS).on(mesh), first_guess(CROSS, 1e-9)
     shared = replace(scales, torque_share=by_interval, speed_share=by_interval)
     weaker = Scales(limited(CROSS, 0.8), scales.time, scales.opening_at_ends)
     one, other = (problem.solve(guess, s, model.parameters) for s in (shared, weaker))
@@ -64,10 +71,10 @@ def test_shares_by_interval_and_motor_are_those_of_ipopt():
     """Whose torques have bounds of their own in every interval."""
     rng, mesh = np.random.default_rng(5), np.full(12, 1 / 12)
     scene = load_scene("problems/pick_and_place.yaml")
-    model, guess = delta_model(scene.robot, scene.payload), first(scene, 1e-9)
+    model, guess = delta_model(scene.robot, scene.payload), first_guess(scene, 1e-9)
     share = rng.uniform(0.7, 1.0, (12, 1, 3))
-    scales = replace(scales_of(scene), torque_share=share)
-    problem = posed(scene).on(mesh)
+    scales = replace(scaling_of(scene), torque_share=share)
+    problem = flat_equations(scene).on(mesh)
     ours = problem.solve(guess, scales, model.parameters)
     ipopts = solved_by_ipopt(problem, problem.program, guess, scales, model.parameters)
     assert ours.status == "Solve_Succeeded"
@@ -158,7 +165,7 @@ def test_no_interval_is_split_beyond_rounding():
 
 @pytest.fixture(scope="module")
 def scales():
-    return scales_of(CROSS)
+    return scaling_of(CROSS)
 
 
 @machine_code
@@ -166,11 +173,11 @@ def test_tightening_cures_what_slowing_pays_for():
     """On one mesh: the excess falls tenfold, and the duration hardly rises."""
     model, scales, mesh = (
         delta_model(CROSS.robot, CROSS.payload),
-        scales_of(CROSS),
+        scaling_of(CROSS),
         np.full(400, 1 / 400),
     )
-    problem = posed(CROSS).on(mesh)
-    plain = attempt(problem, scales, first(CROSS, 1e-7), model)
+    problem = flat_equations(CROSS).on(mesh)
+    plain = attempt(problem, scales, first_guess(CROSS, 1e-7), model)
     tighter = plain
     for _ in range(3):
         guess = Guess(tighter.trajectory, near=True, tolerance=1e-7)
@@ -190,9 +197,9 @@ def test_tightening_cures_what_slowing_pays_for():
 def searched_for(scene: Scene, tolerance: float) -> Search:
     """On meshes alone, from a coarse one to a fine one."""
     model = delta_model(scene.robot, scene.payload)
-    search = Search(posed(scene), scales_of(scene), model, tolerance, True, print)
+    search = Search(flat_equations(scene), scaling_of(scene), model, tolerance, True, print)
     search._meshes_to_read = search._sharp_to_read = 0
-    search.from_guess(first(scene, 1e-4), 16)
+    search.from_guess(first_guess(scene, 1e-4), 16)
     return search
 
 

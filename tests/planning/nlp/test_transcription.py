@@ -10,10 +10,10 @@ from numpy.polynomial import Polynomial
 
 from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
 from deltaopt.planning.flat.flat_problem import Flat
-from deltaopt.planning.nlp.scaling import Scales
+from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 from deltaopt.robot.model import DeltaModel
-from deltaopt.scene.scene import load_scene
+from deltaopt.scene.scene import limits_of, load_scene
 
 SCENE = load_scene(Path(__file__).parents[3] / "problems/pick_and_place.yaml")
 MESH = np.array([0.3, 0.05, 0.25, 0.4])
@@ -95,23 +95,29 @@ def cubic(model: DeltaModel, duration: float) -> Trajectory:
 @pytest.mark.parametrize("degree", [1, 3])
 def test_pack_and_unpack_are_inverse(degree):
     model = DeltaModel(SCENE.robot, SCENE.payload)
-    problem = Flat().of(model.functions, PiecewiseAcceleration(degree), speed=False).on(MESH)
-    scales, motion = Scales(SCENE, 0.2, 1.0), cubic(model, 0.4)
-    z = problem.pack(motion, scales)
+    problem = (
+        Flat()
+        .of(model.functions, PiecewiseAcceleration(degree), limits_of(SCENE).constraints)
+        .on(MESH)
+    )
+    scaling, motion = Scaling(SCENE, 0.2), cubic(model, 0.4)
+    z = problem.pack(motion, scaling)
     assert len(z) == problem.n_variables
-    back = Trajectory(problem.unpack(z, scales), model)
+    back = Trajectory(problem.unpack(z, scaling), model)
     t = np.linspace(0, 0.4, 50)
     np.testing.assert_allclose(back.knots, 0.4 * np.append(BEGIN, 1.0), atol=1e-15)
     np.testing.assert_allclose(back(t).x, motion(t).x, atol=1e-14)
     # A sample 1e-9 of an interval inside of it is what tells z and its copy apart.
-    np.testing.assert_allclose(problem.pack(back, scales), z, atol=1e-7)
+    np.testing.assert_allclose(problem.pack(back, scaling), z, atol=1e-7)
 
 
 def test_packed_motion_is_within_its_bounds():
     model = DeltaModel(SCENE.robot, SCENE.payload)
-    problem = Flat().of(model.functions, PiecewiseAcceleration(), speed=False).on(MESH)
-    scales = Scales(SCENE, 0.2, 1.0)
-    z = problem.pack(cubic(model, 0.05), scales)  # torques far over their limits are cut
-    lower, upper = problem.bounds(scales)
+    problem = (
+        Flat().of(model.functions, PiecewiseAcceleration(), limits_of(SCENE).constraints).on(MESH)
+    )
+    scaling = Scaling(SCENE, 0.2)
+    z = problem.pack(cubic(model, 0.05), scaling)  # torques far over their limits are cut
+    lower, upper = problem.bounds(scaling)
     assert (lower - 1e-12 <= z).all()
     assert (z <= upper + 1e-12).all()

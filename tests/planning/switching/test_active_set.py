@@ -8,6 +8,7 @@ from itertools import product
 
 import numpy as np
 import pytest
+from tests.posed_scenes import machine_code, random_move, scales_of
 
 from deltaopt import Planner, verify
 from deltaopt.motion.trajectory import Trajectory
@@ -20,7 +21,6 @@ from deltaopt.planning.switching.resolution import Settled, settle
 from deltaopt.planning.switching.structure import Limit, Stretch, Structure, bearable, changed
 from tests import posed_scenes
 from tests.oracles.shooting import shoot
-from tests.posed_scenes import machine_code, random_move, scales_of
 
 UP, DOWN, BOTH = Limit(torque=1), Limit(torque=-1), Limit(torque=1, speed=1)
 NUMBER = 6

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.posed_scenes import machine_code, random_move, resolved, scales_of
 
 from deltaopt.planning.flat.constraint_rows import Stage
 from deltaopt.planning.planner import Planner
@@ -14,7 +15,6 @@ from deltaopt.planning.switching.conditions import Conditions
 from deltaopt.planning.switching.detection import read_structure
 from deltaopt.planning.switching.state_multipliers import pushes
 from tests.planning.switching.test_exact_answers import LINES, UNEVEN, Line
-from tests.posed_scenes import machine_code, random_move, resolved, scales_of
 
 
 @pytest.mark.parametrize("line", [line for line in LINES if line.v], ids=str)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.posed_scenes import random_move
 
 from deltaopt import load_scene, plan, verify
 from deltaopt.planning.flat.constraint_rows import Stage
@@ -17,7 +18,6 @@ from deltaopt.planning.switching.structure import FREE, Limit, Stretch, Structur
 from deltaopt.robot.model import DeltaModel
 from tests.oracles.arcs import ArcProblem
 from tests.planning.switching.test_exact_answers import LINES, UNEVEN, Line
-from tests.posed_scenes import random_move
 
 UP, DOWN = Limit(torque=1), Limit(torque=-1)
 

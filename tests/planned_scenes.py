@@ -1,0 +1,58 @@
+"""Scenes as the planner sees them, and the random moves of ``deltaopt bench any``."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from deltaopt.planning.switching.resolver import resolver
+
+from deltaopt import load_robot, load_scene
+from deltaopt.bench.random_scenes import random_scenes
+from deltaopt.planning.flat.flat_problem import Flat, FlatEquations
+from deltaopt.planning.multistart import first_motions
+from deltaopt.planning.nlp.problem import Guess
+from deltaopt.planning.nlp.scaling import Scaling
+from deltaopt.planning.nlp.transcription import LINEAR
+from deltaopt.planning.refinement import Refinement, ResolvedMotion
+from deltaopt.robot.model import delta_model
+from deltaopt.scene.scene import Scene, limits_of
+
+
+def flat_equations(scene: Scene) -> FlatEquations:
+    """The default problem of a scene, to be put on a mesh."""
+    functions = delta_model(scene.robot, scene.payload).functions
+    return Flat().of(functions, LINEAR, limits_of(scene).constraints)
+
+
+def scaling_of(scene: Scene) -> Scaling:
+    """In units of its first motion."""
+    return Scaling(scene, next(first_motions(scene, 1, 1)).duration)
+
+
+def first_guess(scene: Scene, tolerance: float) -> Guess:
+    """What the planner begins with."""
+    return Guess(next(first_motions(scene, 1, 1)), near=False, tolerance=tolerance)
+
+
+def resolved(scene: Scene) -> ResolvedMotion:
+    """To 1e-6, from the planner's own first mesh."""
+    model, scaling = delta_model(scene.robot, scene.payload), scaling_of(scene)
+    problem = flat_equations(scene)
+    with_switches = resolver(scaling, model, 1e-6, print)
+    refinement = Refinement(problem, scaling, model, 1e-6, with_switches, print)
+    found = refinement.from_guess(first_guess(scene, 1e-4), 16)
+    assert found is not None
+    return found
+
+
+def random_move(robot: str, number: int) -> Scene:
+    """With 1 kg, from 0 on."""
+    *_, scene = random_scenes(load_robot(f"problems/robots/{robot}.yaml"), 1.0, number + 1, seed=1)
+    return scene
+
+
+CROSS = load_scene("problems/industrial_cross.yaml")
+machine_code = pytest.mark.skipif(
+    flat_equations(CROSS).on(np.full(4, 0.25))._interior_point is None,
+    reason="without a compiler meshes end at 300 intervals",
+)
