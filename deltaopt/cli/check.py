@@ -3,7 +3,7 @@
 Reads the scene and its robot, makes sure that the platform can be at both ends and that the
 motors can hold it there, lists the limits that hold, and shows the baseline: the straight line
 driven by a quintic law (10 u³ - 15 u⁴ + 6 u⁵ of the way), slowed until it keeps the limits. Timed
-optimally the same line takes much less: `python -m studies line` in a clone says how much.
+optimally the same line takes less: 0.144 s instead of 0.197 s in problems/pick_and_place.yaml.
 
 Exit code: 0 the scene can be planned; 1 it has no solution; 2 bad input.
 """

@@ -71,7 +71,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--baseline",
         action="store_true",
         help="no optimisation: the straight line by a quintic law, slowed until it keeps the "
-        "limits (timed optimally the same line takes much less)",
+        "limits (in problems/pick_and_place.yaml 0.197 s; timed optimally the same line takes "
+        "0.144 s)",
     )
     parser.add_argument(
         "--tolerance",
