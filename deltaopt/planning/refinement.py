@@ -13,25 +13,23 @@ from deltaopt.errors import NotConverged
 from deltaopt.mechanisms.delta.functions import DeltaFunctions
 from deltaopt.motion.certificate import MET, Certificate
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.planning.flat.constraint_rows import Stage
+from deltaopt.planning.flat.constraint_rows import ByOrder, ConstraintRows, multipliers_by_order
 from deltaopt.planning.flat.flat_problem import ScaledEquations
 from deltaopt.planning.mesh.error_estimate import FRACTIONS, refined
 from deltaopt.planning.mesh.mesh_costates import certify_mesh
 from deltaopt.planning.mesh.mesh_solution import Attempt, Round, attempt, round_of, shares
 from deltaopt.planning.nlp.problem import Guess, Posed
 from deltaopt.planning.nlp.scaling import Scales
-from deltaopt.planning.switching.arc_mesh import Held
-from deltaopt.planning.switching.conditions import Barrier
+from deltaopt.planning.switching.conditions import ActiveRows, Barrier
 from deltaopt.planning.switching.detection import (
-    FINE,
+    BY_MULTIPLIERS,
     SHARP,
-    USUAL,
-    Prices,
-    Reading,
-    read_structure,
+    STANDARD,
+    DetectionSettings,
+    detect_structure,
 )
-from deltaopt.planning.switching.resolution import Settled, Unsettled, settle
-from deltaopt.planning.switching.structure import Arc, Structure
+from deltaopt.planning.switching.resolution import ResolvedMotion, Unresolved, resolve_switches
+from deltaopt.planning.switching.structure import Arc, SwitchingStructure
 from deltaopt.robot.model import DeltaModel
 
 Array = NDArray[np.float64]
@@ -76,7 +74,7 @@ class Search:
     _alike: int = field(default=0, init=False)
     _failures: int = field(default=0, init=False)
 
-    def from_guess(self, first: Guess, intervals: int) -> Settled | None:
+    def from_guess(self, first: Guess, intervals: int) -> ResolvedMotion | None:
         """With its switches resolved, if they are; otherwise the best attempt is the answer.
 
         Raises NotConverged where the first mesh brings nothing.
@@ -105,7 +103,7 @@ class Search:
                 self._failures += 1
         priced = self.attempts[-1].solution.opening_prices is not None
         readable = self.resolves and priced and self.rounds[-1].gap < _READABLE
-        return self._resolved(FINE) if readable else None
+        return self._resolved(BY_MULTIPLIERS) if readable else None
 
     @property
     def _done(self) -> bool:
@@ -140,7 +138,7 @@ class Search:
         same = self._alike and np.array_equal(scales.shares(N), last.scales.shares(N))
         return bool(same) or self._alike > _MOST_ALIKE
 
-    def _readings_left(self, gap: float) -> Sequence[Reading]:
+    def _readings_left(self, gap: float) -> Sequence[DetectionSettings]:
         """In which the last mesh is to be read for its structure, each mesh once."""
         if not self.resolves or self._failures or self._alike or gap >= _READABLE:
             return ()
@@ -150,30 +148,31 @@ class Search:
         if not self._meshes_to_read:
             return ()
         self._meshes_to_read -= 1
-        return USUAL
+        return STANDARD
 
     def certificate(self, chosen: Attempt) -> Certificate | None:
         """Of a solution on a mesh where switches were to be resolved, if Pontryagin's condition
         is met there and the prices are known."""
         if not self.resolves or chosen.solution.opening_prices is None:
             return None
-        found = certify_mesh(self._stage, chosen)
+        found = certify_mesh(self._rows, chosen)
         return found if found.residual <= MET else None
 
-    def _resolved(self, readings: Sequence[Reading]) -> Settled | None:
+    def _resolved(self, readings: Sequence[DetectionSettings]) -> ResolvedMotion | None:
         """With its switches resolved, or None if the structure cannot be settled yet."""
         last, read = self.attempts[-1], set[tuple[Arc, ...]]()
-        loads = (*shares(last.scene, last.loads), self._openings(last.trajectory))
-        prices = _prices(last)
+        rows = ByOrder(*shares(last.scene, last.loads), self._positions(last.trajectory))
+        solved = multipliers_by_order(last.solution)
+        multipliers = None if solved is None else solved.per_time(last.mesh)
         for reading in readings:
-            structure = read_structure(last.mesh, *loads, reading, prices)
+            structure = detect_structure(last.mesh, rows, reading, multipliers)
             if structure.limits in read:
                 continue
             read.add(structure.limits)
             for barrier in self._barriers(structure):
                 try:
-                    found = settle(
-                        self._stage,
+                    found = resolve_switches(
+                        self._rows,
                         self.model,
                         structure,
                         last.trajectory,
@@ -181,7 +180,7 @@ class Search:
                         self.tolerance,
                         barrier,
                     )
-                except Unsettled as error:
+                except Unresolved as error:
                     self.tell(f"{len(structure.limits)} arcs: not settled yet: {error}")
                     continue
                 self.tell(
@@ -192,38 +191,26 @@ class Search:
                 return found
         return None
 
-    def _barriers(self, structure: Structure) -> tuple[Barrier | None, ...]:
+    def _barriers(self, structure: SwitchingStructure) -> tuple[Barrier | None, ...]:
         """None first; then one, where there is anything that it would keep within limits."""
-        held = Held.of(structure)
-        if self.scales.scene.speed_limits is None and not (held.free or held.without_row.any()):
+        active = ActiveRows.of(self._rows, structure)
+        if self._rows.velocity is None and not (active.singular or active.follows.any()):
             return (None,)
         return None, Barrier(last=self.tolerance / 10)
 
     @property
-    def _stage(self) -> Stage:
-        return _stage(self.model.functions, self.scales.scene.speed_limits is not None)
+    def _rows(self) -> ConstraintRows:
+        return _constraint_rows(self.model.functions, self.scales.scene.speed_limits is not None)
 
-    def _openings(self, motion: Trajectory) -> Array:
-        """How far chains are from the margin of their fold, (N, len(FRACTIONS), 3)."""
+    def _positions(self, motion: Trajectory) -> Array:
+        """Rows of position limits inside the intervals, (N, len(FRACTIONS), 3)."""
         x, scales = motion.path_inside(FRACTIONS)[0], self.scales
         p = np.concatenate([scales.vector(), motion.model.parameters])
-        openings = self._stage.openings((x - scales.origin) / scales.length, p)
-        return openings.reshape(-1, len(FRACTIONS), 3)
-
-
-def _prices(last: Attempt) -> Prices | None:
-    """If those of openings are known too."""
-    solution, h = last.solution, last.mesh[:, None]
-    if solution.opening_prices is None:
-        return None
-    of_time = solution.prices.sum(axis=1) / h
-    states = np.zeros((len(h), 3, 2))
-    states[..., 0] = of_time[:, 3:] if of_time.shape[1] > 3 else 0.0
-    states[..., 1] = solution.opening_prices.sum(axis=1) / h
-    return Prices(of_time[:, :3], states)
+        rows = self._rows.positions((x - scales.origin) / scales.length, p)
+        return rows.reshape(-1, len(FRACTIONS), 3)
 
 
 @lru_cache(maxsize=8)
-def _stage(functions: DeltaFunctions, speed: bool) -> Stage:
+def _constraint_rows(functions: DeltaFunctions, speed: bool) -> ConstraintRows:
     """Built once in a process for all models with the same terms."""
-    return Stage(ScaledEquations.of(functions, speed=speed))
+    return ConstraintRows(ScaledEquations.of(functions, speed=speed))
