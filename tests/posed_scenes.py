@@ -13,7 +13,7 @@ from deltaopt.planning.nlp.problem import Guess
 from deltaopt.planning.nlp.scaling import Scales
 from deltaopt.planning.nlp.transcription import LINEAR
 from deltaopt.planning.refinement import Search
-from deltaopt.planning.switching.resolution import Settled
+from deltaopt.planning.switching.resolution import ResolvedMotion
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.feasibility import least_opening
 from deltaopt.scene.scene import Scene
@@ -32,7 +32,7 @@ def first(scene: Scene, tolerance: float) -> Guess:
     return Guess(next(first_motions(scene, 1, 1)), near=False, tolerance=tolerance)
 
 
-def resolved(scene: Scene) -> Settled:
+def resolved(scene: Scene) -> ResolvedMotion:
     """To 1e-6, from the planner's own first mesh."""
     model = delta_model(scene.robot, scene.payload)
     search = Search(posed(scene), scales_of(scene), model, 1e-6, True, print)
