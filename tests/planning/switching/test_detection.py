@@ -1,4 +1,4 @@
-"""What a mesh shows: limits by their multipliers, contact points, and what changes at one instant."""
+"""What a mesh shows: limits by their multipliers, contact points, changes at one instant."""
 
 from __future__ import annotations
 

@@ -47,7 +47,8 @@ def test_a_velocity_limit_has_its_exact_multiplier(line: Line):
 
 
 MARGIN = 8
-"""Among the parameters of the rows: the least distance to the serial singularity, after start, D, time and torque limits."""
+"""Place of the least distance to the serial singularity among the parameters of the rows: after
+start, D, time and torque limits."""
 
 
 @pytest.mark.parametrize("number", [7, 43])

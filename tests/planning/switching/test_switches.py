@@ -118,7 +118,7 @@ def test_newton_and_ipopt_find_the_same_switches():
 @pytest.mark.parametrize("line", LINES, ids=str)
 @pytest.mark.parametrize("barrier", [None, Barrier(last=1e-9)], ids=["plain", "barrier"])
 def test_exact_answers(line: Line, barrier: Barrier | None):
-    """Also where two axes have nothing to do, so that their force is singular and has no multiplier."""
+    """Also where two axes have nothing to do: their force is singular and has no multiplier."""
     motion, _ = line.on_mesh(UNEVEN, line.guess)
     arcs = detect_structure(UNEVEN, line.rows(motion))
     rows, mesh = ConstraintRows(line.equations), ArcMesh.of(arcs, 5)
