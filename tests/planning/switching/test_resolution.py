@@ -8,12 +8,16 @@ import numpy as np
 import pytest
 
 from deltaopt import load_scene, plan, verify
+from deltaopt.motion.time_scaling import loads_inside
 from deltaopt.planning.flat.constraint_rows import ByOrder
 from deltaopt.planning.flat.flat_problem import ScaledEquations
+from deltaopt.planning.mesh.error_estimate import FRACTIONS
+from deltaopt.planning.mesh.mesh_solution import shares
 from deltaopt.planning.nlp.program import Solution
 from deltaopt.planning.nlp.scaling import Scales
 from deltaopt.planning.planner import Planner
 from deltaopt.planning.switching.detection import detect_structure
+from deltaopt.scene.feasibility import least_opening
 from deltaopt.verify.pontryagin import extremal
 from tests.oracles.arcs import ArcProblem
 from tests.oracles.certify import certify, hamiltonian
@@ -56,6 +60,26 @@ def test_costates_fitted_to_the_motion_agree(resolved):
 def test_verified(resolved):
     _, scene, found = resolved
     assert verify(scene, found.trajectory).ok
+
+
+def test_ipopt_finds_the_same_duration(resolved):
+    """By the same arcs as a nonlinear program, its torques variables: nothing of Newton's method
+    on the conditions of optimality; and from lengths that are a little off."""
+    _, scene, found = resolved
+    scales = Scales(scene, found.duration, least_opening(scene))
+    loads = loads_inside(scene, found.trajectory, FRACTIONS)
+    structure = detect_structure(
+        np.diff(found.trajectory.knots) / found.duration, ByOrder(*shares(scene, loads))
+    )
+    off = 1 + 1e-3 * np.random.default_rng(1).uniform(-1, 1, len(structure.lengths))
+    structure = replace(structure, lengths=structure.lengths * off)
+    model = found.trajectory.model
+    equations = ScaledEquations.of(model.functions, speed=scene.speed_limits is not None)
+    problem, p = ArcProblem(equations, structure, 8), np.append(scales.vector(), model.parameters)
+    guess = problem.pack(found.trajectory, scales)
+    solution = problem.program.solve(guess, *problem.bounds(scales), p)
+    duration = float(problem.lengths(solution.z).sum()) * scales.time
+    assert found.duration == pytest.approx(duration, rel=1e-8)
 
 
 def test_mesh_plans_are_never_faster(resolved):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -87,6 +89,23 @@ def test_derivatives_of_the_rows_by_differences(cross):
     np.testing.assert_allclose(np.einsum("nra,na->nr", J, along), slope, rtol=1e-6, atol=1e-6)
     bend = np.einsum("nr,nra->na", multipliers, after[1] - before[1]) / (2 * step)
     np.testing.assert_allclose(np.einsum("nab,nb->na", H, along), bend, rtol=1e-5, atol=1e-5)
+
+
+def test_rows_that_hold_a_state_limit_are_its_derivatives_by_time(cross):
+    """The chain rule with the Jacobian of the limited quantity, along any motion."""
+    *_, rows, p = cross
+    rng = np.random.default_rng(4)
+    y = rng.uniform(-0.3, 0.3, (6, 9))
+    r, J, _ = rows.derivatives(y, np.zeros((6, rows.number)), p)
+    dy = np.hstack([y[:, 3:], np.zeros((6, 3))])
+    assert [state.order for state in rows.states] == [1, 0]
+    for state in rows.states:
+        assert len(state.derivatives) == 3 - state.order
+        assert (J[:, state.holding, 6:] != 0).any()
+        for value, rate in pairwise(state.derivatives):
+            assert (J[:, value, 6:] == 0).all()
+            by_chain = np.einsum("nra,na->nr", J[:, value], dy)
+            np.testing.assert_allclose(r[:, rate], by_chain, rtol=1e-9, atol=1e-12)
 
 
 def test_newton_and_ipopt_find_the_same_switches():
