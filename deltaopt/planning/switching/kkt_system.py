@@ -350,16 +350,19 @@ class KKTSystem:
         A, multipliers = own.reshape(n, 2, *at.A.shape[1:]).transpose(1, 0, 2, 3)
         by_own = np.concatenate([knots[:-1], h[:, None], A.reshape(n, -1)], axis=1)
         dy = (self._y_slopes @ by_own[:, None, :, None])[..., 0]
+        slack, upper, lower = self._barrier_step(of.mesh.singular_controls(singular), dy)
         return PrimalDualPoint(
-            knots,
-            A,
-            x[index.lengths],
-            costates,
-            multipliers,
-            x[index.entries],
-            singular,
-            x[index.end_values],
-            *self._barrier_step(of.mesh.singular_controls(singular), dy),
+            knots=knots,
+            A=A,
+            lengths=x[index.lengths],
+            costates=costates,
+            multipliers=multipliers,
+            entry=x[index.entries],
+            singular=singular,
+            end_values=x[index.end_values],
+            slack=slack,
+            upper=upper,
+            lower=lower,
         )
 
     def _barrier_step(self, singular: Array, dy: Array) -> tuple[Array, Array, Array]:

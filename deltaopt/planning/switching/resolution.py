@@ -90,9 +90,11 @@ class _Candidate:
 
     @classmethod
     def of(cls, structure: SwitchingStructure, more_modes: int = 0) -> _Candidate:
+        """A candidate with a mesh for its structure."""
         return cls(structure, ArcMesh.of(structure, _DEGREE, more_modes), more_modes)
 
     def with_more_modes(self) -> _Candidate:
+        """The same with more Legendre coefficients of singular controls."""
         mesh = self.mesh.with_more_modes(_MORE_MODES)
         return replace(self, mesh=mesh, more_modes=self.more_modes + _MORE_MODES)
 
@@ -103,6 +105,7 @@ class _Candidate:
 
     @property
     def may_have_more_modes(self) -> bool:
+        """Whether more Legendre coefficients are worth their time."""
         return self.mesh.most_modes < _MOST_MODES
 
 
@@ -122,40 +125,93 @@ def resolve_switches(
 
     Raises Unresolved if no such motion is found.
     """
+    task = _Task(rows, model, scales, tolerance, barrier)
     waiting, seen, iterations = [(_Candidate.of(structure), guess)], [structure.limits], 0
     for _ in range(_ATTEMPTS):
         candidate, guess = waiting.pop()
-        conditions = OptimalityConditions.of(
-            rows,
-            candidate.structure,
-            candidate.mesh,
-            scales,
-            model.parameters,
-            candidate.end_values,
-            barrier,
-        )
         try:
-            found = solve_conditions(conditions, guess, scales)
+            outcome = task.outcome(candidate, guess)
         except NewtonFailed as error:
             if not waiting:
                 raise Unresolved(str(error), "Stuck", guess) from None
             continue
-        iterations += found.iterations
-        candidate = candidate.with_lengths_of(found)
-        guess = Trajectory(conditions.polynomial(found.point, scales), model)
-        if candidate.structure.lengths.min() <= 0:
-            better = [_Candidate.of(changed(candidate.structure, []), candidate.more_modes)]
-        else:
-            conditions = replace(conditions, structure=candidate.structure)
-            residuals = OptimalityResiduals(conditions, found.point, tolerance / 2)
-            resolved = _resolved(residuals, guess, scales, iterations, tolerance)
-            if resolved:
-                return resolved
-            better = _better(candidate, residuals, tolerance)
-        waiting += [(each, guess) for each in reversed(_unseen(better, candidate, seen))]
+        iterations += outcome.iterations
+        if outcome.resolved:
+            return replace(outcome.resolved, iterations=iterations)
+        new = _unseen(outcome.better, candidate, seen)
+        waiting += [(each, outcome.trajectory) for each in reversed(new)]
         if not waiting:
-            raise Unresolved("no other structure is known to be better", "Cycle", guess)
+            message = "no other structure is known to be better"
+            raise Unresolved(message, "Cycle", outcome.trajectory)
     raise Unresolved(f"no structure is right after {_ATTEMPTS}", "Too_Many", guess)
+
+
+@dataclass(frozen=True)
+class _Outcome:
+    """What Newton's method made of a candidate: the motion, the result if it is one, otherwise
+    candidates for the next solve, best first."""
+
+    trajectory: Trajectory
+    iterations: int
+    resolved: ResolvedMotion | None
+    better: list[_Candidate]
+
+
+@dataclass(frozen=True)
+class _Task:
+    """What is the same for all candidates."""
+
+    rows: ConstraintRows
+    model: DeltaModel
+    scales: Scales
+    tolerance: float
+    barrier: Barrier | None
+
+    def outcome(self, candidate: _Candidate, guess: Trajectory) -> _Outcome:
+        """Solves for a candidate and examines what is found. Raises NewtonFailed."""
+        conditions = OptimalityConditions.of(
+            self.rows,
+            candidate.structure,
+            candidate.mesh,
+            self.scales,
+            self.model.parameters,
+            candidate.end_values,
+            self.barrier,
+        )
+        found = solve_conditions(conditions, guess, self.scales)
+        candidate = candidate.with_lengths_of(found)
+        trajectory = Trajectory(conditions.polynomial(found.point, self.scales), self.model)
+        if candidate.structure.lengths.min() <= 0:
+            reordered = _Candidate.of(changed(candidate.structure, []), candidate.more_modes)
+            return _Outcome(trajectory, found.iterations, None, [reordered])
+        conditions = replace(conditions, structure=candidate.structure)
+        residuals = OptimalityResiduals(conditions, found.point, self.tolerance / 2)
+        resolved = self._resolved(residuals, trajectory, found.iterations)
+        better = [] if resolved else _better(candidate, residuals, self.tolerance)
+        return _Outcome(trajectory, found.iterations, resolved, better)
+
+    def _resolved(
+        self, residuals: OptimalityResiduals, trajectory: Trajectory, iterations: int
+    ) -> ResolvedMotion | None:
+        """The result, if no residual says that it is none."""
+        sign_violation, multiplier = residuals.sign_violation, residuals.singular_multiplier
+        if sign_violation > CERTIFIED or multiplier > _SINGULAR_MULTIPLIER:
+            return None
+        lost, excess = residuals.to_be_gained, residuals.excess
+        if max(excess, lost, residuals.unused) > self.tolerance:
+            return None
+        factor = safe_factor(self.scales.scene, trajectory)
+        gap = factor - 1 + residuals.unused + lost
+        uneven = spread(KKTSystem(residuals.conditions, residuals.point).hamiltonian)
+        if gap > self.tolerance or uneven > CERTIFIED:
+            return None
+        if any(each.has_wrong_sign.any() for each in residuals.state_multipliers):
+            return None
+        falls = (float(each.falls.max()) for each in residuals.state_multipliers)
+        certificate = Certificate(uneven, max(sign_violation, multiplier, *falls))
+        return ResolvedMotion(
+            residuals.conditions, trajectory, factor, gap, certificate, iterations
+        )
 
 
 def _unseen(
@@ -171,33 +227,6 @@ def _unseen(
             seen.append(each.structure.limits)
         new.append(each)
     return new
-
-
-def _resolved(
-    residuals: OptimalityResiduals,
-    trajectory: Trajectory,
-    scales: Scales,
-    iterations: int,
-    tolerance: float,
-) -> ResolvedMotion | None:
-    """The result, if no residual says that it is none."""
-    conditions, sign_violation = residuals.conditions, residuals.sign_violation
-    if sign_violation > CERTIFIED or residuals.singular_multiplier > _SINGULAR_MULTIPLIER:
-        return None
-    if max(residuals.excess, residuals.to_be_gained, residuals.unused) > tolerance:
-        return None
-    factor = safe_factor(scales.scene, trajectory)
-    gap = factor - 1 + residuals.unused + residuals.to_be_gained
-    uneven = spread(KKTSystem(conditions, residuals.point).hamiltonian)
-    if gap > tolerance or uneven > CERTIFIED:
-        return None
-    if any(each.has_wrong_sign.any() for each in residuals.state_multipliers):
-        return None
-    falls = (float(each.falls.max()) for each in residuals.state_multipliers)
-    worst = max(sign_violation, residuals.singular_multiplier, *falls)
-    return ResolvedMotion(
-        conditions, trajectory, factor, gap, Certificate(uneven, worst), iterations
-    )
 
 
 def _better(
