@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from types import SimpleNamespace
 
+import casadi as ca
 import numpy as np
 import pytest
 
 from deltaopt import load_scene, plan, verify
+from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
 from deltaopt.planning.flat.constraint_rows import ConstraintRows
 from deltaopt.planning.flat.flat_problem import ScaledEquations
 from deltaopt.planning.nlp.scaling import Scales, margin_of_fold
+from deltaopt.planning.switching.active_set import changes
 from deltaopt.planning.switching.arc_mesh import ArcMesh
 from deltaopt.planning.switching.conditions import Barrier, OptimalityConditions
 from deltaopt.planning.switching.dense import solve
 from deltaopt.planning.switching.detection import detect_structure
 from deltaopt.planning.switching.kkt_system import KKTSystem
 from deltaopt.planning.switching.newton import solve_conditions
+from deltaopt.planning.switching.residuals import OptimalityResiduals
 from deltaopt.planning.switching.structure import (
     INACTIVE,
     ActiveLimits,
@@ -26,7 +31,7 @@ from deltaopt.planning.switching.structure import (
 )
 from deltaopt.robot.model import DeltaModel
 from tests.oracles.arcs import ArcProblem
-from tests.planning.switching.test_exact_answers import LINES, UNEVEN, Line
+from tests.planning.switching.test_exact_answers import LINES, UNEVEN, Line, UnitMass
 from tests.posed_scenes import random_move
 
 UP, DOWN = ActiveLimits(control=1), ActiveLimits(control=-1)
@@ -147,6 +152,28 @@ def test_exact_answers(line: Line, barrier: Barrier | None):
     ends = np.cumsum(found.lengths)[:-1] * line.scales.time
     np.testing.assert_allclose(ends, line.switches, rtol=1e-6)
     np.testing.assert_allclose(KKTSystem(conditions, found).hamiltonian, -1, atol=1e-6)
+
+
+def test_one_motor_with_one_coordinate():
+    """The same line without the two idle axes: nothing in the method is made for three motors."""
+    line = Line(0.7, 3.0, 0.9)
+    scene = SimpleNamespace(start=(0.0,), goal=(line.d,), torque_limits=(line.u,))
+    scene.speed_limits = (line.v,)
+    scales = Scales(scene, 1.3 * line.duration, 1.0)
+    y, p = ca.SX.sym("y", 5), ca.SX.sym("p", len(scales.vector()))
+    length, time, force, _, speed = ca.vertsplit(p[1:])
+    rate, bend = length * y[1] / time / speed, length * y[2] / time / speed
+    off = y[3] - length * y[2] / time**2 / force
+    rows = ConstraintRows(ScaledEquations(y, p, off, ca.SX.ones(1), rate, bend))
+    up, at_speed, down = ((ActiveLimits(*limits),) for limits in ((1,), (0, 1), (-1,)))
+    arcs = SwitchingStructure(np.array([0.3, 0.4, 0.3]), (up, at_speed, down))
+    way = np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0])[:, None] * line.d
+    position = PiecewisePolynomial(np.array([0.0, 1.0]), way[None]).slowed(1.6 * line.duration)
+    conditions = OptimalityConditions.of(rows, arcs, ArcMesh.of(arcs, 5), scales, np.zeros(0))
+    found = solve_conditions(conditions, Trajectory(position, UnitMass()), scales).point
+    assert found.duration * scales.time == pytest.approx(line.duration, rel=1e-9)
+    np.testing.assert_allclose(KKTSystem(conditions, found).hamiltonian, -1, atol=1e-9)
+    assert changes(OptimalityResiduals(conditions, found, 5e-9)) == []
 
 
 class TestChanged:
