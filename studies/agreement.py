@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from deltaopt.errors import NotConverged
 from deltaopt.motion.time_scaling import loads_inside
+from deltaopt.planning.flat.constraint_rows import ByOrder
 from deltaopt.planning.flat.flat_problem import ScaledEquations
 from deltaopt.planning.formulations.choice import Forward
 from deltaopt.planning.formulations.delta import DeltaProblem
@@ -25,8 +26,8 @@ from deltaopt.planning.nlp.problem import Guess
 from deltaopt.planning.nlp.scaling import Scales
 from deltaopt.planning.nlp.transcription import QUADRATIC
 from deltaopt.planning.planner import Plan, plan
-from deltaopt.planning.switching.detection import read_structure
-from deltaopt.planning.switching.structure import Structure
+from deltaopt.planning.switching.detection import detect_structure
+from deltaopt.planning.switching.structure import SwitchingStructure
 from deltaopt.scene.feasibility import least_opening
 from deltaopt.scene.scene import Scene
 from tests.oracles.arcs import ArcProblem
@@ -89,18 +90,18 @@ def agreement(scene: Scene, told: Callable[[float], None], intervals: int = INTE
     return Agreement(found.duration, tuple(answers))
 
 
-def _structure(found: Plan) -> Structure:
+def _structure(found: Plan) -> SwitchingStructure:
     """Which limits hold when, from the motion itself; lengths a little off."""
     scene, motion = found.scene, found.trajectory
-    loads = shares(scene, loads_inside(scene, motion, FRACTIONS))
-    read = read_structure(np.diff(motion.knots) / found.duration, *loads)
+    rows = ByOrder(*shares(scene, loads_inside(scene, motion, FRACTIONS)))
+    detected = detect_structure(np.diff(motion.knots) / found.duration, rows)
     rng = np.random.default_rng(1)
-    off = 1 + _DISTURBED * rng.uniform(-1, 1, len(read.lengths))
-    read.lengths[:] *= off
-    return read
+    off = 1 + _DISTURBED * rng.uniform(-1, 1, len(detected.lengths))
+    detected.lengths[:] *= off
+    return detected
 
 
-def _by_arcs(found: Plan, structure: Structure, degree: int) -> float:
+def _by_arcs(found: Plan, structure: SwitchingStructure, degree: int) -> float:
     model, scales = found.trajectory.model, _scales(found)
     equations = ScaledEquations.of(model.functions, speed=found.scene.speed_limits is not None)
     problem = ArcProblem(equations, structure, degree)

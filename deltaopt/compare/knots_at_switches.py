@@ -11,8 +11,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from deltaopt.planning.flat.constraint_rows import ByOrder
 from deltaopt.planning.mesh.error_estimate import GivenAway
-from deltaopt.planning.switching.detection import read_structure
+from deltaopt.planning.switching.detection import detect_structure
 
 Array = NDArray[np.float64]
 
@@ -28,7 +29,7 @@ def at_switches(
 
     ``torque``, ``speed``: loads in the intervals, fractions of their limits, (N, points, m).
     """
-    switches = np.cumsum(read_structure(mesh, torque, speed).lengths)
+    switches = np.cumsum(detect_structure(mesh, ByOrder(torque, speed)).lengths)
     switches[-1] = 1.0
     ends = np.append(0.0, np.cumsum(mesh))
     ends[-1] = 1.0

@@ -231,7 +231,7 @@ def _excesses(scaling: Scaling, trajectory: Trajectory) -> Array:
     velocity = constraints.of_order(1)
     sizes[:, velocity] = highest.values[velocity].max(initial=0.0)
     sizes[:, constraints.of_order(0)] = 0.0
-    return np.maximum(sizes - 1, 0.0)
+    return np.asarray(np.maximum(sizes - 1, 0.0))
 
 
 def _iteration(found: _OnMesh, intervals: int, scaling: Scaling, gap: float) -> CostIteration:

@@ -139,7 +139,8 @@ class Refinement:
 
     def certificate(self, chosen: int) -> Certificate | None:
         """Of a mesh solution, where switches were to be resolved and its condition is met."""
-        return self.resolver and self.resolver.certificate(self.solutions[chosen])
+        resolver, solution = self.resolver, self.solutions[chosen]
+        return None if resolver is None else resolver.certificate(solution)
 
     @property
     def _done(self) -> bool:

@@ -37,7 +37,7 @@ from deltaopt.planning.nlp.program import (
 from deltaopt.planning.nlp.scaling import Scales
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 from deltaopt.planning.switching.arc_mesh import parts_of
-from deltaopt.planning.switching.structure import Structure
+from deltaopt.planning.switching.structure import SwitchingStructure
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.intp]
@@ -84,7 +84,7 @@ class ArcProblem:
     """
 
     equations: ScaledEquations
-    structure: Structure
+    structure: SwitchingStructure
     degree: int
     cost: Cost = FASTEST
 
@@ -169,11 +169,11 @@ class ArcProblem:
         if self.equations.speed is None:
             lower, upper = [zero, zero], [zero, free]
         else:
-            held = self.structure.speed[self.arc][:, None]  # (n, 1, 3)
+            held = self.structure.velocity[self.arc][:, None]  # (n, 1, 3)
             begins = np.zeros(shape, dtype=bool)
             begins[:, 0] = True
             begins[1:, 0] = (
-                self.structure.speed[self.arc[1:]] != self.structure.speed[self.arc[:-1]]
+                self.structure.velocity[self.arc[1:]] != self.structure.velocity[self.arc[:-1]]
             )
             at_limit = np.where(held != 0, held, 1.0)
             speed_lower = np.where(held == 0, -1.0, np.where(begins, at_limit, -np.inf))
@@ -188,7 +188,7 @@ class ArcProblem:
         upper = np.full(self.n_variables, np.inf)
         lower = -upper
         held = np.broadcast_to(
-            self.structure.torque[self.arc][:, None], (self.intervals, self.degree + 1, 3)
+            self.structure.control[self.arc][:, None], (self.intervals, self.degree + 1, 3)
         )
         at = self._torques[..., None] + np.arange(3)
         lower[at] = np.where(held != 0, held, -1)

@@ -27,7 +27,7 @@ def certify(problem: ArcProblem, solution: Solution, p: Array) -> Certificate:
     """Of the solution of a program with parameters p."""
     H = hamiltonian(problem, solution, p)
     prices = problem.prices(solution)
-    held = problem.structure.torque[problem.arc][:, None]
+    held = problem.structure.control[problem.arc][:, None]
     wrong = np.maximum(-prices * held, 0).max()
     largest_rate = float(np.abs(running_rate(problem, solution, p)[0]).max())
     return Certificate(spread(H, largest_rate), float(wrong / np.abs(prices).max()))

@@ -23,9 +23,10 @@ from deltaopt.dynamics.linear import solve_affine
 from deltaopt.errors import NotConverged
 from deltaopt.mechanisms.delta.functions import delta_functions
 from deltaopt.mechanisms.delta.mechanism import DeltaTerms
-from deltaopt.planning.flat.constraint_rows import SPEED_RATE
-from deltaopt.planning.switching.arc_mesh import Held
-from deltaopt.planning.switching.structure import Structure
+from deltaopt.planning.flat.constraint_rows import ConstraintRows
+from deltaopt.planning.flat.flat_problem import ScaledEquations
+from deltaopt.planning.switching.conditions import ActiveRows
+from deltaopt.planning.switching.structure import SwitchingStructure
 from deltaopt.robot.model import DeltaModel
 from deltaopt.scene.scene import Scene
 from deltaopt.verify.pontryagin import gauss
@@ -54,13 +55,14 @@ class Shot:
     lengths: Array
 
 
-def shoot(scene: Scene, structure: Structure, duration: float) -> Shot:
+def shoot(scene: Scene, structure: SwitchingStructure, duration: float) -> Shot:
     """The fastest motion of a structure, from estimates of its lengths and duration (s).
 
     Raises NotConverged, also where limits of torque and speed alone do not say what an arc is.
     """
     shooting = _Shooting(scene, structure, duration)
-    if shooting.held.free or not all(entry.of_speed for entry in shooting.held.entries):
+    entries = shooting.active.entries
+    if shooting.active.singular or any(entry.rows.order == 0 for entry in entries):
         raise NotConverged(
             "on some arc a torque is at no limit, or a fold at its margin", "Not_Held", structure
         )
@@ -83,7 +85,7 @@ class _Shooting:
     """Lengths are in units of ``duration``."""
 
     scene: Scene
-    structure: Structure
+    structure: SwitchingStructure
     duration: float
 
     @cached_property
@@ -128,22 +130,34 @@ class _Shooting:
         return np.stack(misses, axis=1)
 
     @cached_property
-    def held(self) -> Held:
-        return Held.of(self.structure)
+    def rows(self) -> ConstraintRows:
+        speed = self.scene.speed_limits is not None
+        return ConstraintRows(ScaledEquations.of(self.model.functions, speed=speed))
+
+    @cached_property
+    def active(self) -> ActiveRows:
+        return ActiveRows.of(self.rows, self.structure)
 
     def _speed_misses(self, a: int, x: Array, v: Array) -> list[Array]:
-        new = [entry for entry in self.held.entries if entry.arc == a]
+        new = [entry for entry in self.active.entries if entry.arc == a]
         if not new or self.scene.speed_limits is None:
             return []
         share = self.model.motion(x, v, np.zeros_like(x))[1][:, 3::3] / self.scene.speed_limits
         return [share[:, entry.motor] - entry.value for entry in new]
 
+    def _at_rest(self, a: int) -> tuple[int | None, ...]:
+        """For each motor the one whose θ̈ = 0 its torque keeps up; None if its torque is given."""
+        velocity = self.rows.velocity
+        holding = [] if velocity is None else velocity.holding.tolist()
+        return tuple(
+            holding.index(row) if row in holding else None for row in self.active.row[a].tolist()
+        )
+
     def _along(self, a: int, x: Array, v: Array, length: Array) -> tuple[Array, Array]:
         """An arc, (B, 3) each."""
-        value = self.held.value[a] * np.array(self.scene.torque_limits)
+        value = self.active.value[a] * np.array(self.scene.torque_limits)
         steps = int(np.ceil(_STEPS * self.structure.lengths[a]))
-        rows_held = tuple(self.held.row[a].tolist())
-        acceleration = _acceleration(self.model.functions.terms, rows_held)
+        acceleration = _acceleration(self.model.functions.terms, self._at_rest(a))
         h, g = (length / steps)[:, None, None], gauss()
         for _ in range(steps):
             A = np.zeros((len(x), len(g.weights), 3))
@@ -162,17 +176,16 @@ class _Shooting:
 
 
 @lru_cache(maxsize=8)
-def _acceleration(terms: DeltaTerms, held: tuple[int, ...]) -> RowFunction:
-    """(x, v, torques, p) -> the acceleration at which rows of a stage, one for each motor, hold:
-    its torque or, of a motor at its speed limit, θ̈ = 0."""
+def _acceleration(terms: DeltaTerms, at_rest: tuple[int | None, ...]) -> RowFunction:
+    """(x, v, torques, p) -> the acceleration at which one row for each motor holds: its torque or,
+    where it keeps a motor at its speed limit, that motor's θ̈ = 0."""
     functions = delta_functions(terms, Explicit())
     x, v, a, value = (ca.SX.sym(name, 3) for name in ("x", "v", "a", "value"))
     p = terms.symbols().vector()
     torque, _ = functions.inverse_dynamics.expand()(x, v, a, p)
     bend = functions.motion(x, v, a, p)[2][3::3]
     rows = [
-        bend[row - SPEED_RATE] if row >= SPEED_RATE else torque[k] - value[k]
-        for k, row in enumerate(held)
+        torque[k] - value[k] if motor is None else bend[motor] for k, motor in enumerate(at_rest)
     ]
     solved = solve_affine(ca.vertcat(*rows), a)
     function = ca.Function("acceleration", [x, v, value, p], [ca.densify(solved)], {"cse": True})

@@ -14,10 +14,11 @@ from deltaopt import load_scene, plan, verify
 from deltaopt.errors import Infeasible
 from deltaopt.motion.effort import cost, effort
 from deltaopt.motion.trajectory import Trajectory
+from deltaopt.planning.flat.constraint_rows import ByOrder
 from deltaopt.planning.flat.flat_problem import FlatEquations, ScaledEquations
 from deltaopt.planning.nlp.cost import Cost
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
-from deltaopt.planning.switching.detection import read_structure
+from deltaopt.planning.switching.detection import detect_structure
 from deltaopt.scene.objective import Effort, TimeAndEffort
 from tests.oracles.arcs import ArcProblem
 from tests.oracles.certify import certify
@@ -109,7 +110,7 @@ def test_a_push_that_comes_to_its_limit():
 
 def test_a_free_push_as_an_arc():
     """With a running cost and a given duration, to the last digit, and certified."""
-    free = read_structure(np.full(10, 0.1), np.zeros((10, 3, 3)), None)
+    free = detect_structure(np.full(10, 0.1), ByOrder(np.zeros((10, 3, 3))))
     problem, scales = ArcProblem(FREE.equations, free, 4, EFFORT), FREE.scales
     p = scales.vector()
     found = problem.program.solve(problem.pack(FREE.guess, scales), *problem.bounds(scales), p)

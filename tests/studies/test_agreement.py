@@ -7,7 +7,8 @@ import pytest
 
 from deltaopt import load_scene
 from deltaopt.errors import NotConverged
-from deltaopt.planning.switching.detection import read_structure
+from deltaopt.planning.flat.constraint_rows import ByOrder
+from deltaopt.planning.switching.detection import detect_structure
 from studies.agreement import agreement, table
 from tests.oracles.shooting import shoot
 
@@ -27,6 +28,6 @@ def test_other_means_find_the_same():
 def test_shooting_needs_motors_that_are_held():
     free = np.zeros((20, 3, 3))
     free[:10], free[10:, :, 1:] = 1.0, -1.0
-    structure = read_structure(np.full(20, 0.05), free, None)
+    structure = detect_structure(np.full(20, 0.05), ByOrder(free))
     with pytest.raises(NotConverged, match="at no limit"):
         shoot(LIGHT, structure, 0.1)

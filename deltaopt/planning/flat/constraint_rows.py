@@ -1,14 +1,18 @@
-"""What limits hold back, at one point of a motion, with first and second derivatives.
+"""Constraint rows at one instant of a motion, sorted by order, with first and second derivatives.
 
-Rows are functions of y = (X, V, A), 9, in the units of ``flat`` with T = 1: torques, how far
-the chains are from the margin of their fold and two derivatives of that by time, speeds and
-their derivative. Torques are eliminated here: what an arc holds is a function of the motion.
+A row is a function c(X, V, A) of the scaled position, velocity and acceleration, normalised so that
+its bounds are at -1 and 1. The order of a row says how an arc of a switched motion can hold it:
+
+    order 2   a control: c depends on A and is held directly
+    order 1   a velocity limit, c(X, V): held by dc/dt along an arc, by c where the arc begins
+    order 0   a position limit, c(X): held by d²c/dt² along an arc, by c and dc/dt where it begins
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -16,66 +20,192 @@ from numpy.typing import NDArray
 
 from deltaopt.codegen.vectorised import RowFunction
 from deltaopt.dynamics.linear import solve_affine
-from deltaopt.planning.flat.flat_problem import ScaledEquations
+from deltaopt.limits.constraints import Constraints
+from deltaopt.planning.flat.equations import PointEquations
 
 Array = NDArray[np.float64]
+Integers = NDArray[np.intp]
 
-TORQUE, OPENING, OPENING_RATE, OPENING_BEND, SPEED, SPEED_RATE = range(0, 18, 3)
-"""First of the three rows of each kind; the last two only where speed is limited."""
+
+class ByOrder(NamedTuple):
+    """One number for each motor and limit, kept apart by the order of the limit: values of
+    normalised rows, or their multipliers, which are positive at upper limits and negative at lower
+    ones. All arrays have the same shape (..., m); None where there is no limit of that order."""
+
+    control: Array
+    velocity: Array | None = None
+    position: Array | None = None
+
+    @classmethod
+    def of(cls, constraints: Constraints, rows: Array) -> ByOrder:
+        """From all constraint rows, (..., rows)."""
+        velocity, position = (constraints.of_order(order) for order in (1, 0))
+        return cls(
+            rows[..., constraints.is_control],
+            rows[..., velocity] if len(velocity) else None,
+            rows[..., position] if len(position) else None,
+        )
+
+    def of_state(self, order: int) -> Array | None:
+        """The array of the state limits of order 0 (position) or 1 (velocity)."""
+        return self.velocity if order else self.position
+
+    def per_time(self, mesh: Array) -> ByOrder:
+        """Multipliers of the intervals of a mesh per time, (N, m) each, from those at their points,
+        (N, points, m). ``mesh``: lengths of the intervals, (N,)."""
+
+        def of_intervals(each: Array | None) -> Array | None:
+            return None if each is None else np.asarray(each.sum(axis=1) / mesh[:, None])
+
+        control = self.control.sum(axis=1) / mesh[:, None]
+        return ByOrder(control, of_intervals(self.velocity), of_intervals(self.position))
 
 
 @dataclass(frozen=True)
-class Stage:
-    """The rows of some equations, evaluated at many points at once."""
+class StateRows:
+    """Indices of the rows of the state limits of one order, one limit for each motor.
 
-    equations: ScaledEquations
+    ``derivatives``: of the limited quantity itself and of its derivatives by time, (m,) each, up to
+    the first that depends on the acceleration.
+    """
+
+    order: int
+    derivatives: tuple[Integers, ...]
 
     @property
-    def rows(self) -> int:
-        """12, or 18 where speed is limited."""
-        return int(self._row.numel())
+    def value(self) -> Integers:
+        """Rows of the limited quantity, (m,)."""
+        return self.derivatives[0]
+
+    @property
+    def holding(self) -> Integers:
+        """Rows that are zero as long as the limit is active, (m,): they depend on acceleration."""
+        return self.derivatives[-1]
+
+
+@dataclass(frozen=True)
+class ConstraintRows:
+    """The rows of all limits of a mechanism, evaluated at many instants at once.
+
+    An instant is y = (X, V, A), 3 m numbers, in the units of ``flat_problem`` with T = 1: the
+    mechanism is fully actuated and has as many coordinates as motors. Controls are eliminated by
+    the equations of motion: every row is a function of y and of the parameters p. The first rows
+    are those of the limits, in their order; derivatives of state limits by time follow.
+    """
+
+    equations: PointEquations
+
+    @property
+    def constraints(self) -> Constraints:
+        """The limits."""
+        return self.equations.constraints
+
+    @property
+    def motors(self) -> int:
+        """The number m of motors, and of coordinates."""
+        return int(self.equations.force.numel())
+
+    @property
+    def number(self) -> int:
+        """The number of rows, derivatives of state limits included."""
+        return int(self._rows.numel())
+
+    @property
+    def of_limits(self) -> int:
+        """The number of rows of the limits themselves, which come first."""
+        return self.constraints.number
+
+    @property
+    def can_be_held(self) -> bool:
+        """Whether the arcs of a switching structure can hold all limits: bounds on each control,
+        and for each motor at most one limit of its velocity and one of its position."""
+        constraints, m = self.constraints, self.motors
+        controls = constraints.is_control[constraints.orders == 2]
+        states = (len(constraints.of_order(order)) for order in (0, 1))
+        return bool(controls.all()) and len(controls) == m and set(states) <= {0, m}
+
+    @property
+    def control(self) -> Integers:
+        """Indices of the control rows, (m,)."""
+        return np.asarray(np.flatnonzero(self.constraints.is_control))
+
+    @cached_property
+    def position(self) -> StateRows | None:
+        """Indices of the rows of position limits; None if positions are not limited."""
+        own, m = self.constraints.of_order(0), self.motors
+        if not len(own):
+            return None
+        rates = self.of_limits + np.arange(m)
+        return StateRows(0, (own, rates, m + rates))
+
+    @cached_property
+    def velocity(self) -> StateRows | None:
+        """Indices of the rows of velocity limits; None if velocities are not limited."""
+        own, m = self.constraints.of_order(1), self.motors
+        if not len(own):
+            return None
+        before = 0 if self.position is None else 2 * m
+        return StateRows(1, (own, self.of_limits + before + np.arange(m)))
+
+    @property
+    def states(self) -> tuple[StateRows, ...]:
+        """Indices of the rows of all state limits, those of the highest order first."""
+        return tuple(rows for rows in (self.velocity, self.position) if rows is not None)
 
     def values(self, y: Array, p: Array) -> Array:
-        """Rows at points (N, 9) -> (N, rows)."""
+        """All rows at instants y (N, 3 m), as (N, rows)."""
         return self._values(y, parameters=p)[0]
 
-    def openings(self, X: Array, p: Array) -> Array:
-        """How far chains are from the margin of their fold at positions (N, 3) -> (N, 3)."""
-        y = np.hstack([X, np.zeros((len(X), 6))])
-        return self.values(y, p)[:, OPENING : OPENING + 3]
-
     def derivatives(self, y: Array, multipliers: Array, p: Array) -> tuple[Array, Array, Array]:
-        """Rows (N, rows), their Jacobian (N, rows, 9), and the Hessian of the rows times
-        multipliers (N, rows): (N, 9, 9)."""
+        """All rows at instants y (N, 3 m), as (N, rows), their Jacobian by y, (N, rows, 3 m), and
+        the Hessian by y of the sum of rows times ``multipliers`` (N, rows), (N, 3 m, 3 m)."""
         r, J, H = self._derivatives(y, multipliers, parameters=p)
-        return r, J.reshape(len(y), -1, 9), H.reshape(len(y), 9, 9)
+        N, width = y.shape
+        return r, J.reshape(N, -1, width), H.reshape(N, width, width)
 
     @cached_property
     def _y(self) -> ca.SX:
-        return ca.SX.sym("y", 9)
+        return ca.SX.sym("y", 3 * self.motors)
 
     @cached_property
-    def _row(self) -> ca.SX:
-        e, y = self.equations, self._y
-        X, V, A = ca.vertsplit(y, 3)
-        rate = ca.jtimes(e.opening, e.y[:3], e.y[3:6])
-        bend = ca.jtimes(rate, e.y[:3], e.y[3:6]) + ca.jtimes(rate, e.y[3:6], e.y[6:9])
-        rows = [solve_affine(e.force, e.y[9:12]), e.opening, rate, bend]
-        if e.speed is not None and e.acceleration is not None:
-            rows += [e.speed, e.acceleration]
-        function = ca.Function("rows", [e.y, e.p], [ca.vertcat(*rows)], {"cse": True})
-        return function(ca.vertcat(X, V, A, 0, 0, 0, 1), e.p)
+    def _p(self) -> ca.SX:
+        return self.equations.parameters.vector
+
+    @cached_property
+    def _rows(self) -> ca.SX:
+        """In the order of the indices."""
+        e, m = self.equations, self.motors
+        X, V, A, control = (e.y[i * m : (i + 1) * m] for i in range(4))
+
+        def rate(c: ca.SX) -> ca.SX:
+            return ca.jtimes(c, X, V) + ca.jtimes(c, V, A)
+
+        by_motion = ca.substitute(e.rows, control, solve_affine(e.force, control))
+        rows = [by_motion]
+        for state in self.states[::-1]:
+            c = e.rows[state.value.tolist()]
+            for _ in state.derivatives[1:]:
+                c = rate(c)
+                rows.append(c)
+        function = ca.Function("rows", [e.y, self._p], [ca.vertcat(*rows)], {"cse": True})
+        return function(ca.vertcat(self._y, ca.SX.zeros(m), 1), self._p)
 
     @cached_property
     def _values(self) -> RowFunction:
-        inputs = [self._y, self.equations.p]
-        return RowFunction(ca.Function("values", inputs, [self._row], {"cse": True}))
+        inputs = [self._y, self._p]
+        return RowFunction(ca.Function("values", inputs, [self._rows], {"cse": True}))
 
     @cached_property
     def _derivatives(self) -> RowFunction:
-        y, r = self._y, self._row
+        y, r = self._y, self._rows
         multipliers = ca.SX.sym("multipliers", r.numel())
         J, H = ca.jacobian(r, y), ca.hessian(ca.dot(multipliers, r), y)[0]
-        inputs = [y, multipliers, self.equations.p]
+        inputs = [y, multipliers, self._p]
         results = [r, ca.densify(ca.vec(J.T)), ca.densify(ca.vec(H))]
         return RowFunction(ca.Function("derivatives", inputs, results, {"cse": True}))
+
+
+@lru_cache(maxsize=16)
+def constraint_rows(equations: PointEquations) -> ConstraintRows:
+    """Those of some equations, derived once in a process."""
+    return ConstraintRows(equations)

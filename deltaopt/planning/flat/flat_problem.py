@@ -97,8 +97,8 @@ class FlatEquations:
 class FlatProblem:
     """The flat problem on a mesh of interval fractions (N,), ready to be solved for scenes.
 
-    Variables for Ipopt: for every interval X_i, V_i, A_i0 … A_id, then τ at each of its points; last
-    X_N, V_N and T.
+    Variables for Ipopt: for every interval X_i, V_i, A_i0 … A_id, then τ at each of its points;
+    last X_N, V_N and T.
     """
 
     equations: PointEquations
@@ -185,6 +185,7 @@ class FlatProblem:
                     found.status,
                     found.iterations,
                     found.spent,
+                    all_at_points=True,
                     left=found.left,
                 )
         if guess.near and IPOPT_FINEST < self.intervals <= self.finest:  # Ipopt takes minutes
@@ -229,6 +230,7 @@ class FlatProblem:
             found.status,
             found.iterations,
             found.spent,
+            all_at_points=True,
         )
 
     def _at_knots(self, guess: Trajectory, scaling: Scaling) -> tuple[Array, float]:

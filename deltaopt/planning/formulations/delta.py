@@ -124,5 +124,5 @@ class DeltaProblem:
             found.status,
             found.iterations,
             found.spent,
-            q if closure is not None and closure.drifts else None,
+            coordinates=q if closure is not None and closure.drifts else None,
         )

@@ -1,18 +1,18 @@
-"""Pontryagin's condition on a mesh, from the prices of the limits at its points.
+"""Pontryagin's condition on a mesh, from the multipliers of the limits at its points.
 
-A motion of cubics is a function of positions and velocities at the knots. What a small shift
-of these at a knot would cost, by the prices λ of the limits c afterwards, is the costate p: it
-also is what the limits before would gain. On the way of duration T in units of it,
+A motion of cubics is a function of positions and velocities at the knots. What a small shift of
+these at a knot would cost, by the multipliers λ of the limits c afterwards, is the costate p; it is
+also what the limits before the knot would gain. With time in units of the duration T,
 
     p_i = Σ_j λ_j ∂c_j/∂(X, V)_i        H = p · (V, A) / T, which is -1 on an optimal motion
 
-The sum may end at the next knot, were λ exact. But in intervals of 1e-4 a shift of one knot alone
-is worth nothing, accelerations being what they are, and how λ is spread over neighbouring points
-then is as good as unknown. So the shift fades out over a part of the motion, as one cubic, which
-is a motion of the mesh too: what is unknown cancels, and nothing is smoothed but that.
+With exact multipliers the shift might fade out at the next knot. But in intervals of 1e-4 a shift
+of one knot alone asks for so large accelerations that it is worth nothing, and how λ is distributed
+over neighbouring points is practically unknown. So the shift fades out over a part of the motion,
+as one cubic, which is a motion of the mesh too: what is unknown cancels, nothing else is smoothed.
 
-On a mesh that is fit for its purpose H varies but little. As torques jump inside of intervals,
-it is not as constant as where switches are resolved.
+H varies little on a mesh that is fit for its purpose. Since controls jump inside of intervals, it
+is not as constant as where switches are resolved.
 """
 
 from __future__ import annotations
@@ -22,41 +22,48 @@ from numpy.typing import NDArray
 
 from deltaopt.motion.certificate import Certificate, spread
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.planning.flat.constraint_rows import OPENING, SPEED, TORQUE, Stage
-from deltaopt.planning.mesh.mesh_solution import Attempt, mean_torques
-from deltaopt.planning.nlp.problem import Solved
-from deltaopt.planning.nlp.scaling import Scales
+from deltaopt.planning.flat.constraint_rows import ConstraintRows
+from deltaopt.planning.mesh.mesh_solution import MeshSolution
+from deltaopt.planning.nlp.scaling import Scaling
 
 Array = NDArray[np.float64]
 
 FADES = 0.05
-"""Over this part of the motion a shift fades: many intervals where they are short."""
+"""Part of the motion over which a shift fades out: a longer one averages more of the unknown
+distribution of multipliers, a shorter one follows H more closely. Set by hand on random moves: many
+intervals where they are short."""
 
 
-def certify_mesh(stage: Stage, attempt: Attempt) -> Certificate:
-    """Of a motion of cubics that was found with prices of openings too, not yet slowed.
+def certify_mesh(rows: ConstraintRows, found: MeshSolution) -> Certificate:
+    """How well a motion of cubics, not yet slowed, meets Pontryagin's condition.
 
     ``hamiltonian_spread``: max |H - mean H| at both ends of all intervals, over |mean H|.
-    ``sign_violation``: by how much other torques would lower H, at most, over the most that a
-    torque does.
+    ``sign_violation``: by how much other controls would lower H, at most, over the largest
+    multiplier of a control. The solution has to have the multipliers of all limits.
     """
-    density = attempt.solution.prices[:, :, :3].sum(axis=1) / attempt.mesh[:, None]
-    lowered = np.abs(density) - density * mean_torques(attempt)
-    violation = float(lowered.max() / np.abs(density).max())
-    return Certificate(spread(hamiltonian(stage, attempt)), violation)
+    control = found.solution.multipliers[:, :, rows.control]
+    density = control.sum(axis=1) / found.mesh[:, None]
+    mean = found.rows[:, :, rows.control].mean(axis=1)
+    lowered = np.abs(density) - density * mean
+    largest = float(np.abs(density).max())
+    violation = float(lowered.max()) / largest if largest else 0.0
+    return Certificate(spread(hamiltonian(rows, found)), violation)
 
 
-def hamiltonian(stage: Stage, attempt: Attempt, over: float = FADES) -> Array:
-    """At the beginnings and then at the ends of the intervals, (2 N,): -1 at best. ``over``: as
-    of ``costates``."""
-    motion, scales = attempt.trajectory, attempt.scales
-    weights = _hermite(attempt.mesh, attempt.problem.points)
-    states = scales.states(motion.position, motion.knots, motion.duration).reshape(-1, 2, 3)
-    knots = np.concatenate([states[:-1], states[1:]], axis=1)  # of both ends, (N, 4, 3)
-    y = np.einsum("danc,nak->ncdk", weights, knots)  # (N, points, 3, 3), by the duration
-    J = _slopes(stage, y, motion.duration / scales.time, scales, motion)
-    pulled = np.einsum("ncr,ncrdk->ncdk", _prices(attempt.solution), J)
-    p = costates(np.einsum("ncdk,danc->nak", pulled, weights), attempt.mesh, over)
+def hamiltonian(rows: ConstraintRows, found: MeshSolution, over: float = FADES) -> Array:
+    """H at the beginnings and then at the ends of the intervals, (2 N,), -1 on an optimal motion.
+
+    ``over``: as in ``costates``.
+    """
+    motion, scaling = found.trajectory, found.scaling
+    weights = _hermite(found.mesh, found.problem.points)
+    states = scaling.states(motion.position, motion.knots, motion.duration)
+    states = states.reshape(len(states), 2, -1)
+    knots = np.concatenate([states[:-1], states[1:]], axis=1)  # of both ends, (N, 4, m)
+    y = np.einsum("danc,nak->ncdk", weights, knots)  # (N, points, 3, m), time in durations
+    J = _jacobian(rows, y, motion.duration / scaling.time, scaling, motion)
+    pulled = np.einsum("ncr,ncrdk->ncdk", found.solution.multipliers, J)
+    p = costates(np.einsum("ncdk,danc->nak", pulled, weights), found.mesh, over)
     A = np.einsum("anc,nak->nck", weights[2][:, :, [0, -1]], knots)
     first = (p[:-1] * np.stack([knots[:, 1], A[:, 0]], axis=1)).sum(axis=(1, 2))
     last = (p[1:] * np.stack([knots[:, 3], A[:, 1]], axis=1)).sum(axis=(1, 2))
@@ -64,14 +71,16 @@ def hamiltonian(stage: Stage, attempt: Attempt, over: float = FADES) -> Array:
 
 
 def costates(pulled: Array, mesh: Array, over: float = FADES) -> Array:
-    """At the knots, (N + 1, 2, 3), over the duration. ``pulled``: Σ λ ∂c/∂(X, V) at both ends of
-    every interval, (N, 4, 3). ``over``: what part of the motion shifts fade over, one interval at
-    least."""
+    """Costates of position and velocity at the knots, (N + 1, 2, m), over the duration.
+
+    ``pulled``: Σ λ ∂c/∂(X, V) at both ends of every interval, (N, 4, m). ``over``: part of the
+    motion over which shifts fade out, one interval at least.
+    """
     N, knots = len(mesh), np.concatenate([[0.0], np.cumsum(mesh)])
     number = np.arange(N + 1)
     onwards = np.maximum(np.searchsorted(knots, knots + over), number + 1)
     backwards = np.minimum(np.searchsorted(knots, knots - over, side="right"), number) - 1
-    p = np.empty((N + 1, 2, 3))
+    p = np.empty((N + 1, 2, pulled.shape[2]))
     for i in range(N + 1):
         begins = onwards[i] <= N  # otherwise the goal, which must stay, is too near
         first, last = (i, onwards[i]) if begins else (backwards[i], i)
@@ -84,15 +93,15 @@ def costates(pulled: Array, mesh: Array, over: float = FADES) -> Array:
 
 
 def _faded(knots: Array, begins: bool) -> Array:
-    """(X, V) at knots by a shift of (X, V) at the first or else the last, where the other end
-    stays, (2, 2, knots)."""
+    """Derivatives of (X, V) at all knots by (X, V) at the first knot if ``begins``, at the last if
+    not, where the state at the other end stays, (2, 2, knots)."""
     length = knots[-1] - knots[0]
     weights = _hermite(np.array([length]), (knots - knots[0]) / length)[:2, :, 0]
     return weights[:, :2] if begins else weights[:, 2:]
 
 
 def _hermite(mesh: Array, points: Array) -> Array:
-    """Of both knots' (X, V) in X, V and A at the points, (3, 4, N, points)."""
+    """Weights of (X, V) at both knots of an interval in X, V and A inside, (3, 4, N, points)."""
     s, e = points, mesh[:, None]
     one = np.ones_like(e)
     return np.array(
@@ -114,18 +123,13 @@ def _hermite(mesh: Array, points: Array) -> Array:
     )
 
 
-def _prices(solved: Solved) -> Array:
-    """Of torques, openings and speeds, (N, points, 6 or 9); an opening has to be large."""
-    assert solved.opening_prices is not None
-    return np.insert(solved.prices, [3, 3, 3], -solved.opening_prices, axis=2)
-
-
-def _slopes(stage: Stage, y: Array, T: float, scales: Scales, motion: Trajectory) -> Array:
-    """Of torques, openings and speeds by X, V and A, (N, points, 6 or 9, 3, 3)."""
-    p = np.concatenate([scales.vector(), motion.model.parameters])
+def _jacobian(
+    rows: ConstraintRows, y: Array, T: float, scaling: Scaling, motion: Trajectory
+) -> Array:
+    """Derivatives of all limits' rows by X, V and A, (N, points, rows, 3, m)."""
+    p = scaling.parameters(motion.model.parameters)
     per_time = np.array([1.0, T, T**2])[:, None]
-    points = (y / per_time).reshape(-1, 9)
-    _, J, _ = stage.derivatives(points, np.zeros((len(points), stage.rows)), p)
-    kinds = [TORQUE, OPENING] + ([SPEED] if stage.rows > SPEED else [])
-    rows = np.ravel([np.arange(kind, kind + 3) for kind in kinds])
-    return np.asarray(J[:, rows].reshape(*y.shape[:2], len(rows), 3, 3) / per_time)
+    points = (y / per_time).reshape(-1, 3 * rows.motors)
+    _, J, _ = rows.derivatives(points, np.zeros((len(points), rows.number)), p)
+    shape = (*y.shape[:2], rows.of_limits, 3, rows.motors)
+    return np.asarray(J[:, : rows.of_limits].reshape(shape) / per_time)

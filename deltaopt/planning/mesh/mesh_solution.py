@@ -95,6 +95,12 @@ class MeshSolution:
     is_exact: bool = False
 
     @property
+    def has_all_multipliers(self) -> bool:
+        """Whether it is a motion of cubics with the multipliers of all limits."""
+        cubic = self.solution.position.coefficients.shape[1] == 4
+        return cubic and self.solution.all_at_points
+
+    @property
     def rows(self) -> Array:
         """Constraint rows inside the intervals, (N, len(FRACTIONS), rows)."""
         return _by_interval(self.loads.rows)

@@ -59,9 +59,10 @@ class Solved:
 
     ``multipliers``: by what fraction of the duration a motion is longer for each unit of a
     normalised row that its bound is tighter ("shadow prices"), (N, points, rows): positive at an
-    upper bound, negative at a lower one. ``coordinates``: all twelve, m and rad, where they do not
-    follow from the platform's position. ``left``: by what fraction of the duration the solver's
-    next step would shorten it.
+    upper bound, negative at a lower one. ``all_at_points``: whether these are all multipliers of
+    the motion, and at the problem's points. ``coordinates``: all twelve, m and rad, where they do
+    not follow from the platform's position. ``left``: by what fraction of the duration the
+    solver's next step would shorten it.
     """
 
     position: PiecewisePolynomial
@@ -69,6 +70,7 @@ class Solved:
     status: str
     iterations: int
     spent: Spent
+    all_at_points: bool = False
     coordinates: PiecewisePolynomial | None = None
     left: float = 0.0
 

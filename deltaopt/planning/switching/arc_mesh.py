@@ -1,138 +1,66 @@
-"""What the arcs of a structure hold, and the polynomials on them."""
+"""Arcs cut into intervals, and the polynomials on them.
+
+The acceleration is a polynomial of one degree on every interval, given by its values at Lobatto's
+nodes. A singular control, which is held by no limit, is a sum of Legendre polynomials over its
+whole arc: its value where the arc ends and the instant of that end are nearly one unknown, and with
+a value at every node the KKT system would be singular.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial.legendre import legder, legvander
 from numpy.typing import NDArray
 
-from deltaopt.planning.flat.constraint_rows import (
-    OPENING,
-    OPENING_BEND,
-    OPENING_RATE,
-    SPEED,
-    SPEED_RATE,
-    TORQUE,
-)
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
-from deltaopt.planning.switching.structure import FREE, Arc, Structure
+from deltaopt.planning.switching.structure import SwitchingStructure
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.intp]
 
 DENSE = np.linspace(0.0, 1.0, 21)
-"""Where in every interval a solution is examined, both ends included."""
+"""Fractions of every interval, both ends included, at which a motion is checked between its
+nodes: more take longer, fewer may miss where a row exceeds its limit."""
 _LONGEST = 0.15
-"""Of the duration: arcs longer than this are cut into intervals."""
-
-
-class Entry(NamedTuple):
-    """A row of the stage that has a value where an arc begins."""
-
-    arc: int
-    row: int
-    value: float
-
-    @property
-    def motor(self) -> int:
-        return self.row % 3
-
-    @property
-    def of_speed(self) -> bool:
-        """Otherwise of an opening."""
-        return self.row >= SPEED
-
-
-class Pin(NamedTuple):
-    """A torque without limit that begins (``end`` 0) or ends (1) an arc at a value."""
-
-    arc: int
-    motor: int
-    end: int
-    value: float
-
-    def shapes(self, modes: int) -> Array:
-        """Legendre's polynomials there, (modes,)."""
-        return np.asarray(np.ones(modes) if self.end else (-1.0) ** np.arange(modes), np.float64)
-
-
-@dataclass(frozen=True)
-class Held:
-    """What the arcs hold: a row of the stage for each motor at every node, and more where an
-    arc begins.
-
-    ``row``, ``value``: (arcs, 3). ``free``: (arc, motor) where the row is a torque that no
-    limit holds: its value is a polynomial to be found.
-    """
-
-    row: Integers
-    value: Array
-    free: tuple[tuple[int, int], ...]
-    entries: tuple[Entry, ...]
-
-    @classmethod
-    def of(cls, structure: Structure) -> Held:
-        """A speed is held by its derivative along the arc and by itself where it begins, an
-        opening by its second derivative and, where it begins, by itself and the first; both in
-        place of a torque at no limit, the motor's own or, if that is at one, another's."""
-        arcs = len(structure.lengths)
-        row, value = np.zeros((arcs, 3), np.intp), np.zeros((arcs, 3))
-        free, entries = [], []
-        for a, limits in enumerate(structure.limits):
-            row[a] = TORQUE + np.arange(3)
-            value[a] = [limit.torque for limit in limits]
-            without = [k for k in range(3) if not limits[k].torque]
-            for k, state in sorted(held_states(limits), key=lambda state: state[0] not in without):
-                row[a, without.pop(without.index(k) if k in without else 0)] = state
-            free += [(a, k) for k in without]
-            for k, now in enumerate(limits):
-                before = structure.limits[a - 1][k] if a else FREE
-                if now.touched and before != now:
-                    entries.append(Entry(a, OPENING + k, 0.0))
-                if now.grazed and before != now:
-                    entries.append(Entry(a, SPEED + k, float(now.grazed)))
-                if now.speed and before.speed != now.speed:
-                    entries.append(Entry(a, SPEED + k, float(now.speed)))
-                if now.opening and not before.opening:
-                    entries += [Entry(a, OPENING + k, 0.0), Entry(a, OPENING_RATE + k, 0.0)]
-        return cls(row, value, tuple(free), tuple(entries))
-
-    @property
-    def without_row(self) -> NDArray[np.bool]:
-        """Torques that follow from a speed or an opening that is held, (arcs, 3)."""
-        return np.asarray(self.row != TORQUE + np.arange(3))
-
-
-def held_states(limits: Arc) -> list[tuple[int, int]]:
-    """(motor, row that holds it) of the speeds and openings that are held."""
-    states = [(k, SPEED_RATE + k) for k, limit in enumerate(limits) if limit.speed]
-    return states + [(k, OPENING_BEND + k) for k, limit in enumerate(limits) if limit.opening]
+"""Longest interval, as a fraction of the duration: shorter ones make a larger system, longer ones
+are cut later anyway because polynomials stray from the limits between nodes."""
 
 
 def parts_of(lengths: Array) -> Integers:
-    """Into how many intervals arcs of these shares of the duration are cut, (arcs,)."""
+    """Numbers of intervals for arcs of these lengths, fractions of the duration, (arcs,)."""
     return np.ceil(lengths / _LONGEST).clip(1).astype(np.intp)
 
 
 @dataclass(frozen=True)
-class Grid:
-    """Arcs cut into ``parts`` intervals, (arcs,); acceleration of a ``degree`` on each; torques
-    without limit of so many ``modes``, Legendre's polynomials over the arc, (arcs,)."""
+class ArcMesh:
+    """Arcs cut into intervals with polynomials on them.
+
+    ``parts``: number of intervals of each arc, (arcs,). ``degree``: of the acceleration in an
+    interval. ``modes``: number of Legendre coefficients of a singular control on each arc, (arcs,).
+    """
 
     parts: Integers
     degree: int
     modes: Integers
 
     @classmethod
-    def of(cls, structure: Structure, degree: int, more_modes: int = 0) -> Grid:
-        """Long arcs in several parts and with more modes."""
+    def of(cls, structure: SwitchingStructure, degree: int, more_modes: int = 0) -> ArcMesh:
+        """A mesh for a structure: longer arcs get more intervals and more Legendre coefficients,
+        about ``more_modes`` more than at first on an arc of half of the duration."""
         lengths = np.clip(structure.lengths, 0.0, 1.0)
         modes = 1 + (more_modes + 10) * lengths.clip(0.0, 0.3) / 0.5 + 4 * lengths
         return cls(parts_of(lengths), degree, np.ceil(modes).astype(np.intp))
+
+    def with_more_modes(self, number: int) -> ArcMesh:
+        """The mesh with so many more Legendre coefficients on every arc."""
+        return replace(self, modes=self.modes + number)
+
+    def with_parts(self, parts: Integers) -> ArcMesh:
+        """The mesh with other numbers of intervals, (arcs,)."""
+        return replace(self, parts=parts)
 
     @cached_property
     def arc(self) -> Integers:
@@ -145,60 +73,71 @@ class Grid:
         return np.cumsum(self.parts) - self.parts
 
     @property
+    def arcs(self) -> int:
+        """The number of arcs."""
+        return len(self.parts)
+
+    @property
     def intervals(self) -> int:
+        """The number n of intervals."""
         return len(self.arc)
-
-    def intervals_of(self, lengths: Array) -> Array:
-        """Lengths of the intervals, (n,), from those of the arcs."""
-        return np.asarray((lengths / self.parts)[self.arc])
-
-    def torques(self, free: Array) -> Array:
-        """Torques without limit at the nodes, (n, nodes, 3), from their modes by arc."""
-        return np.asarray(np.einsum("nkl,nrl->nkr", self.shapes, free[self.arc]))
 
     @property
     def most_modes(self) -> int:
+        """The largest number of Legendre coefficients on an arc."""
         return int(self.modes.max())
 
-    @property
-    def nodes(self) -> Array:
-        """Lobatto's, from 0 to 1."""
-        return self.transcription.nodes
+    def interval_lengths(self, lengths: Array) -> Array:
+        """Lengths of the intervals, (n,), from those of the arcs, (arcs,)."""
+        return np.asarray((lengths / self.parts)[self.arc])
 
-    @property
-    def quadrature(self) -> Array:
-        return self.transcription.quadrature
-
-    @property
-    def transcription(self) -> PiecewiseAcceleration:
-        return _weights(self.degree).transcription
-
-    @property
-    def at_nodes(self) -> tuple[Array, Array, Array]:
-        """Weights l̿_j(c), l̄_j(c) and l_j(c) of A_j at the nodes c, (nodes, nodes) each."""
-        return _weights(self.degree).at_nodes
-
-    @property
-    def at_dense(self) -> tuple[Array, Array, Array]:
-        """The same at ``DENSE``, (dense, nodes) each."""
-        return _weights(self.degree).at_dense
-
-    @property
-    def slope_at_dense(self) -> Array:
-        """Derivatives at ``DENSE`` of polynomials that are given at the nodes, (dense, nodes)."""
-        return _weights(self.degree).slope_at_dense
+    def singular_controls(self, coefficients: Array) -> Array:
+        """Singular controls at the nodes, (n, nodes, m), from their Legendre coefficients by arc,
+        (arcs, m, most modes)."""
+        return np.asarray(np.einsum("nkl,nrl->nkr", self.legendre, coefficients[self.arc]))
 
     @cached_property
-    def shapes(self) -> Array:
-        """Legendre's polynomials over the arc at the nodes, (n, nodes, most modes)."""
+    def legendre(self) -> Array:
+        """Legendre polynomials over the arc at the nodes, (n, nodes, most modes)."""
         number = np.arange(self.intervals) - self.first[self.arc]
         share = (number[:, None] + self.nodes) / self.parts[self.arc][:, None]
         return np.asarray(legvander(2 * share - 1, self.most_modes - 1))
 
+    @property
+    def nodes(self) -> Array:
+        """Lobatto's nodes as fractions of an interval, from 0 to 1, (nodes,)."""
+        return self.transcription.nodes
+
+    @property
+    def quadrature(self) -> Array:
+        """Weights of the nodes in an integral over an interval of length 1, (nodes,)."""
+        return self.transcription.quadrature
+
+    @property
+    def transcription(self) -> PiecewiseAcceleration:
+        """The polynomial on an interval."""
+        return _polynomials(self.degree).transcription
+
+    @property
+    def at_nodes(self) -> tuple[Array, Array, Array]:
+        """Weights of the accelerations at the nodes in the position, velocity and acceleration at
+        the nodes, (nodes, nodes) each."""
+        return _polynomials(self.degree).at_nodes
+
+    @property
+    def at_dense(self) -> tuple[Array, Array, Array]:
+        """The same weights at ``DENSE``, (dense, nodes) each."""
+        return _polynomials(self.degree).at_dense
+
+    @property
+    def slope_at_dense(self) -> Array:
+        """Derivatives at ``DENSE`` of polynomials given by values at the nodes, (dense, nodes)."""
+        return _polynomials(self.degree).slope_at_dense
+
 
 @dataclass(frozen=True)
-class _Weights:
-    """Of polynomials of one degree."""
+class _Polynomials:
+    """Weights of the values at the nodes, of polynomials of one degree."""
 
     transcription: PiecewiseAcceleration
     at_nodes: tuple[Array, Array, Array]
@@ -207,7 +146,7 @@ class _Weights:
 
 
 @lru_cache(maxsize=8)
-def _weights(degree: int) -> _Weights:
+def _polynomials(degree: int) -> _Polynomials:
     transcription = PiecewiseAcceleration(degree, between=())
 
     def of_acceleration(c: Array) -> tuple[Array, Array, Array]:
@@ -217,7 +156,7 @@ def _weights(degree: int) -> _Weights:
     nodes = transcription.nodes
     at_nodes = legvander(2 * nodes - 1, degree)
     slopes = legvander(2 * DENSE - 1, degree - 1) @ (2 * legder(np.eye(degree + 1)))
-    return _Weights(
+    return _Polynomials(
         transcription,
         of_acceleration(nodes),
         of_acceleration(DENSE),

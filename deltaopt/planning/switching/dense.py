@@ -1,7 +1,7 @@
-"""Dense systems of a hundred unknowns, on one core.
+"""Dense linear systems of about a hundred unknowns, solved on one core.
 
-NumPy's solver spreads them over all cores, which takes longer than one, and hundreds of times
-as long while others use the cores.
+NumPy's solver spreads such systems over all cores. That takes longer than on one core, and hundreds
+of times as long while other processes use the cores.
 """
 
 from __future__ import annotations
@@ -56,7 +56,8 @@ int gauss(int64_t n, int64_t width, double *rows) {
 
 
 def solve(matrix: Array, right: Array) -> Array | None:
-    """x, (n,), with matrix x = right; None where the matrix is singular."""
+    """The solution x, (n,), of ``matrix`` (n, n) times x = ``right`` (n,); None if the matrix is
+    singular. Without a compiler NumPy's solver is used."""
     code = _code()
     if code is None:
         try:

@@ -1,9 +1,9 @@
-"""The structure of a motion, read from its solution on a mesh.
+"""Detection of the switching structure of a motion from its solution on a mesh.
 
-A mesh shows where torques and speeds are at their limits, and its prices which of these limits
-matter. What begins and ends within a few intervals is smeared there: jumps of torque are put where
-their impulse says, and what begins at one instant but is read too early or too late is put together
-(``smears``).
+A mesh shows where controls and states are at their limits, and its multipliers which of these
+limits matter. What begins and ends within a few intervals is blurred there: jumps of controls are
+put where their mean over the blurred intervals says, and switches that are one but are detected an
+interval or two apart are put together (``short_arcs``).
 """
 
 from __future__ import annotations
@@ -14,222 +14,243 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.planning.switching.short_arcs import without_smears
+from deltaopt.planning.flat.constraint_rows import ByOrder
+from deltaopt.planning.switching.short_arcs import without_short_arcs
 from deltaopt.planning.switching.structure import (
-    FREE,
-    Limit,
+    INACTIVE,
+    ActiveLimits,
+    MotorArc,
     Signs,
-    Stretch,
-    Structure,
+    SwitchingStructure,
     Truths,
+    active_at,
     assembled,
-    at,
     joined,
 )
 
 Array = NDArray[np.float64]
 
 _SIMULTANEOUS = 2e-4
-"""Of the duration: switches that are read closer to each other are one."""
-_OPENING_AT_MARGIN = 1e-3
-"""At most, everywhere in an interval."""
-_WORTHLESS, _DEAR = 1e-5, 5e-3
-"""What a limit of the state costs at least where it holds, of the duration; and per time, of
-the mean while it seems to hold."""
+"""Fraction of the duration: switches detected closer to each other become one. A larger value loses
+short arcs, a smaller one leaves arcs that are only noise of the mesh."""
+_POSITION = 0.999
+"""Row of a position limit from which on it counts as active, everywhere in an interval. Positions
+come to a limit with zero velocity, so that they are near it long before they are at it."""
+_NEGLIGIBLE = 1e-5
+"""Least multiplier of an active state limit, summed over its arc, as a fraction of the duration:
+the tolerance below which an arc or contact point could be missed without being noticed."""
+_SMALL = 5e-3
+"""Least multiplier of an active state limit per time, relative to the mean over the time in which
+it seems active. A larger value splits arcs in the middle, a smaller one makes them too long."""
 _CONCENTRATED = 0.9
-"""Part of the price that is in two intervals where a limit is touched and no more."""
+"""Part of the summed multiplier that lies in two neighbouring intervals at a contact point: shorter
+arcs are taken for contact points, and contact points that a mesh blurs more for arcs."""
 
 
 @dataclass(frozen=True)
-class Reading:
-    """How a mesh is read.
+class DetectionSettings:
+    """Thresholds of detection.
 
-    ``widest``: intervals; what is wider between two limits is no smeared switch but an arc.
-    ``torque``, ``speed``: of a load that is at its limit, everywhere in an interval. Torque comes
-    to its limit in a jump, and coarse polynomials leave some of it unused; speed comes gradually.
-    ``price``: of a torque that is at its limit, at least, of the largest. ``apart``: whether a
-    limit of the state that costs nothing for a while is left in between.
+    ``widest``: number of intervals; a longer time between two limits of a control is an arc, a
+    shorter one a blurred switch. ``control``, ``velocity``: rows from which on a limit counts as
+    active, everywhere in an interval; controls come to a limit in a jump, and coarse polynomials
+    leave some of it unused, velocities come gradually. ``multiplier``: least multiplier of an
+    active limit of a control, relative to the largest. ``split``: whether a state limit is inactive
+    where its multiplier is negligible for a while in between.
     """
 
     widest: int = 3
-    torque: float = 0.9
-    speed: float = 0.99
-    price: float = 0.0
-    apart: bool = True
+    control: float = 0.9
+    velocity: float = 0.99
+    multiplier: float = 0.0
+    split: bool = True
 
 
-USUAL = (Reading(), Reading(price=3e-4), Reading(apart=False), Reading(price=3e-4, apart=False))
-"""How to read a mesh, one way after the other."""
-SHARP = (
-    Reading(torque=0.99, speed=0.9999),
-    Reading(torque=0.99, speed=0.9999, widest=8),
-    Reading(speed=0.9999, price=5e-5),
-    Reading(speed=0.9999, price=5e-5, widest=8),
-    Reading(torque=0.99, speed=0.9999, apart=False),
-    Reading(speed=0.9999, price=5e-5, apart=False),
+STANDARD = (
+    DetectionSettings(),
+    DetectionSettings(multiplier=3e-4),
+    DetectionSettings(split=False),
+    DetectionSettings(multiplier=3e-4, split=False),
 )
-"""The same where next to nothing is given away."""
-FINE = (
-    Reading(torque=0.5, speed=0.9999, price=1e-4),
-    Reading(torque=0.5, speed=0.9999, price=1e-5),
-    Reading(torque=0.5, speed=0.9999, price=1e-4, widest=1),
-    Reading(torque=0.5, speed=0.9999, price=1e-5, widest=8),
-    Reading(torque=0.5, speed=0.9999, price=1e-3),
+"""For a coarse mesh, to be tried one after the other."""
+SHARP = (
+    DetectionSettings(control=0.99, velocity=0.9999),
+    DetectionSettings(control=0.99, velocity=0.9999, widest=8),
+    DetectionSettings(velocity=0.9999, multiplier=5e-5),
+    DetectionSettings(velocity=0.9999, multiplier=5e-5, widest=8),
+    DetectionSettings(control=0.99, velocity=0.9999, split=False),
+    DetectionSettings(velocity=0.9999, multiplier=5e-5, split=False),
+)
+"""For a fine mesh, where active limits are met almost exactly."""
+BY_MULTIPLIERS = (
+    DetectionSettings(control=0.5, velocity=0.9999, multiplier=1e-4),
+    DetectionSettings(control=0.5, velocity=0.9999, multiplier=1e-5),
+    DetectionSettings(control=0.5, velocity=0.9999, multiplier=1e-4, widest=1),
+    DetectionSettings(control=0.5, velocity=0.9999, multiplier=1e-5, widest=8),
+    DetectionSettings(control=0.5, velocity=0.9999, multiplier=1e-3),
     *SHARP,
 )
-"""The same where nothing is left to be gained: prices say what is at a limit."""
+"""For the finest mesh, whose multipliers say which limits are active."""
 
 
-@dataclass(frozen=True)
-class Prices:
-    """What limits cost in the intervals of a mesh, per time, fractions of the duration, positive at
-    an upper limit: of ``torque``, (N, m), and of speeds and openings, ``states``, (N, m, 2), these
-    per fraction of a limit and per unit of sin² of a fold."""
-
-    torque: Array
-    states: Array
-
-
-def read_structure(
+def detect_structure(
     mesh: Array,
-    torque: Array,
-    speed: Array | None,
-    opening: Array | None = None,
-    reading: Reading = USUAL[0],
-    prices: Prices | None = None,
-) -> Structure:
-    """From loads in the intervals of a mesh (N,), fractions of their limits, (N, points, m),
-    from how far chains are from the margin of their fold, and from what limits cost."""
+    rows: ByOrder,
+    settings: DetectionSettings = STANDARD[0],
+    multipliers: ByOrder | None = None,
+) -> SwitchingStructure:
+    """The switching structure of a motion on a mesh of interval lengths (N,), as fractions of the
+    duration.
+
+    ``rows``: normalised rows inside the intervals, (N, points, m) each. ``multipliers``: of the
+    intervals, per time, in fractions of the duration, (N, m) each; without them every limit that a
+    motion is at counts as active.
+    """
     ends = np.concatenate([[0.0], np.cumsum(mesh)])
     ends[-1] = 1.0
-    m = torque.shape[2]
-    states = np.zeros((len(mesh), m, 2), np.int8)
-    if speed is not None:
-        states[..., 0] = _held(speed, reading.speed)
-    if opening is not None:
-        states[..., 1] = opening.max(axis=1) < _OPENING_AT_MARGIN
-    touches: list[dict[float, Limit]] = [{} for _ in range(m)]
-    torques = _held(torque, reading.torque)
-    weight = np.abs(torque).min(axis=1)
-    if prices is not None:
-        weight = np.abs(prices.torque)
-        torques = np.where(prices.torque * torques > reading.price * weight.max(), torques, 0)
-        for k in range(m):
-            (at_speed, speeds), (at_margin, openings) = (
-                _paid_for(ends, states[:, k, kind], prices.states[:, k, kind], reading)
-                for kind in (0, 1)
-            )
-            states[:, k] = np.stack([at_speed, at_margin], axis=1)
-            touches[k] = {t: Limit(grazed=sign) for t, sign in speeds}
-            for t, _ in openings:
-                touches[k][t] = touches[k].get(t, FREE)._replace(touched=1)
-    torques = _possible(torques, states, weight)
-    complete = np.abs(torques).sum(axis=1) + np.abs(states).sum(axis=(1, 2)) == m
-    mean, motors = torque.mean(axis=1), []
+    control, states, contacts, weight = _active(ends, rows, settings, multipliers)
+    control = _determined(control, states, weight)
+    m = control.shape[1]
+    complete = np.abs(control).sum(axis=1) + np.abs(states).sum(axis=(1, 2)) == m
+    mean, motors = rows.control.mean(axis=1), []
     for k in range(m):
-        sharp = _sharpened(ends, torques[:, k], mean[:, k], complete, reading.widest)
-        motors.append(_together(ends, sharp, states[:, k], touches[k]))
+        arcs = _without_blur(ends, control[:, k], mean[:, k], complete, settings.widest)
+        motors.append(_with_states(ends, arcs, states[:, k], contacts[k]))
     structure = assembled(motors, _SIMULTANEOUS)
-    return without_smears(structure, ends, mean, reading.widest, _SIMULTANEOUS)
+    return without_short_arcs(structure, ends, mean, settings.widest, _SIMULTANEOUS)
 
 
-def _held(load: Array, at_limit: float) -> Signs:
-    """The limit that holds all over an interval, (N, m)."""
-    upper, lower = load.min(axis=1) > at_limit, load.max(axis=1) < -at_limit
+def _active(
+    ends: Array, rows: ByOrder, settings: DetectionSettings, multipliers: ByOrder | None
+) -> tuple[Signs, Signs, list[dict[float, ActiveLimits]], Array]:
+    """Signs of active controls, (N, m), and of active state limits by order, (N, m, 2); contact
+    points of each motor by their instants; and how much each control matters, (N, m)."""
+    N, _, m = rows.control.shape
+    control = _at_limit(rows.control, settings.control)
+    states = np.zeros((N, m, 2), np.int8)
+    for order, at_limit in enumerate((_POSITION, settings.velocity)):
+        of_state = rows.of_state(order)
+        if of_state is not None:
+            states[..., order] = _at_limit(of_state, at_limit)
+    contacts: list[dict[float, ActiveLimits]] = [{} for _ in range(m)]
+    if multipliers is None:
+        return control, states, contacts, np.abs(rows.control).min(axis=1)
+    weight = np.abs(multipliers.control)
+    enough = multipliers.control * control > settings.multiplier * weight.max()
+    for order in (0, 1):
+        of_state = multipliers.of_state(order)
+        for k in range(m):
+            own = np.zeros(N) if of_state is None else of_state[:, k]
+            states[:, k, order], found = _with_multipliers(
+                ends, states[:, k, order], own, settings.split
+            )
+            for t, sign in found:
+                contacts[k][t] = contacts[k].get(t, INACTIVE).with_contact(order, sign)
+    return np.where(enough, control, 0), states, contacts, weight
+
+
+def _at_limit(row: Array, at_limit: float) -> Signs:
+    """Sign of the limit at which a row (N, points, m) is everywhere in an interval, (N, m)."""
+    upper, lower = row.min(axis=1) > at_limit, row.max(axis=1) < -at_limit
     return np.asarray(upper, np.int8) - np.asarray(lower, np.int8)
 
 
-def _paid_for(
-    ends: Array, seems: Signs, price: Array, reading: Reading
+def _with_multipliers(
+    ends: Array, seems: Signs, multiplier: Array, split: bool
 ) -> tuple[Signs, list[tuple[float, int]]]:
-    """Where a limit of the state that seems to hold costs something, (N,), and when one is touched
-    and no more, and which."""
-    held, touches, cost = np.zeros_like(seems), [], np.abs(price) * np.diff(ends)
+    """Where a state limit that seems active has a multiplier, (N,), and its contact points, each
+    (instant, sign)."""
+    active, contacts = np.zeros_like(seems), []
+    total = np.abs(multiplier) * np.diff(ends)
     for i, j, sign in _runs(seems):
-        if not sign or cost[i:j].sum() < _WORTHLESS:
+        if not sign or total[i:j].sum() < _NEGLIGIBLE:
             continue
-        dear = np.abs(price[i:j]) > _DEAR * cost[i:j].sum() / (ends[j] - ends[i])
-        if not reading.apart:
-            found = np.flatnonzero(dear)
-            dear[found[0] : found[-1] + 1] = True
-        for begin, end, is_dear in _runs(dear.astype(np.int8)):
-            own = cost[i + begin : i + end]
-            if not is_dear or own.sum() < _WORTHLESS:
+        large = np.abs(multiplier[i:j]) > _SMALL * total[i:j].sum() / (ends[j] - ends[i])
+        if not split:
+            found = np.flatnonzero(large)
+            large[found[0] : found[-1] + 1] = True
+        for begin, end, is_large in _runs(large.astype(np.int8)):
+            own = total[i + begin : i + end]
+            if not is_large or own.sum() < _NEGLIGIBLE:
                 continue
             if (own[1:] + own[:-1]).max(initial=own[0]) > _CONCENTRATED * own.sum():
                 middles = (ends[:-1] + ends[1:])[i + begin : i + end] / 2
-                touches.append((float(own @ middles / own.sum()), sign))
+                contacts.append((float(own @ middles / own.sum()), sign))
             else:
-                held[i + begin : i + end] = sign
-    return held, touches
+                active[i + begin : i + end] = sign
+    return active, contacts
 
 
 def _runs(signs: Signs) -> list[tuple[int, int, int]]:
-    """(first, end, value) of equal neighbours."""
+    """Runs of equal neighbours, each (first, end, value)."""
     edges = [0, *(np.flatnonzero(np.diff(signs)) + 1).tolist(), len(signs)]
     return [(i, j, int(signs[i])) for i, j in pairwise(edges)]
 
 
-def _possible(torques: Signs, states: Signs, weight: Array) -> Signs:
-    """Torques at their limits (N, m), at most as many as motors less the speeds and openings
-    that are held: those of the lowest weights give way."""
-    torques, m = torques.copy(), torques.shape[1]
+def _determined(control: Signs, states: Signs, weight: Array) -> Signs:
+    """Active controls (N, m), at most as many as there are motors less the active state limits:
+    those of the lowest weights are given up."""
+    control, m = control.copy(), control.shape[1]
     room = m - np.abs(states).sum(axis=(1, 2))
-    for i in np.flatnonzero(np.abs(torques).sum(axis=1) > room).tolist():
-        first = sorted(np.flatnonzero(torques[i]), key=lambda k: weight[i, k])
-        torques[i, first[: len(first) - max(int(room[i]), 0)]] = 0
-    return torques
+    for i in np.flatnonzero(np.abs(control).sum(axis=1) > room).tolist():
+        first = sorted(np.flatnonzero(control[i]), key=lambda k: weight[i, k])
+        control[i, first[: len(first) - max(int(room[i]), 0)]] = 0
+    return control
 
 
-def _sharpened(
-    ends: Array, held: Signs, torque: Array, complete: Truths, widest: int
-) -> list[Stretch]:
-    """What holds one motor's torque, without the short stretches between limits, if nothing else
-    holds there what is missing (``complete``): their neighbours meet at an instant, or torque jumps
-    to the other limit and back."""
-    runs, kept = _runs(held), []
+def _without_blur(
+    ends: Array, active: Signs, control: Array, complete: Truths, widest: int
+) -> list[MotorArc]:
+    """Arcs of one motor's control without the short times between limits, unless enough other
+    limits are active there (``complete``): the neighbouring arcs meet at an instant, or the control
+    jumps to its other limit and back."""
+    runs, kept = _runs(active), []
     for r, (i, j, sign) in enumerate(runs):
         if sign or j - i > widest or complete[i:j].any() or len(runs) == 1:
-            kept.append(Stretch(float(ends[i]), float(ends[j]), Limit(sign)))
+            kept.append(MotorArc(float(ends[i]), float(ends[j]), ActiveLimits(sign)))
             continue
         before = runs[r - 1][2] if r else 0
         after = runs[r + 1][2] if r + 1 < len(runs) else 0
-        mean = float(torque[i:j] @ np.diff(ends[i : j + 1]) / (ends[j] - ends[i]))
-        kept += _sharp(float(ends[i]), float(ends[j]), mean, before, after)
+        mean = float(control[i:j] @ np.diff(ends[i : j + 1]) / (ends[j] - ends[i]))
+        kept += _jumps(float(ends[i]), float(ends[j]), mean, before, after)
     return joined(kept)
 
 
-def _sharp(begin: float, end: float, mean: float, before: int, after: int) -> list[Stretch]:
-    """Limits instead of a stretch without: where the impulse of torque says. ``before``, ``after``:
-    limits of the neighbours, 0 where there is none."""
+def _jumps(begin: float, end: float, mean: float, before: int, after: int) -> list[MotorArc]:
+    """Arcs at limits only, whose control has the same mean as was found from ``begin`` to ``end``.
+    ``before``, ``after``: limits of the neighbours, 0 where there is none."""
     first, last, length = before or after, after or before, end - begin
     if first != last:
         share = min(max((mean - last) / (first - last), 0.0), 1.0)
-        instants, limits = [begin, begin + length * share, end], [first, last]
+        instants, signs = [begin, begin + length * share, end], [first, last]
     else:
         half = length * min(max((1 - mean * first) / 4, 0.0), 0.5)
         middle = begin if not before else end if not after else (begin + end) / 2
         if not before or not after:
             half *= 2
         there, back = max(middle - half, begin), min(middle + half, end)
-        instants, limits = [begin, there, back, end], [first, -first, last]
+        instants, signs = [begin, there, back, end], [first, -first, last]
     return [
-        Stretch(*times, Limit(sign)) for times, sign in zip(pairwise(instants), limits, strict=True)
+        MotorArc(*times, ActiveLimits(sign))
+        for times, sign in zip(pairwise(instants), signs, strict=True)
     ]
 
 
-def _together(
-    ends: Array, torque: list[Stretch], states: Signs, touches: dict[float, Limit]
-) -> list[Stretch]:
-    """What holds one motor when: its torque, its speed or its opening, ``states``, (N, 2)."""
+def _with_states(
+    ends: Array, control: list[MotorArc], states: Signs, contacts: dict[float, ActiveLimits]
+) -> list[MotorArc]:
+    """Arcs of one motor: those of its control, its active state limits (N, 2) and its contact
+    points together."""
     changes = np.flatnonzero(np.diff(states, axis=0).any(axis=1)) + 1
-    instants = {s.end for s in torque} | set(ends[changes].tolist()) | set(touches)
-    both, begin = [], 0.0
+    instants = {arc.end for arc in control} | set(ends[changes].tolist()) | set(contacts)
+    arcs, begin = [], 0.0
     for end in sorted(instants):
         middle = (begin + end) / 2
         interval = min(int(np.searchsorted(ends, middle)), len(states)) - 1
-        speed, opening = states[interval].tolist()
-        limit = touches.get(begin, FREE)._replace(speed=speed, opening=opening)
-        both.append(Stretch(begin, end, limit._replace(torque=at(torque, middle).torque)))
+        position, velocity = states[interval].tolist()
+        limits = contacts.get(begin, INACTIVE)._replace(
+            control=active_at(control, middle).control, velocity=velocity, position=position
+        )
+        arcs.append(MotorArc(begin, end, limits))
         begin = end
-    return both
+    return arcs

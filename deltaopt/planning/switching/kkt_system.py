@@ -1,437 +1,409 @@
-"""Newton's equations for the conditions of ``extremal``.
+"""Newton's equations for the conditions of optimality of a switching structure.
 
-A and λ of an interval meet nothing but its own ends and length: they are eliminated interval
-by interval, and what is left, states and costates at the knots, lengths of arcs and a few
-numbers more, is one small dense system.
+The accelerations A and multipliers λ of an interval meet only the interval's own ends and length.
+They are eliminated interval by interval (static condensation), and what is left, states and
+costates at the knots, lengths of arcs and a few numbers more, is one dense system of about a
+hundred unknowns.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.planning.switching.arc_mesh import Grid
+from deltaopt.planning.switching.conditions import OptimalityConditions
 from deltaopt.planning.switching.dense import solve
-
-if TYPE_CHECKING:
-    from deltaopt.planning.switching.conditions import Conditions
+from deltaopt.planning.switching.unknowns import PrimalDualPoint
 
 Array = NDArray[np.float64]
-Integers = NDArray[np.intp]
 
-_CALM = 1e-9
-"""Cost of torque without limit: of motions that are equally fast the calmest."""
+_REGULARISATION = 1e-9
+"""Cost of the square of a singular control: of motions that are equally fast the calmest is chosen.
+A larger one costs duration, a smaller one leaves the system singular where a control has no
+effect on the duration."""
+_INSIDE = 0.995
+"""Part of the way to the boundary that a step may go, of slacks and multipliers (as is usual in
+interior-point methods): more risks steps that are stopped short afterwards, less is slower."""
+REDUNDANT = 1e-10
+"""Shift of the diagonal of the costates, for rows that imply each other by symmetry: a larger one
+makes steps less accurate, without it the matrix is singular there."""
 
 
 @dataclass(frozen=True)
-class Extremal:
-    """Unknowns of the system, scaled, where they stand; or a step of them.
+class _Derivatives:
+    """All rows at the nodes, (n, nodes, rows), their Jacobian by y, (…, rows, 3 m), and the Hessian
+    of their sum times ``weights``, (…, 3 m, 3 m)."""
 
-    ``knots``: (X, V), (n + 1, 6). ``A``: (n, nodes, 3). ``lengths``: of the arcs. ``costates``:
-    p at the ends of the intervals, (n, 6). ``multipliers``: λ, (n, nodes, 3). ``entry``: ν.
-    ``free``: w, Legendre's coefficients of torques without limit, (arcs, 3, most modes).
-    ``pins``: multipliers of pins. ``slack``, ``upper``, ``lower``: of what is kept within ±1 at
-    the nodes, torques that are polynomials, other torques and speeds, (n, nodes, 9): copies
-    strictly inside, and their limits' multipliers.
+    r: Array
+    J: Array
+    H: Array
+    weights: Array
+
+
+@dataclass(frozen=True)
+class _BarrierTerms:
+    """What the barrier adds at the nodes, (n, nodes, m + bounded) each: ``off``, bounded value less
+    slack; ``mu``, slack times multiplier to be reached; ``stiffness``, the condensed second
+    derivative; ``force``, upper less lower multipliers; ``aim``, by how much a full step changes
+    ``force`` before the slacks move."""
+
+    off: Array
+    mu: Array
+    stiffness: Array
+    force: Array
+    aim: Array
+
+
+class KKTSystem:
+    """Newton's equations at a point, linearised once.
+
+    An interval's own unknowns are (A, λ), 2 m nodes; its border consists of (X_i, V_i, h, p_{i+1}),
+    4 m + 1, the right-hand side, and the coefficients of singular controls of its arc.
     """
 
-    knots: Array
-    A: Array
-    lengths: Array
-    costates: Array
-    multipliers: Array
-    entry: Array
-    free: Array
-    pins: Array
-    slack: Array
-    upper: Array
-    lower: Array
+    _primal = 1.0
+    """Factor of the primal residuals that a step is to remove."""
 
-    def __add__(self, step: Extremal) -> Extremal:
-        names = (field.name for field in fields(self))
-        return Extremal(*(getattr(self, name) + getattr(step, name) for name in names))
+    def __init__(self, of: OptimalityConditions, at: PrimalDualPoint, barrier: float = 0.0) -> None:
+        """``barrier``: slack times multiplier, per time."""
+        self.of, self.at = of, at
+        mesh, m = of.mesh, of.rows.motors
+        n, k = mesh.intervals, len(mesh.nodes)
+        active = np.broadcast_to(of.active.row[mesh.arc][:, None], (n, k, m))
+        y = at.at_nodes(mesh)
+        d = self._rows_at(y, active)
+        self._rows, self._singular = d, mesh.singular_controls(at.singular)
+        values = self._singular + of.active.value[mesh.arc][:, None]
+        self._off_values = np.take_along_axis(d.r, active, axis=2) - values
+        self._discontinuity = y[:, -1, : 2 * m] - np.vstack([at.knots[1:-1], of.goal])
+        entries = [(mesh.first[e.arc], 0, e.row) for e in of.active.entries]
+        pairs = zip(entries, of.active.entries, strict=True)
+        self._off_entries = np.array([d.r[i] - e.value for i, e in pairs], dtype=float)
+        self._entry_slopes = [d.J[i][: 2 * m] for i in entries]
+        self._active_slopes = np.take_along_axis(d.J, active[..., None], axis=2)
+        self._bounded_slopes = d.J[:, :, of.bounded]
+        self._barrier = b = self._barrier_terms(barrier)
+        self._by_y = np.einsum("nkr,nkra->nka", d.weights, d.J)
+        self._by_y[:, -1, : 2 * m] += at.costates
+        self._y_slopes = self._node_slopes()
+        by_own = self._y_slopes.reshape(n, 3 * m * k, -1)
+        self._gradient = (self._by_y.reshape(n, 1, -1) @ by_own)[:, 0]
+        aim = np.einsum("nkr,nkra->nka", b.aim[..., m:], self._bounded_slopes)
+        self._gradient_aim = (aim.reshape(n, 1, -1) @ by_own)[:, 0]
+        pull = b.force[..., :m] - at.multipliers
+        self._by_singular = np.einsum("nkr,nkl->nrl", pull, mesh.legendre)
+        self._by_singular_aim = np.einsum("nkr,nkl->nrl", b.aim[..., :m], mesh.legendre)
 
-    def times(self, share: float) -> Extremal:
-        """A part of a step."""
-        return Extremal(*(share * getattr(self, field.name) for field in fields(self)))
+    def _rows_at(self, y: Array, active: NDArray[np.intp]) -> _Derivatives:
+        """Rows at the nodes, weighted by the multipliers that they have in the Lagrangian."""
+        of, at = self.of, self.at
+        n, k, m = active.shape
+        R = of.rows.number
+        weights = np.zeros((n, k, R))
+        np.put_along_axis(weights, active, at.multipliers, axis=2)
+        for entry, nu in zip(of.active.entries, at.entry, strict=True):
+            weights[of.mesh.first[entry.arc], 0, entry.row] += nu
+        weights[..., of.bounded] += (at.upper - at.lower)[..., m:]
+        r, J, H = of.rows.derivatives(y.reshape(-1, 3 * m), weights.reshape(-1, R), of.p)
+        shaped = r.reshape(n, k, R), J.reshape(n, k, R, -1), H.reshape(n, k, 3 * m, 3 * m)
+        return _Derivatives(*shaped, weights)
 
-    @property
-    def duration(self) -> float:
-        """In units of the scales' time."""
-        return float(self.lengths.sum())
-
-    @property
-    def largest(self) -> float:
-        """Of a step: of states, lengths and torques; infinite if it is no number."""
-        parts = (self.knots, self.lengths, self.free / 3)
-        largest = float(max(np.abs(part).max(initial=0.0) for part in parts))
-        return largest if np.isfinite(largest) else np.inf
-
-    def intervals(self, grid: Grid) -> Array:
-        """Lengths of the intervals, (n,)."""
-        return grid.intervals_of(self.lengths)
-
-    def at_nodes(self, grid: Grid) -> Array:
-        """y = (X, V, A) at the nodes, (n, nodes, 9)."""
-        return self.at(grid, grid.nodes, grid.at_nodes)
-
-    def at(self, grid: Grid, c: Array, weights: tuple[Array, Array, Array]) -> Array:
-        """y at fractions c of the intervals, (n, c, 9), by the weights of A there."""
-        h = self.intervals(grid)[:, None, None]
-        position, velocity, acceleration = (weight @ self.A for weight in weights)
-        X, V = self.knots[:-1, None, :3], self.knots[:-1, None, 3:]
-        x = X + h * c[:, None] * V + h**2 * position
-        return np.concatenate([x, V + h * velocity, acceleration], axis=2)
-
-
-class System:
-    """Newton's equations at a motion.
-
-    An interval's own unknowns are (A, λ), 6 nodes; outside of it there are (X_i, V_i, h,
-    p_{i+1}), 13, then 1 for the right-hand side, then w of its arc.
-    """
-
-    def __init__(
-        self, of: Conditions, at: Extremal, barrier: float = 0.0, *, least_squares: bool = False
-    ) -> None:
-        """``barrier``: slack times multiplier, per time. ``least_squares``: for a step of the
-        multipliers to those of least squares."""
-        self.of, self.at, self._least_squares = of, at, least_squares
-        grid, held = of.grid, of.held
-        n, k, rows = grid.intervals, len(grid.nodes), of.stage.rows
-        which = np.broadcast_to(held.row[grid.arc][:, None], (n, k, 3))
-        weights = np.zeros((n, k, rows))
-        np.put_along_axis(weights, which, at.multipliers, axis=2)
-        for entry, nu in zip(held.entries, at.entry, strict=True):
-            weights[grid.first[entry.arc], 0, entry.row] += nu
-        within, others = of.within, of.others
-        y_within = at.upper - at.lower
-        bent = weights.copy()
-        bent[..., others] += y_within[..., 3:]
-        y = at.at_nodes(grid)
-        r, J, H = of.stage.derivatives(y.reshape(-1, 9), bent.reshape(-1, rows), of.p)
-        r, J, H = r.reshape(n, k, rows), J.reshape(n, k, rows, 9), H.reshape(n, k, 9, 9)
-        torques = grid.torques(at.free)
-        wanted = torques + held.value[grid.arc][:, None]
-        self._differ = np.take_along_axis(r, which, axis=2) - wanted
-        self._gaps = y[:, -1, :6] - np.vstack([at.knots[1:-1], of.goal])
-        self._entries = np.array(
-            [r[grid.first[e.arc], 0, e.row] - e.value for e in held.entries], dtype=float
-        )
-        self._entry_slopes = [J[grid.first[e.arc], 0, e.row, :6] for e in held.entries]
-        c = np.where(within, np.concatenate([torques, r[..., others]], axis=2), 0.0)
-        self._off = np.where(within, c - at.slack, 0.0)
+    def _barrier_terms(self, barrier: float) -> _BarrierTerms:
+        of, at, within = self.of, self.at, self.of.within
+        bounded = np.concatenate([self._singular, self._rows.r[..., of.bounded]], axis=2)
+        off = np.where(within, np.where(within, bounded, 0.0) - at.slack, 0.0)
         above, below = (np.maximum(1 + s * at.slack, 1e-300) for s in (-1, 1))
-        self._mu = (
-            barrier * np.abs(at.intervals(grid))[:, None, None] * grid.quadrature[:, None] * within
-        )
-        self._stiff = at.upper / above + at.lower / below
-        q = self._stiff * self._off + self._mu / above - self._mu / below
-        self._other_slopes = J[:, :, others]
-        if within[..., 3:].any():
-            slopes = self._other_slopes
-            H = H + slopes.transpose(0, 1, 3, 2) @ (self._stiff[..., 3:, None] * slopes)
-        m = np.einsum("nkr,nkra->nka", bent, J)
-        m[:, -1, :6] += at.costates
-        self._m, self._H = m, H
-        self._held_slopes = np.take_along_axis(J, which[..., None], axis=2)
-        self._slopes = self._of_nodes()
-        self._gradient = (m.reshape(n, 1, -1) @ self._slopes.reshape(n, 9 * k, -1))[:, 0]
-        aim = q - y_within  # multipliers to come less those there are
-        m_aim = np.einsum("nkr,nkra->nka", aim[..., 3:], self._other_slopes)
-        self._gradient_aim = (m_aim.reshape(n, 1, -1) @ self._slopes.reshape(n, 9 * k, -1))[:, 0]
-        pull = y_within[..., :3] - at.multipliers
-        self._by_free = np.einsum("nkr,nkl->nrl", pull, grid.shapes)
-        self._by_free_aim = np.einsum("nkr,nkl->nrl", aim[..., :3], grid.shapes)
+        h = np.abs(at.interval_lengths(of.mesh))[:, None, None]
+        mu = barrier * h * of.mesh.quadrature[:, None] * within
+        stiffness, force = at.upper / above + at.lower / below, at.upper - at.lower
+        aim = stiffness * off + mu / above - mu / below - force
+        return _BarrierTerms(off, mu, stiffness, force, aim)
 
     @property
     def costates(self) -> Array:
-        """p where the intervals begin, after what enters there, (n, 6)."""
-        first: Array = self._gradient[:, :6].copy()
-        rows = zip(self.of.held.entries, self.at.entry, self._entry_slopes, strict=True)
+        """p where the intervals begin, after the entry conditions there, (n, 2 m)."""
+        first: Array = self._gradient[:, : self.of.index.states].copy()
+        rows = zip(self.of.active.entries, self.at.entry, self._entry_slopes, strict=True)
         for entry, nu, slope in rows:
-            first[self.of.grid.first[entry.arc]] -= nu * slope
+            first[self.of.mesh.first[entry.arc]] -= nu * slope
         return first
 
     @property
+    def hamiltonian(self) -> Array:
+        """p · (V, A) at the beginning and the end of every interval, (n, 2)."""
+        y, m = self.at.at_nodes(self.of.mesh), self.of.rows.motors
+        ends = [
+            (y[:, 0, m:] * self.costates).sum(axis=1),
+            (y[:, -1, m:] * self.at.costates).sum(axis=1),
+        ]
+        return np.stack(ends, axis=1)
+
+    @property
     def residual(self) -> float:
-        """Largest violation of what is held or continuous, or derivative of the Lagrangian."""
-        grid, at = self.of.grid, self.at
-        by_length = 1.0 + np.bincount(grid.arc, self._gradient[:, 6] / grid.parts[grid.arc])
-        by_state = self._gradient[1:, :6] - at.costates[:-1]
-        parts = [self._differ, self._gaps, self._entries, by_length, by_state, self._off]
-        parts += [self._gradient[:, 7:], *self._by_modes(), self._off_pins()]
+        """Largest violation of an active row, an entry condition or continuity, or largest
+        derivative of the Lagrangian; all are of the order of one."""
+        mesh, at, own = self.of.mesh, self.at, self.of.index.own
+        by_h = self._gradient[:, own - 1] / mesh.parts[mesh.arc]
+        by_state = self._gradient[1:, : own - 1] - at.costates[:-1]
+        parts = [self._off_values, self._discontinuity, self._off_entries]
+        parts += [1.0 + np.bincount(mesh.arc, by_h), by_state, self._barrier.off]
+        parts += [self._gradient[:, own:], *self._by_coefficients(), self._off_end_values()]
         return float(max(np.abs(part).max(initial=0.0) for part in parts))
 
-    def _by_modes(self) -> list[Array]:
-        """Derivatives by the modes of each torque without limit."""
-        of, slopes = self.of, []
-        for (a, k), own in zip(of.held.free, self._by_modes_alone(), strict=True):
-            in_intervals = self._by_free[of.grid.arc == a, k].sum(axis=0)
-            slopes.append(in_intervals[: len(own)] + own)
+    def _by_coefficients(self) -> list[Array]:
+        """Derivatives of the Lagrangian by the coefficients of each singular control."""
+        slopes, arc = [], self.of.mesh.arc
+        for (a, k), apart in zip(self.of.active.singular, self._outside_intervals(), strict=True):
+            in_intervals = self._by_singular[arc == a, k].sum(axis=0)
+            slopes.append(in_intervals[: len(apart)] + apart)
         return slopes
 
-    def _by_modes_alone(self) -> list[Array]:
-        """The part of it that no interval knows of."""
+    def _outside_intervals(self) -> list[Array]:
+        """The part of these derivatives that does not come from intervals."""
         of, slopes = self.of, []
-        for a, k in of.held.free:
-            modes = np.arange(of.grid.modes[a])
-            slope = _CALM * self.at.free[a, k, modes] / (2 * modes + 1)
-            for pin, pi in zip(of.pins, self.at.pins, strict=True):
-                if (pin.arc, pin.motor) == (a, k):
-                    slope += pi * pin.shapes(len(modes))
+        for a, k in of.active.singular:
+            modes = np.arange(of.mesh.modes[a])
+            slope = _REGULARISATION * self.at.singular[a, k, modes] / (2 * modes + 1)
+            for end, multiplier in zip(of.end_values, self.at.end_values, strict=True):
+                if (end.arc, end.motor) == (a, k):
+                    slope += multiplier * end.legendre(len(modes))
             slopes.append(slope)
         return slopes
 
-    def _off_pins(self) -> Array:
-        of, free = self.of, self.at.free
-        number = [int(of.grid.modes[pin.arc]) for pin in of.pins]
-        return np.array(
-            [
-                pin.shapes(modes) @ free[pin.arc, pin.motor, :modes] - pin.value
-                for pin, modes in zip(of.pins, number, strict=True)
-            ],
-            dtype=float,
-        )
+    def _off_end_values(self) -> Array:
+        """By how much singular controls differ from their given end values."""
+        of, off = self.of, []
+        for end in of.end_values:
+            modes = int(of.mesh.modes[end.arc])
+            own = self.at.singular[end.arc, end.motor, :modes]
+            off.append(end.legendre(modes) @ own - end.value)
+        return np.array(off, dtype=float)
 
-    def _of_nodes(self) -> Array:
-        """Derivatives of y by (X_i, V_i, h, A), (n, nodes, 9, 7 + 3 nodes)."""
-        grid, at = self.of.grid, self.at
-        n, k = grid.intervals, len(grid.nodes)
-        position, velocity, _ = grid.at_nodes
-        h = at.intervals(grid)
-        slopes = np.zeros((n, k, 9, 7 + 3 * k))
-        by_A = np.zeros((n, k, 9, k, 3))
-        for j in range(3):
-            slopes[:, :, j, j] = slopes[:, :, 3 + j, 3 + j] = 1.0
-            slopes[:, :, j, 3 + j] = h[:, None] * grid.nodes
+    def _node_slopes(self) -> Array:
+        """Derivatives of y at the nodes by (X_i, V_i, h, A), (n, nodes, 3 m, 2 m + 1 + m nodes)."""
+        mesh, at, m = self.of.mesh, self.at, self.of.rows.motors
+        n, k, own = mesh.intervals, len(mesh.nodes), self.of.index.own
+        position, velocity, _ = mesh.at_nodes
+        h = at.interval_lengths(mesh)
+        slopes = np.zeros((n, k, 3 * m, own + m * k))
+        by_A = np.zeros((n, k, 3 * m, k, m))
+        for j in range(m):
+            slopes[:, :, j, j] = slopes[:, :, m + j, m + j] = 1.0
+            slopes[:, :, j, m + j] = h[:, None] * mesh.nodes
             by_A[:, :, j, :, j] = h[:, None, None] ** 2 * position
-            by_A[:, :, 3 + j, :, j] = h[:, None, None] * velocity
-            by_A[:, :, 6 + j, :, j] = np.eye(k)
-        slopes[..., 7:] = by_A.reshape(n, k, 9, -1)
-        V = at.knots[:-1, None, 3:]
-        slopes[:, :, :3, 6] = grid.nodes[:, None] * V + 2 * h[:, None, None] * (position @ at.A)
-        slopes[:, :, 3:6, 6] = velocity @ at.A
+            by_A[:, :, m + j, :, j] = h[:, None, None] * velocity
+            by_A[:, :, 2 * m + j, :, j] = np.eye(k)
+        slopes[..., own:] = by_A.reshape(n, k, 3 * m, -1)
+        V, at_h = at.knots[:-1, None, m:], own - 1
+        by_h = mesh.nodes[:, None] * V + 2 * h[:, None, None] * (position @ at.A)
+        slopes[:, :, :m, at_h], slopes[:, :, m : 2 * m, at_h] = by_h, velocity @ at.A
         return slopes
 
     def _curvature(self) -> Array:
-        """Of the Lagrangian by (X_i, V_i, h, A), (n, 7 + 3 nodes, 7 + 3 nodes)."""
-        grid, at = self.of.grid, self.at
-        n, k = grid.intervals, len(grid.nodes)
-        if self._least_squares:
-            return np.broadcast_to(np.eye(7 + 3 * k), (n, 7 + 3 * k, 7 + 3 * k))
-        flat = self._slopes.reshape(n, 9 * k, -1)
-        total = flat.transpose(0, 2, 1) @ (self._H @ self._slopes).reshape(n, 9 * k, -1)
-        position, velocity, _ = grid.at_nodes  # y itself is bent: products of h with V and A
-        m, h = self._m, at.intervals(grid)
-        by_V = np.einsum("nka,k->na", m[..., :3], grid.nodes)
-        pulled = position.T @ m[..., :3]
-        by_A = (2 * h[:, None, None] * pulled + velocity.T @ m[..., 3:6]).reshape(n, -1)
-        total[:, 3:6, 6] += by_V
-        total[:, 6, 3:6] += by_V
-        total[:, 6, 6] += 2 * np.einsum("nja,nja->n", pulled, at.A)
-        total[:, 7:, 6] += by_A
-        total[:, 6, 7:] += by_A
+        """Second derivatives of the Lagrangian by (X_i, V_i, h, A), (n, own + m nodes, same)."""
+        mesh, at, m, own = self.of.mesh, self.at, self.of.rows.motors, self.of.index.own
+        n, k = mesh.intervals, len(mesh.nodes)
+        H = self._rows.H
+        if self.of.within[..., m:].any():
+            slopes = self._bounded_slopes
+            stiff = self._barrier.stiffness[..., m:, None] * slopes
+            H = H + slopes.transpose(0, 1, 3, 2) @ stiff
+        flat = self._y_slopes.reshape(n, 3 * m * k, -1)
+        total = flat.transpose(0, 2, 1) @ (H @ self._y_slopes).reshape(n, 3 * m * k, -1)
+        position, velocity, _ = mesh.at_nodes  # y is bilinear too: products of h with V and A
+        by_y, h, at_h = self._by_y, at.interval_lengths(mesh), own - 1
+        by_V = np.einsum("nka,k->na", by_y[..., :m], mesh.nodes)
+        pulled = position.T @ by_y[..., :m]
+        by_A = 2 * h[:, None, None] * pulled + velocity.T @ by_y[..., m : 2 * m]
+        total[:, m:at_h, at_h] += by_V
+        total[:, at_h, m:at_h] += by_V
+        total[:, at_h, at_h] += 2 * np.einsum("nja,nja->n", pulled, at.A)
+        total[:, own:, at_h] += by_A.reshape(n, -1)
+        total[:, at_h, own:] += by_A.reshape(n, -1)
         return np.asarray(total)
 
     @cached_property
     def _condensed(self) -> tuple[Array, Array]:
-        """(A, λ) by what is outside, (n, 6 nodes, 14 + w), and what is left, (n, 14 + w, 14 + w),
-        both with the right-hand side as column 13."""
-        grid, Q, slopes = self.of.grid, self._curvature(), self._slopes
-        n, k = grid.intervals, len(grid.nodes)
-        d, end, most = 3 * k, slopes[:, -1, :6], grid.most_modes
-        modes = 3 * most if self.of.held.free else 0
-        G = (self._held_slopes @ slopes).reshape(n, d, -1)
-        gradient = self._gradient + (0.0 if self._least_squares else self._gradient_aim)
-        right = 0.0 if self._least_squares else 1.0
-        by_A = np.zeros((n, d, 14 + modes))  # derivatives by A; by λ below
-        by_A[:, :, :7] = Q[:, 7:, :7]
-        by_A[:, :, 7:13] = end[:, :, 7:].transpose(0, 2, 1)
-        by_A[:, :, 13] = gradient[:, 7:]
-        held = np.zeros((n, d, 14 + modes))
-        held[:, :, :7] = G[:, :, :7]
-        held[:, :, 13] = right * self._differ.reshape(n, -1)
-        M = np.zeros((n, 14 + modes, 14 + modes))
-        M[:, :7, :7] = Q[:, :7, :7]
-        M[:, 7:13, :7] = end[:, :, :7]
-        M[:, :7, 7:13] = end[:, :, :7].transpose(0, 2, 1)
-        M[:, :7, 13] = gradient[:, :7]
-        M[:, 7:13, 13] = right * self._gaps
-        if modes:
-            by_free = np.zeros((n, k, 3, 3, most))
-            for j in range(3):
-                by_free[:, :, j, j] = -grid.shapes
-            held[:, :, 14:] = by_free.reshape(n, d, -1)
-            M[:, 14:, 13] = self._by_free.reshape(n, -1)
-            if not self._least_squares:
-                M[:, 14:, 13] += self._by_free_aim.reshape(n, -1)
-                stiff = np.einsum(
-                    "nkl,nkr,nkm->nrlm", grid.shapes, self._stiff[..., :3], grid.shapes
-                )
-                for j in range(3):
-                    own = slice(14 + j * most, 14 + (j + 1) * most)
-                    M[:, own, own] += stiff[:, j]
-        inverse = np.linalg.inv(G[:, :, 7:])  # A by what is held, then λ by A
-        A = inverse @ held
-        multipliers = inverse.transpose(0, 2, 1) @ (by_A - Q[:, 7:, 7:] @ A)
-        left = M - by_A.transpose(0, 2, 1) @ A - held.transpose(0, 2, 1) @ multipliers
+        """Static condensation: (A, λ) by the border, (n, 2 m nodes, width), and what is left of the
+        interval's equations, (n, width, width)."""
+        index, Q = self.of.index, self._curvature()
+        own, right = index.own, index.right
+        n, unknowns = len(Q), Q.shape[1] - own
+        slopes = (self._active_slopes @ self._y_slopes).reshape(n, unknowns, -1)
+        by_A = np.zeros((n, unknowns, index.width))  # derivatives by A, of the border
+        by_A[:, :, :own] = Q[:, own:, :own]
+        by_A[:, :, own:right] = self._y_slopes[:, -1, : own - 1, own:].transpose(0, 2, 1)
+        by_A[:, :, right] = self._dual_gradient()[:, own:]
+        active = np.zeros((n, unknowns, index.width))  # the active rows, of the border
+        active[:, :, :own] = slopes[:, :, :own]
+        active[:, :, right] = self._primal * self._off_values.reshape(n, -1)
+        if index.coefficients:
+            active[:, :, right + 1 :] = self._control_columns()
+        inverse = np.linalg.inv(slopes[:, :, own:])  # A by the active rows, then λ by A
+        A = inverse @ active
+        multipliers = inverse.transpose(0, 2, 1) @ (by_A - Q[:, own:, own:] @ A)
+        left = self._border(Q) - by_A.transpose(0, 2, 1) @ A
+        left -= active.transpose(0, 2, 1) @ multipliers
         return np.concatenate([A, multipliers], axis=1), left
 
-    def step(self, shift: float = 0.0, redundant: float = 1e-10) -> Extremal | None:
-        """Newton's, shortened by a shift of the curvature; None if there is none. Where rows
-        imply each other by symmetry costates stay where they are, the more so the larger
-        ``redundant`` is."""
+    def _control_columns(self) -> Array:
+        """Derivatives of the active rows by coefficients of singular controls, (n, m nodes, ·)."""
+        mesh, m = self.of.mesh, self.of.rows.motors
+        columns = np.zeros((mesh.intervals, len(mesh.nodes), m, m, mesh.most_modes))
+        for j in range(m):
+            columns[:, :, j, j] = -mesh.legendre
+        return columns.reshape(mesh.intervals, len(mesh.nodes) * m, -1)
+
+    def _border(self, Q: Array) -> Array:
+        """Second derivatives by the border alone, and its right-hand side, (n, width, width)."""
+        index, end = self.of.index, self._y_slopes[:, -1, : self.of.index.states]
+        own, right = index.own, index.right
+        M = np.zeros((len(Q), index.width, index.width))
+        M[:, :own, :own] = Q[:, :own, :own]
+        M[:, own:right, :own] = end[:, :, :own]
+        M[:, :own, own:right] = end[:, :, :own].transpose(0, 2, 1)
+        M[:, :own, right] = self._dual_gradient()[:, :own]
+        M[:, own:right, right] = self._primal * self._discontinuity
+        if index.coefficients:
+            M[:, right + 1 :, right] = self._coefficient_gradient().reshape(len(Q), -1)
+            self._add_stiffness(M)
+        return M
+
+    def _dual_gradient(self) -> Array:
+        """The gradient by (X_i, V_i, h, A) that a step is to remove."""
+        return np.asarray(self._gradient + self._gradient_aim)
+
+    def _coefficient_gradient(self) -> Array:
+        """The gradient by coefficients of singular controls that a step is to remove."""
+        return np.asarray(self._by_singular + self._by_singular_aim)
+
+    def _add_stiffness(self, M: Array) -> None:
+        """Second derivatives that the barrier adds by coefficients of singular controls."""
+        mesh, m, most = self.of.mesh, self.of.rows.motors, self.of.mesh.most_modes
+        own = self._barrier.stiffness[..., :m]
+        stiffness = np.einsum("nkl,nkr,nkm->nrlm", mesh.legendre, own, mesh.legendre)
+        for j in range(m):
+            at = slice(self.of.index.right + 1 + j * most, self.of.index.right + 1 + (j + 1) * most)
+            M[:, at, at] += stiffness[:, j]
+
+    def step(self, shift: float = 0.0, redundant: float = REDUNDANT) -> PrimalDualPoint | None:
+        """Newton's step, shortened by a ``shift`` of the curvature; None if the matrix is singular.
+
+        Where rows imply each other by symmetry costates stay where they are, the more so the
+        larger ``redundant`` is.
+        """
         try:
-            matrix, right = self._assembled(shift, redundant)
+            matrix, right = self._assembled(self._damping(shift), redundant)
         except np.linalg.LinAlgError:  # of an interval
             return None
         x = solve(matrix, -right)
-        return None if x is None else self._unpacked(x)
+        return None if x is None else self._expanded(x)
 
-    def _assembled(self, shift: float, redundant: float) -> tuple[Array, Array]:
-        """The small system, in the order of ``Places``."""
-        of, at, places = self.of, self.at, self.of.places
-        S, right = places.summed(self._condensed[1])
-        here, there = places.inner_states, places.inner_costates
+    def _damping(self, shift: float) -> float:
+        """What is added to the curvature by lengths and coefficients of singular controls."""
+        return shift
+
+    def _assembled(self, damping: float, redundant: float) -> tuple[Array, Array]:
+        """The condensed system: matrix and right-hand side, in the order of the KKT index."""
+        of, at, index = self.of, self.at, self.of.index
+        S, right = index.summed(self._condensed[1])
+        here, there = index.inner_states, index.inner_costates
         S[here, there] -= 1.0  # an interval's end is the next one's beginning
         S[there, here] -= 1.0
         right[here] -= at.costates[:-1]
-        right[places.lengths] += 1.0
-        S[places.lengths, places.lengths] += 1.0 if self._least_squares else shift
-        for modes, of_modes in zip(places.free, self._by_modes_alone(), strict=True):
-            calm = _CALM / (2 * np.arange(len(modes)) + 1)
-            S[modes, modes] += calm + (1.0 if self._least_squares else shift)
-            right[modes] += of_modes
-        known = 0.0 if self._least_squares else 1.0
-        for j, (entry, slope) in enumerate(zip(of.held.entries, self._entry_slopes, strict=True)):
-            here, there = places.state(int(of.grid.first[entry.arc])), places.entries[j]
-            S[here, there] += slope
-            S[there, here] += slope
-            right[there] = known * self._entries[j]
-        for j, (pin, off) in enumerate(zip(of.pins, self._off_pins(), strict=True)):
-            modes = places.free[of.held.free.index((pin.arc, pin.motor))]
-            S[modes, places.pins[j]] = S[places.pins[j], modes] = pin.shapes(len(modes))
-            right[places.pins[j]] = known * off
-        S[places.duals, places.duals] -= redundant
-        return S[: places.size, : places.size], right[: places.size]
+        right[index.lengths] += 1.0
+        S[index.lengths, index.lengths] += damping
+        for places, slope in zip(index.singular, self._outside_intervals(), strict=True):
+            regularisation = _REGULARISATION / (2 * np.arange(len(places)) + 1)
+            S[places, places] += regularisation + damping
+            right[places] += slope
+        for j, (entry, slope) in enumerate(zip(of.active.entries, self._entry_slopes, strict=True)):
+            state, place = index.state(int(of.mesh.first[entry.arc])), index.entries[j]
+            S[state, place] += slope
+            S[place, state] += slope
+            right[place] = self._primal * self._off_entries[j]
+        for j, (end, off) in enumerate(zip(of.end_values, self._off_end_values(), strict=True)):
+            places = index.singular[of.active.singular.index((end.arc, end.motor))]
+            place = index.end_values[j]
+            S[places, place] = S[place, places] = end.legendre(len(places))
+            right[place] = self._primal * off
+        S[index.duals, index.duals] -= redundant
+        return S[: index.size, : index.size], right[: index.size]
 
-    def _unpacked(self, x: Array) -> Extremal:
-        of, at, places = self.of, self.at, self.of.places
-        n, nodes = of.grid.intervals, len(of.grid.nodes)
-        knots, free = np.zeros((n + 1, 6)), np.zeros_like(at.free)
-        knots[1:-1] = x[: 6 * (n - 1)].reshape(-1, 6)
-        lengths = x[places.lengths]
-        costates = x[places.costate(0)[0] :][: 6 * n].reshape(n, 6)
-        for (a, k), modes in zip(of.held.free, places.free, strict=True):
-            free[a, k, : len(modes)] = x[modes]
-        h = of.grid.intervals_of(lengths)
-        outside = [knots[:-1], h[:, None], costates, np.ones((n, 1))]
-        if of.held.free:
-            outside.append(free[of.grid.arc].reshape(n, -1))
-        inside = -(self._condensed[0] @ np.hstack(outside)[..., None])[..., 0]
-        A, multipliers = inside.reshape(n, 2, nodes, 3).transpose(1, 0, 2, 3)
-        entry, pins = x[places.entries], x[places.pins]
+    def _expanded(self, x: Array) -> PrimalDualPoint:
+        """The step of all unknowns from that of the condensed system, (size,)."""
+        of, at, index = self.of, self.at, self.of.index
+        n, states = of.mesh.intervals, index.states
+        knots, singular = np.zeros((n + 1, states)), np.zeros_like(at.singular)
+        knots[1:-1] = x[index.inner_states]
+        costates = x[index.costates].reshape(n, states)
+        for (a, k), places in zip(of.active.singular, index.singular, strict=True):
+            singular[a, k, : len(places)] = x[places]
+        h = of.mesh.interval_lengths(x[index.lengths])
+        border = [knots[:-1], h[:, None], costates, np.ones((n, 1))]
+        if of.active.singular:
+            border.append(singular[of.mesh.arc].reshape(n, -1))
+        own = -(self._condensed[0] @ np.hstack(border)[..., None])[..., 0]
+        A, multipliers = own.reshape(n, 2, *at.A.shape[1:]).transpose(1, 0, 2, 3)
         by_own = np.concatenate([knots[:-1], h[:, None], A.reshape(n, -1)], axis=1)
-        dy = (self._slopes @ by_own[:, None, :, None])[..., 0]
-        moved = [
-            of.grid.torques(free),
-            np.einsum("nkra,nka->nkr", self._other_slopes, dy),
-        ]
-        slack = np.where(of.within, self._off + np.concatenate(moved, axis=2), 0.0)
-        upper = (self._mu + at.upper * slack) / (1 - at.slack) - at.upper
-        lower = (self._mu - at.lower * slack) / (1 + at.slack) - at.lower
-        return Extremal(
-            knots, A, lengths, costates, multipliers, entry, free, pins, slack, upper, lower
+        dy = (self._y_slopes @ by_own[:, None, :, None])[..., 0]
+        slack, upper, lower = self._barrier_step(of.mesh.singular_controls(singular), dy)
+        return PrimalDualPoint(
+            knots=knots,
+            A=A,
+            lengths=x[index.lengths],
+            costates=costates,
+            multipliers=multipliers,
+            entry=x[index.entries],
+            singular=singular,
+            end_values=x[index.end_values],
+            slack=slack,
+            upper=upper,
+            lower=lower,
         )
 
-    def inside(self, step: Extremal) -> float:
-        """The part of a step that keeps slacks and multipliers inside."""
+    def _barrier_step(self, singular: Array, dy: Array) -> tuple[Array, Array, Array]:
+        """Steps of slacks and of upper and lower multipliers, from those of singular controls and
+        of y at the nodes."""
+        at, b = self.at, self._barrier
+        moved = [singular, np.einsum("nkra,nka->nkr", self._bounded_slopes, dy)]
+        slack = np.where(self.of.within, b.off + np.concatenate(moved, axis=2), 0.0)
+        upper = (b.mu + at.upper * slack) / (1 - at.slack) - at.upper
+        lower = (b.mu - at.lower * slack) / (1 + at.slack) - at.lower
+        return slack, upper, lower
+
+    def inside(self, step: PrimalDualPoint) -> float:
+        """The part of a step, at most 1, that keeps slacks within ±1 and multipliers positive."""
         at, least = self.at, 1.0
         for now, by in ((1 - at.slack, -step.slack), (1 + at.slack, step.slack)):
-            least = min(least, 0.995 / max(float((-by / now).max()), 1e-300))
+            least = min(least, _INSIDE / max(float((-by / now).max()), 1e-300))
         for now, by in ((at.upper, step.upper), (at.lower, step.lower)):
             shrink = np.where(now > 0, -by / np.where(now > 0, now, 1.0), 0.0)
-            least = min(least, 0.995 / max(float(shrink.max()), 1e-300))
+            least = min(least, _INSIDE / max(float(shrink.max()), 1e-300))
         return least
 
 
-class Places:
-    """Where the unknowns are in the small system: states at the inner knots, lengths, modes,
-    costates, multipliers of entries and of pins; last a bin for what is given."""
+class MultiplierSystem(KKTSystem):
+    """The equations of a least-squares estimate of the multipliers at a motion: the identity takes
+    the place of the curvature, and violations of primal conditions are left as they are."""
 
-    def __init__(self, of: Conditions) -> None:
-        self._of, n = of, of.grid.intervals
-        modes = [int(of.grid.modes[a]) for a, _ in of.held.free]
-        sizes = [6 * (n - 1), len(of.grid.parts), sum(modes), 6 * n, len(of.held.entries)]
-        ends = np.cumsum([*sizes, len(of.pins)]).tolist()
-        _, self.lengths, free, costates, self.entries, self.pins = (
-            np.arange(begin, end) for begin, end in zip([0, *ends[:-1]], ends, strict=True)
-        )
-        self.free = np.split(free, np.cumsum(modes)[:-1]) if modes else []
-        self._first_costate, self.size = int(costates[0]), ends[-1]
-        self._width = 14 + (3 * of.grid.most_modes if of.held.free else 0)
-        self.duals = np.concatenate([costates, self.entries, self.pins])
+    _primal = 0.0
 
-    @cached_property
-    def inner_states(self) -> Integers:
-        """(X, V) at the inner knots, (n - 1, 6)."""
-        return np.arange(6 * (self._of.grid.intervals - 1)).reshape(-1, 6)
+    def _curvature(self) -> Array:
+        size = self._y_slopes.shape[3]
+        return np.broadcast_to(np.eye(size), (self.of.mesh.intervals, size, size))
 
-    @cached_property
-    def inner_costates(self) -> Integers:
-        """p there, (n - 1, 6)."""
-        return self._first_costate + self.inner_states
+    def _dual_gradient(self) -> Array:
+        return np.asarray(self._gradient)
 
-    def state(self, knot: int) -> Integers:
-        """(X, V) at a knot; those of the first are given."""
-        begin = 6 * (knot - 1) if knot else self.size
-        return np.arange(begin, begin + 6)
+    def _coefficient_gradient(self) -> Array:
+        return np.asarray(self._by_singular)
 
-    def costate(self, interval: int) -> Integers:
-        """p at the end of an interval."""
-        begin = self._first_costate + 6 * interval
-        return np.arange(begin, begin + 6)
+    def _add_stiffness(self, M: Array) -> None:
+        """The barrier plays no part."""
 
-    def summed(self, small: Array) -> tuple[Array, Array]:
-        """The intervals' matrices, (n, 14 + w, 14 + w), in one; their column 13, the right-hand
-        side, apart."""
-        size = self.size + 6
-        where, source, share = self._sum
-        rows = np.bincount(where, small.ravel()[source] * share, size * (size + 1))
-        rows = rows.reshape(size, size + 1)
-        return np.asarray(rows[:, :size], np.float64), np.asarray(rows[:, size], np.float64)
-
-    @cached_property
-    def _sum(self) -> tuple[Integers, Integers, Array]:
-        """Of every number of the intervals' matrices: where it goes, where it is, its factor."""
-        size, parts = self.size + 6, []
-        for i in range(self._of.grid.intervals):
-            inside, here, share = self._outside(i)
-            rows, columns = i * self._width + inside, np.append(inside, 13)
-            where = here[:, None] * (size + 1) + np.append(here, size)
-            factors = np.outer(share, np.append(share, 1.0))
-            parts.append((where, rows[:, None] * self._width + columns, factors))
-        where, source, factors = (
-            np.concatenate([each.ravel() for each in part]) for part in zip(*parts, strict=True)
-        )
-        return where, source, factors
-
-    def _outside(self, interval: int) -> tuple[Integers, Integers, Array]:
-        """What is outside of an interval: where for the interval, where here, and factors."""
-        of = self._of
-        a = int(of.grid.arc[interval])
-        here = [self.state(interval), self.lengths[[a]], self.costate(interval)]
-        for_interval = [np.arange(13)]
-        for (arc, motor), modes in zip(of.held.free, self.free, strict=True):
-            if arc == a:
-                here.append(modes)
-                for_interval.append(14 + motor * of.grid.most_modes + np.arange(len(modes)))
-        inside = np.concatenate(for_interval)
-        share = np.ones(len(inside))
-        share[6] = 1.0 / of.grid.parts[a]
-        return inside, np.concatenate(here), share
+    def _damping(self, shift: float) -> float:
+        return 1.0

@@ -1,7 +1,7 @@
-"""What is wrong with a stationary motion of a structure.
+"""Optimality residuals of a stationary motion: by how much its switching structure is wrong.
 
-A structure is right if between the nodes too no limit is exceeded, and if every limit that is
-held has a price of the right sign: otherwise time is gained by leaving it.
+A structure is right if no limit is exceeded between the nodes either, and if the multiplier of
+every active limit has the right sign: otherwise time is gained by leaving the limit.
 """
 
 from __future__ import annotations
@@ -13,120 +13,124 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.planning.flat.constraint_rows import OPENING, SPEED, TORQUE
-from deltaopt.planning.switching.arc_mesh import DENSE, Pin
-from deltaopt.planning.switching.conditions import Conditions
-from deltaopt.planning.switching.kkt_system import Extremal
-from deltaopt.planning.switching.state_multipliers import Push, pushes
+from deltaopt.planning.switching.arc_mesh import DENSE
+from deltaopt.planning.switching.conditions import EndValue, OptimalityConditions
+from deltaopt.planning.switching.state_multipliers import StateMultiplier, state_multipliers
+from deltaopt.planning.switching.unknowns import PrimalDualPoint
 
 Array = NDArray[np.float64]
+Truths = NDArray[np.bool]
 
 
 @dataclass(frozen=True)
-class Examined:
-    """A motion between its nodes, at ``DENSE`` fractions of every interval. ``finest``: of a
-    limit, by how much it may be exceeded."""
+class OptimalityResiduals:
+    """Residuals of a stationary point at samples between its nodes, ``DENSE`` fractions of every
+    interval. ``finest``: by how much a normalised row may exceed its limit."""
 
-    conditions: Conditions
-    motion: Extremal
+    conditions: OptimalityConditions
+    point: PrimalDualPoint
     finest: float
 
     @cached_property
     def rows(self) -> Array:
-        """Of the stage, (n, dense, rows)."""
-        y = self.conditions.between(self.motion)
-        values = self.conditions.stage.values(y.reshape(-1, 9), self.conditions.p)
+        """All rows at the samples, (n, dense, rows)."""
+        y = self.conditions.between(self.point)
+        values = self.conditions.rows.values(y.reshape(-1, y.shape[2]), self.conditions.p)
         return values.reshape(len(y), len(DENSE), -1)
 
     @property
-    def torques(self) -> Array:
-        return self.rows[..., TORQUE : TORQUE + 3]
+    def control(self) -> Array:
+        """Control rows at the samples, (n, dense, m)."""
+        return self.rows[..., self.conditions.rows.control]
 
     @cached_property
-    def prices(self) -> Array:
-        """Of what is held, (n, dense, 3)."""
-        return self.conditions.prices_between(self.motion)
+    def multipliers(self) -> Array:
+        """Multipliers of the active rows at the samples, (n, dense, m)."""
+        return self.conditions.multipliers_between(self.point)
 
     @cached_property
     def signs(self) -> Array:
-        """Of the torques that are held, (n, 1, 3)."""
-        return np.asarray(self.conditions.structure.torque[self.conditions.grid.arc][:, None])
+        """Signs of the active limits of controls in the intervals, (n, 1, m)."""
+        signs = self.conditions.structure.control[self.conditions.mesh.arc][:, None]
+        return np.asarray(signs, np.float64)
 
     @cached_property
-    def pushes(self) -> tuple[Push, ...]:
-        """Of the limits of the state."""
-        return tuple(pushes(self.conditions, self.motion))
+    def state_multipliers(self) -> tuple[StateMultiplier, ...]:
+        """Multipliers of the active state limits."""
+        return tuple(state_multipliers(self.conditions, self.point))
 
     @cached_property
-    def _without_limit(self) -> Array:
-        """1 of torques that no limit holds, (n, 1, 3)."""
-        grid, held = self.conditions.grid, self.conditions.held
-        free = np.zeros((len(grid.parts), 3))
-        for a, k in held.free:
-            free[a, k] = 1.0
-        return np.asarray(free[grid.arc][:, None])
+    def _singular(self) -> Truths:
+        """Where controls are singular, (n, 1, m)."""
+        return self.conditions.active.is_singular()[self.conditions.mesh.arc][:, None]
 
     @cached_property
-    def highest_price(self) -> float:
-        """Of the torques that are held."""
-        return float(np.abs(np.where(self.signs != 0, self.prices, 0.0)).max())
+    def largest_multiplier(self) -> float:
+        """Largest multiplier of an active limit of a control."""
+        return float(np.abs(np.where(self.signs != 0, self.multipliers, 0.0)).max())
 
     def _mean(self, each: Array) -> float:
-        """Over the duration, of (n, dense, 3) summed over motors."""
-        h = self.motion.intervals(self.conditions.grid)
+        """The mean over the duration of samples (n, dense, m), summed over motors."""
+        h = self.point.interval_lengths(self.conditions.mesh)
         return float(h @ each.mean(axis=1).sum(axis=1) / h.sum())
 
     @property
     def sign_violation(self) -> float:
-        """Largest price of the wrong sign at a held torque over the largest price."""
-        return float(np.maximum(-self.prices * self.signs, 0).max()) / self.highest_price
+        """Largest multiplier of the wrong sign of an active limit of a control, over the
+        largest multiplier."""
+        wrong = float(np.maximum(-self.multipliers * self.signs, 0).max())
+        return wrong / self.largest_multiplier
 
     @property
-    def free_price(self) -> float:
-        """Largest price of a torque without limit, which should have none, over the largest."""
-        return float(np.abs(self.prices * self._without_limit).max()) / self.highest_price
+    def singular_multiplier(self) -> float:
+        """Largest multiplier of a singular control, which should have none, over the largest
+        multiplier."""
+        return float(np.abs(self.multipliers * self._singular).max()) / self.largest_multiplier
 
     @property
     def to_be_gained(self) -> float:
-        """By torques without limit, at most and to first order, as a fraction."""
-        room = 1 - np.sign(self.prices) * np.clip(self.torques, -1, 1)
-        return self._mean(np.abs(self.prices) * self._without_limit * room)
+        """By what fraction of the duration singular controls could shorten the motion, at most and
+        to first order."""
+        room = 1 - np.sign(self.multipliers) * np.clip(self.control, -1, 1)
+        return self._mean(np.abs(self.multipliers) * self._singular * room)
 
     @property
     def unused(self) -> float:
-        """Given away or stolen between nodes, as a fraction of the duration: prices times what
-        held torques differ from their limits."""
-        differ = np.where(self.signs != 0, self.signs - self.torques, 0.0)
-        return abs(self._mean(self.prices * differ))
+        """What fraction of the duration is lost or gained illegally between nodes: multipliers
+        times what controls differ from their active limits."""
+        differ = np.where(self.signs != 0, self.signs - self.control, 0.0)
+        return abs(self._mean(self.multipliers * differ))
 
     @property
     def excess(self) -> float:
-        """Of torques and speeds over their limits, and of openings under their margin."""
-        over = np.abs(self.torques).max() - 1
-        under = -self.rows[..., OPENING : OPENING + 3].min()
-        fast = np.abs(self.rows[..., SPEED : SPEED + 3]).max(initial=0.0) - 1
-        return float(max(over, under, fast, 0.0))
+        """By how much a normalised row exceeds its limit at most."""
+        rows = self.conditions.rows
+        limited = [rows.control, *(state.value for state in rows.states)]
+        return max(0.0, *(float(np.abs(self.rows[..., each]).max()) - 1 for each in limited))
 
     @property
     def strays(self) -> Array:
-        """How far what is held is from its limit between nodes, (arcs,)."""
-        grid, structure = self.conditions.grid, self.conditions.structure
-        strays = [np.where(self.signs != 0, self.signs - self.torques, 0.0)]
-        margin = structure.opening[grid.arc][:, None]
-        strays.append(margin * self.rows[..., OPENING : OPENING + 3])
-        if self.rows.shape[2] > SPEED:
-            speed = structure.speed[grid.arc][:, None]
-            strays.append(np.where(speed, speed - self.rows[..., SPEED : SPEED + 3], 0.0))
+        """How far active rows are from their limits between nodes, on each arc, (arcs,)."""
+        rows, mesh, structure = (
+            self.conditions.rows,
+            self.conditions.mesh,
+            self.conditions.structure,
+        )
+        limited: list[tuple[Array, Array]] = [(self.signs, self.control)]
+        for state in rows.states:
+            signs = np.asarray(structure.state(state.order)[mesh.arc][:, None], np.float64)
+            limited.append((signs, self.rows[..., state.value]))
+        strays = [np.where(signs != 0, signs - row, 0.0) for signs, row in limited]
         each = np.max([np.abs(stray).max(axis=(1, 2)) for stray in strays], axis=0)
-        return np.asarray(np.maximum.reduceat(each, grid.first))
+        return np.asarray(np.maximum.reduceat(each, mesh.first))
 
-    def pins(self) -> Iterator[Pin]:
-        """Ends of arcs where a torque without limit exceeds one: what it does there is hardly
-        determined, and as good at the limit."""
-        grid = self.conditions.grid
-        for a, k in self.conditions.held.free:
-            first = grid.first[a]
-            for end, at in ((0, (first, 0)), (1, (first + grid.parts[a] - 1, -1))):
-                torque = self.torques[at][k]
-                if abs(torque) > 1 + self.finest:
-                    yield Pin(a, k, end, float(np.sign(torque)))
+    def end_values(self) -> Iterator[EndValue]:
+        """End values to be given: where a singular control exceeds a limit at an end of its arc. It
+        is hardly determined there, and as good at the limit."""
+        mesh = self.conditions.mesh
+        for a, k in self.conditions.active.singular:
+            first = mesh.first[a]
+            for end, at in ((0, (first, 0)), (1, (first + mesh.parts[a] - 1, -1))):
+                control = self.control[at][k]
+                if abs(control) > 1 + self.finest:
+                    yield EndValue(a, k, end, float(np.sign(control)))

@@ -1,8 +1,9 @@
-"""From a structure that was read to the one that is optimal, its switches resolved.
+"""Switch resolution: from a detected switching structure to an optimal motion with exact switches.
 
-Newton's method finds the stationary motion of a structure. Arcs that vanish are left out; where
-the motion exceeds a limit, or a price has the wrong sign, the structure is changed there; where
-the polynomials do not do, there are more of them. So until nothing is wrong, or for too long.
+Newton's method finds the stationary motion of a structure. Arcs that vanish are left out; where the
+motion exceeds a limit, or a multiplier has the wrong sign, the active set is updated; where
+polynomials are not fine enough, they are refined. This is repeated until nothing is wrong, or given
+up after so many attempts.
 """
 
 from __future__ import annotations
@@ -16,40 +17,49 @@ from deltaopt.errors import NotConverged
 from deltaopt.motion.certificate import Certificate, spread
 from deltaopt.motion.time_scaling import safe_factor
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.planning.flat.constraint_rows import Stage
-from deltaopt.planning.nlp.scaling import Scales
-from deltaopt.planning.switching.active_set import patches
-from deltaopt.planning.switching.arc_mesh import Grid, Pin
-from deltaopt.planning.switching.conditions import Barrier, Conditions, Stuck
-from deltaopt.planning.switching.residuals import Examined
-from deltaopt.planning.switching.structure import Structure, changed
+from deltaopt.planning.flat.constraint_rows import ConstraintRows
+from deltaopt.planning.nlp.scaling import Scaling
+from deltaopt.planning.switching.active_set import changes
+from deltaopt.planning.switching.arc_mesh import ArcMesh
+from deltaopt.planning.switching.conditions import Barrier, EndValue, OptimalityConditions
+from deltaopt.planning.switching.kkt_system import KKTSystem
+from deltaopt.planning.switching.newton import NewtonFailed, StationaryPoint, solve_conditions
+from deltaopt.planning.switching.residuals import OptimalityResiduals
+from deltaopt.planning.switching.structure import Arc, SwitchingStructure, changed
 from deltaopt.robot.model import DeltaModel
 
 _DEGREE = 8
-"""Of the acceleration in an interval."""
+"""Degree of the acceleration in an interval: a lower one asks for more intervals, a higher one for
+more nodes; the size of the condensed system depends on intervals alone."""
 _ATTEMPTS = 10
-_MOST_INTERVALS, _MOST_MODES = 48, 24
+"""Most structures and meshes tried from one detected structure: few that need more converge."""
+_MOST_INTERVALS, _MOST_MODES, _MORE_MODES = 48, 24, 3
+"""Most intervals and Legendre coefficients, beyond which a finer mesh takes longer than other
+structures, and by how many the coefficients are increased at once."""
 CERTIFIED = 1e-5
-"""Spread of the Hamiltonian and prices of the wrong sign at most: wrong structures miss it by
-orders."""
+"""Largest spread of the Hamiltonian and multiplier of the wrong sign of a resolved motion. Wrong
+structures exceed it by orders of magnitude, right ones fall short of it by as much."""
 _GROSS, _FAR_BEYOND = 1e-3, 0.05
-"""Prices of the wrong sign, and excesses, that no finer polynomials mend."""
-_FREE_PRICE = 1e-4
-"""The same of a torque that has no limit, a polynomial being no better at its ends."""
+"""Multiplier of the wrong sign, and excess of a row, that no finer polynomials mend: beyond them
+the active set is updated first, below them the mesh is refined first."""
+_SINGULAR_MULTIPLIER = 1e-4
+"""Largest multiplier of a singular control, relative to the largest: looser than ``CERTIFIED``
+because such a control is a polynomial, which is no better at its ends."""
 
 
-class Unsettled(NotConverged):
-    """No structure near the one that was read is that of an optimal motion."""
+class Unresolved(NotConverged):
+    """No optimal motion was found whose structure is near the detected one."""
 
 
 @dataclass(frozen=True)
-class Settled:
-    """A motion whose switches are resolved, not yet slowed.
+class ResolvedMotion:
+    """A motion with resolved switches, not yet slowed down to its limits.
 
-    ``gap``: what slowing costs, and what is given away between nodes, as a fraction.
+    ``safe_factor``: by which it has to be slowed. ``gap``: what slowing costs, and what is lost
+    between nodes, as a fraction of the duration. ``iterations``: of Newton's method.
     """
 
-    conditions: Conditions
+    conditions: OptimalityConditions
     trajectory: Trajectory
     safe_factor: float
     gap: float
@@ -58,141 +68,203 @@ class Settled:
 
     @property
     def status(self) -> str:
+        """As a solver of programs would report it."""
         return "Solve_Succeeded"
 
     @property
     def name(self) -> str:
-        grid = self.conditions.grid
-        return f"{len(grid.parts)} arcs, acceleration of degree {grid.degree}"
+        """A description of the transcription."""
+        mesh = self.conditions.mesh
+        return f"{mesh.arcs} arcs, acceleration of degree {mesh.degree}"
 
 
 @dataclass(frozen=True)
-class _Trial:
-    """What to solve for next. ``more_modes``: of torques without limit than at first."""
+class _Candidate:
+    """A structure and a mesh to solve for. ``more_modes``: how many more Legendre coefficients of
+    singular controls than at first."""
 
-    structure: Structure
-    grid: Grid
+    structure: SwitchingStructure
+    mesh: ArcMesh
     more_modes: int = 0
-    pins: tuple[Pin, ...] = ()
+    end_values: tuple[EndValue, ...] = ()
 
     @classmethod
-    def of(cls, structure: Structure, more_modes: int = 0) -> _Trial:
-        return cls(structure, Grid.of(structure, _DEGREE, more_modes), more_modes)
+    def of(cls, structure: SwitchingStructure, more_modes: int = 0) -> _Candidate:
+        """A candidate with a mesh for its structure."""
+        return cls(structure, ArcMesh.of(structure, _DEGREE, more_modes), more_modes)
 
-    def with_more_modes(self) -> _Trial:
-        grid = replace(self.grid, modes=self.grid.modes + 3)
-        return replace(self, grid=grid, more_modes=self.more_modes + 3)
+    def with_more_modes(self) -> _Candidate:
+        """The same with more Legendre coefficients of singular controls."""
+        mesh = self.mesh.with_more_modes(_MORE_MODES)
+        return replace(self, mesh=mesh, more_modes=self.more_modes + _MORE_MODES)
+
+    def with_lengths_of(self, found: StationaryPoint) -> _Candidate:
+        """The same with the lengths that were found, zero where an arc is vanishing."""
+        lengths = np.where(found.vanishing, 0.0, found.point.lengths / found.point.duration)
+        return replace(self, structure=replace(self.structure, lengths=lengths))
+
+    @property
+    def may_have_more_modes(self) -> bool:
+        """Whether more Legendre coefficients are worth their time."""
+        return self.mesh.most_modes < _MOST_MODES
 
 
-def settle(
-    stage: Stage,
+def resolve_switches(
+    rows: ConstraintRows,
     model: DeltaModel,
-    structure: Structure,
+    structure: SwitchingStructure,
     guess: Trajectory,
-    scales: Scales,
+    scaling: Scaling,
     tolerance: float,
     barrier: Barrier | None = None,
-) -> Settled:
-    """The optimal motion whose structure is about the given one, to a tolerance of its gap.
+) -> ResolvedMotion:
+    """The optimal motion whose structure is near the given one, with a gap within ``tolerance``.
 
-    ``barrier``: for what no arc holds; without one limits are looked at afterwards.
+    ``guess``: a motion of about this structure. ``barrier``: for rows that are not active; without
+    one their limits are only checked afterwards.
 
-    Raises Unsettled where there is none to be found.
+    Raises Unresolved if no such motion is found.
     """
-    trial, seen, iterations = _Trial.of(structure), [structure.limits], 0
-    others: list[tuple[_Trial, Trajectory]] = []
+    task = _Task(rows, model, scaling, tolerance, barrier)
+    waiting, seen, iterations = [(_Candidate.of(structure), guess)], [structure.limits], 0
     for _ in range(_ATTEMPTS):
-        conditions = Conditions.of(
-            stage, trial.structure, trial.grid, scales, model.parameters, trial.pins, barrier
-        )
+        candidate, guess = waiting.pop()
         try:
-            found = conditions.solve(conditions.guess(guess, scales))
-        except Stuck as error:
-            if not others:
-                raise Unsettled(str(error), "Stuck", guess) from None
-            trial, guess = others.pop()
+            outcome = task.outcome(candidate, guess)
+        except NewtonFailed as error:
+            if not waiting:
+                raise Unresolved(str(error), "Stuck", guess) from None
             continue
-        iterations += found.iterations
-        shares = np.where(found.vanishing, 0.0, found.motion.lengths / found.motion.duration)
-        trial = replace(trial, structure=replace(trial.structure, lengths=shares))
-        guess = Trajectory(conditions.polynomial(found.motion, scales), model)
-        if shares.min() <= 0:
-            better = [_Trial.of(changed(trial.structure, []), trial.more_modes)]
-        else:
-            conditions = replace(conditions, structure=trial.structure)
-            examined = Examined(conditions, found.motion, tolerance / 2)
-            settled = _settled(examined, guess, scales, iterations, tolerance)
-            if settled:
-                return settled
-            better = _better(trial, examined, tolerance)
-        new = []
-        for each in better:
-            if each.structure.limits != trial.structure.limits:
-                if each.structure.limits in seen:
-                    continue
-                seen.append(each.structure.limits)
-            new.append(each)
-        others += [(each, guess) for each in reversed(new)]
-        if not others:
-            raise Unsettled("no other structure is known to be better", "Cycle", guess)
-        trial, guess = others.pop()
-    raise Unsettled(f"no structure is right after {_ATTEMPTS}", "Too_Many", guess)
+        iterations += outcome.iterations
+        if outcome.resolved:
+            return replace(outcome.resolved, iterations=iterations)
+        new = _unseen(outcome.better, candidate, seen)
+        waiting += [(each, outcome.trajectory) for each in reversed(new)]
+        if not waiting:
+            message = "no other structure is known to be better"
+            raise Unresolved(message, "Cycle", outcome.trajectory)
+    raise Unresolved(f"no structure is right after {_ATTEMPTS}", "Too_Many", guess)
 
 
-def _settled(
-    examined: Examined, trajectory: Trajectory, scales: Scales, iterations: int, tolerance: float
-) -> Settled | None:
-    """The result, if it is one."""
-    wrong = examined.sign_violation > CERTIFIED or examined.free_price > _FREE_PRICE
-    if wrong or max(examined.excess, examined.to_be_gained, examined.unused) > tolerance:
-        return None
-    factor = safe_factor(scales.scene, trajectory)
-    gap = factor - 1 + examined.unused + examined.to_be_gained
-    uneven = spread(examined.conditions.hamiltonian(examined.motion))
-    if gap > tolerance or uneven > CERTIFIED:
-        return None
-    if any(push.pulls.any() for push in examined.pushes):
-        return None
-    falls = max((float(push.falls.max()) for push in examined.pushes), default=0.0)
-    certificate = Certificate(uneven, max(examined.sign_violation, examined.free_price, falls))
-    return Settled(examined.conditions, trajectory, factor, gap, certificate, iterations)
+@dataclass(frozen=True)
+class _Outcome:
+    """What Newton's method made of a candidate: the motion, the result if it is one, otherwise
+    candidates for the next solve, best first."""
+
+    trajectory: Trajectory
+    iterations: int
+    resolved: ResolvedMotion | None
+    better: list[_Candidate]
 
 
-def _better(trial: _Trial, examined: Examined, tolerance: float) -> list[_Trial]:
-    """What to try next, the first first: polynomials that do better before other structures, unless
-    what is wrong is gross."""
-    if examined.sign_violation > _GROSS or examined.excess > _FAR_BEYOND:
-        better = _otherwise(trial, examined) or _finer(trial, examined, tolerance)
+@dataclass(frozen=True)
+class _Task:
+    """What is the same for all candidates."""
+
+    rows: ConstraintRows
+    model: DeltaModel
+    scaling: Scaling
+    tolerance: float
+    barrier: Barrier | None
+
+    def outcome(self, candidate: _Candidate, guess: Trajectory) -> _Outcome:
+        """Solves for a candidate and examines what is found. Raises NewtonFailed."""
+        conditions = OptimalityConditions.of(
+            self.rows,
+            candidate.structure,
+            candidate.mesh,
+            self.scaling,
+            self.model.parameters,
+            candidate.end_values,
+            self.barrier,
+        )
+        found = solve_conditions(conditions, guess, self.scaling)
+        candidate = candidate.with_lengths_of(found)
+        trajectory = Trajectory(conditions.polynomial(found.point, self.scaling), self.model)
+        if candidate.structure.lengths.min() <= 0:
+            reordered = _Candidate.of(changed(candidate.structure, []), candidate.more_modes)
+            return _Outcome(trajectory, found.iterations, None, [reordered])
+        conditions = replace(conditions, structure=candidate.structure)
+        residuals = OptimalityResiduals(conditions, found.point, self.tolerance / 2)
+        resolved = self._resolved(residuals, trajectory, found.iterations)
+        better = [] if resolved else _better(candidate, residuals, self.tolerance)
+        return _Outcome(trajectory, found.iterations, resolved, better)
+
+    def _resolved(
+        self, residuals: OptimalityResiduals, trajectory: Trajectory, iterations: int
+    ) -> ResolvedMotion | None:
+        """The result, if no residual says that it is none."""
+        sign_violation, multiplier = residuals.sign_violation, residuals.singular_multiplier
+        if sign_violation > CERTIFIED or multiplier > _SINGULAR_MULTIPLIER:
+            return None
+        lost, excess = residuals.to_be_gained, residuals.excess
+        if max(excess, lost, residuals.unused) > self.tolerance:
+            return None
+        factor = safe_factor(self.scaling.scene, trajectory)
+        gap = factor - 1 + residuals.unused + lost
+        uneven = spread(KKTSystem(residuals.conditions, residuals.point).hamiltonian)
+        if gap > self.tolerance or uneven > CERTIFIED:
+            return None
+        if any(each.has_wrong_sign.any() for each in residuals.state_multipliers):
+            return None
+        falls = (float(each.falls.max()) for each in residuals.state_multipliers)
+        certificate = Certificate(uneven, max(sign_violation, multiplier, *falls))
+        return ResolvedMotion(
+            residuals.conditions, trajectory, factor, gap, certificate, iterations
+        )
+
+
+def _unseen(
+    candidates: list[_Candidate], last: _Candidate, seen: list[tuple[Arc, ...]]
+) -> list[_Candidate]:
+    """Candidates that refine the last one's structure or have one that was not tried yet; the
+    latter are noted in ``seen``."""
+    new = []
+    for each in candidates:
+        if each.structure.limits != last.structure.limits:
+            if each.structure.limits in seen:
+                continue
+            seen.append(each.structure.limits)
+        new.append(each)
+    return new
+
+
+def _better(
+    candidate: _Candidate, residuals: OptimalityResiduals, tolerance: float
+) -> list[_Candidate]:
+    """Candidates for the next solve, best first: a finer discretisation of the same structure, then
+    changed structures; the other way round where residuals are gross."""
+    if residuals.sign_violation > _GROSS or residuals.excess > _FAR_BEYOND:
+        better = _restructured(candidate, residuals) or _finer(candidate, residuals, tolerance)
     else:
-        better = _finer(trial, examined, tolerance) or _otherwise(trial, examined)
-    return better or ([trial.with_more_modes()] if _may_have_more(trial, examined) else [])
+        better = _finer(candidate, residuals, tolerance) or _restructured(candidate, residuals)
+    may_have_more = bool(residuals.conditions.active.singular) and candidate.may_have_more_modes
+    return better or ([candidate.with_more_modes()] if may_have_more else [])
 
 
-def _may_have_more(trial: _Trial, examined: Examined) -> bool:
-    """Modes, of torques without limit."""
-    return bool(examined.conditions.held.free) and trial.grid.most_modes < _MOST_MODES
+def _finer(
+    candidate: _Candidate, residuals: OptimalityResiduals, tolerance: float
+) -> list[_Candidate]:
+    """The candidate with more intervals, Legendre coefficients or end values, if it needs them."""
+    finest, strays, mesh = residuals.finest, residuals.strays, candidate.mesh
+    if strays.max() > finest and mesh.intervals < _MOST_INTERVALS:
+        finer = np.ceil((strays / finest).clip(1) ** (1 / (_DEGREE + 1)))
+        return [replace(candidate, mesh=mesh.with_parts(mesh.parts * finer.astype(np.intp)))]
+    multiplier, wrong = residuals.singular_multiplier, residuals.sign_violation
+    coarse = multiplier > _SINGULAR_MULTIPLIER or residuals.to_be_gained > tolerance
+    coarse = coarse or CERTIFIED < wrong < 10 * multiplier
+    may_have_more = bool(residuals.conditions.active.singular) and candidate.may_have_more_modes
+    if coarse and may_have_more:
+        return [candidate.with_more_modes()]
+    new = tuple(end for end in residuals.end_values() if end not in candidate.end_values)
+    return [replace(candidate, end_values=candidate.end_values + new)] if new else []
 
 
-def _finer(trial: _Trial, examined: Examined, tolerance: float) -> list[_Trial]:
-    """With more intervals, modes or pins, if the motion asks for them."""
-    finest = examined.finest
-    if examined.strays.max() > finest and trial.grid.intervals < _MOST_INTERVALS:
-        finer = np.ceil((examined.strays / finest).clip(1) ** (1 / (_DEGREE + 1)))
-        parts = trial.grid.parts * finer.astype(np.intp)
-        return [replace(trial, grid=replace(trial.grid, parts=parts))]
-    coarse = examined.free_price > _FREE_PRICE or examined.to_be_gained > tolerance
-    coarse = coarse or CERTIFIED < examined.sign_violation < 10 * examined.free_price
-    if coarse and _may_have_more(trial, examined):
-        return [trial.with_more_modes()]
-    pins = tuple(pin for pin in examined.pins() if pin not in trial.pins)
-    return [replace(trial, pins=trial.pins + pins)] if pins else []
-
-
-def _otherwise(trial: _Trial, examined: Examined) -> list[_Trial]:
-    """Other structures: with all that is wrong changed, and with the worst of it."""
-    found = patches(examined)
-    ways = [changed(trial.structure, chain.from_iterable(found))]
+def _restructured(candidate: _Candidate, residuals: OptimalityResiduals) -> list[_Candidate]:
+    """Candidates with other structures: with all changes at once, and with the first only."""
+    found = changes(residuals)
+    structures = [changed(candidate.structure, chain.from_iterable(found))]
     if len(found) > 1:
-        ways.append(changed(trial.structure, found[0]))
-    ways = [way for way in ways if way.limits != trial.structure.limits]
-    return [_Trial.of(way, trial.more_modes) for way in ways]
+        structures.append(changed(candidate.structure, found[0]))
+    others = [each for each in structures if each.limits != candidate.structure.limits]
+    return [_Candidate.of(each, candidate.more_modes) for each in others]

@@ -1,16 +1,16 @@
-"""Prices of limits of the state: of speeds, and of the margin of a fold, on resolved arcs.
+"""Multipliers of state limits, of order 1 (velocity) and 0 (position), on resolved arcs.
 
-On an arc such a limit c is held by its derivative, whose price λ may have either sign, and by
-itself where the arc begins, ν. The price of c itself, a measure η, follows by parts:
+On an arc such a limit c is held by its derivative, whose multiplier λ may have either sign, and by
+itself where the arc begins, ν. The multiplier of c itself, a measure η, follows by parts:
 
-    ∫ λ ċ dt + ν c(t₀) = ∫ c dη      η(t) = ν - λ(t)        of a speed
-    ∫ λ c̈ dt + ν c(t₀) = ∫ c dη      η(t) = ν + dλ/dt       of an opening
+    ∫ λ ċ dt + ν c(t₀) = ∫ c dη      η(t) = ν - λ(t)        of order 1
+    ∫ λ c̈ dt + ν c(t₀) = ∫ c dη      η(t) = ν + dλ/dt       of order 0
 
-from 0 before the arc to ν after it. (What else integrating by parts leaves at the ends is zero
-since these are free: λ where the arc ends, and where it begins, of an opening, λ less the
-multiplier of its derivative.) A limit can only push the motion away: η never falls where
-c has an upper limit, and never rises where it has a lower one. Otherwise time is gained by
-leaving it, though every torque have a price of the right sign.
+from 0 before the arc to ν after it. What else integrating by parts leaves at the ends is zero,
+since the ends are free: λ where the arc ends; and, of order 0, λ less the multiplier of ċ where it
+begins. A limit can only push the motion away: η never falls at an upper limit and never rises at a
+lower one. Otherwise time is gained by leaving the limit, even if every control has a multiplier of
+the right sign.
 """
 
 from __future__ import annotations
@@ -21,72 +21,79 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.planning.flat.constraint_rows import OPENING_BEND, OPENING_RATE, SPEED_RATE
-from deltaopt.planning.switching.arc_mesh import Entry
-from deltaopt.planning.switching.conditions import Conditions
-from deltaopt.planning.switching.kkt_system import Extremal
+from deltaopt.planning.switching.conditions import EntryCondition, OptimalityConditions
+from deltaopt.planning.switching.unknowns import PrimalDualPoint
 
 Array = NDArray[np.float64]
 Truths = NDArray[np.bool]
 
-_OF_SPEED, _BESIDE_FREE, _OF_OPENING = 1e-5, 1e-4, 1e-3
-"""By how much a price may fall: of a speed; of one where torques are at no limit, these being
-polynomials; of an opening, whose price is a polynomial's derivative."""
+_VELOCITY, _VELOCITY_BESIDE_SINGULAR, _POSITION = 1e-5, 1e-4, 1e-3
+"""By how much a multiplier may fall, as a fraction of the duration per unit of a row: of order 1;
+of order 1 where controls are singular, which are polynomials; of order 0, whose multiplier is the
+derivative of a polynomial. Tighter ones reject motions for the error of their polynomials, looser
+ones accept limits that should be left."""
 
 
 @dataclass(frozen=True)
-class Push:
-    """η of a limit that is held for a time or touched, made so that it should rise; in the
-    scales' time, per limit of speed or per unit of sin² of a fold.
+class StateMultiplier:
+    """The multiplier η of a state limit along an arc or at a contact point, in the scaling's time per
+    unit of the normalised row, signed so that optimality requires it to be non-decreasing.
 
-    ``price``: from before the arc to after it, (samples + 2,); ``held``: the intervals in which
-    the samples between are, (n,). ``may_fall``: a fraction of the duration.
+    ``entry``: where the limit is reached. ``active``: intervals in which it is active, (n,), none
+    at a contact point. ``eta``: before the arc, at the samples of these intervals, and after it,
+    (samples + 2,). ``duration``: of the motion. ``may_fall``: a fraction of the duration.
     """
 
-    entry: Entry
-    held: Truths
-    price: Array
+    entry: EntryCondition
+    active: Truths
+    eta: Array
     duration: float
     may_fall: float
 
     @property
-    def falls(self) -> Array:
-        """By how much it is lower than before, or higher than after, fractions of the duration,
-        (samples + 2,)."""
-        before = np.maximum.accumulate(self.price)
-        after = np.minimum.accumulate(self.price[::-1])[::-1]
-        return np.asarray(np.maximum(before - self.price, self.price - after) / self.duration)
+    def order(self) -> int:
+        """The order of the limit: 0 (position) or 1 (velocity)."""
+        return self.entry.rows.order
 
     @property
-    def pulls(self) -> Truths:
+    def falls(self) -> Array:
+        """By how much η is lower than some time before, or higher than some time after, as
+        fractions of the duration, (samples + 2,)."""
+        before = np.maximum.accumulate(self.eta)
+        after = np.minimum.accumulate(self.eta[::-1])[::-1]
+        return np.asarray(np.maximum(before - self.eta, self.eta - after) / self.duration)
+
+    @property
+    def has_wrong_sign(self) -> Truths:
         """Where time would be gained by leaving the limit, (samples + 2,)."""
         return np.asarray(self.falls > self.may_fall)
 
 
-def pushes(conditions: Conditions, motion: Extremal) -> Iterator[Push]:
-    """Of every limit of the state that is held for a time or touched, in their order."""
-    structure, grid = conditions.structure, conditions.grid
-    lam, slope = conditions.prices_between(motion), _slopes_between(conditions, motion)
-    for entry, nu in zip(conditions.held.entries, motion.entry.tolist(), strict=True):
-        if OPENING_RATE <= entry.row < OPENING_BEND:  # held besides the opening itself
+def state_multipliers(
+    conditions: OptimalityConditions, point: PrimalDualPoint
+) -> Iterator[StateMultiplier]:
+    """Multipliers of all state limits that are active on arcs or at contact points, in order."""
+    structure, mesh = conditions.structure, conditions.mesh
+    lam, slope = conditions.multipliers_between(point), _slopes_between(conditions, point)
+    for entry, nu in zip(conditions.active.entries, point.entry.tolist(), strict=True):
+        if entry.derivative:  # given besides the quantity itself
             continue
-        k = entry.motor
-        signs = structure.speed[:, k] if entry.of_speed else -structure.opening[:, k]
-        sign = int(entry.value) or -1  # that of an opening
+        order, sign = entry.rows.order, int(entry.value)
+        signs = structure.state(order)[:, entry.motor]
         after = np.flatnonzero(signs[entry.arc :] != sign)
         last = entry.arc + int(after[0]) if len(after) else len(signs)
-        held = np.isin(grid.arc, np.arange(entry.arc, last))
-        row = k + (SPEED_RATE if entry.of_speed else OPENING_BEND)
-        slot = (conditions.held.row[grid.arc[held]] == row).argmax(axis=1)
-        at = np.flatnonzero(held), slice(None), slot
-        eta = nu - lam[at] if entry.of_speed else nu + slope[at]
-        price = sign * np.concatenate([[0.0], eta.ravel(), [nu]])
-        of_speed = _BESIDE_FREE if conditions.held.free else _OF_SPEED
-        may_fall = of_speed if entry.of_speed else _OF_OPENING
-        yield Push(entry, held, price, motion.duration, may_fall)
+        active = np.isin(mesh.arc, np.arange(entry.arc, last))
+        holding = entry.rows.holding[entry.motor]
+        place = (conditions.active.row[mesh.arc[active]] == holding).argmax(axis=1)
+        at = np.flatnonzero(active), slice(None), place
+        eta = nu - lam[at] if order else nu + slope[at]
+        eta = sign * np.concatenate([[0.0], eta.ravel(), [nu]])
+        of_velocity = _VELOCITY_BESIDE_SINGULAR if conditions.active.singular else _VELOCITY
+        may_fall = of_velocity if order else _POSITION
+        yield StateMultiplier(entry, active, eta, point.duration, may_fall)
 
 
-def _slopes_between(conditions: Conditions, motion: Extremal) -> Array:
-    """Derivatives by time of the prices λ of what is held, (n, dense, 3)."""
-    grid, h = conditions.grid, motion.intervals(conditions.grid)[:, None, None]
-    return np.asarray(grid.slope_at_dense @ conditions.prices(motion) / h)
+def _slopes_between(conditions: OptimalityConditions, point: PrimalDualPoint) -> Array:
+    """Derivatives by time of the multipliers λ of the active rows, (n, dense, m)."""
+    mesh, h = conditions.mesh, point.interval_lengths(conditions.mesh)[:, None, None]
+    return np.asarray(mesh.slope_at_dense @ conditions.multipliers(point) / h)

@@ -1,9 +1,9 @@
-"""Which limits hold which motors when: the structure of a time-optimal motion.
+"""The switching structure of a time-optimal motion: which limits are active on which motor when.
 
-It is a sequence of arcs with estimated lengths; where exactly they end is for others to find.
-On every arc as many limits hold as there are motors, or fewer, each of a torque, a speed, or the
-margin of a fold. A motor may be at its limits of speed and of torque at once: then its speed is
-held by another motor's torque, for motors of a closed chain act on each other.
+A structure is a sequence of arcs with estimated lengths; Newton's method finds where exactly they
+end. By Pontryagin's principle as many limits are active on an arc as there are motors, or fewer,
+each of a control, a velocity or a position. Motors of a closed chain act on each other: a motor may
+be at a limit of its velocity and of its control at once, and another's control holds the velocity.
 """
 
 from __future__ import annotations
@@ -22,57 +22,92 @@ Signs = NDArray[np.int8]
 Truths = NDArray[np.bool]
 
 VANISHED = 1e-5
-"""Of the duration: shorter arcs are not there."""
+"""Length, as a fraction of the duration, below which an arc is left out. A larger value loses arcs
+that are really there, a smaller one keeps arcs that make the system singular."""
 
 
-class Limit(NamedTuple):
-    """What holds a motor: the torque's or the speed's upper limit 1 or lower -1, the margin
-    of the fold 1; 0 what does not. ``touched``, 1, of an opening, ``grazed``, 1 or -1, of a speed:
-    they come to their limit at the instant where this begins, and leave it at once."""
+class ActiveLimits(NamedTuple):
+    """The active limits of one motor: 1 at the upper limit, -1 at the lower, 0 where inactive.
 
-    torque: int = 0
-    speed: int = 0
-    opening: int = 0
-    touched: int = 0
-    grazed: int = 0
+    ``velocity_contact`` and ``position_contact``: limits of the state that are reached at the
+    instant where this begins, and left at once (contact points).
+    """
+
+    control: int = 0
+    velocity: int = 0
+    position: int = 0
+    velocity_contact: int = 0
+    position_contact: int = 0
+
+    def state(self, order: int) -> int:
+        """The sign of the active state limit of order 0 (position) or 1 (velocity)."""
+        return self.velocity if order else self.position
+
+    def contact(self, order: int) -> int:
+        """The sign of the state limit of order 0 or 1 that has a contact point here."""
+        return self.velocity_contact if order else self.position_contact
+
+    def with_state(self, order: int, sign: int) -> ActiveLimits:
+        """The same with another sign of the state limit of order 0 or 1."""
+        return self._replace(velocity=sign) if order else self._replace(position=sign)
+
+    def with_contact(self, order: int, sign: int) -> ActiveLimits:
+        """The same with another sign of the contact of order 0 or 1."""
+        if order:
+            return self._replace(velocity_contact=sign)
+        return self._replace(position_contact=sign)
 
     @property
-    def later(self) -> Limit:
-        """After the instant where it begins."""
-        return self._replace(touched=0, grazed=0)
+    def number(self) -> int:
+        """How many limits are active, contact points not counted."""
+        return bool(self.control) + bool(self.velocity) + bool(self.position)
 
-    def goes_on(self, before: Limit) -> bool:
-        """Whether nothing changes where this follows on another."""
-        return self in (before, before.later)
+    @property
+    def without_contacts(self) -> ActiveLimits:
+        """The same after the instant where it begins."""
+        return self._replace(velocity_contact=0, position_contact=0)
+
+    def continues(self, before: ActiveLimits) -> bool:
+        """Whether nothing changes where this follows on ``before``."""
+        return self in (before, before.without_contacts)
 
 
-FREE = Limit()
-Arc = tuple[Limit, ...]
-"""What holds every motor."""
+INACTIVE = ActiveLimits()
+Arc = tuple[ActiveLimits, ...]
+"""The active limits of every motor on an arc."""
 
 
 @dataclass(frozen=True)
-class Structure:
-    """``lengths`` of the arcs, (n,), fractions of the duration; ``limits``: of every arc, of
-    every motor."""
+class SwitchingStructure:
+    """A sequence of arcs: their ``lengths`` as fractions of the duration, (arcs,), and the
+    ``limits`` that are active on each arc, on each motor."""
 
     lengths: Array
     limits: tuple[Arc, ...]
 
     @cached_property
-    def torque(self) -> Signs:
-        """The limits of torque that hold, (n, 3): 1 the upper, -1 the lower, 0 none."""
-        return np.array([[limit.torque for limit in arc] for arc in self.limits], np.int8)
+    def control(self) -> Signs:
+        """Signs of the active limits of controls, (arcs, m)."""
+        return np.array([[motor.control for motor in arc] for arc in self.limits], np.int8)
 
     @cached_property
-    def speed(self) -> Signs:
-        """The same of speed."""
-        return np.array([[limit.speed for limit in arc] for arc in self.limits], np.int8)
+    def velocity(self) -> Signs:
+        """Signs of the active limits of velocities, (arcs, m)."""
+        return self.state(1)
+
+    @cached_property
+    def position(self) -> Signs:
+        """Signs of the active limits of positions, (arcs, m)."""
+        return self.state(0)
+
+    def state(self, order: int) -> Signs:
+        """Signs of the active state limits of order 0 (position) or 1 (velocity), (arcs, m)."""
+        return np.array([[motor.state(order) for motor in arc] for arc in self.limits], np.int8)
 
     @cached_property
     def reversible(self) -> Truths:
-        """Arcs that others begin than end, (n,): if they are of negative length their ends are in
-        the wrong order, no more."""
+        """Arcs whose two ends are switches of different motors, (arcs,). If the length of such an
+        arc becomes negative its switches are in the wrong order, and nothing else is wrong."""
         changing = [
             {k for k, (before, after) in enumerate(zip(*pair, strict=True)) if before != after}
             for pair in pairwise(self.limits)
@@ -80,122 +115,96 @@ class Structure:
         between = [first.isdisjoint(last) for first, last in pairwise(changing)]
         return np.array([False, *between, False][: len(self.limits)])
 
-    @cached_property
-    def opening(self) -> Signs:
-        """1 where a chain is at the margin of its fold, (n, 3)."""
-        return np.array([[limit.opening for limit in arc] for arc in self.limits], np.int8)
-
 
 @dataclass(frozen=True)
-class Stretch:
-    """A time, fractions of the duration, over which a motor is held by a limit."""
+class MotorArc:
+    """A time over which the same limits are active on one motor, from ``begin`` to ``end`` as
+    fractions of the duration."""
 
     begin: float
     end: float
-    limit: Limit
+    limits: ActiveLimits
 
-    def beginning(self, instant: float) -> Stretch:
-        """The rest of it, from later on."""
-        return replace(self, begin=instant, limit=self.limit.later)
+    def remainder(self, instant: float) -> MotorArc:
+        """The part of it from a later instant on, which begins without a contact point."""
+        return replace(self, begin=instant, limits=self.limits.without_contacts)
 
 
-def changed(structure: Structure, patches: Iterable[tuple[int, Stretch]]) -> Structure:
-    """With (motor, stretch) put over what is there, arcs in the order of their switches.
+def changed(
+    structure: SwitchingStructure, changes: Iterable[tuple[int, MotorArc]]
+) -> SwitchingStructure:
+    """The structure with changes, each (motor, arc of that motor), laid over it in turn.
 
-    An arc of negative length has its switches in the wrong order: they are exchanged.
+    Arcs are put in the order of their switches: an arc of negative length has its switches
+    exchanged, one of no length is left out.
     """
     motors = _by_motor(structure)
-    for k, patch in patches:
-        earlier = [s for s in motors[k] if s.begin < patch.begin - VANISHED]
-        later = [s for s in motors[k] if s.end > patch.end + VANISHED]
-        if all(abs(s.begin - patch.begin) > VANISHED for s in motors[k]):
-            patch = replace(patch, limit=patch.limit.later)
-        before = [replace(s, end=min(s.end, patch.begin)) for s in earlier]
-        after = [s if s.begin >= patch.end else s.beginning(patch.end) for s in later]
-        motors[k] = joined([*before, patch, *after])
-    return bearable(assembled(motors, VANISHED))
+    for k, change in changes:
+        earlier = [arc for arc in motors[k] if arc.begin < change.begin - VANISHED]
+        later = [arc for arc in motors[k] if arc.end > change.end + VANISHED]
+        if all(abs(arc.begin - change.begin) > VANISHED for arc in motors[k]):
+            change = replace(change, limits=change.limits.without_contacts)
+        before = [replace(arc, end=min(arc.end, change.begin)) for arc in earlier]
+        after = [arc if arc.begin >= change.end else arc.remainder(change.end) for arc in later]
+        motors[k] = joined([*before, change, *after])
+    return determined(assembled(motors, VANISHED))
 
 
-def _by_motor(structure: Structure) -> list[list[Stretch]]:
-    """What holds each motor when, without stretches that end before they begin."""
+def _by_motor(structure: SwitchingStructure) -> list[list[MotorArc]]:
+    """The arcs of each motor, without those that end before they begin."""
     ends = np.cumsum(structure.lengths).tolist()
     ends[-1] = 1.0
     motors = []
     for k in range(len(structure.limits[0])):
-        stretches: list[Stretch] = []
+        arcs: list[MotorArc] = []
         for a, end in enumerate(ends):
-            limit = structure.limits[a][k]
-            begin = stretches[-1].end if stretches else 0.0
-            if stretches and limit.goes_on(stretches[-1].limit):
-                stretches[-1] = replace(stretches[-1], end=end)
+            limits = structure.limits[a][k]
+            begin = arcs[-1].end if arcs else 0.0
+            if arcs and limits.continues(arcs[-1].limits):
+                arcs[-1] = replace(arcs[-1], end=end)
             else:
-                stretches.append(Stretch(begin, end, limit))
-        motors.append(joined(stretches))
+                arcs.append(MotorArc(begin, end, limits))
+        motors.append(joined(arcs))
     return motors
 
 
-def joined(stretches: list[Stretch]) -> list[Stretch]:
-    """In order, one after the other; what is too short gives way to what follows, but for a fold
-    that came to its margin there: it touches it."""
-    found: list[Stretch] = []
-    touched = grazed = 0
-    for s in stretches:
+def joined(arcs: list[MotorArc]) -> list[MotorArc]:
+    """The arcs of one motor in order, one after the other, without those that are too short.
+
+    Contact points of arcs that are left out are passed on to what follows. If a position limit
+    became active on such an arc, a contact point remains of it.
+    """
+    found: list[MotorArc] = []
+    position_contact = velocity_contact = 0
+    for arc in arcs:
         begin = found[-1].end if found else 0.0
-        if s.end - max(s.begin, begin) <= VANISHED:
-            at_margin = s.limit.opening and not (found and found[-1].limit.opening)
-            touched, grazed = touched or s.limit.touched or at_margin, grazed or s.limit.grazed
+        limits = arc.limits
+        if arc.end - max(arc.begin, begin) <= VANISHED:
+            was_active = found and found[-1].limits.position
+            reached = 0 if was_active else limits.position
+            position_contact = position_contact or limits.position_contact or reached
+            velocity_contact = velocity_contact or limits.velocity_contact
             continue
-        limit = s.limit
-        if touched and not limit.opening:
-            limit = limit._replace(touched=1)
-        if grazed and not limit.speed:
-            limit = limit._replace(grazed=grazed)
-        s, touched, grazed = replace(s, limit=limit), 0, 0
-        if found and s.limit.goes_on(found[-1].limit):
-            found[-1] = replace(found[-1], end=s.end)
+        if position_contact and not limits.position:
+            limits = limits.with_contact(0, position_contact)
+        if velocity_contact and not limits.velocity:
+            limits = limits.with_contact(1, velocity_contact)
+        position_contact = velocity_contact = 0
+        if found and limits.continues(found[-1].limits):
+            found[-1] = replace(found[-1], end=arc.end)
         else:
-            found.append(replace(s, begin=begin))
+            found.append(MotorArc(begin, arc.end, limits))
     found[-1] = replace(found[-1], end=1.0)
     return found
 
 
-def assembled(motors: list[list[Stretch]], simultaneous: float) -> Structure:
-    """Arcs from what holds each motor when."""
-    switches = _merged([s.end for motor in motors for s in motor], simultaneous)
+def assembled(motors: list[list[MotorArc]], simultaneous: float) -> SwitchingStructure:
+    """The structure that consists of the arcs of each motor. Switches that are no further apart
+    than ``simultaneous``, a fraction of the duration, become one."""
+    switches = _merged([arc.end for motor in motors for arc in motor], simultaneous)
     middles = (np.concatenate([[0.0], switches[:-1]]) + switches) / 2
-    limits = [tuple(at(motor, t) for motor in motors) for t in middles.tolist()]
-    return Structure(np.diff(switches, prepend=0.0), tuple(limits))
-
-
-def held_on(arc: Arc) -> int:
-    """How much an arc holds: torques, speeds and openings."""
-    return sum(bool(limit.torque) + bool(limit.speed) + limit.opening for limit in arc)
-
-
-def bearable(structure: Structure) -> Structure:
-    """With no more held on any arc than there are motors: torques give way, of motors that hold
-    speeds or openings first, then speeds. Arcs that are alike then are one."""
-    lengths: list[float] = []
-    arcs: list[Arc] = []
-    for length, arc in zip(structure.lengths.tolist(), structure.limits, strict=True):
-        fewer = _fewer(arc)
-        if arcs and all(now.goes_on(was) for was, now in zip(arcs[-1], fewer, strict=True)):
-            lengths[-1] += length
-        else:
-            lengths.append(length)
-            arcs.append(fewer)
-    return Structure(np.array(lengths), tuple(arcs))
-
-
-def _fewer(arc: Arc) -> Arc:
-    limits = list(arc)
-    for k in sorted(range(len(arc)), key=lambda k: not (arc[k].speed or arc[k].opening)):
-        if held_on(tuple(limits)) > len(arc):
-            limits[k] = limits[k]._replace(torque=0)
-    for k in range(len(arc)):
-        if held_on(tuple(limits)) > len(arc):
-            limits[k] = limits[k]._replace(speed=0)
-    return tuple(limits)
+    limits = [tuple(active_at(motor, t) for motor in motors) for t in middles.tolist()]
+    return SwitchingStructure(np.diff(switches, prepend=0.0), tuple(limits))
 
 
 def _merged(switches: list[float], simultaneous: float) -> Array:
@@ -208,6 +217,38 @@ def _merged(switches: list[float], simultaneous: float) -> Array:
     return np.array(merged)
 
 
-def at(stretches: list[Stretch], t: float) -> Limit:
-    """What holds the motor at t."""
-    return next((s for s in stretches if t < s.end), stretches[-1]).limit
+def active_at(arcs: list[MotorArc], t: float) -> ActiveLimits:
+    """The active limits of one motor at a time t, a fraction of the duration."""
+    return next((arc for arc in arcs if t < arc.end), arcs[-1]).limits
+
+
+def number_active(arc: Arc) -> int:
+    """How many limits are active on an arc, of all motors and orders."""
+    return sum(motor.number for motor in arc)
+
+
+def determined(structure: SwitchingStructure) -> SwitchingStructure:
+    """The structure with no more active limits on any arc than there are motors, so that no arc is
+    overdetermined. Controls are given up first, those of motors at a limit of their state before
+    others, then velocities. Neighbouring arcs that are alike then become one."""
+    lengths: list[float] = []
+    arcs: list[Arc] = []
+    for length, arc in zip(structure.lengths.tolist(), structure.limits, strict=True):
+        fewer = _determined(arc)
+        if arcs and all(now.continues(was) for was, now in zip(arcs[-1], fewer, strict=True)):
+            lengths[-1] += length
+        else:
+            lengths.append(length)
+            arcs.append(fewer)
+    return SwitchingStructure(np.array(lengths), tuple(arcs))
+
+
+def _determined(arc: Arc) -> Arc:
+    limits = list(arc)
+    for k in sorted(range(len(arc)), key=lambda k: not (arc[k].velocity or arc[k].position)):
+        if number_active(tuple(limits)) > len(arc):
+            limits[k] = limits[k]._replace(control=0)
+    for k in range(len(arc)):
+        if number_active(tuple(limits)) > len(arc):
+            limits[k] = limits[k]._replace(velocity=0)
+    return tuple(limits)

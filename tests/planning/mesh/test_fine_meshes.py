@@ -9,6 +9,7 @@ import pytest
 
 from deltaopt import load_scene, verify
 from deltaopt.motion.certificate import MET
+from deltaopt.planning.flat.constraint_rows import ByOrder
 from deltaopt.planning.mesh.constraint_tightening import Overshoot
 from deltaopt.planning.mesh.error_estimate import FRACTIONS, TIGHTENED, GivenAway, refined
 from deltaopt.planning.mesh.mesh_costates import certify_mesh, costates, hamiltonian
@@ -19,8 +20,8 @@ from deltaopt.planning.nlp.scaling import Scales
 from deltaopt.planning.nlp.transcription import LINEAR
 from deltaopt.planning.planner import Planner, quicker
 from deltaopt.planning.refinement import Search
-from deltaopt.planning.switching.detection import SHARP, read_structure
-from deltaopt.planning.switching.structure import Limit
+from deltaopt.planning.switching.detection import SHARP, detect_structure
+from deltaopt.planning.switching.structure import ActiveLimits
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.scene import Limits, Scene
 from tests.planned_scenes import (
@@ -211,7 +212,7 @@ def searched():
 @machine_code
 def test_the_hamiltonian_is_what_theory_says(searched):
     """-1, from prices that know nothing of it; not so on a coarse mesh."""
-    coarse, fine = (hamiltonian(searched._stage, searched.attempts[i]) for i in (0, -1))
+    coarse, fine = (hamiltonian(searched._rows, searched.attempts[i]) for i in (0, -1))
     np.testing.assert_allclose(fine, -1, atol=MET)
     assert np.abs(coarse + 1).max() > 10 * MET
     assert searched.certificate(searched.attempts[-1]).residual <= MET
@@ -235,8 +236,8 @@ def test_noise_between_neighbouring_knots_is_no_costate():
     """A move with two motors at their speed limits: the costates of single intervals scatter."""
     found = searched_for(random_move("industrial", 9), 1e-6)
     fine = found.attempts[-1]
-    assert np.abs(hamiltonian(found._stage, fine, 0.0) + 1).max() > 10 * MET
-    assert np.abs(hamiltonian(found._stage, fine) + 1).max() < MET
+    assert np.abs(hamiltonian(found._rows, fine, 0.0) + 1).max() > 10 * MET
+    assert np.abs(hamiltonian(found._rows, fine) + 1).max() < MET
 
 
 @machine_code
@@ -245,20 +246,20 @@ def test_wrong_prices_do_not_satisfy_it(searched):
     fine = searched.attempts[-1]
     wrong = fine.solution.prices * np.array([1.1, 1, 1, 1, 1, 1])
     disturbed = replace(fine, solution=replace(fine.solution, prices=wrong))
-    assert certify_mesh(searched._stage, disturbed).residual > 10 * MET
+    assert certify_mesh(searched._rows, disturbed).residual > 10 * MET
 
 
-def test_sharp_readings_tell_coming_to_a_limit_from_being_there():
+def test_sharp_detection_tells_coming_to_a_limit_from_being_there():
     """Speed rises to its limit within three intervals, torque leaves its limit a little early."""
     torque, speed = np.zeros((10, 3, 1)), np.zeros((10, 3, 1))
     torque[:4], speed[4:, :, 0] = 1.0, 1.0
     speed[3, :, 0] = [0.992, 0.996, 0.9999]
     mesh = np.full(10, 0.1)
-    coarse = read_structure(mesh, torque, speed)
-    sharp = read_structure(mesh, torque, speed, None, SHARP[0])
+    coarse = detect_structure(mesh, ByOrder(torque, speed))
+    sharp = detect_structure(mesh, ByOrder(torque, speed), SHARP[0])
     assert coarse.lengths[0] == pytest.approx(0.3)
     assert sharp.lengths[0] == pytest.approx(0.4)
-    assert sharp.limits == ((Limit(torque=1),), (Limit(speed=1),))
+    assert sharp.limits == ((ActiveLimits(control=1),), (ActiveLimits(velocity=1),))
 
 
 # Which gap is told

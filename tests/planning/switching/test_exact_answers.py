@@ -14,11 +14,12 @@ import numpy as np
 import pytest
 
 from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
+from deltaopt.planning.flat.constraint_rows import ByOrder
 from deltaopt.planning.flat.flat_problem import FlatEquations, ScaledEquations
 from deltaopt.planning.mesh.error_estimate import FRACTIONS, GivenAway, given_away, refined
 from deltaopt.planning.nlp.scaling import Scales
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
-from deltaopt.planning.switching.detection import read_structure
+from deltaopt.planning.switching.detection import detect_structure
 from tests.oracles.arcs import ArcProblem
 from tests.oracles.certify import certify, hamiltonian
 
@@ -83,12 +84,12 @@ class Line:
         position = PiecewisePolynomial(np.array([0.0, 1.0]), way[None])
         return Trajectory(position.slowed(1.6 * self.duration), UnitMass())
 
-    def loads(self, motion: Trajectory):
-        """As the planner takes them."""
+    def rows(self, motion: Trajectory) -> ByOrder:
+        """Normalised rows inside the intervals, as the planner takes them."""
         inside = motion.inside_intervals(FRACTIONS)
         shape = (-1, len(FRACTIONS), 3)
         speed = (inside.v / self.v).reshape(shape) if self.v else None
-        return (inside.a / self.u).reshape(shape), speed
+        return ByOrder((inside.a / self.u).reshape(shape), speed)
 
     def on_mesh(self, mesh, guess: Trajectory):
         """The motion of a mesh and what it is estimated to give away."""
@@ -100,7 +101,7 @@ class Line:
             problem.pack(guess, scales), *problem.bounds(scales), scales.vector()
         )
         motion = Trajectory(problem.unpack(solution.z, scales), UnitMass())
-        return motion, given_away(problem.prices(solution), *self.loads(motion))
+        return motion, given_away(problem.prices(solution), *self.rows(motion)[:2])
 
 
 LINES = [Line(0.7, 3.0, None), Line(0.7, 3.0, 0.9), Line(200.0, 0.5, None), Line(200.0, 0.5, 7.0)]
@@ -126,9 +127,9 @@ def meshes(line):
 
 @pytest.fixture(scope="module")
 def resolved(line, meshes):
-    """(problem, solution): switches resolved, structure as read from the last mesh."""
+    """(problem, solution): switches resolved, structure as detected on the last mesh."""
     mesh, motion, _ = meshes[-1]
-    problem = ArcProblem(line.equations, read_structure(mesh, *line.loads(motion)), 5)
+    problem = ArcProblem(line.equations, detect_structure(mesh, line.rows(motion)), 5)
     scales = line.scales
     guess = problem.pack(motion, scales)
     return problem, problem.program.solve(guess, *problem.bounds(scales), scales.vector())
@@ -156,9 +157,9 @@ def test_estimated_gap_is_about_the_true_one(line, meshes):
 
 def test_structure_is_that_of_the_answer(line, resolved):
     problem, _ = resolved
-    held = problem.structure.torque[:, 0].tolist(), problem.structure.speed[:, 0].tolist()
+    held = problem.structure.control[:, 0].tolist(), problem.structure.velocity[:, 0].tolist()
     assert held == (([1, -1], [0, 0]) if line.v is None else ([1, 0, -1], [0, 1, 0]))
-    assert not problem.structure.torque[:, 1:].any()
+    assert not problem.structure.control[:, 1:].any()
 
 
 def test_duration_to_eight_digits(line, resolved):

@@ -1,4 +1,4 @@
-"""Switch resolution: structures that are read, optima that are certified."""
+"""Switch resolution: structures that are detected, optima that are certified."""
 
 from __future__ import annotations
 
@@ -8,11 +8,16 @@ import numpy as np
 import pytest
 
 from deltaopt import load_scene, plan, verify
+from deltaopt.motion.time_scaling import loads_inside
+from deltaopt.planning.flat.constraint_rows import ByOrder
 from deltaopt.planning.flat.flat_problem import ScaledEquations
+from deltaopt.planning.mesh.error_estimate import FRACTIONS
+from deltaopt.planning.mesh.mesh_solution import shares
 from deltaopt.planning.nlp.program import Solution
 from deltaopt.planning.nlp.scaling import Scales
 from deltaopt.planning.planner import Planner
-from deltaopt.planning.switching.detection import read_structure
+from deltaopt.planning.switching.detection import detect_structure
+from deltaopt.scene.feasibility import least_opening
 from deltaopt.verify.pontryagin import extremal
 from tests.oracles.arcs import ArcProblem
 from tests.oracles.certify import certify, hamiltonian
@@ -57,6 +62,26 @@ def test_verified(resolved):
     assert verify(scene, found.trajectory).ok
 
 
+def test_ipopt_finds_the_same_duration(resolved):
+    """By the same arcs as a nonlinear program, its torques variables: nothing of Newton's method
+    on the conditions of optimality; and from lengths that are a little off."""
+    _, scene, found = resolved
+    scales = Scales(scene, found.duration, least_opening(scene))
+    loads = loads_inside(scene, found.trajectory, FRACTIONS)
+    structure = detect_structure(
+        np.diff(found.trajectory.knots) / found.duration, ByOrder(*shares(scene, loads))
+    )
+    off = 1 + 1e-3 * np.random.default_rng(1).uniform(-1, 1, len(structure.lengths))
+    structure = replace(structure, lengths=structure.lengths * off)
+    model = found.trajectory.model
+    equations = ScaledEquations.of(model.functions, speed=scene.speed_limits is not None)
+    problem, p = ArcProblem(equations, structure, 8), np.append(scales.vector(), model.parameters)
+    guess = problem.pack(found.trajectory, scales)
+    solution = problem.program.solve(guess, *problem.bounds(scales), p)
+    duration = float(problem.lengths(solution.z).sum()) * scales.time
+    assert found.duration == pytest.approx(duration, rel=1e-8)
+
+
 def test_mesh_plans_are_never_faster(resolved):
     """The certificate is local; a mesh solution below it would prove it wrong."""
     _, scene, found = resolved
@@ -70,43 +95,44 @@ def test_two_motors_by_symmetry_switch_together():
     np.testing.assert_allclose(tau[:, 1], tau[:, 2], atol=1e-6)
 
 
-class TestRead:
+class TestDetection:
     MESH = np.full(10, 0.1)
 
-    def loads(self, *rows):
-        """One sign or ramp per interval and motor, as loads at three points."""
+    def at_points(self, *ramps):
+        """One sign or ramp per interval and motor, as rows at three points."""
         return np.array(
             [
                 [[m[0], (m[0] + m[1]) / 2, m[1]] for m in motors]
-                for motors in zip(*rows, strict=True)
+                for motors in zip(*ramps, strict=True)
             ]
         ).transpose(0, 2, 1)
 
-    def test_a_smeared_switch_is_where_its_impulse_says(self):
+    def rows(self, *control):
+        return ByOrder(self.at_points(*control))
+
+    def test_a_blurred_switch_is_where_its_impulse_says(self):
         up, down = (1, 1), (-1, -1)
-        smeared = [up] * 4 + [(1, 0)] + [down] * 5  # mean 0.5: three quarters of it up
+        blurred = [up] * 4 + [(1, 0)] + [down] * 5  # mean 0.5: three quarters of it up
         short = np.array([0.1] * 4 + [0.02] + [0.116] * 5)
-        structure = read_structure(short, self.loads(smeared, [up] * 10, [down] * 10), None)
-        assert structure.torque.tolist() == [[1, 1, -1], [-1, 1, -1]]
+        structure = detect_structure(short, self.rows(blurred, [up] * 10, [down] * 10))
+        assert structure.control.tolist() == [[1, 1, -1], [-1, 1, -1]]
         assert structure.lengths == pytest.approx([0.415, 0.585])
 
     def test_a_long_stretch_without_limit_is_an_arc(self):
-        free = [(1, 1)] * 3 + [(0.2, 0.3)] * 4 + [(-1, -1)] * 3
-        structure = read_structure(self.MESH, self.loads(free, [(1, 1)] * 10, [(1, 1)] * 10), None)
-        assert structure.torque[:, 0].tolist() == [1, 0, -1]
+        singular = [(1, 1)] * 3 + [(0.2, 0.3)] * 4 + [(-1, -1)] * 3
+        structure = detect_structure(self.MESH, self.rows(singular, [(1, 1)] * 10, [(1, 1)] * 10))
+        assert structure.control[:, 0].tolist() == [1, 0, -1]
         assert structure.lengths == pytest.approx([0.3, 0.4, 0.3])
 
-    def test_a_motor_at_its_speed_limit_has_a_free_torque(self):
+    def test_a_motor_at_its_velocity_limit_is_at_no_limit_of_its_control(self):
         tau = [(1, 1)] * 5 + [(0.95, 0.95)] * 5
         speed = [(0, 0.5)] * 5 + [(1, 1)] * 5
         rest = [(0, 0)] * 10
-        structure = read_structure(
-            self.MESH,
-            self.loads(tau, [(1, 1)] * 10, [(1, 1)] * 10),
-            self.loads(speed, rest, rest),
-        )
-        assert structure.torque[:, 0].tolist() == [1, 0]
-        assert structure.speed[:, 0].tolist() == [0, 1]
+        control = self.at_points(tau, [(1, 1)] * 10, [(1, 1)] * 10)
+        rows = ByOrder(control, self.at_points(speed, rest, rest))
+        structure = detect_structure(self.MESH, rows)
+        assert structure.control[:, 0].tolist() == [1, 0]
+        assert structure.velocity[:, 0].tolist() == [0, 1]
 
 
 def test_a_perturbed_motion_has_no_certificate():
@@ -125,12 +151,12 @@ def _solved(scene) -> tuple[ArcProblem, Solution, np.ndarray]:
     planner = Planner(scene.robot, scene.payload, scene.limits, tolerance=1e-6)
     found = planner.plan(scene.start, scene.goal)
     motion = found.trajectory.inside_intervals(np.linspace(0, 1, 25))
-    loads = (motion.tau / np.array(scene.torque_limits)).reshape(-1, 25, 3)
+    rows = ByOrder((motion.tau / np.array(scene.torque_limits)).reshape(-1, 25, 3))
     mesh = np.diff(found.trajectory.knots) / found.duration
     model = found.trajectory.model
     scales = Scales(scene, 0.15, float(model.openings([scene.start, scene.goal]).min()))
     problem = ArcProblem(
-        ScaledEquations.of(model.functions, speed=False), read_structure(mesh, loads, None), 6
+        ScaledEquations.of(model.functions, speed=False), detect_structure(mesh, rows), 6
     )
     p = np.concatenate([scales.vector(), model.parameters])
     guess = problem.pack(found.trajectory, scales)

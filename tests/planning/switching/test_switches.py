@@ -2,30 +2,45 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+from types import SimpleNamespace
+
+import casadi as ca
 import numpy as np
 import pytest
-from tests.posed_scenes import random_move
 
 from deltaopt import load_scene, plan, verify
-from deltaopt.planning.flat.constraint_rows import Stage
+from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
+from deltaopt.planning.flat.constraint_rows import ConstraintRows
 from deltaopt.planning.flat.flat_problem import ScaledEquations
 from deltaopt.planning.nlp.scaling import Scales, margin_of_fold
-from deltaopt.planning.switching.arc_mesh import Grid
-from deltaopt.planning.switching.conditions import Barrier, Conditions
+from deltaopt.planning.switching.active_set import changes
+from deltaopt.planning.switching.arc_mesh import ArcMesh
+from deltaopt.planning.switching.conditions import Barrier, OptimalityConditions
 from deltaopt.planning.switching.dense import solve
-from deltaopt.planning.switching.detection import read_structure
-from deltaopt.planning.switching.structure import FREE, Limit, Stretch, Structure, changed
+from deltaopt.planning.switching.detection import detect_structure
+from deltaopt.planning.switching.kkt_system import KKTSystem
+from deltaopt.planning.switching.newton import solve_conditions
+from deltaopt.planning.switching.residuals import OptimalityResiduals
+from deltaopt.planning.switching.structure import (
+    INACTIVE,
+    ActiveLimits,
+    MotorArc,
+    SwitchingStructure,
+    changed,
+)
 from deltaopt.robot.model import DeltaModel
 from tests.oracles.arcs import ArcProblem
-from tests.planning.switching.test_exact_answers import LINES, UNEVEN, Line
+from tests.planning.switching.test_exact_answers import LINES, UNEVEN, Line, UnitMass
+from tests.posed_scenes import random_move
 
-UP, DOWN = Limit(torque=1), Limit(torque=-1)
+UP, DOWN = ActiveLimits(control=1), ActiveLimits(control=-1)
 
 
-def structure(*arcs: tuple[float, str]) -> Structure:
-    """Arcs of (length, limit of each motor's torque)."""
-    words = {"+": UP, "-": DOWN, "0": FREE}
-    return Structure(
+def structure(*arcs: tuple[float, str]) -> SwitchingStructure:
+    """Arcs of (length, limit of each motor's control)."""
+    words = {"+": UP, "-": DOWN, "0": INACTIVE}
+    return SwitchingStructure(
         np.array([length for length, _ in arcs]),
         tuple(tuple(words[letter] for letter in motors) for _, motors in arcs),
     )
@@ -42,81 +57,123 @@ def test_dense_systems_with_zeros_on_the_diagonal():
 
 @pytest.fixture(scope="module")
 def cross():
-    """industrial_cross: its stage and parameters; speeds are limited."""
+    """industrial_cross: its rows and parameters; velocities are limited."""
     scene = load_scene("problems/industrial_cross.yaml")
     model = DeltaModel(scene.robot, scene.payload)
     scales = Scales(scene, 0.15, 0.5)
-    stage = Stage(ScaledEquations.of(model.functions, speed=True))
-    return scene, model, scales, stage, np.concatenate([scales.vector(), model.parameters])
+    rows = ConstraintRows(ScaledEquations.of(model.functions, speed=True))
+    return scene, model, scales, rows, np.concatenate([scales.vector(), model.parameters])
 
 
 def test_rows_are_those_of_the_model(cross):
     """Torques by inverse dynamics of the twelve coordinates, in units of their limits."""
-    scene, model, scales, stage, p = cross
+    scene, model, scales, constraints, p = cross
     rng = np.random.default_rng(1)
     y = rng.uniform(-0.3, 0.3, (5, 9))
     x = scales.origin + scales.length * y[:, :3]
     v, a = scales.length * y[:, 3:6] / scales.time, scales.length * y[:, 6:] / scales.time**2
-    rows = stage.values(y, p)
+    rows = constraints.values(y, p)
     tau = model.inverse_dynamics(x, v, a) / np.array(scene.torque_limits)
-    np.testing.assert_allclose(rows[:, :3], tau, rtol=1e-9, atol=1e-12)
-    np.testing.assert_allclose(rows[:, 3:6], model.openings(x) - margin_of_fold(0.5), rtol=1e-9)
+    np.testing.assert_allclose(rows[:, constraints.control], tau, rtol=1e-9, atol=1e-12)
+    above = model.openings(x) - margin_of_fold(0.5)
+    position, velocity = constraints.position, constraints.velocity
+    np.testing.assert_allclose(rows[:, position.value] + 1, above, rtol=1e-9)
+    np.testing.assert_array_equal(rows[:, position.value], constraints.positions(y[:, :3], p))
     speed = model.motion(x, v, a)[1][:, 3::3] / np.array(scene.speed_limits)
-    np.testing.assert_allclose(rows[:, 12:15], speed, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(rows[:, velocity.value], speed, rtol=1e-9, atol=1e-12)
 
 
 def test_derivatives_of_the_rows_by_differences(cross):
-    *_, stage, p = cross
+    *_, rows, p = cross
     rng = np.random.default_rng(2)
     y, along = rng.uniform(-0.3, 0.3, (4, 9)), rng.standard_normal((4, 9))
-    multipliers, step = rng.standard_normal((4, stage.rows)), 1e-5
-    _, J, H = stage.derivatives(y, multipliers, p)
-    after, before = (stage.derivatives(y + s * step * along, multipliers, p) for s in (1, -1))
+    multipliers, step = rng.standard_normal((4, rows.number)), 1e-5
+    _, J, H = rows.derivatives(y, multipliers, p)
+    after, before = (rows.derivatives(y + s * step * along, multipliers, p) for s in (1, -1))
     slope = (after[0] - before[0]) / (2 * step)
     np.testing.assert_allclose(np.einsum("nra,na->nr", J, along), slope, rtol=1e-6, atol=1e-6)
     bend = np.einsum("nr,nra->na", multipliers, after[1] - before[1]) / (2 * step)
     np.testing.assert_allclose(np.einsum("nab,nb->na", H, along), bend, rtol=1e-5, atol=1e-5)
 
 
+def test_rows_that_hold_a_state_limit_are_its_derivatives_by_time(cross):
+    """The chain rule with the Jacobian of the limited quantity, along any motion."""
+    *_, rows, p = cross
+    rng = np.random.default_rng(4)
+    y = rng.uniform(-0.3, 0.3, (6, 9))
+    r, J, _ = rows.derivatives(y, np.zeros((6, rows.number)), p)
+    dy = np.hstack([y[:, 3:], np.zeros((6, 3))])
+    assert [state.order for state in rows.states] == [1, 0]
+    for state in rows.states:
+        assert len(state.derivatives) == 3 - state.order
+        assert (J[:, state.holding, 6:] != 0).any()
+        for value, rate in pairwise(state.derivatives):
+            assert (J[:, value, 6:] == 0).all()
+            by_chain = np.einsum("nra,na->nr", J[:, value], dy)
+            np.testing.assert_allclose(r[:, rate], by_chain, rtol=1e-9, atol=1e-12)
+
+
 def test_newton_and_ipopt_find_the_same_switches():
     scene = load_scene("problems/light_and_fast.yaml")
     arcs = structure((0.234, "++-"), (0.166, "+--"), (0.057, "+-+"), (0.19, "--+"))
-    arcs = Structure(
+    arcs = SwitchingStructure(
         np.array([*arcs.lengths, 0.211, 0.142]), (*arcs.limits, (DOWN, UP, UP), (UP, UP, UP))
     )
     guess = plan(scene, tolerance=1e-3).trajectory
     model = guess.model
     scales = Scales(scene, 0.15, float(model.openings([scene.start, scene.goal]).min()))
     equations = ScaledEquations.of(model.functions, speed=False)
-    conditions = Conditions.of(Stage(equations), arcs, Grid.of(arcs, 8), scales, model.parameters)
-    found = conditions.solve(conditions.guess(guess, scales)).motion
+    rows, mesh = ConstraintRows(equations), ArcMesh.of(arcs, 8)
+    conditions = OptimalityConditions.of(rows, arcs, mesh, scales, model.parameters)
+    found = solve_conditions(conditions, guess, scales).point
     problem = ArcProblem(equations, arcs, 8)
     p = np.concatenate([scales.vector(), model.parameters])
     other = problem.program.solve(problem.pack(guess, scales), *problem.bounds(scales), p)
     np.testing.assert_allclose(found.lengths, problem.lengths(other.z), atol=1e-8)
     np.testing.assert_allclose(found.A, problem.accelerations(other.z), atol=1e-5)
-    np.testing.assert_allclose(conditions.hamiltonian(found), -1, atol=1e-9)
-    prices = np.abs(conditions.prices(found))
-    assert ((conditions.prices(found) * arcs.torque[problem.arc][:, None]) > -1e-7).all()
-    weight = problem.interval_lengths(other.z)[:, None, None] * conditions.grid.quadrature[:, None]
-    np.testing.assert_allclose(prices, np.abs(problem.prices(other)) / weight, atol=1e-4)
+    np.testing.assert_allclose(KKTSystem(conditions, found).hamiltonian, -1, atol=1e-9)
+    multipliers = conditions.multipliers(found)
+    assert ((multipliers * arcs.control[problem.arc][:, None]) > -1e-7).all()
+    weight = problem.interval_lengths(other.z)[:, None, None] * conditions.mesh.quadrature[:, None]
+    ipopts = np.abs(problem.prices(other)) / weight
+    np.testing.assert_allclose(np.abs(multipliers), ipopts, atol=1e-4)
 
 
 @pytest.mark.parametrize("line", LINES, ids=str)
 @pytest.mark.parametrize("barrier", [None, Barrier(last=1e-9)], ids=["plain", "barrier"])
 def test_exact_answers(line: Line, barrier: Barrier | None):
-    """Also where two axes have nothing to do, so that their force is free and has no price."""
+    """Also where two axes have nothing to do: their force is singular and has no multiplier."""
     motion, _ = line.on_mesh(UNEVEN, line.guess)
-    arcs = read_structure(UNEVEN, *line.loads(motion))
-    grid = Grid.of(arcs, 5)
-    conditions = Conditions.of(
-        Stage(line.equations), arcs, grid, line.scales, np.zeros(0), (), barrier
-    )
-    found = conditions.solve(conditions.guess(motion, line.scales)).motion
+    arcs = detect_structure(UNEVEN, line.rows(motion))
+    rows, mesh = ConstraintRows(line.equations), ArcMesh.of(arcs, 5)
+    conditions = OptimalityConditions.of(rows, arcs, mesh, line.scales, np.zeros(0), (), barrier)
+    found = solve_conditions(conditions, motion, line.scales).point
     assert found.duration * line.scales.time == pytest.approx(line.duration, rel=2e-8)
     ends = np.cumsum(found.lengths)[:-1] * line.scales.time
     np.testing.assert_allclose(ends, line.switches, rtol=1e-6)
-    np.testing.assert_allclose(conditions.hamiltonian(found), -1, atol=1e-6)
+    np.testing.assert_allclose(KKTSystem(conditions, found).hamiltonian, -1, atol=1e-6)
+
+
+def test_one_motor_with_one_coordinate():
+    """The same line without the two idle axes: nothing in the method is made for three motors."""
+    line = Line(0.7, 3.0, 0.9)
+    scene = SimpleNamespace(start=(0.0,), goal=(line.d,), torque_limits=(line.u,))
+    scene.speed_limits = (line.v,)
+    scales = Scales(scene, 1.3 * line.duration, 1.0)
+    y, p = ca.SX.sym("y", 5), ca.SX.sym("p", len(scales.vector()))
+    length, time, force, _, speed = ca.vertsplit(p[1:])
+    rate, bend = length * y[1] / time / speed, length * y[2] / time / speed
+    off = y[3] - length * y[2] / time**2 / force
+    rows = ConstraintRows(ScaledEquations(y, p, off, ca.SX.ones(1), rate, bend))
+    up, at_speed, down = ((ActiveLimits(*limits),) for limits in ((1,), (0, 1), (-1,)))
+    arcs = SwitchingStructure(np.array([0.3, 0.4, 0.3]), (up, at_speed, down))
+    way = np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0])[:, None] * line.d
+    position = PiecewisePolynomial(np.array([0.0, 1.0]), way[None]).slowed(1.6 * line.duration)
+    conditions = OptimalityConditions.of(rows, arcs, ArcMesh.of(arcs, 5), scales, np.zeros(0))
+    found = solve_conditions(conditions, Trajectory(position, UnitMass()), scales).point
+    assert found.duration * scales.time == pytest.approx(line.duration, rel=1e-9)
+    np.testing.assert_allclose(KKTSystem(conditions, found).hamiltonian, -1, atol=1e-9)
+    assert changes(OptimalityResiduals(conditions, found, 5e-9)) == []
 
 
 class TestChanged:
@@ -131,18 +188,18 @@ class TestChanged:
             (UP, UP, UP),
         )
 
-    def test_a_patch_is_put_over_what_is_there(self):
+    def test_a_change_is_laid_over_what_is_there(self):
         whole = structure((0.6, "+++"), (0.4, "--+"))
-        patched = changed(whole, [(2, Stretch(0.2, 0.3, DOWN))])
-        assert patched.lengths == pytest.approx([0.2, 0.1, 0.3, 0.4])
-        assert [arc[2] for arc in patched.limits] == [UP, DOWN, UP, UP]
+        after = changed(whole, [(2, MotorArc(0.2, 0.3, DOWN))])
+        assert after.lengths == pytest.approx([0.2, 0.1, 0.3, 0.4])
+        assert [arc[2] for arc in after.limits] == [UP, DOWN, UP, UP]
 
-    def test_an_arc_at_the_margin_that_vanishes_leaves_a_touch(self):
+    def test_an_arc_at_a_position_limit_that_vanishes_leaves_a_contact_point(self):
         arcs = structure((0.5, "+++"), (0.0, "0++"), (0.5, "-++"))
-        margin = Limit(opening=1)
-        limits = (arcs.limits[0], (margin, UP, UP), arcs.limits[2])
-        touched = changed(Structure(arcs.lengths, limits), [])
-        assert touched.limits[1][0] == Limit(torque=-1, touched=1)
+        at_limit = ActiveLimits(position=-1)
+        limits = (arcs.limits[0], (at_limit, UP, UP), arcs.limits[2])
+        found = changed(SwitchingStructure(arcs.lengths, limits), [])
+        assert found.limits[1][0] == ActiveLimits(control=-1, position_contact=-1)
 
 
 def orsino(which: int):

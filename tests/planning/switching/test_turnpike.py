@@ -15,11 +15,12 @@ import numpy as np
 import pytest
 
 from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
+from deltaopt.planning.flat.constraint_rows import ByOrder
 from deltaopt.planning.flat.flat_problem import ScaledEquations
 from deltaopt.planning.nlp.cost import Cost
 from deltaopt.planning.nlp.scaling import Scales
-from deltaopt.planning.switching.detection import read_structure
-from deltaopt.planning.switching.structure import Structure
+from deltaopt.planning.switching.detection import detect_structure
+from deltaopt.planning.switching.structure import SwitchingStructure
 from tests.oracles.arcs import ArcProblem
 from tests.oracles.certify import certify
 from tests.planning.switching.test_exact_answers import UnitMass
@@ -62,11 +63,11 @@ def guess() -> Trajectory:
     return Trajectory(PiecewisePolynomial(np.array([0.0, T]), line), UnitMass())
 
 
-def structure() -> Structure:
-    """As read from a mesh of ten intervals: down, free, up."""
-    loads = np.zeros((10, 3, 3))
-    loads[:, :, 0] = np.array([-1.0] * 4 + [0.0] * 4 + [1.0] * 2)[:, None]
-    return read_structure(np.full(10, 0.1), loads, None)
+def structure() -> SwitchingStructure:
+    """As detected on a mesh of ten intervals: down, singular, up."""
+    control = np.zeros((10, 3, 3))
+    control[:, :, 0] = np.array([-1.0] * 4 + [0.0] * 4 + [1.0] * 2)[:, None]
+    return detect_structure(np.full(10, 0.1), ByOrder(control))
 
 
 @pytest.fixture(scope="module", params=[3, 5, 8])

@@ -1,0 +1,114 @@
+"""Switch resolution of mesh solutions: to a motion with exact switches, or to a certificate."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from deltaopt.motion.certificate import MET, Certificate
+from deltaopt.planning.flat.constraint_rows import ByOrder, ConstraintRows, constraint_rows
+from deltaopt.planning.flat.equations import point_equations
+from deltaopt.planning.mesh.mesh_costates import certify_mesh
+from deltaopt.planning.mesh.mesh_solution import MeshSolution
+from deltaopt.planning.nlp.scaling import Scaling
+from deltaopt.planning.switching.conditions import ActiveRows, Barrier
+from deltaopt.planning.switching.detection import (
+    BY_MULTIPLIERS,
+    SHARP,
+    STANDARD,
+    DetectionSettings,
+    detect_structure,
+)
+from deltaopt.planning.switching.resolution import ResolvedMotion, Unresolved, resolve_switches
+from deltaopt.planning.switching.structure import Arc, SwitchingStructure
+from deltaopt.robot.model import DeltaModel
+
+
+@dataclass(frozen=True)
+class SwitchResolver:
+    """Resolves the switches of a scene's motion, to a gap within a tolerance.
+
+    ``scaling``: the scene's, with all of every limit. ``tell``: what each attempt is reported to.
+    """
+
+    rows: ConstraintRows
+    scaling: Scaling
+    model: DeltaModel
+    tolerance: float
+    tell: Callable[[str], None]
+
+    def from_coarse(self, solution: MeshSolution) -> ResolvedMotion | None:
+        """From a mesh that shows the structure roughly; None if it cannot be resolved yet."""
+        return self._resolved(solution, STANDARD)
+
+    def from_fine(self, solution: MeshSolution) -> ResolvedMotion | None:
+        """From a mesh on which next to nothing is given away; None if it cannot be resolved."""
+        return self._resolved(solution, SHARP)
+
+    def from_last(self, solution: MeshSolution) -> ResolvedMotion | None:
+        """From the last mesh, whose multipliers say which limits are active; None as above."""
+        if not solution.has_all_multipliers:
+            return None
+        return self._resolved(solution, BY_MULTIPLIERS)
+
+    def certificate(self, solution: MeshSolution) -> Certificate | None:
+        """How well a mesh solution meets Pontryagin's condition, if it does."""
+        if not solution.has_all_multipliers:
+            return None
+        found = certify_mesh(self.rows, solution)
+        return found if found.residual <= MET else None
+
+    def _resolved(
+        self, last: MeshSolution, settings: Sequence[DetectionSettings]
+    ) -> ResolvedMotion | None:
+        """From the structures that are detected with each of the settings."""
+        if not self.rows.can_be_held:
+            return None
+        tried = set[tuple[Arc, ...]]()
+        constraints = self.rows.constraints
+        rows = ByOrder.of(constraints, last.rows)
+        multipliers = None
+        if last.has_all_multipliers:
+            found = ByOrder.of(constraints, last.solution.multipliers)
+            multipliers = found.per_time(last.mesh)
+        for each in settings:
+            structure = detect_structure(last.mesh, rows, each, multipliers)
+            if structure.limits in tried:
+                continue
+            tried.add(structure.limits)
+            for barrier in self._barriers(structure):
+                try:
+                    resolved = resolve_switches(
+                        self.rows,
+                        self.model,
+                        structure,
+                        last.trajectory,
+                        self.scaling,
+                        self.tolerance,
+                        barrier,
+                    )
+                except Unresolved as error:
+                    self.tell(f"{len(structure.limits)} arcs: not resolved yet: {error}")
+                    continue
+                self.tell(
+                    f"{len(resolved.conditions.structure.limits)} arcs: "
+                    f"{resolved.trajectory.duration:.9f} s, gap {resolved.gap:.1e}, satisfies "
+                    f"Pontryagin's condition to {resolved.certificate.residual:.0e}"
+                )
+                return resolved
+        return None
+
+    def _barriers(self, structure: SwitchingStructure) -> tuple[Barrier | None, ...]:
+        """None first; then one, where there is anything that it would keep within limits."""
+        active = ActiveRows.of(self.rows, structure)
+        if self.rows.velocity is None and not (active.singular or active.follows.any()):
+            return (None,)
+        return None, Barrier(last=self.tolerance / 10)
+
+
+def resolver(
+    scaling: Scaling, model: DeltaModel, tolerance: float, tell: Callable[[str], None]
+) -> SwitchResolver:
+    """For a scene; where arcs cannot hold its limits it certifies mesh solutions only."""
+    equations = point_equations(model.functions, scaling.constraints)
+    return SwitchResolver(constraint_rows(equations), scaling, model, tolerance, tell)
