@@ -5,15 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from deltaopt.compare.samples import relative_error
 from deltaopt.compare.tasks import Array, Samples, Task
-
-Result = TypeVar("Result")
 
 
 @dataclass(frozen=True)
@@ -27,13 +25,6 @@ class Time:
     def of(own: Array, reference: Array) -> Time:
         """From the times in every round."""
         return Time(float(np.median(own)), float(np.median(own / reference)))
-
-
-def timed_call(call: Callable[[], Result]) -> tuple[Result, float]:
-    """What a call returns, and its processor seconds."""
-    begin = time.process_time()
-    result = call()
-    return result, time.process_time() - begin
 
 
 class Run:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -61,9 +61,18 @@ AT_ZERO = 1e-15
 """Where ε = 0 is drawn."""
 
 
-def draw_singularities(study: Singularities, families: Iterable[Family], path: Path) -> None:
-    """Errors and condition numbers of some of the families, one column each."""
-    columns = list(families)
+def draw_delta_singularities(study: Singularities, path: Path) -> None:
+    """Draw those of the Delta."""
+    draw_singularities(study, [f for f in study.families if f.mechanism.name == "delta"], path)
+
+
+def draw_pendulum_singularities(study: Singularities, path: Path) -> None:
+    """Draw those of the paper's pendulum."""
+    draw_singularities(study, [f for f in study.families if f.mechanism.name != "delta"], path)
+
+
+def draw_singularities(study: Singularities, columns: Sequence[Family], path: Path) -> None:
+    """Draw errors and condition numbers of some families, one column each."""
     figure = Figure(figsize=(max(11.0, 3.6 * len(columns) + 1.2), 12.5), layout="constrained")
     FigureCanvasAgg(figure)
     panels = figure.subplots(4, len(columns), sharex=True, sharey="row")

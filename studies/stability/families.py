@@ -18,7 +18,7 @@ import numpy as np
 
 from deltaopt.compare.many_digits import ManyDigits, Matrix
 from deltaopt.compare.samples import PAPER
-from deltaopt.compare.tasks import Array, ForwardDynamics
+from deltaopt.compare.tasks import Array
 from deltaopt.dynamics.formulation import state
 from deltaopt.dynamics.mechanism import SX, Mechanism
 from deltaopt.mechanisms.delta.mechanism import delta
@@ -178,9 +178,3 @@ def pendulum_families() -> list[Family]:
             regular,
         ),
     ]
-
-
-def big_system(mechanism: Mechanism) -> ca.Function:
-    """(t, q, q̇, τ, p) -> A, b of L_I's forward dynamics."""
-    inputs, A, b = ForwardDynamics().big_system(mechanism)
-    return ca.Function("big_system", inputs, [A, b])

@@ -39,8 +39,6 @@ Progress = Callable[[float, str], None]
 
 DISTANCES = (*(10.0**-k for k in range(1, 15)), 0.0)
 """ε, at last the singularity itself."""
-MOTIONS = 3
-"""Random motions at each state; errors are their median."""
 SLOPE_ERRORS = (1e-14, 1e-1)
 """Errors between which a slope is fitted."""
 LOST = 1e-9
@@ -151,8 +149,11 @@ class Singularities:
         return next(c for c in found if (c.family, c.problem, c.model, c.variant) == wanted)
 
 
-def measure(progress: Progress = lambda done, what: None, digits: int = 50) -> Singularities:
-    """All methods at all problems on the way into every singularity."""
+def measure(
+    progress: Progress = lambda done, what: None, motions: int = 3, digits: int = 50
+) -> Singularities:
+    """Measure all methods at all problems on the way into every singularity; errors are the
+    median over so many random ``motions`` at each state."""
     exact, groups = ManyDigits(digits), (delta_families(), pendulum_families())
     families = []
     for group in groups:
@@ -161,7 +162,7 @@ def measure(progress: Progress = lambda done, what: None, digits: int = 50) -> S
     curves, floors, conditions = [], [], []
     for i, (family, functions) in enumerate(families):
         progress(i / len(families), f"{family.name}: states in {digits} digits")
-        states = States.make(family, functions, exact)
+        states = States.make(family, functions, exact, motions)
         for j, problem in enumerate(PROBLEMS):
             progress((i + (j + 1) / 4) / len(families), f"{family.name}: {problem.title}")
             truth = Truth.of(states, problem, exact)
@@ -218,11 +219,12 @@ class States:
     in_motion: list[list[Motion]]
 
     @classmethod
-    def make(cls, family: Family, functions: Functions, exact: ManyDigits) -> States:
+    def make(cls, family: Family, functions: Functions, exact: ManyDigits, number: int) -> States:
+        """Make so many random motions at every distance."""
         maker, rng = Maker(family, exact), np.random.default_rng(0)
         q = [maker.q(distance) for distance in DISTANCES]
         at_rest, in_motion = (
-            [[maker.motion(x, rng, moving=moving) for _ in range(MOTIONS)] for x in q]
+            [[maker.motion(x, rng, moving=moving) for _ in range(number)] for x in q]
             for moving in (False, True)
         )
         return cls(family, functions, at_rest, in_motion)
@@ -262,7 +264,7 @@ class Truth:
                 inputs, sought = _inputs(motion, problem.task)
                 at_exact.append(solved(inputs, sought))
                 at_rounded.append(solved([rounded(x) for x in inputs], sought))
-        shape = (len(DISTANCES), MOTIONS, -1)
+        shape = (len(DISTANCES), len(states.in_motion[0]), -1)
         return cls(np.reshape(at_rounded, shape), np.reshape(at_exact, shape))
 
     def conditioning(self) -> Array:

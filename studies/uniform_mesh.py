@@ -1,0 +1,26 @@
+"""One solution on a uniform mesh, which the planner itself would refine."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from deltaopt import PiecewiseAcceleration, Scene, Trajectory, flat
+from deltaopt.planning.nlp.problem import Guess, Solved
+from deltaopt.planning.nlp.scaling import Scales
+from deltaopt.robot.model import delta_model
+from deltaopt.scene.feasibility import least_opening
+
+
+def solved_on(scene: Scene, intervals: int, start: Guess) -> Solved:
+    """Solve the default formulation of a scene on so many equal intervals."""
+    functions = delta_model(scene.robot, scene.payload).functions
+    linear = PiecewiseAcceleration()
+    equations = flat.of(functions, linear, speed=scene.speed_limits is not None)
+    problem = equations.on(np.full(intervals, 1 / intervals))
+    scales = Scales(scene, start.trajectory.duration, least_opening(scene))
+    return problem.solve(start, scales, start.trajectory.model.parameters)
+
+
+def motion_of(solved: Solved, start: Guess) -> Trajectory:
+    """Return the motion that was found from ``start``."""
+    return Trajectory(solved.position, start.trajectory.model)
