@@ -15,10 +15,12 @@ from studies import agreement, frozen, gap, inverse, objectives, scaling, stabil
 
 
 class Study(Command, Protocol):
-    """A module of this folder: a command whose arguments have the documented sizes as defaults.
-    ``SMALL``: defaults with which it takes seconds instead."""
+    """A module of this folder: a command whose arguments have the documented sizes as defaults."""
 
-    SMALL: Mapping[str, object]
+    @property
+    def SMALL(self) -> Mapping[str, object]:
+        """Defaults with which it takes seconds instead."""
+        ...
 
 
 STUDIES: dict[str, Study] = {

@@ -16,6 +16,7 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import deltaopt
 
@@ -38,7 +39,7 @@ SCENES = (
     "objectives/industrial_cross_mild",
     "objectives/pick_and_place_gently",
 )
-FORMULATIONS = {
+FORMULATIONS: dict[str, Any] = {
     "flat": deltaopt.flat,
     "multiplier": deltaopt.multiplier,
     "explicit": deltaopt.explicit,

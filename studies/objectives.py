@@ -56,17 +56,17 @@ def objectives_study(
     scene: Scene,
     slower: Sequence[float],
     weights: Sequence[float],
-    told: Callable[[float], None],
+    told: Callable[[int], None],
 ) -> ObjectivesStudy:
-    """Plan one scene, whatever its own objective, for all others; ``told`` which share is done."""
+    """Plan one scene, whatever its own objective, for all others; ``told`` is called with
+    the number of trials that are done."""
     fastest = deltaopt.plan(scene, tolerance=TOLERANCE)
-    objectives = list(_objectives(scene, fastest.duration, slower, weights))
     trials = []
-    for objective in objectives:
+    for objective in _objectives(scene, fastest.duration, slower, weights):
         other = scene.model_copy(update={"objective": objective})
         for name, transcription in TRANSCRIPTIONS.items():
             trials.append(_trial(other, name, transcription))
-            told(len(trials) / (len(objectives) * len(TRANSCRIPTIONS)))
+            told(len(trials))
     total = effort(scene, fastest.trajectory)
     return ObjectivesStudy(fastest.duration, total, tuple(trials))
 
@@ -122,13 +122,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
+    number = len(TRANSCRIPTIONS) * (len(arguments.slower) + len(arguments.weights))
     for file in arguments.scenes:
-        bar = ProgressBar()
-        study = objectives_study(
-            deltaopt.load_scene(file),
-            arguments.slower,
-            arguments.weights,
-            told=lambda done, bar=bar, name=file.stem: bar(done, name),
-        )
+        told = ProgressBar().counting(number, file.stem)
+        scene = deltaopt.load_scene(file)
+        study = objectives_study(scene, arguments.slower, arguments.weights, told)
         print(table(file.stem, study), flush=True)
     return 0

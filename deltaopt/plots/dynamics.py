@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
-from deltaopt.compare.dynamics import Row, Study
+from deltaopt.compare.dynamics.study import Row, Study
 
 COLOURS = {
     "K, virtual work": "tab:green",

@@ -13,8 +13,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
-from deltaopt.compare.plans import PlanStudy, Row
-from deltaopt.compare.plans_report import POSES, compiled_modes, uniform
+from deltaopt.compare.plans.report import POSES, compiled_modes, uniform
+from deltaopt.compare.plans.study import PlanStudy, Row
 from deltaopt.plots.style import figure
 
 COLOURS = {"flat": "#000000", "forward": "#E69F00", "explicit": "#0072B2", "multiplier": "#D55E00"}

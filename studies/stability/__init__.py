@@ -9,6 +9,7 @@ edge           planning scenes whose ends, ways or limits lie at the edge of wha
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -122,7 +123,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     unknown = [name for name in arguments.parts if name not in NAMES]
     if unknown:
-        raise SystemExit(f"stability: {unknown[0]} is no part; {', '.join(NAMES)} are")
+        print(f"stability: {unknown[0]} is no part; {', '.join(NAMES)} are", file=sys.stderr)
+        return 2
     every = parts(arguments)
     for name in arguments.parts:
         every[name].run(name, arguments.directory)

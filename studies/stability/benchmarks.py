@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import casadi as ca
 import numpy as np
 
-from deltaopt.compare.tasks import Array
+from deltaopt.compare.dynamics.tasks import Array
 from deltaopt.dynamics.constraint_matrix import (
     ClosedForm,
     NullSpace,

@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
-from deltaopt.compare.samples import PAPER
-from deltaopt.compare.tasks import Array
+from deltaopt.compare.dynamics.samples import PAPER
+from deltaopt.compare.dynamics.tasks import Array
 from deltaopt.dynamics.constraint_matrix import ClosedForm
 from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.dynamics.mechanism import Mechanism

@@ -13,7 +13,7 @@ from math import nan
 
 import numpy as np
 
-from deltaopt.compare.tasks import Array
+from deltaopt.compare.dynamics.tasks import Array
 from deltaopt.errors import DeltaOptError
 from deltaopt.files.validated_record import Vector3
 from deltaopt.planning.planner import plan

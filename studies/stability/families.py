@@ -16,9 +16,9 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from deltaopt.compare.many_digits import ManyDigits, Matrix
-from deltaopt.compare.samples import PAPER
-from deltaopt.compare.tasks import Array
+from deltaopt.compare.dynamics.many_digits import ManyDigits, Matrix
+from deltaopt.compare.dynamics.samples import PAPER
+from deltaopt.compare.dynamics.tasks import Array
 from deltaopt.dynamics.formulation import state
 from deltaopt.dynamics.mechanism import SX, Mechanism
 from deltaopt.mechanisms.delta.mechanism import delta

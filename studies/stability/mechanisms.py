@@ -12,7 +12,7 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 
-from deltaopt.compare.tasks import Array
+from deltaopt.compare.dynamics.tasks import Array
 from deltaopt.dynamics.mechanism import SX, Body, Mechanism
 
 GRAVITY = (0.0, -9.81, 0.0)

@@ -18,9 +18,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.compare.many_digits import ManyDigits, Matrix
-from deltaopt.compare.samples import rounded
-from deltaopt.compare.tasks import Array, ForwardDynamics, InverseDynamics, Task
+from deltaopt.compare.dynamics.many_digits import ManyDigits, Matrix
+from deltaopt.compare.dynamics.samples import rounded
+from deltaopt.compare.dynamics.tasks import Array, ForwardDynamics, InverseDynamics, Task
 from deltaopt.dynamics.constraint_matrix import ClosedForm, NullSpace, Partition
 from deltaopt.dynamics.formulation import Formulation
 from deltaopt.dynamics.kane import Kane

@@ -9,9 +9,9 @@ from itertools import product
 import numpy as np
 import pytest
 
-from deltaopt.compare.interpreted import interpreted
-from deltaopt.compare.knots_at_switches import at_switches
-from deltaopt.compare.plan_measures import Meter
+from deltaopt.compare.plans.interpreted import interpreted
+from deltaopt.compare.plans.knots_at_switches import at_switches
+from deltaopt.compare.plans.measures import Meter
 from deltaopt.planning.formulations.collocation import FAR, NEAR
 from deltaopt.planning.formulations.equations import (
     explicit_equations,

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
-from deltaopt.compare.plan_cases import FRACTIONS, Case, motion_inside
+from deltaopt.compare.plans.cases import FRACTIONS, Case, motion_inside
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.motion.trajectory import PiecewisePolynomial
 from deltaopt.planning.formulations.collocation import ChainProblem

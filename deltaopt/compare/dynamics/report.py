@@ -5,7 +5,7 @@ from __future__ import annotations
 from textwrap import fill
 
 from deltaopt.codegen.compile import FLAGS
-from deltaopt.compare.dynamics import Row, Study
+from deltaopt.compare.dynamics.study import Row, Study
 
 _SAME = "the same cost indeed"
 _NOT_SAME = "the equations are the same, the expressions for them are not"

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 
 import casadi as ca
 
-from deltaopt.compare.printed import as_printed
-from deltaopt.compare.tasks import Task
+from deltaopt.compare.dynamics.printed import as_printed
+from deltaopt.compare.dynamics.tasks import Task
 from deltaopt.dynamics.constraint_matrix import (
     ClosedForm,
     ConstraintMatrix,

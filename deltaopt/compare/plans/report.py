@@ -9,8 +9,8 @@ from textwrap import fill
 
 import numpy as np
 
-from deltaopt.compare.plan_measures import Quality
-from deltaopt.compare.plans import PlanStudy, Row
+from deltaopt.compare.plans.measures import Quality
+from deltaopt.compare.plans.study import PlanStudy, Row
 from deltaopt.planning.nlp.transcription import LINEAR
 
 QUALITIES = tuple(f.name for f in fields(Quality))

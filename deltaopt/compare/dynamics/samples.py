@@ -8,9 +8,9 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from deltaopt.compare.many_digits import ManyDigits, Matrix
-from deltaopt.compare.models import written_out
-from deltaopt.compare.tasks import Array, ForwardDynamics, Samples, Task
+from deltaopt.compare.dynamics.many_digits import ManyDigits, Matrix
+from deltaopt.compare.dynamics.models import written_out
+from deltaopt.compare.dynamics.tasks import Array, ForwardDynamics, Samples, Task
 from deltaopt.dynamics.consistency import Projector
 from deltaopt.dynamics.formulation import state
 from deltaopt.dynamics.lagrange import Explicit

@@ -10,8 +10,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from deltaopt.compare.samples import relative_error
-from deltaopt.compare.tasks import Array, Samples, Task
+from deltaopt.compare.dynamics.samples import relative_error
+from deltaopt.compare.dynamics.tasks import Array, Samples, Task
 
 
 @dataclass(frozen=True)

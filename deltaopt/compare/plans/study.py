@@ -8,20 +8,18 @@ is left, linear algebra above all. Building and compiling are not in them.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, fields, replace
-from functools import cached_property
+from dataclasses import dataclass, field
 from math import inf, isfinite
 from time import perf_counter
-from typing import Any
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.codegen.compile import compiler
-from deltaopt.compare.knots_at_switches import at_switches
-from deltaopt.compare.plan_cases import Case, Reference
-from deltaopt.compare.plan_measures import Meter, Quality, active_rank
+from deltaopt.compare.plans.cases import Case, Reference
+from deltaopt.compare.plans.interpreted import interpreted
+from deltaopt.compare.plans.knots_at_switches import at_switches
+from deltaopt.compare.plans.measures import Meter, Quality, active_rank
 from deltaopt.errors import NotConverged
 from deltaopt.motion.trajectory import PiecewisePolynomial
 from deltaopt.planning.formulations.collocation import FAR, NEAR, ChainProblem, Equations
@@ -40,7 +38,7 @@ from deltaopt.planning.formulations.loop_closure import (
 )
 from deltaopt.planning.formulations.scaled_mechanism import System
 from deltaopt.planning.mesh.error_estimate import GivenAway, given_away
-from deltaopt.planning.nlp.program import Options, PointFunction, Program, Solution
+from deltaopt.planning.nlp.program import Options, Program, Solution
 from deltaopt.planning.nlp.transcription import LINEAR, QUADRATIC, PiecewiseAcceleration
 
 Array = NDArray[np.float64]
@@ -184,25 +182,6 @@ def compare_plans(
             rows += bench.rows(method, modes)
     progress(1.0, "done")
     return PlanStudy(rows, references, compile_seconds, perf_counter() - begin)
-
-
-@dataclass(frozen=True)
-class InterpretedPointFunction(PointFunction):
-    """The same r(y, p), its derivatives not compiled."""
-
-    @cached_property
-    def derivatives(self) -> list[tuple[ca.Function, ca.Sparsity]]:
-        return self.derived
-
-
-def interpreted(equations: Equations) -> Equations:
-    """Return the same equations with no point function compiled."""
-    points: dict[str, Any] = {}
-    for f in fields(equations):
-        value = getattr(equations, f.name)
-        if isinstance(value, PointFunction):
-            points[f.name] = InterpretedPointFunction(value.name, value.function)
-    return replace(equations, **points)
 
 
 def find_reference(case: Case, tolerance: float) -> Reference:

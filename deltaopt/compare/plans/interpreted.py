@@ -1,0 +1,31 @@
+"""A pose's point functions kept in CasADi's interpreter, to plug into the same problem."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+
+from deltaopt.planning.formulations.collocation import Equations
+from deltaopt.planning.nlp.program import PointFunction
+
+
+@dataclass(frozen=True)
+class InterpretedPointFunction(PointFunction):
+    """The same r(y, p), its derivatives not compiled."""
+
+    @cached_property
+    def derivatives(self) -> list[tuple[ca.Function, ca.Sparsity]]:
+        return self.derived
+
+
+def interpreted(equations: Equations) -> Equations:
+    """The same equations, no point function compiled."""
+    points: dict[str, Any] = {}
+    for f in fields(equations):
+        value = getattr(equations, f.name)
+        if isinstance(value, PointFunction):
+            points[f.name] = InterpretedPointFunction(value.name, value.function)
+    return replace(equations, **points)
