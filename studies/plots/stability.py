@@ -62,12 +62,12 @@ AT_ZERO = 1e-15
 
 
 def draw_delta_singularities(study: Singularities, path: Path) -> None:
-    """Draw those of the Delta."""
+    """Draw errors and condition numbers towards the singularities of the Delta."""
     draw_singularities(study, [f for f in study.families if f.mechanism.name == "delta"], path)
 
 
 def draw_pendulum_singularities(study: Singularities, path: Path) -> None:
-    """Draw those of the paper's pendulum."""
+    """Draw the same for the paper's pendulum."""
     draw_singularities(study, [f for f in study.families if f.mechanism.name != "delta"], path)
 
 
@@ -162,7 +162,7 @@ MARKERS = dict(zip(TOLERANCES, ("o", "s", "^"), strict=True))
 
 
 def draw_drift(study: Drift, path: Path) -> None:
-    """Drift and energy against time spent, and over Baumgarte's frequency."""
+    """Draw drift and energy against time spent, and over Baumgarte's frequency."""
     figure = Figure(figsize=(12.5, 8.6), layout="constrained")
     FigureCanvasAgg(figure)
     (position, energy), (over, over_energy) = figure.subplots(2, 2)
@@ -213,7 +213,7 @@ def _frequency(method: str) -> str:
 
 
 def draw_benchmarks(study: Benchmarks, path: Path) -> None:
-    """Energy over time where there is a motion; the others by name."""
+    """Draw energy over time where there is a motion, and name the methods without one."""
     figure = Figure(figsize=(5.2 * len(study.benchmarks), 5.6), layout="constrained")
     FigureCanvasAgg(figure)
     panels = figure.subplots(1, len(study.benchmarks), sharey=True, squeeze=False)[0]
@@ -268,7 +268,7 @@ GOOD, REFUSED, WRONG = "tab:green", "tab:orange", "tab:red"
 
 
 def draw_edge(study: Edge, path: Path) -> None:
-    """Time spent on every scene and the gap of its plan, or the error it ends in."""
+    """Draw the time spent on every scene and the gap of its plan, or the error it ends in."""
     figure = Figure(figsize=(12.5, 0.25 * len(study.outcomes) + 1.6), layout="constrained")
     FigureCanvasAgg(figure)
     spent, gaps = figure.subplots(1, 2, sharey=True)

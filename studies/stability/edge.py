@@ -64,7 +64,8 @@ chain 1 lie sideways exactly at the last."""
 
 @dataclass(frozen=True)
 class Case:
-    """A scene at the edge; made when it is called for, since that may already be refused."""
+    """A scene at the edge, which is made when it is called for, since that may already be
+    refused."""
 
     family: str
     name: str
@@ -92,13 +93,13 @@ class Outcome:
 
     @property
     def safe(self) -> bool:
-        """A plan that passes, or an error that says something."""
+        """Whether it ends in a plan that passes, or in an error that says something."""
         return self.verified or bool(self.error and self.sentence)
 
 
 @dataclass(frozen=True)
 class Edge:
-    """All outcomes."""
+    """The outcomes of all cases."""
 
     outcomes: list[Outcome]
 
@@ -115,7 +116,7 @@ def measure(progress: Progress = lambda done, what: None, every: int = 1) -> Edg
 
 
 def cases() -> list[Case]:
-    """All scenes, family by family."""
+    """Return all cases, family by family."""
     families = (_boundary, _singular, _gravity, _coincident, _wide, _payloads, _unequal)
     return [case for family in families for case in family()]
 
@@ -244,7 +245,7 @@ def _vector(values: Array) -> Vector3:
 
 
 def attempt(case: Case) -> Outcome:
-    """Plan and verify."""
+    """Plan a case and verify the plan."""
     begin = time.perf_counter()
     try:
         scene = case.make()

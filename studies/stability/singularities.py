@@ -47,7 +47,7 @@ LOST = 1e-9
 
 @dataclass(frozen=True)
 class Problem:
-    """What is computed, and whether the mechanism moves."""
+    """A computation, and whether the mechanism moves."""
 
     name: str
     title: str
@@ -64,7 +64,8 @@ PROBLEMS = (
 
 @dataclass(frozen=True)
 class Method:
-    """A formulation; ``of``: from the Jacobian at a regular state and at the state itself."""
+    """A formulation with a constraint matrix or a linear solver; ``of`` chooses it from the
+    Jacobians at a regular state and at the state itself."""
 
     model: str
     variant: str
@@ -89,7 +90,7 @@ METHODS = (
 
 
 def lapack_lu(A: ca.MX, b: ca.MX) -> ca.MX:
-    """x of A x = b, by LU with partial pivoting."""
+    """Return x with A x = b, by LU with partial pivoting."""
     return ca.solve(A, b, "lapacklu")
 
 
@@ -105,7 +106,8 @@ class Curve:
 
     @property
     def slope(self) -> float:
-        """Power of ε that the error follows; nan where it never grows beyond rounding."""
+        """Return the power of ε that the error follows; NaN where it never grows beyond
+        rounding."""
         e = np.array(DISTANCES)
         low, high = SLOPE_ERRORS
         fit = (e > 0) & (self.errors > low) & (self.errors < high)
@@ -115,12 +117,13 @@ class Curve:
 
     @property
     def lost_at(self) -> float:
-        """Largest ε at which the error exceeds ``LOST`` or there is no result; nan if none."""
+        """Return the largest ε at which the error exceeds ``LOST`` or there is no result; NaN if
+        none."""
         return _first(~(self.errors <= LOST))
 
     @property
     def silent_at(self) -> float:
-        """Largest ε at which there is no result; nan if there is always one."""
+        """Return the largest ε at which there is no result; NaN if there is always one."""
         return _first(np.isnan(self.errors))
 
 
@@ -193,12 +196,12 @@ class Functions:
 
     @cached_property
     def jacobian(self) -> ca.Function:
-        """(t, q, p) -> J, dense."""
+        """Return the function (t, q, p) -> J, dense."""
         m = self.mechanism
         return ca.Function("J", [m.time, m.q, m.parameters], [ca.densify(m.J)])
 
     def system(self, task: Task) -> ca.Function:
-        """Model L_I's A and b."""
+        """Return the function of model L_I's A and b."""
         inputs, A, b = task.big_system(self.mechanism)
         return ca.Function("system", inputs, [A, b])
 
@@ -234,7 +237,7 @@ class States:
 
     @property
     def q(self) -> Array:
-        """Rounded, distances × n."""
+        """Return the rounded states, distances × n."""
         return np.array([rounded(motions[0].q) for motions in self.at_rest])
 
 
@@ -268,11 +271,11 @@ class Truth:
         return cls(np.reshape(at_rounded, shape), np.reshape(at_exact, shape))
 
     def conditioning(self) -> Array:
-        """What rounding the state alone does to the result, by distance."""
+        """Return the relative error that rounding the state alone makes, by distance."""
         return _median_errors(self.at_rounded, self.at_exact)
 
     def errors(self, states: States, problem: Problem, method: Method) -> Array:
-        """What a method does, by distance."""
+        """Return the relative errors of a method, by distance."""
         f, p = states.functions, states.family.parameters
         J0 = f.jacobian(0.0, states.family.regular, p).full()
         results = []
@@ -327,7 +330,8 @@ def _conditions(states: States) -> Iterator[Conditions]:
 
 
 def condition(A: Array) -> float:
-    """Largest over smallest singular value."""
+    """Return the largest over the smallest singular value; infinite for a matrix that does not
+    exist."""
     return float(np.linalg.cond(A)) if np.isfinite(A).all() else float("inf")
 
 

@@ -25,7 +25,7 @@ from deltaopt.scene.scene import Scene
 Array = NDArray[np.float64]
 
 FRACTIONS = np.linspace(0.0, 1.0, 25)
-"""Where in every interval loads are taken, both ends from inside."""
+"""Fractions of every interval where loads are taken, both ends from inside."""
 RESOLVED = 1e-7
 """Gap of the references that the planner finds."""
 SLOWEST = 16.0
@@ -34,8 +34,8 @@ SLOWEST = 16.0
 
 @dataclass(frozen=True)
 class Reference:
-    """``duration`` (s, safe) of the best motion known, ``gap``: estimate of what it is above the
-    optimum, relative; ``origin``: how it was found."""
+    """The safe ``duration`` (s) of the best motion known, its estimated ``gap`` to the optimum,
+    relative, and in ``origin`` how it was found."""
 
     duration: float
     gap: float
@@ -44,7 +44,8 @@ class Reference:
 
 @dataclass(frozen=True)
 class Case:
-    """A task, the motion of ξ that every method starts from, and the motors' limits.
+    """A task, the motion of the independent coordinates ξ that every method starts from, and the
+    motors' limits of torque (N·m) and speed (rad/s).
 
     ``reference``: finds the best motion, if there is a better way than a fine flat mesh.
     """
@@ -58,7 +59,7 @@ class Case:
     reference: Callable[[], Reference] | None = None
 
     def loads(self, position: PiecewisePolynomial) -> tuple[Array, Array | None]:
-        """Torques and speeds over their limits, (N, 25, m) each; not a number out of reach."""
+        """Return torques and speeds over their limits, (N, 25, m) each; NaN out of reach."""
         gravity, friction, inertia = self._torques(position)
         shape = (-1, len(FRACTIONS), len(self.torque))
         torque = ((gravity + friction + inertia) / self.torque).reshape(shape)
@@ -67,7 +68,7 @@ class Case:
         return torque, (self._speeds(position) / self.speed).reshape(shape)
 
     def safe_factor(self, position: PiecewisePolynomial) -> float:
-        """The smallest factor, at least 1, by which slowing the motion keeps all limits.
+        """Return the smallest factor, at least 1, by which slowing the motion keeps all limits.
 
         Under gravity g, viscous friction c and inertia forces d it is τ = g + c / k + d / k².
         Infinite where there is none, or where the motion leaves the workspace.
@@ -104,7 +105,8 @@ class Case:
 
 
 def motion_inside(position: PiecewisePolynomial, fractions: Array) -> tuple[Array, Array, Array]:
-    """A polynomial and its two derivatives, (N · len(fractions), m), inside the intervals."""
+    """Return a polynomial and its two derivatives at fractions of its intervals, each
+    (N · len(fractions), m)."""
     velocity = position.derivative()
     lengths = np.diff(position.knots)
     intervals = np.repeat(np.arange(len(lengths)), len(fractions))
@@ -114,7 +116,7 @@ def motion_inside(position: PiecewisePolynomial, fractions: Array) -> tuple[Arra
 
 
 def delta_case(name: str, scene: Scene) -> Case:
-    """A scene, from its baseline."""
+    """Return the case of a scene, which starts from the scene's straight line."""
     model, guess = DeltaModel(scene.robot, scene.payload), first_motion(scene)
     scales = Scales(scene, guess.duration, least_opening(scene))
     speed = scene.speed_limits
@@ -137,7 +139,8 @@ def _resolved(scene: Scene) -> Reference:
 
 @dataclass(frozen=True)
 class FiveBarTask:
-    """Sideways across the low point, where the weak motors can hold the links at rest."""
+    """A move of the five-bar sideways across the low point, where its weak motors can hold the
+    links at rest: ``start``, ``goal`` in m, ``torque`` in N·m."""
 
     parameters: FiveBarParameters = field(default_factory=FiveBarParameters)
     start: tuple[float, float] = (0.328, -0.02)
@@ -147,7 +150,7 @@ class FiveBarTask:
 
     @cached_property
     def case(self) -> Case:
-        """With the straight line at its shortest duration as the guess."""
+        """Return the case, which starts from the straight line at its shortest duration."""
         start, goal = np.array(self.start), np.array(self.goal)
         distance = float(np.linalg.norm(goal - start))
         torque = np.full(2, self.torque)

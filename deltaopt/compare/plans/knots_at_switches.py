@@ -23,7 +23,7 @@ _FINEST = 4.0
 def at_switches(
     mesh: Array, torque: Array, speed: Array | None, lost: GivenAway, aim: float
 ) -> Array:
-    """The mesh, (N,) fractions of the duration, that follows a solution on another: a knot at
+    """Return the mesh, (N,) fractions of the duration, for the solve after this one: a knot at
     every switch, arcs between them divided so that what is given away falls to about ``aim``.
 
     ``torque``, ``speed``: loads in the intervals, fractions of their limits, (N, points, m).

@@ -39,9 +39,10 @@ _CVODES: dict[str, Any] = {
 
 @dataclass(frozen=True)
 class Quality:
-    """``duration``, ``safe_duration``: s. ``kinematic_error``: E_K, m and m/s. ``at_knots``:
-    the largest ‖f‖, ‖J q̇‖ at the beginning of an interval. ``dynamic_error``: E_D, m/s²,
-    rad/s². ``arrival_distance``, ``arrival_speed``: m, m/s. Infinite: could not be had."""
+    """Measures of a planned motion. ``duration``, ``safe_duration``: s. ``kinematic_error``: E_K, m
+    and m/s. ``at_knots``: the largest ‖f‖, ‖J q̇‖ at the beginning of an interval.
+    ``dynamic_error``: E_D, m/s², rad/s². ``arrival_distance``, ``arrival_speed``: m, m/s. Infinite:
+    could not be had."""
 
     duration: float = inf
     safe_duration: float = inf
@@ -82,7 +83,7 @@ class Meter:
     def independent(
         self, problem: ChainProblem, planned: PiecewisePolynomial
     ) -> PiecewisePolynomial:
-        """The path of ξ."""
+        """Return the path of ξ."""
         which = [problem.equations.coordinates.index(i) for i in self.case.system.independent]
         return PiecewisePolynomial(planned.knots, planned.coefficients[:, :, which])
 
@@ -126,8 +127,8 @@ class Meter:
 
 
 def integrator(system: System, points: int) -> ca.Function:
-    """Through one interval under a polynomial torque: state (ξ, ξ̇); parameters: coefficients
-    (powers × motors), length (s), p."""
+    """Return the integrator through one interval under a polynomial torque: state (ξ, ξ̇);
+    parameters: coefficients (powers × motors), length (s), p."""
     nu, m = len(system.independent), system.mechanism
     u, state, length = ca.MX.sym("u"), ca.MX.sym("state", 2 * nu), ca.MX.sym("length")
     coefficients = ca.MX.sym("coefficients", system.motors, points)
@@ -149,8 +150,8 @@ def integrator(system: System, points: int) -> ca.Function:
 def active_rank(
     program: Program, solution: Solution, bounds: tuple[Array, Array], p: Array
 ) -> tuple[int, int]:
-    """Rows of the Jacobian that hold with equality at a solution, and its rank: fewer, if rows
-    depend on each other. Variables that a bound holds do not count."""
+    """Return how many rows of the Jacobian hold with equality at a solution, and their rank, which
+    is smaller if rows depend on each other. Variables that a bound holds do not count."""
     _, J = program.jacobian(solution.z, p)
     lower, upper = program.rows
     held = np.abs(solution.bound_multipliers) > 1e-4

@@ -1,5 +1,5 @@
-"""Multiplier against explicit against minimal: every pose, loop closure and transcription on a
-range of meshes, from one guess, held against one reference.
+"""Multiplier against explicit against minimal: every formulation, loop closure and transcription
+on a range of meshes, from one guess, held against one reference.
 
 Times are wall times of Ipopt's solve; what CasADi's functions took is counted apart from what
 is left, linear algebra above all. Building and compiling are not in them.
@@ -42,7 +42,7 @@ from deltaopt.planning.nlp.program import Options, Program, Solution
 from deltaopt.planning.nlp.transcription import LINEAR, QUADRATIC, PiecewiseAcceleration
 
 Array = NDArray[np.float64]
-Poses = dict[tuple[str, str], Equations]
+Formulations = dict[tuple[str, str], Equations]
 Progress = Callable[[float, str], None]
 """Told how much is done (0 to 1) and what comes next."""
 
@@ -67,20 +67,21 @@ RANK_AT_MOST = 10
 
 @dataclass(frozen=True)
 class Method:
-    """A way to pose the problem; ``closure`` is empty where no loops are left open."""
+    """A formulation with a loop closure, which is empty where no loops are left open, and a
+    transcription."""
 
-    pose: str
+    formulation: str
     closure: str
     transcription: PiecewiseAcceleration
     build: Callable[[System], Equations]
 
     @property
     def equations_key(self) -> tuple[str, str]:
-        """Methods that share it share their point functions."""
-        return self.pose, self.closure
+        """Return what methods with the same point functions share."""
+        return self.formulation, self.closure
 
     def __str__(self) -> str:
-        parts = (self.pose, self.closure, f"degree {self.transcription.degree}")
+        parts = (self.formulation, self.closure, f"degree {self.transcription.degree}")
         return ", ".join(part for part in parts if part)
 
 
@@ -114,7 +115,7 @@ class Row:
 
 @dataclass(frozen=True)
 class PlanStudy:
-    """All rows; the reference and the seconds of compiling per case."""
+    """All rows, and for each case its reference and the seconds of compiling."""
 
     rows: list[Row]
     references: dict[str, Reference]
@@ -123,15 +124,15 @@ class PlanStudy:
 
 
 def methods() -> list[Method]:
-    """All that is compared."""
+    """Return all methods that are compared."""
 
     def redundant(
-        pose: str,
+        formulation: str,
         equations: Callable[[System, LoopClosure], Equations],
         closure: LoopClosure,
         transcription: PiecewiseAcceleration,
     ) -> Method:
-        return Method(pose, closure.name, transcription, lambda s: equations(s, closure))
+        return Method(formulation, closure.name, transcription, lambda s: equations(s, closure))
 
     found = []
     for transcription in (LINEAR, QUADRATIC):
@@ -168,15 +169,15 @@ def compare_plans(
         tell(0.0, "reference")
         references[case.name] = reference = find_reference(case, tolerance)
         bench = _Bench(case, reference, uniform, refinements)
-        poses = {m.equations_key: m.build(case.system) for m in reversed(methods())}
-        modes = [{key: interpreted(e) for key, e in poses.items()}]
+        formulations = {m.equations_key: m.build(case.system) for m in reversed(methods())}
+        modes = [{key: interpreted(e) for key, e in formulations.items()}]
         if compiler() is not None:
             tell(0.1, "compiling")
             compiling = perf_counter()
-            for equations in poses.values():
+            for equations in formulations.values():
                 equations.derive()
             compile_seconds[case.name] = perf_counter() - compiling
-            modes.append(poses)
+            modes.append(formulations)
         for j, method in enumerate(methods()):
             tell(0.2 + 0.8 * j / len(methods()), str(method))
             rows += bench.rows(method, modes)
@@ -185,8 +186,8 @@ def compare_plans(
 
 
 def find_reference(case: Case, tolerance: float) -> Reference:
-    """The case's own; else refine the flat problem until its estimated gap is within the
-    tolerance, or 5 times."""
+    """Return the case's own reference; without one, refine the flat problem until its estimated gap
+    is within the tolerance, or five times."""
     if case.reference is not None:
         return case.reference()
     solver = _Solver(case, flat_equations(case.system), LINEAR)
@@ -215,7 +216,7 @@ class _Solved:
 
 @dataclass(frozen=True)
 class _Solver:
-    """Solves a case as it is posed."""
+    """Solves a case in one formulation and transcription."""
 
     case: Case
     equations: Equations
@@ -240,9 +241,9 @@ class _Bench:
         self.case, self.reference, self.meter = case, reference, Meter(case)
         self.uniform, self.refinements = uniform, refinements
 
-    def rows(self, method: Method, modes: list[Poses]) -> list[Row]:
-        """On uniform meshes from the baseline, the finest in every mode, others in the last; then,
-        in the last mode, on meshes with knots where this method's motion switches."""
+    def rows(self, method: Method, modes: list[Formulations]) -> list[Row]:
+        """Solve on uniform meshes from the straight line, the finest in every mode, others in the
+        last; then, in the last mode, on meshes with knots where this method's motion switches."""
         found: list[Row] = []
         last: _Solved | None = None
         for n in self.uniform:
@@ -265,7 +266,7 @@ class _Bench:
         self,
         found: list[Row],
         method: Method,
-        mode: Poses,
+        mode: Formulations,
         compiled: bool,
         mesh: Array,
         guess: PiecewisePolynomial,
