@@ -1,4 +1,4 @@
-"""Scenes posed as the planner poses them, and the random moves of ``deltaopt bench random``."""
+"""Scenes posed as the planner poses them, and the random moves of ``deltaopt bench any``."""
 
 from __future__ import annotations
 
