@@ -1,1 +1,1 @@
-"""Studies of deltaopt: campaigns and comparisons that are run from a clone, not installed."""
+"""Studies that hold what the documentation claims; beside the package, not installed with it."""

@@ -1,11 +1,13 @@
-"""Reference durations by means that have as little in common as possible.
+"""Reference durations again, by means that have as little in common as possible.
 
-By switch resolution with polynomials of two degrees, by shooting (see ``shooting``), and by
-forward dynamics on meshes that know nothing of switches and on meshes that have knots there.
+The plan of each scene with its switches resolved is held against the same arcs solved by Ipopt with
+polynomials of two other degrees, against shooting, and against forward dynamics on meshes that know
+nothing of switches and on meshes that have knots there.
 """
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
@@ -13,66 +15,72 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.errors import NotConverged
+import deltaopt
+from deltaopt import NotConverged, Plan, Scene, forward
+from deltaopt.cli.arguments import load_fastest, two_or_more
+from deltaopt.cli.progress import ProgressBar
 from deltaopt.motion.time_scaling import loads_inside
 from deltaopt.planning.flat.constraint_rows import ByOrder
-from deltaopt.planning.flat.flat_problem import ScaledEquations
-from deltaopt.planning.formulations.choice import Forward
+from deltaopt.planning.flat.equations import point_equations
 from deltaopt.planning.formulations.delta import DeltaProblem
 from deltaopt.planning.mesh.error_estimate import FRACTIONS
-from deltaopt.planning.mesh.mesh_solution import shares
 from deltaopt.planning.nlp.cost import FASTEST
 from deltaopt.planning.nlp.problem import Guess
-from deltaopt.planning.nlp.scaling import Scales
+from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import QUADRATIC
-from deltaopt.planning.planner import Plan, plan
 from deltaopt.planning.switching.detection import detect_structure
 from deltaopt.planning.switching.structure import SwitchingStructure
-from deltaopt.scene.feasibility import least_opening
-from deltaopt.scene.scene import Scene
+from deltaopt.scene.scene import limits_of
+from studies.problems import LIGHT, add_scenes
 from tests.oracles.arcs import ArcProblem
 from tests.oracles.shooting import shoot
 
+HELP = "reference durations again by shooting, by forward dynamics, by other polynomials"
 Array = NDArray[np.float64]
 
 DEGREES = (8, 11)
+"""Of the polynomials on arcs."""
 INTERVALS = 160
+"""Of the meshes for forward dynamics."""
+SMALL = {"scenes": (LIGHT,), "intervals": 80}
 _DISTURBED = 1e-3
-"""Lengths of arcs from which the others begin are off by so much."""
+"""The other methods start from lengths of arcs that are off by up to this share."""
 _SLOWER = 1.1
-"""So much the guess for forward dynamics is slowed: its torques are within their limits then."""
+"""Factor by which the guess for forward dynamics is slowed, so that its torques are well within
+their limits."""
 
 
 @dataclass(frozen=True)
 class Answer:
-    """A way, and the duration it finds, s; NaN and why, where it finds none."""
+    """The duration that a method finds, s; NaN and the reason where it finds none."""
 
-    way: str
+    method: str
     duration: float
     trouble: str = ""
 
 
 @dataclass(frozen=True)
 class Agreement:
-    """The plan's duration at a tolerance of 1e-8, s, and what others say."""
+    """The duration of the plan at a tolerance of 1e-8 (s), and the answers of other methods."""
 
     reference: float
     answers: tuple[Answer, ...]
 
     def differs(self, answer: Answer) -> float:
-        """As a fraction of the reference."""
+        """Return the difference to the reference, as a fraction of it."""
         return answer.duration / self.reference - 1
 
 
-def agreement(scene: Scene, told: Callable[[float], None], intervals: int = INTERVALS) -> Agreement:
-    """Of all ways, for one scene; ``intervals``: of the meshes for forward dynamics."""
-    found = plan(scene, tolerance=1e-8)
+def agreement(scene: Scene, intervals: int, told: Callable[[int], None]) -> Agreement:
+    """Solve one scene by all methods; ``intervals``: of the meshes for forward dynamics; ``told``
+    is called after each with how many are done."""
+    found = deltaopt.plan(scene, tolerance=1e-8)
     structure = _structure(found)
-    ways: list[tuple[str, Callable[[], float]]] = [
+    methods: list[tuple[str, Callable[[], float]]] = [
         (f"arcs, degree {degree}", partial(_by_arcs, found, structure, degree))
         for degree in DEGREES
     ]
-    ways += [
+    methods += [
         ("shooting", lambda: shoot(scene, structure, found.duration).duration),
         (f"forward, {intervals} uniform", partial(_forward, found, _uniform(intervals))),
         (
@@ -81,20 +89,22 @@ def agreement(scene: Scene, told: Callable[[float], None], intervals: int = INTE
         ),
     ]
     answers = []
-    for i, (way, duration) in enumerate(ways, 1):
+    for method, duration in methods:
         try:
-            answers.append(Answer(way, duration()))
+            answers.append(Answer(method, duration()))
         except NotConverged as error:
-            answers.append(Answer(way, float("nan"), str(error)))
-        told(i / len(ways))
+            answers.append(Answer(method, float("nan"), str(error)))
+        told(len(answers))
     return Agreement(found.duration, tuple(answers))
 
 
 def _structure(found: Plan) -> SwitchingStructure:
-    """Which limits hold when, from the motion itself; lengths a little off."""
+    """Detect from the motion itself which limits hold when, and disturb the lengths of the arcs."""
     scene, motion = found.scene, found.trajectory
-    rows = ByOrder(*shares(scene, loads_inside(scene, motion, FRACTIONS)))
-    detected = detect_structure(np.diff(motion.knots) / found.duration, rows)
+    rows = loads_inside(scene, motion, FRACTIONS).rows
+    by_interval = rows.reshape(-1, len(FRACTIONS), rows.shape[1])
+    of_order = ByOrder.of(limits_of(scene).constraints, by_interval)._replace(position=None)
+    detected = detect_structure(np.diff(motion.knots) / found.duration, of_order)
     rng = np.random.default_rng(1)
     off = 1 + _DISTURBED * rng.uniform(-1, 1, len(detected.lengths))
     detected.lengths[:] *= off
@@ -102,29 +112,24 @@ def _structure(found: Plan) -> SwitchingStructure:
 
 
 def _by_arcs(found: Plan, structure: SwitchingStructure, degree: int) -> float:
-    model, scales = found.trajectory.model, _scales(found)
-    equations = ScaledEquations.of(model.functions, speed=found.scene.speed_limits is not None)
+    model, scaling = found.trajectory.model, Scaling(found.scene, found.duration)
+    equations = point_equations(model.functions, scaling.constraints)
     problem = ArcProblem(equations, structure, degree)
-    p = np.concatenate([scales.vector(), model.parameters])
-    guess = problem.pack(found.trajectory, scales)
-    solution = problem.program.solve(guess, *problem.bounds(scales), p)
-    return float(problem.lengths(solution.z).sum()) * scales.time
+    guess = problem.pack(found.trajectory, scaling)
+    p = scaling.parameters(model.parameters)
+    solution = problem.program.solve(guess, *problem.bounds(scaling), p)
+    return float(problem.lengths(solution.z).sum()) * scaling.time
 
 
 def _forward(found: Plan, mesh: Array) -> float:
-    """Unslowed: what the transcription takes for the fastest."""
-    model, scales = found.trajectory.model, _scales(found)
-    speed = found.scene.speed_limits is not None
-    posed = Forward().of(model.functions, QUADRATIC, speed=speed, cost=FASTEST)
+    """Return the duration on a mesh, not slowed: limits hold at its points only."""
+    model, scaling = found.trajectory.model, Scaling(found.scene, found.duration)
+    equations = forward.of(model.functions, QUADRATIC, scaling.constraints, FASTEST)
     start = Guess(found.trajectory.slowed(_SLOWER), near=False, tolerance=1e-8)
-    chain = replace(posed.on(mesh).chain, steadiness=0.0)  # the duration alone
-    found_there = DeltaProblem(chain).solve(start, scales, model.parameters)
+    # the duration alone
+    collocation = replace(equations.on(mesh).collocation, steadiness=0.0)
+    found_there = DeltaProblem(collocation).solve(start, scaling, model.parameters)
     return float(found_there.position.knots[-1])
-
-
-def _scales(found: Plan) -> Scales:
-    scene = found.scene
-    return Scales(scene, found.duration, least_opening(scene))
 
 
 def _uniform(intervals: int) -> Array:
@@ -132,19 +137,38 @@ def _uniform(intervals: int) -> Array:
 
 
 def _on_switches(found: Plan, intervals: int) -> Array:
-    """About as many intervals, none across a switch."""
+    """Return a mesh of about as many intervals, none of them across a switch."""
     lengths = np.diff(found.trajectory.knots) / found.duration
     pieces = np.ceil(lengths * intervals).astype(int)
     return np.repeat(lengths / pieces, pieces)
 
 
 def table(name: str, study: Agreement) -> str:
-    """A way a line."""
+    """Return a line for each method."""
     rows = [f"{name}: {study.reference:.10f} s by deltaopt plan --tolerance 1e-8"]
     for answer in study.answers:
         if answer.trouble:
-            rows.append(f"  {answer.way:<26}no answer: {answer.trouble}")
+            rows.append(f"  {answer.method:<26}no answer: {answer.trouble}")
         else:
             seconds, differs = f"{answer.duration:.10f} s", f"{study.differs(answer):+.1e}"
-            rows.append(f"  {answer.way:<26}{seconds}{differs:>10}")
+            rows.append(f"  {answer.method:<26}{seconds}{differs:>10}")
     return "\n".join(rows)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    add_scenes(parser)
+    parser.add_argument(
+        "--intervals",
+        type=two_or_more,
+        default=INTERVALS,
+        metavar="N",
+        help=f"of the meshes for forward dynamics (default: {INTERVALS})",
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    for file in arguments.scenes:
+        told = ProgressBar().counting(len(DEGREES) + 3, file.stem)
+        study = agreement(load_fastest(file), arguments.intervals, told)
+        print(table(file.stem, study), flush=True)
+    return 0

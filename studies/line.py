@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 import deltaopt
 from deltaopt.bench.random_scenes import random_scenes
 from deltaopt.robot.model import delta_model
+from deltaopt.scene.scene import limits_of
 
 Array = NDArray[np.float64]
 HELP = "the straight line timed optimally, beside the quintic law and the free path"
@@ -48,9 +49,8 @@ def timed_line(scene: deltaopt.Scene, cells: int) -> float:
     g = model.inverse_dynamics(x, rest, rest)
     by_u = model.inverse_dynamics(x, rest, ways) - g
     by_b = model.inverse_dynamics(x, ways, rest) - g
-    torque = np.array(scene.robot.torque_limits)
-    if scene.given("torque") is not None:
-        torque = np.minimum(torque, scene.given("torque"))
+    torque = limits_of(scene).upper("torque")
+    assert torque is not None, "a robot's drives have a torque limit"
     opti, most = ca.Opti(), _fastest(scene, model, x, ways)
     scale = float(np.sum(torque) / np.abs(by_u).max())
     b = scale * opti.variable(cells + 1)
@@ -73,10 +73,9 @@ def timed_line(scene: deltaopt.Scene, cells: int) -> float:
 
 def _fastest(scene: deltaopt.Scene, model: deltaopt.DeltaModel, x: Array, ways: Array) -> Array:
     """The largest ṡ² that the speed limits of the motors allow at each point, 1/s²."""
-    drive, given = scene.robot.speed_limits, scene.given("speed")
-    if drive is None and given is None:
+    limits = limits_of(scene).upper("speed")
+    if limits is None:
         return np.full(len(x), 1e12)
-    limits = np.minimum(*(np.inf if each is None else np.array(each) for each in (drive, given)))
     rates = model.motion(x, ways, np.zeros_like(ways))[1][:, 3::3]
     return np.asarray(((limits / np.maximum(np.abs(rates), 1e-9)) ** 2).min(axis=1))
 

@@ -1,42 +1,48 @@
-"""What a gap costs: uniform meshes, refined meshes and switch resolution, in processor time."""
+"""What a gap costs: uniform meshes, refined meshes and switch resolution, in processor time.
+
+Each scene is planned in all ways, from nothing each time; what comes out is held against the plan
+to the smallest tolerance.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import argparse
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import Path
 from time import process_time
 
 import numpy as np
 
+from deltaopt import Planner, Scene
+from deltaopt.cli.arguments import load_fastest, positive
+from deltaopt.cli.progress import ProgressBar
 from deltaopt.motion.time_scaling import safe_factor
-from deltaopt.motion.trajectory import Trajectory
-from deltaopt.planning.flat.flat_problem import FlatEquations, equations
 from deltaopt.planning.initial_motion import first_motion
-from deltaopt.planning.nlp.scaling import Scales
-from deltaopt.planning.nlp.transcription import LINEAR
-from deltaopt.planning.planner import RESOLVED_BELOW, Planner
-from deltaopt.robot.model import DeltaModel
-from deltaopt.scene.feasibility import least_opening
-from deltaopt.scene.scene import Scene
+from deltaopt.planning.nlp.problem import Guess
+from deltaopt.planning.planner import RESOLVED_BELOW
+from studies.problems import PICK_AND_PLACE, add_scenes
+from studies.uniform_mesh import motion_of, solved_on
 
+HELP = "what a gap costs, on meshes and by switch resolution"
 UNIFORM = (10, 20, 40, 80, 160)
 """Intervals."""
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
+SMALL = {"scenes": (PICK_AND_PLACE,), "tolerances": (1e-2, 1e-3, 1e-6), "uniform": (10,)}
 FINEST_MESH = 1e-6
 """Tolerances below this no mesh is refined to: it could not tell its gap from rounding."""
+_SOLVED = 1e-6
+"""To which a uniform mesh is solved: its own gap is ten times that at least."""
 _RUNS = 5
-"""Of each plan; the first of a process derives what is derived once, the median does not."""
+"""Of each plan; the first in a process derives what is derived once, the median does not."""
 MESHES, REFINED, SWITCHES = "uniform meshes", "refined meshes", "switch resolution"
 
 
 @dataclass(frozen=True)
 class Cost:
-    """One plan: its safe duration (s) and what it took, ``seconds`` of one processor, the median
-    of several runs.
-
-    ``tolerance``: what was asked for; NaN of a uniform mesh.
-    """
+    """One plan: its safe ``duration`` (s) and the processor ``seconds`` it took, the median of
+    several runs. ``tolerance``: what was asked for; NaN for a uniform mesh."""
 
     method: str
     tolerance: float
@@ -53,15 +59,16 @@ class ToleranceStudy:
 
     @property
     def reference(self) -> float:
-        """The shortest duration, s."""
+        """Return the shortest duration, s."""
         return self.costs[-1].duration
 
     def gap(self, cost: Cost) -> float:
-        """By what fraction a plan takes longer than the reference."""
+        """Return by what fraction a plan takes longer than the reference."""
         return cost.duration / self.reference - 1
 
     def ratio(self, tolerance: float, to: float) -> float:
-        """What a tolerance costs, by switch resolution, in units of what another does, refined."""
+        """Return how many times as long a tolerance takes by switch resolution as another on
+        refined meshes."""
         (fine,) = (c for c in self.costs if (c.method, c.tolerance) == (SWITCHES, tolerance))
         (coarse,) = (c for c in self.costs if (c.method, c.tolerance) == (REFINED, to))
         return fine.seconds / coarse.seconds
@@ -69,11 +76,12 @@ class ToleranceStudy:
 
 def tolerance_study(
     scene: Scene,
-    tolerances: tuple[float, ...] = TOLERANCES,
-    uniform: tuple[int, ...] = UNIFORM,
+    tolerances: Sequence[float],
+    uniform: Sequence[int],
     told: Callable[[float, str], None] = lambda done, what: None,
 ) -> ToleranceStudy:
-    """Plan a scene in all ways, from nothing each time; the smallest tolerance comes last."""
+    """Plan a scene in all ways; the smallest tolerance comes last. ``told``: which share is done,
+    and of what."""
     by_method = [
         [partial(_on_uniform_mesh, scene, n) for n in uniform],
         [partial(_planned, scene, t, REFINED) for t in tolerances if t >= FINEST_MESH],
@@ -97,22 +105,16 @@ def _planned(scene: Scene, tolerance: float, method: str) -> Cost:
 
 
 def _on_uniform_mesh(scene: Scene, intervals: int) -> Cost:
-    """One mesh, one solution, slowed to its limits."""
+    """Solve once on one mesh, and slow the motion until it keeps its limits."""
     begin = process_time()
-    model = DeltaModel(scene.robot, scene.payload)
-    guess = first_motion(scene)
-    scales = Scales(scene, guess.duration, least_opening(scene))
-    rows = equations(model.functions, speed=scene.speed_limits is not None)
-    problem = FlatEquations(rows, LINEAR).on(np.full(intervals, 1 / intervals))
-    p = np.concatenate([scales.vector(), model.parameters])
-    solution = problem.program.solve(problem.pack(guess, scales), *problem.bounds(scales), p)
-    trajectory = Trajectory(problem.unpack(solution.z, scales), model)
+    start = Guess(first_motion(scene), near=False, tolerance=_SOLVED)
+    trajectory = motion_of(solved_on(scene, intervals, start), start)
     duration = trajectory.duration * safe_factor(scene, trajectory)
     return Cost(MESHES, float("nan"), intervals, process_time() - begin, duration)
 
 
 def csv(studies: dict[str, ToleranceStudy]) -> str:
-    """A plan a line."""
+    """Return a line of numbers for each plan."""
     lines = ["scene,method,tolerance,intervals,processor_seconds,duration,gap"]
     for name, study in studies.items():
         lines += [
@@ -124,7 +126,7 @@ def csv(studies: dict[str, ToleranceStudy]) -> str:
 
 
 def table(name: str, study: ToleranceStudy) -> str:
-    """The same for people, the reference in the last line."""
+    """Return a line for each plan, the reference in the last."""
     rows = [
         f"{c.method:<18}{c.tolerance:>10.0e}{c.intervals:>10}{c.seconds:>10.4f}"
         f"{study.gap(c):>10.1e}"
@@ -132,3 +134,51 @@ def table(name: str, study: ToleranceStudy) -> str:
     ]
     header = f"{'method':<18}{'tolerance':>10}{'intervals':>10}{'seconds':>10}{'gap':>10}"
     return "\n".join([name, header, *rows, f"gaps against {study.reference:.10f} s"])
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    add_scenes(parser)
+    parser.add_argument(
+        "--tolerances",
+        nargs="+",
+        type=positive,
+        default=TOLERANCES,
+        metavar="GAP",
+        help="largest first; the last is the reference (default: 1e-2 to 1e-8)",
+    )
+    parser.add_argument(
+        "--uniform",
+        nargs="*",
+        type=int,
+        default=UNIFORM,
+        metavar="N",
+        help="intervals of uniform meshes (default: 10 to 160)",
+    )
+    parser.add_argument(
+        "-o",
+        dest="directory",
+        type=Path,
+        metavar="DIR",
+        default=Path("out/tolerances"),
+        help="where resolution.png and resolution.csv go (default: out/tolerances)",
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    from deltaopt.files.atomic_write import whole
+    from studies.plots.tolerances import draw  # slow to import
+
+    studies = {}
+    for file in arguments.scenes:
+        scene = load_fastest(file)
+        study = tolerance_study(scene, arguments.tolerances, arguments.uniform, ProgressBar())
+        studies[file.stem] = study
+        print(table(file.stem, study), end="\n\n", flush=True)
+    ratios = ", ".join(f"{study.ratio(1e-6, to=1e-3):.1f}" for study in studies.values())
+    print(f"1e-6 takes so many times as long as 1e-3: {ratios}")
+    chart, numbers = (arguments.directory / f"resolution.{kind}" for kind in ("png", "csv"))
+    with whole(numbers) as temporary:
+        temporary.write_text(csv(studies), encoding="utf-8")
+    draw(studies, chart)
+    print(f"written: {chart}, {numbers}")
+    return 0

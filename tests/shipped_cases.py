@@ -6,7 +6,7 @@ from functools import cache
 from pathlib import Path
 
 import deltaopt
-from deltaopt.compare.plan_cases import FiveBarTask, delta_case
+from deltaopt.compare.plans.cases import FiveBarTask, delta_case
 
 PROBLEMS = Path(__file__).parents[1] / "problems"
 

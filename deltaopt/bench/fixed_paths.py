@@ -11,14 +11,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache, partial
-from typing import Any
+from time import process_time
+from typing import Any, TypeVar
 
 import numpy as np
 
 from deltaopt.bench.peers import installed
 from deltaopt.bench.random_scenes import random_scenes
 from deltaopt.codegen.vectorised import RowFunction
-from deltaopt.compare.timing import timed_call
 from deltaopt.errors import DeltaOptError, MissingPackage
 from deltaopt.mechanisms.delta.functions import DeltaFunctions
 from deltaopt.motion.trajectory import Array, Trajectory
@@ -27,8 +27,11 @@ from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.scene import Scene
 
+Result = TypeVar("Result")
+
 _LINE = (100, 400)
-"""Intervals of TOPP-RA's grids on straight lines."""
+"""Intervals of TOPP-RA's grids on straight lines: one that takes no longer than a plan of ours, and
+one four times as fine, which shows that the duration no longer changes."""
 _PIECES = (4, 32)
 """And for each interval of ours on the path that we found."""
 _SAMPLES = np.linspace(0.0, 1.0, 301)
@@ -37,8 +40,7 @@ _SAMPLES = np.linspace(0.0, 1.0, 301)
 
 @dataclass(frozen=True)
 class Timing:
-    """A peer's duration over ours, and processor seconds over ours; not a number where it
-    found no motion."""
+    """A peer's duration and processor seconds over ours; NaN where it found no motion."""
 
     duration: float
     seconds: float
@@ -49,7 +51,8 @@ class Timing:
 
 @dataclass(frozen=True)
 class Path:
-    """Points of a path by arc length: ``s`` (n,), m; x, dx/ds and d²x/ds², (n, 3)."""
+    """Points of a path by arc length ``s`` (n,), m, with x (m), dx/ds and d²x/ds² (1/m), (n, 3)
+    each."""
 
     s: Array
     derivatives: tuple[Array, Array, Array]
@@ -63,14 +66,14 @@ class Path:
         return self.s[[0, -1]]
 
     def __call__(self, s: Array, order: int = 0) -> Array:
-        """At all of its points, which is where TOPP-RA asks."""
+        """Return a derivative at all points of the path, which is where TOPP-RA asks."""
         if not np.array_equal(s, self.s):
             raise ValueError("the path is known at its own points only")
         return self.derivatives[order]
 
 
 def straight(scene: Scene, intervals: int) -> Path:
-    """The line from start to goal."""
+    """Return the line from start to goal."""
     start, way = np.array(scene.start), np.subtract(scene.goal, scene.start)
     length = float(np.linalg.norm(way))
     s = np.linspace(0.0, length, intervals + 1)
@@ -79,9 +82,9 @@ def straight(scene: Scene, intervals: int) -> Path:
 
 
 def driven(trajectory: Trajectory, pieces: int) -> Path:
-    """The path of a motion, each of its intervals in as many equal pieces of time.
+    """Return the path of a motion, each of its intervals cut in ``pieces`` of equal time.
 
-    Its curvature jumps where acceleration does, at the knots: of each the later side is told.
+    Its curvature jumps where acceleration does, at the knots; the value after the jump is given.
     """
     knots, fine = trajectory.knots, 40
     u = np.linspace(0.0, 1.0, fine * pieces + 1)[:-1]
@@ -97,7 +100,8 @@ def driven(trajectory: Trajectory, pieces: int) -> Path:
 
 
 def toppra_duration(scene: Scene, path: Path) -> float:
-    """Of the fastest motion along a path, from rest to rest, s; not a number if there is none."""
+    """Return the duration of the fastest motion along a path, from rest to rest, s; NaN if there
+    is none. Raises MissingPackage."""
     toppra = installed("toppra")
     algorithm = toppra.algorithm.TOPPRA([_limits(toppra, scene)], path, gridpoints=path.s)
     speeds = algorithm.compute_parameterization(0.0, 0.0)[1]
@@ -107,10 +111,10 @@ def toppra_duration(scene: Scene, path: Path) -> float:
 
 
 def _limits(toppra: Any, scene: Scene) -> Any:
-    """Limits of torque, and of motor speed if there are any, as a constraint of TOPP-RA's."""
+    """Return the limits of torque, and of motor speed if there are any, as TOPP-RA's constraint."""
     base: Any = toppra.constraint.LinearConstraint
     model = DeltaModel(scene.robot, scene.payload)
-    loads_of, torque = _loads(model.functions), np.array(scene.torque_limits)
+    loads_of, torque = _loads(model.functions), np.array(scene.robot.torque_limits)
 
     class Limits(base):  # type: ignore[misc]
         def compute_constraint_params(self, path: Path, s: Array) -> Any:
@@ -121,8 +125,8 @@ def _limits(toppra: Any, scene: Scene) -> Any:
             c, a, b = np.split(loads / torque, 3)
             F, g = np.vstack([np.eye(3), -np.eye(3)]), np.ones(6)
             highest = np.full(len(s), 1e6)
-            if scene.speed_limits is not None:
-                shares = rates[-len(s) :] / np.array(scene.speed_limits)
+            if scene.robot.speed_limits is not None:
+                shares = rates[-len(s) :] / np.array(scene.robot.speed_limits)
                 highest = 1 / (shares**2).max(axis=1)
             bound = np.column_stack([np.zeros(len(s)), highest])
             return a - c, b - c, c, F, g, None, bound
@@ -134,7 +138,8 @@ def _limits(toppra: Any, scene: Scene) -> Any:
 
 @lru_cache(maxsize=4)
 def _loads(functions: DeltaFunctions) -> RowFunction:
-    """(x, v, a, p) -> τ, θ̇ in machine code where there is a compiler, as our planner's are."""
+    """Return the function (x, v, a, p) -> τ, θ̇, in machine code where there is a compiler, as our
+    planner's are."""
     return RowFunction(functions.explicit_loads)
 
 
@@ -143,25 +148,25 @@ def _loads(functions: DeltaFunctions) -> RowFunction:
 
 @dataclass(frozen=True)
 class MotorLine:
-    """A move between motor angles at limited, constant accelerations."""
+    """A move between the motor angles of start and goal at constant accelerations."""
 
     scene: Scene
 
     def trajectory(self, acceleration: float) -> Any:
-        """Ruckig's, at this acceleration of every motor (rad/s²), without a limit of jerk."""
+        """Return Ruckig's motion at this acceleration of every motor (rad/s²), jerk unlimited."""
         ruckig = installed("ruckig")
         request = ruckig.InputParameter(3)
         model = DeltaModel(self.scene.robot, self.scene.payload)
         ends = model.inverse_kinematics([self.scene.start, self.scene.goal])[:, 3::3]
         request.current_position, request.target_position = ends.tolist()
-        request.max_velocity = list(self.scene.speed_limits or 3 * [1e3])
+        request.max_velocity = list(self.scene.robot.speed_limits or 3 * [1e3])
         request.max_acceleration = 3 * [acceleration]
         found = ruckig.Trajectory(3)
         ruckig.Ruckig(3).calculate(request, found)
         return found
 
     def duration(self, acceleration: float) -> float:
-        """s; not a number for an acceleration that is none. Raises MissingPackage."""
+        """Return Ruckig's duration, s; NaN if the acceleration is NaN. Raises MissingPackage."""
         installed("ruckig")
         return float(self.trajectory(acceleration).duration) if acceleration > 0 else np.nan
 
@@ -176,10 +181,11 @@ class MotorLine:
             torque = model.inverse_dynamics(x, v, a)
         except DeltaOptError:
             return False
-        return bool((np.abs(torque) <= np.array(self.scene.torque_limits)).all())
+        return bool((np.abs(torque) <= np.array(self.scene.robot.torque_limits)).all())
 
     def largest_acceleration(self) -> float:
-        """By bisection to 1e-4; not a number where none keeps the torques."""
+        """Find the largest acceleration that keeps the torques, by bisection to 1e-4; NaN if none
+        does."""
         low, high = 1e-2, 1e5
         if not self.keeps_torques(low):
             return np.nan
@@ -192,7 +198,8 @@ class MotorLine:
 def platform_motion(
     model: DeltaModel, x: Array, rates: Array, accelerations: Array
 ) -> tuple[Array, Array]:
-    """v and a of the platform, (N, 3), from those of the motors: θ̇ = J v, θ̈ = J a + J̇ v."""
+    """Return v and a of the platform, (N, 3), m/s and m/s², from those of the motors (N, 3), rad/s
+    and rad/s², at positions x (N, 3), m: θ̇ = J v, θ̈ = J a + J̇ v."""
     J = np.stack([model.motion(x, column, np.zeros(3))[1][:, 3::3] for column in np.eye(3)], axis=2)
     v = np.asarray(np.linalg.solve(J, rates[..., None])[..., 0], dtype=float)
     bias = model.motion(x, v, np.zeros_like(v))[2][:, 3::3]
@@ -206,15 +213,15 @@ def platform_motion(
 def fixed_path_comparison(
     robot: Robot, payload: float, number: int, seed: int, told: Callable[[int], None]
 ) -> str:
-    """Durations and processor time over ours on random moves; a peer that is not there, one
-    sentence."""
+    """Compare durations and processor times on random moves; a peer that is not installed is named.
+    ``told`` is called after each move with how many are done."""
     planner = Planner(robot, payload)
     timings: dict[str, list[Timing]] = {}
     missing: dict[str, str] = {}
     ours = []
     for i, scene in enumerate(random_scenes(robot, payload, number, seed)):
         planner.plan(scene.start, scene.goal)
-        plan, seconds = timed_call(partial(planner.plan, scene.start, scene.goal))
+        plan, seconds = _timed(partial(planner.plan, scene.start, scene.goal))
         ours.append(seconds)
         for name, duration in _peers(scene, plan.trajectory).items():
             try:
@@ -222,7 +229,7 @@ def fixed_path_comparison(
             except MissingPackage as error:
                 missing[str(error)] = name
                 continue
-            found, theirs = timed_call(duration)
+            found, theirs = _timed(duration)
             timing = Timing(found / plan.duration, theirs / seconds)
             timings.setdefault(name, []).append(timing)
         told(i + 1)
@@ -232,7 +239,8 @@ def fixed_path_comparison(
 
 
 def _peers(scene: Scene, ours: Trajectory) -> dict[str, Callable[[], float]]:
-    """Every peer's duration, s; what they are given that we have is there already."""
+    """Return what computes the duration (s) of every peer; what we hand over to them is computed
+    here already, so that it is not in their time."""
     peers: dict[str, Callable[[], float]] = {}
     for number in _LINE:
         path = straight(scene, number)
@@ -250,6 +258,13 @@ def _peers(scene: Scene, ours: Trajectory) -> dict[str, Callable[[], float]]:
     peers["Ruckig, accelerations known"] = lambda: motors.duration(acceleration)
     peers["Ruckig, and their bisection"] = lambda: motors.duration(motors.largest_acceleration())
     return peers
+
+
+def _timed(call: Callable[[], Result]) -> tuple[Result, float]:
+    """Return what a call returns, and its processor seconds."""
+    begin = process_time()
+    result = call()
+    return result, process_time() - begin
 
 
 def _line(name: str, timings: list[Timing]) -> str:

@@ -25,12 +25,14 @@ from deltaopt.scene.scene import Scene
 Array = NDArray[np.float64]
 
 MARGIN = 0.1
-"""Least distance from every singularity, of 1 for the best there is."""
+"""Least distance from every singularity, where 1 is the best there is: a tenth leaves out the edge
+of the workspace, which `python -m studies stability edge` looks at."""
 _BATCH = 4096
 
 
 def random_scenes(robot: Robot, payload: float | None, number: int, seed: int) -> Iterator[Scene]:
-    """Moves between points drawn uniformly from the workspace, gravity held at both."""
+    """Yield moves between points drawn uniformly from the workspace, at both of which the motors
+    can hold the platform against gravity."""
     rng = np.random.default_rng(seed)
     model = DeltaModel(robot, payload)
     points = np.empty((0, 3))
@@ -49,7 +51,7 @@ def random_scenes(robot: Robot, payload: float | None, number: int, seed: int) -
 
 
 def _in_workspace(model: DeltaModel, rng: np.random.Generator) -> Array:
-    """Of a batch of points in a box around the workspace those that lie in it."""
+    """Draw a batch of points in a box around the workspace, and return those in it, (n, 3)."""
     reach = model.robot.upper_arm.length + model.robot.forearm.length
     box = rng.uniform([0, -reach, -reach], reach, size=(_BATCH, 3))
     serial = evaluate_rows(model.functions.reach, box, parameters=model.parameters)[0]
@@ -61,7 +63,7 @@ def _in_workspace(model: DeltaModel, rng: np.random.Generator) -> Array:
 
 
 def _volumes(model: DeltaModel, x: Array) -> Array:
-    """Volumes spanned by the bars' directions and by the parallelograms' normals, (N, 2)."""
+    """Return the volumes that the bars' directions and the parallelograms' normals span, (N, 2)."""
     theta = model.inverse_kinematics(x)[:, 3::3]
     robot = model.robot
     bars, normals = [], []

@@ -13,31 +13,29 @@ from deltaopt.codegen.compile import CACHE
 _SCRIPT = """
 from time import perf_counter
 begin = perf_counter()
-from deltaopt.motion.time_scaling import torque_excess
-from deltaopt.planning.planner import plan
-from deltaopt.scene.scene import load_scene
 import sys
-scene = load_scene(sys.argv[1])
-found = plan(scene)
-assert torque_excess(scene, found.trajectory).value <= 1e-9 and found.within_tolerance
+import deltaopt
+scene = deltaopt.load_scene(sys.argv[1])
+plan = deltaopt.plan(scene)
+assert plan.within_tolerance and deltaopt.verify(scene, plan.trajectory).ok
 print(perf_counter() - begin)
 """
 
 
 def first_plan(scene: Path) -> float:
-    """With nothing compiled yet, s."""
+    """Return the seconds with nothing compiled yet."""
     with tempfile.TemporaryDirectory() as folder:
         return _seconds(scene, {CACHE: folder})
 
 
 def warm_plan(scene: Path) -> float:
-    """With everything compiled, by a process before if need be, s."""
+    """Return the seconds with everything compiled, by a process before if need be."""
     _seconds(scene, {})
     return _seconds(scene, {})
 
 
 def plan_without_compiler(scene: Path) -> float:
-    """With no compiler to be found, s."""
+    """Return the seconds with no compiler to be found."""
     return _seconds(scene, {"PATH": ""})
 
 

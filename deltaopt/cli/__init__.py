@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Callable
 from typing import Protocol
 
-from deltaopt.cli import bench, check, compare, export, inverse, plan, stability
+from deltaopt.cli import bench, check, compare, export, inverse, plan
 from deltaopt.errors import DeltaOptError, SceneError
 
 
@@ -32,7 +33,6 @@ COMMANDS: dict[str, Command] = {
     "compare": compare,
     "export": export,
     "bench": bench,
-    "stability": stability,
 }
 
 
@@ -44,17 +44,30 @@ def main(argv: list[str] | None = None) -> int:
     )
     subparsers = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
     for name, command in COMMANDS.items():
-        subparser = subparsers.add_parser(
-            name,
-            help=command.HELP,
-            description=command.__doc__,
-            formatter_class=argparse.RawDescriptionHelpFormatter,
-        )
-        command.add_arguments(subparser)
-        subparser.set_defaults(run=command.run)
+        add_command(subparsers, name, command)
     arguments = parser.parse_args(argv)
+    return exit_code(lambda: arguments.run(arguments))
+
+
+def add_command(
+    subparsers: argparse._SubParsersAction[argparse.ArgumentParser], name: str, command: Command
+) -> argparse.ArgumentParser:
+    """Add the parser of a command, whose ``run`` the parsed arguments then carry."""
+    parser = subparsers.add_parser(
+        name,
+        help=command.HELP,
+        description=command.__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    command.add_arguments(parser)
+    parser.set_defaults(run=command.run)
+    return parser
+
+
+def exit_code(run: Callable[[], int]) -> int:
+    """Run a command and return its exit code; an error becomes one sentence on stderr."""
     try:
-        return int(arguments.run(arguments))
+        return run()
     except SceneError as error:
         print(f"deltaopt: {error}", file=sys.stderr)
         return 2

@@ -25,6 +25,22 @@ def add_scenes(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scenes", nargs="+", type=Path, metavar="SCENE", help="scene files")
 
 
+def add_robots(parser: argparse.ArgumentParser, number: int) -> None:
+    """Add ROBOT... and what random moves of them are drawn by; ``number``: moves by default."""
+    parser.add_argument("robots", nargs="+", type=Path, metavar="ROBOT", help="robot files")
+    parser.add_argument(
+        "--number",
+        type=int,
+        default=number,
+        metavar="N",
+        help=f"moves of each robot (default: {number})",
+    )
+    parser.add_argument(
+        "--payload", type=positive, default=1.0, metavar="KG", help="payload, kg (default: 1)"
+    )
+    parser.add_argument("--seed", type=int, default=1, help="of the random moves (default: 1)")
+
+
 def add_output(parser: argparse.ArgumentParser) -> None:
     """-o DIR."""
     parser.add_argument(

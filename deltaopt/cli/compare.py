@@ -46,9 +46,9 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _plans(arguments: argparse.Namespace) -> int:
     """Solve, measure, print, save."""
-    from deltaopt.compare.plan_cases import FiveBarTask, delta_case
-    from deltaopt.compare.plans import compare_plans
-    from deltaopt.compare.plans_report import csv, tables, verdict
+    from deltaopt.compare.plans.cases import FiveBarTask, delta_case
+    from deltaopt.compare.plans.report import csv, tables, verdict
+    from deltaopt.compare.plans.study import compare_plans
     from deltaopt.files.atomic_write import whole
     from deltaopt.plots.plans import draw
 
@@ -71,8 +71,8 @@ def _plans(arguments: argparse.Namespace) -> int:
 def _dynamics(arguments: argparse.Namespace) -> int:
     """Measure, print, save."""
     from deltaopt.codegen.compile import compiler
-    from deltaopt.compare.dynamics import compare_dynamics
-    from deltaopt.compare.dynamics_report import csv, notes, table, verdict
+    from deltaopt.compare.dynamics.report import csv, notes, table, verdict
+    from deltaopt.compare.dynamics.study import compare_dynamics
     from deltaopt.files.atomic_write import whole
     from deltaopt.plots.dynamics import draw
 

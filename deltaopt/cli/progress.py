@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TextIO
 
@@ -22,3 +23,7 @@ class ProgressBar:
         if done >= 1:
             self.stream.write("\n")
         self.stream.flush()
+
+    def counting(self, total: int, what: str) -> Callable[[int], None]:
+        """Return what to call with the number that is done of ``total``."""
+        return lambda done: self(done / total, what)

@@ -76,7 +76,7 @@ class Described(Protocol):
 class Bounds:
     """Lower and upper bound of a quantity, None where there is none, and its natural ``scale``.
 
-    Two bounds are symmetric, ±``scale``.
+    Two bounds are symmetric, ±``scale``, and an upper bound alone is its own scale.
 
     ``out_of_reach``: of a quantity with one bound, whether it can never be two scales beyond it, as
     a squared sine cannot. A method that prefers rows with two sides may then close the other one.
@@ -106,9 +106,9 @@ class Bounds:
         """The quantity with its lower bound at -1 and its upper bound at 1."""
         if self.lower is not None and self.upper is not None:
             return quantity / self.scale
-        if self.upper is not None:
-            return 1 + (quantity - self.upper) / self.scale
-        return -1 + (quantity - self.lower) / self.scale
+        if self.lower is not None:
+            return -1 + (quantity - self.lower) / self.scale
+        return 1 + (quantity - self.scale) / self.scale
 
 
 @dataclass(frozen=True)

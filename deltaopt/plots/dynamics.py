@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
-from deltaopt.compare.dynamics import Row, Study
+from deltaopt.compare.dynamics.study import Row, Study
 
 COLOURS = {
     "K, virtual work": "tab:green",
@@ -34,7 +34,7 @@ TITLES = {"inverse": "Inverse dynamics, q, q̇, q̈ → τ", "forward": "Forward
 
 
 def draw(study: Study, path: Path) -> None:
-    """Save the chart as PNG."""
+    """Draw the study and save the chart as PNG."""
     figure = Figure(figsize=(10, 5.4), layout="constrained")
     FigureCanvasAgg(figure)
     panels = figure.subplots(1, len(study.floor), sharex=True, sharey=True)

@@ -13,8 +13,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
-from deltaopt.compare.plans import PlanStudy, Row
-from deltaopt.compare.plans_report import POSES, compiled_modes, uniform
+from deltaopt.compare.plans.report import FORMULATIONS, compiled_modes, uniform
+from deltaopt.compare.plans.study import PlanStudy, Row
 from deltaopt.plots.style import figure
 
 COLOURS = {"flat": "#000000", "forward": "#E69F00", "explicit": "#0072B2", "multiplier": "#D55E00"}
@@ -39,7 +39,8 @@ PANELS: tuple[tuple[str, Measure], ...] = (
 
 
 def draw(study: PlanStudy, case: str, path: Path) -> None:
-    """One case as PNG: gap against time in each mode, where time goes, errors against time."""
+    """Draw one case and save the chart as PNG: gap against time in each mode, where time goes,
+    errors against time."""
     modes = compiled_modes(study)
     rows = [row for row in study.rows if row.case == case]
     with figure(path, 10.0, 6.6) as page:
@@ -65,7 +66,7 @@ def _curves(axes: Axes, rows: list[Row], measure: Measure) -> None:
     for method in dict.fromkeys(row.method for row in rows):
         own = [row for row in rows if row.method == method]
         good = [row for row in own if not row.failure and isfinite(measure(row))]
-        colour = COLOURS[method.pose]
+        colour = COLOURS[method.formulation]
         axes.plot(
             [row.seconds for row in good],
             [max(measure(row), FLOOR) for row in good],
@@ -91,11 +92,11 @@ def _curves(axes: Axes, rows: list[Row], measure: Measure) -> None:
 
 def _shares(axes: Axes, study: PlanStudy, case: str, modes: list[bool]) -> None:
     """Functions and linear algebra per iteration and interval, on the finest uniform mesh."""
-    places = np.arange(len(POSES))
+    places = np.arange(len(FORMULATIONS))
     width = 0.8 / len(modes)
     for i, mode in enumerate(modes):
-        rows = [uniform(study, case, pose, mode) for pose in POSES]
-        for place, pose, row in zip(places, POSES, rows, strict=True):
+        rows = [uniform(study, case, formulation, mode) for formulation in FORMULATIONS]
+        for place, formulation, row in zip(places, FORMULATIONS, rows, strict=True):
             if row is None:
                 continue
             unit = 1e6 / (row.iterations * row.intervals)
@@ -104,17 +105,21 @@ def _shares(axes: Axes, study: PlanStudy, case: str, modes: list[bool]) -> None:
                 row.evaluation_seconds * unit,
                 (row.seconds - row.evaluation_seconds) * unit,
             )
-            axes.bar(x, functions, 0.9 * width, color=COLOURS[pose])
-            axes.bar(x, algebra, 0.9 * width, bottom=functions, color=COLOURS[pose], alpha=0.35)
+            axes.bar(x, functions, 0.9 * width, color=COLOURS[formulation])
+            axes.bar(
+                x, algebra, 0.9 * width, bottom=functions, color=COLOURS[formulation], alpha=0.35
+            )
             axes.text(x, functions + algebra, "ic"[i], ha="center", va="bottom", fontsize=8)
-    axes.set_xticks(places, POSES)
+    axes.set_xticks(places, FORMULATIONS)
     axes.set_ylabel("µs per iteration and interval")
     axes.set_title("functions (dark) and algebra (light),\ninterpreted (i) and compiled (c)")
     axes.grid(axis="x", visible=False)
 
 
 def _legend() -> list[Line2D | Patch]:
-    poses = [Patch(color=colour, label=pose) for pose, colour in COLOURS.items()]
+    formulations = [
+        Patch(color=colour, label=formulation) for formulation, colour in COLOURS.items()
+    ]
     closures = [
         Line2D([], [], color="0.4", marker=marker, linestyle="none", label=name or "none needed")
         for name, marker in MARKERS.items()
@@ -124,4 +129,4 @@ def _legend() -> list[Line2D | Patch]:
         for degree, dash in DASHES.items()
     ]
     failed = Line2D([], [], color="0.4", marker="x", linestyle="none", label="failed")
-    return [*poses, *closures, *degrees, failed]
+    return [*formulations, *closures, *degrees, failed]

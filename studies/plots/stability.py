@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -61,9 +61,18 @@ AT_ZERO = 1e-15
 """Where ε = 0 is drawn."""
 
 
-def draw_singularities(study: Singularities, families: Iterable[Family], path: Path) -> None:
-    """Errors and condition numbers of some of the families, one column each."""
-    columns = list(families)
+def draw_delta_singularities(study: Singularities, path: Path) -> None:
+    """Draw errors and condition numbers towards the singularities of the Delta."""
+    draw_singularities(study, [f for f in study.families if f.mechanism.name == "delta"], path)
+
+
+def draw_pendulum_singularities(study: Singularities, path: Path) -> None:
+    """Draw the same for the paper's pendulum."""
+    draw_singularities(study, [f for f in study.families if f.mechanism.name != "delta"], path)
+
+
+def draw_singularities(study: Singularities, columns: Sequence[Family], path: Path) -> None:
+    """Draw errors and condition numbers of some families, one column each."""
     figure = Figure(figsize=(max(11.0, 3.6 * len(columns) + 1.2), 12.5), layout="constrained")
     FigureCanvasAgg(figure)
     panels = figure.subplots(4, len(columns), sharex=True, sharey="row")
@@ -153,7 +162,7 @@ MARKERS = dict(zip(TOLERANCES, ("o", "s", "^"), strict=True))
 
 
 def draw_drift(study: Drift, path: Path) -> None:
-    """Drift and energy against time spent, and over Baumgarte's frequency."""
+    """Draw drift and energy against time spent, and over Baumgarte's frequency."""
     figure = Figure(figsize=(12.5, 8.6), layout="constrained")
     FigureCanvasAgg(figure)
     (position, energy), (over, over_energy) = figure.subplots(2, 2)
@@ -204,7 +213,7 @@ def _frequency(method: str) -> str:
 
 
 def draw_benchmarks(study: Benchmarks, path: Path) -> None:
-    """Energy over time where there is a motion; the others by name."""
+    """Draw energy over time where there is a motion, and name the methods without one."""
     figure = Figure(figsize=(5.2 * len(study.benchmarks), 5.6), layout="constrained")
     FigureCanvasAgg(figure)
     panels = figure.subplots(1, len(study.benchmarks), sharey=True, squeeze=False)[0]
@@ -259,7 +268,7 @@ GOOD, REFUSED, WRONG = "tab:green", "tab:orange", "tab:red"
 
 
 def draw_edge(study: Edge, path: Path) -> None:
-    """Time spent on every scene and the gap of its plan, or the error it ends in."""
+    """Draw the time spent on every scene and the gap of its plan, or the error it ends in."""
     figure = Figure(figsize=(12.5, 0.25 * len(study.outcomes) + 1.6), layout="constrained")
     FigureCanvasAgg(figure)
     spent, gaps = figure.subplots(1, 2, sharey=True)

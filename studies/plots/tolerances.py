@@ -18,7 +18,7 @@ KNOWN = 1e-8
 
 
 def draw(studies: dict[str, ToleranceStudy], file: Path) -> None:
-    """Save the chart."""
+    """Draw the studies, by the name of their scene, and save the chart."""
     columns = min(len(studies), 2)
     rows = -(-len(studies) // columns)
     with figure(file, 3.4 * columns, 2.3 * rows + 0.3) as drawn:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import casadi as ca
 import numpy as np
 
-from deltaopt.compare.tasks import Array
+from deltaopt.compare.dynamics.tasks import Array
 from deltaopt.dynamics.constraint_matrix import (
     ClosedForm,
     NullSpace,
@@ -41,7 +41,7 @@ DURATION = 10.0
 
 @dataclass(frozen=True)
 class Benchmark:
-    """A mechanism let go, and how much of its energy may be lost.
+    """A mechanism that is let go, and how much of its energy may be lost.
 
     ``bound``: J. ``interval``: between reports, and projections if there are any, s.
     ``freedoms``: degrees of freedom where it is regular.
@@ -61,7 +61,8 @@ class Benchmark:
 
 @dataclass(frozen=True)
 class Way:
-    """A formulation with a constraint matrix or linear solver, for a Jacobian at the start."""
+    """A formulation with a constraint matrix or a linear solver; it is chosen for the Jacobian at
+    the start."""
 
     model: str
     variant: str
@@ -70,7 +71,7 @@ class Way:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of it. ``times`` (s), ``energy_error`` (J): empty if there is no motion.
+    """The result of one attempt. ``times`` (s), ``energy_error`` (J): empty if there is no motion.
 
     ``failure``: in words, empty if the energy kept its bound all the time.
     """
@@ -85,7 +86,7 @@ class Outcome:
 
     @property
     def largest(self) -> float:
-        """Largest change of energy, J; nan if there is no motion."""
+        """Return the largest change of energy, J; NaN if there is no motion."""
         return float(np.abs(self.energy_error).max(initial=-1)) if self.times.size else np.nan
 
 
@@ -101,7 +102,7 @@ class Benchmarks:
 
 
 def benchmarks() -> list[Benchmark]:
-    """A02 with two windows, with and without projection, and A04."""
+    """Return A02 with two windows, with and without projection, and A04."""
     four_bars = Benchmark(
         name="A02",
         title="A02, two four-bars, projected",
@@ -152,7 +153,7 @@ WAYS = (
 
 
 def measure(progress: Progress = lambda done, what: None, duration: float = DURATION) -> Benchmarks:
-    """Every way at every benchmark."""
+    """Attempt every benchmark in every way, for ``duration`` (s)."""
     cases = [(b, way) for b in benchmarks() for way in WAYS]
     outcomes = []
     for i, (benchmark, way) in enumerate(cases):
@@ -163,7 +164,7 @@ def measure(progress: Progress = lambda done, what: None, duration: float = DURA
 
 
 def attempt(benchmark: Benchmark, way: Way, duration: float = DURATION) -> Outcome:
-    """Simulate for ``duration`` (s); what goes wrong becomes a phrase."""
+    """Simulate for ``duration`` (s), and put in words what goes wrong."""
     times = np.linspace(0, duration, round(duration / benchmark.interval) + 1)
     start, error, failure = time.perf_counter(), np.empty(0), ""
     try:

@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
-from deltaopt.compare.samples import PAPER
-from deltaopt.compare.tasks import Array
+from deltaopt.compare.dynamics.samples import PAPER
+from deltaopt.compare.dynamics.tasks import Array
 from deltaopt.dynamics.constraint_matrix import ClosedForm
 from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.dynamics.mechanism import Mechanism
@@ -70,7 +70,7 @@ class Run:
 
 @dataclass(frozen=True)
 class Drift:
-    """All runs."""
+    """All runs, and the duration of the motion, s."""
 
     runs: list[Run]
     duration: float
@@ -83,7 +83,7 @@ class Drift:
 
 
 def baumgarte(frequency: float) -> str:
-    """The method's name."""
+    """Return the name of Baumgarte's method at a frequency, rad/s."""
     return f"Baumgarte {frequency:g}/s"
 
 
@@ -96,7 +96,7 @@ MINIMAL = "minimal coordinates"
 
 
 def measure(progress: Progress = lambda done, what: None, duration: float = DURATION) -> Drift:
-    """All methods at all tolerances."""
+    """Let the Delta swing for ``duration`` (s) by all methods at all tolerances."""
     times = np.linspace(0, duration, round(duration / INTERVAL) + 1)
     cases = [(name, tolerance) for name in [*STABILISATIONS, MINIMAL] for tolerance in TOLERANCES]
     runs = []
@@ -125,7 +125,7 @@ def _run(name: str, tolerance: float, times: Array) -> Run:
 
 
 def delta_on_springs() -> Mechanism:
-    """The paper's Delta without torques, a torsion spring at every motor."""
+    """Return the paper's Delta without torques, a torsion spring at every motor."""
     m = delta(PAPER)
     return replace(m, potential=STIFFNESS / 2 * ca.sumsqr(m.q[3::3] - RELAXED))
 

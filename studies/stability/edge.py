@@ -13,7 +13,7 @@ from math import nan
 
 import numpy as np
 
-from deltaopt.compare.tasks import Array
+from deltaopt.compare.dynamics.tasks import Array
 from deltaopt.errors import DeltaOptError
 from deltaopt.files.validated_record import Vector3
 from deltaopt.planning.planner import plan
@@ -64,7 +64,8 @@ chain 1 lie sideways exactly at the last."""
 
 @dataclass(frozen=True)
 class Case:
-    """A scene at the edge; made when it is called for, since that may already be refused."""
+    """A scene at the edge, which is made when it is called for, since that may already be
+    refused."""
 
     family: str
     name: str
@@ -73,7 +74,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a case.
+    """The outcome of a case.
 
     ``duration``: of the plan, s; nan if there is none. ``verified``: whether the verifier
     passes it. ``error``: kind of the error, or empty. ``sentence``: what the error or the
@@ -92,30 +93,30 @@ class Outcome:
 
     @property
     def safe(self) -> bool:
-        """A plan that passes, or an error that says something."""
+        """Whether it ends in a plan that passes, or in an error that says something."""
         return self.verified or bool(self.error and self.sentence)
 
 
 @dataclass(frozen=True)
 class Edge:
-    """All outcomes."""
+    """The outcomes of all cases."""
 
     outcomes: list[Outcome]
 
 
-def measure(progress: Progress = lambda done, what: None) -> Edge:
-    """All cases."""
-    every = cases()
+def measure(progress: Progress = lambda done, what: None, every: int = 1) -> Edge:
+    """Plan each N-th case, N = ``every``."""
+    chosen = cases()[::every]
     outcomes = []
-    for i, case in enumerate(every):
-        progress(i / len(every), f"{case.family}, {case.name}")
+    for i, case in enumerate(chosen):
+        progress(i / len(chosen), f"{case.family}, {case.name}")
         outcomes.append(attempt(case))
     progress(1.0, "done")
     return Edge(outcomes)
 
 
 def cases() -> list[Case]:
-    """All scenes, family by family."""
+    """Return all cases, family by family."""
     families = (_boundary, _singular, _gravity, _coincident, _wide, _payloads, _unequal)
     return [case for family in families for case in family()]
 
@@ -244,7 +245,7 @@ def _vector(values: Array) -> Vector3:
 
 
 def attempt(case: Case) -> Outcome:
-    """Plan and verify."""
+    """Plan a case and verify the plan."""
     begin = time.perf_counter()
     try:
         scene = case.make()

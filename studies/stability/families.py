@@ -16,9 +16,9 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from deltaopt.compare.many_digits import ManyDigits, Matrix
-from deltaopt.compare.samples import PAPER
-from deltaopt.compare.tasks import Array, ForwardDynamics
+from deltaopt.compare.dynamics.many_digits import ManyDigits, Matrix
+from deltaopt.compare.dynamics.samples import PAPER
+from deltaopt.compare.dynamics.tasks import Array
 from deltaopt.dynamics.formulation import state
 from deltaopt.dynamics.mechanism import SX, Mechanism
 from deltaopt.mechanisms.delta.mechanism import delta
@@ -65,7 +65,8 @@ class Maker:
     exact: ManyDigits
 
     def q(self, distance: float) -> Matrix:
-        """The state at ε = ``distance``, n: Newton's method doubles the digits each time."""
+        """Return the state (n,) at ε = ``distance``: Newton's method doubles the digits each
+        time."""
         p = self.family.parameters
         q = self.exact.matrix(self._nearly(distance))
         for _ in range(2 + self.exact.digits // 32):
@@ -74,7 +75,7 @@ class Maker:
         return q
 
     def motion(self, q: Matrix, rng: np.random.Generator, *, moving: bool) -> Motion:
-        """Random speeds, accelerations and torques of order 1, or none but the torques."""
+        """Draw speeds, accelerations and torques of order 1, or of these only the torques."""
         n, m = q.rows, self.family.mechanism.controls.numel()
         scale = 1.0 if moving else 0.0
         dq, ddq = (self.exact.matrix(scale * rng.uniform(-1, 1, n)) for _ in range(2))
@@ -117,7 +118,8 @@ class Maker:
 
 
 def delta_families() -> list[Family]:
-    """Serial singularities of one chain of the paper's Delta, then parallel ones of all."""
+    """Return families towards serial singularities of one chain of the paper's Delta, then parallel
+    ones of all."""
     mechanism, p = delta(PAPER), np.array(PAPER.values())
     home = np.array([0.45, 0.0, 0.0, *3 * [-0.23, -2.20, 0.0]])
 
@@ -155,7 +157,8 @@ def delta_families() -> list[Family]:
 
 
 def pendulum_families() -> list[Family]:
-    """Where eq. (11) divides by zero, and where the angle φ loses its meaning."""
+    """Return families towards where eq. (11) divides by zero, and where the angle φ loses its
+    meaning."""
     mechanism = spherical_pendulum(1.0, 1.0, 9.81, lambda t: 0.1 * ca.sin(6 * t))
     regular = np.array([0.0, 0.0, 0.0, 0.8, 0.3])
     return [
@@ -178,9 +181,3 @@ def pendulum_families() -> list[Family]:
             regular,
         ),
     ]
-
-
-def big_system(mechanism: Mechanism) -> ca.Function:
-    """(t, q, q̇, τ, p) -> A, b of L_I's forward dynamics."""
-    inputs, A, b = ForwardDynamics().big_system(mechanism)
-    return ca.Function("big_system", inputs, [A, b])

@@ -12,7 +12,7 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 
-from deltaopt.compare.tasks import Array
+from deltaopt.compare.dynamics.tasks import Array
 from deltaopt.dynamics.mechanism import SX, Body, Mechanism
 
 GRAVITY = (0.0, -9.81, 0.0)
@@ -20,7 +20,7 @@ GRAVITY = (0.0, -9.81, 0.0)
 
 
 def n_four_bar(windows: int = 2) -> Mechanism:
-    """A02: ``windows`` squares side by side, cranks on the ground, unit links of 1 kg.
+    """Return A02: ``windows`` squares side by side, cranks on the ground, unit links of 1 kg.
 
     Coordinates: x and y of the joints B₀ … B_N on top of the cranks, m. One degree of
     freedom, but N + 1 whenever all links lie in one line.
@@ -41,13 +41,13 @@ def n_four_bar(windows: int = 2) -> Mechanism:
 
 
 def n_four_bar_start(windows: int = 2) -> tuple[Array, Array]:
-    """q, q̇: cranks upright, 1 m/s to the right."""
+    """Return q, q̇: cranks upright, 1 m/s to the right."""
     q = np.ravel([(i, 1.0) for i in range(windows + 1)])
     return q, np.tile([1.0, 0.0], windows + 1)
 
 
 def bricard() -> Mechanism:
-    """A04: five unit rods of 1 kg and the ground in a ring of six revolute joints.
+    """Return A04: five unit rods of 1 kg and the ground in a ring of six revolute joints.
 
     At each joint the axis is across both rods, and the two axes of a rod are across each
     other. Coordinates: points P₁ … P₄ (m) and unit vectors u₁ … u₄ along the axes there; the
@@ -73,7 +73,7 @@ def bricard() -> Mechanism:
 
 
 def bricard_start() -> tuple[Array, Array]:
-    """q, q̇: along the edges of a cube, at rest."""
+    """Return q, q̇: along the edges of a cube, at rest."""
     points = [(1, 0, 0), (1, -1, 0), (1, -1, 1), (0, -1, 1)]
     axes = [(0, 0, 1), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
     return np.ravel([*points, *axes]).astype(float), np.zeros(24)

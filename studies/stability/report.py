@@ -30,7 +30,7 @@ WIDTH = 98
 
 
 def singularities_csv(study: Singularities) -> str:
-    """Errors and condition numbers, one line per curve and distance."""
+    """List errors and condition numbers, one line per curve and distance."""
     header = "family,problem,model,variant,distance,value"
     rows = [
         f"{c.family},{c.problem},{c.model},{c.variant},{e:g},{value!r}"
@@ -46,7 +46,8 @@ def singularities_csv(study: Singularities) -> str:
 
 
 def singularities_table(study: Singularities) -> str:
-    """Per family, problem and method: largest error, slope, where it is lost and silent."""
+    """Tabulate per family, problem and method the largest error, slope, where it is lost and
+    silent."""
     rows: list[tuple[str, ...]] = [
         ("family", "problem", "method", "largest", "slope", f"> {LOST:.0e} at", "nothing at")
     ]
@@ -58,7 +59,7 @@ def singularities_table(study: Singularities) -> str:
 
 
 def singularities_verdict(study: Singularities) -> str:
-    """Does L_I suffer more than L_E, as section 5.4 expects?"""
+    """Say whether L_I suffers more than L_E, as section 5.4 expects."""
     return _paragraph(
         _claim(study, "LAPACK LU", "closed form"),
         _claim(study, "sparse QR", "closed form"),
@@ -75,7 +76,7 @@ def singularities_verdict(study: Singularities) -> str:
 
 
 def drift_csv(study: Drift) -> str:
-    """One line per run."""
+    """List one line per run."""
     header = "method,tolerance,seconds,f_m,J_dq_m_per_s,energy_J,drifted_after_s"
     rows = [
         f"{r.method},{r.tolerance:g},{r.seconds!r},{r.position!r},{r.velocity!r},"
@@ -86,7 +87,7 @@ def drift_csv(study: Drift) -> str:
 
 
 def drift_table(study: Drift) -> str:
-    """Aligned columns."""
+    """Tabulate all runs."""
     rows: list[tuple[str, ...]] = [
         (
             "method",
@@ -106,7 +107,7 @@ def drift_table(study: Drift) -> str:
 
 
 def drift_verdict(study: Drift) -> str:
-    """What stabilisation costs and gains, at the middle tolerance."""
+    """Say what stabilisation costs and gains, at the middle tolerance."""
     tolerance = TOLERANCES[len(TOLERANCES) // 2]
     none, projected, minimal = (study.run(m, tolerance) for m in ("none", "projection", MINIMAL))
     fed = [study.run(baumgarte(w), tolerance) for w in FREQUENCIES]
@@ -134,7 +135,7 @@ def drift_verdict(study: Drift) -> str:
 
 
 def benchmarks_csv(study: Benchmarks) -> str:
-    """One line per attempt."""
+    """List one line per attempt."""
     header = "benchmark,model,variant,largest_energy_error_J,seconds,failure"
     rows = [
         f"{o.benchmark},{_plain(o.model)},{o.variant},{o.largest!r},{o.seconds!r},"
@@ -145,7 +146,7 @@ def benchmarks_csv(study: Benchmarks) -> str:
 
 
 def benchmarks_table(study: Benchmarks) -> str:
-    """Aligned columns; failures in words."""
+    """Tabulate all attempts, failures in words."""
     rows = [("benchmark", "method", "energy error, J", "seconds", "")]
     rows += [
         (
@@ -161,12 +162,12 @@ def benchmarks_table(study: Benchmarks) -> str:
 
 
 def benchmarks_verdict(study: Benchmarks) -> str:
-    """Who solved what."""
+    """Say which method solved which benchmark."""
     return _paragraph(*(_solved(b, study.of(b.name)) for b in study.benchmarks))
 
 
 def edge_csv(study: Edge) -> str:
-    """One line per scene."""
+    """List one line per scene."""
     header = "family,scene,seconds,duration_s,gap,iterations,verified,error,sentence"
     rows = [
         f"{o.family},{_plain(o.name)},{o.seconds!r},{o.duration!r},{o.gap!r},{o.iterations},"
@@ -177,7 +178,7 @@ def edge_csv(study: Edge) -> str:
 
 
 def edge_table(study: Edge) -> str:
-    """Aligned columns; errors by their kind."""
+    """Tabulate all scenes, errors by their kind."""
     rows: list[tuple[str, ...]] = [("edge", "scene", "seconds", "duration, s", "gap", "")]
     for o in study.outcomes:
         numbers = ("-", "-") if o.error else (f"{o.duration:.4g}", f"{o.gap:.0e}")
@@ -187,7 +188,7 @@ def edge_table(study: Edge) -> str:
 
 
 def edge_verdict(study: Edge) -> str:
-    """How many ended how, and what fell short of the tolerance."""
+    """Say how many ended how, and what fell short of the tolerance."""
     plans = [o for o in study.outcomes if o.verified]
     refused = [o for o in study.outcomes if o.error]
     kinds = sorted({o.error for o in refused})

@@ -18,9 +18,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.compare.many_digits import ManyDigits, Matrix
-from deltaopt.compare.samples import rounded
-from deltaopt.compare.tasks import Array, ForwardDynamics, InverseDynamics, Task
+from deltaopt.compare.dynamics.many_digits import ManyDigits, Matrix
+from deltaopt.compare.dynamics.samples import rounded
+from deltaopt.compare.dynamics.tasks import Array, ForwardDynamics, InverseDynamics, Task
 from deltaopt.dynamics.constraint_matrix import ClosedForm, NullSpace, Partition
 from deltaopt.dynamics.formulation import Formulation
 from deltaopt.dynamics.kane import Kane
@@ -39,8 +39,6 @@ Progress = Callable[[float, str], None]
 
 DISTANCES = (*(10.0**-k for k in range(1, 15)), 0.0)
 """ε, at last the singularity itself."""
-MOTIONS = 3
-"""Random motions at each state; errors are their median."""
 SLOPE_ERRORS = (1e-14, 1e-1)
 """Errors between which a slope is fitted."""
 LOST = 1e-9
@@ -49,7 +47,7 @@ LOST = 1e-9
 
 @dataclass(frozen=True)
 class Problem:
-    """What is computed, and whether the mechanism moves."""
+    """A computation, and whether the mechanism moves."""
 
     name: str
     title: str
@@ -66,7 +64,8 @@ PROBLEMS = (
 
 @dataclass(frozen=True)
 class Method:
-    """A formulation; ``of``: from the Jacobian at a regular state and at the state itself."""
+    """A formulation with a constraint matrix or a linear solver; ``of`` chooses it from the
+    Jacobians at a regular state and at the state itself."""
 
     model: str
     variant: str
@@ -91,7 +90,7 @@ METHODS = (
 
 
 def lapack_lu(A: ca.MX, b: ca.MX) -> ca.MX:
-    """x of A x = b, by LU with partial pivoting."""
+    """Return x with A x = b, by LU with partial pivoting."""
     return ca.solve(A, b, "lapacklu")
 
 
@@ -107,7 +106,8 @@ class Curve:
 
     @property
     def slope(self) -> float:
-        """Power of ε that the error follows; nan where it never grows beyond rounding."""
+        """Return the power of ε that the error follows; NaN where it never grows beyond
+        rounding."""
         e = np.array(DISTANCES)
         low, high = SLOPE_ERRORS
         fit = (e > 0) & (self.errors > low) & (self.errors < high)
@@ -117,12 +117,13 @@ class Curve:
 
     @property
     def lost_at(self) -> float:
-        """Largest ε at which the error exceeds ``LOST`` or there is no result; nan if none."""
+        """Return the largest ε at which the error exceeds ``LOST`` or there is no result; NaN if
+        none."""
         return _first(~(self.errors <= LOST))
 
     @property
     def silent_at(self) -> float:
-        """Largest ε at which there is no result; nan if there is always one."""
+        """Return the largest ε at which there is no result; NaN if there is always one."""
         return _first(np.isnan(self.errors))
 
 
@@ -151,8 +152,11 @@ class Singularities:
         return next(c for c in found if (c.family, c.problem, c.model, c.variant) == wanted)
 
 
-def measure(progress: Progress = lambda done, what: None, digits: int = 50) -> Singularities:
-    """All methods at all problems on the way into every singularity."""
+def measure(
+    progress: Progress = lambda done, what: None, motions: int = 3, digits: int = 50
+) -> Singularities:
+    """Measure all methods at all problems on the way into every singularity; errors are the
+    median over so many random ``motions`` at each state."""
     exact, groups = ManyDigits(digits), (delta_families(), pendulum_families())
     families = []
     for group in groups:
@@ -161,7 +165,7 @@ def measure(progress: Progress = lambda done, what: None, digits: int = 50) -> S
     curves, floors, conditions = [], [], []
     for i, (family, functions) in enumerate(families):
         progress(i / len(families), f"{family.name}: states in {digits} digits")
-        states = States.make(family, functions, exact)
+        states = States.make(family, functions, exact, motions)
         for j, problem in enumerate(PROBLEMS):
             progress((i + (j + 1) / 4) / len(families), f"{family.name}: {problem.title}")
             truth = Truth.of(states, problem, exact)
@@ -192,12 +196,12 @@ class Functions:
 
     @cached_property
     def jacobian(self) -> ca.Function:
-        """(t, q, p) -> J, dense."""
+        """Return the function (t, q, p) -> J, dense."""
         m = self.mechanism
         return ca.Function("J", [m.time, m.q, m.parameters], [ca.densify(m.J)])
 
     def system(self, task: Task) -> ca.Function:
-        """Model L_I's A and b."""
+        """Return the function of model L_I's A and b."""
         inputs, A, b = task.big_system(self.mechanism)
         return ca.Function("system", inputs, [A, b])
 
@@ -218,11 +222,12 @@ class States:
     in_motion: list[list[Motion]]
 
     @classmethod
-    def make(cls, family: Family, functions: Functions, exact: ManyDigits) -> States:
+    def make(cls, family: Family, functions: Functions, exact: ManyDigits, number: int) -> States:
+        """Make so many random motions at every distance."""
         maker, rng = Maker(family, exact), np.random.default_rng(0)
         q = [maker.q(distance) for distance in DISTANCES]
         at_rest, in_motion = (
-            [[maker.motion(x, rng, moving=moving) for _ in range(MOTIONS)] for x in q]
+            [[maker.motion(x, rng, moving=moving) for _ in range(number)] for x in q]
             for moving in (False, True)
         )
         return cls(family, functions, at_rest, in_motion)
@@ -232,7 +237,7 @@ class States:
 
     @property
     def q(self) -> Array:
-        """Rounded, distances × n."""
+        """Return the rounded states, distances × n."""
         return np.array([rounded(motions[0].q) for motions in self.at_rest])
 
 
@@ -262,15 +267,15 @@ class Truth:
                 inputs, sought = _inputs(motion, problem.task)
                 at_exact.append(solved(inputs, sought))
                 at_rounded.append(solved([rounded(x) for x in inputs], sought))
-        shape = (len(DISTANCES), MOTIONS, -1)
+        shape = (len(DISTANCES), len(states.in_motion[0]), -1)
         return cls(np.reshape(at_rounded, shape), np.reshape(at_exact, shape))
 
     def conditioning(self) -> Array:
-        """What rounding the state alone does to the result, by distance."""
+        """Return the relative error that rounding the state alone makes, by distance."""
         return _median_errors(self.at_rounded, self.at_exact)
 
     def errors(self, states: States, problem: Problem, method: Method) -> Array:
-        """What a method does, by distance."""
+        """Return the relative errors of a method, by distance."""
         f, p = states.functions, states.family.parameters
         J0 = f.jacobian(0.0, states.family.regular, p).full()
         results = []
@@ -325,7 +330,8 @@ def _conditions(states: States) -> Iterator[Conditions]:
 
 
 def condition(A: Array) -> float:
-    """Largest over smallest singular value."""
+    """Return the largest over the smallest singular value; infinite for a matrix that does not
+    exist."""
     return float(np.linalg.cond(A)) if np.isfinite(A).all() else float("inf")
 
 

@@ -15,14 +15,14 @@ import pytest
 from deltaopt.cli import main
 from deltaopt.cli.progress import ProgressBar
 from deltaopt.codegen.compile import compiled, compiler
-from deltaopt.compare.dynamics import Row, Study, compare_dynamics, operations
-from deltaopt.compare.dynamics_report import csv, notes, share, table, verdict
-from deltaopt.compare.many_digits import ManyDigits
-from deltaopt.compare.models import models
-from deltaopt.compare.printed import as_printed
-from deltaopt.compare.samples import PAPER, exact_samples, rounding_error
-from deltaopt.compare.tasks import TASKS, Samples
-from deltaopt.compare.timing import Time
+from deltaopt.compare.dynamics.many_digits import ManyDigits
+from deltaopt.compare.dynamics.models import models
+from deltaopt.compare.dynamics.printed import as_printed
+from deltaopt.compare.dynamics.report import csv, notes, share, table, verdict
+from deltaopt.compare.dynamics.samples import PAPER, exact_samples, rounding_error
+from deltaopt.compare.dynamics.study import Row, Study, compare_dynamics, operations
+from deltaopt.compare.dynamics.tasks import TASKS, Samples
+from deltaopt.compare.dynamics.timing import Time
 from deltaopt.dynamics.constraint_matrix import Partition
 from deltaopt.dynamics.lagrange import Multiplier
 from deltaopt.mechanisms.delta.mechanism import DeltaParameters, delta
@@ -168,7 +168,7 @@ def said(study: Study) -> str:
 def test_command_writes_table_chart_and_verdict(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("deltaopt.machine_code.compiler", lambda: None)
+    monkeypatch.setattr("deltaopt.codegen.compile.compiler", lambda: None)
     command = ["compare", "dynamics", "--states", "2", "--rounds", "2", "-o", str(tmp_path)]
     assert main(command) == 0
     printed = capsys.readouterr()
@@ -188,7 +188,7 @@ def test_bad_usage_is_two(words: list[str], capsys: pytest.CaptureFixture[str]) 
 def test_missing_mpmath_is_one_sentence(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for module in [name for name in sys.modules if name.startswith("deltaopt.studies")]:
+    for module in [name for name in sys.modules if name.startswith("deltaopt.compare.dynamics")]:
         monkeypatch.delitem(sys.modules, module)
     monkeypatch.setitem(sys.modules, "mpmath", None)
     assert main(["compare", "dynamics"]) == 1

@@ -1,4 +1,4 @@
-"""Knots at switches: where they are put, and what they do for redundant poses."""
+"""Knots at switches: where they are put, and what they do for redundant formulations."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from itertools import product
 import numpy as np
 import pytest
 
-from deltaopt.compare.interpreted import interpreted
-from deltaopt.compare.knots_at_switches import at_switches
-from deltaopt.compare.plan_measures import Meter
+from deltaopt.compare.plans.interpreted import interpreted
+from deltaopt.compare.plans.knots_at_switches import at_switches
+from deltaopt.compare.plans.measures import Meter
 from deltaopt.planning.formulations.collocation import FAR, NEAR
 from deltaopt.planning.formulations.equations import (
     explicit_equations,
@@ -24,7 +24,7 @@ from deltaopt.planning.mesh.error_estimate import FRACTIONS, GivenAway, given_aw
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 from tests.shipped_cases import case
 
-POSES = {
+FORMULATIONS = {
     "flat": flat_equations,
     "forward": forward_equations,
     "explicit": lambda system: explicit_equations(system, KnotConstraints()),
@@ -60,11 +60,11 @@ def test_an_arc_is_divided_where_it_exceeds_its_limits():
 
 
 @cache
-def continued(scene, pose, steadiness=None):
+def continued(scene, formulation, steadiness=None):
     """From 20 uniform intervals to two meshes with knots at switches: iterations of each, and
     the last duration, as planned and slowed until it is safe."""
     c = case(scene)
-    equations = interpreted(POSES[pose](c.system))
+    equations = interpreted(FORMULATIONS[formulation](c.system))
     mesh, guess, iterations = np.full(20, 0.05), c.guess, []
     for options in (FAR, NEAR, NEAR):
         problem = equations.on(mesh, PiecewiseAcceleration())
@@ -85,15 +85,17 @@ SCENES = ["industrial_cross", "five_bar"]
 HARDEST = ("long_diagonal", "explicit")
 
 
-@pytest.mark.parametrize(("scene", "pose"), [*product(SCENES, POSES), HARDEST])
-def test_every_pose_converges_on_every_mesh(scene, pose):
-    assert max(continued(scene, pose)[0]) <= 40
+@pytest.mark.parametrize(("scene", "formulation"), [*product(SCENES, FORMULATIONS), HARDEST])
+def test_every_formulation_converges_on_every_mesh(scene, formulation):
+    assert max(continued(scene, formulation)[0]) <= 40
 
 
 @pytest.mark.parametrize("scene", SCENES)
-def test_poses_under_one_rule_for_limits_agree(scene):
-    """Limits at the nodes: three poses, one motion but for the error of the mesh."""
-    durations = [continued(scene, pose)[1] for pose in ("forward", "explicit", "multiplier")]
+def test_formulations_under_one_rule_for_limits_agree(scene):
+    """Limits at the nodes: three formulations, one motion but for the error of the mesh."""
+    durations = [
+        continued(scene, formulation)[1] for formulation in ("forward", "explicit", "multiplier")
+    ]
     np.testing.assert_allclose(durations, durations[0], rtol=1e-4)
 
 

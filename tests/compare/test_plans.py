@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 import deltaopt
-from deltaopt.compare.interpreted import interpreted
-from deltaopt.compare.plan_cases import FiveBarTask, delta_case
-from deltaopt.compare.plan_measures import Quality
-from deltaopt.compare.plans import compare_plans, methods
-from deltaopt.compare.plans_report import COLUMNS, csv, tables, verdict
+from deltaopt.compare.plans.cases import FiveBarTask, delta_case
+from deltaopt.compare.plans.interpreted import interpreted
+from deltaopt.compare.plans.measures import Quality
+from deltaopt.compare.plans.report import COLUMNS, csv, tables, verdict
+from deltaopt.compare.plans.study import compare_plans, methods
 from deltaopt.dynamics.consistency import Residuals
 from deltaopt.mechanisms.five_bar import FiveBarParameters, five_bar, inverse_kinematics
 from deltaopt.motion.time_scaling import safe_factor

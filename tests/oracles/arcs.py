@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
-from deltaopt.planning.flat.flat_problem import ScaledEquations
+from deltaopt.planning.flat.equations import PointEquations
 from deltaopt.planning.nlp.cost import FASTEST, Cost
 from deltaopt.planning.nlp.program import (
     Layout,
@@ -34,7 +34,7 @@ from deltaopt.planning.nlp.program import (
     RunningCost,
     Solution,
 )
-from deltaopt.planning.nlp.scaling import Scales
+from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 from deltaopt.planning.switching.arc_mesh import parts_of
 from deltaopt.planning.switching.structure import SwitchingStructure
@@ -83,7 +83,7 @@ class ArcProblem:
     Velocities and accelerations are in units of the baseline's duration.
     """
 
-    equations: ScaledEquations
+    equations: PointEquations
     structure: SwitchingStructure
     degree: int
     cost: Cost = FASTEST
@@ -159,16 +159,26 @@ class ArcProblem:
 
     @cached_property
     def rows(self) -> PointFunction:
+        """Equations of motion, position limits, velocity limits and their derivatives by time."""
         e = self.equations
-        return e.point_function(e.force, e.opening, e.speed, e.acceleration)
+        position, velocity = (e.rows[self._of_order(order)] for order in (0, 1))
+        X, V, A = (e.y[3 * i : 3 * i + 3] for i in range(3))
+        rate = ca.jtimes(velocity, X, V) + ca.jtimes(velocity, V, A)
+        rows = ca.vertcat(e.force, position, velocity, rate)
+        return PointFunction("arcs", ca.Function("arcs", [e.y, e.parameters.vector], [rows]))
+
+    def _of_order(self, order: int) -> list[int]:
+        return self.equations.constraints.of_order(order).tolist()
 
     def _row_bounds(self) -> tuple[Array, Array]:
-        """Of force, opening, speed and acceleration at every node, (n · nodes, rows)."""
+        """Of equations of motion, positions, velocities and their rates at every node, (n · nodes,
+        rows)."""
         shape = (self.intervals, self.degree + 1, 3)
         zero, free = np.zeros(shape), np.full(shape, np.inf)
-        if self.equations.speed is None:
-            lower, upper = [zero, zero], [zero, free]
-        else:
+        lower, upper = [zero], [zero]
+        if self._of_order(0):
+            lower, upper = [zero, zero - 1], [zero, free]
+        if self._of_order(1):
             held = self.structure.velocity[self.arc][:, None]  # (n, 1, 3)
             begins = np.zeros(shape, dtype=bool)
             begins[:, 0] = True
@@ -179,11 +189,11 @@ class ArcProblem:
             speed_lower = np.where(held == 0, -1.0, np.where(begins, at_limit, -np.inf))
             speed_upper = np.where(held == 0, 1.0, np.where(begins, at_limit, np.inf))
             bend = np.where(np.broadcast_to(held, shape) != 0, 0.0, np.inf)
-            lower, upper = [zero, zero, speed_lower, -bend], [zero, free, speed_upper, bend]
+            lower, upper = [*lower, speed_lower, -bend], [*upper, speed_upper, bend]
         rows = 3 * len(lower)
         return tuple(np.concatenate(b, axis=2).reshape(-1, rows) for b in (lower, upper))  # type: ignore[return-value]
 
-    def bounds(self, scales: Scales) -> tuple[Array, Array]:
+    def bounds(self, scaling: Scaling) -> tuple[Array, Array]:
         """Start and goal, torques held or within limits, arcs not negative."""
         upper = np.full(self.n_variables, np.inf)
         lower = -upper
@@ -194,13 +204,13 @@ class ArcProblem:
         lower[at] = np.where(held != 0, held, -1)
         upper[at] = np.where(held != 0, held, 1)
         goal = self.intervals * self._block
-        lower[:6] = upper[:6] = scales.at_start
-        lower[goal : goal + 6], upper[goal : goal + 6] = scales.at_goal
+        lower[:6] = upper[:6] = scaling.at_start
+        lower[goal : goal + 6] = upper[goal : goal + 6] = scaling.at_goal
         lower[self._first_length : -1] = 0.0
         lower[-1] = upper[-1] = 1.0
         return lower, upper
 
-    def pack(self, trajectory: Trajectory, scales: Scales) -> Array:
+    def pack(self, trajectory: Trajectory, scaling: Scaling) -> Array:
         """Variables from a motion of about this structure."""
         d, nodes = self.degree, self.transcription.nodes
         lengths = self.structure.lengths * trajectory.duration
@@ -208,20 +218,20 @@ class ArcProblem:
         begin = np.concatenate([[0.0], np.cumsum(interval)[:-1]])
         inside = np.clip(nodes, 1e-6, 1 - 1e-6)
         motion = trajectory((begin[:, None] + interval[:, None] * inside).ravel())
-        n, D, T = self.intervals, scales.length, scales.time
+        n, D, T = self.intervals, scaling.length, scaling.time
         z = np.zeros(self.n_variables)
         three = np.arange(3)
         at = self._states[:, :d, None] + three
-        z[at] = ((motion.x - scales.origin) / D).reshape(n, d + 1, 3)[:, :d]
+        z[at] = ((motion.x - scaling.origin) / D).reshape(n, d + 1, 3)[:, :d]
         z[at + 3] = (motion.v * T / D).reshape(n, d + 1, 3)[:, :d]
         z[self._accelerations[..., None] + three] = (motion.a * T**2 / D).reshape(n, d + 1, 3)
-        z[self._torques[..., None] + three] = (motion.tau / scales.torques).reshape(n, d + 1, 3)
+        z[self._torques[..., None] + three] = (motion.tau / scaling.torque).reshape(n, d + 1, 3)
         at_end = trajectory([trajectory.knots[-1]])
-        z[n * self._block :][:3] = (at_end.x[0] - scales.origin) / D
+        z[n * self._block :][:3] = (at_end.x[0] - scaling.origin) / D
         z[n * self._block :][3:6] = at_end.v[0] * T / D
         z[self._first_length : -1] = lengths / T
         z[-1] = 1.0
-        lower, upper = self.bounds(scales)
+        lower, upper = self.bounds(scaling)
         return np.clip(z, lower, upper)
 
     def lengths(self, z: Array) -> Array:
@@ -255,7 +265,7 @@ class ArcProblem:
         shape = (n, d, 3)
         return nodes.reshape(-1, rows), position.reshape(shape), velocity.reshape(shape)
 
-    def unpack(self, z: Array, scales: Scales) -> PiecewisePolynomial:
+    def unpack(self, z: Array, scaling: Scaling) -> PiecewisePolynomial:
         """The motion that the variables describe, without arcs that have vanished."""
         h = self.interval_lengths(z)
         kept = h > 1e-9
@@ -263,9 +273,9 @@ class ArcProblem:
         X = z[self._states[kept, :1] + np.arange(3)]
         V = z[self._states[kept, :1] + np.arange(3, 6)]
         A = self.accelerations(z)[kept]
-        return scales.polynomial(h, self.transcription.coefficients(X, V, A, h), scales.time)
+        return scaling.polynomial(h, self.transcription.coefficients(X, V, A, h), scaling.time)
 
-    def prices(self, solution: Solution) -> Array:
+    def control_multipliers(self, solution: Solution) -> Array:
         """Multipliers of the torques' bounds at the nodes, (n, degree + 1, 3)."""
         at = self._torques[..., None] + np.arange(3)
         return np.asarray(solution.bound_multipliers[at])

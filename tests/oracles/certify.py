@@ -26,11 +26,11 @@ Array = NDArray[np.float64]
 def certify(problem: ArcProblem, solution: Solution, p: Array) -> Certificate:
     """Of the solution of a program with parameters p."""
     H = hamiltonian(problem, solution, p)
-    prices = problem.prices(solution)
+    multipliers = problem.control_multipliers(solution)
     held = problem.structure.control[problem.arc][:, None]
-    wrong = np.maximum(-prices * held, 0).max()
+    wrong = np.maximum(-multipliers * held, 0).max()
     largest_rate = float(np.abs(running_rate(problem, solution, p)[0]).max())
-    return Certificate(spread(H, largest_rate), float(wrong / np.abs(prices).max()))
+    return Certificate(spread(H, largest_rate), float(wrong / np.abs(multipliers).max()))
 
 
 def hamiltonian(problem: ArcProblem, solution: Solution, p: Array) -> Array:
@@ -65,10 +65,11 @@ def _costates(problem: ArcProblem, solution: Solution, p: Array) -> tuple[Array,
 def _pull_back(problem: ArcProblem, z: Array, multipliers: Array, p: Array) -> Array:
     """Multipliers of the rows at the nodes times the rows' derivatives by X and V, (N, 6).
 
-    Rows of the state alone (openings, speeds) are left out: at a knot they make the costate
+    Rows of the state alone are left out: at a knot they make the costate
     jump, and each side of the jump has its own.
     """
-    of_state_alone = slice(3, 9)
+    orders = problem.equations.constraints.orders
+    of_state_alone = slice(3, 3 + int((orders < 2).sum()))
     multipliers = multipliers.copy()
     multipliers[:, of_state_alone] = 0.0
     jacobian, sparsity = problem.rows.jacobian

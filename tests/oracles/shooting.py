@@ -23,12 +23,12 @@ from deltaopt.dynamics.linear import solve_affine
 from deltaopt.errors import NotConverged
 from deltaopt.mechanisms.delta.functions import delta_functions
 from deltaopt.mechanisms.delta.mechanism import DeltaTerms
-from deltaopt.planning.flat.constraint_rows import ConstraintRows
-from deltaopt.planning.flat.flat_problem import ScaledEquations
+from deltaopt.planning.flat.constraint_rows import ConstraintRows, constraint_rows
+from deltaopt.planning.flat.equations import point_equations
 from deltaopt.planning.switching.conditions import ActiveRows
 from deltaopt.planning.switching.structure import SwitchingStructure
 from deltaopt.robot.model import DeltaModel
-from deltaopt.scene.scene import Scene
+from deltaopt.scene.scene import Scene, limits_of
 from deltaopt.verify.pontryagin import gauss
 
 Array = NDArray[np.float64]
@@ -131,8 +131,8 @@ class _Shooting:
 
     @cached_property
     def rows(self) -> ConstraintRows:
-        speed = self.scene.speed_limits is not None
-        return ConstraintRows(ScaledEquations.of(self.model.functions, speed=speed))
+        constraints = limits_of(self.scene).constraints
+        return constraint_rows(point_equations(self.model.functions, constraints))
 
     @cached_property
     def active(self) -> ActiveRows:
@@ -140,9 +140,10 @@ class _Shooting:
 
     def _speed_misses(self, a: int, x: Array, v: Array) -> list[Array]:
         new = [entry for entry in self.active.entries if entry.arc == a]
-        if not new or self.scene.speed_limits is None:
+        speed = limits_of(self.scene).upper("speed")
+        if not new or speed is None:
             return []
-        share = self.model.motion(x, v, np.zeros_like(x))[1][:, 3::3] / self.scene.speed_limits
+        share = self.model.motion(x, v, np.zeros_like(x))[1][:, 3::3] / speed
         return [share[:, entry.motor] - entry.value for entry in new]
 
     def _at_rest(self, a: int) -> tuple[int | None, ...]:
@@ -155,7 +156,7 @@ class _Shooting:
 
     def _along(self, a: int, x: Array, v: Array, length: Array) -> tuple[Array, Array]:
         """An arc, (B, 3) each."""
-        value = self.active.value[a] * np.array(self.scene.torque_limits)
+        value = self.active.value[a] * limits_of(self.scene).upper("torque")
         steps = int(np.ceil(_STEPS * self.structure.lengths[a]))
         acceleration = _acceleration(self.model.functions.terms, self._at_rest(a))
         h, g = (length / steps)[:, None, None], gauss()

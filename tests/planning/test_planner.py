@@ -9,16 +9,13 @@ import numpy as np
 import pytest
 
 import deltaopt
-from deltaopt.bench.any_move import random_plans
-from deltaopt.cli import main
-from deltaopt.errors import Infeasible, NotConverged, Unreachable
+from deltaopt.errors import Infeasible, Unreachable
 from deltaopt.planning.initial_motion import baseline, detour, first_motion
 from deltaopt.planning.mesh.error_estimate import DOUBT
 from deltaopt.planning.planner import Planner, plan
 from deltaopt.robot.robot import load_robot
 from deltaopt.scene.scene import Limits, Scene, load_scene
 from deltaopt.verify.verification import verify
-from studies.gap import gap_study
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 ORSINO, INDUSTRIAL = (
@@ -64,11 +61,13 @@ def test_plan_tells_how_it_was_found(picked):
 @pytest.mark.parametrize("scene", [PICK, CROSS], ids=["orsino", "industrial"])
 def test_estimated_gap_against_a_finer_plan(scene):
     """The truth is known to the finer plan's own gap."""
-    study = gap_study(scene, (1e-2, 1e-3), reference=1e-4)
-    for coarse in study.plans:
+    reference = plan(scene, tolerance=1e-4)
+    for tolerance in (1e-2, 1e-3):
+        coarse = plan(scene, tolerance=tolerance)
+        true_gap = coarse.duration / reference.duration - 1
         assert coarse.within_tolerance
-        assert study.true_gap(coarse) <= 1.5 * coarse.gap
-        assert study.true_gap(coarse) + study.reference.gap >= coarse.gap / (2 * DOUBT)
+        assert true_gap <= 1.5 * coarse.gap
+        assert true_gap + reference.gap >= coarse.gap / (2 * DOUBT)
 
 
 def test_a_gap_that_is_not_reached_is_told(monkeypatch):
@@ -165,16 +164,6 @@ def test_speed_limit_that_is_never_met_changes_nothing(picked):
 # Any move
 
 
-@pytest.mark.parametrize(
-    ("robot", "seed"), [(ORSINO, 1), (INDUSTRIAL, 1)], ids=["orsino", "industrial"]
-)
-def test_random_moves(robot, seed):
-    told = []
-    outcomes = random_plans(robot, 1.0, 12, seed, 1e-3, told.append)
-    assert [outcome.failures for outcome in outcomes] == 12 * [()]
-    assert told == list(range(1, 13))
-
-
 def test_move_that_has_no_straight_line():
     scene = Scene(
         robot=ORSINO, payload=1.0, start=(0.22, 0.442, -0.135), goal=(0.163, 0.129, 0.427)
@@ -248,40 +237,6 @@ def test_save(picked, tmp_path):
     files = picked.save(tmp_path / "out")
     assert [file.name for file in files] == ["trajectory.csv", "plan.json", "plan.png"]
     assert all(file.stat().st_size > 1000 for file in files)
-
-
-def test_bench_random(capsys):
-    robot = str(PROBLEMS / "robots/orsino.yaml")
-    assert main(["bench", "random", robot, "--number", "1", "--seed", "3"]) == 0
-    assert "1 of 1 solved and verified" in capsys.readouterr().out
-
-
-def test_bench_random_names_what_failed(capsys, monkeypatch):
-    def failing(*_):
-        raise NotConverged("no luck", "Maximum_Iterations_Exceeded", None)
-
-    monkeypatch.setattr(Planner, "plan", failing)
-    robot = str(PROBLEMS / "robots/orsino.yaml")
-    assert main(["bench", "random", robot, "--number", "2"]) == 1
-    out = capsys.readouterr().out
-    assert "0 of 2 solved and verified" in out
-    assert out.count(": no luck\n") == 2
-
-
-def test_bench_gap(capsys, monkeypatch):
-    monkeypatch.setattr(
-        "deltaopt.cli.bench.gap_study",
-        lambda scene, told: gap_study(scene, (1e-2,), reference=3e-3, told=told),
-    )
-    assert main(["bench", "gap", str(PROBLEMS / "pick_and_place.yaml")]) == 0
-    lines = capsys.readouterr().out.splitlines()
-    assert lines[0] == "pick_and_place"
-    assert " ".join(lines[1].split()) == "tolerance intervals iterations estimated gap true gap"
-    tolerance, intervals, iterations, estimated, true = map(float, lines[2].split())
-    assert tolerance == 1e-2
-    assert intervals >= 10
-    assert iterations >= 5
-    assert 0 < true < 2 * estimated
 
 
 def test_everything_public_is_there():

@@ -10,10 +10,9 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from deltaopt.cli import main
-from deltaopt.compare.many_digits import ManyDigits
-from deltaopt.compare.samples import PAPER, rounded
-from deltaopt.compare.tasks import InverseDynamics
+from deltaopt.compare.dynamics.many_digits import ManyDigits
+from deltaopt.compare.dynamics.samples import PAPER, rounded
+from deltaopt.compare.dynamics.tasks import InverseDynamics
 from deltaopt.dynamics import (
     Explicit,
     LeastNorm,
@@ -29,7 +28,7 @@ from deltaopt.errors import Singular, Singularity
 from deltaopt.mechanisms.delta.mechanism import MOTOR_ANGLES, delta
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import load_robot
-from studies.stability import benchmarks, drift, report, singularities
+from studies.stability import benchmarks, singularities
 from studies.stability.families import Family, Maker, delta_families, pendulum_families
 from studies.stability.mechanisms import bricard, bricard_start, n_four_bar
 
@@ -301,54 +300,6 @@ def test_attempts_become_phrases() -> None:
     strict = replace(four, bound=1e-18)
     failure = benchmarks.attempt(strict, ways["L_E", "null space"], 0.2).failure
     assert "off by more than 1e-18 J from t = 0.0" in failure
-
-
-# The command
-
-
-def test_drift_in_small(tmp_path: Path) -> None:
-    study = drift.measure(duration=0.2)
-    assert len(study.runs) == 3 * (2 + len(drift.FREQUENCIES) + 1)
-    for method in ("projection", drift.MINIMAL):
-        assert all(r.position < 1e-14 for r in study.by(method))
-    assert study.run("none", 1e-10).position < study.run("none", 1e-6).position
-    said = " ".join(report.drift_verdict(study).split())
-    assert "Over 0.2 s at tolerance 1e-08" in said
-    assert report.drift_csv(study).count("\n") == len(study.runs) + 1
-
-
-def test_command_writes_chart_csv_and_sentence(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    few = tuple(w for w in benchmarks.WAYS if w.variant in ("rank revealing", "sparse QR"))
-    monkeypatch.setattr(benchmarks, "WAYS", few)
-    monkeypatch.setattr(benchmarks.measure, "__defaults__", (lambda done, what: None, 0.1))
-    assert main(["stability", "benchmarks", "-o", str(tmp_path)]) == 0
-    printed = capsys.readouterr()
-    assert "A02: inside 0.1 J are" in printed.out
-    assert "100%" in printed.err
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["benchmarks.csv", "benchmarks.png"]
-    assert (tmp_path / "benchmarks.png").read_bytes().startswith(b"\x89PNG")
-
-
-def test_singularities_in_small(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    from studies.plots.stability import draw_singularities
-
-    monkeypatch.setattr(singularities, "MOTIONS", 1)
-    monkeypatch.setattr(singularities, "delta_families", pendulum_families)
-    monkeypatch.setattr(singularities, "pendulum_families", lambda: pendulum_families()[:1])
-    study = singularities.measure(digits=30)
-    assert len(study.curves) == 3 * 3 * len(singularities.METHODS)
-    assert study.curve("level", "forward", "L_E", "closed form").errors.max() < 1e-14
-    rows = report.singularities_csv(study).splitlines()
-    assert all(row.count(",") == 5 for row in rows)
-    draw_singularities(study, study.families, tmp_path / "chart.png")
-    assert (tmp_path / "chart.png").stat().st_size > 10_000
-
-
-def test_unknown_study_is_two(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["stability", "earthquakes"]) == 2
-    assert "earthquakes is no study" in capsys.readouterr().err
 
 
 def test_task_space_torques_lose_digits_with_the_square_of_the_distance(model: DeltaModel) -> None:

@@ -7,6 +7,7 @@ the certificate, is what plans are made with.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from types import SimpleNamespace
 
 import casadi as ca
@@ -15,10 +16,15 @@ import pytest
 
 from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
 from deltaopt.planning.flat.constraint_rows import ByOrder
-from deltaopt.planning.flat.flat_problem import FlatEquations, ScaledEquations
-from deltaopt.planning.mesh.error_estimate import FRACTIONS, GivenAway, given_away, refined
-from deltaopt.planning.nlp.scaling import Scales
+from deltaopt.limits.constraints import Constraints, SceneLimits
+from deltaopt.limits.speed import Speed
+from deltaopt.limits.torque import Torque
+from deltaopt.planning.flat.equations import PointEquations
+from deltaopt.planning.flat.flat_problem import FlatEquations
+from deltaopt.planning.mesh.error_estimate import FRACTIONS, ErrorEstimate, error_estimate, refined
+from deltaopt.planning.nlp.scaling import Parameters, Scaling
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
+from deltaopt.scene.task import RestToRest
 from deltaopt.planning.switching.detection import detect_structure
 from tests.oracles.arcs import ArcProblem
 from tests.oracles.certify import certify, hamiltonian
@@ -33,6 +39,13 @@ class UnitMass:
 
     def inverse_dynamics(self, x, v, a):
         return a
+
+
+@dataclass(frozen=True)
+class LineScaling(Scaling):
+    """Scaling with limits of its own."""
+
+    limits: SceneLimits = None  # type: ignore[assignment]
 
 
 @dataclass(frozen=True)
@@ -57,24 +70,30 @@ class Line:
         return [self.v / self.u, self.duration - self.v / self.u]
 
     @property
-    def scales(self) -> Scales:
+    def scaling(self) -> Scaling:
         """In a unit of time that is none of the answers."""
-        scene = SimpleNamespace(
-            start=(0.0, 0.0, 0.0),
-            goal=(self.d, 0.0, 0.0),
-            torque_limits=(self.u,) * 3,
-            speed_limits=self.v and (self.v,) * 3,
-        )
-        return Scales(scene, 1.3 * self.duration, 1.0)
+        scene = SimpleNamespace(task=RestToRest((0.0, 0.0, 0.0), (self.d, 0.0, 0.0)))
+        return LineScaling(scene, 1.3 * self.duration, limits=self.limits)
 
     @property
-    def equations(self) -> ScaledEquations:
-        y, p = ca.SX.sym("y", 13), ca.SX.sym("p", len(self.scales.vector()))
-        length, time, force = p[3], p[4] * y[12], p[5:8]
-        speed = length * y[3:6] / time / p[9:12] if self.v else None
-        bend = length * y[6:9] / time**2 * p[4] * y[12] / p[9:12] if self.v else None
-        rows = y[9:12] - length * y[6:9] / time**2 / force
-        return ScaledEquations(y, p, rows, ca.SX.ones(3), speed, bend)
+    def limits(self) -> SceneLimits:
+        """Of force and speed, three each."""
+        items, numbers = [(Torque(), 3)], [self.u] * 3
+        if self.v:
+            items, numbers = [*items, (Speed(), 3)], [*numbers, *[self.v] * 3]
+        return SceneLimits(Constraints(tuple(items)), np.array(numbers))
+
+    @cached_property
+    def equations(self) -> PointEquations:
+        """Force is mass times acceleration."""
+        constraints = self.limits.constraints
+        y, p = ca.SX.sym("y", 13), Parameters.symbols(constraints, ca.SX(0, 1))
+        time = p.time * y[12]
+        speed, acceleration = p.length * y[3:6] / time, p.length * y[6:9] / time**2
+        rows = constraints.rows(SimpleNamespace(tau=p.torque * y[9:12], dtheta=speed), p.limits)
+        rows[:3] = y[9:12]
+        force = y[9:12] - acceleration / p.torque
+        return PointEquations(constraints, y, p, force, rows, ca.SX(0))
 
     @property
     def guess(self) -> Trajectory:
@@ -93,15 +112,19 @@ class Line:
 
     def on_mesh(self, mesh, guess: Trajectory):
         """The motion of a mesh and what it is estimated to give away."""
-        e = self.equations
-        rows = e.point_function(e.force, e.opening, e.speed)
-        problem = FlatEquations(rows, PiecewiseAcceleration()).on(mesh)
-        scales = self.scales
+        problem = FlatEquations(self.equations, PiecewiseAcceleration()).on(mesh)
+        scaling = self.scaling
         solution = problem.program.solve(
-            problem.pack(guess, scales), *problem.bounds(scales), scales.vector()
+            problem.pack(guess, scaling), *problem.bounds(scaling), scaling.vector()
         )
-        motion = Trajectory(problem.unpack(solution.z, scales), UnitMass())
-        return motion, given_away(problem.prices(solution), *self.rows(motion)[:2])
+        motion = Trajectory(problem.unpack(solution.z, scaling), UnitMass())
+        rows = self.rows(motion)
+        both = rows.control if rows.velocity is None else np.concatenate(rows[:2], axis=2)
+        force = np.abs(rows.control).max(axis=(1, 2)) - 1
+        slowing = 1 + force / 2
+        if rows.velocity is not None:
+            slowing = np.maximum(slowing, np.abs(rows.velocity).max(axis=(1, 2)))
+        return motion, error_estimate(problem.multipliers(solution), both, slowing)
 
 
 LINES = [Line(0.7, 3.0, None), Line(0.7, 3.0, 0.9), Line(200.0, 0.5, None), Line(200.0, 0.5, 7.0)]
@@ -130,12 +153,12 @@ def resolved(line, meshes):
     """(problem, solution): switches resolved, structure as detected on the last mesh."""
     mesh, motion, _ = meshes[-1]
     problem = ArcProblem(line.equations, detect_structure(mesh, line.rows(motion)), 5)
-    scales = line.scales
-    guess = problem.pack(motion, scales)
-    return problem, problem.program.solve(guess, *problem.bounds(scales), scales.vector())
+    scaling = line.scaling
+    guess = problem.pack(motion, scaling)
+    return problem, problem.program.solve(guess, *problem.bounds(scaling), scaling.vector())
 
 
-def gap(line: Line, motion: Trajectory, lost: GivenAway) -> float:
+def gap(line: Line, motion: Trajectory, lost: ErrorEstimate) -> float:
     """Of the motion once it is slowed to its limits, the true one."""
     return motion.duration * (1 + lost.exceeded.max()) / line.duration - 1
 
@@ -164,18 +187,18 @@ def test_structure_is_that_of_the_answer(line, resolved):
 
 def test_duration_to_eight_digits(line, resolved):
     problem, solution = resolved
-    duration = problem.lengths(solution.z).sum() * line.scales.time
+    duration = problem.lengths(solution.z).sum() * line.scaling.time
     assert duration == pytest.approx(line.duration, rel=1e-8)
 
 
 def test_switches_to_six_digits(line, resolved):
     problem, solution = resolved
-    ends = np.cumsum(problem.lengths(solution.z)) * line.scales.time
+    ends = np.cumsum(problem.lengths(solution.z)) * line.scaling.time
     np.testing.assert_allclose(ends[:-1], line.switches, rtol=1e-6)
 
 
 def test_pontryagins_condition(line, resolved):
     problem, solution = resolved
-    p = line.scales.vector()
+    p = line.scaling.vector()
     assert certify(problem, solution, p).residual < 1e-7
     np.testing.assert_allclose(hamiltonian(problem, solution, p), -1, atol=1e-7)

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 
 import casadi as ca
 
-from deltaopt.compare.printed import as_printed
-from deltaopt.compare.tasks import Task
+from deltaopt.compare.dynamics.printed import as_printed
+from deltaopt.compare.dynamics.tasks import Task
 from deltaopt.dynamics.constraint_matrix import (
     ClosedForm,
     ConstraintMatrix,
@@ -32,7 +32,7 @@ from deltaopt.mechanisms.delta.mechanism import DeltaParameters
 
 @dataclass(frozen=True)
 class Model:
-    """One way to compute a task.
+    """A way to compute a task.
 
     ``name``: the paper's. ``variant``: the constraint matrix, or the linear solver.
     ``build``: its function, whose first result counts. ``systems``: the linear systems it
@@ -47,7 +47,7 @@ class Model:
 
 
 def models(partition: Partition, terms: DeltaParameters) -> list[Model]:
-    """All that are compared, for a Delta that has these terms."""
+    """Return all models that are compared, for a Delta that has these terms."""
     matrices: list[tuple[str, ConstraintMatrix, str]] = [
         ("closed form", ClosedForm(), "3 of 3×3"),
         ("partition", partition, "{gamma}×{gamma}"),
@@ -82,7 +82,7 @@ def _printed(model: Model, terms: DeltaParameters) -> Model:
 
 
 def written_out(formulation: Formulation) -> Callable[[Mechanism, Task], ca.Function]:
-    """How a formulation without multipliers becomes one function in scalars."""
+    """Return what writes a formulation without multipliers as one function in scalars."""
 
     def build(mechanism: Mechanism, task: Task) -> ca.Function:
         function = task.function(formulation, mechanism)

@@ -18,11 +18,11 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
-from deltaopt.compare.plan_cases import FRACTIONS, Case, motion_inside
+from deltaopt.compare.plans.cases import FRACTIONS, Case, motion_inside
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.motion.trajectory import PiecewisePolynomial
-from deltaopt.planning.formulations.collocation import ChainProblem
-from deltaopt.planning.formulations.scaled_mechanism import System
+from deltaopt.planning.formulations.collocation import CollocationProblem
+from deltaopt.planning.formulations.scaled_mechanism import ScaledMechanism
 from deltaopt.planning.nlp.program import Program, Solution
 
 Array = NDArray[np.float64]
@@ -39,9 +39,10 @@ _CVODES: dict[str, Any] = {
 
 @dataclass(frozen=True)
 class Quality:
-    """``duration``, ``safe_duration``: s. ``kinematic_error``: E_K, m and m/s. ``at_knots``:
-    the largest ‖f‖, ‖J q̇‖ at the beginning of an interval. ``dynamic_error``: E_D, m/s²,
-    rad/s². ``arrival_distance``, ``arrival_speed``: m, m/s. Infinite: could not be had."""
+    """Measures of a planned motion. ``duration``, ``safe_duration``: s. ``kinematic_error``: E_K, m
+    and m/s. ``at_knots``: the largest ‖f‖, ‖J q̇‖ at the beginning of an interval.
+    ``dynamic_error``: E_D, m/s², rad/s². ``arrival_distance``, ``arrival_speed``: m, m/s. Infinite:
+    could not be had."""
 
     duration: float = inf
     safe_duration: float = inf
@@ -58,7 +59,7 @@ class Meter:
 
     case: Case
 
-    def quality(self, problem: ChainProblem, z: Array) -> Quality:
+    def quality(self, problem: CollocationProblem, z: Array) -> Quality:
         case, system = self.case, self.case.system
         planned = problem.unpack(z, case.task)
         xi = self.independent(problem, planned)
@@ -80,14 +81,14 @@ class Meter:
         )
 
     def independent(
-        self, problem: ChainProblem, planned: PiecewisePolynomial
+        self, problem: CollocationProblem, planned: PiecewisePolynomial
     ) -> PiecewisePolynomial:
-        """The path of ξ."""
+        """Return the path of ξ."""
         which = [problem.equations.coordinates.index(i) for i in self.case.system.independent]
         return PiecewisePolynomial(planned.knots, planned.coefficients[:, :, which])
 
     def _coordinates(
-        self, problem: ChainProblem, planned: PiecewisePolynomial
+        self, problem: CollocationProblem, planned: PiecewisePolynomial
     ) -> tuple[Array, ...]:
         """q, q̇, q̈ inside the intervals, as the program has them."""
         motion = motion_inside(planned, FRACTIONS)
@@ -109,7 +110,7 @@ class Meter:
         )
 
     def _arrival(
-        self, xi: PiecewisePolynomial, problem: ChainProblem, torques: Array
+        self, xi: PiecewisePolynomial, problem: CollocationProblem, torques: Array
     ) -> tuple[float, float]:
         """Distance to the goal and speed there under the program's torques."""
         task, nu = self.case.task, len(self.case.system.independent)
@@ -125,9 +126,9 @@ class Meter:
         return distance, float(np.linalg.norm(state[nu:]))
 
 
-def integrator(system: System, points: int) -> ca.Function:
-    """Through one interval under a polynomial torque: state (ξ, ξ̇); parameters: coefficients
-    (powers × motors), length (s), p."""
+def integrator(system: ScaledMechanism, points: int) -> ca.Function:
+    """Return the integrator through one interval under a polynomial torque: state (ξ, ξ̇);
+    parameters: coefficients (powers × motors), length (s), p."""
     nu, m = len(system.independent), system.mechanism
     u, state, length = ca.MX.sym("u"), ca.MX.sym("state", 2 * nu), ca.MX.sym("length")
     coefficients = ca.MX.sym("coefficients", system.motors, points)
@@ -149,8 +150,8 @@ def integrator(system: System, points: int) -> ca.Function:
 def active_rank(
     program: Program, solution: Solution, bounds: tuple[Array, Array], p: Array
 ) -> tuple[int, int]:
-    """Rows of the Jacobian that hold with equality at a solution, and its rank: fewer, if rows
-    depend on each other. Variables that a bound holds do not count."""
+    """Return how many rows of the Jacobian hold with equality at a solution, and their rank, which
+    is smaller if rows depend on each other. Variables that a bound holds do not count."""
     _, J = program.jacobian(solution.z, p)
     lower, upper = program.rows
     held = np.abs(solution.bound_multipliers) > 1e-4

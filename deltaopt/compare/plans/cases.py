@@ -13,19 +13,20 @@ from numpy.typing import NDArray
 from deltaopt.dynamics.mechanism import SX
 from deltaopt.mechanisms.five_bar import FiveBarParameters, five_bar, inverse_kinematics
 from deltaopt.motion.trajectory import PiecewisePolynomial
-from deltaopt.planning.formulations.delta import delta_system, rest_to_rest
-from deltaopt.planning.formulations.scaled_mechanism import RestToRest, System, Units
+from deltaopt.planning.formulations.delta import boundary_values, scaled_delta
+from deltaopt.planning.formulations.scaled_mechanism import BoundaryValues, LimitRows, ScaledMechanism, Units
+from deltaopt.planning.flat.constraint_rows import ByOrder
+from deltaopt.planning.mesh.error_estimate import ErrorEstimate, error_estimate
 from deltaopt.planning.initial_motion import first_motion
-from deltaopt.planning.nlp.scaling import Scales
+from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.planner import plan
 from deltaopt.robot.model import DeltaModel
-from deltaopt.scene.feasibility import least_opening
 from deltaopt.scene.scene import Scene
 
 Array = NDArray[np.float64]
 
 FRACTIONS = np.linspace(0.0, 1.0, 25)
-"""Where in every interval loads are taken, both ends from inside."""
+"""Fractions of every interval where loads are taken, both ends from inside."""
 RESOLVED = 1e-7
 """Gap of the references that the planner finds."""
 SLOWEST = 16.0
@@ -34,8 +35,8 @@ SLOWEST = 16.0
 
 @dataclass(frozen=True)
 class Reference:
-    """``duration`` (s, safe) of the best motion known, ``gap``: estimate of what it is above the
-    optimum, relative; ``origin``: how it was found."""
+    """The safe ``duration`` (s) of the best motion known, its estimated ``gap`` to the optimum,
+    relative, and in ``origin`` how it was found."""
 
     duration: float
     gap: float
@@ -50,39 +51,61 @@ class Case:
     """
 
     name: str
-    system: System
-    task: RestToRest
+    system: ScaledMechanism
+    task: BoundaryValues
     guess: PiecewisePolynomial
-    torque: Array
-    speed: Array | None = None
     reference: Callable[[], Reference] | None = None
 
-    def loads(self, position: PiecewisePolynomial) -> tuple[Array, Array | None]:
-        """Torques and speeds over their limits, (N, 25, m) each; not a number out of reach."""
-        gravity, friction, inertia = self._torques(position)
-        shape = (-1, len(FRACTIONS), len(self.torque))
-        torque = ((gravity + friction + inertia) / self.torque).reshape(shape)
-        if self.speed is None:
-            return torque, None
-        return torque, (self._speeds(position) / self.speed).reshape(shape)
+    def rows(self, position: PiecewisePolynomial) -> Array:
+        """Return the limits' rows inside the intervals, (N, 25, rows); not a number out of reach."""
+        rows = self._slowed(position)(1.0)
+        return rows.reshape(-1, len(FRACTIONS), rows.shape[1])
+
+    def lost(self, position: PiecewisePolynomial, multipliers: Array) -> ErrorEstimate:
+        """Return what a motion gives away, from the multipliers of its limits, (N, points, rows).
+
+        What exceeds a bound is slowed away: torque falls with the square of the duration, velocity
+        with the duration itself. Positions are only margins.
+        """
+        orders, rows = self.system.limits.orders, self.rows(position)
+        highest = np.abs(rows).max(axis=1) - 1  # (N, rows)
+        slowing = 1 + np.where(orders == 2, highest / 2, highest)[:, orders > 0].max(axis=1)
+        return error_estimate(multipliers[:, :, orders > 0], rows[:, :, orders > 0], slowing)
+
+    def by_order(self, position: PiecewisePolynomial) -> ByOrder:
+        """Return the rows of controls and of velocities inside the intervals, (N, 25, m) each."""
+        rows, limits = self.rows(position), self.system.limits
+        velocity = limits.of_order(1)
+        return ByOrder(rows[..., limits.is_control], rows[..., velocity] if velocity else None)
 
     def safe_factor(self, position: PiecewisePolynomial) -> float:
-        """The smallest factor, at least 1, by which slowing the motion keeps all limits.
+        """Return the smallest factor, at least 1, by which slowing the motion keeps all limits.
 
-        Under gravity g, viscous friction c and inertia forces d it is τ = g + c / k + d / k².
         Infinite where there is none, or where the motion leaves the workspace.
         """
-        g, c, d = self._torques(position)
-        if not np.isfinite(g + c + d).all():
+        slowed, judged = self._slowed(position), self.system.limits.orders > 0
+        if not np.isfinite(slowed(1.0)).all():
             return np.inf
-        least = 1.0
-        if self.speed is not None:
-            least = max(least, float(np.abs(self._speeds(position) / self.speed).max()))
 
         def kept(k: float) -> bool:
-            return bool((np.abs(g + c / k + d / k**2) <= self.torque * (1 + 1e-12)).all())
+            return bool((np.abs(slowed(k)[:, judged]) <= 1 + 1e-12).all())
 
-        return _smallest(kept, least)
+        return _smallest(kept, 1.0)
+
+    def _slowed(self, position: PiecewisePolynomial) -> Callable[[float], Array]:
+        """The limits' rows of the motion k times as slow, (N · 25, rows), as a function of k.
+
+        Under gravity g, viscous friction c and inertia forces d the torque is g + c / k + d / k².
+        """
+        p, (g, c, d) = self.task.p, self._torques(position)
+        x, v, a = motion_inside(position, FRACTIONS)
+        q, dq, ddq = self.system.rows(self.system.motion, x, v, a, p=p)
+
+        def rows(k: float) -> Array:
+            tau, function = g + c / k + d / k**2, self.system.limits.function
+            return self.system.rows(function, q, dq / k, ddq / k**2, tau, p=p)[0]
+
+        return rows
 
     def _torques(self, position: PiecewisePolynomial) -> tuple[Array, Array, Array]:
         """Against gravity, against friction (odd in velocity), for acceleration; (N · 25, m)."""
@@ -95,16 +118,10 @@ class Case:
         gravity, forward, backward = torque(rest, rest), torque(v, a), torque(-v, a)
         return gravity, (forward - backward) / 2, (forward + backward) / 2 - gravity
 
-    def _speeds(self, position: PiecewisePolynomial) -> Array:
-        x, v, a = motion_inside(position, FRACTIONS)
-        q, dq, _ = self.system.rows(self.system.motion, x, v, a, p=self.task.p)
-        m = self.system.mechanism
-        rates = ca.Function("rates", [m.q, m.dq, self.system.p], [m.B.T @ m.dq])
-        return self.system.rows(rates, q, dq, p=self.task.p)[0]
-
 
 def motion_inside(position: PiecewisePolynomial, fractions: Array) -> tuple[Array, Array, Array]:
-    """A polynomial and its two derivatives, (N · len(fractions), m), inside the intervals."""
+    """Return a polynomial and its two derivatives at fractions of its intervals, each
+    (N · len(fractions), m)."""
     velocity = position.derivative()
     lengths = np.diff(position.knots)
     intervals = np.repeat(np.arange(len(lengths)), len(fractions))
@@ -114,17 +131,14 @@ def motion_inside(position: PiecewisePolynomial, fractions: Array) -> tuple[Arra
 
 
 def delta_case(name: str, scene: Scene) -> Case:
-    """A scene, from its baseline."""
+    """Return a scene, from its baseline."""
     model, guess = DeltaModel(scene.robot, scene.payload), first_motion(scene)
-    scales = Scales(scene, guess.duration, least_opening(scene))
-    speed = scene.speed_limits
+    scaling = Scaling(scene, guess.duration)
     return Case(
         name,
-        delta_system(model.functions, speed=speed is not None),
-        rest_to_rest(scales, model.parameters),
+        scaled_delta(model.functions, scaling.constraints),
+        boundary_values(scaling, model.parameters),
         guess.position,
-        np.array(scene.torque_limits),
-        None if speed is None else np.array(speed),
         lambda: _resolved(scene),
     )
 
@@ -137,7 +151,8 @@ def _resolved(scene: Scene) -> Reference:
 
 @dataclass(frozen=True)
 class FiveBarTask:
-    """Sideways across the low point, where the weak motors can hold the links at rest."""
+    """A move of the five-bar sideways across the low point, where its weak motors can hold the
+    links at rest: ``start``, ``goal`` in m, ``torque`` in N·m."""
 
     parameters: FiveBarParameters = field(default_factory=FiveBarParameters)
     start: tuple[float, float] = (0.328, -0.02)
@@ -147,20 +162,19 @@ class FiveBarTask:
 
     @cached_property
     def case(self) -> Case:
-        """With the straight line at its shortest duration as the guess."""
+        """Return the case, which starts from the straight line at its shortest duration."""
         start, goal = np.array(self.start), np.array(self.goal)
         distance = float(np.linalg.norm(goal - start))
-        torque = np.full(2, self.torque)
         system = self._system()
         line = np.outer([0, 0, 0, 10, -15, 6], goal - start)
         line[0] += start
         unit_time = PiecewisePolynomial(np.array([0.0, 1.0]), line[None]).slowed(0.05)
-        task = RestToRest(np.array([distance, 1.0, self.torque, self.opening]), start, goal)
-        guess = unit_time.slowed(Case("", system, task, unit_time, torque).safe_factor(unit_time))
+        task = BoundaryValues(np.array([distance, 1.0, self.torque, self.opening]), start, goal)
+        guess = unit_time.slowed(Case("", system, task, unit_time).safe_factor(unit_time))
         p = np.array([distance, guess.knots[-1], self.torque, self.opening])
-        return Case("five_bar", system, RestToRest(p, start, goal), guess, torque)
+        return Case("five_bar", system, BoundaryValues(p, start, goal), guess)
 
-    def _system(self) -> System:
+    def _system(self) -> ScaledMechanism:
         m, scales = five_bar(self.parameters), SX.sym("scales", 4)
         distance, time, torque, opening = ca.vertsplit(scales)
         angle = distance / self.parameters.arm
@@ -171,8 +185,16 @@ class FiveBarTask:
             energy=torque * angle,
             torque=ca.vertcat(torque, torque),
         )
-        openings = ca.sin(m.q[2::2] - m.q[3::2]) ** 2 - opening
-        return System(m, (0, 1), inverse_kinematics(self.parameters), scales, units, openings)
+        rows = ca.vertcat(m.controls / torque, ca.sin(m.q[2::2] - m.q[3::2]) ** 2 - opening - 1)
+        inputs = [m.q, m.dq, m.ddq, m.controls, ca.vertcat(scales, m.parameters)]
+        limits = LimitRows(
+            ca.Function("limits", inputs, [rows]),
+            np.array([2, 2, 0, 0]),
+            np.array([[True, True], [True, True], [True, False], [True, False]]),
+            np.array([True, True, False, False]),
+        )
+        kinematics = inverse_kinematics(self.parameters)
+        return ScaledMechanism(m, (0, 1), kinematics, scales, units, limits)
 
 
 def _smallest(kept: Callable[[float], bool], least: float) -> float:

@@ -31,31 +31,31 @@ class Samples:
 
 
 class Task(Protocol):
-    """What is computed from what."""
+    """A computation whose cost and error are measured, such as inverse dynamics."""
 
     @property
     def name(self) -> str: ...
 
     def function(self, formulation: Formulation, mechanism: Mechanism) -> ca.Function:
-        """The formulation's own; the first result counts."""
+        """Return the formulation's own function; its first result counts."""
         ...
 
     def big_system(self, mechanism: Mechanism) -> tuple[list[SX], SX, SX]:
-        """Model L_I: inputs, A and b of its linear system, the unknowns sought first."""
+        """Return inputs, A and b of model L_I's linear system, the unknowns sought first."""
         ...
 
     def inputs(self, samples: Samples) -> list[Array]:
-        """N × each input but the parameters."""
+        """Return all inputs but the parameters, (N, size) each."""
         ...
 
     def truth(self, samples: Samples) -> Array:
-        """N × what should come out."""
+        """Return what should come out, (N, size)."""
         ...
 
 
 @dataclass(frozen=True)
 class InverseDynamics:
-    """q, q̇, q̈ → τ."""
+    """Torques from the motion: q, q̇, q̈ → τ."""
 
     name: str = "inverse"
 
@@ -63,7 +63,7 @@ class InverseDynamics:
         return formulation.inverse_dynamics(mechanism)
 
     def big_system(self, mechanism: Mechanism) -> tuple[list[SX], SX, SX]:
-        """n × n."""
+        """Return the system for τ and λ, n × n."""
         m = mechanism
         A, b = affine(Multiplier().equations(m), ca.vertcat(m.controls, m.lam))
         return [*state(m), m.ddq, m.parameters], A, b
@@ -77,7 +77,7 @@ class InverseDynamics:
 
 @dataclass(frozen=True)
 class ForwardDynamics:
-    """q, q̇, τ → q̈."""
+    """Accelerations from torques: q, q̇, τ → q̈."""
 
     name: str = "forward"
 
@@ -85,7 +85,7 @@ class ForwardDynamics:
         return formulation.forward_dynamics(mechanism)
 
     def big_system(self, mechanism: Mechanism) -> tuple[list[SX], SX, SX]:
-        """n + γ."""
+        """Return the system for q̈ and λ, of n + γ equations."""
         m = mechanism
         equations = ca.vertcat(Multiplier().equations(m), m.J @ m.ddq + m.J_bias)
         A, b = affine(equations, ca.vertcat(m.ddq, m.lam))

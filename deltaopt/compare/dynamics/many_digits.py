@@ -37,15 +37,15 @@ class ManyDigits:
         self.context.dps = digits
 
     def matrix(self, values: Iterable[Any]) -> Matrix:
-        """A column (or a matrix from rows) of numbers, doubles taken exactly."""
+        """Return a column of numbers, or a matrix from rows of them, doubles taken exactly."""
         return self.context.matrix([_rows(value) for value in values])
 
     def solve(self, A: Matrix, b: Matrix) -> Matrix:
-        """x with A x = b, by LU with pivoting."""
+        """Return x with A x = b, by LU with pivoting. Raises ZeroDivisionError if A is singular."""
         return self.context.lu_solve(A, b)
 
     def evaluate(self, function: ca.Function, *arguments: Matrix) -> list[Matrix]:
-        """All results of a scalar function, dense matrices.
+        """Evaluate a scalar function and return all its results, dense matrices.
 
         ``arguments``: matrices, or sequences for columns, of the function's shapes.
         """

@@ -9,8 +9,8 @@ from textwrap import fill
 
 import numpy as np
 
-from deltaopt.compare.plan_measures import Quality
-from deltaopt.compare.plans import PlanStudy, Row
+from deltaopt.compare.plans.measures import Quality
+from deltaopt.compare.plans.study import PlanStudy, Row
 from deltaopt.planning.nlp.transcription import LINEAR
 
 QUALITIES = tuple(f.name for f in fields(Quality))
@@ -36,7 +36,7 @@ COLUMNS = (
     "failure",
 )
 HEADER = (
-    "pose",
+    "formulation",
     "loop closure",
     "degree",
     "N",
@@ -52,37 +52,38 @@ HEADER = (
     "arrival m",
 )
 WORDS = 2
-"""Columns of the table that are words: to the left."""
-POSES = ("flat", "forward", "explicit", "multiplier")
+"""Columns of the table that are words, and aligned to the left."""
+FORMULATIONS = ("flat", "forward", "explicit", "multiplier")
 ENOUGH = 2e-3
-"""Gap at which times are compared: all poses reach it before their meshes end."""
+"""Gap at which times are compared: all formulations reach it before their meshes end."""
 BEST_CLOSURE = {"explicit": "constraints at knots", "multiplier": "constraints at knots"}
-"""What stands for a redundant pose in sentences."""
+"""The loop closure that stands for a redundant formulation in sentences."""
 
 
 def csv(study: PlanStudy) -> str:
-    """One line per row, full precision, empty where nothing was measured."""
+    """Return one line per row, in full precision, empty where nothing was measured."""
     return "\n".join([",".join(COLUMNS), *(_csv_line(row) for row in study.rows)]) + "\n"
 
 
 def tables(study: PlanStudy) -> str:
-    """For each case its reference and the finest uniform and refined mesh of each method."""
+    """Return for each case its reference and the finest uniform and refined mesh of each method."""
     return "\n\n".join(_table(study, case) for case in study.references)
 
 
 def verdict(study: PlanStudy) -> str:
-    """Which to use when, in the numbers of this study."""
+    """Say which formulation to use when, in the numbers of this study."""
     sentences = [_convergence(study), _rank(study), _same(study), _speed(study), _drift(study)]
     sentences.append(_degree(study))
     return fill(" ".join([*sentences, _advice(study)]), width=98)
 
 
-def best(study: PlanStudy, case: str, pose: str) -> Row | None:
-    """The smallest gap of a pose with degree 1."""
+def best(study: PlanStudy, case: str, formulation: str) -> Row | None:
+    """Return the row of the smallest gap of a formulation with degree 1; None if none was
+    solved."""
     rows = [
         row
         for row in study.rows
-        if (row.case, row.method.pose) == (case, pose)
+        if (row.case, row.method.formulation) == (case, formulation)
         and row.method.transcription == LINEAR
         and not row.failure
     ]
@@ -97,20 +98,22 @@ def _convergence(study: PlanStudy) -> str:
     last_mode = compiled_modes(study)[-1]
     rows = [row for row in study.rows if row.compiled == last_mode]
     failed = [row for row in rows if row.failure]
-    most = ", ".join(f"{pose} {_most_iterations(rows, pose)}" for pose in POSES)
+    most = ", ".join(
+        f"{formulation} {_most_iterations(rows, formulation)}" for formulation in FORMULATIONS
+    )
     return (
         f"{len(rows) - len(failed)} of {len(rows)} problems were solved{_failures(failed)}."
-        f" With degree 1 and its steadiest closure each pose needs at most, on any mesh and"
+        f" With degree 1 and its steadiest closure each formulation needs at most, on any mesh and"
         f" case, so many iterations: {most}."
     )
 
 
-def _most_iterations(rows: list[Row], pose: str) -> str:
+def _most_iterations(rows: list[Row], formulation: str) -> str:
     """Of the closure whose largest number is least among those that never failed."""
     worst: dict[str, int] = {}
-    broken = {r.method.closure for r in rows if r.method.pose == pose and r.failure}
+    broken = {r.method.closure for r in rows if r.method.formulation == formulation and r.failure}
     for row in rows:
-        if row.method.pose == pose and row.method.transcription == LINEAR:
+        if row.method.formulation == formulation and row.method.transcription == LINEAR:
             key = row.method.closure
             worst[key] = max(worst.get(key, 0), row.iterations)
     whole = {key: value for key, value in worst.items() if key not in broken} or worst
@@ -139,35 +142,37 @@ def _rank(study: PlanStudy) -> str:
 
 def _same(study: PlanStudy) -> str:
     spreads = [spread(study, case) for case in study.references]
-    return f"The best safe durations of the four poses differ by at most {max(spreads):.0e}."
+    return f"The best safe durations of the four formulations differ by at most {max(spreads):.0e}."
 
 
 def spread(study: PlanStudy, case: str) -> float:
-    """Of the best safe durations of the poses, relative."""
-    rows = [best(study, case, pose) for pose in POSES]
+    """Return by what fraction the best safe durations of the formulations differ."""
+    rows = [best(study, case, formulation) for formulation in FORMULATIONS]
     durations = [row.quality.safe_duration for row in rows if row is not None]
     return max(durations) / min(durations) - 1
 
 
-def most_iterations(study: PlanStudy, case: str, pose: str) -> int:
-    """On any mesh of a case, with degree 1 and closure at the knots."""
+def most_iterations(study: PlanStudy, case: str, formulation: str) -> int:
+    """Return the most iterations on any mesh of a case, with degree 1 and closure at the knots."""
     rows = [
         row
         for row in study.rows
-        if (row.case, row.method.pose) == (case, pose)
-        and row.method.closure == BEST_CLOSURE.get(pose, "")
+        if (row.case, row.method.formulation) == (case, formulation)
+        and row.method.closure == BEST_CLOSURE.get(formulation, "")
         and row.method.transcription == LINEAR
     ]
     return max(row.iterations for row in rows)
 
 
 def _agreement(study: PlanStudy, case: str) -> str:
-    """Of the poses on one case, with degree 1 and closure at the knots."""
-    rows = {pose: best(study, case, pose) for pose in POSES}
+    """Of the formulations on one case, with degree 1 and closure at the knots."""
+    rows = {formulation: best(study, case, formulation) for formulation in FORMULATIONS}
     durations = ", ".join(
-        f"{pose} {row.quality.safe_duration:.7f}" for pose, row in rows.items() if row
+        f"{formulation} {row.quality.safe_duration:.7f}" for formulation, row in rows.items() if row
     )
-    most = ", ".join(f"{pose} {most_iterations(study, case, pose)}" for pose in POSES)
+    most = ", ".join(
+        f"{formulation} {most_iterations(study, case, formulation)}" for formulation in FORMULATIONS
+    )
     return (
         f"best safe durations, s: {durations}; they differ by {spread(study, case):.0e}\n"
         f"most iterations on any mesh: {most}"
@@ -178,11 +183,15 @@ def _speed(study: PlanStudy) -> str:
     """Times of the finest meshes, as ratios per variable mesh to flat's, median over cases."""
     sentences = []
     for compiled in compiled_modes(study):
-        ratios = {pose: _ratio(study, pose, compiled) for pose in POSES[1:]}
-        listed = ", ".join(f"{pose} {value:.1f}" for pose, value in ratios.items())
+        ratios = {
+            formulation: _ratio(study, formulation, compiled) for formulation in FORMULATIONS[1:]
+        }
+        listed = ", ".join(f"{formulation} {value:.1f}" for formulation, value in ratios.items())
         mode = "compiled" if compiled else "interpreted"
         share = _algebra_share(study, compiled)
-        listed_share = ", ".join(f"{pose} {value:.0%}" for pose, value in share.items())
+        listed_share = ", ".join(
+            f"{formulation} {value:.0%}" for formulation, value in share.items()
+        )
         sentences.append(
             f"An iteration on the finest uniform mesh with {mode} functions takes, flat being 1:"
             f" {listed}; of that linear algebra takes {listed_share}."
@@ -190,11 +199,11 @@ def _speed(study: PlanStudy) -> str:
     return " ".join(sentences)
 
 
-def _ratio(study: PlanStudy, pose: str, compiled: bool) -> float:
+def _ratio(study: PlanStudy, formulation: str, compiled: bool) -> float:
     """Seconds per iteration over flat's on the finest uniform mesh, median over cases."""
     values = []
     for case in study.references:
-        own, flat = (uniform(study, case, p, compiled) for p in (pose, "flat"))
+        own, flat = (uniform(study, case, p, compiled) for p in (formulation, "flat"))
         if own and flat:
             values.append(own.seconds / own.iterations / (flat.seconds / flat.iterations))
     return float(np.median(values)) if values else float("nan")
@@ -202,20 +211,22 @@ def _ratio(study: PlanStudy, pose: str, compiled: bool) -> float:
 
 def _algebra_share(study: PlanStudy, compiled: bool) -> dict[str, float]:
     shares = {}
-    for pose in POSES:
-        rows = [uniform(study, case, pose, compiled) for case in study.references]
+    for formulation in FORMULATIONS:
+        rows = [uniform(study, case, formulation, compiled) for case in study.references]
         parts = [1 - row.evaluation_seconds / row.seconds for row in rows if row]
-        shares[pose] = float(np.median(parts)) if parts else float("nan")
+        shares[formulation] = float(np.median(parts)) if parts else float("nan")
     return shares
 
 
-def uniform(study: PlanStudy, case: str, pose: str, compiled: bool) -> Row | None:
-    """The finest uniform mesh of a pose of degree 1 with its best closure."""
+def uniform(study: PlanStudy, case: str, formulation: str, compiled: bool) -> Row | None:
+    """Return the row of the finest uniform mesh of a formulation of degree 1 with its best
+    closure."""
     rows = [
         row
         for row in study.rows
-        if (row.case, row.method.pose, row.compiled, row.refined) == (case, pose, compiled, False)
-        and row.method.closure == BEST_CLOSURE.get(pose, "")
+        if (row.case, row.method.formulation, row.compiled, row.refined)
+        == (case, formulation, compiled, False)
+        and row.method.closure == BEST_CLOSURE.get(formulation, "")
         and row.method.transcription == LINEAR
         and not row.failure
     ]
@@ -251,8 +262,10 @@ def _advice(study: PlanStudy) -> str:
     """By the time to a gap."""
     compiled = compiled_modes(study)[-1]
     mode = "compiled" if compiled else "interpreted"
-    times = {pose: _time_to_gap(study, pose, compiled) for pose in POSES[1:]}
-    listed = ", ".join(f"{pose} {_range(values)}" for pose, values in times.items())
+    times = {
+        formulation: _time_to_gap(study, formulation, compiled) for formulation in FORMULATIONS[1:]
+    }
+    listed = ", ".join(f"{formulation} {_range(values)}" for formulation, values in times.items())
     ratios = {
         m: _ratio(study, "multiplier", m) / _ratio(study, "explicit", m)
         for m in compiled_modes(study)
@@ -277,23 +290,23 @@ def _range(values: list[float]) -> str:
     return f"{min(values):.1f} to {max(values):.1f}" if values else "nowhere"
 
 
-def _time_to_gap(study: PlanStudy, pose: str, compiled: bool) -> list[float]:
+def _time_to_gap(study: PlanStudy, formulation: str, compiled: bool) -> list[float]:
     """Seconds of the quickest solve with a gap of at most ``ENOUGH`` over flat's, for the cases
     where both got there."""
     values = []
     for case in study.references:
-        own, flat = (_quickest(study, case, p, compiled) for p in (pose, "flat"))
+        own, flat = (_quickest(study, case, p, compiled) for p in (formulation, "flat"))
         if isfinite(own) and isfinite(flat):
             values.append(own / flat)
     return values
 
 
-def _quickest(study: PlanStudy, case: str, pose: str, compiled: bool) -> float:
+def _quickest(study: PlanStudy, case: str, formulation: str, compiled: bool) -> float:
     rows = [
         row.seconds
         for row in study.rows
-        if (row.case, row.method.pose, row.compiled) == (case, pose, compiled)
-        and row.method.closure == BEST_CLOSURE.get(pose, "")
+        if (row.case, row.method.formulation, row.compiled) == (case, formulation, compiled)
+        and row.method.closure == BEST_CLOSURE.get(formulation, "")
         and not row.failure
         and row.gap <= ENOUGH
     ]
@@ -327,7 +340,7 @@ def _key(row: Row) -> tuple[str, int, bool]:
 def _cells(row: Row, slow: Row | None) -> tuple[str, ...]:
     """``slow``: the same in the interpreter, where it was solved there."""
     words = (
-        row.method.pose,
+        row.method.formulation,
         row.method.closure,
         str(row.method.transcription.degree),
         str(row.intervals),
@@ -362,7 +375,7 @@ def _csv_line(row: Row) -> str:
     method = row.method
     values: list[object] = [
         row.case,
-        method.pose,
+        method.formulation,
         method.closure,
         method.transcription.degree,
         row.intervals,

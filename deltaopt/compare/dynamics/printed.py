@@ -15,7 +15,8 @@ from deltaopt.mechanisms.delta.mechanism import DeltaParameters
 
 
 def as_printed(mechanism: Mechanism, terms: DeltaParameters) -> Mechanism:
-    """The Delta ``mechanism`` with the paper's expressions; ``terms``: which ones it has."""
+    """Return the Delta ``mechanism`` with the paper's expressions for M, Q̂* and Q; ``terms``: the
+    parameters it has."""
     given = {x.name: getattr(mechanism, x.name) for x in fields(Mechanism)}
     symbols = dict(zip(terms.present(), ca.vertsplit(mechanism.parameters), strict=True))
     return _Printed(**given, letters=replace(terms, **symbols))

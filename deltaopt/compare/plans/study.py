@@ -1,5 +1,5 @@
-"""Multiplier against explicit against minimal: every pose, loop closure and transcription on a
-range of meshes, from one guess, held against one reference.
+"""Multiplier against explicit against minimal: every formulation, loop closure and transcription
+on a range of meshes, from one guess, held against one reference.
 
 Times are wall times of Ipopt's solve; what CasADi's functions took is counted apart from what
 is left, linear algebra above all. Building and compiling are not in them.
@@ -16,13 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.codegen.compile import compiler
-from deltaopt.compare.interpreted import interpreted
-from deltaopt.compare.knots_at_switches import at_switches
-from deltaopt.compare.plan_cases import Case, Reference
-from deltaopt.compare.plan_measures import Meter, Quality, active_rank
+from deltaopt.compare.plans.cases import Case, Reference
+from deltaopt.compare.plans.interpreted import interpreted
+from deltaopt.compare.plans.knots_at_switches import at_switches
+from deltaopt.compare.plans.measures import Meter, Quality, active_rank
 from deltaopt.errors import NotConverged
 from deltaopt.motion.trajectory import PiecewisePolynomial
-from deltaopt.planning.formulations.collocation import FAR, NEAR, ChainProblem, Equations
+from deltaopt.planning.formulations.collocation import FAR, NEAR, CollocationProblem, Equations
 from deltaopt.planning.formulations.equations import (
     explicit_equations,
     flat_equations,
@@ -36,13 +36,13 @@ from deltaopt.planning.formulations.loop_closure import (
     LoopClosure,
     Projection,
 )
-from deltaopt.planning.formulations.scaled_mechanism import System
-from deltaopt.planning.mesh.error_estimate import GivenAway, given_away
+from deltaopt.planning.formulations.scaled_mechanism import ScaledMechanism
+from deltaopt.planning.mesh.error_estimate import ErrorEstimate
 from deltaopt.planning.nlp.program import Options, Program, Solution
 from deltaopt.planning.nlp.transcription import LINEAR, QUADRATIC, PiecewiseAcceleration
 
 Array = NDArray[np.float64]
-Poses = dict[tuple[str, str], Equations]
+Formulations = dict[tuple[str, str], Equations]
 Progress = Callable[[float, str], None]
 """Told how much is done (0 to 1) and what comes next."""
 
@@ -67,20 +67,21 @@ RANK_AT_MOST = 10
 
 @dataclass(frozen=True)
 class Method:
-    """A way to pose the problem; ``closure`` is empty where no loops are left open."""
+    """A formulation with a loop closure, which is empty where no loops are left open, and a
+    transcription."""
 
-    pose: str
+    formulation: str
     closure: str
     transcription: PiecewiseAcceleration
-    build: Callable[[System], Equations]
+    build: Callable[[ScaledMechanism], Equations]
 
     @property
     def equations_key(self) -> tuple[str, str]:
-        """Methods that share it share their point functions."""
-        return self.pose, self.closure
+        """Return what methods with the same point functions share."""
+        return self.formulation, self.closure
 
     def __str__(self) -> str:
-        parts = (self.pose, self.closure, f"degree {self.transcription.degree}")
+        parts = (self.formulation, self.closure, f"degree {self.transcription.degree}")
         return ", ".join(part for part in parts if part)
 
 
@@ -114,7 +115,7 @@ class Row:
 
 @dataclass(frozen=True)
 class PlanStudy:
-    """All rows; the reference and the seconds of compiling per case."""
+    """All rows, and for each case its reference and the seconds of compiling."""
 
     rows: list[Row]
     references: dict[str, Reference]
@@ -123,15 +124,15 @@ class PlanStudy:
 
 
 def methods() -> list[Method]:
-    """All that is compared."""
+    """Return all methods that are compared."""
 
     def redundant(
-        pose: str,
-        equations: Callable[[System, LoopClosure], Equations],
+        formulation: str,
+        equations: Callable[[ScaledMechanism, LoopClosure], Equations],
         closure: LoopClosure,
         transcription: PiecewiseAcceleration,
     ) -> Method:
-        return Method(pose, closure.name, transcription, lambda s: equations(s, closure))
+        return Method(formulation, closure.name, transcription, lambda s: equations(s, closure))
 
     found = []
     for transcription in (LINEAR, QUADRATIC):
@@ -168,15 +169,15 @@ def compare_plans(
         tell(0.0, "reference")
         references[case.name] = reference = find_reference(case, tolerance)
         bench = _Bench(case, reference, uniform, refinements)
-        poses = {m.equations_key: m.build(case.system) for m in reversed(methods())}
-        modes = [{key: interpreted(e) for key, e in poses.items()}]
+        formulations = {m.equations_key: m.build(case.system) for m in reversed(methods())}
+        modes = [{key: interpreted(e) for key, e in formulations.items()}]
         if compiler() is not None:
             tell(0.1, "compiling")
             compiling = perf_counter()
-            for equations in poses.values():
+            for equations in formulations.values():
                 equations.derive()
             compile_seconds[case.name] = perf_counter() - compiling
-            modes.append(poses)
+            modes.append(formulations)
         for j, method in enumerate(methods()):
             tell(0.2 + 0.8 * j / len(methods()), str(method))
             rows += bench.rows(method, modes)
@@ -185,8 +186,8 @@ def compare_plans(
 
 
 def find_reference(case: Case, tolerance: float) -> Reference:
-    """The case's own; else refine the flat problem until its estimated gap is within the
-    tolerance, or 5 times."""
+    """Return the case's own reference; without one, refine the flat problem until its estimated gap
+    is within the tolerance, or five times."""
     if case.reference is not None:
         return case.reference()
     solver = _Solver(case, flat_equations(case.system), LINEAR)
@@ -197,7 +198,7 @@ def find_reference(case: Case, tolerance: float) -> Reference:
         gap = factor - 1 + solved.lost.total
         if gap <= tolerance:
             break
-        mesh = at_switches(mesh, *case.loads(guess), solved.lost, tolerance / 2)
+        mesh = at_switches(mesh, case.by_order(guess), solved.lost, tolerance / 2)
     return Reference(float(guess.knots[-1]) * factor, gap, f"flat, {len(mesh)} intervals")
 
 
@@ -205,17 +206,17 @@ def find_reference(case: Case, tolerance: float) -> Reference:
 class _Solved:
     """A solution on a mesh, its motion of ξ, and what it gives away."""
 
-    problem: ChainProblem
+    problem: CollocationProblem
     program: Program
     bounds: tuple[Array, Array]
     solution: Solution
     motion: PiecewisePolynomial
-    lost: GivenAway
+    lost: ErrorEstimate
 
 
 @dataclass(frozen=True)
 class _Solver:
-    """Solves a case as it is posed."""
+    """Solves a case in one formulation and transcription."""
 
     case: Case
     equations: Equations
@@ -227,7 +228,7 @@ class _Solver:
         program = problem.program_with(options)
         solution = program.solve(problem.pack(guess, task), *bounds, task.p)
         motion = Meter(self.case).independent(problem, problem.unpack(solution.z, task))
-        lost = given_away(problem.prices(solution), *self.case.loads(motion))
+        lost = self.case.lost(motion, problem.multipliers(solution))
         return _Solved(problem, program, bounds, solution, motion, lost)
 
 
@@ -240,9 +241,9 @@ class _Bench:
         self.case, self.reference, self.meter = case, reference, Meter(case)
         self.uniform, self.refinements = uniform, refinements
 
-    def rows(self, method: Method, modes: list[Poses]) -> list[Row]:
-        """On uniform meshes from the baseline, the finest in every mode, others in the last; then,
-        in the last mode, on meshes with knots where this method's motion switches."""
+    def rows(self, method: Method, modes: list[Formulations]) -> list[Row]:
+        """Solve on uniform meshes from the straight line, the finest in every mode, others in the
+        last; then, in the last mode, on meshes with knots where this method's motion switches."""
         found: list[Row] = []
         last: _Solved | None = None
         for n in self.uniform:
@@ -254,8 +255,8 @@ class _Bench:
         for _ in range(self.refinements):
             if last is None or not found[-1].gap > AIM:
                 break
-            loads = self.case.loads(last.motion)
-            mesh = at_switches(last.problem.mesh, *loads, last.lost, AIM)
+            rows = self.case.by_order(last.motion)
+            mesh = at_switches(last.problem.mesh, rows, last.lost, AIM)
             if len(mesh) > MOST_INTERVALS:
                 break
             last = self._mesh(found, method, modes[-1], len(modes) > 1, mesh, last.motion)
@@ -265,7 +266,7 @@ class _Bench:
         self,
         found: list[Row],
         method: Method,
-        mode: Poses,
+        mode: Formulations,
         compiled: bool,
         mesh: Array,
         guess: PiecewisePolynomial,

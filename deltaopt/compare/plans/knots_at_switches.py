@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.planning.flat.constraint_rows import ByOrder
-from deltaopt.planning.mesh.error_estimate import GivenAway
+from deltaopt.planning.mesh.error_estimate import ErrorEstimate
 from deltaopt.planning.switching.detection import detect_structure
 
 Array = NDArray[np.float64]
@@ -22,14 +22,14 @@ _FINEST = 4.0
 
 
 def at_switches(
-    mesh: Array, torque: Array, speed: Array | None, lost: GivenAway, aim: float
+    mesh: Array, rows: ByOrder, lost: ErrorEstimate, aim: float
 ) -> Array:
-    """The mesh, (N,) fractions of the duration, that follows a solution on another: a knot at
+    """Return the mesh, (N,) fractions of the duration, for the solve after this one: a knot at
     every switch, arcs between them divided so that what is given away falls to about ``aim``.
 
-    ``torque``, ``speed``: loads in the intervals, fractions of their limits, (N, points, m).
+    ``rows``: of controls and velocities inside the intervals, normalised, (N, points, m) each.
     """
-    switches = np.cumsum(detect_structure(mesh, ByOrder(torque, speed)).lengths)
+    switches = np.cumsum(detect_structure(mesh, rows).lengths)
     switches[-1] = 1.0
     ends = np.append(0.0, np.cumsum(mesh))
     ends[-1] = 1.0
@@ -44,7 +44,7 @@ def at_switches(
     return np.diff(knots)
 
 
-def _pieces(mesh: Array, ends: Array, switches: Array, lost: GivenAway, aim: float) -> Array:
+def _pieces(mesh: Array, ends: Array, switches: Array, lost: ErrorEstimate, aim: float) -> Array:
     """Into how many pieces, whole or not, each interval is to be divided, (N,).
 
     What is lost falls with the square of the length. Where a switch lies inside an interval

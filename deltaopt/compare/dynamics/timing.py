@@ -5,15 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from deltaopt.compare.samples import relative_error
-from deltaopt.compare.tasks import Array, Samples, Task
-
-Result = TypeVar("Result")
+from deltaopt.compare.dynamics.samples import relative_error
+from deltaopt.compare.dynamics.tasks import Array, Samples, Task
 
 
 @dataclass(frozen=True)
@@ -25,19 +23,12 @@ class Time:
 
     @staticmethod
     def of(own: Array, reference: Array) -> Time:
-        """From the times in every round."""
+        """Compare the times in every round with those of the reference."""
         return Time(float(np.median(own)), float(np.median(own / reference)))
 
 
-def timed_call(call: Callable[[], Result]) -> tuple[Result, float]:
-    """What a call returns, and its processor seconds."""
-    begin = time.process_time()
-    result = call()
-    return result, time.process_time() - begin
-
-
 class Run:
-    """A function on all samples in one call, without Python between them."""
+    """A function evaluated on all samples in one call, without Python between them."""
 
     def __init__(self, function: ca.Function, task: Task, samples: Samples) -> None:
         self.count = len(samples.q)
@@ -53,20 +44,21 @@ class Run:
         self._buffer.set_res(0, self._result.data)
 
     def seconds(self) -> float:
-        """Per evaluation, once the processor's caches hold what it needs."""
+        """Return the seconds per evaluation, once the processor's caches hold what it needs."""
         self._evaluate()
         start = time.perf_counter()
         self._evaluate()
         return (time.perf_counter() - start) / self.count
 
     def error(self) -> Array:
-        """Relative error at every sample."""
+        """Return the relative error at every sample, (N,)."""
         self._evaluate()
         return relative_error(self._result, self._truth)
 
 
 def interleaved(runs: list[Run], rounds: int, progress: Callable[[float], None]) -> Array:
-    """Seconds per evaluation, runs × rounds: in every round each runs once, in turn."""
+    """Return seconds per evaluation, runs × rounds; in every round each runs once, in turn, so that
+    load falls on all alike."""
     times = np.zeros((len(runs), rounds))
     for k in range(rounds):
         progress(k / rounds)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from textwrap import fill
 
 from deltaopt.codegen.compile import FLAGS
-from deltaopt.compare.dynamics import Row, Study
+from deltaopt.compare.dynamics.study import Row, Study
 
 _SAME = "the same cost indeed"
 _NOT_SAME = "the equations are the same, the expressions for them are not"
@@ -38,7 +38,7 @@ COLUMNS = (
 
 
 def table(study: Study) -> str:
-    """Aligned columns, a blank line between tasks."""
+    """Return the table in aligned columns, a blank line between tasks."""
     cells = [HEADER, *(_cells(row) for row in study.rows)]
     widths = [max(len(row[i]) for row in cells) for i in range(len(HEADER))]
     lines = [_line(row, widths) for row in cells]
@@ -47,12 +47,12 @@ def table(study: Study) -> str:
 
 
 def csv(study: Study) -> str:
-    """One line per row of the table, full precision, empty where nothing was measured."""
+    """Return one line per row of the table, in full precision, empty where nothing was measured."""
     return "\n".join([COLUMNS, *(",".join(_values(row)) for row in study.rows)]) + "\n"
 
 
 def notes(study: Study) -> str:
-    """How the numbers came about."""
+    """Say how the numbers came about."""
     floor = ", ".join(f"{value:.1e} ({task})" for task, value in study.floor.items())
     machine = (
         ""
@@ -75,7 +75,7 @@ def notes(study: Study) -> str:
 
 
 def verdict(study: Study) -> str:
-    """Whether Table I and the 83 % hold, in the numbers of this study."""
+    """Say whether Table I and the 83 % hold, in the numbers of this study."""
     sentences = [
         _same_cost(study),
         f"L_E took {PAPER_SHARE:.0%} of L_I's time in the paper; here L_I is given its fastest"
@@ -90,7 +90,7 @@ def verdict(study: Study) -> str:
 
 
 def share(study: Study, task: str, variant: str, origin: str, compiled: bool) -> float:
-    """Time of L_E with a constraint matrix over that of L_I with its fastest solver.
+    """Return the time of L_E with a constraint matrix over that of L_I with its fastest solver.
 
     ``origin``: one of ``ORIGINS``, where M, Q̂* and Q are from.
     """

@@ -14,11 +14,11 @@ import casadi as ca
 import numpy as np
 
 from deltaopt.codegen.compile import Compiler, in_machine_code
-from deltaopt.compare.many_digits import ManyDigits
-from deltaopt.compare.models import Model, models
-from deltaopt.compare.samples import NEAR_HOME, PAPER, exact_samples, rounding_error
-from deltaopt.compare.tasks import TASKS, Array, Task
-from deltaopt.compare.timing import Run, Time, interleaved
+from deltaopt.compare.dynamics.many_digits import ManyDigits
+from deltaopt.compare.dynamics.models import Model, models
+from deltaopt.compare.dynamics.samples import NEAR_HOME, PAPER, exact_samples, rounding_error
+from deltaopt.compare.dynamics.tasks import TASKS, Array, Task
+from deltaopt.compare.dynamics.timing import Run, Time, interleaved
 from deltaopt.dynamics.constraint_matrix import Partition
 from deltaopt.dynamics.mechanism import Mechanism
 from deltaopt.mechanisms.delta.mechanism import delta
@@ -32,7 +32,7 @@ REFERENCE = ("L_E", "closed form")
 
 @dataclass(frozen=True)
 class Row:
-    """What one model costs and errs at one task.
+    """Cost and error of one model at one task.
 
     ``operations``: elementary ones, see ``operations``. ``error``: largest over the
     components, relative to the largest component; median and maximum over the states.
@@ -51,7 +51,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Study:
-    """All rows, and how they came about.
+    """All rows, and the sizes of the study they come from.
 
     ``floor``: per task, the median error that rounding the state alone makes.
     ``independent``: the coordinates that the partition takes as independent.
@@ -65,7 +65,7 @@ class Study:
     digits: int
 
     def row(self, task: str, model: str, variant: str) -> Row:
-        """The row of a model."""
+        """Return the row of a model."""
         wanted = (task, model, variant)
         return next(r for r in self.rows if (r.task, r.model, r.variant) == wanted)
 
@@ -166,7 +166,7 @@ def _row(m: Mechanism, case: _Case, error: Array, interpreted: Time, fast: Time 
 
 
 def operations(function: ca.Function) -> int:
-    """Elementary operations of an evaluation, one for each +, ×, √, sin, comparison …
+    """Count the elementary operations of an evaluation, one for each +, ×, √, sin, comparison …
 
     A linear system of n equations solved at run time counts as a dense LU factorisation
     with two substitutions, 2/3 n³ + 2 n². CasADi's sparse QR does less where the matrix has

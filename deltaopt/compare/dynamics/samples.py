@@ -8,9 +8,9 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from deltaopt.compare.many_digits import ManyDigits, Matrix
-from deltaopt.compare.models import written_out
-from deltaopt.compare.tasks import Array, ForwardDynamics, Samples, Task
+from deltaopt.compare.dynamics.many_digits import ManyDigits, Matrix
+from deltaopt.compare.dynamics.models import written_out
+from deltaopt.compare.dynamics.tasks import Array, ForwardDynamics, Samples, Task
 from deltaopt.dynamics.consistency import Projector
 from deltaopt.dynamics.formulation import state
 from deltaopt.dynamics.lagrange import Explicit
@@ -38,7 +38,7 @@ NEAR_HOME = np.array([0.45, 0.0, 0.0, *3 * [-0.232, -2.20, 0.0]])
 
 
 def exact_samples(mechanism: Mechanism, count: int, exact: ManyDigits, seed: int = 0) -> Samples:
-    """Random states of the paper's Delta whose q, q̇, q̈, τ fit to ``exact``'s digits.
+    """Make random states of the paper's Delta whose q, q̇, q̈, τ fit to ``exact``'s digits.
 
     A random neighbour of ``NEAR_HOME`` is moved onto the constraints, by Newton's method in
     many digits at last; torques are chosen at random; q̈ follows from L_I's linear system.
@@ -60,7 +60,7 @@ class _Maker:
     exact: ManyDigits
 
     def row(self, rng: np.random.Generator) -> tuple[Array, Array, Array, Array]:
-        """q, q̇, q̈, τ, each rounded once."""
+        """Make q, q̇, q̈, τ, each rounded once."""
         n, m = self.mechanism.q.numel(), self.mechanism.controls.numel()
         guess = NEAR_HOME + rng.uniform(-1, 1, n) * np.repeat([0.12, 0.3], [3, n - 3])
         speeds = rng.uniform(-1, 1, n) * np.repeat([1.0, 5.0], [3, n - 3])
@@ -71,7 +71,7 @@ class _Maker:
         return rounded(q), rounded(dq), rounded(ddq), rounded(tau)
 
     def consistent(self, q0: Array, dq0: Array) -> tuple[Matrix, Matrix]:
-        """The state on the constraints, from one that is on them in double precision.
+        """Return the state on the constraints near one that is on them in double precision.
 
         Every step of Newton's method doubles the digits: 16, 32, 64.
         """
@@ -101,7 +101,7 @@ class _Maker:
 
 
 def rounding_error(mechanism: Mechanism, task: Task, samples: Samples, exact: ManyDigits) -> Array:
-    """Relative error, N, of L_E evaluated exactly at the rounded values.
+    """Return the relative error (N,) of L_E evaluated exactly at the rounded values.
 
     No computation that starts from doubles can be expected to do better.
     """
@@ -114,11 +114,11 @@ def rounding_error(mechanism: Mechanism, task: Task, samples: Samples, exact: Ma
 
 
 def rounded(column: Matrix) -> Array:
-    """Doubles nearest to the entries of a column."""
+    """Return the doubles nearest to the entries of a column."""
     return np.array([float(x) for x in column])
 
 
 def relative_error(value: Array, truth: Array) -> Array:
-    """Largest component of the error over the largest of the truth, N."""
+    """Return the largest component of the error over the largest of the truth, (N,)."""
     error: Array = np.abs(value - truth).max(axis=1) / np.abs(truth).max(axis=1)
     return error

@@ -1,4 +1,5 @@
-"""A pose's point functions kept in CasADi's interpreter, to plug into the same problem."""
+"""The point functions of a formulation kept in CasADi's interpreter, to plug into the same
+problem."""
 
 from __future__ import annotations
 
@@ -14,7 +15,7 @@ from deltaopt.planning.nlp.program import PointFunction
 
 @dataclass(frozen=True)
 class InterpretedPointFunction(PointFunction):
-    """The same r(y, p), its derivatives not compiled."""
+    """A point function r(y, p) whose derivatives are not compiled."""
 
     @cached_property
     def derivatives(self) -> list[tuple[ca.Function, ca.Sparsity]]:
@@ -22,7 +23,7 @@ class InterpretedPointFunction(PointFunction):
 
 
 def interpreted(equations: Equations) -> Equations:
-    """The same equations, no point function compiled."""
+    """Return the same equations with no point function compiled."""
     points: dict[str, Any] = {}
     for f in fields(equations):
         value = getattr(equations, f.name)

@@ -1,0 +1,1 @@
+"""The paper's models of the Delta: what each costs and errs."""

@@ -1,0 +1,1 @@
+"""Ways to write the planning problem: what accuracy costs in each."""

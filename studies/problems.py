@@ -1,0 +1,39 @@
+"""The shipped robots and scenes that studies run on, and the arguments that choose others."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+PROBLEMS = Path(__file__).parents[1] / "problems"
+SCENES = tuple(
+    PROBLEMS / f"{name}.yaml"
+    for name in ("industrial_cross", "light_and_fast", "long_diagonal", "pick_and_place")
+)
+"""The scenes of the documented figures."""
+ROBOTS = (PROBLEMS / "robots" / "orsino.yaml", PROBLEMS / "robots" / "industrial.yaml")
+"""The two robots of the documented figures."""
+CROSS, LIGHT, _, PICK_AND_PLACE = SCENES
+ORSINO, INDUSTRIAL = ROBOTS
+
+
+def add_scenes(parser: argparse.ArgumentParser, default: tuple[Path, ...] = SCENES) -> None:
+    """Add SCENE..., ``default`` where none is given."""
+    _add_files(parser, "scene", default)
+
+
+def add_robots(parser: argparse.ArgumentParser) -> None:
+    """Add ROBOT..., both documented ones where none is given."""
+    _add_files(parser, "robot", ROBOTS)
+
+
+def _add_files(parser: argparse.ArgumentParser, what: str, default: tuple[Path, ...]) -> None:
+    names = " ".join(file.stem for file in default)
+    parser.add_argument(
+        f"{what}s",
+        nargs="*",
+        type=Path,
+        default=default,
+        metavar=what.upper(),
+        help=f"{what} files (default: {names})",
+    )

@@ -1,0 +1,65 @@
+"""Peers that fix the path: the paths they are given, and what is said where they are missing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from deltaopt.bench import fixed_paths
+from deltaopt.bench.fixed_paths import driven, fixed_path_comparison, platform_motion, straight
+from deltaopt.errors import MissingPackage
+from deltaopt.planning.planner import Planner
+from deltaopt.robot.model import DeltaModel
+from deltaopt.robot.robot import load_robot
+from deltaopt.scene.scene import load_scene
+
+PROBLEMS = Path(__file__).parents[2] / "problems"
+ORSINO = load_robot(PROBLEMS / "robots" / "orsino.yaml")
+PICK = load_scene(PROBLEMS / "pick_and_place.yaml")
+
+
+def test_a_driven_path_by_its_length():
+    """Against differences of its positions: tangents of length one, curvature between."""
+    motion = Planner(ORSINO, 1.0).plan(PICK.start, PICK.goal).trajectory
+    path = driven(motion, 200)
+    x, tangent, curvature = (path(path.s, order) for order in range(3))
+    np.testing.assert_allclose(np.linalg.norm(tangent, axis=1), 1.0, rtol=1e-12)
+    inner = slice(400, 600)  # the third interval, away from rest
+    slopes = np.gradient(x[inner], path.s[inner], axis=0)[1:-1]
+    np.testing.assert_allclose(tangent[inner][1:-1], slopes, atol=1e-5)
+    bends = np.gradient(tangent[inner], path.s[inner], axis=0)[1:-1]
+    np.testing.assert_allclose(curvature[inner][1:-1], bends, atol=1e-3 * np.abs(bends).max())
+
+
+def test_motors_and_platform_move_together():
+    model, rng = DeltaModel(ORSINO, 1.0), np.random.default_rng(1)
+    x = np.array(PICK.start) + 0.02 * rng.normal(size=(5, 3))
+    v, a = rng.normal(size=(2, 5, 3))
+    _, dq, ddq = model.motion(x, v, a)
+    found = platform_motion(model, x, dq[:, 3::3], ddq[:, 3::3])
+    np.testing.assert_allclose(found, (v, a), rtol=1e-10, atol=1e-10)
+
+
+def test_peers_that_are_missing_are_told(monkeypatch):
+    def missing(package: str):
+        raise MissingPackage(f"{package} is not installed")
+
+    monkeypatch.setattr(fixed_paths, "installed", missing)
+    told = fixed_path_comparison(ORSINO, 1.0, 1, 1, lambda _: None)
+    assert told.splitlines()[1:] == ["  toppra is not installed", "  ruckig is not installed"]
+
+
+def test_toppra_drives_our_path_as_fast_as_we_do():
+    """On a grid fine enough, and faster by no more than the gap that the plan states."""
+    pytest.importorskip("toppra")
+    plan = Planner(ORSINO, 1.0).plan(PICK.start, PICK.goal)
+    coarse, fine = (
+        fixed_paths.toppra_duration(plan.scene, driven(plan.trajectory, pieces)) / plan.duration
+        for pieces in (32, 128)
+    )
+    assert 1 - plan.gap < fine < 1 + 3e-4
+    assert fine < coarse < 1 + 2e-3
+    line = fixed_paths.toppra_duration(plan.scene, straight(plan.scene, 100))
+    assert line > plan.duration

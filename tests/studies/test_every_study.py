@@ -1,0 +1,142 @@
+"""Every study at its small size: it runs, says what it found, and writes what it says."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from studies.__main__ import STUDIES, main
+from studies.stability.drift import FREQUENCIES, MINIMAL
+from studies.stability.singularities import DISTANCES, METHODS, PROBLEMS
+
+SAYS = {
+    "agreement": "forward, 80 on switches",
+    "frozen": "cases agree to 1e-09",
+    "gap": "true: against 0.14087",
+    "inverse": "inverse dynamics",
+    "objectives": "least effort ∫ τᵀτ dt in",
+    "scaling": "time of an iteration grows as N^",
+    "tolerances": "gaps against 0.14087",
+}
+
+
+@pytest.fixture(autouse=True)
+def elsewhere(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.mark.parametrize("name", SAYS)
+def test_study_in_small(name, capsys):
+    assert main([name, "--small"]) == 0
+    assert SAYS[name] in capsys.readouterr().out
+
+
+def test_all_runs_every_study_in_turn(monkeypatch, capsys):
+    ran = []
+    for name, study in STUDIES.items():
+        monkeypatch.setattr(study, "run", lambda arguments, name=name: ran.append(arguments) or 0)
+    assert main(["all", "--small"]) == 0
+    assert [arguments.study for arguments in ran] == list(STUDIES)
+    told = capsys.readouterr().out
+    assert [line for line in told.splitlines() if line] == [f"=== {name} ===" for name in STUDIES]
+    small, full = (vars(arguments) for arguments in (ran[2], _parsed(monkeypatch, "gap")))
+    assert len(small["tolerances"]) < len(full["tolerances"])
+
+
+def _parsed(monkeypatch, *words):
+    """The arguments that a study is run with."""
+    found = []
+    monkeypatch.setattr(STUDIES[words[0]], "run", lambda arguments: found.append(arguments) or 0)
+    assert main(list(words)) == 0
+    return found[0]
+
+
+def test_help_lists_every_study(capsys):
+    with pytest.raises(SystemExit) as end:
+        main(["--help"])
+    assert end.value.code == 0
+    told = capsys.readouterr().out
+    assert all(f"    {name}" in told for name in STUDIES)
+
+
+def test_an_error_is_one_sentence(capsys):
+    assert main(["gap", "nowhere.yaml"]) == 2
+    printed = capsys.readouterr()
+    assert printed.err.count("\n") == 1
+    assert "nowhere.yaml cannot be read" in printed.err
+
+
+# Where methods fail
+
+
+def rows(name: str) -> list[dict[str, str]]:
+    with (Path("out/stability") / f"{name}.csv").open(encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def written() -> list[str]:
+    return sorted(path.name for path in Path("out/stability").iterdir())
+
+
+def said(capsys) -> str:
+    return " ".join(capsys.readouterr().out.split())
+
+
+def test_singularities_in_small(capsys):
+    assert main(["stability", "singularities", "--small"]) == 0
+    told = said(capsys)
+    assert "eq. (55): its error grows as ε^-1.0 (torques at rest)" in told
+    assert "So whether L_I suffers more is a matter of its linear solver" in told
+    charts = ["singularities_delta.png", "singularities_pendulum.png"]
+    assert written() == ["singularities.csv", *charts]
+    for chart in charts:
+        assert (Path("out/stability") / chart).stat().st_size > 10_000
+    table = rows("singularities")
+    methods = len(METHODS) + 1  # and the rounding of the state alone
+    curves = [row for row in table if row["problem"] != "condition number"]
+    assert len(curves) == 6 * len(PROBLEMS) * methods * len(DISTANCES)
+    exact = [
+        float(row["value"])
+        for row in curves
+        if (row["family"], row["problem"]) == ("level", "forward")
+        and (row["model"], row["variant"]) == ("L_E", "closed form")
+    ]
+    assert len(exact) == len(DISTANCES)
+    assert max(exact) < 1e-14
+
+
+def test_drift_in_small(capsys):
+    assert main(["stability", "drift", "--small"]) == 0
+    assert "Over 0.2 s at tolerance 1e-08" in said(capsys)
+    assert written() == ["drift.csv", "drift.png"]
+    drift = {(row["method"], float(row["tolerance"])): float(row["f_m"]) for row in rows("drift")}
+    assert len(drift) == 3 * (2 + len(FREQUENCIES) + 1)
+    kept = [f for (method, _), f in drift.items() if method in ("projection", MINIMAL)]
+    assert len(kept) == 6
+    assert max(kept) < 1e-14
+    assert drift["none", 1e-10] < drift["none", 1e-6]
+
+
+def test_benchmarks_in_small(capsys):
+    assert main(["stability", "benchmarks", "--small"]) == 0
+    printed = capsys.readouterr()
+    assert "A02: inside 0.1 J are" in printed.out
+    assert "100%" in printed.err
+    assert written() == ["benchmarks.csv", "benchmarks.png"]
+    assert Path("out/stability/benchmarks.png").read_bytes().startswith(b"\x89PNG")
+    errors = [float(row["largest_energy_error_J"]) for row in rows("benchmarks")]
+    assert np.nanmax(errors) < 1e-6
+
+
+def test_edge_in_small(capsys):
+    assert main(["stability", "edge", "--small"]) == 0
+    assert "0 end in anything else" in said(capsys)
+    assert written() == ["edge.csv", "edge.png"]
+
+
+def test_unknown_part_is_named(capsys):
+    assert main(["stability", "earthquakes"]) == 2
+    assert "earthquakes is no part" in capsys.readouterr().err
