@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from deltaopt.planning.switching.resolver import resolver
 
 from deltaopt import load_robot, load_scene
 from deltaopt.bench.random_scenes import random_scenes
@@ -14,6 +13,7 @@ from deltaopt.planning.nlp.problem import Guess
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import LINEAR
 from deltaopt.planning.refinement import Refinement, ResolvedMotion
+from deltaopt.planning.switching.resolver import resolver
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.scene import Scene, limits_of
 

@@ -21,9 +21,7 @@ _FINEST = 4.0
 """Into how many one interval becomes at most."""
 
 
-def at_switches(
-    mesh: Array, rows: ByOrder, lost: ErrorEstimate, aim: float
-) -> Array:
+def at_switches(mesh: Array, rows: ByOrder, lost: ErrorEstimate, aim: float) -> Array:
     """Return the mesh, (N,) fractions of the duration, for the solve after this one: a knot at
     every switch, arcs between them divided so that what is given away falls to about ``aim``.
 

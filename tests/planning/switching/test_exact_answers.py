@@ -14,18 +14,18 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
-from deltaopt.planning.flat.constraint_rows import ByOrder
 from deltaopt.limits.constraints import Constraints, SceneLimits
 from deltaopt.limits.speed import Speed
 from deltaopt.limits.torque import Torque
+from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
+from deltaopt.planning.flat.constraint_rows import ByOrder
 from deltaopt.planning.flat.equations import PointEquations
 from deltaopt.planning.flat.flat_problem import FlatEquations
 from deltaopt.planning.mesh.error_estimate import FRACTIONS, ErrorEstimate, error_estimate, refined
 from deltaopt.planning.nlp.scaling import Parameters, Scaling
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
-from deltaopt.scene.task import RestToRest
 from deltaopt.planning.switching.detection import detect_structure
+from deltaopt.scene.task import RestToRest
 from tests.oracles.arcs import ArcProblem
 from tests.oracles.certify import certify, hamiltonian
 

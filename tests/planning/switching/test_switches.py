@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import casadi as ca
 import numpy as np
 import pytest
+from tests.posed_scenes import random_move
 
 from deltaopt import load_scene, plan, verify
 from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
@@ -32,7 +33,6 @@ from deltaopt.planning.switching.structure import (
 from deltaopt.robot.model import DeltaModel
 from tests.oracles.arcs import ArcProblem
 from tests.planning.switching.test_exact_answers import LINES, UNEVEN, Line, UnitMass
-from tests.posed_scenes import random_move
 
 UP, DOWN = ActiveLimits(control=1), ActiveLimits(control=-1)
 
