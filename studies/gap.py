@@ -11,9 +11,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import deltaopt
-from deltaopt.cli.arguments import load_fastest, positive
+from deltaopt.cli.arguments import load_fastest
 from deltaopt.cli.progress import ProgressBar
-from studies.problems import PICK_AND_PLACE, add_scenes
+from studies.problems import PICK_AND_PLACE, add_scenes, add_tolerances
 
 HELP = "hold estimated gaps against true ones"
 TOLERANCES = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5)
@@ -61,14 +61,7 @@ def table(name: str, study: GapStudy) -> str:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_scenes(parser)
-    parser.add_argument(
-        "--tolerances",
-        nargs="+",
-        type=positive,
-        default=TOLERANCES,
-        metavar="GAP",
-        help="largest first; the last stands for the optimum",
-    )
+    add_tolerances(parser, TOLERANCES)
 
 
 def run(arguments: argparse.Namespace) -> int:

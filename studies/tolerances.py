@@ -16,13 +16,13 @@ from time import process_time
 import numpy as np
 
 from deltaopt import Planner, Scene
-from deltaopt.cli.arguments import load_fastest, positive
+from deltaopt.cli.arguments import load_fastest
 from deltaopt.cli.progress import ProgressBar
 from deltaopt.motion.time_scaling import safe_factor
 from deltaopt.planning.initial_motion import first_motion
 from deltaopt.planning.nlp.problem import Guess
 from deltaopt.planning.planner import RESOLVED_BELOW
-from studies.problems import PICK_AND_PLACE, add_scenes
+from studies.problems import PICK_AND_PLACE, add_scenes, add_tolerances
 from studies.uniform_mesh import motion_of, solved_on
 
 HELP = "what a gap costs, on meshes and by switch resolution"
@@ -138,14 +138,7 @@ def table(name: str, study: ToleranceStudy) -> str:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_scenes(parser)
-    parser.add_argument(
-        "--tolerances",
-        nargs="+",
-        type=positive,
-        default=TOLERANCES,
-        metavar="GAP",
-        help="largest first; the last is the reference (default: 1e-2 to 1e-8)",
-    )
+    add_tolerances(parser, TOLERANCES)
     parser.add_argument(
         "--uniform",
         nargs="*",
@@ -174,8 +167,9 @@ def run(arguments: argparse.Namespace) -> int:
         study = tolerance_study(scene, arguments.tolerances, arguments.uniform, ProgressBar())
         studies[file.stem] = study
         print(table(file.stem, study), end="\n\n", flush=True)
-    ratios = ", ".join(f"{study.ratio(1e-6, to=1e-3):.1f}" for study in studies.values())
-    print(f"1e-6 takes so many times as long as 1e-3: {ratios}")
+    if {1e-3, 1e-6} <= set(arguments.tolerances):
+        ratios = ", ".join(f"{study.ratio(1e-6, to=1e-3):.1f}" for study in studies.values())
+        print(f"1e-6 takes so many times as long as 1e-3: {ratios}")
     chart, numbers = (arguments.directory / f"resolution.{kind}" for kind in ("png", "csv"))
     with whole(numbers) as temporary:
         temporary.write_text(csv(studies), encoding="utf-8")

@@ -34,8 +34,8 @@ class Timed:
     evaluation: float
     algebra: float
     gap: float
-    true_gap: float
-    ok: bool
+    true_gap: float = np.nan
+    ok: bool = False
 
 
 def finer(planner: Planner) -> Planner:
@@ -47,30 +47,44 @@ def finer(planner: Planner) -> Planner:
 def timed_plans(
     planner: Planner, number: int, seed: int, *, references: int, told: Callable[[int], None]
 ) -> list[Timed]:
-    """Time plans of random moves, and hold the first ``references`` of them against finer ones;
-    ``told`` is called after each with how many are done."""
+    """Time plans of random moves, then verify them, and hold the first ``references`` of them
+    against finer ones; ``told`` is called after each move, timed or verified, with how many of
+    twice ``number`` are done.
+
+    Nothing else runs between plans: it would empty the processor's caches.
+    """
+    scenes = list(random_scenes(planner.robot, planner.payload, number, seed))
+    _timed(planner, scenes[0])  # what is built once is built now
+    plans: list[tuple[Timed, Plan | None]] = []
+    for scene in scenes:
+        plans.append(_timed(planner, scene))
+        told(len(plans))
     reference = finer(planner)
     results: list[Timed] = []
-    for scene in random_scenes(planner.robot, planner.payload, number, seed):
-        if not results:
-            _timed(planner, scene, None)  # what is built once is built now
-        results.append(_timed(planner, scene, reference if len(results) < references else None))
-        told(len(results))
+    for timed, plan in plans:
+        results.append(_checked(timed, plan, reference if len(results) < references else None))
+        told(number + len(results))
     return results
 
 
-def _timed(planner: Planner, scene: Scene, reference: Planner | None) -> Timed:
+def _timed(planner: Planner, scene: Scene) -> tuple[Timed, Plan | None]:
     wall, processor = perf_counter(), thread_time()
     try:
         plan = planner.plan(scene.start, scene.goal)
     except DeltaOptError:
         spent = perf_counter() - wall, thread_time() - processor
-        return Timed(*spent, np.nan, np.nan, np.nan, np.nan, ok=False)
+        return Timed(*spent, np.nan, np.nan, np.nan), None
     wall, processor = perf_counter() - wall, thread_time() - processor
     evaluation = sum(r.spent.evaluation for r in plan.meshes)
     algebra = sum(r.spent.algebra for r in plan.meshes)
-    ok = plan.within_tolerance and verify(scene, plan.trajectory).ok
-    return Timed(wall, processor, evaluation, algebra, plan.gap, _true_gap(plan, reference), ok)
+    return Timed(wall, processor, evaluation, algebra, plan.gap), plan
+
+
+def _checked(timed: Timed, plan: Plan | None, reference: Planner | None) -> Timed:
+    if plan is None:
+        return timed
+    ok = plan.within_tolerance and verify(plan.scene, plan.trajectory).ok
+    return replace(timed, ok=ok, true_gap=_true_gap(plan, reference))
 
 
 def _true_gap(plan: Plan, reference: Planner | None) -> float:

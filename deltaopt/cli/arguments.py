@@ -30,7 +30,7 @@ def add_robots(parser: argparse.ArgumentParser, number: int) -> None:
     parser.add_argument("robots", nargs="+", type=Path, metavar="ROBOT", help="robot files")
     parser.add_argument(
         "--number",
-        type=int,
+        type=one_or_more,
         default=number,
         metavar="N",
         help=f"moves of each robot (default: {number})",

@@ -65,7 +65,7 @@ def _plan(arguments: argparse.Namespace) -> int:
             number,
             arguments.seed,
             references=min(20, number // 10),
-            told=ProgressBar().counting(number, robot.name),
+            told=ProgressBar().counting(2 * number, robot.name),
         )
         print(plan_report(robot.name, results))
         good = good and all(r.ok for r in results)

@@ -1,10 +1,10 @@
 """Put methods side by side, as tables and charts.
 
-  deltaopt compare dynamics         the models of the paper: their cost and accuracy
-  deltaopt compare SCENE... five-bar   ways to pose the fastest motion: what accuracy costs
+  deltaopt compare dynamics            the models of the paper: their cost and accuracy
+  deltaopt compare SCENE... five-bar   formulations of the fastest motion: what accuracy costs
 
-The latter solves each scene, and the planar five-bar where that word is among them, with
-every formulation, loop closure and transcription on a range of meshes.
+The latter solves each scene, and the planar five-bar where that word is among them, in every
+formulation, with every loop closure and transcription, on a range of meshes.
 """
 
 from __future__ import annotations

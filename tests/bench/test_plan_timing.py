@@ -23,7 +23,7 @@ def test_parts_are_parts_of_the_whole():
     first, second = timed_plans(
         Planner(load_robot(ROBOT), 1.0), 2, seed=1, references=1, told=done.append
     )
-    assert done == [1, 2]
+    assert done == [1, 2, 3, 4]
     for timed in (first, second):
         assert timed.ok
         assert 0 < timed.evaluation + timed.algebra < timed.wall

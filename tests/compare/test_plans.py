@@ -43,7 +43,7 @@ def test_table_and_csv(study):
     assert lines[0].split(",") == list(COLUMNS)
     assert len(lines) == 1 + len(study.rows)
     assert {line.count(",") for line in lines if '"' not in line} == {len(COLUMNS) - 1}
-    assert "multiplier  constraints at knots" in tables(study)
+    assert "multiplier   constraints at knots" in tables(study)
 
 
 def test_verdict_and_chart_with_a_failure(study, tmp_path):
