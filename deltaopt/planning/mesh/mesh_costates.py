@@ -30,8 +30,8 @@ Array = NDArray[np.float64]
 
 FADES = 0.05
 """Part of the motion over which a shift fades out: a longer one averages more of the unknown
-distribution of multipliers, a shorter one follows H more closely. Set by hand on random moves: many
-intervals where they are short."""
+distribution of multipliers, a shorter one follows H more closely. Found by hand on a random move;
+it spans many intervals where they are short."""
 
 
 def certify_mesh(rows: ConstraintRows, found: MeshSolution) -> Certificate:

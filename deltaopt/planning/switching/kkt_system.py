@@ -27,7 +27,7 @@ effect on the duration."""
 _INSIDE = 0.995
 """Part of the way to the boundary that a step may go, of slacks and multipliers (as is usual in
 interior-point methods): more risks steps that are stopped short afterwards, less is slower."""
-REDUNDANT = 1e-10
+_REDUNDANT = 1e-10
 """Shift of the diagonal of the costates, for rows that imply each other by symmetry: a larger one
 makes steps less accurate, without it the matrix is singular there."""
 
@@ -57,6 +57,32 @@ class _BarrierTerms:
     aim: Array
 
 
+@dataclass(frozen=True)
+class _Primal:
+    """Violations of the primal conditions: of the ``values`` of active rows, (n, nodes, m), of
+    ``continuity`` at the ends of the intervals, (n, 2 m), and of ``entries``, (entries,). The
+    slopes are derivatives of active rows by y and of entry conditions by (X, V)."""
+
+    values: Array
+    continuity: Array
+    entries: Array
+    value_slopes: Array
+    entry_slopes: list[Array]
+
+
+@dataclass(frozen=True)
+class _Dual:
+    """Derivatives of the Lagrangian: ``by_y`` at the nodes, (n, nodes, 3 m); ``own``, by (X_i, V_i,
+    h, A), (n, 2 m + 1 + m nodes); ``singular``, by coefficients of singular controls, (n, m, most
+    modes). The aims are what a full step adds to them for the barrier."""
+
+    by_y: Array
+    own: Array
+    own_aim: Array
+    singular: Array
+    singular_aim: Array
+
+
 class KKTSystem:
     """Newton's equations at a point, linearised once.
 
@@ -64,38 +90,23 @@ class KKTSystem:
     4 m + 1, the right-hand side, and the coefficients of singular controls of its arc.
     """
 
-    _primal = 1.0
-    """Factor of the primal residuals that a step is to remove."""
+    _removed = 1.0
+    """Part of the primal violations that a step is to remove."""
 
     def __init__(self, of: OptimalityConditions, at: PrimalDualPoint, barrier: float = 0.0) -> None:
         """``barrier``: slack times multiplier, per time."""
         self.of, self.at = of, at
-        mesh, m = of.mesh, of.rows.motors
-        n, k = mesh.intervals, len(mesh.nodes)
-        active = np.broadcast_to(of.active.row[mesh.arc][:, None], (n, k, m))
+        mesh = of.mesh
+        shape = (mesh.intervals, len(mesh.nodes), of.rows.motors)
+        active = np.broadcast_to(of.active.row[mesh.arc][:, None], shape)
         y = at.at_nodes(mesh)
-        d = self._rows_at(y, active)
-        self._rows, self._singular = d, mesh.singular_controls(at.singular)
-        values = self._singular + of.active.value[mesh.arc][:, None]
-        self._off_values = np.take_along_axis(d.r, active, axis=2) - values
-        self._discontinuity = y[:, -1, : 2 * m] - np.vstack([at.knots[1:-1], of.goal])
-        entries = [(mesh.first[e.arc], 0, e.row) for e in of.active.entries]
-        pairs = zip(entries, of.active.entries, strict=True)
-        self._off_entries = np.array([d.r[i] - e.value for i, e in pairs], dtype=float)
-        self._entry_slopes = [d.J[i][: 2 * m] for i in entries]
-        self._active_slopes = np.take_along_axis(d.J, active[..., None], axis=2)
-        self._bounded_slopes = d.J[:, :, of.bounded]
-        self._barrier = b = self._barrier_terms(barrier)
-        self._by_y = np.einsum("nkr,nkra->nka", d.weights, d.J)
-        self._by_y[:, -1, : 2 * m] += at.costates
+        self._rows = self._rows_at(y, active)
+        self._singular = mesh.singular_controls(at.singular)
+        self._bounded_slopes = self._rows.J[:, :, of.bounded]
         self._y_slopes = self._node_slopes()
-        by_own = self._y_slopes.reshape(n, 3 * m * k, -1)
-        self._gradient = (self._by_y.reshape(n, 1, -1) @ by_own)[:, 0]
-        aim = np.einsum("nkr,nkra->nka", b.aim[..., m:], self._bounded_slopes)
-        self._gradient_aim = (aim.reshape(n, 1, -1) @ by_own)[:, 0]
-        pull = b.force[..., :m] - at.multipliers
-        self._by_singular = np.einsum("nkr,nkl->nrl", pull, mesh.legendre)
-        self._by_singular_aim = np.einsum("nkr,nkl->nrl", b.aim[..., :m], mesh.legendre)
+        self._barrier = self._barrier_terms(barrier)
+        self._primal = self._primal_violations(y, active)
+        self._dual = self._lagrangian_gradient()
 
     def _rows_at(self, y: Array, active: NDArray[np.intp]) -> _Derivatives:
         """Rows at the nodes, weighted by the multipliers that they have in the Lagrangian."""
@@ -122,11 +133,40 @@ class KKTSystem:
         aim = stiffness * off + mu / above - mu / below - force
         return _BarrierTerms(off, mu, stiffness, force, aim)
 
+    def _primal_violations(self, y: Array, active: NDArray[np.intp]) -> _Primal:
+        of, at, rows, states = self.of, self.at, self._rows, self.of.index.states
+        wanted = self._singular + of.active.value[of.mesh.arc][:, None]
+        entries = [(of.mesh.first[e.arc], 0, e.row) for e in of.active.entries]
+        pairs = zip(entries, of.active.entries, strict=True)
+        return _Primal(
+            values=np.take_along_axis(rows.r, active, axis=2) - wanted,
+            continuity=y[:, -1, :states] - np.vstack([at.knots[1:-1], of.goal]),
+            entries=np.array([rows.r[i] - e.value for i, e in pairs], dtype=float),
+            value_slopes=np.take_along_axis(rows.J, active[..., None], axis=2),
+            entry_slopes=[rows.J[i][:states] for i in entries],
+        )
+
+    def _lagrangian_gradient(self) -> _Dual:
+        at, rows, barrier, m = self.at, self._rows, self._barrier, self.of.rows.motors
+        legendre, n = self.of.mesh.legendre, len(self._y_slopes)
+        by_y = np.einsum("nkr,nkra->nka", rows.weights, rows.J)
+        by_y[:, -1, : 2 * m] += at.costates
+        aim = np.einsum("nkr,nkra->nka", barrier.aim[..., m:], self._bounded_slopes)
+        y_slopes = self._y_slopes.reshape(n, by_y[0].size, -1)
+        pull = barrier.force[..., :m] - at.multipliers
+        return _Dual(
+            by_y=by_y,
+            own=(by_y.reshape(n, 1, -1) @ y_slopes)[:, 0],
+            own_aim=(aim.reshape(n, 1, -1) @ y_slopes)[:, 0],
+            singular=np.einsum("nkr,nkl->nrl", pull, legendre),
+            singular_aim=np.einsum("nkr,nkl->nrl", barrier.aim[..., :m], legendre),
+        )
+
     @property
     def costates(self) -> Array:
         """p where the intervals begin, after the entry conditions there, (n, 2 m)."""
-        first: Array = self._gradient[:, : self.of.index.states].copy()
-        rows = zip(self.of.active.entries, self.at.entry, self._entry_slopes, strict=True)
+        first: Array = self._dual.own[:, : self.of.index.states].copy()
+        rows = zip(self.of.active.entries, self.at.entry, self._primal.entry_slopes, strict=True)
         for entry, nu, slope in rows:
             first[self.of.mesh.first[entry.arc]] -= nu * slope
         return first
@@ -146,18 +186,19 @@ class KKTSystem:
         """Largest violation of an active row, an entry condition or continuity, or largest
         derivative of the Lagrangian; all are of the order of one."""
         mesh, at, own = self.of.mesh, self.at, self.of.index.own
-        by_h = self._gradient[:, own - 1] / mesh.parts[mesh.arc]
-        by_state = self._gradient[1:, : own - 1] - at.costates[:-1]
-        parts = [self._off_values, self._discontinuity, self._off_entries]
-        parts += [1.0 + np.bincount(mesh.arc, by_h), by_state, self._barrier.off]
-        parts += [self._gradient[:, own:], *self._by_coefficients(), self._off_end_values()]
+        by_h = self._dual.own[:, own - 1] / mesh.parts[mesh.arc]
+        by_state = self._dual.own[1:, : own - 1] - at.costates[:-1]
+        parts = [self._primal.values, self._primal.continuity, self._primal.entries]
+        by_length = np.asarray(1.0 + np.bincount(mesh.arc, by_h), np.float64)
+        parts += [by_length, by_state, self._barrier.off]
+        parts += [self._dual.own[:, own:], *self._by_coefficients(), self._off_end_values()]
         return float(max(np.abs(part).max(initial=0.0) for part in parts))
 
     def _by_coefficients(self) -> list[Array]:
         """Derivatives of the Lagrangian by the coefficients of each singular control."""
         slopes, arc = [], self.of.mesh.arc
         for (a, k), apart in zip(self.of.active.singular, self._outside_intervals(), strict=True):
-            in_intervals = self._by_singular[arc == a, k].sum(axis=0)
+            in_intervals = self._dual.singular[arc == a, k].sum(axis=0)
             slopes.append(in_intervals[: len(apart)] + apart)
         return slopes
 
@@ -214,7 +255,7 @@ class KKTSystem:
         flat = self._y_slopes.reshape(n, 3 * m * k, -1)
         total = flat.transpose(0, 2, 1) @ (H @ self._y_slopes).reshape(n, 3 * m * k, -1)
         position, velocity, _ = mesh.at_nodes  # y is bilinear too: products of h with V and A
-        by_y, h, at_h = self._by_y, at.interval_lengths(mesh), own - 1
+        by_y, h, at_h = self._dual.by_y, at.interval_lengths(mesh), own - 1
         by_V = np.einsum("nka,k->na", by_y[..., :m], mesh.nodes)
         pulled = position.T @ by_y[..., :m]
         by_A = 2 * h[:, None, None] * pulled + velocity.T @ by_y[..., m : 2 * m]
@@ -232,14 +273,14 @@ class KKTSystem:
         index, Q = self.of.index, self._curvature()
         own, right = index.own, index.right
         n, unknowns = len(Q), Q.shape[1] - own
-        slopes = (self._active_slopes @ self._y_slopes).reshape(n, unknowns, -1)
+        slopes = (self._primal.value_slopes @ self._y_slopes).reshape(n, unknowns, -1)
         by_A = np.zeros((n, unknowns, index.width))  # derivatives by A, of the border
         by_A[:, :, :own] = Q[:, own:, :own]
         by_A[:, :, own:right] = self._y_slopes[:, -1, : own - 1, own:].transpose(0, 2, 1)
         by_A[:, :, right] = self._dual_gradient()[:, own:]
         active = np.zeros((n, unknowns, index.width))  # the active rows, of the border
         active[:, :, :own] = slopes[:, :, :own]
-        active[:, :, right] = self._primal * self._off_values.reshape(n, -1)
+        active[:, :, right] = self._removed * self._primal.values.reshape(n, -1)
         if index.coefficients:
             active[:, :, right + 1 :] = self._control_columns()
         inverse = np.linalg.inv(slopes[:, :, own:])  # A by the active rows, then λ by A
@@ -266,7 +307,7 @@ class KKTSystem:
         M[:, own:right, :own] = end[:, :, :own]
         M[:, :own, own:right] = end[:, :, :own].transpose(0, 2, 1)
         M[:, :own, right] = self._dual_gradient()[:, :own]
-        M[:, own:right, right] = self._primal * self._discontinuity
+        M[:, own:right, right] = self._removed * self._primal.continuity
         if index.coefficients:
             M[:, right + 1 :, right] = self._coefficient_gradient().reshape(len(Q), -1)
             self._add_stiffness(M)
@@ -274,11 +315,11 @@ class KKTSystem:
 
     def _dual_gradient(self) -> Array:
         """The gradient by (X_i, V_i, h, A) that a step is to remove."""
-        return np.asarray(self._gradient + self._gradient_aim)
+        return np.asarray(self._dual.own + self._dual.own_aim)
 
     def _coefficient_gradient(self) -> Array:
         """The gradient by coefficients of singular controls that a step is to remove."""
-        return np.asarray(self._by_singular + self._by_singular_aim)
+        return np.asarray(self._dual.singular + self._dual.singular_aim)
 
     def _add_stiffness(self, M: Array) -> None:
         """Second derivatives that the barrier adds by coefficients of singular controls."""
@@ -289,7 +330,7 @@ class KKTSystem:
             at = slice(self.of.index.right + 1 + j * most, self.of.index.right + 1 + (j + 1) * most)
             M[:, at, at] += stiffness[:, j]
 
-    def step(self, shift: float = 0.0, redundant: float = REDUNDANT) -> PrimalDualPoint | None:
+    def step(self, shift: float = 0.0, redundant: float = _REDUNDANT) -> PrimalDualPoint | None:
         """Newton's step, shortened by a ``shift`` of the curvature; None if the matrix is singular.
 
         Where rows imply each other by symmetry costates stay where they are, the more so the
@@ -320,16 +361,18 @@ class KKTSystem:
             regularisation = _REGULARISATION / (2 * np.arange(len(places)) + 1)
             S[places, places] += regularisation + damping
             right[places] += slope
-        for j, (entry, slope) in enumerate(zip(of.active.entries, self._entry_slopes, strict=True)):
+        for j, (entry, slope) in enumerate(
+            zip(of.active.entries, self._primal.entry_slopes, strict=True)
+        ):
             state, place = index.state(int(of.mesh.first[entry.arc])), index.entries[j]
             S[state, place] += slope
             S[place, state] += slope
-            right[place] = self._primal * self._off_entries[j]
+            right[place] = self._removed * self._primal.entries[j]
         for j, (end, off) in enumerate(zip(of.end_values, self._off_end_values(), strict=True)):
             places = index.singular[of.active.singular.index((end.arc, end.motor))]
             place = index.end_values[j]
             S[places, place] = S[place, places] = end.legendre(len(places))
-            right[place] = self._primal * off
+            right[place] = self._removed * off
         S[index.duals, index.duals] -= redundant
         return S[: index.size, : index.size], right[: index.size]
 
@@ -390,17 +433,17 @@ class MultiplierSystem(KKTSystem):
     """The equations of a least-squares estimate of the multipliers at a motion: the identity takes
     the place of the curvature, and violations of primal conditions are left as they are."""
 
-    _primal = 0.0
+    _removed = 0.0
 
     def _curvature(self) -> Array:
         size = self._y_slopes.shape[3]
         return np.broadcast_to(np.eye(size), (self.of.mesh.intervals, size, size))
 
     def _dual_gradient(self) -> Array:
-        return np.asarray(self._gradient)
+        return self._dual.own
 
     def _coefficient_gradient(self) -> Array:
-        return np.asarray(self._by_singular)
+        return self._dual.singular
 
     def _add_stiffness(self, M: Array) -> None:
         """The barrier plays no part."""

@@ -79,11 +79,7 @@ def solve_conditions(
 
     Raises NewtonFailed.
     """
-    return newton(conditions, initial_point(conditions, guess, scaling))
-
-
-def newton(conditions: OptimalityConditions, start: PrimalDualPoint) -> StationaryPoint:
-    """The stationary point near a starting point. Raises NewtonFailed."""
+    start = _initial_point(conditions, guess, scaling)
     with np.errstate(all="ignore"):  # numbers that are not finite are looked for, and cut a step
         return _Newton(conditions, start).result()
 
@@ -179,12 +175,12 @@ class _Newton:
         point = self._system.at
         if self._method.last:
             return point
-        point = with_multipliers(self._conditions, point)
+        point = _with_multipliers(self._conditions, point)
         step = KKTSystem(self._conditions, point).step(redundant=_SYMMETRIC)
         return point if step is None else point + step
 
 
-def initial_point(
+def _initial_point(
     conditions: OptimalityConditions, trajectory: Trajectory, scaling: Scaling
 ) -> PrimalDualPoint:
     """A starting point from a trajectory of about the same structure, its singular controls fitted
@@ -214,7 +210,7 @@ def initial_point(
         lower=bounded,
     )
     point = replace(point, singular=_fitted_controls(conditions, point))
-    return with_multipliers(conditions, point)
+    return _with_multipliers(conditions, point)
 
 
 def _fitted_controls(conditions: OptimalityConditions, point: PrimalDualPoint) -> Array:
@@ -245,7 +241,7 @@ def _with_slacks(
     return replace(point, slack=slack, upper=upper, lower=lower)
 
 
-def with_multipliers(conditions: OptimalityConditions, point: PrimalDualPoint) -> PrimalDualPoint:
+def _with_multipliers(conditions: OptimalityConditions, point: PrimalDualPoint) -> PrimalDualPoint:
     """The point with multipliers of least squares; unchanged if there are none. Where rows imply
     each other, as by symmetry, other multipliers would do as well."""
     names = ("costates", "multipliers", "entry", "end_values")
