@@ -117,7 +117,7 @@ def test_failing_writer_leaves_the_old_file_whole(tmp_path, monkeypatch):
         yield "half a row"
         raise RuntimeError
 
-    monkeypatch.setattr("deltaopt.export._rows", broken)
+    monkeypatch.setattr("deltaopt.output.plan_files._rows", broken)
     with pytest.raises(RuntimeError):
         write_csv(file, baseline(SCENE))
     assert file.read_text(encoding="utf-8") == "old"
@@ -167,12 +167,16 @@ def test_check(capsys):
         "constraints  9:",
         "freedom      3 degrees",
         "payload 1 kg",
-        "torque       at most 10 N·m",
-        "speed        no limit",
         "friction",
-        "straight line in 0.196573 s",
+        "straight line by a quintic law in 0.196573 s",
+        "from rest to rest",
     ):
         assert words in out
+    table = out[out.index("limit  ") :].splitlines()
+    assert table[1].split() == [
+        *("torque", "motor", "N·m", "±", "10", "2", "(acceleration", "or", "torque)", "yes")
+    ]
+    assert not [line for line in table if line.startswith("speed")]
 
 
 def test_check_names_what_a_scene_leaves_out(capsys, tmp_path):
@@ -222,7 +226,7 @@ def failure(arguments: list[str], capsys) -> tuple[int, str]:
         ({"robot": "none.yaml"}, 2, "which is no file"),
         ({"goal": "[0.45, -0.05, 0.0]"}, 2, "expected a point in m other than start"),
         ({"goal": "[0.45, 0.9, 0.0]"}, 1, "goal: the platform cannot be at [0.45, 0.9, 0] m"),
-        ({"payload": "10"}, 1, "motor 1 needs 13 N·m"),
+        ({"payload": "10"}, 1, "the torque of motor 1 is 13 N·m"),
     ],
 )
 def test_hopeless_scenes(command, changes, code, words, tmp_path, capsys):
@@ -236,7 +240,7 @@ def test_hopeless_scenes(command, changes, code, words, tmp_path, capsys):
 
 @pytest.mark.parametrize(
     ("changes", "code", "words"),
-    [({"payload": "-1"}, 2, "payload is -1"), ({"payload": "10"}, 1, "motor 1 needs 13 N·m")],
+    [({"payload": "-1"}, 2, "payload is -1"), ({"payload": "10"}, 1, "the torque of motor 1 is 13 N·m")],
 )
 def test_hopeless_scenes_are_not_timed(changes, code, words, tmp_path, capsys):
     found, sentence = failure(["bench", "start", str(scene_file(tmp_path, **changes))], capsys)

@@ -12,6 +12,7 @@ import pytest
 from deltaopt.compare.plans.interpreted import interpreted
 from deltaopt.compare.plans.knots_at_switches import at_switches
 from deltaopt.compare.plans.measures import Meter
+from deltaopt.planning.flat.constraint_rows import ByOrder
 from deltaopt.planning.formulations.collocation import FAR, NEAR
 from deltaopt.planning.formulations.equations import (
     explicit_equations,
@@ -20,7 +21,7 @@ from deltaopt.planning.formulations.equations import (
     multiplier_equations,
 )
 from deltaopt.planning.formulations.loop_closure import KnotConstraints
-from deltaopt.planning.mesh.error_estimate import FRACTIONS, GivenAway, given_away
+from deltaopt.planning.mesh.error_estimate import FRACTIONS, ErrorEstimate
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 from tests.shipped_cases import case
 
@@ -43,8 +44,8 @@ def bang_bang(mesh, switch):
 @pytest.mark.parametrize("switch", [0.33, 0.5, 0.618])
 def test_a_knot_lies_at_the_switch(switch):
     mesh = np.full(50, 0.02)
-    lost = GivenAway(np.zeros(50), np.zeros(50))
-    found = at_switches(mesh, bang_bang(mesh, switch), None, lost, 1e-4)
+    lost = ErrorEstimate(np.zeros(50), np.zeros(50))
+    found = at_switches(mesh, ByOrder(bang_bang(mesh, switch)), lost, 1e-4)
     assert found.sum() == pytest.approx(1.0, abs=1e-14)
     assert np.abs(np.cumsum(found) - switch).min() < 1e-3
     assert len(found) <= 52
@@ -53,8 +54,8 @@ def test_a_knot_lies_at_the_switch(switch):
 def test_an_arc_is_divided_where_it_exceeds_its_limits():
     """Twice the aim to the square: in two, and only there."""
     mesh = np.full(50, 0.02)
-    lost = GivenAway(np.zeros(50), np.where(np.arange(50) < 10, 4e-4, 0.0))
-    found = at_switches(mesh, bang_bang(mesh, 0.5), None, lost, 1e-4)
+    lost = ErrorEstimate(np.zeros(50), np.where(np.arange(50) < 10, 4e-4, 0.0))
+    found = at_switches(mesh, ByOrder(bang_bang(mesh, 0.5)), lost, 1e-4)
     assert found[:19] == pytest.approx(0.01, rel=1e-6)
     assert found[20:] == pytest.approx(0.02, rel=1e-6)
 
@@ -73,9 +74,8 @@ def continued(scene, formulation, steadiness=None):
         z, bounds = problem.pack(guess, c.task), problem.bounds(c.task)
         solution = problem.program_with(options).solve(z, *bounds, c.task.p)
         guess = Meter(c).independent(problem, problem.unpack(solution.z, c.task))
-        loads = c.loads(guess)
-        lost = given_away(problem.prices(solution), *loads)
-        mesh = at_switches(mesh, *loads, lost, 1e-4)
+        lost = c.lost(guess, problem.multipliers(solution))
+        mesh = at_switches(mesh, c.by_order(guess), lost, 1e-4)
         iterations.append(solution.iterations)
     duration = float(guess.knots[-1])
     return iterations, duration, duration * c.safe_factor(guess)

@@ -72,7 +72,7 @@ def test_slowing_the_five_bar_with_friction():
     """Friction falls with the speed, not with its square: the limit is met exactly."""
     c = FiveBarTask().case
     faster = c.guess.slowed(0.7)
-    torque, _ = c.loads(faster.slowed(c.safe_factor(faster)))
+    torque = c.by_order(faster.slowed(c.safe_factor(faster))).control
     assert np.abs(torque).max() == pytest.approx(1.0, abs=1e-9)
 
 

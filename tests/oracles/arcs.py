@@ -168,7 +168,7 @@ class ArcProblem:
         return PointFunction("arcs", ca.Function("arcs", [e.y, e.parameters.vector], [rows]))
 
     def _of_order(self, order: int) -> list[int]:
-        return self.equations.constraints.of_order(order).tolist()
+        return [int(i) for i in self.equations.constraints.of_order(order)]
 
     def _row_bounds(self) -> tuple[Array, Array]:
         """Of equations of motion, positions, velocities and their rates at every node, (n · nodes,
@@ -205,7 +205,8 @@ class ArcProblem:
         upper[at] = np.where(held != 0, held, 1)
         goal = self.intervals * self._block
         lower[:6] = upper[:6] = scaling.at_start
-        lower[goal : goal + 6] = upper[goal : goal + 6] = scaling.at_goal
+        upper[goal : goal + 6] = scaling.at_goal  # infinite where the goal is free
+        lower[goal : goal + 6] = np.where(np.isinf(scaling.at_goal), -np.inf, scaling.at_goal)
         lower[self._first_length : -1] = 0.0
         lower[-1] = upper[-1] = 1.0
         return lower, upper

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 
 import casadi as ca
 import numpy as np
@@ -15,7 +15,8 @@ from deltaopt.errors import Infeasible
 from deltaopt.motion.effort import cost, effort
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.flat.constraint_rows import ByOrder
-from deltaopt.planning.flat.flat_problem import FlatEquations, ScaledEquations
+from deltaopt.planning.flat.equations import PointEquations
+from deltaopt.planning.flat.flat_problem import FlatEquations
 from deltaopt.planning.nlp.cost import Cost
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 from deltaopt.planning.switching.detection import detect_structure
@@ -56,11 +57,11 @@ class Push(Line):
         return 2 * self.u**2 * (self.s + (self.T / 2 - self.s) / 3)
 
     @property
-    def scales(self):
-        return replace(super().scales, time=self.T)
+    def scaling(self):
+        return replace(super().scaling, time=self.T)
 
-    @property
-    def equations(self) -> ScaledEquations:
+    @cached_property
+    def equations(self) -> PointEquations:
         e, force = super().equations, self.u
         return replace(e, rate=ca.sumsqr(force * e.y[9:12]))
 
@@ -79,14 +80,14 @@ FREE, HELD = Push(0.7, 30.0, None, 0.9), Push(0.7, 4.0, None, 0.9)
 
 def pushed(push, degree, mesh) -> Trajectory:
     """The least effort on a mesh."""
-    e, scales = push.equations, push.scales
+    e, scaling = push.equations, push.scaling
     between = np.arange(1, 6) / 6
     transcription = PiecewiseAcceleration(degree, tuple(between))
-    problem = FlatEquations(e.motion, transcription, EFFORT, e.running_cost).on(mesh)
+    problem = FlatEquations(e, transcription, EFFORT).on(mesh)
     found = problem.program.solve(
-        problem.pack(push.guess, scales), *problem.bounds(scales), scales.vector()
+        problem.pack(push.guess, scaling), *problem.bounds(scaling), scaling.vector()
     )
-    return Trajectory(problem.unpack(found.z, scales), UnitMass())
+    return Trajectory(problem.unpack(found.z, scaling), UnitMass())
 
 
 @pytest.mark.parametrize("degree", [2, 3])
@@ -111,10 +112,10 @@ def test_a_push_that_comes_to_its_limit():
 def test_a_free_push_as_an_arc():
     """With a running cost and a given duration, to the last digit, and certified."""
     free = detect_structure(np.full(10, 0.1), ByOrder(np.zeros((10, 3, 3))))
-    problem, scales = ArcProblem(FREE.equations, free, 4, EFFORT), FREE.scales
-    p = scales.vector()
-    found = problem.program.solve(problem.pack(FREE.guess, scales), *problem.bounds(scales), p)
-    motion = Trajectory(problem.unpack(found.z, scales), UnitMass())
+    problem, scaling = ArcProblem(FREE.equations, free, 4, EFFORT), FREE.scaling
+    p = scaling.vector()
+    found = problem.program.solve(problem.pack(FREE.guess, scaling), *problem.bounds(scaling), p)
+    motion = Trajectory(problem.unpack(found.z, scaling), UnitMass())
     assert FREE.effort(motion) == pytest.approx(FREE.least, rel=1e-12)
     assert certify(problem, found, p).hamiltonian_spread < 1e-9
 

@@ -27,12 +27,12 @@ REFUSED = {
     "start, a chain folded": ("Singular", "start: arm and bars of chain 1 are in line"),
     "start, bars sideways": ("Singular", "start: the bars of chain 1 lie sideways"),
     "goal, a chain stretched": ("Singular", "goal: arm and bars of chain 2 are in line"),
-    "one motor holds with 101.00%": ("Infeasible", "start: motor 2 needs 2.275 N·m to hold"),
-    "all motors hold with 101.00%": ("Infeasible", "start: motor 1 needs"),
+    "one motor holds with 101.00%": ("Infeasible", "the torque of motor 2 is 2.275 N·m"),
+    "all motors hold with 101.00%": ("Infeasible", "the torque of motor 1 is"),
     "1e-15 m apart": ("Infeasible", "start and goal are 1.0e-15 m apart"),
     "zero": ("SceneError", "payload is 0.0; expected a mass in kg, greater than 0"),
-    "10 of what can be held": ("Infeasible", "start: motor 1 needs"),
-    "2 200 200 N·m": ("Infeasible", "start: motor 1 needs 2.239 N·m"),
+    "10 of what can be held": ("Infeasible", "the torque of motor 1 is"),
+    "2 200 200 N·m": ("Infeasible", "the torque of motor 1 is 2.239 N·m"),
 }
 """All others must be planned."""
 FAR_FROM_BEST = "start 1e-09 m"
@@ -70,8 +70,8 @@ def test_refinement_ends_when_nothing_more_is_known():
     drive = ORSINO.drive.model_copy(update={"torque": (40.0, 20.0, 2.0)})
     robot = ORSINO.model_copy(update={"drive": drive})
     scene = Scene(robot=robot, payload=1.0, start=MIDDLE, goal=(0.45, -0.05, 0.03))
-    rounds = plan(scene, tolerance=TOLERANCE, intervals=20).rounds
-    assert len(rounds) < 10
+    meshes = plan(scene, tolerance=TOLERANCE, intervals=20).meshes
+    assert len(meshes) < 10
 
 
 def test_report_and_chart(tmp_path: Path):

@@ -109,7 +109,7 @@ class Scaling:
     def _state(self, end: EndState) -> Array:
         """An end at rest, in these units: a velocity would depend on the duration."""
         position = (np.array(end.position) - self.origin) / self.length
-        return np.concatenate([position, np.zeros(3)])
+        return np.concatenate([position, np.zeros(len(position))])
 
     @property
     def whole(self) -> Scaling:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.planning.switching.conditions import OptimalityConditions
-from deltaopt.planning.switching.dense import solve
+from deltaopt.codegen.dense_solver import solve
 from deltaopt.planning.switching.unknowns import PrimalDualPoint
 
 Array = NDArray[np.float64]

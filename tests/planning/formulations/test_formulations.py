@@ -14,7 +14,7 @@ from deltaopt.compare.plans.interpreted import interpreted
 from deltaopt.compare.plans.measures import Meter, active_rank
 from deltaopt.dynamics import Explicit, Kane, Multiplier, VirtualWork
 from deltaopt.errors import DependentConstraints, NotConverged
-from deltaopt.planning.formulations.choice import Redundant, posed_as
+from deltaopt.planning.formulations.choice import Redundant, problem_formulation
 from deltaopt.planning.formulations.equations import (
     explicit_equations,
     flat_equations,
@@ -32,7 +32,8 @@ from deltaopt.planning.nlp.cost import Cost
 from deltaopt.planning.nlp.program import IPOPT
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 from deltaopt.robot.model import delta_model
-from tests.planned_scenes import first_guess, flat_equations, scaling_of
+from tests.planned_scenes import first_guess, scaling_of
+from tests.planned_scenes import flat_equations as planners_equations
 from tests.shipped_cases import PROBLEMS, case
 
 CLOSURES = [KnotConstraints(), Projection(), Baumgarte(), AccelerationLevel()]
@@ -114,9 +115,9 @@ def test_the_flat_pose_is_that_of_the_planner():
 
 @pytest.mark.parametrize("formulation", [VirtualWork(), Explicit(), Kane()], ids=type)
 def test_formulations_without_multipliers_are_one_pose(formulation):
-    assert posed_as(formulation).name.startswith("explicit")
-    assert posed_as(Multiplier()).name.startswith("multiplier")
-    assert posed_as(deltaopt.flat) is deltaopt.flat
+    assert problem_formulation(formulation).name.startswith("explicit")
+    assert problem_formulation(Multiplier()).name.startswith("multiplier")
+    assert problem_formulation(deltaopt.flat) is deltaopt.flat
 
 
 def test_plans_pass_verification_in_redundant_coordinates():

@@ -1,4 +1,4 @@
-"""Meshes alone to a gap of 1e-6: tightened limits, and Pontryagin's condition from their prices."""
+"""Meshes alone to a gap of 1e-6: tightened limits, and Pontryagin's condition from their multipliers."""
 
 from __future__ import annotations
 
@@ -11,19 +11,20 @@ from deltaopt import load_scene, verify
 from deltaopt.motion.certificate import MET
 from deltaopt.planning.flat.constraint_rows import ByOrder
 from deltaopt.planning.mesh.constraint_tightening import Overshoot
-from deltaopt.planning.mesh.error_estimate import FRACTIONS, TIGHTENED, GivenAway, refined
+from deltaopt.planning.mesh.error_estimate import FRACTIONS, TIGHTENED, ErrorEstimate, refined
 from deltaopt.planning.mesh.mesh_costates import certify_mesh, costates, hamiltonian
-from deltaopt.planning.mesh.mesh_solution import Round, attempt, gap_of
-from deltaopt.planning.nlp.problem import Guess, solved_by_ipopt
+from deltaopt.planning.mesh.mesh_solution import Iteration, gap_of, solve_on_mesh
+from deltaopt.planning.nlp.problem import Guess, Ipopt
 from deltaopt.planning.nlp.program import Spent
-from deltaopt.planning.nlp.scaling import Scales
+from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import LINEAR
 from deltaopt.planning.planner import Planner, quicker
-from deltaopt.planning.refinement import Search
+from deltaopt.planning.refinement import Refinement
 from deltaopt.planning.switching.detection import SHARP, detect_structure
+from deltaopt.planning.switching.resolver import resolver
 from deltaopt.planning.switching.structure import ActiveLimits
 from deltaopt.robot.model import delta_model
-from deltaopt.scene.scene import Limits, Scene
+from deltaopt.scene.scene import Limits, Scene, limits_of
 from tests.planned_scenes import (
     CROSS,
     first_guess,
@@ -49,22 +50,23 @@ def test_a_mesh_alone_comes_to_the_reference(name):
 
 def limited(scene: Scene, share: float) -> Scene:
     """With a share of all limits."""
-    torque = tuple(share * limit for limit in scene.torque_limits)
-    speed = tuple(share * limit for limit in scene.speed_limits)
+    torque = tuple(share * limit for limit in scene.robot.torque_limits)
+    speed = tuple(share * limit for limit in scene.robot.speed_limits)
     return scene.model_copy(update={"limits": Limits(torque=torque, speed=speed)})
 
 
 @machine_code
 def test_a_share_of_the_limits_is_that_of_weaker_motors():
-    """The same program, scaled otherwise; the prices are those of the whole limits."""
-    mesh, by_interval = np.full(12, 1 / 12), np.full((12, 1, 3), 0.8)
-    model, scales = delta_model(CROSS.robot, CROSS.payload), scaling_of(CROSS)
+    """The same program, scaled otherwise; the multipliers are those of the whole limits."""
+    mesh, model, scaling = np.full(12, 1 / 12), delta_model(CROSS.robot, 1.0), scaling_of(CROSS)
     problem, guess = flat_equations(CROSS).on(mesh), first_guess(CROSS, 1e-9)
-    shared = replace(scales, torque_share=by_interval, speed_share=by_interval)
-    weaker = Scales(limited(CROSS, 0.8), scales.time, scales.opening_at_ends)
+    dynamic = scaling.constraints.orders > 0
+    shared = replace(scaling, share=np.where(dynamic, 0.8, 1.0)[None].repeat(12, axis=0))
+    weaker = Scaling(limited(CROSS, 0.8), scaling.time)
     one, other = (problem.solve(guess, s, model.parameters) for s in (shared, weaker))
     assert one.position.knots[-1] == pytest.approx(other.position.knots[-1], rel=1e-8)
-    np.testing.assert_allclose(0.8 * one.prices, other.prices, atol=1e-5)
+    ours, theirs = one.multipliers[..., dynamic], other.multipliers[..., dynamic]
+    np.testing.assert_allclose(0.8 * ours, theirs, atol=1e-5)
 
 
 @machine_code
@@ -73,14 +75,17 @@ def test_shares_by_interval_and_motor_are_those_of_ipopt():
     rng, mesh = np.random.default_rng(5), np.full(12, 1 / 12)
     scene = load_scene("problems/pick_and_place.yaml")
     model, guess = delta_model(scene.robot, scene.payload), first_guess(scene, 1e-9)
-    share = rng.uniform(0.7, 1.0, (12, 1, 3))
-    scales = replace(scaling_of(scene), torque_share=share)
-    problem = flat_equations(scene).on(mesh)
-    ours = problem.solve(guess, scales, model.parameters)
-    ipopts = solved_by_ipopt(problem, problem.program, guess, scales, model.parameters)
+    scaling = scaling_of(scene)
+    share = np.ones((12, scaling.constraints.number))
+    share[:, scaling.constraints.is_control] = rng.uniform(0.7, 1.0, (12, 3))
+    scaling = replace(scaling, share=share)
+    equations = flat_equations(scene)
+    ours = equations.on(mesh).solve(guess, scaling, model.parameters)
+    by_ipopt = replace(equations, solver=Ipopt()).on(mesh)
+    ipopts = by_ipopt.solve(guess, scaling, model.parameters)
     assert ours.status == "Solve_Succeeded"
     assert ours.position.knots[-1] == pytest.approx(ipopts.position.knots[-1], rel=1e-6)
-    np.testing.assert_allclose(ours.prices, ipopts.prices, atol=2e-3)
+    np.testing.assert_allclose(ours.multipliers, ipopts.multipliers, atol=2e-3)
 
 
 # Tightened limits
@@ -97,11 +102,14 @@ def bump(torque: np.ndarray, interval: int, motor: int, height: float) -> None:
 
 
 N = 1000
+ROWS = limits_of(CROSS).constraints.number
 FINE = np.full(N, 1 / N)
 
 
 def overshoot(torque: np.ndarray, mesh: np.ndarray = FINE) -> Overshoot:
-    return Overshoot.of(mesh, LINEAR.points, torque, None)
+    """Of rows of which the first three, torques, may be tightened."""
+    rows = np.concatenate([torque, np.zeros((*torque.shape[:2], ROWS - 3))], axis=2)
+    return Overshoot.of(mesh, LINEAR.points, np.abs(rows), np.arange(ROWS) < 3)
 
 
 def test_only_what_lies_between_the_points_is_overshoot():
@@ -160,7 +168,7 @@ def test_long_intervals_are_not_tightened(scales):
 
 
 def test_no_interval_is_split_beyond_rounding():
-    lost = GivenAway(np.array([1.0, 0.0]), np.zeros(2))
+    lost = ErrorEstimate(np.array([1.0, 0.0]), np.zeros(2))
     assert refined(np.array([1.5e-4, 1 - 1.5e-4]), lost, 1e-6).min() == 1.5e-4
 
 
@@ -178,11 +186,11 @@ def test_tightening_cures_what_slowing_pays_for():
         np.full(400, 1 / 400),
     )
     problem = flat_equations(CROSS).on(mesh)
-    plain = attempt(problem, scales, first_guess(CROSS, 1e-7), model)
+    plain = solve_on_mesh(problem, scales, first_guess(CROSS, 1e-7), model)
     tighter = plain
     for _ in range(3):
         guess = Guess(tighter.trajectory, near=True, tolerance=1e-7)
-        tighter = attempt(problem, tighter.tightened(mesh), guess, model)
+        tighter = solve_on_mesh(problem, tighter.tightened(mesh), guess, model)
     assert plain.safe_factor > 1 + 1e-5
     assert tighter.safe_factor - 1 < 0.1 * (plain.safe_factor - 1)
     assert (
@@ -195,13 +203,14 @@ def test_tightening_cures_what_slowing_pays_for():
 # What a mesh says of Pontryagin's condition
 
 
-def searched_for(scene: Scene, tolerance: float) -> Search:
+def searched_for(scene: Scene, tolerance: float) -> Refinement:
     """On meshes alone, from a coarse one to a fine one."""
-    model = delta_model(scene.robot, scene.payload)
-    search = Search(flat_equations(scene), scaling_of(scene), model, tolerance, True, print)
-    search._meshes_to_read = search._sharp_to_read = 0
-    search.from_guess(first_guess(scene, 1e-4), 16)
-    return search
+    model, scaling = delta_model(scene.robot, scene.payload), scaling_of(scene)
+    switches = resolver(scaling, model, tolerance, print)
+    found = Refinement(flat_equations(scene), scaling, model, tolerance, switches, print)
+    found._coarse_left = found._fine_left = 0
+    found.from_guess(first_guess(scene, 1e-4), 16)
+    return found
 
 
 @pytest.fixture(scope="module")
@@ -211,18 +220,19 @@ def searched():
 
 @machine_code
 def test_the_hamiltonian_is_what_theory_says(searched):
-    """-1, from prices that know nothing of it; not so on a coarse mesh."""
-    coarse, fine = (hamiltonian(searched._rows, searched.attempts[i]) for i in (0, -1))
+    """-1, from multipliers that know nothing of it; not so on a coarse mesh."""
+    rows = searched.resolver.rows
+    coarse, fine = (hamiltonian(rows, searched.solutions[i]) for i in (0, -1))
     np.testing.assert_allclose(fine, -1, atol=MET)
     assert np.abs(coarse + 1).max() > 10 * MET
-    assert searched.certificate(searched.attempts[-1]).residual <= MET
-    assert searched.certificate(searched.attempts[0]) is None
+    assert searched.certificate(-1).residual <= MET
+    assert searched.certificate(0) is None
 
 
 @pytest.mark.parametrize(
     "mesh", [[1.0], [0.5, 0.5], [0.02] * 50, [0.6, *[0.001] * 100, 0.3], [*[0.001] * 700, 0.3]]
 )
-def test_prices_in_balance_tell_the_same_costates_however_shifts_fade(mesh):
+def test_multipliers_in_balance_tell_the_same_costates_however_shifts_fade(mesh):
     """Then a shift of one knot costs afterwards what it gains before, whatever the others do."""
     rng, mesh = np.random.default_rng(7), np.array(mesh)
     pulled = rng.standard_normal((len(mesh), 4, 3))
@@ -235,18 +245,18 @@ def test_prices_in_balance_tell_the_same_costates_however_shifts_fade(mesh):
 def test_noise_between_neighbouring_knots_is_no_costate():
     """A move with two motors at their speed limits: the costates of single intervals scatter."""
     found = searched_for(random_move("industrial", 9), 1e-6)
-    fine = found.attempts[-1]
-    assert np.abs(hamiltonian(found._rows, fine, 0.0) + 1).max() > 10 * MET
-    assert np.abs(hamiltonian(found._rows, fine) + 1).max() < MET
+    fine, rows = found.solutions[-1], found.resolver.rows
+    assert np.abs(hamiltonian(rows, fine, 0.0) + 1).max() > 10 * MET
+    assert np.abs(hamiltonian(rows, fine) + 1).max() < MET
 
 
 @machine_code
-def test_wrong_prices_do_not_satisfy_it(searched):
+def test_wrong_multipliers_do_not_satisfy_it(searched):
     """Those of one motor a tenth too high."""
-    fine = searched.attempts[-1]
-    wrong = fine.solution.prices * np.array([1.1, 1, 1, 1, 1, 1])
-    disturbed = replace(fine, solution=replace(fine.solution, prices=wrong))
-    assert certify_mesh(searched._rows, disturbed).residual > 10 * MET
+    fine = searched.solutions[-1]
+    wrong = fine.solution.multipliers * np.where(np.arange(ROWS) == 0, 1.1, 1.0)
+    disturbed = replace(fine, solution=replace(fine.solution, multipliers=wrong))
+    assert certify_mesh(searched.resolver.rows, disturbed).residual > 10 * MET
 
 
 def test_sharp_detection_tells_coming_to_a_limit_from_being_there():
@@ -265,18 +275,18 @@ def test_sharp_detection_tells_coming_to_a_limit_from_being_there():
 # Which gap is told
 
 
-def round_with(duration, gap):
-    return Round(10, 5, duration, duration * 1.001, gap, Spent(0.0, 0.0))
+def iteration_with(duration, gap):
+    return Iteration(10, 5, duration, duration * 1.001, gap, Spent(0.0, 0.0))
 
 
 def test_a_finer_mesh_tells_the_gap_of_a_coarser_one():
     """1.001 s against at least 1.0003 / 1.0001 s."""
-    best, finer = round_with(1.0, 5e-3), Round(20, 5, 1.0002, 1.0003, 1e-4, Spent(0.0, 0.0))
+    best, finer = iteration_with(1.0, 5e-3), Iteration(20, 5, 1.0002, 1.0003, 1e-4, Spent(0.0, 0.0))
     assert gap_of([best, finer], 0) == pytest.approx(0.0008, rel=1e-2)
 
 
 def test_a_worse_local_minimum_says_nothing_of_the_gap():
-    best, astray = round_with(1.0, 5e-3), round_with(1.2, 1e-6)
+    best, astray = iteration_with(1.0, 5e-3), iteration_with(1.2, 1e-6)
     assert gap_of([best, astray], 0) == 5e-3
 
 

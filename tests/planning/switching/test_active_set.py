@@ -8,12 +8,10 @@ from itertools import product
 
 import numpy as np
 import pytest
-from tests.posed_scenes import machine_code, random_move, scales_of
 
 from deltaopt import Planner, verify
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.planning.flat.constraint_rows import ConstraintRows
-from deltaopt.planning.flat.flat_problem import ScaledEquations
+from deltaopt.planning.flat.equations import point_equations
 from deltaopt.planning.switching.active_set import _ActiveSetUpdate, changes
 from deltaopt.planning.switching.conditions import ActiveRows, state_rows
 from deltaopt.planning.switching.kkt_system import KKTSystem
@@ -29,8 +27,10 @@ from deltaopt.planning.switching.structure import (
     determined,
 )
 from deltaopt.robot.model import delta_model
-from tests import posed_scenes
+from deltaopt.scene.scene import limits_of
+from tests import planned_scenes
 from tests.oracles.shooting import shoot
+from tests.planned_scenes import machine_code, random_move, scaling_of
 
 UP, DOWN = ActiveLimits(control=1), ActiveLimits(control=-1)
 BOTH = ActiveLimits(control=1, velocity=1)
@@ -40,7 +40,7 @@ NUMBER = 6
 
 @cache
 def resolved(number: int) -> ResolvedMotion:
-    return posed_scenes.resolved(random_move("industrial", number))
+    return planned_scenes.resolved(random_move("industrial", number))
 
 
 def at_once(structure: SwitchingStructure) -> list[tuple[int, int]]:
@@ -51,8 +51,9 @@ def at_once(structure: SwitchingStructure) -> list[tuple[int, int]]:
 
 
 def test_a_velocity_is_held_by_a_motor_whose_control_is_at_no_limit():
-    functions = delta_model(random_move("industrial", 0).robot, 1.0).functions
-    rows = ConstraintRows(ScaledEquations.of(functions, speed=True))
+    scene = random_move("industrial", 0)
+    functions = delta_model(scene.robot, 1.0).functions
+    rows = constraint_rows(point_equations(functions, limits_of(scene).constraints))
     arcs = ((UP, DOWN, UP), (BOTH, INACTIVE, DOWN))
     active = ActiveRows.of(rows, SwitchingStructure(np.array([0.4, 0.6]), arcs))
     holding = [rows.control[0], rows.velocity.holding[0], rows.control[2]]
@@ -72,9 +73,11 @@ def test_a_motor_at_its_limits_of_speed_and_torque():
     for arc, motor in both:
         times = found.trajectory.duration * np.linspace(*ends[arc : arc + 2], 9)[1:-1]
         motion = found.trajectory(times)
-        assert np.abs(motion.tau[:, motor]) == pytest.approx(scene.torque_limits[motor], rel=1e-6)
+        assert np.abs(motion.tau[:, motor]) == pytest.approx(
+            scene.robot.torque_limits[motor], rel=1e-6
+        )
         dtheta = found.trajectory.model.motion(motion.x, motion.v, motion.a)[1][:, 3 + 3 * motor]
-        assert np.abs(dtheta) == pytest.approx(scene.speed_limits[motor], rel=1e-6)
+        assert np.abs(dtheta) == pytest.approx(scene.robot.speed_limits[motor], rel=1e-6)
 
 
 @pytest.mark.parametrize("number", [NUMBER, 13])
@@ -107,7 +110,7 @@ def test_a_velocity_that_touches_its_limit():
     ends = np.cumsum(structure.lengths) * found.trajectory.duration
     instant, apart = ends[arc - 1], 0.02 * ends[-1]
     at = [speed(found.trajectory, t)[motor] for t in (instant - apart, instant, instant + apart)]
-    limit = scene.speed_limits[motor]
+    limit = scene.robot.speed_limits[motor]
     assert abs(at[1]) == pytest.approx(limit, rel=1e-8)
     assert max(abs(at[0]), abs(at[2])) < limit * (1 - 1e-4)
 
@@ -121,8 +124,10 @@ def speed(trajectory: Trajectory, time: float) -> np.ndarray:
 def resolved_from(structure: SwitchingStructure) -> ResolvedMotion:
     found, scene = resolved(NUMBER), random_move("industrial", NUMBER)
     model = found.trajectory.model
-    scales = scales_of(scene)
-    return resolve_switches(found.conditions.rows, model, structure, found.trajectory, scales, 1e-6)
+    scaling = scaling_of(scene)
+    return resolve_switches(
+        found.conditions.rows, model, structure, found.trajectory, scaling, 1e-6
+    )
 
 
 @pytest.mark.parametrize("longer", [0.6, 1.5])
@@ -150,9 +155,9 @@ def test_what_is_missing_is_put_in():
 
 
 def residuals(number: int) -> OptimalityResiduals:
-    right, scales = resolved(number), scales_of(random_move("industrial", number))
+    right, scaling = resolved(number), scaling_of(random_move("industrial", number))
     conditions = right.conditions
-    point = solve_conditions(conditions, right.trajectory, scales).point
+    point = solve_conditions(conditions, right.trajectory, scaling).point
     return OptimalityResiduals(conditions, point, 5e-7)
 
 

@@ -10,14 +10,12 @@ import pytest
 from deltaopt import load_scene, plan, verify
 from deltaopt.motion.time_scaling import loads_inside
 from deltaopt.planning.flat.constraint_rows import ByOrder
-from deltaopt.planning.flat.flat_problem import ScaledEquations
+from deltaopt.planning.flat.equations import point_equations
 from deltaopt.planning.mesh.error_estimate import FRACTIONS
-from deltaopt.planning.mesh.mesh_solution import shares
 from deltaopt.planning.nlp.program import Solution
-from deltaopt.planning.nlp.scaling import Scales
+from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.planner import Planner
 from deltaopt.planning.switching.detection import detect_structure
-from deltaopt.scene.feasibility import least_opening
 from deltaopt.verify.pontryagin import extremal
 from tests.oracles.arcs import ArcProblem
 from tests.oracles.certify import certify, hamiltonian
@@ -66,19 +64,19 @@ def test_ipopt_finds_the_same_duration(resolved):
     """By the same arcs as a nonlinear program, its torques variables: nothing of Newton's method
     on the conditions of optimality; and from lengths that are a little off."""
     _, scene, found = resolved
-    scales = Scales(scene, found.duration, least_opening(scene))
-    loads = loads_inside(scene, found.trajectory, FRACTIONS)
-    structure = detect_structure(
-        np.diff(found.trajectory.knots) / found.duration, ByOrder(*shares(scene, loads))
-    )
+    scaling = Scaling(scene, found.duration)
+    rows = loads_inside(scene, found.trajectory, FRACTIONS).rows
+    by_interval = rows.reshape(-1, len(FRACTIONS), rows.shape[1])
+    of_order = ByOrder.of(scaling.constraints, by_interval)._replace(position=None)
+    structure = detect_structure(np.diff(found.trajectory.knots) / found.duration, of_order)
     off = 1 + 1e-3 * np.random.default_rng(1).uniform(-1, 1, len(structure.lengths))
     structure = replace(structure, lengths=structure.lengths * off)
     model = found.trajectory.model
-    equations = ScaledEquations.of(model.functions, speed=scene.speed_limits is not None)
-    problem, p = ArcProblem(equations, structure, 8), np.append(scales.vector(), model.parameters)
-    guess = problem.pack(found.trajectory, scales)
-    solution = problem.program.solve(guess, *problem.bounds(scales), p)
-    duration = float(problem.lengths(solution.z).sum()) * scales.time
+    equations = point_equations(model.functions, scaling.constraints)
+    problem, p = ArcProblem(equations, structure, 8), scaling.parameters(model.parameters)
+    guess = problem.pack(found.trajectory, scaling)
+    solution = problem.program.solve(guess, *problem.bounds(scaling), p)
+    duration = float(problem.lengths(solution.z).sum()) * scaling.time
     assert found.duration == pytest.approx(duration, rel=1e-8)
 
 
@@ -151,13 +149,13 @@ def _solved(scene) -> tuple[ArcProblem, Solution, np.ndarray]:
     planner = Planner(scene.robot, scene.payload, scene.limits, tolerance=1e-6)
     found = planner.plan(scene.start, scene.goal)
     motion = found.trajectory.inside_intervals(np.linspace(0, 1, 25))
-    rows = ByOrder((motion.tau / np.array(scene.torque_limits)).reshape(-1, 25, 3))
+    rows = ByOrder((motion.tau / np.array(scene.robot.torque_limits)).reshape(-1, 25, 3))
     mesh = np.diff(found.trajectory.knots) / found.duration
     model = found.trajectory.model
-    scales = Scales(scene, 0.15, float(model.openings([scene.start, scene.goal]).min()))
+    scaling = Scaling(scene, 0.15)
     problem = ArcProblem(
-        ScaledEquations.of(model.functions, speed=False), detect_structure(mesh, rows), 6
+        point_equations(model.functions, scaling.constraints), detect_structure(mesh, rows), 6
     )
-    p = np.concatenate([scales.vector(), model.parameters])
-    guess = problem.pack(found.trajectory, scales)
-    return problem, problem.program.solve(guess, *problem.bounds(scales), p), p
+    p = scaling.parameters(model.parameters)
+    guess = problem.pack(found.trajectory, scaling)
+    return problem, problem.program.solve(guess, *problem.bounds(scaling), p), p

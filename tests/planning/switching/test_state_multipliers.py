@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.posed_scenes import machine_code, random_move, resolved, scales_of
 
 from deltaopt.planning.flat.constraint_rows import ConstraintRows
 from deltaopt.planning.planner import Planner
@@ -15,6 +14,7 @@ from deltaopt.planning.switching.conditions import OptimalityConditions
 from deltaopt.planning.switching.detection import detect_structure
 from deltaopt.planning.switching.newton import solve_conditions
 from deltaopt.planning.switching.state_multipliers import state_multipliers
+from tests.planned_scenes import machine_code, random_move, resolved, scaling_of
 from tests.planning.switching.test_exact_answers import LINES, UNEVEN, Line
 
 
@@ -24,13 +24,13 @@ def test_a_velocity_limit_has_its_exact_multiplier(line: Line):
     motion, _ = line.on_mesh(UNEVEN, line.guess)
     arcs = detect_structure(UNEVEN, line.rows(motion))
     rows, mesh = ConstraintRows(line.equations), ArcMesh.of(arcs, 5)
-    conditions = OptimalityConditions.of(rows, arcs, mesh, line.scales, np.zeros(0))
-    found = solve_conditions(conditions, motion, line.scales).point
+    conditions = OptimalityConditions.of(rows, arcs, mesh, line.scaling, np.zeros(0))
+    found = solve_conditions(conditions, motion, line.scaling).point
     (multiplier,) = state_multipliers(conditions, found)
     assert multiplier.order == 1
     assert multiplier.entry.motor == 0
     assert multiplier.active.sum() == conditions.mesh.parts[1]
-    eta = multiplier.eta * line.scales.time
+    eta = multiplier.eta * line.scaling.time
     at_limit = line.d / line.v - line.v / line.u
     assert eta[0] == 0.0
     assert eta[-1] == pytest.approx(at_limit, rel=1e-6)
@@ -46,23 +46,23 @@ def test_a_velocity_limit_has_its_exact_multiplier(line: Line):
     assert wrong.falls.max() == pytest.approx(at_limit / line.duration, rel=1e-5)
 
 
-MARGIN = 8
+MARGIN = 11
 """Place of the least distance to the serial singularity among the parameters of the rows: after
-start, D, time and torque limits."""
+start, length, time, unit of torque, and the torque limits."""
 
 
 @pytest.mark.parametrize("number", [7, 43])
 def test_the_multiplier_of_a_position_limit_is_what_a_tighter_one_costs(number):
     """By solving again."""
     scene = random_move("orsino", number)
-    found, scales = resolved(scene), scales_of(scene)
+    found, scaling = resolved(scene), scaling_of(scene)
     at_margin = found.conditions
     assert at_margin.structure.position.min() == -1  # at the lower side
     assert at_margin.structure.position.max() <= 0
-    at = solve_conditions(at_margin, found.trajectory, scales).point
+    at = solve_conditions(at_margin, found.trajectory, scaling).point
     by = 1e-5 * at_margin.p[MARGIN]
     tighter = replace(at_margin, p=at_margin.p + by * np.eye(len(at_margin.p))[MARGIN])
-    slower = solve_conditions(tighter, found.trajectory, scales).point
+    slower = solve_conditions(tighter, found.trajectory, scaling).point
     cost = (slower.duration - at.duration) / by
     assert cost > 1e-2
     multipliers = [each.eta for each in state_multipliers(at_margin, at)]

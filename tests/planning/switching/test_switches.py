@@ -8,17 +8,19 @@ from types import SimpleNamespace
 import casadi as ca
 import numpy as np
 import pytest
-from tests.posed_scenes import random_move
 
 from deltaopt import load_scene, plan, verify
+from deltaopt.limits.constraints import Constraints, SceneLimits
+from deltaopt.limits.speed import Speed
+from deltaopt.limits.torque import Torque
 from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
-from deltaopt.planning.flat.constraint_rows import ConstraintRows
-from deltaopt.planning.flat.flat_problem import ScaledEquations
-from deltaopt.planning.nlp.scaling import Scales, margin_of_fold
+from deltaopt.planning.flat.constraint_rows import ConstraintRows, constraint_rows
+from deltaopt.planning.flat.equations import PointEquations, point_equations
+from deltaopt.planning.nlp.scaling import Parameters, Scaling
 from deltaopt.planning.switching.active_set import changes
 from deltaopt.planning.switching.arc_mesh import ArcMesh
 from deltaopt.planning.switching.conditions import Barrier, OptimalityConditions
-from deltaopt.planning.switching.dense import solve
+from deltaopt.codegen.dense_solver import solve
 from deltaopt.planning.switching.detection import detect_structure
 from deltaopt.planning.switching.kkt_system import KKTSystem
 from deltaopt.planning.switching.newton import solve_conditions
@@ -31,8 +33,16 @@ from deltaopt.planning.switching.structure import (
     changed,
 )
 from deltaopt.robot.model import DeltaModel
+from deltaopt.scene.task import RestToRest
 from tests.oracles.arcs import ArcProblem
-from tests.planning.switching.test_exact_answers import LINES, UNEVEN, Line, UnitMass
+from tests.planned_scenes import random_move
+from tests.planning.switching.test_exact_answers import (
+    LINES,
+    UNEVEN,
+    Line,
+    LineScaling,
+    UnitMass,
+)
 
 UP, DOWN = ActiveLimits(control=1), ActiveLimits(control=-1)
 
@@ -60,26 +70,26 @@ def cross():
     """industrial_cross: its rows and parameters; velocities are limited."""
     scene = load_scene("problems/industrial_cross.yaml")
     model = DeltaModel(scene.robot, scene.payload)
-    scales = Scales(scene, 0.15, 0.5)
-    rows = ConstraintRows(ScaledEquations.of(model.functions, speed=True))
-    return scene, model, scales, rows, np.concatenate([scales.vector(), model.parameters])
+    scaling = Scaling(scene, 0.15)
+    rows = constraint_rows(point_equations(model.functions, scaling.constraints))
+    return scene, model, scaling, rows, scaling.parameters(model.parameters)
 
 
 def test_rows_are_those_of_the_model(cross):
     """Torques by inverse dynamics of the twelve coordinates, in units of their limits."""
-    scene, model, scales, constraints, p = cross
+    scene, model, scaling, constraints, p = cross
     rng = np.random.default_rng(1)
     y = rng.uniform(-0.3, 0.3, (5, 9))
-    x = scales.origin + scales.length * y[:, :3]
-    v, a = scales.length * y[:, 3:6] / scales.time, scales.length * y[:, 6:] / scales.time**2
+    x = scaling.origin + scaling.length * y[:, :3]
+    v, a = scaling.length * y[:, 3:6] / scaling.time, scaling.length * y[:, 6:] / scaling.time**2
     rows = constraints.values(y, p)
-    tau = model.inverse_dynamics(x, v, a) / np.array(scene.torque_limits)
+    limits = scaling.limits
+    tau = model.inverse_dynamics(x, v, a) / limits.upper("torque")
     np.testing.assert_allclose(rows[:, constraints.control], tau, rtol=1e-9, atol=1e-12)
-    above = model.openings(x) - margin_of_fold(0.5)
+    above = model.alignments(x) - 0.01
     position, velocity = constraints.position, constraints.velocity
     np.testing.assert_allclose(rows[:, position.value] + 1, above, rtol=1e-9)
-    np.testing.assert_array_equal(rows[:, position.value], constraints.positions(y[:, :3], p))
-    speed = model.motion(x, v, a)[1][:, 3::3] / np.array(scene.speed_limits)
+    speed = model.motion(x, v, a)[1][:, 3::3] / limits.upper("speed")
     np.testing.assert_allclose(rows[:, velocity.value], speed, rtol=1e-9, atol=1e-12)
 
 
@@ -121,21 +131,21 @@ def test_newton_and_ipopt_find_the_same_switches():
     )
     guess = plan(scene, tolerance=1e-3).trajectory
     model = guess.model
-    scales = Scales(scene, 0.15, float(model.openings([scene.start, scene.goal]).min()))
-    equations = ScaledEquations.of(model.functions, speed=False)
+    scaling = Scaling(scene, 0.15)
+    equations = point_equations(model.functions, scaling.constraints)
     rows, mesh = ConstraintRows(equations), ArcMesh.of(arcs, 8)
-    conditions = OptimalityConditions.of(rows, arcs, mesh, scales, model.parameters)
-    found = solve_conditions(conditions, guess, scales).point
+    conditions = OptimalityConditions.of(rows, arcs, mesh, scaling, model.parameters)
+    found = solve_conditions(conditions, guess, scaling).point
     problem = ArcProblem(equations, arcs, 8)
-    p = np.concatenate([scales.vector(), model.parameters])
-    other = problem.program.solve(problem.pack(guess, scales), *problem.bounds(scales), p)
+    p = scaling.parameters(model.parameters)
+    other = problem.program.solve(problem.pack(guess, scaling), *problem.bounds(scaling), p)
     np.testing.assert_allclose(found.lengths, problem.lengths(other.z), atol=1e-8)
     np.testing.assert_allclose(found.A, problem.accelerations(other.z), atol=1e-5)
     np.testing.assert_allclose(KKTSystem(conditions, found).hamiltonian, -1, atol=1e-9)
     multipliers = conditions.multipliers(found)
     assert ((multipliers * arcs.control[problem.arc][:, None]) > -1e-7).all()
     weight = problem.interval_lengths(other.z)[:, None, None] * conditions.mesh.quadrature[:, None]
-    ipopts = np.abs(problem.prices(other)) / weight
+    ipopts = np.abs(problem.control_multipliers(other)) / weight
     np.testing.assert_allclose(np.abs(multipliers), ipopts, atol=1e-4)
 
 
@@ -146,10 +156,10 @@ def test_exact_answers(line: Line, barrier: Barrier | None):
     motion, _ = line.on_mesh(UNEVEN, line.guess)
     arcs = detect_structure(UNEVEN, line.rows(motion))
     rows, mesh = ConstraintRows(line.equations), ArcMesh.of(arcs, 5)
-    conditions = OptimalityConditions.of(rows, arcs, mesh, line.scales, np.zeros(0), (), barrier)
-    found = solve_conditions(conditions, motion, line.scales).point
-    assert found.duration * line.scales.time == pytest.approx(line.duration, rel=2e-8)
-    ends = np.cumsum(found.lengths)[:-1] * line.scales.time
+    conditions = OptimalityConditions.of(rows, arcs, mesh, line.scaling, np.zeros(0), (), barrier)
+    found = solve_conditions(conditions, motion, line.scaling).point
+    assert found.duration * line.scaling.time == pytest.approx(line.duration, rel=2e-8)
+    ends = np.cumsum(found.lengths)[:-1] * line.scaling.time
     np.testing.assert_allclose(ends, line.switches, rtol=1e-6)
     np.testing.assert_allclose(KKTSystem(conditions, found).hamiltonian, -1, atol=1e-6)
 
@@ -157,23 +167,32 @@ def test_exact_answers(line: Line, barrier: Barrier | None):
 def test_one_motor_with_one_coordinate():
     """The same line without the two idle axes: nothing in the method is made for three motors."""
     line = Line(0.7, 3.0, 0.9)
-    scene = SimpleNamespace(start=(0.0,), goal=(line.d,), torque_limits=(line.u,))
-    scene.speed_limits = (line.v,)
-    scales = Scales(scene, 1.3 * line.duration, 1.0)
-    y, p = ca.SX.sym("y", 5), ca.SX.sym("p", len(scales.vector()))
-    length, time, force, _, speed = ca.vertsplit(p[1:])
-    rate, bend = length * y[1] / time / speed, length * y[2] / time / speed
-    off = y[3] - length * y[2] / time**2 / force
-    rows = ConstraintRows(ScaledEquations(y, p, off, ca.SX.ones(1), rate, bend))
+    constraints = Constraints(((Torque(), 1), (Speed(), 1)), motors=1)
+    scene = SimpleNamespace(task=RestToRest((0.0,), (line.d,)))
+    limits = SceneLimits(constraints, np.array([line.u, line.v]))
+    scaling = LineScaling(scene, 1.3 * line.duration, limits=limits)
+    y, p = ca.SX.sym("y", 5), _one_coordinate(constraints)
+    time = p.time * y[4]
+    speed, acceleration = p.length * y[1] / time, p.length * y[2] / time**2
+    motion = SimpleNamespace(tau=p.torque * y[3], dtheta=speed)
+    c = constraints.rows(motion, p.limits)
+    off = y[3] - acceleration / p.torque
+    rows = ConstraintRows(PointEquations(constraints, y, p, off, c, ca.SX(0)))
     up, at_speed, down = ((ActiveLimits(*limits),) for limits in ((1,), (0, 1), (-1,)))
     arcs = SwitchingStructure(np.array([0.3, 0.4, 0.3]), (up, at_speed, down))
     way = np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0])[:, None] * line.d
     position = PiecewisePolynomial(np.array([0.0, 1.0]), way[None]).slowed(1.6 * line.duration)
-    conditions = OptimalityConditions.of(rows, arcs, ArcMesh.of(arcs, 5), scales, np.zeros(0))
-    found = solve_conditions(conditions, Trajectory(position, UnitMass()), scales).point
-    assert found.duration * scales.time == pytest.approx(line.duration, rel=1e-9)
+    conditions = OptimalityConditions.of(rows, arcs, ArcMesh.of(arcs, 5), scaling, np.zeros(0))
+    found = solve_conditions(conditions, Trajectory(position, UnitMass()), scaling).point
+    assert found.duration * scaling.time == pytest.approx(line.duration, rel=1e-9)
     np.testing.assert_allclose(KKTSystem(conditions, found).hamiltonian, -1, atol=1e-9)
     assert changes(OptimalityResiduals(conditions, found, 5e-9)) == []
+
+
+def _one_coordinate(constraints: Constraints) -> Parameters:
+    """Parameters of a mechanism on a line."""
+    names = ("origin", "length", "time", "torque")
+    return Parameters(*(ca.SX.sym(name) for name in names), constraints.numbers(), ca.SX(0, 1))
 
 
 class TestChanged:

@@ -14,23 +14,26 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from deltaopt.limits.constraints import Constraints, SceneLimits
+from deltaopt.limits.torque import Torque
 from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
 from deltaopt.planning.flat.constraint_rows import ByOrder
-from deltaopt.planning.flat.flat_problem import ScaledEquations
+from deltaopt.planning.flat.equations import PointEquations
 from deltaopt.planning.nlp.cost import Cost
-from deltaopt.planning.nlp.scaling import Scales
+from deltaopt.planning.nlp.scaling import Parameters
 from deltaopt.planning.switching.detection import detect_structure
 from deltaopt.planning.switching.structure import SwitchingStructure
+from deltaopt.scene.task import RestToRest
 from tests.oracles.arcs import ArcProblem
 from tests.oracles.certify import certify
-from tests.planning.switching.test_exact_answers import UnitMass
+from tests.planning.switching.test_exact_answers import LineScaling, UnitMass
 
 T, SWITCHES, LEAST = 2.0, [1.0, 1.5], 3 / 8
 COST = Cost(time=0.0, running=1.0, duration_is_given=True)
 
 
 @dataclass(frozen=True)
-class Turnpike(Scales):
+class Turnpike(LineScaling):
     """Along the first axis; the others rest. The unit of velocity is 1 / T."""
 
     @property
@@ -39,21 +42,23 @@ class Turnpike(Scales):
 
     @property
     def at_goal(self):
-        state = np.array([np.inf, 0, 0, T * 0.5, 0, 0])
-        return np.where(np.isinf(state), -np.inf, state), state
+        return np.array([np.inf, 0, 0, T * 0.5, 0, 0])
 
 
-def scales() -> Turnpike:
-    scene = SimpleNamespace(start=(0, 0, 0), goal=(1, 0, 0), torque_limits=(1.0,) * 3)
-    scene.speed_limits = None
-    return Turnpike(scene, T, 1.0)
+LIMITS = SceneLimits(Constraints(((Torque(), 3),)), np.ones(3))
 
 
-def equations() -> ScaledEquations:
+def scaling() -> Turnpike:
+    scene = SimpleNamespace(task=RestToRest((0, 0, 0), (1, 0, 0)))
+    return Turnpike(scene, T, limits=LIMITS)
+
+
+def equations() -> PointEquations:
     """∫ |v|² dt: the other axes' rest costs least."""
-    y, p = ca.SX.sym("y", 13), ca.SX.sym("p", len(scales().vector()))
-    rows = y[9:12] - y[6:9] / T**2
-    return ScaledEquations(y, p, rows, ca.SX.ones(3), None, None, T * ca.sumsqr(y[3:6] / T))
+    y, p = ca.SX.sym("y", 13), Parameters.symbols(LIMITS.constraints, ca.SX(0, 1))
+    force = y[9:12] - y[6:9] / T**2
+    cost = T * ca.sumsqr(y[3:6] / T)
+    return PointEquations(LIMITS.constraints, y, p, force, y[9:12], cost)
 
 
 def guess() -> Trajectory:
@@ -73,7 +78,7 @@ def structure() -> SwitchingStructure:
 @pytest.fixture(scope="module", params=[3, 5, 8])
 def solved(request):
     """(problem, solution) from lengths that are not the answer's."""
-    problem, scaled = ArcProblem(equations(), structure(), request.param, COST), scales()
+    problem, scaled = ArcProblem(equations(), structure(), request.param, COST), scaling()
     start = problem.pack(guess(), scaled)
     return problem, problem.program.solve(start, *problem.bounds(scaled), scaled.vector())
 
@@ -87,7 +92,7 @@ def test_switches(solved):
 def test_cost(solved):
     """Of the motion itself, by Gauss's rule, not of the program."""
     problem, solution = solved
-    motion = problem.unpack(solution.z, scales())
+    motion = problem.unpack(solution.z, scaling())
     nodes, weights = np.polynomial.legendre.leggauss(12)
     h = np.diff(motion.knots)
     t = motion.knots[:-1, None] + h[:, None] * (nodes + 1) / 2
@@ -99,4 +104,4 @@ def test_cost(solved):
 
 def test_pontryagins_condition(solved):
     problem, solution = solved
-    assert certify(problem, solution, scales().vector()).residual < 1e-7
+    assert certify(problem, solution, scaling().vector()).residual < 1e-7
