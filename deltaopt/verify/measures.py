@@ -190,19 +190,30 @@ class MeasuredMotion:
     @cached_property
     def resolved(self) -> ResolvedCurves:
         """All columns, cut where motors turn back, resolved."""
-        degree = self.trajectory.position.coefficients.shape[1] - 1
-        parts = max(1, -(-2 * degree // DEGREE))  # twice the samples that determine the path
-        cells = Cells.even(len(self.trajectory.knots) - 1, parts)
-        first = ResolvedCurves.sampled(self.curves, cells)
-        rates = first.values[:, :, self._rates]
-        negligible = 1e-9 * float(np.abs(rates).max())
+        cells = self._sampled.cells
         for curve in range(self._rates.start, self._rates.stop):
-            cells = cells.cut(*first.roots(curve, negligible))
+            cells = cells.cut(*self._sampled.roots(curve, 1e-9 * float(self._sizes[curve])))
         return ResolvedCurves.of(self.curves, cells, self._tolerance)
+
+    @cached_property
+    def _sampled(self) -> ResolvedCurves:
+        """All columns, with twice the samples in each piece that determine its polynomial."""
+        degree = self.trajectory.position.coefficients.shape[1] - 1
+        cells = Cells.even(len(self.trajectory.knots) - 1, max(1, -(-2 * degree // DEGREE)))
+        return ResolvedCurves.sampled(self.curves, cells)
+
+    @cached_property
+    def _sizes(self) -> Array:
+        """Natural size of each column: 1 of shares of limits and of distances, the largest speed of
+        a motor, the mean of τᵀτ."""
+        sizes, samples = np.ones(self._rates.stop + 1), np.abs(self._sampled.values)
+        sizes[self._rates] = samples[..., self._rates].max()
+        sizes[-1] = samples[..., -1].mean()
+        return sizes
 
     def excesses(self) -> dict[str, Excess]:
         """The largest of each limit, by its name among measures."""
-        peaks, found = self._highest(self.resolved), dict[str, Excess]()
+        peaks, found = self._peaks, dict[str, Excess]()
         for i, side in enumerate(self.sides):
             excess = side.excess(self._time(peaks, i), float(peaks.values[i]))
             if excess.key not in found or excess.value > found[excess.key].value:
@@ -211,7 +222,7 @@ class MeasuredMotion:
 
     def distances(self) -> tuple[Distance, ...]:
         """The least to each kind of singularity."""
-        peaks, place, found = self._highest(self.resolved), len(self.sides), []
+        peaks, place, found = self._peaks, len(self.sides), []
         for kind in DISTANCES:
             number = 3 if kind.per_chain else 1
             nearest = place + int(peaks.values[place : place + number].argmax())
@@ -281,8 +292,10 @@ class MeasuredMotion:
         """Columns before the motors' speeds: excesses and distances."""
         return len(self.sides) + sum(3 if kind.per_chain else 1 for kind in DISTANCES)
 
-    def _highest(self, curves: ResolvedCurves) -> Peaks:
-        return curves.highest(self._nearness)
+    @cached_property
+    def _peaks(self) -> Peaks:
+        """Of the excesses and distances."""
+        return self.resolved.highest(self._nearness)
 
     def _time(self, peaks: Peaks, i: int) -> float:
         knots = self.trajectory.knots
@@ -291,14 +304,11 @@ class MeasuredMotion:
 
     def _tolerance(self, values: Array) -> Array:
         """To which columns are to be known in cells, (M, columns), from samples (M, n, columns)."""
-        size = np.abs(values).max(axis=1)
-        size[:, : self._nearness] = np.maximum(size[:, : self._nearness], 1.0)
-        rates = size[:, self._rates]
-        size[:, self._rates] = np.maximum(rates, rates.max(initial=0.0) * 1e-3)
+        sizes = np.maximum(np.abs(values).max(axis=1), self._sizes)
         nearest = np.abs(values[:, :, len(self.sides) : self._nearness]).min(axis=(1, 2))
         with np.errstate(divide="ignore"):
             share = np.maximum(RESOLVED, _ROUNDING / nearest)
-        return np.asarray(np.maximum(size, 1e-300) * share[:, None])
+        return np.asarray(sizes * share[:, None])
 
 
 def not_measured(scene: Scene) -> dict[str, Excess]:

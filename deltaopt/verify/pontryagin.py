@@ -179,9 +179,9 @@ class _Fit:
     ``torque``: u, of its limit, (K, c, 3); r grows with ``squares`` u², (3,). ``held``: (K, 3): of
     each motor its own number or, if its torque is at no limit, 3 + the state that it holds.
     ``sign``: of the limit that the torque is at, (K, 3), 0 if it is at none. ``slopes``: ∂A/∂(X,
-    V), (K, c, 3, 6). ``by_held``: ∂A/∂ of what is held, (K, c, 3, 3). ``rate``: r, (K, c). ``rate_slopes``: its
-    derivatives by (X, V), (K, c, 6). ``jumps``: by interval, directions in which p may jump where
-    it begins, (jumps, 6).
+    V), (K, c, 3, 6). ``by_held``: ∂A/∂ of what is held, (K, c, 3, 3). ``rate``: r, (K, c).
+    ``rate_slopes``: its derivatives by (X, V), (K, c, 6). ``jumps``: by interval, directions in
+    which p may jump where it begins, (jumps, 6).
     """
 
     scene: Scene

@@ -17,7 +17,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from deltaopt.codegen.vectorised import RowFunction
+from deltaopt.codegen.vectorised import evaluate_rows
 from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.errors import Singular, Unreachable
 from deltaopt.mechanisms.delta.functions import delta_functions
@@ -363,9 +363,8 @@ def _errors(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
     q, dq, ddq = trajectory.coordinates_inside(POINTS)
     tau = trajectory.model.inverse_dynamics(*trajectory.path_inside(POINTS))
     model = delta_model(scene.robot, scene.payload)
-    kinematic, dynamic = _residuals(model.functions.terms)(
-        q, dq, ddq, tau, parameters=model.parameters
-    )
+    residuals = _residuals(model.functions.terms)
+    kinematic, dynamic = evaluate_rows(residuals, q, dq, ddq, tau, parameters=model.parameters)
     return {
         "kinematic_error": _mean_over_time(trajectory, kinematic),
         "dynamic_error": _mean_over_time(trajectory, dynamic),
@@ -373,7 +372,7 @@ def _errors(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
 
 
 @lru_cache(maxsize=16)
-def _residuals(terms: DeltaTerms) -> RowFunction:
+def _residuals(terms: DeltaTerms) -> ca.Function:
     """(q, q̇, q̈, τ, p) -> (f, J q̇ + μ) (18), q̈ - q̈(q, q̇, τ) (12)."""
     m = delta_functions(terms, Explicit()).mechanism
     closure = ca.Function("closure", [m.q, m.dq, m.parameters], [m.holonomic, m.constraint_rate])
@@ -382,8 +381,7 @@ def _residuals(terms: DeltaTerms) -> RowFunction:
     tau, p = ca.MX.sym("tau", 3), ca.MX.sym("p", len(terms.names))
     modelled, _ = forward(0, q, dq, tau, p)
     kinematic = ca.vertcat(*closure(q, dq, p))
-    results = [kinematic, ddq - modelled]
-    return RowFunction(ca.Function("residuals", [q, dq, ddq, tau, p], results).expand())
+    return ca.Function("residuals", [q, dq, ddq, tau, p], [kinematic, ddq - modelled]).expand()
 
 
 def _mean_over_time(trajectory: Trajectory, rows: Array) -> float:
