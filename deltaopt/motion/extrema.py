@@ -18,6 +18,11 @@ _FEWEST_STEPS = 24  # in an interval: more than the 20 points of the definition 
 _FEWEST_IN_ALL = 240  # over all intervals, for motions of few long ones
 _ROUNDS = 2  # of refinement, each by _ZOOM: the place of a peak is known to (1/64)² of a step
 _ZOOM = 8.0
+_NARROW = 4.0
+"""Steps between samples: a valley with a lesser half-width is looked into by itself. More is looked
+into for nothing, less leaves peaks in it to the parabola through samples that miss them."""
+_WINDOW_STEPS = 24  # in a window of a valley
+_VALLEY_ROUNDS = 4  # beyond (1/8)⁴ of a step rounding hides where a valley is lowest
 
 
 @dataclass
@@ -38,10 +43,14 @@ class Peaks:
         """Keep what is larger among values (N, c)."""
         rows = np.argmax(values, axis=0)
         found = values[rows, np.arange(values.shape[1])]
-        better = found > self.values
-        self.values = np.where(better, found, self.values)
-        self.intervals = np.where(better, intervals[rows], self.intervals)
-        self.fractions = np.where(better, fractions[rows], self.fractions)
+        self.see_each(intervals[rows], fractions[rows], found)
+
+    def see_each(self, intervals: Index, fractions: Array, values: Array) -> None:
+        """Keep what is larger among one value of each function, (c,) each."""
+        better = values > self.values
+        self.values = np.where(better, values, self.values)
+        self.intervals = np.where(better, intervals, self.intervals)
+        self.fractions = np.where(better, fractions, self.fractions)
 
 
 def enough(intervals: int, fewest: int) -> int:
@@ -73,6 +82,82 @@ def peaks(curves: Curves, fractions: Array, values: Array) -> Peaks:
         grid = values.reshape(intervals, len(fractions), -1)
         _climb(curves, highest, *_hills(grid, highest.values))
     return highest
+
+
+@dataclass(frozen=True)
+class Windows:
+    """Parts of intervals, (N,) each: which interval, and fractions where a part begins and ends."""
+
+    intervals: Index
+    begin: Array
+    end: Array
+
+    def let_see(self, highest: Peaks, curves: Curves) -> None:
+        """Let the highest values so far see the peaks of curves in all windows."""
+        if not len(self.begin):
+            return
+
+        def inside(windows: Index, fractions: Array) -> Array:
+            begin, end = self.begin[windows], self.end[windows]
+            return curves(self.intervals[windows], begin + fractions * (end - begin))
+
+        fractions = np.linspace(0.0, 1.0, _WINDOW_STEPS + 1)
+        found = peaks(inside, fractions, inside(*everywhere(len(self.begin), fractions)))
+        begin, end = self.begin[found.intervals], self.end[found.intervals]
+        places = begin + found.fractions * (end - begin)
+        highest.see_each(self.intervals[found.intervals], places, found.values)
+
+
+def narrow_valleys(curves: Curves, fractions: Array, values: Array) -> Windows:
+    """Windows about minima of curves that are narrower than samples show, closer to them smaller.
+
+    ``values``: of curves that are not negative, at ``everywhere`` of these fractions, evenly
+    spaced, (K · n, c). The half-width of a valley is where its curve is twice the least: functions
+    of it that grow without bound at zero peak there, however far samples are apart. The windows
+    begin at 4 steps from the minimum, each half as wide as the one before.
+    """
+    grid = values.reshape(-1, len(fractions), values.shape[1])
+    left, middle, right = grid[:, :-2], grid[:, 1:-1], grid[:, 2:]
+    curvature, slope = left - 2 * middle + right, left - right
+    bent = np.where(curvature > 0, curvature, np.inf)
+    offset, least = slope / (2 * bent), middle - slope**2 / (8 * bent)
+    narrow = (curvature > 0) & (np.abs(offset) <= 1) & (2 * least < _NARROW**2 * curvature)
+    interval, sample, function = np.nonzero(narrow)
+    step = 1 / (len(fractions) - 1)
+    if not len(interval):
+        return Windows(interval, np.zeros(0), np.zeros(0))
+    bottom = (sample + 1 + offset[narrow]) * step
+    bottom, width = _bottoms(curves, interval, function, bottom, step)
+    return _graded(interval, bottom, _NARROW * step, float(width.min()) / 4)
+
+
+def _bottoms(
+    curves: Curves, interval: Index, function: Index, bottom: Array, step: float
+) -> tuple[Array, Array]:
+    """Where valleys are lowest, fractions, and their half-widths, (N,) each."""
+    n, width = len(interval), np.full(len(interval), step)
+    for _ in range(_VALLEY_ROUNDS):
+        step /= _ZOOM
+        bottom = np.clip(bottom, step, 1 - step)
+        places = np.concatenate([bottom - step, bottom, bottom + step])
+        values = curves(np.tile(interval, 3), places)
+        left, middle, right = values[np.arange(3 * n), np.tile(function, 3)].reshape(3, n)
+        curvature = np.maximum(left - 2 * middle + right, np.finfo(float).tiny)
+        offset = np.clip((left - right) / (2 * curvature), -1, 1)
+        least = np.maximum(middle - curvature * offset**2 / 2, 0.0)
+        bottom, width = bottom + offset * step, np.sqrt(2 * least / curvature) * step
+    return bottom, width
+
+
+def _graded(interval: Index, bottom: Array, widest: float, narrowest: float) -> Windows:
+    """On both sides of each bottom windows from the widest, halved until the narrowest."""
+    halvings = int(np.ceil(np.log2(widest / max(narrowest, widest * 2.0**-30)))) + 1
+    away = widest * 2.0 ** -np.arange(halvings)
+    edges = np.concatenate([-away, away[::-1]]) + bottom[:, None]
+    edges = np.clip(edges, 0.0, 1.0)
+    begin, end = edges[:, :-1].ravel(), edges[:, 1:].ravel()
+    kept = end > begin
+    return Windows(np.repeat(interval, edges.shape[1] - 1)[kept], begin[kept], end[kept])
 
 
 def _hills(grid: Array, highest: Array) -> tuple[Index, Index, Array, float]:

@@ -26,7 +26,14 @@ from deltaopt.limits.constraints import Constraints
 from deltaopt.mechanisms.delta.functions import delta_functions
 from deltaopt.mechanisms.delta.instant import PlatformInstant
 from deltaopt.mechanisms.delta.mechanism import DeltaTerms
-from deltaopt.motion.extrema import Index, Peaks, everywhere, peaks, sample_fractions
+from deltaopt.motion.extrema import (
+    Index,
+    Peaks,
+    everywhere,
+    narrow_valleys,
+    peaks,
+    sample_fractions,
+)
 from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
 from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.scene.scene import Scene, limits_of
@@ -42,14 +49,15 @@ class Loads:
     """Constraint rows of a motion at N instants, and what they ask of a slowed motion.
 
     ``rows``: (N, rows), normalised: lower bounds at -1, upper bounds at 1. ``slower``: (N, those
-    that slowing changes), what k² must be at least. ``faster``: (N, those that are not zero at rest),
-    what 1/k² must be at least: positive only where a limit is exceeded at rest, so that it needs
-    the motion's help.
+    that slowing changes), what k² must be at least. ``faster``: (N, those that are not zero at
+    rest), what 1/k² must be at least: positive only where a limit is exceeded at rest, so that it
+    needs the motion's help. ``alignment``: sin² (q_{k,1} - q_{k,2}) of the chains, (N, 3).
     """
 
     rows: Array
     slower: Array
     faster: Array
+    alignment: Array
 
     @property
     def demands(self) -> Array:
@@ -72,7 +80,7 @@ def safe_factor(
     intervals = len(trajectory.knots) - 1
     along, fractions = _loads_along(scene, trajectory), sample_fractions(intervals)
     known = sampled or along(*everywhere(intervals, fractions))
-    highest = peaks(lambda *where: along(*where).demands, fractions, known.demands).values
+    highest = _highest(along, lambda loads: loads.demands, fractions, known).values
     number = known.slower.shape[1]
     return _factor(highest[:number], highest[number:], at_least)
 
@@ -93,8 +101,22 @@ def highest_rows(scene: Scene, trajectory: Trajectory) -> Peaks:
     """How near each constraint row comes to its bounds, 1 at a bound, between samples too."""
     intervals, size = len(trajectory.knots) - 1, limits_of(scene).constraints.size
     along, fractions = _loads_along(scene, trajectory), sample_fractions(intervals)
-    values = size(along(*everywhere(intervals, fractions)).rows)
-    return peaks(lambda *where: size(along(*where).rows), fractions, values)
+    sampled = along(*everywhere(intervals, fractions))
+    return _highest(along, lambda loads: size(loads.rows), fractions, sampled)
+
+
+def _highest(
+    along: Callable[[Index, Array], Loads],
+    part: Callable[[Loads], Array],
+    fractions: Array,
+    sampled: Loads,
+) -> Peaks:
+    """Where a part of the loads is largest, between samples too: about the places where a chain
+    comes so near to its serial singularity that torques peak between samples, closer than these."""
+    highest = peaks(lambda *where: part(along(*where)), fractions, part(sampled))
+    valleys = narrow_valleys(lambda *where: along(*where).alignment, fractions, sampled.alignment)
+    valleys.let_see(highest, lambda *where: part(along(*where)))
+    return highest
 
 
 def loads_inside(scene: Scene, trajectory: Trajectory, fractions: Array) -> Loads:
@@ -183,10 +205,11 @@ def _loads_function(terms: DeltaTerms, constraints: Constraints, powers: int) ->
         x = x * t + c
     functions, rest = delta_functions(terms, Explicit()), ca.SX.zeros(3)
     numbers, p = constraints.numbers(), ca.SX.sym("p", len(terms.names))
-    rows = constraints.rows(PlatformInstant(functions, x, v, a, p), numbers)
+    motion = PlatformInstant(functions, x, v, a, p)
+    rows = constraints.rows(motion, numbers)
     at_rest = constraints.rows(PlatformInstant(functions, x, rest, rest, p), numbers)
     inputs = [coefficients, t, ca.vertcat(numbers, p)]
-    results = [rows, *_demands(constraints, at_rest, rows)]
+    results = [rows, *_demands(constraints, at_rest, rows), motion.alignment]
     return RowFunction(ca.Function("loads", inputs, results, {"cse": True}))
 
 

@@ -31,7 +31,7 @@ class NotIntegrated(Exception):
 
 
 def arrival(scene: Scene, trajectory: Trajectory) -> tuple[float, float]:
-    """Distance to the goal (m) and speed (m/s) at the end, from rest at the scene's start.
+    """Distance to the goal (m) and to its velocity (m/s) at the end, from the scene's start.
 
     Raises NotIntegrated where CVODES fails, as on leaving the workspace.
     """
@@ -39,7 +39,8 @@ def arrival(scene: Scene, trajectory: Trajectory) -> tuple[float, float]:
     position = trajectory.position
     step = _step(model, trajectory.model, position.coefficients.shape[1])
     p = np.concatenate([model.parameters, trajectory.model.parameters])
-    state = np.concatenate([scene.start, np.zeros(3)])
+    start, goal = scene.task.start, scene.task.goal
+    state = np.concatenate([start.position, start.velocity])
     lengths = np.diff(position.knots)
     for begin, length, coefficients in zip(
         position.knots, lengths, position.coefficients, strict=False
@@ -47,7 +48,8 @@ def arrival(scene: Scene, trajectory: Trajectory) -> tuple[float, float]:
         state = _integrated(step, state, np.concatenate([coefficients.ravel(), [length], p]))
         if not np.isfinite(state).all():
             raise NotIntegrated(f"CVODES failed after t = {begin:.6g} s")
-    return float(np.linalg.norm(state[:3] - scene.goal)), float(np.linalg.norm(state[3:]))
+    away, too_fast = state[:3] - goal.position, state[3:] - goal.velocity
+    return float(np.linalg.norm(away)), float(np.linalg.norm(too_fast))
 
 
 def _step(model: DeltaModel, reported: DeltaModel, powers: int) -> ca.Function:

@@ -6,15 +6,16 @@ follow a linear differential equation along the motion,
     ṗ_x = -(∂a/∂x)ᵀ p_v - ∂r/∂x        ṗ_v = -p_x - (∂a/∂v)ᵀ p_v - ∂r/∂v
 
 a being the acceleration and r the rate of what is minimised (1 for time, τᵀτ for effort). So all
-of p is p(0) and, where a motor comes to a limit of its speed or a chain to the margin of its
-fold, the size of a jump: a handful of numbers. They are those of least squares of
+of p is p(0) and, where a limit of order 0 or 1, of a position or a speed, is reached, the size of a
+jump: a handful of numbers. They are those of least squares of
 
     H = p_x · ẋ + p_v · ẍ + r = 0, or constant where the duration is given
     S_k = ∂H/∂τ_k = 0                    of a motor that is at no limit
 
-(S: the switching functions). What is left is how far the motion is from Pontryagin's condition.
-That is necessary and local: where it holds no motion nearby is better to first order; one far
-away may be.
+(S: the switching functions). A row of order 1 that stays at its limit is held by its derivative,
+one of order 0 by its second derivative, each in the place of a motor's torque. What is left is how
+far the motion is from Pontryagin's condition. That is necessary and local: where it holds no motion
+nearby is better to first order; one far away may be.
 """
 
 from __future__ import annotations
@@ -29,24 +30,33 @@ from numpy.typing import NDArray
 
 from deltaopt.codegen.vectorised import RowFunction
 from deltaopt.dynamics.lagrange import Explicit
+from deltaopt.errors import DeltaOptError
+from deltaopt.limits.constraints import Constraints
 from deltaopt.mechanisms.delta.functions import delta_functions
+from deltaopt.mechanisms.delta.instant import PlatformInstant
 from deltaopt.mechanisms.delta.mechanism import DeltaTerms
 from deltaopt.motion.trajectory import Array, Trajectory
 from deltaopt.robot.model import delta_model
-from deltaopt.scene.scene import Scene
+from deltaopt.scene.scene import Scene, limits_of
+from deltaopt.scene.task import distance
 
 Integers = NDArray[np.intp]
 Truths = NDArray[np.bool]
 
 _STAGES = 8
 """Of Gauss's collocation in every interval."""
-_AT_LIMIT, _AT_MARGIN, _LONG = 0.99, 1e-7, 1e-3
-"""Of a load, all over an interval; by how much the sine of a held fold may vary, in an interval of
-so long a part of the duration if the motor's torque is at its limit."""
-_AT_SPEED, _TOUCHES = 1e-5, 1e-7
-"""By how much a speed may be below its limit along an interval and at an instant."""
-_SPEED, _FOLD = 3, 6
-"""First of the three rows that may be held along an interval: torques, θ̈, folds."""
+_AT_LIMIT = 0.99
+"""Of its limit: what a torque at its limit has all over an interval. Less takes a torque that only
+comes near its limit for one that is held there."""
+_CONSTANT, _LONG = 1e-7, 1e-3
+"""By how much a held row of order 0 may vary over an interval, in an interval of so long a part of
+the duration if its motor's torque is at its limit: in shorter ones everything is constant."""
+_HELD, _TOUCHES = 1e-5, 1e-7
+"""By how much a row of order 1 may be short of its limit along an interval and at an instant."""
+
+
+class NoCostates(DeltaOptError):
+    """A motion or a scene to which no costates can be fitted."""
 
 
 @dataclass(frozen=True)
@@ -74,28 +84,90 @@ class Extremal:
 
 
 def extremal(scene: Scene, trajectory: Trajectory) -> Extremal:
-    """The costates that fit a motion best, and how well they fit."""
-    return _Fit.of(scene, trajectory).solved()
+    """The costates that fit a motion best, and how well they fit.
+
+    Raises NoCostates where the scene has limits that cannot be treated (see ``_Rows.of``) or the
+    equations are singular.
+    """
+    try:
+        return _Fit.of(scene, trajectory).solved()
+    except np.linalg.LinAlgError:
+        raise NoCostates("the equations for the costates are singular") from None
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """Which constraint rows are treated how: indices, (rows,) each, into the rows of a scene.
+
+    ``controls``: the limit of each motor's torque, in the motors' order. ``first``: of order 1,
+    ``second``: of order 0, held by their first and second derivative; together, in this order, they
+    are called states. ``motors``: of each state the motor that holds it if it can.
+    """
+
+    constraints: Constraints
+    controls: tuple[int, ...]
+    first: tuple[int, ...]
+    second: tuple[int, ...]
+
+    @classmethod
+    def of(cls, constraints: Constraints) -> _Rows:
+        """By the order of each row.
+
+        Raises NoCostates unless every motor has one limit of its torque, on both sides, and all
+        other rows are of order 0 or 1.
+        """
+        control = np.flatnonzero(constraints.is_control)
+        first, second = constraints.of_order(1), constraints.of_order(0)
+        treated = len(control) + len(first) + len(second) == constraints.number
+        both = constraints.sides[control].all()
+        own = sorted(control.tolist(), key=lambda row: constraints.item_of(row)[1])
+        one_each = [constraints.item_of(row)[1] for row in own] == list(range(constraints.motors))
+        if not (treated and both and one_each):
+            raise NoCostates("the scene has limits that a fit of costates cannot treat")
+        return cls(constraints, tuple(own), tuple(first.tolist()), tuple(second.tolist()))
+
+    @property
+    def motors(self) -> list[int]:
+        """Of a row that there is for each motor or chain, that of the same number."""
+        states = (*self.first, *self.second)
+        return [self.constraints.item_of(row)[1] % self.constraints.motors for row in states]
 
 
 @lru_cache(maxsize=8)
-def _rows(terms: DeltaTerms) -> RowFunction:
-    """(x, v, a, p) -> what may be held along an interval, τ, θ̈, and the second derivative of
-    sin² (q_{k,1} - q_{k,2}), 9; its derivatives by x, v, a, 81; θ̇, that sine and its first
-    derivative, 9; their derivatives by x, v, 54."""
-    functions = delta_functions(terms, Explicit())
+def _held_and_reached(terms: DeltaTerms, constraints: Constraints) -> RowFunction:
+    """(x, v, a, numbers of the limits and p) -> what may be held along an interval: the controls'
+    rows, the first derivatives of ``first``, the second ones of ``second``; its derivatives by x,
+    v, a; what may be reached at an instant: ``first``, ``second`` and the first derivatives of
+    ``second``; their derivatives by x, v; the torques and their limits (3 each, N·m)."""
+    rows, functions = _Rows.of(constraints), delta_functions(terms, Explicit())
     x, v, a = (ca.SX.sym(name, 3) for name in "xva")
-    p = terms.symbols().vector()
-    _, fold, dtheta, ddtheta = functions.explicit_equations(x, v, a, ca.SX.zeros(3), p)
-    rate = ca.jtimes(fold, x, v)
-    bend = ca.jtimes(rate, x, v) + ca.jtimes(rate, v, a)
-    along = ca.vertcat(functions.explicit_torques(x, v, a, p), ddtheta, bend)
-    at_entry = ca.vertcat(dtheta, fold, rate)
-    by_motion = ca.jacobian(along, ca.vertcat(x, v, a))
-    by_state = ca.jacobian(at_entry, ca.vertcat(x, v))
-    results = [along, ca.vec(by_motion.T), at_entry, ca.vec(by_state.T)]
+    numbers, p = constraints.numbers(), ca.SX.sym("p", len(terms.names))
+    motion = PlatformInstant(functions, x, v, a, p)
+    all_rows = constraints.rows(motion, numbers)
+    control, first, second = (
+        ca.vertcat(*(all_rows[i] for i in which))
+        for which in (rows.controls, rows.first, rows.second)
+    )
+    rate = _rate(second, x, v, a)
+    held = ca.vertcat(control, _rate(first, x, v, a), _rate(rate, x, v, a))
+    reached = ca.vertcat(first, second, rate)
+    by_motion = ca.jacobian(held, ca.vertcat(x, v, a))
+    by_state = ca.jacobian(reached, ca.vertcat(x, v))
+    tau = ca.SX.sym("tau", 3)
+    controlled = constraints.rows(PlatformInstant(functions, x, v, a, p, tau), numbers)
+    slopes = ca.jacobian(controlled, tau)
+    limits = ca.vertcat(*(1 / slopes[row, motor] for motor, row in enumerate(rows.controls)))
+    results = [held, ca.vec(by_motion.T), reached, ca.vec(by_state.T), motion.tau, limits]
     outputs = [ca.densify(result) for result in results]
-    return RowFunction(ca.Function("rows", [x, v, a, p], outputs, {"cse": True}))
+    inputs = [x, v, a, ca.vertcat(numbers, p)]
+    return RowFunction(ca.Function("held_and_reached", inputs, outputs, {"cse": True}))
+
+
+def _rate(quantities: ca.SX, x: ca.SX, v: ca.SX, a: ca.SX) -> ca.SX:
+    """d/dt of quantities that depend on x and v."""
+    if not quantities.numel():
+        return quantities
+    return ca.jtimes(quantities, x, v) + ca.jtimes(quantities, v, a)
 
 
 @dataclass(frozen=True)
@@ -104,12 +176,12 @@ class _Fit:
 
     c: the instants of an interval, its beginning, Gauss's nodes, its end. ``t``: (K, c).
     ``h``: lengths of the intervals, fractions of T, (K,). ``motion``: (V, A), (K, c, 6).
-    ``torque``: u, of its limit, (K, c, 3); r grows with ``squares`` u², (3,). ``held``: rows, (K,
-    3): of each motor its torque or, if that is at no limit, what it holds instead. ``sign``: of
-    the limit that the torque is at, (K, 3), 0 if it is at none. ``slopes``: ∂A/∂(X, V), (K, c, 3,
-    6). ``by_held``: ∂A/∂ of what is held, (K, c, 3, 3). ``rate``: r, (K, c). ``rate_slopes``: its
-    derivatives by (X, V), (K, c, 6). ``jumps``: by interval, directions in which p may jump where
-    it begins, (jumps, 6).
+    ``torque``: u, of its limit, (K, c, 3); r grows with ``squares`` u², (3,). ``held``: (K, 3): of
+    each motor its own number or, if its torque is at no limit, 3 + the state that it holds.
+    ``sign``: of the limit that the torque is at, (K, 3), 0 if it is at none. ``slopes``: ∂A/∂(X,
+    V), (K, c, 3, 6). ``by_held``: ∂A/∂ of what is held, (K, c, 3, 3). ``rate``: r, (K, c).
+    ``rate_slopes``: its derivatives by (X, V), (K, c, 6). ``jumps``: by interval, directions in
+    which p may jump where it begins, (jumps, 6).
     """
 
     scene: Scene
@@ -129,56 +201,61 @@ class _Fit:
 
     @classmethod
     def of(cls, scene: Scene, trajectory: Trajectory) -> _Fit:
-        model = delta_model(scene.robot, scene.payload)
-        fractions = gauss().fractions
+        model, limits = delta_model(scene.robot, scene.payload), limits_of(scene)
+        rows = _Rows.of(limits.constraints)
+        states, fractions = len(rows.first) + len(rows.second), gauss().fractions
         x, v, a = trajectory.path_inside(fractions)
-        T, D = trajectory.duration, float(np.linalg.norm(np.subtract(scene.goal, scene.start)))
+        T, D = trajectory.duration, distance(scene.task)
         K, c = len(trajectory.knots) - 1, len(fractions)
-        results = _rows(model.functions.terms)(x, v, a, parameters=model.parameters)
-        along, by_motion, at_entry, by_state = (
-            part.reshape(K, c, *shape)
-            for part, shape in zip(results, ((9,), (9, 9), (9,), (9, 6)), strict=True)
+        results = _held_and_reached(model.functions.terms, limits.constraints)(
+            x, v, a, parameters=np.concatenate([limits.numbers, model.parameters])
+        )
+        reached_shape = states + len(rows.second)
+        shapes = ((3 + states,), (3 + states, 9), (reached_shape,), (reached_shape, 6), (3,), (3,))
+        along, by_motion, reached, by_state, torque, limits_there = (
+            part.reshape(K, c, *shape) for part, shape in zip(results, shapes, strict=True)
         )
         units = np.repeat([D, D / T, D / T**2], 3)
         by_motion, by_state = by_motion * units, by_state * units[:6]
-        limits = np.array(scene.torque_limits)
+        share = along[..., :3]
+        limit = limits_there[0, 0]
         lengths = np.diff(trajectory.knots)
-        sign = _signs(along[..., :3] / limits)
-        states = _states(scene, sign, at_entry, lengths / T)
-        held = _rows_held(sign, states)
-        rows = np.take_along_axis(by_motion, held[:, None, :, None], axis=2)
-        by_held = np.linalg.inv(rows[..., 6:])
-        slopes = -by_held @ rows[..., :6]
-        torque_slopes = by_motion[:, :, :3, :6] + by_motion[:, :, :3, 6:] @ slopes
+        sign = _signs(share)
+        at_limit = _at_limit(rows, sign, reached, lengths / T)
+        held = _rows_held(rows, sign, at_limit)
+        held_by_motion = np.take_along_axis(by_motion, held[:, None, :, None], axis=2)
+        by_held = np.linalg.inv(held_by_motion[..., 6:])
+        slopes = -by_held @ held_by_motion[..., :6]
+        share_slopes = by_motion[:, :, :3, :6] + by_motion[:, :, :3, 6:] @ slopes
         time, effort = scene.objective.weights
-        rate = time + effort * (along[..., :3] ** 2).sum(axis=2)
+        rate = time + effort * (torque**2).sum(axis=2)
         mean = float(lengths @ (rate[:, 1:-1] @ gauss().weights)) / T
-        by_torque = 2 * effort / mean * along[..., None, :3]  # ∂r/∂τ, a row
+        by_share = 2 * effort / mean * (limit * torque)[..., None, :]  # ∂r/∂u, a row
         return cls(
             scene=scene,
             t=trajectory.knots[:-1, None] + lengths[:, None] * fractions,
             units=(D, T, mean),
             h=lengths / T,
             motion=np.hstack([v * T / D, a * T**2 / D]).reshape(K, c, 6),
-            torque=along[..., :3] / limits,
-            squares=effort / mean * limits**2,
+            torque=share,
+            squares=effort / mean * limit**2,
             held=held,
             sign=sign,
             slopes=slopes,
-            by_held=by_held * np.where(held < _SPEED, limits, 1.0)[:, None, None],
+            by_held=by_held,
             rate=rate / mean,
-            rate_slopes=(by_torque @ torque_slopes)[:, :, 0],
-            jumps=_jumps(states | _touched(scene, states, at_entry), states, by_state[:, 0]),
+            rate_slopes=(by_share @ share_slopes)[:, :, 0],
+            jumps=_jumps(rows, at_limit, _touched(rows, at_limit, reached), by_state[:, 0]),
         )
 
     def solved(self) -> Extremal:
         p = self._costates()
         H = (p * self.motion[..., None]).sum(axis=2)
         H[..., -1] += self.rate
-        of_torque = (self.held < _SPEED)[:, None]
+        of_torque = (self.held < 3)[:, None]
         S = np.einsum("kcaj,kcau->kcju", self.by_held, p[:, :, 3:]) * of_torque[..., None]
         S[..., -1] += 2 * self.squares * self.torque * of_torque
-        free = (self.held < _SPEED) & (self.sign == 0)
+        free = (self.held < 3) & (self.sign == 0)
         given = float(self.scene.objective.given_duration is not None)
         level = np.full((*H.shape[:2], 1), -given)  # H is this unknown where T is given
         equations = [np.concatenate([level, H], axis=2).reshape(-1, H.shape[-1] + 1)]
@@ -199,7 +276,7 @@ class _Fit:
             best = np.clip(-by_motion / (2 * self.squares), -1, 1)
         best = np.where(by_motion == 0, torque, best)
         lowered = by_motion * (torque - best) + self.squares * (torque**2 - best**2)
-        lowered *= (self.held < _SPEED)[:, None]
+        lowered *= (self.held < 3)[:, None]
         largest = np.abs(by_motion).max()
         return Extremal(
             t=self.t.ravel(),
@@ -253,50 +330,58 @@ def _signs(torque: Array) -> Array:
     return np.asarray(upper.astype(float) - lower)
 
 
-def _states(scene: Scene, sign: Array, at_entry: Array, h: Array) -> Truths:
-    """Speeds and folds that are at a limit all over an interval, (K, 6)."""
-    fold = np.ptp(at_entry[..., 3:6], axis=1) < _AT_MARGIN
-    fold &= (sign == 0) | (h > _LONG)[:, None]
-    fast = np.zeros_like(fold)
-    if scene.speed_limits is not None:
-        fast = (np.abs(at_entry[..., :3]) / scene.speed_limits > 1 - _AT_SPEED).all(axis=1)
-    return np.hstack([fast, fold])
+def _at_limit(rows: _Rows, sign: Array, reached: Array, h: Array) -> Truths:
+    """States that are held all over an interval, (K, states)."""
+    ones, states = len(rows.first), len(rows.first) + len(rows.second)
+    fast = (_size(rows, reached) > 1 - _HELD).all(axis=1)
+    constant = np.ptp(reached[..., ones:states], axis=1) < _CONSTANT
+    constant &= (sign[:, rows.motors[ones:]] == 0) | (h > _LONG)[:, None]
+    return np.hstack([fast, constant])
 
 
-def _rows_held(sign: Array, states: Truths) -> Integers:
-    """Rows, (K, 3): a speed or a fold is held by its own motor or, if that is at its limit of
-    torque, by another that is at none."""
-    held = np.tile(np.arange(3), (len(sign), 1))
-    for i in np.flatnonzero(states.any(axis=1)).tolist():
+def _size(rows: _Rows, reached: Array) -> Array:
+    """How near rows of order 1 are to a bound, (K, c, rows of order 1): 1 at it."""
+    lower, upper = rows.constraints.sides[list(rows.first)].T
+    values = reached[..., : len(rows.first)]
+    return np.maximum(np.where(upper, values, -np.inf), np.where(lower, -values, -np.inf))
+
+
+def _rows_held(rows: _Rows, sign: Array, at_limit: Truths) -> Integers:
+    """What each motor holds, (K, 3): a state is held by its own motor or, if that is at its limit
+    of torque, by another that is at none."""
+    held, motors = np.tile(np.arange(3), (len(sign), 1)), rows.motors
+    for i in np.flatnonzero(at_limit.any(axis=1)).tolist():
         without = np.flatnonzero(sign[i] == 0).tolist()
-        for state in sorted(np.flatnonzero(states[i]).tolist(), key=lambda s: s % 3 not in without):
+        states = np.flatnonzero(at_limit[i]).tolist()
+        for state in sorted(states, key=lambda s: motors[s] not in without):
             if without:
-                by = without.pop(without.index(state % 3) if state % 3 in without else 0)
-                held[i, by] = _SPEED + state
+                own = motors[state]
+                by = without.pop(without.index(own) if own in without else 0)
+                held[i, by] = 3 + state
     return held
 
 
-def _touched(scene: Scene, states: Truths, at_entry: Array) -> Truths:
-    """Speeds that are at a limit where an interval begins, and not held before or after, (K, 6)."""
-    touched = np.zeros_like(states)
-    if scene.speed_limits is not None:
-        there = np.abs(at_entry[:, 0, :3]) / scene.speed_limits > 1 - _TOUCHES
-        touched[1:, :3] = there[1:] & ~states[1:, :3] & ~states[:-1, :3]
+def _touched(rows: _Rows, at_limit: Truths, reached: Array) -> Truths:
+    """Rows of order 1 that are at a limit where an interval begins, and not held before or after,
+    (K, states)."""
+    touched, ones = np.zeros_like(at_limit), len(rows.first)
+    there = _size(rows, reached)[:, 0] > 1 - _TOUCHES
+    touched[1:, :ones] = there[1:] & ~at_limit[1:, :ones] & ~at_limit[:-1, :ones]
     return touched
 
 
-def _jumps(begins: Truths, states: Truths, by_state: Array) -> dict[int, Array]:
-    """Gradients of what comes to a limit where an interval begins, (jumps, 6) each.
+def _jumps(rows: _Rows, at_limit: Truths, touched: Truths, by_state: Array) -> dict[int, Array]:
+    """Gradients of what comes to a limit where an interval begins, (jumps, 6) each: of a row of
+    order 1 its own, of one of order 0 its own and its derivative's.
 
-    ``begins``: what is at a limit from there on or at that instant, ``states``: all along, (K, 6);
-    ``by_state``: of speeds, folds and their rates, (K, 9, 6).
+    ``by_state``: of states and derivatives of those of order 0, (K, rows, 6).
     """
-    new = begins.copy()
-    new[1:] &= ~states[:-1]
+    new, ones = at_limit | touched, len(rows.first)
+    new[1:] &= ~at_limit[:-1]
     jumps: dict[int, list[Array]] = {}
     for i, state in np.argwhere(new).tolist():
-        rows = (state,) if state < 3 else (state, state + 3)
-        jumps.setdefault(i, []).extend(by_state[i, row] for row in rows)
+        gradients = (state,) if state < ones else (state, state + len(rows.second))
+        jumps.setdefault(i, []).extend(by_state[i, row] for row in gradients)
     return {i: np.array(each) for i, each in jumps.items()}
 
 

@@ -1,32 +1,39 @@
-"""Checks a motion by means the planner did not use: section 5 of DESIGN.md.
+"""Checks a motion by means that its planner did not use.
 
-Nothing here comes from ``planning``. What is checked is the motion as reported: the path as
-a function of time, and the coordinates and torques that the trajectory's own model gives
-for it. What it is held against is the scene, through models built here from the scene.
+Nothing here comes from ``planning``, and of ``motion`` only the trajectory, which is data. What is
+checked is the motion as reported: the path as a function of time, and the coordinates and torques
+that the trajectory's own model gives for it. What it is held against is the scene, through models
+built here from the scene.
 """
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
-from math import inf, isinf
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from functools import lru_cache
+from math import inf, isfinite, isinf
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from deltaopt.codegen.vectorised import evaluate_rows
-from deltaopt.errors import Unreachable
-from deltaopt.motion.effort import effort
-from deltaopt.motion.extrema import sample_fractions
-from deltaopt.motion.time_scaling import highest_rows, safe_factor
+from deltaopt.dynamics.lagrange import Explicit
+from deltaopt.errors import Singular, Unreachable
+from deltaopt.mechanisms.delta.functions import delta_functions
+from deltaopt.mechanisms.delta.mechanism import DeltaTerms
 from deltaopt.motion.trajectory import Array, Trajectory
-from deltaopt.robot.model import DeltaModel
-from deltaopt.scene.scene import Scene, limits_of
+from deltaopt.robot.model import delta_model
+from deltaopt.scene.scene import LIMITS, Scene
+from deltaopt.scene.task import distance
 from deltaopt.verify.forward_replay import NotIntegrated, arrival
-from deltaopt.verify.pontryagin import extremal
+from deltaopt.verify.measures import Distance, Excess, MeasuredMotion, key, not_measured
+from deltaopt.verify.pontryagin import NoCostates, extremal
+from deltaopt.verify.resolved_curves import POINTS, WEIGHTS, TooRough
 
 EXCESS = 1e-9
-"""Of torque and speed: above the rounding of inverse dynamics, below any meaning of a limit."""
+"""Of every limit, as a share of it: above rounding of inverse dynamics, below any meaning of a
+limit."""
 DURATION = 1e-9
 """s, of a duration that the scene gives: clocks of controllers are no better."""
 BOUNDARY_DISTANCE = 1e-7
@@ -67,8 +74,6 @@ class Bound:
 
 
 BOUNDS = (
-    Bound("torque_excess", "1", EXCESS, "a motor would need {:.4%} more torque than its limit"),
-    Bound("speed_excess", "1", EXCESS, "a motor would turn {:.4%} faster than its limit"),
     Bound("duration_error", "s", DURATION, "it takes {:.3g} s more or less than the scene says"),
     Bound(
         "start_distance",
@@ -140,6 +145,7 @@ BOUNDS = (
         ARRIVAL_SHARE,
     ),
 )
+"""Of everything but limits, whose excesses are measures of their own, each at most ``EXCESS``."""
 
 
 @dataclass(frozen=True)
@@ -169,8 +175,9 @@ class Verification:
         slowed so that it keeps its limits.
     ``effort``: ∫ τᵀτ dt, N²m²s.
     ``duration_error``: s, from the scene's duration; None where it gives none.
-    ``torque_excess``, ``speed_excess``: largest load over limit, minus 1; no speed excess
-        (None) where the drives have no speed limit.
+    ``excesses``: of every limit of the scene the largest, by name: ``report.torque_excess`` is
+        the value of ``report.excesses["torque_excess"]``, None where the scene has no such limit.
+    ``distances``: the least to every kind of singularity; empty where not evaluated.
     ``start_distance``, ``goal_distance``: m, from the scene's points to the motion's ends.
     ``start_speed``, ``goal_speed``: m/s, of the platform at the motion's ends.
     ``position_jump``, ``velocity_jump``: m and m/s, the largest at a knot.
@@ -187,8 +194,7 @@ class Verification:
     safe_duration: float = inf
     effort: float = inf
     duration_error: float | None = None
-    torque_excess: float = inf
-    speed_excess: float | None = None
+    excesses: Mapping[str, Excess] = field(default_factory=dict)
     start_distance: float = inf
     goal_distance: float = inf
     start_speed: float = inf
@@ -201,7 +207,17 @@ class Verification:
     arrival_speed: float = inf
     hamiltonian_spread: float | None = None
     sign_violation: float | None = None
+    distances: tuple[Distance, ...] = ()
     obstacles: tuple[str, ...] = ()
+
+    def __getattr__(self, name: str) -> float | None:
+        """The excess of a limit; None if the scene has no such limit."""
+        if name.endswith("_excess"):
+            if name in self.excesses:
+                return self.excesses[name].value
+            if name in _known_excesses():
+                return None
+        raise AttributeError(f"a verification has no {name}")
 
     @property
     def ok(self) -> bool:
@@ -209,64 +225,105 @@ class Verification:
         return not self.obstacles and all(check.ok for check in self.checks())
 
     def checks(self) -> list[Check]:
-        """All measures that have a bound in this scene."""
+        """All measures that have a bound in this scene, limits first."""
         values = [(bound, getattr(self, bound.measure)) for bound in BOUNDS]
-        return [
+        return self._limit_checks() + [
             Check(bound.for_way(self.way, self.duration), value)
             for bound, value in values
             if value is not None
+        ]
+
+    def _limit_checks(self) -> list[Check]:
+        return [
+            Check(Bound(name, "1", EXCESS, excess.sentence), excess.value)
+            for name, excess in self.excesses.items()
         ]
 
     def failures(self) -> list[str]:
         """What is wrong with the motion, one sentence each; empty if it passes."""
         failed = [c for c in self.checks() if not c.ok and not (self.obstacles and isinf(c.value))]
         sentences = [*self.obstacles, *(check.complaint for check in failed)]
-        if any(check.bound.unit == "1" for check in failed) and self.duration_error is None:
+        beyond = any(check in failed for check in self._limit_checks())
+        if beyond and self.duration_error is None:
             sentences.append(
-                "slowing it down does not help: gravity alone exceeds a torque limit on its way"
+                "slowing it down does not help: at rest somewhere on its way it exceeds a limit too"
                 if isinf(self.safe_duration)
                 else f"slowed to {self.safe_duration:.6g} s it would keep the limits"
             )
         return sentences
 
     def as_dict(self) -> dict[str, object]:
-        """All measures, ``ok`` and ``failures`` for JSON, which knows no infinity: null."""
-        measures = {
-            name: None if isinstance(value, float) and not np.isfinite(value) else value
-            for name, value in asdict(self).items()
-            if name != "obstacles"
+        """All measures, ``ok`` and ``failures`` for JSON, which knows no infinity: null.
+
+        The excess of every known limit is under its name; under ``limits`` and ``singularities``
+        stands where and when the motion is nearest to each.
+        """
+        content: dict[str, object] = {"ok": self.ok, "failures": self.failures()}
+        for each in fields(self):
+            if each.name == "excesses":
+                absent = dict.fromkeys(_known_excesses())
+                present = {name: excess.value for name, excess in self.excesses.items()}
+                content |= {name: _finite(value) for name, value in (absent | present).items()}
+            elif each.name not in ("distances", "obstacles"):
+                content[each.name] = _finite(getattr(self, each.name))
+        content["limits"] = {
+            excess.limit: {
+                "subject": excess.subject,
+                "excess": _finite(excess.amount),
+                "unit": excess.unit,
+                "t": _finite(excess.t),
+            }
+            for excess in self.excesses.values()
         }
-        return {"ok": self.ok, "failures": self.failures(), **measures}
+        content["singularities"] = {
+            distance.name: {
+                "least": _finite(distance.least),
+                "formula": distance.formula,
+                "unit": distance.unit,
+                "subject": distance.subject,
+                "t": distance.t,
+            }
+            for distance in self.distances
+        }
+        return content
+
+
+def _known_excesses() -> list[str]:
+    """Names of the excesses of all limits that a scene may have."""
+    return [key(limit.name) for limit in LIMITS if limit.promised]
+
+
+def _finite(value: float | None) -> float | None:
+    return value if value is not None and isfinite(value) else None
 
 
 def verify(scene: Scene, trajectory: Trajectory) -> Verification:
     """Measure a motion that is to solve a scene. Never raises for a bad motion."""
-    way, duration = _norm(np.subtract(scene.goal, scene.start)), trajectory.duration
+    nothing = Verification(trajectory.duration, distance(scene.task), excesses=not_measured(scene))
     if not (np.diff(trajectory.knots) > 0).all():
-        return Verification(duration, way, obstacles=("time does not increase from knot to knot",))
+        return replace(nothing, obstacles=("time does not increase from knot to knot",))
     try:
-        measures: dict[str, Any] = _loads(scene, trajectory) | _errors(scene, trajectory)
+        measures = _measures(scene, trajectory) | _errors(scene, trajectory)
         measures |= _ends(scene, trajectory) | _jumps(trajectory)
         measures |= _optimality(scene, trajectory)
-    except Unreachable as error:
-        return Verification(duration, way, obstacles=(str(error),))
+    except (Unreachable, Singular, TooRough) as error:
+        return replace(nothing, obstacles=(str(error),))
+    measured = replace(nothing, **measures)
     try:
-        distance, speed = arrival(scene, trajectory)
+        away, speed = arrival(scene, trajectory)
     except NotIntegrated as error:
-        return Verification(duration, way, **measures, obstacles=(str(error),))
-    return Verification(duration, way, **measures, arrival_distance=distance, arrival_speed=speed)
+        return replace(measured, obstacles=(str(error),))
+    return replace(measured, arrival_distance=away, arrival_speed=speed)
 
 
-def _loads(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
-    given, constraints = scene.objective.given_duration, limits_of(scene).constraints
-    highest = highest_rows(scene, trajectory).values
+def _measures(scene: Scene, trajectory: Trajectory) -> dict[str, Any]:
+    given, motion = scene.objective.given_duration, MeasuredMotion.of(scene, trajectory)
     measures = {
-        "safe_duration": trajectory.duration * safe_factor(scene, trajectory),
-        "effort": effort(scene, trajectory),
+        "excesses": motion.excesses(),
+        "distances": motion.distances(),
+        "effort": motion.effort(),
+        "safe_duration": motion.safe_duration(),
     }
-    for limit, rows in zip(constraints.limits, constraints.slices, strict=True):
-        if limit.promised:
-            measures[f"{limit.name}_excess"] = float(highest[rows].max()) - 1
     if given is not None:
         measures["duration_error"] = abs(trajectory.duration - given)
     return measures
@@ -275,7 +332,7 @@ def _loads(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
 def _optimality(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
     try:
         found = extremal(scene, trajectory)
-    except np.linalg.LinAlgError:
+    except NoCostates:
         return {}
     spread, violation = found.hamiltonian_spread, found.sign_violation
     return {"hamiltonian_spread": spread, "sign_violation": violation}
@@ -284,10 +341,10 @@ def _optimality(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
 def _ends(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
     x, v, _ = trajectory.path_inside([0.0, 1.0])
     return {
-        "start_distance": _norm(x[0] - scene.start),
-        "goal_distance": _norm(x[-1] - scene.goal),
-        "start_speed": _norm(v[0]),
-        "goal_speed": _norm(v[-1]),
+        "start_distance": _norm(x[0] - scene.task.start.position),
+        "goal_distance": _norm(x[-1] - scene.task.goal.position),
+        "start_speed": _norm(v[0] - scene.task.start.velocity),
+        "goal_speed": _norm(v[-1] - scene.task.goal.velocity),
     }
 
 
@@ -303,36 +360,34 @@ def _jumps(trajectory: Trajectory) -> dict[str, float]:
 
 def _errors(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
     """E_K and E_D of the reported q, q̇, q̈ and τ, by the scene's mechanism."""
-    fractions = sample_fractions(len(trajectory.knots) - 1)
-    q, dq, ddq = trajectory.coordinates_inside(fractions)
-    tau = trajectory.model.inverse_dynamics(*trajectory.path_inside(fractions))
-    model = DeltaModel(scene.robot, scene.payload)
-    kinematic, dynamic = evaluate_rows(
-        _residuals(model), q, dq, ddq, tau, parameters=model.parameters
-    )
+    q, dq, ddq = trajectory.coordinates_inside(POINTS)
+    tau = trajectory.model.inverse_dynamics(*trajectory.path_inside(POINTS))
+    model = delta_model(scene.robot, scene.payload)
+    residuals = _residuals(model.functions.terms)
+    kinematic, dynamic = evaluate_rows(residuals, q, dq, ddq, tau, parameters=model.parameters)
     return {
-        "kinematic_error": _mean_over_time(trajectory, fractions, kinematic),
-        "dynamic_error": _mean_over_time(trajectory, fractions, dynamic),
+        "kinematic_error": _mean_over_time(trajectory, kinematic),
+        "dynamic_error": _mean_over_time(trajectory, dynamic),
     }
 
 
-def _residuals(model: DeltaModel) -> ca.Function:
+@lru_cache(maxsize=16)
+def _residuals(terms: DeltaTerms) -> ca.Function:
     """(q, q̇, q̈, τ, p) -> (f, J q̇ + μ) (18), q̈ - q̈(q, q̇, τ) (12)."""
-    m = model.functions.mechanism
+    m = delta_functions(terms, Explicit()).mechanism
     closure = ca.Function("closure", [m.q, m.dq, m.parameters], [m.holonomic, m.constraint_rate])
-    forward = model.formulation.forward_dynamics(m)
+    forward = Explicit().forward_dynamics(m)
     q, dq, ddq = (ca.MX.sym(name, 12) for name in ("q", "dq", "ddq"))
-    tau, p = ca.MX.sym("tau", 3), ca.MX.sym("p", len(model.parameters))
+    tau, p = ca.MX.sym("tau", 3), ca.MX.sym("p", len(terms.names))
     modelled, _ = forward(0, q, dq, tau, p)
     kinematic = ca.vertcat(*closure(q, dq, p))
-    return ca.Function("residuals", [q, dq, ddq, tau, p], [kinematic, ddq - modelled])
+    return ca.Function("residuals", [q, dq, ddq, tau, p], [kinematic, ddq - modelled]).expand()
 
 
-def _mean_over_time(trajectory: Trajectory, fractions: Array, rows: Array) -> float:
-    """(1/T) ∫ ‖row‖ dt by trapezoids between the samples, (K · n, m), of every interval."""
-    sizes = np.linalg.norm(rows, axis=1).reshape(-1, len(fractions))
-    per_interval = np.trapezoid(sizes, fractions, axis=1)
-    return float(per_interval @ np.diff(trajectory.knots)) / trajectory.duration
+def _mean_over_time(trajectory: Trajectory, rows: Array) -> float:
+    """(1/T) ∫ ‖row‖ dt of samples at ``POINTS`` of every piece, (K · n, m)."""
+    sizes = np.linalg.norm(rows, axis=1).reshape(-1, len(POINTS))
+    return float(sizes @ WEIGHTS @ np.diff(trajectory.knots)) / trajectory.duration
 
 
 def _norm(vector: Array) -> float:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from math import cos, sin
 
 import casadi as ca
@@ -26,6 +28,13 @@ def parallel_margin(q: SX) -> SX:
     return ca.det(ca.horzcat(*(_bar(azimuth, q[i : i + 2]) for azimuth, i in _BARS)))
 
 
+def tilt_margin(q: SX) -> SX:
+    """Volume of the box that the unit normals of the three parallelograms span, positive in the
+    industrial assembly mode; zero if they lie in a plane: the platform can tilt about an axis
+    across it, which the twelve coordinates, a platform that only translates, do not show."""
+    return -ca.det(ca.horzcat(*(_normal(azimuth, q[i]) for azimuth, i in _BARS)))
+
+
 _BARS = tuple(zip(AZIMUTHS, (4, 7, 10), strict=True))
 
 
@@ -38,3 +47,48 @@ def _bar(azimuth: float, angles: SX) -> SX:
         cos(azimuth) * outward - sin(azimuth) * sideways,
         sin(azimuth) * outward + cos(azimuth) * sideways,
     )
+
+
+def _normal(azimuth: float, angle: SX) -> SX:
+    """Unit normal of a parallelogram, across its bars and its axis at the elbow, of q_{k,2}."""
+    return ca.vertcat(ca.cos(angle), cos(azimuth) * ca.sin(angle), sin(azimuth) * ca.sin(angle))
+
+
+@dataclass(frozen=True)
+class SingularityDistance:
+    """A measure without dimension of how far a position is from a kind of singularity.
+
+    ``name``: of the singularity. ``formula``: of the measure, as people write it; it is zero in the
+    singularity and 1 at best. ``per_chain``: whether every chain has its own. ``of``: the measure,
+    3 or 1, as an expression of the twelve coordinates.
+    """
+
+    name: str
+    formula: str
+    per_chain: bool
+    of: Callable[[SX], SX]
+
+
+def _squared(margins: Callable[[SX], SX]) -> Callable[[SX], SX]:
+    return lambda q: margins(q) ** 2
+
+
+DISTANCES = (
+    SingularityDistance(
+        "serial singularity, arm and bars in line",
+        "sin² (q_k1 - q_k2)",
+        True,
+        _squared(alignment_margins),
+    ),
+    SingularityDistance(
+        "serial singularity, bars sideways", "cos² q_k3", True, _squared(sideways_margins)
+    ),
+    SingularityDistance(
+        "parallel singularity", "volume of the bars' directions", False, parallel_margin
+    ),
+    SingularityDistance(
+        "tilt of the platform", "volume of the parallelograms' normals", False, tilt_margin
+    ),
+)
+"""All kinds of singular positions of the Delta. The volumes have a sign: below zero the robot has
+passed the singularity into another assembly mode."""

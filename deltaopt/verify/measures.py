@@ -1,0 +1,372 @@
+"""What a motion asks of its robot: measures of all limits, distances to singularities, effort.
+
+Everything is measured by the scene's model in twelve coordinates (never by the model that a
+trajectory carries), on curves resolved between samples. Of a limit only its measure and its bounds
+are used, so that a new kind of limit is verified as it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from math import inf
+from typing import NoReturn
+
+import casadi as ca
+import numpy as np
+
+from deltaopt.codegen.vectorised import RowFunction
+from deltaopt.dynamics.lagrange import Explicit
+from deltaopt.errors import Unreachable
+from deltaopt.limits.limit import Limit
+from deltaopt.mechanisms.delta.functions import delta_functions
+from deltaopt.mechanisms.delta.instant import CoordinateInstant
+from deltaopt.mechanisms.delta.mechanism import DeltaTerms
+from deltaopt.mechanisms.delta.singularities import DISTANCES
+from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
+from deltaopt.robot.model import DeltaModel, delta_model
+from deltaopt.scene.scene import Scene, limits_of
+from deltaopt.verify.resolved_curves import DEGREE, Cells, Index, Peaks, ResolvedCurves
+
+RESOLVED = 1e-10
+"""To so much of the larger of its limit and itself a measure is known between samples: a tenth of
+the excess that a motion may have, ten thousand times its rounding."""
+_ROUNDING = 1e-14
+"""Over the distance to the nearest singularity (of 1): relative rounding of measures there, with a
+safety of 30 over what is seen from 1e-2 to 1e-10 m of a serial one. Less is never resolved."""
+_SAFE = 1e-12
+"""Excess of a motion that needs no slowing: rounding of measures that reach their limit."""
+_EXCHANGES = 30
+"""Rounds of the search for a safe duration; it takes three as a rule."""
+_SLOWEST = 1e-6
+"""Least share of the motion's speed that is tried."""
+
+Items = tuple[tuple[Limit, int], ...]
+
+
+@dataclass(frozen=True)
+class Excess:
+    """Where a motion is furthest beyond a limit, or nearest to it.
+
+    ``limit`` and ``unit`` are the limit's. ``subject``: what it is a limit of, "motor 2". ``t``: s,
+    from the motion's first knot. ``value``: by how much the limit is exceeded, as a share of its
+    natural size; negative within it. ``amount``: the same in its unit. ``falls_below``: whether
+    a lower bound is meant that is not the mirror image of an upper one.
+    """
+
+    limit: str
+    unit: str
+    subject: str
+    t: float = inf
+    value: float = inf
+    amount: float = inf
+    falls_below: bool = False
+
+    @property
+    def key(self) -> str:
+        """Its name among measures: "torque_excess"."""
+        return key(self.limit)
+
+    @property
+    def sentence(self) -> str:
+        """For an excess."""
+        what = f"{self.limit} of {self.subject}"
+        if self.falls_below:
+            return f"{what} is {self.amount:.3g} {self.unit} below its limit at t = {self.t:.6g} s"
+        return f"{what} exceeds its limit by {self.value:.4%} at t = {self.t:.6g} s"
+
+
+@dataclass(frozen=True)
+class Distance:
+    """The least distance of a motion to a kind of singularity.
+
+    ``name`` and ``formula`` as in ``SingularityDistance``. ``least``: without unit, zero in the
+    singularity, 1 at best. ``subject``: "chain 2" or "robot". ``t``: s.
+    """
+
+    name: str
+    formula: str
+    least: float
+    subject: str
+    t: float
+    unit: str = "1"
+
+
+def key(limit: str) -> str:
+    """The name of a limit's excess among measures."""
+    return f"{limit.replace(' ', '_')}_excess"
+
+
+@dataclass(frozen=True)
+class _Side:
+    """One bound of one row of a limit; ``scale``: natural size of the quantity, in its unit."""
+
+    limit: Limit
+    subject: str
+    scale: float
+    falls_below: bool
+
+    def excess(self, t: float, value: float) -> Excess:
+        """At an instant."""
+        name, unit = self.limit.name, self.limit.unit
+        amount = value * self.scale
+        return Excess(name, unit, self.subject, t, value, amount, self.falls_below)
+
+
+@dataclass(frozen=True)
+class _Curves:
+    """Everything that is measured, at (piece (N,), fraction of it (N,)) of a motion that is run at
+    ``speed`` times its own: (N, columns).
+
+    Columns: the excess over each side of each limit; the negative distances to singularities; the
+    motors' speeds (rad/s); τᵀτ (N²m²). Raises Unreachable or Singular where there are none.
+    """
+
+    model: DeltaModel
+    path: tuple[PiecewisePolynomial, PiecewisePolynomial, PiecewisePolynomial]
+    function: RowFunction
+    parameters: Array
+    speed: float = 1.0
+
+    def __call__(self, pieces: Index, fractions: Array) -> Array:
+        knots = self.path[0].knots
+        return self._at(pieces, (knots[pieces + 1] - knots[pieces]) * fractions, self.speed)
+
+    def at_speeds(self, pieces: Index, fractions: Array, speeds: Array) -> Array:
+        """The same at the instants (N,) of the motion at each of these speeds, (S, N, columns)."""
+        knots, n = self.path[0].knots, len(speeds)
+        since = (knots[pieces + 1] - knots[pieces]) * fractions
+        rate = np.repeat(speeds, len(pieces))[:, None]
+        return self._at(np.tile(pieces, n), np.tile(since, n), rate).reshape(n, len(pieces), -1)
+
+    def _at(self, pieces: Index, since: Array, speed: float | Array) -> Array:
+        x, v, a = (each.inside(pieces, since) for each in self.path)
+        values: Array
+        (values,) = self.function(x, speed * v, speed**2 * a, parameters=self.parameters)
+        if not np.isfinite(values).all():
+            bad = np.flatnonzero(np.logical_not(np.isfinite(values).all(axis=1)))
+            self._explain(*(each[bad] for each in (x, speed * v, speed**2 * a)))
+        return values
+
+    def _explain(self, x: Array, v: Array, a: Array) -> NoReturn:
+        """Raise what is the matter with a motion that has no measures."""
+        self.model.motion(x, v, a)
+        self.model.inverse_dynamics(x, v, a)
+        raise Unreachable("the motion passes a singular position")
+
+
+@dataclass(frozen=True)
+class MeasuredMotion:
+    """A motion with everything that a scene's limits ask of it, between samples too."""
+
+    scene: Scene
+    trajectory: Trajectory
+    curves: _Curves
+    sides: tuple[_Side, ...]
+
+    @classmethod
+    def of(cls, scene: Scene, trajectory: Trajectory) -> MeasuredMotion:
+        """By the scene's model and limits."""
+        model, limits = delta_model(scene.robot, scene.payload), limits_of(scene)
+        promised = [
+            (item, own)
+            for item, own in zip(limits.constraints.items, limits.of_items, strict=True)
+            if item[0].promised
+        ]
+        items = tuple(item for item, _ in promised)
+        function = _function(model.functions.terms, items)
+        numbers = [own for _, own in promised]
+        position = trajectory.position
+        velocity = position.derivative()
+        curves = _Curves(
+            model=model,
+            path=(position, velocity, velocity.derivative()),
+            function=function,
+            parameters=np.concatenate([*numbers, model.parameters]),
+        )
+        return cls(scene, trajectory, curves, _sides(model.functions.terms, items, numbers))
+
+    @cached_property
+    def resolved(self) -> ResolvedCurves:
+        """All columns, cut where motors turn back, resolved."""
+        cells = self._sampled.cells
+        for curve in range(self._rates.start, self._rates.stop):
+            cells = cells.cut(*self._sampled.roots(curve, 1e-9 * float(self._sizes[curve])))
+        return ResolvedCurves.of(self.curves, cells, self._tolerance)
+
+    @cached_property
+    def _sampled(self) -> ResolvedCurves:
+        """All columns, with twice the samples in each piece that determine its polynomial."""
+        degree = self.trajectory.position.coefficients.shape[1] - 1
+        cells = Cells.even(len(self.trajectory.knots) - 1, max(1, -(-2 * degree // DEGREE)))
+        return ResolvedCurves.sampled(self.curves, cells)
+
+    @cached_property
+    def _sizes(self) -> Array:
+        """Natural size of each column: 1 of shares of limits and of distances, the largest speed of
+        a motor, the mean of τᵀτ."""
+        sizes, samples = np.ones(self._rates.stop + 1), np.abs(self._sampled.values)
+        sizes[self._rates] = samples[..., self._rates].max()
+        sizes[-1] = samples[..., -1].mean()
+        return sizes
+
+    def excesses(self) -> dict[str, Excess]:
+        """The largest of each limit, by its name among measures."""
+        peaks, found = self._peaks, dict[str, Excess]()
+        for i, side in enumerate(self.sides):
+            excess = side.excess(self._time(peaks, i), float(peaks.values[i]))
+            if excess.key not in found or excess.value > found[excess.key].value:
+                found[excess.key] = excess
+        return found
+
+    def distances(self) -> tuple[Distance, ...]:
+        """The least to each kind of singularity."""
+        peaks, place, found = self._peaks, len(self.sides), []
+        for kind in DISTANCES:
+            number = 3 if kind.per_chain else 1
+            nearest = place + int(peaks.values[place : place + number].argmax())
+            subject = f"chain {nearest - place + 1}" if kind.per_chain else "robot"
+            least, t = -float(peaks.values[nearest]), self._time(peaks, nearest)
+            found.append(Distance(kind.name, kind.formula, least, subject, t))
+            place += number
+        return tuple(found)
+
+    def effort(self) -> float:
+        """∫ τᵀτ dt, N²m²s."""
+        cells = self.resolved.cells
+        lengths = np.diff(self.trajectory.knots)[cells.piece] * (cells.end - cells.begin)
+        return float(lengths @ self.resolved.means()[:, -1])
+
+    def safe_duration(self) -> float:
+        """The shortest duration, no less than the motion's own, to which it can be slowed
+        uniformly so that it keeps every limit; infinite where none is found.
+
+        The instants at which the motion exceeds its limits most are collected, the largest speed
+        is found at which all limits hold there, the motion is measured again at that speed, and so
+        on until it exceeds none.
+        """
+        number, speed = len(self.sides), 1.0
+        pieces, fractions = np.zeros(0, np.intp), np.zeros(0)
+        curves = self.resolved
+        for _ in range(_EXCHANGES):
+            peaks = curves.highest(number)
+            beyond = peaks.values > _SAFE
+            if not beyond.any():
+                return self.trajectory.duration / speed
+            pieces = np.concatenate([pieces, peaks.pieces[beyond]])
+            fractions = np.concatenate([fractions, peaks.fractions[beyond]])
+            slower = self._speed_that_holds(pieces, fractions, speed)
+            if slower is None:
+                return inf
+            speed = slower
+            slowed = replace(self.curves, speed=speed)
+            curves = ResolvedCurves.of(slowed, self.resolved.cells, self._tolerance)
+        return inf
+
+    def _speed_that_holds(self, pieces: Index, fractions: Array, speed: float) -> float | None:
+        """The largest speed, no more than this one, at which no limit is exceeded at these
+        instants; found by comparing ever closer ones. None if there is none."""
+
+        def holds(speeds: Array) -> Array:
+            excess = self.curves.at_speeds(pieces, fractions, speeds)[..., : len(self.sides)]
+            return np.asarray(excess.max(axis=(1, 2)) <= 0)
+
+        speeds = np.append(speed * np.geomspace(1.0, _SLOWEST, 120), 0.0)
+        while True:
+            holding = np.flatnonzero(holds(speeds))
+            if not len(holding):
+                return None
+            first = int(holding[0])
+            if first == 0 or speeds[first] >= speeds[first - 1] * (1 - 1e-15):
+                return float(speeds[first]) or None
+            speeds = np.linspace(speeds[first - 1], speeds[first], 40)
+
+    @property
+    def _rates(self) -> slice:
+        """Columns of the motors' speeds."""
+        return slice(self._nearness, self._nearness + 3)
+
+    @property
+    def _nearness(self) -> int:
+        """Columns before the motors' speeds: excesses and distances."""
+        return len(self.sides) + sum(3 if kind.per_chain else 1 for kind in DISTANCES)
+
+    @cached_property
+    def _peaks(self) -> Peaks:
+        """Of the excesses and distances."""
+        return self.resolved.highest(self._nearness)
+
+    def _time(self, peaks: Peaks, i: int) -> float:
+        knots = self.trajectory.knots
+        begin, end = knots[peaks.pieces[i]], knots[peaks.pieces[i] + 1]
+        return float(begin + peaks.fractions[i] * (end - begin))
+
+    def _tolerance(self, values: Array) -> Array:
+        """To which columns are to be known in cells, (M, columns), from samples (M, n, columns)."""
+        sizes = np.maximum(np.abs(values).max(axis=1), self._sizes)
+        nearest = np.abs(values[:, :, len(self.sides) : self._nearness]).min(axis=(1, 2))
+        with np.errstate(divide="ignore"):
+            share = np.maximum(RESOLVED, _ROUNDING / nearest)
+        return np.asarray(sizes * share[:, None])
+
+
+def not_measured(scene: Scene) -> dict[str, Excess]:
+    """Of a motion that has no measures: infinite ones."""
+    limits = [limit for limit in limits_of(scene).constraints.limits if limit.promised]
+    return {key(limit.name): Excess(limit.name, limit.unit, limit.subject) for limit in limits}
+
+
+@lru_cache(maxsize=32)
+def _function(terms: DeltaTerms, items: Items) -> RowFunction:
+    """(x, v, a, numbers of the limits and p) -> the columns of ``_Curves``."""
+    x, v, a, p = *(ca.SX.sym(name, 3) for name in "xva"), ca.SX.sym("p", len(terms.names))
+    motion = CoordinateInstant.general(delta_functions(terms, Explicit()), x, v, a, p)
+    numbers = [ca.SX.sym(f"numbers{i}", size) for i, (_, size) in enumerate(items)]
+    columns = [
+        beyond
+        for (limit, _), own in zip(items, numbers, strict=True)
+        for beyond in _beyond(limit, limit.measure(motion, own), own)
+    ]
+    columns += [-kind.of(motion.q) for kind in DISTANCES]
+    columns += [motion.dtheta, ca.sumsqr(motion.tau)]
+    inputs = [x, v, a, ca.vertcat(*numbers, p)]
+    return RowFunction(
+        ca.Function("measures", inputs, [ca.densify(ca.vertcat(*columns))], {"cse": True})
+    )
+
+
+def _beyond(limit: Limit, measure: ca.SX, numbers: ca.SX) -> list[ca.SX]:
+    """By how much a measure exceeds its upper and lower bound, as shares of its natural size."""
+    bounds = limit.bounds(numbers)
+    upper = [] if bounds.upper is None else [(measure - bounds.upper) / bounds.scale]
+    lower = [] if bounds.lower is None else [(bounds.lower - measure) / bounds.scale]
+    return upper + lower
+
+
+@lru_cache(maxsize=32)
+def _rows(terms: DeltaTerms, items: Items) -> tuple[int, ...]:
+    """How many quantities each item measures."""
+    x, v, a, p = *(ca.SX.sym(name, 3) for name in "xva"), ca.SX.sym("p", len(terms.names))
+    motion = CoordinateInstant.general(delta_functions(terms, Explicit()), x, v, a, p)
+    return tuple(limit.measure(motion, ca.SX.sym("numbers", size)).numel() for limit, size in items)
+
+
+def _sides(terms: DeltaTerms, items: Items, numbers: Sequence[Array]) -> tuple[_Side, ...]:
+    """What each excess is of, in the order of columns."""
+    sides: list[_Side] = []
+    for (limit, _), own, rows in zip(items, numbers, _rows(terms, items), strict=True):
+        bounds = limit.bounds(ca.SX(ca.DM(own)))
+        scales = np.broadcast_to(np.array(ca.DM(bounds.scale)).ravel(), rows)
+        mirrored = bounds.upper is not None
+        for bound, falls_below in ((bounds.upper, False), (bounds.lower, not mirrored)):
+            if bound is not None:
+                sides += [
+                    _Side(limit, _named(limit, i, rows), float(scales[i]), falls_below)
+                    for i in range(rows)
+                ]
+    return tuple(sides)
+
+
+def _named(limit: Limit, row: int, rows: int) -> str:
+    return f"{limit.subject} {row + 1}" if rows > 1 else limit.subject

@@ -1,0 +1,241 @@
+"""Curves along a piecewise motion, known between samples: piecewise Chebyshev interpolation.
+
+A cell is a part of one polynomial piece of a motion. In each cell every curve is sampled at
+``DEGREE`` + 1 Chebyshev points, both ends among them, and stands for the polynomial through these
+samples. Where a curve is smooth its Chebyshev coefficients fall geometrically, so that the last of
+them bound what the polynomial misses (Trefethen, Approximation Theory and Approximation Practice,
+chapters 7 and 8). Where they have not fallen to a tolerance, the cell is halved. A peak that is
+narrower than the samples are apart, of torque where a chain grazes its singularity, cannot hide: on
+its two sides the curves, or their rates, differ by a jump, whose coefficients do not fall.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from math import pi
+
+import numpy as np
+from numpy.polynomial import chebyshev
+from numpy.typing import NDArray
+
+from deltaopt.errors import DeltaOptError
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+Curves = Callable[[Index, Array], Array]
+"""(piece (N,), fraction of it (N,)) -> values (N, c) of c curves, smooth in a piece."""
+Tolerance = Callable[[Array], Array]
+"""Values of curves in cells (M, DEGREE + 1, c) -> to what each is to be known there, (M, c)."""
+
+DEGREE = 24
+"""Of the interpolating polynomials: 23 samples inside of a cell. Fewer need more cells, more are
+wasted on the short pieces of a plan."""
+_TAIL = 4
+"""So many last coefficients make the bound: odd and even ones of one curve may vanish."""
+_NARROWEST = 2.0**-32
+"""Of a piece, the width of a cell that is not halved: a jump may be left there, not a peak."""
+_MOST = 6000
+"""Cells in all: a motion that needs more is too rough to be told from rounding."""
+_FINE = 4 * DEGREE
+_STEPS = 4  # of Newton's method from a place known to 1/4 of the samples' distance
+
+_ANGLES = np.linspace(pi, 0.0, DEGREE + 1)
+POINTS = (1 + np.cos(_ANGLES)) / 2
+"""Of the samples, fractions of a cell, increasing from 0 to 1."""
+_COEFFICIENTS: Array = np.asarray(
+    np.linalg.inv(chebyshev.chebvander(np.cos(_ANGLES), DEGREE)), np.float64
+)
+_MOMENTS = np.array([0.0 if k % 2 else 1 / (1 - k**2) for k in range(DEGREE + 1)])
+WEIGHTS: Array = _MOMENTS @ _COEFFICIENTS
+"""Of the samples in a mean over a cell: Clenshaw and Curtis's rule."""
+_FINE_PLACES = np.cos(np.linspace(pi, 0.0, _FINE + 1))
+_AT_FINE: Array = np.asarray(chebyshev.chebvander(_FINE_PLACES, DEGREE), np.float64)
+_RATE: Array = np.vstack([chebyshev.chebder(np.eye(DEGREE + 1), axis=0), np.zeros(DEGREE + 1)])
+"""From coefficients to those of the derivative."""
+
+
+class TooRough(DeltaOptError):
+    """Curves that polynomials on thousands of cells do not follow."""
+
+
+@dataclass(frozen=True)
+class Cells:
+    """M parts of pieces: their ``piece``, ``begin`` and ``end``, fractions of the piece, (M,)."""
+
+    piece: Index
+    begin: Array
+    end: Array
+
+    def __len__(self) -> int:
+        return len(self.piece)
+
+    def __getitem__(self, which: Index | NDArray[np.bool]) -> Cells:
+        return Cells(self.piece[which], self.begin[which], self.end[which])
+
+    @classmethod
+    def even(cls, pieces: int, parts: int) -> Cells:
+        """As many parts of equal width of each piece."""
+        bounds = np.linspace(0.0, 1.0, parts + 1)
+        piece = np.repeat(np.arange(pieces), parts)
+        return cls(piece, np.tile(bounds[:-1], pieces), np.tile(bounds[1:], pieces))
+
+    def cut(self, piece: Index, fraction: Array) -> Cells:
+        """The same, cut at fractions of pieces, (N,) each."""
+        kept = self._joined([self, Cells(piece, fraction, fraction)])
+        kept = kept[np.lexsort([kept.begin, kept.piece])]
+        begin, piece = kept.begin, kept.piece
+        last = np.append(piece[1:] != piece[:-1], True)
+        end = np.where(last, 1.0, np.append(begin[1:], 1.0))
+        return Cells(piece, begin, end)[end > begin]
+
+    def halved(self) -> Cells:
+        """Both halves of each."""
+        middle = (self.begin + self.end) / 2
+        return self._joined(
+            [Cells(self.piece, self.begin, middle), Cells(self.piece, middle, self.end)]
+        )
+
+    def places(self, share: Array) -> Array:
+        """Fractions of the pieces, (M, n), at these shares of the cells, (n,)."""
+        return np.asarray(self.begin[:, None] * (1 - share) + self.end[:, None] * share)
+
+    @staticmethod
+    def _joined(parts: list[Cells]) -> Cells:
+        return Cells(
+            np.concatenate([part.piece for part in parts]),
+            np.concatenate([part.begin for part in parts]),
+            np.concatenate([part.end for part in parts]),
+        )
+
+
+@dataclass(frozen=True)
+class Peaks:
+    """The highest value of each of c curves, and where: value, piece, fraction of it, (c,) each."""
+
+    values: Array
+    pieces: Index
+    fractions: Array
+
+
+@dataclass(frozen=True)
+class ResolvedCurves:
+    """Curves sampled in cells; ``values``: (M, DEGREE + 1, c)."""
+
+    curves: Curves
+    cells: Cells
+    values: Array
+
+    @classmethod
+    def of(cls, curves: Curves, cells: Cells, tolerance: Tolerance) -> ResolvedCurves:
+        """Curves in these cells, halved until ``tails`` are within a tolerance.
+
+        Raises TooRough where they do not come within it.
+        """
+        done: list[ResolvedCurves] = []
+        todo, number = cls.sampled(curves, cells), len(cells)
+        while True:
+            rough = (todo.tails > tolerance(todo.values)).any(axis=1)
+            rough &= todo.cells.end - todo.cells.begin > _NARROWEST
+            done.append(todo._at(~rough))
+            if not rough.any():
+                return cls._joined(done)
+            number += int(rough.sum())
+            if number > _MOST:
+                raise TooRough("the motion changes too fast to be measured between samples")
+            todo = cls.sampled(curves, todo.cells[rough].halved())
+
+    @classmethod
+    def sampled(cls, curves: Curves, cells: Cells) -> ResolvedCurves:
+        """Curves in these cells as they are."""
+        pieces = np.repeat(cells.piece, len(POINTS))
+        values = curves(pieces, cells.places(POINTS).ravel())
+        return cls(curves, cells, values.reshape(len(cells), len(POINTS), -1))
+
+    @cached_property
+    def coefficients(self) -> Array:
+        """Of Chebyshev polynomials, (M, DEGREE + 1, c)."""
+        return np.asarray(np.einsum("ij,mjc->mic", _COEFFICIENTS, self.values, optimize=True))
+
+    @property
+    def tails(self) -> Array:
+        """What the polynomials may miss, (M, c)."""
+        return np.asarray(np.abs(self.coefficients[:, -_TAIL:]).sum(axis=1))
+
+    def means(self) -> Array:
+        """Of each curve over each cell, (M, c)."""
+        return np.asarray(np.einsum("j,mjc->mc", WEIGHTS, self.values))
+
+    def roots(self, curve: int, negligible: float) -> tuple[Index, Array]:
+        """Where a curve changes its sign: piece and fraction, (N,) each. Cells in which it is
+        negligible all along have none."""
+        values = self.values[:, :, curve]
+        changes = (values.min(axis=1) < 0) & (values.max(axis=1) > 0)
+        changes &= np.abs(values).max(axis=1) > negligible
+        found: list[tuple[int, float]] = []
+        for m in np.flatnonzero(changes).tolist():
+            roots = chebyshev.chebroots(self.coefficients[m, :, curve])
+            real = roots.real[(np.abs(roots.imag) < 1e-9) & (np.abs(roots.real) < 1)]
+            cell = self.cells[np.array([m])]
+            found += [(int(cell.piece[0]), s) for s in cell.places((1 + real) / 2)[0].tolist()]
+        return np.array([m for m, _ in found], np.intp), np.array([s for _, s in found])
+
+    def highest(self, number: int) -> Peaks:
+        """Of the first so many curves: the tops of the polynomials, and the curves there."""
+        cell, curve, place = self._candidates(number)
+        coefficients = self.coefficients[cell, :, curve].T  # (DEGREE + 1, candidates)
+        rate = _RATE @ coefficients
+        bend, step = _RATE @ rate, pi / _FINE
+        top = place
+        for _ in range(_STEPS):
+            slope, curvature = (chebyshev.chebval(top, c, tensor=False) for c in (rate, bend))
+            change = np.where(curvature < 0, -slope / np.where(curvature < 0, curvature, 1.0), 0.0)
+            top = np.clip(top + change, np.maximum(place - step, -1), np.minimum(place + step, 1))
+        values = chebyshev.chebval(top, coefficients, tensor=False)
+        order = np.lexsort([values, curve])
+        last = order[np.append(np.flatnonzero(np.diff(curve[order])), len(order) - 1)]
+        cells = self.cells[cell[last]]
+        fractions = np.diagonal(cells.places((1 + top[last]) / 2)).copy()
+        reached = np.diagonal(self.curves(cells.piece, fractions))
+        return self._better(Peaks(reached, cells.piece, fractions))
+
+    def _candidates(self, number: int) -> tuple[Index, Index, Array]:
+        """Hills of the polynomials that may be the highest of their curve: cell, curve, place in
+        the cell from -1 to 1."""
+        grid = np.einsum("fi,mic->mfc", _AT_FINE, self.coefficients[:, :, :number], optimize=True)
+        # A hill between two points of the fine grid is higher than these by 2 % of the cell's
+        # range at most: (12 π / 96)² / 8 for a curve that oscillates six times in a cell.
+        room = 0.02 * np.ptp(grid, axis=1)[:, None]
+        padded = np.pad(grid, ((0, 0), (1, 1), (0, 0)), constant_values=-np.inf)
+        hill = (grid >= padded[:, :-2]) & (grid >= padded[:, 2:])
+        hill &= grid + room >= grid.max(axis=(0, 1))
+        cell, fine, curve = np.nonzero(hill)
+        return cell, curve, _FINE_PLACES[fine]
+
+    def _better(self, tops: Peaks) -> Peaks:
+        """These, or samples that are higher still."""
+        number = len(tops.values)
+        flat = self.values[:, :, :number].reshape(-1, number)
+        best = flat.argmax(axis=0)
+        values = flat[best, np.arange(number)]
+        cell, point = np.divmod(best, len(POINTS))
+        cells = self.cells[cell]
+        fractions = np.diagonal(cells.places(POINTS[point]))
+        higher = values > tops.values
+        return Peaks(
+            np.where(higher, values, tops.values),
+            np.where(higher, cells.piece, tops.pieces),
+            np.where(higher, fractions, tops.fractions),
+        )
+
+    def _at(self, which: NDArray[np.bool]) -> ResolvedCurves:
+        return ResolvedCurves(self.curves, self.cells[which], self.values[which])
+
+    @staticmethod
+    def _joined(parts: list[ResolvedCurves]) -> ResolvedCurves:
+        return ResolvedCurves(
+            parts[0].curves,
+            Cells._joined([part.cells for part in parts]),
+            np.concatenate([part.values for part in parts]),
+        )
