@@ -22,6 +22,7 @@ ORDER = (
     "dynamics",
     "mechanisms",
     "robot",
+    "limits",
     "scene",
     "motion",
     "planning.nlp",

@@ -14,8 +14,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.planning.switching.conditions import OptimalityConditions
 from deltaopt.codegen.dense_solver import solve
+from deltaopt.planning.switching.conditions import OptimalityConditions
 from deltaopt.planning.switching.unknowns import PrimalDualPoint
 
 Array = NDArray[np.float64]

@@ -71,7 +71,7 @@ SCENES = ["pick_and_place", "industrial_cross", "five_bar"]
 
 
 @pytest.mark.parametrize("scene", SCENES)
-def test_poses_agree_on_a_coarse_mesh(scene):
+def test_formulations_agree_on_a_coarse_mesh(scene):
     """Ten intervals: what is left is the error of the transcription."""
     durations = [
         solved(scene, *pose)[2].duration
@@ -95,15 +95,12 @@ def test_explicit_and_multiplier_have_the_same_solutions(scene, closure):
         assert solution.iterations <= 40
 
 
-def test_the_flat_pose_is_that_of_the_planner():
-    """The chain's flat equations and the production ones on the same mesh."""
+def test_the_flat_formulation_is_that_of_the_planner():
+    """The flat equations of collocation and the production ones on the same mesh."""
     scene = deltaopt.load_scene(PROBLEMS / "pick_and_place.yaml")
     model, mesh = delta_model(scene.robot, scene.payload), np.full(10, 0.1)
-    planners = (
-        flat_equations(scene)
-        .on(mesh)
-        .solve(first_guess(scene, 1e-8), scaling_of(scene), model.parameters)
-    )
+    problem = planners_equations(scene).on(mesh)
+    planners = problem.solve(first_guess(scene, 1e-8), scaling_of(scene), model.parameters)
     c = case("pick_and_place")
     problem = equations("pick_and_place", "flat").on(mesh, PiecewiseAcceleration())
     problem = replace(problem, steadiness=0.0)
@@ -114,7 +111,7 @@ def test_the_flat_pose_is_that_of_the_planner():
 
 
 @pytest.mark.parametrize("formulation", [VirtualWork(), Explicit(), Kane()], ids=type)
-def test_formulations_without_multipliers_are_one_pose(formulation):
+def test_formulations_without_multipliers_are_one(formulation):
     assert problem_formulation(formulation).name.startswith("explicit")
     assert problem_formulation(Multiplier()).name.startswith("multiplier")
     assert problem_formulation(deltaopt.flat) is deltaopt.flat
@@ -191,7 +188,7 @@ def test_order_of_the_transcription(pose, closure, degree):
 
 
 @pytest.mark.parametrize("pose", ["explicit", "multiplier"])
-def test_poses_agree_where_nothing_jumps(pose):
+def test_formulations_agree_where_nothing_jumps(pose):
     """To 1e-5 of the cost: fourth order, sixteen intervals, against degree 4 in flat."""
     exact, _ = least_effort("flat", None, 4, 16)
     for closure in (KnotConstraints(), Projection()):

@@ -11,6 +11,7 @@ import pytest
 
 from deltaopt import Planner, verify
 from deltaopt.motion.trajectory import Trajectory
+from deltaopt.planning.flat.constraint_rows import constraint_rows
 from deltaopt.planning.flat.equations import point_equations
 from deltaopt.planning.switching.active_set import _ActiveSetUpdate, changes
 from deltaopt.planning.switching.conditions import ActiveRows, state_rows

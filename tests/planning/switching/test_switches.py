@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from deltaopt import load_scene, plan, verify
+from deltaopt.codegen.dense_solver import solve
 from deltaopt.limits.constraints import Constraints, SceneLimits
 from deltaopt.limits.speed import Speed
 from deltaopt.limits.torque import Torque
@@ -20,7 +21,6 @@ from deltaopt.planning.nlp.scaling import Parameters, Scaling
 from deltaopt.planning.switching.active_set import changes
 from deltaopt.planning.switching.arc_mesh import ArcMesh
 from deltaopt.planning.switching.conditions import Barrier, OptimalityConditions
-from deltaopt.codegen.dense_solver import solve
 from deltaopt.planning.switching.detection import detect_structure
 from deltaopt.planning.switching.kkt_system import KKTSystem
 from deltaopt.planning.switching.newton import solve_conditions
@@ -234,20 +234,20 @@ def test_a_move_with_a_torque_that_no_limit_holds():
     assert found.gap <= 1e-6
     assert verify(scene, found.trajectory).ok
     middles = found.trajectory.inside_intervals([0.5])
-    share = np.abs(middles.tau) / np.array(scene.torque_limits)
+    share = np.abs(middles.tau) / np.array(scene.robot.torque_limits)
     assert share[:, [0, 2]].min() > 0.99999
     assert share[:, 1].min() < 0.9
 
 
 @pytest.mark.parametrize(("which", "motor", "rides"), [(34, 3, True), (26, 3, False)])
-def test_a_move_along_the_margin_of_the_fold(which: int, motor: int, rides: bool):
+def test_a_move_along_the_margin_of_a_singularity(which: int, motor: int, rides: bool):
     """A chain stays at the margin for a while, or touches it at an instant; never below."""
     scene, found = orsino(which)
     assert found.certificate is not None
     assert found.gap <= 1e-6
     assert verify(scene, found.trajectory).ok
     times = np.linspace(0, found.duration, 2001)
-    openings = found.trajectory.model.openings(found.trajectory.position.at(times))
-    margin = openings[:, motor - 1].min()
+    alignments = found.trajectory.model.alignments(found.trajectory.position.at(times))
+    margin = alignments[:, motor - 1].min()
     assert margin == pytest.approx(0.1**2, abs=2e-6)
-    assert ((openings[:, motor - 1] < margin + 1e-6).sum() > 40) == rides
+    assert ((alignments[:, motor - 1] < margin + 1e-6).sum() > 40) == rides
