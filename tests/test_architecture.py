@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from deltaopt.scene.scene import LIMITS
+
 ROOT = Path(__file__).parents[1]
 MODULES = {
     ".".join(file.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): file
@@ -47,6 +49,20 @@ MAY_IMPORT = {
     "dynamics": {"casadi", "numpy", "deltaopt.dynamics", "deltaopt.errors"},
     "mechanisms": {"casadi", "deltaopt.dynamics", "deltaopt.mechanisms"},
 }
+VERIFY_MAY_IMPORT = {
+    "deltaopt.errors",
+    "deltaopt.files",
+    "deltaopt.codegen",
+    "deltaopt.dynamics",
+    "deltaopt.mechanisms",
+    "deltaopt.robot",
+    "deltaopt.limits",
+    "deltaopt.scene",
+    "deltaopt.verify",
+    "deltaopt.motion.trajectory",
+}
+"""What verification may share with planning: the model, what limits and scenes say, and the
+trajectory, which is data. Peaks, time scaling and effort it computes by itself."""
 ONLY_IN = {
     "matplotlib": {"plots"},
     "yaml": {"files"},
@@ -125,6 +141,11 @@ def test_imports_are_allowed_here(module):
 
 def test_the_verifier_does_not_know_the_planner():
     """Not even through others: it shares the model, the limits and the scene, no more."""
+    for module in (m for m in INSIDE if place(m) == "verify"):
+        for name in ours(module):
+            parts = name.split(".")
+            prefixes = {".".join(parts[:n]) for n in range(1, len(parts) + 1)}
+            assert prefixes & VERIFY_MAY_IMPORT, f"{module} imports {name}"
     seen: set[str] = set()
     todo = {module for module in INSIDE if place(module) == "verify"}
     while todo:
@@ -132,6 +153,22 @@ def test_the_verifier_does_not_know_the_planner():
         seen.add(module)
         todo |= (ours(module) & set(MODULES)) - seen
     assert not {module for module in seen if place(module).startswith("planning")}
+    of_motion = {module for module in seen if place(module) == "motion"}
+    assert of_motion <= {"deltaopt.motion", "deltaopt.motion.trajectory"}
+
+
+def test_verification_names_no_limit():
+    """A new one is verified without a change there: no identifier and no text has a limit's name."""
+    names = {word for limit in LIMITS if limit.key for word in (limit.key.name, limit.name)}
+    for module in (m for m in INSIDE if place(m) == "verify"):
+        tree = ast.parse(MODULES[module].read_text(encoding="utf-8"))
+        docstrings = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Constant) and id(node) not in docstrings:
+                assert not any(f"{name}_" in str(node.value) for name in names), module
+                assert node.value not in names, module
+            if isinstance(node, ast.Attribute):
+                assert not any(f"{name}_limits" == node.attr for name in names), module
 
 
 def test_no_cycles():

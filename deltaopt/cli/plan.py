@@ -206,12 +206,22 @@ def _tell_gap(found: Plan) -> None:
 def table(verification: Verification) -> str:
     """Duration and all measures beside their bounds, one a line."""
     rows = [("measure", "value", "at most", "unit", ""), *map(_row, verification.checks())]
+    width = 1 + max(len(name) for name, *_ in rows)
     lines = (
-        f"{name:<17}{value:>10}{bound:>9}  {unit:<13}{ok}".rstrip()
+        f"{name:<{width}}{value:>10}{bound:>9}  {unit:<13}{ok}".rstrip()
         for name, value, bound, unit, ok in rows
     )
     total = f"duration {verification.duration:.6f} s, effort {verification.effort:.6g} N²m²s"
-    return "\n".join([total, *lines, *_optimality(verification)])
+    return "\n".join([total, *lines, *_singularities(verification), *_optimality(verification)])
+
+
+def _singularities(verification: Verification) -> list[str]:
+    """How near the motion comes to each kind: no bound, torques say what that costs."""
+    told = [
+        f"  {each.name}: {each.formula} = {each.least:.2g}, {each.subject} at t = {each.t:.6f} s"
+        for each in verification.distances
+    ]
+    return ["least distance to singularities, 0 in one and 1 at best:", *told] if told else []
 
 
 def _optimality(verification: Verification) -> list[str]:

@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
-from math import factorial, inf, nan, pi
+from dataclasses import dataclass, replace
+from math import cos, factorial, inf, nan, pi, sin
 from pathlib import Path
 
+import casadi as ca
 import numpy as np
 import pytest
 
 from deltaopt.errors import Infeasible, Unreachable
-from deltaopt.motion.extrema import everywhere, peaks, sample_fractions
-from deltaopt.motion.time_scaling import safe_factor, speed_excess, torque_excess
+from deltaopt.limits.limit import Bounds
+from deltaopt.motion.time_scaling import safe_factor
 from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
 from deltaopt.planning.initial_motion import baseline, straight_line
 from deltaopt.robot.model import DeltaModel
+from deltaopt.scene import scene as scenes
 from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.scene import Limits, load_scene
+from deltaopt.verify import verification
+from deltaopt.verify.measures import MeasuredMotion
 from deltaopt.verify.verification import Verification, verify
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
@@ -64,91 +68,142 @@ def test_good_motion_passes(scene, intervals):
     assert found.dynamic_error < 1e-11
     assert found.arrival_distance < 1e-10
     assert found.arrival_speed < 1e-9
-    assert (found.speed_excess is None) == (scene.speed_limits is None)
-
-
-def test_peaks_between_samples():
-    """Known maxima of smooth functions, none at a sample, one hill at the very edge."""
-    tops = np.array([0.512345, 1.987654, 0.001, 2.999])
-
-    def curves(intervals, fractions):
-        t = (intervals + fractions)[:, None]
-        return np.cos(2 * pi * (t - tops) / 7) * np.array([1.0, 2.0, 3.0, 4.0])
-
-    fractions = sample_fractions(3)
-    highest = peaks(curves, fractions, curves(*everywhere(3, fractions)))
-    np.testing.assert_allclose(highest.values, [1, 2, 3, 4], rtol=1e-12)
-    np.testing.assert_allclose(highest.intervals + highest.fractions, tops, atol=1e-5)
-
-
-def test_peaks_see_both_sides_of_a_knot():
-    def curves(intervals, fractions):
-        return np.where(intervals == 0, fractions, -1 - fractions)[:, None]
-
-    fractions = sample_fractions(2)
-    highest = peaks(curves, fractions, curves(*everywhere(2, fractions)))
-    assert highest.values[0] == 1.0
-    assert (highest.intervals[0], highest.fractions[0]) == (0, 1.0)
-
-
-@pytest.mark.parametrize("intervals", [1, 7, 40, 500])
-def test_sampled_as_densely_as_defined(intervals):
-    fractions = sample_fractions(intervals)
-    assert (fractions[0], fractions[-1]) == (0, 1)
-    assert len(fractions) >= 22
+    assert (found.speed_excess is None) == (scene.robot.speed_limits is None)
 
 
 def test_excess_is_the_largest_ratio():
     """Against samples a hundred times as dense, off the peak by their spacing squared."""
     fast = baseline(INDUSTRIAL).slowed(0.5)
     motion = fast(np.linspace(0, fast.duration, 20_001))
-    torque = (np.abs(motion.tau) / INDUSTRIAL.torque_limits).max() - 1
-    speed = (np.abs(motion.dtheta) / INDUSTRIAL.speed_limits).max() - 1
-    assert 0 <= torque_excess(INDUSTRIAL, fast).value - torque < 1e-6
-    assert 0 <= speed_excess(INDUSTRIAL, fast).value - speed < 1e-6
+    torque = (np.abs(motion.tau) / INDUSTRIAL.robot.torque_limits).max() - 1
+    speed = (np.abs(motion.dtheta) / INDUSTRIAL.robot.speed_limits).max() - 1
+    found = MeasuredMotion.of(INDUSTRIAL, fast).excesses()
+    assert 0 <= found["torque_excess"].value - torque < 1e-6
+    assert 0 <= found["speed_excess"].value - speed < 1e-6
 
 
-def test_excess_says_where():
-    found = torque_excess(SCENE, LINE.slowed(0.9))
-    ratio = np.abs(LINE.slowed(0.9)(found.t).tau[0]) / SCENE.torque_limits - 1
-    assert np.argmax(ratio) == found.motor - 1
+def test_excess_says_of_what_and_when():
+    fast = LINE.slowed(0.9)
+    found = verify(SCENE, fast).excesses["torque_excess"]
+    ratio = np.abs(fast(found.t).tau[0]) / SCENE.robot.torque_limits - 1
+    assert found.subject == f"motor {np.argmax(ratio) + 1}"
     assert ratio.max() == pytest.approx(found.value, rel=1e-9)
+    assert found.amount == pytest.approx(found.value * 10, rel=1e-12)  # of 10 N·m
+    assert found.unit == "N·m"
+    assert f"torque of {found.subject} exceeds its limit by" in found.sentence
+    assert f"at t = {found.t:.6g} s" in found.sentence
 
 
-@pytest.mark.parametrize("limits", [Limits(torque=(9.0, 4.0, 10.0)), Limits(speed=3.0)])
-def test_safe_factor_is_the_smallest(limits):
-    """By bisection of the excesses, which know nothing of how torques scale with time."""
-    scene = scene_with(limits=limits)
-    fast = LINE.slowed(0.3)
-    low, high = 0.1, 100.0
-    for _ in range(60):
-        middle = (low * high) ** 0.5
-        slowed = fast.slowed(middle)
-        speed = speed_excess(scene, slowed)
-        excess = max(torque_excess(scene, slowed).value, -1 if speed is None else speed.value)
-        low, high = (low, middle) if excess <= 0 else (middle, high)
-    assert safe_factor(scene, fast, at_least=0) == pytest.approx(high, rel=1e-9)
-    assert safe_factor(scene, fast.slowed(2 * high)) == 1
+@pytest.mark.parametrize("scene", [SCENE, INDUSTRIAL], ids=["orsino", "industrial"])
+def test_effort_is_the_integral(scene):
+    """Against Simpson's rule on 20,001 instants."""
+    line = baseline(scene)
+    squares = (line(np.linspace(0, line.duration, 20_001)).tau ** 2).sum(axis=1)
+    by_simpson = squares @ np.r_[1, np.tile([4, 2], 9_999), 4, 1] * line.duration / 60_000
+    assert verify(scene, line).effort == pytest.approx(by_simpson, rel=1e-11)
+    assert verify(scene, cut(line, 7)).effort == pytest.approx(by_simpson, rel=1e-11)
 
 
-def test_safe_factor_is_infinite_where_gravity_alone_is_too_much():
+def test_safe_duration_agrees_with_the_planner():
+    """Two methods that share nothing but the model."""
+    for scene in (SCENE, INDUSTRIAL, scene_with(limits=Limits(torque=(9.0, 4.0, 10.0)))):
+        fast = baseline(scene).slowed(0.3)
+        found = MeasuredMotion.of(scene, fast).safe_duration()
+        assert found == pytest.approx(fast.duration * safe_factor(scene, fast), rel=1e-11)
+
+
+def test_safe_duration_is_infinite_where_gravity_alone_is_too_much():
     weak = scene_with(limits=Limits(torque=1.4))
-    assert safe_factor(weak, LINE) == inf
     found = verify(weak, LINE)
     assert found.safe_duration == inf
-    assert any("gravity alone" in sentence for sentence in found.failures())
+    assert any("slowing it down does not help" in sentence for sentence in found.failures())
 
 
-def test_motion_may_help_against_gravity():
-    """A platform that drops freely needs little torque where it could not be held."""
-    drop = PiecewisePolynomial(
-        np.array([0.0, 0.05]), np.array([[[0.45, 0, 0], [0, 0, 0], [4.9, 0, 0]]])
-    )
-    falling = Trajectory(drop, LINE.model)
-    scene = scene_with(limits=Limits(torque=1.5))
-    assert torque_excess(scene, falling).value < 0
-    assert safe_factor(scene, falling) == 1
-    assert safe_factor(scene, falling, at_least=10) == inf
+def test_distances_to_singularities():
+    """Against geometry in Cartesian coordinates, at dense instants."""
+    scene = load_scene(PROBLEMS / "long_diagonal.yaml")
+    line = baseline(scene)
+    found = verify(scene, line)
+    x = line(np.linspace(0, line.duration, 4001)).x
+    bars, normals, alignment, sideways = [], [], [], []
+    for k, phi in enumerate((0, 2 * pi / 3, -2 * pi / 3)):
+        theta = line.model.inverse_kinematics(x)[:, 3 + 3 * k]
+        radial, axis = np.array([0, cos(phi), sin(phi)]), np.array([0, -sin(phi), cos(phi)])
+        offset = scene.robot.base_radius - scene.robot.platform_radius
+        arm = np.outer(np.cos(theta), radial) - np.outer(np.sin(theta), [1, 0, 0])
+        bar = x - offset * radial - scene.robot.upper_arm.length * arm
+        bar /= np.linalg.norm(bar, axis=1, keepdims=True)
+        np.testing.assert_allclose(np.linalg.norm(bar, axis=1), 1)
+        plane = bar - np.outer(bar @ axis, axis)
+        normal = np.cross(bar, axis)
+        normals.append(normal / np.linalg.norm(normal, axis=1, keepdims=True))
+        bars.append(bar)
+        cosine = (plane * arm).sum(axis=1) / np.linalg.norm(plane, axis=1)
+        alignment.append(1 - cosine**2)
+        sideways.append(1 - (bar @ axis) ** 2)
+    volumes = [np.abs(np.linalg.det(np.stack(rows, axis=1))) for rows in (bars, normals)]
+    expected = [np.min(alignment), np.min(sideways), *(volume.min() for volume in volumes)]
+    np.testing.assert_allclose([d.least for d in found.distances], expected, rtol=1e-6)
+    assert all(d.least <= e * (1 + 1e-12) for d, e in zip(found.distances, expected, strict=True))
+    chain = int(np.argmin(np.min(alignment, axis=1))) + 1
+    assert found.distances[0].subject == f"chain {chain}"
+    written = found.as_dict()["singularities"][found.distances[0].name]
+    assert written["least"] == found.distances[0].least
+    assert written["formula"] == "sin² (q_k1 - q_k2)"
+
+
+@dataclass(frozen=True)
+class Acceleration:
+    """A limit that the package does not know: the acceleration of the platform, m/s²."""
+
+    name = "platform acceleration"
+    unit = "m/s²"
+    subject = "platform"
+    order = 2
+    key = None
+    promised = True
+
+    def items(self, scene):
+        return [(10.0,)]
+
+    def bounds(self, numbers):
+        return Bounds.at_most(numbers)
+
+    def measure(self, motion, numbers):
+        return ca.norm_2(motion.a)
+
+    def rows(self, motion, numbers):
+        return ca.sumsqr(motion.a) / numbers**2  # smooth, and not what verification measures
+
+
+def test_a_new_limit_is_verified_as_it_is(monkeypatch):
+    """Measured, bounded, written and printed; slowing reckons with it; no fit of costates."""
+    monkeypatch.setattr(scenes, "LIMITS", (*scenes.LIMITS, Acceleration()))
+    monkeypatch.setattr(verification, "LIMITS", scenes.LIMITS)
+    scenes.limits_of.cache_clear()
+    try:
+        found = verify(SCENE, LINE)
+    finally:
+        scenes.limits_of.cache_clear()
+    largest = 0.15 * 10 / 3**0.5 / LINE.duration**2  # of 10 u³ - 15 u⁴ + 6 u⁵
+    assert found.platform_acceleration_excess == pytest.approx(largest / 10 - 1, rel=1e-12)
+    assert found.safe_duration == pytest.approx(LINE.duration * (largest / 10) ** 0.5, rel=1e-11)
+    assert "platform acceleration of platform exceeds its limit by" in found.failures()[0]
+    assert found.as_dict()["platform_acceleration_excess"] == found.platform_acceleration_excess
+    assert found.as_dict()["limits"]["platform acceleration"]["unit"] == "m/s²"
+    checked = [check.bound.measure for check in found.checks()]
+    assert checked[:2] == ["torque_excess", "platform_acceleration_excess"]
+    assert (found.hamiltonian_spread, found.sign_violation) == (None, None)
+
+
+def test_excesses_by_name():
+    found = verify(SCENE, LINE)
+    assert found.torque_excess == found.excesses["torque_excess"].value
+    assert found.speed_excess is None  # orsino's drives have no limit of speed
+    assert found.as_dict()["speed_excess"] is None
+    for name in ("temper_excess", "torque"):
+        with pytest.raises(AttributeError):
+            getattr(found, name)
 
 
 # Motions that must fail, each with its sentence
@@ -162,13 +217,13 @@ def complaints(trajectory: Trajectory, scene=SCENE) -> str:
 
 def test_sped_up():
     said = complaints(LINE.slowed(0.99))
-    assert "a motor would need 1.7" in said
+    assert "exceeds its limit by 1.7" in said
     assert f"slowed to {LINE.duration:.6g} s it would keep the limits" in said
 
 
 def test_turns_too_fast():
     said = complaints(LINE, scene_with(limits=Limits(speed=3.0)))
-    assert "% faster than its limit" in said
+    assert "speed of motor" in said
 
 
 def test_another_goal():
@@ -188,7 +243,7 @@ def test_wrong_payload():
     said = complaints(light)
     assert "its torques give accelerations that differ by" in said
     assert "its torques bring the platform to" in said
-    assert "more torque" not in said
+    assert "exceeds its limit" not in said
 
 
 def test_wrong_robot():
@@ -231,8 +286,8 @@ def test_excess_between_samples_of_a_coarse_grid():
     coefficients[3, :, 1] += 2.0 * bump / h ** np.arange(10)
     bad = replace(whole, position=PiecewisePolynomial(whole.knots, coefficients))
     coarse = bad.inside_intervals([0.0, 0.5, 1.0]).tau
-    assert (np.abs(coarse) <= SCENE.torque_limits).all()
-    assert "more torque than its limit" in complaints(bad)
+    assert (np.abs(coarse) <= SCENE.robot.torque_limits).all()
+    assert "torque of motor" in complaints(bad)
 
 
 def test_leaving_the_workspace():
@@ -273,7 +328,9 @@ def test_json_has_no_infinity():
 def test_nothing_measured_is_no_pass():
     assert not Verification(duration=1.0).ok
     assert Verification(duration=1.0).failures()
-    assert not replace(verify(SCENE, LINE), torque_excess=nan).ok
+    found = verify(SCENE, LINE)
+    unknown = replace(found.excesses["torque_excess"], value=nan)
+    assert not replace(found, excesses={"torque_excess": unknown}).ok
 
 
 # Scenes without a solution
@@ -305,8 +362,8 @@ def test_problems_are_feasible():
         (
             {"payload": 10.0},
             Infeasible,
-            r"goal: motor 1 needs 13 N·m to hold .* at \[0.45, 0.1, 0\] m, more than its limit of"
-            " 10 N·m",
+            r"goal: at rest at \[0.45, 0.1, 0\] m the torque of motor 1 is 13 N·m, where at most"
+            " 10 N·m is allowed",
         ),
     ],
 )

@@ -1,0 +1,138 @@
+"""Peaks of curves and slowing factors, as planning finds them."""
+
+from __future__ import annotations
+
+from math import inf, pi
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from deltaopt.errors import Unreachable
+from deltaopt.motion.extrema import everywhere, narrow_valleys, peaks, sample_fractions
+from deltaopt.motion.time_scaling import safe_factor
+from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
+from deltaopt.planning.initial_motion import baseline
+from deltaopt.scene.scene import Limits, Scene, load_scene
+from deltaopt.verify.measures import MeasuredMotion
+
+PROBLEMS = Path(__file__).parents[2] / "problems"
+SCENE = load_scene(PROBLEMS / "pick_and_place.yaml")
+LINE = baseline(SCENE)
+
+
+def scene_with(**changes: object):
+    return SCENE.model_copy(update=changes)
+
+
+def test_peaks_between_samples():
+    """Known maxima of smooth functions, none at a sample, one hill at the very edge."""
+    tops = np.array([0.512345, 1.987654, 0.001, 2.999])
+
+    def curves(intervals, fractions):
+        t = (intervals + fractions)[:, None]
+        return np.cos(2 * pi * (t - tops) / 7) * np.array([1.0, 2.0, 3.0, 4.0])
+
+    fractions = sample_fractions(3)
+    highest = peaks(curves, fractions, curves(*everywhere(3, fractions)))
+    np.testing.assert_allclose(highest.values, [1, 2, 3, 4], rtol=1e-12)
+    np.testing.assert_allclose(highest.intervals + highest.fractions, tops, atol=1e-5)
+
+
+def test_peaks_see_both_sides_of_a_knot():
+    def curves(intervals, fractions):
+        return np.where(intervals == 0, fractions, -1 - fractions)[:, None]
+
+    fractions = sample_fractions(2)
+    highest = peaks(curves, fractions, curves(*everywhere(2, fractions)))
+    assert highest.values[0] == 1.0
+    assert (highest.intervals[0], highest.fractions[0]) == (0, 1.0)
+
+
+@pytest.mark.parametrize("intervals", [1, 7, 40, 500])
+def test_sampled_as_densely_as_defined(intervals):
+    fractions = sample_fractions(intervals)
+    assert (fractions[0], fractions[-1]) == (0, 1)
+    assert len(fractions) >= 22
+
+
+@pytest.mark.parametrize("least", [1e-4, 1e-8, 1e-12])
+@pytest.mark.parametrize("bottom", [0.3137, 0.5, 0.0041])
+def test_peaks_in_valleys_that_samples_miss(least, bottom):
+    """Of d^(-3/2), where d = least + 10 (t - bottom)²: known in closed form."""
+
+    def valley(intervals, fractions):
+        return (least + 10 * (fractions - bottom) ** 2)[:, None]
+
+    def curves(intervals, fractions):
+        return valley(intervals, fractions) ** -1.5
+
+    fractions = sample_fractions(1)
+    where = everywhere(1, fractions)
+    highest = peaks(curves, fractions, curves(*where))
+    windows = narrow_valleys(valley, fractions, valley(*where))
+    windows.let_see(highest, curves)
+    assert highest.values[0] == pytest.approx(least**-1.5, rel=1e-6)
+    assert highest.fractions[0] == pytest.approx(bottom, abs=1e-6)
+
+
+def test_wide_valleys_are_left_to_samples():
+    """Nothing is added for a motion that stays away from its singularities."""
+    fractions = sample_fractions(1)
+    where = everywhere(1, fractions)
+
+    def valley(intervals, fractions):
+        return (0.01 + 10 * (fractions - 0.3) ** 2)[:, None]
+
+    assert not len(narrow_valleys(valley, fractions, valley(*where)).begin)
+
+
+def grazing(distance: float) -> Scene:
+    """Along a line on which chain 1 comes so near to being folded: sin² = 6 per m of distance."""
+    x = 0.3 + distance
+    return Scene(robot=SCENE.robot, payload=1.0, start=(x, 0.041, 0.0), goal=(x, 0.162, 0.0))
+
+
+def test_the_nearer_to_the_singularity_the_slower():
+    """The speed at the fold turns into torque as distance^(-1/2) times speed²."""
+    durations = [baseline(grazing(10.0**-power)).duration for power in range(3, 11)]
+    assert (np.diff(durations) > 0).all()
+    np.testing.assert_allclose(np.array(durations[5:]) / durations[4:-1], 10**0.25, rtol=2e-3)
+
+
+def test_a_line_that_leaves_the_workspace_between_samples():
+    with pytest.raises(Unreachable, match="arm and bars of chain 1 cannot close"):
+        baseline(grazing(-1e-9))
+
+
+@pytest.mark.parametrize("limits", [Limits(torque=(9.0, 4.0, 10.0)), Limits(speed=3.0)])
+def test_safe_factor_is_the_smallest(limits):
+    """By bisection of the excesses, which know nothing of how torques scale with time."""
+    scene = scene_with(limits=limits)
+    fast = LINE.slowed(0.3)
+    low, high = 0.1, 100.0
+    for _ in range(60):
+        middle = (low * high) ** 0.5
+        slowed = fast.slowed(middle)
+        found = MeasuredMotion.of(scene, slowed).excesses()
+        excess = max(each.value for each in found.values())
+        low, high = (low, middle) if excess <= 1e-13 else (middle, high)
+    assert safe_factor(scene, fast, at_least=0) == pytest.approx(high, rel=1e-9)
+    assert safe_factor(scene, fast.slowed(2 * high)) == 1
+
+
+def test_safe_factor_is_infinite_where_gravity_alone_is_too_much():
+    weak = scene_with(limits=Limits(torque=1.4))
+    assert safe_factor(weak, LINE) == inf
+
+
+def test_motion_may_help_against_gravity():
+    """A platform that drops freely needs little torque where it could not be held."""
+    drop = PiecewisePolynomial(
+        np.array([0.0, 0.05]), np.array([[[0.45, 0, 0], [0, 0, 0], [4.9, 0, 0]]])
+    )
+    falling = Trajectory(drop, LINE.model)
+    scene = scene_with(limits=Limits(torque=1.5))
+    assert MeasuredMotion.of(scene, falling).excesses()["torque_excess"].value < 0
+    assert safe_factor(scene, falling) == 1
+    assert safe_factor(scene, falling, at_least=10) == inf
