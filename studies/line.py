@@ -1,8 +1,8 @@
 """The straight line timed optimally, beside the quintic law on it and the free path.
 
 On a given path there is one coordinate left: with b = ṡ² the torques are affine in b and b′, speeds
-are bounds of b, and the duration ∫ ds / √b is convex (Verscheure et al. 2009). The nonlinear program
-on a uniform grid in s is solved by Ipopt; torques hold at both ends of every cell.
+are bounds of b, and the duration ∫ ds / √b is convex (Verscheure et al. 2009). The nonlinear
+program on a uniform grid in s is solved by Ipopt; torques hold at both ends of every cell.
 """
 
 from __future__ import annotations
@@ -122,9 +122,9 @@ def run(arguments: argparse.Namespace) -> int:
         robot = deltaopt.load_robot(file)
         saved, blocked = over_random_moves(robot, arguments.number, arguments.cells, arguments.seed)
         print(
-            f"{file.stem}: over {len(saved)} random moves the free path takes {np.median(saved):.1%}"
-            f" less than the line timed optimally (median; {saved.min():.1%} to {saved.max():.1%}); "
-            f"{blocked} lines cannot be driven",
+            f"{file.stem}: over {len(saved)} random moves the free path takes "
+            f"{np.median(saved):.1%} less than the line timed optimally (median; "
+            f"{saved.min():.1%} to {saved.max():.1%}); {blocked} lines cannot be driven",
             flush=True,
         )
     return 0

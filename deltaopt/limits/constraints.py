@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import casadi as ca
@@ -70,7 +71,7 @@ class Constraints:
 
     def _split(self, numbers: SX) -> list[SX]:
         ends = np.cumsum([0, *(size for _, size in self.items)]).tolist()
-        return [numbers[a:b] for a, b in zip(ends[:-1], ends[1:], strict=True)]
+        return [numbers[a:b] for a, b in pairwise(ends)]
 
     def item_of(self, row: int) -> tuple[int, int]:
         """The item that a row belongs to, and which of its rows it is."""
@@ -90,9 +91,7 @@ class Constraints:
         any_motion, numbers = _AnyMotion(self.motors), self.numbers()
         parts = zip(self.limits, self._split(numbers), strict=True)
         ends = np.cumsum([0, *(limit.rows(any_motion, own).numel() for limit, own in parts)])
-        return tuple(
-            slice(a, b) for a, b in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True)
-        )
+        return tuple(slice(a, b) for a, b in pairwise(ends.tolist()))
 
     @property
     def number(self) -> int:

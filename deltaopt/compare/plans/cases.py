@@ -62,7 +62,7 @@ class Case:
     reference: Callable[[], Reference] | None = None
 
     def rows(self, position: PiecewisePolynomial) -> Array:
-        """Return the limits' rows inside the intervals, (N, 25, rows); not a number out of reach."""
+        """Return the limits' rows inside the intervals, (N, 25, rows); NaN out of reach."""
         rows = self._slowed(position)(1.0)
         return rows.reshape(-1, len(FRACTIONS), rows.shape[1])
 

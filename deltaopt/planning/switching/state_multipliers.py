@@ -36,7 +36,7 @@ ones accept limits that should be left."""
 
 @dataclass(frozen=True)
 class StateMultiplier:
-    """The multiplier η of a state limit along an arc or at a contact point, in the scaling's time per
+    """The multiplier η of a state limit along an arc or at a contact point, in scaled time per
     unit of the normalised row, signed so that optimality requires it to be non-decreasing.
 
     ``entry``: where the limit is reached. ``active``: intervals in which it is active, (n,), none

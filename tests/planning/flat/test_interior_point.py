@@ -140,7 +140,7 @@ def test_interior_point_finds_what_ipopt_finds(robot, depth):
 def test_same_plan_without_compiler():
     """In a process of its own: what is compiled stays so in this one."""
     script = (
-        "from deltaopt.planning.planner import plan; from deltaopt.scene.scene import limits_of, load_scene;"
+        "from deltaopt.planning.planner import plan; from deltaopt.scene.scene import load_scene;"
         f"print(plan(load_scene({str(PROBLEMS / 'pick_and_place.yaml')!r})).duration)"
     )
     ran = subprocess.run(

@@ -1,4 +1,4 @@
-"""Meshes alone to a gap of 1e-6: tightened limits, and Pontryagin's condition from their multipliers."""
+"""Meshes alone to a gap of 1e-6: tightened limits, and Pontryagin's condition on them."""
 
 from __future__ import annotations
 

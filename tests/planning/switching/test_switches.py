@@ -77,7 +77,7 @@ def cross():
 
 def test_rows_are_those_of_the_model(cross):
     """Torques by inverse dynamics of the twelve coordinates, in units of their limits."""
-    scene, model, scaling, constraints, p = cross
+    _, model, scaling, constraints, p = cross
     rng = np.random.default_rng(1)
     y = rng.uniform(-0.3, 0.3, (5, 9))
     x = scaling.origin + scaling.length * y[:, :3]
