@@ -31,7 +31,16 @@ from numpy.typing import NDArray
 from deltaopt.errors import NotConverged
 from deltaopt.mechanisms.delta.functions import DeltaFunctions
 from deltaopt.motion.trajectory import Motion, PiecewisePolynomial, Trajectory
-from deltaopt.planning.flat.interior_point import Interior, InteriorPoint, Settings, interior_point
+from deltaopt.planning.flat.interior_point import (
+    Boundary,
+    InteriorPoint,
+    InteriorPointSolution,
+    Phase,
+    PointProblem,
+    Settings,
+    Sides,
+    interior_point,
+)
 from deltaopt.planning.nlp.cost import FASTEST, Cost
 from deltaopt.planning.nlp.problem import IPOPT_FINEST, Guess, Solved, solved_by_ipopt
 from deltaopt.planning.nlp.program import (
@@ -171,6 +180,24 @@ class FlatEquations:
         )
 
 
+@lru_cache(maxsize=16)
+def _method(equations: PointFunction, points: tuple[float, ...]) -> InteriorPoint | None:
+    """The interior-point method for the rows of ``ScaledEquations.motion``.
+
+    An opening, a squared sine less its margin, is at least 0 and at most 1: 1 less it has limits
+    on both sides like all other rows.
+    """
+    y, tau = ca.SX.sym("y", 10), ca.SX.sym("tau", 3)
+    p = ca.SX.sym("p", equations.function.size1_in(1))
+    r = equations.function(ca.vertcat(y[:9], tau, y[9]), p)
+    rows = ca.vertcat(tau, 1 - r[3:6], r[6:])
+    sides = (Sides.BOTH,) * rows.numel()
+    problem = PointProblem(
+        coordinates=3, derivatives=2, y=y, tau=tau, p=p, force=r[:3], rows=rows, sides=sides
+    )
+    return interior_point(problem, points)
+
+
 @dataclass(frozen=True)
 class FlatProblem:
     """The flat problem on a mesh of interval fractions (N,), ready to be solved for scenes.
@@ -246,9 +273,10 @@ class FlatProblem:
             settings = replace(begin, tolerance=guess.tolerance)
             found = self.from_inside(guess, scales, parameters, settings)
             if found is not None and found.solved:
-                prices = found.prices / found.T
+                (phase,) = found.phases
+                prices = phase.multipliers / phase.duration
                 return Solved(
-                    self._cubics(found, scales),
+                    self._cubics(phase.knots, phase.duration, scales),
                     np.delete(prices, np.s_[3:6], axis=2),
                     found.status,
                     found.iterations,
@@ -266,23 +294,26 @@ class FlatProblem:
 
     def from_inside(
         self, guess: Guess, scales: Scales, parameters: Array, settings: Settings
-    ) -> Interior | None:
+    ) -> InteriorPointSolution | None:
         """By the interior-point method; None where there is no machine code for it."""
         method = self._interior_point
         if method is None:
             return None
         p = np.concatenate([scales.whole.vector(), parameters])
-        shares, share = scales.shares(self.intervals), np.ones((self.intervals, method.rows))
-        share[:, :3], share[:, 6:] = shares[:, :3], shares[:, 3 : method.rows - 3]
+        rows = len(method.problem.sides)
+        shares, share = scales.shares(self.intervals), np.ones((self.intervals, rows))
+        share[:, :3], share[:, 6:] = shares[:, :3], shares[:, 3 : rows - 3]
         knots, T = self._at_knots(guess.trajectory, scales)
-        return method.solve(self.mesh, p, share, knots, T, settings)
+        phase = Phase(self.mesh, p, share, knots, T)
+        ends = Boundary.at_rest(knots[0, :3]), Boundary.at_rest(knots[-1, :3])
+        return method.solve([phase], ends, settings)
 
     @property
     def _interior_point(self) -> InteriorPoint | None:
         """Accelerations linear in an interval make a motion of cubics; it is the fastest."""
         if self.transcription.degree != 1 or self.cost != FASTEST:
             return None
-        return interior_point(self.equations, tuple(self.transcription.points.tolist()))
+        return _method(self.equations, tuple(self.transcription.points.tolist()))
 
     def _at_knots(self, guess: Trajectory, scales: Scales) -> tuple[Array, float]:
         """X and V at the knots, (N + 1, 6), and T."""
@@ -290,11 +321,11 @@ class FlatProblem:
         times = T * np.concatenate([[0.0], np.cumsum(self.mesh)])
         return scales.states(guess.position, times, T), T / scales.time
 
-    def _cubics(self, found: Interior, scales: Scales) -> PiecewisePolynomial:
-        """The motion of cubics between knots, in m and s."""
-        T = found.T * scales.time
-        x = scales.origin + scales.length * found.knots[:, :3]
-        v = scales.length / T * found.knots[:, 3:]
+    def _cubics(self, knots: Array, duration: float, scales: Scales) -> PiecewisePolynomial:
+        """The motion of cubics between scaled knots (X, V), in m and s."""
+        T = duration * scales.time
+        x = scales.origin + scales.length * knots[:, :3]
+        v = scales.length / T * knots[:, 3:]
         return PiecewisePolynomial.hermite(T * np.append(0.0, np.cumsum(self.mesh)), x, v)
 
     def pack(self, trajectory: Trajectory, scales: Scales) -> Array:

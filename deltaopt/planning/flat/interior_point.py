@@ -1,16 +1,22 @@
-"""The flat problem by an interior-point method of its own, in machine code.
+"""An interior-point method for time-optimal motions, in machine code.
 
 What makes it fast is what a general solver cannot know: the motion between two knots is a
-cubic in X and V there, so nothing is left to be continuous; torques are functions of the
-motion, so no equation is left either; four points are evaluated at once, in the lanes of a
-vector; and Newton's equations are a band of 6 × 6 blocks. See ``interior_point.c``.
+polynomial there, so nothing is left to be continuous; torques are functions of the motion, so
+no equation is left either; four points are evaluated at once, in the lanes of a vector; and
+the KKT system is block tridiagonal with a narrow border. See ``interior_point.c``.
+
+What happens at a point (equations of motion, limits) is a `PointProblem`; a motion is a list of
+`Phase` values between `Boundary` values.
 """
 
 from __future__ import annotations
 
 import ctypes
-from dataclasses import dataclass
-from functools import cached_property, lru_cache
+import threading
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from enum import Enum
+from functools import cached_property
 from importlib.resources import files
 
 import casadi as ca
@@ -19,7 +25,7 @@ from numpy.typing import NDArray
 
 from deltaopt.codegen.compile import library
 from deltaopt.codegen.simd_c import LANES, VECTOR, c_function
-from deltaopt.planning.nlp.program import PointFunction, Spent
+from deltaopt.planning.nlp.program import Spent
 
 Array = NDArray[np.float64]
 
@@ -31,6 +37,203 @@ STATUS = (
     "Invalid_Number_Detected",
 )
 """By the number that ``solve`` returns; Ipopt's words where it has them."""
+
+
+class Sides(Enum):
+    """Which limits a constraint row has: at +1 (upper), at -1 (lower), or at both."""
+
+    BOTH = (True, True)
+    UPPER = (True, False)
+    LOWER = (False, True)
+
+
+@dataclass(frozen=True, eq=False)
+class PointProblem:
+    """Equations of motion, constraint rows and integrands at a point, as symbolic expressions.
+
+    ``y``: X, V, A (and J), ``coordinates`` each, then T, the duration of the phase: position and
+    its derivatives by time in units of T, (coordinates * (derivatives + 1) + 1,).
+    ``derivatives``: unknowns of each coordinate at a knot: 2 for cubics between knots, 3 for
+    quintics, whose acceleration is continuous.
+    ``tau``: what the equations ``force`` = 0, as many and affine in them, determine; it is
+    eliminated from all rows and from their derivatives.
+    ``rows``: at most 1 or at least -1 or both, as ``sides`` says; they may be nonlinear in tau.
+    ``integrands``: their mean over the whole motion is at most 1.
+    ``p``: parameters, which may differ from phase to phase.
+    """
+
+    coordinates: int
+    derivatives: int
+    y: ca.SX
+    tau: ca.SX
+    p: ca.SX
+    force: ca.SX
+    rows: ca.SX
+    sides: tuple[Sides, ...]
+    integrands: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
+
+    def __post_init__(self) -> None:
+        """Raises ValueError where sizes do not agree or the equations are not affine in tau."""
+        if self.derivatives not in (2, 3):
+            raise ValueError(f"knots carry 2 or 3 derivatives, not {self.derivatives}")
+        if self.y.numel() != self.coordinates * (self.derivatives + 1) + 1:
+            raise ValueError(f"y has {self.y.numel()} components")
+        if self.force.numel() != self.tau.numel():
+            raise ValueError(f"{self.force.numel()} equations for {self.tau.numel()} unknowns")
+        if len(self.sides) != self.rows.numel():
+            raise ValueError(f"sides of {len(self.sides)} rows, there are {self.rows.numel()}")
+        if self.tau.numel() and any(ca.which_depends(self.force, self.tau, 2, True)):
+            raise ValueError("the equations of motion are not affine in tau")
+
+    @property
+    def unknowns(self) -> int:
+        """Unknowns at a knot."""
+        return self.coordinates * self.derivatives
+
+    @cached_property
+    def values(self) -> ca.Function:
+        """(y, p) -> rows, T (integrands - 1), and (tau, inverse of ∂force/∂tau by columns)."""
+        B = ca.jacobian(self.force, self.tau)
+        inverse = _inverse(B)
+        tau = -inverse @ ca.substitute(self.force, self.tau, ca.SX.zeros(self.tau.numel()))
+        results = ca.substitute([self.rows, self._integrals], [self.tau], [tau])
+        return _function("values", [self.y, self.p], [*results, ca.vertcat(tau, ca.vec(inverse))])
+
+    @cached_property
+    def derivatives_of_rows(self) -> tuple[ca.Function, ca.Sparsity, ca.Sparsity]:
+        """(y, e, w, p) -> derivatives of rows and integrands, and the curvature of their sum
+        weighted by w, by y with tau eliminated; e: the last result of ``values``.
+
+        The former as nonzeros of the rows, row by row, then the integrands', dense; the latter as
+        nonzeros of its upper triangle, row by row; then the sparsities of the rows' derivatives
+        and of the triangle, both transposed.
+        """
+        y, tau = self.y, self.tau
+        inverse = ca.SX.sym("inverse", tau.numel(), tau.numel())
+        nu = ca.SX.sym("nu", tau.numel())
+        w = ca.SX.sym("w", self.rows.numel() + self.integrands.numel())
+        c = ca.vertcat(self.rows, self._integrals)
+        tau_by_y = -inverse @ ca.jacobian(self.force, y)
+        adjoint = -inverse.T @ ca.gradient(ca.dot(w, c), tau)
+        C = ca.jacobian(c, y) + ca.jacobian(c, tau) @ tau_by_y
+        lagrangian = ca.dot(w, c) + ca.dot(nu, self.force)
+        by_y, by_tau = ca.gradient(lagrangian, y), ca.gradient(lagrangian, tau)
+        mixed = ca.jacobian(by_y, tau) @ tau_by_y
+        H = ca.jacobian(by_y, y) + mixed + mixed.T
+        H += tau_by_y.T @ ca.jacobian(by_tau, tau) @ tau_by_y
+        rows = ca.sparsify(C[: self.rows.numel(), :]).T
+        triangle = ca.sparsify(ca.triu(ca.substitute(H, nu, adjoint))).T
+        integrands = ca.vec(ca.densify(C[self.rows.numel() :, :]).T)
+        e = ca.vertcat(tau, ca.vec(inverse))
+        results = [ca.vertcat(rows.nz[:], integrands), triangle.nz[:]]
+        second = _function("second", [y, e, w, self.p], results)
+        return second, rows.sparsity(), triangle.sparsity()
+
+    @property
+    def _integrals(self) -> ca.SX:
+        """Their integral over phases is nonpositive where the mean is at most 1."""
+        return self.y[-1] * (self.integrands - 1)
+
+
+def _function(name: str, arguments: list[ca.SX], results: list[ca.SX]) -> ca.Function:
+    return ca.Function(name, arguments, [ca.densify(each) for each in results], {"cse": True})
+
+
+def _inverse(B: ca.SX) -> ca.SX:
+    """Of a matrix of expressions; by cofactors up to 3 x 3, with a single division."""
+    if B.shape[0] > 3 or B.shape[0] == 0:
+        return ca.inv(B) if B.shape[0] else ca.SX(0, 0)
+    adjugate = ca.adj(B) if B.shape[0] > 1 else ca.SX(1)
+    return adjugate * (1 / (B[0, :] @ adjugate[:, 0]))
+
+
+# C text
+
+
+def source(problem: PointProblem, points: int) -> str:
+    """C text of the method for a problem with that many points in an interval."""
+    second, rows, triangle = problem.derivatives_of_rows
+    sides = [side.value for side in problem.sides]
+    sizes = {
+        "NM": problem.coordinates,
+        "NR": problem.derivatives,
+        "NC": len(sides),
+        "NI": problem.integrands.numel(),
+        "NP": problem.p.numel(),
+        "NZ": rows.nnz(),
+        "NH": triangle.nnz(),
+        "NE": problem.values.size1_out(2),
+        "NG": points // LANES,
+        "SIDES": sum(map(sum, sides)),
+    }
+    method = files("deltaopt.planning.flat").joinpath("interior_point.c").read_text()
+    return "\n".join(
+        [
+            VECTOR,
+            *(f"#define {name} {size}" for name, size in sizes.items()),
+            _present("UPPER", [upper for upper, _ in sides]),
+            _present("LOWER", [lower for _, lower in sides]),
+            c_function(problem.values, "values"),
+            c_function(second, "second"),
+            *_products(rows, triangle),
+            method,
+        ]
+    )
+
+
+def _present(name: str, sides: Sequence[bool]) -> str:
+    """A macro that says whether a row has that limit; a constant where all agree."""
+    if len(set(sides)) < 2:
+        return f"#define {name}(r) {int(any(sides))}"
+    table = ", ".join(str(int(side)) for side in sides)
+    return f"static const char {name}_TABLE[] = {{{table}}};\n#define {name}(r) ({name}_TABLE[r])"
+
+
+def _products(rows: ca.Sparsity, triangle: ca.Sparsity) -> Iterator[str]:
+    """The products with the sparse derivatives of the rows by y, written out, since rows depend
+    on few components of y: see interior_point.c. Both arguments are transposed: (y, row)."""
+    ny, nc = rows.shape
+    place = {(r, a): k for k, (a, r) in enumerate(zip(*rows.get_triplet(), strict=True))}
+    curvature = {
+        (a, b): k for k, (b, a) in enumerate(zip(*triangle.get_triplet(), strict=True))
+    }
+    depend = [[r for r in range(nc) if (r, a) in place] for a in range(ny)]
+    yield _text(
+        "scale_rows(V *C, const double *s)",
+        [f"C[{k}] *= s[{r}];" for (r, _), k in place.items()],
+    )
+    yield _text(
+        "along_rows(const V *C, const V *dy, V *dc)",
+        [f"dc[{r}] += C[{k}] * dy[{a}];" for (r, a), k in place.items()],
+    )
+    yield _text(
+        "across_rows(const V *C, const V *q, V *m)",
+        [
+            f"m[{a}] = {_sum(f'C[{place[r, a]}] * q[{r}]' for r in depend[a])};"
+            for a in range(ny)
+        ],
+    )
+    lines = ["V q[NC];"]
+    for b in range(ny):
+        lines += [f"q[{r}] = s[{r}] * C[{place[r, b]}];" for r in depend[b]]
+        for a in range(b + 1):
+            terms = [f"H[{curvature[a, b]}]"] if (a, b) in curvature else []
+            terms += [f"q[{r}] * C[{place[r, a]}]" for r in depend[b] if r in depend[a]]
+            twin = f"S[{b}][{a}] = " if a < b else ""
+            lines.append(f"{twin}S[{a}][{b}] = {_sum(terms)};")
+    yield _text("curvature_of_rows(const V *C, const V *H, const V *s, V (*S)[%d])" % ny, lines)
+
+
+def _sum(terms: Iterator[str] | list[str]) -> str:
+    return " + ".join(terms) or "ALL(0.0)"
+
+
+def _text(head: str, lines: Sequence[str]) -> str:
+    body = "\n".join(f"  {line}" for line in lines)
+    return f"static void {head} {{\n{body}\n}}\n"
+
+
+# A motion
 
 
 @dataclass(frozen=True)
@@ -45,6 +248,96 @@ class Settings:
     barrier: float = 0.2
     closest: float = 0.3
     iterations: int = 60
+
+
+@dataclass(frozen=True)
+class Boundary:
+    """What is known of the state where a phase begins or ends: each component fixed or free.
+
+    ``state``: position, velocity (and acceleration for quintics), (derivatives, coordinates), in
+    constant units; what is free there is of no account. ``free``: which components are, the same
+    shape; where two phases meet they are continuous. ``drift``: velocity of a position that
+    moves, (coordinates,); ``state`` then has the position at the time 0 of the whole motion.
+    """
+
+    state: Array
+    free: NDArray[np.bool_]
+    drift: Array
+
+    @classmethod
+    def at_rest(cls, position: Array, derivatives: int = 2) -> Boundary:
+        """A position with all rates zero."""
+        state = np.zeros((derivatives, len(position)))
+        state[0] = position
+        return cls(state, np.zeros(state.shape, dtype=bool), np.zeros(len(position)))
+
+    @classmethod
+    def passed(cls, position: Array, derivatives: int = 2) -> Boundary:
+        """A position, passed at any velocity (and acceleration)."""
+        rest = cls.at_rest(position, derivatives)
+        free = np.ones(rest.state.shape, dtype=bool)
+        free[0] = False
+        return cls(rest.state, free, rest.drift)
+
+    @classmethod
+    def met(cls, position: Array, drift: Array, derivatives: int = 2) -> Boundary:
+        """A point that moves from a position at a constant velocity, met at its velocity."""
+        rest = cls.at_rest(position, derivatives)
+        state = rest.state
+        state[1] = drift
+        return cls(state, rest.free, np.asarray(drift))
+
+    @property
+    def is_in_constant_units(self) -> bool:
+        """Whether the unknowns there are (x, v) instead of (X, T v): rates are not all zero."""
+        return bool(self.state[1:].any() or self.free[1:].any())
+
+
+@dataclass(frozen=True)
+class Phase:
+    """A part of a motion, with a guess of its knots and duration.
+
+    ``mesh``: intervals as fractions of the phase's duration, (N,). ``p``: parameters of the point
+    problem. ``share``: of the rows' limits that may be used, (N, rows); infinite: this row has no
+    limit there. ``knots``: X, V (and A) in units of the phase's duration, (N + 1, unknowns).
+    ``duration_is_given``: it stays as in the guess.
+    """
+
+    mesh: Array
+    p: Array
+    share: Array
+    knots: Array
+    duration: float
+    duration_is_given: bool = False
+
+
+@dataclass(frozen=True)
+class PhaseSolution:
+    """``knots``: X, V (and A) at every knot in units of the phase's duration, (N + 1, unknowns).
+    ``multipliers``: of the rows at every point, (N, points, rows), duration per share of a limit,
+    positive at an upper limit and negative at a lower."""
+
+    knots: Array
+    duration: float
+    multipliers: Array
+
+
+@dataclass(frozen=True)
+class InteriorPointSolution:
+    """Where the method ended. ``integral_multipliers``: one for each integrand, nonnegative.
+    ``left``: by what fraction of the duration Newton's next step would change it."""
+
+    phases: tuple[PhaseSolution, ...]
+    integral_multipliers: Array
+    left: float
+    status: str
+    iterations: int
+    factorisations: int
+    spent: Spent
+
+    @property
+    def solved(self) -> bool:
+        return self.status == STATUS[0]
 
 
 class _Settings(ctypes.Structure):
@@ -69,127 +362,152 @@ class _Report(ctypes.Structure):
     )
 
 
-@dataclass(frozen=True)
-class Interior:
-    """Where the method ended. ``knots``: X, V at every knot, (N + 1, 6); ``T``; ``prices`` of
-    torques, openings and speeds at every point, (N, 4, 6 or 9), positive at an upper limit.
-    ``left``: by what fraction of T Newton's next step would shorten the motion."""
+class _Given(ctypes.Structure):
+    _fields_ = (
+        ("phases", ctypes.c_int64),
+        ("intervals", ctypes.c_void_p),
+        ("given", ctypes.c_void_p),
+        ("mesh", ctypes.c_void_p),
+        ("share", ctypes.c_void_p),
+        ("p", ctypes.c_void_p),
+        ("is_free", ctypes.c_void_p),
+        ("constant", ctypes.c_void_p),
+        ("drift", ctypes.c_void_p),
+        ("fractions", ctypes.c_void_p),
+        ("quadrature", ctypes.c_void_p),
+    )
 
-    knots: Array
-    T: float
-    prices: Array
-    left: float
-    status: str
-    iterations: int
-    spent: Spent
 
-    @property
-    def solved(self) -> bool:
-        return self.status == STATUS[0]
+class _Workspace(threading.local):
+    """Memory of a thread for the method: the largest so far, kept from call to call, since fresh
+    pages cost more than the solution. A call lets other threads run, so each has its own."""
+
+    memory: Array = np.empty(0)
+
+    def at_least(self, size: int) -> Array:
+        if size > self.memory.nbytes:
+            self.memory = np.empty(-(-size // 8))
+        return self.memory
+
+
+_WORKSPACE = _Workspace()
 
 
 @dataclass(frozen=True)
 class InteriorPoint:
-    """The method for one point function: three torques, three openings, speeds if limited."""
+    """The method for one point problem; limits hold at ``points``, fractions of an interval."""
 
     code: ctypes.CDLL
-    rows: int
+    problem: PointProblem = field(repr=False)
     points: tuple[float, ...]
 
     def solve(
-        self, mesh: Array, p: Array, share: Array, knots: Array, T: float, settings: Settings
-    ) -> Interior:
-        """From a guess, (N + 1, 6) and T, whose ends stay. ``p``: the point function's.
-        ``share``: of the rows' limits that may be used, (N, rows)."""
-        N = len(mesh)
-        mesh, p, share = (np.ascontiguousarray(each) for each in (mesh, p, share))  # kept till done
-        z = np.append(knots, T)
-        prices, report = np.empty((N, LANES, self.rows)), _Report()
+        self, phases: Sequence[Phase], boundaries: Sequence[Boundary], settings: Settings
+    ) -> InteriorPointSolution:
+        """The fastest motion through phases in their order, from their guesses.
+
+        ``boundaries``: the start, where each phase but the last meets the next, and the goal.
+        """
+        counts = np.array([len(phase.mesh) for phase in phases])
+        given = (
+            counts,
+            np.array([phase.duration_is_given for phase in phases]),
+            _joined([phase.mesh for phase in phases]),
+            _joined([phase.share for phase in phases]),
+            _joined([phase.p for phase in phases]),
+            _joined([boundary.free for boundary in boundaries]),
+            np.array([boundary.is_in_constant_units for boundary in boundaries]),
+            _joined([boundary.drift for boundary in boundaries]),
+            *self._fractions,
+        )
+        z = self._packed(phases, boundaries)
+        multipliers = np.empty((int(counts.sum()), len(self.points), len(self.problem.sides)))
+        of_integrals = np.empty(self.problem.integrands.numel())
+        report = _Report()
+        size = ctypes.c_int64(int(counts.sum())), ctypes.c_int64(len(phases))
+        memory = _WORKSPACE.at_least(self.code.workspace(*size))
         status = self.code.solve(
-            ctypes.c_int64(N),
-            _pointer(mesh),
-            self._fractions.ctypes.data_as(ctypes.c_void_p),
-            _pointer(share),
-            _pointer(p),
-            _pointer(z),
-            _pointer(prices),
+            ctypes.byref(_Given(len(phases), *(array.ctypes.data for array in given))),
+            *(_pointer(array) for array in (z, multipliers, of_integrals)),
             ctypes.byref(_Settings(*vars(settings).values())),
             ctypes.byref(report),
-            self._memory(N),
+            _pointer(memory),
         )
-        knots, T = z[:-1].reshape(N + 1, 6), float(z[-1])
-        spent = Spent(report.evaluating, report.solving)
-        return Interior(knots, T, prices, report.dual, STATUS[status], report.iterations, spent)
+        return InteriorPointSolution(
+            tuple(self._unpacked(z, multipliers, counts, boundaries)),
+            of_integrals,
+            report.dual,
+            STATUS[status],
+            report.iterations,
+            report.factorisations,
+            Spent(report.evaluating, report.solving),
+        )
 
     @cached_property
-    def _fractions(self) -> Array:
-        return np.array(self.points)
+    def _fractions(self) -> tuple[Array, Array]:
+        """The points of an interval, and the weights that integrate their polynomial."""
+        points = np.array(self.points)
+        order = np.arange(len(points))
+        return points, np.linalg.solve(points ** order[:, None], 1 / (order + 1))
 
-    def _memory(self, N: int) -> ctypes.c_void_p:
-        """The largest so far, kept from call to call: fresh pages cost more than the solution."""
-        size = -(-self.code.workspace(ctypes.c_int64(N)) // 8)
-        if size > len(self._kept[0]):
-            self._kept[0] = np.zeros(size)
-        return _pointer(self._kept[0])
+    def _packed(self, phases: Sequence[Phase], boundaries: Sequence[Boundary]) -> Array:
+        """The unknowns: all knots, those at boundaries in their units, then the durations."""
+        durations = [phase.duration for phase in phases]
+        inner = [phase.knots[:-1].ravel() for phase in phases[:-1]]
+        z = np.concatenate([*inner, phases[-1].knots.ravel(), durations])
+        shape, knot, time = boundaries[0].state.shape, 0, 0.0
+        for b, boundary in enumerate(boundaries):
+            at = z[knot * boundary.state.size :][: boundary.state.size].reshape(shape)
+            state = boundary.state
+            if boundary.is_in_constant_units:
+                at /= self._units(durations[min(b, len(phases) - 1)])
+                state = state + time * boundary.drift * self._positions
+            np.copyto(at, state, where=~boundary.free)
+            if b < len(phases):
+                knot, time = knot + len(phases[b].mesh), time + durations[b]
+        return z
+
+    def _unpacked(
+        self, z: Array, multipliers: Array, counts: NDArray[np.int_], boundaries: Sequence[Boundary]
+    ) -> Iterator[PhaseSolution]:
+        knots = z[: -len(counts)].reshape(-1, self.problem.unknowns)
+        first = 0
+        for q, (count, T) in enumerate(zip(counts.tolist(), z[-len(counts) :].tolist(), strict=True)):
+            own = knots[first : first + count + 1]
+            if len(counts) > 1:
+                own = own.copy()
+            for at, boundary in ((own[0], boundaries[q]), (own[-1], boundaries[q + 1])):
+                if boundary.is_in_constant_units:
+                    at *= np.repeat(self._units(T), self.problem.coordinates)
+            yield PhaseSolution(own, T, multipliers[first : first + count])
+            first += count
+
+    def _units(self, T: float) -> Array:
+        """What (x, v, a) are multiplied by to be (X, V, A), (derivatives, 1)."""
+        return np.asarray(T ** np.arange(self.problem.derivatives)[:, None])
 
     @cached_property
-    def _kept(self) -> list[Array]:
-        return [np.empty(0)]
+    def _positions(self) -> Array:
+        """1 for a position, 0 for its rates, (derivatives, 1)."""
+        return np.eye(self.problem.derivatives)[:, :1]
+
+
+def _joined(arrays: Sequence[NDArray[np.generic]]) -> NDArray[np.generic]:
+    """One contiguous array; no copy of a single one that is."""
+    return np.ascontiguousarray(arrays[0] if len(arrays) == 1 else np.concatenate(arrays))
 
 
 def _pointer(array: Array) -> ctypes.c_void_p:
     return ctypes.c_void_p(array.ctypes.data)
 
 
-@lru_cache(maxsize=16)
-def interior_point(motion: PointFunction, points: tuple[float, ...]) -> InteriorPoint | None:
-    """The method for the flat problem's equations, if there is machine code for it here."""
-    if len(points) != LANES:
+def interior_point(problem: PointProblem, points: tuple[float, ...]) -> InteriorPoint | None:
+    """The method for a point problem, if there is machine code for it here."""
+    if len(points) % LANES:
         return None
-    built = library(source(motion))
+    built = library(source(problem, len(points)))
     if built is None:
         return None
     code = ctypes.CDLL(str(built))
     code.workspace.restype = ctypes.c_int64
-    return InteriorPoint(code, motion.function.size1_out(0), points)
-
-
-def source(motion: PointFunction) -> str:
-    """C text: the point function and its derivatives, then the method."""
-    values, second = _functions(motion)
-    sizes = f"enum {{ NC = {motion.function.size1_out(0)}, NP = {motion.function.size1_in(1)} }};"
-    method = files("deltaopt.planning.flat").joinpath("interior_point.c").read_text()
-    parts = [VECTOR, sizes, c_function(values, "values"), c_function(second, "second"), method]
-    return "\n".join(parts)
-
-
-def _functions(motion: PointFunction) -> tuple[ca.Function, ca.Function]:
-    """``values`` and ``second`` as interior_point.c wants them, y = (X, V, A, T), then τ.
-
-    Rows 1 to 3 are zero for the right τ; 4 to 6, openings, at least 0 and at most 1; the rest
-    within ±1. What is at least 0 is 1 less it, at most 1.
-    """
-    y, tau = ca.SX.sym("y", 10), ca.SX.sym("tau", 3)
-    p = ca.SX.sym("p", motion.function.size1_in(1))
-    r = motion.function(ca.vertcat(y[:9], tau, y[9]), p)
-    r[3:6] = 1 - r[3:6]
-    lam = ca.SX.sym("lam", r.numel())
-    B, r_0 = ca.jacobian(r[:3], tau), ca.substitute(r, tau, ca.SX.zeros(3))
-    J, H = ca.jacobian(r, y), ca.hessian(ca.dot(lam, r), y)[0]
-    H_tau = ca.jacobian(ca.gradient(ca.dot(lam, r), y), tau)
-    upper = ca.vertcat(*(H[a, b] for b in range(10) for a in range(b + 1)))
-    first = [r_0[:3], _by_rows(B), r_0[3:]]
-    second = [_by_rows(J[:3, :]), _by_rows(J[3:, :]), upper, _by_rows(H_tau)]
-    return (
-        ca.Function("values", [y, p], [ca.densify(e) for e in first], {"cse": True}),
-        ca.Function(
-            "second",
-            [ca.vertcat(y, tau), lam, p],
-            [ca.densify(e) for e in second],
-            {"cse": True},
-        ),
-    )
-
-
-def _by_rows(matrix: ca.SX) -> ca.SX:
-    return ca.vec(matrix.T)
+    return InteriorPoint(code, problem, points)
