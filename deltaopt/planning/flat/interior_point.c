@@ -78,16 +78,16 @@ typedef struct {
   int64_t iterations, factorisations, evaluations;
 } Report;
 
-/* What Python hands over. n is the number of intervals of all phases together. */
+/* The problem. n is the number of intervals of all phases together. */
 typedef struct {
   int64_t phases;
   const int64_t *intervals;  /* of each phase */
-  const uint8_t *given;      /* whether a phase's duration is given */
+  const int64_t *given;      /* whether a phase's duration is given */
   const double *mesh;        /* n: intervals as fractions of their phase's duration */
   const double *share;       /* n x NC: of the limits that may be used; infinite: no limit there */
   const double *p;           /* phases x NP */
-  const uint8_t *is_free;    /* (phases + 1) x NB: components of the state at each boundary */
-  const uint8_t *constant;   /* phases + 1: whether that knot is in constant units */
+  const double *state;       /* (phases + 1) x NB: at each boundary, in constant units */
+  const int64_t *is_free;    /* (phases + 1) x NB: which of its components are not given */
   const double *drift;       /* (phases + 1) x NM: velocity of a position that moves */
   const double *fractions;   /* NG x 4: the points of an interval */
   const double *quadrature;  /* NG x 4: their weights in integrals */
@@ -1015,6 +1015,13 @@ static void move(Problem *P, double dual) {
   }
 }
 
+/* Whether rates at a boundary are not all zero. */
+static int has_rates(const Given *given, int64_t b) {
+  for (int k = NB * b + NM; k < NB * (b + 1); k++)
+    if (given->is_free[k] || given->state[k] != 0) return 1;
+  return 0;
+}
+
 /* What is known of the intervals before any motion is. */
 static void set_intervals(Problem *P) {
   const Given *given = P->given;
@@ -1031,7 +1038,7 @@ static void set_intervals(Problem *P) {
       I->moving = 0;
       for (int side = 0; side < 2; side++) {
         const int64_t b = I->boundary[side];
-        I->constant[side] = b >= 0 && given->constant[b];
+        I->constant[side] = b >= 0 && has_rates(given, b);
         for (int k = 0; b >= 0 && k < NM; k++) I->moving |= given->drift[NM * b + k] != 0;
       }
       I->any_constant = I->constant[0] || I->constant[1];
@@ -1059,6 +1066,55 @@ static void begin_row(const Problem *P, Group *G, int r, double closest) {
   G->y[r] = G->upper[r] - G->lower[r];
   G->dt[r] = G->dupper[r] = G->dlower[r] = ALL(0.0);
   G->bend_upper[r] = G->bend_lower[r] = ALL(0.0);
+}
+
+/* T^d for component k of the state at a boundary, d its derivative. */
+static double power(double T, int k) {
+  const int derivative = k / NM % NR;
+  return derivative == 0 ? 1 : derivative == 1 ? T : T * T;
+}
+
+/* The unknowns from the phases' own knots: where two phases meet there is one knot, and at
+   boundaries what is given stands instead of the guess. */
+static void pack(const Problem *P, const double *knots, const double *T) {
+  double *z = P->z, time = 0;
+  for (int64_t q = 0; q < P->phases; q++, knots += NB) {
+    const int64_t numbers = NB * P->given->intervals[q];
+    memcpy(z, knots, (numbers + NB) * sizeof(double));
+    z += numbers;
+    knots += numbers;
+  }
+  memcpy(z + NB, T, P->phases * sizeof(double));
+  z = P->z;
+  for (int64_t b = 0; b <= P->phases; b++) {
+    const double *state = P->given->state + NB * b, *drift = P->given->drift + NM * b;
+    const int constant = has_rates(P->given, b);
+    for (int k = 0; k < NB; k++) {
+      if (!P->given->is_free[NB * b + k])
+        z[k] = k < NM ? state[k] + drift[k] * time : state[k];
+      else if (constant)
+        z[k] /= power(T[b < P->phases ? b : b - 1], k);
+    }
+    if (b == P->phases) return;
+    z += NB * P->given->intervals[b];
+    time += T[b];
+  }
+}
+
+/* The phases' own knots and durations from the unknowns. */
+static void unpack(const Problem *P, double *knots, double *T) {
+  const double *z = P->z;
+  memcpy(T, durations(P, P->z), P->phases * sizeof(double));
+  for (int64_t q = 0; q < P->phases; q++, knots += NB) {
+    const int64_t numbers = NB * P->given->intervals[q];
+    memcpy(knots, z, (numbers + NB) * sizeof(double));
+    for (int k = 0; k < NB; k++) {
+      if (has_rates(P->given, q)) knots[k] *= power(T[q], k);
+      if (has_rates(P->given, q + 1)) knots[numbers + k] *= power(T[q], k);
+    }
+    z += numbers;
+    knots += numbers;
+  }
 }
 
 /* Weights, rows and multipliers at the guess; 0 where the rows are no numbers. */
@@ -1187,6 +1243,7 @@ static uintptr_t share_out(Problem *P, uintptr_t address) {
   P->corner = part(&address, w * w * real);
   P->pivot = part(&address, w * real);
   P->rest = part(&address, w * real);
+  P->z = part(&address, numbers * real);
   P->dz = part(&address, numbers * real);
   P->trial = part(&address, numbers * real);
   P->g = part(&address, numbers * real);
@@ -1200,22 +1257,43 @@ int64_t workspace(int64_t n, int64_t phases) {
   return (int64_t)share_out(&P, 64);
 }
 
-/* z: in, a guess that agrees with the boundaries; out, the solution. multipliers: out, n x points
-   x NC, of the rows; integral_multipliers: out, NI. memory: for this call alone, its contents of
-   no account. */
-int solve(const Given *given, double *z, double *multipliers, double *integral_multipliers,
-          const Settings *settings, Report *report, void *memory) {
-  Problem P = {.given = given, .phases = given->phases, .z = z, .report = report};
-  for (int64_t q = 0; q < P.phases; q++) P.n += given->intervals[q];
-  P.width = NI + P.phases;
+/* What Python hands over, one after the other: see Given. */
+static Given given_by(int64_t phases, int64_t n, const int64_t *flags, const double *rule,
+                      const double *numbers) {
+  Given G = {.phases = phases, .intervals = flags, .given = flags + phases};
+  G.is_free = G.given + phases;
+  G.fractions = rule;
+  G.quadrature = rule + 4 * NG;
+  G.mesh = numbers;
+  G.share = G.mesh + n;
+  G.p = G.share + n * NC;
+  G.state = G.p + phases * NP;
+  G.drift = G.state + (phases + 1) * NB;
+  return G;
+}
+
+/* flags: intervals, given, is_free. rule: fractions, quadrature. numbers: mesh, share, p, state,
+   drift. motion: in, a guess; out, the solution: knots of each phase in units of its duration,
+   (n + phases) x NB, and the durations. multipliers: out, n x points x NC of the rows, NI of the
+   integral rows. memory: for this call alone, its contents of no account. */
+int solve(int64_t phases, const int64_t *flags, const double *rule, const double *numbers,
+          double *motion, double *multipliers, const Settings *settings, Report *report,
+          void *memory) {
+  Problem P = {.phases = phases, .width = NI + phases, .report = report};
+  for (int64_t q = 0; q < phases; q++) P.n += flags[q];
+  const Given given = given_by(phases, P.n, flags, rule, numbers);
+  P.given = &given;
   share_out(&P, (uintptr_t)memory);
   memset(report, 0, sizeof *report);
+  double *T = motion + (P.n + phases) * NB;
+  pack(&P, motion, T);
   const int status = begin(&P, settings) ? iterate(&P, settings) : NOT_A_NUMBER;
+  unpack(&P, motion, T);
   for (int64_t i = 0; i < P.n; i++)
     for (int j = 0; j < NG; j++)
       for (int l = 0; l < 4; l++)
         for (int r = 0; r < NC; r++)
           *multipliers++ = P.interval[i].group[j].y[r][l] * P.interval[i].scale[r];
-  for (int k = 0; k < NI; k++) integral_multipliers[k] = P.integral[k].upper;
+  for (int k = 0; k < NI; k++) *multipliers++ = P.integral[k].upper;
   return status;
 }

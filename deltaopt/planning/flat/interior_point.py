@@ -92,10 +92,9 @@ class PointProblem:
 
     @cached_property
     def values(self) -> ca.Function:
-        """(y, p) -> rows, T (integrands - 1), and (tau, inverse of ∂force/∂tau by columns)."""
-        B = ca.jacobian(self.force, self.tau)
-        inverse = _inverse(B)
-        tau = -inverse @ ca.substitute(self.force, self.tau, ca.SX.zeros(self.tau.numel()))
+        """(y, p) -> rows, T (integrands - 1), and (tau, inverse of -∂force/∂tau by columns)."""
+        inverse = _inverse(-ca.jacobian(self.force, self.tau))
+        tau = inverse @ ca.substitute(self.force, self.tau, ca.SX.zeros(self.tau.numel()))
         results = ca.substitute([self.rows, self._integrals], [self.tau], [tau])
         return _function("values", [self.y, self.p], [*results, ca.vertcat(tau, ca.vec(inverse))])
 
@@ -113,13 +112,13 @@ class PointProblem:
         nu = ca.SX.sym("nu", tau.numel())
         w = ca.SX.sym("w", self.rows.numel() + self.integrands.numel())
         c = ca.vertcat(self.rows, self._integrals)
-        tau_by_y = -inverse @ ca.jacobian(self.force, y)
-        adjoint = -inverse.T @ ca.gradient(ca.dot(w, c), tau)
+        tau_by_y = inverse @ ca.jacobian(self.force, y)
+        adjoint = inverse.T @ ca.gradient(ca.dot(w, c), tau)
         C = ca.jacobian(c, y) + ca.jacobian(c, tau) @ tau_by_y
         lagrangian = ca.dot(w, c) + ca.dot(nu, self.force)
         by_y, by_tau = ca.gradient(lagrangian, y), ca.gradient(lagrangian, tau)
         mixed = ca.jacobian(by_y, tau) @ tau_by_y
-        H = ca.jacobian(by_y, y) + mixed + mixed.T
+        H = ca.hessian(lagrangian, y)[0] + mixed + mixed.T
         H += tau_by_y.T @ ca.jacobian(by_tau, tau) @ tau_by_y
         rows = ca.sparsify(C[: self.rows.numel(), :]).T
         triangle = ca.sparsify(ca.triu(ca.substitute(H, nu, adjoint))).T
@@ -287,11 +286,6 @@ class Boundary:
         state[1] = drift
         return cls(state, rest.free, np.asarray(drift))
 
-    @property
-    def is_in_constant_units(self) -> bool:
-        """Whether the unknowns there are (x, v) instead of (X, T v): rates are not all zero."""
-        return bool(self.state[1:].any() or self.free[1:].any())
-
 
 @dataclass(frozen=True)
 class Phase:
@@ -362,22 +356,6 @@ class _Report(ctypes.Structure):
     )
 
 
-class _Given(ctypes.Structure):
-    _fields_ = (
-        ("phases", ctypes.c_int64),
-        ("intervals", ctypes.c_void_p),
-        ("given", ctypes.c_void_p),
-        ("mesh", ctypes.c_void_p),
-        ("share", ctypes.c_void_p),
-        ("p", ctypes.c_void_p),
-        ("is_free", ctypes.c_void_p),
-        ("constant", ctypes.c_void_p),
-        ("drift", ctypes.c_void_p),
-        ("fractions", ctypes.c_void_p),
-        ("quadrature", ctypes.c_void_p),
-    )
-
-
 class _Workspace(threading.local):
     """Memory of a thread for the method: the largest so far, kept from call to call, since fresh
     pages cost more than the solution. A call lets other threads run, so each has its own."""
@@ -408,34 +386,46 @@ class InteriorPoint:
 
         ``boundaries``: the start, where each phase but the last meets the next, and the goal.
         """
-        counts = np.array([len(phase.mesh) for phase in phases])
-        given = (
-            counts,
-            np.array([phase.duration_is_given for phase in phases]),
-            _joined([phase.mesh for phase in phases]),
-            _joined([phase.share for phase in phases]),
-            _joined([phase.p for phase in phases]),
-            _joined([boundary.free for boundary in boundaries]),
-            np.array([boundary.is_in_constant_units for boundary in boundaries]),
-            _joined([boundary.drift for boundary in boundaries]),
-            *self._fractions,
+        counts = [len(phase.mesh) for phase in phases]
+        flags = np.array(
+            [
+                *counts,
+                *(phase.duration_is_given for phase in phases),
+                *(free for boundary in boundaries for free in boundary.free.ravel().tolist()),
+            ],
+            dtype=np.int64,
         )
-        z = self._packed(phases, boundaries)
-        multipliers = np.empty((int(counts.sum()), len(self.points), len(self.problem.sides)))
-        of_integrals = np.empty(self.problem.integrands.numel())
+        numbers = np.concatenate(
+            [
+                *(phase.mesh for phase in phases),
+                *(phase.share.ravel() for phase in phases),
+                *(phase.p for phase in phases),
+                *(boundary.state.ravel() for boundary in boundaries),
+                *(boundary.drift for boundary in boundaries),
+            ]
+        )
+        motion = np.concatenate(
+            [*(phase.knots.ravel() for phase in phases), [phase.duration for phase in phases]]
+        )
+        n = sum(counts)
+        rows = n * len(self.points) * len(self.problem.sides)
+        multipliers = np.empty(rows + self._integrals)
+        size = self.code.workspace(ctypes.c_int64(n), ctypes.c_int64(len(counts)))
         report = _Report()
-        size = ctypes.c_int64(int(counts.sum())), ctypes.c_int64(len(phases))
-        memory = _WORKSPACE.at_least(self.code.workspace(*size))
         status = self.code.solve(
-            ctypes.byref(_Given(len(phases), *(array.ctypes.data for array in given))),
-            *(_pointer(array) for array in (z, multipliers, of_integrals)),
+            ctypes.c_int64(len(counts)),
+            _pointer(flags),
+            _pointer(self._rule),
+            _pointer(numbers),
+            _pointer(motion),
+            _pointer(multipliers),
             ctypes.byref(_Settings(*vars(settings).values())),
             ctypes.byref(report),
-            _pointer(memory),
+            _pointer(_WORKSPACE.at_least(size)),
         )
         return InteriorPointSolution(
-            tuple(self._unpacked(z, multipliers, counts, boundaries)),
-            of_integrals,
+            self._by_phase(counts, motion, multipliers[:rows]),
+            multipliers[rows:],
             report.dual,
             STATUS[status],
             report.iterations,
@@ -444,60 +434,32 @@ class InteriorPoint:
         )
 
     @cached_property
-    def _fractions(self) -> tuple[Array, Array]:
+    def _integrals(self) -> int:
+        return int(self.problem.integrands.numel())
+
+    @cached_property
+    def _rule(self) -> Array:
         """The points of an interval, and the weights that integrate their polynomial."""
         points = np.array(self.points)
         order = np.arange(len(points))
-        return points, np.linalg.solve(points ** order[:, None], 1 / (order + 1))
+        weights = np.linalg.solve(points ** order[:, None], 1 / (order + 1))
+        return np.concatenate([points, weights])
 
-    def _packed(self, phases: Sequence[Phase], boundaries: Sequence[Boundary]) -> Array:
-        """The unknowns: all knots, those at boundaries in their units, then the durations."""
-        durations = [phase.duration for phase in phases]
-        inner = [phase.knots[:-1].ravel() for phase in phases[:-1]]
-        z = np.concatenate([*inner, phases[-1].knots.ravel(), durations])
-        shape, knot, time = boundaries[0].state.shape, 0, 0.0
-        for b, boundary in enumerate(boundaries):
-            at = z[knot * boundary.state.size :][: boundary.state.size].reshape(shape)
-            state = boundary.state
-            if boundary.is_in_constant_units:
-                at /= self._units(durations[min(b, len(phases) - 1)])
-                state = state + time * boundary.drift * self._positions
-            np.copyto(at, state, where=~boundary.free)
-            if b < len(phases):
-                knot, time = knot + len(phases[b].mesh), time + durations[b]
-        return z
-
-    def _unpacked(
-        self, z: Array, multipliers: Array, counts: NDArray[np.int_], boundaries: Sequence[Boundary]
-    ) -> Iterator[PhaseSolution]:
-        knots = z[: -len(counts)].reshape(-1, self.problem.unknowns)
-        first = 0
-        for q, (count, T) in enumerate(zip(counts.tolist(), z[-len(counts) :].tolist(), strict=True)):
-            own = knots[first : first + count + 1]
-            if len(counts) > 1:
-                own = own.copy()
-            for at, boundary in ((own[0], boundaries[q]), (own[-1], boundaries[q + 1])):
-                if boundary.is_in_constant_units:
-                    at *= np.repeat(self._units(T), self.problem.coordinates)
-            yield PhaseSolution(own, T, multipliers[first : first + count])
+    def _by_phase(
+        self, counts: Sequence[int], motion: Array, multipliers: Array
+    ) -> tuple[PhaseSolution, ...]:
+        knots = motion[: -len(counts)].reshape(-1, self.problem.unknowns)
+        durations = motion[-len(counts) :].tolist()
+        rows = multipliers.reshape(-1, len(self.points), len(self.problem.sides))
+        solutions, first = [], 0
+        for q, (count, duration) in enumerate(zip(counts, durations, strict=True)):
+            own = knots[first + q : first + q + count + 1]
+            solutions.append(PhaseSolution(own, duration, rows[first : first + count]))
             first += count
-
-    def _units(self, T: float) -> Array:
-        """What (x, v, a) are multiplied by to be (X, V, A), (derivatives, 1)."""
-        return np.asarray(T ** np.arange(self.problem.derivatives)[:, None])
-
-    @cached_property
-    def _positions(self) -> Array:
-        """1 for a position, 0 for its rates, (derivatives, 1)."""
-        return np.eye(self.problem.derivatives)[:, :1]
+        return tuple(solutions)
 
 
-def _joined(arrays: Sequence[NDArray[np.generic]]) -> NDArray[np.generic]:
-    """One contiguous array; no copy of a single one that is."""
-    return np.ascontiguousarray(arrays[0] if len(arrays) == 1 else np.concatenate(arrays))
-
-
-def _pointer(array: Array) -> ctypes.c_void_p:
+def _pointer(array: NDArray[np.generic]) -> ctypes.c_void_p:
     return ctypes.c_void_p(array.ctypes.data)
 
 
