@@ -93,8 +93,8 @@ class PointProblem:
     @cached_property
     def values(self) -> ca.Function:
         """(y, p) -> rows, T (integrands - 1), and (tau, inverse of -∂force/∂tau by columns)."""
-        inverse = _inverse(-ca.jacobian(self.force, self.tau))
-        tau = inverse @ ca.substitute(self.force, self.tau, ca.SX.zeros(self.tau.numel()))
+        inverse = _inverse(ca.jacobian(self.force, self.tau))
+        tau = -inverse @ ca.substitute(self.force, self.tau, ca.SX.zeros(self.tau.numel()))
         results = ca.substitute([self.rows, self._integrals], [self.tau], [tau])
         return _function("values", [self.y, self.p], [*results, ca.vertcat(tau, ca.vec(inverse))])
 
@@ -112,8 +112,8 @@ class PointProblem:
         nu = ca.SX.sym("nu", tau.numel())
         w = ca.SX.sym("w", self.rows.numel() + self.integrands.numel())
         c = ca.vertcat(self.rows, self._integrals)
-        tau_by_y = inverse @ ca.jacobian(self.force, y)
-        adjoint = inverse.T @ ca.gradient(ca.dot(w, c), tau)
+        tau_by_y = -inverse @ ca.jacobian(self.force, y)
+        adjoint = -inverse.T @ ca.gradient(ca.dot(w, c), tau)
         C = ca.jacobian(c, y) + ca.jacobian(c, tau) @ tau_by_y
         lagrangian = ca.dot(w, c) + ca.dot(nu, self.force)
         by_y, by_tau = ca.gradient(lagrangian, y), ca.gradient(lagrangian, tau)
@@ -172,6 +172,9 @@ def source(problem: PointProblem, points: int) -> str:
             *(f"#define {name} {size}" for name, size in sizes.items()),
             _present("UPPER", [upper for upper, _ in sides]),
             _present("LOWER", [lower for _, lower in sides]),
+            "static void values(const V *, const V *, V *, V *, V *) __attribute__((noinline));",
+            "static void second(const V *, const V *, const V *, const V *, V *, V *)"
+            " __attribute__((noinline));",
             c_function(problem.values, "values"),
             c_function(second, "second"),
             *_products(rows, triangle),
@@ -450,7 +453,7 @@ class InteriorPoint:
     ) -> tuple[PhaseSolution, ...]:
         knots = motion[: -len(counts)].reshape(-1, self.problem.unknowns)
         durations = motion[-len(counts) :].tolist()
-        rows = multipliers.reshape(-1, len(self.points), len(self.problem.sides))
+        rows = multipliers.reshape(sum(counts), len(self.points), len(self.problem.sides))
         solutions, first = [], 0
         for q, (count, duration) in enumerate(zip(counts, durations, strict=True)):
             own = knots[first + q : first + q + count + 1]
