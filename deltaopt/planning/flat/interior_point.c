@@ -31,7 +31,7 @@
    derivatives of the rows by y, stored as its NZ nonzeros, row by row, and then the dense NI x NY
    derivatives of the integrands T (g - 1).
 
-     NM coordinates, NR unknowns for each at a knot, NC constraint rows, NI integral rows, NP
+     NM coordinates, NR unknowns for each at a knot, NY numbers in y, NC constraint rows, NI integral rows, NP
      parameters, NZ, NH nonzeros of H's upper triangle, NE numbers handed from values to second,
      NG groups of four points in an interval, SIDES limits there are of all rows together
      UPPER(r), LOWER(r)                   whether row r has that limit
@@ -59,7 +59,6 @@
 enum {
   NB = NM * NR,           /* unknowns at a knot */
   NK = 2 * NB,            /* at both knots of an interval */
-  NY = NM * (NR + 1) + 1, /* numbers at a point */
   WIDE = (NK + 3) / 4 * 4 /* NK, rounded up to whole vectors */
 };
 

@@ -170,6 +170,7 @@ def source(problem: PointProblem, points: int) -> str:
         [
             VECTOR,
             *(f"#define {name} {size}" for name, size in sizes.items()),
+            "#define NY (NM * (NR + 1) + 1)",
             _present("UPPER", [upper for upper, _ in sides]),
             _present("LOWER", [lower for _, lower in sides]),
             "static void values(const V *, const V *, V *, V *, V *) __attribute__((noinline));",
@@ -196,9 +197,7 @@ def _products(rows: ca.Sparsity, triangle: ca.Sparsity) -> Iterator[str]:
     on few components of y: see interior_point.c. Both arguments are transposed: (y, row)."""
     ny, nc = rows.shape
     place = {(r, a): k for k, (a, r) in enumerate(zip(*rows.get_triplet(), strict=True))}
-    curvature = {
-        (a, b): k for k, (b, a) in enumerate(zip(*triangle.get_triplet(), strict=True))
-    }
+    curvature = {(a, b): k for k, (b, a) in enumerate(zip(*triangle.get_triplet(), strict=True))}
     depend = [[r for r in range(nc) if (r, a) in place] for a in range(ny)]
     yield _text(
         "scale_rows(V *C, const double *s)",
@@ -210,10 +209,7 @@ def _products(rows: ca.Sparsity, triangle: ca.Sparsity) -> Iterator[str]:
     )
     yield _text(
         "across_rows(const V *C, const V *q, V *m)",
-        [
-            f"m[{a}] = {_sum(f'C[{place[r, a]}] * q[{r}]' for r in depend[a])};"
-            for a in range(ny)
-        ],
+        [f"m[{a}] = {_sum(f'C[{place[r, a]}] * q[{r}]' for r in depend[a])};" for a in range(ny)],
     )
     lines = ["V q[NC];"]
     for b in range(ny):
@@ -223,7 +219,7 @@ def _products(rows: ca.Sparsity, triangle: ca.Sparsity) -> Iterator[str]:
             terms += [f"q[{r}] * C[{place[r, a]}]" for r in depend[b] if r in depend[a]]
             twin = f"S[{b}][{a}] = " if a < b else ""
             lines.append(f"{twin}S[{a}][{b}] = {_sum(terms)};")
-    yield _text("curvature_of_rows(const V *C, const V *H, const V *s, V (*S)[%d])" % ny, lines)
+    yield _text("curvature_of_rows(const V *C, const V *H, const V *s, V (*S)[NY])", lines)
 
 
 def _sum(terms: Iterator[str] | list[str]) -> str:

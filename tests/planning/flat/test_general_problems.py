@@ -59,48 +59,33 @@ def particle(now: Instant) -> ca.SX:
     return now.p[0] * (now.a + field_of_force) + 0.3 * now.v * ca.sumsqr(now.v) - B @ now.tau
 
 
-def elbow(x: ca.SX) -> ca.SX:
-    """Of an arm of two links of length one whose tip is at x."""
-    return x / 2 + ca.sqrt(1 / ca.sumsqr(x) - 0.25) * ca.vertcat(-x[1], x[0])
+@lru_cache
+def arm_terms() -> ca.Function:
+    """(x, v, a, tau, mass of the tip) -> equations of motion of an arm of two links of length one,
+    and the angular velocities of both, from the position x of its tip.
 
-
-def cross(a: ca.SX, b: ca.SX) -> ca.SX:
-    return a[0] * b[1] - a[1] * b[0]
-
-
-def joint_rates(now: Instant) -> ca.SX:
-    """Angular velocities of both links."""
-    e = elbow(now.x)
-    de = ca.jtimes(e, now.x, now.v) if now.x.is_valid_input() else _at(now, "rate")
-    return ca.vertcat(cross(e, de), cross(now.x - e, now.v - de))
+    A mass of 1 at the elbow, gravity along -y: virtual work of any motion of the tip, torques
+    acting on the absolute angles of both links. Their matrix depends on x.
+    """
+    x, v, a, tau = (ca.SX.sym(name, 2) for name in ("x", "v", "a", "tau"))
+    mass = ca.SX.sym("mass")
+    gravity, turn = ca.DM([0.0, -2.0]), ca.DM([[0.0, -1.0], [1.0, 0.0]])
+    elbow = x / 2 + ca.sqrt(1 / ca.sumsqr(x) - 0.25) * (turn @ x)
+    E = ca.jacobian(elbow, x)
+    elbow_rate = E @ v
+    elbow_acceleration = E @ a + ca.jtimes(elbow_rate, x, v)
+    across = ca.horzcat(E.T @ (turn @ elbow), (ca.SX.eye(2) - E).T @ (turn @ (x - elbow)))
+    inertia = E.T @ (elbow_acceleration - gravity) + mass * (a - gravity)
+    rates = across.T @ v
+    return ca.Function("arm", [x, v, a, tau, mass], [inertia - across @ tau, rates])
 
 
 def arm(now: Instant) -> ca.SX:
-    """A mass of 1 at the elbow and p_0 at the tip, gravity along -y: virtual work of a motion of
-    the tip, torques acting on the absolute angles of both links."""
-    return _at(now, "force")
+    return arm_terms()(now.x, now.v, now.a, now.tau, now.p[0])[0]
 
 
-@lru_cache
-def _arm() -> dict[str, ca.Function]:
-    x, v, a = (ca.SX.sym(name, 2) for name in "xva")
-    tau, mass = ca.SX.sym("tau", 2), ca.SX.sym("mass")
-    e = elbow(x)
-    E = ca.jacobian(e, x)
-    de = E @ v
-    dde = E @ a + ca.jtimes(de, x, v)
-    gravity = ca.DM([0.0, -2.0])
-    turn = ca.DM([[0.0, -1.0], [1.0, 0.0]])
-    work = E.T @ (turn @ e) * tau[0] + (ca.SX.eye(2) - E).T @ (turn @ (x - e)) * tau[1]
-    force = E.T @ (dde - gravity) + mass * (a - gravity) - work
-    return {
-        "force": ca.Function("force", [x, v, a, tau, mass], [force]),
-        "rate": ca.Function("rate", [x, v, a, tau, mass], [de]),
-    }
-
-
-def _at(now: Instant, what: str) -> ca.SX:
-    return _arm()[what](now.x, now.v, now.a, now.tau, now.p[0])
+def joint_rates(now: Instant) -> ca.SX:
+    return arm_terms()(now.x, now.v, now.a, now.tau, now.p[0])[1]
 
 
 def torques(limit: float) -> Callable[[Instant], list[Row]]:
@@ -159,17 +144,18 @@ def powers(now: Instant) -> list[Row]:
 
 
 def floor(now: Instant) -> list[Row]:
-    """Row 2: the height above y = 0.9 is nonnegative; row 3: a wall at x = 3, never reached."""
-    above, wall = now.x[1] - 0.9, now.x[0] - 3
-    return torques(6.0)(now) + [Row(above - 1, upper=False), Row(wall + 1, lower=False)]
+    """Row 2: the height above y = -0.05 is nonnegative; row 3: a wall at x = 3, never reached."""
+    above, beyond = now.x[1] + 0.05, now.x[0] - 3
+    return [*torques(2.0)(now), Row(above - 1, upper=False), Row(beyond + 1, lower=False)]
 
 
 def jerks(now: Instant) -> list[Row]:
     return torques(3.0)(now) + [Row(now.j[k] / 25) for k in range(now.j.numel())]
 
 
-def mean_square(bound: float) -> Callable[[Instant], ca.SX]:
-    return lambda now: ca.sumsqr(now.tau) / bound
+def mean_square(now: Instant) -> ca.SX:
+    """Of both torques, over a bound that is the second parameter."""
+    return ca.sumsqr(now.tau) / now.p[1]
 
 
 LEFT, RIGHT = (-0.9, 1.0), (0.9, 1.1)
@@ -188,16 +174,19 @@ CASES = {
         System(2, 2, arm, powers), [leg(12, 1.5, 0.7)], [rest(*LEFT), rest(*RIGHT)], watched=(2, 3)
     ),
     "floor": Case(
-        System(2, 2, arm, floor), [leg(12, 1.5, 0.7)], [rest(*LEFT), rest(*RIGHT)], watched=(2,)
+        System(2, 2, particle, floor),
+        [leg(12, 2.0, 1.0)],
+        [rest(0.0, 0.0), rest(1.0, 0.1)],
+        watched=(2,),
     ),
     "integral": Case(
-        System(2, 2, arm, torques(6.0), mean_square(20.0)),
-        [leg(12, 1.5, 0.7)],
+        System(2, 2, arm, torques(6.0), mean_square),
+        [leg(12, 1.5, 0.7, 20.0)],
         [rest(*LEFT), rest(*RIGHT)],
     ),
     "integral alone": Case(
-        System(2, 2, arm, lambda _: [], mean_square(20.0)),
-        [leg(8, 1.5, 0.7)],
+        System(2, 2, arm, lambda _: [], mean_square),
+        [leg(8, 1.5, 0.7, 20.0)],
         [rest(*LEFT), rest(*RIGHT)],
     ),
     "jerk": Case(
@@ -248,8 +237,8 @@ CASES = {
         [rest(0.0), met((0.8,), (0.1,)), met((1.0,), (0.2,))],
     ),
     "all at once": Case(
-        System(2, 2, arm, powers, mean_square(25.0)),
-        [leg(8, 1.0, 0.7), leg(7, 1.0, 0.3)],
+        System(2, 2, arm, powers, mean_square),
+        [leg(8, 1.6, 0.7, 25.0), leg(7, 1.6, 0.3, 25.0)],
         [started(LEFT, (0.3, -0.4)), passed((0.1, 1.5), (1.0, 0.0)), met((0.9, 0.9), (-0.2, 0.3))],
         watched=(2, 3),
     ),
@@ -287,13 +276,14 @@ def point_problem(system: System, parameters: int) -> PointProblem:
 @lru_cache
 def method_of(name: str) -> InteriorPoint:
     case = CASES[name]
-    method = interior_point(point_problem(case.system, 1), tuple(case.points.tolist()))
+    problem = point_problem(case.system, len(case.legs[0].p))
+    method = interior_point(problem, tuple(case.points.tolist()))
     assert method is not None
     return method
 
 
 def phases_of(case: Case) -> list[Phase]:
-    rows = len(point_problem(case.system, 1).sides)
+    rows = len(point_problem(case.system, len(case.legs[0].p)).sides)
     phases, time = [], 0.0
     for q, leg in enumerate(case.legs):
         fractions = np.append(0.0, np.cumsum(leg.mesh))
@@ -329,3 +319,199 @@ def test_durations_are_those_of_ipopt(name):
     for row in case.watched:
         assert max(abs(phase.multipliers[:, :, row]).max() for phase in ours.phases) > 1e-3
     assert (ours.integral_multipliers > 1e-3).all()
+
+
+# Multipliers
+
+
+def shorter_by(name: str, change: Callable[[Phase], Phase]) -> float:
+    """How much shorter the motion gets after a change of the phases."""
+    case = CASES[name]
+    phases, boundaries = phases_of(case), boundaries_of(case)
+    before = method_of(name).solve(phases, boundaries, EXACT)
+    after = method_of(name).solve([change(phase) for phase in phases], boundaries, EXACT)
+    assert before.solved
+    assert after.solved
+    return sum(a.duration - b.duration for a, b in zip(before.phases, after.phases, strict=True))
+
+
+@pytest.mark.parametrize(("name", "row"), [("power", 2), ("two phases", 0), ("jerk", 4)])
+def test_multipliers_are_durations_by_limits(name, row):
+    """More of one row's limits, both of them: the motion gets shorter as multipliers say."""
+    little = 1e-5
+
+    def more(phase: Phase) -> Phase:
+        share = phase.share.copy()
+        share[:, row] += little
+        return replace(phase, share=share)
+
+    expected = sum(abs(phase.multipliers[:, :, row]).sum() for phase in solved(name).phases)
+    assert shorter_by(name, more) == pytest.approx(little * expected, rel=2e-3)
+
+
+def test_multiplier_of_an_integral_is_duration_by_its_bound():
+    """The integral row is the integral of (g - 1), g inversely proportional to the bound."""
+    little = 1e-5
+    found = solved("integral")
+    expected = little * found.integral_multipliers[0] * found.phases[0].duration
+    shorter = shorter_by("integral", lambda p: replace(p, p=p.p * [1.0, 1 + little]))
+    assert shorter == pytest.approx(expected, rel=2e-3)
+
+
+def test_signs_of_multipliers():
+    """Torques are held back at both limits; the floor only from below; the far wall not at all."""
+    multipliers = solved("floor").phases[0].multipliers
+    assert multipliers[:, :, :2].max() > 1e-3
+    assert multipliers[:, :, :2].min() < -1e-3
+    assert multipliers[:, :, 2].max() <= 0
+    assert multipliers[:, :, 3].min() >= 0
+    assert multipliers[:, :, 3].max() < 1e-8
+
+
+def test_infinite_share_is_no_limit():
+    """Without its floor the mass dips below it, as it does where there is no such row."""
+    case = CASES["floor"]
+    (phase,) = phases_of(case)
+    share = phase.share.copy()
+    share[:, 2] = np.inf
+    without = method_of("floor").solve([replace(phase, share=share)], boundaries_of(case), EXACT)
+    free = replace(case, system=System(2, 2, particle, torques(2.0)))
+    assert without.phases[0].duration == pytest.approx(
+        fastest(free.system, free.legs, free.ends, free.points)[0], rel=1e-8
+    )
+    assert without.phases[0].knots[:, 1].min() < -0.1
+
+
+# Derivatives
+
+
+@pytest.mark.parametrize("name", ["power", "all at once", "jerk", "floor"])
+def test_derivatives_are_those_of_the_values(name):
+    """First and second, with torques eliminated, by central differences."""
+    problem = method_of(name).problem
+    rng = np.random.default_rng(4)
+    nc, ni, m = len(problem.sides), problem.integrands.numel(), problem.coordinates
+    y = rng.normal(size=problem.y.numel())
+    y[:m], y[-1] = rng.uniform(0.3, 0.8, m), 1.3
+    p, w = rng.uniform(0.5, 1.5, problem.p.numel()), rng.normal(size=nc + ni)
+    second, rows, triangle = problem.derivatives_of_rows
+
+    def values(y: Array) -> tuple[Array, Array]:
+        c, g, e = (each.full().ravel() for each in problem.values(y, p))
+        return np.concatenate([c, g]), e
+
+    def derivatives(y: Array) -> tuple[Array, Array]:
+        nonzeros, H = second(y, values(y)[1], w, p)
+        upper = ca.DM(rows, nonzeros[: rows.nnz()]).full().T
+        C = np.vstack([upper, nonzeros[rows.nnz() :].full().reshape(ni, len(y))])
+        half = ca.DM(triangle, H).full()
+        return C, half + half.T - np.diag(np.diag(half))
+
+    def differences(of: Callable[[Array], Array]) -> Array:
+        step = 1e-5 * np.eye(len(y))
+        return np.stack([(of(y + d) - of(y - d)) / 2e-5 for d in step], axis=-1)
+
+    C, H = derivatives(y)
+    scale = abs(H).max()
+    np.testing.assert_allclose(C, differences(lambda y: values(y)[0]), rtol=1e-7, atol=1e-8 * scale)
+    np.testing.assert_allclose(
+        H, differences(lambda y: derivatives(y)[0].T @ w), rtol=1e-7, atol=1e-8 * scale
+    )
+
+
+# Memory
+
+
+def test_threads_get_what_one_alone_gets():
+    """Eight threads, problems of different sizes in turn: bitwise the same."""
+    names = ["power", "two phases", "integral", "floor"] * 24
+
+    def knots(name: str) -> bytes:
+        phases = solved(name, Settings()).phases
+        return b"".join(p.knots.tobytes() + p.multipliers.tobytes() for p in phases)
+
+    alone = [knots(name) for name in names]
+    with ThreadPoolExecutor(8) as pool:
+        together = list(pool.map(knots, names))
+    assert together == alone
+
+
+def test_what_memory_held_is_of_no_account(monkeypatch):
+    before = [solved(name).phases[0].knots.tobytes() for name in CASES]
+    memory = np.full(10**6, np.nan)
+    monkeypatch.setattr(module._WORKSPACE, "at_least", lambda size: memory)
+    after = []
+    for name in CASES:
+        memory[:] = np.nan
+        after.append(solved(name).phases[0].knots.tobytes())
+    assert after == before
+
+
+def test_a_guess_is_kept():
+    (phase,) = phases_of(CASES["power"])
+    knots = phase.knots.copy()
+    method_of("power").solve([phase], boundaries_of(CASES["power"]), EXACT)
+    np.testing.assert_array_equal(phase.knots, knots)
+
+
+# What cannot be solved is told
+
+
+def ended(name: str, change: Callable[[Phase], Phase], settings: Settings = EXACT) -> str:
+    case = CASES[name]
+    phases = [change(phase) for phase in phases_of(case)]
+    return method_of(name).solve(phases, boundaries_of(case), settings).status
+
+
+@pytest.mark.parametrize("name", ["power", "all at once", "jerk"])
+def test_no_number(name):
+    assert ended(name, lambda p: replace(p, p=p.p * np.nan)) == "Invalid_Number_Detected"
+    assert ended(name, lambda p: replace(p, knots=p.knots + np.nan)) == "Invalid_Number_Detected"
+
+
+def test_no_solution():
+    """Torques that do not hold the arm against gravity; an iteration is not enough."""
+    assert ended("two phases", lambda p: replace(p, share=p.share * 0.01)) != "Solve_Succeeded"
+    once = replace(EXACT, iterations=1)
+    assert ended("power", lambda p: p, once) == "Maximum_Iterations_Exceeded"
+
+
+def test_torques_that_are_not_determined():
+    """Where the motors' directions coincide there are no torques."""
+    y, tau, p = ca.SX.sym("y", 7), ca.SX.sym("tau", 2), ca.SX.sym("p")
+    force = y[4:6] / y[6] ** 2 - ca.vertcat(tau[0] + tau[1], p * tau[0] + tau[1])
+    problem = PointProblem(2, 2, y, tau, p, force, tau, (Sides.BOTH,) * 2)
+    method = interior_point(problem, tuple(FOUR.tolist()))
+    assert method is not None
+    knots = np.linspace(0, 1, 5)[:, None] * [1.0, 1.0, 0.0, 0.0]
+    phase = Phase(np.full(4, 0.25), np.ones(1), np.ones((4, 2)), knots, 1.0)
+    ends = [Boundary.at_rest(knots[i, :2]) for i in (0, -1)]
+    assert method.solve([phase], ends, EXACT).status == "Invalid_Number_Detected"
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"derivatives": 4}, "derivatives"),
+        ({"coordinates": 3}, "components"),
+        ({"force": ca.SX.zeros(1)}, "equations for"),
+        ({"sides": (Sides.BOTH,)}, "sides of"),
+    ],
+)
+def test_sizes_that_do_not_agree(change, message):
+    with pytest.raises(ValueError, match=message):
+        replace(method_of("power").problem, **change)
+
+
+def test_equations_must_be_affine_in_torques():
+    problem = method_of("power").problem
+    with pytest.raises(ValueError, match="affine"):
+        replace(problem, force=problem.force + problem.tau**2)
+
+
+def test_boundaries():
+    rest_, through = Boundary.at_rest(np.ones(2)), Boundary.passed(np.ones(2), derivatives=3)
+    moving = Boundary.met(np.ones(2), np.array([0.5, 0.0]))
+    assert not rest_.free.any()
+    assert (through.free == [[False] * 2, [True] * 2, [True] * 2]).all()
+    np.testing.assert_array_equal(moving.state, [[1, 1], [0.5, 0]])
