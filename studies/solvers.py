@@ -206,7 +206,8 @@ def by_interior_point(settings: Settings, case: Case) -> Trial:
     seconds, clock = process_time() - begin, perf_counter() - clock
     if found is None:
         return Trial(seconds, np.nan, False)
-    return Trial(seconds, found.iterations, found.solved, found.spent.evaluation / clock, found.T)
+    duration = sum(phase.duration for phase in found.phases)
+    return Trial(seconds, found.iterations, found.solved, found.spent.evaluation / clock, duration)
 
 
 def _by_program(program: Program, case: Case) -> Trial:
