@@ -32,11 +32,12 @@
    derivatives of the integrands T (g - 1).
 
      NM coordinates, NR unknowns for each at a knot, NY numbers in y, NC constraint rows, NI integral rows, NP
-     parameters, NZ, NH nonzeros of H's upper triangle, NE numbers handed from values to second,
+     parameters, NQ numbers that depend on them alone, NZ, NH nonzeros of H's upper triangle, NE numbers handed from values to second,
      NG groups of four points in an interval, SIDES limits there are of all rows together
      UPPER(r), LOWER(r)                   whether row r has that limit
-     values(y, p, c, g, e)                rows, integrands T (g - 1), and e for second
-     second(y, e, weights of c and g, p, C, H)     derivatives; H of the weighted sum
+     prepare(p, q)                        what depends on parameters alone
+     values(y, q, c, g, e)                rows, integrands T (g - 1), and e for second
+     second(y, e, weights of c and g, q, C, H)     derivatives; H of the weighted sum
      scale_rows(C, s)                     multiply each row of C
      along_rows(C, dy, dc)                dc += C dy
      across_rows(C, q, m)                 m = C^T q
@@ -132,7 +133,7 @@ typedef struct {
   int64_t first, last;           /* the first and last knot that is not wholly fixed */
   Interval *interval;            /* n */
   Block *block;                  /* n + 1 */
-  V *p;                          /* phases x NP */
+  V *q;                          /* phases x NQ */
   double *border;                /* (n + 1) x width x NB */
   double *corner, *pivot;        /* width x width, lower triangle: L; width: D */
   double *z, *dz, *trial, *g;    /* n + 1 knots, then the durations */
@@ -389,7 +390,7 @@ static void rows(Problem *P, int64_t i, Group *G, const double *knots, double T,
   const Interval *I = P->interval + i;
   V y[NY], g[NI];
   at_points(G, knots, T, y);
-  values(y, P->p + NP * I->phase, c, g, G->e);
+  values(y, P->q + NQ * I->phase, c, g, G->e);
   scale(I, c);
   for (int k = 0; k < NI; k++) P->integral[k].next += sum(G->integral * g[k]);
 }
@@ -403,7 +404,7 @@ static void differentiate(const Problem *P, const Interval *I, Group *G, const d
   memcpy(weight, G->y, sizeof G->y);
   scale(I, weight);
   for (int k = 0; k < NI; k++) weight[NC + k] = P->integral[k].upper * G->integral;
-  second(y, G->e, weight, P->p + NP * I->phase, G->C, H);
+  second(y, G->e, weight, P->q + NQ * I->phase, G->C, H);
   scale_rows(G->C, I->scale);
   for (int r = 0; r < NC; r++)
     stiffness[r] = G->upper[r] * G->over[r] + G->lower[r] * G->under[r];
@@ -1027,7 +1028,9 @@ static void set_intervals(Problem *P) {
   int64_t i = 0;
   set_unit_weights(P);
   for (int64_t q = 0; q < P->phases; q++) {
-    for (int k = 0; k < NP; k++) P->p[NP * q + k] = ALL(given->p[NP * q + k]);
+    V p[NP];
+    for (int k = 0; k < NP; k++) p[k] = ALL(given->p[NP * q + k]);
+    prepare(p, P->q + NQ * q);
     for (int64_t j = 0; j < given->intervals[q]; j++, i++) {
       Interval *I = P->interval + i;
       I->length = given->mesh[i];
@@ -1237,7 +1240,7 @@ static uintptr_t share_out(Problem *P, uintptr_t address) {
   const int64_t numbers = size(P), real = sizeof(double), w = P->width;
   P->interval = part(&address, P->n * (int64_t)sizeof(Interval));
   P->block = part(&address, (P->n + 1) * (int64_t)sizeof(Block));
-  P->p = part(&address, P->phases * NP * (int64_t)sizeof(V));
+  P->q = part(&address, P->phases * NQ * (int64_t)sizeof(V));
   P->border = part(&address, (P->n + 1) * w * NB * real);
   P->corner = part(&address, w * w * real);
   P->pivot = part(&address, w * real);

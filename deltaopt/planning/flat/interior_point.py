@@ -47,6 +47,33 @@ class Sides(Enum):
     LOWER = (False, True)
 
 
+Entries = dict[tuple[int, int], str]
+"""The nonzeros of a sparse matrix: their C text, by row and column."""
+
+
+@dataclass(frozen=True)
+class PointFunctions:
+    """``prepare``: p -> q, parameters and what depends on them alone. ``values``: (y, q) -> rows,
+    T (integrands - 1), and e: tau and the inverse of -∂force/∂tau by columns. ``second``:
+    (y, e, w, q) -> the nonzeros of the matrices that follow, by columns; w: weights of rows and
+    integrands.
+
+    Matrices: derivatives of the equations of motion by y; of rows and integrands by y and by tau;
+    of the weighted sum with the equations' adjoint by y twice (the upper triangle), by tau and y,
+    and by tau twice; y and tau being independent.
+    """
+
+    prepare: ca.Function
+    values: ca.Function
+    second: ca.Function
+    force_by_y: Entries
+    rows_by_y: Entries
+    rows_by_tau: Entries
+    twice_by_y: Entries
+    by_tau_and_y: Entries
+    twice_by_tau: Entries
+
+
 @dataclass(frozen=True, eq=False)
 class PointProblem:
     """Equations of motion, constraint rows and integrands at a point, as symbolic expressions.
@@ -91,42 +118,46 @@ class PointProblem:
         return self.coordinates * self.derivatives
 
     @cached_property
-    def values(self) -> ca.Function:
-        """(y, p) -> rows, T (integrands - 1), and (tau, inverse of -∂force/∂tau by columns)."""
-        inverse = _inverse(ca.jacobian(self.force, self.tau))
-        tau = -inverse @ ca.substitute(self.force, self.tau, ca.SX.zeros(self.tau.numel()))
-        results = ca.substitute([self.rows, self._integrals], [self.tau], [tau])
-        return _function("values", [self.y, self.p], [*results, ca.vertcat(tau, ca.vec(inverse))])
+    def functions(self) -> PointFunctions:
+        """The expressions and their derivatives as functions of numbers.
 
-    @cached_property
-    def derivatives_of_rows(self) -> tuple[ca.Function, ca.Sparsity, ca.Sparsity]:
-        """(y, e, w, p) -> derivatives of rows and integrands, and the curvature of their sum
-        weighted by w, by y with tau eliminated; e: the last result of ``values``.
-
-        The former as nonzeros of the rows, row by row, then the integrands', dense; the latter as
-        nonzeros of its upper triangle, row by row; then the sparsities of the rows' derivatives
-        and of the triangle, both transposed.
+        What depends on parameters alone is found once in a phase instead of at every point.
         """
+        inverse = _inverse(-ca.jacobian(self.force, self.tau))
+        tau = inverse @ ca.substitute(self.force, self.tau, ca.SX.zeros(self.tau.numel()))
+        results = ca.substitute([self.rows, self._integrals], [self.tau], [tau])
+        results.append(ca.vertcat(tau, ca.vec(inverse)))
+        arguments, matrices = self._partial_derivatives()
+        nonzeros = [matrix.nz[:] for matrix in matrices]
+        reduced, symbols, parametric = ca.extract_parametric([*results, *nonzeros], self.p)
+        q = ca.vertcat(self.p, *symbols)
+        return PointFunctions(
+            _function("prepare", [self.p], [ca.vertcat(self.p, *parametric)]),
+            _function("values", [self.y, q], reduced[: len(results)]),
+            _function("second_by_parts", [*arguments, q], reduced[len(results) :]),
+            *(_entries(f"m{k}", matrix) for k, matrix in enumerate(matrices)),
+        )
+
+    def _partial_derivatives(self) -> tuple[list[ca.SX], list[ca.SX]]:
+        """y, e, w; and the matrices of `PointFunctions`."""
         y, tau = self.y, self.tau
         inverse = ca.SX.sym("inverse", tau.numel(), tau.numel())
         nu = ca.SX.sym("nu", tau.numel())
         w = ca.SX.sym("w", self.rows.numel() + self.integrands.numel())
         c = ca.vertcat(self.rows, self._integrals)
-        tau_by_y = -inverse @ ca.jacobian(self.force, y)
-        adjoint = -inverse.T @ ca.gradient(ca.dot(w, c), tau)
-        C = ca.jacobian(c, y) + ca.jacobian(c, tau) @ tau_by_y
+        adjoint = inverse.T @ ca.gradient(ca.dot(w, c), tau)
         lagrangian = ca.dot(w, c) + ca.dot(nu, self.force)
-        by_y, by_tau = ca.gradient(lagrangian, y), ca.gradient(lagrangian, tau)
-        mixed = ca.jacobian(by_y, tau) @ tau_by_y
-        H = ca.hessian(lagrangian, y)[0] + mixed + mixed.T
-        H += tau_by_y.T @ ca.jacobian(by_tau, tau) @ tau_by_y
-        rows = ca.sparsify(C[: self.rows.numel(), :]).T
-        triangle = ca.sparsify(ca.triu(ca.substitute(H, nu, adjoint))).T
-        integrands = ca.vec(ca.densify(C[self.rows.numel() :, :]).T)
-        e = ca.vertcat(tau, ca.vec(inverse))
-        results = [ca.vertcat(rows.nz[:], integrands), triangle.nz[:]]
-        second = _function("second", [y, e, w, self.p], results)
-        return second, rows.sparsity(), triangle.sparsity()
+        by_tau = ca.gradient(lagrangian, tau)
+        matrices = [
+            ca.jacobian(self.force, y),
+            ca.jacobian(c, y),
+            ca.jacobian(c, tau),
+            ca.triu(ca.hessian(lagrangian, y)[0]),
+            ca.jacobian(by_tau, y),
+            ca.jacobian(by_tau, tau),
+        ]
+        matrices = [ca.sparsify(ca.substitute(matrix, nu, adjoint)) for matrix in matrices]
+        return [y, ca.vertcat(tau, ca.vec(inverse)), w], matrices
 
     @property
     def _integrals(self) -> ca.SX:
@@ -146,22 +177,37 @@ def _inverse(B: ca.SX) -> ca.SX:
     return adjugate * (1 / (B[0, :] @ adjugate[:, 0]))
 
 
+def _entries(name: str, matrix: ca.SX) -> Entries:
+    """Of a C array of a matrix's nonzeros by columns; ones as such."""
+    nonzeros = matrix.nz[:]
+    places = zip(*matrix.sparsity().get_triplet(), strict=True)
+    return {
+        place: "1" if nonzeros[k].is_one() else f"{name}[{k}]" for k, place in enumerate(places)
+    }
+
+
 # C text
+#
+# Products of sparse matrices are written out: rows depend on few components of y, and a compiler
+# makes more of one long sum than of CasADi's single operations.
 
 
 def source(problem: PointProblem, points: int) -> str:
     """C text of the method for a problem with that many points in an interval."""
-    second, rows, triangle = problem.derivatives_of_rows
+    functions = problem.functions
+    C, H, second = _with_torques_eliminated(problem)
     sides = [side.value for side in problem.sides]
     sizes = {
         "NM": problem.coordinates,
         "NR": problem.derivatives,
+        "NY": problem.y.numel(),
         "NC": len(sides),
         "NI": problem.integrands.numel(),
         "NP": problem.p.numel(),
-        "NZ": rows.nnz(),
-        "NH": triangle.nnz(),
-        "NE": problem.values.size1_out(2),
+        "NQ": functions.prepare.numel_out(0),
+        "NZ": len(C),
+        "NH": len(H),
+        "NE": functions.values.numel_out(2),
         "NG": points // LANES,
         "SIDES": sum(map(sum, sides)),
     }
@@ -170,15 +216,13 @@ def source(problem: PointProblem, points: int) -> str:
         [
             VECTOR,
             *(f"#define {name} {size}" for name, size in sizes.items()),
-            "#define NY (NM * (NR + 1) + 1)",
             _present("UPPER", [upper for upper, _ in sides]),
             _present("LOWER", [lower for _, lower in sides]),
-            "static void values(const V *, const V *, V *, V *, V *) __attribute__((noinline));",
-            "static void second(const V *, const V *, const V *, const V *, V *, V *)"
-            " __attribute__((noinline));",
-            c_function(problem.values, "values"),
-            c_function(second, "second"),
-            *_products(rows, triangle),
+            c_function(functions.prepare, "prepare"),
+            c_function(functions.values, "values"),
+            c_function(functions.second, "second_by_parts"),
+            second,
+            *_products_with_rows(C, H, problem.y.numel()),
             method,
         ]
     )
@@ -192,38 +236,98 @@ def _present(name: str, sides: Sequence[bool]) -> str:
     return f"static const char {name}_TABLE[] = {{{table}}};\n#define {name}(r) ({name}_TABLE[r])"
 
 
-def _products(rows: ca.Sparsity, triangle: ca.Sparsity) -> Iterator[str]:
-    """The products with the sparse derivatives of the rows by y, written out, since rows depend
-    on few components of y: see interior_point.c. Both arguments are transposed: (y, row)."""
-    ny, nc = rows.shape
-    place = {(r, a): k for k, (a, r) in enumerate(zip(*rows.get_triplet(), strict=True))}
-    curvature = {(a, b): k for k, (b, a) in enumerate(zip(*triangle.get_triplet(), strict=True))}
-    depend = [[r for r in range(nc) if (r, a) in place] for a in range(ny)]
-    yield _text(
-        "scale_rows(V *C, const double *s)",
-        [f"C[{k}] *= s[{r}];" for (r, _), k in place.items()],
-    )
-    yield _text(
-        "along_rows(const V *C, const V *dy, V *dc)",
-        [f"dc[{r}] += C[{k}] * dy[{a}];" for (r, a), k in place.items()],
-    )
-    yield _text(
-        "across_rows(const V *C, const V *q, V *m)",
-        [f"m[{a}] = {_sum(f'C[{place[r, a]}] * q[{r}]' for r in depend[a])};" for a in range(ny)],
-    )
+def _with_torques_eliminated(problem: PointProblem) -> tuple[Entries, Entries, str]:
+    """Derivatives of the rows, C, and of the weighted sum, H, by y, tau being a function of y; and
+    the C function ``second`` that finds them and the derivatives of the integrands.
+
+    With N the inverse of -∂force/∂tau, tau' = N ∂force/∂y, and the equations' multipliers chosen
+    so that the sum does not change with tau:
+
+        C = c_y + c_tau tau',   H = L_yy + tau'^T L_tauy + L_ytau tau' + tau'^T L_tautau tau'
+    """
+    partial, nt, ny = problem.functions, problem.tau.numel(), problem.y.numel()
+    nc = len(problem.sides)
+    N = {(k, j): f"e[{nt + nt * j + k}]" for k in range(nt) for j in range(nt)}
+    lines = [
+        f"V m{k}[{max(partial.second.size1_out(k), 1)}];" for k in range(partial.second.n_out())
+    ]
+    arrays = ", ".join(f"m{k}" for k in range(partial.second.n_out()))
+    lines.append(f"second_by_parts(y, e, w, q, {arrays});")
+    slope = _assign("slope", _product(N, partial.force_by_y), lines)
+    bent = _add(partial.by_tau_and_y, _product(partial.twice_by_tau, slope))
+    bent_entries = _assign("bent", bent, lines)
+    rows = _add(partial.rows_by_y, _product(partial.rows_by_tau, slope))
+    C = {place: f"C[{k}]" for k, place in enumerate(sorted(p for p in rows if p[0] < nc))}
+    lines += [f"{C[place]} = {_sum(rows[place])};" for place in C]
+    for k in range(problem.integrands.numel()):
+        for a in range(ny):
+            terms = rows.get((nc + k, a), [])
+            lines.append(f"C[{len(C) + ny * k + a}] = {_sum(terms)};")
+    by_tau = _product(_transposed(slope), bent_entries)
+    mixed = _product(_transposed(partial.by_tau_and_y), slope)
+    twice = _add(_add(partial.twice_by_y, by_tau), mixed)
+    upper = sorted(place for place in twice if place[0] <= place[1])
+    H = {place: f"H[{k}]" for k, place in enumerate(upper)}
+    lines += [f"{H[place]} = {_sum(twice[place])};" for place in H]
+    head = "second(const V *y, const V *e, const V *w, const V *q, V *C, V *H)"
+    return C, H, _text(head, lines)
+
+
+def _products_with_rows(C: Entries, H: Entries, ny: int) -> Iterator[str]:
+    """The products with the derivatives of the rows by y that interior_point.c asks for."""
+    depend = [sorted(r for r, a in C if a == b) for b in range(ny)]
+    lines = [f"{entry} *= s[{r}];" for (r, _), entry in C.items()]
+    yield _text("scale_rows(V *C, const double *s)", lines)
+    lines = [f"dc[{r}] += {entry} * dy[{a}];" for (r, a), entry in C.items()]
+    yield _text("along_rows(const V *C, const V *dy, V *dc)", lines)
+    lines = [f"m[{a}] = {_sum([f'{C[r, a]} * q[{r}]' for r in depend[a]])};" for a in range(ny)]
+    yield _text("across_rows(const V *C, const V *q, V *m)", lines)
     lines = ["V q[NC];"]
     for b in range(ny):
-        lines += [f"q[{r}] = s[{r}] * C[{place[r, b]}];" for r in depend[b]]
+        lines += [f"q[{r}] = s[{r}] * {C[r, b]};" for r in depend[b]]
         for a in range(b + 1):
-            terms = [f"H[{curvature[a, b]}]"] if (a, b) in curvature else []
-            terms += [f"q[{r}] * C[{place[r, a]}]" for r in depend[b] if r in depend[a]]
+            terms = [H[a, b]] if (a, b) in H else []
+            terms += [f"q[{r}] * {C[r, a]}" for r in depend[b] if r in depend[a]]
             twin = f"S[{b}][{a}] = " if a < b else ""
             lines.append(f"{twin}S[{a}][{b}] = {_sum(terms)};")
     yield _text("curvature_of_rows(const V *C, const V *H, const V *s, V (*S)[NY])", lines)
 
 
-def _sum(terms: Iterator[str] | list[str]) -> str:
-    return " + ".join(terms) or "ALL(0.0)"
+Terms = dict[tuple[int, int], list[str]]
+"""The nonzeros of a matrix as sums of C texts."""
+
+
+def _product(A: Entries, B: Entries) -> Terms:
+    product: Terms = {}
+    for (i, k), a in A.items():
+        for (other, j), b in B.items():
+            if other == k:
+                factors = [factor for factor in (a, b) if factor != "1"]
+                product.setdefault((i, j), []).append(" * ".join(factors) or "ALL(1.0)")
+    return product
+
+
+def _add(A: Entries | Terms, B: Terms) -> Terms:
+    total = {place: [a] if isinstance(a, str) else list(a) for place, a in A.items()}
+    for place, terms in B.items():
+        total.setdefault(place, []).extend(terms)
+    return total
+
+
+def _assign(name: str, matrix: Terms, lines: list[str]) -> Entries:
+    """Add lines that store a matrix in an array of that name."""
+    entries = {place: f"{name}[{k}]" for k, place in enumerate(matrix)}
+    lines.append(f"V {name}[{max(len(matrix), 1)}];")
+    lines += [f"{entry} = {_sum(matrix[place])};" for place, entry in entries.items()]
+    return entries
+
+
+def _transposed(A: Entries) -> Entries:
+    return {(j, i): entry for (i, j), entry in A.items()}
+
+
+def _sum(terms: Sequence[str]) -> str:
+    return " + ".join("ALL(1.0)" if term == "1" else term for term in terms) or "ALL(0.0)"
 
 
 def _text(head: str, lines: Sequence[str]) -> str:

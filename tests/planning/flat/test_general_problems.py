@@ -6,6 +6,7 @@ eliminated and knots as unknowns, and by a transcription of its own (``oracles.p
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
@@ -15,7 +16,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from deltaopt.codegen.compile import compiler
+from deltaopt.codegen.compile import compiler, library
 from deltaopt.planning.flat import interior_point as module
 from deltaopt.planning.flat.interior_point import (
     Boundary,
@@ -184,8 +185,8 @@ CASES = {
         [leg(12, 1.5, 0.7, 20.0)],
         [rest(*LEFT), rest(*RIGHT)],
     ),
-    "integral alone": Case(
-        System(2, 2, arm, lambda _: [], mean_square),
+    "integral above all": Case(
+        System(2, 2, arm, torques(15.0), mean_square),
         [leg(8, 1.5, 0.7, 20.0)],
         [rest(*LEFT), rest(*RIGHT)],
     ),
@@ -384,39 +385,99 @@ def test_infinite_share_is_no_limit():
 
 # Derivatives
 
+PROBE = """
+void probe(const double *y, const double *p, const double *w, const double *s,
+           double *c, double *C, double *m, double *S) {
+  V Y[NY], P[NP], q[NQ], r[NC + NI + 1], e[NE], W[NC + NI], D[NZ + NI * NY], H[NH], K[NY][NY];
+  V stiffness[NC], across[NY];
+  for (int a = 0; a < NY; a++) Y[a] = ALL(y[a]);
+  for (int k = 0; k < NP; k++) P[k] = ALL(p[k]);
+  for (int k = 0; k < NC + NI; k++) W[k] = ALL(w[k]);
+  for (int k = 0; k < NC; k++) stiffness[k] = ALL(s[k]);
+  prepare(P, q);
+  values(Y, q, r, r + NC, e);
+  second(Y, e, W, q, D, H);
+  curvature_of_rows(D, H, stiffness, K);
+  across_rows(D, W, across);
+  for (int k = 0; k < NC + NI; k++) c[k] = r[k][0];
+  for (int a = 0; a < NY; a++) {
+    V unit[NY], along[NC];
+    for (int b = 0; b < NY; b++) unit[b] = ALL(a == b ? 1.0 : 0.0);
+    for (int k = 0; k < NC; k++) along[k] = ALL(0.0);
+    along_rows(D, unit, along);
+    for (int k = 0; k < NC; k++) C[NY * k + a] = along[k][0];
+    for (int k = 0; k < NI; k++) C[NY * (NC + k) + a] = D[NZ + NY * k + a][0];
+    m[a] = across[a][0];
+    for (int b = 0; b < NY; b++) S[NY * a + b] = K[a][b][0];
+  }
+}
+"""
+"""What the generated functions of a method make of one point."""
 
-@pytest.mark.parametrize("name", ["power", "all at once", "jerk", "floor"])
+
+@dataclass(frozen=True)
+class Probe:
+    """Generated code at y, with weights of rows and integrands and stiffnesses of rows."""
+
+    code: ctypes.CDLL
+    p: Array
+    weights: Array
+    stiffness: Array
+    ny: int
+
+    def __call__(self, y: Array) -> tuple[Array, Array, Array, Array]:
+        """Rows and integrands c; C; C^T w of the rows; H + C^T diag(s) C."""
+        sizes = (len(self.weights), len(self.weights) * self.ny, self.ny, self.ny**2)
+        results = [np.empty(size) for size in sizes]
+        arrays = [y, self.p, self.weights, self.stiffness, *results]
+        self.code.probe(*(ctypes.c_void_p(array.ctypes.data) for array in arrays))
+        c, C, m, S = results
+        return c, C.reshape(-1, self.ny), m, S.reshape(self.ny, self.ny)
+
+
+@pytest.mark.parametrize("name", ["power", "all at once", "jerk", "floor", "integral"])
 def test_derivatives_are_those_of_the_values(name):
-    """First and second, with torques eliminated, by central differences."""
+    """First and second, with torques eliminated, by central differences of the generated code."""
     problem = method_of(name).problem
+    built = library(module.source(problem, 4) + PROBE)
     rng = np.random.default_rng(4)
     nc, ni, m = len(problem.sides), problem.integrands.numel(), problem.coordinates
     y = rng.normal(size=problem.y.numel())
     y[:m], y[-1] = rng.uniform(0.3, 0.8, m), 1.3
-    p, w = rng.uniform(0.5, 1.5, problem.p.numel()), rng.normal(size=nc + ni)
-    second, rows, triangle = problem.derivatives_of_rows
-
-    def values(y: Array) -> tuple[Array, Array]:
-        c, g, e = (each.full().ravel() for each in problem.values(y, p))
-        return np.concatenate([c, g]), e
-
-    def derivatives(y: Array) -> tuple[Array, Array]:
-        nonzeros, H = second(y, values(y)[1], w, p)
-        upper = ca.DM(rows, nonzeros[: rows.nnz()]).full().T
-        C = np.vstack([upper, nonzeros[rows.nnz() :].full().reshape(ni, len(y))])
-        half = ca.DM(triangle, H).full()
-        return C, half + half.T - np.diag(np.diag(half))
+    p, weights = rng.uniform(0.5, 1.5, problem.p.numel()), rng.normal(size=nc + ni)
+    probe = Probe(ctypes.CDLL(str(built)), p, weights, rng.uniform(1, 2, nc), len(y))
+    soft = replace(probe, stiffness=np.zeros(nc))
 
     def differences(of: Callable[[Array], Array]) -> Array:
         step = 1e-5 * np.eye(len(y))
         return np.stack([(of(y + d) - of(y - d)) / 2e-5 for d in step], axis=-1)
 
-    C, H = derivatives(y)
-    scale = abs(H).max()
-    np.testing.assert_allclose(C, differences(lambda y: values(y)[0]), rtol=1e-7, atol=1e-8 * scale)
-    np.testing.assert_allclose(
-        H, differences(lambda y: derivatives(y)[0].T @ w), rtol=1e-7, atol=1e-8 * scale
-    )
+    _, C, across, S = probe(y)
+    H = soft(y)[3]
+    tolerance = {"rtol": 1e-7, "atol": 1e-8 * abs(H).max()}
+    np.testing.assert_allclose(C, differences(lambda y: probe(y)[0]), **tolerance)
+    np.testing.assert_allclose(H, differences(lambda y: weights @ probe(y)[1]), **tolerance)
+    np.testing.assert_allclose(across, weights[:nc] @ C[:nc], rtol=1e-12, atol=1e-12)
+    stiff = C[:nc].T @ (probe.stiffness[:, None] * C[:nc])
+    np.testing.assert_allclose(S, H + stiff, rtol=1e-12, atol=1e-12 * abs(S).max())
+
+
+@pytest.mark.parametrize("name", ["power", "floor"])
+def test_rows_see_the_torques_that_move_the_mass(name):
+    """Rows at a point are those of the system with tau from its equations, solved by numpy."""
+    case, problem = CASES[name], method_of(name).problem
+    m, rng = case.system.coordinates, np.random.default_rng(5)
+    x, v, a = rng.uniform(0.3, 0.8, m), rng.normal(size=m), rng.normal(size=m)
+    p, T, tau = np.array([0.7]), 1.3, ca.SX.sym("tau", m)
+    force = case.system.force(Instant(*map(ca.SX, (x, v, a)), ca.SX(m, 1), tau, ca.SX(p)))
+    B, rest_ = ca.Function("B", [tau], [ca.jacobian(force, tau), force])(np.zeros(m))
+    found = np.linalg.solve(B.full(), -rest_.full())
+    now = Instant(*map(ca.SX, (x, v, a)), ca.SX(m, 1), ca.SX(found), ca.SX(p))
+    expected = [float(ca.evalf(row.quantity)) for row in case.system.rows(now)]
+    y = np.concatenate([x, T * v, T**2 * a, [T]])
+    functions = problem.functions
+    rows = functions.values(y, functions.prepare(p))[0].full().ravel()
+    np.testing.assert_allclose(rows, expected, rtol=1e-12)
 
 
 # Memory
