@@ -36,11 +36,10 @@ from deltaopt.planning.flat.interior_point import (
     InteriorPoint,
     InteriorPointSolution,
     Phase,
-    PointProblem,
     Settings,
-    Sides,
     interior_point,
 )
+from deltaopt.planning.flat.point_problem import PointProblem, Sides
 from deltaopt.planning.nlp.cost import FASTEST, Cost
 from deltaopt.planning.nlp.problem import IPOPT_FINEST, Guess, Solved, solved_by_ipopt
 from deltaopt.planning.nlp.program import (

@@ -23,11 +23,11 @@ from deltaopt.planning.flat.interior_point import (
     InteriorPoint,
     InteriorPointSolution,
     Phase,
-    PointProblem,
     Settings,
-    Sides,
     interior_point,
 )
+from deltaopt.planning.flat.method_source import source
+from deltaopt.planning.flat.point_problem import PointProblem, Sides
 from tests.oracles.point_motion import (
     Array,
     End,
@@ -118,6 +118,13 @@ def passed(x: Sequence[float], v: Sequence[float]) -> End:
     end = rest(*x)
     end.state[1], end.fixed[1:] = v, False
     return end
+
+
+def freed(end: End, free: Sequence[Sequence[int]], v: Sequence[float]) -> End:
+    """Some components of a state at rest left free, by derivative; a velocity to guess from."""
+    state, fixed = end.state.copy(), ~np.array(free, dtype=bool)
+    state[1] = np.where(fixed[1], state[1], v)
+    return End(state, fixed, end.drift)
 
 
 def met(x: Sequence[float], drift: Sequence[float]) -> End:
@@ -217,6 +224,15 @@ CASES = {
         ARM,
         [leg(6, 1.5, 0.7), leg(7, 1.5, 0.3)],
         [rest(*LEFT), rest(0.1, 1.5), rest(*RIGHT)],
+    ),
+    "partly free": Case(
+        ARM,
+        [leg(7, 1.0, 0.7), leg(6, 1.0, 0.3)],
+        [
+            rest(*LEFT),
+            freed(rest(0.1, 1.5), [[1, 0], [1, 0], [1, 1]], (1.0, 0.0)),
+            freed(rest(*RIGHT), [[0, 0], [0, 1], [1, 1]], (0.0, 0.0)),
+        ],
     ),
     "a given duration": Case(
         ARM,
@@ -320,6 +336,27 @@ def test_durations_are_those_of_ipopt(name):
     for row in case.watched:
         assert max(abs(phase.multipliers[:, :, row]).max() for phase in ours.phases) > 1e-3
     assert (ours.integral_multipliers > 1e-3).all()
+
+
+# Solved by hand
+
+
+@pytest.mark.parametrize(("derivatives", "expected"), [(2, 2.0), (3, 32 ** (1 / 3))])
+def test_a_point_without_mass(derivatives, expected):
+    """|a| <= 1 or |j| <= 1 over a distance of 1, without torques and parameters: the rate switches
+    at half of the duration, or at its quarters, T^2 = 4 or T^3 = 32."""
+    y, none = ca.SX.sym("y", derivatives + 2), ca.SX(0, 1)
+    row = y[derivatives] / y[-1] ** derivatives
+    problem = PointProblem(1, derivatives, y, none, none, none, row, (Sides.BOTH,))
+    method = interior_point(problem, tuple(FOUR.tolist()))
+    assert method is not None
+    line = np.linspace(0, 1, 5)[:, None]
+    knots = np.hstack([line, 1 + 0 * line, 0 * line])[:, :derivatives]
+    phase = Phase(np.full(4, 0.25), np.empty(0), np.ones((4, 1)), knots, 3.0)
+    ends = [Boundary.at_rest(line[i], derivatives) for i in (0, -1)]
+    found = method.solve([phase], ends, EXACT)
+    assert found.solved
+    assert found.phases[0].duration == pytest.approx(expected, rel=1e-9)
 
 
 # Multipliers
@@ -439,7 +476,7 @@ class Probe:
 def test_derivatives_are_those_of_the_values(name):
     """First and second, with torques eliminated, by central differences of the generated code."""
     problem = method_of(name).problem
-    built = library(module.source(problem, 4) + PROBE)
+    built = library(source(problem, 4) + PROBE)
     rng = np.random.default_rng(4)
     nc, ni, m = len(problem.sides), problem.integrands.numel(), problem.coordinates
     y = rng.normal(size=problem.y.numel())
