@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from deltaopt.limits.constraints import Constraints
 from deltaopt.mechanisms.delta.functions import DeltaFunctions
 from deltaopt.mechanisms.delta.instant import PlatformInstant
+from deltaopt.planning.flat.point_problem import PointProblem, Sides
 from deltaopt.planning.nlp.program import PointFunction
 from deltaopt.planning.nlp.scaling import Parameters
 
@@ -73,6 +74,21 @@ class PointEquations:
         rows = ca.vertcat(self.force, self.rows[self.of_motion.tolist()])
         return PointFunction(
             "motion", ca.Function("motion", [self.y, self.parameters.vector], [rows])
+        )
+
+    @cached_property
+    def point_problem(self) -> PointProblem:
+        """The same for the interior-point method, which eliminates the torques."""
+        sides = [Sides((upper, lower)) for lower, upper in self.constraints.closed_sides.tolist()]
+        return PointProblem(
+            coordinates=3,
+            derivatives=2,
+            y=ca.vertcat(self.y[:9], self.y[12]),
+            tau=self.y[9:12],
+            p=self.parameters.vector,
+            force=self.force,
+            rows=self.rows,
+            sides=tuple(sides),
         )
 
     @cached_property

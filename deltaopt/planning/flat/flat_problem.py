@@ -27,7 +27,14 @@ from deltaopt.limits.constraints import Constraints
 from deltaopt.mechanisms.delta.functions import DeltaFunctions
 from deltaopt.motion.trajectory import Motion, PiecewisePolynomial, Trajectory
 from deltaopt.planning.flat.equations import PointEquations, point_equations
-from deltaopt.planning.flat.interior_point import CompiledMethod, Interior, Settings, interior_point
+from deltaopt.planning.flat.interior_point import (
+    Boundary,
+    CompiledMethod,
+    InteriorPointSolution,
+    Phase,
+    Settings,
+    interior_point,
+)
 from deltaopt.planning.nlp.cost import FASTEST, Cost
 from deltaopt.planning.nlp.problem import IPOPT_FINEST, Guess, InteriorPoint, Ipopt, Solved, Solver
 from deltaopt.planning.nlp.program import (
@@ -179,9 +186,10 @@ class FlatProblem:
             settings = replace(begin, tolerance=guess.tolerance)
             found = self._from_inside(method, guess, scaling, parameters, settings)
             if found.solved:
+                (phase,) = found.phases
                 return Solved(
-                    self._cubics(found, scaling),
-                    found.prices / found.T,
+                    self._cubics(phase.knots, phase.duration, scaling),
+                    phase.multipliers / phase.duration,
                     found.status,
                     found.iterations,
                     found.spent,
@@ -203,12 +211,13 @@ class FlatProblem:
         scaling: Scaling,
         parameters: Array,
         settings: Settings,
-    ) -> Interior:
+    ) -> InteriorPointSolution:
         """By the interior-point method."""
         knots, T = self._at_knots(guess.trajectory, scaling)
         shares = np.ascontiguousarray(scaling.shares(self.intervals))
-        p = scaling.parameters(parameters)
-        return method.solve(self.mesh, p, shares, knots, T, settings)
+        phase = Phase(self.mesh, scaling.parameters(parameters), shares, knots, T)
+        ends = Boundary.at_rest(knots[0, :3]), Boundary.at_rest(knots[-1, :3])
+        return method.solve([phase], ends, settings)
 
     @cached_property
     def _interior_point(self) -> CompiledMethod | None:
@@ -216,7 +225,9 @@ class FlatProblem:
         general = self.transcription.degree != 1 or self.cost != FASTEST
         if general or isinstance(self.solver, Ipopt):
             return None
-        return interior_point(self.equations, tuple(self.transcription.points.tolist()))
+        return interior_point(
+            self.equations.point_problem, tuple(self.transcription.points.tolist())
+        )
 
     def _by_ipopt(self, guess: Guess, scaling: Scaling, parameters: Array) -> Solved:
         z, p = self.pack(guess.trajectory, scaling), scaling.parameters(parameters)
@@ -239,11 +250,11 @@ class FlatProblem:
         times = T * np.concatenate([[0.0], np.cumsum(self.mesh)])
         return scaling.states(guess.position, times, T), T / scaling.time
 
-    def _cubics(self, found: Interior, scaling: Scaling) -> PiecewisePolynomial:
-        """The motion of cubics between knots, in m and s."""
-        T = found.T * scaling.time
-        x = scaling.origin + scaling.length * found.knots[:, :3]
-        v = scaling.length / T * found.knots[:, 3:]
+    def _cubics(self, knots: Array, duration: float, scaling: Scaling) -> PiecewisePolynomial:
+        """The motion of cubics between scaled knots (X, V), in m and s."""
+        T = duration * scaling.time
+        x = scaling.origin + scaling.length * knots[:, :3]
+        v = scaling.length / T * knots[:, 3:]
         return PiecewisePolynomial.hermite(T * np.append(0.0, np.cumsum(self.mesh)), x, v)
 
     def pack(self, trajectory: Trajectory, scaling: Scaling) -> Array:

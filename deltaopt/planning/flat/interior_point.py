@@ -1,25 +1,29 @@
-"""The flat problem by an interior-point method of its own, in machine code.
+"""An interior-point method for time-optimal motions, in machine code.
 
 What makes it fast is what a general solver cannot know: the motion between two knots is a
-cubic in X and V there, so nothing is left to be continuous; torques are functions of the
-motion, so no equation is left either; four points are evaluated at once, in the lanes of a
-vector; and Newton's equations are a band of 6 × 6 blocks. See ``interior_point.c``.
+polynomial there, so nothing is left to be continuous; torques are functions of the motion, so
+no equation is left either; four points are evaluated at once, in the lanes of a vector; and
+the KKT system is block tridiagonal with a narrow border: see ``problem.c``.
+
+What happens at a point (equations of motion, limits) is a `PointProblem`; a motion is a list of
+`Phase` values between `Boundary` values.
 """
 
 from __future__ import annotations
 
 import ctypes
-from dataclasses import dataclass
-from functools import cached_property, lru_cache
-from importlib.resources import files
+import threading
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.codegen.compile import library
-from deltaopt.codegen.simd_c import LANES, VECTOR, c_function
-from deltaopt.planning.flat.equations import PointEquations
+from deltaopt.codegen.simd_c import LANES
+from deltaopt.planning.flat.method_source import source
+from deltaopt.planning.flat.point_problem import PointProblem
 from deltaopt.planning.nlp.program import Spent
 
 Array = NDArray[np.float64]
@@ -48,6 +52,91 @@ class Settings:
     iterations: int = 60
 
 
+@dataclass(frozen=True)
+class Boundary:
+    """What is known of the state where a phase begins or ends: each component fixed or free.
+
+    ``state``: position, velocity (and acceleration for quintics), (derivatives, coordinates), in
+    constant units; what is free there is of no account. ``free``: which components are, the same
+    shape; where two phases meet they are continuous. ``drift``: velocity of a position that
+    moves, (coordinates,); ``state`` then has the position at the time 0 of the whole motion.
+    """
+
+    state: Array
+    free: NDArray[np.bool_]
+    drift: Array
+
+    @classmethod
+    def at_rest(cls, position: Array, derivatives: int = 2) -> Boundary:
+        """A position with all rates zero."""
+        state = np.zeros((derivatives, len(position)))
+        state[0] = position
+        return cls(state, np.zeros(state.shape, dtype=bool), np.zeros(len(position)))
+
+    @classmethod
+    def passed(cls, position: Array, derivatives: int = 2) -> Boundary:
+        """A position, passed at any velocity (and acceleration)."""
+        rest = cls.at_rest(position, derivatives)
+        free = np.ones(rest.state.shape, dtype=bool)
+        free[0] = False
+        return cls(rest.state, free, rest.drift)
+
+    @classmethod
+    def met(cls, position: Array, drift: Array, derivatives: int = 2) -> Boundary:
+        """A point that moves from a position at a constant velocity, met at its velocity."""
+        rest = cls.at_rest(position, derivatives)
+        state = rest.state
+        state[1] = drift
+        return cls(state, rest.free, np.asarray(drift))
+
+
+@dataclass(frozen=True)
+class Phase:
+    """A part of a motion, with a guess of its knots and duration.
+
+    ``mesh``: intervals as fractions of the phase's duration, (N,). ``p``: parameters of the point
+    problem. ``share``: of the rows' limits that may be used, (N, rows); infinite: this row has no
+    limit there. ``knots``: X, V (and A) in units of the phase's duration, (N + 1, unknowns).
+    ``duration_is_given``: it stays as in the guess.
+    """
+
+    mesh: Array
+    p: Array
+    share: Array
+    knots: Array
+    duration: float
+    duration_is_given: bool = False
+
+
+@dataclass(frozen=True)
+class PhaseSolution:
+    """``knots``: X, V (and A) at every knot in units of the phase's duration, (N + 1, unknowns).
+    ``multipliers``: of the rows at every point, (N, points, rows), duration per share of a limit,
+    positive at an upper limit and negative at a lower."""
+
+    knots: Array
+    duration: float
+    multipliers: Array
+
+
+@dataclass(frozen=True)
+class InteriorPointSolution:
+    """Where the method ended. ``integral_multipliers``: one for each integrand, nonnegative.
+    ``left``: by what fraction of the duration Newton's next step would change it."""
+
+    phases: tuple[PhaseSolution, ...]
+    integral_multipliers: Array
+    left: float
+    status: str
+    iterations: int
+    factorisations: int
+    spent: Spent
+
+    @property
+    def solved(self) -> bool:
+        return self.status == STATUS[0]
+
+
 class _Settings(ctypes.Structure):
     _fields_ = (
         ("tolerance", ctypes.c_double),
@@ -70,126 +159,120 @@ class _Report(ctypes.Structure):
     )
 
 
-@dataclass(frozen=True)
-class Interior:
-    """Where the method ended. ``knots``: X, V at every knot, (N + 1, 6); ``T``; ``prices`` of
-    torques, openings and speeds at every point, (N, 4, 6 or 9), positive at an upper limit.
-    ``left``: by what fraction of T Newton's next step would shorten the motion."""
+class _Workspace(threading.local):
+    """Memory of a thread for the method: the largest so far, kept from call to call, since fresh
+    pages cost more than the solution. A call lets other threads run, so each has its own."""
 
-    knots: Array
-    T: float
-    prices: Array
-    left: float
-    status: str
-    iterations: int
-    spent: Spent
+    memory: Array = np.empty(0)
 
-    @property
-    def solved(self) -> bool:
-        return self.status == STATUS[0]
+    def at_least(self, size: int) -> Array:
+        if size > self.memory.nbytes:
+            self.memory = np.empty(-(-size // 8))
+        return self.memory
+
+
+_WORKSPACE = _Workspace()
 
 
 @dataclass(frozen=True)
 class CompiledMethod:
-    """The method for one point function: three torques, three openings, speeds if limited."""
+    """The method for one point problem; limits hold at ``points``, fractions of an interval."""
 
     code: ctypes.CDLL
-    rows: int
+    problem: PointProblem = field(repr=False)
     points: tuple[float, ...]
 
     def solve(
-        self, mesh: Array, p: Array, share: Array, knots: Array, T: float, settings: Settings
-    ) -> Interior:
-        """From a guess, (N + 1, 6) and T, whose ends stay. ``p``: the point function's.
-        ``share``: of the rows' limits that may be used, (N, rows)."""
-        N = len(mesh)
-        mesh, p, share = (np.ascontiguousarray(each) for each in (mesh, p, share))  # kept till done
-        z = np.append(knots, T)
-        prices, report = np.empty((N, LANES, self.rows)), _Report()
+        self, phases: Sequence[Phase], boundaries: Sequence[Boundary], settings: Settings
+    ) -> InteriorPointSolution:
+        """The fastest motion through phases in their order, from their guesses.
+
+        ``boundaries``: the start, where each phase but the last meets the next, and the goal.
+        """
+        counts = [len(phase.mesh) for phase in phases]
+        flags = np.array(
+            [
+                *counts,
+                *(phase.duration_is_given for phase in phases),
+                *(free for boundary in boundaries for free in boundary.free.ravel().tolist()),
+            ],
+            dtype=np.int64,
+        )
+        numbers = np.concatenate(
+            [
+                *(phase.mesh for phase in phases),
+                *(phase.share.ravel() for phase in phases),
+                *(phase.p for phase in phases),
+                *(boundary.state.ravel() for boundary in boundaries),
+                *(boundary.drift for boundary in boundaries),
+            ]
+        )
+        motion = np.concatenate(
+            [*(phase.knots.ravel() for phase in phases), [phase.duration for phase in phases]]
+        )
+        n = sum(counts)
+        rows = n * len(self.points) * len(self.problem.sides)
+        multipliers = np.empty(rows + self._integrals)
+        size = self.code.workspace(ctypes.c_int64(n), ctypes.c_int64(len(counts)))
+        report = _Report()
         status = self.code.solve(
-            ctypes.c_int64(N),
-            _pointer(mesh),
-            self._fractions.ctypes.data_as(ctypes.c_void_p),
-            _pointer(share),
-            _pointer(p),
-            _pointer(z),
-            _pointer(prices),
+            ctypes.c_int64(len(counts)),
+            _pointer(flags),
+            _pointer(self._rule),
+            _pointer(numbers),
+            _pointer(motion),
+            _pointer(multipliers),
             ctypes.byref(_Settings(*vars(settings).values())),
             ctypes.byref(report),
-            self._memory(N),
+            _pointer(_WORKSPACE.at_least(size)),
         )
-        knots, T = z[:-1].reshape(N + 1, 6), float(z[-1])
-        spent = Spent(report.evaluating, report.solving)
-        return Interior(knots, T, prices, report.dual, STATUS[status], report.iterations, spent)
+        return InteriorPointSolution(
+            self._by_phase(counts, motion, multipliers[:rows]),
+            multipliers[rows:],
+            report.dual,
+            STATUS[status],
+            report.iterations,
+            report.factorisations,
+            Spent(report.evaluating, report.solving),
+        )
 
     @cached_property
-    def _fractions(self) -> Array:
-        return np.array(self.points)
-
-    def _memory(self, N: int) -> ctypes.c_void_p:
-        """The largest so far, kept from call to call: fresh pages cost more than the solution."""
-        size = -(-self.code.workspace(ctypes.c_int64(N)) // 8)
-        if size > len(self._kept[0]):
-            self._kept[0] = np.zeros(size)
-        return _pointer(self._kept[0])
+    def _integrals(self) -> int:
+        return int(self.problem.integrands.numel())
 
     @cached_property
-    def _kept(self) -> list[Array]:
-        return [np.empty(0)]
+    def _rule(self) -> Array:
+        """The points of an interval, and the weights that integrate their polynomial."""
+        points = np.array(self.points)
+        order = np.arange(len(points))
+        weights = np.linalg.solve(points ** order[:, None], 1 / (order + 1))
+        return np.concatenate([points, weights])
+
+    def _by_phase(
+        self, counts: Sequence[int], motion: Array, multipliers: Array
+    ) -> tuple[PhaseSolution, ...]:
+        knots = motion[: -len(counts)].reshape(-1, self.problem.unknowns)
+        durations = motion[-len(counts) :].tolist()
+        rows = multipliers.reshape(sum(counts), len(self.points), len(self.problem.sides))
+        solutions, first = [], 0
+        for q, (count, duration) in enumerate(zip(counts, durations, strict=True)):
+            own = knots[first + q : first + q + count + 1]
+            solutions.append(PhaseSolution(own, duration, rows[first : first + count]))
+            first += count
+        return tuple(solutions)
 
 
-def _pointer(array: Array) -> ctypes.c_void_p:
+def _pointer(array: NDArray[np.generic]) -> ctypes.c_void_p:
     return ctypes.c_void_p(array.ctypes.data)
 
 
-@lru_cache(maxsize=16)
-def interior_point(equations: PointEquations, points: tuple[float, ...]) -> CompiledMethod | None:
-    """The method for the flat problem's equations, if there is machine code for it here."""
-    if len(points) != LANES:
+def interior_point(problem: PointProblem, points: tuple[float, ...]) -> CompiledMethod | None:
+    """The method for a point problem, if there is machine code for it here."""
+    if len(points) % LANES:
         return None
-    built = library(source(equations))
+    built = library(source(problem, len(points)))
     if built is None:
         return None
     code = ctypes.CDLL(str(built))
     code.workspace.restype = ctypes.c_int64
-    return CompiledMethod(code, equations.constraints.number, points)
-
-
-def source(equations: PointEquations) -> str:
-    """C text: the rows at a point and their derivatives, then the method."""
-    values, second = _functions(equations)
-    rows, parameters = equations.constraints.number, equations.parameters.vector.numel()
-    sizes = f"enum {{ NC = {rows}, NP = {parameters} }};"
-    method = files("deltaopt.planning.flat").joinpath("interior_point.c").read_text()
-    parts = [VECTOR, sizes, c_function(values, "values"), c_function(second, "second"), method]
-    return "\n".join(parts)
-
-
-def _functions(equations: PointEquations) -> tuple[ca.Function, ca.Function]:
-    """``values`` and ``second`` as interior_point.c wants them, y = (X, V, A, T), then τ.
-
-    Rows 1 to 3 are zero for the right τ, the rest within ±1.
-    """
-    y, tau = ca.SX.sym("y", 10), ca.SX.sym("tau", 3)
-    p = ca.SX.sym("p", equations.parameters.vector.numel())
-    r = equations.point_function.function(ca.vertcat(y[:9], tau, y[9]), p)
-    lam = ca.SX.sym("lam", r.numel())
-    B, r_0 = ca.jacobian(r[:3], tau), ca.substitute(r, tau, ca.SX.zeros(3))
-    J, H = ca.jacobian(r, y), ca.hessian(ca.dot(lam, r), y)[0]
-    H_tau = ca.jacobian(ca.gradient(ca.dot(lam, r), y), tau)
-    upper = ca.vertcat(*(H[a, b] for b in range(10) for a in range(b + 1)))
-    first = [r_0[:3], _by_rows(B), r_0[3:]]
-    second = [_by_rows(J[:3, :]), _by_rows(J[3:, :]), upper, _by_rows(H_tau)]
-    return (
-        ca.Function("values", [y, p], [ca.densify(e) for e in first], {"cse": True}),
-        ca.Function(
-            "second",
-            [ca.vertcat(y, tau), lam, p],
-            [ca.densify(e) for e in second],
-            {"cse": True},
-        ),
-    )
-
-
-def _by_rows(matrix: ca.SX) -> ca.SX:
-    return ca.vec(matrix.T)
+    return CompiledMethod(code, problem, points)

@@ -1,0 +1,261 @@
+/* The KKT system, block tridiagonal with a border.
+
+     D_i    block of knot i            S   corner of the border: integral rows, then durations
+     E_i    knot i + 1 by knot i       b_i   columns of the border at knot i
+
+   Factorised in place: D_i its Cholesky factor L_i, E_i its product with L_i^-T, b_i that of
+   L_i^-1, the corner L D L^T.
+*/
+
+/* In place; 0 where the matrix is not positive definite. Only the lower triangle is used. */
+static int cholesky(double A[NB][NB]) {
+  for (int j = 0; j < NB; j++) {
+    double d = A[j][j];
+    for (int k = 0; k < j; k++) d -= A[j][k] * A[j][k];
+    if (!(d > 1e-14 * fabs(A[j][j]))) return 0;
+    A[j][j] = sqrt(d);
+    for (int i = j + 1; i < NB; i++) {
+      double s = A[i][j];
+      for (int k = 0; k < j; k++) s -= A[i][k] * A[j][k];
+      A[i][j] = s / A[j][j];
+    }
+  }
+  return 1;
+}
+
+static void solve_lower(double L[NB][NB], double *x) {
+  for (int i = 0; i < NB; i++) {
+    for (int k = 0; k < i; k++) x[i] -= L[i][k] * x[k];
+    x[i] /= L[i][i];
+  }
+}
+
+static void solve_upper(double L[NB][NB], double *x) {
+  for (int i = NB - 1; i >= 0; i--) {
+    for (int k = i + 1; k < NB; k++) x[i] -= L[k][i] * x[k];
+    x[i] /= L[i][i];
+  }
+}
+
+/* The border's corner: L D L^T in place, D beside; 0 where signs are not as they should be. */
+static int factorise_corner(Problem *P) {
+  const int64_t w = P->width;
+  double *S = P->corner;
+  for (int64_t j = 0; j < w; j++) {
+    double d = S[w * j + j];
+    for (int64_t k = 0; k < j; k++) d -= S[w * j + k] * S[w * j + k] * P->pivot[k];
+    if (!(j < NI ? d < -1e-300 : d > 1e-16)) return 0;
+    P->pivot[j] = d;
+    for (int64_t i = j + 1; i < w; i++) {
+      double s = S[w * i + j];
+      for (int64_t k = 0; k < j; k++) s -= S[w * i + k] * S[w * j + k] * P->pivot[k];
+      S[w * i + j] = s / d;
+    }
+  }
+  return 1;
+}
+
+static void solve_corner(const Problem *P, double *x) {
+  const int64_t w = P->width;
+  const double *S = P->corner;
+  for (int64_t i = 0; i < w; i++)
+    for (int64_t k = 0; k < i; k++) x[i] -= S[w * i + k] * x[k];
+  for (int64_t i = 0; i < w; i++) x[i] /= P->pivot[i];
+  for (int64_t i = w - 1; i >= 0; i--)
+    for (int64_t k = i + 1; k < w; k++) x[i] -= S[w * k + i] * x[k];
+}
+
+/* The columns of the border that an interval contributes to the knot on this side of it. */
+static void add_border(const Problem *P, const Interval *I, int side, double *columns) {
+  columns += NI * NB;
+  if (!I->moving) {
+    for (int r = 0; r < NB; r++) columns[NB * I->phase + r] += I->K[NK][NB * side + r];
+    return;
+  }
+  for (int64_t q = 0; q < P->phases; q++)
+    for (int r = 0; r < NB; r++)
+      for (int a = 0; a <= NK; a++)
+        columns[NB * q + r] += symmetric(I, NB * side + r, a) * rate_of(P, I, a, q);
+}
+
+/* Where a knot is a boundary, what is fixed there becomes an equation dz = 0 of its own. */
+static void fix(const Problem *P, int64_t i, Block *B, double *columns) {
+  const int64_t here = i < P->n ? P->interval[i].boundary[0] : P->phases;
+  const int64_t next = i < P->n ? P->interval[i].boundary[1] : -1;
+  for (int r = 0; r < NB; r++) {
+    if (here >= 0 && !P->given->is_free[NB * here + r]) {
+      for (int s = 0; s < NB; s++) B->D[r][s] = B->D[s][r] = B->E[s][r] = 0;
+      B->D[r][r] = 1;
+      for (int64_t w = 0; w < P->width; w++) columns[NB * w + r] = 0;
+    }
+    if (next >= 0 && !P->given->is_free[NB * next + r])
+      for (int s = 0; s < NB; s++) B->E[r][s] = 0;
+  }
+}
+
+/* Diagonal block and coupling to the next knot (transposed) of knot i. */
+static void assemble_block(const Problem *P, int64_t i, double shift, Block *B) {
+  const Interval *left = P->interval + i - 1, *right = P->interval + i;
+  if (i > 0 && i < P->n) {
+    for (int r = 0; r < NB; r++)
+      for (int s = 0; s < NB; s++) { /* what lies above D's diagonal is not used */
+        B->D[r][s] = left->K[NB + r][NB + s] + right->K[r][s];
+        B->E[r][s] = right->K[NB + r][s];
+        if (r % NM != s % NM) continue;
+        B->D[r][s] +=
+            shift * (left->bending[NR + r / NM][NR + s / NM] + right->bending[r / NM][s / NM]);
+        B->E[r][s] += shift * right->bending[NR + r / NM][s / NM];
+      }
+    return;
+  }
+  for (int r = 0; r < NB; r++)
+    for (int s = 0; s < NB; s++) {
+      const int same = r % NM == s % NM;
+      if (i > 0) {
+        B->D[r][s] = left->K[NB + r][NB + s];
+        if (same) B->D[r][s] += shift * left->bending[NR + r / NM][NR + s / NM];
+        B->E[r][s] = 0;
+      } else {
+        B->D[r][s] = right->K[r][s];
+        B->E[r][s] = right->K[NB + r][s];
+        if (same) {
+          B->D[r][s] += shift * right->bending[r / NM][s / NM];
+          B->E[r][s] += shift * right->bending[NR + r / NM][s / NM];
+        }
+      }
+    }
+}
+
+static int at_boundary(const Problem *P, int64_t i) {
+  if (i == 0 || i == P->n) return 1;
+  return P->interval[i].boundary[0] >= 0 || P->interval[i].boundary[1] >= 0;
+}
+
+static void assemble(const Problem *P, int64_t i, double shift, Block *B, double *columns) {
+  assemble_block(P, i, shift, B);
+  memset(columns + NI * NB, 0, P->phases * NB * sizeof(double));
+  for (int k = 0; k < NI; k++)
+    memcpy(columns + NB * k, P->slope + k * size(P) + NB * i, NB * sizeof(double));
+  if (i > 0) add_border(P, P->interval + i - 1, 1, columns);
+  if (i < P->n) add_border(P, P->interval + i, 0, columns);
+  for (int64_t q = 0; q < P->phases; q++)
+    if (P->given->given[q]) memset(columns + NB * (NI + q), 0, NB * sizeof(double));
+  if (at_boundary(P, i)) fix(P, i, B, columns);
+}
+
+/* The border's own part: curvature by the durations, and the integral rows. */
+static void assemble_corner(const Problem *P, double shift) {
+  const int64_t w = P->width;
+  double *S = P->corner;
+  memset(S, 0, w * w * sizeof(double));
+  for (int k = 0; k < NI; k++) {
+    const Integral *G = P->integral + k;
+    S[(w + 1) * k] = -1 / (G->upper * G->over);
+    for (int64_t q = 0; q < P->phases; q++)
+      S[w * (NI + q) + k] = durations(P, P->slope + k * size(P))[q];
+  }
+  for (int64_t q = 0; q < P->phases; q++) S[(w + 1) * (NI + q)] = shift;
+  for (int64_t i = 0; i < P->n; i++) {
+    const Interval *I = P->interval + i;
+    if (!I->moving) {
+      S[(w + 1) * (NI + I->phase)] += I->K[NK][NK];
+      continue;
+    }
+    for (int64_t q = 0; q < P->phases; q++)
+      for (int64_t s = 0; s <= q; s++)
+        for (int a = 0; a <= NK; a++)
+          for (int b = 0; b <= NK; b++)
+            S[w * (NI + q) + NI + s] +=
+                rate_of(P, I, a, q) * symmetric(I, a, b) * rate_of(P, I, b, s);
+  }
+  for (int64_t q = 0; q < P->phases; q++) {
+    if (!P->given->given[q]) continue;
+    for (int64_t k = 0; k < w; k++) S[w * (NI + q) + k] = S[w * k + NI + q] = 0;
+    S[(w + 1) * (NI + q)] = 1;
+  }
+}
+
+/* What the elimination of the knot before leaves. */
+static void eliminate(const Problem *P, const Block *before, const double *columns_before, Block *B,
+                      double *columns) {
+  for (int64_t w = 0; w < P->width; w++, columns += NB, columns_before += NB)
+    for (int r = 0; r < NB; r++)
+      for (int k = 0; k < NB; k++) columns[r] -= before->E[r][k] * columns_before[k];
+  for (int r = 0; r < NB; r++)
+    for (int k = 0; k < NB; k++)
+      for (int s = 0; s <= r; s++) B->D[r][s] -= before->E[r][k] * before->E[s][k];
+}
+
+/* What the elimination of a knot leaves of the corner. */
+static void eliminate_corner(Problem *P, const double *columns) {
+  for (int64_t v = 0; v < P->width; v++)
+    for (int64_t w = 0; w <= v; w++)
+      for (int k = 0; k < NB; k++)
+        P->corner[P->width * v + w] -= columns[NB * v + k] * columns[NB * w + k];
+}
+
+static int factorise_once(Problem *P, double shift) {
+  assemble_corner(P, shift);
+  for (int64_t i = P->first; i <= P->last; i++) {
+    Block *B = P->block + i;
+    double *columns = border(P, i);
+    assemble(P, i, shift, B, columns);
+    if (i > P->first) eliminate(P, B - 1, border(P, i - 1), B, columns);
+    if (!cholesky(B->D)) return 0;
+    for (int64_t w = 0; w < P->width; w++) solve_lower(B->D, columns + NB * w);
+    eliminate_corner(P, columns);
+    for (int k = 0; k < NB && i < P->last; k++) solve_lower(B->D, B->E[k]);
+  }
+  return factorise_corner(P);
+}
+
+/* Factorise the curvature plus a shift times A^2; 0 where it is not positive definite. */
+static int factorise(Problem *P, double shift) {
+  const double begin = seconds();
+  const int done = factorise_once(P, shift);
+  P->report->solving += seconds() - begin;
+  P->report->factorisations++;
+  return done;
+}
+
+/* Factorise with the first shift from this one on that gives a direction of descent; 0 if
+   none does. */
+static int factorise_shifted(Problem *P, double *shift, double first) {
+  for (; *shift < 1e6; *shift = greater(8 * *shift, first))
+    if (factorise(P, *shift)) return 1;
+  return 0;
+}
+
+/* dz from the gradient g. */
+static void newton_step(Problem *P) {
+  const double begin = seconds();
+  double *dz = P->dz, *rest = P->rest, *dT = durations(P, dz);
+  for (int64_t i = 0; i < size(P); i++) dz[i] = -P->g[i];
+  for (int k = 0; k < NI; k++) rest[k] = 0;
+  for (int64_t q = 0; q < P->phases; q++) rest[NI + q] = dT[q];
+  for (int64_t i = P->first; i <= P->last; i++) {
+    Block *B = P->block + i;
+    double *x = dz + NB * i;
+    const double *columns = border(P, i);
+    if (i > P->first)
+      for (int r = 0; r < NB; r++)
+        for (int k = 0; k < NB; k++) x[r] -= B[-1].E[r][k] * x[k - NB];
+    solve_lower(B->D, x);
+    for (int64_t w = 0; w < P->width; w++)
+      for (int k = 0; k < NB; k++) rest[w] -= columns[NB * w + k] * x[k];
+  }
+  solve_corner(P, rest);
+  for (int64_t q = 0; q < P->phases; q++) dT[q] = rest[NI + q];
+  for (int64_t i = P->last; i >= P->first; i--) {
+    Block *B = P->block + i;
+    double *x = dz + NB * i;
+    const double *columns = border(P, i);
+    for (int64_t w = 0; w < P->width; w++)
+      for (int k = 0; k < NB; k++) x[k] -= columns[NB * w + k] * rest[w];
+    for (int k = 0; k < NB && i < P->last; k++)
+      for (int r = 0; r < NB; r++) x[k] -= B->E[r][k] * x[NB + r];
+    solve_upper(B->D, x);
+  }
+  move_positions(P, dz);
+  P->report->solving += seconds() - begin;
+}

@@ -1,0 +1,159 @@
+"""C text of the interior-point method for a point problem.
+
+Products of sparse matrices are written out: rows depend on few components of y, and a compiler
+makes more of one long sum than of CasADi's single operations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from importlib.resources import files
+
+from deltaopt.codegen.simd_c import LANES, VECTOR, c_function
+from deltaopt.planning.flat.point_problem import Entries, PointProblem
+
+PARTS = ("problem", "knots_and_points", "rows", "kkt_system", "interior_point")
+"""The files of the method's own text, in the order in which they are compiled."""
+
+
+def source(problem: PointProblem, points: int) -> str:
+    """C text of the method for a problem with that many points in an interval."""
+    functions = problem.functions
+    C, H, second = _with_torques_eliminated(problem)
+    sides = [side.value for side in problem.sides]
+    sizes = {
+        "NM": problem.coordinates,
+        "NR": problem.derivatives,
+        "NY": problem.y.numel(),
+        "NC": len(sides),
+        "NI": problem.integrands.numel(),
+        "NP": problem.p.numel(),
+        "NQ": functions.prepare.numel_out(0),
+        "NZ": len(C),
+        "NH": len(H),
+        "NE": functions.values.numel_out(2),
+        "NG": points // LANES,
+        "SIDES": sum(map(sum, sides)),
+    }
+    here = files("deltaopt.planning.flat")
+    return "\n".join(
+        [
+            VECTOR,
+            *(f"#define {name} {size}" for name, size in sizes.items()),
+            _present("UPPER", [upper for upper, _ in sides]),
+            _present("LOWER", [lower for _, lower in sides]),
+            c_function(functions.prepare, "prepare"),
+            c_function(functions.values, "values"),
+            c_function(functions.second, "second_by_parts"),
+            second,
+            *_products_with_rows(C, H, problem.y.numel()),
+            *(here.joinpath(f"{part}.c").read_text() for part in PARTS),
+        ]
+    )
+
+
+def _present(name: str, sides: Sequence[bool]) -> str:
+    """A macro that says whether a row has that limit; a constant where all agree."""
+    if len(set(sides)) < 2:
+        return f"#define {name}(r) {int(any(sides))}"
+    table = ", ".join(str(int(side)) for side in sides)
+    return f"static const char {name}_TABLE[] = {{{table}}};\n#define {name}(r) ({name}_TABLE[r])"
+
+
+def _with_torques_eliminated(problem: PointProblem) -> tuple[Entries, Entries, str]:
+    """Derivatives of the rows, C, and of the weighted sum, H, by y, tau being a function of y; and
+    the C function ``second`` that finds them and the derivatives of the integrands.
+
+    With N the inverse of -∂force/∂tau, tau' = N ∂force/∂y, and the equations' multipliers chosen
+    so that the sum does not change with tau:
+
+        C = c_y + c_tau tau',   H = L_yy + tau'^T L_tauy + L_ytau tau' + tau'^T L_tautau tau'
+    """
+    partial, nt, ny = problem.functions, problem.tau.numel(), problem.y.numel()
+    nc = len(problem.sides)
+    N = {(k, j): f"e[{nt + nt * j + k}]" for k in range(nt) for j in range(nt)}
+    lines = [
+        f"V m{k}[{max(partial.second.size1_out(k), 1)}];" for k in range(partial.second.n_out())
+    ]
+    arrays = ", ".join(f"m{k}" for k in range(partial.second.n_out()))
+    lines.append(f"second_by_parts(y, e, w, q, {arrays});")
+    slope = _assign("slope", _product(N, partial.force_by_y), lines)
+    bent = _add(partial.by_tau_and_y, _product(partial.twice_by_tau, slope))
+    bent_entries = _assign("bent", bent, lines)
+    rows = _add(partial.rows_by_y, _product(partial.rows_by_tau, slope))
+    C = {place: f"C[{k}]" for k, place in enumerate(sorted(p for p in rows if p[0] < nc))}
+    lines += [f"{C[place]} = {_sum(rows[place])};" for place in C]
+    for k in range(problem.integrands.numel()):
+        for a in range(ny):
+            terms = rows.get((nc + k, a), [])
+            lines.append(f"C[{len(C) + ny * k + a}] = {_sum(terms)};")
+    by_tau = _product(_transposed(slope), bent_entries)
+    mixed = _product(_transposed(partial.by_tau_and_y), slope)
+    twice = _add(_add(partial.twice_by_y, by_tau), mixed)
+    upper = sorted(place for place in twice if place[0] <= place[1])
+    H = {place: f"H[{k}]" for k, place in enumerate(upper)}
+    lines += [f"{H[place]} = {_sum(twice[place])};" for place in H]
+    head = "second(const V *y, const V *e, const V *w, const V *q, V *C, V *H)"
+    return C, H, _text(head, lines)
+
+
+def _products_with_rows(C: Entries, H: Entries, ny: int) -> Iterator[str]:
+    """C functions of products with the derivatives of the rows by y: see ``problem.c``."""
+    depend = [sorted(r for r, a in C if a == b) for b in range(ny)]
+    lines = [f"{entry} *= s[{r}];" for (r, _), entry in C.items()]
+    yield _text("scale_rows(V *C, const double *s)", lines)
+    lines = [f"dc[{r}] += {entry} * dy[{a}];" for (r, a), entry in C.items()]
+    yield _text("along_rows(const V *C, const V *dy, V *dc)", lines)
+    lines = [f"m[{a}] = {_sum([f'{C[r, a]} * q[{r}]' for r in depend[a]])};" for a in range(ny)]
+    yield _text("across_rows(const V *C, const V *q, V *m)", lines)
+    lines = ["V q[NC];"]
+    for b in range(ny):
+        lines += [f"q[{r}] = s[{r}] * {C[r, b]};" for r in depend[b]]
+        for a in range(b + 1):
+            terms = [H[a, b]] if (a, b) in H else []
+            terms += [f"q[{r}] * {C[r, a]}" for r in depend[b] if r in depend[a]]
+            twin = f"S[{b}][{a}] = " if a < b else ""
+            lines.append(f"{twin}S[{a}][{b}] = {_sum(terms)};")
+    yield _text("curvature_of_rows(const V *C, const V *H, const V *s, V (*S)[NY])", lines)
+
+
+Terms = dict[tuple[int, int], list[str]]
+"""The nonzeros of a matrix as sums of C texts."""
+
+
+def _product(A: Entries, B: Entries) -> Terms:
+    product: Terms = {}
+    for (i, k), a in A.items():
+        for (other, j), b in B.items():
+            if other == k:
+                factors = [factor for factor in (a, b) if factor != "1"]
+                product.setdefault((i, j), []).append(" * ".join(factors) or "ALL(1.0)")
+    return product
+
+
+def _add(A: Entries | Terms, B: Terms) -> Terms:
+    total = {place: [a] if isinstance(a, str) else list(a) for place, a in A.items()}
+    for place, terms in B.items():
+        total.setdefault(place, []).extend(terms)
+    return total
+
+
+def _assign(name: str, matrix: Terms, lines: list[str]) -> Entries:
+    """Add lines that store a matrix in an array of that name."""
+    entries = {place: f"{name}[{k}]" for k, place in enumerate(matrix)}
+    lines.append(f"V {name}[{max(len(matrix), 1)}];")
+    lines += [f"{entry} = {_sum(matrix[place])};" for place, entry in entries.items()]
+    return entries
+
+
+def _transposed(A: Entries) -> Entries:
+    return {(j, i): entry for (i, j), entry in A.items()}
+
+
+def _sum(terms: Sequence[str]) -> str:
+    return " + ".join("ALL(1.0)" if term == "1" else term for term in terms) or "ALL(0.0)"
+
+
+def _text(head: str, lines: Sequence[str]) -> str:
+    body = "\n".join(f"  {line}" for line in lines)
+    return f"static void {head} {{\n{body}\n}}\n"

@@ -1,0 +1,157 @@
+"""What happens at a point of a motion, for the interior-point method: symbolic expressions of the
+equations of motion and of limits, and their derivatives with torques still apart."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import Enum
+from functools import cached_property
+
+import casadi as ca
+
+
+class Sides(Enum):
+    """Which limits a constraint row has: at +1 (upper), at -1 (lower), or at both."""
+
+    BOTH = (True, True)
+    UPPER = (True, False)
+    LOWER = (False, True)
+
+
+Entries = dict[tuple[int, int], str]
+"""The nonzeros of a sparse matrix: their C text, by row and column."""
+
+
+@dataclass(frozen=True)
+class PointFunctions:
+    """``prepare``: p -> q, parameters and what depends on them alone. ``values``: (y, q) -> rows,
+    T (integrands - 1), and e: tau and the inverse of -∂force/∂tau by columns. ``second``:
+    (y, e, w, q) -> the nonzeros of the matrices that follow, by columns; w: weights of rows and
+    integrands.
+
+    Matrices: derivatives of the equations of motion by y; of rows and integrands by y and by tau;
+    of the weighted sum with the equations' adjoint by y twice (the upper triangle), by tau and y,
+    and by tau twice; y and tau being independent.
+    """
+
+    prepare: ca.Function
+    values: ca.Function
+    second: ca.Function
+    force_by_y: Entries
+    rows_by_y: Entries
+    rows_by_tau: Entries
+    twice_by_y: Entries
+    by_tau_and_y: Entries
+    twice_by_tau: Entries
+
+
+@dataclass(frozen=True, eq=False)
+class PointProblem:
+    """Equations of motion, constraint rows and integrands at a point, as symbolic expressions.
+
+    ``y``: X, V, A (and J), ``coordinates`` each, then T, the duration of the phase: position and
+    its derivatives by time in units of T, (coordinates * (derivatives + 1) + 1,).
+    ``derivatives``: unknowns of each coordinate at a knot: 2 for cubics between knots, 3 for
+    quintics, whose acceleration is continuous.
+    ``tau``: what the equations ``force`` = 0, as many and affine in them, determine; it is
+    eliminated from all rows and from their derivatives.
+    ``rows``: at most 1 or at least -1 or both, as ``sides`` says; they may be nonlinear in tau.
+    ``integrands``: their mean over the whole motion is at most 1.
+    ``p``: parameters, which may differ from phase to phase.
+    """
+
+    coordinates: int
+    derivatives: int
+    y: ca.SX
+    tau: ca.SX
+    p: ca.SX
+    force: ca.SX
+    rows: ca.SX
+    sides: tuple[Sides, ...]
+    integrands: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
+
+    def __post_init__(self) -> None:
+        """Raises ValueError where sizes do not agree or the equations are not affine in tau."""
+        if self.derivatives not in (2, 3):
+            raise ValueError(f"knots carry 2 or 3 derivatives, not {self.derivatives}")
+        if self.y.numel() != self.coordinates * (self.derivatives + 1) + 1:
+            raise ValueError(f"y has {self.y.numel()} components")
+        if self.force.numel() != self.tau.numel():
+            raise ValueError(f"{self.force.numel()} equations for {self.tau.numel()} unknowns")
+        if len(self.sides) != self.rows.numel():
+            raise ValueError(f"sides of {len(self.sides)} rows, there are {self.rows.numel()}")
+        if self.tau.numel() and any(ca.which_depends(self.force, self.tau, 2, True)):
+            raise ValueError("the equations of motion are not affine in tau")
+
+    @property
+    def unknowns(self) -> int:
+        """Unknowns at a knot."""
+        return self.coordinates * self.derivatives
+
+    @cached_property
+    def functions(self) -> PointFunctions:
+        """The expressions and their derivatives as functions of numbers.
+
+        What depends on parameters alone is found once in a phase instead of at every point.
+        """
+        inverse = _inverse(-ca.jacobian(self.force, self.tau))
+        tau = inverse @ ca.substitute(self.force, self.tau, ca.SX.zeros(self.tau.numel()))
+        results = ca.substitute([self.rows, self._integrals], [self.tau], [tau])
+        results.append(ca.vertcat(tau, ca.vec(inverse)))
+        arguments, matrices = self._partial_derivatives()
+        nonzeros = [matrix.nz[:] for matrix in matrices]
+        reduced, symbols, parametric = ca.extract_parametric([*results, *nonzeros], self.p)
+        q = ca.vertcat(self.p, *symbols)
+        return PointFunctions(
+            _function("prepare", [self.p], [ca.vertcat(self.p, *parametric)]),
+            _function("values", [self.y, q], reduced[: len(results)]),
+            _function("second_by_parts", [*arguments, q], reduced[len(results) :]),
+            *(_entries(f"m{k}", matrix) for k, matrix in enumerate(matrices)),
+        )
+
+    def _partial_derivatives(self) -> tuple[list[ca.SX], list[ca.SX]]:
+        """y, e, w; and the matrices of `PointFunctions`."""
+        y, tau = self.y, self.tau
+        inverse = ca.SX.sym("inverse", tau.numel(), tau.numel())
+        nu = ca.SX.sym("nu", tau.numel())
+        w = ca.SX.sym("w", self.rows.numel() + self.integrands.numel())
+        c = ca.vertcat(self.rows, self._integrals)
+        adjoint = inverse.T @ ca.gradient(ca.dot(w, c), tau)
+        lagrangian = ca.dot(w, c) + ca.dot(nu, self.force)
+        by_tau = ca.gradient(lagrangian, tau)
+        matrices = [
+            ca.jacobian(self.force, y),
+            ca.jacobian(c, y),
+            ca.jacobian(c, tau),
+            ca.triu(ca.hessian(lagrangian, y)[0]),
+            ca.jacobian(by_tau, y),
+            ca.jacobian(by_tau, tau),
+        ]
+        matrices = [ca.sparsify(ca.substitute(matrix, nu, adjoint)) for matrix in matrices]
+        return [y, ca.vertcat(tau, ca.vec(inverse)), w], matrices
+
+    @property
+    def _integrals(self) -> ca.SX:
+        """Their integral over phases is nonpositive where the mean is at most 1."""
+        return self.y[-1] * (self.integrands - 1)
+
+
+def _function(name: str, arguments: list[ca.SX], results: list[ca.SX]) -> ca.Function:
+    return ca.Function(name, arguments, [ca.densify(each) for each in results], {"cse": True})
+
+
+def _inverse(B: ca.SX) -> ca.SX:
+    """Of a matrix of expressions; by cofactors up to 3 x 3, with a single division."""
+    if B.shape[0] > 3 or B.shape[0] == 0:
+        return ca.inv(B) if B.shape[0] else ca.SX(0, 0)
+    adjugate = ca.adj(B) if B.shape[0] > 1 else ca.SX(1)
+    return adjugate * (1 / (B[0, :] @ adjugate[:, 0]))
+
+
+def _entries(name: str, matrix: ca.SX) -> Entries:
+    """Of a C array of a matrix's nonzeros by columns; ones as such."""
+    nonzeros = matrix.nz[:]
+    places = zip(*matrix.sparsity().get_triplet(), strict=True)
+    return {
+        place: "1" if nonzeros[k].is_one() else f"{name}[{k}]" for k, place in enumerate(places)
+    }

@@ -1,0 +1,189 @@
+/* An interior-point method for motions made of polynomials between knots.
+
+     minimise    sum of T_q                              the durations of the phases q
+     subject to  lower_r <= c_r(y_j) <= upper_r          constraint rows, at every point j of every
+                                                         interval; +1, -1, or no limit on that side
+                 sum over q of integral g_k dt <= sum of T_q                      integral rows
+     y = (X, V, A[, J], T_q) at a point, linear in the knots of its interval
+
+   A motion has phases, each with its own duration T_q, mesh and parameters p_q. Time inside a
+   phase is counted in units of its duration: V = T v, A = T^2 a, J = T^3 j. Every coordinate is
+   a cubic between knots of (X, V) (NR = 2: acceleration may jump at knots), or a quintic between
+   knots of (X, V, A) (NR = 3: acceleration is continuous). Rows may depend on quantities that
+   equations determine, such as motor torques; these are eliminated in the generated functions
+   below, so that here rows are functions of y alone.
+
+   Boundaries: the start, the joints of phases, and the goal. There each component of the state
+   is free, fixed, or a position that moves, at + drift * (time since the start). Where rates are
+   not all zero, the knot at a boundary is in constant units (x, v[, a]), since it belongs to two
+   phases, or has a velocity given in m/s; the chain rule takes it to (X, T v[, T^2 a]) of the
+   phase beside it. So joints need no rows.
+
+   With t a copy of c kept strictly inside the limits, c(y) - t = 0, and its multipliers and those
+   of the limits eliminated, Newton's equations are in the knots, the durations, and one multiplier
+   for each integral row. This KKT system is block tridiagonal, a block for each knot, with a
+   border: a dense column for each integral row, then one for each duration. Blocks are factorised
+   with Cholesky's method, the border with L D L^T, its signs being known: negative for integral
+   rows, positive for durations. Other signs tell that the step would not be one of descent.
+
+   The text is in five files, compiled as one: this one, with what is stored; knots_and_points.c;
+   rows.c; kkt_system.c; and interior_point.c, the steps of the method. Nothing in it is kept from
+   call to call: all memory is the caller's.
+
+   Written for four points of an interval in the four lanes of a vector V. What comes before this
+   text: V, ALL, EACH, EACH2, SHUFFLE; sizes; and generated functions. C is the sparse matrix of
+   derivatives of the rows by y, stored as its NZ nonzeros, row by row, and then the dense NI x NY
+   derivatives of the integrands T (g - 1).
+
+     NM, NR         coordinates, and unknowns for each at a knot
+     NY, NC, NI     numbers in y, constraint rows, integral rows
+     NP, NQ         parameters, and numbers that depend on them alone
+     NE             numbers that values keeps for second, the torques among them
+     NZ, NH         nonzeros of C's constraint rows and of H's upper triangle
+     NG             groups of four points in an interval
+     SIDES          limits of all rows together; UPPER(r), LOWER(r): whether row r has that one
+
+     prepare(p, q)                        what depends on parameters alone
+     values(y, q, c, g, e)                rows, integrands T (g - 1), and e for second
+     second(y, e, weights of c and g, q, C, H)     derivatives; H of the weighted sum
+     scale_rows(C, s)                     multiply each row of C
+     along_rows(C, dy, dc)                dc += C dy
+     across_rows(C, q, m)                 m = C^T q
+     curvature_of_rows(C, H, s, S)        S = H + C^T diag(s) C, all of it
+*/
+
+#include <float.h>
+#include <stdint.h>
+#include <string.h>
+#include <time.h>
+
+#define SHORT 0.02 /* a step of which share of a direction says little about its rest */
+#define FAR 2.0    /* from one limit of a row to the other */
+#define SHIFT 1e-5 /* the first that is tried: the scene's magnitudes are of the order of one */
+#define HIGHEST 1e-2 /* to which a shift grows because steps had to be halved */
+#define FAR_OFF 1e-3 /* of complementarity over T: nearer to a solution shifts are smaller */
+#define RISE 10.0 /* times complementarity: what merit may rise by, see try_direction */
+#define USUAL 16.0 /* so that the intervals of a mesh of 16 have weight 1 in the integral of A^2 */
+
+enum {
+  NB = NM * NR,           /* unknowns at a knot */
+  NK = 2 * NB,            /* at both knots of an interval */
+  WIDE = (NK + 3) / 4 * 4 /* NK, rounded up to whole vectors */
+};
+
+enum { SOLVED, TOO_MANY_ITERATIONS, NO_PROGRESS, SINGULAR, NOT_A_NUMBER };
+
+typedef struct {
+  double tolerance;   /* of complementarity and of T as fractions of T, and of |c - t| */
+  double barrier;     /* complementarity at first, as a fraction of T */
+  double closest;     /* how close t may begin to its limits, as a fraction */
+  int64_t iterations; /* at most */
+} Settings;
+
+typedef struct {
+  double complementarity, dual, primal; /* what is compared with the tolerance */
+  double evaluating, solving;            /* seconds: rows and derivatives; linear systems */
+  int64_t iterations, factorisations, evaluations;
+} Report;
+
+/* The problem. n is the number of intervals of all phases together. */
+typedef struct {
+  int64_t phases;
+  const int64_t *intervals;  /* of each phase */
+  const int64_t *given;      /* whether a phase's duration is given */
+  const double *mesh;        /* n: intervals as fractions of their phase's duration */
+  const double *share;       /* n x NC: of the limits that may be used; infinite: no limit there */
+  const double *p;           /* phases x NP */
+  const double *state;       /* (phases + 1) x NB: at each boundary, in constant units */
+  const int64_t *is_free;    /* (phases + 1) x NB: which of its components are not given */
+  const double *drift;       /* (phases + 1) x NM: velocity of a position that moves */
+  const double *fractions;   /* NG x 4: the points of an interval */
+  const double *quadrature;  /* NG x 4: their weights in integrals */
+} Given;
+
+typedef struct {
+  V weight[NR + 1][2 * NR];      /* of X_i, V_i[, A_i], X_i+1, .. in X, V, A[, J] */
+  V integral;                    /* weight of a point in integrals over the phase */
+  V c[NC], t[NC];                /* rows and their copies */
+  V next[NC], e[NE];             /* rows, and what values keeps, at the last trial: z if taken */
+  V over[NC], under[NC];         /* 1 / distance of t to its limits; 0 where there is none */
+  V upper[NC], lower[NC];        /* multipliers of the limits of t; 0 where there is none */
+  V y[NC];                       /* of c = t: upper - lower */
+  V dt[NC], dupper[NC], dlower[NC];
+  V moved[NC];                   /* t at the last trial */
+  V bend_upper[NC], bend_lower[NC]; /* second-order part of slack times multiplier */
+  V C[NZ + NI * NY];             /* derivatives of rows and integrands by y */
+} Group;                         /* of four points */
+
+typedef struct {
+  Group group[NG];
+  double scale[NC];              /* 1 / share of the limits that may be used */
+  double K[NK + 1][WIDE + 4];    /* curvature by both knots and T, the lower triangle */
+  double bending[2 * NR][2 * NR]; /* its part of the integral of A^2, as a form in the knots */
+  double length;
+  int64_t phase;
+  int64_t boundary[2];           /* where its knots are boundaries, else -1 */
+  int constant[2], any_constant; /* whether its knots are in constant units */
+  int moving;                    /* whether one of its knots is at a position that moves */
+} Interval;
+
+typedef struct {
+  double D[NB][NB], E[NB][NB];   /* of a knot: Cholesky factor, coupling to the next */
+} Block;
+
+typedef struct {
+  double c, t, next, moved, over, upper, dt, dupper, bend; /* as for a row with an upper limit */
+} Integral;
+
+typedef struct {
+  const Given *given;
+  int64_t n, phases, width;      /* intervals, phases, columns of the border */
+  int64_t first, last;           /* the first and last knot that is not wholly fixed */
+  Interval *interval;            /* n */
+  Block *block;                  /* n + 1 */
+  V *q;                          /* phases x NQ */
+  double *border;                /* (n + 1) x width x NB */
+  double *corner, *pivot;        /* width x width, lower triangle: L; width: D */
+  double *z, *dz, *trial, *g;    /* n + 1 knots, then the durations */
+  double *slope;                 /* NI x size of z: derivatives of the integral rows by z */
+  double *rest;                  /* width: the border's part of a right-hand side, of a solution */
+  Integral integral[NI];
+  V unit[NG][NR + 1][2 * NR];    /* weights in an interval of length one */
+  double unit_bending[2 * NR][2 * NR];
+  double mu, penalty;
+  double left; /* complementarity now */
+  int halvings; /* of the last step */
+  Report *report;
+} Problem;
+
+static double seconds(void) {
+  struct timespec now;
+  clock_gettime(CLOCK_MONOTONIC, &now);
+  return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
+}
+
+static double sum(V a) { return (a[0] + a[1]) + (a[2] + a[3]); }
+/* The sums of four vectors. */
+static V sum_each(const V *a) {
+  const V ab = SHUFFLE(a[0], a[1], 0, 4, 2, 6) + SHUFFLE(a[0], a[1], 1, 5, 3, 7);
+  const V cd = SHUFFLE(a[2], a[3], 0, 4, 2, 6) + SHUFFLE(a[2], a[3], 1, 5, 3, 7);
+  return SHUFFLE(ab, cd, 0, 1, 4, 5) + SHUFFLE(ab, cd, 2, 3, 6, 7);
+}
+
+static V absolute(V a) { return EACH(fabs, a); }
+static double greater(double a, double b) { return a > b ? a : b; } /* one instruction */
+static double lesser(double a, double b) { return a < b ? a : b; }
+static V larger(V a, V b) { return EACH2(greater, a, b); }
+static V smaller(V a, V b) { return EACH2(lesser, a, b); }
+static double largest(V a) { return greater(greater(a[0], a[1]), greater(a[2], a[3])); }
+static int64_t size(const Problem *P) { return NB * (P->n + 1) + P->phases; }
+static double *durations(const Problem *P, double *z) { return z + NB * (P->n + 1); }
+static double total_duration(const Problem *P, double *z) {
+  double total = 0;
+  for (int64_t q = 0; q < P->phases; q++) total += durations(P, z)[q];
+  return total;
+}
+static double duration_of(const Problem *P, const Interval *I, double *z) {
+  return durations(P, z)[I->phase];
+}
+static double *border(const Problem *P, int64_t knot) { return P->border + knot * P->width * NB; }

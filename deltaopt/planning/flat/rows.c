@@ -1,0 +1,104 @@
+/* Constraint rows and integral rows at the points, and their derivatives by the knots. */
+
+/* From shares of the limits to shares of what may be used of them, or multipliers back. */
+static void scale(const Interval *I, V *c) {
+  for (int r = 0; r < NC; r++) c[r] *= I->scale[r];
+}
+
+/* Rows at the points of interval i as shares of what may be used of the limits; to the integral
+   rows its part of them. */
+static void rows(Problem *P, int64_t i, Group *G, const double *knots, double T, V *c) {
+  const Interval *I = P->interval + i;
+  V y[NY], g[NI];
+  at_points(G, knots, T, y);
+  values(y, P->q + NQ * I->phase, c, g, G->e);
+  scale(I, c);
+  for (int k = 0; k < NI; k++) P->integral[k].next += sum(G->integral * g[k]);
+}
+
+/* Curvature of the Lagrangian with t eliminated, by y; the rows are known from the trial that
+   led here, or from the beginning. */
+static void differentiate(const Problem *P, const Interval *I, Group *G, const double *knots,
+                          V S[NY][NY]) {
+  V y[NY], weight[NC + NI], stiffness[NC], H[NH];
+  at_points(G, knots, duration_of(P, I, P->z), y);
+  memcpy(weight, G->y, sizeof G->y);
+  scale(I, weight);
+  for (int k = 0; k < NI; k++) weight[NC + k] = P->integral[k].upper * G->integral;
+  second(y, G->e, weight, P->q + NQ * I->phase, G->C, H);
+  scale_rows(G->C, I->scale);
+  for (int r = 0; r < NC; r++)
+    stiffness[r] = G->upper[r] * G->over[r] + G->lower[r] * G->under[r];
+  curvature_of_rows(G->C, H, stiffness, S);
+}
+
+/* The same by both knots and T, added to the lower triangle of K. */
+static void add_curvature(const Group *G, V S[NY][NY], double K[NK + 1][WIDE + 4]) {
+  V half[NK + 1][NY];
+  for (int b = 0; b < NY; b++) { /* S is symmetric: its rows are its columns */
+    for (int a = 0; a < NK; a++) half[a][b] = at_knot(G, S[b], a / NM, a % NM);
+    half[NK][b] = S[NY - 1][b];
+  }
+  for (int row = 0; row <= NK; row++)
+    for (int a = 0; a < NK && a <= row; a += 4) {
+      V four[4], before;
+      for (int k = 0; k < 4; k++)
+        four[k] = WIDE == NK || a + k < NK ? at_knot(G, half[row], (a + k) / NM, (a + k) % NM)
+                                           : ALL(0.0);
+      memcpy(&before, K[row] + a, sizeof before);
+      const V sums = NG == 1 ? sum_each(four) : before + sum_each(four);
+      memcpy(K[row] + a, &sums, sizeof sums);
+    }
+}
+
+/* The gradient of the Lagrangian's rows by the interval's own knots. */
+static void local_gradient(const Problem *P, const Interval *I, double *g) {
+  memset(g, 0, NK * sizeof(double));
+  for (int j = 0; j < NG; j++) {
+    const Group *G = I->group + j;
+    V m[NY];
+    across_rows(G->C, G->y, m);
+    for (int k = 0; k < NI; k++)
+      for (int a = 0; a < NY; a++)
+        m[a] += P->integral[k].upper * G->integral * G->C[NZ + NY * k + a];
+    for (int a = 0; a < NK; a++) g[a] += sum(at_knot(G, m, a / NM, a % NM));
+  }
+}
+
+static void curvature(Problem *P, int64_t i) {
+  Interval *I = P->interval + i;
+  double room[NK], by_T = 0;
+  const double *knots = local(P, i, P->z, room);
+  if (NG > 1) memset(I->K, 0, sizeof I->K);
+  for (int j = 0; j < NG; j++) {
+    Group *G = I->group + j;
+    V S[NY][NY];
+    differentiate(P, I, G, knots, S);
+    add_curvature(G, S, I->K);
+    by_T += sum(S[NY - 1][NY - 1]);
+    for (int k = 0; k < NI; k++) {
+      V m[NY];
+      for (int a = 0; a < NY; a++) m[a] = G->integral * G->C[NZ + NY * k + a];
+      add_to_gradient(P, i, G, m, P->slope + k * size(P));
+    }
+  }
+  I->K[NK][NK] = by_T;
+  if (!I->any_constant) return;
+  double g[NK];
+  local_gradient(P, I, g);
+  curvature_in_constant_units(P, i, g);
+  set_bending(P, I, duration_of(P, I, P->z));
+}
+
+/* How far t is from its limits; kept, for a division takes as long as many products. */
+static void measure(Group *G, int r) {
+  const V up = 1 - G->t[r], down = 1 + G->t[r];
+  if (UPPER(r) && LOWER(r)) {
+    const V both = 1 / (up * down);
+    G->over[r] = down * both;
+    G->under[r] = up * both;
+  } else {
+    G->over[r] = UPPER(r) ? 1 / up : ALL(0.0);
+    G->under[r] = LOWER(r) ? 1 / down : ALL(0.0);
+  }
+}

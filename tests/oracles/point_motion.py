@@ -1,0 +1,184 @@
+"""Time-optimal motions by Ipopt from a direct transcription in physical units.
+
+It knows nothing of the interior-point method: the unknowns are the coefficients of every
+polynomial piece, in physical units, the torques at every point, and the durations; continuity,
+boundary conditions and equations of motion are constraints.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+OPTIONS = {
+    "print_time": False,
+    "show_eval_warnings": False,
+    "ipopt.print_level": 0,
+    "ipopt.sb": "yes",
+    "ipopt.tol": 1e-11,
+    "ipopt.constr_viol_tol": 1e-11,
+    "ipopt.compl_inf_tol": 1e-11,
+    "ipopt.acceptable_iter": 0,
+    "ipopt.bound_relax_factor": 0.0,
+    "ipopt.honor_original_bounds": "yes",
+    "ipopt.mu_target": 0.0,
+    "ipopt.max_iter": 500,
+}
+
+
+@dataclass(frozen=True)
+class Instant:
+    """Symbols at an instant in physical units; ``p``: parameters of the phase."""
+
+    x: ca.SX
+    v: ca.SX
+    a: ca.SX
+    j: ca.SX
+    tau: ca.SX
+    p: ca.SX
+
+
+@dataclass(frozen=True)
+class Row:
+    """A quantity, at most 1 if ``upper`` and at least -1 if ``lower``."""
+
+    quantity: ca.SX
+    upper: bool = True
+    lower: bool = True
+
+
+@dataclass(frozen=True)
+class System:
+    """Equations of motion (as many as torques), rows and integrands of an instant.
+
+    ``pieces``: 2 for cubics with continuous velocity, 3 for quintics with continuous acceleration.
+    """
+
+    coordinates: int
+    pieces: int
+    force: Callable[[Instant], ca.SX]
+    rows: Callable[[Instant], list[Row]]
+    integrands: Callable[[Instant], ca.SX] = lambda _: ca.SX(0, 1)
+
+
+@dataclass(frozen=True)
+class End:
+    """A state to guess from, (3, coordinates): position, velocity, acceleration.
+
+    ``fixed``: which of its components are boundary conditions, by derivative and coordinate.
+    ``drift``: velocity of a position that moves; ``state`` then holds at the time zero.
+    """
+
+    state: Array
+    fixed: NDArray[np.bool_]
+    drift: Array
+
+    def at(self, time: float) -> Array:
+        """The state at a time."""
+        state = self.state.copy()
+        state[0] += time * self.drift
+        return state
+
+
+@dataclass(frozen=True)
+class Leg:
+    """A phase: ``mesh`` in fractions of its duration, a guess of that, and parameters."""
+
+    mesh: Array
+    duration: float
+    p: Array
+    given: bool = False
+
+
+def quintic(begin: Array, end: Array, duration: float, fractions: Array) -> Array:
+    """A guess between two states: position and two derivatives by time, (n, 3, coordinates)."""
+    s = np.arange(6)
+    falling = [np.ones(6), s, s * (s - 1)]
+
+    def at(time: float) -> Array:
+        powers = [np.where(s >= d, time ** np.maximum(s - d, 0), 0.0) for d in range(3)]
+        return np.stack([falling[d] * powers[d] for d in range(3)])
+
+    conditions = np.vstack([at(0.0), at(duration)])
+    coefficients = np.linalg.solve(conditions, np.vstack([begin, end]))
+    return np.stack([at(duration * f) @ coefficients for f in fractions])
+
+
+def fastest(system: System, legs: Sequence[Leg], ends: Sequence[End], points: Array) -> Array:
+    """The durations of the legs of the fastest motion through the ends."""
+    m, degree = system.coordinates, 2 * system.pieces - 1
+    durations = [ca.SX.sym(f"T{q}") for q in range(len(legs))]
+    w, guess, g, low, high = [*durations], [leg.duration for leg in legs], [], [], []
+
+    def limit(expression: ca.SX, lower: float, upper: float) -> None:
+        g.append(expression)
+        low.extend([lower] * expression.numel())
+        high.extend([upper] * expression.numel())
+
+    def state(c: ca.SX, s: float, h: ca.SX, order: int) -> ca.SX:
+        """Derivative of a piece at a fraction s of its length h."""
+        total = ca.SX.zeros(m)
+        for k in range(order, degree + 1):
+            factor = float(np.prod(np.arange(k - order + 1, k + 1)))
+            total += factor * s ** (k - order) * c[m * k : m * (k + 1)]
+        return total / h**order
+
+    def keep(end: End, c: ca.SX, s: float, h: ca.SX, time: ca.SX) -> None:
+        for d in range(system.pieces):
+            wanted = ca.DM(end.state[d]) + (time * ca.DM(end.drift) if d == 0 else 0)
+            here = state(c, s, h, d) - wanted
+            for k in np.flatnonzero(end.fixed[d]).tolist():
+                limit(here[k], 0.0, 0.0)
+
+    integrals = None
+    before: tuple[ca.SX, ca.SX] | None = None
+    time, guessed = ca.SX(0), 0.0
+    quadrature = np.linalg.solve(
+        np.vander(points, increasing=True).T, 1 / np.arange(1, len(points) + 1)
+    )
+    for q, (leg, T) in enumerate(zip(legs, durations, strict=True)):
+        if leg.given:
+            limit(T - leg.duration, 0.0, 0.0)
+        borders = np.append(0.0, np.cumsum(leg.mesh))
+        for i, e in enumerate(leg.mesh.tolist()):
+            c, h = ca.SX.sym(f"c{q}_{i}", m * (degree + 1)), e * T
+            w.append(c)
+            s = np.linspace(0, 1, degree + 1)
+            begin, end = ends[q].at(guessed), ends[q + 1].at(guessed + leg.duration)
+            shape = quintic(begin, end, leg.duration, borders[i] + e * s)[:, 0]
+            guess.extend(np.linalg.solve(np.vander(s, increasing=True), shape).ravel())
+            if before is None:
+                keep(ends[0], c, 0.0, h, time)
+            else:
+                for d in range(system.pieces):
+                    limit(state(before[0], 1.0, before[1], d) - state(c, 0.0, h, d), 0.0, 0.0)
+            for s_j, weight in zip(points.tolist(), quadrature.tolist(), strict=True):
+                tau = ca.SX.sym(f"tau{q}_{i}", m)
+                w.append(tau)
+                guess.extend([0.0] * m)
+                motion = [state(c, s_j, h, d) for d in range(4)]
+                now = Instant(*motion, tau, ca.SX(ca.DM(leg.p)))
+                limit(system.force(now), 0.0, 0.0)
+                for row in system.rows(now):
+                    lower, upper = -1.0 if row.lower else -np.inf, 1.0 if row.upper else np.inf
+                    limit(row.quantity, lower, upper)
+                share = weight * h * system.integrands(now)
+                integrals = share if integrals is None else integrals + share
+            before = c, h
+        assert before is not None
+        time, guessed = time + T, guessed + leg.duration
+        keep(ends[q + 1], *(before[0], 1.0, before[1]), time)
+    if integrals is not None and integrals.numel():
+        limit(integrals - time, -np.inf, 0.0)
+    problem = {"x": ca.vertcat(*w), "f": time, "g": ca.vertcat(*g)}
+    solver = ca.nlpsol("oracle", "ipopt", problem, OPTIONS)
+    lower = np.full(problem["x"].numel(), -np.inf)
+    lower[: len(legs)] = 1e-3
+    found = solver(x0=guess, lbx=lower, ubx=np.inf, lbg=low, ubg=high)
+    assert solver.stats()["return_status"] == "Solve_Succeeded", solver.stats()["return_status"]
+    return np.asarray(found["x"].full().ravel()[: len(legs)])
