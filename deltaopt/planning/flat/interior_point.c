@@ -291,7 +291,6 @@ static int has_rates(const Given *given, int64_t b) {
 static void set_intervals(Problem *P) {
   const Given *given = P->given;
   int64_t i = 0;
-  set_unit_weights(P);
   for (int64_t q = 0; q < P->phases; q++) {
     V p[NP];
     for (int k = 0; k < NP; k++) p[k] = ALL(given->p[NP * q + k]);
@@ -311,7 +310,7 @@ static void set_intervals(Problem *P) {
       I->any_constant = I->constant[0] || I->constant[1];
       for (int r = 0; r < NC; r++) I->scale[r] = 1 / given->share[NC * i + r];
       set_weights(P, I);
-      set_bending(P, I, durations(P, P->z)[q]);
+      set_bending(I, durations(P, P->z)[q]);
     }
   }
   P->first = 1;

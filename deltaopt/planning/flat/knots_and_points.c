@@ -1,66 +1,63 @@
 /* From knots to points and back: Hermite's polynomials, and the units of knots at boundaries. */
 
-/* Hermite's polynomials: coefficients of 1, s, s^2, .. for X, V[, A] at both knots of [0, 1]. */
+/* Hermite's polynomials on [0, 1] for X, V[, A] at both knots, and their derivatives by s. */
 #if NR == 2
-static const double HERMITE[4][4] = {{1, 0, -3, 2}, {0, 1, -2, 1}, {0, 0, 3, -2}, {0, 0, -1, 1}};
+static void hermite(V s, V W[3][4]) {
+  const V s2 = s * s, s3 = s2 * s;
+  const V all[3][4] = {{1 - 3 * s2 + 2 * s3, s - 2 * s2 + s3, 3 * s2 - 2 * s3, s3 - s2},
+                       {6 * (s2 - s), 1 - 4 * s + 3 * s2, 6 * (s - s2), 3 * s2 - 2 * s},
+                       {12 * s - 6, 6 * s - 4, 6 - 12 * s, 6 * s - 2}};
+  memcpy(W, all, sizeof all);
+}
 #else
-static const double HERMITE[6][6] = {
-    {1, 0, 0, -10, 15, -6}, {0, 1, 0, -6, 8, -3}, {0, 0, 0.5, -1.5, 1.5, -0.5},
-    {0, 0, 0, 10, -15, 6},  {0, 0, 0, -4, 7, -3}, {0, 0, 0, 0.5, -1, 0.5}};
+static void hermite(V s, V W[4][6]) {
+  const V s2 = s * s, s3 = s2 * s, s4 = s2 * s2, s5 = s4 * s;
+  const V all[4][6] = {
+      {1 - 10 * s3 + 15 * s4 - 6 * s5, s - 6 * s3 + 8 * s4 - 3 * s5,
+       0.5 * s2 - 1.5 * s3 + 1.5 * s4 - 0.5 * s5, 10 * s3 - 15 * s4 + 6 * s5,
+       -4 * s3 + 7 * s4 - 3 * s5, 0.5 * s3 - s4 + 0.5 * s5},
+      {-30 * s2 + 60 * s3 - 30 * s4, 1 - 18 * s2 + 32 * s3 - 15 * s4,
+       s - 4.5 * s2 + 6 * s3 - 2.5 * s4, 30 * s2 - 60 * s3 + 30 * s4,
+       -12 * s2 + 28 * s3 - 15 * s4, 1.5 * s2 - 4 * s3 + 2.5 * s4},
+      {-60 * s + 180 * s2 - 120 * s3, -36 * s + 96 * s2 - 60 * s3,
+       1 - 9 * s + 18 * s2 - 10 * s3, 60 * s - 180 * s2 + 120 * s3,
+       -24 * s + 84 * s2 - 60 * s3, 3 * s - 12 * s2 + 10 * s3},
+      {-60 + 360 * s - 360 * s2, -36 + 192 * s - 180 * s2, -9 + 36 * s - 30 * s2,
+       60 - 360 * s + 360 * s2, -24 + 168 * s - 180 * s2, 3 - 24 * s + 30 * s2}};
+  memcpy(W, all, sizeof all);
+}
 #endif
 
-/* Their derivatives of order d at fractions s of an interval of length one. */
-static V hermite(int d, int a, V s) {
-  V value = ALL(0.0);
-  for (int k = 2 * NR - 1; k >= d; k--) {
-    double factor = HERMITE[a][k];
-    for (int j = 0; j < d; j++) factor *= k - j;
-    value = value * s + factor;
-  }
-  return value;
-}
-
-static void set_unit_weights(Problem *P) {
-  for (int a = 0; a < 2 * NR; a++)
-    for (int b = 0; b < 2 * NR; b++) P->unit_bending[a][b] = 0;
-  for (int g = 0; g < NG; g++) {
-    V s;
-    memcpy(&s, P->given->fractions + 4 * g, sizeof s);
-    for (int d = 0; d <= NR; d++)
-      for (int a = 0; a < 2 * NR; a++) P->unit[g][d][a] = hermite(d, a, s);
-    for (int a = 0; a < 2 * NR; a++)
-      for (int b = 0; b < 2 * NR; b++)
-        P->unit_bending[a][b] += USUAL / NG * sum(P->unit[g][2][a] * P->unit[g][2][b]);
-  }
-}
-
-/* The integral of A^2 in units of each knot, whose rates V, A are T, T^2 times those in
-   constant units; scale: length^-4 and so on by its derivatives. */
-static void set_bending(const Problem *P, Interval *I, double T) {
-  double factor[2 * NR];
-  for (int a = 0; a < 2 * NR; a++) {
-    factor[a] = a % NR == 0 ? 1 / (I->length * I->length) : factor[a - 1] * I->length;
-    if (a % NR > 0 && I->constant[a / NR]) factor[a] *= T;
-  }
-  for (int a = 0; a < 2 * NR; a++)
-    for (int b = 0; b < 2 * NR; b++)
-      I->bending[a][b] = I->length * factor[a] * factor[b] * P->unit_bending[a][b];
-}
-
+/* The same at the points of an interval of any length: each derivative by time divides by it. */
 static void set_weights(const Problem *P, Interval *I) {
+  const double e = I->length, power[] = {1, e, e * e, e * e * e};
   for (int g = 0; g < NG; g++) {
-    V weights;
+    Group *G = I->group + g;
+    V s, weights;
+    memcpy(&s, P->given->fractions + 4 * g, sizeof s);
     memcpy(&weights, P->given->quadrature + 4 * g, sizeof weights);
-    I->group[g].integral = I->length * weights;
-    double by_order = 1; /* length^-d */
-    for (int d = 0; d <= NR; d++, by_order /= I->length) {
-      double by_length = by_order;
+    G->integral = e * weights;
+    hermite(s, G->weight);
+    for (int d = 0; d <= NR; d++)
       for (int a = 0; a < 2 * NR; a++) {
-        by_length = a % NR == 0 ? by_order : by_length * I->length;
-        I->group[g].weight[d][a] = by_length * P->unit[g][d][a];
+        if (a % NR > d) G->weight[d][a] *= power[a % NR - d];
+        if (a % NR < d) G->weight[d][a] /= power[d - a % NR];
       }
-    }
   }
+}
+
+/* The integral of A^2 as a form in the knots, each in its unit. */
+static void set_bending(Interval *I, double T) {
+  const double rates[] = {1, T, T * T};
+  for (int a = 0; a < 2 * NR; a++)
+    for (int b = 0; b < 2 * NR; b++) {
+      double total = 0;
+      for (int g = 0; g < NG; g++)
+        total += sum(I->group[g].weight[2][a] * I->group[g].weight[2][b]);
+      I->bending[a][b] = USUAL * I->length / NG * total;
+      if (I->constant[a / NR]) I->bending[a][b] *= rates[a % NR];
+      if (I->constant[b / NR]) I->bending[a][b] *= rates[b % NR];
+    }
 }
 
 /* y = (X, V, A[, J], T) at the points, from the interval's two knots. */

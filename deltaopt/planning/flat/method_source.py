@@ -87,9 +87,11 @@ def _with_torques_eliminated(problem: PointProblem) -> tuple[Entries, Entries, s
         for a in range(ny):
             terms = rows.get((nc + k, a), [])
             lines.append(f"C[{len(C) + ny * k + a}] = {_sum(terms)};")
-    by_tau = _product(_transposed(slope), bent_entries)
-    mixed = _product(_transposed(partial.by_tau_and_y), slope)
-    twice = _add(_add(partial.twice_by_y, by_tau), mixed)
+    twice = _add(partial.twice_by_y, {})
+    for k in range(nt):
+        mixed = _product(_transposed(_row(k, partial.by_tau_and_y)), slope)
+        both = _add(mixed, _product(_transposed(_row(k, slope)), bent_entries))
+        twice = _add(twice, {place: [f"({_sum(terms)})"] for place, terms in both.items()})
     upper = sorted(place for place in twice if place[0] <= place[1])
     H = {place: f"H[{k}]" for k, place in enumerate(upper)}
     lines += [f"{H[place]} = {_sum(twice[place])};" for place in H]
@@ -144,6 +146,10 @@ def _assign(name: str, matrix: Terms, lines: list[str]) -> Entries:
     lines.append(f"V {name}[{max(len(matrix), 1)}];")
     lines += [f"{entry} = {_sum(matrix[place])};" for place, entry in entries.items()]
     return entries
+
+
+def _row(i: int, A: Entries) -> Entries:
+    return {place: entry for place, entry in A.items() if place[0] == i}
 
 
 def _transposed(A: Entries) -> Entries:

@@ -117,15 +117,14 @@ class PointProblem:
         w = ca.SX.sym("w", self.rows.numel() + self.integrands.numel())
         c = ca.vertcat(self.rows, self._integrals)
         adjoint = inverse.T @ ca.gradient(ca.dot(w, c), tau)
-        lagrangian = ca.dot(w, c) + ca.dot(nu, self.force)
-        by_tau = ca.gradient(lagrangian, tau)
+        lagrangian = ca.dot(ca.vertcat(nu, w), ca.vertcat(self.force, c))
         matrices = [
             ca.jacobian(self.force, y),
             ca.jacobian(c, y),
             ca.jacobian(c, tau),
             ca.triu(ca.hessian(lagrangian, y)[0]),
-            ca.jacobian(by_tau, y),
-            ca.jacobian(by_tau, tau),
+            ca.jacobian(ca.gradient(lagrangian, y), tau).T,
+            ca.hessian(lagrangian, tau)[0],
         ]
         matrices = [ca.sparsify(ca.substitute(matrix, nu, adjoint)) for matrix in matrices]
         return [y, ca.vertcat(tau, ca.vec(inverse)), w], matrices
@@ -142,9 +141,20 @@ def _function(name: str, arguments: list[ca.SX], results: list[ca.SX]) -> ca.Fun
 
 def _inverse(B: ca.SX) -> ca.SX:
     """Of a matrix of expressions; by cofactors up to 3 x 3, with a single division."""
-    if B.shape[0] > 3 or B.shape[0] == 0:
-        return ca.inv(B) if B.shape[0] else ca.SX(0, 0)
-    adjugate = ca.adj(B) if B.shape[0] > 1 else ca.SX(1)
+    n = B.shape[0]
+    if n == 0 or n > 3:
+        return ca.inv(B) if n else ca.SX(0, 0)
+    adjugate = ca.SX.ones(n, n)
+    for i in range(n):
+        for j in range(n):
+            if n == 2:
+                adjugate[i, j] = B[1 - i, 1 - j] if i == j else -B[i, j]
+            if n == 3:  # indices in cyclic order, so that no sign changes
+                down, right = [(j + 1) % 3, (j + 2) % 3], [(i + 1) % 3, (i + 2) % 3]
+                adjugate[i, j] = (
+                    B[down[0], right[0]] * B[down[1], right[1]]
+                    - B[down[0], right[1]] * B[down[1], right[0]]
+                )
     return adjugate * (1 / (B[0, :] @ adjugate[:, 0]))
 
 

@@ -148,8 +148,6 @@ typedef struct {
   double *slope;                 /* NI x size of z: derivatives of the integral rows by z */
   double *rest;                  /* width: the border's part of a right-hand side, of a solution */
   Integral integral[NI];
-  V unit[NG][NR + 1][2 * NR];    /* weights in an interval of length one */
-  double unit_bending[2 * NR][2 * NR];
   double mu, penalty;
   double left; /* complementarity now */
   int halvings; /* of the last step */

@@ -87,7 +87,7 @@ static void curvature(Problem *P, int64_t i) {
   double g[NK];
   local_gradient(P, I, g);
   curvature_in_constant_units(P, i, g);
-  set_bending(P, I, duration_of(P, I, P->z));
+  set_bending(I, duration_of(P, I, P->z));
 }
 
 /* How far t is from its limits; kept, for a division takes as long as many products. */
