@@ -14,7 +14,7 @@ from deltaopt import Limits, load_scene, plan, verify
 from deltaopt.motion.certificate import MET
 from deltaopt.output.plan_files import write_json
 from deltaopt.verify.pontryagin import extremal
-from tests import posed_scenes
+from tests import planned_scenes
 
 LIGHT = load_scene("problems/light_and_fast.yaml")
 GENTLY = load_scene("problems/objectives/pick_and_place_gently.yaml")
@@ -95,8 +95,8 @@ def test_a_motion_at_a_limit_of_speed():
 def test_a_motor_at_its_limits_of_speed_and_torque(number):
     """Its speed is held by another motor's torque; in the second move another speed touches its
     limit at an instant, where the costates jump. With another payload it is not the fastest."""
-    scene = posed_scenes.random_move("industrial", number)
-    found = posed_scenes.resolved(scene)
+    scene = planned_scenes.random_move("industrial", number)
+    found = planned_scenes.resolved(scene)
     assert extremal(scene, found.trajectory).residual < 1e-7
     assert extremal(changed(scene, payload=1.1), found.trajectory).residual > 10 * MET
 

@@ -15,7 +15,7 @@ import ctypes
 import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -266,8 +266,9 @@ def _pointer(array: NDArray[np.generic]) -> ctypes.c_void_p:
     return ctypes.c_void_p(array.ctypes.data)
 
 
+@lru_cache(maxsize=16)
 def interior_point(problem: PointProblem, points: tuple[float, ...]) -> CompiledMethod | None:
-    """The method for a point problem, if there is machine code for it here."""
+    """The method for a point problem, made once in a process; None without machine code."""
     if len(points) % LANES:
         return None
     built = library(source(problem, len(points)))
