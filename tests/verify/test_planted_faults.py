@@ -20,7 +20,7 @@ SCENES = {
     name: load_scene(PROBLEMS / f"{name}.yaml") for name in ("pick_and_place", "long_diagonal")
 }
 CROSS = load_scene(PROBLEMS / "industrial_cross.yaml")
-SEEDS = range(4)
+SEEDS = range(2)
 
 
 @cache
@@ -48,16 +48,16 @@ def direction(rng: np.random.Generator) -> np.ndarray:
 
 
 def most_in(scene: Scene, position: PiecewisePolynomial, piece: int) -> np.ndarray:
-    """Largest torque over its limit at 4001 instants inside one piece, (4001,)."""
+    """Largest torque over its limit at 401 instants inside one piece, (401,)."""
     trajectory = Trajectory(position, delta_model(scene.robot, scene.payload))
-    t = np.linspace(*position.knots[piece : piece + 2], 4003)[1:-1]
+    t = np.linspace(*position.knots[piece : piece + 2], 403)[1:-1]
     return np.abs(trajectory(t).tau / scene.robot.torque_limits).max(axis=1)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize(
     ("length", "rising", "falling"),
-    [(1e-4, 4, 4), (5e-4, 20, 20), (5e-4, 26, 12)],
+    [(1e-4, 4, 4), (3e-4, 6, 6), (3e-4, 8, 4)],
     ids=["in a piece of 0.1 ms", "amid a longer piece", "off its middle"],
 )
 @pytest.mark.parametrize("name", SCENES)
@@ -84,7 +84,7 @@ def test_torque_for_a_tenth_of_a_millisecond(name, length, rising, falling, seed
         return replace(position, coefficients=coefficients)
 
     low, high = 0.0, 100.0
-    for _ in range(50):
+    for _ in range(30):
         middle = (low + high) / 2
         excess = most_in(scene, bumped(middle), piece).max() - 1
         low, high = (low, middle) if excess > 1e-3 else (middle, high)
@@ -93,7 +93,7 @@ def test_torque_for_a_tenth_of_a_millisecond(name, length, rising, falling, seed
     assert 0 < too_much < 1.5e-4
     found = verify(scene, replace(good, position=bad))
     assert not found.ok
-    assert found.torque_excess == pytest.approx(1e-3, rel=1e-4)
+    assert found.torque_excess == pytest.approx(1e-3, rel=2e-3)
     when = found.excesses["torque_excess"].t
     assert position.knots[piece] <= when <= position.knots[piece + 1]
     assert found.safe_duration > good.duration
