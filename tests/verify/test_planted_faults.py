@@ -192,7 +192,7 @@ def test_a_graze_of_a_serial_singularity(distance, intervals):
     """The torque there is known by closing in on the place where sin² is least."""
     scene, T = grazing(distance), DURATIONS[distance]
     line = straight_line(delta_model(scene.robot, 1.0), scene.start, scene.goal, T)
-    t, width = np.linspace(0, T, 100_001), T / 2
+    t, width = np.linspace(0, T, 20_001), T / 100
     for _ in range(12):
         least = line.model.alignments(line(t).x)[:, 0].argmin()
         width /= 4
