@@ -24,6 +24,7 @@ ORDER = (
     "dynamics",
     "mechanisms",
     "robot",
+    "limits",
     "scene",
     "motion",
     "planning.nlp",
@@ -154,6 +155,13 @@ def test_the_verifier_does_not_know_the_planner():
     assert not {module for module in seen if place(module).startswith("planning")}
     of_motion = {module for module in seen if place(module) == "motion"}
     assert of_motion <= {"deltaopt.motion", "deltaopt.motion.trajectory"}
+
+
+@pytest.mark.parametrize("module", INSIDE)
+def test_only_the_reader_of_scenes_knows_which_limits_there_are(module):
+    """A new limit is one file and one line of registration."""
+    single = {type(limit).__module__ for limit in LIMITS}
+    assert module == "deltaopt.scene.scene" or module in single or not imports(module) & single
 
 
 def test_verification_names_no_limit():
