@@ -154,7 +154,7 @@ def test_failed_verification_is_exit_1(tmp_path, capsys, monkeypatch):
     assert main(["plan", str(SCENE_FILE), "--baseline", "-o", str(tmp_path)]) == 1
     printed = capsys.readouterr()
     assert "torque excess       1.7e-02    1e-09  1            FAILED" in printed.out
-    assert "verification failed: a motor would need 1.7" in printed.err
+    assert "verification failed: torque of motor 1 exceeds its limit by 1.7" in printed.err
     content = json.loads((tmp_path / "plan.json").read_text(encoding="utf-8"))
     assert content["verification"]["ok"] is False
 
