@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deltaopt.codegen.vectorised import evaluate_rows
+from deltaopt.codegen.vectorised import RowFunction, evaluate_rows
 from deltaopt.dynamics.formulation import Formulation
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.dynamics.virtual_work import VirtualWork
@@ -113,7 +113,9 @@ class DeltaModel:
 
         0 where a chain is folded or stretched: the distance to its serial singularity.
         """
-        return self._evaluate(self.functions.reach, x)[0][..., 3:]
+        x = np.asarray(x, dtype=float)
+        (reach,) = _reach(self.functions)(np.atleast_2d(x), parameters=self.parameters)
+        return reach[0, 3:] if x.ndim == 1 else reach[:, 3:]
 
     def motion(self, x: ArrayLike, v: ArrayLike, a: ArrayLike) -> tuple[Array, Array, Array]:
         """q, q̇, q̈, (N, 12) each, of a motion of the platform."""
@@ -213,6 +215,12 @@ class DeltaModel:
 def delta_model(robot: Robot, payload: float | None) -> DeltaModel:
     """The explicit model of a robot with a payload (kg): its numbers are made once."""
     return DeltaModel(robot, payload)
+
+
+@lru_cache(maxsize=16)
+def _reach(functions: DeltaFunctions) -> RowFunction:
+    """(x, p) -> cos² q_{k,3}, sin² (q_{k,1} - q_{k,2}) of the chains, for many points at once."""
+    return RowFunction(functions.reach)
 
 
 def _still(rate: ArrayLike) -> NDArray[np.bool]:
