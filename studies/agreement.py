@@ -127,7 +127,7 @@ def _forward(found: Plan, mesh: Array) -> float:
     equations = forward.of(model.functions, QUADRATIC, scaling.constraints, FASTEST)
     start = Guess(found.trajectory.slowed(_SLOWER), near=False, tolerance=1e-8)
     # the duration alone
-    collocation = replace(equations.on(mesh).collocation, steadiness=0.0)
+    collocation = replace(equations.on(mesh).collocation, regularisation=0.0)
     found_there = DeltaProblem(collocation).solve(start, scaling, model.parameters)
     return float(found_there.position.knots[-1])
 

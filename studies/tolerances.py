@@ -158,7 +158,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    from deltaopt.files.atomic_write import whole
+    from deltaopt.files.atomic_write import atomic_write
     from studies.plots.tolerances import draw  # slow to import
 
     studies = {}
@@ -171,7 +171,7 @@ def run(arguments: argparse.Namespace) -> int:
         ratios = ", ".join(f"{study.ratio(1e-6, to=1e-3):.1f}" for study in studies.values())
         print(f"1e-6 takes so many times as long as 1e-3: {ratios}")
     chart, numbers = (arguments.directory / f"resolution.{kind}" for kind in ("png", "csv"))
-    with whole(numbers) as temporary:
+    with atomic_write(numbers) as temporary:
         temporary.write_text(csv(studies), encoding="utf-8")
     draw(studies, chart)
     print(f"written: {chart}, {numbers}")

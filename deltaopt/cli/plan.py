@@ -28,7 +28,7 @@ from deltaopt.cli.arguments import (
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.motion.certificate import MET
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.output.plan_files import RATE, Solution, StraightLine, save
+from deltaopt.output.plan_files import RATE, Provenance, StraightLine, save
 from deltaopt.planning.flat.flat_problem import Flat
 from deltaopt.planning.formulations.choice import Forward, Redundant
 from deltaopt.planning.formulations.loop_closure import (
@@ -154,7 +154,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _solve(
     scene: Scene, formulation: ProblemFormulation, arguments: argparse.Namespace
-) -> tuple[Trajectory, Solution]:
+) -> tuple[Trajectory, Provenance]:
     if arguments.baseline:
         return baseline(scene), StraightLine()
     found = plan(
@@ -168,29 +168,29 @@ def _solve(
         seed=arguments.seed,
         progress=lambda text: print(text, file=sys.stderr, flush=True),
     )
-    _tell_optima(found)
-    _tell_gap(found)
+    _print_optima(found)
+    _print_gap(found)
     return found.trajectory, found
 
 
-def _tell_optima(found: Plan) -> None:
+def _print_optima(found: Plan) -> None:
     """The distinct local minima, if there was more than one start."""
     for i, optimum in enumerate(found.optima, 1):
         x, y, z = optimum.halfway
         print(
-            f"local optimum {i}: {_told(found.scene, optimum)} from {optimum.starts} starts, "
+            f"local optimum {i}: {_outcome(found.scene, optimum)} from {optimum.starts} starts, "
             f"halfway at ({x:.4f}, {y:.4f}, {z:.4f}) m"
         )
 
 
-def _told(scene: Scene, optimum: Optimum) -> str:
+def _outcome(scene: Scene, optimum: Optimum) -> str:
     """Its duration, or what it costs where that is not the same."""
     if isinstance(scene.objective, Time):
         return f"{optimum.duration:.6f} s"
     return f"{optimum.cost:.6g} {scene.objective.unit} in {optimum.duration:.6f} s"
 
 
-def _tell_gap(found: Plan) -> None:
+def _print_gap(found: Plan) -> None:
     if isinstance(found.scene.objective, Time):
         print(f"estimated to be at most {found.gap:.1e} longer than the optimum", end="")
     else:
@@ -217,11 +217,11 @@ def table(verification: Verification) -> str:
 
 def _singularities(verification: Verification) -> list[str]:
     """How near the motion comes to each kind: no bound, torques say what that costs."""
-    told = [
+    lines = [
         f"  {each.name}: {each.formula} = {each.least:.2g}, {each.subject} at t = {each.t:.6f} s"
         for each in verification.distances
     ]
-    return ["least distance to singularities, 0 in one and 1 at best:", *told] if told else []
+    return ["least distance to singularities, 0 in one and 1 at best:", *lines] if lines else []
 
 
 def _optimality(verification: Verification) -> list[str]:
@@ -231,10 +231,10 @@ def _optimality(verification: Verification) -> list[str]:
         return []
     met = "; a local statement"
     unmet = ": not met; as a rule it is only where torques jump at knots"
-    told = met if max(spread, violation) < MET else unmet
+    verdict = met if max(spread, violation) < MET else unmet
     return [
         f"Pontryagin's condition, by costates fitted to the motion: Hamiltonian constant to "
-        f"{spread:.1e}, signs of torques right to {violation:.1e}{told}"
+        f"{spread:.1e}, signs of torques right to {violation:.1e}{verdict}"
     ]
 
 

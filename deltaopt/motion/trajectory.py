@@ -162,5 +162,5 @@ def _with_derivatives(
 ) -> tuple[Array, Array, Array]:
     """Values and their first two derivatives with respect to time, (N, m) each."""
     rate = of.derivative()
-    values, rates, bends = (q.inside(intervals, since) for q in (of, rate, rate.derivative()))
-    return values, rates, bends
+    values, rates, second = (q.inside(intervals, since) for q in (of, rate, rate.derivative()))
+    return values, rates, second

@@ -10,7 +10,7 @@ import numpy as np
 from deltaopt.codegen.simd_c import SCALAR, c_function
 from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.dynamics.mechanism import SX
-from deltaopt.files.atomic_write import whole
+from deltaopt.files.atomic_write import atomic_write
 from deltaopt.mechanisms.delta.functions import DeltaFunctions, delta_functions
 from deltaopt.motion.trajectory import Array
 from deltaopt.robot.model import DeltaModel
@@ -137,7 +137,7 @@ def export_c(robot: Robot, directory: Path) -> list[Path]:
     }
     paths = []
     for name, text in texts.items():
-        with whole(directory / name) as temporary:
+        with atomic_write(directory / name) as temporary:
             temporary.write_text(text, encoding="utf-8")
         paths.append(directory / name)
     return paths

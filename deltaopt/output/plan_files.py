@@ -13,7 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
-from deltaopt.files.atomic_write import whole
+from deltaopt.files.atomic_write import atomic_write
 from deltaopt.files.validated_record import Vector3
 from deltaopt.motion.certificate import MET
 from deltaopt.motion.effort import cost
@@ -56,7 +56,7 @@ class Optimum(Protocol):
     def starts(self) -> int: ...
 
 
-class Solution(Protocol):
+class Provenance(Protocol):
     """How a motion was found. A Plan is one."""
 
     @property
@@ -102,7 +102,7 @@ def save(
     scene: Scene,
     trajectory: Trajectory,
     verification: Verification,
-    solution: Solution,
+    solution: Provenance,
     rate: float = RATE,
 ) -> list[Path]:
     """Write the three files of a plan into a directory, made if need be; return their paths."""
@@ -117,7 +117,10 @@ def save(
 
 def write_csv(file: Path, trajectory: Trajectory, rate: float = RATE) -> None:
     """The motion at ``rate`` (Hz) and at its last instant, one row each, to the last digit."""
-    with whole(file) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as out:
+    with (
+        atomic_write(file) as temporary,
+        temporary.open("w", encoding="utf-8", newline="\n") as out,
+    ):
         out.write(",".join(COLUMNS) + "\n")
         out.writelines(_rows(trajectory, rate))
 
@@ -127,7 +130,7 @@ def write_json(
     scene: Scene,
     trajectory: Trajectory,
     verification: Verification,
-    solution: Solution,
+    solution: Provenance,
 ) -> None:
     """How the motion was found, what verification says of it, versions, the scene as read."""
     found = {f.name: getattr(solution, f.name) for f in fields(StraightLine)}
@@ -142,7 +145,7 @@ def write_json(
         | {name: _version(name) for name in ("deltaopt", "casadi", "numpy")},
         "scene": scene.model_dump(mode="json", exclude_none=True),
     }
-    with whole(file) as temporary:
+    with atomic_write(file) as temporary:
         text = json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False)
         temporary.write_text(text + "\n", encoding="utf-8")
 

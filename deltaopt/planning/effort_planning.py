@@ -36,8 +36,8 @@ SMOOTH = QUADRATIC
 MOST_INTERVALS = 256
 _FRACTIONS = np.linspace(0.0, 1.0, 97)
 """Where in every interval loads are held against their limits."""
-_TIGHTENINGS = 12
-_WIDENED = 1 - 2e-8
+_MOST_TIGHTENINGS = 12
+_IPOPT_MARGIN = 1 - 2e-8
 """Ipopt widens all bounds by 1e-8."""
 
 
@@ -80,7 +80,7 @@ class CostIteration:
 
 
 @dataclass(frozen=True)
-class LeastCost:
+class EffortResult:
     """The motion of the last mesh, within all limits. ``gap``: as of its round."""
 
     trajectory: Trajectory
@@ -89,7 +89,7 @@ class LeastCost:
     meshes: tuple[CostIteration, ...]
 
 
-class Motion(Protocol):
+class FastestMotion(Protocol):
     """A motion and its gap, such as a Plan."""
 
     @property
@@ -98,14 +98,14 @@ class Motion(Protocol):
     def gap(self) -> float: ...
 
 
-def least_cost(
+def minimise_effort(
     problem: FormulatedProblem,
-    fastest: Motion,
+    fastest: FastestMotion,
     intervals: int,
     tolerance: float,
     scaling: Scaling,
-    tell: Callable[[str], None],
-) -> LeastCost:
+    report: Callable[[str], None],
+) -> EffortResult:
     """The best motion of a scene near the fastest, slowed to the duration if that is given, on
     meshes of twice as many intervals each until the gap is within the tolerance.
 
@@ -121,15 +121,15 @@ def least_cost(
             f"duration is {given:g} s, but the fastest motion that was found takes {shortest:.6g} s"
         )
     first = fastest.trajectory.slowed(given / shortest)
-    found: LeastCost | None = None
+    found: EffortResult | None = None
     try:
         for found in _on_meshes(problem, scaling, first, intervals):
-            tell(str(found.meshes[-1]))
+            report(str(found.meshes[-1]))
             if found.gap <= tolerance:
                 break
     except NotConverged as error:
         if found is not None:  # what is there already is a motion all the same
-            tell(str(error))
+            report(str(error))
             return found
         if given >= shortest:
             raise
@@ -143,11 +143,11 @@ def least_cost(
 
 def _on_meshes(
     problem: FormulatedProblem, scaling: Scaling, first: Trajectory, intervals: int
-) -> Iterator[LeastCost]:
+) -> Iterator[EffortResult]:
     """On the first mesh, and on ever finer ones as long as there may be such."""
     meshes: list[CostIteration] = []
     before, guess, model = np.inf, first, first.model
-    scaling = replace(scaling, share=_WIDENED)
+    scaling = replace(scaling, share=_IPOPT_MARGIN)
     while not meshes or intervals <= MOST_INTERVALS:
         mesh = np.full(intervals, 1 / intervals)
         try:
@@ -157,7 +157,7 @@ def _on_meshes(
         safe = _within_limits(problem, mesh, scaling, raw, model)
         gap = abs(before / raw.cost - 1) + abs(safe.cost / raw.cost - 1)
         meshes.append(_iteration(safe, intervals, scaling, gap))
-        yield LeastCost(safe.trajectory, safe.solution, gap, tuple(meshes))
+        yield EffortResult(safe.trajectory, safe.solution, gap, tuple(meshes))
         before, guess, intervals = raw.cost, safe.trajectory, 2 * intervals
 
 
@@ -191,8 +191,8 @@ def _within_limits(
 ) -> _OnMesh:
     """With limits tightened where they were exceeded, until they are kept everywhere."""
     constraints, iterations, spent = scaling.constraints, found.iterations, found.spent
-    share = np.full((len(mesh), constraints.number), _WIDENED)
-    for i in range(_TIGHTENINGS):
+    share = np.full((len(mesh), constraints.number), _IPOPT_MARGIN)
+    for i in range(_MOST_TIGHTENINGS):
         excess = _excesses(scaling, found.trajectory)
         worst = float(excess.max())
         if worst <= 0:

@@ -23,7 +23,7 @@ from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.scene import Scene
 
-_ALONG = np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0])
+_QUINTIC = np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0])
 """Share of the way at u = t / duration: at rest and without acceleration at both ends."""
 _PULLS = (0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0)
 """How far arcs are pulled from the line towards the middle of the workspace, as a share."""
@@ -36,7 +36,7 @@ def straight_line(model: DeltaModel, start: Vector3, goal: Vector3, duration: fl
     """10 u³ - 15 u⁴ + 6 u⁵ of the way at u = t / duration: at rest and without acceleration
     at both ends, as in the paper's Fig. 4."""
     begin, way = np.array(start), np.array(goal) - np.array(start)
-    coefficients = _ALONG[:, None] * way
+    coefficients = _QUINTIC[:, None] * way
     coefficients[0] += begin
     return _one_piece(model, coefficients).slowed(duration)
 
@@ -67,15 +67,15 @@ def detour(scene: Scene) -> Trajectory:
 
     Raises Unreachable if none of them can be driven.
     """
-    for curves in (_arcs, _bends):
-        motions = list(driven(scene, curves(scene)))
+    for curves in (_parabolas, _cubics):
+        motions = list(drivable(scene, curves(scene)))
         if motions:
             return min(motions, key=lambda motion: motion.duration)
     raise Unreachable("neither a straight line nor a simple curve leads from start to goal")
 
 
-def driven(scene: Scene, curves: Iterator[Trajectory]) -> Iterator[Trajectory]:
-    """Those of the curves that can be driven, as fast as limits allow."""
+def drivable(scene: Scene, curves: Iterator[Trajectory]) -> Iterator[Trajectory]:
+    """Those of the curves that can be drivable, as fast as limits allow."""
     for curve in curves:
         try:
             yield _fastest(scene, curve, "the curve")
@@ -83,7 +83,7 @@ def driven(scene: Scene, curves: Iterator[Trajectory]) -> Iterator[Trajectory]:
             continue
 
 
-def _arcs(scene: Scene) -> Iterator[Trajectory]:
+def _parabolas(scene: Scene) -> Iterator[Trajectory]:
     """Parabolas drawn towards the middle."""
     halfway = (np.array(scene.start) + scene.goal) / 2
     for pull in _PULLS:
@@ -91,7 +91,7 @@ def _arcs(scene: Scene) -> Iterator[Trajectory]:
         yield curve_between(scene, corner)
 
 
-def _bends(scene: Scene) -> Iterator[Trajectory]:
+def _cubics(scene: Scene) -> Iterator[Trajectory]:
     """Cubics that leave start and reach goal each towards a point on the axis, deeper ones
     too: from one far side to the other, around what the chains cannot fold into."""
     start, goal = np.array(scene.start), np.array(scene.goal)
@@ -110,8 +110,8 @@ def joint_line(scene: Scene) -> Trajectory:
     model = delta_model(scene.robot, scene.payload)
     u = np.linspace(0.0, 1.0, _JOINT_LINE_INTERVALS + 1)
     ends = np.tile([*scene.start, *scene.goal], (len(u), 1))
-    share = np.asarray(polyval(u, _ALONG), dtype=float)[:, None]
-    rate = np.asarray(polyval(u, polyder(_ALONG)), dtype=float)[:, None]
+    share = np.asarray(polyval(u, _QUINTIC), dtype=float)[:, None]
+    rate = np.asarray(polyval(u, polyder(_QUINTIC)), dtype=float)[:, None]
     function = _joint_line_function(model.functions.terms)
     x, v = function(ends, share, rate, parameters=model.parameters)
     if not np.isfinite(x).all():
@@ -172,10 +172,10 @@ def curve_between(scene: Scene, *control: Array) -> Trajectory:
     points = np.array([scene.start, *control, scene.goal])
     n = len(points) - 1
     # Powers of the share of the way: differences of the points, forward from the first.
-    coefficients, power = np.zeros((n * (len(_ALONG) - 1) + 1, 3)), np.ones(1)
+    coefficients, power = np.zeros((n * (len(_QUINTIC) - 1) + 1, 3)), np.ones(1)
     for k in range(n + 1):
         coefficients[: len(power)] += np.outer(power, comb(n, k) * np.diff(points, k, axis=0)[0])
-        power = polymul(power, _ALONG)
+        power = polymul(power, _QUINTIC)
     return _one_piece(delta_model(scene.robot, scene.payload), coefficients)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.planning.initial_motion import curve_between, driven, first_motion
+from deltaopt.planning.initial_motion import curve_between, drivable, first_motion
 from deltaopt.scene.scene import Scene
 
 Array = NDArray[np.float64]
@@ -30,7 +30,7 @@ def first_motions(scene: Scene, number: int, seed: int) -> Iterator[Trajectory]:
     Fewer than ``number`` where hardly any cubic can be driven.
     """
     yield first_motion(scene)
-    random = driven(scene, islice(_cubics(scene, seed), _TRIES * (number - 1)))
+    random = drivable(scene, islice(_cubics(scene, seed), _TRIES * (number - 1)))
     yield from islice(random, number - 1)
 
 
@@ -77,5 +77,5 @@ def distinct(found: Sequence[tuple[Trajectory, float, float]], length: float) ->
 
 def _same(one: Optimum, other: Optimum, length: float) -> bool:
     apart = float(np.linalg.norm(np.subtract(one.halfway, other.halfway)))
-    dearer = abs(one.cost / other.cost - 1)
-    return dearer <= one.gap + other.gap and apart <= _SAME_PATH * length
+    difference = abs(one.cost / other.cost - 1)
+    return difference <= one.gap + other.gap and apart <= _SAME_PATH * length

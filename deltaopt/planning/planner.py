@@ -26,7 +26,7 @@ from deltaopt.planning.effort_planning import (
     SMOOTH,
     CostIteration,
     cost_to_minimise,
-    least_cost,
+    minimise_effort,
     scaling_to_duration,
 )
 from deltaopt.planning.flat.flat_problem import Flat
@@ -40,7 +40,7 @@ from deltaopt.planning.nlp.transcription import LINEAR, PiecewiseAcceleration
 from deltaopt.planning.refinement import Progress, Refinement, Resolver
 from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.robot.robot import Robot
-from deltaopt.scene.feasibility import check_feasible, reach_at_ends
+from deltaopt.scene.feasibility import check_feasible, serial_distances_at_ends
 from deltaopt.scene.objective import Objective, Time
 from deltaopt.scene.scene import Limits, Scene
 
@@ -50,12 +50,12 @@ Pair = tuple[Vector3, Vector3]
 
 RESOLVED_BELOW = 1e-4
 """Tolerances below this are met by resolving switches: finer meshes cost more and more."""
-_OTHER = 3
+_RETRY_HALVES = 3
 """Halves of the intervals of the first mesh where a small gap was not reached: which structure
 is read and which intervals are split depends on them."""
-_NEAREST = 1e-2
+_KEPT_DISTANCE = 1e-2
 """Squared distance to a serial singularity that motions keep if their ends do."""
-_FIRST = 1e-4
+_FIRST_MESH_TOLERANCE = 1e-4
 """To which the first mesh is solved at most, whatever the tolerance: it is coarse."""
 
 
@@ -64,7 +64,7 @@ class Plan:
     """A motion for a scene that keeps every limit between mesh points too.
 
     ``gap``: estimated excess of its cost, a duration as a rule, over the least possible, as a
-    fraction; ``Iteration`` and ``least_cost`` say how it is estimated.
+    fraction; ``Iteration`` and ``minimise_effort`` say how it is estimated.
     ``meshes``: those it took. ``solve_seconds``: wall time of all of them.
     ``resolved``: whether its switches are. ``certificate``: how well Pontryagin's condition is
     met, by the prices on the arcs, or on the mesh where these tell.
@@ -216,23 +216,23 @@ class Planner:
         ``starts``, ``seed``: see ``plan``. Raises Unreachable, Infeasible or NotConverged.
         """
         check_feasible(scene)
-        tell = progress or (lambda _: None)
+        report = progress or (lambda _: None)
         guesses = self._guesses(scene, starts, seed)
         if starts == 1:
-            return self._plan(scene, next(guesses), tell)
-        return self._best(scene, guesses, tell)
+            return self._plan(scene, next(guesses), report)
+        return self._best(scene, guesses, report)
 
-    def _best(self, scene: Scene, guesses: Iterator[Guess], tell: Progress) -> Plan:
+    def _best(self, scene: Scene, guesses: Iterator[Guess], report: Progress) -> Plan:
         """The best of the plans from each first guess."""
         begin = perf_counter()
         plans: list[Plan] = []
         failures: list[NotConverged] = []
         for i, guess in enumerate(guesses, 1):
-            tell(f"start {i}:")
+            report(f"start {i}:")
             try:
-                plans.append(self._plan(scene, guess, tell))
+                plans.append(self._plan(scene, guess, report))
             except NotConverged as error:
-                tell(str(error))
+                report(str(error))
                 failures.append(error)
         if not plans:
             raise failures[0]
@@ -241,22 +241,22 @@ class Planner:
         best = min(plans, key=lambda each: each.cost)
         return replace(best, optima=tuple(optima), solve_seconds=perf_counter() - begin)
 
-    def _plan(self, scene: Scene, guess: Guess, tell: Progress) -> Plan:
+    def _plan(self, scene: Scene, guess: Guess, report: Progress) -> Plan:
         """From one first guess."""
         if not isinstance(scene.objective, Time):
-            return self._of_least_cost(scene, guess, tell)
-        found = self._fastest(scene, guess, tell)
+            return self._plan_effort(scene, guess, report)
+        found = self._fastest(scene, guess, report)
         if found.within_tolerance or self.tolerance >= self.resolved_below:
             return found
-        other = replace(self, intervals=_OTHER * self.intervals // 2)
-        tell(f"once more, from {other.intervals} intervals:")
+        other = replace(self, intervals=_RETRY_HALVES * self.intervals // 2)
+        report(f"once more, from {other.intervals} intervals:")
         try:
-            return quicker(found, other._fastest(scene, guess, tell))
+            return quicker(found, other._fastest(scene, guess, report))
         except NotConverged as error:
-            tell(str(error))
+            report(str(error))
             return found
 
-    def _fastest(self, scene: Scene, guess: Guess, tell: Progress) -> Plan:
+    def _fastest(self, scene: Scene, guess: Guess, report: Progress) -> Plan:
         """From one first guess and one first mesh."""
         begin = perf_counter()
         model = delta_model(scene.robot, scene.payload)
@@ -266,8 +266,8 @@ class Planner:
             scaling,
             model,
             self.tolerance,
-            self._resolver(scaling, model, tell),
-            tell,
+            self._resolver(scaling, model, report),
+            report,
         )
         resolved = refinement.from_guess(guess, self.intervals)
         solutions, iterations = refinement.solutions, refinement.iterations
@@ -286,7 +286,7 @@ class Planner:
         spent = sum(each.iterations for each in iterations)
         return Plan(
             scene=scene,
-            trajectory=chosen.trajectory.slowed(chosen.safe_factor * _for_rounding(scene)),
+            trajectory=chosen.trajectory.slowed(chosen.safe_factor * _rounding_factor(scene)),
             formulation=self._formulation.name,
             transcription=resolved.name if resolved else self._transcription.name,
             intervals=len(chosen.trajectory.knots) - 1,
@@ -300,16 +300,16 @@ class Planner:
             resolved=resolved is not None,
         )
 
-    def _resolver(self, scaling: Scaling, model: DeltaModel, tell: Progress) -> Resolver | None:
+    def _resolver(self, scaling: Scaling, model: DeltaModel, report: Progress) -> Resolver | None:
         """What resolves switches, imported where the tolerance asks for it only; None where the
         scene has limits that arcs cannot hold."""
         if self.tolerance >= self.resolved_below:
             return None
         from deltaopt.planning.switching.resolver import resolver
 
-        return resolver(scaling, model, self.tolerance, tell)
+        return resolver(scaling, model, self.tolerance, report)
 
-    def _of_least_cost(self, scene: Scene, guess: Guess, tell: Progress) -> Plan:
+    def _plan_effort(self, scene: Scene, guess: Guess, report: Progress) -> Plan:
         """From the fastest motion."""
         begin = perf_counter()
         quick = Planner(self.robot, self.payload, self.limits)
@@ -317,7 +317,7 @@ class Planner:
         scaling = scaling_to_duration(scene, fastest.duration)
         cost = cost_to_minimise(scene.objective, scaling)
         problem = self._problem(fastest.trajectory.model, scaling, cost)
-        found = least_cost(problem, fastest, self.intervals, self.tolerance, scaling, tell)
+        found = minimise_effort(problem, fastest, self.intervals, self.tolerance, scaling, report)
         return Plan(
             scene=scene,
             trajectory=found.trajectory,
@@ -353,7 +353,7 @@ class Planner:
     def _guesses(self, scene: Scene, starts: int, seed: int) -> Iterator[Guess]:
         """Motions without optimisation."""
         for motion in first_motions(scene, starts, seed):
-            yield Guess(motion, near=False, tolerance=max(_FIRST, self.tolerance))
+            yield Guess(motion, near=False, tolerance=max(_FIRST_MESH_TOLERANCE, self.tolerance))
 
     def _problem(self, model: DeltaModel, scaling: Scaling, cost: Cost) -> FormulatedProblem:
         """Built once in a process for all models with the same terms and limits."""
@@ -394,10 +394,10 @@ def quicker(one: Plan, other: Plan) -> Plan:
     )
 
 
-def _for_rounding(scene: Scene) -> float:
+def _rounding_factor(scene: Scene) -> float:
     """Torques near a serial singularity are known to rounding over its distance only, whoever
     computes them."""
-    least = min(_NEAREST, float(reach_at_ends(scene).min()) / 2)
+    least = min(_KEPT_DISTANCE, float(serial_distances_at_ends(scene).min()) / 2)
     return 1 + float(np.finfo(float).eps) / least
 
 

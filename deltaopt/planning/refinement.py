@@ -26,22 +26,22 @@ from deltaopt.robot.model import DeltaModel
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
 
-_READABLE, _MOST_READ = 2e-3, 3
+_DETECTABLE_GAP, _MOST_DETECTIONS = 2e-3, 3
 """A mesh solution with a smaller gap shows which limit is active when; from so many meshes the
 switching structure is detected, for what they do not resolve those with knots a little closer
 hardly do."""
-_SHARP = 1e-5
+_SHARP_GAP = 1e-5
 """One with a smaller gap shows it sharply, and is tried once more."""
-_FALL, _FALL_TO_READ = 32.0, 16.0
+_REDUCTION, _REDUCTION_AFTER_DETECTION = 32.0, 16.0
 """From one mesh to the next the gap is to fall to this part at least: asked for more, a coarse
 mesh would be split everywhere."""
-_COARSE = 1e-3
+_LARGEST_TARGET = 1e-3
 """More is not aimed at on any mesh, not even where a motion cannot be slowed to its limits."""
-_EXACT, _COARSEST = 300.0, 1e-4
+_SOLVER_MARGIN, _LOOSEST_TOLERANCE = 300.0, 1e-4
 """A mesh is solved to this part of the gap of the one before, and to so much at least."""
-_LEAST_AIM = 3e-7
+_SMALLEST_TARGET = 3e-7
 """To be given away on a mesh: less cannot be told from what the solver leaves."""
-_MOST_MESHES, _MOST_ALIKE, _MOST_FAILURES = 17, 4, 2
+_MOST_MESHES, _MOST_REPEATS, _MOST_FAILURES = 17, 4, 2
 """Meshes; of these alike, with limits tightened again and again; that bring no solution."""
 
 
@@ -97,12 +97,12 @@ class Refinement:
     model: DeltaModel
     tolerance: float
     resolver: Resolver | None
-    tell: Progress
+    report: Progress
     solutions: list[MeshSolution] = field(default_factory=list, init=False)
     iterations: list[Iteration] = field(default_factory=list, init=False)
-    _coarse_left: int = field(default=_MOST_READ, init=False)
+    _coarse_left: int = field(default=_MOST_DETECTIONS, init=False)
     _fine_left: int = field(default=1, init=False)
-    _alike: int = field(default=0, init=False)
+    _repeats: int = field(default=0, init=False)
     _failures: int = field(default=0, init=False)
 
     def from_guess(self, first: Guess, intervals: int) -> ResolvedMotion | None:
@@ -114,26 +114,28 @@ class Refinement:
         self._solve(np.full(intervals, 1 / intervals), first, self.scaling)
         while not self._done:
             last, gap = self.solutions[-1], self.iterations[-1].gap
-            aim = max(self.tolerance / 3, _LEAST_AIM, min(gap / _FALL, _COARSE))
-            resolve = self._way_to_resolve(gap)
+            target = max(
+                self.tolerance / 3, _SMALLEST_TARGET, min(gap / _REDUCTION, _LARGEST_TARGET)
+            )
+            resolve = self._next_resolution(gap)
             if resolve:
                 resolved = resolve(last)
                 if resolved:
                     return resolved
-                aim = max(aim, gap / _FALL_TO_READ)
-            mesh = self._finer(last, aim / 3**self._failures)
+                target = max(target, gap / _REDUCTION_AFTER_DETECTION)
+            mesh = self._finer(last, target / 3**self._failures)
             scaling = last.tightened(mesh)
-            if self._repeats(last, mesh, scaling):
-                self.tell(f"{len(last.mesh)} intervals: no finer mesh is known to be worth it")
+            if self._is_repetition(last, mesh, scaling):
+                self.report(f"{len(last.mesh)} intervals: no finer mesh is known to be worth it")
                 break
-            accuracy = max(self.tolerance / 3, min(gap / _EXACT, _COARSEST))
+            accuracy = max(self.tolerance / 3, min(gap / _SOLVER_MARGIN, _LOOSEST_TOLERANCE))
             try:
                 self._solve(mesh, Guess(last.trajectory, near=True, tolerance=accuracy), scaling)
                 self._failures = 0
             except NotConverged as error:  # what is there already is a motion all the same
-                self.tell(f"{len(mesh)} intervals: {error}")
+                self.report(f"{len(mesh)} intervals: {error}")
                 self._failures += 1
-        if self.resolver is None or self.iterations[-1].gap >= _READABLE:
+        if self.resolver is None or self.iterations[-1].gap >= _DETECTABLE_GAP:
             return None
         return self.resolver.from_last(self.solutions[-1])
 
@@ -158,28 +160,34 @@ class Refinement:
         if self._within_tolerance:  # by samples; but is it?
             self.solutions[-1] = self.solutions[-1].exact()
             self.iterations[-1] = iteration_of(self.solutions)
-        self.tell(str(self.iterations[-1]))
+        self.report(str(self.iterations[-1]))
 
-    def _finer(self, last: MeshSolution, aim: float) -> Array:
+    def _finer(self, last: MeshSolution, target: float) -> Array:
         """The next mesh: the same if all that is wrong is cured by tighter limits."""
         lost, unused = last.lost, self.iterations[-1].gap - (last.safe_factor - 1)
-        if unused < self.tolerance / 2 and self.iterations[-1].gap < _SHARP and not self._failures:
+        if (
+            unused < self.tolerance / 2
+            and self.iterations[-1].gap < _SHARP_GAP
+            and not self._failures
+        ):
             lost = replace(lost, unused=np.zeros_like(lost.unused))
-        mesh = refined(last.mesh, lost, aim)
+        mesh = refined(last.mesh, lost, target)
         return mesh if len(mesh) <= last.problem.finest else last.mesh
 
-    def _repeats(self, last: MeshSolution, mesh: Array, scaling: Scaling) -> bool:
+    def _is_repetition(self, last: MeshSolution, mesh: Array, scaling: Scaling) -> bool:
         """Whether nothing new would be tried; counts what is tried on one mesh."""
         N = len(mesh)
-        self._alike = self._alike + 1 if len(last.mesh) == N else 0
-        same = self._alike and np.array_equal(scaling.shares(N), last.scaling.shares(N))
-        return bool(same) or self._alike > _MOST_ALIKE
+        self._repeats = self._repeats + 1 if len(last.mesh) == N else 0
+        same = self._repeats and np.array_equal(scaling.shares(N), last.scaling.shares(N))
+        return bool(same) or self._repeats > _MOST_REPEATS
 
-    def _way_to_resolve(self, gap: float) -> Callable[[MeshSolution], ResolvedMotion | None] | None:
+    def _next_resolution(
+        self, gap: float
+    ) -> Callable[[MeshSolution], ResolvedMotion | None] | None:
         """How the switches of the last mesh are to be resolved, each mesh once; None if not."""
-        if self.resolver is None or self._failures or self._alike or gap >= _READABLE:
+        if self.resolver is None or self._failures or self._repeats or gap >= _DETECTABLE_GAP:
             return None
-        if gap < _SHARP and self._fine_left:
+        if gap < _SHARP_GAP and self._fine_left:
             self._fine_left -= 1
             return self.resolver.from_fine
         if not self._coarse_left:

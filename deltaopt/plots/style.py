@@ -11,7 +11,7 @@ import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from deltaopt.files.atomic_write import whole
+from deltaopt.files.atomic_write import atomic_write
 from deltaopt.motion.trajectory import Array
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73")
@@ -48,7 +48,7 @@ def figure(file: Path, width: float, height: float) -> Iterator[Figure]:
 
     The format follows the file's suffix: png, pdf or svg.
     """
-    with mpl.rc_context(_STYLE), whole(file) as temporary:
+    with mpl.rc_context(_STYLE), atomic_write(file) as temporary:
         drawn = Figure(figsize=(width, height), layout="constrained")
         yield drawn
         drawn.savefig(temporary, dpi=300)

@@ -113,7 +113,7 @@ class DeltaModel:
 
         0 where a chain is folded or stretched: the distance to its serial singularity.
         """
-        return self._evaluate(self.functions.reach, x)[0][..., 3:]
+        return self._evaluate(self.functions.serial_distances, x)[0][..., 3:]
 
     def motion(self, x: ArrayLike, v: ArrayLike, a: ArrayLike) -> tuple[Array, Array, Array]:
         """q, q̇, q̈, (N, 12) each, of a motion of the platform."""
@@ -200,7 +200,7 @@ class DeltaModel:
 
     def _obstacle(self, point: Array) -> str:
         """Which chain keeps the platform from a point, and how."""
-        margins = self._evaluate(self.functions.reach, point)[0].reshape(2, 3)
+        margins = self._evaluate(self.functions.serial_distances, point)[0].reshape(2, 3)
         for k in range(3):
             if margins[0, k] < 0:
                 return f"the bars of chain {k + 1} are too short to reach it sideways"

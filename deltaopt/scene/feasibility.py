@@ -20,7 +20,7 @@ from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.scene.scene import Scene, limits_of
 from deltaopt.scene.task import distance
 
-_LEAST_WAY = 1e-12  # m: coordinates of a metre have digits down to 1e-16
+_SHORTEST_MOVE = 1e-12  # m: coordinates of a metre have digits down to 1e-16
 _CLEAR = 1e-6  # of squared distances from a serial singularity: nearer ones are looked at closely
 _SAME_PLACE = 1e-6  # m: near a parallel singularity forward kinematics knows half the digits
 
@@ -29,10 +29,10 @@ def check_feasible(scene: Scene) -> None:
     """Raise Unreachable, Singular or Infeasible, in one sentence, if start or goal rule a
     motion out."""
     way = distance(scene.task)
-    if way < _LEAST_WAY:
+    if way < _SHORTEST_MOVE:
         raise Infeasible(
             f"start and goal are {way:.1e} m apart, which coordinates in double precision "
-            f"cannot resolve; at least {_LEAST_WAY:g} m are needed"
+            f"cannot resolve; at least {_SHORTEST_MOVE:g} m are needed"
         )
     if _is_feasible(scene):
         return
@@ -43,7 +43,7 @@ def check_feasible(scene: Scene) -> None:
         _require_departure(model, name, point)
 
 
-def reach_at_ends(scene: Scene) -> Array:
+def serial_distances_at_ends(scene: Scene) -> Array:
     """Squared distances of start and goal from serial singularities, (2, 6): sideways, then
     sin² (q_{k,1} - q_{k,2})."""
     return _ends(scene)[2]
@@ -52,10 +52,10 @@ def reach_at_ends(scene: Scene) -> Array:
 def _is_feasible(scene: Scene) -> bool:
     """The same in one evaluation, without words."""
     ends = np.array([scene.start, scene.goal])
-    back, rows, reach = _ends(scene)
+    back, rows, distances = _ends(scene)
     there = np.linalg.norm(back - ends, axis=1) <= _SAME_PLACE  # False where not a number
     held = (np.abs(rows) <= 1).all()
-    return bool(there.all() and held and (reach > _CLEAR).all())
+    return bool(there.all() and held and (distances > _CLEAR).all())
 
 
 def _ends(scene: Scene) -> tuple[Array, ...]:
@@ -77,7 +77,7 @@ def _rest_function(terms: DeltaTerms, constraints: Constraints) -> RowFunction:
     back = functions.forward_kinematics(motion.theta, p)
     rows = constraints.rows(motion, numbers)
     within = [_within(rows[i], *constraints.sides[i]) for i in range(constraints.number)]
-    results = [back, ca.vertcat(*within), functions.reach(x, p)]
+    results = [back, ca.vertcat(*within), functions.serial_distances(x, p)]
     inputs = [x, ca.vertcat(numbers, p)]
     return RowFunction(ca.Function("rest", inputs, results, {"cse": True}))
 

@@ -94,8 +94,8 @@ Objective = Time | Effort | TimeAndEffort
 def objective_in(content: dict[str, object]) -> dict[str, object]:
     """A scene's content with its objective as a value and no duration beside it."""
     rest = {key: value for key, value in content.items() if key not in ("objective", "duration")}
-    said, duration = content.get("objective", "time"), content.get("duration")
-    if said == "effort":
+    given, duration = content.get("objective", "time"), content.get("duration")
+    if given == "effort":
         if "duration" not in content:
             needed = f"{DURATION}, since the objective is effort"
             raise SceneError(None, "duration", None, needed, "is missing")
@@ -106,14 +106,14 @@ def objective_in(content: dict[str, object]) -> dict[str, object]:
     if "duration" in content:
         free = "objective: effort beside it, since it is a variable otherwise"
         raise SceneError(None, "duration", duration, free)
-    if said == "time":
+    if given == "time":
         return {**rest, "objective": Time()}
-    if isinstance(said, dict):
+    if isinstance(given, dict):
         try:
-            return {**rest, "objective": TimeAndEffort.model_validate(said)}
+            return {**rest, "objective": TimeAndEffort.model_validate(given)}
         except SceneError as error:
             raise error.inside(key="objective") from None
-    return {**rest, "objective": said}
+    return {**rest, "objective": given}
 
 
 def content_of(objective: Objective) -> dict[str, object]:

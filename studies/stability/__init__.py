@@ -35,14 +35,14 @@ class Part:
 
     def run(self, name: str, directory: Path) -> None:
         """Measure, write the files, print the table, the verdict and where the files are."""
-        from deltaopt.files.atomic_write import whole
+        from deltaopt.files.atomic_write import atomic_write
 
         found = self.measure(ProgressBar())
         files = [directory / file for file in (f"{name}.csv", *self.charts)]
-        with whole(files[0]) as path:
+        with atomic_write(files[0]) as path:
             path.write_text(self.csv(found), encoding="utf-8")
         for file, draw in zip(files[1:], self.charts.values(), strict=True):
-            with whole(file) as path:
+            with atomic_write(file) as path:
                 draw(found, path)
         print(self.table(found), self.verdict(found), "", sep="\n\n", end="")
         print(", ".join(map(str, files)), end="\n\n", flush=True)

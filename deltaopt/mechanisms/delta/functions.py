@@ -16,14 +16,18 @@ from deltaopt.dynamics.formulation import Formulation
 from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.dynamics.linear import solve_affine
 from deltaopt.dynamics.mechanism import SX, Mechanism
-from deltaopt.mechanisms.delta.kinematics import forward_kinematics, inverse_kinematics, reach
+from deltaopt.mechanisms.delta.kinematics import (
+    forward_kinematics,
+    inverse_kinematics,
+    serial_distances,
+)
 from deltaopt.mechanisms.delta.mechanism import DeltaTerms, delta
 from deltaopt.mechanisms.delta.singularities import (
     alignment_margins,
     parallel_margin,
     sideways_margins,
 )
-from deltaopt.mechanisms.delta.slender_bars import explicit_equations
+from deltaopt.mechanisms.delta.slender_bars import angle_free_equations
 
 
 @dataclass(frozen=True)
@@ -55,10 +59,10 @@ class DeltaFunctions:
         return ca.Function("forward_kinematics", [theta, p.vector()], [x])
 
     @cached_property
-    def reach(self) -> ca.Function:
+    def serial_distances(self) -> ca.Function:
         """(x, p) -> cos² q_{k,3} of the three chains, then sin² (q_{k,1} - q_{k,2})."""
         x, p = SX.sym("x", 3), self.terms.symbols()
-        return ca.Function("reach", [x, p.vector()], [ca.vec(reach(p, x))])
+        return ca.Function("serial_distances", [x, p.vector()], [ca.vec(serial_distances(p, x))])
 
     @cached_property
     def margins(self) -> ca.Function:
@@ -93,9 +97,9 @@ class DeltaFunctions:
         x, v, a, tau = (SX.sym(name, 3) for name in ("x", "v", "a", "tau"))
         terms = self.terms.symbols()
         if self.terms.slender:
-            results: tuple[SX, ...] = explicit_equations(terms, x, v, a, tau)
+            results: tuple[SX, ...] = angle_free_equations(terms, x, v, a, tau)
         else:
-            results = self._explicit_equations(x, v, a, tau, terms.vector())
+            results = self._general_equations(x, v, a, tau, terms.vector())
         inputs = [x, v, a, tau, terms.vector()]
         return ca.Function("explicit_equations", inputs, list(results))
 
@@ -126,10 +130,10 @@ class DeltaFunctions:
         p = self.terms.symbols().vector()
         return *x, p, self.explicit_equations(*x, p)[0]
 
-    def _explicit_equations(self, x: SX, v: SX, a: SX, tau: SX, p: SX) -> tuple[SX, ...]:
+    def _general_equations(self, x: SX, v: SX, a: SX, tau: SX, p: SX) -> tuple[SX, ...]:
         q, dq, ddq = self.motion(x, v, a, p)
         force = Explicit().residual(self.mechanism).expand()(0, q, dq, ddq, tau, p)
-        return force, self.reach(x, p)[3:], dq[3::3], ddq[3::3]
+        return force, self.serial_distances(x, p)[3:], dq[3::3], ddq[3::3]
 
     @cached_property
     def inverse_dynamics(self) -> ca.Function:

@@ -19,7 +19,7 @@ def inverse_kinematics(p: DeltaParameters, x: SX) -> SX:
     return ca.vertcat(x, *(_chain_angles(p, azimuth, x) for azimuth in AZIMUTHS))
 
 
-def reach(p: DeltaParameters, x: SX) -> SX:
+def serial_distances(p: DeltaParameters, x: SX) -> SX:
     """How far each chain is from its limits, 3 × 2, 1; negative out of reach.
 
     First column: cos² q_{k,3}. Second: sin² (q_{k,1} - q_{k,2}), where the first allows it.

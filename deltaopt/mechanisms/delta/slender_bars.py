@@ -22,7 +22,7 @@ from deltaopt.dynamics.mechanism import SX
 from deltaopt.mechanisms.delta.mechanism import AZIMUTHS, DeltaParameters
 
 
-def explicit_equations(p: DeltaParameters, x: SX, v: SX, a: SX, tau: SX) -> tuple[SX, SX, SX, SX]:
+def angle_free_equations(p: DeltaParameters, x: SX, v: SX, a: SX, tau: SX) -> tuple[SX, SX, SX, SX]:
     """Cᵀ (Q* + Q), 3, N, zero where the motion obeys eq. (39); sin² (q_{k,1} - q_{k,2}), 3,
     zero where a chain is folded or stretched; θ̇ and θ̈, 3 each, rad/s and rad/s².
 
@@ -32,14 +32,14 @@ def explicit_equations(p: DeltaParameters, x: SX, v: SX, a: SX, tau: SX) -> tupl
     force = -mass * a
     if p.g is not None:
         force += ca.vertcat(mass * p.g, 0, 0)
-    openings, speeds, accelerations = [], [], []
+    alignments, speeds, accelerations = [], [], []
     for azimuth, torque in zip(AZIMUTHS, ca.vertsplit(tau), strict=True):
         chain = _Chain(p, azimuth, x, v, a)
         force += chain.to_base(*chain.force_on_platform(torque))
-        openings.append(chain.opening)
+        alignments.append(chain.alignment)
         speeds.append(chain.dtheta)
         accelerations.append(chain.ddtheta)
-    return force, ca.vertcat(*openings), ca.vertcat(*speeds), ca.vertcat(*accelerations)
+    return force, ca.vertcat(*alignments), ca.vertcat(*speeds), ca.vertcat(*accelerations)
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ class _Chain:
         distance2 = down**2 + outward**2
         dot = (distance2 + arm2 - bars2) / 2  # E·P
         cross2 = arm2 * distance2 - dot**2
-        self.opening = cross2 / (arm2 * bars2)
+        self.alignment = cross2 / (arm2 * bars2)
         cross = ca.sqrt(cross2)  # |E×P|: the elbow outside
         self.E_d = (down * dot - outward * cross) / distance2
         self.E_o = (outward * dot + down * cross) / distance2

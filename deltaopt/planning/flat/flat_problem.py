@@ -38,12 +38,12 @@ from deltaopt.planning.flat.interior_point import (
 from deltaopt.planning.nlp.cost import FASTEST, Cost
 from deltaopt.planning.nlp.problem import IPOPT_FINEST, Guess, InteriorPoint, Ipopt, Solved, Solver
 from deltaopt.planning.nlp.program import (
+    IpoptSolution,
     Layout,
     Options,
     Points,
     Program,
     RunningCost,
-    Solution,
 )
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
@@ -184,7 +184,7 @@ class FlatProblem:
             if method is None:
                 break
             settings = replace(begin, tolerance=guess.tolerance)
-            found = self._from_inside(method, guess, scaling, parameters, settings)
+            found = self._by_interior_point(method, guess, scaling, parameters, settings)
             if found.solved:
                 (phase,) = found.phases
                 return Solved(
@@ -204,7 +204,7 @@ class FlatProblem:
             )
         return self._by_ipopt(guess, scaling, parameters)
 
-    def _from_inside(
+    def _by_interior_point(
         self,
         method: CompiledMethod,
         guess: Guess,
@@ -265,13 +265,13 @@ class FlatProblem:
         X = (at_knots.x - scaling.origin) / scaling.length
         V = at_knots.v * T / scaling.length
         A = self._inside(trajectory, self.transcription.nodes).a * T**2 / scaling.length
-        A = self._meeting(X, V, A.reshape(self.intervals, -1, 3))
+        A = self._continuous(X, V, A.reshape(self.intervals, -1, 3))
         tau = self._inside(trajectory, self.transcription.points).tau / scaling.torque
         N = self.intervals
         blocks = [X[:-1], V[:-1], A.reshape(N, -1), np.clip(tau, -1, 1).reshape(N, -1)]
         return np.concatenate([np.hstack(blocks).ravel(), X[-1], V[-1], [T / scaling.time]])
 
-    def _meeting(self, X: Array, V: Array, A: Array) -> Array:
+    def _continuous(self, X: Array, V: Array, A: Array) -> Array:
         """A with the least change after which every interval ends where the next begins.
 
         Otherwise a guess may leave the workspace just before a goal that lies at its end.
@@ -312,7 +312,7 @@ class FlatProblem:
             lower[-1] = upper[-1] = 1.0
         return lower, upper
 
-    def multipliers(self, solution: Solution) -> Array:
+    def multipliers(self, solution: IpoptSolution) -> Array:
         """As in ``Solved``, (N, points, rows)."""
         N, points = self.intervals, len(self.points)
         found = np.empty((N, points, self.constraints.number))

@@ -24,20 +24,20 @@ from deltaopt.planning.formulations.loop_closure import LoopClosure
 from deltaopt.planning.formulations.scaled_mechanism import BoundaryValues, ScaledMechanism
 from deltaopt.planning.nlp.cost import FASTEST, Cost
 from deltaopt.planning.nlp.program import (
+    IpoptSolution,
     Layout,
     Options,
     PointFunction,
     Points,
     Program,
     RunningCost,
-    Solution,
 )
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 from deltaopt.planning.nlp.variables import Variables
 
 Array = NDArray[np.float64]
 
-STEADINESS = 1e-3
+REGULARISATION = 1e-3
 """ε above: it changes durations by less than 3e-5 once knots lie at the switches."""
 
 FAR: Options = {"ipopt.mumps_pivtol": 1e-3}
@@ -116,13 +116,13 @@ def named(name: str, y: SX, system: ScaledMechanism, rows: SX) -> PointFunction:
 
 @dataclass(frozen=True)
 class CollocationProblem:
-    """A pose's equations on a mesh of interval fractions (N,); ``steadiness``: ε."""
+    """A pose's equations on a mesh of interval fractions (N,); ``regularisation``: ε."""
 
     equations: Equations
     transcription: PiecewiseAcceleration
     mesh: Array
     cost: Cost = FASTEST
-    steadiness: float = STEADINESS
+    regularisation: float = REGULARISATION
 
     @cached_property
     def variables(self) -> Variables:
@@ -145,18 +145,18 @@ class CollocationProblem:
         """With other options of Ipopt. Effort has a bottom of its own."""
         cost = np.zeros(self.variables.number)
         cost[-1] = self.cost.time
-        running = self._effort() if self.cost.running else self._unsteadiness()
+        running = self._effort() if self.cost.running else self._torque_variation()
         return Program(cost, self._continuity, self._rows(), options, running)
 
-    def _unsteadiness(self) -> RunningCost | None:
+    def _torque_variation(self) -> RunningCost | None:
         """ε Σ_i η_i ∫ (dτ/dc)² dc, torques linear between their points."""
-        if self.steadiness == 0:
+        if self.regularisation == 0:
             return None
         system, v = self.equations.system, self.variables
         y = SX.sym("y", 2 * system.motors)
         before, after = ca.vertsplit(y, system.motors)
         change = named("change of torque", y, system, ca.sumsqr(after - before))
-        weights = self.steadiness * v.mesh[:, None] / np.diff(v.points)
+        weights = self.regularisation * v.mesh[:, None] / np.diff(v.points)
         bound = np.zeros(1)
         points = Points(change, v.changes(system.motors), bound, bound)
         return RunningCost(points, weights.ravel())
@@ -186,12 +186,12 @@ class CollocationProblem:
             sides = e.system.limits.sides[list(each.rows)]
             lower = np.where(sides[:, 0], -1.0, -np.inf)
             upper = np.where(sides[:, 1], 1.0, np.inf)
-            c = self._places(each)
+            c = self._fractions(each)
             layout = v.at(c, algebraic=each.with_torque)
             rows.append(Points(each.function, layout, lower, upper, v.fractions(c)))
         return rows
 
-    def _places(self, limits: RowsOfOrder) -> Array:
+    def _fractions(self, limits: RowsOfOrder) -> Array:
         """Fractions of an interval where rows of an order hold. Velocities have few coefficients of
         their own in an interval: more rows of them would depend on each other (LICQ)."""
         return self.transcription.velocity_points if limits.order == 1 else self.variables.points
@@ -222,7 +222,7 @@ class CollocationProblem:
         their limits. Raises DependentConstraints."""
         self.equations.system.require_independent_constraints(ends)
         v = self.variables
-        motion = _Motion(self.equations.system, position, ends.p)
+        motion = _GuessedMotion(self.equations.system, position, ends.p)
         units, T = motion.units, motion.duration
         which = list(self.equations.coordinates)
         X, V, _ = (part[:, which] / units.q[which] for part in motion.at(v.knots))
@@ -279,25 +279,25 @@ class CollocationProblem:
                 parts.append(np.ones(points.number * points.rows))
             else:
                 own = shares[:, None, list(limits.rows)]
-                shape = (self.variables.intervals, len(self._places(limits)), own.shape[2])
+                shape = (self.variables.intervals, len(self._fractions(limits)), own.shape[2])
                 parts.append(np.broadcast_to(own, shape).ravel())
         return np.concatenate(parts)
 
-    def multipliers(self, solution: Solution) -> Array:
+    def multipliers(self, solution: IpoptSolution) -> Array:
         """As in ``Solved``, (N, points, rows): zero where a row does not hold. The points are all
         those where some row holds, in order."""
         e, v = self.equations, self.variables
         limits = e.system.limits
         points = v.points
         for each in e.limits:
-            points = np.union1d(points, self._places(each))
+            points = np.union1d(points, self._fractions(each))
         found = np.zeros((v.intervals, len(points), limits.number))
         torque = v.algebraic(solution.bound_multipliers)[:, :, : e.system.motors]
         at = np.searchsorted(points, v.points)
         found[:, at[:, None], np.flatnonzero(limits.is_control)] = torque
         end = len(solution.row_multipliers)
         for each in reversed(e.limits):
-            places = self._places(each)
+            places = self._fractions(each)
             begin = end - v.intervals * len(places) * len(each.rows)
             own = solution.row_multipliers[begin:end].reshape(v.intervals, len(places), -1)
             found[:, np.searchsorted(points, places)[:, None], list(each.rows)] = own
@@ -324,7 +324,7 @@ def units_at(system: ScaledMechanism, p: Array) -> UnitValues:
 
 
 @dataclass(frozen=True)
-class _Motion:
+class _GuessedMotion:
     """A motion of ξ, and all that follows from it."""
 
     system: ScaledMechanism

@@ -20,13 +20,13 @@ from deltaopt.planning.nlp.scaling import Scaling
 Array = NDArray[np.float64]
 Truths = NDArray[np.bool]
 
-_MORE = 1.25
+_OVERSHOOT_FACTOR = 1.25
 """Times the excess that was seen: the next motion's is about the same."""
-_REMEMBERED = 0.9
+_KEPT_SHARE = 0.9
 """Of what was tightened the last time: forgotten at once, a limit would be exceeded again."""
 _NEAR_LIMIT = 0.99
 """The next motion may bring a load to its limit that comes so near to it."""
-_LEAST = 0.9
+_SMALLEST_SHARE = 0.9
 """Of a limit that remains."""
 
 
@@ -55,10 +55,10 @@ class Overshoot:
         beside = np.pad(density, ((1, 1), (0, 0)))  # the jump may come to lie in the next interval
         density = np.maximum(density, np.maximum(beside[:-2], beside[2:]))
         inside = np.searchsorted(np.cumsum(self.mesh)[:-1], np.cumsum(mesh) - mesh / 2)
-        over = _MORE * density[inside] * mesh[:, None]
+        over = _OVERSHOOT_FACTOR * density[inside] * mesh[:, None]
         used = 1 - scaling.shares(len(self.mesh))[inside]
         is_whole = mesh > 0.99 * self.mesh[inside]
-        over = np.maximum(over, _REMEMBERED * used * is_whole[:, None])
-        share = np.maximum(1 - over, _LEAST)
+        over = np.maximum(over, _KEPT_SHARE * used * is_whole[:, None])
+        share = np.maximum(1 - over, _SMALLEST_SHARE)
         share[mesh > TIGHTENED] = 1.0
         return replace(scaling, share=share)

@@ -28,7 +28,7 @@ from deltaopt.planning.nlp.scaling import Scaling
 
 Array = NDArray[np.float64]
 
-FADES = 0.05
+FADE_LENGTH = 0.05
 """Part of the motion over which a shift fades out: a longer one averages more of the unknown
 distribution of multipliers, a shorter one follows H more closely. Found by hand on a random move;
 it spans many intervals where they are short."""
@@ -47,10 +47,12 @@ def certify_mesh(rows: ConstraintRows, found: MeshSolution) -> Certificate:
     lowered = np.abs(density) - density * mean
     largest = float(np.abs(density).max())
     violation = float(lowered.max()) / largest if largest else 0.0
-    return Certificate(spread(hamiltonian(rows, found)), violation)
+    return Certificate(spread(hamiltonian_on_mesh(rows, found)), violation)
 
 
-def hamiltonian(rows: ConstraintRows, found: MeshSolution, over: float = FADES) -> Array:
+def hamiltonian_on_mesh(
+    rows: ConstraintRows, found: MeshSolution, over: float = FADE_LENGTH
+) -> Array:
     """H at the beginnings and then at the ends of the intervals, (2 N,), -1 on an optimal motion.
 
     ``over``: as in ``costates``.
@@ -70,7 +72,7 @@ def hamiltonian(rows: ConstraintRows, found: MeshSolution, over: float = FADES) 
     return np.concatenate([first, last])
 
 
-def costates(pulled: Array, mesh: Array, over: float = FADES) -> Array:
+def costates(pulled: Array, mesh: Array, over: float = FADE_LENGTH) -> Array:
     """Costates of position and velocity at the knots, (N + 1, 2, m), over the duration.
 
     ``pulled``: Σ λ ∂c/∂(X, V) at both ends of every interval, (N, 4, m). ``over``: part of the
@@ -84,7 +86,7 @@ def costates(pulled: Array, mesh: Array, over: float = FADES) -> Array:
     for i in range(N + 1):
         begins = onwards[i] <= N  # otherwise the goal, which must stay, is too near
         first, last = (i, onwards[i]) if begins else (backwards[i], i)
-        shifts = _faded(knots[first : last + 1], begins)
+        shifts = _fading_shifts(knots[first : last + 1], begins)
         here = pulled[first:last]
         by = np.einsum("dan,ndk->ak", shifts[..., :-1], here[:, :2])
         by += np.einsum("dan,ndk->ak", shifts[..., 1:], here[:, 2:])
@@ -92,7 +94,7 @@ def costates(pulled: Array, mesh: Array, over: float = FADES) -> Array:
     return p
 
 
-def _faded(knots: Array, begins: bool) -> Array:
+def _fading_shifts(knots: Array, begins: bool) -> Array:
     """Derivatives of (X, V) at all knots by (X, V) at the first knot if ``begins``, at the last if
     not, where the state at the other end stays, (2, 2, knots)."""
     length = knots[-1] - knots[0]

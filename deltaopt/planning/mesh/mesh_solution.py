@@ -28,7 +28,7 @@ from deltaopt.scene.scene import Scene
 Array = NDArray[np.float64]
 Truths = NDArray[np.bool]
 
-_TELLING = 0.1
+_JUDGEABLE = 0.1
 """Of what was to be gained on a mesh: if the next gains less, its estimate cannot be judged."""
 
 
@@ -59,7 +59,7 @@ def solve_on_mesh(
     solution = problem.solve(guess, scaling, model.parameters)
     trajectory = Trajectory(solution.position, model, solution.coordinates)
     loads = loads_inside(scaling.scene, trajectory, FRACTIONS)
-    rows = charged(scaling.constraints)
+    rows = time_costing_rows(scaling.constraints)
     lost = error_estimate(
         solution.multipliers[:, :, rows],
         _by_interval(loads.rows)[:, :, rows],
@@ -69,7 +69,7 @@ def solve_on_mesh(
     return MeshSolution(problem, solution, trajectory, loads, lost, factor, scaling)
 
 
-def charged(constraints: Constraints) -> Truths:
+def time_costing_rows(constraints: Constraints) -> Truths:
     """Rows that give time away where the mesh leaves them unused, (rows,): all but those of
     positions, which an optimal motion too touches at an instant and leaves again."""
     return np.asarray(constraints.orders > 0)
@@ -116,10 +116,10 @@ class MeshSolution:
     def tightened(self, mesh: Array) -> Scaling:
         """The limits that a motion on the next mesh, which divides this one, may use."""
         if mesh.min() > TIGHTENED:
-            return self.scaling.whole
-        may_be = charged(self.scaling.constraints)
+            return self.scaling.untightened
+        tightenable = time_costing_rows(self.scaling.constraints)
         size = self.scaling.constraints.size(self.rows)
-        overshoot = Overshoot.of(self.mesh, self.problem.points, size, may_be)
+        overshoot = Overshoot.of(self.mesh, self.problem.points, size, tightenable)
         return overshoot.tightened(self.scaling, mesh)
 
     @property
@@ -165,8 +165,8 @@ def iteration_of(solutions: list[MeshSolution]) -> Iteration:
         before = others[-1]
         fell = before.trajectory.duration / last.trajectory.duration - 1
         expected = before.to_be_gained - last.to_be_gained
-        tells = expected > _TELLING * before.to_be_gained
-        correction = max(1.0, fell / expected) if tells else 2.0
+        judgeable = expected > _JUDGEABLE * before.to_be_gained
+        correction = max(1.0, fell / expected) if judgeable else 2.0
     return Iteration(
         intervals=len(last.mesh),
         iterations=last.solution.iterations,

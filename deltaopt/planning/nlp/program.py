@@ -171,7 +171,7 @@ class Spent:
 
 
 @dataclass(frozen=True)
-class Solution:
+class IpoptSolution:
     """Where Ipopt ended: ``z`` the variables, multipliers of their bounds and of the rows.
 
     A multiplier is positive where an upper bound holds, negative where a lower one does.
@@ -229,7 +229,7 @@ class Program:
 
     def solve(
         self, guess: Array, lower: Array, upper: Array, p: Array, shares: Array | float = 1.0
-    ) -> Solution:
+    ) -> IpoptSolution:
         """From a guess, within the bounds of the variables, with parameters p.
 
         ``shares``: of their bounds what the nonlinear rows may use, (rows,).
@@ -244,11 +244,11 @@ class Program:
         z = np.asarray(result["x"].full()).ravel()
         if not stats["success"]:
             raise NotConverged(
-                self._complaint(stats, np.asarray(result["g"].full()).ravel()),
+                self._failure(stats, np.asarray(result["g"].full()).ravel()),
                 stats["return_status"],
                 z,
             )
-        return Solution(
+        return IpoptSolution(
             z=z,
             bound_multipliers=self._bound_multipliers(result, lower == upper, p),
             row_multipliers=np.asarray(result["lam_g"].full()).ravel(),
@@ -290,7 +290,7 @@ class Program:
         usual = IPOPT if running is None else IPOPT | WITH_RUNNING_COST
         return ca.nlpsol("nlp", "ipopt", program, {**functions, **usual, **options})
 
-    def _complaint(self, stats: dict[str, object], g: Array) -> str:
+    def _failure(self, stats: dict[str, object], g: Array) -> str:
         """What Ipopt said, and which rows are violated most."""
         violation = np.maximum(self._lower_rows - g, g - self._upper_rows)
         worst = int(np.nanargmax(violation)) if np.isfinite(violation).any() else 0

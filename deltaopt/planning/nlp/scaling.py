@@ -16,7 +16,7 @@ from deltaopt.scene.task import EndState, distance
 
 Array = NDArray[np.float64]
 
-WHOLE = 1.0
+UNTIGHTENED = 1.0
 """Share of a limit that may be used all of it."""
 
 
@@ -69,7 +69,7 @@ class Scaling:
 
     scene: Scene
     time: float
-    share: Array | float = WHOLE
+    share: Array | float = UNTIGHTENED
 
     @cached_property
     def limits(self) -> SceneLimits:
@@ -112,9 +112,9 @@ class Scaling:
         return np.concatenate([position, np.zeros(len(position))])
 
     @property
-    def whole(self) -> Scaling:
+    def untightened(self) -> Scaling:
         """With all of every limit."""
-        return self if self.share is WHOLE else replace(self, share=WHOLE)
+        return self if self.share is UNTIGHTENED else replace(self, share=UNTIGHTENED)
 
     def shares(self, intervals: int) -> Array:
         """Of each limit what may be used in each interval, (N, rows)."""
