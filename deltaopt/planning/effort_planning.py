@@ -114,7 +114,7 @@ def minimise_effort(
     scaling: Scaling,
     report: Callable[[str], None],
 ) -> EffortResult:
-    """Minimise a cost that contains effort, doubling the mesh until the gap is within ``tolerance``.
+    """Minimise a cost that contains effort; double the mesh until the gap is within ``tolerance``.
 
     The first guess is the fastest motion, slowed to the given duration if there is one; the result
     is a local minimum near it. ``intervals``: of the first mesh. ``report``: is called with a line

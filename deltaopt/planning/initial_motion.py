@@ -1,4 +1,4 @@
-"""Initial motions, which need no optimisation: the straight line, or a curve where it is blocked."""
+"""Initial motions, without optimisation: the straight line, or a curve where it is blocked."""
 
 from __future__ import annotations
 
