@@ -2,9 +2,9 @@
 
 Where a torque of the best motion jumps inside an interval so does its acceleration, which a
 polynomial cannot follow: between the points where limits are imposed the other torques exceed them,
-by an amount proportional to the length of the interval. Shorter intervals reduce that slowly, and slowing the motion makes all
-intervals pay for one. A limit lowered by the excess in that interval alone costs the excess times
-the limit's multiplier there, which is small if the interval is short.
+by an amount proportional to the length of the interval. Shorter intervals reduce that slowly, and
+slowing the motion makes all intervals pay for one. A limit lowered by the excess in that interval
+alone costs the excess times the limit's multiplier there, which is small if the interval is short.
 """
 
 from __future__ import annotations

@@ -118,8 +118,8 @@ class Points:
     """A point function at n points.
 
     ``layout``: of its arguments, point by point, n · ny rows. ``lower``, ``upper``: bounds of r,
-    (nr,) if they are the same at every point, else (n, nr). ``fractions``: instants of the points as
-    fractions of the duration, (n,), for error messages.
+    (nr,) if they are the same at every point, else (n, nr). ``fractions``: instants of the points,
+    (n,), as fractions of the duration, for error messages.
     """
 
     function: PointFunction

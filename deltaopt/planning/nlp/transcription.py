@@ -95,7 +95,7 @@ class PiecewiseAcceleration:
         )
 
     def coefficients(self, X: Array, V: Array, A: Array, eta: Array) -> Array:
-        """Coefficients of the position in powers of the time since an interval began, in units of T.
+        """Coefficients of the position in powers of the time since an interval began, units of T.
 
         X, V: at the beginnings of the intervals, (N, m). A: at the nodes, (N, degree + 1, m). eta:
         lengths of the intervals, (N,). Returns (N, degree + 3, m).
