@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.codegen.vectorised import evaluate_rows
-from deltaopt.motion.certificate import Certificate, spread
+from deltaopt.motion.certificate import Certificate
 from deltaopt.planning.nlp.program import IpoptSolution
 from tests.oracles.arcs import ArcProblem
 
@@ -30,7 +30,8 @@ def certify(problem: ArcProblem, solution: IpoptSolution, p: Array) -> Certifica
     held = problem.structure.control[problem.arc][:, None]
     wrong = np.maximum(-multipliers * held, 0).max()
     largest_rate = float(np.abs(running_rate(problem, solution, p)[0]).max())
-    return Certificate(spread(H, largest_rate), float(wrong / np.abs(multipliers).max()))
+    uneven = np.abs(H - H.mean()).max() / max(abs(H.mean()), largest_rate)
+    return Certificate(float(uneven), float(wrong / np.abs(multipliers).max()))
 
 
 def hamiltonian(problem: ArcProblem, solution: IpoptSolution, p: Array) -> Array:
