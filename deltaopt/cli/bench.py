@@ -1,4 +1,4 @@
-"""Measure how well plans do on this machine.
+"""Measure plans on this machine: how fast they are, and how many succeed.
 
 deltaopt bench plan ROBOT...    how long plans take, and where the time goes
 deltaopt bench any ROBOT...     plan and verify random moves: how many succeed

@@ -45,7 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _plans(arguments: argparse.Namespace) -> int:
-    """Solve, measure, print, save."""
+    """Solve the scenes in every formulation, print tables and save charts."""
     from deltaopt.compare.plans.cases import FiveBarTask, delta_case
     from deltaopt.compare.plans.report import csv, tables, verdict
     from deltaopt.compare.plans.study import compare_plans
@@ -69,7 +69,7 @@ def _plans(arguments: argparse.Namespace) -> int:
 
 
 def _dynamics(arguments: argparse.Namespace) -> int:
-    """Measure, print, save."""
+    """Measure the formulations of the dynamics, print tables and save a chart."""
     from deltaopt.codegen.compile import compiler
     from deltaopt.compare.dynamics.report import csv, notes, table, verdict
     from deltaopt.compare.dynamics.study import compare_dynamics

@@ -1,4 +1,4 @@
-"""Files that are whole or absent."""
+"""Atomic write: a file appears completely or not at all."""
 
 from __future__ import annotations
 
@@ -11,7 +11,10 @@ from pathlib import Path
 
 @contextmanager
 def atomic_write(path: Path) -> Iterator[Path]:
-    """Give a temporary path beside ``path``; rename it to ``path`` when all went well."""
+    """Give a temporary path beside ``path``, which is renamed to ``path`` at the end.
+
+    If an error is raised in between, the temporary file is removed and ``path`` stays as it was.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
     handle, name = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=path.suffix)
     os.close(handle)

@@ -32,8 +32,7 @@ def spherical_pendulum(length: float, mass: float, g: float, zeta: Callable[[SX]
     bar = Body(
         name="bar",
         mass=mass,
-        position=(base + tip)
-        / 2,  # by the tip's coordinates, so that λ is the force that carries the bar
+        position=(base + tip) / 2,  # in the tip's coordinates: λ is the force on the tip
         inertia=SX([across, across, 0]),
         angular_velocity=ca.vertcat(-dtheta, dphi * ca.sin(theta), -dphi * ca.cos(theta)),
     )

@@ -1,4 +1,4 @@
-"""A robot's kinematics and dynamics as C that needs nothing but ``math.h``."""
+"""A robot's kinematics and dynamics as C for a controller, which needs nothing but ``math.h``."""
 
 from __future__ import annotations
 
@@ -129,7 +129,10 @@ int main(void) {{
 
 
 def export_c(robot: Robot, directory: Path) -> list[Path]:
-    """Write delta.h, delta.c and test_delta.c into a directory; return their paths."""
+    """Write delta.h, delta.c and test_delta.c into a directory, made if need be.
+
+    Returns their paths. Each file is written completely or not at all.
+    """
     texts = {
         "delta.h": HEADER.format(name=robot.name),
         "delta.c": source(robot),
@@ -144,14 +147,17 @@ def export_c(robot: Robot, directory: Path) -> list[Path]:
 
 
 def source(robot: Robot) -> str:
-    """delta.c: the robot's numbers are in the text, the payload is an argument."""
+    """The text of delta.c: the robot's numbers are constants, the payload is an argument."""
     parts = ['#include "delta.h"', SCALAR]
     parts += [c_function(function, function.name()) for function in c_functions(robot)]
     return "\n".join([*parts, WRAPPERS])
 
 
 def c_functions(robot: Robot) -> list[ca.Function]:
-    """Inverse and forward kinematics, inverse and forward dynamics; payload last, kg."""
+    """Inverse and forward kinematics, then inverse and forward dynamics of a robot.
+
+    The last argument of the dynamics is the payload, kg.
+    """
     model = DeltaModel(robot, payload=1.0)
     functions = delta_functions(model.functions.terms, Explicit())
     payload = SX.sym("payload")
@@ -182,7 +188,8 @@ def _dynamics(functions: DeltaFunctions, p: SX, payload: SX) -> list[ca.Function
 
 
 def program(robot: Robot) -> str:
-    """test_delta.c: states near the middle, with what the general derivation gives there."""
+    """The text of test_delta.c: states near the middle of the workspace, and the results of the
+    general derivation there to compare with."""
     payload = 0.2
     model = DeltaModel(robot, payload)
     rng = np.random.default_rng(5)

@@ -18,8 +18,8 @@ AZIMUTHS = (0.0, 2 * pi / 3, -2 * pi / 3)
 """The azimuths φ_k of the chains, rad."""
 
 MOTOR_ANGLES = Partition((3, 6, 9))
-"""The constraint matrix with the motor angles as independent coordinates. With it torques stay exact
-in serial singularities; in parallel ones it does not exist (docs/stability.md)."""
+"""The constraint matrix with the motor angles as independent coordinates. It keeps torques exact in
+serial singularities and does not exist in parallel ones (docs/stability.md)."""
 
 
 @dataclass(frozen=True)
