@@ -1,7 +1,6 @@
 """A mechanism of your own: the slider-crank of an engine, turned at a constant speed.
 
-The second multiplier of its loop closure is the side force between piston and rod.
-"""
+The second multiplier of its loop closure is the side force between piston and rod."""
 
 import sys
 

@@ -99,7 +99,7 @@ def test_formulations_under_one_rule_for_limits_agree(scene):
     np.testing.assert_allclose(durations, durations[0], rtol=1e-4)
 
 
-def test_steadiness_costs_next_to_nothing():
+def test_regularisation_costs_next_to_nothing():
     """With knots at the switches the duration is that of the problem without it."""
     steady, free = (continued("five_bar", "multiplier", value)[1] for value in (None, 0.0))
     assert steady == pytest.approx(free, rel=3e-5)
