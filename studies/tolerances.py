@@ -78,10 +78,12 @@ def tolerance_study(
     scene: Scene,
     tolerances: Sequence[float],
     uniform: Sequence[int],
-    told: Callable[[float, str], None] = lambda done, what: None,
+    progress: Callable[[float, str], None] = lambda done, what: None,
 ) -> ToleranceStudy:
-    """Plan a scene in all ways; the smallest tolerance comes last. ``told``: which share is done,
-    and of what."""
+    """Plan a scene in all ways; the smallest tolerance comes last.
+
+    ``progress`` is called with the share that is done and the name of the method.
+    """
     by_method = [
         [partial(_on_uniform_mesh, scene, n) for n in uniform],
         [partial(_planned, scene, t, REFINED) for t in tolerances if t >= FINEST_MESH],
@@ -92,7 +94,7 @@ def tolerance_study(
     for task in tasks:
         runs = [task() for _ in range(_RUNS)]
         costs.append(replace(runs[0], seconds=float(np.median([run.seconds for run in runs]))))
-        told(len(costs) / len(tasks), costs[-1].method)
+        progress(len(costs) / len(tasks), costs[-1].method)
     return ToleranceStudy(tuple(costs))
 
 

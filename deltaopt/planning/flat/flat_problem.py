@@ -125,6 +125,7 @@ class FlatProblem:
 
     @property
     def intervals(self) -> int:
+        """The number N of intervals."""
         return len(self.mesh)
 
     @property
@@ -147,6 +148,7 @@ class FlatProblem:
 
     @property
     def n_variables(self) -> int:
+        """The number of variables for Ipopt."""
         return self.intervals * self._block + 7
 
     @cached_property

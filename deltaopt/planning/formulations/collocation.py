@@ -109,6 +109,7 @@ class Equations:
     def on(
         self, mesh: Array, transcription: PiecewiseAcceleration, cost: Cost = FASTEST
     ) -> CollocationProblem:
+        """The problem on a mesh of interval lengths, (N,), fractions of the duration."""
         return CollocationProblem(self, transcription, mesh, cost)
 
 
@@ -119,6 +120,7 @@ def symbols(m: int, unknowns: int) -> tuple[SX, SX, SX, SX, SX, SX]:
 
 
 def named(name: str, y: SX, system: ScaledMechanism, rows: SX) -> PointFunction:
+    """The point function (y, parameters of the mechanism) -> rows, which errors call ``name``."""
     return PointFunction(name, ca.Function("rows", [y, system.p], [ca.cse(ca.densify(rows))]))
 
 
@@ -137,6 +139,7 @@ class CollocationProblem:
 
     @cached_property
     def variables(self) -> Variables:
+        """The variables of the problem."""
         e = self.equations
         return Variables(
             self.transcription,
@@ -344,6 +347,7 @@ class UnitValues:
 
 
 def units_at(system: ScaledMechanism, p: Array) -> UnitValues:
+    """The units of a scaled mechanism for values p of its parameters."""
     q, closure, time, energy, torque = (
         np.asarray(r.full()).ravel() for r in system.magnitudes.call([ca.DM(p)])
     )

@@ -104,6 +104,7 @@ class ScaledMechanism:
 
     @property
     def motors(self) -> int:
+        """The number m of motors."""
         return int(self.mechanism.controls.numel())
 
     @property

@@ -122,10 +122,12 @@ class MeshSolution:
 
     @property
     def scene(self) -> Scene:
+        """The scene that was solved."""
         return self.scaling.scene
 
     @property
     def mesh(self) -> Array:
+        """Lengths of the intervals, fractions of the duration, (N,)."""
         return self.problem.mesh
 
     def tightened(self, mesh: Array) -> Scaling:
@@ -139,6 +141,7 @@ class MeshSolution:
 
     @property
     def status(self) -> str:
+        """The solver's status."""
         return self.solution.status
 
     @property

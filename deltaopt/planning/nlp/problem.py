@@ -125,7 +125,9 @@ class ProblemFormulation(Protocol):
     def __hash__(self) -> int: ...
 
     @property
-    def name(self) -> str: ...
+    def name(self) -> str:
+        """The name that a plan reports."""
+        ...
 
     @property
     def solvers(self) -> tuple[type[Ipopt] | type[InteriorPoint], ...]:

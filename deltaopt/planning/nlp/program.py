@@ -32,9 +32,9 @@ Options = dict[str, str | float | int | bool]
 IPOPT: Options = {
     "print_time": False,
     "record_time": True,
-    "show_eval_warnings": False,  # a trial point out of reach is a shorter step for Ipopt
+    "show_eval_warnings": False,  # out of reach a trial point is NaN: Ipopt shortens its step
     "calc_lam_p": False,
-    "no_nlp_grad": True,  # of use for sensitivities only, and machine code has no derivative
+    "no_nlp_grad": True,  # needed for sensitivities only; machine code has none
     "ipopt.print_level": 0,
     "ipopt.sb": "yes",
     "ipopt.mu_strategy": "adaptive",
@@ -43,7 +43,7 @@ IPOPT: Options = {
     "ipopt.max_iter": 200,
 }
 WITH_RUNNING_COST: Options = {
-    # From a bang-bang guess the filter that is usual here lets the duration run away.
+    # From a bang-bang guess the default filter lets the duration diverge.
     "ipopt.adaptive_mu_globalization": "kkt-error",
 }
 
@@ -107,6 +107,7 @@ class Layout:
     names: tuple[str, ...] = ()
 
     def matrix(self, n_variables: int) -> ca.DM:
+        """The matrix L, (rows, n_variables)."""
         rows = np.repeat(np.arange(len(self.columns)), self.columns.shape[1])
         return _sparse(
             rows, self.columns.ravel(), self.weights.ravel(), len(self.columns), n_variables
@@ -130,11 +131,12 @@ class Points:
 
     @property
     def number(self) -> int:
+        """The number n of points."""
         return len(self.layout.columns) // self.function.function.size1_in(0)
 
     @property
     def rows(self) -> int:
-        """Rows at one point."""
+        """The number of rows at one point."""
         return int(self.function.function.size1_out(0))
 
     def bounds(self, each: Array) -> Array:

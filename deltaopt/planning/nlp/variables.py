@@ -37,6 +37,7 @@ class Variables:
 
     @property
     def intervals(self) -> int:
+        """The number N of intervals."""
         return len(self.mesh)
 
     @property
@@ -59,6 +60,7 @@ class Variables:
 
     @property
     def number(self) -> int:
+        """The number of variables."""
         return self.intervals * self._block + self._last
 
     @property

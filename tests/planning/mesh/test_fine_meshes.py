@@ -272,7 +272,7 @@ def test_sharp_detection_tells_coming_to_a_limit_from_being_there():
     assert sharp.limits == ((ActiveLimits(control=1),), (ActiveLimits(velocity=1),))
 
 
-# Which gap is told
+# Which gap is reported
 
 
 def iteration_with(duration, gap):
@@ -291,7 +291,7 @@ def test_a_worse_local_minimum_says_nothing_of_the_gap():
 
 
 def test_of_two_plans_the_quicker_is_taken_with_what_both_know():
-    """1.000002 s that are told to be 9e-6 too long, 1.000003 s that are told to be 2e-6."""
+    """1.000002 s with a reported gap of 9e-6, 1.000003 s with one of 2e-6."""
     plan = Planner(CROSS.robot, CROSS.payload).plan(CROSS.start, CROSS.goal)
     T = plan.duration
     one = replace(plan, trajectory=plan.trajectory.slowed(1.000002), gap=9e-6)
