@@ -39,12 +39,6 @@ class PiecewiseAcceleration:
     def name(self) -> str:
         return f"acceleration of degree {self.degree}"
 
-    @property
-    def order(self) -> int:
-        """Power of the interval length with which the cost of a smooth problem converges: Lobatto's
-        rule on degree + 1 nodes is exact for polynomials of degree 2 degree - 1."""
-        return 2 * self.degree
-
     @cached_property
     def quadrature(self) -> Array:
         """Lobatto's weights at the nodes, summing to 1."""
