@@ -3,7 +3,8 @@
 ``record`` plans every case and writes studies/frozen.csv; ``compare`` plans them again, lists each
 case whose duration differs by more than 1e-9 of itself, and exits 1 if these are more than one in
 a hundred. Random moves are taken from studies/frozen_moves.csv, so that they do not depend on the
-code that drew them. ``python -m studies.frozen`` is the same command.
+code that drew them. ``--ulp`` moves every start by one unit in the last place (1e-16 m) first: what
+differs then differs by rounding. ``python -m studies.frozen`` is the same command.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import math
 import sys
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -67,7 +68,8 @@ COLUMNS = (
 @dataclass(frozen=True)
 class Case:
     """One plan: of a shipped scene or of a random move of a robot, which ``scene`` names then, in
-    a formulation, to a tolerance. ``start``, ``goal``: of a random move, m."""
+    a formulation, to a tolerance. ``start``, ``goal``: of a random move, m. ``moved``: whether the
+    start is moved by one unit in the last place, to see what rounding does to the plan."""
 
     name: str
     scene: str
@@ -75,6 +77,7 @@ class Case:
     tolerance: float
     start: tuple[float, float, float] | None = None
     goal: tuple[float, float, float] | None = None
+    moved: bool = False
 
     def row(self) -> dict[str, str]:
         """Plan it, and return the result as text for the table."""
@@ -101,6 +104,9 @@ class Case:
         else:
             robot = deltaopt.load_robot(PROBLEMS / "robots" / f"{self.scene}.yaml")
             scene = deltaopt.Scene(robot=robot, payload=1.0, start=self.start, goal=self.goal)
+        if self.moved:
+            moved = (math.nextafter(scene.start[0], math.inf), *scene.start[1:])
+            scene = scene.model_copy(update={"start": moved})
         formulation = FORMULATIONS[self.formulation]
         return deltaopt.plan(scene, tolerance=self.tolerance, formulation=formulation)
 
@@ -155,6 +161,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--every", type=int, default=1, metavar="N", help="compare each Nth case only (default: 1)"
     )
+    parser.add_argument(
+        "--ulp", action="store_true", help="move every start by one unit in the last place first"
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -168,7 +177,8 @@ def run(arguments: argparse.Namespace) -> int:
         return 0
     with TABLE.open(newline="") as file:
         before = list(csv.DictReader(file))[:: arguments.every]
-    table = rows(list(cases())[:: arguments.every], arguments.workers)
+    every = [replace(case, moved=arguments.ulp) for case in cases()][:: arguments.every]
+    table = rows(every, arguments.workers)
     lines = compare(before, table)
     print(*lines, sep="\n")
     share = 1 - len(lines) / len(table)

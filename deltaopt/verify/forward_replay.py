@@ -6,12 +6,14 @@ which the planner's explicit model does not share; CVODES integrates them to 12 
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from deltaopt.dynamics.lagrange import Multiplier
+from deltaopt.mechanisms.delta.functions import DeltaFunctions
 from deltaopt.motion.trajectory import Array, Trajectory
 from deltaopt.robot.model import DeltaModel
 from deltaopt.scene.scene import Scene
@@ -37,7 +39,7 @@ def arrival(scene: Scene, trajectory: Trajectory) -> tuple[float, float]:
     """
     model = DeltaModel(scene.robot, scene.payload, Multiplier())
     position = trajectory.position
-    step = _step(model, trajectory.model, position.coefficients.shape[1])
+    step = _step(model.functions, trajectory.model.functions, position.coefficients.shape[1])
     p = np.concatenate([model.parameters, trajectory.model.parameters])
     start, goal = scene.task.start, scene.task.goal
     state = np.concatenate([start.position, start.velocity])
@@ -52,18 +54,19 @@ def arrival(scene: Scene, trajectory: Trajectory) -> tuple[float, float]:
     return float(np.linalg.norm(away)), float(np.linalg.norm(too_fast))
 
 
-def _step(model: DeltaModel, reported: DeltaModel, powers: int) -> ca.Function:
-    """Integrator of the state (x, v) through one interval.
+@lru_cache(maxsize=16)
+def _step(model: DeltaFunctions, reported: DeltaFunctions, powers: int) -> ca.Function:
+    """Integrator of the state (x, v) through one interval, built once for all robots alike.
 
     Its parameters: coefficients of the reported position (powers × 3), length of the
     interval (s), parameters of both models.
     """
     u, state = ca.MX.sym("u"), ca.MX.sym("state", 6)  # u: fraction of the interval
     coefficients, length = ca.MX.sym("coefficients", 3, powers), ca.MX.sym("length")
-    p = ca.MX.sym("p", len(model.parameters))
-    p_reported = ca.MX.sym("p_reported", len(reported.parameters))
+    p = ca.MX.sym("p", len(model.terms.names))
+    p_reported = ca.MX.sym("p_reported", len(reported.terms.names))
     tau = _reported_torque(reported, powers)(u * length, coefficients, p_reported)
-    a = model.functions.forward_dynamics(state[:3], state[3:], tau, p)
+    a = model.forward_dynamics(state[:3], state[3:], tau, p)
     problem = {
         "t": u,
         "x": state,
@@ -73,15 +76,15 @@ def _step(model: DeltaModel, reported: DeltaModel, powers: int) -> ca.Function:
     return ca.integrator("arrival", "cvodes", problem, 0, 1, _CVODES)
 
 
-def _reported_torque(model: DeltaModel, powers: int) -> ca.Function:
+def _reported_torque(model: DeltaFunctions, powers: int) -> ca.Function:
     """(time since the interval began, coefficients 3 × powers, p) -> τ (3)."""
     t, coefficients = ca.MX.sym("t"), ca.MX.sym("coefficients", 3, powers)
-    p = ca.MX.sym("p", len(model.parameters))
+    p = ca.MX.sym("p", len(model.terms.names))
     x = ca.MX.zeros(3)
     for power in reversed(range(powers)):  # Horner
         x = x * t + coefficients[:, power]
     v = ca.jacobian(x, t)
-    tau, _ = model.functions.inverse_dynamics(x, v, ca.jacobian(v, t), p)
+    tau, _ = model.inverse_dynamics(x, v, ca.jacobian(v, t), p)
     return ca.Function("reported_torque", [t, coefficients, p], [tau])
 
 

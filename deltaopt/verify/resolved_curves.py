@@ -38,6 +38,9 @@ _NARROWEST = 2.0**-32
 """Of a piece, the width of a cell that is not halved: a jump may be left there, not a peak."""
 _MOST = 6000
 """Cells in all: a motion that needs more is too rough to be told from rounding."""
+_ROUNDING = 1e3
+"""Of the tolerance: tails less than that which both halves of a cell have like the whole are taken
+for rounding, as of a polynomial whose terms cancel. A jump is in one half only."""
 _FINE = 4 * DEGREE
 _STEPS = 4  # of Newton's method from a place known to 1/4 of the samples' distance
 
@@ -135,8 +138,13 @@ class ResolvedCurves:
         """
         done: list[ResolvedCurves] = []
         todo, number = cls.sampled(curves, cells), len(cells)
+        before: Array | None = None
         while True:
-            rough = (todo.tails > tolerance(todo.values)).any(axis=1)
+            tails, allowed = todo.tails, tolerance(todo.values)
+            unknown = tails > allowed
+            if before is not None:
+                unknown &= ~(_as_rough(tails, before) & (tails < _ROUNDING * allowed))
+            rough = unknown.any(axis=1)
             rough &= todo.cells.end - todo.cells.begin > _NARROWEST
             done.append(todo._at(~rough))
             if not rough.any():
@@ -144,6 +152,7 @@ class ResolvedCurves:
             number += int(rough.sum())
             if number > _MOST:
                 raise TooRough("the motion changes too fast to be measured between samples")
+            before = np.tile(tails[rough], (2, 1))
             todo = cls.sampled(curves, todo.cells[rough].halved())
 
     @classmethod
@@ -239,3 +248,10 @@ class ResolvedCurves:
             Cells._joined([part.cells for part in parts]),
             np.concatenate([part.values for part in parts]),
         )
+
+
+def _as_rough(tails: Array, before: Array) -> NDArray[np.bool]:
+    """Whether both halves of a cell are hardly smoother than the whole, (M, c): first halves come
+    before all second halves."""
+    stuck = (tails > before / 4).reshape(2, -1, tails.shape[1]).all(axis=0)
+    return np.tile(stuck, (2, 1))

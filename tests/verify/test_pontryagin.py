@@ -48,7 +48,7 @@ def test_costates_are_what_another_start_costs(scene, tolerance):
 def test_switching_functions_have_the_torques_signs():
     found = resolved(LIGHT)
     along = extremal(LIGHT, found.trajectory)
-    tau = found.trajectory(along.t).tau / np.array(LIGHT.torque_limits)
+    tau = found.trajectory(along.t).tau / np.array(LIGHT.robot.torque_limits)
     clear = np.abs(along.switching) > 1e-3
     held = np.abs(tau) > 0.99
     assert clear.mean() > 0.5

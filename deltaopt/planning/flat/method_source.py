@@ -73,7 +73,7 @@ def _with_torques_eliminated(problem: PointProblem) -> tuple[Entries, Entries, s
     nc = len(problem.sides)
     N = {(k, j): f"e[{nt + nt * j + k}]" for k in range(nt) for j in range(nt)}
     lines = [
-        f"V m{k}[{max(partial.second.size1_out(k), 1)}];" for k in range(partial.second.n_out())
+        f"V m{k}[{max(partial.second.numel_out(k), 1)}];" for k in range(partial.second.n_out())
     ]
     arrays = ", ".join(f"m{k}" for k in range(partial.second.n_out()))
     lines.append(f"second_by_parts(y, e, w, q, {arrays});")

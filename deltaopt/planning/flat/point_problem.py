@@ -99,7 +99,7 @@ class PointProblem:
         results = ca.substitute([self.rows, self._integrals], [self.tau], [tau])
         results.append(ca.vertcat(tau, ca.vec(inverse)))
         arguments, matrices = self._partial_derivatives()
-        nonzeros = [matrix.nz[:] for matrix in matrices]
+        nonzeros = [ca.vec(matrix.nz[:]) for matrix in matrices]
         reduced, symbols, parametric = ca.extract_parametric([*results, *nonzeros], self.p)
         q = ca.vertcat(self.p, *symbols)
         return PointFunctions(

@@ -17,13 +17,14 @@ from deltaopt.codegen import compile as machine_code
 from deltaopt.codegen.compile import CACHE, compiled, compiler, describe, library
 from deltaopt.codegen.simd_c import c_function
 from deltaopt.codegen.vectorised import RowFunction
+from deltaopt.dynamics.lagrange import Multiplier
 from deltaopt.errors import DeltaOptError, Unreachable
 from deltaopt.motion.time_scaling import safe_factor
 from deltaopt.planning.flat import interior_point
 from deltaopt.planning.flat.flat_problem import Flat
-from deltaopt.planning.nlp.problem import Ipopt
+from deltaopt.planning.nlp.problem import InteriorPoint, Ipopt
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
-from deltaopt.planning.planner import Plan, Planner
+from deltaopt.planning.planner import Plan, Planner, plan
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import load_robot
 from deltaopt.scene.scene import limits_of, load_scene
@@ -32,6 +33,8 @@ PROBLEMS = Path(__file__).parents[3] / "problems"
 ORSINO = load_robot(PROBLEMS / "robots" / "orsino.yaml")
 INDUSTRIAL = load_robot(PROBLEMS / "robots" / "industrial.yaml")
 PICK = load_scene(PROBLEMS / "pick_and_place.yaml")
+
+SCENES = [*sorted(PROBLEMS.glob("*.yaml")), *sorted(PROBLEMS.glob("objectives/*.yaml"))]
 
 needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler")
 
@@ -135,6 +138,22 @@ def test_interior_point_finds_what_ipopt_finds(robot, depth):
     assert ours.duration == pytest.approx(theirs.duration, rel=1e-3)
     assert ours.within_tolerance
     assert theirs.within_tolerance
+
+
+@needs_compiler
+@pytest.mark.parametrize("scene", SCENES, ids=lambda file: file.stem)
+def test_both_solvers_agree_on_shipped_scenes(scene):
+    """To the tolerance, in what the scene's objective measures."""
+    loaded = load_scene(scene)
+    ours, theirs = (plan(loaded, solver=solver) for solver in (InteriorPoint(), Ipopt()))
+    assert ours.cost == pytest.approx(theirs.cost, rel=1e-3)
+    assert ours.within_tolerance
+    assert theirs.within_tolerance
+
+
+def test_the_interior_point_method_is_for_the_flat_formulation():
+    with pytest.raises(ValueError, match="solver is interior-point, which solves the flat"):
+        Planner(ORSINO, formulation=Multiplier(), solver=InteriorPoint())
 
 
 def test_same_plan_without_compiler():

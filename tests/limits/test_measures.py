@@ -1,0 +1,92 @@
+"""The measure of every limit against a formula written out by hand, in numpy alone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import factorial
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from deltaopt import load_robot
+from deltaopt.dynamics.lagrange import Explicit
+from deltaopt.mechanisms.delta.functions import delta_functions
+from deltaopt.mechanisms.delta.instant import CoordinateInstant, PlatformInstant
+from deltaopt.robot.model import delta_model
+from deltaopt.scene.scene import LIMITS, Scene
+from tests import paper_delta
+
+_STEP = 2e-3
+_PLACES = _STEP * np.arange(-4, 5)
+_STENCILS = np.linalg.inv(np.vander(_PLACES, increasing=True))
+"""Weights of nine neighbours in value, first derivative, half the second ... of a function."""
+
+
+class Motion:
+    """A polynomial path about an instant, and what follows from it by closed-form kinematics and
+    differences of eighth order."""
+
+    def __init__(self, model, rng):
+        self.p = replace(model.numbers, m2=model.numbers.m2 or 0.0)
+        self.powers = rng.normal(size=(4, 3)) * np.array([[0.06], [1.5], [20.0], [100.0]])
+        middle = 0.45 if self.p.a3 < 0.3 else 0.75
+        self.powers[0] += [middle, 0, 0]
+        self.x, self.v, self.a = (self.powers[k] * factorial(k) for k in range(3))
+        points = np.vander(_PLACES, 4, increasing=True) @ self.powers
+        along = np.array([paper_delta.inverse_kinematics(self.p, x) for x in points])
+        self.q, self.dq, half = (_STENCILS @ along)[:3]
+        self.ddq = 2 * half
+
+    @property
+    def tau(self):
+        """From eq. (39), Cᵀ (Q* + Q) = 0, with the paper's letters: linear in τ."""
+        p, q = self.p, self.q
+        inertia = paper_delta.gyroscopic_force(p, q, self.dq)
+        inertia = inertia - paper_delta.inertia_matrix(p, q) @ self.ddq
+        C = paper_delta.constraint_matrix(p, q)
+        without = C.T @ (inertia + paper_delta.active_force(p, q, np.zeros(3)))
+        by_torque = C[3::3].T
+        return np.linalg.solve(by_torque, -without)
+
+
+FORMULAS = {
+    "torque": lambda motion: motion.tau,
+    "speed": lambda motion: motion.dq[3::3],
+    "distance to the serial singularity": lambda motion: (
+        np.sin(motion.q[3::3] - motion.q[4::3]) ** 2
+    ),
+}
+"""By the name of the limit, in its unit: torques in N·m, rates of the arms in rad/s, sin²."""
+
+
+def test_differences_are_exact_enough():
+    """Of t⁵ and its derivatives at 0, and of a sine."""
+    np.testing.assert_allclose(_STENCILS @ _PLACES**5, [0] * 5 + [1] + [0] * 3, atol=1e-4)
+    np.testing.assert_allclose((_STENCILS @ np.sin(40 * _PLACES))[1], 40, rtol=1e-9)
+
+
+@pytest.mark.parametrize("limit", LIMITS, ids=lambda limit: limit.name)
+@pytest.mark.parametrize("name", ["orsino", "industrial"])
+@pytest.mark.parametrize("payload", [None, 1.0])
+def test_measure_is_its_formula(limit, name, payload):
+    """By the platform's equations and by those of twelve coordinates."""
+    model = delta_model(load_robot(f"problems/robots/{name}.yaml"), payload)
+    rng = np.random.default_rng(5)
+    motions = [Motion(model, rng) for _ in range(5)]
+    start, goal = (tuple(motion.x.tolist()) for motion in motions[:2])
+    scene = Scene(robot=model.robot, payload=payload, start=start, goal=goal)
+    x, v, a = (ca.SX.sym(letter, 3) for letter in "xva")
+    p = model.functions.terms.symbols().vector()
+    functions = delta_functions(model.functions.terms, Explicit())
+    for numbers in limit.items(scene):
+        for instant in (
+            PlatformInstant(functions, x, v, a, p),
+            CoordinateInstant.general(functions, x, v, a, p),
+        ):
+            measure = limit.measure(instant, ca.SX(ca.DM(list(numbers))))
+            f = ca.Function("measure", [x, v, a, p], [measure])
+            for motion in motions:
+                found = f(motion.x, motion.v, motion.a, model.parameters).full().ravel()
+                expected = FORMULAS[limit.name](motion)
+                np.testing.assert_allclose(found, expected, rtol=2e-7, atol=2e-7)
