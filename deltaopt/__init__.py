@@ -30,21 +30,21 @@ from deltaopt.scene.scene import Limits, Scene, load_scene
 from deltaopt.verify.verification import Verification, verify
 
 explicit = Explicit()
-"""Model L_E, eq. (39)."""
+"""Dynamics by model L_E, eq. (39): Lagrange without multipliers."""
 multiplier = Multiplier()
-"""Model L_I, eq. (37)."""
+"""Dynamics by model L_I, eq. (37): Lagrange with multipliers."""
 virtual_work = VirtualWork()
-"""The Principle of Virtual Work, eq. (23)."""
+"""Dynamics by the Principle of Virtual Work, eq. (23)."""
 kane = Kane()
-"""Kane's equations, eq. (49)."""
+"""Dynamics by Kane's equations, eq. (49)."""
 flat = Flat()
-"""A plan in minimal coordinates."""
+"""The flat formulation of a plan: the platform's motion and the torques are the unknowns."""
 interior_point = InteriorPoint()
-"""deltaopt's own solver, in compiled C: the default of the flat formulation."""
+"""deltaopt's own interior-point method in compiled C, the default of the flat formulation."""
 ipopt = Ipopt()
-"""The general solver of all formulations."""
+"""The general solver Ipopt, which solves all formulations."""
 forward = Forward()
-"""A plan with the torque as control and forward dynamics as the defect."""
+"""The forward formulation of a plan: torques are controls, forward dynamics is collocated."""
 
 __all__ = [
     "AccelerationLevel",

@@ -1,4 +1,4 @@
-"""What can go wrong, each with the one sentence a user needs."""
+"""Errors, each with one sentence that says what is wrong and what would be right."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from pathlib import Path
 
 
 class DeltaOptError(Exception):
-    """Base of every error deltaopt raises on purpose."""
+    """The base class of all errors that deltaopt raises on purpose."""
 
 
 class SceneError(DeltaOptError):
-    """A scene or robot says something that cannot be used.
+    """A scene or a robot has a value that cannot be used.
 
-    Carries ``file`` (Path, or None for a record made in Python), ``key`` (dotted, such as
-    ``"forearm.mass"``; empty where the whole file is meant), ``value`` (as found; None if there
-    is none) and ``expected`` (what would be right, with its unit, as a noun phrase).  ``problem``
-    says what is wrong where "is <value>" would not, e.g. "is missing".
+    ``file``: Path, or None for a record made in Python. ``key``: dotted, such as
+    ``"forearm.mass"``; empty if the whole file is meant. ``value``: as found; None if missing.
+    ``expected``: what would be right, with its unit, as a noun phrase. ``problem``: what is wrong,
+    such as "is missing"; by default that it is this value.
     """
 
     def __init__(
@@ -33,7 +33,7 @@ class SceneError(DeltaOptError):
         return f"{place} {problem}; expected {self.expected}"
 
     def inside(self, *, file: Path | None = None, key: str = "") -> SceneError:
-        """The same complaint, seen from the enclosing ``file`` or from the record at ``key``."""
+        """The same error with its ``file``, or with the ``key`` of the record that contains it."""
         dotted = ".".join(part for part in (key, self.key) if part)
         return SceneError(file, dotted, self.value, self.expected, self.problem)
 
@@ -43,16 +43,16 @@ def _shortened(text: str, limit: int = 120) -> str:
 
 
 def in_words(point: Iterable[float]) -> str:
-    """Coordinates for a sentence: [0.45, -0.05, 0]."""
+    """Coordinates as text for a sentence, such as [0.45, -0.05, 0]."""
     return "[" + ", ".join(f"{coordinate:g}" for coordinate in point) + "]"
 
 
 class Unreachable(DeltaOptError):
-    """A point lies outside the workspace, or outside the industrial assembly mode."""
+    """A point is outside the workspace, or outside the industrial assembly mode."""
 
 
 class Singularity(Enum):
-    """Kinds of singular positions of a Delta, as what is zero there."""
+    """The kinds of singular positions of a Delta; the values name what is zero in them."""
 
     SIDEWAYS = "cos q_k3"
     IN_LINE = "sin(q_k1 - q_k2)"
@@ -67,10 +67,10 @@ _SENTENCES = {
 
 
 class Singular(DeltaOptError):
-    """A position where what was asked for does not exist, or has lost its digits.
+    """A position so close to a singularity that a result does not exist or has too few digits.
 
-    Carries ``kind``, ``chain`` (1 to 3; None where it takes all three, as for a parallel
-    singularity) and ``margin`` (what should not be zero).
+    ``kind``: of the singularity. ``chain``: 1 to 3; None for a parallel singularity, which concerns
+    all three. ``margin``: the quantity that is zero in the singularity.
     """
 
     def __init__(self, kind: Singularity, chain: int | None, margin: float, place: str) -> None:
@@ -84,14 +84,14 @@ class Singular(DeltaOptError):
 
 
 class Infeasible(DeltaOptError):
-    """No motion can exist, e.g. gravity alone exceeds a torque limit at the start."""
+    """No motion can exist, for instance because gravity exceeds a torque limit at the start."""
 
 
 class NotConverged(DeltaOptError):
-    """Ipopt stopped without a solution.
+    """A solver stopped without a solution.
 
-    Carries ``status`` (Ipopt's return status) and ``iterate`` (the last values of
-    the variables, as packed).
+    ``status``: the solver's. ``iterate``: where it stopped: the variables of the program or a
+    trajectory.
     """
 
     def __init__(self, message: str, status: str, iterate: object) -> None:
@@ -103,15 +103,15 @@ class NotConverged(DeltaOptError):
 
 
 class DependentConstraints(DeltaOptError):
-    """Constraints of a mechanism follow from others, so that no multiplier is unique."""
+    """Some constraints of a mechanism follow from others, so that multipliers are not unique."""
 
 
 class Inconsistent(DeltaOptError):
-    """A state violates the constraints of its mechanism too far to be projected onto them."""
+    """A state violates the constraints of its mechanism so much that projection fails."""
 
 
 class IntegrationFailed(DeltaOptError):
-    """A motion could not be followed to its end, e.g. into a singularity."""
+    """The integration of a motion stopped before its end, for instance in a singularity."""
 
 
 class MissingPackage(DeltaOptError):

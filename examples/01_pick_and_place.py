@@ -1,11 +1,11 @@
 """The fastest pick-and-place move, from scene file to picture.
 
-Why this is difficult: in minimum time nearly every motor is at its limit nearly all the time,
-one way or the other ("bang-bang"). Torques then jump at instants nobody knows beforehand, and
-between the points of a mesh, where an optimiser does not look, a smooth motion overshoots the
-limits it seems to keep. So a plan is measured between its points too, slowed until it keeps
-every limit, and the price of slowing is part of the gap it reports. Verification then starts
-from the motion alone: its torques are integrated by code the planner does not share.
+Why this is difficult: in minimum time nearly every motor is at its upper or lower limit nearly
+all the time ("bang-bang"). Torques then jump at instants that are not known beforehand. Between the
+points of a mesh, where the optimiser imposes no limits, a smooth motion exceeds the limits that it
+keeps at the points. So a plan is checked between its points too and slowed until it keeps every
+limit; what slowing costs is part of the gap it reports. Verification then starts from the motion
+alone: its torques are integrated by code that the planner does not use.
 """
 
 import sys
@@ -18,12 +18,12 @@ SCENE = Path(__file__).parents[1] / "problems/pick_and_place.yaml"
 
 
 def setup():
-    """What is to be moved, from where to where, with which motors."""
+    """Read the scene: the robot, its payload, start and goal, and the limits."""
     return deltaopt.load_scene(SCENE)
 
 
 def solve(scene):
-    """The fastest motion, once it is verified."""
+    """Plan the fastest motion and verify it; stop if verification fails."""
     plan = deltaopt.plan(scene, progress=print)
     report = deltaopt.verify(scene, plan.trajectory)
     print(f"straight line {deltaopt.baseline(scene).duration:.4f} s, plan {plan.duration:.4f} s")
@@ -35,7 +35,7 @@ def solve(scene):
 
 
 def plot(plan, path):
-    """Torques against their limits, motor speeds, and the path."""
+    """Draw torques between their limits, motor speeds, and the path."""
     draw(Path(path), plan.scene, plan.trajectory)
 
 

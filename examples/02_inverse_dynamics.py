@@ -1,9 +1,9 @@
 """Torques along a straight line by two models of the paper, its section 5.3.
 
 Why two: eq. (37), model L_I, keeps the forces of the chains as nine multipliers and solves for
-twelve unknowns at once; eq. (39), model L_E, is projected by C of eq. (55) until only the three
-torques are left. Both follow from the same energies, so any difference is rounding: the second
-panel shows it, in units of the largest torque.
+twelve unknowns at once. Eq. (39), model L_E, is projected by C of eq. (55), so that only the three
+torques are unknown. Both follow from the same energies, so that any difference is rounding: the
+second panel shows it, in units of the largest torque.
 """
 
 import sys
@@ -15,11 +15,11 @@ from matplotlib.figure import Figure
 import deltaopt
 
 ROBOT = Path(__file__).parents[1] / "problems/robots/orsino.yaml"
-START, GOAL = (0.45, 0.0, 0.0), (0.50, 0.06, 0.08)  # m, ours: the paper does not print its own
+START, GOAL = (0.45, 0.0, 0.0), (0.50, 0.06, 0.08)  # m; the paper does not print its own
 
 
 def setup(duration=0.5):
-    """The line at rest and without acceleration at both ends, as in the paper's Fig. 4."""
+    """The motion on a line, at rest and without acceleration at both ends, as in Fig. 4."""
     robot = deltaopt.load_robot(ROBOT)
     line = deltaopt.baseline(deltaopt.Scene(robot=robot, payload=1.0, start=START, goal=GOAL))
     return line.slowed(duration / line.duration)

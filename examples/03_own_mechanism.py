@@ -1,6 +1,6 @@
-"""A mechanism of one's own: an engine's slider-crank turned at a constant speed.
+"""A mechanism of your own: the slider-crank of an engine, turned at a constant speed.
 
-The second multiplier of its loop closure is the side force that the piston passes to the rod."""
+The second multiplier of its loop closure is the side force between piston and rod."""
 
 import sys
 
@@ -14,7 +14,7 @@ CRANK, ROD = 0.04, 0.13  # lengths, m
 
 
 def setup():
-    """Coordinates: crank angle, rod angle, piston position; gravity across the cylinder."""
+    """The mechanism in crank angle, rod angle and piston position; gravity across the cylinder."""
     q, dq, torque = ca.SX.sym("q", 3), ca.SX.sym("dq", 3), ca.SX.sym("torque")
     pin = CRANK * ca.vertcat(ca.cos(q[0]), ca.sin(q[0]), 0)
     rod = ROD * ca.vertcat(ca.cos(q[1]), ca.sin(q[1]), 0)
@@ -28,7 +28,7 @@ def setup():
 
 
 def one_turn(mechanism, rpm):
-    """Crank angle (rad), motor torque (N·m) and side force (N)."""
+    """Crank angle (rad), motor torque (N·m) and side force (N) over one turn."""
     t, rate = ca.SX.sym("t"), rpm * 2 * np.pi / 60
     theta, rod = rate * t, -ca.asin(CRANK / ROD * ca.sin(rate * t))
     q = ca.vertcat(theta, rod, CRANK * ca.cos(theta) + ROD * ca.cos(rod))

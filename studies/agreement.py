@@ -71,9 +71,11 @@ class Agreement:
         return answer.duration / self.reference - 1
 
 
-def agreement(scene: Scene, intervals: int, told: Callable[[int], None]) -> Agreement:
-    """Solve one scene by all methods; ``intervals``: of the meshes for forward dynamics; ``told``
-    is called after each with how many are done."""
+def agreement(scene: Scene, intervals: int, progress: Callable[[int], None]) -> Agreement:
+    """Solve one scene by all methods; ``intervals``: of the meshes for forward dynamics.
+
+    ``progress`` is called after each method with how many are done.
+    """
     found = deltaopt.plan(scene, tolerance=1e-8)
     structure = _structure(found)
     methods: list[tuple[str, Callable[[], float]]] = [
@@ -94,7 +96,7 @@ def agreement(scene: Scene, intervals: int, told: Callable[[int], None]) -> Agre
             answers.append(Answer(method, duration()))
         except NotConverged as error:
             answers.append(Answer(method, float("nan"), str(error)))
-        told(len(answers))
+        progress(len(answers))
     return Agreement(found.duration, tuple(answers))
 
 
@@ -127,7 +129,7 @@ def _forward(found: Plan, mesh: Array) -> float:
     equations = forward.of(model.functions, QUADRATIC, scaling.constraints, FASTEST)
     start = Guess(found.trajectory.slowed(_SLOWER), near=False, tolerance=1e-8)
     # the duration alone
-    collocation = replace(equations.on(mesh).collocation, steadiness=0.0)
+    collocation = replace(equations.on(mesh).collocation, regularisation=0.0)
     found_there = DeltaProblem(collocation).solve(start, scaling, model.parameters)
     return float(found_there.position.knots[-1])
 
@@ -168,7 +170,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     for file in arguments.scenes:
-        told = ProgressBar().counting(len(DEGREES) + 3, file.stem)
-        study = agreement(load_fastest(file), arguments.intervals, told)
+        progress = ProgressBar().counting(len(DEGREES) + 3, file.stem)
+        study = agreement(load_fastest(file), arguments.intervals, progress)
         print(table(file.stem, study), flush=True)
     return 0

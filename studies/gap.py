@@ -33,13 +33,13 @@ class GapStudy:
 
 
 def gap_study(
-    scene: deltaopt.Scene, tolerances: tuple[float, ...], told: Callable[[int], None]
+    scene: deltaopt.Scene, tolerances: tuple[float, ...], progress: Callable[[int], None]
 ) -> GapStudy:
-    """Plan a scene at each tolerance, the reference's last; ``told`` after each how many."""
+    """Plan a scene at each tolerance, the reference's last; ``progress``: called after each."""
     plans = []
     for tolerance in tolerances:
         plans.append(deltaopt.plan(scene, tolerance=tolerance))
-        told(len(plans))
+        progress(len(plans))
     return GapStudy(plans[-1], tuple(plans[:-1]))
 
 
@@ -67,6 +67,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     tolerances = tuple(arguments.tolerances)
     for file in arguments.scenes:
-        told = ProgressBar().counting(len(tolerances), file.stem)
-        print(table(file.stem, gap_study(load_fastest(file), tolerances, told)), end="\n\n")
+        progress = ProgressBar().counting(len(tolerances), file.stem)
+        print(table(file.stem, gap_study(load_fastest(file), tolerances, progress)), end="\n\n")
     return 0

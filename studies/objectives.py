@@ -56,9 +56,9 @@ def objectives_study(
     scene: Scene,
     slower: Sequence[float],
     weights: Sequence[float],
-    told: Callable[[int], None],
+    progress: Callable[[int], None],
 ) -> ObjectivesStudy:
-    """Plan one scene, whatever its own objective, for all others; ``told`` is called with
+    """Plan one scene, whatever its own objective, for all others; ``progress`` is called with
     the number of trials that are done."""
     fastest = deltaopt.plan(scene, tolerance=TOLERANCE)
     trials = []
@@ -66,7 +66,7 @@ def objectives_study(
         other = scene.model_copy(update={"objective": objective})
         for name, transcription in TRANSCRIPTIONS.items():
             trials.append(_trial(other, name, transcription))
-            told(len(trials))
+            progress(len(trials))
     total = effort(scene, fastest.trajectory)
     return ObjectivesStudy(fastest.duration, total, tuple(trials))
 
@@ -124,8 +124,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     number = len(TRANSCRIPTIONS) * (len(arguments.slower) + len(arguments.weights))
     for file in arguments.scenes:
-        told = ProgressBar().counting(number, file.stem)
+        progress = ProgressBar().counting(number, file.stem)
         scene = deltaopt.load_scene(file)
-        study = objectives_study(scene, arguments.slower, arguments.weights, told)
+        study = objectives_study(scene, arguments.slower, arguments.weights, progress)
         print(table(file.stem, study), flush=True)
     return 0

@@ -78,10 +78,12 @@ def tolerance_study(
     scene: Scene,
     tolerances: Sequence[float],
     uniform: Sequence[int],
-    told: Callable[[float, str], None] = lambda done, what: None,
+    progress: Callable[[float, str], None] = lambda done, what: None,
 ) -> ToleranceStudy:
-    """Plan a scene in all ways; the smallest tolerance comes last. ``told``: which share is done,
-    and of what."""
+    """Plan a scene in all ways; the smallest tolerance comes last.
+
+    ``progress`` is called with the share that is done and the name of the method.
+    """
     by_method = [
         [partial(_on_uniform_mesh, scene, n) for n in uniform],
         [partial(_planned, scene, t, REFINED) for t in tolerances if t >= FINEST_MESH],
@@ -92,7 +94,7 @@ def tolerance_study(
     for task in tasks:
         runs = [task() for _ in range(_RUNS)]
         costs.append(replace(runs[0], seconds=float(np.median([run.seconds for run in runs]))))
-        told(len(costs) / len(tasks), costs[-1].method)
+        progress(len(costs) / len(tasks), costs[-1].method)
     return ToleranceStudy(tuple(costs))
 
 
@@ -158,7 +160,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    from deltaopt.files.atomic_write import whole
+    from deltaopt.files.atomic_write import atomic_write
     from studies.plots.tolerances import draw  # slow to import
 
     studies = {}
@@ -171,7 +173,7 @@ def run(arguments: argparse.Namespace) -> int:
         ratios = ", ".join(f"{study.ratio(1e-6, to=1e-3):.1f}" for study in studies.values())
         print(f"1e-6 takes so many times as long as 1e-3: {ratios}")
     chart, numbers = (arguments.directory / f"resolution.{kind}" for kind in ("png", "csv"))
-    with whole(numbers) as temporary:
+    with atomic_write(numbers) as temporary:
         temporary.write_text(csv(studies), encoding="utf-8")
     draw(studies, chart)
     print(f"written: {chart}, {numbers}")

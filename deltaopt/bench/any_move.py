@@ -47,14 +47,14 @@ class Outcome:
 
 
 def random_plans(
-    planner: Planner, number: int, seed: int, told: Callable[[int], None]
+    planner: Planner, number: int, seed: int, progress: Callable[[int], None]
 ) -> list[Outcome]:
     """Plan and verify random moves of a planner's robot, and plan those whose switches are
-    resolved on meshes alone too; ``told`` is called after each with how many are done."""
+    resolved on meshes alone too; ``progress`` is called after each with how many are done."""
     outcomes = []
     for scene in random_scenes(planner.robot, planner.payload, number, seed):
         outcomes.append(_outcome(planner, scene))
-        told(len(outcomes))
+        progress(len(outcomes))
     return outcomes
 
 

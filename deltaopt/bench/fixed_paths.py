@@ -211,10 +211,10 @@ def platform_motion(
 
 
 def fixed_path_comparison(
-    robot: Robot, payload: float, number: int, seed: int, told: Callable[[int], None]
+    robot: Robot, payload: float, number: int, seed: int, progress: Callable[[int], None]
 ) -> str:
     """Compare durations and processor times on random moves; a peer that is not installed is named.
-    ``told`` is called after each move with how many are done."""
+    ``progress`` is called after each move with how many are done."""
     planner = Planner(robot, payload)
     timings: dict[str, list[Timing]] = {}
     missing: dict[str, str] = {}
@@ -232,7 +232,7 @@ def fixed_path_comparison(
             found, theirs = _timed(duration)
             timing = Timing(found / plan.duration, theirs / seconds)
             timings.setdefault(name, []).append(timing)
-        told(i + 1)
+        progress(i + 1)
     lines = [f"{robot.name}, {number} moves, ours {1e3 * np.median(ours):.1f} ms"]
     lines += [_line(name, of) for name, of in timings.items()]
     return "\n  ".join([*lines, *missing])

@@ -45,10 +45,10 @@ def finer(planner: Planner) -> Planner:
 
 
 def timed_plans(
-    planner: Planner, number: int, seed: int, *, references: int, told: Callable[[int], None]
+    planner: Planner, number: int, seed: int, *, references: int, progress: Callable[[int], None]
 ) -> list[Timed]:
     """Time plans of random moves, then verify them, and hold the first ``references`` of them
-    against finer ones; ``told`` is called after each move, timed or verified, with how many of
+    against finer ones; ``progress`` is called after each move, timed or verified, with how many of
     twice ``number`` are done.
 
     Nothing else runs between plans: it would empty the processor's caches.
@@ -58,12 +58,12 @@ def timed_plans(
     plans: list[tuple[Timed, Plan | None]] = []
     for scene in scenes:
         plans.append(_timed(planner, scene))
-        told(len(plans))
+        progress(len(plans))
     reference = finer(planner)
     results: list[Timed] = []
     for timed, plan in plans:
         results.append(_checked(timed, plan, reference if len(results) < references else None))
-        told(number + len(results))
+        progress(number + len(results))
     return results
 
 

@@ -54,7 +54,7 @@ def _in_workspace(model: DeltaModel, rng: np.random.Generator) -> Array:
     """Draw a batch of points in a box around the workspace, and return those in it, (n, 3)."""
     reach = model.robot.upper_arm.length + model.robot.forearm.length
     box = rng.uniform([0, -reach, -reach], reach, size=(_BATCH, 3))
-    serial = evaluate_rows(model.functions.reach, box, parameters=model.parameters)[0]
+    serial = evaluate_rows(model.functions.serial_distances, box, parameters=model.parameters)[0]
     closed = box[(serial > MARGIN**2).all(axis=1)]
     volumes = _volumes(model, closed)
     # The sign is that of the assembly mode: beyond it lies another one, past a singularity.

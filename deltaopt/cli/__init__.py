@@ -1,4 +1,4 @@
-"""The command line: words into values, errors into one sentence and an exit code.
+"""The command line: arguments become values, errors one sentence and an exit code.
 
 Exit codes: 0 done; 1 the problem has no (verified) solution; 2 bad input or usage.
 """
@@ -15,14 +15,16 @@ from deltaopt.errors import DeltaOptError, SceneError
 
 
 class Command(Protocol):
-    """A module of this folder: one subcommand. ``HELP`` is its line in ``--help``."""
+    """A subcommand, which is a module of this folder. ``HELP`` is its line in ``--help``."""
 
     HELP: str
 
-    def add_arguments(self, parser: argparse.ArgumentParser) -> None: ...
+    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
+        """Declare its arguments."""
+        ...
 
     def run(self, arguments: argparse.Namespace) -> int:
-        """The exit code."""
+        """Run it and return the exit code."""
         ...
 
 
@@ -37,7 +39,7 @@ COMMANDS: dict[str, Command] = {
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run one command."""
+    """Run the command that the arguments name and return its exit code."""
     parser = argparse.ArgumentParser(
         prog="deltaopt",
         description="Minimum-time motions of Delta robots under torque limits, verified.",
@@ -74,7 +76,7 @@ def exit_code(run: Callable[[], int]) -> int:
     except DeltaOptError as error:
         print(f"deltaopt: {error}", file=sys.stderr)
         return 1
-    except OSError as error:  # all input is read and checked: an output that cannot be written
+    except OSError as error:  # input errors are SceneErrors: this output cannot be written
         print(f"deltaopt: {error.filename}: {error.strerror}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:

@@ -1,4 +1,4 @@
-"""Arguments that commands share."""
+"""Arguments that several commands share."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from deltaopt.scene.scene import Scene, load_scene
 
 
 def add_scene(parser: argparse.ArgumentParser) -> None:
-    """SCENE."""
+    """Add the argument SCENE, a scene file."""
     parser.add_argument(
         "scene", type=Path, metavar="SCENE", help="scene file, such as problems/pick_and_place.yaml"
     )
 
 
 def add_scenes(parser: argparse.ArgumentParser) -> None:
-    """SCENE..."""
+    """Add the argument SCENE..., one or more scene files."""
     parser.add_argument("scenes", nargs="+", type=Path, metavar="SCENE", help="scene files")
 
 
 def add_robots(parser: argparse.ArgumentParser, number: int) -> None:
-    """Add ROBOT... and what random moves of them are drawn by; ``number``: moves by default."""
+    """Add ROBOT..., and how random moves of them are drawn; ``number``: of moves by default."""
     parser.add_argument("robots", nargs="+", type=Path, metavar="ROBOT", help="robot files")
     parser.add_argument(
         "--number",
@@ -42,7 +42,7 @@ def add_robots(parser: argparse.ArgumentParser, number: int) -> None:
 
 
 def add_output(parser: argparse.ArgumentParser) -> None:
-    """-o DIR."""
+    """Add the option -o DIR, the directory to write to."""
     parser.add_argument(
         "-o",
         "--output",
@@ -53,7 +53,10 @@ def add_output(parser: argparse.ArgumentParser) -> None:
 
 
 def load_fastest(file: Path) -> Scene:
-    """A scene for a study that compares durations; a SceneError for another objective."""
+    """Read a scene for a study that compares durations.
+
+    Raises SceneError if it cannot be used or its objective is not time.
+    """
     scene = load_scene(file)
     if not isinstance(scene.objective, Time):
         expected = "the word time: this command compares durations"
@@ -63,7 +66,10 @@ def load_fastest(file: Path) -> Scene:
 
 
 def output_directory(arguments: argparse.Namespace) -> Path:
-    """The directory to write to. Made at once, so that a bad one is told before any work."""
+    """The directory to write to, made now so that an error comes before any work.
+
+    Raises OSError if it cannot be made or written to.
+    """
     scene: Path = arguments.scene
     directory: Path = arguments.output or Path("out") / scene.stem
     try:

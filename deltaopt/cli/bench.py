@@ -1,4 +1,4 @@
-"""Measure how well plans do on this machine.
+"""Measure plans on this machine: how fast they are, and how many succeed.
 
 deltaopt bench plan ROBOT...    how long plans take, and where the time goes
 deltaopt bench any ROBOT...     plan and verify random moves: how many succeed
@@ -65,7 +65,7 @@ def _plan(arguments: argparse.Namespace) -> int:
             number,
             arguments.seed,
             references=min(20, number // 10),
-            told=ProgressBar().counting(2 * number, robot.name),
+            progress=ProgressBar().counting(2 * number, robot.name),
         )
         print(plan_report(robot.name, results))
         good = good and all(r.ok for r in results)
@@ -78,8 +78,8 @@ def _any(arguments: argparse.Namespace) -> int:
     good, number = True, arguments.number
     for robot in robots:
         planner = Planner(robot, arguments.payload, tolerance=arguments.tolerance)
-        told = ProgressBar().counting(number, robot.name)
-        outcomes = random_plans(planner, number, arguments.seed, told)
+        progress = ProgressBar().counting(number, robot.name)
+        outcomes = random_plans(planner, number, arguments.seed, progress)
         failed = [o for o in outcomes if o.failures]
         good = good and not failed
         print(summary(robot.name, outcomes))
@@ -97,8 +97,8 @@ def _peers(arguments: argparse.Namespace) -> int:
 
     payload, number, seed = arguments.payload, arguments.number, arguments.seed
     for robot in map(load_robot, arguments.robots):
-        told = ProgressBar().counting(number, robot.name)
-        print(fixed_path_comparison(robot, payload, number, seed, told))
+        progress = ProgressBar().counting(number, robot.name)
+        print(fixed_path_comparison(robot, payload, number, seed, progress))
         try:
             print(rockit_comparison(robot, payload, max(1, number // 4), seed))
         except MissingPackage as error:

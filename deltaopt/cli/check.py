@@ -1,8 +1,8 @@
-"""Check a scene and say what of it will be modelled, and what not.
+"""Check a scene, and say what of it is modelled and what is not.
 
-Reads the scene and its robot, makes sure that the platform can be at both ends and that the
-motors can hold it there, lists the limits that hold, and shows the baseline: the straight line
-driven by a quintic law (10 u³ - 15 u⁴ + 6 u⁵ of the way), slowed until it keeps the limits. Timed
+Reads the scene and its robot, checks that the platform can be at both ends and that the motors can
+hold it there, lists the limits, and shows the baseline: the straight line by a quintic law (10 u³ -
+15 u⁴ + 6 u⁵ of the line at the share u of the duration), slowed until it keeps the limits. Timed
 optimally the same line takes less: 0.144 s instead of 0.197 s in problems/pick_and_place.yaml.
 
 Exit code: 0 the scene can be planned; 1 it has no solution; 2 bad input.
@@ -27,7 +27,7 @@ from deltaopt.scene.task import distance
 
 Array = NDArray[np.float64]
 
-HELP = "check a scene and say what will be modelled"
+HELP = "check a scene and say what is modelled"
 
 _ORDERS = ("position", "velocity", "acceleration or torque")
 _NEVER = "friction, motor and gear inertia, elasticity, play"
@@ -47,7 +47,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _description(scene: Scene) -> list[tuple[str, str]]:
-    """Name and text of each line."""
+    """The lines of the description, each a name and a text."""
     model, task = DeltaModel(scene.robot, scene.payload), scene.task
     mechanism, parameters = model.functions.mechanism, model.numbers
     coordinates, constraints = mechanism.q.numel(), mechanism.mu.numel()
@@ -69,7 +69,7 @@ def _description(scene: Scene) -> list[tuple[str, str]]:
 
 
 def limits_table(scene: Scene) -> str:
-    """The limits that hold in a scene, one a line: unit, bounds, order, whether slowing helps."""
+    """A table of the limits of a scene: unit, bounds, order, and whether slowing down helps."""
     limits = limits_of(scene)
     constraints, (lower, upper) = limits.constraints, limits.bounds
     rows = [("limit", "of each", "unit", "bound", "order", "slowing helps", "")]
@@ -91,7 +91,7 @@ def limits_table(scene: Scene) -> str:
 
 
 def _bounds(lower: Array, upper: Array) -> str:
-    """In words: ± 10, at most 5, at least 0.01; one for each where they differ."""
+    """Bounds as text: ± 10, at most 5, at least 0.01; several numbers if items differ."""
     size = [f"{value:g}" for value in dict.fromkeys(np.where(np.isfinite(upper), upper, lower))]
     each = ", ".join(size)
     if np.isfinite(lower).all() and np.isfinite(upper).all():
@@ -105,14 +105,14 @@ def _masses(p: DeltaParameters) -> str:
 
 
 def _inertias(p: DeltaParameters) -> str:
-    """Moments about the centres of mass."""
+    """Moments of inertia about the centres of mass, as text."""
     axes = (p.I41, p.I43) if p.I42 is None else (p.I41, p.I42, p.I43)
     bars = ", ".join(f"{moment:.4g}" for moment in axes)
     return f"arm {p.I33:.4g} kg·m²; bars {bars} kg·m²"
 
 
 def _absent(p: DeltaParameters) -> list[str]:
-    """Terms a scene could have and this one has not."""
+    """Names of the terms that a model can have and this one has not."""
     terms = {"payload": p.m2, "bars' inertia about their length": p.I42, "gravity": p.g}
     return [name for name, value in terms.items() if value is None]
 

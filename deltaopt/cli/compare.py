@@ -45,11 +45,11 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _plans(arguments: argparse.Namespace) -> int:
-    """Solve, measure, print, save."""
+    """Solve the scenes in every formulation, print tables and save charts."""
     from deltaopt.compare.plans.cases import FiveBarTask, delta_case
     from deltaopt.compare.plans.report import csv, tables, verdict
     from deltaopt.compare.plans.study import compare_plans
-    from deltaopt.files.atomic_write import whole
+    from deltaopt.files.atomic_write import atomic_write
     from deltaopt.plots.plans import draw
 
     cases = [
@@ -58,7 +58,7 @@ def _plans(arguments: argparse.Namespace) -> int:
     ]
     study = compare_plans(cases, progress=ProgressBar())
     directory = arguments.directory or Path("out/compare_plans")
-    with whole(directory / "plans.csv") as path:
+    with atomic_write(directory / "plans.csv") as path:
         path.write_text(csv(study))
     for case in cases:
         draw(study, case.name, directory / f"{case.name}.png")
@@ -69,11 +69,11 @@ def _plans(arguments: argparse.Namespace) -> int:
 
 
 def _dynamics(arguments: argparse.Namespace) -> int:
-    """Measure, print, save."""
+    """Measure the formulations of the dynamics, print tables and save a chart."""
     from deltaopt.codegen.compile import compiler
     from deltaopt.compare.dynamics.report import csv, notes, table, verdict
     from deltaopt.compare.dynamics.study import compare_dynamics
-    from deltaopt.files.atomic_write import whole
+    from deltaopt.files.atomic_write import atomic_write
     from deltaopt.plots.dynamics import draw
 
     if arguments.states < 1 or arguments.rounds < 1:
@@ -81,9 +81,9 @@ def _dynamics(arguments: argparse.Namespace) -> int:
         return 2
     study = compare_dynamics(arguments.states, arguments.rounds, compiler(), progress=ProgressBar())
     directory = arguments.directory or Path("out/compare_dynamics")
-    with whole(directory / "dynamics.csv") as path:
+    with atomic_write(directory / "dynamics.csv") as path:
         path.write_text(csv(study))
-    with whole(directory / "dynamics.png") as path:
+    with atomic_write(directory / "dynamics.png") as path:
         draw(study, path)
     print(table(study), notes(study), verdict(study), sep="\n\n")
     print(f"\n{directory}/dynamics.csv, {directory}/dynamics.png")

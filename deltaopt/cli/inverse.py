@@ -59,7 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _table(trajectory: Trajectory) -> str:
-    """Torques at both ends and their extremes, N·m, one motor a line."""
+    """A table of the torques at both ends and their extremes, N·m, a line for each motor."""
     begin, end = trajectory.knots[[0, -1]]
     tau = trajectory(np.linspace(begin, end, 1001)).tau
     lines = [f"{'torque (N·m)':<14}{'at start':>10}{'at goal':>10}{'least':>10}{'most':>10}"]
@@ -70,7 +70,7 @@ def _table(trajectory: Trajectory) -> str:
 
 
 def _against_limits(scene: Scene, trajectory: Trajectory) -> str:
-    """How near the motion comes to each limit, and when, one a line."""
+    """Lines that say how near the motion comes to each limit, and when."""
     steps = np.linspace(0.0, 1.0, 2001)
     lines = []
     for curves in limit_curves(scene, trajectory, steps):

@@ -1,8 +1,8 @@
 """Find the best motion of a scene, verify it, and write it down.
 
 The motion begins and ends at rest and keeps the limits of torque and speed all the way;
-its path is free. What is found is then checked by code that knows nothing of how it was
-found. DIR receives
+its path is free. The motion is then verified by code that shares the robot's model with the
+planner but no method. DIR receives
 
   trajectory.csv   the motion for a controller: platform, motors, torques
   plan.json        duration, how it was found, all measures of the check, the scene
@@ -28,7 +28,7 @@ from deltaopt.cli.arguments import (
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.motion.certificate import MET
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.output.plan_files import RATE, Solution, StraightLine, save
+from deltaopt.output.plan_files import RATE, Provenance, StraightLine, save
 from deltaopt.planning.flat.flat_problem import Flat
 from deltaopt.planning.formulations.choice import Forward, Redundant
 from deltaopt.planning.formulations.loop_closure import (
@@ -79,8 +79,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=positive,
         default=1e-3,
         metavar="GAP",
-        help="how much longer than the optimum the motion may take, or how much dearer it may "
-        "be, relative (default: 1e-3)",
+        help="relative optimality gap: how much longer than the optimum the motion may take, or "
+        "how much more it may cost (default: 1e-3)",
     )
     parser.add_argument(
         "--intervals",
@@ -154,7 +154,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _solve(
     scene: Scene, formulation: ProblemFormulation, arguments: argparse.Namespace
-) -> tuple[Trajectory, Solution]:
+) -> tuple[Trajectory, Provenance]:
     if arguments.baseline:
         return baseline(scene), StraightLine()
     found = plan(
@@ -168,29 +168,30 @@ def _solve(
         seed=arguments.seed,
         progress=lambda text: print(text, file=sys.stderr, flush=True),
     )
-    _tell_optima(found)
-    _tell_gap(found)
+    _print_optima(found)
+    _print_gap(found)
     return found.trajectory, found
 
 
-def _tell_optima(found: Plan) -> None:
-    """The distinct local minima, if there was more than one start."""
+def _print_optima(found: Plan) -> None:
+    """Print the distinct local minima, if there was more than one start."""
     for i, optimum in enumerate(found.optima, 1):
         x, y, z = optimum.halfway
         print(
-            f"local optimum {i}: {_told(found.scene, optimum)} from {optimum.starts} starts, "
+            f"local optimum {i}: {_outcome(found.scene, optimum)} from {optimum.starts} starts, "
             f"halfway at ({x:.4f}, {y:.4f}, {z:.4f}) m"
         )
 
 
-def _told(scene: Scene, optimum: Optimum) -> str:
-    """Its duration, or what it costs where that is not the same."""
+def _outcome(scene: Scene, optimum: Optimum) -> str:
+    """The duration of a local minimum, and its cost if the objective is not time."""
     if isinstance(scene.objective, Time):
         return f"{optimum.duration:.6f} s"
     return f"{optimum.cost:.6g} {scene.objective.unit} in {optimum.duration:.6f} s"
 
 
-def _tell_gap(found: Plan) -> None:
+def _print_gap(found: Plan) -> None:
+    """Print the cost, the estimated optimality gap and the certificate of a plan."""
     if isinstance(found.scene.objective, Time):
         print(f"estimated to be at most {found.gap:.1e} longer than the optimum", end="")
     else:
@@ -204,7 +205,7 @@ def _tell_gap(found: Plan) -> None:
 
 
 def table(verification: Verification) -> str:
-    """Duration and all measures beside their bounds, one a line."""
+    """A table of the duration and of all measures of a verification beside their bounds."""
     rows = [("measure", "value", "at most", "unit", ""), *map(_row, verification.checks())]
     width = 1 + max(len(name) for name, *_ in rows)
     lines = (
@@ -216,25 +217,31 @@ def table(verification: Verification) -> str:
 
 
 def _singularities(verification: Verification) -> list[str]:
-    """How near the motion comes to each kind: no bound, torques say what that costs."""
-    told = [
+    """Lines that say how near the motion comes to each kind of singularity.
+
+    There is no bound on these distances; torques, which are bounded, grow near a singularity.
+    """
+    lines = [
         f"  {each.name}: {each.formula} = {each.least:.2g}, {each.subject} at t = {each.t:.6f} s"
         for each in verification.distances
     ]
-    return ["least distance to singularities, 0 in one and 1 at best:", *told] if told else []
+    return ["least distance to singularities, 0 in one and 1 at best:", *lines] if lines else []
 
 
 def _optimality(verification: Verification) -> list[str]:
-    """What the motion alone says of Pontryagin's condition: no bound, few motions meet it."""
+    """A line that says how well the motion meets Pontryagin's condition.
+
+    There is no bound on it, for as a rule only motions with resolved switches meet it.
+    """
     spread, violation = verification.hamiltonian_spread, verification.sign_violation
     if spread is None or violation is None:
         return []
     met = "; a local statement"
     unmet = ": not met; as a rule it is only where torques jump at knots"
-    told = met if max(spread, violation) < MET else unmet
+    verdict = met if max(spread, violation) < MET else unmet
     return [
         f"Pontryagin's condition, by costates fitted to the motion: Hamiltonian constant to "
-        f"{spread:.1e}, signs of torques right to {violation:.1e}{told}"
+        f"{spread:.1e}, signs of torques right to {violation:.1e}{verdict}"
     ]
 
 

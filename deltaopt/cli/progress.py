@@ -12,7 +12,7 @@ WIDTH = 30
 
 @dataclass
 class ProgressBar:
-    """Call it with the share that is done (0 to 1) and what is going on."""
+    """A progress bar: call it with the share that is done, 0 to 1, and a text."""
 
     stream: TextIO = field(default_factory=lambda: sys.stderr)
 
@@ -25,5 +25,5 @@ class ProgressBar:
         self.stream.flush()
 
     def counting(self, total: int, what: str) -> Callable[[int], None]:
-        """Return what to call with the number that is done of ``total``."""
+        """A function to call with the number that is done, of ``total``."""
         return lambda done: self(done / total, what)

@@ -1,1 +1,1 @@
-"""CasADi functions as compiled C, evaluated at many points at once."""
+"""CasADi functions as compiled machine code, evaluated at many points at once."""

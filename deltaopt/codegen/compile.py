@@ -1,8 +1,8 @@
-"""Functions as machine code: C, compiled once on a machine and kept.
+"""Machine code: C source compiled once on a machine and kept in a cache folder.
 
-What is kept is named by a hash of the C source, of the compiler and of its flags, so nothing
-kept is ever out of date. Where there is no compiler, the compiler fails, or nothing can be
-kept, there is no machine code and CasADi's interpreter does the same work.
+A compiled library is named by a hash of the C source, the compiler and its flags, so that it is
+never out of date. Where there is no compiler, the compiler fails, or the folder cannot be written,
+there is no machine code, and CasADi's interpreter does the same work.
 """
 
 from __future__ import annotations
@@ -21,34 +21,35 @@ import casadi as ca
 import platformdirs
 
 FLAGS = ("-O3", "-fno-tree-slp-vectorize", "-march=native", "-fno-math-errno", "-fno-trapping-math")
-"""Vectors are written out where they pay (``lanes``): what the compiler joins beyond these is
-slower. The last two change no result, only let √ be inlined."""
+"""Flags of the compiler. Vectors are written explicitly where they are faster (``simd_c``), so the
+compiler's own vectorisation of straight-line code, which was slower, is off. The last two flags
+change no result; they let square roots be inlined."""
 
 CACHE = "DELTAOPT_CACHE"
-"""Environment variable naming another folder for the compiled libraries."""
+"""Name of the environment variable that gives another folder for the compiled libraries."""
 
 
 @dataclass(frozen=True)
 class Compiler:
-    """A C compiler: the path of its command."""
+    """A C compiler; ``command``: the path of its program."""
 
     command: str
 
     @cached_property
     def identity(self) -> str:
-        """Its version, and what it makes of ``FLAGS`` on this processor."""
+        """A text that differs between versions, and between what ``FLAGS`` mean on processors."""
         ask = [self.command, *FLAGS, "-E", "-v", "-x", "c", os.devnull]
         answer = subprocess.run(ask, capture_output=True, text=True)
         return answer.stderr
 
     @cached_property
     def version(self) -> str:
-        """One line for people."""
+        """The first line of the compiler's description of itself, for people."""
         answer = subprocess.run([self.command, "--version"], capture_output=True, text=True)
         return (answer.stdout.splitlines() or ["unknown"])[0]
 
     def compile(self, source: Path, library: Path) -> bool:
-        """Make a shared library of a C file; whether that went well."""
+        """Compile a C file into a shared library; returns whether that succeeded."""
         command = [self.command, *FLAGS, "-shared", "-fPIC", str(source), "-o", str(library), "-lm"]
         return subprocess.run(command, capture_output=True).returncode == 0
 
@@ -65,12 +66,15 @@ def compiler() -> Compiler | None:
 
 
 def cache_directory() -> Path:
-    """Where compiled libraries are kept."""
+    """The folder where compiled libraries are kept."""
     return Path(os.environ.get(CACHE) or platformdirs.user_cache_dir("deltaopt"))
 
 
 def library(source: str) -> Path | None:
-    """The shared library of a C source, compiled now if it is not kept yet."""
+    """The shared library of a C source, compiled now if it is not in the cache folder yet.
+
+    None if there is no compiler, it fails, or the folder cannot be written.
+    """
     found = compiler()
     if found is None:
         return None
@@ -83,7 +87,7 @@ def library(source: str) -> Path | None:
 
 
 def _build(found: Compiler, source: str, library: Path) -> bool:
-    """Compile under a name of our own, then rename: another process may do the same."""
+    """Compile under a temporary name, then rename, since other processes may compile the same."""
     try:
         library.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=library.parent, prefix="building-") as folder:
@@ -98,7 +102,7 @@ def _build(found: Compiler, source: str, library: Path) -> bool:
 
 
 def compiled(functions: Sequence[ca.Function]) -> list[ca.Function]:
-    """The same CasADi functions in machine code; as they are where there is none.
+    """The same CasADi functions as machine code, or unchanged if that cannot be made.
 
     Their names must differ.
     """
@@ -106,7 +110,10 @@ def compiled(functions: Sequence[ca.Function]) -> list[ca.Function]:
 
 
 def in_machine_code(functions: Sequence[ca.Function]) -> list[ca.Function] | None:
-    """The same CasADi functions in machine code, if there is any. Their names must differ."""
+    """The same CasADi functions as machine code; None if that cannot be made.
+
+    Their names must differ.
+    """
     generator = ca.CodeGenerator("functions.c")
     for function in functions:
         generator.add(function)
@@ -117,7 +124,7 @@ def in_machine_code(functions: Sequence[ca.Function]) -> list[ca.Function] | Non
 
 
 def describe() -> str:
-    """Whether functions run as machine code here, for people."""
+    """A phrase that says whether functions run as machine code on this machine, and where it is."""
     found = compiler()
     if found is None:
         return "no: no C compiler found, CasADi interprets"

@@ -56,8 +56,10 @@ int gauss(int64_t n, int64_t width, double *rows) {
 
 
 def solve(matrix: Array, right: Array) -> Array | None:
-    """The solution x, (n,), of ``matrix`` (n, n) times x = ``right`` (n,); None if the matrix is
-    singular. Without a compiler NumPy's solver is used."""
+    """Solve ``matrix`` (n, n) times x = ``right`` (n,) for x, (n,), by Gaussian elimination.
+
+    Returns None if the matrix is singular. Without a compiler NumPy's solver is used.
+    """
     code = _code()
     if code is None:
         try:

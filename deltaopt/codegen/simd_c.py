@@ -1,8 +1,8 @@
-"""CasADi's scalar functions as C text, for one point or for four side by side.
+"""SIMD C: CasADi's scalar functions as C source, for one point or for four points at once.
 
-The C type ``V`` of the text is a double, or a vector of four (GCC's and Clang's vector
-extension), whose lanes are four points: a processor with AVX then does four points at the
-price of one.
+The C type ``V`` of the source is a double, or a vector of four doubles (a vector extension of GCC
+and Clang) whose lanes are four points: a processor with AVX evaluates four points in the time of
+one.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ typedef double V;
 #define EACH2(f, a, b) f(a, b)
 #define ALL(a) (a)
 """
-"""What V is for one point."""
+"""C definitions with which the type V is one point."""
 
 VECTOR = """\
 #include <math.h>
@@ -42,7 +42,8 @@ typedef long long LANES __attribute__((vector_size(32)));
 #define SHUFFLE(a, b, i, j, k, l) __builtin_shuffle(a, b, (LANES){i, j, k, l})
 #endif
 """
-"""What V is for four points. The compiler makes one instruction of EACH(sqrt, …)."""
+"""C definitions with which the type V is four points. The compiler makes one instruction of
+EACH(sqrt, …)."""
 
 _C = {
     ca.OP_ASSIGN: "{0}",
@@ -67,7 +68,10 @@ _C = {
 
 
 def c_function(function: ca.Function, name: str) -> str:
-    """``static void name(const V *x0, …, V *r0, …)``, the same as a function of scalars."""
+    """C source of ``static void name(const V *x0, …, V *r0, …)`` for a CasADi function.
+
+    Raises DeltaOptError for an operation that has no C text here.
+    """
     arguments = [f"const V *x{i}" for i in range(function.n_in())]
     arguments += [f"V *r{i}" for i in range(function.n_out())]
     body = "\n".join(_instruction(function, k) for k in range(function.n_instructions()))

@@ -1,4 +1,4 @@
-"""Functions of many points at once, in machine code where there is a compiler."""
+"""Vectorised evaluation: functions of many points at once, as machine code where possible."""
 
 from __future__ import annotations
 
@@ -19,7 +19,11 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class RowFunction:
-    """(x₀, …, p) -> (r₀, …), scalar expressions, evaluated for rows: (N, i) each -> (N, o) each."""
+    """A function (x₀, …, p) -> (r₀, …) of one point, evaluated at N points at once.
+
+    ``function``: of scalar expressions. A call with an array (N, i) for each x and the parameters p
+    returns an array (N, o) for each r.
+    """
 
     function: ca.Function
 
@@ -39,7 +43,8 @@ class RowFunction:
 
     @cached_property
     def _code(self) -> Any:
-        """The C function of N, then pointers to inputs and outputs; None without a compiler."""
+        """The compiled function of N and of pointers to inputs and outputs; None without a
+        compiler."""
         built = library(source(self.function))
         return None if built is None else ctypes.CDLL(str(built)).rows
 
@@ -47,7 +52,11 @@ class RowFunction:
 def evaluate_rows(
     function: ca.Function, *arguments: ArrayLike, parameters: Array
 ) -> tuple[Array, ...]:
-    """A function of columns and p, for rows: (N, i) each -> (N, o) each; (i,) each -> (o,)."""
+    """Evaluate a CasADi function of one point and p at N points, by CasADi's interpreter.
+
+    Arrays (N, i) give arrays (N, o), single points (i,) single results (o,); both can be mixed.
+    Raises ValueError for arrays of other shapes.
+    """
     rows = [np.asarray(a, dtype=float) for a in arguments]
     if any(r.ndim not in (1, 2) or r.shape[-1] != function.size1_in(i) for i, r in enumerate(rows)):
         wanted = ", ".join(f"(N, {function.size1_in(i)})" for i in range(len(rows)))
@@ -69,7 +78,10 @@ def evaluate_rows(
 
 
 def source(function: ca.Function) -> str:
-    """C text of ``rows``: four points at a time, the last again where there are fewer left."""
+    """C source of ``rows``, which evaluates a function at n points, four at a time.
+
+    If fewer than four are left, the last point fills the remaining lanes.
+    """
     inputs = [function.size1_in(i) for i in range(function.n_in())]
     outputs = [function.size1_out(i) for i in range(function.n_out())]
     pointers = [f"const double *x{i}" for i in range(len(inputs))]

@@ -1,1 +1,1 @@
-"""Reading YAML, validating records, writing files that are whole or absent."""
+"""Files: reading YAML, validating records, writing atomically."""

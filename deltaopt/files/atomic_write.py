@@ -1,4 +1,4 @@
-"""Files that are whole or absent."""
+"""Atomic write: a file appears completely or not at all."""
 
 from __future__ import annotations
 
@@ -10,8 +10,11 @@ from pathlib import Path
 
 
 @contextmanager
-def whole(path: Path) -> Iterator[Path]:
-    """Give a temporary path beside ``path``; rename it to ``path`` when all went well."""
+def atomic_write(path: Path) -> Iterator[Path]:
+    """Give a temporary path beside ``path``, which is renamed to ``path`` at the end.
+
+    If an error is raised in between, the temporary file is removed and ``path`` stays as it was.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
     handle, name = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=path.suffix)
     os.close(handle)

@@ -1,7 +1,7 @@
-"""What robots and scenes have in common: frozen records whose errors are one sentence.
+"""Validated records: frozen classes for robots and scenes, whose errors are one sentence.
 
-A field's ``description`` is what its `SceneError` says was expected, so each quantity, its unit
-and its range are written once, where the field is declared.
+A field's ``description`` is what its `SceneError` says was expected, so that each quantity, its
+unit and its range are written once, where the field is declared.
 """
 
 from __future__ import annotations
@@ -36,18 +36,21 @@ PerMotor = Positive | tuple[Positive, Positive, Positive]
 
 
 def per_motor(limit: float | Vector3) -> Vector3:
-    """Return the limit of each motor, given one for all or one for each."""
+    """The limit of each motor, from one number for all or one for each."""
     return limit if isinstance(limit, tuple) else (limit, limit, limit)
 
 
 class Record(BaseModel):
-    """A frozen record; whatever cannot be used in it raises a `SceneError` naming its key."""
+    """A frozen record; a value that cannot be used raises a `SceneError` that names its key."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     @classmethod
     def from_content(cls, content: dict[str, object], file: Path) -> Self:
-        """Validate what ``file`` holds; errors name the file."""
+        """Make a record from the content of a file.
+
+        Raises SceneError, naming file and key, if a key is unknown or missing or a value wrong.
+        """
         try:
             return cls.model_validate(content)
         except SceneError as error:
@@ -86,7 +89,7 @@ class Record(BaseModel):
 
     @classmethod
     def _keys(cls) -> list[str]:
-        """What may stand in a file."""
+        """The keys that a file may have."""
         return list(cls.model_fields)
 
     @field_validator("*", mode="wrap")

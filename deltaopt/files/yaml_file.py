@@ -15,7 +15,8 @@ import yaml
 from deltaopt.errors import SceneError
 
 _NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
-_DEEPEST = 20  # a robot needs 3
+_DEEPEST = 20
+"""Largest depth of nesting: a robot file needs 3, and PyYAML's time and stack limit the depth."""
 _OPENING = (
     yaml.BlockMappingStartToken,
     yaml.BlockSequenceStartToken,
@@ -26,7 +27,10 @@ _CLOSING = (yaml.BlockEndToken, yaml.FlowMappingEndToken, yaml.FlowSequenceEndTo
 
 
 def read_yaml(file: Path) -> dict[str, object]:
-    """Return the mapping that ``file`` holds, or raise a `SceneError` that names the file."""
+    """Read the mapping of keys to values in a YAML file.
+
+    Raises SceneError, naming the file, if it cannot be read or is not such a mapping.
+    """
     try:
         content = _parsed(_text(file))
     except SceneError as error:
@@ -63,9 +67,9 @@ def _reason(error: yaml.YAMLError) -> str:
 
 
 def _refuse_traps(text: str) -> None:
-    """Refuse what takes a small file long to read, and tags, which have no use here.
+    """Refuse aliases, tags and deep nesting, none of which a robot or scene needs.
 
-    Few aliases can expand to gigabytes; PyYAML's time is quadratic in the depth, its stack finite.
+    A few aliases can expand to gigabytes, and PyYAML's time is quadratic in the depth.
     """
     depth = 0
     for token in yaml.scan(text, Loader=yaml.BaseLoader):

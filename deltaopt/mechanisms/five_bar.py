@@ -1,8 +1,8 @@
-"""A planar five-bar in the vertical plane: two arms, two bars, a load where the bars meet.
+"""A planar five-bar in the vertical plane: two arms, two bars, and a load where the bars meet.
 
-x down, y sideways, m. Chain k has its motor at (0, ∓base / 2), the arm at the angle θ_k from
-the downward vertical and the bar at φ_k. q = [x y θ₁ φ₁ θ₂ φ₂]: six coordinates, four
-constraints, two motors. Viscous friction acts at the motors' axes.
+x points down, y sideways. Chain k has its motor at (0, ∓base / 2), its arm at the angle θ_k from
+the downward vertical and its bar at φ_k. The six coordinates are q = [x y θ₁ φ₁ θ₂ φ₂], with four
+constraints and two motors. Viscous friction acts at the motors' axes.
 """
 
 from __future__ import annotations
@@ -14,13 +14,16 @@ import casadi as ca
 from deltaopt.dynamics.mechanism import SX, Body, Effort, Mechanism
 
 SIDES = (-1.0, 1.0)
-"""Of the chains: sign of y at the motor."""
+"""Sign of y at the motor of each chain."""
 
 
 @dataclass(frozen=True)
 class FiveBarParameters:
-    """Lengths and distances of centres of mass from the upper joint in m, masses in kg,
-    moments of inertia about the centres of mass in kg·m², friction in N·m·s/rad, g in m/s²."""
+    """The parameters of a five-bar; the defaults are those of Bordalba et al. (T-RO 2023).
+
+    Lengths, and distances of the centres of mass from the upper joint, in m; masses in kg; moments
+    of inertia about the centres of mass in kg·m²; friction in N·m·s/rad; g in m/s².
+    """
 
     base: float = 0.12
     arm: float = 0.20
@@ -37,7 +40,7 @@ class FiveBarParameters:
 
 
 def five_bar(p: FiveBarParameters) -> Mechanism:
-    """The five-bar of Bordalba, Schoels, Ros, Porta and Diehl (T-RO 2023) by default."""
+    """The five-bar mechanism with these parameters as numbers."""
     q, dq, tau = SX.sym("q", 6), SX.sym("dq", 6), SX.sym("tau", 2)
     end = q[:2]
     bodies = [Body("load", p.load, ca.vertcat(end, 0))]
@@ -68,7 +71,7 @@ def five_bar(p: FiveBarParameters) -> Mechanism:
 
 
 def inverse_kinematics(p: FiveBarParameters) -> ca.Function:
-    """(end (2), no parameters) -> q (6), every elbow on the outer side."""
+    """(end, 2, m; no parameters) -> q, 6, with every elbow on the outer side; NaN out of reach."""
     end, none = SX.sym("end", 2), SX.sym("p", 0)
     angles = []
     for side in SIDES:

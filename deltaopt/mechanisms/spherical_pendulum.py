@@ -18,10 +18,10 @@ from deltaopt.dynamics.mechanism import SX, Body, Effort, Mechanism
 
 
 def spherical_pendulum(length: float, mass: float, g: float, zeta: Callable[[SX], SX]) -> Mechanism:
-    """The pendulum with the base at z = ``zeta(t)``, m, an expression of the symbol t.
+    """The pendulum of ``length`` (m) and ``mass`` (kg) whose base is at z = ``zeta(t)``, m.
 
-    The controls are the torques (N·m) conjugate to the speeds ψ̇ = cos θ φ̇ (twist about the
-    bar) and θ̇; without motors leave them zero.
+    ``zeta`` makes an expression from the symbol t. The controls are the torques (N·m) conjugate to
+    the speeds ψ̇ = cos θ φ̇ and θ̇; without motors they are zero.
     """
     t, q, dq, tau = SX.sym("t"), SX.sym("q", 5), SX.sym("dq", 5), SX.sym("tau", 2)
     tip, theta, phi = q[:3], q[3], q[4]
@@ -32,7 +32,7 @@ def spherical_pendulum(length: float, mass: float, g: float, zeta: Callable[[SX]
     bar = Body(
         name="bar",
         mass=mass,
-        position=(base + tip) / 2,  # through the redundant coordinates: λ carries the bar
+        position=(base + tip) / 2,  # in the tip's coordinates: λ is the force on the tip
         inertia=SX([across, across, 0]),
         angular_velocity=ca.vertcat(-dtheta, dphi * ca.sin(theta), -dphi * ca.cos(theta)),
     )

@@ -1,4 +1,4 @@
-"""How well a motion meets Pontryagin's necessary condition of optimality."""
+"""Certificates: how well a motion meets Pontryagin's necessary condition of optimality."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 MET = 1e-3
-"""Residual up to which Pontryagin's condition counts as met: a motion further off is not drawn with
-switching functions, and carries no certificate."""
+"""Residual up to which Pontryagin's condition counts as met. A motion with a larger one is drawn
+without switching functions and gets no certificate."""
 
 
 @dataclass(frozen=True)
 class Certificate:
-    """How well Pontryagin's condition is met; both without dimension, 0 at best. On a mesh it is
-    as ``adjoint`` says.
+    """How well a motion meets Pontryagin's condition: two numbers without unit, 0 at best.
 
     ``hamiltonian_spread``: max |H - mean H| over both ends of all intervals, as a fraction of
-    |mean H| or of the largest rate of a running cost, if that is more.
-    ``sign_violation``: largest price of a wrong sign at a held torque, or of any at a torque that
-    no limit holds, over the largest price; or what ``state_prices`` finds wrong, if that is more.
+    |mean H|, for H is constant along an optimal motion. ``sign_violation``: the largest multiplier
+    that has the wrong sign for its active limit, or that is not zero where no limit is active, as a
+    fraction of the largest multiplier. On a mesh both are as ``planning.mesh.mesh_costates`` says,
+    with resolved switches as ``planning.switching.residuals``.
     """
 
     hamiltonian_spread: float
@@ -30,10 +30,10 @@ class Certificate:
 
     @property
     def residual(self) -> float:
-        """The larger of both."""
+        """The larger of the two numbers."""
         return max(self.hamiltonian_spread, self.sign_violation)
 
 
-def spread(H: Array, rate: float = 0.0) -> float:
-    """max |H - mean H| over |mean H|, or over the largest rate of a running cost, if more."""
-    return float(np.abs(H - H.mean()).max()) / max(float(abs(H.mean())), rate)
+def spread(H: Array) -> float:
+    """The spread of the Hamiltonian: max |H - mean H| over |mean H|."""
+    return float(np.abs(H - H.mean()).max() / abs(H.mean()))

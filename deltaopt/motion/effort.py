@@ -1,4 +1,4 @@
-"""What a motion's torques amount to, and what a scene's objective says of it."""
+"""The effort of a motion, and the value of a scene's objective."""
 
 from __future__ import annotations
 
@@ -10,13 +10,14 @@ from deltaopt.robot.model import delta_model
 from deltaopt.scene.scene import Scene
 
 _FEWEST = 8
-"""Points of Gauss's rule in an interval, where torques of polynomials are smooth."""
+"""Fewest points of Gauss's rule in an interval. Torques are smooth inside an interval, so that few
+points integrate them to rounding unless intervals are long."""
 
 
 def effort(scene: Scene, trajectory: Trajectory) -> float:
-    """∫ τᵀτ dt, N²m²s, with the torques that the scene's model gives for the motion.
+    """The effort ∫ τᵀτ dt of a motion, N²m²s, with the torques of the scene's model.
 
-    Raises Unreachable where the motion has no torques.
+    Raises Unreachable where the motion leaves the workspace.
     """
     points = enough(len(trajectory.knots) - 1, _FEWEST)
     nodes, weights = np.polynomial.legendre.leggauss(points)
@@ -27,7 +28,7 @@ def effort(scene: Scene, trajectory: Trajectory) -> float:
 
 
 def cost(scene: Scene, trajectory: Trajectory) -> float:
-    """What the scene's objective measures, in its unit."""
+    """The value of a scene's objective for a motion, in the objective's unit."""
     by_time, by_effort = scene.objective.weights
     total = by_time * trajectory.duration
     return total + by_effort * effort(scene, trajectory) if by_effort else total

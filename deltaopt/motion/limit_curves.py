@@ -1,4 +1,4 @@
-"""What a motion asks of each limit over time, in the limit's own unit: for tables and charts."""
+"""The limited quantities along a motion in their own units, for tables and charts."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ from deltaopt.scene.scene import Scene, limits_of
 
 @dataclass(frozen=True)
 class LimitCurves:
-    """A limit's quantity along a motion.
+    """The quantity of one limit at N instants of a motion.
 
-    ``values``: (N, one for each motor or one), in the limit's unit. ``lower`` and ``upper``: its
-    bounds, infinite where there is none.
+    ``values``: (N, items) in the limit's unit, one item for each motor or chain, or a single one.
+    ``lower``, ``upper``: the bounds, (items,), infinite where there is none.
     """
 
     limit: Limit
@@ -36,14 +36,17 @@ class LimitCurves:
 
     @property
     def of_bounds(self) -> Array:
-        """The values as shares of the nearer bound, 1 at it; those of a lower bound at 0 have
-        none."""
+        """The values as shares of the nearer bound, (N, items), 1 at the bound. A lower bound of 0
+        has no share."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.fmax(self.values / self.upper, self.values / self.lower)
 
 
 def limit_curves(scene: Scene, trajectory: Trajectory, fractions: Array) -> Iterator[LimitCurves]:
-    """Of every limit that a scene promises to keep, at these fractions of every interval."""
+    """The curves of all limits that a motion must keep, at fractions of every interval.
+
+    Margins that only the planner keeps are left out.
+    """
     model, limits = delta_model(scene.robot, scene.payload), limits_of(scene)
     function = _measures(model.functions.terms, limits.constraints)
     path = trajectory.path_inside(fractions)
@@ -58,7 +61,7 @@ def limit_curves(scene: Scene, trajectory: Trajectory, fractions: Array) -> Iter
 
 @lru_cache(maxsize=16)
 def _measures(terms: DeltaTerms, constraints: Constraints) -> RowFunction:
-    """(x, v, a, numbers of the limits and p) -> measures of all limits."""
+    """(x, v, a, numbers of the limits and p) -> the quantities of all limits, compiled."""
     x, v, a = (ca.SX.sym(name, 3) for name in "xva")
     numbers, p = constraints.numbers(), ca.SX.sym("p", len(terms.names))
     motion = PlatformInstant(delta_functions(terms, Explicit()), x, v, a, p)

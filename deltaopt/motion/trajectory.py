@@ -1,4 +1,4 @@
-"""A motion of the platform as a callable of time."""
+"""Trajectories: the platform's position as piecewise polynomials, and all that follows from it."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class PiecewisePolynomial:
-    """K polynomials of degree d in m components between K + 1 knots.
+    """A piecewise polynomial of time: K polynomials of degree d in m components.
 
-    ``knots``: (K + 1,), increasing, s. ``coefficients``: (K, d + 1, m), of the ascending
-    powers of the time since the interval began.
+    ``knots``: instants where the polynomials meet, increasing, (K + 1,), s. ``coefficients``: of
+    the ascending powers of the time since the interval began, (K, d + 1, m).
     """
 
     knots: Array
@@ -25,7 +25,7 @@ class PiecewisePolynomial:
 
     @classmethod
     def hermite(cls, knots: Array, x: Array, v: Array) -> PiecewisePolynomial:
-        """The cubics with values x and derivatives v, (K + 1, m), at the knots."""
+        """The cubics with given values x and derivatives v at the knots, (K + 1, m) each."""
         h = np.diff(knots)[:, None]
         secant = np.diff(x, axis=0) / h
         square = (3 * secant - 2 * v[:-1] - v[1:]) / h
@@ -33,12 +33,12 @@ class PiecewisePolynomial:
         return cls(knots, np.stack([x[:-1], v[:-1], square, cube], axis=1))
 
     def derivative(self) -> PiecewisePolynomial:
-        """Its derivative with respect to time."""
+        """The derivative by time, a piecewise polynomial of one degree less."""
         powers = np.arange(1, self.coefficients.shape[1])
         return replace(self, coefficients=self.coefficients[:, 1:] * powers[:, None])
 
     def slowed(self, factor: float) -> PiecewisePolynomial:
-        """The same path, ``factor`` times as slow."""
+        """The same values ``factor`` times as slow: its duration grows by that factor."""
         powers = np.arange(self.coefficients.shape[1])
         return PiecewisePolynomial(
             self.knots * factor, self.coefficients / factor ** powers[:, None]
@@ -50,7 +50,7 @@ class PiecewisePolynomial:
         return self.inside(intervals, t - self.knots[intervals])
 
     def with_rate_at(self, t: Array) -> tuple[Array, Array]:
-        """Values and their derivatives with respect to time, (N, m) each, at times (N,)."""
+        """Values and their derivatives by time, (N, m) each, at times (N,), s."""
         intervals = self.interval(t)
         since = (t - self.knots[intervals])[:, None]
         values = rates = np.zeros((len(t), self.coefficients.shape[2]))
@@ -60,12 +60,12 @@ class PiecewisePolynomial:
         return values, rates
 
     def interval(self, t: Array) -> NDArray[np.intp]:
-        """The interval of each time (N,); of a knot the one it begins, if there is one."""
+        """The interval of each time, (N,); at a knot the interval that begins there, if any."""
         last = len(self.knots) - 2
         return np.clip(np.searchsorted(self.knots, t, side="right") - 1, 0, last)
 
     def inside(self, intervals: NDArray[np.intp], since: Array) -> Array:
-        """Values, (N, m), a time after the beginning of an interval, (N,) each."""
+        """Values, (N, m), in given intervals, (N,), at times ``since`` they began, (N,), s."""
         values = np.zeros((len(since), self.coefficients.shape[2]))
         for power in reversed(range(self.coefficients.shape[1])):  # Horner
             values = values * since[:, None] + self.coefficients[intervals, power]
@@ -74,9 +74,11 @@ class PiecewisePolynomial:
 
 @dataclass(frozen=True)
 class Motion:
-    """Platform and motors at N instants: t (N,), the others (N, 3).
+    """A motion at N instants: platform and motors, arrays of shape (N, 3) but for ``t``, (N,).
 
-    x, v, a: m, m/s, m/s². theta, dtheta, ddtheta: rad, rad/s, rad/s². tau: N·m.
+    ``t``: s. ``x``, ``v``, ``a``: position, velocity and acceleration of the platform, m, m/s,
+    m/s². ``theta``, ``dtheta``, ``ddtheta``: angles, speeds and accelerations of the motors, rad,
+    rad/s, rad/s². ``tau``: motor torques, N·m.
     """
 
     t: Array
@@ -91,10 +93,11 @@ class Motion:
 
 @dataclass(frozen=True)
 class Trajectory:
-    """The path of the platform's centre over time, and the model that gives its torques.
+    """A motion of the platform over time: call it with instants to get a `Motion`.
 
-    ``coordinates``: all twelve as polynomials, where they were planned as such and need not
-    close the loops; without them they follow from the path.
+    ``position``: of the platform's centre, m over s. ``model``: the robot with its payload, which
+    gives motor angles and torques. ``coordinates``: all twelve, m and rad, if they were planned as
+    polynomials that may violate loop closure; otherwise they follow from the position.
     """
 
     position: PiecewisePolynomial
@@ -103,7 +106,7 @@ class Trajectory:
 
     @property
     def knots(self) -> Array:
-        """Where one polynomial ends and the next begins, s; torques may jump there."""
+        """Instants where polynomials meet, (K + 1,), s; torques may jump there."""
         return self.position.knots
 
     @property
@@ -112,9 +115,11 @@ class Trajectory:
         return float(self.knots[-1] - self.knots[0])
 
     def __call__(self, t: ArrayLike) -> Motion:
-        """The motion at times t, (N,) or a number, s; just after a knot where it jumps.
+        """The motion at times t, (N,) or a number, s.
 
-        Before the start and after the goal the first and last instant hold.
+        At a knot where the torques jump it is the motion just after. Times before the start and
+        after the end give the first and the last instant. Raises Unreachable or Singular where the
+        platform cannot be or the torques are not defined.
         """
         begin, end = self.knots[0], self.knots[-1]
         instants: Array = np.clip(np.atleast_1d(np.asarray(t, dtype=float)), begin, end)
@@ -122,23 +127,30 @@ class Trajectory:
         return self._motion(instants, intervals, instants - self.knots[intervals])
 
     def inside_intervals(self, fractions: ArrayLike) -> Motion:
-        """The motion at these fractions of every interval, 0 and 1 from inside of it."""
+        """The motion at fractions of every interval, (K · len(fractions),) instants.
+
+        At the fractions 0 and 1 it is that inside the interval, so that both sides of a jump
+        at a knot are given.
+        """
         intervals, since = _inside(self.position, fractions)
         return self._motion(self.knots[intervals] + since, intervals, since)
 
     def path_inside(self, fractions: ArrayLike) -> tuple[Array, Array, Array]:
-        """x, v, a, (K · len(fractions), 3) each, there: no motor is asked."""
+        """Position, velocity and acceleration of the platform at fractions of every interval, (K ·
+        len(fractions), 3) each, m, m/s, m/s², without inverse kinematics and dynamics."""
         return _with_derivatives(self.position, *_inside(self.position, fractions))
 
     def coordinates_inside(self, fractions: ArrayLike) -> tuple[Array, Array, Array]:
-        """q, q̇, q̈, (K · len(fractions), 12) each, at these fractions of every interval: as
-        planned where they were planned, else from the path."""
+        """All coordinates q, q̇, q̈ at fractions of every interval, (K · len(fractions), 12) each.
+
+        They are those of the plan if it has them, otherwise they follow from the position.
+        """
         if self.coordinates is None:
             return self.model.motion(*self.path_inside(fractions))
         return _with_derivatives(self.coordinates, *_inside(self.position, fractions))
 
     def slowed(self, factor: float) -> Trajectory:
-        """The same path, uniformly ``factor`` times as slow."""
+        """The same path, uniformly ``factor`` times as slow; torques change accordingly."""
         coordinates = self.coordinates and self.coordinates.slowed(factor)
         return replace(self, position=self.position.slowed(factor), coordinates=coordinates)
 
@@ -151,7 +163,7 @@ class Trajectory:
 
 
 def _inside(position: PiecewisePolynomial, fractions: ArrayLike) -> tuple[NDArray[np.intp], Array]:
-    """Intervals, and times since they began, of these fractions of every interval."""
+    """Fractions of every interval as the interval and the time since it began, s."""
     fractions, lengths = np.asarray(fractions, dtype=float), np.diff(position.knots)
     intervals = np.repeat(np.arange(len(lengths)), len(fractions))
     return intervals, (lengths[:, None] * fractions).ravel()
@@ -160,7 +172,7 @@ def _inside(position: PiecewisePolynomial, fractions: ArrayLike) -> tuple[NDArra
 def _with_derivatives(
     of: PiecewisePolynomial, intervals: NDArray[np.intp], since: Array
 ) -> tuple[Array, Array, Array]:
-    """Values and their first two derivatives with respect to time, (N, m) each."""
+    """Values and their first two derivatives by time, (N, m) each."""
     rate = of.derivative()
-    values, rates, bends = (q.inside(intervals, since) for q in (of, rate, rate.derivative()))
-    return values, rates, bends
+    values, rates, second = (q.inside(intervals, since) for q in (of, rate, rate.derivative()))
+    return values, rates, second

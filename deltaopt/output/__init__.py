@@ -1,1 +1,1 @@
-"""Plans as files, and a robot's dynamics as C."""
+"""Output: plans as files, and a robot's kinematics and dynamics as C."""

@@ -1,4 +1,4 @@
-"""A robot's kinematics and dynamics as C that needs nothing but ``math.h``."""
+"""A robot's kinematics and dynamics as C for a controller, which needs nothing but ``math.h``."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from deltaopt.codegen.simd_c import SCALAR, c_function
 from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.dynamics.mechanism import SX
-from deltaopt.files.atomic_write import whole
+from deltaopt.files.atomic_write import atomic_write
 from deltaopt.mechanisms.delta.functions import DeltaFunctions, delta_functions
 from deltaopt.motion.trajectory import Array
 from deltaopt.robot.model import DeltaModel
@@ -129,7 +129,10 @@ int main(void) {{
 
 
 def export_c(robot: Robot, directory: Path) -> list[Path]:
-    """Write delta.h, delta.c and test_delta.c into a directory; return their paths."""
+    """Write delta.h, delta.c and test_delta.c into a directory, made if need be.
+
+    Returns their paths. Each file is written completely or not at all.
+    """
     texts = {
         "delta.h": HEADER.format(name=robot.name),
         "delta.c": source(robot),
@@ -137,21 +140,24 @@ def export_c(robot: Robot, directory: Path) -> list[Path]:
     }
     paths = []
     for name, text in texts.items():
-        with whole(directory / name) as temporary:
+        with atomic_write(directory / name) as temporary:
             temporary.write_text(text, encoding="utf-8")
         paths.append(directory / name)
     return paths
 
 
 def source(robot: Robot) -> str:
-    """delta.c: the robot's numbers are in the text, the payload is an argument."""
+    """The text of delta.c: the robot's numbers are constants, the payload is an argument."""
     parts = ['#include "delta.h"', SCALAR]
     parts += [c_function(function, function.name()) for function in c_functions(robot)]
     return "\n".join([*parts, WRAPPERS])
 
 
 def c_functions(robot: Robot) -> list[ca.Function]:
-    """Inverse and forward kinematics, inverse and forward dynamics; payload last, kg."""
+    """Inverse and forward kinematics, then inverse and forward dynamics of a robot.
+
+    The last argument of the dynamics is the payload, kg.
+    """
     model = DeltaModel(robot, payload=1.0)
     functions = delta_functions(model.functions.terms, Explicit())
     payload = SX.sym("payload")
@@ -182,7 +188,8 @@ def _dynamics(functions: DeltaFunctions, p: SX, payload: SX) -> list[ca.Function
 
 
 def program(robot: Robot) -> str:
-    """test_delta.c: states near the middle, with what the general derivation gives there."""
+    """The text of test_delta.c: states near the middle of the workspace, and the results of the
+    general derivation there to compare with."""
     payload = 0.2
     model = DeltaModel(robot, payload)
     rng = np.random.default_rng(5)

@@ -1,4 +1,4 @@
-"""Plans as files: trajectory.csv, plan.json and plan.png, each whole or absent."""
+"""Plans as files: trajectory.csv, plan.json and plan.png, each written completely or not at all."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
-from deltaopt.files.atomic_write import whole
+from deltaopt.files.atomic_write import atomic_write
 from deltaopt.files.validated_record import Vector3
 from deltaopt.motion.certificate import MET
 from deltaopt.motion.effort import cost
@@ -23,7 +23,7 @@ from deltaopt.verify.pontryagin import Extremal, extremal
 from deltaopt.verify.verification import Verification
 
 RATE = 1000.0
-"""Instants per second in trajectory.csv, Hz: a usual rate of position controllers."""
+"""Instants per second in trajectory.csv, Hz: a common rate of position controllers."""
 
 COLUMNS = (
     "t",
@@ -56,8 +56,8 @@ class Optimum(Protocol):
     def starts(self) -> int: ...
 
 
-class Solution(Protocol):
-    """How a motion was found. A Plan is one."""
+class Provenance(Protocol):
+    """How a motion was found, as plan.json records it; a Plan has all of it."""
 
     @property
     def formulation(self) -> str | None: ...
@@ -83,7 +83,7 @@ class Solution(Protocol):
 
 @dataclass(frozen=True)
 class StraightLine:
-    """The solution of a baseline, which needs no solver."""
+    """How a baseline was found: without a solver."""
 
     formulation: str | None = None
     transcription: str = "straight line"
@@ -102,10 +102,13 @@ def save(
     scene: Scene,
     trajectory: Trajectory,
     verification: Verification,
-    solution: Solution,
+    solution: Provenance,
     rate: float = RATE,
 ) -> list[Path]:
-    """Write the three files of a plan into a directory, made if need be; return their paths."""
+    """Write the three files of a plan into a directory, made if need be, and return their paths.
+
+    ``rate``: instants per second in trajectory.csv, Hz.
+    """
     from deltaopt.plots.plan import draw  # slow to import
 
     csv, record, chart = (directory / n for n in ("trajectory.csv", "plan.json", "plan.png"))
@@ -116,8 +119,14 @@ def save(
 
 
 def write_csv(file: Path, trajectory: Trajectory, rate: float = RATE) -> None:
-    """The motion at ``rate`` (Hz) and at its last instant, one row each, to the last digit."""
-    with whole(file) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as out:
+    """Write the motion at ``rate`` (Hz) and at its last instant, one row each.
+
+    Numbers have so many digits that reading them gives the same doubles.
+    """
+    with (
+        atomic_write(file) as temporary,
+        temporary.open("w", encoding="utf-8", newline="\n") as out,
+    ):
         out.write(",".join(COLUMNS) + "\n")
         out.writelines(_rows(trajectory, rate))
 
@@ -127,9 +136,9 @@ def write_json(
     scene: Scene,
     trajectory: Trajectory,
     verification: Verification,
-    solution: Solution,
+    solution: Provenance,
 ) -> None:
-    """How the motion was found, what verification says of it, versions, the scene as read."""
+    """Write how a motion was found, the measures of verification, versions, and the scene."""
     found = {f.name: getattr(solution, f.name) for f in fields(StraightLine)}
     content = {
         "duration": trajectory.duration,
@@ -142,7 +151,7 @@ def write_json(
         | {name: _version(name) for name in ("deltaopt", "casadi", "numpy")},
         "scene": scene.model_dump(mode="json", exclude_none=True),
     }
-    with whole(file) as temporary:
+    with atomic_write(file) as temporary:
         text = json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False)
         temporary.write_text(text + "\n", encoding="utf-8")
 
@@ -167,7 +176,7 @@ def _optimum(found: Optimum) -> dict[str, object]:
 
 
 def _drawn(scene: Scene, trajectory: Trajectory, verification: Verification) -> Extremal | None:
-    """What Pontryagin's condition says along the motion, if it is met."""
+    """Costates and switching functions for the chart; None if Pontryagin's condition is not met."""
     spread, violation = verification.hamiltonian_spread, verification.sign_violation
     if spread is None or violation is None or max(spread, violation) > MET:
         return None
@@ -191,12 +200,12 @@ def _rows(trajectory: Trajectory, rate: float) -> Iterator[str]:
 
 
 def _finite(value: object) -> object:
-    """JSON knows neither infinity nor NaN: null."""
+    """The value, or None for infinity and NaN, which JSON does not have."""
     return None if isinstance(value, float) and not isfinite(value) else value
 
 
 def _version(package: str) -> str | None:
-    """None where a source tree is used without being installed."""
+    """The version of an installed package; None if it is used without being installed."""
     try:
         return version(package)
     except PackageNotFoundError:

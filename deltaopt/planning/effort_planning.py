@@ -1,9 +1,9 @@
-"""Motions that are best in effort, or in time and effort: meshes until the cost settles.
+"""Effort planning: motions of least effort, or of least time and effort, on finer and finer meshes.
 
-With a running cost the torques of the best motion are smooth but for where they come to a
-limit and leave it, so polynomials of a higher degree pay. Nothing may be slowed, for that
-costs, or the duration is given: where a mesh solution exceeds a limit between its points the
-limit is tightened in that interval, and the mesh solved again.
+With effort in the cost the best torques are smooth except where they reach a limit or leave it,
+so polynomials of a higher degree need fewer intervals. The motion cannot be slowed to keep its
+limits, for its duration is given or part of the cost: where a mesh solution exceeds a limit between
+its points, the limit is tightened in that interval and the mesh is solved again.
 """
 
 from __future__ import annotations
@@ -32,17 +32,22 @@ from deltaopt.scene.scene import Scene
 Array = NDArray[np.float64]
 
 SMOOTH = QUADRATIC
-"""By measurement, `deltaopt bench objectives`: degree 3 is no better once a limit is active."""
+"""The default transcription, chosen by `python -m studies objectives`: degree 1 needs two to eight
+times as many intervals, degree 3 is no better once a limit is active."""
 MOST_INTERVALS = 256
+"""Number of intervals beyond which meshes are not doubled any more: time grows with the number, and
+motions that meet many limits converge slowly."""
 _FRACTIONS = np.linspace(0.0, 1.0, 97)
-"""Where in every interval loads are held against their limits."""
-_TIGHTENINGS = 12
-_WIDENED = 1 - 2e-8
-"""Ipopt widens all bounds by 1e-8."""
+"""Fractions of every interval where a motion is checked against its limits. More of them cost time;
+the largest value of each row is sought between them too."""
+_MOST_TIGHTENINGS = 12
+"""How often a mesh is solved with limits tightened further before that counts as failed."""
+_IPOPT_MARGIN = 1 - 2e-8
+"""Share of every limit that is used, because Ipopt widens all bounds by 1e-8."""
 
 
 def cost_to_minimise(objective: Objective, scaling: Scaling) -> Cost:
-    """An objective in a problem's terms, of the order of one."""
+    """The cost of a nonlinear program for an objective, scaled to the order of one."""
     match objective:
         case Time():
             return FASTEST
@@ -54,14 +59,17 @@ def cost_to_minimise(objective: Objective, scaling: Scaling) -> Cost:
 
 
 def scaling_to_duration(scene: Scene, shortest: float) -> Scaling:
-    """Units of a scene, time in that of the duration that it gives or else the shortest (s)."""
+    """The units of a scene's variables; of time the given duration, or else ``shortest`` (s)."""
     return Scaling(scene, scene.objective.given_duration or shortest)
 
 
 @dataclass(frozen=True)
 class CostIteration:
-    """One mesh: ``duration`` (s) and ``cost`` of its motion, in ``unit``, estimated ``gap`` of
-    the latter to the least possible, as a fraction of it; seconds ``spent``."""
+    """The record of one mesh.
+
+    ``duration`` (s) and ``cost`` (in ``unit``): of its motion, within all limits. ``gap``:
+    estimated relative excess of the cost over the least possible. ``spent``: seconds.
+    """
 
     intervals: int
     iterations: int
@@ -72,16 +80,16 @@ class CostIteration:
     spent: Spent
 
     def __str__(self) -> str:
-        settled = "nothing to compare it with" if isinf(self.gap) else f"settled to {self.gap:.1e}"
+        gap = "no mesh to compare it with yet" if isinf(self.gap) else f"gap {self.gap:.1e}"
         return (
             f"{self.intervals} intervals, {self.iterations} iterations: {self.cost:.6g} "
-            f"{self.unit}, {settled}"
+            f"{self.unit}, {gap}"
         )
 
 
 @dataclass(frozen=True)
-class LeastCost:
-    """The motion of the last mesh, within all limits. ``gap``: as of its round."""
+class EffortResult:
+    """The motion of the last mesh, within all limits, with the gap of that mesh."""
 
     trajectory: Trajectory
     solution: Solved
@@ -89,8 +97,8 @@ class LeastCost:
     meshes: tuple[CostIteration, ...]
 
 
-class Motion(Protocol):
-    """A motion and its gap, such as a Plan."""
+class FastestMotion(Protocol):
+    """The fastest motion of a scene and its optimality gap, such as a Plan."""
 
     @property
     def trajectory(self) -> Trajectory: ...
@@ -98,22 +106,25 @@ class Motion(Protocol):
     def gap(self) -> float: ...
 
 
-def least_cost(
+def minimise_effort(
     problem: FormulatedProblem,
-    fastest: Motion,
+    fastest: FastestMotion,
     intervals: int,
     tolerance: float,
     scaling: Scaling,
-    tell: Callable[[str], None],
-) -> LeastCost:
-    """The best motion of a scene near the fastest, slowed to the duration if that is given, on
-    meshes of twice as many intervals each until the gap is within the tolerance.
+    report: Callable[[str], None],
+) -> EffortResult:
+    """Minimise a cost that contains effort; double the mesh until the gap is within ``tolerance``.
 
-    The gap is by how much the cost changed from the mesh before, and what keeping the limits
-    between the points of the last one costs. It is more than what is left as long as every
-    doubling changes the cost by less than half of what the one before did; it is no bound.
+    The first guess is the fastest motion, slowed to the given duration if there is one; the result
+    is a local minimum near it. ``intervals``: of the first mesh. ``report``: is called with a line
+    of text after every mesh.
 
-    Raises Infeasible where the given duration is too short, and NotConverged.
+    The gap is the relative change of the cost from the mesh before, plus what it costs to keep the
+    limits between the points of the last one. It exceeds the remaining error as long as every
+    doubling changes the cost by less than half as much as the one before; it is no bound.
+
+    Raises Infeasible if the given duration is too short, and NotConverged.
     """
     shortest, given = fastest.trajectory.duration, scaling.time
     if given * (1 + 2 * fastest.gap) < shortest:
@@ -121,15 +132,15 @@ def least_cost(
             f"duration is {given:g} s, but the fastest motion that was found takes {shortest:.6g} s"
         )
     first = fastest.trajectory.slowed(given / shortest)
-    found: LeastCost | None = None
+    found: EffortResult | None = None
     try:
         for found in _on_meshes(problem, scaling, first, intervals):
-            tell(str(found.meshes[-1]))
+            report(str(found.meshes[-1]))
             if found.gap <= tolerance:
                 break
     except NotConverged as error:
-        if found is not None:  # what is there already is a motion all the same
-            tell(str(error))
+        if found is not None:  # the motion of the mesh before remains
+            report(str(error))
             return found
         if given >= shortest:
             raise
@@ -143,21 +154,21 @@ def least_cost(
 
 def _on_meshes(
     problem: FormulatedProblem, scaling: Scaling, first: Trajectory, intervals: int
-) -> Iterator[LeastCost]:
-    """On the first mesh, and on ever finer ones as long as there may be such."""
+) -> Iterator[EffortResult]:
+    """The results on a mesh of ``intervals`` and on meshes of twice as many each, lazily."""
     meshes: list[CostIteration] = []
     before, guess, model = np.inf, first, first.model
-    scaling = replace(scaling, share=_WIDENED)
+    scaling = replace(scaling, share=_IPOPT_MARGIN)
     while not meshes or intervals <= MOST_INTERVALS:
         mesh = np.full(intervals, 1 / intervals)
         try:
             raw = _solved(problem, mesh, scaling, guess, model, near=bool(meshes))
-        except NotConverged:  # hardly slower than possible, Ipopt loses its way now and then
+        except NotConverged:  # from the mesh before Ipopt may fail if hardly any time is to spare
             raw = _solved(problem, mesh, scaling, first, model, near=False)
         safe = _within_limits(problem, mesh, scaling, raw, model)
         gap = abs(before / raw.cost - 1) + abs(safe.cost / raw.cost - 1)
         meshes.append(_iteration(safe, intervals, scaling, gap))
-        yield LeastCost(safe.trajectory, safe.solution, gap, tuple(meshes))
+        yield EffortResult(safe.trajectory, safe.solution, gap, tuple(meshes))
         before, guess, intervals = raw.cost, safe.trajectory, 2 * intervals
 
 
@@ -189,10 +200,13 @@ def _solved(
 def _within_limits(
     problem: FormulatedProblem, mesh: Array, scaling: Scaling, found: _OnMesh, model: DeltaModel
 ) -> _OnMesh:
-    """With limits tightened where they were exceeded, until they are kept everywhere."""
+    """Solve the mesh again with tighter limits where they are exceeded, until all are kept.
+
+    Raises NotConverged if that does not succeed.
+    """
     constraints, iterations, spent = scaling.constraints, found.iterations, found.spent
-    share = np.full((len(mesh), constraints.number), _WIDENED)
-    for i in range(_TIGHTENINGS):
+    share = np.full((len(mesh), constraints.number), _IPOPT_MARGIN)
+    for i in range(_MOST_TIGHTENINGS):
         excess = _excesses(scaling, found.trajectory)
         worst = float(excess.max())
         if worst <= 0:
@@ -210,17 +224,20 @@ def _within_limits(
 
 
 def _tightening(excess: Array, times: int) -> Array:
-    """By more than the excess, for a peak between points falls by less than what holds at them,
-    and the more so, the more often that was done."""
+    """By what factors limits are tightened, (N, rows), from the excess over them.
+
+    The peak between two points falls by less than the limit at the points, so the factor exceeds
+    the excess, and the more so the more often (``times``) the limit was tightened before.
+    """
     return np.where(excess > 0, 1 + (1.2 + times / 2) * excess + 1e-8, 1.0)
 
 
 def _excesses(scaling: Scaling, trajectory: Trajectory) -> Array:
-    """By how much each row exceeds its bounds in each interval, (N, rows), not negative.
+    """By how much each normalised row exceeds its bounds in each interval, (N, rows), at least 0.
 
-    Rows of accelerations and torques, in each interval, from samples, but the largest is sought
-    between them too; of velocities the largest, for all intervals, since one interval's velocity is
-    its neighbours' too. Rows of positions are margins that no tightening is owed.
+    For accelerations and torques: the largest sample in the interval, and the largest value of the
+    motion where that lies. For velocities: the largest of the motion in all intervals, since
+    neighbouring intervals share their velocity. For positions 0: their rows are not tightened.
     """
     constraints = scaling.constraints
     sizes = constraints.size(loads_inside(scaling.scene, trajectory, _FRACTIONS).rows)

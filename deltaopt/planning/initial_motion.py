@@ -1,4 +1,4 @@
-"""Motions that need no optimisation: the straight line, and a curve where that is blocked."""
+"""Initial motions, without optimisation: the straight line, or a curve where it is blocked."""
 
 from __future__ import annotations
 
@@ -23,31 +23,34 @@ from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.scene import Scene
 
-_ALONG = np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0])
-"""Share of the way at u = t / duration: at rest and without acceleration at both ends."""
+_QUINTIC = np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0])
+"""Coefficients of the share of the path at u = t / duration, ascending powers: at rest and without
+acceleration at both ends."""
 _PULLS = (0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0)
-"""How far arcs are pulled from the line towards the middle of the workspace, as a share."""
-
-
+"""How far the control point of a parabola lies from the line's midpoint towards the middle of the
+workspace, as a share of that way. Chosen by hand to cover small and large detours."""
 _JOINT_LINE_INTERVALS = 32
+"""Cubics that represent a straight line in the motor angles; they only have to be a good guess."""
 
 
 def straight_line(model: DeltaModel, start: Vector3, goal: Vector3, duration: float) -> Trajectory:
-    """10 u³ - 15 u⁴ + 6 u⁵ of the way at u = t / duration: at rest and without acceleration
-    at both ends, as in the paper's Fig. 4."""
+    """The motion on the straight line from ``start`` to ``goal`` (m) in ``duration`` (s).
+
+    It has covered 10 u³ - 15 u⁴ + 6 u⁵ of the line at u = t / duration: at rest and without
+    acceleration at both ends, as in the paper's Fig. 4.
+    """
     begin, way = np.array(start), np.array(goal) - np.array(start)
-    coefficients = _ALONG[:, None] * way
+    coefficients = _QUINTIC[:, None] * way
     coefficients[0] += begin
     return _one_piece(model, coefficients).slowed(duration)
 
 
 def baseline(scene: Scene) -> Trajectory:
-    """The straight line at the shortest duration that keeps the scene's limits, or at the
-    duration that the scene gives.
+    """The motion on the straight line, slowed until it keeps the scene's limits, as a baseline.
 
-    Raises Unreachable where the line leaves the workspace, and Infeasible where gravity alone
-    exceeds a torque limit on it or the given duration is too short: a detour may exist all
-    the same.
+    It takes the duration that the scene gives, if it gives one. Raises Unreachable where the line
+    leaves the workspace, and Infeasible where gravity alone exceeds a torque limit on it or the
+    given duration is too short; another path may exist all the same.
     """
     line = straight_line(delta_model(scene.robot, scene.payload), scene.start, scene.goal, 1.0)
     fastest = _fastest(scene, line, "the straight line from start to goal")
@@ -63,19 +66,19 @@ def baseline(scene: Scene) -> Trajectory:
 
 
 def detour(scene: Scene) -> Trajectory:
-    """The fastest of a few curves that bulge towards the middle of the workspace.
+    """The fastest of a few motions on curves that bulge towards the middle of the workspace.
 
-    Raises Unreachable if none of them can be driven.
+    Raises Unreachable if none of the curves stays in the workspace within the limits.
     """
-    for curves in (_arcs, _bends):
-        motions = list(driven(scene, curves(scene)))
+    for curves in (_parabolas, _cubics):
+        motions = list(drivable(scene, curves(scene)))
         if motions:
             return min(motions, key=lambda motion: motion.duration)
     raise Unreachable("neither a straight line nor a simple curve leads from start to goal")
 
 
-def driven(scene: Scene, curves: Iterator[Trajectory]) -> Iterator[Trajectory]:
-    """Those of the curves that can be driven, as fast as limits allow."""
+def drivable(scene: Scene, curves: Iterator[Trajectory]) -> Iterator[Trajectory]:
+    """Those of the curves that stay in the workspace, each as fast as the limits allow."""
     for curve in curves:
         try:
             yield _fastest(scene, curve, "the curve")
@@ -83,17 +86,20 @@ def driven(scene: Scene, curves: Iterator[Trajectory]) -> Iterator[Trajectory]:
             continue
 
 
-def _arcs(scene: Scene) -> Iterator[Trajectory]:
-    """Parabolas drawn towards the middle."""
+def _parabolas(scene: Scene) -> Iterator[Trajectory]:
+    """Parabolas whose control point lies towards the middle of the workspace, in 1 s."""
     halfway = (np.array(scene.start) + scene.goal) / 2
     for pull in _PULLS:
         corner = halfway + pull * (_middle(scene.robot, 0.5) - halfway)
         yield curve_between(scene, corner)
 
 
-def _bends(scene: Scene) -> Iterator[Trajectory]:
-    """Cubics that leave start and reach goal each towards a point on the axis, deeper ones
-    too: from one far side to the other, around what the chains cannot fold into."""
+def _cubics(scene: Scene) -> Iterator[Trajectory]:
+    """Cubics whose control points lie on the way from each end to a point on the robot's axis.
+
+    Deep ones lead from one side of the workspace to the other, below the region near the base
+    that the platform cannot enter.
+    """
     start, goal = np.array(scene.start), np.array(scene.goal)
     for depth, leave, arrive in product((0.5, 0.6, 0.7, 0.8), (0.5, 1.0, 1.3), (0.5, 1.0, 1.3)):
         middle = _middle(scene.robot, depth)
@@ -103,15 +109,15 @@ def _bends(scene: Scene) -> Iterator[Trajectory]:
 
 
 def joint_line(scene: Scene) -> Trajectory:
-    """Motor angles straight from start to goal in 1 s, the platform's way by cubics.
+    """The motion on a straight line in the motor angles, in 1 s, approximated by cubics.
 
-    Raises Unreachable where the bars do not meet.
+    Raises Unreachable where the loops cannot close.
     """
     model = delta_model(scene.robot, scene.payload)
     u = np.linspace(0.0, 1.0, _JOINT_LINE_INTERVALS + 1)
     ends = np.tile([*scene.start, *scene.goal], (len(u), 1))
-    share = np.asarray(polyval(u, _ALONG), dtype=float)[:, None]
-    rate = np.asarray(polyval(u, polyder(_ALONG)), dtype=float)[:, None]
+    share = np.asarray(polyval(u, _QUINTIC), dtype=float)[:, None]
+    rate = np.asarray(polyval(u, polyder(_QUINTIC)), dtype=float)[:, None]
     function = _joint_line_function(model.functions.terms)
     x, v = function(ends, share, rate, parameters=model.parameters)
     if not np.isfinite(x).all():
@@ -122,7 +128,7 @@ def joint_line(scene: Scene) -> Trajectory:
 
 @lru_cache(maxsize=16)
 def _joint_line_function(terms: DeltaTerms) -> RowFunction:
-    """(start and goal, share of the way in motor angles, its rate, p) -> x, v."""
+    """(start and goal, share of the line in motor angles, its rate, p) -> x, v of the platform."""
     functions = delta_functions(terms, Explicit())
     ends, share, rate = ca.SX.sym("ends", 6), ca.SX.sym("share"), ca.SX.sym("rate")
     p = ca.SX.sym("p", len(terms.names))
@@ -134,7 +140,11 @@ def _joint_line_function(terms: DeltaTerms) -> RowFunction:
 
 
 def first_motion(scene: Scene) -> Trajectory:
-    """What an optimisation may start from: the first of these that there is."""
+    """The first guess of an optimisation: a straight line of the platform, one in the motor
+    angles, or a curve, whichever is possible first.
+
+    Raises Unreachable if none of them is.
+    """
     for line in (_line, joint_line):
         try:
             return _roughly_fastest(scene, line(scene))
@@ -149,7 +159,7 @@ def _line(scene: Scene) -> Trajectory:
 
 
 def _roughly_fastest(scene: Scene, trajectory: Trajectory) -> Trajectory:
-    """At the shortest duration that keeps the limits at samples."""
+    """The motion slowed or sped up uniformly until it just keeps the limits at samples."""
     factor = rough_factor(scene, trajectory)
     if isinf(factor):
         raise Infeasible("it cannot be driven at any speed")
@@ -157,7 +167,7 @@ def _roughly_fastest(scene: Scene, trajectory: Trajectory) -> Trajectory:
 
 
 def _fastest(scene: Scene, trajectory: Trajectory, name: str) -> Trajectory:
-    """A motion at the shortest duration that keeps the limits."""
+    """The motion slowed or sped up uniformly until it just keeps the limits at all instants."""
     try:
         factor = safe_factor(scene, trajectory, at_least=0.0)
     except Unreachable as error:
@@ -168,24 +178,24 @@ def _fastest(scene: Scene, trajectory: Trajectory, name: str) -> Trajectory:
 
 
 def curve_between(scene: Scene, *control: Array) -> Trajectory:
-    """The Bézier curve from start to goal with these points between, driven in 1 s."""
+    """The motion in 1 s on the Bézier curve from start to goal with these control points, m."""
     points = np.array([scene.start, *control, scene.goal])
     n = len(points) - 1
-    # Powers of the share of the way: differences of the points, forward from the first.
-    coefficients, power = np.zeros((n * (len(_ALONG) - 1) + 1, 3)), np.ones(1)
+    # In powers of the share of the way, the coefficients are forward differences of the points.
+    coefficients, power = np.zeros((n * (len(_QUINTIC) - 1) + 1, 3)), np.ones(1)
     for k in range(n + 1):
         coefficients[: len(power)] += np.outer(power, comb(n, k) * np.diff(points, k, axis=0)[0])
-        power = polymul(power, _ALONG)
+        power = polymul(power, _QUINTIC)
     return _one_piece(delta_model(scene.robot, scene.payload), coefficients)
 
 
 def _one_piece(model: DeltaModel, coefficients: Array) -> Trajectory:
-    """A motion of one polynomial, coefficients (powers, 3), in 1 s."""
+    """A motion of a single polynomial in 1 s, from its coefficients (powers, 3)."""
     return Trajectory(PiecewisePolynomial(np.array([0.0, 1.0]), coefficients[None]), model)
 
 
 def _middle(robot: Robot, depth: float) -> Array:
-    """On the robot's axis, 3, m: at a depth from 0, folded, to 1, stretched."""
+    """A point on the robot's axis, (3,), m, at a depth from 0 (chains folded) to 1 (stretched)."""
     arm, bars = robot.upper_arm.length, robot.forearm.length
     offset = robot.base_radius - robot.platform_radius
     folded, stretched = (max(reach**2 - offset**2, 0) ** 0.5 for reach in (bars - arm, bars + arm))

@@ -1,4 +1,4 @@
-"""Many first guesses: a minimum is local, and another start may lead to a better one."""
+"""Multistart: several first guesses, because a minimum is local and another may be better."""
 
 from __future__ import annotations
 
@@ -10,27 +10,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.planning.initial_motion import curve_between, driven, first_motion
+from deltaopt.planning.initial_motion import curve_between, drivable, first_motion
 from deltaopt.scene.scene import Scene
 
 Array = NDArray[np.float64]
 
 _SPREAD = 0.5
-"""Of the control points about the line, in units of the distance from start to goal."""
+"""Standard deviation of the random control points about the line, as a share of the distance from
+start to goal. A larger one explores more of the workspace, but more curves leave it."""
 _TRIES = 50
-"""Random curves for each that can be driven: more than that, and there are hardly any."""
+"""Random curves drawn for each guess that is wanted, before the search for drivable ones ends."""
 _SAME_PATH = 1e-2
-"""Motions half of whose time leads to places closer together than this share of the distance
-from start to goal are the same motion, planned to a tolerance."""
+"""Two motions are the same local minimum if their positions at half time are closer than this share
+of the distance from start to goal: more than planning to a tolerance moves them."""
 
 
 def first_motions(scene: Scene, number: int, seed: int) -> Iterator[Trajectory]:
-    """``first_motion``, then random cubics from start to goal as fast as the limits allow.
+    """First guesses: ``first_motion``, then random cubics as fast as the limits allow.
 
-    Fewer than ``number`` where hardly any cubic can be driven.
+    They are fewer than ``number`` if hardly any random cubic stays in the workspace.
     """
     yield first_motion(scene)
-    random = driven(scene, islice(_cubics(scene, seed), _TRIES * (number - 1)))
+    random = drivable(scene, islice(_cubics(scene, seed), _TRIES * (number - 1)))
     yield from islice(random, number - 1)
 
 
@@ -46,8 +47,11 @@ def _cubics(scene: Scene, seed: int) -> Iterator[Trajectory]:
 
 @dataclass(frozen=True)
 class Optimum:
-    """A local minimum: ``duration`` (s), ``cost`` in the objective's unit, the platform's place
-    at half of the time (m), the gap it was planned to, and how many of the starts led there."""
+    """A local minimum that a plan from several first guesses found.
+
+    ``duration``: s. ``cost``: in the objective's unit. ``halfway``: the platform's position at half
+    time, m. ``gap``: optimality gap. ``starts``: how many of the first guesses led there.
+    """
 
     duration: float
     cost: float
@@ -57,10 +61,11 @@ class Optimum:
 
 
 def distinct(found: Sequence[tuple[Trajectory, float, float]], length: float) -> list[Optimum]:
-    """Local minima among motions with their costs and gaps, best first.
+    """The distinct local minima among motions with their costs and gaps, best first.
 
-    Two are one if their costs differ by no more than their gaps leave open and their
-    halfway places by no more than a hundredth of ``length``, start to goal.
+    Two motions are the same if their costs differ by no more than the sum of their gaps and
+    their positions at half time by no more than ``_SAME_PATH`` times ``length``, the distance from
+    start to goal in m.
     """
     optima: list[Optimum] = []
     for motion, cost, gap in sorted(found, key=lambda each: each[1]):
@@ -77,5 +82,5 @@ def distinct(found: Sequence[tuple[Trajectory, float, float]], length: float) ->
 
 def _same(one: Optimum, other: Optimum, length: float) -> bool:
     apart = float(np.linalg.norm(np.subtract(one.halfway, other.halfway)))
-    dearer = abs(one.cost / other.cost - 1)
-    return dearer <= one.gap + other.gap and apart <= _SAME_PATH * length
+    difference = abs(one.cost / other.cost - 1)
+    return difference <= one.gap + other.gap and apart <= _SAME_PATH * length

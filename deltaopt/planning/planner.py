@@ -1,4 +1,4 @@
-"""From a scene to a motion that is safe, and known to be nearly the best for its objective."""
+"""Planning: from a scene to a motion that keeps every limit and whose optimality gap is known."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from deltaopt.planning.effort_planning import (
     SMOOTH,
     CostIteration,
     cost_to_minimise,
-    least_cost,
+    minimise_effort,
     scaling_to_duration,
 )
 from deltaopt.planning.flat.flat_problem import Flat
@@ -40,7 +40,7 @@ from deltaopt.planning.nlp.transcription import LINEAR, PiecewiseAcceleration
 from deltaopt.planning.refinement import Progress, Refinement, Resolver
 from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.robot.robot import Robot
-from deltaopt.scene.feasibility import check_feasible, reach_at_ends
+from deltaopt.scene.feasibility import check_feasible, serial_distances_at_ends
 from deltaopt.scene.objective import Objective, Time
 from deltaopt.scene.scene import Limits, Scene
 
@@ -49,26 +49,34 @@ Pair = tuple[Vector3, Vector3]
 """Start and goal, m."""
 
 RESOLVED_BELOW = 1e-4
-"""Tolerances below this are met by resolving switches: finer meshes cost more and more."""
-_OTHER = 3
-"""Halves of the intervals of the first mesh where a small gap was not reached: which structure
-is read and which intervals are split depends on them."""
-_NEAREST = 1e-2
-"""Squared distance to a serial singularity that motions keep if their ends do."""
-_FIRST = 1e-4
-"""To which the first mesh is solved at most, whatever the tolerance: it is coarse."""
+"""Tolerance of the optimality gap below which the instants of switching become unknowns of their
+own. It trades the cost of switch resolution against that of fine meshes, which grows steeply as
+the tolerance falls."""
+_RETRY_HALVES = 3
+"""A plan that misses a tolerance below ``RESOLVED_BELOW`` is made once more from a first mesh of
+3/2 as many intervals. Which switching structure is detected and which intervals are split depends
+on the first mesh, so another one may succeed; it costs as much time again."""
+_KEPT_DISTANCE = 1e-2
+"""Squared distance to the serial singularities, sin² or cos² of an angle, that motions keep if
+their start and goal do. Ends that are closer ask for a larger allowance for rounding."""
+_FIRST_MESH_TOLERANCE = 1e-4
+"""Loosest relative tolerance of the solver on the first mesh. A tighter one is wasted, for the
+discretisation error of a coarse mesh is far larger."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """A motion for a scene that keeps every limit between mesh points too.
+    """A planned motion for a scene. It keeps every limit between the points of its mesh too.
 
-    ``gap``: estimated excess of its cost, a duration as a rule, over the least possible, as a
-    fraction; ``Iteration`` and ``least_cost`` say how it is estimated.
-    ``meshes``: those it took. ``solve_seconds``: wall time of all of them.
-    ``resolved``: whether its switches are. ``certificate``: how well Pontryagin's condition is
-    met, by the prices on the arcs, or on the mesh where these tell.
-    ``optima``: the distinct local minima that several starts led to, best first.
+    ``trajectory``: the motion, a function of time. ``gap``: estimated relative excess of its cost
+    (of its duration, unless the objective is another) over the least possible;
+    ``mesh_solution.iteration_of`` and ``effort_planning.minimise_effort`` say how it is estimated.
+    ``tolerance``: the gap that was asked for. ``intervals``: of the last mesh. ``meshes``: a record
+    of every mesh that was solved. ``status``, ``iterations``: of the solver, the latter summed over
+    all meshes. ``solve_seconds``: wall time of all of them, s. ``resolved``: whether the instants
+    of switching were found as unknowns of their own. ``certificate``: how well Pontryagin's
+    necessary condition is met, by the multipliers of that solution; None if they are not known.
+    ``optima``: the distinct local minima that several first guesses led to, best first.
     """
 
     scene: Scene
@@ -88,19 +96,21 @@ class Plan:
 
     @property
     def duration(self) -> float:
-        """From start to goal, s."""
+        """Time from start to goal, s."""
         return self.trajectory.duration
 
     @property
     def cost(self) -> float:
-        """What the scene's objective measures, in its unit."""
+        """Value of the scene's objective: s for time, N²m²s for effort."""
         return cost_of(self.scene, self.trajectory)
 
     def save(self, directory: str | Path) -> list[Path]:
-        """Verify, and write trajectory.csv, plan.json and plan.png; their paths."""
-        from deltaopt.output.plan_files import (
-            save,  # lies to the right: a convenience, not a dependence
-        )
+        """Verify the motion and write trajectory.csv, plan.json and plan.png into a directory.
+
+        Returns their paths.
+        """
+        # Imported here: a convenience of later rooms, on which planning does not depend.
+        from deltaopt.output.plan_files import save
         from deltaopt.verify.verification import verify
 
         found = verify(self.scene, self.trajectory)
@@ -108,7 +118,7 @@ class Plan:
 
     @property
     def within_tolerance(self) -> bool:
-        """Whether the gap is as small as was asked for."""
+        """Whether the estimated gap is at most the tolerance that was asked for."""
         return self.gap <= self.tolerance
 
 
@@ -124,17 +134,20 @@ def plan(
     seed: int = 1,
     progress: Progress | None = None,
 ) -> Plan:
-    """The best motion of a scene: the fastest, unless its objective is another.
+    """Plan the best motion of a scene: the fastest, unless the scene has another objective.
 
-    ``formulation``: of the problem (flat by default, forward), or one of the dynamics, which
-    stands for the problem in twelve coordinates: multiplier by eq. (37), the others by eq. (39).
+    ``tolerance``: relative optimality gap to reach. ``intervals``: number of the first mesh, which
+    is refined where time is lost until the gap is within the tolerance; for tolerances below
+    ``RESOLVED_BELOW`` the instants of switching are resolved.
+    ``formulation``: of the problem (flat by default, or forward), or of the dynamics: that stands
+    for the problem in twelve coordinates, Multiplier by eq. (37) and the others by eq. (39).
+    ``transcription``: polynomial degree of the acceleration in an interval.
     ``solver``: `InteriorPoint` or `Ipopt`; the first by default where the formulation has it.
-    ``tolerance``: of the optimality gap. ``intervals``: of the first mesh, refined where time
-    is given away until the gap is within the tolerance; below ``RESOLVED_BELOW`` the switches
-    are resolved. ``starts``: from how many first guesses, all but the first of them random by
-    ``seed``; the best motion is the plan. ``progress``: told after every mesh.
+    ``starts``: number of first guesses, all but the first of them random with ``seed``; the best
+    motion is returned. ``progress``: is called with a line of text after every mesh.
 
-    Raises Unreachable, Infeasible or NotConverged.
+    Raises Unreachable, Singular or Infeasible if start or goal rule a motion out, NotConverged if
+    the solver finds none, and ValueError for settings that make no sense.
     """
     planner = Planner(
         scene.robot,
@@ -152,12 +165,15 @@ def plan(
 
 @dataclass(frozen=True)
 class Planner:
-    """Plans for one robot. What does not depend on start, goal and payload is built once.
+    """Plans motions of one robot with the same settings.
 
-    ``payload``: kg, where a plan is not given one. ``tolerance``: of the optimality gap.
-    ``intervals``: of the first mesh, refined until the gap is within the tolerance.
-    ``resolved_below``: tolerances below this are met by resolving switches.
-    ``objective``: what plans are the best in.
+    Equations and compiled code depend neither on start and goal nor on the payload's mass: they
+    are built once in a process. ``payload``: kg, unless a plan is given another. ``limits``: of
+    the scenes, beside those of the drive. ``resolved_below``: tolerance below which the instants of
+    switching are resolved; 0 for never. ``objective``: of the scenes that are made from start and
+    goal. The other settings are those of ``plan``.
+
+    Raises ValueError for settings that make no sense.
     """
 
     robot: Robot
@@ -192,11 +208,10 @@ class Planner:
         seed: int = 1,
         progress: Progress | None = None,
     ) -> Plan:
-        """The best motion from rest at start to rest at goal (m).
+        """Plan the best motion from rest at ``start`` to rest at ``goal``, both in m.
 
-        ``payload``: kg, another than the planner's. ``starts``, ``seed``: see ``plan``.
-
-        Raises Unreachable, Infeasible or NotConverged.
+        ``payload``: kg, instead of the planner's. ``starts``, ``seed``, ``progress`` and the errors
+        raised: as of the function ``plan``.
         """
         scene = Scene(
             robot=self.robot,
@@ -211,28 +226,31 @@ class Planner:
     def plan_scene(
         self, scene: Scene, *, starts: int = 1, seed: int = 1, progress: Progress | None = None
     ) -> Plan:
-        """The best motion of a scene, with this planner's settings.
+        """Plan the best motion of a scene with this planner's settings.
 
-        ``starts``, ``seed``: see ``plan``. Raises Unreachable, Infeasible or NotConverged.
+        ``starts``, ``seed``, ``progress`` and the errors raised: as of the function ``plan``.
         """
         check_feasible(scene)
-        tell = progress or (lambda _: None)
+        report = progress or (lambda _: None)
         guesses = self._guesses(scene, starts, seed)
         if starts == 1:
-            return self._plan(scene, next(guesses), tell)
-        return self._best(scene, guesses, tell)
+            return self._plan(scene, next(guesses), report)
+        return self._best(scene, guesses, report)
 
-    def _best(self, scene: Scene, guesses: Iterator[Guess], tell: Progress) -> Plan:
-        """The best of the plans from each first guess."""
+    def _best(self, scene: Scene, guesses: Iterator[Guess], report: Progress) -> Plan:
+        """Plan from every first guess and return the best plan, with all local minima.
+
+        Raises the first NotConverged if no guess leads to a plan.
+        """
         begin = perf_counter()
         plans: list[Plan] = []
         failures: list[NotConverged] = []
         for i, guess in enumerate(guesses, 1):
-            tell(f"start {i}:")
+            report(f"start {i}:")
             try:
-                plans.append(self._plan(scene, guess, tell))
+                plans.append(self._plan(scene, guess, report))
             except NotConverged as error:
-                tell(str(error))
+                report(str(error))
                 failures.append(error)
         if not plans:
             raise failures[0]
@@ -241,23 +259,26 @@ class Planner:
         best = min(plans, key=lambda each: each.cost)
         return replace(best, optima=tuple(optima), solve_seconds=perf_counter() - begin)
 
-    def _plan(self, scene: Scene, guess: Guess, tell: Progress) -> Plan:
-        """From one first guess."""
+    def _plan(self, scene: Scene, guess: Guess, report: Progress) -> Plan:
+        """Plan from one first guess; once more from another mesh if a small gap was missed."""
         if not isinstance(scene.objective, Time):
-            return self._of_least_cost(scene, guess, tell)
-        found = self._fastest(scene, guess, tell)
+            return self._plan_effort(scene, guess, report)
+        found = self._fastest(scene, guess, report)
         if found.within_tolerance or self.tolerance >= self.resolved_below:
             return found
-        other = replace(self, intervals=_OTHER * self.intervals // 2)
-        tell(f"once more, from {other.intervals} intervals:")
+        other = replace(self, intervals=_RETRY_HALVES * self.intervals // 2)
+        report(f"once more, from {other.intervals} intervals:")
         try:
-            return quicker(found, other._fastest(scene, guess, tell))
+            return quicker(found, other._fastest(scene, guess, report))
         except NotConverged as error:
-            tell(str(error))
+            report(str(error))
             return found
 
-    def _fastest(self, scene: Scene, guess: Guess, tell: Progress) -> Plan:
-        """From one first guess and one first mesh."""
+    def _fastest(self, scene: Scene, guess: Guess, report: Progress) -> Plan:
+        """Plan the fastest motion from one first guess and one first mesh.
+
+        The motion of the chosen mesh is slowed until it keeps every limit at all instants.
+        """
         begin = perf_counter()
         model = delta_model(scene.robot, scene.payload)
         scaling = Scaling(scene, guess.trajectory.duration)
@@ -266,8 +287,8 @@ class Planner:
             scaling,
             model,
             self.tolerance,
-            self._resolver(scaling, model, tell),
-            tell,
+            self._resolver(scaling, model, report),
+            report,
         )
         resolved = refinement.from_guess(guess, self.intervals)
         solutions, iterations = refinement.solutions, refinement.iterations
@@ -286,7 +307,7 @@ class Planner:
         spent = sum(each.iterations for each in iterations)
         return Plan(
             scene=scene,
-            trajectory=chosen.trajectory.slowed(chosen.safe_factor * _for_rounding(scene)),
+            trajectory=chosen.trajectory.slowed(chosen.safe_factor * _rounding_factor(scene)),
             formulation=self._formulation.name,
             transcription=resolved.name if resolved else self._transcription.name,
             intervals=len(chosen.trajectory.knots) - 1,
@@ -300,24 +321,26 @@ class Planner:
             resolved=resolved is not None,
         )
 
-    def _resolver(self, scaling: Scaling, model: DeltaModel, tell: Progress) -> Resolver | None:
-        """What resolves switches, imported where the tolerance asks for it only; None where the
-        scene has limits that arcs cannot hold."""
+    def _resolver(self, scaling: Scaling, model: DeltaModel, report: Progress) -> Resolver | None:
+        """The method that resolves switches; None if the tolerance does not ask for it.
+
+        It is imported here, so that plans to usual tolerances start faster.
+        """
         if self.tolerance >= self.resolved_below:
             return None
         from deltaopt.planning.switching.resolver import resolver
 
-        return resolver(scaling, model, self.tolerance, tell)
+        return resolver(scaling, model, self.tolerance, report)
 
-    def _of_least_cost(self, scene: Scene, guess: Guess, tell: Progress) -> Plan:
-        """From the fastest motion."""
+    def _plan_effort(self, scene: Scene, guess: Guess, report: Progress) -> Plan:
+        """Plan for an objective that contains effort, starting from the fastest motion."""
         begin = perf_counter()
         quick = Planner(self.robot, self.payload, self.limits)
         fastest = quick._plan(scene.model_copy(update={"objective": Time()}), guess, lambda _: None)
         scaling = scaling_to_duration(scene, fastest.duration)
         cost = cost_to_minimise(scene.objective, scaling)
         problem = self._problem(fastest.trajectory.model, scaling, cost)
-        found = least_cost(problem, fastest, self.intervals, self.tolerance, scaling, tell)
+        found = minimise_effort(problem, fastest, self.intervals, self.tolerance, scaling, report)
         return Plan(
             scene=scene,
             trajectory=found.trajectory,
@@ -334,9 +357,9 @@ class Planner:
         )
 
     def plan_many(self, pairs: Sequence[Pair], workers: int = 1) -> list[Plan | DeltaOptError]:
-        """A plan for every (start, goal), or why there is none, in their order.
+        """Plan every pair (start, goal), m; a plan or the error that prevented it, in their order.
 
-        ``workers``: processes; the results do not depend on their number.
+        ``workers``: number of processes; results do not depend on it.
         """
         if workers == 1:
             return [self._plan_or_error(pair) for pair in pairs]
@@ -351,12 +374,12 @@ class Planner:
             return error
 
     def _guesses(self, scene: Scene, starts: int, seed: int) -> Iterator[Guess]:
-        """Motions without optimisation."""
+        """First guesses, which need no optimisation."""
         for motion in first_motions(scene, starts, seed):
-            yield Guess(motion, near=False, tolerance=max(_FIRST, self.tolerance))
+            yield Guess(motion, near=False, tolerance=max(_FIRST_MESH_TOLERANCE, self.tolerance))
 
     def _problem(self, model: DeltaModel, scaling: Scaling, cost: Cost) -> FormulatedProblem:
-        """Built once in a process for all models with the same terms and limits."""
+        """The problem, built once in a process for all models with the same terms and limits."""
         return _problem(
             self._formulation,
             model.functions,
@@ -372,7 +395,7 @@ class Planner:
 
     @property
     def _solver(self) -> Solver:
-        """The one that was asked for, or the fastest that the formulation has."""
+        """The solver that was asked for, or else the fastest that the formulation has."""
         return self.solver or self._formulation.solvers[0]()
 
     @property
@@ -382,8 +405,12 @@ class Planner:
 
 
 def quicker(one: Plan, other: Plan) -> Plan:
-    """Of two plans for a scene, with the gap that both leave possible if they are near the same
-    optimum, and the time that both took."""
+    """The shorter of two plans for a scene, with the iterations and the wall time of both.
+
+    Each plan bounds the least duration from below by duration / (1 + gap). If the longer plan's
+    bound is not above the shorter plan, both are taken to be near the same optimum, and the
+    tighter bound gives the gap.
+    """
     best, worse = sorted((one, other), key=lambda each: each.duration)
     shortest = worse.duration / (1 + worse.gap)
     return replace(
@@ -394,10 +421,13 @@ def quicker(one: Plan, other: Plan) -> Plan:
     )
 
 
-def _for_rounding(scene: Scene) -> float:
-    """Torques near a serial singularity are known to rounding over its distance only, whoever
-    computes them."""
-    least = min(_NEAREST, float(reach_at_ends(scene).min()) / 2)
+def _rounding_factor(scene: Scene) -> float:
+    """Factor, just above 1, by which a motion is slowed to allow for rounding.
+
+    Near a serial singularity torques are known only to rounding divided by the squared distance
+    to it, so that two programs may differ by as much.
+    """
+    least = min(_KEPT_DISTANCE, float(serial_distances_at_ends(scene).min()) / 2)
     return 1 + float(np.finfo(float).eps) / least
 
 

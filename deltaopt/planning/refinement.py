@@ -1,4 +1,8 @@
-"""Mesh refinement: finer and finer meshes, until little enough time is given away."""
+"""Mesh refinement for minimum time: finer meshes until the optimality gap is within a tolerance.
+
+Each mesh is solved from the solution on the mesh before. For small tolerances the switching
+structure is then detected on a mesh and the instants of switching are resolved.
+"""
 
 from __future__ import annotations
 
@@ -26,27 +30,37 @@ from deltaopt.robot.model import DeltaModel
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
 
-_READABLE, _MOST_READ = 2e-3, 3
-"""A mesh solution with a smaller gap shows which limit is active when; from so many meshes the
-switching structure is detected, for what they do not resolve those with knots a little closer
-hardly do."""
-_SHARP = 1e-5
-"""One with a smaller gap shows it sharply, and is tried once more."""
-_FALL, _FALL_TO_READ = 32.0, 16.0
-"""From one mesh to the next the gap is to fall to this part at least: asked for more, a coarse
-mesh would be split everywhere."""
-_COARSE = 1e-3
-"""More is not aimed at on any mesh, not even where a motion cannot be slowed to its limits."""
-_EXACT, _COARSEST = 300.0, 1e-4
-"""A mesh is solved to this part of the gap of the one before, and to so much at least."""
-_LEAST_AIM = 3e-7
-"""To be given away on a mesh: less cannot be told from what the solver leaves."""
-_MOST_MESHES, _MOST_ALIKE, _MOST_FAILURES = 17, 4, 2
-"""Meshes; of these alike, with limits tightened again and again; that bring no solution."""
+_DETECTABLE_GAP, _MOST_DETECTIONS = 2e-3, 3
+"""Gap below which a mesh solution shows which limit is active when, and from how many such meshes
+the switching structure is detected. More attempts hardly ever succeed, and each costs as much as
+solving a mesh."""
+_SHARP_GAP = 1e-5
+"""Gap below which switches are sharp on a mesh, so that one more detection is worth its time."""
+_REDUCTION, _REDUCTION_AFTER_DETECTION = 32.0, 16.0
+"""By what factor the gap is to fall from one mesh to the next, and after a detection that failed.
+A larger factor saves meshes, but splits all intervals of a coarse mesh, whether they need it or
+not."""
+_LARGEST_TARGET = 1e-3
+"""Largest relative time loss that a mesh is refined for, even if the gap is infinite because the
+motion cannot be slowed to its limits."""
+_SOLVER_MARGIN, _LOOSEST_TOLERANCE = 300.0, 1e-4
+"""The solver's relative tolerance on a mesh: the gap of the mesh before divided by the first, but
+no looser than the second. A tighter one costs iterations, a looser one hides the error of the
+mesh behind the solver's."""
+_SMALLEST_TARGET = 3e-7
+"""Smallest relative time loss that a mesh is refined for. Below it the loss cannot be
+distinguished from what the solver leaves."""
+_MOST_MESHES, _MOST_REPEATS, _MOST_FAILURES = 17, 4, 2
+"""Largest numbers of meshes, of solves in a row on the same mesh with limits tightened further, and
+of solves in a row that do not converge. They bound the time of a plan that makes no progress."""
 
 
 class ResolvedMotion(Protocol):
-    """A motion whose switches are resolved, with its gap and certificate."""
+    """A motion whose instants of switching were found as unknowns of their own.
+
+    ``safe_factor``: by what factor it must be slowed to keep every limit. ``name``: of its
+    transcription.
+    """
 
     @property
     def trajectory(self) -> Trajectory: ...
@@ -65,31 +79,32 @@ class ResolvedMotion(Protocol):
 
 
 class Resolver(Protocol):
-    """Resolves switches from mesh solutions, and certifies these."""
+    """Resolves the instants of switching from a mesh solution, and certifies mesh solutions."""
 
     def from_coarse(self, solution: MeshSolution) -> ResolvedMotion | None:
-        """From a mesh that shows the structure roughly; None if it cannot be resolved yet."""
+        """From a mesh that shows the switching structure roughly; None if that does not succeed."""
         ...
 
     def from_fine(self, solution: MeshSolution) -> ResolvedMotion | None:
-        """From a mesh on which next to nothing is given away."""
+        """From a mesh with a gap that makes switches sharp; None if that does not succeed."""
         ...
 
     def from_last(self, solution: MeshSolution) -> ResolvedMotion | None:
-        """From the last mesh, where multipliers tell what is at its limit."""
+        """From the last mesh, by the multipliers of its limits; None if that does not succeed."""
         ...
 
     def certificate(self, solution: MeshSolution) -> Certificate | None:
-        """Of a mesh solution, if Pontryagin's condition is met there."""
+        """The certificate of a mesh solution; None if it does not meet Pontryagin's condition."""
         ...
 
 
 @dataclass
 class Refinement:
-    """From a first guess to the best motion, for one scene.
+    """Refines the mesh of a minimum-time problem, for one scene.
 
-    ``resolver``: how switches are resolved, None if they are not to be. ``solutions`` and
-    ``iterations``: of the meshes it has taken so far.
+    ``tolerance``: relative optimality gap to reach. ``resolver``: resolves the instants of
+    switching; None if they are not to be resolved. ``report``: is called with a line of text after
+    every mesh. ``solutions`` and ``iterations``: of the meshes so far, one each.
     """
 
     problem: FormulatedProblem
@@ -97,48 +112,50 @@ class Refinement:
     model: DeltaModel
     tolerance: float
     resolver: Resolver | None
-    tell: Progress
+    report: Progress
     solutions: list[MeshSolution] = field(default_factory=list, init=False)
     iterations: list[Iteration] = field(default_factory=list, init=False)
-    _coarse_left: int = field(default=_MOST_READ, init=False)
+    _coarse_left: int = field(default=_MOST_DETECTIONS, init=False)
     _fine_left: int = field(default=1, init=False)
-    _alike: int = field(default=0, init=False)
+    _repeats: int = field(default=0, init=False)
     _failures: int = field(default=0, init=False)
 
     def from_guess(self, first: Guess, intervals: int) -> ResolvedMotion | None:
-        """The motion with its switches resolved, if they are; otherwise the best of ``solutions``
-        is the answer.
+        """Refine from a first guess and a uniform mesh of this many intervals.
 
-        Raises NotConverged where the first mesh brings nothing.
+        Returns the motion with resolved switches; None if they were not resolved: then the
+        best of ``solutions`` is the result. Raises NotConverged if the first mesh is not solved.
         """
         self._solve(np.full(intervals, 1 / intervals), first, self.scaling)
         while not self._done:
             last, gap = self.solutions[-1], self.iterations[-1].gap
-            aim = max(self.tolerance / 3, _LEAST_AIM, min(gap / _FALL, _COARSE))
-            resolve = self._way_to_resolve(gap)
+            target = max(
+                self.tolerance / 3, _SMALLEST_TARGET, min(gap / _REDUCTION, _LARGEST_TARGET)
+            )
+            resolve = self._next_resolution(gap)
             if resolve:
                 resolved = resolve(last)
                 if resolved:
                     return resolved
-                aim = max(aim, gap / _FALL_TO_READ)
-            mesh = self._finer(last, aim / 3**self._failures)
+                target = max(target, gap / _REDUCTION_AFTER_DETECTION)
+            mesh = self._finer(last, target / 3**self._failures)
             scaling = last.tightened(mesh)
-            if self._repeats(last, mesh, scaling):
-                self.tell(f"{len(last.mesh)} intervals: no finer mesh is known to be worth it")
+            if self._is_repetition(last, mesh, scaling):
+                self.report(f"{len(last.mesh)} intervals: no finer mesh is known to be worth it")
                 break
-            accuracy = max(self.tolerance / 3, min(gap / _EXACT, _COARSEST))
+            accuracy = max(self.tolerance / 3, min(gap / _SOLVER_MARGIN, _LOOSEST_TOLERANCE))
             try:
                 self._solve(mesh, Guess(last.trajectory, near=True, tolerance=accuracy), scaling)
                 self._failures = 0
-            except NotConverged as error:  # what is there already is a motion all the same
-                self.tell(f"{len(mesh)} intervals: {error}")
+            except NotConverged as error:  # the solutions of the meshes before remain
+                self.report(f"{len(mesh)} intervals: {error}")
                 self._failures += 1
-        if self.resolver is None or self.iterations[-1].gap >= _READABLE:
+        if self.resolver is None or self.iterations[-1].gap >= _DETECTABLE_GAP:
             return None
         return self.resolver.from_last(self.solutions[-1])
 
     def certificate(self, chosen: int) -> Certificate | None:
-        """Of a mesh solution, where switches were to be resolved and its condition is met."""
+        """The certificate of a mesh solution, by its index; None if it has none."""
         resolver, solution = self.resolver, self.solutions[chosen]
         return None if resolver is None else resolver.certificate(solution)
 
@@ -149,37 +166,51 @@ class Refinement:
 
     @property
     def _within_tolerance(self) -> bool:
-        """After two meshes at least: one alone has nothing to be compared with."""
+        """Whether the gap is small enough, after two meshes at least: the error estimate is
+        corrected by comparing two."""
         return len(self.iterations) > 1 and self.iterations[-1].gap <= self.tolerance
 
     def _solve(self, mesh: Array, guess: Guess, scaling: Scaling) -> None:
         self.solutions.append(solve_on_mesh(self.problem.on(mesh), scaling, guess, self.model))
         self.iterations.append(iteration_of(self.solutions))
-        if self._within_tolerance:  # by samples; but is it?
+        if self._within_tolerance:  # so far limits were checked at samples: now at all instants
             self.solutions[-1] = self.solutions[-1].exact()
             self.iterations[-1] = iteration_of(self.solutions)
-        self.tell(str(self.iterations[-1]))
+        self.report(str(self.iterations[-1]))
 
-    def _finer(self, last: MeshSolution, aim: float) -> Array:
-        """The next mesh: the same if all that is wrong is cured by tighter limits."""
+    def _finer(self, last: MeshSolution, target: float) -> Array:
+        """The next mesh, (N,), for a relative time loss of ``target``.
+
+        It is the same mesh if limits that are exceeded between its points are all that is left,
+        for tightening the limits there cures that.
+        """
         lost, unused = last.lost, self.iterations[-1].gap - (last.safe_factor - 1)
-        if unused < self.tolerance / 2 and self.iterations[-1].gap < _SHARP and not self._failures:
+        if (
+            unused < self.tolerance / 2
+            and self.iterations[-1].gap < _SHARP_GAP
+            and not self._failures
+        ):
             lost = replace(lost, unused=np.zeros_like(lost.unused))
-        mesh = refined(last.mesh, lost, aim)
+        mesh = refined(last.mesh, lost, target)
         return mesh if len(mesh) <= last.problem.finest else last.mesh
 
-    def _repeats(self, last: MeshSolution, mesh: Array, scaling: Scaling) -> bool:
-        """Whether nothing new would be tried; counts what is tried on one mesh."""
+    def _is_repetition(self, last: MeshSolution, mesh: Array, scaling: Scaling) -> bool:
+        """Whether the next solve would repeat the last; counts solves on the same mesh."""
         N = len(mesh)
-        self._alike = self._alike + 1 if len(last.mesh) == N else 0
-        same = self._alike and np.array_equal(scaling.shares(N), last.scaling.shares(N))
-        return bool(same) or self._alike > _MOST_ALIKE
+        self._repeats = self._repeats + 1 if len(last.mesh) == N else 0
+        same = self._repeats and np.array_equal(scaling.shares(N), last.scaling.shares(N))
+        return bool(same) or self._repeats > _MOST_REPEATS
 
-    def _way_to_resolve(self, gap: float) -> Callable[[MeshSolution], ResolvedMotion | None] | None:
-        """How the switches of the last mesh are to be resolved, each mesh once; None if not."""
-        if self.resolver is None or self._failures or self._alike or gap >= _READABLE:
+    def _next_resolution(
+        self, gap: float
+    ) -> Callable[[MeshSolution], ResolvedMotion | None] | None:
+        """The way to resolve the switches of the last mesh; None if that is not worth trying.
+
+        Each mesh is tried once at most.
+        """
+        if self.resolver is None or self._failures or self._repeats or gap >= _DETECTABLE_GAP:
             return None
-        if gap < _SHARP and self._fine_left:
+        if gap < _SHARP_GAP and self._fine_left:
             self._fine_left -= 1
             return self.resolver.from_fine
         if not self._coarse_left:

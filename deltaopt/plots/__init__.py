@@ -1,1 +1,1 @@
-"""Charts. Nothing outside this folder imports matplotlib."""
+"""Charts by matplotlib, which nothing outside this folder imports."""

@@ -1,4 +1,4 @@
-"""The comparison of the dynamics as a chart: accuracy against time."""
+"""A chart of the comparison of dynamics: accuracy against time."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ MARKERS = {
     "LAPACK LU": "P",
 }
 UNIT = 1e-16
-"""Of errors."""
+"""Unit of the errors on the axis."""
 TITLES = {"inverse": "Inverse dynamics, q, q̇, q̈ → τ", "forward": "Forward dynamics, q, q̇, τ → q̈"}
 
 
 def draw(study: Study, path: Path) -> None:
-    """Draw the study and save the chart as PNG."""
+    """Draw a study and save the chart as PNG."""
     figure = Figure(figsize=(10, 5.4), layout="constrained")
     FigureCanvasAgg(figure)
     panels = figure.subplots(1, len(study.floor), sharex=True, sharey=True)
@@ -63,7 +63,10 @@ def _panel(axes: Axes, rows: list[Row], floor: float) -> None:
 
 
 def _point(axes: Axes, row: Row, seconds: float, face: str) -> None:
-    """Kane's are drawn smaller, for they lie on those of virtual work."""
+    """Draw a row's median error, and a line up to the largest, at its time in s.
+
+    Kane's points are smaller, for they lie on those of virtual work.
+    """
     colour, size = COLOURS[row.model], 4 if row.model == "K, Kane" else 7
     x, median, largest = 1e6 * seconds, row.median_error / UNIT, row.largest_error / UNIT
     axes.plot([x, x], [median, largest], color=colour, linewidth=0.8, alpha=0.5)

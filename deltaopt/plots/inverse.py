@@ -1,4 +1,4 @@
-"""The paper's Figs. 4 and 5: a prescribed motion, and the torques it takes."""
+"""Charts as the paper's Figs. 4 and 5: a prescribed motion, and the torques it takes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _SAMPLES = 1001
 
 
 def draw_motion(file: Path, trajectory: Trajectory) -> None:
-    """Fig. 4: displacement, velocity and acceleration of the platform."""
+    """Draw displacement, velocity and acceleration of the platform over time, as Fig. 4."""
     motion = _sampled(trajectory)
     rows = (
         ("displacement (m)", motion.x - motion.x[0]),
@@ -35,7 +35,7 @@ def draw_motion(file: Path, trajectory: Trajectory) -> None:
 
 
 def draw_torques(file: Path, trajectory: Trajectory) -> None:
-    """Fig. 5: motor torques, beside those that would hold the platform still where it is."""
+    """Draw motor torques over time, as Fig. 5, and those that hold the platform at rest there."""
     motion = _sampled(trajectory)
     rest = np.zeros_like(motion.x)
     holding = trajectory.model.inverse_dynamics(motion.x, rest, rest)
@@ -51,6 +51,6 @@ def draw_torques(file: Path, trajectory: Trajectory) -> None:
 
 
 def _sampled(trajectory: Trajectory) -> Motion:
-    """A motion without jumps, close enough for a smooth line."""
+    """A motion without jumps at instants close enough together for a smooth line."""
     begin, end = trajectory.knots[[0, -1]]
     return trajectory(np.linspace(begin, end, _SAMPLES))

@@ -1,7 +1,7 @@
-"""A plan on one page: what it asks of every limit, and the path.
+"""A chart of a plan on one page: every limited quantity between its bounds, and the path.
 
-Where the motion meets Pontryagin's condition, below them: what each motor's torque is worth,
-and how constant the Hamiltonian is.
+If the motion meets Pontryagin's condition, two more panels show the switching function of each
+motor and how constant the Hamiltonian is.
 """
 
 from __future__ import annotations
@@ -19,17 +19,23 @@ from deltaopt.plots.style import COLOURS, GREY, figure, motor_curves, without_bo
 from deltaopt.scene.scene import Scene
 from deltaopt.verify.pontryagin import Extremal
 
-_TICKS = 10  # along the path, at equal times
+_TICKS = 10
+"""Parts of equal time that dots divide the path into."""
 _LIMIT = "limit"
-_SAMPLES = 2000  # over all intervals
+"""Label of the bounds in the legend."""
+_SAMPLES = 2000
+"""Samples of each curve over all intervals, about the pixels of a panel's width."""
 
 
 def draw(
     file: Path, scene: Scene, trajectory: Trajectory, extremal: Extremal | None = None
 ) -> None:
-    """Draw a motion that solves a scene, and its switching functions if they are given."""
+    """Draw a motion for a scene into a file, with switching functions if they are given.
+
+    The format follows the file's suffix: png, pdf or svg.
+    """
     steps = max(2, _SAMPLES // (len(trajectory.knots) - 1))
-    inside = np.linspace(0, 1, steps)  # both sides of each knot
+    inside = np.linspace(0, 1, steps)  # 0 and 1: both sides of a jump at a knot
     motion = trajectory.inside_intervals(inside)
     curves = list(limit_curves(scene, trajectory, inside))
     begin, end = trajectory.knots[[0, -1]]
@@ -61,7 +67,7 @@ def draw(
 
 
 def _limit(axes: Axes, t: Array, curves: LimitCurves) -> None:
-    """A limit's quantity over time between its bounds."""
+    """Draw a limited quantity over time, and its bounds."""
     axes.set_ylabel(f"{curves.limit.name} ({curves.limit.unit})")
     if curves.values.shape[1] == len(COLOURS):
         motor_curves(axes, t, curves.values)
@@ -73,7 +79,10 @@ def _limit(axes: Axes, t: Array, curves: LimitCurves) -> None:
 
 
 def _switching(axes: Axes, extremal: Extremal) -> None:
-    """What more torque would cost; negative at the upper limit, positive at the lower."""
+    """Draw the switching functions: the derivative of H by each torque, times its limit.
+
+    They are negative where the torque is at its upper limit and positive at the lower.
+    """
     axes.axhline(0.0, color="black", linewidth=0.6, zorder=1)
     motor_curves(axes, extremal.t, extremal.switching)
     axes.set_ylabel(r"$\tau_{k,\mathrm{max}}\,\partial H/\partial\tau_k$")
@@ -81,7 +90,7 @@ def _switching(axes: Axes, extremal: Extremal) -> None:
 
 
 def _hamiltonian(axes: Axes, extremal: Extremal) -> None:
-    """How far H is from its mean, and the residual in words."""
+    """Draw how far the Hamiltonian is from its mean, and write the residual above."""
     H = extremal.hamiltonian
     away = np.maximum(np.abs(H - H.mean()), 1e-16)
     axes.semilogy(extremal.t, away, "-", color="black", linewidth=0.7)
@@ -98,7 +107,7 @@ def _hamiltonian(axes: Axes, extremal: Extremal) -> None:
 
 
 def _limit_lines(axes: Axes, bounds: Array) -> None:
-    """Bounds: black where the motors share them, else in each motor's colour."""
+    """Draw bounds: in black if all motors share them, otherwise in each motor's colour."""
     shared = len(set(bounds.tolist())) == 1
     style: dict[str, Any] = {"linewidth": 0.9, "linestyle": (0, (1, 1)), "zorder": 1}
     for colour, bound in zip(("black",) if shared else COLOURS, bounds.tolist(), strict=False):
@@ -108,7 +117,10 @@ def _limit_lines(axes: Axes, bounds: Array) -> None:
 
 
 def _path(axes: Axes, scene: Scene, path: Array, ticks: Array, *, along: int) -> None:
-    """The path (N, 3), m, seen along a base axis: y to the right, x or z (``along``) up; mm."""
+    """Draw a path, (N, 3), m, in a plane of the base frame: y to the right, x or z upwards, mm.
+
+    ``along``: index of the upward axis, 0 or 2. ``ticks``: points of the path to mark, (n, 3), m.
+    """
     ends = 1e3 * np.array([scene.start, scene.goal])[:, [1, along]].T
     across, up = 1e3 * path[:, [1, along]].T
     axes.plot(*ends, ":", color=GREY, linewidth=0.9, label="straight line")
@@ -123,7 +135,7 @@ def _path(axes: Axes, scene: Scene, path: Array, ticks: Array, *, along: int) ->
 
 
 def _legend(page: Figure, torques: Axes, path: Axes) -> None:
-    """All explanations above the panels: a row for the motors, a row for the path."""
+    """Draw one legend above all panels: a row for the motors, a row for the path."""
     motors, views = (axes.get_legend_handles_labels() for axes in (torques, path))
     handles, labels = (
         [entry for column in zip(*rows, strict=True) for entry in column]

@@ -1,4 +1,4 @@
-"""The comparison of plans as a chart: what accuracy costs, and where its time goes."""
+"""A chart of the comparison of plans: what accuracy costs, and where the time goes."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from deltaopt.compare.plans.study import PlanStudy, Row
 from deltaopt.plots.style import figure
 
 COLOURS = {"flat": "#000000", "forward": "#E69F00", "explicit": "#0072B2", "multiplier": "#D55E00"}
-"""Of Okabe and Ito."""
+"""Colours of the formulations, from the palette of Okabe and Ito."""
 MARKERS = {
     "": "o",
     "constraints at knots": "s",
@@ -28,7 +28,7 @@ MARKERS = {
 }
 DASHES: dict[int, Any] = {1: "-", 2: (0, (3, 2))}
 FLOOR = 1e-16
-"""Errors below are drawn there."""
+"""Smallest error drawn: those below are drawn there."""
 
 Measure = Callable[[Row], float]
 PANELS: tuple[tuple[str, Measure], ...] = (
@@ -58,7 +58,7 @@ def draw(study: PlanStudy, case: str, path: Path) -> None:
 
 
 def _curves(axes: Axes, rows: list[Row], measure: Measure) -> None:
-    """A line per method over its meshes; failures as crosses at the upper edge."""
+    """Draw a line for each method over its meshes, and failures as crosses at the upper edge."""
     axes.set(xscale="log", yscale="log", xlabel="wall time of the solve (s)")
     axes.xaxis.set_major_locator(LogLocator(subs=(1, 3)))
     axes.xaxis.set_major_formatter(FormatStrFormatter("%g"))
@@ -91,7 +91,8 @@ def _curves(axes: Axes, rows: list[Row], measure: Measure) -> None:
 
 
 def _shares(axes: Axes, study: PlanStudy, case: str, modes: list[bool]) -> None:
-    """Functions and linear algebra per iteration and interval, on the finest uniform mesh."""
+    """Draw the time of functions and of linear algebra per iteration and interval, on the finest
+    uniform mesh."""
     places = np.arange(len(FORMULATIONS))
     width = 0.8 / len(modes)
     for i, mode in enumerate(modes):

@@ -1,4 +1,4 @@
-"""What all charts share: fonts, colours that the colour-blind tell apart, whole files."""
+"""The style of all charts: fonts, colours that the colour-blind can distinguish, files."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from deltaopt.files.atomic_write import whole
+from deltaopt.files.atomic_write import atomic_write
 from deltaopt.motion.trajectory import Array
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73")
@@ -44,18 +44,19 @@ _STYLE: Any = {
 
 @contextmanager
 def figure(file: Path, width: float, height: float) -> Iterator[Figure]:
-    """A figure of this size (inches) to draw on; it is in the file when all went well.
+    """A figure of this size (inches) to draw on, which is written to the file at the end.
 
-    The format follows the file's suffix: png, pdf or svg.
+    The format follows the file's suffix: png, pdf or svg. If an error is raised in between, the
+    file stays as it was.
     """
-    with mpl.rc_context(_STYLE), whole(file) as temporary:
+    with mpl.rc_context(_STYLE), atomic_write(file) as temporary:
         drawn = Figure(figsize=(width, height), layout="constrained")
         yield drawn
         drawn.savefig(temporary, dpi=300)
 
 
 def motor_curves(axes: Axes, t: Array, values: Array) -> None:
-    """A curve of each motor, from values (N, 3) at times (N,), s."""
+    """Draw a curve for each motor, from values, (N, 3), at times t, (N,), s."""
     for k, (colour, stroke) in enumerate(zip(COLOURS, STROKES, strict=True)):
         axes.plot(t, values[:, k], color=colour, linestyle=stroke, label=f"motor {k + 1}")
     axes.set_xlim(t[0], t[-1])
@@ -63,5 +64,5 @@ def motor_curves(axes: Axes, t: Array, values: Array) -> None:
 
 
 def without_box(axes: Axes) -> None:
-    """Leave only the two axes that carry numbers."""
+    """Remove the frame but for the two axes with numbers."""
     axes.spines[["top", "right"]].set_visible(False)

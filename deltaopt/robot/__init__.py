@@ -1,1 +1,1 @@
-"""Robot files, and the kinematics and dynamics of a robot with a payload."""
+"""Robots: their files, and the kinematics and dynamics of a robot with a payload."""

@@ -1,4 +1,4 @@
-"""The Delta as a user meets it: platform motion in, torques out, many points at once."""
+"""The model of a Delta robot with a payload: kinematics and dynamics of many points at once."""
 
 from __future__ import annotations
 
@@ -22,17 +22,24 @@ from deltaopt.robot.robot import Robot
 Array = NDArray[np.float64]
 
 NEAR = 1e-2
-"""Serial margins below which accelerations are left to model L_I, torques at rest to the motor
-angles: eq. (55) loses digits there as ε⁻⁵ and ε⁻¹ (docs/stability.md)."""
+"""Distance ε from a serial singularity, cos q_{k,3} or sin (q_{k,1} - q_{k,2}), below which other
+equations than eq. (55) are used, because its error grows as ε⁻⁵ in accelerations and as ε⁻¹ in
+torques at rest (docs/stability.md): model L_I for the former, motor angles as independent
+coordinates for the latter."""
 SERIAL_LIMIT = 1e-6
-"""Serial margins below which a moving platform raises Singular: torques have at best three
-digits left, for the platform's position determines the square of the margin only."""
+"""Distance from a serial singularity below which a moving platform raises Singular. Torques have
+three correct digits there at best, for the platform's position determines only the square of the
+distance."""
 PARALLEL_LIMIT = 1e-12
-"""Parallel margin below which torques raise Singular: they have four digits left."""
+"""Distance from a parallel singularity, a volume without unit, below which torques raise Singular.
+They have four correct digits there."""
 
 
 def delta_parameters(robot: Robot, payload: float | None) -> DeltaParameters:
-    """The paper's letters from a robot file: lengths halved, slender bars where no inertia."""
+    """The parameters of the paper for a robot with a payload (kg; None for none).
+
+    Lengths are halved; a link without an inertia in the robot file is a slender bar.
+    """
     arm, bars = robot.upper_arm, robot.forearm
     slender = bars.mass * bars.length**2 / 12
     I41, I42, I43 = bars.inertia or (slender, None, slender)
@@ -55,10 +62,11 @@ def delta_parameters(robot: Robot, payload: float | None) -> DeltaParameters:
 
 @dataclass(frozen=True)
 class DeltaModel:
-    """Kinematics and dynamics of a robot with a payload (kg), in a formulation.
+    """Kinematics and dynamics of a robot with a payload (kg; None for none).
 
-    Arguments and results are arrays of N points, (N, 3) for what belongs to the platform
-    or the motors; a single point (3,) gives a single result. Units: m, m/s, m/s², rad, N·m.
+    ``formulation``: of the dynamics, eq. (39) by default. Arguments and results are arrays of N
+    points, of shape (N, 3) for the platform and for the motors; a single point of shape (3,) gives
+    a single result. Units: m, m/s, m/s², rad, N·m.
     """
 
     robot: Robot
@@ -66,28 +74,29 @@ class DeltaModel:
     formulation: Formulation = field(default_factory=Explicit)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """For other processes: they derive functions themselves."""
+        """Pickle the arguments alone: other processes derive the functions themselves."""
         return DeltaModel, (self.robot, self.payload, self.formulation)
 
     @cached_property
     def functions(self) -> DeltaFunctions:
-        """The same as CasADi functions."""
+        """Kinematics and dynamics as CasADi functions."""
         return delta_functions(self.numbers.terms(), self.formulation)
 
     @cached_property
     def parameters(self) -> Array:
-        """Values of the mechanism's parameters p."""
+        """Values of the mechanism's parameters p, in the order of ``Mechanism.parameters``."""
         return np.asarray(self.numbers.values())
 
     @cached_property
     def numbers(self) -> DeltaParameters:
-        """The paper's letters for this robot and payload."""
+        """The parameters of the paper for this robot and payload, by name."""
         return delta_parameters(self.robot, self.payload)
 
     def inverse_kinematics(self, x: ArrayLike) -> Array:
-        """q, (N, 12), of the platform's centre x, (N, 3), every elbow outside.
+        """Coordinates q, (N, 12), m and rad, for the platform's centre at x, (N, 3), m.
 
-        Raises Unreachable where there is no such q.
+        Every elbow is on the outer side of its chain: the industrial assembly mode. Raises
+        Unreachable where there is no such q.
         """
         x = np.asarray(x, dtype=float)
         q = self._evaluate(self.functions.inverse_kinematics, x)[0]
@@ -95,9 +104,9 @@ class DeltaModel:
         return q
 
     def forward_kinematics(self, theta: ArrayLike) -> Array:
-        """x, (N, 3), of the motor angles, (N, 3): the lower of the two solutions.
+        """Position x of the platform's centre, (N, 3), m, for motor angles, (N, 3), rad.
 
-        Raises Unreachable where the bars do not meet.
+        It is the lower of the two solutions. Raises Unreachable where the loops cannot close.
         """
         theta = np.asarray(theta, dtype=float)
         x = self._evaluate(self.functions.forward_kinematics, theta)[0]
@@ -109,26 +118,32 @@ class DeltaModel:
         return x
 
     def alignments(self, x: ArrayLike) -> Array:
-        """sin² (q_{k,1} - q_{k,2}) of the chains, (N, 3), with the platform at x, (N, 3), m.
+        """Squared distance of each chain from its serial singularity with the platform at x.
 
-        0 where a chain is folded or stretched: the distance to its serial singularity.
+        It is sin² (q_{k,1} - q_{k,2}), (N, 3), without unit: 0 where arm and bars are in line, the
+        chain folded or stretched. x: (N, 3), m.
         """
         x = np.asarray(x, dtype=float)
-        (reach,) = _reach(self.functions)(np.atleast_2d(x), parameters=self.parameters)
-        return reach[0, 3:] if x.ndim == 1 else reach[:, 3:]
+        (distances,) = _serial_distances(self.functions)(
+            np.atleast_2d(x), parameters=self.parameters
+        )
+        return distances[0, 3:] if x.ndim == 1 else distances[:, 3:]
 
     def motion(self, x: ArrayLike, v: ArrayLike, a: ArrayLike) -> tuple[Array, Array, Array]:
-        """q, q̇, q̈, (N, 12) each, of a motion of the platform."""
+        """All coordinates q, q̇, q̈, (N, 12) each, of a motion x, v, a of the platform.
+
+        Raises Unreachable, and Singular in a serial singularity.
+        """
         margins = self._margins(self.inverse_kinematics(x))
         _require_serial(margins)
         q, dq, ddq = self._evaluate(self.functions.motion, x, v, a)
         return q, dq, ddq
 
     def inverse_dynamics(self, x: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
-        """Motor torques τ, (N, 3), of a motion of the platform, eq. (39) by default.
+        """Motor torques τ, (N, 3), N·m, of a motion x, v, a of the platform; eq. (39) by default.
 
-        Raises Singular in a parallel singularity, and in a serial one unless at rest; for
-        motions that are possible there see ``joint_inverse_dynamics``.
+        Raises Unreachable, and Singular in a parallel singularity or, unless at rest, in a serial
+        one; for the motions that are possible there see ``joint_inverse_dynamics``.
         """
         q = self.inverse_kinematics(x)
         tau = self._evaluate(self.functions.inverse_dynamics, x, v, a)[0]
@@ -143,26 +158,32 @@ class DeltaModel:
         return result
 
     def joint_inverse_dynamics(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Array:
-        """Motor torques τ, (N, 3), of a motion of all coordinates q, q̇, q̈, (N, 12) each.
+        """Motor torques τ, (N, 3), N·m, of a motion of all coordinates q, q̇, q̈, (N, 12) each.
 
-        The motion must obey the constraints. Accurate in serial singularities too, where
-        the platform's position, velocity and acceleration do not determine the others; by
-        virtual work with the motor angles independent, whatever the model's formulation.
-        Raises Singular in a parallel singularity.
+        The motion must obey the constraints. The torques are accurate in serial singularities too,
+        where the motion of the platform does not determine that of the chains. They are found by
+        virtual work with the motor angles as independent coordinates, whatever the model's
+        formulation. Raises Singular in a parallel singularity.
         """
         tau = self._evaluate(self._joint_inverse_dynamics, q, dq, ddq)[0]
         _require_parallel(self._margins(np.asarray(q, dtype=float)))
         return tau
 
     def multipliers(self, x: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
-        """λ, (N, 9), N: the force of each chain on the platform, eq. (37)."""
+        """Multipliers λ of eq. (37), (N, 9), N: the force of each chain on the platform.
+
+        Raises Unreachable, and Singular in serial and parallel singularities.
+        """
         margins = self._margins(self.inverse_kinematics(x))
         _require_parallel(margins)
         _require_serial(margins)
         return self._evaluate(self.functions.inverse_dynamics, x, v, a)[1]
 
     def forward_dynamics(self, x: ArrayLike, v: ArrayLike, tau: ArrayLike) -> Array:
-        """Acceleration of the platform, (N, 3), under motor torques (N, 3)."""
+        """Acceleration of the platform, (N, 3), m/s², at x, v under motor torques, (N, 3), N·m.
+
+        Raises Unreachable, and Singular in a serial singularity.
+        """
         margins = self._margins(self.inverse_kinematics(x))
         _require_serial(margins)
         a = self._evaluate(self.functions.forward_dynamics, x, v, tau)[0]
@@ -175,7 +196,8 @@ class DeltaModel:
 
     @cached_property
     def _robust_functions(self) -> DeltaFunctions:
-        """In the formulation that keeps accelerations accurate near serial singularities."""
+        """The functions of model L_I, whose accelerations stay accurate near serial
+        singularities."""
         return delta_functions(self.functions.terms, Multiplier())
 
     @cached_property
@@ -186,7 +208,8 @@ class DeltaModel:
         return ca.Function("joint_inverse_dynamics", x, list(inverse.call([ca.MX(0), *x])))
 
     def _margins(self, q: Array) -> Array:
-        """N × 7: cos q_{k,3}, sin (q_{k,1} - q_{k,2}), volume of the bars' directions."""
+        """Signed distances from singularities, (N, 7): cos q_{k,3} and sin (q_{k,1} - q_{k,2}) of
+        the three chains, then the volume spanned by the bars' directions."""
         rows: Array = self.functions.margins(np.atleast_2d(q).T).full().T
         return rows
 
@@ -201,8 +224,8 @@ class DeltaModel:
         raise Unreachable(f"the platform cannot be at {in_words(point)} m: {self._obstacle(point)}")
 
     def _obstacle(self, point: Array) -> str:
-        """Which chain keeps the platform from a point, and how."""
-        margins = self._evaluate(self.functions.reach, point)[0].reshape(2, 3)
+        """A sentence that says which chain cannot reach a point, and why."""
+        margins = self._evaluate(self.functions.serial_distances, point)[0].reshape(2, 3)
         for k in range(3):
             if margins[0, k] < 0:
                 return f"the bars of chain {k + 1} are too short to reach it sideways"
@@ -213,14 +236,14 @@ class DeltaModel:
 
 @lru_cache(maxsize=64)
 def delta_model(robot: Robot, payload: float | None) -> DeltaModel:
-    """The explicit model of a robot with a payload (kg): its numbers are made once."""
+    """The model of a robot with a payload (kg) by eq. (39), made once in a process."""
     return DeltaModel(robot, payload)
 
 
 @lru_cache(maxsize=16)
-def _reach(functions: DeltaFunctions) -> RowFunction:
+def _serial_distances(functions: DeltaFunctions) -> RowFunction:
     """(x, p) -> cos² q_{k,3}, sin² (q_{k,1} - q_{k,2}) of the chains, for many points at once."""
-    return RowFunction(functions.reach)
+    return RowFunction(functions.serial_distances)
 
 
 def _still(rate: ArrayLike) -> NDArray[np.bool]:

@@ -1,7 +1,6 @@
-"""A Delta robot as its file describes it: whole lengths, masses, inertias, drives.
+"""Robot files: the lengths, masses, inertias and drives of a Delta robot, in SI units.
 
-SI units throughout.  A quantity that is None does not exist in the model, except an inertia:
-then the link is a slender bar.
+A quantity that is None is absent from the model, except an inertia: then the link is a slender bar.
 """
 
 from __future__ import annotations
@@ -25,9 +24,10 @@ from deltaopt.files.yaml_file import read_yaml
 
 
 class UpperArm(Record):
-    """The link a motor turns: ``length`` 2 a₂ (m), ``mass`` m₃ (kg), ``inertia`` I₃,₃ (kg·m²).
+    """The upper arm, which a motor turns: ``length`` 2 a₂ in m, ``mass`` m₃ in kg.
 
-    The inertia is about the motor's direction, through the centre of mass.
+    ``inertia``: I₃,₃ in kg·m², about an axis parallel to the motor's through the centre of mass;
+    None for a slender bar.
     """
 
     length: Positive = Field(description="a length in m, greater than 0")
@@ -38,9 +38,10 @@ class UpperArm(Record):
 
 
 class Forearm(Record):
-    """A parallelogram: ``length`` 2 a₃ (m) of its bars, ``mass`` m₄ (kg) of the pair.
+    """The forearm, a parallelogram of two bars: ``length`` 2 a₃ in m, ``mass`` m₄ of both in kg.
 
-    ``inertia`` is (I₄,₁, I₄,₂, I₄,₃), the pair's principal moments in kg·m².
+    ``inertia``: the principal moments (I₄,₁, I₄,₂, I₄,₃) of the pair about its centre of mass, in
+    kg·m²; None for slender bars.
     """
 
     length: Positive = Field(description="a length in m, greater than 0")
@@ -60,13 +61,16 @@ class Forearm(Record):
 
 
 class Platform(Record):
-    """The moving platform: ``mass`` m₁ (kg), without payload."""
+    """The moving platform: ``mass`` m₁ in kg, without the payload."""
 
     mass: Positive = Field(description="a mass in kg, greater than 0")
 
 
 class Drive(Record):
-    """What motor and gear give at the arm: ``torque`` (N·m) and ``speed`` (rad/s; None = any)."""
+    """The drive of an arm, motor and gear: largest ``torque`` in N·m and ``speed`` in rad/s.
+
+    Each is one number for all motors or three. ``speed``: None for no limit.
+    """
 
     torque: PerMotor = Field(description="one torque in N·m, greater than 0, or three")
     speed: PerMotor | None = Field(
@@ -75,7 +79,12 @@ class Drive(Record):
 
 
 class Robot(Record):
-    """A Delta robot: ``base_radius`` a₁ and ``platform_radius`` a₄ in m, ``gravity`` in m/s²."""
+    """A Delta robot as its file describes it.
+
+    ``base_radius``: a₁, from the base's centre to the motors' axes, m. ``platform_radius``: a₄,
+    from the platform's centre to the forearms, m. ``gravity``: downward, m/s². ``source``: where
+    the numbers come from. Raises SceneError for values that cannot be used.
+    """
 
     name: Text = Field(description="the robot's name")
     source: Text | None = Field(default=None, description="a text saying whence the numbers come")
@@ -91,12 +100,12 @@ class Robot(Record):
 
     @property
     def torque_limits(self) -> Vector3:
-        """Largest torque of each motor at its arm, N·m."""
+        """The largest torque of each motor at its arm, N·m."""
         return per_motor(self.drive.torque)
 
     @property
     def speed_limits(self) -> Vector3 | None:
-        """Largest speed of each arm, rad/s; None if the drives have no limit."""
+        """The largest speed of each arm, rad/s; None if the drives have no speed limit."""
         return None if self.drive.speed is None else per_motor(self.drive.speed)
 
     @model_validator(mode="after")
@@ -121,6 +130,9 @@ class Robot(Record):
 
 
 def load_robot(path: str | Path) -> Robot:
-    """Read a robot file; raise a `SceneError` naming file and key if it cannot be used."""
+    """Read a robot file.
+
+    Raises SceneError, naming file and key, if it cannot be used.
+    """
     file = Path(path)
     return Robot.from_content(read_yaml(file), file)

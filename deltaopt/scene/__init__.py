@@ -1,1 +1,1 @@
-"""What is to be moved, from where to where, within which limits, for which objective."""
+"""Scenes: robot, payload, start, goal, limits and objective, and whether they are feasible."""

@@ -1,4 +1,4 @@
-"""Whether a scene can have a solution at all, told before anything is optimised."""
+"""Feasibility: whether start and goal allow a motion at all, checked before optimisation."""
 
 from __future__ import annotations
 
@@ -20,19 +20,26 @@ from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.scene.scene import Scene, limits_of
 from deltaopt.scene.task import distance
 
-_LEAST_WAY = 1e-12  # m: coordinates of a metre have digits down to 1e-16
-_CLEAR = 1e-6  # of squared distances from a serial singularity: nearer ones are looked at closely
-_SAME_PLACE = 1e-6  # m: near a parallel singularity forward kinematics knows half the digits
+_SHORTEST_MOVE = 1e-12
+"""Shortest distance from start to goal, m: coordinates of about a metre have a rounding error of
+1e-16, so that such a move still has four digits."""
+_CLEAR = 1e-6
+"""Squared distance from serial singularities above which an end needs no closer look."""
+_SAME_PLACE = 1e-6
+"""Distance in m within which forward and inverse kinematics must agree. Near a parallel singularity
+forward kinematics loses half of its digits."""
 
 
 def check_feasible(scene: Scene) -> None:
-    """Raise Unreachable, Singular or Infeasible, in one sentence, if start or goal rule a
-    motion out."""
+    """Check that the platform can be at rest at start and goal within all limits, and leave.
+
+    Raises Unreachable, Singular or Infeasible, each with a sentence that says why not.
+    """
     way = distance(scene.task)
-    if way < _LEAST_WAY:
+    if way < _SHORTEST_MOVE:
         raise Infeasible(
             f"start and goal are {way:.1e} m apart, which coordinates in double precision "
-            f"cannot resolve; at least {_LEAST_WAY:g} m are needed"
+            f"cannot resolve; at least {_SHORTEST_MOVE:g} m are needed"
         )
     if _is_feasible(scene):
         return
@@ -43,23 +50,25 @@ def check_feasible(scene: Scene) -> None:
         _require_departure(model, name, point)
 
 
-def reach_at_ends(scene: Scene) -> Array:
-    """Squared distances of start and goal from serial singularities, (2, 6): sideways, then
-    sin² (q_{k,1} - q_{k,2})."""
+def serial_distances_at_ends(scene: Scene) -> Array:
+    """Squared distances of start and goal from serial singularities, (2, 6), without unit.
+
+    For each end cos² q_{k,3} of the three chains, then sin² (q_{k,1} - q_{k,2}).
+    """
     return _ends(scene)[2]
 
 
 def _is_feasible(scene: Scene) -> bool:
-    """The same in one evaluation, without words."""
+    """Whether start and goal pass all checks with room to spare, in one compiled evaluation."""
     ends = np.array([scene.start, scene.goal])
-    back, rows, reach = _ends(scene)
+    back, rows, distances = _ends(scene)
     there = np.linalg.norm(back - ends, axis=1) <= _SAME_PLACE  # False where not a number
     held = (np.abs(rows) <= 1).all()
-    return bool(there.all() and held and (reach > _CLEAR).all())
+    return bool(there.all() and held and (distances > _CLEAR).all())
 
 
 def _ends(scene: Scene) -> tuple[Array, ...]:
-    """``_rest_function`` at start and goal, 2 rows each."""
+    """The results of ``_rest_function`` at start and goal, two rows each."""
     model, limits = delta_model(scene.robot, scene.payload), limits_of(scene)
     rest = _rest_function(model.functions.terms, limits.constraints)
     ends = np.array([scene.start, scene.goal])
@@ -68,28 +77,31 @@ def _ends(scene: Scene) -> tuple[Array, ...]:
 
 @lru_cache(maxsize=32)
 def _rest_function(terms: DeltaTerms, constraints: Constraints) -> RowFunction:
-    """(x, numbers of the limits and p) -> where forward kinematics puts the platform for x's motor
-    angles, m (3); constraint rows that two-sided bounds would keep within ±1 at rest there; squared
-    distances from serial singularities (6)."""
+    """(x, numbers of the limits and p) -> three results for the platform at rest at x:
+
+    the position by forward kinematics of its motor angles, m (3); the constraint rows, within ±1
+    if all limits are kept; squared distances from serial singularities (6).
+    """
     functions, rest = delta_functions(terms, Explicit()), ca.SX.zeros(3)
     x, p, numbers = ca.SX.sym("x", 3), ca.SX.sym("p", len(terms.names)), constraints.numbers()
     motion = CoordinateInstant.general(functions, x, rest, rest, p)
     back = functions.forward_kinematics(motion.theta, p)
     rows = constraints.rows(motion, numbers)
     within = [_within(rows[i], *constraints.sides[i]) for i in range(constraints.number)]
-    results = [back, ca.vertcat(*within), functions.reach(x, p)]
+    results = [back, ca.vertcat(*within), functions.serial_distances(x, p)]
     inputs = [x, ca.vertcat(numbers, p)]
     return RowFunction(ca.Function("rest", inputs, results, {"cse": True}))
 
 
 def _within(row: ca.SX, lower: bool, upper: bool) -> ca.SX:
-    """A row with the sides that it does not have taken away."""
+    """A normalised row, replaced by 0 where it is beyond a side that has no bound."""
     if lower and upper:
         return row
     return ca.fmax(row, 0) if upper else ca.fmin(row, 0)
 
 
 def _require_reach(model: DeltaModel, name: str, point: Vector3) -> None:
+    """Raise Unreachable if a point is outside the workspace or the industrial assembly mode."""
     try:
         q = model.inverse_kinematics(point)
         back = model.forward_kinematics(q[3::3])
@@ -103,7 +115,7 @@ def _require_reach(model: DeltaModel, name: str, point: Vector3) -> None:
 
 
 def _require_rest(model: DeltaModel, scene: Scene, name: str, point: Vector3) -> None:
-    """A motion begins and ends at rest, where every limit must hold, gravity's torques included."""
+    """Raise Infeasible if a limit is exceeded at rest at a point, for instance by gravity."""
     try:
         model.inverse_dynamics(point, np.zeros(3), np.zeros(3))
     except Unreachable as error:
@@ -113,7 +125,7 @@ def _require_rest(model: DeltaModel, scene: Scene, name: str, point: Vector3) ->
 
 
 def _exceeded_at_rest(scene: Scene, point: Vector3) -> Iterator[str]:
-    """What exceeds its bound with the platform at rest at a point, in words."""
+    """A phrase for each limit that is exceeded with the platform at rest at a point."""
     model, limits = delta_model(scene.robot, scene.payload), limits_of(scene)
     constraints, rest = limits.constraints, ca.SX.zeros(3)
     x, p, numbers = (ca.SX(ca.DM(each)) for each in (point, model.parameters, limits.numbers))
@@ -130,7 +142,8 @@ def _exceeded_at_rest(scene: Scene, point: Vector3) -> Iterator[str]:
 
 
 def _require_departure(model: DeltaModel, name: str, point: Vector3) -> None:
-    """In a serial singularity the platform's position does not say how the chains move."""
+    """Raise Singular if a point is in a serial singularity, where the platform's motion does not
+    determine that of the chains."""
     try:
         model.motion(point, np.zeros(3), np.zeros(3))
     except Singular as error:

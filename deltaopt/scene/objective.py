@@ -1,10 +1,10 @@
-"""What the best motion is the best in: time, effort, or both.
+"""Objectives: what a motion is to minimise, time, effort, or a weighted sum.
 
-In a scene file a word or weights, and a duration where the motion is given one:
+In a scene file an objective is a word or a mapping of weights; effort alone needs a duration:
 
     objective: time                           # T, s: the default
     objective: effort                         # ∫ τᵀτ dt, N²m²s
-    duration: 0.3                             # of the least effort, s
+    duration: 0.3                             # with effort: the given duration, s
     objective: {time: 1.0, effort: 0.002}     # 1.0 T + 0.002 ∫ τᵀτ dt, s
 """
 
@@ -25,25 +25,26 @@ DURATION = "a duration in s, greater than 0"
 
 
 class _Weighted(Record):
-    """What every objective is: a weighted sum of the duration and the effort."""
+    """An objective that is a weighted sum of the duration and the effort."""
 
     @property
     def unit(self) -> str:
+        """Unit of the objective's value."""
         return "s"
 
     @property
     def given_duration(self) -> float | None:
-        """The duration, s, of an objective that fixes it."""
+        """The duration of the motion in s, if the objective fixes it; None if it is free."""
         return None
 
     @property
     @abstractmethod
     def weights(self) -> tuple[float, float]:
-        """Of the duration, and of the effort."""
+        """The weights of the duration and of the effort."""
 
 
 class Time(_Weighted):
-    """The shortest duration T."""
+    """Minimise the duration T."""
 
     @property
     def weights(self) -> tuple[float, float]:
@@ -54,7 +55,7 @@ class Time(_Weighted):
 
 
 class Effort(_Weighted):
-    """The least effort ∫ τᵀτ dt over a given ``duration`` (s)."""
+    """Minimise the effort ∫ τᵀτ dt, N²m²s, over a given ``duration`` in s."""
 
     duration: Positive = Field(description=DURATION)
 
@@ -75,7 +76,7 @@ class Effort(_Weighted):
 
 
 class TimeAndEffort(_Weighted):
-    """The least ``time`` · T + ``effort`` · ∫ τᵀτ dt, s; ``effort`` is in 1/(N²m²)."""
+    """Minimise ``time`` · T + ``effort`` · ∫ τᵀτ dt, in s; the weight ``effort`` is in 1/(N²m²)."""
 
     time: Positive = Field(default=1.0, description="a weight of the duration, greater than 0")
     effort: Positive = Field(description="a weight of the effort in 1/(N²m²), greater than 0")
@@ -92,32 +93,35 @@ Objective = Time | Effort | TimeAndEffort
 
 
 def objective_in(content: dict[str, object]) -> dict[str, object]:
-    """A scene's content with its objective as a value and no duration beside it."""
+    """The content of a scene file with its keys objective and duration replaced by an objective.
+
+    Raises SceneError if they do not fit together.
+    """
     rest = {key: value for key, value in content.items() if key not in ("objective", "duration")}
-    said, duration = content.get("objective", "time"), content.get("duration")
-    if said == "effort":
+    given, duration = content.get("objective", "time"), content.get("duration")
+    if given == "effort":
         if "duration" not in content:
             needed = f"{DURATION}, since the objective is effort"
             raise SceneError(None, "duration", None, needed, "is missing")
         try:
             return {**rest, "objective": Effort.model_validate({"duration": duration})}
-        except SceneError as error:  # its key stands beside the objective in the file
+        except SceneError as error:  # in the file the key stands beside the objective
             raise SceneError(None, "duration", error.value, error.expected) from None
     if "duration" in content:
         free = "objective: effort beside it, since it is a variable otherwise"
         raise SceneError(None, "duration", duration, free)
-    if said == "time":
+    if given == "time":
         return {**rest, "objective": Time()}
-    if isinstance(said, dict):
+    if isinstance(given, dict):
         try:
-            return {**rest, "objective": TimeAndEffort.model_validate(said)}
+            return {**rest, "objective": TimeAndEffort.model_validate(given)}
         except SceneError as error:
             raise error.inside(key="objective") from None
-    return {**rest, "objective": said}
+    return {**rest, "objective": given}
 
 
 def content_of(objective: Objective) -> dict[str, object]:
-    """What a scene file says of it: the inverse of ``objective_in``."""
+    """The keys of a scene file for an objective: the inverse of ``objective_in``."""
     match objective:
         case Time():
             return {"objective": "time"}

@@ -1,6 +1,6 @@
-"""A scene: which robot is to move what, from where to where, within which limits.
+"""Scenes: which robot moves which payload from where to where, within which limits, how well.
 
-It says what is wanted; how it is computed is a setting of the planner.
+A scene says what is wanted; how it is computed is a setting of the planner.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _ROBOT_FILE = "the path of a robot file, relative to the scene file"
 
 
 LIMITS: tuple[Limit, ...] = (Torque(), SerialSingularity(), Speed())
-"""Every kind of limit there is; rows of a problem are in this order."""
+"""All kinds of limit, in the order of the constraint rows of a problem."""
 
 _KEYS: dict[str, Any] = {
     limit.key.name: (limit.key.type | None, Field(default=None, description=limit.key.expected))
@@ -45,13 +45,16 @@ _Keys: Any = create_model("_Keys", __base__=Record, **_KEYS)
 
 
 class Limits(_Keys):  # type: ignore[misc]  # its fields are the keys of LIMITS
-    """Limits of a scene, by key; those of the drive are tightened by them."""
+    """The limits of a scene by key; they may be tighter than those of the robot's drive."""
 
 
 class Scene(Record):
-    """A motion to plan: the platform's centre from ``start`` to ``goal`` (m, x down, at rest).
+    """A motion to plan: the platform's centre from rest at ``start`` to rest at ``goal``.
 
-    ``payload`` m₂ is in kg; None means there is none in the model.
+    ``start``, ``goal``: three coordinates each in m, x down from the base's centre. ``payload``:
+    mass m₂ in kg at the platform's centre; None for no payload. ``limits``: beside those of the
+    robot's drive. ``objective``: what is minimised, time by default. Raises SceneError for values
+    that cannot be used.
     """
 
     robot: Robot = Field(description=_ROBOT_FILE)
@@ -66,11 +69,11 @@ class Scene(Record):
 
     @property
     def task(self) -> Task:
-        """What the motion is to do."""
+        """The task of the motion: what is known at its start and goal."""
         return RestToRest(self.start, self.goal)
 
     def given(self, key: str) -> Any:
-        """What stands under ``limits`` and a key; None if nothing does."""
+        """The value of a key under ``limits``; None if the scene does not have it."""
         return getattr(self.limits, key, None)
 
     @model_validator(mode="before")
@@ -102,12 +105,15 @@ class Scene(Record):
 
 @lru_cache(maxsize=256)
 def limits_of(scene: Scene) -> SceneLimits:
-    """The limits that hold in a scene, with their numbers."""
+    """The limits that apply in a scene, with their numbers."""
     return SceneLimits.of(LIMITS, scene)
 
 
 def load_scene(path: str | Path) -> Scene:
-    """Read a scene file and its robot's; raise a `SceneError` if either cannot be used."""
+    """Read a scene file and the robot file it names.
+
+    Raises SceneError, naming file and key, if either cannot be used.
+    """
     file = Path(path)
     content = read_yaml(file)
     if "robot" in content:

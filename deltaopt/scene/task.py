@@ -1,4 +1,4 @@
-"""What a motion is to do: where and how fast it begins and ends."""
+"""Tasks: where and how fast a motion begins and ends."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ REST = (0.0, 0.0, 0.0)
 
 @dataclass(frozen=True)
 class EndState:
-    """The platform at an end of a motion: ``position`` (m) and ``velocity`` (m/s)."""
+    """The state of the platform at an end of a motion: ``position`` in m, ``velocity`` in m/s."""
 
     position: Vector3
     velocity: Vector3 = REST
 
 
 class Task(Protocol):
-    """What is known about both ends of a motion; a scene describes one."""
+    """The boundary values of a motion, at its start and its goal."""
 
     @property
     def start(self) -> EndState: ...
@@ -30,13 +30,13 @@ class Task(Protocol):
 
     @property
     def description(self) -> str:
-        """In words, for people."""
+        """The task in words, for a table."""
         ...
 
 
 @dataclass(frozen=True)
 class RestToRest:
-    """From rest at one point to rest at another, on any path; positions in m."""
+    """The task to move from rest at ``begin`` to rest at ``end``, in m, on any path."""
 
     begin: Vector3
     end: Vector3
@@ -55,5 +55,5 @@ class RestToRest:
 
 
 def distance(task: Task) -> float:
-    """From start to goal in a straight line, m."""
+    """The straight distance from start to goal, m."""
     return float(np.linalg.norm(np.subtract(task.goal.position, task.start.position)))

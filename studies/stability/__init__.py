@@ -35,14 +35,14 @@ class Part:
 
     def run(self, name: str, directory: Path) -> None:
         """Measure, write the files, print the table, the verdict and where the files are."""
-        from deltaopt.files.atomic_write import whole
+        from deltaopt.files.atomic_write import atomic_write
 
         found = self.measure(ProgressBar())
         files = [directory / file for file in (f"{name}.csv", *self.charts)]
-        with whole(files[0]) as path:
+        with atomic_write(files[0]) as path:
             path.write_text(self.csv(found), encoding="utf-8")
         for file, draw in zip(files[1:], self.charts.values(), strict=True):
-            with whole(file) as path:
+            with atomic_write(file) as path:
                 draw(found, path)
         print(self.table(found), self.verdict(found), "", sep="\n\n", end="")
         print(", ".join(map(str, files)), end="\n\n", flush=True)
@@ -58,7 +58,7 @@ def parts(arguments: argparse.Namespace) -> dict[str, Part]:
 
     found = (
         Part(
-            lambda told: singularities.measure(told, arguments.motions, arguments.digits),
+            lambda progress: singularities.measure(progress, arguments.motions, arguments.digits),
             report.singularities_csv,
             {
                 "singularities_delta.png": charts.draw_delta_singularities,
@@ -68,21 +68,21 @@ def parts(arguments: argparse.Namespace) -> dict[str, Part]:
             report.singularities_verdict,
         ),
         Part(
-            lambda told: drift.measure(told, arguments.swing),
+            lambda progress: drift.measure(progress, arguments.swing),
             report.drift_csv,
             {"drift.png": charts.draw_drift},
             report.drift_table,
             report.drift_verdict,
         ),
         Part(
-            lambda told: benchmarks.measure(told, arguments.fall),
+            lambda progress: benchmarks.measure(progress, arguments.fall),
             report.benchmarks_csv,
             {"benchmarks.png": charts.draw_benchmarks},
             report.benchmarks_table,
             report.benchmarks_verdict,
         ),
         Part(
-            lambda told: edge.measure(told, arguments.every),
+            lambda progress: edge.measure(progress, arguments.every),
             report.edge_csv,
             {"edge.png": charts.draw_edge},
             report.edge_table,

@@ -21,7 +21,7 @@ GOOD = Timed(2e-3, 1e-3, 5e-4, 1e-4, 6e-4, np.nan, True)
 def test_parts_are_parts_of_the_whole():
     done = []
     first, second = timed_plans(
-        Planner(load_robot(ROBOT), 1.0), 2, seed=1, references=1, told=done.append
+        Planner(load_robot(ROBOT), 1.0), 2, seed=1, references=1, progress=done.append
     )
     assert done == [1, 2, 3, 4]
     for timed in (first, second):
@@ -38,7 +38,7 @@ def test_a_plan_that_fails_is_timed_and_told(monkeypatch):
 
     monkeypatch.setattr(Planner, "plan", failing)
     (timed,) = timed_plans(
-        Planner(load_robot(ROBOT), 1.0), 1, seed=1, references=0, told=lambda done: None
+        Planner(load_robot(ROBOT), 1.0), 1, seed=1, references=0, progress=lambda done: None
     )
     assert not timed.ok
     assert timed.wall > 0

@@ -61,7 +61,7 @@ def test_an_arc_is_divided_where_it_exceeds_its_limits():
 
 
 @cache
-def continued(scene, formulation, steadiness=None):
+def continued(scene, formulation, regularisation=None):
     """From 20 uniform intervals to two meshes with knots at switches: iterations of each, and
     the last duration, as planned and slowed until it is safe."""
     c = case(scene)
@@ -69,8 +69,8 @@ def continued(scene, formulation, steadiness=None):
     mesh, guess, iterations = np.full(20, 0.05), c.guess, []
     for options in (FAR, NEAR, NEAR):
         problem = equations.on(mesh, PiecewiseAcceleration())
-        if steadiness is not None:
-            problem = replace(problem, steadiness=steadiness)
+        if regularisation is not None:
+            problem = replace(problem, regularisation=regularisation)
         z, bounds = problem.pack(guess, c.task), problem.bounds(c.task)
         solution = problem.program_with(options).solve(z, *bounds, c.task.p)
         guess = Meter(c).independent(problem, problem.unpack(solution.z, c.task))
@@ -99,7 +99,7 @@ def test_formulations_under_one_rule_for_limits_agree(scene):
     np.testing.assert_allclose(durations, durations[0], rtol=1e-4)
 
 
-def test_steadiness_costs_next_to_nothing():
+def test_regularisation_costs_next_to_nothing():
     """With knots at the switches the duration is that of the problem without it."""
     steady, free = (continued("five_bar", "multiplier", value)[1] for value in (None, 0.0))
     assert steady == pytest.approx(free, rel=3e-5)

@@ -26,13 +26,13 @@ from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
 from deltaopt.planning.flat.equations import PointEquations
 from deltaopt.planning.nlp.cost import FASTEST, Cost
 from deltaopt.planning.nlp.program import (
+    IpoptSolution,
     Layout,
     Options,
     PointFunction,
     Points,
     Program,
     RunningCost,
-    Solution,
 )
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
@@ -255,7 +255,7 @@ class ArcProblem:
         """y = (X, V, A, τ, 1) of all nodes, (n · (degree + 1), 13)."""
         return np.asarray(z[self._node_layout().columns.reshape(-1, 13)])
 
-    def row_multipliers(self, solution: Solution) -> tuple[Array, Array, Array]:
+    def row_multipliers(self, solution: IpoptSolution) -> tuple[Array, Array, Array]:
         """Of the rows at the nodes (n · (degree + 1), rows), and of those that integrate
         position and velocity, (n, degree, 3) each."""
         n, d = self.intervals, self.degree
@@ -276,7 +276,7 @@ class ArcProblem:
         A = self.accelerations(z)[kept]
         return scaling.polynomial(h, self.transcription.coefficients(X, V, A, h), scaling.time)
 
-    def control_multipliers(self, solution: Solution) -> Array:
+    def control_multipliers(self, solution: IpoptSolution) -> Array:
         """Multipliers of the torques' bounds at the nodes, (n, degree + 1, 3)."""
         at = self._torques[..., None] + np.arange(3)
         return np.asarray(solution.bound_multipliers[at])

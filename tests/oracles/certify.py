@@ -16,24 +16,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.codegen.vectorised import evaluate_rows
-from deltaopt.motion.certificate import Certificate, spread
-from deltaopt.planning.nlp.program import Solution
+from deltaopt.motion.certificate import Certificate
+from deltaopt.planning.nlp.program import IpoptSolution
 from tests.oracles.arcs import ArcProblem
 
 Array = NDArray[np.float64]
 
 
-def certify(problem: ArcProblem, solution: Solution, p: Array) -> Certificate:
+def certify(problem: ArcProblem, solution: IpoptSolution, p: Array) -> Certificate:
     """Of the solution of a program with parameters p."""
     H = hamiltonian(problem, solution, p)
     multipliers = problem.control_multipliers(solution)
     held = problem.structure.control[problem.arc][:, None]
     wrong = np.maximum(-multipliers * held, 0).max()
     largest_rate = float(np.abs(running_rate(problem, solution, p)[0]).max())
-    return Certificate(spread(H, largest_rate), float(wrong / np.abs(multipliers).max()))
+    uneven = np.abs(H - H.mean()).max() / max(abs(H.mean()), largest_rate)
+    return Certificate(float(uneven), float(wrong / np.abs(multipliers).max()))
 
 
-def hamiltonian(problem: ArcProblem, solution: Solution, p: Array) -> Array:
+def hamiltonian(problem: ArcProblem, solution: IpoptSolution, p: Array) -> Array:
     """H at the beginning and at the end of every interval that has a length, (n, 2)."""
     kept = problem.interval_lengths(solution.z) > 1e-9
     first, last = _costates(problem, solution, p)
@@ -46,7 +47,7 @@ def hamiltonian(problem: ArcProblem, solution: Solution, p: Array) -> Array:
     return np.stack(ends, axis=1)[kept]
 
 
-def _costates(problem: ArcProblem, solution: Solution, p: Array) -> tuple[Array, Array]:
+def _costates(problem: ArcProblem, solution: IpoptSolution, p: Array) -> tuple[Array, Array]:
     """(p_x, p_v), (n, 6), at the beginnings and the ends of the intervals."""
     n, d = problem.intervals, problem.degree
     at_nodes, position, velocity = problem.row_multipliers(solution)
@@ -79,7 +80,7 @@ def _pull_back(problem: ArcProblem, z: Array, multipliers: Array, p: Array) -> A
     return np.stack([products[:, columns == j].sum(axis=1) for j in range(6)], axis=1)
 
 
-def running_rate(problem: ArcProblem, solution: Solution, p: Array) -> tuple[Array, Array]:
+def running_rate(problem: ArcProblem, solution: IpoptSolution, p: Array) -> tuple[Array, Array]:
     """r at the nodes, (n, degree + 1), and its derivatives by X and V, (n, degree + 1, 6)."""
     shape = problem.intervals, problem.degree + 1
     if problem.running is None:

@@ -10,7 +10,7 @@ import pytest
 from deltaopt import load_scene, plan, verify
 from deltaopt.cli import main
 from deltaopt.motion.time_scaling import safe_factor
-from deltaopt.planning.initial_motion import baseline, curve_between, driven, first_motion
+from deltaopt.planning.initial_motion import baseline, curve_between, drivable, first_motion
 from deltaopt.planning.multistart import distinct, first_motions
 
 FILE = Path(__file__).parents[2] / "problems/pick_and_place.yaml"
@@ -45,7 +45,7 @@ class TestDistinct:
     def curve(self, side: float):
         """A detour to one side, or mirrored to the other: equal duration, other path."""
         corner = (np.array(SCENE.start) + SCENE.goal) / 2 + [0.0, 0.0, side]
-        (motion,) = driven(SCENE, iter([curve_between(SCENE, corner)]))
+        (motion,) = drivable(SCENE, iter([curve_between(SCENE, corner)]))
         return motion
 
     def test_the_same_to_a_tolerance_is_one(self):

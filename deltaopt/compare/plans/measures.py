@@ -23,7 +23,7 @@ from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.motion.trajectory import PiecewisePolynomial
 from deltaopt.planning.formulations.collocation import CollocationProblem
 from deltaopt.planning.formulations.scaled_mechanism import ScaledMechanism
-from deltaopt.planning.nlp.program import Program, Solution
+from deltaopt.planning.nlp.program import IpoptSolution, Program
 
 Array = NDArray[np.float64]
 
@@ -148,7 +148,7 @@ def integrator(system: ScaledMechanism, points: int) -> ca.Function:
 
 
 def active_rank(
-    program: Program, solution: Solution, bounds: tuple[Array, Array], p: Array
+    program: Program, solution: IpoptSolution, bounds: tuple[Array, Array], p: Array
 ) -> tuple[int, int]:
     """Return how many rows of the Jacobian hold with equality at a solution, and their rank, which
     is smaller if rows depend on each other. Variables that a bound holds do not count."""

@@ -38,7 +38,7 @@ from deltaopt.planning.formulations.loop_closure import (
 )
 from deltaopt.planning.formulations.scaled_mechanism import ScaledMechanism
 from deltaopt.planning.mesh.error_estimate import ErrorEstimate
-from deltaopt.planning.nlp.program import Options, Program, Solution
+from deltaopt.planning.nlp.program import IpoptSolution, Options, Program
 from deltaopt.planning.nlp.transcription import LINEAR, QUADRATIC, PiecewiseAcceleration
 
 Array = NDArray[np.float64]
@@ -209,7 +209,7 @@ class _Solved:
     problem: CollocationProblem
     program: Program
     bounds: tuple[Array, Array]
-    solution: Solution
+    solution: IpoptSolution
     motion: PiecewisePolynomial
     lost: ErrorEstimate
 

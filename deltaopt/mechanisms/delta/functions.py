@@ -1,7 +1,7 @@
-"""The Delta's kinematics and dynamics as functions of the platform's motion.
+"""The Delta's kinematics and dynamics as CasADi functions of the platform's motion.
 
-The platform's position is ξ of eq. (55), so that q̇ = C v and q̈ = C a - P J̇ q̇. The
-parameters p stay an argument: one function serves every robot with the same terms.
+The independent coordinates ξ of eq. (55) are the platform's position, so that q̇ = C v and q̈ = C a -
+P J̇ q̇. The parameters p stay an argument: one function serves every robot with the same terms.
 """
 
 from __future__ import annotations
@@ -16,21 +16,26 @@ from deltaopt.dynamics.formulation import Formulation
 from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.dynamics.linear import solve_affine
 from deltaopt.dynamics.mechanism import SX, Mechanism
-from deltaopt.mechanisms.delta.kinematics import forward_kinematics, inverse_kinematics, reach
+from deltaopt.mechanisms.delta.kinematics import (
+    forward_kinematics,
+    inverse_kinematics,
+    serial_distances,
+)
 from deltaopt.mechanisms.delta.mechanism import DeltaTerms, delta
 from deltaopt.mechanisms.delta.singularities import (
     alignment_margins,
     parallel_margin,
     sideways_margins,
 )
-from deltaopt.mechanisms.delta.slender_bars import explicit_equations
+from deltaopt.mechanisms.delta.slender_bars import angle_free_equations
 
 
 @dataclass(frozen=True)
 class DeltaFunctions:
-    """Functions for a Delta with these terms, in a formulation.
+    """The functions of all Deltas with the same terms, in a formulation of the dynamics.
 
-    x, v, a: position, velocity, acceleration of the platform, 3. tau: 3. p: parameters.
+    Their arguments are x, v, a: position, velocity and acceleration of the platform, 3 each, m,
+    m/s, m/s²; tau: motor torques, 3, N·m; p: the parameters of ``terms``.
     """
 
     terms: DeltaTerms
@@ -38,38 +43,40 @@ class DeltaFunctions:
 
     @cached_property
     def mechanism(self) -> Mechanism:
-        """The twelve coordinates and nine constraints of section 4."""
+        """The mechanism in twelve coordinates with nine constraints, of the paper's section 4."""
         return delta(self.terms.symbols())
 
     @cached_property
     def inverse_kinematics(self) -> ca.Function:
-        """(x, p) -> q (12)."""
+        """(x, p) -> q, 12; NaN out of reach."""
         x, p = SX.sym("x", 3), self.terms.symbols()
         return ca.Function("inverse_kinematics", [x, p.vector()], [inverse_kinematics(p, x)])
 
     @cached_property
     def forward_kinematics(self) -> ca.Function:
-        """(theta, p) -> x."""
+        """(motor angles, p) -> x; NaN where the loops cannot close."""
         theta, p = SX.sym("theta", 3), self.terms.symbols()
         x = forward_kinematics(p, theta)
         return ca.Function("forward_kinematics", [theta, p.vector()], [x])
 
     @cached_property
-    def reach(self) -> ca.Function:
-        """(x, p) -> cos² q_{k,3} of the three chains, then sin² (q_{k,1} - q_{k,2})."""
+    def serial_distances(self) -> ca.Function:
+        """(x, p) -> squared distances from serial singularities, 6: cos² q_{k,3} of the three
+        chains, then sin² (q_{k,1} - q_{k,2})."""
         x, p = SX.sym("x", 3), self.terms.symbols()
-        return ca.Function("reach", [x, p.vector()], [ca.vec(reach(p, x))])
+        return ca.Function("serial_distances", [x, p.vector()], [ca.vec(serial_distances(p, x))])
 
     @cached_property
     def margins(self) -> ca.Function:
-        """q -> cos q_{k,3}, sin (q_{k,1} - q_{k,2}), volume of the bars' directions; 7."""
+        """q -> signed distances from singularities, 7: cos q_{k,3} and sin (q_{k,1} - q_{k,2}) of
+        the three chains, then the volume spanned by the bars' directions."""
         q = SX.sym("q", 12)
         margins = ca.vertcat(sideways_margins(q), alignment_margins(q), parallel_margin(q))
         return ca.Function("margins", [q], [margins])
 
     @cached_property
     def velocity(self) -> ca.Function:
-        """(x, v, p) -> q, q̇ (12 each)."""
+        """(x, v, p) -> q, q̇, 12 each."""
         x, v, p = self._platform("x", "v")
         q = self.inverse_kinematics(x, p)
         C, _ = ClosedForm().function(self.mechanism)(0, q, p)
@@ -77,7 +84,7 @@ class DeltaFunctions:
 
     @cached_property
     def motion(self) -> ca.Function:
-        """(x, v, a, p) -> q, q̇, q̈ (12 each)."""
+        """(x, v, a, p) -> q, q̇, q̈, 12 each."""
         m = self.mechanism
         x, v, a, p = self._platform("x", "v", "a")
         q, dq = self.velocity(x, v, p)
@@ -87,27 +94,30 @@ class DeltaFunctions:
 
     @cached_property
     def explicit_equations(self) -> ca.Function:
-        """(x, v, a, tau, p) -> Cᵀ (Q* + Q), 3, N, eq. (39), zero where the motion obeys the
-        dynamics; sin² (q_{k,1} - q_{k,2}), 3; θ̇, θ̈, 3 each. Without angles where the bars
-        allow it."""
+        """(x, v, a, tau, p) -> Cᵀ (Q* + Q), alignment, θ̇, θ̈, 3 each.
+
+        The first is eq. (39) in N, zero where the motion obeys the dynamics. The alignment of a
+        chain is sin² (q_{k,1} - q_{k,2}), zero in its serial singularity. For slender bars the
+        angle-free form of ``slender_bars`` is evaluated, otherwise the general derivation.
+        """
         x, v, a, tau = (SX.sym(name, 3) for name in ("x", "v", "a", "tau"))
         terms = self.terms.symbols()
         if self.terms.slender:
-            results: tuple[SX, ...] = explicit_equations(terms, x, v, a, tau)
+            results: tuple[SX, ...] = angle_free_equations(terms, x, v, a, tau)
         else:
-            results = self._explicit_equations(x, v, a, tau, terms.vector())
+            results = self._general_equations(x, v, a, tau, terms.vector())
         inputs = [x, v, a, tau, terms.vector()]
         return ca.Function("explicit_equations", inputs, list(results))
 
     @cached_property
     def explicit_torques(self) -> ca.Function:
-        """(x, v, a, p) -> τ by eq. (39) as ``explicit_equations`` writes it."""
+        """(x, v, a, p) -> τ, 3, N·m, the solution of ``explicit_equations`` for the torques."""
         x, v, a, tau, p, force = self._affine_equations()
         return ca.Function("explicit_torques", [x, v, a, p], [solve_affine(force, tau)])
 
     @cached_property
     def explicit_loads(self) -> ca.Function:
-        """(x, v, a, p) -> τ, θ̇ by ``explicit_equations``."""
+        """(x, v, a, p) -> τ, θ̇, 3 each, by ``explicit_equations``."""
         x, v, a = (SX.sym(name, 3) for name in ("x", "v", "a"))
         p = self.terms.symbols().vector()
         rates = self.explicit_equations(x, v, a, SX.zeros(3), p)[2]
@@ -116,24 +126,25 @@ class DeltaFunctions:
 
     @cached_property
     def explicit_acceleration(self) -> ca.Function:
-        """(x, v, tau, p) -> a by eq. (39) as ``explicit_equations`` writes it."""
+        """(x, v, tau, p) -> a, 3, the solution of ``explicit_equations`` for the acceleration."""
         x, v, a, tau, p, force = self._affine_equations()
         return ca.Function("explicit_acceleration", [x, v, tau, p], [solve_affine(force, a)])
 
     def _affine_equations(self) -> tuple[SX, ...]:
-        """x, v, a, tau, p, and eq. (39), affine in τ and in a."""
+        """Symbols x, v, a, tau, p, and eq. (39), which is affine in τ and in a."""
         x = [SX.sym(name, 3) for name in ("x", "v", "a", "tau")]
         p = self.terms.symbols().vector()
         return *x, p, self.explicit_equations(*x, p)[0]
 
-    def _explicit_equations(self, x: SX, v: SX, a: SX, tau: SX, p: SX) -> tuple[SX, ...]:
+    def _general_equations(self, x: SX, v: SX, a: SX, tau: SX, p: SX) -> tuple[SX, ...]:
+        """The results of ``explicit_equations`` by the general derivation in twelve coordinates."""
         q, dq, ddq = self.motion(x, v, a, p)
         force = Explicit().residual(self.mechanism).expand()(0, q, dq, ddq, tau, p)
-        return force, self.reach(x, p)[3:], dq[3::3], ddq[3::3]
+        return force, self.serial_distances(x, p)[3:], dq[3::3], ddq[3::3]
 
     @cached_property
     def inverse_dynamics(self) -> ca.Function:
-        """(x, v, a, p) -> τ (3), λ (9)."""
+        """(x, v, a, p) -> τ, 3, λ, 9, in this formulation."""
         x, v, a, p = self._platform("x", "v", "a")
         inverse = self.formulation.inverse_dynamics(self.mechanism)
         tau, lam = inverse(0, *self.motion(x, v, a, p), p)
@@ -141,7 +152,7 @@ class DeltaFunctions:
 
     @cached_property
     def forward_dynamics(self) -> ca.Function:
-        """(x, v, tau, p) -> a."""
+        """(x, v, tau, p) -> a, 3, in this formulation."""
         x, v, tau, p = self._platform("x", "v", "tau")
         forward = self.formulation.forward_dynamics(self.mechanism)
         ddq, _ = forward(0, *self.velocity(x, v, p), tau, p)
@@ -154,5 +165,5 @@ class DeltaFunctions:
 
 @lru_cache(maxsize=64)
 def delta_functions(terms: DeltaTerms, formulation: Formulation) -> DeltaFunctions:
-    """The functions of all models with these terms: derived once in a process."""
+    """The functions of all models with these terms, derived once in a process."""
     return DeltaFunctions(terms, formulation)

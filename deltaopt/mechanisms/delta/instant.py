@@ -1,8 +1,8 @@
-"""A motion of the Delta at one instant: every quantity that a limit may ask for, as expressions.
+"""A motion of the Delta at one instant: every quantity that a limit may depend on, as expressions.
 
-Three ways to the same quantities, derived only when asked for: from the platform's motion by eq.
-(39) without angles where the bars allow it, from the platform's motion by the general derivation in
-twelve coordinates, and from the twelve coordinates themselves.
+There are three ways to the same quantities, each derived only when needed: from the platform's
+motion by eq. (39), in the angle-free form if the bars are slender; from the platform's motion by
+the general derivation in twelve coordinates; and from the twelve coordinates themselves.
 """
 
 from __future__ import annotations
@@ -18,7 +18,9 @@ from deltaopt.mechanisms.delta.functions import DeltaFunctions
 
 @dataclass(frozen=True, eq=False)
 class PlatformInstant:
-    """From the platform's motion ``x``, ``v``, ``a`` (3; m, m/s, m/s²) and the parameters ``p``.
+    """The quantities as functions of the platform's motion.
+
+    ``x``, ``v``, ``a``: position, velocity, acceleration, 3 each, m, m/s, m/s². ``p``: parameters.
 
     ``given_torque``: the motor torques (3, N·m), where these are variables of their own; otherwise
     they follow from the motion by eq. (39).
@@ -40,12 +42,12 @@ class PlatformInstant:
 
     @property
     def force(self) -> SX:
-        """Cᵀ (Q* + Q) of eq. (39), 3, N: zero where the torques move the platform so."""
+        """Cᵀ (Q* + Q) of eq. (39), 3, N: zero where the torques produce the motion."""
         return self._equations[0]
 
     @property
     def alignment(self) -> SX:
-        """sin² (q_{k,1} - q_{k,2}), 3."""
+        """sin² (q_{k,1} - q_{k,2}), 3: squared distances from the serial singularities."""
         return self._equations[1]
 
     @property
@@ -94,7 +96,8 @@ class PlatformInstant:
 
 @dataclass(frozen=True, eq=False)
 class CoordinateInstant:
-    """From all twelve coordinates ``q``, their rates ``dq``, ``ddq``, and the torques ``tau``."""
+    """The quantities as functions of all coordinates ``q``, 12, m and rad, their derivatives ``dq``
+    and ``ddq`` by time, and the motor torques ``tau``, 3, N·m."""
 
     q: SX
     dq: SX
@@ -103,7 +106,7 @@ class CoordinateInstant:
 
     @classmethod
     def general(cls, functions: DeltaFunctions, x: SX, v: SX, a: SX, p: SX) -> CoordinateInstant:
-        """Of the platform's motion, all by the general derivation in twelve coordinates."""
+        """From the platform's motion, by the general derivation in twelve coordinates."""
         torque, _ = functions.inverse_dynamics.expand()(x, v, a, p)
         q, dq, ddq = functions.motion(x, v, a, p)
         return cls(q, dq, ddq, torque)
@@ -140,5 +143,5 @@ class CoordinateInstant:
 
     @property
     def alignment(self) -> SX:
-        """sin² (q_{k,1} - q_{k,2}), 3."""
+        """sin² (q_{k,1} - q_{k,2}), 3: squared distances from the serial singularities."""
         return ca.sin(self.q[3::3] - self.q[4::3]) ** 2

@@ -11,19 +11,20 @@ from deltaopt.mechanisms.delta.mechanism import AZIMUTHS, DeltaParameters
 
 
 def inverse_kinematics(p: DeltaParameters, x: SX) -> SX:
-    """q (12) of the platform's centre x (3), every elbow on the outer side of its chain.
+    """Coordinates q, 12, for the platform's centre at x, 3, every elbow on the outer side.
 
-    In the frame of a chain the platform sees a planar two-link arm of lengths 2 a₂ and
-    2 a₃ cos q_{k,3}: eq. (50)-(52) solved for one chain. Not a number out of reach.
+    In the plane of its upper arm a chain is a two-link arm of lengths 2 a₂ and 2 a₃ cos q_{k,3}:
+    eq. (50)-(52) are solved for one chain after the other. Results are NaN out of reach.
     """
     return ca.vertcat(x, *(_chain_angles(p, azimuth, x) for azimuth in AZIMUTHS))
 
 
-def reach(p: DeltaParameters, x: SX) -> SX:
-    """How far each chain is from its limits, 3 × 2, 1; negative out of reach.
+def serial_distances(p: DeltaParameters, x: SX) -> SX:
+    """Squared distances of the chains from their serial singularities, 3 × 2, without unit.
 
-    First column: cos² q_{k,3}. Second: sin² (q_{k,1} - q_{k,2}), where the first allows it.
-    Both vanish at the serial singularities.
+    First column: cos² q_{k,3}, zero where the bars lie sideways. Second: sin² (q_{k,1} - q_{k,2}),
+    zero where arm and bars are in line. They are negative out of reach, and the second has no
+    meaning where the first is negative.
     """
     rows = []
     for azimuth in AZIMUTHS:
@@ -33,8 +34,11 @@ def reach(p: DeltaParameters, x: SX) -> SX:
 
 
 def forward_kinematics(p: DeltaParameters, theta: SX) -> SX:
-    """x (3) of the motor angles (3): the lower of the two places where three spheres of
-    radius 2 a₃ about the elbows, each moved inwards by a₄, meet. Not a number if none."""
+    """Position x of the platform's centre, 3, for the motor angles, 3.
+
+    It is the lower of the two points where three spheres of radius 2 a₃ meet, whose centres are the
+    elbows moved inwards by a₄. The result is NaN if they do not meet.
+    """
     radius = 2 * p.a3
     centres = []
     for k, azimuth in enumerate(AZIMUTHS):
@@ -53,7 +57,10 @@ def forward_kinematics(p: DeltaParameters, theta: SX) -> SX:
 
 
 class _Chain:
-    """A chain's planar two-link arm, ends at ``outward`` and ``up`` of its motor axis."""
+    """A chain as a two-link arm in the plane of its upper arm.
+
+    ``outward``, ``up``: position of the lower end of the bars, from the motor's axis.
+    """
 
     def __init__(self, p: DeltaParameters, azimuth: float, x: SX) -> None:
         self.outward = cos(azimuth) * x[1] + sin(azimuth) * x[2] - (p.a1 - p.a4)
@@ -76,6 +83,6 @@ def _chain_angles(p: DeltaParameters, azimuth: float, x: SX) -> SX:
     q1 = ca.atan2(
         chain.up * chain.dot + chain.outward * cross, chain.outward * chain.dot - chain.up * cross
     )
-    # From the arm to the bars, never across the cut of atan2: cross > 0 in this assembly mode.
+    # The angle from arm to bars never crosses the cut of atan2: cross > 0 in this assembly mode.
     q2 = q1 - ca.atan2(cross, chain.cosine)
     return ca.vertcat(q1, q2, ca.asin(chain.s3))

@@ -1,6 +1,6 @@
-"""The Delta of sections 4 and 5: twelve coordinates, nine constraints, three motors.
+"""The Delta of the paper's sections 4 and 5: twelve coordinates, nine constraints, three motors.
 
-Base frame: x down, y and z horizontal. Chain k at azimuth φ_k has the coordinates
+In the base frame x points down, y and z are horizontal. Chain k at azimuth φ_k has the coordinates
 q_{k,1} (arm), q_{k,2} and q_{k,3} (bars of the parallelogram).
 """
 
@@ -15,19 +15,20 @@ from deltaopt.dynamics.constraint_matrix import Partition
 from deltaopt.dynamics.mechanism import SX, Body, Effort, Mechanism
 
 AZIMUTHS = (0.0, 2 * pi / 3, -2 * pi / 3)
-"""φ_k, rad."""
+"""The azimuths φ_k of the chains, rad."""
 
 MOTOR_ANGLES = Partition((3, 6, 9))
-"""The constraint matrix whose δξ are the motor angles: it keeps torques exact at serial
-singularities, and has none to give at parallel ones (docs/stability.md)."""
+"""The constraint matrix with the motor angles as independent coordinates. It keeps torques exact in
+serial singularities and does not exist in parallel ones (docs/stability.md)."""
 
 
 @dataclass(frozen=True)
 class DeltaParameters:
-    """The paper's letters; numbers or symbols. None: the model has no such term.
+    """The parameters of a Delta by the paper's letters, as numbers or symbols.
 
-    Lengths in m (a₂ and a₃ are halves), masses in kg (m₄ of the pair of bars), principal
-    moments of inertia about the centre of mass in kg·m², g in m/s².
+    Lengths are in m (a₂ and a₃ are halves), masses in kg (m₄ of a pair of bars), principal moments
+    of inertia about the centre of mass in kg·m², g in m/s². A parameter that is None is absent from
+    the model.
     """
 
     a1: SX | float
@@ -45,45 +46,45 @@ class DeltaParameters:
     g: SX | float | None = None
 
     def present(self) -> list[str]:
-        """Names of the terms the model has, in the order of ``Mechanism.parameters``."""
+        """Names of the parameters the model has, in the order of ``Mechanism.parameters``."""
         return [f.name for f in fields(self) if getattr(self, f.name) is not None]
 
     def terms(self) -> DeltaTerms:
-        """Which terms these (numerical) parameters have."""
+        """The terms of a model with these parameters, which must be numbers."""
         return DeltaTerms(tuple(self.present()), self.I42 is None and bool(self.I41 == self.I43))
 
     def symbols(self) -> DeltaParameters:
-        """The same terms as free symbols."""
+        """The same parameters as free symbols."""
         return replace(self, **{name: SX.sym(name) for name in self.present()})
 
     def values(self) -> list[float]:
-        """The terms that are present, as numbers."""
+        """The values of the parameters the model has."""
         return [float(getattr(self, name)) for name in self.present()]
 
     def vector(self) -> SX:
-        """The terms that are present, stacked."""
+        """The parameters the model has, as a column."""
         stacked: SX = ca.vertcat(*(SX(getattr(self, name)) for name in self.present()))
         return stacked
 
 
 @dataclass(frozen=True)
 class DeltaTerms:
-    """What the expressions of a Delta's model depend on: which terms it has, not their values.
+    """The terms of a Delta's model: models with the same terms share their equations.
 
-    ``names``: in the order of ``Mechanism.parameters``. ``slender``: whether the bars are
-    alike about both cross axes and have no moment along them.
+    ``names``: of its parameters, in the order of ``Mechanism.parameters``. ``slender``: whether the
+    moments of inertia of the bars are equal about both transverse axes and zero about their own.
     """
 
     names: tuple[str, ...]
     slender: bool
 
     def symbols(self) -> DeltaParameters:
-        """The terms as free symbols."""
+        """The parameters as free symbols."""
         return DeltaParameters(**{name: SX.sym(name) for name in self.names})
 
 
 def delta(parameters: DeltaParameters) -> Mechanism:
-    """The Delta with those terms that ``parameters`` has, its parameters left free."""
+    """The mechanism of a Delta with the parameters that are present, left as free symbols."""
     p = parameters.symbols()
     q, dq, tau = SX.sym("q", 12), SX.sym("dq", 12), SX.sym("tau", 3)
     platform = q[:3]

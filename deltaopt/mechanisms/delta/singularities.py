@@ -1,4 +1,4 @@
-"""How far the Delta is from its singular positions, as margins that vanish there."""
+"""Distances of the Delta from its singular positions: margins without unit that vanish there."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from deltaopt.mechanisms.delta.mechanism import AZIMUTHS
 
 
 def sideways_margins(q: SX) -> SX:
-    """cos q_{k,3}, 3: zero where the bars of a chain lie across it, a serial singularity."""
+    """cos q_{k,3}, 3: zero where the bars of a chain lie sideways, a serial singularity."""
     return ca.cos(ca.vertcat(q[5], q[8], q[11]))
 
 
@@ -23,15 +23,21 @@ def alignment_margins(q: SX) -> SX:
 
 
 def parallel_margin(q: SX) -> SX:
-    """Volume of the box that unit vectors along the three bars span; zero if they lie in a
-    plane: no torque balances a force across it, a parallel singularity."""
+    """Volume of the parallelepiped that unit vectors along the three bars span.
+
+    It is zero if they lie in one plane, a parallel singularity: no motor torques balance a force
+    normal to that plane.
+    """
     return ca.det(ca.horzcat(*(_bar(azimuth, q[i : i + 2]) for azimuth, i in _BARS)))
 
 
 def tilt_margin(q: SX) -> SX:
-    """Volume of the box that the unit normals of the three parallelograms span, positive in the
-    industrial assembly mode; zero if they lie in a plane: the platform can tilt about an axis
-    across it, which the twelve coordinates, a platform that only translates, do not show."""
+    """Volume of the parallelepiped that the unit normals of the three parallelograms span.
+
+    It is positive in the industrial assembly mode, and zero if the normals lie in one plane: then
+    the platform can tilt about the axis normal to that plane. The twelve coordinates do not show
+    this, for their platform only translates.
+    """
     return -ca.det(ca.horzcat(*(_normal(azimuth, q[i]) for azimuth, i in _BARS)))
 
 
@@ -56,11 +62,11 @@ def _normal(azimuth: float, angle: SX) -> SX:
 
 @dataclass(frozen=True)
 class SingularityDistance:
-    """A measure without dimension of how far a position is from a kind of singularity.
+    """A distance without unit of a position from a kind of singularity: 0 in it and 1 at best.
 
-    ``name``: of the singularity. ``formula``: of the measure, as people write it; it is zero in the
-    singularity and 1 at best. ``per_chain``: whether every chain has its own. ``of``: the measure,
-    3 or 1, as an expression of the twelve coordinates.
+    ``name``: of the singularity. ``formula``: of the distance, for people. ``per_chain``: whether
+    every chain has a distance of its own. ``of``: makes the distance, 3 or 1, an expression of the
+    twelve coordinates.
     """
 
     name: str
@@ -90,5 +96,5 @@ DISTANCES = (
         "tilt of the platform", "volume of the parallelograms' normals", False, tilt_margin
     ),
 )
-"""All kinds of singular positions of the Delta. The volumes have a sign: below zero the robot has
-passed the singularity into another assembly mode."""
+"""The distances from all kinds of singular positions of the Delta. The volumes have a sign: below
+zero the robot has passed the singularity into another assembly mode."""

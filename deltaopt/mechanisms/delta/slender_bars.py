@@ -1,14 +1,15 @@
-"""Eq. (39) of the Delta without angles, for bars that are alike about both cross axes.
+"""The angle-free form of eq. (39) for a Delta with slender bars, which the default plan evaluates.
 
-A bar with I₄,₁ = I₄,₃ = I and I₄,₂ = 0 moves as particles at its ends, elbow E and tip P:
+A bar with I₄,₁ = I₄,₃ = I and I₄,₂ = 0 has the kinetic energy of particles at its ends, elbow E and
+tip P:
 
     T = (α v_E² + 2 β v_E·v_P + α v_P²) / 2,   α = m₄/4 + I/(2 a₃)²,   β = m₄/4 − I/(2 a₃)²
 
-equal to eq. (64), since its kinetic energy is m₄ (v_E + v_P)²/8 + I (v_P − v_E)²/(2 (2 a₃)²).
-With E a function of the motor angle alone, three coordinates x and three θ_k under three
-constraints |P − E|² = (2 a₃)² replace twelve under nine, and no inverse trigonometric function
-is left. The result is the same as that of the general derivation at a tenth of its operations
-(see the tests), which is what a planner evaluates millions of times.
+This equals eq. (64), which is m₄ (v_E + v_P)²/8 + I (v_P − v_E)²/(2 (2 a₃)²) for such a bar. With E
+a function of the motor angle alone, six coordinates x and θ_k under three constraints |P − E|² =
+(2 a₃)² replace twelve under nine, and no trigonometric function is left. A planner evaluates
+these equations millions of times, and this form takes a tenth of the operations of the general
+derivation. `tests/mechanisms/test_slender_bars.py` proves the two equal, to rounding.
 """
 
 from __future__ import annotations
@@ -22,29 +23,30 @@ from deltaopt.dynamics.mechanism import SX
 from deltaopt.mechanisms.delta.mechanism import AZIMUTHS, DeltaParameters
 
 
-def explicit_equations(p: DeltaParameters, x: SX, v: SX, a: SX, tau: SX) -> tuple[SX, SX, SX, SX]:
-    """Cᵀ (Q* + Q), 3, N, zero where the motion obeys eq. (39); sin² (q_{k,1} - q_{k,2}), 3,
-    zero where a chain is folded or stretched; θ̇ and θ̈, 3 each, rad/s and rad/s².
+def angle_free_equations(p: DeltaParameters, x: SX, v: SX, a: SX, tau: SX) -> tuple[SX, SX, SX, SX]:
+    """Eq. (39) and the motor speeds and accelerations for a motion of the platform.
 
-    x, v, a of the platform's centre, 3: m, m/s, m/s². tau, 3: N·m.
+    Returns Cᵀ (Q* + Q), 3, N, zero where the motion obeys eq. (39); the alignment sin² (q_{k,1} -
+    q_{k,2}) of each chain, 3, zero where it is folded or stretched; θ̇ and θ̈, 3 each, rad/s and
+    rad/s². x, v, a: of the platform's centre, 3 each, m, m/s, m/s². tau: motor torques, 3, N·m.
     """
     mass = p.m1 if p.m2 is None else p.m1 + p.m2
     force = -mass * a
     if p.g is not None:
         force += ca.vertcat(mass * p.g, 0, 0)
-    openings, speeds, accelerations = [], [], []
+    alignments, speeds, accelerations = [], [], []
     for azimuth, torque in zip(AZIMUTHS, ca.vertsplit(tau), strict=True):
         chain = _Chain(p, azimuth, x, v, a)
         force += chain.to_base(*chain.force_on_platform(torque))
-        openings.append(chain.opening)
+        alignments.append(chain.alignment)
         speeds.append(chain.dtheta)
         accelerations.append(chain.ddtheta)
-    return force, ca.vertcat(*openings), ca.vertcat(*speeds), ca.vertcat(*accelerations)
+    return force, ca.vertcat(*alignments), ca.vertcat(*speeds), ca.vertcat(*accelerations)
 
 
 @dataclass(frozen=True)
 class _Vector:
-    """Components down, outward and sideways in the frame of a chain."""
+    """A vector by its components down, outward and sideways in the frame of a chain."""
 
     d: SX
     o: SX
@@ -55,7 +57,7 @@ class _Vector:
 
 
 class _Chain:
-    """Arm and bars of one chain: θ̇, θ̈ and the force on the platform."""
+    """One chain: its arm's speed θ̇ and acceleration θ̈, and its force on the platform."""
 
     def __init__(self, p: DeltaParameters, azimuth: float, x: SX, v: SX, a: SX) -> None:
         self.p, self.azimuth = p, azimuth
@@ -72,13 +74,14 @@ class _Chain:
         self.ddtheta = self.C.dot(towards) + (dL_d**2 + dL_o**2 + v_tip.s**2) / Lu
 
     def _place(self, down: SX, outward: SX, sideways: SX) -> None:
-        """Elbow E, u = dE/dθ and bar L from the tip, relative to the motor's axis."""
-        # The bar seen in the plane of the arm.
+        """Set the elbow E, its derivative u = dE/dθ and the bar L from elbow to tip, all relative
+        to the motor's axis, for the tip at these coordinates."""
+        # Projected onto the plane of the arm the bar has the length √bars2.
         arm2, bars2 = (2 * self.p.a2) ** 2, (2 * self.p.a3) ** 2 - sideways**2
         distance2 = down**2 + outward**2
         dot = (distance2 + arm2 - bars2) / 2  # E·P
         cross2 = arm2 * distance2 - dot**2
-        self.opening = cross2 / (arm2 * bars2)
+        self.alignment = cross2 / (arm2 * bars2)
         cross = ca.sqrt(cross2)  # |E×P|: the elbow outside
         self.E_d = (down * dot - outward * cross) / distance2
         self.E_o = (outward * dot + down * cross) / distance2
@@ -86,7 +89,7 @@ class _Chain:
         self.L = _Vector(down - self.E_d, outward - self.E_o, sideways)
 
     def force_on_platform(self, tau: SX) -> tuple[SX, SX, SX]:
-        """What arm, bars and motor do to the platform: their part of Cᵀ (Q* + Q)."""
+        """The force of arm, bars and motor on the platform, N: their part of Cᵀ (Q* + Q)."""
         p = self.p
         across = p.I41 / (2 * p.a3) ** 2
         alpha, beta = p.m4 / 4 + across, p.m4 / 4 - across

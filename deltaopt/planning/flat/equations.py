@@ -21,13 +21,13 @@ Integers = NDArray[np.intp]
 
 @dataclass(frozen=True, eq=False)
 class PointEquations:
-    """Equations of motion and constraint rows at a point, each of the order of one.
+    """The equations of motion and the constraint rows at a point, scaled to the order of one.
 
-    ``y``: position from the start, velocity and acceleration in units of the scene's length and of
-    the duration (X, V, A; 3 each), torques in units of their limits (3), the duration in units of
-    the scene's time; 13. ``force``: eq. (39) in units of the largest torque at the elbow, 3, zero
-    where the torques move the platform so. ``rows``: those of the limits, normalised. ``rate``: of
-    the effort, τᵀτ, N²m².
+    ``y``: the 13 unknowns: position from the start, velocity and acceleration in units of the
+    scene's length and of the duration (X, V, A; 3 each), torques in units of their limits (3), and
+    the duration in units of the scene's time. ``force``: eq. (39) in units of the largest torque
+    over an arm's length, 3, zero where the torques produce the motion. ``rows``: normalised rows
+    of the limits. ``rate``: of the effort, τᵀτ, N²m².
     """
 
     constraints: Constraints
@@ -39,7 +39,7 @@ class PointEquations:
 
     @classmethod
     def of(cls, functions: DeltaFunctions, constraints: Constraints) -> PointEquations:
-        """For a mechanism and the limits of a scene."""
+        """Derive them for a mechanism and the limits of a scene."""
         terms = functions.terms.symbols()
         parameters = Parameters.symbols(constraints, terms.vector())
         y, p = ca.SX.sym("y", 13), parameters
@@ -53,7 +53,7 @@ class PointEquations:
             tau,
         )
         rows = constraints.rows(motion, p.limits)
-        rows[np.flatnonzero(constraints.is_control).tolist()] = y[9:12]  # that is their unit
+        rows[np.flatnonzero(constraints.is_control).tolist()] = y[9:12]  # in units of their limits
         return cls(
             constraints=constraints,
             y=y,
@@ -65,12 +65,12 @@ class PointEquations:
 
     @property
     def of_motion(self) -> Integers:
-        """Indices of the rows that are no bounds on one torque, (others,)."""
+        """Indices of the rows that are not bounds on a single torque."""
         return np.asarray(np.flatnonzero(~self.constraints.is_control))
 
     @cached_property
     def point_function(self) -> PointFunction:
-        """(y, p) -> eq. (39), 3, then the rows that are no bounds on one torque."""
+        """(y, p) -> eq. (39), 3, then the rows that are not bounds on a single torque."""
         rows = ca.vertcat(self.force, self.rows[self.of_motion.tolist()])
         return PointFunction(
             "motion", ca.Function("motion", [self.y, self.parameters.vector], [rows])
@@ -78,7 +78,7 @@ class PointEquations:
 
     @cached_property
     def point_problem(self) -> PointProblem:
-        """The same for the interior-point method, which eliminates the torques."""
+        """The same equations for the interior-point method, which eliminates the torques."""
         sides = [Sides((upper, lower)) for lower, upper in self.constraints.closed_sides.tolist()]
         return PointProblem(
             coordinates=3,
@@ -93,7 +93,7 @@ class PointEquations:
 
     @cached_property
     def running_cost(self) -> PointFunction:
-        """(y and h, p) -> h τᵀτ: the effort over a time h in the scene's time."""
+        """(y and h, p) -> h τᵀτ: the effort during a time h, in units of the scene's time."""
         h = ca.SX.sym("h")
         inputs = [ca.vertcat(self.y, h), self.parameters.vector]
         return PointFunction("running cost", ca.Function("running", inputs, [h * self.rate]))
@@ -101,5 +101,5 @@ class PointEquations:
 
 @lru_cache(maxsize=16)
 def point_equations(functions: DeltaFunctions, constraints: Constraints) -> PointEquations:
-    """Those of a mechanism and limits, derived once in a process."""
+    """The equations of a mechanism and its limits, derived once in a process."""
     return PointEquations.of(functions, constraints)

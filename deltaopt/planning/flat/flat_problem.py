@@ -1,17 +1,18 @@
-"""The flat problem: the platform's motion and the torques are the only unknowns.
+"""The flat formulation: the platform's motion and the torques are the only unknowns.
 
-The position of the platform is a flat output of the fully actuated Delta: any smooth motion
-of it has joint angles by inverse kinematics and torques by inverse dynamics. So there are no
-dynamics to integrate and no redundant coordinates, only limits:
+The position of the platform is a flat output of the fully actuated Delta: any smooth motion of it
+determines the joint angles by inverse kinematics and the torques by inverse dynamics. So there are
+neither differential equations to integrate nor redundant coordinates, only limits:
 
     minimise T (or a `Cost`)   subject to   Cᵀ (Q* + Q)(x, ẋ, ẍ, τ) = 0                     eq. (39)
                                             the rows of the scene's limits within their bounds
 
-The torques stay variables at every point, since A(x)ᵀ τ = F is cheaper than its inverse and
-the slack of an inequality in Ipopt is a variable anyway.
+For Ipopt the torques are variables at every point: A(x)ᵀ τ = F is cheaper to differentiate than
+its inverse, and Ipopt would add a slack variable for each inequality anyway. The interior-point
+method eliminates them.
 
-Variables are scaled by the scene: lengths by the distance D from start to goal, time by the
-baseline's duration, torques and speeds by their limits.
+Variables are scaled by the scene: lengths by the distance from start to goal, time by the duration
+of the first guess, torques by their limits.
 """
 
 from __future__ import annotations
@@ -38,12 +39,12 @@ from deltaopt.planning.flat.interior_point import (
 from deltaopt.planning.nlp.cost import FASTEST, Cost
 from deltaopt.planning.nlp.problem import IPOPT_FINEST, Guess, InteriorPoint, Ipopt, Solved, Solver
 from deltaopt.planning.nlp.program import (
+    IpoptSolution,
     Layout,
     Options,
     Points,
     Program,
     RunningCost,
-    Solution,
 )
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
@@ -54,24 +55,27 @@ _FAST = InteriorPoint()
 
 FAR = Settings(barrier=0.2, closest=0.3)
 NEAR = Settings(barrier=0.1, closest=0.01)
-"""How the interior-point method begins, from a guess that is far from or near a solution."""
+"""Barrier parameter and distance from the bounds where the interior-point method begins, from a
+guess that is far from or near a solution. A larger barrier is safer, a smaller one saves
+iterations."""
 _FROM_FAR = (FAR, Settings(barrier=0.5, closest=0.6), Settings(barrier=3.0, closest=0.6))
 _FROM_NEAR = (NEAR, Settings(barrier=3.0, closest=0.6), FAR)
-"""Where it does not get through from there, another beginning mostly does, far sooner than
-Ipopt, which comes last."""
+"""Settings to begin with, in order. Where the method does not converge with the first, another
+mostly does, in far less time than Ipopt, which comes last."""
 _FINEST = 4000
-"""Intervals of the finest mesh that is worth its time by the interior-point method."""
+"""Number of intervals of the finest mesh that is solved by the interior-point method; its time is
+proportional to the number."""
 
 
 @dataclass(frozen=True)
 class Flat:
-    """The platform's coordinates alone: the default formulation."""
+    """The formulation in the platform's coordinates alone, which is the default."""
 
     name: str = "flat"
 
     @property
     def solvers(self) -> tuple[type[Ipopt] | type[InteriorPoint], ...]:
-        """Both, the default first."""
+        """Kinds of solver that can be asked for, the default first."""
         return InteriorPoint, Ipopt
 
     def of(
@@ -82,13 +86,13 @@ class Flat:
         cost: Cost = FASTEST,
         solver: Solver = _FAST,
     ) -> FlatEquations:
-        """The equations for a mechanism under limits, to be put on a mesh."""
+        """Its equations for a mechanism under limits."""
         return FlatEquations(point_equations(functions, constraints), transcription, cost, solver)
 
 
 @dataclass(frozen=True)
 class FlatEquations:
-    """The flat problem's equations at a point, to be put on a mesh."""
+    """The equations of the flat problem, from which problems on meshes are made."""
 
     equations: PointEquations
     transcription: PiecewiseAcceleration
@@ -102,10 +106,10 @@ class FlatEquations:
 
 @dataclass(frozen=True)
 class FlatProblem:
-    """The flat problem on a mesh of interval fractions (N,), ready to be solved for scenes.
+    """The flat problem on a mesh of interval lengths, (N,), fractions of the duration.
 
-    Variables for Ipopt: for every interval X_i, V_i, A_i0 … A_id, then τ at each of its points;
-    last X_N, V_N and T.
+    Variables for Ipopt, in order, for every interval: X_i, V_i, A_i0 … A_id, then τ at each of its
+    points; after all intervals X_N, V_N and T.
     """
 
     equations: PointEquations
@@ -116,21 +120,22 @@ class FlatProblem:
 
     @property
     def constraints(self) -> Constraints:
-        """The limits of the scenes that it can be solved for."""
+        """The kinds of limit of the scenes that it can be solved for."""
         return self.equations.constraints
 
     @property
     def intervals(self) -> int:
+        """The number N of intervals."""
         return len(self.mesh)
 
     @property
     def points(self) -> Array:
-        """Fractions of every interval where the limits hold."""
+        """Fractions of every interval where the limits are imposed."""
         return self.transcription.points
 
     @property
     def finest(self) -> int:
-        """Intervals of the finest mesh that is worth its time."""
+        """Number of intervals of the finest mesh that is worth its solver's time."""
         return IPOPT_FINEST if self._interior_point is None else _FINEST
 
     @property
@@ -143,16 +148,20 @@ class FlatProblem:
 
     @property
     def n_variables(self) -> int:
+        """The number of variables for Ipopt."""
         return self.intervals * self._block + 7
 
     @cached_property
     def program(self) -> Program:
-        """For Ipopt with the planner's options."""
+        """The nonlinear program for Ipopt, with the options that the planner uses."""
         return self.program_with({})
 
     def program_with(self, options: Options) -> Program:
-        """Rows: continuity of X and V; at every point eq. (39) and the limits that are no bounds
-        on one torque."""
+        """The nonlinear program for Ipopt, with other options.
+
+        Its rows are the continuity of X and V, and at every point eq. (39) and the limits that are
+        not bounds on a single torque.
+        """
         cost = np.zeros(self.n_variables)
         cost[-1] = self.cost.time
         sides = self.constraints.sides[self.equations.of_motion]
@@ -162,7 +171,7 @@ class FlatProblem:
         return Program(cost, self._continuity_layout(), [points], options, self._running_cost())
 
     def _running_cost(self) -> RunningCost | None:
-        """∫ r dt by Lobatto's rule at the nodes of every interval."""
+        """The running cost ∫ r dt by Lobatto's rule at the nodes of every interval, if any."""
         if not self.cost.running:
             return None
         t, zero, y = self.transcription, np.zeros(1), self._point_layout()
@@ -177,14 +186,17 @@ class FlatProblem:
         )
 
     def solve(self, guess: Guess, scaling: Scaling, parameters: Array) -> Solved:
-        """By the interior-point method in machine code; by Ipopt where that is asked for, where
-        there is no machine code, and where the method does not converge. Raises NotConverged."""
+        """Find the best motion on this mesh, by the compiled interior-point method by default.
+
+        Ipopt solves it if it was asked for, if there is no C compiler, and if the method does not
+        converge. Raises NotConverged.
+        """
         method = self._interior_point
         for begin in _FROM_NEAR if guess.near else _FROM_FAR:
             if method is None:
                 break
             settings = replace(begin, tolerance=guess.tolerance)
-            found = self._from_inside(method, guess, scaling, parameters, settings)
+            found = self._by_interior_point(method, guess, scaling, parameters, settings)
             if found.solved:
                 (phase,) = found.phases
                 return Solved(
@@ -196,7 +208,7 @@ class FlatProblem:
                     all_at_points=True,
                     left=found.left,
                 )
-        if guess.near and IPOPT_FINEST < self.intervals <= self.finest:  # Ipopt takes minutes
+        if guess.near and IPOPT_FINEST < self.intervals <= self.finest:  # Ipopt would take minutes
             raise NotConverged(
                 f"the interior-point method does not converge on {self.intervals} intervals",
                 "No_Progress",
@@ -204,7 +216,7 @@ class FlatProblem:
             )
         return self._by_ipopt(guess, scaling, parameters)
 
-    def _from_inside(
+    def _by_interior_point(
         self,
         method: CompiledMethod,
         guess: Guess,
@@ -212,7 +224,7 @@ class FlatProblem:
         parameters: Array,
         settings: Settings,
     ) -> InteriorPointSolution:
-        """By the interior-point method."""
+        """Run the interior-point method from a guess."""
         knots, T = self._at_knots(guess.trajectory, scaling)
         shares = np.ascontiguousarray(scaling.shares(self.intervals))
         phase = Phase(self.mesh, scaling.parameters(parameters), shares, knots, T)
@@ -221,7 +233,10 @@ class FlatProblem:
 
     @cached_property
     def _interior_point(self) -> CompiledMethod | None:
-        """Accelerations linear in an interval make a motion of cubics; it is the fastest."""
+        """The compiled interior-point method; None where it does not apply or cannot be compiled.
+
+        It minimises time, for motions of cubics: accelerations linear in every interval.
+        """
         general = self.transcription.degree != 1 or self.cost != FASTEST
         if general or isinstance(self.solver, Ipopt):
             return None
@@ -245,36 +260,36 @@ class FlatProblem:
         )
 
     def _at_knots(self, guess: Trajectory, scaling: Scaling) -> tuple[Array, float]:
-        """X and V at the knots, (N + 1, 6), and T."""
+        """Scaled X and V of a guess at the knots, (N + 1, 6), and its scaled duration."""
         T = guess.duration
         times = T * np.concatenate([[0.0], np.cumsum(self.mesh)])
         return scaling.states(guess.position, times, T), T / scaling.time
 
     def _cubics(self, knots: Array, duration: float, scaling: Scaling) -> PiecewisePolynomial:
-        """The motion of cubics between scaled knots (X, V), in m and s."""
+        """The motion of cubics between scaled (X, V) at the knots, (N + 1, 6), in m and s."""
         T = duration * scaling.time
         x = scaling.origin + scaling.length * knots[:, :3]
         v = scaling.length / T * knots[:, 3:]
         return PiecewisePolynomial.hermite(T * np.append(0.0, np.cumsum(self.mesh)), x, v)
 
     def pack(self, trajectory: Trajectory, scaling: Scaling) -> Array:
-        """The variables that describe a motion on this mesh, torques within their limits."""
+        """The variables that approximate a motion on this mesh, torques clipped to their limits."""
         T = trajectory.duration
         knots = T * np.concatenate([[0.0], np.cumsum(self.mesh)])
         at_knots = trajectory(knots)
         X = (at_knots.x - scaling.origin) / scaling.length
         V = at_knots.v * T / scaling.length
         A = self._inside(trajectory, self.transcription.nodes).a * T**2 / scaling.length
-        A = self._meeting(X, V, A.reshape(self.intervals, -1, 3))
+        A = self._continuous(X, V, A.reshape(self.intervals, -1, 3))
         tau = self._inside(trajectory, self.transcription.points).tau / scaling.torque
         N = self.intervals
         blocks = [X[:-1], V[:-1], A.reshape(N, -1), np.clip(tau, -1, 1).reshape(N, -1)]
         return np.concatenate([np.hstack(blocks).ravel(), X[-1], V[-1], [T / scaling.time]])
 
-    def _meeting(self, X: Array, V: Array, A: Array) -> Array:
-        """A with the least change after which every interval ends where the next begins.
+    def _continuous(self, X: Array, V: Array, A: Array) -> Array:
+        """Accelerations A, (N, degree + 1, 3), changed least such that the motion is continuous.
 
-        Otherwise a guess may leave the workspace just before a goal that lies at its end.
+        Otherwise the guess may leave the workspace shortly before a goal on its boundary.
         """
         position, velocity, _ = self.transcription.weights(1.0, self.mesh)
         weights = np.stack([position, velocity], axis=1)  # (N, 2, degree + 3)
@@ -283,7 +298,7 @@ class FlatProblem:
         return np.asarray(A + np.linalg.pinv(weights[..., 2:]) @ (ends - weights @ combined))
 
     def _inside(self, trajectory: Trajectory, c: Array) -> Motion:
-        """The motion at fractions of this mesh's intervals, ends from just inside."""
+        """The motion at fractions c of this mesh's intervals; at 0 and 1 just inside of them."""
         begin = np.concatenate([[0.0], np.cumsum(self.mesh)[:-1]])
         inside = np.clip(c, 1e-9, 1 - 1e-9)
         fractions = (begin[:, None] + self.mesh[:, None] * inside).ravel()
@@ -298,7 +313,7 @@ class FlatProblem:
         return scaling.polynomial(self.mesh, coefficients, z[-1] * scaling.time)
 
     def bounds(self, scaling: Scaling) -> tuple[Array, Array]:
-        """Start and goal, torques within limits, a positive or the given duration."""
+        """Bounds of the variables: start and goal, torques, and the duration."""
         upper = np.full(self.n_variables, np.inf)
         torques = scaling.shares(self.intervals)[:, None, self.constraints.is_control]
         shape = (self.intervals, len(self.points), 3)
@@ -312,8 +327,8 @@ class FlatProblem:
             lower[-1] = upper[-1] = 1.0
         return lower, upper
 
-    def multipliers(self, solution: Solution) -> Array:
-        """As in ``Solved``, (N, points, rows)."""
+    def multipliers(self, solution: IpoptSolution) -> Array:
+        """Multipliers of the limits as of ``Solved``, (N, points, rows)."""
         N, points = self.intervals, len(self.points)
         found = np.empty((N, points, self.constraints.number))
         torque = solution.bound_multipliers[:-7].reshape(N, self._block)[:, self._motion_size :]
@@ -323,14 +338,15 @@ class FlatProblem:
         return np.asarray(found / solution.z[-1])
 
     def _columns(self) -> NDArray[np.intp]:
-        """Variables that interval i combines, per component: (N, 3, degree + 3)."""
+        """Indices of the variables that determine each component in an interval, (N, 3,
+        degree + 3)."""
         first = self._block * np.arange(self.intervals)[:, None, None]
         component = np.arange(3)[:, None]
         steps = 3 * np.arange(self.transcription.degree + 3)
         return np.asarray(first + component + steps, dtype=np.intp)
 
     def _point_layout(self) -> Layout:
-        """y = (X, V, A, τ, T) at every point of every interval."""
+        """The layout of y = (X, V, A, τ, T) at every point of every interval."""
         c, N, k = self.transcription.points, self.intervals, self.transcription.degree + 3
         weights = np.zeros((N, len(c), 13, k))
         columns = np.full((N, len(c), 13, k), self.n_variables - 1)
@@ -343,7 +359,8 @@ class FlatProblem:
         return Layout(columns.reshape(-1, k), weights.reshape(-1, k))
 
     def _continuity_layout(self) -> Layout:
-        """X and V at the end of an interval less those at the beginning of the next."""
+        """The layout of continuity: X and V where an interval ends less those at the beginning of
+        the next."""
         N, k = self.intervals, self.transcription.degree + 3
         weights = np.full((N, 2, 3, k + 1), -1.0)
         columns = np.zeros((N, 2, 3, k + 1), dtype=np.intp)

@@ -1,1 +1,1 @@
-"""The same problem in other coordinates and with other forms of the dynamics, for Ipopt."""
+"""Formulations in other coordinates and with other forms of the dynamics, solved by Ipopt."""

@@ -1,4 +1,4 @@
-"""Formulations of the problem as values: what a user chooses between."""
+"""The formulations of the planning problem that a user chooses from, as values."""
 
 from __future__ import annotations
 
@@ -32,10 +32,11 @@ _IPOPT = Ipopt()
 
 @dataclass(frozen=True)
 class Redundant:
-    """Twelve coordinates as polynomials under loop closure, by a formulation of the dynamics.
+    """The formulation in all twelve coordinates, which are polynomials under loop closure.
 
-    ``Multiplier``: eq. (37). Any other: eq. (39), for virtual work and Kane's method end in
-    the same three equations as the explicit form.
+    ``formulation``: of the dynamics. With ``Multiplier`` it is eq. (37), with any other eq. (39),
+    for virtual work and Kane's method lead to the same three equations as the explicit form.
+    ``closure``: how drift of the loops is prevented.
     """
 
     formulation: Multiplier | Projected
@@ -48,7 +49,7 @@ class Redundant:
 
     @property
     def solvers(self) -> tuple[type[Ipopt] | type[InteriorPoint], ...]:
-        """Only the general one."""
+        """Kinds of solver that can be asked for: Ipopt alone."""
         return (Ipopt,)
 
     def of(
@@ -59,10 +60,11 @@ class Redundant:
         cost: Cost = FASTEST,
         solver: Solver = _IPOPT,
     ) -> DeltaEquations:
-        """Its equations for the Delta under limits."""
+        """Its equations for the Delta under limits; ``solver`` can only be Ipopt."""
         return DeltaEquations(_equations(self, functions, constraints), transcription, cost)
 
     def equations(self, system: ScaledMechanism) -> Equations:
+        """Its equations for any scaled mechanism."""
         if isinstance(self.formulation, Multiplier):
             return multiplier_equations(system, self.closure)
         return explicit_equations(system, self.closure)
@@ -70,13 +72,16 @@ class Redundant:
 
 @dataclass(frozen=True)
 class Forward:
-    """Minimal coordinates with the torque as control, forward dynamics as the defect."""
+    """The formulation in the platform's coordinates with polynomial torques as controls.
+
+    Collocation demands that the accelerations are those of forward dynamics at the nodes.
+    """
 
     name: str = "forward"
 
     @property
     def solvers(self) -> tuple[type[Ipopt] | type[InteriorPoint], ...]:
-        """Only the general one."""
+        """Kinds of solver that can be asked for: Ipopt alone."""
         return (Ipopt,)
 
     def of(
@@ -87,10 +92,11 @@ class Forward:
         cost: Cost = FASTEST,
         solver: Solver = _IPOPT,
     ) -> DeltaEquations:
-        """Its equations for the Delta under limits."""
+        """Its equations for the Delta under limits; ``solver`` can only be Ipopt."""
         return DeltaEquations(_equations(self, functions, constraints), transcription, cost)
 
     def equations(self, system: ScaledMechanism) -> Equations:
+        """Its equations for any scaled mechanism."""
         return forward_equations(system)
 
 
@@ -104,7 +110,10 @@ def _equations(
 def problem_formulation(
     formulation: ProblemFormulation | Multiplier | Projected,
 ) -> ProblemFormulation:
-    """A formulation of the problem as it is; one of the dynamics in redundant coordinates."""
+    """The formulation of the problem that a user means.
+
+    A formulation of the dynamics stands for the problem in all twelve coordinates.
+    """
     if isinstance(formulation, Multiplier | Projected):
         return Redundant(formulation)
     return formulation

@@ -1,12 +1,13 @@
-"""Minimum time for a closed chain on a mesh by collocation: one problem for every formulation.
+"""Direct collocation of a closed-loop mechanism: one problem on a mesh for every formulation.
 
     minimise T + ε Σ_i η_i ∫ (dτ/dc)² dc   over the interval i, c from 0 to 1, τ over its limits
 
-subject to a formulation's equations (see ``equations``), limits and ends. The sum is no part of
-the ends: in an interval where a torque switches, its values can be traded against each other
-for less than 1e-6 of the duration, along directions that are flat or slightly concave, and
-Ipopt creeps along them for tens of iterations. With ε they have a bottom; it costs nothing
-where torques jump at knots only, and a motion without such ramps exceeds its limits less.
+subject to a formulation's equations (see ``equations``), limits and boundary values. The sum is a
+regularisation: in an interval where a torque switches, its values at the points can be exchanged
+for one another at less than 1e-6 of the duration, along directions where the cost is flat or
+slightly concave, and Ipopt needs tens of iterations to follow them. With ε the cost has a minimum
+along them. It costs nothing where torques jump at knots only, and a motion without such ramps
+exceeds its limits less between points.
 """
 
 from __future__ import annotations
@@ -24,25 +25,27 @@ from deltaopt.planning.formulations.loop_closure import LoopClosure
 from deltaopt.planning.formulations.scaled_mechanism import BoundaryValues, ScaledMechanism
 from deltaopt.planning.nlp.cost import FASTEST, Cost
 from deltaopt.planning.nlp.program import (
+    IpoptSolution,
     Layout,
     Options,
     PointFunction,
     Points,
     Program,
     RunningCost,
-    Solution,
 )
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 from deltaopt.planning.nlp.variables import Variables
 
 Array = NDArray[np.float64]
 
-STEADINESS = 1e-3
-"""ε above: it changes durations by less than 3e-5 once knots lie at the switches."""
+REGULARISATION = 1e-3
+"""ε above, relative to the duration. A larger one saves iterations; this one changes durations by
+less than 3e-5 once knots lie at the switches."""
 
 FAR: Options = {"ipopt.mumps_pivtol": 1e-3}
-"""From a guess that is no solution. With Ipopt's pivots (1e-6) MUMPS miscounts the signs of
-the eigenvalues of redundant poses on fine meshes, and Ipopt corrects what is in order."""
+"""Options of Ipopt for a guess that is not a solution. With Ipopt's pivot tolerance of 1e-6 MUMPS
+miscounts the signs of the eigenvalues in redundant coordinates on fine meshes, and Ipopt then
+regularises a matrix that needs no regularisation."""
 NEAR: Options = {
     **FAR,
     "ipopt.mu_strategy": "monotone",
@@ -53,15 +56,19 @@ NEAR: Options = {
     "ipopt.slack_bound_push": 1e-5,
     "ipopt.slack_bound_frac": 1e-5,
 }
-"""From the solution on the mesh before. The barrier costs its parameter times the number of
-bounds, some 1e-3 of the duration, what a mesh may lack; Ipopt's own beginning drives torques so
-far from their limits that the duration grows tenfold before it falls again."""
+"""Options of Ipopt for a guess that solves the mesh before. With this barrier parameter the
+barrier adds some 1e-3 of the duration (the parameter times the number of bounds), about the error
+of a coarse mesh. Ipopt's own initial point moves torques so far from their limits that the duration
+grows tenfold before it falls again."""
 
 
 @dataclass(frozen=True)
 class RowsOfOrder:
-    """Constraint rows of one order: their indices among the limits' rows, and (X, V, A[, τ …], T),
-    p -> rows. ``with_torque``: whether torques are among their arguments."""
+    """The constraint rows of one order, such as all velocity limits.
+
+    ``rows``: their indices among the rows of the limits. ``function``: (X, V, A[, τ …], T), p ->
+    rows. ``with_torque``: whether torques are among its arguments.
+    """
 
     order: int
     rows: tuple[int, ...]
@@ -73,12 +80,13 @@ class RowsOfOrder:
 class Equations:
     """A formulation's equations for a mechanism, differentiated once.
 
-    ``coordinates``: indices of q that are polynomials. ``multipliers``: λ's among the
-    algebraic unknowns. ``dynamics``: (X, V, A, τ[, λ], T), p -> rows that vanish.
-    ``at_nodes``: whether dynamics and limits hold at the nodes, where the loops close and
-    whose number is that of a torque's coefficients, or at all points, where torque is that of
-    the path.
-    ``acceleration``: (X, V, A, T), p -> rows that vanish. ``limits``: rows within their bounds.
+    ``coordinates``: indices of those coordinates of q that are polynomials. ``multipliers``: number
+    of the λ among the algebraic unknowns. ``dynamics``: (X, V, A, τ[, λ], T), p -> rows that must
+    vanish. ``at_nodes``: whether dynamics and limits are imposed at the nodes only, where the
+    torques are polynomials of the same degree and the loops close, or at all points of an interval,
+    where the torque follows from the path. ``limits``: rows within their bounds. ``closure``: of
+    the loops, if q is redundant. ``acceleration``: (X, V, A, T), p -> rows that must vanish, loop
+    closure at acceleration level. ``at_knots``: rows of the closure that must vanish at the knots.
     """
 
     system: ScaledMechanism
@@ -92,7 +100,7 @@ class Equations:
     at_knots: PointFunction | None = None
 
     def derive(self) -> None:
-        """Differentiate and compile all point functions now rather than when first needed."""
+        """Differentiate and compile all point functions now rather than at the first solve."""
         values = [getattr(self, f.name) for f in fields(self)]
         for value in [*values, *(each.function for each in self.limits)]:
             if isinstance(value, PointFunction):
@@ -101,31 +109,37 @@ class Equations:
     def on(
         self, mesh: Array, transcription: PiecewiseAcceleration, cost: Cost = FASTEST
     ) -> CollocationProblem:
+        """The problem on a mesh of interval lengths, (N,), fractions of the duration."""
         return CollocationProblem(self, transcription, mesh, cost)
 
 
 def symbols(m: int, unknowns: int) -> tuple[SX, SX, SX, SX, SX, SX]:
-    """y and its parts X, V, A (m each), algebraic unknowns, T."""
+    """Symbols for y and its parts X, V, A (m each), the algebraic unknowns and T."""
     y = SX.sym("y", 3 * m + unknowns + 1)
     return y, y[:m], y[m : 2 * m], y[2 * m : 3 * m], y[3 * m : -1], y[-1]
 
 
 def named(name: str, y: SX, system: ScaledMechanism, rows: SX) -> PointFunction:
+    """The point function (y, parameters of the mechanism) -> rows, which errors call ``name``."""
     return PointFunction(name, ca.Function("rows", [y, system.p], [ca.cse(ca.densify(rows))]))
 
 
 @dataclass(frozen=True)
 class CollocationProblem:
-    """A pose's equations on a mesh of interval fractions (N,); ``steadiness``: ε."""
+    """A formulation's equations on a mesh of interval lengths, (N,), fractions of the duration.
+
+    ``regularisation``: the ε of this module's problem.
+    """
 
     equations: Equations
     transcription: PiecewiseAcceleration
     mesh: Array
     cost: Cost = FASTEST
-    steadiness: float = STEADINESS
+    regularisation: float = REGULARISATION
 
     @cached_property
     def variables(self) -> Variables:
+        """The variables of the problem."""
         e = self.equations
         return Variables(
             self.transcription,
@@ -138,31 +152,34 @@ class CollocationProblem:
 
     @cached_property
     def program(self) -> Program:
-        """Of least cost, from a guess that is no solution."""
+        """The nonlinear program, with the options for a guess that is not a solution."""
         return self.program_with(FAR)
 
     def program_with(self, options: Options) -> Program:
-        """With other options of Ipopt. Effort has a bottom of its own."""
+        """The nonlinear program with other options of Ipopt.
+
+        A cost that contains effort is strictly convex in the torques and needs no regularisation.
+        """
         cost = np.zeros(self.variables.number)
         cost[-1] = self.cost.time
-        running = self._effort() if self.cost.running else self._unsteadiness()
+        running = self._effort() if self.cost.running else self._torque_variation()
         return Program(cost, self._continuity, self._rows(), options, running)
 
-    def _unsteadiness(self) -> RunningCost | None:
-        """ε Σ_i η_i ∫ (dτ/dc)² dc, torques linear between their points."""
-        if self.steadiness == 0:
+    def _torque_variation(self) -> RunningCost | None:
+        """The regularisation ε Σ_i η_i ∫ (dτ/dc)² dc, with torques linear between their points."""
+        if self.regularisation == 0:
             return None
         system, v = self.equations.system, self.variables
         y = SX.sym("y", 2 * system.motors)
         before, after = ca.vertsplit(y, system.motors)
         change = named("change of torque", y, system, ca.sumsqr(after - before))
-        weights = self.steadiness * v.mesh[:, None] / np.diff(v.points)
+        weights = self.regularisation * v.mesh[:, None] / np.diff(v.points)
         bound = np.zeros(1)
         points = Points(change, v.changes(system.motors), bound, bound)
         return RunningCost(points, weights.ravel())
 
     def _effort(self) -> RunningCost:
-        """∫ τᵀτ dt by Lobatto's rule at the nodes."""
+        """The effort ∫ τᵀτ dt by Lobatto's rule at the nodes."""
         e, v, t = self.equations, self.variables, self.transcription
         y, _, _, _, w, T = symbols(v.components, v.unknowns)
         m = e.system.motors
@@ -173,7 +190,7 @@ class CollocationProblem:
         return RunningCost(points, self.cost.running * weights.ravel())
 
     def _rows(self) -> list[Points]:
-        """Dynamics; then what the formulation has of closures, and limits last, by order."""
+        """All nonlinear rows: dynamics, then those of loop closure, then the limits by order."""
         e, v, t = self.equations, self.variables, self.transcription
         rows = [self._points(e.dynamics, v.points, algebraic=True)]
         if e.acceleration is not None:
@@ -186,14 +203,16 @@ class CollocationProblem:
             sides = e.system.limits.sides[list(each.rows)]
             lower = np.where(sides[:, 0], -1.0, -np.inf)
             upper = np.where(sides[:, 1], 1.0, np.inf)
-            c = self._places(each)
+            c = self._fractions(each)
             layout = v.at(c, algebraic=each.with_torque)
             rows.append(Points(each.function, layout, lower, upper, v.fractions(c)))
         return rows
 
-    def _places(self, limits: RowsOfOrder) -> Array:
-        """Fractions of an interval where rows of an order hold. Velocities have few coefficients of
-        their own in an interval: more rows of them would depend on each other (LICQ)."""
+    def _fractions(self, limits: RowsOfOrder) -> Array:
+        """Fractions of an interval where the rows of an order are imposed.
+
+        Those of velocities are fewer; ``PiecewiseAcceleration.velocity_points`` says why.
+        """
         return self.transcription.velocity_points if limits.order == 1 else self.variables.points
 
     def _points(
@@ -203,7 +222,7 @@ class CollocationProblem:
         *,
         algebraic: bool = False,
     ) -> Points:
-        """Rows that vanish."""
+        """Rows that must vanish at fractions c of every interval."""
         zero = np.zeros(function.function.size1_out(0))
         layout = self.variables.at(c, algebraic=algebraic)
         return Points(function, layout, zero, zero, self.variables.fractions(c))
@@ -218,11 +237,14 @@ class CollocationProblem:
         return self.variables.continuity(places)
 
     def pack(self, position: PiecewisePolynomial, ends: BoundaryValues) -> Array:
-        """The variables that describe a motion of ξ (m, rad and s) on this mesh, torques within
-        their limits. Raises DependentConstraints."""
+        """The variables that approximate a motion of ξ (m, rad and s) on this mesh.
+
+        Torques are clipped to their limits. Raises DependentConstraints if loop constraints
+        follow from others.
+        """
         self.equations.system.require_independent_constraints(ends)
         v = self.variables
-        motion = _Motion(self.equations.system, position, ends.p)
+        motion = _GuessedMotion(self.equations.system, position, ends.p)
         units, T = motion.units, motion.duration
         which = list(self.equations.coordinates)
         X, V, _ = (part[:, which] / units.q[which] for part in motion.at(v.knots))
@@ -234,7 +256,7 @@ class CollocationProblem:
         return v.pack(X, V * T, A * T**2, w, T / units.time)
 
     def unpack(self, z: Array, ends: BoundaryValues) -> PiecewisePolynomial:
-        """What is polynomial of q, (N, degree + 3, m or ν), in m, rad and s."""
+        """The polynomials of the coordinates that the variables describe, in m, rad and s."""
         units = units_at(self.equations.system, ends.p)
         T = z[-1] * units.time
         coefficients = self.variables.coefficients(z) * units.q[list(self.equations.coordinates)]
@@ -242,13 +264,17 @@ class CollocationProblem:
         return PiecewisePolynomial(T * self.variables.knots, coefficients)
 
     def torques(self, z: Array, ends: BoundaryValues) -> Array:
-        """τ at the points that have them, (N, points, motors), N·m."""
+        """Torques at the points that have them, (N, points, motors), N·m."""
         limits = units_at(self.equations.system, ends.p).torque
         return self.variables.algebraic(z)[:, :, : self.equations.system.motors] * limits
 
     def bounds(self, ends: BoundaryValues, shares: Array | None = None) -> tuple[Array, Array]:
-        """All of q at rest at the start, ξ at rest at the goal: what follows is not fixed twice.
-        Torques within shares of their limits, (N, rows), a positive or the given duration."""
+        """Bounds of the variables: the boundary values, torques, and the duration.
+
+        All of q is fixed at the start but ξ alone at the goal, where loop closure determines the
+        rest: fixed twice, the constraints would be dependent. ``shares``: part of their limits that
+        torques may use, (N, rows).
+        """
         system, v = self.equations.system, self.variables
         which = list(self.equations.coordinates)
         q = units_at(system, ends.p).q
@@ -271,7 +297,8 @@ class CollocationProblem:
         return lower, upper
 
     def row_shares(self, shares: Array) -> Array:
-        """Of their bounds what all nonlinear rows may use, from those of the limits, (N, rows)."""
+        """The part of its bounds that each nonlinear row may use, from those of the limits, (N,
+        rows)."""
         parts, e = [], self.equations
         for points in self._rows():
             limits = next((each for each in e.limits if each.function is points.function), None)
@@ -279,25 +306,28 @@ class CollocationProblem:
                 parts.append(np.ones(points.number * points.rows))
             else:
                 own = shares[:, None, list(limits.rows)]
-                shape = (self.variables.intervals, len(self._places(limits)), own.shape[2])
+                shape = (self.variables.intervals, len(self._fractions(limits)), own.shape[2])
                 parts.append(np.broadcast_to(own, shape).ravel())
         return np.concatenate(parts)
 
-    def multipliers(self, solution: Solution) -> Array:
-        """As in ``Solved``, (N, points, rows): zero where a row does not hold. The points are all
-        those where some row holds, in order."""
+    def multipliers(self, solution: IpoptSolution) -> Array:
+        """Multipliers of the limits as of ``Solved``, (N, points, rows).
+
+        The points are all those where some row is imposed, in order; where a row is not imposed its
+        multiplier is zero.
+        """
         e, v = self.equations, self.variables
         limits = e.system.limits
         points = v.points
         for each in e.limits:
-            points = np.union1d(points, self._places(each))
+            points = np.union1d(points, self._fractions(each))
         found = np.zeros((v.intervals, len(points), limits.number))
         torque = v.algebraic(solution.bound_multipliers)[:, :, : e.system.motors]
         at = np.searchsorted(points, v.points)
         found[:, at[:, None], np.flatnonzero(limits.is_control)] = torque
         end = len(solution.row_multipliers)
         for each in reversed(e.limits):
-            places = self._places(each)
+            places = self._fractions(each)
             begin = end - v.intervals * len(places) * len(each.rows)
             own = solution.row_multipliers[begin:end].reshape(v.intervals, len(places), -1)
             found[:, np.searchsorted(points, places)[:, None], list(each.rows)] = own
@@ -317,6 +347,7 @@ class UnitValues:
 
 
 def units_at(system: ScaledMechanism, p: Array) -> UnitValues:
+    """The units of a scaled mechanism for values p of its parameters."""
     q, closure, time, energy, torque = (
         np.asarray(r.full()).ravel() for r in system.magnitudes.call([ca.DM(p)])
     )
@@ -324,8 +355,8 @@ def units_at(system: ScaledMechanism, p: Array) -> UnitValues:
 
 
 @dataclass(frozen=True)
-class _Motion:
-    """A motion of ξ, and all that follows from it."""
+class _GuessedMotion:
+    """A guessed motion of ξ, with the coordinates and forces that follow from it."""
 
     system: ScaledMechanism
     position: PiecewisePolynomial
@@ -344,7 +375,7 @@ class _Motion:
         return self.system.rows(self.system.motion, *self._xi(fractions), p=self.p)
 
     def forces(self, fractions: Array) -> tuple[Array, ...]:
-        """τ (N, m), λ (N, γ)."""
+        """τ, (N, m), and λ, (N, γ), at fractions of the duration."""
         return self.system.rows(self.system.inverse_dynamics, *self._xi(fractions), p=self.p)
 
     def _xi(self, fractions: Array) -> list[Array]:
@@ -354,5 +385,5 @@ class _Motion:
 
 
 def _inside(v: Variables, c: Array) -> Array:
-    """Fractions of the duration at fractions c of the intervals, ends from just inside."""
+    """Instants at fractions c of the intervals, at 0 and 1 just inside; in durations."""
     return v.fractions(np.clip(c, 1e-9, 1 - 1e-9))

@@ -1,4 +1,4 @@
-"""The Delta as a scaled mechanism: a scene's ends, limits and units in the terms of collocation."""
+"""The Delta in the collocation problem: its scaled mechanism, and scenes as boundary values."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ Array = NDArray[np.float64]
 
 
 def scaled_delta(functions: DeltaFunctions, constraints: Constraints) -> ScaledMechanism:
-    """The Delta, ξ the platform's position, with units from ``Scaling.vector``.
+    """The Delta as a scaled mechanism; its independent coordinates ξ are the platform's position.
 
-    Lengths are measured by the distance from start to goal; angles by what an arm turns when its
-    elbow moves so far; energies by the largest torque through that angle.
+    The unit of length is the distance from start to goal, of angle what an arm turns when its elbow
+    moves by that distance, of energy the work of the largest torque through that angle.
     """
     m = functions.mechanism
     parameters = Parameters.symbols(constraints, m.parameters)
@@ -56,7 +56,7 @@ def scaled_delta(functions: DeltaFunctions, constraints: Constraints) -> ScaledM
 
 
 def _limit_rows(constraints: Constraints, parameters: Parameters) -> LimitRows:
-    """The rows of a scene's limits, of the twelve coordinates."""
+    """The rows of a scene's limits as functions of the twelve coordinates."""
     q, dq, ddq = (SX.sym(name, 12) for name in ("q", "dq", "ddq"))
     tau = SX.sym("tau", 3)
     rows = constraints.rows(CoordinateInstant(q, dq, ddq, tau), parameters.limits)
@@ -71,7 +71,7 @@ def _limit_rows(constraints: Constraints, parameters: Parameters) -> LimitRows:
 
 
 def boundary_values(scaling: Scaling, parameters: Array) -> BoundaryValues:
-    """A scene's ends; ``parameters``: the mechanism's."""
+    """The boundary values of a scene; ``parameters``: values of the mechanism's."""
     task = scaling.scene.task
     p = scaling.parameters(parameters)
     return BoundaryValues(p, np.array(task.start.position), np.array(task.goal.position))
@@ -79,7 +79,7 @@ def boundary_values(scaling: Scaling, parameters: Array) -> BoundaryValues:
 
 @dataclass(frozen=True)
 class DeltaEquations:
-    """A formulation's equations for the Delta, to be put on a mesh."""
+    """A formulation's equations for the Delta, from which problems on meshes are made."""
 
     equations: Equations
     transcription: PiecewiseAcceleration
@@ -92,7 +92,7 @@ class DeltaEquations:
 
 @dataclass(frozen=True)
 class DeltaProblem:
-    """A collocation problem in the terms of a scene."""
+    """A collocation problem that is solved for scenes."""
 
     collocation: CollocationProblem
 
@@ -109,8 +109,11 @@ class DeltaProblem:
         return IPOPT_FINEST
 
     def solve(self, guess: Guess, scaling: Scaling, parameters: Array) -> Solved:
-        """By Ipopt. All twelve coordinates are told where they drift; otherwise the loops close
-        at the knots and the motion is reported as that of the platform. Raises NotConverged."""
+        """Find the best motion on this mesh by Ipopt.
+
+        The solution has all twelve coordinates if the loops may drift; otherwise they close at the
+        knots and the platform's position determines the motion. Raises NotConverged.
+        """
         ends, collocation = boundary_values(scaling, parameters), self.collocation
         z = collocation.pack(guess.trajectory.position, ends)
         program = collocation.program_with(NEAR if guess.near else FAR)

@@ -1,13 +1,13 @@
-"""Four formulations of minimum time for a closed chain: their equations at a point.
+"""The equations of the four formulations at a point, for any closed-loop mechanism.
 
     flat         ξ polynomial in time; Cᵀ (Q* + Q) = 0 at ξ's q, q̇, q̈           eq. (39)
     forward      ξ and τ polynomial; ξ̈ = forward dynamics of (ξ, ξ̇, τ) at the nodes
     explicit     q polynomial; Cᵀ (Q* + Q) = 0, loops closed by constraints      eq. (39)
     multiplier   q polynomial; Q* + Q + Jᵀ λ = 0, loops closed by constraints    eq. (37)
 
-Solving for the products with J⁽ᵏ⁾⁻¹ in the explicit form by further unknowns w_k, with
-J⁽ᵏ⁾ᵀ w_k = (Q* + Q)⁽ᵏ⁾, gives the multiplier form again, w = -λ: lifted, they are one.
-Virtual work and Kane's method lead to eq. (39) too.
+If the products with J⁽ᵏ⁾⁻¹ in the explicit form become unknowns w_k of their own, with
+J⁽ᵏ⁾ᵀ w_k = (Q* + Q)⁽ᵏ⁾, the multiplier form results, with w = -λ. Virtual work and Kane's method
+lead to eq. (39) too.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ EXPLICIT = "dynamics, equation (39) for independent coordinate"
 
 
 def flat_equations(system: ScaledMechanism) -> Equations:
+    """The flat formulation: eq. (39) for the motion of ξ at all points of an interval."""
     u = system.units
     y, X, V, A, tau, T = symbols(len(system.independent), system.motors)
     motion = _physical(u.q[list(system.independent)], X, V, A, u.time * T)
@@ -39,6 +40,7 @@ def flat_equations(system: ScaledMechanism) -> Equations:
 
 
 def forward_equations(system: ScaledMechanism) -> Equations:
+    """The forward formulation: ξ̈ is that of forward dynamics at the nodes."""
     m, u, nu = system.mechanism, system.units, len(system.independent)
     units = u.q[list(system.independent)]
     y, X, V, A, tau, T = symbols(nu, system.motors)
@@ -58,6 +60,7 @@ def forward_equations(system: ScaledMechanism) -> Equations:
 
 
 def explicit_equations(system: ScaledMechanism, closure: LoopClosure) -> Equations:
+    """The explicit formulation: eq. (39) for polynomials of all coordinates q."""
     m, u = system.mechanism, system.units
     y, X, V, A, tau, T = symbols(system.n, system.motors)
     motion = _physical(u.q, X, V, A, u.time * T)
@@ -67,6 +70,7 @@ def explicit_equations(system: ScaledMechanism, closure: LoopClosure) -> Equatio
 
 
 def multiplier_equations(system: ScaledMechanism, closure: LoopClosure) -> Equations:
+    """The multiplier formulation: eq. (37) for polynomials of all coordinates q."""
     m, u, gamma = system.mechanism, system.units, system.constraints
     y, X, V, A, w, T = symbols(system.n, system.motors + gamma)
     tau, lam = u.torque * w[: system.motors], u.energy / u.closure * w[system.motors :]
@@ -79,12 +83,17 @@ def multiplier_equations(system: ScaledMechanism, closure: LoopClosure) -> Equat
 def _redundant(
     system: ScaledMechanism, closure: LoopClosure, multipliers: int, dynamics: PointFunction
 ) -> Equations:
-    """With loops closed at acceleration level at the nodes, and at the knots as asked."""
+    """The equations in redundant coordinates, which both forms of the dynamics share.
+
+    Loops close at acceleration level at the nodes, and at the knots as ``closure`` says.
+    """
     m, u = system.mechanism, system.units
     y, X, V, A, _, _ = symbols(system.n, 0)
     f, df, _ = closed(system, X, V)
     second = ca.Function("second", [m.q, m.dq, m.ddq, m.parameters], [m.J @ m.ddq + m.J_bias])
-    ddf = second(u.q * X, u.q * V, u.q * A, m.parameters) / u.closure  # the same in any time
+    ddf = (
+        second(u.q * X, u.q * V, u.q * A, m.parameters) / u.closure
+    )  # whatever the unit of time is
     rows = ddf + closure.feedback(f, df)
     return Equations(
         system,
@@ -100,7 +109,10 @@ def _redundant(
 
 
 def _limits(system: ScaledMechanism, *, minimal: bool) -> tuple[RowsOfOrder, ...]:
-    """The constraint rows that are no bounds on one torque, by order."""
+    """The constraint rows that are not bounds on a single torque, by order.
+
+    ``minimal``: whether ξ is the only motion among the unknowns; otherwise all of q is.
+    """
     which = list(system.independent) if minimal else list(range(system.n))
     y, X, V, A, tau, T = symbols(len(which), system.motors)
     q, dq, ddq = _physical(system.units.q[which], X, V, A, system.units.time * T)
@@ -120,7 +132,7 @@ def _limits(system: ScaledMechanism, *, minimal: bool) -> tuple[RowsOfOrder, ...
 
 
 def _in_units(residual: SX, system: ScaledMechanism) -> SX:
-    """Eq. (39): forces on ξ."""
+    """Eq. (39), generalized forces on ξ, in units of energy over those of ξ."""
     return residual * system.units.q[list(system.independent)] / system.units.energy
 
 

@@ -1,4 +1,4 @@
-"""Which rows of a matrix follow from others."""
+"""Which rows of a matrix are linear combinations of others."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ Array = NDArray[np.float64]
 
 
 def dependent_rows(A: Array, tolerance: float = 1e-9) -> list[int]:
-    """Indices of rows that are linear combinations of rows before them.
+    """Indices of the rows that are linear combinations of rows before them.
 
-    Modified Gram-Schmidt, twice for accuracy, on rows of length 1; what is left of a
-    dependent row is rounding. A row of zeros depends on any.
+    Found by modified Gram-Schmidt on rows of length 1, done twice for accuracy: the remainder of a
+    dependent row is rounding, below ``tolerance``. A row of zeros counts as dependent.
     """
     basis = np.zeros((min(A.shape), A.shape[1]))
     found: list[int] = []

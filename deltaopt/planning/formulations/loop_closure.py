@@ -1,15 +1,15 @@
-"""Ways to keep the loops of a redundant problem closed, as values (Bordalba et al. 2023).
+"""Loop closure: how drift is prevented in redundant coordinates (Bordalba et al. 2023).
 
-The twelve polynomials obey J q̈ + J̇ q̇ = 0 at the nodes of every interval. Integrated twice
-they still leave f = 0 by the error of the transcription, interval after interval: a drift.
-What is done about it at the knots differs:
+The polynomials of all coordinates obey J q̈ + J̇ q̇ = 0 at the nodes of every interval. The error of
+the transcription still makes them violate f = 0, more from interval to interval: they drift. The
+loop closures differ in what they do about it:
 
-    AccelerationLevel   nothing: all coordinates go on where they are
-    Baumgarte           nothing there; errors are fed back, J q̈ + J̇ q̇ + 2 ζ ω ḟ + ω² f = 0
-    Projection          the next interval begins at the nearest state with f = 0, J q̇ = 0
-    KnotConstraints     ξ and ξ̇ go on, the others obey f = 0 and J q̇ = 0 at the knot
+    AccelerationLevel   nothing: all coordinates are continuous at the knots
+    Baumgarte           nothing at the knots; feedback, J q̈ + J̇ q̇ + 2 ζ ω ḟ + ω² f = 0, at the nodes
+    Projection          the next interval begins at the nearest state with f = 0 and J q̇ = 0
+    KnotConstraints     ξ and ξ̇ are continuous, the others obey f = 0 and J q̇ = 0 at the knot
 
-The last two have as many independent rows as unknowns, none follows from another.
+The last two have as many rows as unknowns, and the rows are linearly independent.
 """
 
 from __future__ import annotations
@@ -25,36 +25,37 @@ from deltaopt.planning.nlp.program import PointFunction
 
 
 class LoopClosure(Protocol):
-    """What a redundant problem does against drift."""
+    """A way to prevent drift in redundant coordinates."""
 
     @property
     def name(self) -> str: ...
 
     @property
     def drifts(self) -> bool:
-        """Whether errors of an interval are passed on to the next."""
+        """Whether violations of loop closure are passed on from an interval to the next."""
         ...
 
     def continuous(self, system: ScaledMechanism) -> tuple[int, ...]:
-        """Coordinates whose position and velocity go on at the knots."""
+        """Indices of the coordinates whose position and velocity are continuous at the knots."""
         ...
 
     def feedback(self, f: SX, df: SX) -> SX:
-        """What is added to d²f, all with time in units of the duration."""
+        """The term that is added to d²f, from f and df; time is in units of the duration."""
         ...
 
     def unknowns(self, system: ScaledMechanism) -> int:
-        """Further unknowns at every knot."""
+        """Number of further unknowns at every knot."""
         ...
 
     def at_knots(self, system: ScaledMechanism) -> PointFunction | None:
-        """Rows that vanish at every knot: (X, V before, X, V after, unknowns), p -> rows."""
+        """Rows that must vanish at every knot: (X, V before, X, V after, unknowns), p -> rows;
+        None if there are none."""
         ...
 
 
 @dataclass(frozen=True)
 class AccelerationLevel:
-    """Nothing but J q̈ + J̇ q̇ = 0 at the nodes."""
+    """Loop closure by J q̈ + J̇ q̇ = 0 at the nodes alone: the loops drift."""
 
     name: str = "acceleration level"
     drifts: bool = True
@@ -74,10 +75,11 @@ class AccelerationLevel:
 
 @dataclass(frozen=True)
 class Baumgarte(AccelerationLevel):
-    """Constraints as an oscillator.
+    """Baumgarte's stabilisation: violations of loop closure decay like a damped oscillator.
 
-    ``frequency``: ω in units of 1/duration, below one radian per interval on meshes of 20 and
-    more. ``damping``: ζ.
+    ``frequency``: ω in radians per duration. A higher one reduces drift more, but must stay below
+    about one radian per interval: this one does on meshes of 20 intervals and more. ``damping``:
+    the damping ratio ζ.
     """
 
     name: str = "Baumgarte"
@@ -90,7 +92,7 @@ class Baumgarte(AccelerationLevel):
 
 @dataclass(frozen=True)
 class KnotConstraints:
-    """Independent coordinates go on; the loops close at every knot."""
+    """Exact loop closure at every knot, where only the independent coordinates are continuous."""
 
     name: str = "constraints at knots"
     drifts: bool = False
@@ -117,7 +119,10 @@ class KnotConstraints:
 
 @dataclass(frozen=True)
 class Projection:
-    """X after = X before + Jᵀ σ, V after = V before + Jᵀ ρ: nearest in the units of q."""
+    """Projection onto the constraints at every knot: the nearest state in the units of q.
+
+    X after = X before + Jᵀ σ and V after = V before + Jᵀ ρ, with unknowns σ and ρ.
+    """
 
     name: str = "projection at knots"
     drifts: bool = False
@@ -145,7 +150,7 @@ class Projection:
 
 
 def closed(system: ScaledMechanism, X: SX, V: SX) -> tuple[SX, SX, SX]:
-    """f, J q̇ and J, in units: time of the duration, so that it does not matter."""
+    """f, J q̇ and J in units of the constraints and of q, time in units of the duration."""
     m, u = system.mechanism, system.units
     constraints = ca.Function(
         "closed", [m.q, m.dq, m.parameters], [m.holonomic, m.constraint_rate, m.J]

@@ -1,7 +1,7 @@
-"""A mechanism as the redundant and the minimal problems see it, and what is known at both ends.
+"""Scaled mechanisms: a mechanism with closed-form kinematics, its limits and its units.
 
-Every formulation is written for a mechanism and its independent coordinates ξ; the Delta and the
-five-bar differ in what this module is given, not in the code of the formulations.
+Every formulation is written for such a mechanism and its independent coordinates ξ, so that the
+Delta and the five-bar share the code of all formulations.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Units:
-    """Magnitudes that bring variables and equations to the order of one.
+    """The units that bring variables and equations to the order of one, as expressions.
 
-    ``q``: of the coordinates, n. ``closure``: of the constraints f, γ. ``time``: s.
-    ``energy``: J; a generalized force is measured in energy per unit of its coordinate.
-    ``torque``: of the motors, m.
+    ``q``: of the coordinates, n. ``closure``: of the constraints f, γ. ``time``: s. ``energy``: J;
+    the unit of a generalized force is that of energy over that of its coordinate. ``torque``: of
+    the motors, m, N·m.
     """
 
     q: SX
@@ -64,7 +64,10 @@ class LimitRows:
 
 @dataclass(frozen=True)
 class BoundaryValues:
-    """From where to where, at rest at both ends: ξ, (ν,) each; ``p``: the system's parameters."""
+    """The boundary values of a motion from rest to rest.
+
+    ``p``: values of the parameters of the scaled mechanism. ``start``, ``goal``: ξ there, (ν,).
+    """
 
     p: Array
     start: Array
@@ -73,13 +76,12 @@ class BoundaryValues:
 
 @dataclass(frozen=True)
 class ScaledMechanism:
-    """A fully actuated mechanism with closed-form kinematics, and the units of a task.
+    """A fully actuated mechanism with closed-form kinematics, with its limits and units.
 
     ``independent``: indices of ξ among q; the mechanism's ``closed_form`` is for δξ.
-    ``kinematics``: (ξ, mechanism's parameters) -> q (n). ``scales``: symbols on which, with
-    the mechanism's parameters, the ``units`` depend. ``limits``: its constraint rows.
-    ``explicit``: eq. (39) as (ξ, ξ̇, ξ̈, τ, mechanism's parameters) -> ν, where that is known
-    simpler than through q.
+    ``kinematics``: (ξ, mechanism's parameters) -> q, n. ``scales``: symbols on which the ``units``
+    depend beside the mechanism's parameters. ``limits``: its constraint rows. ``explicit``: eq.
+    (39) as (ξ, ξ̇, ξ̈, τ, mechanism's parameters) -> ν, if there is a simpler form than through q.
     """
 
     mechanism: Mechanism
@@ -92,21 +94,22 @@ class ScaledMechanism:
 
     @cached_property
     def p(self) -> SX:
-        """Parameters of a program: scales, then the mechanism's."""
+        """The parameters of a program: ``scales``, then the mechanism's."""
         return ca.vertcat(self.scales, self.mechanism.parameters)
 
     @property
     def n(self) -> int:
-        """How many coordinates q."""
+        """The number of coordinates q."""
         return int(self.mechanism.q.numel())
 
     @property
     def motors(self) -> int:
+        """The number m of motors."""
         return int(self.mechanism.controls.numel())
 
     @property
     def constraints(self) -> int:
-        """γ."""
+        """The number γ of constraints."""
         return int(self.mechanism.mu.numel())
 
     @cached_property
@@ -121,7 +124,7 @@ class ScaledMechanism:
 
     @cached_property
     def equations(self) -> ca.Function:
-        """(ξ, ξ̇, ξ̈, τ, p) -> Cᵀ (Q* + Q), ν, eq. (39)."""
+        """(ξ, ξ̇, ξ̈, τ, p) -> Cᵀ (Q* + Q), ν, zero where the motion obeys eq. (39)."""
         m, nu = self.mechanism, len(self.independent)
         x, tau = [SX.sym(name, nu) for name in ("x", "v", "a")], SX.sym("tau", self.motors)
         if self.explicit is not None:
@@ -141,17 +144,17 @@ class ScaledMechanism:
 
     @cached_property
     def magnitudes(self) -> ca.Function:
-        """p -> units of q (n), of f (γ), of time, energy, torque (m)."""
+        """p -> the units of q (n), of f (γ), of time, energy and torque (m)."""
         u = self.units
         return ca.Function("magnitudes", [self.p], [u.q, u.closure, u.time, u.energy, u.torque])
 
     def rows(self, function: ca.Function, *columns: Array, p: Array) -> tuple[Array, ...]:
-        """A function of (columns …, p) for rows: (N, i) each -> (N, o) each."""
+        """Evaluate a function of (column …, p) for N rows of each: (N, i) each -> (N, o) each."""
         results = function.call([*(ca.DM(c.T) for c in columns), ca.DM(p)])
         return tuple(np.asarray(r.full()).T for r in results)
 
     def coordinates(self, xi: Array, p: Array) -> Array:
-        """q, (n,), of ξ, (ν,)."""
+        """The coordinates q, (n,), for the independent ones ξ, (ν,)."""
         q = self.kinematics(xi, p[self.scales.numel() :])
         return np.asarray(q.full()).ravel()
 

@@ -1,14 +1,14 @@
-"""How much time a solution on a mesh gives away, from that solution alone.
+"""Error estimate: how much longer a motion on a mesh takes than the best one, interval by interval.
 
-A multiplier is the price of a limit: by so much the duration falls if the limit is raised a
-little. Where a limit has a price the optimal motion is at it all the time; a motion made of
-polynomials is at it only where the mesh imposes it. What it leaves unused in between, at that
-price, is the time given away:
+The multiplier of a limit (its shadow price) says by how much the duration falls if the limit is
+raised a little. Where it is not zero, the optimal motion is at the limit all the time; a motion
+made of polynomials is at it only at the points where the mesh imposes it. The part of the limit
+that is unused in between, times the multiplier, is lost time:
 
-    given away in an interval ≈ Σ_limits Σ_points price · mean over the interval of (1 ∓ load)
+    lost in an interval ≈ Σ_limits Σ_points multiplier · mean over the interval of (1 ∓ row)
 
-(a dual weighted residual). Where the motion exceeds a limit in between, the whole of it must
-be slowed: that is the other part of the gap, and it is exact.
+with normalised rows (a dual weighted residual). Where the motion exceeds a limit in between, all of
+it must be slowed: that is the other part of the gap, and it is known exactly.
 """
 
 from __future__ import annotations
@@ -21,21 +21,24 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 FRACTIONS = np.linspace(0.0, 1.0, 25)
-"""Where in every interval the loads are taken, both ends included."""
+"""Fractions of every interval where constraint rows are evaluated, both ends included."""
 SAFETY_FACTOR = 1.25
-"""Times what is estimated to be given away: one estimate in ten falls short by as much."""
+"""Factor on the estimated loss of time: about one estimate in ten falls short by as much. A larger
+one makes the reported gap safer and plans slower."""
 TIGHTENED = 4e-3
-"""Of the duration: what exceeds a limit in shorter intervals is cured by tightening it there."""
+"""Length of an interval, as a fraction of the duration, up to which an exceeded limit is tightened
+there instead of the interval being split. Tightening in longer intervals would cost more time."""
 _SHORTEST = 1e-4
-"""No interval is split into shorter ones: acceleration, a second difference of positions at
-knots, is known to rounding over the square of the length."""
+"""Shortest interval, as a fraction of the duration. Accelerations are second differences of the
+positions at knots, so their rounding error grows with the inverse square of the length."""
 
 
 @dataclass(frozen=True)
 class ErrorEstimate:
-    """Fractions of the duration, per interval of a mesh, (N,).
+    """Lost time per interval of a mesh, as fractions of the duration, (N,) each.
 
-    ``unused``: limits not made use of. ``exceeded``: what slowing down for this interval costs.
+    ``unused``: estimated loss because limits are not fully used inside the interval. ``exceeded``:
+    what it costs to slow the motion until this interval keeps its limits.
     """
 
     unused: Array
@@ -43,15 +46,17 @@ class ErrorEstimate:
 
     @property
     def total(self) -> float:
-        """By how much the unslowed motion is estimated to be too long."""
+        """Estimated relative excess of the duration of the motion before it is slowed."""
         return float(self.unused.sum())
 
 
 def error_estimate(multipliers: Array, loads: Array, slowing: Array) -> ErrorEstimate:
-    """From normalised rows at ``FRACTIONS`` of the intervals, (N, len(FRACTIONS), rows), and the
-    multipliers of their bounds, (N, points, rows), positive at upper bounds and negative at lower.
+    """Estimate the lost time of a mesh solution.
 
-    ``slowing``: by what factor each interval asks the motion to be slowed, (N,).
+    ``multipliers``: of the rows' bounds, (N, points, rows), positive at upper bounds and negative
+    at lower ones. ``loads``: normalised rows at ``FRACTIONS`` of the intervals, (N,
+    len(FRACTIONS), rows). ``slowing``: factor by which the motion must be slowed for each
+    interval to keep its limits, (N,).
     """
     trapezoid = np.ones(len(FRACTIONS))
     trapezoid[[0, -1]] = 0.5
@@ -62,14 +67,14 @@ def error_estimate(multipliers: Array, loads: Array, slowing: Array) -> ErrorEst
     return ErrorEstimate(np.maximum(unused, 0.0), np.maximum(slowing - 1, 0.0))
 
 
-def refined(mesh: Array, lost: ErrorEstimate, aim: float, most: int = 6) -> Array:
-    """The mesh, (N,), with intervals split, into ``most`` pieces at most, so that what is given
-    away falls to about ``aim``.
+def refined(mesh: Array, lost: ErrorEstimate, target: float, most: int = 6) -> Array:
+    """Split the intervals of a mesh, (N,), so that the lost time falls to about ``target``.
 
-    In an interval where a torque jumps the loss falls with the square of its length, in
-    others faster. Where an interval is short an excess is no reason to split it.
+    Each is split evenly into ``most`` pieces at most. In an interval where a torque jumps the loss
+    falls with the square of its length, in others faster. An exceeded limit is no reason to split
+    a short interval, for the limit is tightened there.
     """
     exceeded = np.where(mesh > TIGHTENED, lost.exceeded, 0.0)
-    share = lost.unused / (aim / len(mesh)) + exceeded / aim
+    share = lost.unused / (target / len(mesh)) + exceeded / target
     pieces = np.clip(np.ceil(np.sqrt(share)), 1, np.clip(mesh / _SHORTEST, 1, most)).astype(int)
     return np.repeat(mesh / pieces, pieces)

@@ -1,18 +1,20 @@
-"""Pontryagin's condition on a mesh, from the multipliers of the limits at its points.
+"""Costates on a mesh, and Pontryagin's condition, from the multipliers of the limits at its points.
 
-A motion of cubics is a function of positions and velocities at the knots. What a small shift of
-these at a knot would cost, by the multipliers λ of the limits c afterwards, is the costate p; it is
-also what the limits before the knot would gain. With time in units of the duration T,
+A motion of cubics is determined by the positions X and velocities V at its knots. The costate p at
+a knot is the change of the duration when X and V shift there and the motion afterwards returns to
+its course, as the multipliers λ of the limits c afterwards say; the limits before the knot give
+the same with the opposite sign. With time in units of the duration T,
 
     p_i = Σ_j λ_j ∂c_j/∂(X, V)_i        H = p · (V, A) / T, which is -1 on an optimal motion
 
-With exact multipliers the shift might fade out at the next knot. But in intervals of 1e-4 a shift
-of one knot alone asks for so large accelerations that it is worth nothing, and how λ is distributed
-over neighbouring points is practically unknown. So the shift fades out over a part of the motion,
-as one cubic, which is a motion of the mesh too: what is unknown cancels, nothing else is smoothed.
+With exact multipliers the shift could return to zero at the next knot. But in intervals of 1e-4 a
+shift of one knot takes such large accelerations that the solver does not resolve how λ is
+distributed over neighbouring points. So the shift returns to zero over a longer part of the motion,
+as one cubic, which the mesh can represent too: the unknown distribution cancels, and nothing else
+is smoothed.
 
-H varies little on a mesh that is fit for its purpose. Since controls jump inside of intervals, it
-is not as constant as where switches are resolved.
+H is nearly constant on a mesh that is fine enough. Since controls jump inside intervals, it is not
+as constant as with resolved switches.
 """
 
 from __future__ import annotations
@@ -28,18 +30,19 @@ from deltaopt.planning.nlp.scaling import Scaling
 
 Array = NDArray[np.float64]
 
-FADES = 0.05
-"""Part of the motion over which a shift fades out: a longer one averages more of the unknown
+FADE_LENGTH = 0.05
+"""Part of the motion over which a shift returns to zero. A longer one averages more of the unknown
 distribution of multipliers, a shorter one follows H more closely. Found by hand on a random move;
 it spans many intervals where they are short."""
 
 
 def certify_mesh(rows: ConstraintRows, found: MeshSolution) -> Certificate:
-    """How well a motion of cubics, not yet slowed, meets Pontryagin's condition.
+    """Certify a mesh solution: how well its motion meets Pontryagin's condition.
 
     ``hamiltonian_spread``: max |H - mean H| at both ends of all intervals, over |mean H|.
     ``sign_violation``: by how much other controls would lower H, at most, over the largest
-    multiplier of a control. The solution has to have the multipliers of all limits.
+    multiplier of a control. The solution must have the multipliers of all limits
+    (``has_all_multipliers``).
     """
     control = found.solution.multipliers[:, :, rows.control]
     density = control.sum(axis=1) / found.mesh[:, None]
@@ -47,13 +50,15 @@ def certify_mesh(rows: ConstraintRows, found: MeshSolution) -> Certificate:
     lowered = np.abs(density) - density * mean
     largest = float(np.abs(density).max())
     violation = float(lowered.max()) / largest if largest else 0.0
-    return Certificate(spread(hamiltonian(rows, found)), violation)
+    return Certificate(spread(hamiltonian_on_mesh(rows, found)), violation)
 
 
-def hamiltonian(rows: ConstraintRows, found: MeshSolution, over: float = FADES) -> Array:
-    """H at the beginnings and then at the ends of the intervals, (2 N,), -1 on an optimal motion.
+def hamiltonian_on_mesh(
+    rows: ConstraintRows, found: MeshSolution, over: float = FADE_LENGTH
+) -> Array:
+    """The Hamiltonian at the beginnings, then at the ends of the intervals, (2 N,).
 
-    ``over``: as in ``costates``.
+    It is -1 all along an optimal motion. ``over``: as of ``costates``.
     """
     motion, scaling = found.trajectory, found.scaling
     weights = _hermite(found.mesh, found.problem.points)
@@ -70,11 +75,12 @@ def hamiltonian(rows: ConstraintRows, found: MeshSolution, over: float = FADES) 
     return np.concatenate([first, last])
 
 
-def costates(pulled: Array, mesh: Array, over: float = FADES) -> Array:
-    """Costates of position and velocity at the knots, (N + 1, 2, m), over the duration.
+def costates(pulled: Array, mesh: Array, over: float = FADE_LENGTH) -> Array:
+    """Costates of position and velocity at the knots, (N + 1, 2, m), as shares of the duration.
 
-    ``pulled``: Σ λ ∂c/∂(X, V) at both ends of every interval, (N, 4, m). ``over``: part of the
-    motion over which shifts fade out, one interval at least.
+    ``pulled``: Σ λ ∂c/∂(X, V) over the points of every interval, X and V at its beginning, then at
+    its end, (N, 4, m). ``over``: part of the motion over which a shift returns to zero, one
+    interval at least.
     """
     N, knots = len(mesh), np.concatenate([[0.0], np.cumsum(mesh)])
     number = np.arange(N + 1)
@@ -82,9 +88,9 @@ def costates(pulled: Array, mesh: Array, over: float = FADES) -> Array:
     backwards = np.minimum(np.searchsorted(knots, knots - over, side="right"), number) - 1
     p = np.empty((N + 1, 2, pulled.shape[2]))
     for i in range(N + 1):
-        begins = onwards[i] <= N  # otherwise the goal, which must stay, is too near
+        begins = onwards[i] <= N  # else the goal, which must not shift, is too near: go backwards
         first, last = (i, onwards[i]) if begins else (backwards[i], i)
-        shifts = _faded(knots[first : last + 1], begins)
+        shifts = _fading_shifts(knots[first : last + 1], begins)
         here = pulled[first:last]
         by = np.einsum("dan,ndk->ak", shifts[..., :-1], here[:, :2])
         by += np.einsum("dan,ndk->ak", shifts[..., 1:], here[:, 2:])
@@ -92,7 +98,7 @@ def costates(pulled: Array, mesh: Array, over: float = FADES) -> Array:
     return p
 
 
-def _faded(knots: Array, begins: bool) -> Array:
+def _fading_shifts(knots: Array, begins: bool) -> Array:
     """Derivatives of (X, V) at all knots by (X, V) at the first knot if ``begins``, at the last if
     not, where the state at the other end stays, (2, 2, knots)."""
     length = knots[-1] - knots[0]

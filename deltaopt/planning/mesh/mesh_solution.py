@@ -1,4 +1,4 @@
-"""What one mesh brings: the motion, what it gives away, and the gap that leaves."""
+"""A problem solved on one mesh: its motion, its lost time, and the optimality gap."""
 
 from __future__ import annotations
 
@@ -28,15 +28,19 @@ from deltaopt.scene.scene import Scene
 Array = NDArray[np.float64]
 Truths = NDArray[np.bool]
 
-_TELLING = 0.1
-"""Of what was to be gained on a mesh: if the next gains less, its estimate cannot be judged."""
+_JUDGEABLE = 0.1
+"""Share of the estimated loss of one mesh that the next must be expected to gain, so that the
+estimate can be corrected by what was really gained."""
 
 
 @dataclass(frozen=True)
 class Iteration:
-    """One mesh: ``duration`` of its solution, ``safe_duration`` once slowed to the limits (s),
-    estimated ``gap`` of the latter to the shortest possible, as a fraction of it; seconds
-    ``spent``."""
+    """The record of one mesh.
+
+    ``iterations``: of the solver. ``duration``: of its solution, s. ``safe_duration``: of the same
+    motion slowed until it keeps every limit, s. ``gap``: estimated relative excess of the safe
+    duration over the shortest possible. ``spent``: seconds.
+    """
 
     intervals: int
     iterations: int
@@ -55,11 +59,15 @@ class Iteration:
 def solve_on_mesh(
     problem: Problem, scaling: Scaling, guess: Guess, model: DeltaModel
 ) -> MeshSolution:
-    """Solve a problem and see what its motion asks of the limits. Raises NotConverged."""
+    """Solve a problem on its mesh, and estimate the lost time and the excess over the limits.
+
+    Raises NotConverged.
+    """
     solution = problem.solve(guess, scaling, model.parameters)
     trajectory = Trajectory(solution.position, model, solution.coordinates)
     loads = loads_inside(scaling.scene, trajectory, FRACTIONS)
-    rows, demands = charged(scaling.constraints), loads.highest_demands(len(FRACTIONS))
+    rows = time_costing_rows(scaling.constraints)
+    demands = loads.highest_demands(len(FRACTIONS))
     lost = error_estimate(
         solution.multipliers[:, :, rows],
         _by_interval(loads.rows)[:, :, rows],
@@ -69,21 +77,29 @@ def solve_on_mesh(
     return MeshSolution(problem, solution, trajectory, loads, lost, factor, scaling)
 
 
-def charged(constraints: Constraints) -> Truths:
-    """Rows that give time away where the mesh leaves them unused, (rows,): all but those of
-    positions, which an optimal motion too touches at an instant and leaves again."""
+def time_costing_rows(constraints: Constraints) -> Truths:
+    """Which rows lose time where a mesh leaves them unused, (rows,).
+
+    All but those of positions: an optimal motion touches a position limit at an instant and leaves
+    it again, so that a multiplier there does not mean that time is lost beside it.
+    """
     return np.asarray(constraints.orders > 0)
 
 
 def _by_interval(rows: Array) -> Array:
-    """Rows at ``FRACTIONS``, (N · len(FRACTIONS), rows), by interval."""
+    """Rows at ``FRACTIONS``, (N · len(FRACTIONS), rows), as (N, len(FRACTIONS), rows)."""
     return rows.reshape(-1, len(FRACTIONS), rows.shape[1])
 
 
 @dataclass(frozen=True)
 class MeshSolution:
-    """A problem solved on one mesh in a scene's scaling, the motion not yet slowed; ``loads`` at
-    ``FRACTIONS``."""
+    """A problem solved on one mesh; its motion is not slowed yet.
+
+    ``loads``: constraint rows at ``FRACTIONS`` of the intervals. ``lost``: estimated loss of time.
+    ``safe_factor``: by which the motion must be slowed to keep every limit; of all instants if
+    ``is_exact``, otherwise of samples. ``scaling``: the scene's units, with the tightened limits
+    that it was solved with.
+    """
 
     problem: Problem
     solution: Solved
@@ -96,7 +112,7 @@ class MeshSolution:
 
     @property
     def has_all_multipliers(self) -> bool:
-        """Whether it is a motion of cubics with the multipliers of all limits."""
+        """Whether the motion is made of cubics and the multipliers of all its limits are known."""
         cubic = self.solution.position.coefficients.shape[1] == 4
         return cubic and self.solution.all_at_points
 
@@ -107,32 +123,35 @@ class MeshSolution:
 
     @property
     def scene(self) -> Scene:
+        """The scene that was solved."""
         return self.scaling.scene
 
     @property
     def mesh(self) -> Array:
+        """Lengths of the intervals, fractions of the duration, (N,)."""
         return self.problem.mesh
 
     def tightened(self, mesh: Array) -> Scaling:
-        """The limits that a motion on the next mesh, which divides this one, may use."""
+        """The scaling with tightened limits for the next mesh, which divides this one."""
         if mesh.min() > TIGHTENED:
-            return self.scaling.whole
-        may_be = charged(self.scaling.constraints)
+            return self.scaling.untightened
+        tightenable = time_costing_rows(self.scaling.constraints)
         size = self.scaling.constraints.size(self.rows)
-        overshoot = Overshoot.of(self.mesh, self.problem.points, size, may_be)
+        overshoot = Overshoot.of(self.mesh, self.problem.points, size, tightenable)
         return overshoot.tightened(self.scaling, mesh)
 
     @property
     def status(self) -> str:
+        """The solver's status."""
         return self.solution.status
 
     @property
     def to_be_gained(self) -> float:
-        """By other meshes and by solving this one exactly, a fraction of the duration."""
+        """Estimated relative gain by finer meshes and by solving this one exactly."""
         return self.lost.total + self.solution.left
 
     def exact(self) -> MeshSolution:
-        """With the safe factor of all instants, not of samples only."""
+        """The same solution with the safe factor of all instants instead of samples."""
         if self.is_exact:
             return self
         as_sampled = len(sample_fractions(len(self.mesh))) == len(FRACTIONS)
@@ -142,8 +161,12 @@ class MeshSolution:
 
 
 def gap_of(iterations: list[Iteration], chosen: int) -> float:
-    """Of a round's motion, by its own estimate or by what the last one leaves possible, unless
-    that was led to a worse local minimum."""
+    """Optimality gap of the motion of the mesh ``chosen``, by the estimates of all meshes after it.
+
+    Each later mesh bounds the least duration from below by its safe duration over (1 + gap). The
+    last bound that is not above the chosen motion is used; a higher one belongs to a worse local
+    minimum.
+    """
     own = iterations[chosen]
     for last in reversed(iterations[chosen + 1 :]):
         shortest = last.safe_duration / (1 + last.gap)
@@ -153,10 +176,10 @@ def gap_of(iterations: list[Iteration], chosen: int) -> float:
 
 
 def iteration_of(solutions: list[MeshSolution]) -> Iteration:
-    """What the last attempt reached.
+    """The record of the last mesh solution, with its gap.
 
-    The estimate of what it gives away is held against how much the duration really fell from
-    the last other mesh: where the estimate fell short there, it is raised in proportion.
+    The estimated loss of time is compared with how much the duration really fell since the
+    last solution on another mesh: where the estimate fell short, it is raised in proportion.
     """
     last = solutions[-1]
     others = [each for each in solutions if len(each.mesh) != len(last.mesh)]
@@ -165,8 +188,9 @@ def iteration_of(solutions: list[MeshSolution]) -> Iteration:
         before = others[-1]
         fell = before.trajectory.duration / last.trajectory.duration - 1
         expected = before.to_be_gained - last.to_be_gained
-        tells = expected > _TELLING * before.to_be_gained
-        correction = max(1.0, fell / expected) if tells else 2.0
+        judgeable = expected > _JUDGEABLE * before.to_be_gained
+        # Two solutions with nearly the same estimate say nothing about it: allow for a factor of 2.
+        correction = max(1.0, fell / expected) if judgeable else 2.0
     return Iteration(
         intervals=len(last.mesh),
         iterations=last.solution.iterations,

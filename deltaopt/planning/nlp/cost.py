@@ -1,4 +1,4 @@
-"""What a problem minimises: the duration, an integral over the motion, or both."""
+"""The cost of a problem: the duration, an integral over the motion, or both."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Cost:
-    """time · T + running · ∫ r dt, both in the scene's unit of time.
+    """The cost time · T + running · ∫ r dt, with T and t in the scene's unit of time.
 
-    r is the rate that the equations at a point give, such as Σ τ². ``duration_is_given``: time
-    is no variable; the unit of time is the duration then, and T = 1.
+    ``time``, ``running``: the weights; r is the rate of the running cost, such as τᵀτ.
+    ``duration_is_given``: whether the duration is no variable; it is the unit of time then, T = 1.
     """
 
     time: float = 1.0
@@ -19,3 +19,4 @@ class Cost:
 
 
 FASTEST = Cost()
+"""Minimum time."""

@@ -1,4 +1,4 @@
-"""What a planner needs of a problem, whatever its variables are."""
+"""Problems as the planner sees them, whatever their variables: solvers, guesses, solutions."""
 
 from __future__ import annotations
 
@@ -20,22 +20,26 @@ Array = NDArray[np.float64]
 
 
 IPOPT_FINEST = 300
-"""Intervals of the finest mesh that is worth its time by Ipopt: every refinement multiplies it by
-four."""
+"""Number of intervals of the finest mesh that is solved by Ipopt: every refinement multiplies its
+time by about four, and a plan should not take minutes."""
 
 
 @dataclass(frozen=True)
 class Ipopt:
-    """The general interior-point solver that most of the field knows and cites. It solves every
-    formulation, with or without a compiler."""
+    """Ipopt, the general interior-point solver that is widely used in trajectory optimisation.
+
+    It solves every formulation, with or without a C compiler.
+    """
 
     name: str = "ipopt"
 
 
 @dataclass(frozen=True)
 class InteriorPoint:
-    """deltaopt's own interior-point method in compiled C, for the flat formulation; Ipopt where
-    there is no compiler, and where the method does not converge."""
+    """deltaopt's own interior-point method in compiled C, for the flat formulation.
+
+    Ipopt takes over where there is no C compiler and where the method does not converge.
+    """
 
     name: str = "interior-point"
 
@@ -45,8 +49,11 @@ Solver = Ipopt | InteriorPoint
 
 @dataclass(frozen=True)
 class Guess:
-    """A motion to start from. ``near``: whether it is a solution of a similar problem.
-    ``tolerance``: relative, of the duration, to which the solution is wanted at least."""
+    """A motion that a solver starts from, and the accuracy that is asked for.
+
+    ``near``: whether the motion is a solution of a similar problem, such as that on the mesh
+    before. ``tolerance``: of the solution, relative to the duration; the solver may be more exact.
+    """
 
     trajectory: Trajectory
     near: bool
@@ -55,14 +62,14 @@ class Guess:
 
 @dataclass(frozen=True)
 class Solved:
-    """The motion found on a mesh, and the multipliers of its limits.
+    """The motion that a solver found on a mesh, and the multipliers of its limits.
 
-    ``multipliers``: by what fraction of the duration a motion is longer for each unit of a
-    normalised row that its bound is tighter ("shadow prices"), (N, points, rows): positive at an
-    upper bound, negative at a lower one. ``all_at_points``: whether these are all multipliers of
-    the motion, and at the problem's points. ``coordinates``: all twelve, m and rad, where they do
-    not follow from the platform's position. ``left``: by what fraction of the duration the
-    solver's next step would shorten it.
+    ``position``: of the platform, m over s. ``multipliers``: relative increase of the duration per
+    unit by which the bound of a normalised row is tightened ("shadow prices"), (N, points, rows):
+    positive at an upper bound, negative at a lower one. ``all_at_points``: whether these are all
+    multipliers of the motion, given at the problem's points. ``coordinates``: all twelve, m and
+    rad, where they do not follow from the platform's position. ``left``: by what fraction of the
+    duration the solver's next step would shorten it.
     """
 
     position: PiecewisePolynomial
@@ -76,7 +83,7 @@ class Solved:
 
 
 class Problem(Protocol):
-    """A problem on a mesh, ready to be solved for scenes of a robot."""
+    """A problem on a mesh, which can be solved for many scenes of a robot."""
 
     @property
     def mesh(self) -> Array:
@@ -85,38 +92,46 @@ class Problem(Protocol):
 
     @property
     def points(self) -> Array:
-        """Fractions of every interval where the limits hold."""
+        """Fractions of every interval where the limits are imposed."""
         ...
 
     @property
     def finest(self) -> int:
-        """Intervals of the finest mesh that is worth its time."""
+        """Number of intervals of the finest mesh that is worth its solver's time."""
         ...
 
     def solve(self, guess: Guess, scaling: Scaling, parameters: Array) -> Solved:
-        """The best motion on this mesh; ``parameters``: the mechanism's. Raises NotConverged."""
+        """Find the best motion on this mesh.
+
+        ``parameters``: values of the mechanism's parameters. Raises NotConverged.
+        """
         ...
 
 
 class FormulatedProblem(Protocol):
-    """A formulation's equations for a mechanism and limits, differentiated once."""
+    """A formulation's equations for a mechanism and its limits, differentiated once."""
 
     def on(self, mesh: Array) -> Problem:
-        """The problem on a mesh."""
+        """The problem on a mesh of interval lengths, (N,), fractions of the duration."""
         ...
 
 
 class ProblemFormulation(Protocol):
-    """A way to write the problem as a nonlinear program; a value."""
+    """A way to write the planning problem as a nonlinear program.
+
+    It is a hashable value, so that equal formulations share their equations.
+    """
 
     def __hash__(self) -> int: ...
 
     @property
-    def name(self) -> str: ...
+    def name(self) -> str:
+        """The name that a plan reports."""
+        ...
 
     @property
     def solvers(self) -> tuple[type[Ipopt] | type[InteriorPoint], ...]:
-        """Which solvers can be asked for."""
+        """Kinds of solver that can be asked for, the default first."""
         ...
 
     def of(
@@ -127,6 +142,8 @@ class ProblemFormulation(Protocol):
         cost: Cost,
         solver: Solver,
     ) -> FormulatedProblem:
-        """Its equations for a mechanism under limits; ``cost``: what is minimised, the running part
-        of it effort in N²m²."""
+        """Its equations for a mechanism under limits.
+
+        ``cost``: what is minimised; the rate of its running part is τᵀτ, N²m².
+        """
         ...

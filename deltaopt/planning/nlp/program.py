@@ -1,11 +1,12 @@
-"""Nonlinear programs made of one small function evaluated at many points.
+"""Nonlinear programs for Ipopt, made of small functions evaluated at many points.
 
-    minimise  c · z   subject to   l ≤ z ≤ u,   G z = b,   l_i ≤ r(y_i, p) ≤ u_i,   y_i = L_i z
+    minimise  c · z   subject to   l ≤ z ≤ u,   G z = 0,   l_i ≤ r(y_i, p) ≤ u_i,   y_i = L_i z
 
-What happens at a point (torques, say) is a `PointFunction` r(y, p), differentiated once;
-where the points lie among the variables is a constant sparse `Layout` L. Jacobian and Hessian
-of the whole are then constant linear combinations of the points' derivatives, so the whole
-is never expanded and the same code serves every transcription and formulation.
+The equations at a point of the motion are a `PointFunction` r(y, p), differentiated once; its
+arguments y are linear combinations of the variables z, a constant sparse `Layout` L. Jacobian and
+Hessian of the program are then constant linear combinations of the derivatives at the points. So
+the program is never expanded into scalar operations, and the same code serves every transcription
+and formulation.
 """
 
 from __future__ import annotations
@@ -31,9 +32,9 @@ Options = dict[str, str | float | int | bool]
 IPOPT: Options = {
     "print_time": False,
     "record_time": True,
-    "show_eval_warnings": False,  # a trial point out of reach is a shorter step for Ipopt
+    "show_eval_warnings": False,  # out of reach a trial point is NaN: Ipopt shortens its step
     "calc_lam_p": False,
-    "no_nlp_grad": True,  # of use for sensitivities only, and machine code has no derivative
+    "no_nlp_grad": True,  # needed for sensitivities only; machine code has none
     "ipopt.print_level": 0,
     "ipopt.sb": "yes",
     "ipopt.mu_strategy": "adaptive",
@@ -42,19 +43,19 @@ IPOPT: Options = {
     "ipopt.max_iter": 200,
 }
 WITH_RUNNING_COST: Options = {
-    # From a bang-bang guess the filter that is usual here lets the duration run away.
+    # From a bang-bang guess the default filter lets the duration diverge.
     "ipopt.adaptive_mu_globalization": "kkt-error",
 }
 
 Derivatives = list[tuple[ca.Function, ca.Sparsity]]
-"""Jacobian and Hessian: a function that returns nonzeros, last of its results; their sparsity."""
+"""Jacobian and Hessian, each as a function whose last result is the nonzeros, and the sparsity."""
 
 
 @dataclass(frozen=True)
 class PointFunction:
-    """r(y, p) at one point, with exact derivatives with respect to y.
+    """The equations r(y, p) at one point, with exact derivatives with respect to y.
 
-    ``function``: (y, p) -> r, scalar expressions. ``name`` is what an error calls its rows.
+    ``function``: (y, p) -> r, of scalar expressions. ``name``: of the rows, for error messages.
     """
 
     name: str
@@ -78,7 +79,7 @@ class PointFunction:
 
     @cached_property
     def derivatives(self) -> Derivatives:
-        """``jacobian`` and ``hessian``, in machine code where there is a compiler."""
+        """``jacobian`` and ``hessian``, as machine code where there is a compiler."""
         functions, sparsities = zip(*self.derived, strict=True)
         return list(zip(compiled(functions), sparsities, strict=True))
 
@@ -95,10 +96,10 @@ class PointFunction:
 
 @dataclass(frozen=True)
 class Layout:
-    """A constant sparse matrix L, each row the sum of a few weighted variables.
+    """A constant sparse matrix L, each row of which is a weighted sum of a few variables.
 
     ``columns`` and ``weights``: (rows, k); row i is Σ_k weights[i, k] z[columns[i, k]].
-    ``names``: what an error calls each row, if it may be one's subject.
+    ``names``: of the rows, for error messages; empty if the rows are no constraints.
     """
 
     columns: Integers
@@ -106,6 +107,7 @@ class Layout:
     names: tuple[str, ...] = ()
 
     def matrix(self, n_variables: int) -> ca.DM:
+        """The matrix L, (rows, n_variables)."""
         rows = np.repeat(np.arange(len(self.columns)), self.columns.shape[1])
         return _sparse(
             rows, self.columns.ravel(), self.weights.ravel(), len(self.columns), n_variables
@@ -114,10 +116,11 @@ class Layout:
 
 @dataclass(frozen=True)
 class Points:
-    """A point function at n points; the layout has n · ny rows, point by point.
+    """A point function at n points.
 
-    ``lower``, ``upper``: bounds of r, (nr,) if the same at every point, else (n, nr).
-    ``fractions``: when, as fractions of the duration, (n,), for errors to tell.
+    ``layout``: of its arguments, point by point, n · ny rows. ``lower``, ``upper``: bounds of r,
+    (nr,) if they are the same at every point, else (n, nr). ``fractions``: instants of the points,
+    (n,), as fractions of the duration, for error messages.
     """
 
     function: PointFunction
@@ -128,19 +131,20 @@ class Points:
 
     @property
     def number(self) -> int:
+        """The number n of points."""
         return len(self.layout.columns) // self.function.function.size1_in(0)
 
     @property
     def rows(self) -> int:
-        """Rows at one point."""
+        """The number of rows at one point."""
         return int(self.function.function.size1_out(0))
 
     def bounds(self, each: Array) -> Array:
-        """Bounds of all rows, point by point, from ``lower`` or ``upper``."""
+        """Bounds of all rows, point by point; ``each``: ``lower`` or ``upper``."""
         return np.broadcast_to(each, (self.number, self.rows)).ravel()
 
     def row_names(self) -> list[str]:
-        """What each row is and when, for an error."""
+        """The name and the instant of each row, for error messages."""
         n, nr = self.number, self.rows
         when = [f"point {i} of {n}" for i in range(1, n + 1)]
         if self.fractions is not None:
@@ -150,9 +154,9 @@ class Points:
 
 @dataclass(frozen=True)
 class RunningCost:
-    """Σ weights[i] l(y_i, p), to be added to the cost: an integral by quadrature.
+    """The sum Σ weights[i] l(y_i, p) that is added to the cost: an integral by quadrature.
 
-    ``points``: l, one row, its bounds without meaning. ``weights``: (number of points,).
+    ``points``: of the function l, which has one row; its bounds are not used. ``weights``: (n,).
     """
 
     points: Points
@@ -161,7 +165,8 @@ class RunningCost:
 
 @dataclass(frozen=True)
 class Spent:
-    """Seconds on rows and their derivatives, and on linear systems (with Ipopt, all else)."""
+    """Wall time in s: ``evaluation`` of constraint rows and their derivatives, and ``algebra``, the
+    linear systems (with Ipopt all the rest)."""
 
     evaluation: float
     algebra: float
@@ -171,10 +176,10 @@ class Spent:
 
 
 @dataclass(frozen=True)
-class Solution:
-    """Where Ipopt ended: ``z`` the variables, multipliers of their bounds and of the rows.
+class IpoptSolution:
+    """A solution by Ipopt: the variables ``z``, the multipliers of their bounds and of the rows.
 
-    A multiplier is positive where an upper bound holds, negative where a lower one does.
+    A multiplier is positive where an upper bound is active, negative where a lower one is.
     """
 
     z: Array
@@ -187,14 +192,13 @@ class Solution:
 
 
 class Program:
-    """A nonlinear program built once, solved many times with other bounds and parameters.
+    """A nonlinear program, built once and solved many times with other bounds and parameters.
 
-    ``cost``: c, (n,). ``linear``: layout of the rows G z = 0. ``points``: the nonlinear rows.
-    ``options``: of Ipopt, where they differ from ``IPOPT``. ``running``: a further cost, if
-    there is one.
+    ``cost``: the vector c, (n,). ``linear``: layout of the rows G z = 0. ``points``: the nonlinear
+    rows. ``options``: of Ipopt, where they differ from ``IPOPT``. ``running``: a running cost.
 
-    ``jacobian``: (z, p) -> all rows and their Jacobian. ``hessian``: (z, p, λ_f, λ_g) -> the
-    upper triangle of the Lagrangian's.
+    ``jacobian``: (z, p) -> all rows and their Jacobian. ``hessian``: (z, p, λ_f, λ_g) -> the upper
+    triangle of the Hessian of the Lagrangian.
     """
 
     jacobian: ca.Function
@@ -218,21 +222,21 @@ class Program:
 
     @property
     def rows(self) -> tuple[Array, Array]:
-        """Bounds of all rows."""
+        """Lower and upper bounds of all rows, linear ones first."""
         return self._lower_rows, self._upper_rows
 
     @property
     def row_names(self) -> list[str]:
-        """What each row is and when."""
+        """The name and the instant of each row, for error messages."""
         names = list(self.linear.names) or ["continuity"] * len(self.linear.columns)
         return names + [name for points in self.points for name in points.row_names()]
 
     def solve(
         self, guess: Array, lower: Array, upper: Array, p: Array, shares: Array | float = 1.0
-    ) -> Solution:
-        """From a guess, within the bounds of the variables, with parameters p.
+    ) -> IpoptSolution:
+        """Solve from a guess, within bounds of the variables, (n,) each, with parameters p.
 
-        ``shares``: of their bounds what the nonlinear rows may use, (rows,).
+        ``shares``: part of their bounds that the nonlinear rows may use, (rows,) or one for all.
         Raises NotConverged with Ipopt's status and the last iterate.
         """
         begin, linear = perf_counter(), len(self.linear.columns)
@@ -244,11 +248,11 @@ class Program:
         z = np.asarray(result["x"].full()).ravel()
         if not stats["success"]:
             raise NotConverged(
-                self._complaint(stats, np.asarray(result["g"].full()).ravel()),
+                self._failure(stats, np.asarray(result["g"].full()).ravel()),
                 stats["return_status"],
                 z,
             )
-        return Solution(
+        return IpoptSolution(
             z=z,
             bound_multipliers=self._bound_multipliers(result, lower == upper, p),
             row_multipliers=np.asarray(result["lam_g"].full()).ravel(),
@@ -261,7 +265,8 @@ class Program:
     def _bound_multipliers(
         self, result: dict[str, ca.DM], fixed: NDArray[np.bool], p: Array
     ) -> Array:
-        """Ipopt's; of variables that are fixed, which it does not see, from stationarity."""
+        """Multipliers of the variables' bounds, (n,): Ipopt's, or by stationarity of the Lagrangian
+        for variables that are fixed, which Ipopt leaves out of its problem."""
         multipliers = np.asarray(result["lam_x"].full()).ravel()
         gradient = self._solver.get_function("nlp_grad_f")(result["x"], p)[1]
         jacobian = self.jacobian(result["x"], p)[1]
@@ -290,8 +295,8 @@ class Program:
         usual = IPOPT if running is None else IPOPT | WITH_RUNNING_COST
         return ca.nlpsol("nlp", "ipopt", program, {**functions, **usual, **options})
 
-    def _complaint(self, stats: dict[str, object], g: Array) -> str:
-        """What Ipopt said, and which rows are violated most."""
+    def _failure(self, stats: dict[str, object], g: Array) -> str:
+        """A sentence with Ipopt's status and the row that is violated most."""
         violation = np.maximum(self._lower_rows - g, g - self._upper_rows)
         worst = int(np.nanargmax(violation)) if np.isfinite(violation).any() else 0
         return (
@@ -321,7 +326,7 @@ def _running(running: RunningCost, z: ca.MX, p: ca.MX, lam_f: ca.MX) -> tuple[ca
 
 
 Entries = tuple[Points, ca.Sparsity, ca.MX]
-"""Derivatives at points: their sparsity at each, and the nonzeros of all, point by point."""
+"""Derivatives at points: the sparsity at one point, and the nonzeros at all, point by point."""
 
 
 def assemble_rows(
@@ -332,8 +337,8 @@ def assemble_rows(
     p: ca.MX,
     multipliers: ca.MX,
 ) -> tuple[ca.MX, ca.MX, list[Entries]]:
-    """All rows, linear ones first; their Jacobian; and the points' Hessians of the rows times
-    multipliers, for ``assemble_hessian``."""
+    """Assemble all rows, linear ones first, their Jacobian, and the Hessians at the points of the
+    rows times ``multipliers``, which ``assemble_hessian`` takes."""
     n = z.numel()
     G = linear.matrix(n)
     rows, slopes, curvature = [ca.mtimes(G, z)], list[Entries](), list[Entries]()
@@ -353,7 +358,7 @@ def assemble_rows(
 
 
 def assemble_jacobian(G: ca.DM, slopes: Sequence[Entries], n: int) -> ca.MX:
-    """The Jacobian of all rows: each point's, times its rows of L."""
+    """The Jacobian of all rows: the linear rows G, then each point's Jacobian times its layout."""
     blocks = [ca.MX(G)]
     for points, sparsity, nonzeros in slopes:
         a, b = (np.array(i, dtype=np.intp) for i in sparsity.get_triplet())
@@ -396,7 +401,7 @@ def _scatter(
     values: ca.MX,
     shape: tuple[int, int],
 ) -> ca.MX:
-    """The sparse matrix with Σ weights · values[source] at (rows, columns)."""
+    """The sparse matrix of a shape with the sums of weights · values[source] at (rows, columns)."""
     keep = weights.ravel() != 0
     rows, columns = rows.ravel()[keep], columns.ravel()[keep]
     # Column-major order is that of CasADi's nonzeros.

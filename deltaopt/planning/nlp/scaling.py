@@ -1,4 +1,4 @@
-"""Magnitudes that bring a scene's variables and equations to the order of one."""
+"""Scaling: units of a scene that bring its variables and equations to the order of one."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from deltaopt.scene.task import EndState, distance
 
 Array = NDArray[np.float64]
 
-WHOLE = 1.0
-"""Share of a limit that may be used all of it."""
+UNTIGHTENED = 1.0
+"""Share of every limit that a motion may use where no limit is tightened."""
 
 
 @dataclass(frozen=True)
 class Parameters:
-    """Parameters of a point function, by name, as symbols.
+    """The parameters of the functions at a point, as symbols by name.
 
-    ``origin`` (3, m), ``length`` (m), ``time`` (s) and ``torque`` (3, N·m) are the units of scaled
-    variables; ``limits`` the numbers of the limits; ``mechanism`` those of the mechanism.
+    ``origin`` (3, m), ``length`` (m), ``time`` (s) and ``torque`` (one for each motor, N·m): units
+    of the scaled variables. ``limits``: numbers of the limits. ``mechanism``: the mechanism's.
     """
 
     origin: ca.SX
@@ -37,7 +37,7 @@ class Parameters:
 
     @classmethod
     def symbols(cls, constraints: Constraints, mechanism: ca.SX) -> Parameters:
-        """Symbols for all but the mechanism's, which exist."""
+        """Make symbols for all parameters but the mechanism's, whose symbols are given."""
         return cls(
             origin=ca.SX.sym("origin", 3),
             length=ca.SX.sym("length"),
@@ -49,31 +49,31 @@ class Parameters:
 
     @property
     def scaling(self) -> ca.SX:
-        """Those that ``Scaling.vector`` gives numbers for."""
+        """The parameters of the scene, in the order of ``Scaling.vector``."""
         return ca.vertcat(self.origin, self.length, self.time, self.torque, self.limits)
 
     @property
     def vector(self) -> ca.SX:
-        """All of them, in their order."""
+        """All parameters: those of the scene, then the mechanism's."""
         return ca.vertcat(self.scaling, self.mechanism)
 
 
 @dataclass(frozen=True)
 class Scaling:
-    """Units of a scene's scaled variables, and its limits.
+    """The units of a scene's scaled variables, and its limits.
 
-    Lengths are measured from the start in units of the distance from start to goal (m), time in
-    units of ``time`` (s), torques in units of the largest that the scene allows. ``share``: of each
-    limit what a motion may use, everywhere or by interval, (N, rows).
+    Positions are measured from the start in units of the distance from start to goal, time in units
+    of ``time`` (s), torques in units of the largest that the scene allows. ``share``: the part of
+    each limit that a motion may use, one for all or by interval and row, (N, rows).
     """
 
     scene: Scene
     time: float
-    share: Array | float = WHOLE
+    share: Array | float = UNTIGHTENED
 
     @cached_property
     def limits(self) -> SceneLimits:
-        """The limits of the scene."""
+        """The limits of the scene, with their numbers."""
         return limits_of(self.scene)
 
     @property
@@ -98,46 +98,50 @@ class Scaling:
 
     @cached_property
     def at_start(self) -> Array:
-        """X and V at the start, (6,)."""
+        """Scaled position and velocity at the start, (6,)."""
         return self._state(self.scene.task.start)
 
     @cached_property
     def at_goal(self) -> Array:
-        """X and V at the goal, (6,)."""
+        """Scaled position and velocity at the goal, (6,)."""
         return self._state(self.scene.task.goal)
 
     def _state(self, end: EndState) -> Array:
-        """An end at rest, in these units: a velocity would depend on the duration."""
+        """Scaled position and velocity of an end at rest. A velocity that is not zero would depend
+        on the duration, which is unknown."""
         position = (np.array(end.position) - self.origin) / self.length
         return np.concatenate([position, np.zeros(len(position))])
 
     @property
-    def whole(self) -> Scaling:
-        """With all of every limit."""
-        return self if self.share is WHOLE else replace(self, share=WHOLE)
+    def untightened(self) -> Scaling:
+        """The same scaling with no limit tightened."""
+        return self if self.share is UNTIGHTENED else replace(self, share=UNTIGHTENED)
 
     def shares(self, intervals: int) -> Array:
-        """Of each limit what may be used in each interval, (N, rows)."""
+        """The part of each limit that may be used in each interval, (N, rows)."""
         return np.broadcast_to(self.share, (intervals, self.constraints.number))
 
     def vector(self) -> Array:
-        """Numbers of ``Parameters.scaling``."""
+        """Values of ``Parameters.scaling``."""
         units = [*self.origin, self.length, self.time, *self.torque]
         return np.concatenate([units, self.limits.numbers])
 
     def parameters(self, mechanism: Array) -> Array:
-        """Numbers of all parameters of a point function; ``mechanism``: the mechanism's."""
+        """Values of ``Parameters.vector``; ``mechanism``: those of the mechanism."""
         return np.concatenate([self.vector(), mechanism])
 
     def polynomial(self, h: Array, coefficients: Array, T: float) -> PiecewisePolynomial:
-        """In m and s, from scaled coefficients on intervals of lengths h, (n,), in units of
-        a time T (s)."""
+        """A position in m over s from its scaled coefficients.
+
+        ``coefficients``: ascending powers of the time since an interval began, in units of T, (n,
+        powers, 3). ``h``: lengths of the intervals in units of T, (n,). ``T``: s.
+        """
         coefficients = self.length * coefficients
         coefficients[:, 0] += self.origin
         coefficients /= T ** np.arange(coefficients.shape[1])[:, None]
         return PiecewisePolynomial(T * np.concatenate([[0.0], np.cumsum(h)]), coefficients)
 
     def states(self, position: PiecewisePolynomial, times: Array, T: float) -> Array:
-        """(X, V) of a motion (m, s) at times (s), V in units of length / T: (n, 6)."""
+        """Scaled (X, V) of a position in m at ``times`` (s), V in units of length / T, (n, 6)."""
         x, v = position.with_rate_at(times)
         return np.hstack([(x - self.origin) / self.length, v * (T / self.length)])

@@ -1,11 +1,11 @@
-"""Motions as piecewise polynomials: from mesh variables to positions in between.
+"""Transcription: motions as piecewise polynomials of the variables on a mesh.
 
-On every interval of a mesh the acceleration is a polynomial through its values at Lobatto's
-nodes, both ends included, and free to jump at the knots, as bang-bang torques do. Position
-and velocity follow by integration, so nothing is left to be a defect.
+In every interval the acceleration is a polynomial through its values at Lobatto's nodes, both ends
+included. It may jump at the knots, as bang-bang torques do. Position and velocity follow by
+integration, so that there are no defect constraints inside an interval.
 
-With D a length and time in units of the whole duration T, let X = x, V = T v, A = T² a. Then
-everything is linear in the mesh variables, for an interval of the fraction η of T:
+With X = x, V = T v and A = T² a, T the duration, the motion is linear in the variables. In an
+interval whose length is the fraction η of T:
 
     X(c) = X_i + η c V_i + η² Σ_j  l̿_j(c) A_ij
     V(c) = V_i + η Σ_j l̄_j(c) A_ij
@@ -26,9 +26,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class PiecewiseAcceleration:
-    """Acceleration of a degree on every interval; limits hold at its nodes and in between.
+    """Accelerations that are polynomials of a ``degree`` in every interval.
 
-    ``between``: further points, fractions of the interval, where the limits are imposed.
+    ``between``: points, fractions of the interval, where limits are imposed beside the nodes. More
+    of them make a motion exceed its limits less between points, but every one has its own rows.
     """
 
     degree: int = 1
@@ -37,12 +38,6 @@ class PiecewiseAcceleration:
     @property
     def name(self) -> str:
         return f"acceleration of degree {self.degree}"
-
-    @property
-    def order(self) -> int:
-        """With which power of the mesh the cost of a smooth problem converges: Lobatto's rule
-        on degree + 1 nodes integrates polynomials of degree 2 degree - 1."""
-        return 2 * self.degree
 
     @cached_property
     def quadrature(self) -> Array:
@@ -57,14 +52,16 @@ class PiecewiseAcceleration:
 
     @cached_property
     def points(self) -> Array:
-        """Where limits hold in an interval: the nodes and those between."""
+        """Fractions of an interval where limits are imposed: the nodes and those between."""
         return np.unique(np.concatenate([self.nodes, self.between]))
 
     @cached_property
     def velocity_points(self) -> Array:
-        """Where limits of velocity can hold: of its coefficients degree + 1 are new in an
-        interval, the first is that of the interval before. More rows would depend on each
-        other, twice at a knot above all."""
+        """Fractions of an interval where limits of velocity are imposed: degree + 1 of them.
+
+        The velocity has as many coefficients of its own in an interval, for it continues that of
+        the interval before. More rows would be linearly dependent when all are active (LICQ).
+        """
         return np.arange(1, self.degree + 2) / (self.degree + 1)
 
     @cached_property
@@ -92,9 +89,10 @@ class PiecewiseAcceleration:
         )
 
     def coefficients(self, X: Array, V: Array, A: Array, eta: Array) -> Array:
-        """Powers of the time since the interval began, in units of T, of position.
+        """Coefficients of the position in powers of the time since an interval began, units of T.
 
-        X, V: (N, m) at the beginnings. A: (N, degree + 1, m). -> (N, degree + 3, m).
+        X, V: at the beginnings of the intervals, (N, m). A: at the nodes, (N, degree + 1, m). eta:
+        lengths of the intervals, (N,). Returns (N, degree + 3, m).
         """
         powers: Array = np.stack([p.coef for p in self._lagrange])  # (node, power)
         i = np.arange(self.degree + 1)
@@ -107,4 +105,4 @@ LINEAR = PiecewiseAcceleration()
 QUADRATIC = PiecewiseAcceleration(2, (0.25, 0.75))
 CUBIC = PiecewiseAcceleration(3, (0.1, 0.5, 0.9))
 TRANSCRIPTIONS = {"linear": LINEAR, "quadratic": QUADRATIC, "cubic": CUBIC}
-"""With limits at four, five and seven points of an interval."""
+"""The transcriptions by name, with limits at four, five and seven points of an interval."""

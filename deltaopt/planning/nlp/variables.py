@@ -1,8 +1,9 @@
-"""Where the unknowns of a motion on a mesh lie among a program's variables.
+"""Variables of a collocation problem: which entry of a program's vector is which unknown.
 
-For every interval: X_i, V_i, A_i0 … A_id, then algebraic unknowns at each of its points, then
-those at its end; last X_N, V_N and T. X, V and A have m components, in units of the scene,
-V and A with respect to time in units of T, so that the motion is linear in all of them.
+In order, for every interval: position X_i, velocity V_i and accelerations A_i0 … A_id at its nodes,
+then the algebraic unknowns at each of its points, then further unknowns at its end; after all
+intervals X_N, V_N and the duration T. X, V and A have m components each, in units of the scene. V
+and A are derivatives by time in units of T, so that the motion is linear in X, V and A.
 """
 
 from __future__ import annotations
@@ -20,10 +21,11 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Variables:
-    """Variables on a mesh of fractions (N,) of the duration, summing to 1.
+    """The variables of a motion on a mesh of interval lengths, (N,), fractions of the duration.
 
-    ``components``: m. ``points``: fractions of an interval with ``unknowns`` algebraic
-    unknowns each. ``at_ends``: further unknowns at the end of every interval.
+    ``components``: the number m of coordinates. ``points``: fractions of every interval where there
+    are algebraic unknowns, such as torques; ``unknowns``: how many at each. ``at_ends``: number of
+    further unknowns at the end of every interval.
     """
 
     transcription: PiecewiseAcceleration
@@ -35,11 +37,12 @@ class Variables:
 
     @property
     def intervals(self) -> int:
+        """The number N of intervals."""
         return len(self.mesh)
 
     @property
     def _motion(self) -> int:
-        """X_i, V_i and A_ij of an interval."""
+        """How many variables are X_i, V_i and A_ij of one interval."""
         return self.components * (2 + len(self.transcription.nodes))
 
     @property
@@ -52,37 +55,40 @@ class Variables:
 
     @property
     def _last(self) -> int:
-        """X_N, V_N and T."""
+        """How many variables are X_N, V_N and T."""
         return 2 * self.components + 1
 
     @property
     def number(self) -> int:
+        """The number of variables."""
         return self.intervals * self._block + self._last
 
     @property
     def knots(self) -> Array:
-        """Fractions of the duration, (N + 1,)."""
+        """Instants of the knots, fractions of the duration, (N + 1,)."""
         return np.concatenate([[0.0], np.cumsum(self.mesh)])
 
     def fractions(self, c: Array) -> Array:
-        """Fractions of the duration at fractions c of every interval, (N · len(c),)."""
+        """Instants at fractions c of every interval, fractions of the duration, (N · len(c),)."""
         return (self.knots[:-1, None] + self.mesh[:, None] * c).ravel()
 
     def pack(self, X: Array, V: Array, A: Array, w: Array, T: float) -> Array:
-        """X, V: (N + 1, m); A: (N · nodes, m); w: (N · points, unknowns); ends zero."""
+        """The vector of variables from X, V, (N + 1, m), A, (N · nodes, m), and the algebraic
+        unknowns w, (N · points, unknowns); further unknowns at the ends are zero."""
         N = self.intervals
         ends = np.zeros((N, self.at_ends))
         blocks = np.hstack([X[:-1], V[:-1], A.reshape(N, -1), w.reshape(N, -1), ends])
         return np.concatenate([blocks.ravel(), X[-1], V[-1], [T]])
 
     def coefficients(self, z: Array) -> Array:
-        """Powers of the time since an interval began, in units of T, of X: (N, degree + 3, m)."""
+        """Coefficients of X in powers of the time since its interval began, in units of T, (N,
+        degree + 3, m)."""
         N, m, blocks = self.intervals, self.components, self.blocks(z)
         A = blocks[:, 2 * m : self._motion].reshape(N, -1, m)
         return self.transcription.coefficients(blocks[:, :m], blocks[:, m : 2 * m], A, self.mesh)
 
     def blocks(self, z: Array) -> Array:
-        """A view of what belongs to each interval, (N, …)."""
+        """A view of the variables of each interval, (N, variables)."""
         return z[: -self._last].reshape(self.intervals, self._block)
 
     def algebraic(self, z: Array) -> Array:
@@ -91,13 +97,16 @@ class Variables:
         return inside.reshape(self.intervals, len(self.points), self.unknowns)
 
     def set_algebraic(self, z: Array, values: Array) -> None:
-        """Write values that can be broadcast to (N, points, unknowns) into z."""
+        """Write values that can be broadcast to (N, points, unknowns) into the variables z."""
         shape = (self.intervals, len(self.points), self.unknowns)
         filled = np.broadcast_to(values, shape).reshape(self.intervals, -1)
         self.blocks(z)[:, self._motion : self._motion + self._algebraic] = filled
 
     def at(self, c: Array, *, algebraic: bool) -> Layout:
-        """y = (X, V, A, [unknowns,] T) at fractions c of every interval; unknowns: c = points."""
+        """The layout of y = (X, V, A, [unknowns,] T) at fractions c of every interval.
+
+        With ``algebraic`` unknowns c must be the points that have them.
+        """
         N, m, k = self.intervals, self.components, self.transcription.degree + 3
         u = self.unknowns if algebraic else 0
         weights = np.zeros((N, len(c), 3 * m + u + 1, k))
@@ -112,15 +121,16 @@ class Variables:
         return Layout(columns.reshape(-1, k), weights.reshape(-1, k))
 
     def changes(self, count: int) -> Layout:
-        """y = (the first ``count`` unknowns at a point, the same at the next), of all intervals."""
+        """The layout of y = (the first ``count`` unknowns at a point, the same at the next point of
+        the interval), for all intervals."""
         points = self.unknowns * np.arange(len(self.points))[:, None] + np.arange(count)
         pairs = np.concatenate([points[:-1], points[1:]], axis=1)
         columns = self._begins()[:, None, None] + self._motion + pairs
         return Layout(columns.reshape(-1, 1), np.ones((columns.size, 1)))
 
     def ends(self) -> Layout:
-        """y = (X, V at the end of an interval; X, V at the beginning of the next; its unknowns
-        at the end), for every interval."""
+        """The layout of y = (X, V at the end of an interval; X, V at the beginning of the next; the
+        further unknowns at that end), for every interval."""
         N, m, k = self.intervals, self.components, self.transcription.degree + 3
         weights = np.zeros((N, 4 * m + self.at_ends, k))
         columns = np.zeros(weights.shape, dtype=np.intp)
@@ -134,7 +144,8 @@ class Variables:
         return Layout(columns.reshape(-1, k), weights.reshape(-1, k))
 
     def continuity(self, components: tuple[int, ...]) -> Layout:
-        """X and V of some components at the end of an interval less those of the next."""
+        """The layout of continuity: X and V of some components at the end of an interval less those
+        at the beginning of the next."""
         N, m, k = self.intervals, self.components, self.transcription.degree + 3
         which = np.array(components, dtype=np.intp)
         weights = np.full((N, 2, len(which), k + 1), -1.0)
@@ -155,7 +166,8 @@ class Variables:
         return np.asarray(self._block * np.arange(self.intervals), dtype=np.intp)
 
     def _columns(self) -> NDArray[np.intp]:
-        """Variables that an interval combines, per component: (N, m, degree + 3)."""
+        """Indices of the variables that determine each component in an interval, (N, m,
+        degree + 3)."""
         steps = self.components * np.arange(self.transcription.degree + 3)
         own = np.arange(self.components)[:, None] + steps
         return np.asarray(self._begins()[:, None, None] + own, dtype=np.intp)

@@ -12,7 +12,7 @@ from deltaopt.motion.certificate import MET
 from deltaopt.planning.flat.constraint_rows import ByOrder
 from deltaopt.planning.mesh.constraint_tightening import Overshoot
 from deltaopt.planning.mesh.error_estimate import FRACTIONS, TIGHTENED, ErrorEstimate, refined
-from deltaopt.planning.mesh.mesh_costates import certify_mesh, costates, hamiltonian
+from deltaopt.planning.mesh.mesh_costates import certify_mesh, costates, hamiltonian_on_mesh
 from deltaopt.planning.mesh.mesh_solution import Iteration, gap_of, solve_on_mesh
 from deltaopt.planning.nlp.problem import Guess, Ipopt
 from deltaopt.planning.nlp.program import Spent
@@ -222,7 +222,7 @@ def searched():
 def test_the_hamiltonian_is_what_theory_says(searched):
     """-1, from multipliers that know nothing of it; not so on a coarse mesh."""
     rows = searched.resolver.rows
-    coarse, fine = (hamiltonian(rows, searched.solutions[i]) for i in (0, -1))
+    coarse, fine = (hamiltonian_on_mesh(rows, searched.solutions[i]) for i in (0, -1))
     np.testing.assert_allclose(fine, -1, atol=MET)
     assert np.abs(coarse + 1).max() > 10 * MET
     assert searched.certificate(-1).residual <= MET
@@ -246,8 +246,8 @@ def test_noise_between_neighbouring_knots_is_no_costate():
     """A move with two motors at their speed limits: the costates of single intervals scatter."""
     found = searched_for(random_move("industrial", 9), 1e-6)
     fine, rows = found.solutions[-1], found.resolver.rows
-    assert np.abs(hamiltonian(rows, fine, 0.0) + 1).max() > 10 * MET
-    assert np.abs(hamiltonian(rows, fine) + 1).max() < MET
+    assert np.abs(hamiltonian_on_mesh(rows, fine, 0.0) + 1).max() > 10 * MET
+    assert np.abs(hamiltonian_on_mesh(rows, fine) + 1).max() < MET
 
 
 @machine_code
@@ -272,7 +272,7 @@ def test_sharp_detection_tells_coming_to_a_limit_from_being_there():
     assert sharp.limits == ((ActiveLimits(control=1),), (ActiveLimits(velocity=1),))
 
 
-# Which gap is told
+# Which gap is reported
 
 
 def iteration_with(duration, gap):
@@ -291,7 +291,7 @@ def test_a_worse_local_minimum_says_nothing_of_the_gap():
 
 
 def test_of_two_plans_the_quicker_is_taken_with_what_both_know():
-    """1.000002 s that are told to be 9e-6 too long, 1.000003 s that are told to be 2e-6."""
+    """1.000002 s with a reported gap of 9e-6, 1.000003 s with one of 2e-6."""
     plan = Planner(CROSS.robot, CROSS.payload).plan(CROSS.start, CROSS.goal)
     T = plan.duration
     one = replace(plan, trajectory=plan.trajectory.slowed(1.000002), gap=9e-6)

@@ -12,7 +12,7 @@ from deltaopt.motion.time_scaling import loads_inside
 from deltaopt.planning.flat.constraint_rows import ByOrder
 from deltaopt.planning.flat.equations import point_equations
 from deltaopt.planning.mesh.error_estimate import FRACTIONS
-from deltaopt.planning.nlp.program import Solution
+from deltaopt.planning.nlp.program import IpoptSolution
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.planner import Planner
 from deltaopt.planning.switching.detection import detect_structure
@@ -144,7 +144,7 @@ def test_a_perturbed_motion_has_no_certificate():
     assert certify(problem, replace(solution, z=z), p).hamiltonian_spread > 1e-3
 
 
-def _solved(scene) -> tuple[ArcProblem, Solution, np.ndarray]:
+def _solved(scene) -> tuple[ArcProblem, IpoptSolution, np.ndarray]:
     """light_and_fast with the switches that were found for it, to be found again."""
     planner = Planner(scene.robot, scene.payload, scene.limits, tolerance=1e-6)
     found = planner.plan(scene.start, scene.goal)
