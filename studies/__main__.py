@@ -11,7 +11,17 @@ from collections.abc import Mapping
 from typing import Protocol
 
 from deltaopt.cli import Command, add_command, exit_code
-from studies import agreement, frozen, gap, inverse, objectives, scaling, stability, tolerances
+from studies import (
+    agreement,
+    frozen,
+    gap,
+    inverse,
+    line,
+    objectives,
+    scaling,
+    stability,
+    tolerances,
+)
 
 
 class Study(Command, Protocol):
@@ -28,6 +38,7 @@ STUDIES: dict[str, Study] = {
     "frozen": frozen,
     "gap": gap,
     "inverse": inverse,
+    "line": line,
     "objectives": objectives,
     "scaling": scaling,
     "stability": stability,

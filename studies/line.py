@@ -19,9 +19,11 @@ import deltaopt
 from deltaopt.bench.random_scenes import random_scenes
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.scene import limits_of
+from studies.problems import PICK_AND_PLACE
 
 Array = NDArray[np.float64]
 HELP = "the straight line timed optimally, beside the quintic law and the free path"
+SMALL = {"scenes": (PICK_AND_PLACE,), "cells": 100}
 
 
 @dataclass(frozen=True)
@@ -128,9 +130,3 @@ def run(arguments: argparse.Namespace) -> int:
             flush=True,
         )
     return 0
-
-
-if __name__ == "__main__":
-    _parser = argparse.ArgumentParser(description=__doc__)
-    add_arguments(_parser)
-    raise SystemExit(run(_parser.parse_args()))

@@ -71,7 +71,7 @@ def _description(scene: Scene) -> list[tuple[str, str]]:
 def limits_table(scene: Scene) -> str:
     """A table of the limits of a scene: unit, bounds, order, and whether slowing down helps."""
     limits = limits_of(scene)
-    constraints, (lower, upper) = limits.constraints, limits.bounds()
+    constraints, (lower, upper) = limits.constraints, limits.bounds
     rows = [("limit", "of each", "unit", "bound", "order", "slowing helps", "")]
     for limit, own in zip(constraints.limits, constraints.slices, strict=True):
         rows.append(

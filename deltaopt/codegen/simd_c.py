@@ -16,6 +16,8 @@ LANES = 4
 SCALAR = """\
 #include <math.h>
 typedef double V;
+#define FMAX fmax
+#define FMIN fmin
 #define EACH(f, a) f(a)
 #define EACH2(f, a, b) f(a, b)
 #define ALL(a) (a)
@@ -26,6 +28,9 @@ VECTOR = """\
 #include <math.h>
 typedef double V __attribute__((vector_size(32)));
 static inline V all_lanes(double a) { return (V){a, a, a, a}; }
+/* As fmax and fmin of the C library, without a call in the midst of vectors. */
+static inline double FMAX(double a, double b) { return a > b || b != b ? a : b; }
+static inline double FMIN(double a, double b) { return a < b || b != b ? a : b; }
 #define EACH(f, a) ((V){f((a)[0]), f((a)[1]), f((a)[2]), f((a)[3])})
 #define EACH2(f, a, b) \\
   ((V){f((a)[0], (b)[0]), f((a)[1], (b)[1]), f((a)[2], (b)[2]), f((a)[3], (b)[3])})
@@ -57,8 +62,8 @@ _C = {
     ca.OP_FABS: "EACH(fabs, {0})",
     ca.OP_SIGN: "EACH2(copysign, ALL(1.0), {0})",
     ca.OP_ATAN2: "EACH2(atan2, {0}, {1})",
-    ca.OP_FMAX: "EACH2(fmax, {0}, {1})",
-    ca.OP_FMIN: "EACH2(fmin, {0}, {1})",
+    ca.OP_FMAX: "EACH2(FMAX, {0}, {1})",
+    ca.OP_FMIN: "EACH2(FMIN, {0}, {1})",
 }
 
 

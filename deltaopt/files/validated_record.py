@@ -7,6 +7,8 @@ unit and its range are written once, where the field is declared.
 from __future__ import annotations
 
 import difflib
+from collections.abc import Mapping
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Self
 
@@ -53,6 +55,20 @@ class Record(BaseModel):
             return cls.model_validate(content)
         except SceneError as error:
             raise error.inside(file=file) from None
+
+    @cached_property
+    def fields_hash(self) -> int:
+        """The hash of all fields, computed once: caches look robots and scenes up often."""
+        return hash(tuple(getattr(self, name) for name in type(self).model_fields))
+
+    def __hash__(self) -> int:
+        return self.fields_hash
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """A copy with other fields, not validated; without the hash of this one."""
+        copied = super().model_copy(update=update, deep=deep)
+        copied.__dict__.pop("fields_hash", None)
+        return copied
 
     @model_validator(mode="before")
     @classmethod

@@ -131,6 +131,24 @@ class Constraints:
         parts = zip(self.limits, self._split(self.numbers()), strict=True)
         return [limit.bounds(own) for limit, own in parts]
 
+    @cached_property
+    def bounds_of_rows(self) -> ca.Function:
+        """Numbers of all items -> lower and upper bound of every row's measure."""
+        numbers, both = self.numbers(), (list[SX](), list[SX]())
+        for (limit, _), rows, own in zip(
+            self.items, self.slices, self._split(numbers), strict=True
+        ):
+            bounds = limit.bounds(own)
+            for side, found, none in zip(
+                (bounds.lower, bounds.upper), both, (-np.inf, np.inf), strict=True
+            ):
+                values = SX(none) if side is None else side
+                one_for_all = values.numel() == 1
+                found.append(
+                    ca.repmat(values, rows.stop - rows.start, 1) if one_for_all else values
+                )
+        return ca.Function("bounds", [numbers], [ca.vertcat(*found) for found in both])
+
     def _of_rows(self, of_items: Sequence[object], kind: type) -> NDArray[Any]:
         """A value of each item, repeated for its rows."""
         counts = [s.stop - s.start for s in self.slices]
@@ -184,7 +202,7 @@ class Constraints:
 
 @dataclass(frozen=True)
 class SceneLimits:
-    """The limits of one scene: which there are, and their numbers, (constraints.size,)."""
+    """The limits of one scene: which there are, and their numbers, (constraints.parameters,)."""
 
     constraints: Constraints
     numbers: Array
@@ -199,35 +217,22 @@ class SceneLimits:
         values = np.array([value for _, numbers in found for value in numbers], dtype=float)
         return cls(_shared(Constraints(items)), values)
 
-    def bounds(self) -> tuple[Array, Array]:
-        """Lower and upper bound of every measure in its unit, infinite where there is none."""
-        lower, upper = self._bounds
-        return np.array(lower, dtype=float), np.array(upper, dtype=float)
-
-    def upper(self, name: str) -> Array | None:
-        """The upper bounds of a limit, by its name; None where it does not exist."""
-        parts = zip(self.constraints.limits, self.constraints.slices, strict=True)
-        return next((self.bounds()[1][rows] for limit, rows in parts if limit.name == name), None)
-
-    @property
-    def _bounds(self) -> tuple[list[float], list[float]]:
-        both: tuple[list[float], list[float]] = ([], [])
-        for (limit, _), rows, own in zip(
-            self.constraints.items, self.constraints.slices, self.of_items, strict=True
-        ):
-            bounds, count = limit.bounds(SX(ca.DM(own))), rows.stop - rows.start
-            for side, found, none in zip(
-                (bounds.lower, bounds.upper), both, (-np.inf, np.inf), strict=True
-            ):
-                values = [none] if side is None else np.array(ca.DM(side)).ravel().tolist()
-                found += values if len(values) == count else values * count
-        return both
-
     @property
     def of_items(self) -> list[Array]:
         """The numbers of each item."""
         ends = np.cumsum([size for _, size in self.constraints.items])[:-1]
         return np.split(self.numbers, ends)
+
+    @cached_property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper bound of every measure in its unit, infinite where there is none."""
+        lower, upper = self.constraints.bounds_of_rows(self.numbers)
+        return np.array(lower).ravel(), np.array(upper).ravel()
+
+    def upper(self, name: str) -> Array | None:
+        """The upper bounds of a limit, by its name; None where it does not exist."""
+        parts = zip(self.constraints.limits, self.constraints.slices, strict=True)
+        return next((self.bounds[1][rows] for limit, rows in parts if limit.name == name), None)
 
 
 _KNOWN: dict[Constraints, Constraints] = {}

@@ -118,8 +118,10 @@ def narrow_valleys(curves: Curves, fractions: Array, values: Array) -> Windows:
     """
     grid = values.reshape(-1, len(fractions), values.shape[1])
     left, middle, right = grid[:, :-2], grid[:, 1:-1], grid[:, 2:]
-    curvature, slope = left - 2 * middle + right, left - right
-    bent = np.where(curvature > 0, curvature, np.inf)
+    curvature = left - 2 * middle + right
+    if 2 * values.min() >= (_NARROW**2 + 1) * curvature.max():  # no parabola reaches so far down
+        return Windows(np.zeros(0, np.intp), np.zeros(0), np.zeros(0))
+    slope, bent = left - right, np.where(curvature > 0, curvature, np.inf)
     offset, least = slope / (2 * bent), middle - slope**2 / (8 * bent)
     narrow = (curvature > 0) & (np.abs(offset) <= 1) & (2 * least < _NARROW**2 * curvature)
     interval, sample, function = np.nonzero(narrow)

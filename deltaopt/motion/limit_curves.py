@@ -52,7 +52,7 @@ def limit_curves(scene: Scene, trajectory: Trajectory, fractions: Array) -> Iter
     path = trajectory.path_inside(fractions)
     parameters = np.concatenate([limits.numbers, model.parameters])
     (values,) = function(*path, parameters=parameters)
-    lower, upper = limits.bounds()
+    lower, upper = limits.bounds
     constraints = limits.constraints
     for limit, rows in zip(constraints.limits, constraints.slices, strict=True):
         if limit.promised:

@@ -48,25 +48,27 @@ _TOO_MUCH = 1e50
 class Loads:
     """Constraint rows of a motion at N instants, and what they ask of a slowed motion.
 
-    ``rows``: (N, rows), normalised: lower bounds at -1, upper bounds at 1. ``slower``: (N, those
-    that slowing changes), what k² must be at least. ``faster``: (N, those that are not zero at
-    rest), what 1/k² must be at least: positive only where a limit is exceeded at rest, so that it
-    needs the motion's help. ``alignment``: sin² (q_{k,1} - q_{k,2}) of the chains, (N, 3).
+    ``rows``: (N, rows), normalised: lower bounds at -1, upper bounds at 1. ``demands``: (N, …); the
+    first ``slower`` of them, one for each row that slowing changes, are what k² must be at least;
+    the rest, one for each row that is not zero at rest, what 1/k² must be at least: positive only
+    where a limit is exceeded at rest, so that it needs the motion's help. ``alignment``:
+    sin² (q_{k,1} - q_{k,2}) of the chains, (N, 3).
     """
 
     rows: Array
-    slower: Array
-    faster: Array
+    demands: Array
     alignment: Array
+    slower: int
 
-    @property
-    def demands(self) -> Array:
-        """Both, (N, …), those for a slower motion first."""
-        return np.hstack([self.slower, self.faster])
+    def highest_demands(self, samples: int) -> Array:
+        """The largest demands in each interval, of so many samples in each: (K, …)."""
+        width = self.demands.shape[1]
+        return np.asarray(self.demands.reshape(-1, samples, width).max(axis=1))
 
-    def highest_slower(self, samples: int) -> Array:
-        """The most that each interval asks of k², of so many samples in each: (K,)."""
-        return np.asarray(self.slower.max(axis=1).reshape(-1, samples).max(axis=1))
+    def slowing(self, highest: Array) -> Array:
+        """By what factor each interval alone asks the motion to be slowed, from its highest
+        demands, (K, …) -> (K,)."""
+        return np.asarray(np.sqrt(highest[:, : self.slower].max(axis=1)))
 
 
 def safe_factor(
@@ -81,19 +83,18 @@ def safe_factor(
     along, fractions = _loads_along(scene, trajectory), sample_fractions(intervals)
     known = sampled or along(*everywhere(intervals, fractions))
     highest = _highest(along, lambda loads: loads.demands, fractions, known).values
-    number = known.slower.shape[1]
-    return _factor(highest[:number], highest[number:], at_least)
+    return _factor(highest, known.slower, at_least)
 
 
-def sampled_factor(loads: Loads, at_least: float = 1.0) -> float:
-    """The same from samples only: a little less where they miss a peak."""
-    return _factor(loads.slower.max(axis=0), loads.faster.max(axis=0), at_least)
+def sampled_factor(demands: Array, slower: int, at_least: float = 1.0) -> float:
+    """The same from demands of samples only, (N, …): a little less where they miss a peak."""
+    return _factor(demands.max(axis=0), slower, at_least)
 
 
-def _factor(slower: Array, faster: Array, at_least: float) -> float:
-    """From the largest demands of each kind."""
-    squared = np.maximum(at_least**2, slower.max())  # not a number if one is none
-    held = faster.max(initial=0.0) * squared <= 1
+def _factor(highest: Array, slower: int, at_least: float) -> float:
+    """From the largest demands."""
+    squared = np.maximum(at_least**2, highest[:slower].max())  # not a number if one is none
+    held = highest[slower:].max(initial=0.0) * squared <= 1
     return sqrt(squared) if squared < _TOO_MUCH and held else inf
 
 
@@ -133,7 +134,7 @@ def rough_factor(scene: Scene, trajectory: Trajectory) -> float:
     intervals = len(trajectory.knots) - 1
     evaluate = _Evaluation.of(scene, trajectory)
     loads = evaluate(*everywhere(intervals, sample_fractions(intervals)))
-    return sampled_factor(loads, at_least=0.0)
+    return sampled_factor(loads.demands, loads.slower, at_least=0.0)
 
 
 @dataclass(frozen=True)
@@ -145,6 +146,7 @@ class _Evaluation:
     lengths: Array
     function: RowFunction
     parameters: Array
+    slower: int
 
     @classmethod
     def of(cls, scene: Scene, trajectory: Trajectory) -> _Evaluation:
@@ -153,12 +155,15 @@ class _Evaluation:
         powers = coefficients.shape[1] // 3
         function = _loads_function(model.functions.terms, limits.constraints, powers)
         parameters = np.concatenate([limits.numbers, model.parameters])
-        return cls(model, coefficients, np.diff(trajectory.knots), function, parameters)
+        slower = int(np.count_nonzero(limits.constraints.slowing_exponents))
+        lengths = np.diff(trajectory.knots)
+        return cls(model, coefficients, lengths, function, parameters, slower)
 
     def __call__(self, intervals: Index, fractions: Array) -> Loads:
         since = (self.lengths[intervals] * fractions)[:, None]
         coefficients = self.coefficients[intervals]
-        return Loads(*self.function(coefficients, since, parameters=self.parameters))
+        rows, demands, alignment = self.function(coefficients, since, parameters=self.parameters)
+        return Loads(rows, demands, alignment, self.slower)
 
 
 def _loads_along(scene: Scene, trajectory: Trajectory) -> Callable[[Index, Array], Loads]:
@@ -196,7 +201,7 @@ def _explain(
 @lru_cache(maxsize=32)
 def _loads_function(terms: DeltaTerms, constraints: Constraints, powers: int) -> RowFunction:
     """(coefficients 3 · powers, time since the interval began, numbers of the limits and p) ->
-    ``Loads``."""
+    ``Loads`` but for the number ``slower``."""
     coefficients, t = ca.SX.sym("coefficients", 3 * powers), ca.SX.sym("t")
     x, v, a = (ca.SX.zeros(3) for _ in range(3))
     for c in reversed(ca.vertsplit(coefficients, 3)):  # Horner, differentiated twice
@@ -209,12 +214,12 @@ def _loads_function(terms: DeltaTerms, constraints: Constraints, powers: int) ->
     rows = constraints.rows(motion, numbers)
     at_rest = constraints.rows(PlatformInstant(functions, x, rest, rest, p), numbers)
     inputs = [coefficients, t, ca.vertcat(numbers, p)]
-    results = [rows, *_demands(constraints, at_rest, rows), motion.alignment]
+    results = [rows, _demands(constraints, at_rest, rows), motion.alignment]
     return RowFunction(ca.Function("loads", inputs, results, {"cse": True}))
 
 
-def _demands(constraints: Constraints, at_rest: ca.SX, rows: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """What rows ask of k² and of 1/k², as in ``Loads``; ``at_rest``: the rows at rest there."""
+def _demands(constraints: Constraints, at_rest: ca.SX, rows: ca.SX) -> ca.SX:
+    """What rows ask of k² and then of 1/k², as in ``Loads``; ``at_rest``: the rows at rest."""
     slower, faster = [], []
     for i in np.flatnonzero(constraints.slowing_exponents).tolist():
         lower, upper = constraints.sides[i]
@@ -226,7 +231,7 @@ def _demands(constraints: Constraints, at_rest: ca.SX, rows: ca.SX) -> tuple[ca.
         beyond = ca.fabs(static) if lower and upper else static if upper else -static
         if not static.is_zero():
             faster.append(ca.fmax(beyond - 1, 0) / ca.fmax(ca.fabs(moving), _NOTHING))
-    return ca.vertcat(*slower), ca.vertcat(*faster)
+    return ca.vertcat(*slower, *faster)
 
 
 def _power(share: ca.SX, exponent: int) -> ca.SX:

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deltaopt.codegen.vectorised import evaluate_rows
+from deltaopt.codegen.vectorised import RowFunction, evaluate_rows
 from deltaopt.dynamics.formulation import Formulation
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.dynamics.virtual_work import VirtualWork
@@ -123,7 +123,11 @@ class DeltaModel:
         It is sin² (q_{k,1} - q_{k,2}), (N, 3), without unit: 0 where arm and bars are in line, the
         chain folded or stretched. x: (N, 3), m.
         """
-        return self._evaluate(self.functions.serial_distances, x)[0][..., 3:]
+        x = np.asarray(x, dtype=float)
+        (distances,) = _serial_distances(self.functions)(
+            np.atleast_2d(x), parameters=self.parameters
+        )
+        return distances[0, 3:] if x.ndim == 1 else distances[:, 3:]
 
     def motion(self, x: ArrayLike, v: ArrayLike, a: ArrayLike) -> tuple[Array, Array, Array]:
         """All coordinates q, q̇, q̈, (N, 12) each, of a motion x, v, a of the platform.
@@ -234,6 +238,12 @@ class DeltaModel:
 def delta_model(robot: Robot, payload: float | None) -> DeltaModel:
     """The model of a robot with a payload (kg) by eq. (39), made once in a process."""
     return DeltaModel(robot, payload)
+
+
+@lru_cache(maxsize=16)
+def _serial_distances(functions: DeltaFunctions) -> RowFunction:
+    """(x, p) -> cos² q_{k,3}, sin² (q_{k,1} - q_{k,2}) of the chains, for many points at once."""
+    return RowFunction(functions.serial_distances)
 
 
 def _still(rate: ArrayLike) -> NDArray[np.bool]:

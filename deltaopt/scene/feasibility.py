@@ -131,7 +131,7 @@ def _exceeded_at_rest(scene: Scene, point: Vector3) -> Iterator[str]:
     x, p, numbers = (ca.SX(ca.DM(each)) for each in (point, model.parameters, limits.numbers))
     motion = CoordinateInstant.general(model.functions, x, rest, rest, p)
     found = np.array(ca.DM(constraints.measures(motion, numbers))).ravel()
-    for row, (value, lower, upper) in enumerate(zip(found, *limits.bounds(), strict=True)):
+    for row, (value, lower, upper) in enumerate(zip(found, *limits.bounds, strict=True)):
         if not lower <= value <= upper:
             unit = constraints.limits[constraints.item_of(row)[0]].unit
             beyond, bound = ("at most", upper) if value > upper else ("at least", lower)

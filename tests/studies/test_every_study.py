@@ -17,6 +17,7 @@ SAYS = {
     "frozen": "cases agree to 1e-09",
     "gap": "true: against 0.14087",
     "inverse": "inverse dynamics",
+    "line": "pick_and_place: line by a quintic law 0.1966 s",
     "objectives": "least effort ∫ τᵀτ dt in",
     "scaling": "time of an iteration grows as N^",
     "tolerances": "gaps against 0.14087",

@@ -67,12 +67,13 @@ def solve_on_mesh(
     trajectory = Trajectory(solution.position, model, solution.coordinates)
     loads = loads_inside(scaling.scene, trajectory, FRACTIONS)
     rows = time_costing_rows(scaling.constraints)
+    demands = loads.highest_demands(len(FRACTIONS))
     lost = error_estimate(
         solution.multipliers[:, :, rows],
         _by_interval(loads.rows)[:, :, rows],
-        np.sqrt(loads.highest_slower(len(FRACTIONS))),
+        loads.slowing(demands),
     )
-    factor = sampled_factor(loads)
+    factor = sampled_factor(demands, loads.slower)
     return MeshSolution(problem, solution, trajectory, loads, lost, factor, scaling)
 
 

@@ -94,7 +94,7 @@ class Scaling:
     @cached_property
     def torque(self) -> Array:
         """The unit of torque: the largest that the scene allows each motor, (motors,), N·m."""
-        return self.limits.bounds()[1][self.constraints.is_control]
+        return self.limits.bounds[1][self.constraints.is_control]
 
     @cached_property
     def at_start(self) -> Array:
