@@ -1,6 +1,6 @@
 """Find the best motion of a scene, verify it, and write it down.
 
-The motion begins and ends at rest and keeps the limits of torque and speed all the way;
+The motion begins and ends at rest and keeps the limits all the way;
 its path is free. The motion is then verified by code that shares the robot's model with the
 planner but no method. DIR receives
 
@@ -46,6 +46,7 @@ from deltaopt.planning.planner import Plan, Planner, plan
 from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene, load_scene
+from deltaopt.verify.measures import Distance
 from deltaopt.verify.verification import Check, Verification, verify
 
 FORMULATIONS: dict[str, Callable[[LoopClosure], ProblemFormulation]] = {
@@ -222,10 +223,16 @@ def _singularities(verification: Verification) -> list[str]:
     There is no bound on these distances; torques, which are bounded, grow near a singularity.
     """
     lines = [
-        f"  {each.name}: {each.formula} = {each.least:.2g}, {each.subject} at t = {each.t:.6f} s"
+        f"  {each.name}: {each.formula} = {each.least:.2g}, {_where(each)}"
         for each in verification.distances
     ]
     return ["least distance to singularities, 0 in one and 1 at best:", *lines] if lines else []
+
+
+def _where(distance: Distance) -> str:
+    """Of which chain, if it is of one, and when: "chain 2 at t = 0.1 s"."""
+    when = f"at t = {distance.t:.6f} s"
+    return when if distance.subject == "robot" else f"{distance.subject} {when}"
 
 
 def _optimality(verification: Verification) -> list[str]:
@@ -237,7 +244,7 @@ def _optimality(verification: Verification) -> list[str]:
     if spread is None or violation is None:
         return []
     met = "; a local statement"
-    unmet = ": not met; as a rule it is only where torques jump at knots"
+    unmet = ": not met, as usual unless switches are resolved (--tolerance 1e-6)"
     verdict = met if max(spread, violation) < MET else unmet
     return [
         f"Pontryagin's condition, by costates fitted to the motion: Hamiltonian constant to "

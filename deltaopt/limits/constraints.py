@@ -62,13 +62,6 @@ class Constraints:
         parts = zip(self.limits, self._split(numbers), strict=True)
         return ca.vertcat(*(limit.measure(motion, own) for limit, own in parts))
 
-    def normalised_measures(self, motion: Instant, numbers: SX) -> SX:
-        """The same over their bounds: lower bounds at -1, upper bounds at 1."""
-        parts = zip(self.limits, self._split(numbers), strict=True)
-        return ca.vertcat(
-            *(limit.bounds(own).normalised(limit.measure(motion, own)) for limit, own in parts)
-        )
-
     def _split(self, numbers: SX) -> list[SX]:
         ends = np.cumsum([0, *(size for _, size in self.items)]).tolist()
         return [numbers[a:b] for a, b in pairwise(ends)]

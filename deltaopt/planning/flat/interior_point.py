@@ -40,10 +40,12 @@ STATUS = (
 
 @dataclass(frozen=True)
 class Settings:
-    """``tolerance``: of complementarity and duration as fractions of the latter, and of rows.
+    """When the method starts, and when it stops.
 
-    ``barrier``: complementarity at first, the same fraction. ``closest``: to a limit that a
-    row may begin, as a fraction. ``iterations``: at most.
+    ``tolerance``: it stops when complementarity and the last change of the duration are below
+    this fraction of the duration, and every row is met to it. ``barrier``: complementarity at the
+    start, as a fraction of the duration. ``closest``: at the start no row is closer to its bound
+    than this fraction of the bound. ``iterations``: the most it does.
     """
 
     tolerance: float = 1e-5

@@ -42,7 +42,7 @@ class SwitchResolver:
         return self._resolved(solution, STANDARD)
 
     def from_fine(self, solution: MeshSolution) -> ResolvedMotion | None:
-        """From a mesh on which next to nothing is given away; None if it cannot be resolved."""
+        """From a mesh whose motion is close to optimal; None if it cannot be resolved."""
         return self._resolved(solution, SHARP)
 
     def from_last(self, solution: MeshSolution) -> ResolvedMotion | None:
