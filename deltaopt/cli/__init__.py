@@ -6,6 +6,7 @@ Exit codes: 0 done; 1 the problem has no (verified) solution; 2 bad input or usa
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Callable
 from typing import Protocol
@@ -76,6 +77,9 @@ def exit_code(run: Callable[[], int]) -> int:
     except DeltaOptError as error:
         print(f"deltaopt: {error}", file=sys.stderr)
         return 1
+    except BrokenPipeError:  # who reads the output has read enough: "deltaopt check ... | head"
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 141
     except OSError as error:  # input errors are SceneErrors: this output cannot be written
         print(f"deltaopt: {error.filename}: {error.strerror}", file=sys.stderr)
         return 2

@@ -76,6 +76,8 @@ def _limit(axes: Axes, t: Array, curves: LimitCurves) -> None:
         without_box(axes)
     _limit_lines(axes, curves.lower)
     _limit_lines(axes, curves.upper)
+    if curves.limit.order > 0:
+        axes.axhline(0.0, linewidth=0.0)  # zero at rest belongs to the scale of a rate
 
 
 def _switching(axes: Axes, extremal: Extremal) -> None:
