@@ -1,8 +1,8 @@
 """What a limit is: a quantity of the motion at an instant, and its bounds.
 
 A limit is one file of this folder. It says how its quantity follows from the motion and where its
-numbers stand in robot and scene; derivatives, normalisation, safe slowing, charts and verification
-follow from that and are written once, elsewhere.
+numbers stand in the robot's file, the scene's, or in both; derivatives, normalisation, safe
+slowing, charts and verification follow from that and are written once, elsewhere.
 """
 
 from __future__ import annotations
@@ -78,8 +78,9 @@ class Bounds:
 
     Two bounds are symmetric, ±``scale``, and an upper bound alone is its own scale.
 
-    ``out_of_reach``: of a quantity with one bound, whether it can never be two scales beyond it, as
-    a squared sine cannot. A method that prefers rows with two sides may then close the other one.
+    ``out_of_reach``: whether a quantity with one bound cannot get as far as two scales from it on
+    the permitted side. A norm with an upper bound cannot: it is never below 0, one scale away. A
+    method that prefers rows with two sides may then put the missing bound there.
     """
 
     lower: SX | None

@@ -60,7 +60,7 @@ _KEPT_DISTANCE = 1e-2
 """Squared distance to the serial singularities, sin² or cos² of an angle, that motions keep if
 their start and goal do. Ends that are closer ask for a larger allowance for rounding."""
 _FIRST_MESH_TOLERANCE = 1e-4
-"""Loosest relative tolerance of the solver on the first mesh. A tighter one is wasted, for the
+"""Tightest relative tolerance of the solver on the first mesh. Any tighter is wasted, for the
 discretisation error of a coarse mesh is far larger."""
 
 

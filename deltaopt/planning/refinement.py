@@ -44,9 +44,9 @@ _LARGEST_TARGET = 1e-3
 """Largest relative time loss that a mesh is refined for, even if the gap is infinite because the
 motion cannot be slowed to its limits."""
 _SOLVER_MARGIN, _LOOSEST_TOLERANCE = 300.0, 1e-4
-"""The solver's relative tolerance on a mesh: the gap of the mesh before divided by the first, but
-no looser than the second. A tighter one costs iterations, a looser one hides the error of the
-mesh behind the solver's."""
+"""The solver's relative tolerance on a mesh: the gap of the mesh before divided by the first, at
+most the second; a third of the plan's tolerance if that is looser. A tighter one costs iterations,
+a looser one hides the error of the mesh behind the solver's."""
 _SMALLEST_TARGET = 3e-7
 """Smallest relative time loss that a mesh is refined for. Below it the loss cannot be
 distinguished from what the solver leaves."""

@@ -1,7 +1,8 @@
 """Where the platform ends up when the motors apply the reported torques.
 
 The torques, as functions of time, drive forward dynamics with multipliers (model L_I, eq. 37),
-which the planner's explicit model does not share; CVODES integrates them to 12 digits.
+and CVODES integrates it to 12 digits. The torques come from the explicit model L_E (eq. 39); the
+two share the mechanism's kinematics, masses and forces, not the way the constraints are eliminated.
 """
 
 from __future__ import annotations

@@ -114,7 +114,7 @@ class _Rows:
         """By the order of each row.
 
         Raises NoCostates unless every motor has one limit of its torque, on both sides, and all
-        other rows are of order 0 or 1.
+        other limits are of order 0 or 1 and have one row for each motor or chain.
         """
         control = np.flatnonzero(constraints.is_control)
         first, second = constraints.of_order(1), constraints.of_order(0)
@@ -122,7 +122,8 @@ class _Rows:
         both = constraints.sides[control].all()
         own = sorted(control.tolist(), key=lambda row: constraints.item_of(row)[1])
         one_each = [constraints.item_of(row)[1] for row in own] == list(range(constraints.motors))
-        if not (treated and both and one_each):
+        sizes = {rows.stop - rows.start for rows in constraints.slices}
+        if not (treated and both and one_each and sizes == {constraints.motors}):
             raise NoCostates("the scene has limits that a fit of costates cannot treat")
         return cls(constraints, tuple(own), tuple(first.tolist()), tuple(second.tolist()))
 

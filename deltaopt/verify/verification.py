@@ -1,9 +1,9 @@
 """Checks a motion by means that its planner did not use.
 
-Nothing here comes from ``planning``, and of ``motion`` only the trajectory, which is data. What is
-checked is the motion as reported: the path as a function of time, and the coordinates and torques
-that the trajectory's own model gives for it. What it is held against is the scene, through models
-built here from the scene.
+Nothing here comes from ``planning``, and of ``motion`` only the trajectory: the polynomials of the
+path, and the model that it carries. What is checked is the motion as reported: the path as a
+function of time, and the coordinates and torques that the trajectory's model gives for it. What it
+is held against is the scene, through models built here from the scene.
 """
 
 from __future__ import annotations

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import factorial
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -62,8 +63,12 @@ FORMULAS = {
 OF_DRIVES = [limit for limit in LIMITS if limit.name in FORMULAS]
 
 
-def test_every_formula_has_its_limit():
+def test_every_limit_is_held_against_a_formula():
+    """Here, or in a file of its own."""
     assert len(OF_DRIVES) == len(FORMULAS)
+    for limit in set(LIMITS) - set(OF_DRIVES):
+        file = type(limit).__module__.split(".")[-1]
+        assert Path(__file__).with_name(f"test_{file}.py").exists(), limit.name
 
 
 def test_differences_are_exact_enough():
@@ -81,10 +86,11 @@ def test_measure_is_its_formula(limit, name, payload):
     rng = np.random.default_rng(5)
     motions = [Motion(model, rng) for _ in range(5)]
     start, goal = (tuple(motion.x.tolist()) for motion in motions[:2])
-    scene = Scene(robot=model.robot, payload=payload, start=start, goal=goal)
+    scene = Scene(robot=model.robot, payload=payload, start=start, goal=goal, limits={"speed": 5.0})
     x, v, a = (ca.SX.sym(letter, 3) for letter in "xva")
     p = model.functions.terms.symbols().vector()
     functions = delta_functions(model.functions.terms, Explicit())
+    assert limit.items(scene)
     for numbers in limit.items(scene):
         for instant in (
             PlatformInstant(functions, x, v, a, p),

@@ -42,7 +42,7 @@ class DeltaParameters:
     I41: SX | float
     I43: SX | float
     I42: SX | float | None = None
-    m2: SX | float | None = None
+    m2: SX | float | None = None  # the payload
     g: SX | float | None = None
 
     def present(self) -> list[str]:

@@ -291,16 +291,16 @@ static int has_rates(const Given *given, int64_t b) {
 static void set_intervals(Problem *P) {
   const Given *given = P->given;
   int64_t i = 0;
-  for (int64_t q = 0; q < P->phases; q++) {
+  for (int64_t phase = 0; phase < P->phases; phase++) {
     V p[NP];
-    for (int k = 0; k < NP; k++) p[k] = ALL(given->p[NP * q + k]);
-    prepare(p, P->q + NQ * q);
-    for (int64_t j = 0; j < given->intervals[q]; j++, i++) {
+    for (int k = 0; k < NP; k++) p[k] = ALL(given->p[NP * phase + k]);
+    prepare(p, P->prepared + NQ * phase);
+    for (int64_t j = 0; j < given->intervals[phase]; j++, i++) {
       Interval *I = P->interval + i;
       I->length = given->mesh[i];
-      I->phase = q;
-      I->boundary[0] = j == 0 ? q : -1;
-      I->boundary[1] = j == given->intervals[q] - 1 ? q + 1 : -1;
+      I->phase = phase;
+      I->boundary[0] = j == 0 ? phase : -1;
+      I->boundary[1] = j == given->intervals[phase] - 1 ? phase + 1 : -1;
       I->moving = 0;
       for (int side = 0; side < 2; side++) {
         const int64_t b = I->boundary[side];
@@ -310,7 +310,7 @@ static void set_intervals(Problem *P) {
       I->any_constant = I->constant[0] || I->constant[1];
       for (int r = 0; r < NC; r++) I->scale[r] = 1 / given->share[NC * i + r];
       set_weights(P, I);
-      set_bending(I, durations(P, P->z)[q]);
+      set_bending(I, durations(P, P->z)[phase]);
     }
   }
   P->first = 1;
@@ -504,7 +504,7 @@ static uintptr_t share_out(Problem *P, uintptr_t address) {
   const int64_t numbers = size(P), real = sizeof(double), w = P->width;
   P->interval = part(&address, P->n * (int64_t)sizeof(Interval));
   P->block = part(&address, (P->n + 1) * (int64_t)sizeof(Block));
-  P->q = part(&address, P->phases * NQ * (int64_t)sizeof(V));
+  P->prepared = part(&address, P->phases * NQ * (int64_t)sizeof(V));
   P->border = part(&address, (P->n + 1) * w * NB * real);
   P->corner = part(&address, w * w * real);
   P->pivot = part(&address, w * real);

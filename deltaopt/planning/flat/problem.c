@@ -141,7 +141,7 @@ typedef struct {
   int64_t first, last;           /* the first and last knot that is not wholly fixed */
   Interval *interval;            /* n */
   Block *block;                  /* n + 1 */
-  V *q;                          /* phases x NQ */
+  V *prepared;                   /* phases x NQ */
   double *border;                /* (n + 1) x width x NB */
   double *corner, *pivot;        /* width x width, lower triangle: L; width: D */
   double *z, *dz, *trial, *g;    /* n + 1 knots, then the durations */

@@ -11,7 +11,7 @@ static void rows(Problem *P, int64_t i, Group *G, const double *knots, double T,
   const Interval *I = P->interval + i;
   V y[NY], g[NI];
   at_points(G, knots, T, y);
-  values(y, P->q + NQ * I->phase, c, g, G->e);
+  values(y, P->prepared + NQ * I->phase, c, g, G->e);
   scale(I, c);
   for (int k = 0; k < NI; k++) P->integral[k].next += sum(G->integral * g[k]);
 }
@@ -25,7 +25,7 @@ static void differentiate(const Problem *P, const Interval *I, Group *G, const d
   memcpy(weight, G->y, sizeof G->y);
   scale(I, weight);
   for (int k = 0; k < NI; k++) weight[NC + k] = P->integral[k].upper * G->integral;
-  second(y, G->e, weight, P->q + NQ * I->phase, G->C, H);
+  second(y, G->e, weight, P->prepared + NQ * I->phase, G->C, H);
   scale_rows(G->C, I->scale);
   for (int r = 0; r < NC; r++)
     stiffness[r] = G->upper[r] * G->over[r] + G->lower[r] * G->under[r];
