@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import pairwise
 from typing import Any
 
@@ -219,13 +219,21 @@ class SceneLimits:
     @cached_property
     def bounds(self) -> tuple[Array, Array]:
         """Lower and upper bound of every measure in its unit, infinite where there is none."""
-        lower, upper = self.constraints.bounds_of_rows(self.numbers)
-        return np.array(lower).ravel(), np.array(upper).ravel()
+        return _bounds(self.constraints, tuple(self.numbers.tolist()))
 
     def upper(self, name: str) -> Array | None:
         """The upper bounds of a limit, by its name; None where it does not exist."""
         parts = zip(self.constraints.limits, self.constraints.slices, strict=True)
         return next((self.bounds[1][rows] for limit, rows in parts if limit.name == name), None)
+
+
+@lru_cache(maxsize=64)
+def _bounds(constraints: Constraints, numbers: Numbers) -> tuple[Array, Array]:
+    """``SceneLimits.bounds``, found once for all moves of a robot: a few per cent of a plan."""
+    found = [np.array(side).ravel() for side in constraints.bounds_of_rows(np.array(numbers))]
+    for side in found:
+        side.setflags(write=False)
+    return found[0], found[1]
 
 
 _KNOWN: dict[Constraints, Constraints] = {}
