@@ -60,13 +60,13 @@ FORMULAS = {
 }
 """By the name of the limit, in its unit: torques in N·m, rates of the arms in rad/s, sin²."""
 
-OF_DRIVES = [limit for limit in LIMITS if limit.name in FORMULAS]
+BY_FORMULA = [limit for limit in LIMITS if limit.name in FORMULAS]
 
 
 def test_every_limit_is_held_against_a_formula():
     """Here, or in a file of its own."""
-    assert len(OF_DRIVES) == len(FORMULAS)
-    for limit in set(LIMITS) - set(OF_DRIVES):
+    assert len(BY_FORMULA) == len(FORMULAS)
+    for limit in set(LIMITS) - set(BY_FORMULA):
         file = type(limit).__module__.split(".")[-1]
         assert Path(__file__).with_name(f"test_{file}.py").exists(), limit.name
 
@@ -77,7 +77,7 @@ def test_differences_are_exact_enough():
     np.testing.assert_allclose((_STENCILS @ np.sin(40 * _PLACES))[1], 40, rtol=1e-9)
 
 
-@pytest.mark.parametrize("limit", OF_DRIVES, ids=lambda limit: limit.name)
+@pytest.mark.parametrize("limit", BY_FORMULA, ids=lambda limit: limit.name)
 @pytest.mark.parametrize("name", ["orsino", "industrial"])
 @pytest.mark.parametrize("payload", [None, 1.0])
 def test_measure_is_its_formula(limit, name, payload):

@@ -1,4 +1,4 @@
-"""The angle-free form of eq. (39) for a Delta with slender bars, which the default plan evaluates.
+"""Eq. (39) without the bars' angles, for a Delta with slender bars; the default plan uses it.
 
 A bar with I₄,₁ = I₄,₃ = I and I₄,₂ = 0 has the kinetic energy of particles at its ends, elbow E and
 tip P:
