@@ -21,6 +21,7 @@ from pydantic import (
 from deltaopt.errors import SceneError
 from deltaopt.files.validated_record import Number, Positive, Record
 from deltaopt.files.yaml_file import read_yaml
+from deltaopt.limits.acceleration import Acceleration
 from deltaopt.limits.constraints import SceneLimits
 from deltaopt.limits.limit import Limit
 from deltaopt.limits.serial_singularity import SerialSingularity
@@ -33,7 +34,7 @@ from deltaopt.scene.task import RestToRest, Task
 _ROBOT_FILE = "the path of a robot file, relative to the scene file"
 
 
-LIMITS: tuple[Limit, ...] = (Torque(), SerialSingularity(), Speed())
+LIMITS: tuple[Limit, ...] = (Torque(), SerialSingularity(), Speed(), Acceleration())
 """All kinds of limit, in the order of the constraint rows of a problem."""
 
 _KEYS: dict[str, Any] = {

@@ -1,0 +1,37 @@
+"""‖ẍ‖ ≤ a_max: what load, gripper or product on the platform can stand."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import casadi as ca
+
+from deltaopt.files.validated_record import Positive
+from deltaopt.limits.limit import SX, Bounds, Described, Instant, Key, Numbers
+
+
+@dataclass(frozen=True)
+class Acceleration:
+    """Largest acceleration of the platform in any direction, Euclidean norm, m/s²."""
+
+    name: ClassVar[str] = "acceleration"
+    unit: ClassVar[str] = "m/s²"
+    subject: ClassVar[str] = "platform"
+    order: ClassVar[int] = 2
+    key: ClassVar[Key] = Key("acceleration", Positive, "an acceleration in m/s², greater than 0")
+    promised: ClassVar[bool] = True
+
+    def items(self, scene: Described) -> Sequence[Numbers]:
+        given = scene.given(self.key.name)
+        return [] if given is None else [(given,)]
+
+    def bounds(self, numbers: SX) -> Bounds:
+        return Bounds.at_most(numbers)
+
+    def measure(self, motion: Instant, numbers: SX) -> SX:
+        return ca.norm_2(motion.a)
+
+    def rows(self, motion: Instant, numbers: SX) -> SX:
+        return ca.sumsqr(motion.a) / numbers**2  # the norm has no derivative at rest
