@@ -214,7 +214,20 @@ def table(verification: Verification) -> str:
         for name, value, bound, unit, ok in rows
     )
     total = f"duration {verification.duration:.6f} s, effort {verification.effort:.6g} N²m²s"
-    return "\n".join([total, *lines, *_singularities(verification), *_optimality(verification)])
+    remarks = _long(verification) + _singularities(verification) + _optimality(verification)
+    return "\n".join([total, *lines, *remarks])
+
+
+def _long(verification: Verification) -> list[str]:
+    """A line for a motion so long that without feedback its torques need not lead to the goal."""
+    away, grown = verification.arrival_distance, verification.amplification
+    if verification.judges_arrival:
+        return []
+    led = "" if away is None else f" (integrated to 12 digits they end {away:.1e} m from it)"
+    return [
+        f"without feedback a deviation grows {grown:.0e} times, and so torques alone do not lead "
+        f"to the goal{led}: judged in pieces"
+    ]
 
 
 def _singularities(verification: Verification) -> list[str]:

@@ -1,13 +1,20 @@
-"""Where the platform ends up when the motors apply the reported torques.
+"""Where the platform goes when the motors apply the reported torques.
 
 The torques, as functions of time, drive forward dynamics with multipliers (model L_I, eq. 37),
 and CVODES integrates it to 12 digits. The torques come from the explicit model L_E (eq. 39); the
 two share the mechanism's kinematics, masses and forces, not the way the constraints are eliminated.
+
+A Delta that is held against gravity is unstable: without feedback a deviation grows by a factor e
+in a tenth of a second or so, rounding included, and after some seconds it is all there is. So the
+motion is also followed in pieces, each from the reported state and too short for that.
 """
 
 from __future__ import annotations
 
+from contextlib import suppress
+from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
 from typing import Any
 
 import casadi as ca
@@ -15,9 +22,10 @@ import numpy as np
 
 from deltaopt.dynamics.lagrange import Multiplier
 from deltaopt.mechanisms.delta.functions import DeltaFunctions
-from deltaopt.motion.trajectory import Array, Trajectory
-from deltaopt.robot.model import DeltaModel
+from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
+from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.scene.scene import Scene
+from deltaopt.scene.task import Task
 
 _CVODES: dict[str, Any] = {
     "reltol": 1e-12,
@@ -26,52 +34,196 @@ _CVODES: dict[str, Any] = {
     "nonlinear_solver_iteration": "functional",
     "max_num_steps": 20_000,  # an interval takes about 20
     "disable_internal_warnings": True,
+    "show_eval_warnings": False,  # what fails is told once, by us
 }
+
+
+MOST_AMPLIFIED = 1e4
+"""Largest amplification at which the arrival says something of the motion: it turns the 1e-12 of
+the integration into 1e-8 m, a thousandth of what is asked."""
+_HOPELESS = 1e10
+"""Amplification beyond which the arrival is all rounding, and is not computed."""
+_FIFTHS = (0.1, 0.3, 0.5, 0.7, 0.9)
+_MOST_PIECES = 20_000
+"""Of a motion, for an answer within seconds; the longest would take minutes otherwise."""
 
 
 class NotIntegrated(Exception):
     """The motion under the reported torques could not be followed to the end."""
 
 
-def arrival(scene: Scene, trajectory: Trajectory) -> tuple[float, float]:
-    """Distance to the goal (m) and to its velocity (m/s) at the end, from the scene's start.
+@dataclass(frozen=True)
+class Replay:
+    """Where the reported torques lead.
 
-    Raises NotIntegrated where CVODES fails, as on leaving the workspace.
+    ``amplification``: by how much a small deviation at the start grows until the end, about.
+    ``arrival_distance``, ``arrival_speed``: m and m/s, to the goal and its velocity at the end,
+    from the scene's start without correction; None where that is all rounding. ``defect_distance``,
+    ``defect_speed``: m and m/s, the largest difference from the reported state after a piece that
+    began in the reported state; None where the amplification is below ``MOST_AMPLIFIED``, for then
+    the arrival says more.
     """
-    model = DeltaModel(scene.robot, scene.payload, Multiplier())
-    position = trajectory.position
-    step = _step(model.functions, trajectory.model.functions, position.coefficients.shape[1])
-    p = np.concatenate([model.parameters, trajectory.model.parameters])
-    start, goal = scene.task.start, scene.task.goal
-    state = np.concatenate([start.position, start.velocity])
-    lengths = np.diff(position.knots)
-    for begin, length, coefficients in zip(
-        position.knots, lengths, position.coefficients, strict=False
-    ):
-        state = _integrated(step, state, np.concatenate([coefficients.ravel(), [length], p]))
-        if not np.isfinite(state).all():
-            raise NotIntegrated(f"CVODES failed after t = {begin:.6g} s")
-    away, too_fast = state[:3] - goal.position, state[3:] - goal.velocity
-    return float(np.linalg.norm(away)), float(np.linalg.norm(too_fast))
+
+    amplification: float
+    arrival_distance: float | None
+    arrival_speed: float | None
+    defect_distance: float | None = None
+    defect_speed: float | None = None
+
+
+def replay(scene: Scene, trajectory: Trajectory) -> Replay:
+    """Apply the reported torques from start to goal, and in a long motion in pieces too.
+
+    Raises NotIntegrated where CVODES fails, on a piece or in a motion that is not long.
+    """
+    counts, amplification = _pieces(scene, trajectory)
+    torques = _Torques.of(scene, trajectory)
+    if amplification <= MOST_AMPLIFIED:
+        return Replay(amplification, *torques.arrival())
+    away = fast = None
+    if amplification <= _HOPELESS:
+        with suppress(NotIntegrated):  # lost by rounding
+            away, fast = torques.arrival()
+    return Replay(amplification, away, fast, *torques.defects(counts))
+
+
+@dataclass(frozen=True)
+class _Torques:
+    """The torques of a trajectory, which drive a model. ``p``: parameters of both their models."""
+
+    task: Task
+    position: PiecewisePolynomial
+    step: ca.Function
+    p: Array
+
+    @classmethod
+    def of(cls, scene: Scene, trajectory: Trajectory) -> _Torques:
+        model, position = DeltaModel(scene.robot, scene.payload, Multiplier()), trajectory.position
+        powers = position.coefficients.shape[1]
+        step = _step(model.functions, trajectory.model.functions, powers)
+        p = np.concatenate([model.parameters, trajectory.model.parameters])
+        return cls(scene.task, position, step, p)
+
+    def arrival(self) -> tuple[float, float]:
+        """Distance to the goal (m) and to its velocity (m/s) at the end, from the task's start."""
+        start, goal = self.task.start, self.task.goal
+        state = np.concatenate([start.position, start.velocity])
+        for interval, length in enumerate(np.diff(self.position.knots)):
+            state = self._after(state, interval, 0.0, length)
+        return _norm(state[:3] - goal.position), _norm(state[3:] - goal.velocity)
+
+    def defects(self, counts: list[int]) -> tuple[float, float]:
+        """The largest defect of a piece, m and m/s; ``counts``: pieces of each interval."""
+        worst = np.zeros(2)
+        for interval, count in enumerate(counts):
+            length = (self.position.knots[interval + 1] - self.position.knots[interval]) / count
+            states = self._reported(interval, length * np.arange(count + 1))
+            for k, (begin, end) in enumerate(pairwise(states)):
+                away = self._after(begin, interval, k * length, length) - end
+                worst = np.maximum(worst, [_norm(away[:3]), _norm(away[3:])])
+        return float(worst[0]), float(worst[1])
+
+    def _after(self, state: Array, interval: int, begin: float, length: float) -> Array:
+        """The state after a piece that begins a time after its interval does (s), and is ``length``
+        (s) long. Raises NotIntegrated where CVODES fails."""
+        coefficients = self.position.coefficients[interval].ravel()
+        parameters = np.concatenate([coefficients, [begin, length], self.p])
+        try:
+            after = np.asarray(self.step(x0=state, p=parameters)["xf"].full()).ravel()
+        except RuntimeError:  # CasADi's only word for it
+            after = np.full(6, np.nan)
+        if not np.isfinite(after).all():
+            t = self.position.knots[interval] + begin
+            raise NotIntegrated(f"CVODES failed after t = {t:.6g} s")
+        return after
+
+    def _reported(self, interval: int, since: Array) -> Array:
+        """Reported position and velocity at times since an interval began, (N, 6)."""
+        own = np.full(len(since), interval)
+        x, v = (p.inside(own, since) for p in (self.position, self.position.derivative()))
+        return np.hstack([x, v])
+
+
+def _norm(vector: Array) -> float:
+    return float(np.linalg.norm(vector))
+
+
+def _pieces(scene: Scene, trajectory: Trajectory) -> tuple[list[int], float]:
+    """How many pieces each interval is integrated in, and the amplification of the whole motion.
+
+    Both by M = ∂(v, a)/∂(x, v), the torques being given functions of time, taken as constant on a
+    fifth of an interval. A piece is as long as the fastest deviation there needs to grow or shrink
+    by a factor e, or to swing by a radian.
+    """
+    lengths = np.diff(trajectory.knots)
+    M = _linearised(scene, trajectory)
+    rates = np.abs(np.linalg.eigvals(M)).max(axis=-1)  # (intervals, fifths), 1/s
+    fastest = float(rates.max()) or 1 / trajectory.duration
+    M[..., :3, 3:] *= fastest  # velocities in units of length times the fastest rate
+    M[..., 3:, :3] /= fastest
+    transition, logarithm = np.eye(6), 0.0
+    for interval, fifth in np.ndindex(rates.shape):
+        length = lengths[interval] / len(_FIFTHS)
+        steps = int(np.clip(np.ceil(length * fastest), 1, _MOST_PIECES))
+        step = _exponential(M[interval, fifth] * (length / steps))
+        for _ in range(steps):
+            transition = step @ transition
+            size = float(np.abs(transition).max())
+            transition, logarithm = transition / size, logarithm + np.log(size)
+    logarithm += float(np.log(np.linalg.norm(transition, 2)))
+    counts = np.maximum(np.ceil(lengths * rates.max(axis=1)), 1.0)
+    counts = np.ceil(counts * min(1.0, _MOST_PIECES / counts.sum()))
+    return counts.astype(int).tolist(), float(np.exp(min(logarithm, 700.0)))
+
+
+def _exponential(M: Array) -> Array:
+    """exp M for a matrix of norm about 1 at most, by its series."""
+    total = term = np.eye(len(M))
+    for power in range(1, 20):
+        term = term @ M / power
+        total = total + term
+    return total
+
+
+def _linearised(scene: Scene, trajectory: Trajectory) -> Array:
+    """M in the middle of the fifths of every interval: (intervals, fifths, 6, 6), 1/s and 1/s²."""
+    model = delta_model(scene.robot, scene.payload)
+    motion = trajectory.inside_intervals(_FIFTHS)
+    by_state = _by_state(model.functions)(motion.x.T, motion.v.T, motion.tau.T, model.parameters)
+    M = np.zeros((len(motion.x), 6, 6))
+    M[:, :3, 3:] = np.eye(3)
+    M[:, 3:] = by_state.full().T.reshape(-1, 6, 3).transpose(0, 2, 1)
+    return M.reshape(-1, len(_FIFTHS), 6, 6)
+
+
+@lru_cache(maxsize=16)
+def _by_state(functions: DeltaFunctions) -> ca.Function:
+    """(x, v, τ, p) -> ∂a/∂(x, v), 3 × 6."""
+    x, v, tau = (ca.MX.sym(name, 3) for name in ("x", "v", "tau"))
+    p = ca.MX.sym("p", len(functions.terms.names))
+    a = functions.forward_dynamics(x, v, tau, p)
+    derivatives = ca.horzcat(ca.jacobian(a, x), ca.jacobian(a, v))
+    return ca.Function("by_state", [x, v, tau, p], [derivatives])
 
 
 @lru_cache(maxsize=16)
 def _step(model: DeltaFunctions, reported: DeltaFunctions, powers: int) -> ca.Function:
-    """Integrator of the state (x, v) through one interval, built once for all robots alike.
+    """Integrator of the state (x, v) through a piece of an interval, built once for robots alike.
 
-    Its parameters: coefficients of the reported position (powers × 3), length of the
-    interval (s), parameters of both models.
+    Its parameters: coefficients of the reported position (powers × 3); when the piece begins,
+    since the interval does, and its length (s); parameters of both models.
     """
-    u, state = ca.MX.sym("u"), ca.MX.sym("state", 6)  # u: fraction of the interval
-    coefficients, length = ca.MX.sym("coefficients", 3, powers), ca.MX.sym("length")
+    u, state = ca.MX.sym("u"), ca.MX.sym("state", 6)  # u: fraction of the piece
+    coefficients = ca.MX.sym("coefficients", 3, powers)
+    begin, length = ca.MX.sym("begin"), ca.MX.sym("length")
     p = ca.MX.sym("p", len(model.terms.names))
     p_reported = ca.MX.sym("p_reported", len(reported.terms.names))
-    tau = _reported_torque(reported, powers)(u * length, coefficients, p_reported)
+    tau = _reported_torque(reported, powers)(begin + u * length, coefficients, p_reported)
     a = model.forward_dynamics(state[:3], state[3:], tau, p)
     problem = {
         "t": u,
         "x": state,
-        "p": ca.vertcat(ca.vec(coefficients), length, p, p_reported),
+        "p": ca.vertcat(ca.vec(coefficients), begin, length, p, p_reported),
         "ode": length * ca.vertcat(state[3:], a),
     }
     return ca.integrator("arrival", "cvodes", problem, 0, 1, _CVODES)
@@ -87,11 +239,3 @@ def _reported_torque(model: DeltaFunctions, powers: int) -> ca.Function:
     v = ca.jacobian(x, t)
     tau, _ = model.inverse_dynamics(x, v, ca.jacobian(v, t), p)
     return ca.Function("reported_torque", [t, coefficients, p], [tau])
-
-
-def _integrated(step: ca.Function, state: Array, parameters: Array) -> Array:
-    """The state at the end of an interval; not a number where CVODES fails."""
-    try:
-        return np.asarray(step(x0=state, p=parameters)["xf"].full()).ravel()
-    except RuntimeError:  # CasADi's only word for it
-        return np.full(6, np.nan)

@@ -26,7 +26,7 @@ from deltaopt.motion.trajectory import Array, Trajectory
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.scene import LIMITS, Scene
 from deltaopt.scene.task import distance
-from deltaopt.verify.forward_replay import NotIntegrated, arrival
+from deltaopt.verify.forward_replay import NotIntegrated, replay
 from deltaopt.verify.measures import Distance, Excess, MeasuredMotion, key, not_measured
 from deltaopt.verify.pontryagin import NoCostates, extremal
 from deltaopt.verify.resolved_curves import POINTS, WEIGHTS, TooRough
@@ -44,6 +44,10 @@ KINEMATIC_ERROR = 1e-9
 """m and m/s: rounding of the closed-form kinematics leaves 1e-15."""
 DYNAMIC_ERROR = 1e-6
 """m/s² and rad/s², where accelerations are of the order of 1e3: rounding leaves 1e-10."""
+DEFECT_DISTANCE = 1e-7
+"""m, after a piece of the motion: integration leaves 1e-12."""
+DEFECT_SPEED = 1e-5
+"""m/s, after a piece of the motion: a ten-thousandth of a slow motion's speed."""
 ARRIVAL_DISTANCE = 1e-5
 """m: what the project promises of a delivered motion; good robots repeat to 1e-4."""
 ARRIVAL_SPEED = 1e-3
@@ -131,6 +135,20 @@ BOUNDS = (
         "(m/s² and rad/s², on average)",
     ),
     Bound(
+        "defect_distance",
+        "m",
+        DEFECT_DISTANCE,
+        "its torques lead {:.3g} m off its path within a piece of it",
+        BOUNDARY_SHARE,
+    ),
+    Bound(
+        "defect_speed",
+        "m/s",
+        DEFECT_SPEED,
+        "its torques give a speed {:.3g} m/s off its own within a piece of it",
+        BOUNDARY_SHARE,
+    ),
+    Bound(
         "arrival_distance",
         "m",
         ARRIVAL_DISTANCE,
@@ -183,7 +201,12 @@ class Verification:
     ``position_jump``, ``velocity_jump``: m and m/s, the largest at a knot.
     ``kinematic_error``: E_K, mean over time of ‖(f, J q̇ + μ)‖, m and m/s.
     ``dynamic_error``: E_D, mean over time of ‖q̈ - q̈(q, q̇, τ)‖, m/s² and rad/s².
-    ``arrival_distance``, ``arrival_speed``: m and m/s, where the reported torques lead.
+    ``amplification``: by how much a deviation at the start grows until the end, about.
+    ``arrival_distance``, ``arrival_speed``: m and m/s, how far from the goal the reported torques
+        lead from the start, uncorrected. There is a bound up to an amplification of
+        ``MOST_AMPLIFIED``; beyond it rounding decides, and far beyond it they are None.
+    ``defect_distance``, ``defect_speed``: m and m/s, how far the reported torques lead off the
+        motion within a piece of it, at most; None where there is a bound on the arrival.
     ``hamiltonian_spread``, ``sign_violation``: how far the motion is from Pontryagin's condition
         for its objective, see ``pontryagin``; None where that cannot be told.
     ``obstacles``: what kept a measure from being evaluated, one sentence each.
@@ -203,8 +226,11 @@ class Verification:
     velocity_jump: float = inf
     kinematic_error: float = inf
     dynamic_error: float = inf
-    arrival_distance: float = inf
-    arrival_speed: float = inf
+    amplification: float = inf
+    arrival_distance: float | None = inf
+    arrival_speed: float | None = inf
+    defect_distance: float | None = None
+    defect_speed: float | None = None
     hamiltonian_spread: float | None = None
     sign_violation: float | None = None
     distances: tuple[Distance, ...] = ()
@@ -224,9 +250,16 @@ class Verification:
         """Whether the motion passes."""
         return not self.obstacles and all(check.ok for check in self.checks())
 
+    @property
+    def judges_arrival(self) -> bool:
+        """Whether the arrival has a bound: not in a long motion, where rounding decides it."""
+        return self.defect_distance is None
+
     def checks(self) -> list[Check]:
         """All measures that have a bound in this scene, limits first."""
-        values = [(bound, getattr(self, bound.measure)) for bound in BOUNDS]
+        judged = self.judges_arrival
+        bounds = [b for b in BOUNDS if judged or not b.measure.startswith("arrival_")]
+        values = [(bound, getattr(self, bound.measure)) for bound in bounds]
         return self._limit_checks() + [
             Check(bound.for_way(self.way, self.duration), value)
             for bound, value in values
@@ -310,10 +343,10 @@ def verify(scene: Scene, trajectory: Trajectory) -> Verification:
         return replace(nothing, obstacles=(str(error),))
     measured = replace(nothing, **measures)
     try:
-        away, speed = arrival(scene, trajectory)
-    except NotIntegrated as error:
+        followed = replay(scene, trajectory)
+    except (NotIntegrated, Unreachable, Singular) as error:
         return replace(measured, obstacles=(str(error),))
-    return replace(measured, arrival_distance=away, arrival_speed=speed)
+    return replace(measured, **vars(followed))
 
 
 def _measures(scene: Scene, trajectory: Trajectory) -> dict[str, Any]:

@@ -317,6 +317,66 @@ def test_torques_that_cannot_be_followed():
     assert any("CVODES failed" in sentence for sentence in found.failures())
 
 
+# Long motions
+
+
+@pytest.mark.parametrize("duration", [3.0, 9.0, 60.0])
+@pytest.mark.parametrize("scene", [SCENE, INDUSTRIAL], ids=["orsino", "industrial"])
+def test_good_slow_motion_passes_and_nothing_is_printed(scene, duration, capfd):
+    """A Delta held against gravity may be unstable: its torques alone need not lead to the goal."""
+    line = baseline(scene)
+    found = verify(scene, line.slowed(duration / line.duration))
+    assert found.failures() == []
+    assert found.ok
+    if not found.judges_arrival:
+        assert found.amplification > 1e4
+        assert found.defect_distance < 1e-10
+        assert found.defect_speed < 1e-9
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_slow_motion_of_the_orsino_robot_is_judged_in_pieces():
+    assert not verify(SCENE, LINE.slowed(9.0 / LINE.duration)).judges_arrival
+
+
+def test_torques_of_a_slow_motion_for_another_payload_are_found():
+    payload = 1.001 * (SCENE.payload or 1.0)
+    other = replace(LINE, model=DeltaModel(SCENE.robot, payload=payload)).slowed(
+        9.0 / LINE.duration
+    )
+    said = complaints(other)
+    assert "off its path within a piece of it" in said
+    assert "off its own within a piece of it" in said
+
+
+def test_amplification_is_how_a_deviation_grows():
+    """Against motions from starts a micrometre away, by Runge and Kutta's method in small steps."""
+    slow = LINE.slowed(1.0 / LINE.duration)
+    model, steps = DeltaModel(SCENE.robot, SCENE.payload), 400
+    t = np.linspace(0.0, slow.duration, 2 * steps + 1)
+    tau, h = slow(t).tau, slow.duration / steps
+
+    def rate(state, torque):
+        a = model.forward_dynamics(state[:, :3], state[:, 3:], np.tile(torque, (len(state), 1)))
+        return np.hstack([state[:, 3:], a])
+
+    state = np.zeros((4, 6))
+    state[:, :3] = SCENE.start
+    state[1:, :3] += 1e-6 * np.eye(3)
+    for k in range(steps):
+        before, middle, after = tau[2 * k : 2 * k + 3]
+        first = rate(state, before)
+        second = rate(state + h / 2 * first, middle)
+        third = rate(state + h / 2 * second, middle)
+        fourth = rate(state + h * third, after)
+        state = state + h / 6 * (first + 2 * second + 2 * third + fourth)
+    growth = np.linalg.norm((state[1:, :3] - state[0, :3]) / 1e-6, 2)
+    found = verify(SCENE, slow).amplification
+    assert growth > 5  # it is unstable
+    assert growth < 1.2 * found
+    assert found < 6 * growth  # growth of velocities comes to that of positions
+
+
 def test_json_has_no_infinity():
     found = verify(SCENE, changed(LINE, 0, [1.0, 0, 0]))
     read = json.loads(json.dumps(found.as_dict(), allow_nan=False))
