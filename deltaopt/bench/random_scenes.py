@@ -28,25 +28,47 @@ MARGIN = 0.1
 """Least distance from every singularity, where 1 is the best there is: a tenth leaves out the edge
 of the workspace, which `python -m studies stability edge` looks at."""
 _BATCH = 4096
+_MOST_BATCHES = 1000
+"""Batches in a row without a point in the workspace, before the search for points ends."""
+_MOST_MOVES = 500
+"""Moves in a row that the motors cannot hold, before the search for one that they can ends. It
+takes some seconds; a robot that can hold one move in fifty is given up once in 25 000 moves."""
 
 
 def random_scenes(robot: Robot, payload: float | None, number: int, seed: int) -> Iterator[Scene]:
     """Yield moves between points drawn uniformly from the workspace, at both of which the motors
-    can hold the platform against gravity."""
+    can hold the platform against gravity.
+
+    Raises Infeasible if hardly any points are in the workspace or hardly any moves are possible.
+    """
     rng = np.random.default_rng(seed)
     model = DeltaModel(robot, payload)
     points = np.empty((0, 3))
+    refused = 0
     while number:
-        while len(points) < 2:
+        for _ in range(_MOST_BATCHES):
+            if len(points) >= 2:
+                break
             points = np.concatenate([points, _in_workspace(model, rng)])
+        else:
+            raise Infeasible(
+                f"{robot.name}: no moves were found, for of {_MOST_BATCHES * _BATCH} random points "
+                "not even two are in the workspace"
+            )
         start, goal = points[:2].tolist()
         points = points[2:]
         scene = Scene(robot=robot, payload=payload, start=tuple(start), goal=tuple(goal))
         try:
             check_feasible(scene)
-        except (Unreachable, Infeasible):
+        except (Unreachable, Infeasible) as error:
+            refused += 1
+            if refused == _MOST_MOVES:
+                raise Infeasible(
+                    f"{robot.name}: none of {_MOST_MOVES} random moves in a row is possible; of "
+                    f"the last, {error}"
+                ) from None
             continue
-        number -= 1
+        number, refused = number - 1, 0
         yield scene
 
 

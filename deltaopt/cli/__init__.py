@@ -12,6 +12,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 from deltaopt.cli import bench, check, compare, export, inverse, plan
+from deltaopt.cli.arguments import WrongUsage
 from deltaopt.errors import DeltaOptError, SceneError
 
 
@@ -71,7 +72,7 @@ def exit_code(run: Callable[[], int]) -> int:
     """Run a command and return its exit code; an error becomes one sentence on stderr."""
     try:
         return run()
-    except SceneError as error:
+    except (SceneError, WrongUsage) as error:
         print(f"deltaopt: {error}", file=sys.stderr)
         return 2
     except DeltaOptError as error:

@@ -8,9 +8,13 @@ from errno import EACCES, ENOTDIR
 from math import isfinite
 from pathlib import Path
 
-from deltaopt.errors import SceneError
+from deltaopt.errors import DeltaOptError, SceneError
 from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene, load_scene
+
+
+class WrongUsage(DeltaOptError):
+    """An argument contradicts another one or asks for what no file can hold."""
 
 
 def add_scene(parser: argparse.ArgumentParser) -> None:
@@ -38,7 +42,9 @@ def add_robots(parser: argparse.ArgumentParser, number: int) -> None:
     parser.add_argument(
         "--payload", type=positive, default=1.0, metavar="KG", help="payload, kg (default: 1)"
     )
-    parser.add_argument("--seed", type=int, default=1, help="of the random moves (default: 1)")
+    parser.add_argument(
+        "--seed", type=seed, default=1, metavar="N", help="of the random moves (default: 1)"
+    )
 
 
 def add_output(parser: argparse.ArgumentParser) -> None:
@@ -100,6 +106,13 @@ def one_or_more(text: str) -> int:
 def two_or_more(text: str) -> int:
     """A whole number from 2 to 9999, for argparse."""
     return _whole(text, 2)
+
+
+def seed(text: str) -> int:
+    """A whole number from 0 to 2⁶³ - 1, for argparse."""
+    if not (text.isascii() and text.isdigit() and len(text) < 20 and int(text) < 2**63):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 0 to 2⁶³ - 1")
+    return int(text)
 
 
 def _whole(text: str, least: int) -> int:

@@ -16,10 +16,16 @@ import argparse
 
 import numpy as np
 
-from deltaopt.cli.arguments import add_output, add_scene, output_directory, positive
+from deltaopt.cli.arguments import (
+    WrongUsage,
+    add_output,
+    add_scene,
+    output_directory,
+    positive,
+)
 from deltaopt.motion.limit_curves import limit_curves
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.output.plan_files import write_csv
+from deltaopt.output.plan_files import MOST_ROWS, RATE, write_csv
 from deltaopt.planning.initial_motion import straight_line
 from deltaopt.robot.model import DeltaModel
 from deltaopt.scene.feasibility import check_feasible
@@ -43,6 +49,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     from deltaopt.plots.inverse import draw_motion, draw_torques  # slow to import
 
+    longest = (MOST_ROWS - 1) / RATE
+    if arguments.duration > longest:
+        raise WrongUsage(
+            f"--duration is {arguments.duration:g} s; with {RATE:g} rows a second and at most "
+            f"{MOST_ROWS} rows in inverse.csv it may be {longest:g} s at most"
+        )
     scene = load_scene(arguments.scene)
     check_feasible(scene)
     directory = output_directory(arguments)

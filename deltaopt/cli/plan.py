@@ -18,17 +18,19 @@ import sys
 from collections.abc import Callable
 
 from deltaopt.cli.arguments import (
+    WrongUsage,
     add_output,
     add_scene,
     one_or_more,
     output_directory,
     positive,
+    seed,
     two_or_more,
 )
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.motion.certificate import MET
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.output.plan_files import RATE, Provenance, StraightLine, save
+from deltaopt.output.plan_files import MOST_ROWS, RATE, Provenance, StraightLine, highest_rate, save
 from deltaopt.planning.flat.flat_problem import Flat
 from deltaopt.planning.formulations.choice import Forward, Redundant
 from deltaopt.planning.formulations.loop_closure import (
@@ -62,6 +64,17 @@ CLOSURES: dict[str, LoopClosure] = {
     "acceleration": AccelerationLevel(),
 }
 SOLVERS: dict[str, Solver] = {each.name: each for each in (InteriorPoint(), Ipopt())}
+PLANNING = (
+    "tolerance",
+    "intervals",
+    "formulation",
+    "solver",
+    "closure",
+    "transcription",
+    "starts",
+    "seed",
+)
+"""Options that say how to optimise; None where they are not given."""
 HELP = "find the best motion of a scene, the fastest as a rule, and verify it"
 
 
@@ -78,7 +91,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--tolerance",
         type=positive,
-        default=1e-3,
         metavar="GAP",
         help="relative optimality gap: how much longer than the optimum the motion may take, or "
         "how much more it may cost (default: 1e-3)",
@@ -86,14 +98,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--intervals",
         type=two_or_more,
-        default=Planner.intervals,
         metavar="N",
         help=f"intervals of the first mesh (default: {Planner.intervals})",
     )
     parser.add_argument(
         "--formulation",
         choices=FORMULATIONS,
-        default="flat",
         help="coordinates and dynamics of the optimisation (default: flat)",
     )
     parser.add_argument(
@@ -105,7 +115,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--closure",
         choices=CLOSURES,
-        default="knots",
         help="how explicit and multiplier keep the loops closed (default: knots)",
     )
     parser.add_argument(
@@ -116,11 +125,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--starts",
         type=one_or_more,
-        default=1,
         metavar="N",
         help="first guesses, all but the first of them random; the best is kept (default: 1)",
     )
-    parser.add_argument("--seed", type=int, default=1, help="of the random first guesses")
+    parser.add_argument(
+        "--seed", type=seed, metavar="N", help="of the random first guesses (default: 1)"
+    )
     parser.add_argument(
         "--rate",
         type=positive,
@@ -131,19 +141,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    formulation = FORMULATIONS[arguments.formulation](CLOSURES[arguments.closure])
-    possible = [solver.name for solver in (each() for each in formulation.solvers)]
-    if arguments.solver and arguments.solver not in possible:
-        print(
-            f"deltaopt plan: --solver is {arguments.solver}; with --formulation "
-            f"{arguments.formulation} it may be {' or '.join(possible)}",
-            file=sys.stderr,
-        )
-        return 2
+    name = arguments.formulation or "flat"
+    formulation = FORMULATIONS[name](CLOSURES[arguments.closure or "knots"])
+    _refuse_contradictions(arguments, name, formulation)
     scene = load_scene(arguments.scene)
     check_feasible(scene)
     directory = output_directory(arguments)
     trajectory, solution = _solve(scene, formulation, arguments)
+    _require_rows(trajectory, arguments.rate)
     verification = verify(scene, trajectory)
     print(table(verification))
     files = save(directory, scene, trajectory, verification, solution, arguments.rate)
@@ -153,6 +158,39 @@ def run(arguments: argparse.Namespace) -> int:
     return 0 if verification.ok else 1
 
 
+def _refuse_contradictions(
+    arguments: argparse.Namespace, name: str, formulation: ProblemFormulation
+) -> None:
+    """Raise WrongUsage where an option would have no effect beside another one.
+
+    ``name``: of the formulation.
+    """
+    given = [option for option in PLANNING if getattr(arguments, option) is not None]
+    if arguments.baseline and given:
+        raise WrongUsage(f"--{given[0]} says how to optimise, which --baseline does not do")
+    possible = [solver.name for solver in (each() for each in formulation.solvers)]
+    if arguments.solver and arguments.solver not in possible:
+        raise WrongUsage(
+            f"--solver is {arguments.solver}; with --formulation {name} it may be "
+            f"{' or '.join(possible)}"
+        )
+    if arguments.closure and not isinstance(formulation, Redundant):
+        raise WrongUsage(
+            f"--closure is {arguments.closure}; with --formulation {name} no loops can drift "
+            "open, only with explicit and multiplier"
+        )
+
+
+def _require_rows(trajectory: Trajectory, rate: float) -> None:
+    """Raise WrongUsage if a motion has too many instants at a rate (Hz)."""
+    most = highest_rate(trajectory)
+    if rate > most:
+        raise WrongUsage(
+            f"--rate is {rate:g} Hz; the motion takes {trajectory.duration:.6g} s and "
+            f"trajectory.csv has at most {MOST_ROWS} rows: {0.99 * most:.3g} Hz would do"
+        )
+
+
 def _solve(
     scene: Scene, formulation: ProblemFormulation, arguments: argparse.Namespace
 ) -> tuple[Trajectory, Provenance]:
@@ -160,13 +198,13 @@ def _solve(
         return baseline(scene), StraightLine()
     found = plan(
         scene,
-        tolerance=arguments.tolerance,
-        intervals=arguments.intervals,
+        tolerance=arguments.tolerance or Planner.tolerance,
+        intervals=arguments.intervals or Planner.intervals,
         formulation=formulation,
         transcription=TRANSCRIPTIONS.get(arguments.transcription),
         solver=SOLVERS.get(arguments.solver),
-        starts=arguments.starts,
-        seed=arguments.seed,
+        starts=arguments.starts or 1,
+        seed=1 if arguments.seed is None else arguments.seed,
         progress=lambda text: print(text, file=sys.stderr, flush=True),
     )
     _print_optima(found)

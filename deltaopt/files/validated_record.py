@@ -7,8 +7,9 @@ unit and its range are written once, where the field is declared.
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping
-from functools import cached_property
+from collections.abc import Callable, Mapping
+from functools import cached_property, lru_cache
+from math import inf
 from pathlib import Path
 from typing import Annotated, Any, Self
 
@@ -16,6 +17,7 @@ from pydantic import (
     BaseModel,
     ConfigDict,
     Field,
+    TypeAdapter,
     ValidationError,
     ValidationInfo,
     ValidatorFunctionWrapHandler,
@@ -29,6 +31,10 @@ Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 NonNegative = Annotated[Number, Field(ge=0)]
 Positive = Annotated[Number, Field(gt=0)]
 Text = Annotated[str, Field(strict=True, min_length=1)]
+
+LARGEST = 1e12
+"""Largest size of a number in a record, in SI units: far beyond any robot, and its square and those
+of its products with others are still numbers."""
 
 Vector3 = tuple[float, float, float]
 PerMotor = Positive | tuple[Positive, Positive, Positive]
@@ -65,10 +71,36 @@ class Record(BaseModel):
         return self.fields_hash
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """A copy with other fields, not validated; without the hash of this one."""
-        copied = super().model_copy(update=update, deep=deep)
+        """A copy with other fields; without the hash of this one.
+
+        Each of these is validated by itself, but not held against the others. Raises SceneError
+        where it cannot be used.
+        """
+        given = {key: self._validated(key, value) for key, value in (update or {}).items()}
+        copied = super().model_copy(update=given, deep=deep)
         copied.__dict__.pop("fields_hash", None)
         return copied
+
+    def _validated(self, key: str, value: object) -> object:
+        """A value of a field as the record would have it."""
+        if key not in type(self).model_fields:
+            raise SceneError(None, key, value, self._nearest(key), "is not a known key")
+        if isinstance(value, Record) and type(value) is type(getattr(self, key)):
+            return value  # validated when it was made
+        return self._checked(key, value, _adapter(type(self), key).validate_python)
+
+    @classmethod
+    def _checked(cls, key: str, value: Any, validate: Callable[[Any], Any]) -> Any:
+        """The valid value of a field; raises SceneError, naming its key."""
+        expected = str(cls.model_fields[key].description)
+        if _too_large(value):
+            raise SceneError(None, key, value, f"{expected}; numbers of at most {LARGEST:g}")
+        try:
+            return validate(value)
+        except SceneError as error:  # from a record within this one
+            raise error.inside(key=key) from None
+        except ValidationError:
+            raise SceneError(None, key, value, expected) from None
 
     @model_validator(mode="before")
     @classmethod
@@ -97,10 +129,19 @@ class Record(BaseModel):
     def _check_value(
         cls, value: Any, validate: ValidatorFunctionWrapHandler, info: ValidationInfo
     ) -> Any:
-        key = str(info.field_name)
-        try:
-            return validate(value)
-        except SceneError as error:  # from a record within this one
-            raise error.inside(key=key) from None
-        except ValidationError:
-            raise SceneError(None, key, value, str(cls.model_fields[key].description)) from None
+        return cls._checked(str(info.field_name), value, validate)
+
+
+@lru_cache(maxsize=64)
+def _adapter(record: type[Record], key: str) -> TypeAdapter[Any]:
+    """What validates a single field of a record."""
+    field = record.model_fields[key]
+    kind: Any = field.annotation
+    return TypeAdapter(Annotated[(kind, *field.metadata)] if field.metadata else kind)
+
+
+def _too_large(value: object) -> bool:
+    """Whether a number, or one in a list, is finite and beyond ``LARGEST``."""
+    if isinstance(value, list | tuple):
+        return any(map(_too_large, value))
+    return isinstance(value, int | float) and LARGEST < abs(value) < inf

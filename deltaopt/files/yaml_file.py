@@ -8,6 +8,7 @@ a sexagesimal number by surprise: ``payload: yes`` is text, which the records th
 from __future__ import annotations
 
 import re
+import stat
 from pathlib import Path
 
 import yaml
@@ -17,6 +18,8 @@ from deltaopt.errors import SceneError
 _NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
 _DEEPEST = 20
 """Largest depth of nesting: a robot file needs 3, and PyYAML's time and stack limit the depth."""
+_LARGEST = 1_000_000
+"""Largest size of a file, bytes: a robot has a few hundred, and PyYAML is slow with megabytes."""
 _OPENING = (
     yaml.BlockMappingStartToken,
     yaml.BlockSequenceStartToken,
@@ -42,11 +45,23 @@ def read_yaml(file: Path) -> dict[str, object]:
 
 def _text(file: Path) -> str:
     try:
-        return file.read_text(encoding="utf-8")  # PyYAML skips a byte order mark
+        _refuse_others(file)
+        with file.open("rb") as opened:
+            content = opened.read(_LARGEST + 1)  # a file may grow meanwhile
+        if len(content) > _LARGEST:
+            raise _unusable("is larger than 1 MB")
+        return content.decode("utf-8")  # PyYAML skips a byte order mark
     except OSError as error:
         raise _unusable(f"cannot be read ({error.strerror})") from None
     except UnicodeDecodeError as error:
         raise _unusable(f"is not UTF-8 text (byte {error.start})") from None
+
+
+def _refuse_others(file: Path) -> None:
+    """Refuse what is no regular file: opening a pipe would wait for somebody who writes to it."""
+    mode = file.stat().st_mode
+    if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):  # opening a directory is an OSError
+        raise _unusable("is not a regular file")
 
 
 def _parsed(text: str) -> object:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import isfinite
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,13 +12,18 @@ from deltaopt.robot.model import DeltaModel
 
 Array = NDArray[np.float64]
 
+_ROUNDING = 1e-12
+"""Share of the duration by which an instant may be outside the motion and is still its end: sums of
+the lengths of intervals differ from the last knot by rounding."""
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, eq=False)
 class PiecewisePolynomial:
     """A piecewise polynomial of time: K polynomials of degree d in m components.
 
     ``knots``: instants where the polynomials meet, increasing, (K + 1,), s. ``coefficients``: of
-    the ascending powers of the time since the interval began, (K, d + 1, m).
+    the ascending powers of the time since the interval began, (K, d + 1, m). Only itself is equal
+    to it.
     """
 
     knots: Array
@@ -72,13 +78,13 @@ class PiecewisePolynomial:
         return values
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Motion:
     """A motion at N instants: platform and motors, arrays of shape (N, 3) but for ``t``, (N,).
 
     ``t``: s. ``x``, ``v``, ``a``: position, velocity and acceleration of the platform, m, m/s,
     m/s². ``theta``, ``dtheta``, ``ddtheta``: angles, speeds and accelerations of the motors, rad,
-    rad/s, rad/s². ``tau``: motor torques, N·m.
+    rad/s, rad/s². ``tau``: motor torques, N·m. Only itself is equal to it.
     """
 
     t: Array
@@ -91,13 +97,16 @@ class Motion:
     tau: Array
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Trajectory:
     """A motion of the platform over time: call it with instants to get a `Motion`.
 
     ``position``: of the platform's centre, m over s. ``model``: the robot with its payload, which
     gives motor angles and torques. ``coordinates``: all twelve, m and rad, if they were planned as
     polynomials that may violate loop closure; otherwise they follow from the position.
+
+    A trajectory is equal to itself alone, and can be a key of a dictionary: whether two describe
+    the same motion is a question of accuracy.
     """
 
     position: PiecewisePolynomial
@@ -117,14 +126,24 @@ class Trajectory:
     def __call__(self, t: ArrayLike) -> Motion:
         """The motion at times t, (N,) or a number, s.
 
-        At a knot where the torques jump it is the motion just after. Times before the start and
-        after the end give the first and the last instant. Raises Unreachable or Singular where the
-        platform cannot be or the torques are not defined.
+        At a knot where the torques jump it is the motion just after, and at the end just before.
+        Before the start and after the end the platform is at rest there: velocities and
+        accelerations are zero, and the torques hold it against gravity. Raises Unreachable or
+        Singular where the platform cannot be or the torques are not defined, and ValueError for
+        times that are not numbers.
         """
+        times: Array = np.atleast_1d(np.asarray(t, dtype=float))
+        if times.ndim > 1 or np.isnan(times).any():
+            found = f"has shape {times.shape}" if times.ndim > 1 else "contains nan"
+            raise ValueError(f"t {found}; a number or an array (N,) of times in s is needed")
         begin, end = self.knots[0], self.knots[-1]
-        instants: Array = np.clip(np.atleast_1d(np.asarray(t, dtype=float)), begin, end)
+        instants: Array = np.clip(times, begin, end)
+        outside = np.abs(times - instants) > _ROUNDING * self.duration
         intervals = self.position.interval(instants)
-        return self._motion(instants, intervals, instants - self.knots[intervals])
+        since = instants - self.knots[intervals]
+        x, v, a = _with_derivatives(self.position, intervals, since)
+        v[outside] = a[outside] = 0.0
+        return self._motion(np.where(outside, times, instants), x, v, a)
 
     def inside_intervals(self, fractions: ArrayLike) -> Motion:
         """The motion at fractions of every interval, (K · len(fractions),) instants.
@@ -133,7 +152,8 @@ class Trajectory:
         at a knot are given.
         """
         intervals, since = _inside(self.position, fractions)
-        return self._motion(self.knots[intervals] + since, intervals, since)
+        moving = _with_derivatives(self.position, intervals, since)
+        return self._motion(self.knots[intervals] + since, *moving)
 
     def path_inside(self, fractions: ArrayLike) -> tuple[Array, Array, Array]:
         """Position, velocity and acceleration of the platform at fractions of every interval, (K ·
@@ -150,12 +170,16 @@ class Trajectory:
         return _with_derivatives(self.coordinates, *_inside(self.position, fractions))
 
     def slowed(self, factor: float) -> Trajectory:
-        """The same path, uniformly ``factor`` times as slow; torques change accordingly."""
+        """The same path, uniformly ``factor`` times as slow; torques change accordingly.
+
+        Raises ValueError for a factor that is not finite and greater than 0.
+        """
+        if not (isfinite(factor) and factor > 0):
+            raise ValueError(f"factor is {factor}; it must be finite and greater than 0")
         coordinates = self.coordinates and self.coordinates.slowed(factor)
         return replace(self, position=self.position.slowed(factor), coordinates=coordinates)
 
-    def _motion(self, t: Array, intervals: NDArray[np.intp], since: Array) -> Motion:
-        x, v, a = _with_derivatives(self.position, intervals, since)
+    def _motion(self, t: Array, x: Array, v: Array, a: Array) -> Motion:
         q, dq, ddq = self.model.motion(x, v, a)
         tau = self.model.inverse_dynamics(x, v, a)
         motors = slice(3, None, 3)  # q_{1,1}, q_{2,1}, q_{3,1}

@@ -25,6 +25,10 @@ from deltaopt.verify.verification import Verification
 RATE = 1000.0
 """Instants per second in trajectory.csv, Hz: a common rate of position controllers."""
 
+MOST_ROWS = 1_000_000
+"""Most rows of a CSV file: a move has some thousands at the rate of a controller, and a million are
+350 MB."""
+
 COLUMNS = (
     "t",
     *(name + axis for name in ("", "v", "a") for axis in "xyz"),
@@ -121,8 +125,12 @@ def save(
 def write_csv(file: Path, trajectory: Trajectory, rate: float = RATE) -> None:
     """Write the motion at ``rate`` (Hz) and at its last instant, one row each.
 
-    Numbers have so many digits that reading them gives the same doubles.
+    Numbers have so many digits that reading them gives the same doubles. Raises ValueError if there
+    are more than ``MOST_ROWS`` rows.
     """
+    if rate > highest_rate(trajectory):
+        most = highest_rate(trajectory)
+        raise ValueError(f"rate is {rate:g} Hz; for {MOST_ROWS} rows it may be {most:.6g} at most")
     with (
         atomic_write(file) as temporary,
         temporary.open("w", encoding="utf-8", newline="\n") as out,
@@ -181,6 +189,11 @@ def _drawn(scene: Scene, trajectory: Trajectory, verification: Verification) -> 
     if spread is None or violation is None or max(spread, violation) > MET:
         return None
     return extremal(scene, trajectory)
+
+
+def highest_rate(trajectory: Trajectory) -> float:
+    """The rate (Hz) at which the motion fills ``MOST_ROWS`` rows."""
+    return (MOST_ROWS - 1) / trajectory.duration
 
 
 def instants(trajectory: Trajectory, rate: float) -> Array:

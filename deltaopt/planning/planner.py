@@ -38,6 +38,7 @@ from deltaopt.planning.nlp.problem import FormulatedProblem, Guess, ProblemFormu
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import LINEAR, PiecewiseAcceleration
 from deltaopt.planning.refinement import Progress, Refinement, Resolver
+from deltaopt.planning.settings import require_positive, require_type, require_whole
 from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.feasibility import check_feasible, serial_distances_at_ends
@@ -64,7 +65,13 @@ _FIRST_MESH_TOLERANCE = 1e-4
 discretisation error of a coarse mesh is far larger."""
 
 
-@dataclass(frozen=True)
+FORMULATIONS_EXPECTED = (
+    "deltaopt.flat, deltaopt.forward, or a formulation of the dynamics such as deltaopt.explicit"
+)
+"""What a setting ``formulation`` may be."""
+
+
+@dataclass(frozen=True, eq=False)
 class Plan:
     """A planned motion for a scene. It keeps every limit between the points of its mesh too.
 
@@ -77,6 +84,8 @@ class Plan:
     of switching were found as unknowns of their own. ``certificate``: how well Pontryagin's
     necessary condition is met, by the multipliers of that solution; None if they are not known.
     ``optima``: the distinct local minima that several first guesses led to, best first.
+
+    A plan is equal to itself alone, and can be a key of a dictionary.
     """
 
     scene: Scene
@@ -147,8 +156,9 @@ def plan(
     motion is returned. ``progress``: is called with a line of text after every mesh.
 
     Raises Unreachable, Singular or Infeasible if start or goal rule a motion out, NotConverged if
-    the solver finds none, and ValueError for settings that make no sense.
+    the solver finds none, and ValueError or TypeError for settings that make no sense.
     """
+    require_type("scene", scene, Scene, "a Scene, such as load_scene returns")
     planner = Planner(
         scene.robot,
         scene.payload,
@@ -173,7 +183,7 @@ class Planner:
     switching are resolved; 0 for never. ``objective``: of the scenes that are made from start and
     goal. The other settings are those of ``plan``.
 
-    Raises ValueError for settings that make no sense.
+    Raises ValueError or TypeError for settings that make no sense.
     """
 
     robot: Robot
@@ -188,15 +198,26 @@ class Planner:
     solver: Solver | None = None
 
     def __post_init__(self) -> None:
-        if not self.tolerance > 0:
-            raise ValueError(f"tolerance is {self.tolerance}; it must be greater than 0")
+        require_positive("tolerance", self.tolerance)
+        require_whole("intervals", self.intervals, 2, "to stop again")
+        self._check_types()
         if self.solver and not isinstance(self.solver, self._formulation.solvers):
             raise ValueError(
                 f"solver is {self.solver.name}, which solves the flat formulation only; "
                 f"{self._formulation.name} is solved by ipopt"
             )
-        if self.intervals < 2:
-            raise ValueError(f"intervals is {self.intervals}; at least 2 are needed to stop again")
+
+    def _check_types(self) -> None:
+        """Raise TypeError for a setting that is no value of its kind, such as its name."""
+        forms = ProblemFormulation | Multiplier | Projected
+        if self.formulation is not None:
+            require_type("formulation", self.formulation, forms, FORMULATIONS_EXPECTED)
+        if self.solver is not None:
+            expected = "deltaopt.interior_point or deltaopt.ipopt"
+            require_type("solver", self.solver, Solver, expected)
+        if self.transcription is not None:
+            expected = "deltaopt.PiecewiseAcceleration(degree)"
+            require_type("transcription", self.transcription, PiecewiseAcceleration, expected)
 
     def plan(
         self,
@@ -230,6 +251,8 @@ class Planner:
 
         ``starts``, ``seed``, ``progress`` and the errors raised: as of the function ``plan``.
         """
+        require_whole("starts", starts, 1)
+        require_whole("seed", seed, 0)
         check_feasible(scene)
         report = progress or (lambda _: None)
         guesses = self._guesses(scene, starts, seed)
@@ -391,7 +414,7 @@ class Planner:
 
     @property
     def _formulation(self) -> ProblemFormulation:
-        return problem_formulation(self.formulation or Flat())
+        return problem_formulation(Flat() if self.formulation is None else self.formulation)
 
     @property
     def _solver(self) -> Solver:

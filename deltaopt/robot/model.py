@@ -210,6 +210,8 @@ class DeltaModel:
     def _margins(self, q: Array) -> Array:
         """Signed distances from singularities, (N, 7): cos q_{k,3} and sin (q_{k,1} - q_{k,2}) of
         the three chains, then the volume spanned by the bars' directions."""
+        if q.size == 0:  # CasADi takes no points for one of zeros
+            return np.zeros((0, 7))
         rows: Array = self.functions.margins(np.atleast_2d(q).T).full().T
         return rows
 

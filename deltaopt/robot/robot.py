@@ -93,7 +93,9 @@ class Robot(Record):
     upper_arm: UpperArm = Field(description="a mapping with the keys length and mass")
     forearm: Forearm = Field(description="a mapping with the keys length and mass")
     platform: Platform = Field(description="a mapping with the key mass")
-    drive: Drive = Field(description="a mapping with the key torque")
+    drive: Drive = Field(
+        description="a mapping with the key torque (N·m) and, if speeds are limited, speed (rad/s)"
+    )
     gravity: NonNegative = Field(
         default=9.81, description="an acceleration in m/s², at least 0, downward"
     )

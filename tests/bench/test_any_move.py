@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 
 from deltaopt.bench.any_move import random_plans
+from deltaopt.bench.random_scenes import random_scenes
 from deltaopt.cli import main
-from deltaopt.errors import NotConverged
+from deltaopt.errors import Infeasible, NotConverged
 from deltaopt.planning.planner import Planner
 from deltaopt.robot.robot import load_robot
 
@@ -45,6 +46,20 @@ def test_bench_any_names_what_failed(capsys, monkeypatch):
     out = capsys.readouterr().out
     assert "0 of 2 solved and verified" in out
     assert out.count(": no luck\n") == 2
+
+
+def test_a_payload_that_no_motor_can_hold(capsys):
+    robot = str(PROBLEMS / "robots/orsino.yaml")
+    assert main(["bench", "any", robot, "--payload", "1e6"]) == 1
+    told = capsys.readouterr().err
+    assert "none of 500 random moves in a row is possible; of the last, start: at rest" in told
+
+
+def test_a_robot_without_a_workspace(monkeypatch):
+    monkeypatch.setattr("deltaopt.bench.random_scenes._MOST_BATCHES", 2)
+    monkeypatch.setattr("deltaopt.bench.random_scenes.MARGIN", 1.0)
+    with pytest.raises(Infeasible, match="of 8192 random points not even two are in the workspace"):
+        next(random_scenes(ORSINO, 1.0, 1, seed=1))
 
 
 def test_random_moves_by_switch_resolution(capsys):

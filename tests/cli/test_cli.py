@@ -277,6 +277,53 @@ def test_output_file_that_is_a_directory(tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--formulation", "flat", "--closure", "baumgarte"], "--closure is baumgarte; with"),
+        (["--closure", "knots"], "with --formulation flat no loops can drift open"),
+        (["--formulation", "forward", "--closure", "knots"], "with --formulation forward no loops"),
+        (["--formulation", "explicit", "--solver", "interior-point"], "it may be ipopt"),
+        (["--baseline", "--solver", "ipopt"], "--solver says how to optimise, which --baseline"),
+        (["--baseline", "--tolerance", "1e-3"], "--tolerance says how to optimise"),
+        (["--baseline", "--starts", "1"], "--starts says how to optimise"),
+    ],
+)
+def test_contradictory_options(options, words, tmp_path, capsys):
+    code, sentence = failure(["plan", str(SCENE_FILE), "-o", str(tmp_path / "o"), *options], capsys)
+    assert code == 2
+    assert words in sentence
+    assert not (tmp_path / "o").exists()
+
+
+@pytest.mark.parametrize(
+    ("limits", "rate", "duration"), [({}, "1e12", 0.196573), ({"speed": 1e-9}, "1000", 8.56706e8)]
+)
+def test_too_many_rows(limits, rate, duration, tmp_path, capsys):
+    scene = scene_file(tmp_path, limits=f"{limits}".replace("'", ""))
+    out = tmp_path / "out"
+    arguments = ["plan", str(scene), "--baseline", "--rate", rate, "-o", str(out)]
+    code, sentence = failure(arguments, capsys)
+    assert code == 2
+    assert f"--rate is {float(rate):g} Hz; the motion takes {duration:g} s and" in sentence
+    assert names(out) == []
+    possible = float(sentence.split()[-4])
+    assert len(instants(baseline(load_scene(scene)), possible)) < 1_000_001
+
+
+def test_csv_of_too_many_rows(tmp_path):
+    with pytest.raises(ValueError, match=r"^rate is 1e\+09 Hz; for 1000000 rows it may be"):
+        write_csv(tmp_path / "a.csv", baseline(SCENE), rate=1e9)
+
+
+def test_inverse_in_years(tmp_path, capsys):
+    arguments = ["inverse", str(SCENE_FILE), "-o", str(tmp_path), "--duration", "1e9"]
+    code, sentence = failure(arguments, capsys)
+    assert code == 2
+    assert sentence.startswith("deltaopt: --duration is 1e+09 s; with 1000 rows a second")
+    assert names(tmp_path) == []
+
+
+@pytest.mark.parametrize(
     "words",
     [
         [],
@@ -288,6 +335,9 @@ def test_output_file_that_is_a_directory(tmp_path, capsys):
         ["plan", "a.yaml", "--intervals", "1"],
         ["plan", "a.yaml", "--intervals", "2.5"],
         ["inverse", "a.yaml", "--duration", "nan"],
+        ["plan", "a.yaml", "--seed", "-1"],
+        ["plan", "a.yaml", "--seed", "1.5"],
+        ["bench", "any", "a.yaml", "--seed", "-1"],
     ],
 )
 def test_wrong_usage_is_exit_2(words, capsys):

@@ -225,11 +225,63 @@ def test_hopeless_before_anything_is_built(payload, goal, error, words):
 
 
 @pytest.mark.parametrize(
-    "setting", [{"tolerance": 0.0}, {"tolerance": float("nan")}, {"intervals": 1}]
+    ("setting", "value", "words"),
+    [
+        ("tolerance", 0.0, "greater than 0"),
+        ("tolerance", float("nan"), "greater than 0"),
+        ("tolerance", float("inf"), "finite"),
+        ("intervals", 1, "at least 2 to stop again"),
+        ("starts", 0, "at least 1"),
+        ("seed", -1, "at least 0"),
+    ],
 )
-def test_settings_out_of_range(setting):
-    with pytest.raises(ValueError, match=next(iter(setting))):
-        plan(PICK, **setting)
+def test_settings_out_of_range(setting, value, words):
+    with pytest.raises(ValueError, match=f"^{setting} is {value}; it must be {words}$"):
+        plan(PICK, **{setting: value})
+
+
+@pytest.mark.parametrize(
+    ("setting", "value", "words"),
+    [
+        ("tolerance", "x", "a number greater than 0"),
+        ("intervals", 3.5, "a whole number of at least 2"),
+        ("starts", 1.5, "a whole number of at least 1"),
+        ("seed", "1", "a whole number of at least 0"),
+        ("formulation", "flat", "deltaopt.flat, deltaopt.forward, or"),
+        ("formulation", "", "deltaopt.flat, deltaopt.forward, or"),
+        ("solver", "ipopt", "deltaopt.interior_point or deltaopt.ipopt"),
+        ("transcription", "linear", r"deltaopt.PiecewiseAcceleration\(degree\)"),
+    ],
+)
+def test_settings_of_the_wrong_type(setting, value, words):
+    with pytest.raises(TypeError, match=f"^{setting} is {value!r}; it must be {words}"):
+        plan(PICK, **{setting: value})
+
+
+def test_a_file_name_is_no_scene():
+    with pytest.raises(TypeError, match=r"^scene is 'a.yaml'; it must be a Scene, such as"):
+        plan("a.yaml")
+
+
+def test_settings_as_numpy_has_them(picked):
+    found = plan(PICK, tolerance=np.float64(1e-3), intervals=np.int64(16), seed=np.int32(1))
+    assert found.duration == picked.duration
+
+
+def test_a_plan_is_equal_to_itself(picked):
+    again = plan(PICK)
+    assert picked == picked
+    assert (picked == again, picked.trajectory == again.trajectory) == (False, False)
+    assert {picked: 1, picked.trajectory: 2, picked.trajectory.position: 3}[picked] == 1
+
+
+def test_after_a_plan_the_robot_is_held(picked):
+    """With the torques that gravity asks for, whatever those of the last instant are."""
+    inside = picked.trajectory([picked.duration])
+    assert np.abs(inside.tau).max() > 9.99
+    after = picked.trajectory(1.5 * picked.duration)
+    rest = picked.trajectory.model.inverse_dynamics(inside.x[0], np.zeros(3), np.zeros(3))
+    np.testing.assert_array_equal(after.tau[0], rest)
 
 
 # Files and commands

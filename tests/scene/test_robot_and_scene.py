@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+import os
 import pickle
 from pathlib import Path
 from typing import Any
@@ -292,6 +293,20 @@ def test_an_error_survives_pickling() -> None:
     assert (again.file, again.key, again.value) == (Path("a.yaml"), "payload", -1.0)
 
 
+def test_a_copy_has_valid_fields(tmp_path: Path) -> None:
+    scene = load_scene(write(tmp_path))
+    assert scene.model_copy(update={"limits": {"speed": 5}}).limits == Limits(speed=5.0)
+    assert scene.model_copy(update={"limits": None}).limits is None
+    for key, value, words in [
+        ("limits", {"sped": 5.0}, "limits.sped is not a known key; expected speed"),
+        ("payload", -1.0, "payload is -1.0; expected a mass in kg, greater than 0"),
+        ("goul", (0.4, 0.0, 0.0), "goul is not a known key; expected goal"),
+    ]:
+        with pytest.raises(SceneError) as caught:
+            scene.model_copy(update={key: value})
+        assert str(caught.value) == words
+
+
 # --- bad values ---------------------------------------------------------------------------
 
 BAD_IN_ROBOT = [
@@ -384,6 +399,23 @@ def test_a_number_too_large_for_a_float(tmp_path: Path) -> None:
     file = write(tmp_path)
     file.write_text(file.read_text().replace("payload: 1.0", "payload: 1e999"))
     assert (error_of(file).key, error_of(file).value) == ("payload", float("inf"))
+
+
+@pytest.mark.parametrize("key", ["drive.torque", "gravity", "upper_arm.length", "platform.mass"])
+def test_absurd_numbers_in_the_robot(tmp_path: Path, key: str) -> None:
+    error = error_of(write(tmp_path, robot=changed(ROBOT, key, 1e300)))
+    assert (error.key, error.value) == (key, 1e300)
+    assert error.expected.endswith("; numbers of at most 1e+12")
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("goal", [1e300, 0.0, 0.0]), ("start", [0.4, -1e13, 0.0]), ("limits.speed", 1e300)],
+)
+def test_absurd_numbers_in_the_scene(tmp_path: Path, key: str, value: object) -> None:
+    error = error_of(write(tmp_path, scene=changed(SCENE, key, value)))
+    assert (error.key, error.value) == (key, value)
+    assert error.expected.endswith("; numbers of at most 1e+12")
 
 
 def test_a_long_value_is_shortened_in_the_message_only(tmp_path: Path) -> None:
@@ -538,6 +570,26 @@ def test_a_file_that_cannot_be_read(tmp_path: Path, name: str, reason: str) -> N
     error = error_of(tmp_path / name)
     assert error.file == tmp_path / name
     assert f"{tmp_path / name} cannot be read ({reason}" in str(error)
+
+
+def test_a_huge_file_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "scene.yaml"
+    file.write_text("a: 1\n" * 200_001)
+    assert "scene.yaml is larger than 1 MB; expected" in str(error_of(file))
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no pipes with names")
+def test_a_pipe_is_refused_at_once(tmp_path: Path) -> None:
+    """Opening it would wait for ever."""
+    os.mkfifo(tmp_path / "pipe.yaml")
+    assert "pipe.yaml is not a regular file; expected" in str(error_of(tmp_path / "pipe.yaml"))
+
+
+def test_a_robot_without_a_drive_is_told_the_keys_of_one(tmp_path: Path) -> None:
+    error = error_of(write(tmp_path, robot=changed(ROBOT, "drive", ABSENT)))
+    assert error.expected == (
+        "a mapping with the key torque (N·m) and, if speeds are limited, speed (rad/s)"
+    )
 
 
 # --- what single values cannot tell -------------------------------------------------------

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -116,6 +116,7 @@ class FormulatedProblem(Protocol):
         ...
 
 
+@runtime_checkable
 class ProblemFormulation(Protocol):
     """A way to write the planning problem as a nonlinear program.
 

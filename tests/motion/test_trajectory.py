@@ -1,0 +1,74 @@
+"""Trajectories as functions of time: inside, outside, and with arguments that make no sense."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from deltaopt.motion.trajectory import Motion
+from deltaopt.planning.initial_motion import baseline
+from deltaopt.scene.scene import load_scene
+
+SCENE = load_scene(Path(__file__).parents[2] / "problems" / "pick_and_place.yaml")
+LINE = baseline(SCENE)
+
+
+@pytest.mark.parametrize(
+    ("late", "place"),
+    [(-1.0, SCENE.start), (LINE.duration + 1e-6, SCENE.goal), (np.inf, SCENE.goal)],
+)
+def test_outside_the_platform_is_held_at_rest(late, place):
+    """The torques at rest are those that balance gravity: dV/dθ, here by differences of V."""
+    held = LINE(late)
+    assert held.t == [late]
+    np.testing.assert_allclose(held.x[0], place, atol=1e-12)
+    for still in (held.v, held.a, held.dtheta, held.ddtheta):
+        assert not still.any()
+    step = 1e-5
+    for motor, change in enumerate(step * np.eye(3)):
+        ahead, behind = (potential_energy(held.theta[0] + way * change) for way in (1, -1))
+        assert held.tau[0, motor] == pytest.approx((ahead - behind) / (2 * step), abs=1e-6)
+
+
+def potential_energy(theta):
+    """Of platform, payload, arms and bars, J; x is down, and the bars' centres are halfway."""
+    robot, platform = SCENE.robot, LINE.model.forward_kinematics(theta)[0]
+    elbows = -robot.upper_arm.length * np.sin(theta)
+    moment = (robot.platform.mass + SCENE.payload) * platform
+    moment += (robot.upper_arm.mass * elbows / 2).sum()
+    moment += (robot.forearm.mass * (elbows + platform) / 2).sum()
+    return -robot.gravity * moment
+
+
+def test_no_times_give_empty_arrays():
+    nothing = LINE([])
+    assert nothing.t.shape == (0,)
+    assert all(getattr(nothing, each.name).shape == (0, 3) for each in fields(Motion)[1:])
+
+
+def test_rounding_beyond_the_end_is_the_end():
+    last, beyond = LINE(LINE.duration), LINE(LINE.duration * (1 + 2e-16))
+    np.testing.assert_array_equal(beyond.tau, last.tau)
+    np.testing.assert_array_equal(beyond.a, last.a)
+
+
+@pytest.mark.parametrize("times", [[np.nan], [[0.0, 0.1]]])
+def test_times_that_make_no_sense(times):
+    with pytest.raises(ValueError, match=r"^t (contains nan|has shape .*); a number or an array"):
+        LINE(times)
+
+
+@pytest.mark.parametrize("factor", [0, -1, np.nan, np.inf])
+def test_factors_that_make_no_sense(factor):
+    with pytest.raises(ValueError, match=f"^factor is {factor}; it must be finite and greater"):
+        LINE.slowed(factor)
+
+
+def test_a_trajectory_is_equal_to_itself():
+    again = baseline(SCENE)
+    assert {LINE: "line", again: "again"}[LINE] == "line"
+    assert again != LINE
+    assert again.position != LINE.position
