@@ -331,7 +331,15 @@ def _finite(value: float | None) -> float | None:
 
 
 def verify(scene: Scene, trajectory: Trajectory) -> Verification:
-    """Measure a motion that is to solve a scene. Never raises for a bad motion."""
+    """Measure a motion that is to solve a scene. Never raises for a bad motion.
+
+    Raises TypeError if it is given something else than a trajectory, a plan for example.
+    """
+    if not isinstance(trajectory, Trajectory):
+        kind = type(trajectory).__name__
+        raise TypeError(
+            f"trajectory is a {kind}; it must be a Trajectory, such as plan(scene).trajectory"
+        )
     nothing = Verification(trajectory.duration, distance(scene.task), excesses=not_measured(scene))
     if not (np.diff(trajectory.knots) > 0).all():
         return replace(nothing, obstacles=("time does not increase from knot to knot",))

@@ -377,6 +377,11 @@ def test_amplification_is_how_a_deviation_grows():
     assert found < 6 * growth  # growth of velocities comes to that of positions
 
 
+def test_a_plan_is_no_trajectory():
+    with pytest.raises(TypeError, match="trajectory is a Scene; it must be a Trajectory"):
+        verify(SCENE, SCENE)
+
+
 def test_json_has_no_infinity():
     found = verify(SCENE, changed(LINE, 0, [1.0, 0, 0]))
     read = json.loads(json.dumps(found.as_dict(), allow_nan=False))
