@@ -4,6 +4,11 @@ With effort in the cost the best torques are smooth except where they reach a li
 so polynomials of a higher degree need fewer intervals. The motion cannot be slowed to keep its
 limits, for its duration is given or part of the cost: where a mesh solution exceeds a limit between
 its points, the limit is tightened in that interval and the mesh is solved again.
+
+In a long time the weight costs more effort than the move does. The best motion then goes to a place
+where little torque holds it, waits there, and goes on (the turnpike property). The fastest motion,
+slowed, is far from that, and Ipopt does not get there from it; so motions that wait are guesses too
+where the duration leaves time for them, on meshes that are fine near the ends and coarse between.
 """
 
 from __future__ import annotations
@@ -16,10 +21,11 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.errors import Infeasible, NotConverged
+from deltaopt.errors import DeltaOptError, Infeasible, NotConverged
 from deltaopt.motion.effort import cost as cost_of
 from deltaopt.motion.time_scaling import highest_rows, loads_inside
 from deltaopt.motion.trajectory import Trajectory
+from deltaopt.planning.initial_motion import waiting_motions
 from deltaopt.planning.nlp.cost import FASTEST, Cost
 from deltaopt.planning.nlp.problem import FormulatedProblem, Guess, Solved
 from deltaopt.planning.nlp.program import Spent
@@ -40,6 +46,12 @@ motions that meet many limits converge slowly."""
 _FRACTIONS = np.linspace(0.0, 1.0, 97)
 """Fractions of every interval where a motion is checked against its limits. More of them cost time;
 the largest value of each row is sought between them too."""
+_GROWTH = 1.15
+"""Ratio of neighbouring intervals towards the middle of a wait. A larger one saves intervals; at
+1.5 some motions that wait with the chains nearly stretched do not converge."""
+_FEWEST_PER_MOVE = 8
+"""Intervals of a move before or after a wait below which no mesh is made coarser: such motions do
+not converge."""
 _MOST_TIGHTENINGS = 12
 """How often a mesh is solved with limits tightened further before that counts as failed."""
 _IPOPT_MARGIN = 1 - 2e-8
@@ -117,8 +129,10 @@ def minimise_effort(
     """Minimise a cost that contains effort; double the mesh until the gap is within ``tolerance``.
 
     The first guess is the fastest motion, slowed to the given duration if there is one; the result
-    is a local minimum near it. ``intervals``: of the first mesh. ``report``: is called with a line
-    of text after every mesh.
+    is a local minimum near it. Where the given duration leaves time to wait, motions that wait are
+    guesses too, and the result is the best that is found from any of them on its first mesh,
+    refined. ``intervals``: of the first mesh, or of a move before or after a wait. ``report``: is
+    called with a line of text after every mesh.
 
     The gap is the relative change of the cost from the mesh before, plus what it costs to keep the
     limits between the points of the last one. It exceeds the remaining error as long as every
@@ -131,45 +145,113 @@ def minimise_effort(
         raise Infeasible(
             f"duration is {given:g} s, but the fastest motion that was found takes {shortest:.6g} s"
         )
-    first = fastest.trajectory.slowed(given / shortest)
+    slowed = _Start(fastest.trajectory.slowed(given / shortest), np.full(intervals, 1 / intervals))
+    scaling = replace(scaling, share=_IPOPT_MARGIN)
+    failure: NotConverged | None = None
+    for start in _starts(problem, scaling, slowed, intervals):
+        try:
+            return _settled(problem, scaling, start, tolerance, report)
+        except NotConverged as error:
+            failure = error
+    assert failure is not None
+    if given >= shortest:
+        raise failure
+    raise Infeasible(
+        f"duration is {given:g} s, as good as the fastest motion's {shortest:.6g} s, and no "
+        f"motion was found that takes no longer: {failure}"
+    ) from None
+
+
+@dataclass(frozen=True)
+class _Start:
+    """A first guess and the first mesh: lengths of the intervals, fractions of the duration."""
+
+    guess: Trajectory
+    mesh: Array
+
+
+def _starts(
+    problem: FormulatedProblem, scaling: Scaling, slowed: _Start, intervals: int
+) -> list[_Start]:
+    """Where to start from: the slowed motion alone if there is no time to wait; else what is found
+    from it and from motions that wait, the least cost first."""
+    waiting: list[Trajectory] = []
+    if scaling.scene.objective.given_duration is not None:
+        waiting = waiting_motions(scaling.scene, scaling.time)
+    if not waiting:
+        return [slowed]
+    model, found = slowed.guess.model, list[tuple[float, _Start]]()
+    for start in (slowed, *(_Start(each, _waiting_mesh(each, intervals)) for each in waiting)):
+        try:
+            raw = _solved(problem, start.mesh, scaling, start.guess, model, near=False)
+        except DeltaOptError:  # not converged, or out of the workspace between the points
+            continue
+        found.append((raw.cost, replace(start, guess=raw.trajectory)))
+    found.sort(key=lambda each: each[0])
+    return [start for _, start in found] or [slowed]
+
+
+def _waiting_mesh(motion: Trajectory, intervals: int) -> Array:
+    """The mesh for a motion of move, wait and move, fractions of its duration.
+
+    At either end, for twice as long as the shorter move takes, every interval is as long as that
+    move over ``intervals``, for how a motion comes to rest or leaves takes about as long as a move,
+    however long it rests. Towards the middle each is longer than the one before.
+    """
+    before, _, after = np.diff(motion.knots)
+    shortest, half = min(before, after) / intervals, motion.duration / 2
+    lengths = [shortest] * (2 * intervals)
+    while sum(lengths) < half:
+        lengths.append(_GROWTH * lengths[-1])
+    if 4 * len(lengths) > MOST_INTERVALS and intervals > _FEWEST_PER_MOVE:
+        # Leave room for a finer mesh, without which the gap could not be estimated.
+        return _waiting_mesh(motion, 3 * intervals // 4)
+    mesh = np.concatenate([lengths, lengths[::-1]])
+    return np.asarray(mesh / mesh.sum())
+
+
+def _settled(
+    problem: FormulatedProblem,
+    scaling: Scaling,
+    start: _Start,
+    tolerance: float,
+    report: Callable[[str], None],
+) -> EffortResult:
+    """The result on the first mesh whose gap is within the tolerance, or else on the finest.
+
+    Raises NotConverged if there is none on any mesh.
+    """
     found: EffortResult | None = None
     try:
-        for found in _on_meshes(problem, scaling, first, intervals):
+        for found in _on_meshes(problem, scaling, start):
             report(str(found.meshes[-1]))
             if found.gap <= tolerance:
                 break
     except NotConverged as error:
-        if found is not None:  # the motion of the mesh before remains
-            report(str(error))
-            return found
-        if given >= shortest:
+        if found is None:
             raise
-        raise Infeasible(
-            f"duration is {given:g} s, as good as the fastest motion's {shortest:.6g} s, and no "
-            f"motion was found that takes no longer: {error}"
-        ) from None
+        report(str(error))  # the motion of the mesh before remains
     assert found is not None
     return found
 
 
 def _on_meshes(
-    problem: FormulatedProblem, scaling: Scaling, first: Trajectory, intervals: int
+    problem: FormulatedProblem, scaling: Scaling, start: _Start
 ) -> Iterator[EffortResult]:
-    """The results on a mesh of ``intervals`` and on meshes of twice as many each, lazily."""
+    """The results on a first mesh and on meshes of twice as many intervals each, lazily."""
     meshes: list[CostIteration] = []
-    before, guess, model = np.inf, first, first.model
-    scaling = replace(scaling, share=_IPOPT_MARGIN)
-    while not meshes or intervals <= MOST_INTERVALS:
-        mesh = np.full(intervals, 1 / intervals)
+    before, first, mesh = np.inf, start.guess, start.mesh
+    guess, model = first, first.model
+    while not meshes or len(mesh) <= MOST_INTERVALS:
         try:
             raw = _solved(problem, mesh, scaling, guess, model, near=bool(meshes))
         except NotConverged:  # from the mesh before Ipopt may fail if hardly any time is to spare
             raw = _solved(problem, mesh, scaling, first, model, near=False)
         safe = _within_limits(problem, mesh, scaling, raw, model)
         gap = abs(before / raw.cost - 1) + abs(safe.cost / raw.cost - 1)
-        meshes.append(_iteration(safe, intervals, scaling, gap))
+        meshes.append(_iteration(safe, len(mesh), scaling, gap))
         yield EffortResult(safe.trajectory, safe.solution, gap, tuple(meshes))
-        before, guess, intervals = raw.cost, safe.trajectory, 2 * intervals
+        before, guess, mesh = raw.cost, safe.trajectory, np.repeat(mesh / 2, 2)
 
 
 @dataclass(frozen=True)

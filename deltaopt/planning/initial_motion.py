@@ -29,6 +29,13 @@ acceleration at both ends."""
 _PULLS = (0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0)
 """How far the control point of a parabola lies from the line's midpoint towards the middle of the
 workspace, as a share of that way. Chosen by hand to cover small and large detours."""
+_WAITING_DEPTHS = np.linspace(0.02, 0.98, 25)
+"""Places on the robot's axis where a motion may wait, from nearly folded chains to nearly stretched
+ones. More of them find the place of least torque more exactly, but cost time, and it is only a
+guess. Nearer to 0 and 1, where the chains are singular, the guess would come to rest too slowly."""
+_UNHURRIED = 2.0
+"""How many times as long as at its fastest a motion to a waiting place takes. At twice the time the
+torques that accelerate are a quarter, so that most of what remains holds the weight."""
 _JOINT_LINE_INTERVALS = 32
 """Cubics that represent a straight line in the motor angles; they only have to be a good guess."""
 
@@ -137,6 +144,60 @@ def _joint_line_function(terms: DeltaTerms) -> RowFunction:
     v = ca.jtimes(x, share, rate)
     inputs = [ends, share, rate, p]
     return RowFunction(ca.Function("joint_line", inputs, [x, v], {"cse": True}))
+
+
+def waiting_motions(scene: Scene, duration: float) -> list[Trajectory]:
+    """Motions in ``duration`` (s) that go to a place of little holding torque, wait there, and go
+    on to the goal: three polynomials each, the second at rest.
+
+    The places are on the robot's axis, where the effort of holding is less than at the places
+    beside it, or at the end of what the limits allow. Long motions of least effort wait near such a
+    place (the turnpike property of optimal control). Empty if no such motion fits the duration.
+    """
+    ways = {i: way for i, depth in enumerate(_WAITING_DEPTHS) if (way := _by_way_of(scene, depth))}
+    holding = {i: _holding_effort(way) for i, way in ways.items()}
+    least = [
+        way
+        for i, way in ways.items()
+        if holding[i] <= min(holding.get(i - 1, np.inf), holding.get(i + 1, np.inf))
+    ]
+    return [
+        _with_wait(there, onwards, duration)
+        for there, onwards in least
+        if there.duration + onwards.duration < duration
+    ]
+
+
+def _by_way_of(scene: Scene, depth: float) -> tuple[Trajectory, Trajectory] | None:
+    """Unhurried straight lines to a place on the robot's axis and from there to the goal; None
+    where the limits do not allow them."""
+    model, place = delta_model(scene.robot, scene.payload), _middle(scene.robot, depth)
+    lines = (
+        straight_line(model, scene.start, tuple(place), 1.0),
+        straight_line(model, tuple(place), scene.goal, 1.0),
+    )
+    try:
+        there, onwards = (_roughly_fastest(scene, line).slowed(_UNHURRIED) for line in lines)
+    except DeltaOptError:
+        return None
+    return there, onwards
+
+
+def _holding_effort(way: tuple[Trajectory, Trajectory]) -> float:
+    """τᵀτ, N²m², at rest where the first of two motions ends."""
+    there, _ = way
+    place, rest = there.position.at(np.array([there.duration])), np.zeros((1, 3))
+    return float((there.model.inverse_dynamics(place, rest, rest) ** 2).sum())
+
+
+def _with_wait(there: Trajectory, onwards: Trajectory, duration: float) -> Trajectory:
+    """One motion after the other, with a wait between them that fills the ``duration`` (s)."""
+    first, last = there.position.coefficients, onwards.position.coefficients
+    wait = np.zeros_like(last)
+    wait[:, 0] = last[:, 0]
+    knots = np.array([0.0, there.duration, duration - onwards.duration, duration])
+    coefficients = np.concatenate([first, wait, last])
+    return Trajectory(PiecewisePolynomial(knots, coefficients), there.model)
 
 
 def first_motion(scene: Scene) -> Trajectory:

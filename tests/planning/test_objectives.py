@@ -13,14 +13,18 @@ import deltaopt
 from deltaopt import load_scene, plan, verify
 from deltaopt.errors import Infeasible
 from deltaopt.motion.effort import cost, effort
+from deltaopt.motion.time_scaling import highest_rows
 from deltaopt.motion.trajectory import Trajectory
+from deltaopt.planning.effort_planning import SMOOTH, cost_to_minimise, scaling_to_duration
 from deltaopt.planning.flat.constraint_rows import ByOrder
 from deltaopt.planning.flat.equations import PointEquations
-from deltaopt.planning.flat.flat_problem import FlatEquations
+from deltaopt.planning.flat.flat_problem import Flat, FlatEquations
 from deltaopt.planning.nlp.cost import Cost
+from deltaopt.planning.nlp.problem import Guess
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 from deltaopt.planning.switching.detection import detect_structure
 from deltaopt.scene.objective import Effort, TimeAndEffort
+from deltaopt.scene.scene import limits_of
 from tests.oracles.arcs import ArcProblem
 from tests.oracles.certify import certify
 from tests.planning.switching.test_exact_answers import Line, UnitMass
@@ -161,6 +165,45 @@ def test_there_and_back_cost_the_same():
 def test_more_time_needs_less_effort():
     efforts = [planned(in_time(T)).cost for T in (0.145, 0.17, 0.28)]
     assert efforts == sorted(efforts, reverse=True)
+
+
+@cache
+def long(payload, duration):
+    scene = PICK.model_copy(update={"payload": payload, "objective": Effort(duration=duration)})
+    return plan(scene, tolerance=1e-3)
+
+
+@pytest.mark.parametrize("payload", [None, PICK.payload], ids=["empty", "loaded"])
+@pytest.mark.parametrize("duration", [2, 3, 10])
+def test_a_long_motion_waits_where_little_torque_holds_it(payload, duration):
+    """It is settled, keeps its limits, and costs little more than a shorter one."""
+    found = long(payload, duration)
+    assert found.within_tolerance
+    assert found.duration == pytest.approx(duration, rel=1e-14)
+    assert found.cost == pytest.approx(effort(found.scene, found.trajectory), rel=1e-15)
+    highest = highest_rows(found.scene, found.trajectory)
+    of_torque = limits_of(found.scene).constraints.is_control
+    assert highest.values[of_torque].max() <= 1
+    torque = found.trajectory(duration * np.linspace(0.3, 0.7, 400)).tau
+    rest, place = np.zeros((1, 3)), np.array([found.scene.start])
+    held = found.trajectory.model.inverse_dynamics(place, rest, rest)
+    assert (torque**2).sum(axis=1).mean() < (held**2).sum() / 20
+    shorter = long(payload, 2)
+    assert found.cost <= shorter.cost + (duration - 2) * 0.05
+
+
+@pytest.mark.parametrize("payload", [None, PICK.payload], ids=["empty", "loaded"])
+def test_a_long_motion_on_another_mesh(payload):
+    """Solved again from the plan, on a uniform mesh: finer in the wait, coarser in the moves."""
+    found = long(payload, 3)
+    scaling = replace(scaling_to_duration(found.scene, 3.0), share=1 - 2e-8)
+    model = found.trajectory.model
+    least = cost_to_minimise(found.scene.objective, scaling)
+    problem = Flat().of(model.functions, SMOOTH, scaling.constraints, least)
+    guess = Guess(found.trajectory, near=True, tolerance=1e-8)
+    solved = problem.on(np.full(192, 1 / 192)).solve(guess, scaling, model.parameters)
+    again = effort(found.scene, Trajectory(solved.position, model))
+    assert abs(again / found.cost - 1) <= 2e-4
 
 
 def test_nothing_needs_less_effort():
