@@ -21,7 +21,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.errors import DeltaOptError, Infeasible, NotConverged
+from deltaopt.errors import DeltaOptError, Infeasible, NotConverged, Unreachable
 from deltaopt.motion.effort import cost as cost_of
 from deltaopt.motion.time_scaling import highest_rows, loads_inside
 from deltaopt.motion.trajectory import Trajectory
@@ -50,8 +50,8 @@ _GROWTH = 1.15
 """Ratio of neighbouring intervals towards the middle of a wait. A larger one saves intervals; at
 1.5 some motions that wait with the chains nearly stretched do not converge."""
 _FEWEST_PER_MOVE = 8
-"""Intervals of a move before or after a wait below which no mesh is made coarser: such motions do
-not converge."""
+"""Intervals of a move before or after a wait below which no mesh is made coarser: with fewer, such
+motions may leave the workspace between the points of the mesh."""
 _MOST_TIGHTENINGS = 12
 """How often a mesh is solved with limits tightened further before that counts as failed."""
 _IPOPT_MARGIN = 1 - 2e-8
@@ -138,7 +138,8 @@ def minimise_effort(
     limits between the points of the last one. It exceeds the remaining error as long as every
     doubling changes the cost by less than half as much as the one before; it is no bound.
 
-    Raises Infeasible if the given duration is too short, and NotConverged.
+    Raises Infeasible if the given duration is too short; NotConverged or Unreachable if every start
+    fails.
     """
     shortest, given = fastest.trajectory.duration, scaling.time
     if given * (1 + 2 * fastest.gap) < shortest:
@@ -147,11 +148,11 @@ def minimise_effort(
         )
     slowed = _Start(fastest.trajectory.slowed(given / shortest), np.full(intervals, 1 / intervals))
     scaling = replace(scaling, share=_IPOPT_MARGIN)
-    failure: NotConverged | None = None
+    failure: NotConverged | Unreachable | None = None
     for start in _starts(problem, scaling, slowed, intervals):
         try:
             return _settled(problem, scaling, start, tolerance, report)
-        except NotConverged as error:
+        except (NotConverged, Unreachable) as error:
             failure = error
     assert failure is not None
     if given >= shortest:
