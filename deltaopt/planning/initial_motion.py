@@ -59,8 +59,7 @@ def baseline(scene: Scene) -> Trajectory:
     leaves the workspace, and Infeasible where gravity alone exceeds a torque limit on it or the
     given duration is too short; another path may exist all the same.
     """
-    line = straight_line(delta_model(scene.robot, scene.payload), scene.start, scene.goal, 1.0)
-    fastest = _fastest(scene, line, "the straight line from start to goal")
+    fastest = _fastest(scene, _line(scene), "the straight line from start to goal")
     given = scene.objective.given_duration
     if given is None:
         return fastest
@@ -215,6 +214,7 @@ def first_motion(scene: Scene) -> Trajectory:
 
 
 def _line(scene: Scene) -> Trajectory:
+    """The motion on the straight line from start to goal in 1 s."""
     model = delta_model(scene.robot, scene.payload)
     return straight_line(model, scene.start, scene.goal, 1.0)
 

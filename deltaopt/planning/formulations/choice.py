@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from functools import lru_cache
 
@@ -30,8 +31,32 @@ from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 _IPOPT = Ipopt()
 
 
+class Collocated(ABC):
+    """A formulation whose differential equations hold at the nodes of every interval."""
+
+    @property
+    def solvers(self) -> tuple[type[Ipopt] | type[InteriorPoint], ...]:
+        """Kinds of solver that can be asked for: Ipopt alone."""
+        return (Ipopt,)
+
+    def of(
+        self,
+        functions: DeltaFunctions,
+        transcription: PiecewiseAcceleration,
+        constraints: Constraints,
+        cost: Cost = FASTEST,
+        solver: Solver = _IPOPT,
+    ) -> DeltaEquations:
+        """Its equations for the Delta under limits; ``solver`` can only be Ipopt."""
+        return DeltaEquations(_equations(self, functions, constraints), transcription, cost)
+
+    @abstractmethod
+    def equations(self, system: ScaledMechanism) -> Equations:
+        """Its equations for any scaled mechanism."""
+
+
 @dataclass(frozen=True)
-class Redundant:
+class Redundant(Collocated):
     """The formulation in all twelve coordinates, which are polynomials under loop closure.
 
     ``formulation``: of the dynamics. With ``Multiplier`` it is eq. (37), with any other eq. (39),
@@ -47,22 +72,6 @@ class Redundant:
         kind = "multiplier" if isinstance(self.formulation, Multiplier) else "explicit"
         return f"{kind}, {self.closure.name}"
 
-    @property
-    def solvers(self) -> tuple[type[Ipopt] | type[InteriorPoint], ...]:
-        """Kinds of solver that can be asked for: Ipopt alone."""
-        return (Ipopt,)
-
-    def of(
-        self,
-        functions: DeltaFunctions,
-        transcription: PiecewiseAcceleration,
-        constraints: Constraints,
-        cost: Cost = FASTEST,
-        solver: Solver = _IPOPT,
-    ) -> DeltaEquations:
-        """Its equations for the Delta under limits; ``solver`` can only be Ipopt."""
-        return DeltaEquations(_equations(self, functions, constraints), transcription, cost)
-
     def equations(self, system: ScaledMechanism) -> Equations:
         """Its equations for any scaled mechanism."""
         if isinstance(self.formulation, Multiplier):
@@ -71,29 +80,13 @@ class Redundant:
 
 
 @dataclass(frozen=True)
-class Forward:
+class Forward(Collocated):
     """The formulation in the platform's coordinates with polynomial torques as controls.
 
     Collocation demands that the accelerations are those of forward dynamics at the nodes.
     """
 
     name: str = "forward"
-
-    @property
-    def solvers(self) -> tuple[type[Ipopt] | type[InteriorPoint], ...]:
-        """Kinds of solver that can be asked for: Ipopt alone."""
-        return (Ipopt,)
-
-    def of(
-        self,
-        functions: DeltaFunctions,
-        transcription: PiecewiseAcceleration,
-        constraints: Constraints,
-        cost: Cost = FASTEST,
-        solver: Solver = _IPOPT,
-    ) -> DeltaEquations:
-        """Its equations for the Delta under limits; ``solver`` can only be Ipopt."""
-        return DeltaEquations(_equations(self, functions, constraints), transcription, cost)
 
     def equations(self, system: ScaledMechanism) -> Equations:
         """Its equations for any scaled mechanism."""
@@ -102,7 +95,7 @@ class Forward:
 
 @lru_cache(maxsize=16)
 def _equations(
-    formulation: Redundant | Forward, functions: DeltaFunctions, constraints: Constraints
+    formulation: Collocated, functions: DeltaFunctions, constraints: Constraints
 ) -> Equations:
     return formulation.equations(scaled_delta(functions, constraints))
 
