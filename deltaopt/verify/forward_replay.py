@@ -15,28 +15,17 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
-from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from deltaopt.dynamics.lagrange import Multiplier
+from deltaopt.dynamics.simulation import advanced, precise_integrator
 from deltaopt.mechanisms.delta.functions import DeltaFunctions
 from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
 from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import Task
-
-_CVODES: dict[str, Any] = {
-    "reltol": 1e-12,
-    "abstol": 1e-13,  # m and m/s: far below the 1e-5 m that is asked
-    "linear_multistep_method": "adams",  # the motion is smooth and not stiff
-    "nonlinear_solver_iteration": "functional",
-    "max_num_steps": 20_000,  # an interval takes about 20
-    "disable_internal_warnings": True,
-    "show_eval_warnings": False,  # what fails is told once, by us
-}
-
 
 MOST_AMPLIFIED = 1e4
 """Largest amplification at which the arrival says something of the motion: it turns the 1e-12 of
@@ -44,6 +33,7 @@ the integration into 1e-8 m, a thousandth of what is asked."""
 _HOPELESS = 1e10
 """Amplification beyond which the arrival is all rounding, and is not computed."""
 _FIFTHS = (0.1, 0.3, 0.5, 0.7, 0.9)
+"""Fractions of an interval: the middles of its fifths."""
 _MOST_PIECES = 20_000
 """Of a motion, for an answer within seconds; the longest would take minutes otherwise."""
 
@@ -128,10 +118,7 @@ class _Torques:
         (s) long. Raises NotIntegrated where CVODES fails."""
         coefficients = self.position.coefficients[interval].ravel()
         parameters = np.concatenate([coefficients, [begin, length], self.p])
-        try:
-            after = np.asarray(self.step(x0=state, p=parameters)["xf"].full()).ravel()
-        except RuntimeError:  # CasADi's only word for it
-            after = np.full(6, np.nan)
+        after = advanced(self.step, state, parameters)
         if not np.isfinite(after).all():
             t = self.position.knots[interval] + begin
             raise NotIntegrated(f"CVODES failed after t = {t:.6g} s")
@@ -163,26 +150,36 @@ def _pieces(scene: Scene, trajectory: Trajectory) -> tuple[list[int], float]:
     M[..., 3:, :3] /= fastest
     transition, logarithm = np.eye(6), 0.0
     for interval, fifth in np.ndindex(rates.shape):
-        length = lengths[interval] / len(_FIFTHS)
-        steps = int(np.clip(np.ceil(length * fastest), 1, _MOST_PIECES))
-        step = _exponential(M[interval, fifth] * (length / steps))
-        for _ in range(steps):
-            transition = step @ transition
-            size = float(np.abs(transition).max())
-            transition, logarithm = transition / size, logarithm + np.log(size)
+        grown = _exponential(M[interval, fifth] * (lengths[interval] / len(_FIFTHS)))
+        transition, more = _normalised(grown[0] @ transition)
+        logarithm += grown[1] + more
     logarithm += float(np.log(np.linalg.norm(transition, 2)))
     counts = np.maximum(np.ceil(lengths * rates.max(axis=1)), 1.0)
     counts = np.ceil(counts * min(1.0, _MOST_PIECES / counts.sum()))
     return counts.astype(int).tolist(), float(np.exp(min(logarithm, 700.0)))
 
 
-def _exponential(M: Array) -> Array:
-    """exp M for a matrix of norm about 1 at most, by its series."""
+def _exponential(M: Array) -> tuple[Array, float]:
+    """exp M, of largest element 1, and the logarithm of what it was divided by.
+
+    By the series of exp (M / 2ᵏ), of norm about 1 at most, squared k times.
+    """
+    squarings = int(np.ceil(np.log2(max(_norm(M), 1.0))))
     total = term = np.eye(len(M))
     for power in range(1, 20):
-        term = term @ M / power
+        term = term @ M / 2**squarings / power
         total = total + term
-    return total
+    total, logarithm = _normalised(total)
+    for _ in range(squarings):
+        total, more = _normalised(total @ total)
+        logarithm = 2 * logarithm + more
+    return total, logarithm
+
+
+def _normalised(matrix: Array) -> tuple[Array, float]:
+    """The matrix divided by its largest element, and the logarithm of that."""
+    size = float(np.abs(matrix).max())
+    return matrix / size, float(np.log(size))
 
 
 def _linearised(scene: Scene, trajectory: Trajectory) -> Array:
@@ -220,13 +217,8 @@ def _step(model: DeltaFunctions, reported: DeltaFunctions, powers: int) -> ca.Fu
     p_reported = ca.MX.sym("p_reported", len(reported.terms.names))
     tau = _reported_torque(reported, powers)(begin + u * length, coefficients, p_reported)
     a = model.forward_dynamics(state[:3], state[3:], tau, p)
-    problem = {
-        "t": u,
-        "x": state,
-        "p": ca.vertcat(ca.vec(coefficients), begin, length, p, p_reported),
-        "ode": length * ca.vertcat(state[3:], a),
-    }
-    return ca.integrator("arrival", "cvodes", problem, 0, 1, _CVODES)
+    parameters = ca.vertcat(ca.vec(coefficients), begin, length, p, p_reported)
+    return precise_integrator(u, state, ca.vertcat(state[3:], a), length, parameters)
 
 
 def _reported_torque(model: DeltaFunctions, powers: int) -> ca.Function:

@@ -148,6 +148,10 @@ BOUNDS = (
         "its torques give a speed {:.3g} m/s off its own within a piece of it",
         BOUNDARY_SHARE,
     ),
+)
+"""Of everything but limits, whose excesses are measures of their own, each at most ``EXCESS``."""
+
+ARRIVAL_BOUNDS = (
     Bound(
         "arrival_distance",
         "m",
@@ -163,7 +167,7 @@ BOUNDS = (
         ARRIVAL_SHARE,
     ),
 )
-"""Of everything but limits, whose excesses are measures of their own, each at most ``EXCESS``."""
+"""Of a motion that is not long, besides: see ``Verification.amplification``."""
 
 
 @dataclass(frozen=True)
@@ -257,8 +261,7 @@ class Verification:
 
     def checks(self) -> list[Check]:
         """All measures that have a bound in this scene, limits first."""
-        judged = self.judges_arrival
-        bounds = [b for b in BOUNDS if judged or not b.measure.startswith("arrival_")]
+        bounds = BOUNDS + (ARRIVAL_BOUNDS if self.judges_arrival else ())
         values = [(bound, getattr(self, bound.measure)) for bound in bounds]
         return self._limit_checks() + [
             Check(bound.for_way(self.way, self.duration), value)

@@ -11,7 +11,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from math import inf, isfinite
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -20,21 +19,13 @@ from numpy.typing import NDArray
 
 from deltaopt.compare.plans.cases import FRACTIONS, Case, motion_inside
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
+from deltaopt.dynamics.simulation import advanced, precise_integrator
 from deltaopt.motion.trajectory import PiecewisePolynomial
 from deltaopt.planning.formulations.collocation import CollocationProblem
 from deltaopt.planning.formulations.scaled_mechanism import ScaledMechanism
 from deltaopt.planning.nlp.program import IpoptSolution, Program
 
 Array = NDArray[np.float64]
-
-_CVODES: dict[str, Any] = {
-    "reltol": 1e-12,
-    "abstol": 1e-13,
-    "linear_multistep_method": "adams",
-    "nonlinear_solver_iteration": "functional",
-    "max_num_steps": 20_000,
-    "disable_internal_warnings": True,
-}
 
 
 @dataclass(frozen=True)
@@ -119,7 +110,7 @@ class Meter:
         state = np.concatenate([task.start, np.zeros(nu)])
         for length, values in zip(np.diff(xi.knots), torques, strict=True):
             p = np.concatenate([(powers.T @ values).ravel(), [length], task.p])
-            state = _integrated(step, state, p)
+            state = advanced(step, state, p)
             if not np.isfinite(state).all():
                 return inf, inf
         distance = float(np.linalg.norm(state[:nu] - task.goal))
@@ -138,13 +129,8 @@ def integrator(system: ScaledMechanism, points: int) -> ca.Function:
         tau = tau * u + coefficients[:, power]
     q, dq, _ = system.motion(state[:nu], state[nu:], ca.MX.zeros(nu), p)
     ddq, _ = Multiplier().forward_dynamics(m)(0, q, dq, tau, p[system.scales.numel() :])
-    problem = {
-        "t": u,
-        "x": state,
-        "p": ca.vertcat(ca.vec(coefficients), length, p),
-        "ode": length * ca.vertcat(state[nu:], ddq[list(system.independent)]),
-    }
-    return ca.integrator("arrival", "cvodes", problem, 0, 1, _CVODES)
+    rate = ca.vertcat(state[nu:], ddq[list(system.independent)])
+    return precise_integrator(u, state, rate, length, ca.vertcat(ca.vec(coefficients), length, p))
 
 
 def active_rank(
@@ -180,11 +166,3 @@ def _mean(knots: Array, rows: Array) -> float:
     sizes = np.linalg.norm(rows, axis=1).reshape(-1, len(FRACTIONS))
     mean = float(np.trapezoid(sizes, FRACTIONS, axis=1) @ np.diff(knots) / knots[-1])
     return mean if isfinite(mean) else inf
-
-
-def _integrated(step: ca.Function, state: Array, p: Array) -> Array:
-    """The state at the end of an interval; not a number where CVODES fails."""
-    try:
-        return np.asarray(step(x0=state, p=p)["xf"].full()).ravel()
-    except RuntimeError:  # CasADi's only word for it
-        return np.full(len(state), np.nan)
