@@ -10,10 +10,9 @@ formulation, with every loop closure and transcription, on a range of meshes.
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 
-from deltaopt.cli.arguments import load_fastest
+from deltaopt.cli.arguments import WrongUsage, load_fastest
 from deltaopt.cli.progress import ProgressBar
 
 HELP = "compare formulations, of the dynamics or of plans, as tables and charts"
@@ -35,12 +34,10 @@ def run(arguments: argparse.Namespace) -> int:
         return _dynamics(arguments)
     unknown = [w for w in arguments.what if w != FIVE_BAR and Path(w).suffix not in SUFFIXES]
     if unknown:
-        print(
-            f"deltaopt compare: {unknown[0]} is no study; dynamics is, scene files (.yaml) and"
-            f" {FIVE_BAR} are",
-            file=sys.stderr,
+        raise WrongUsage(
+            f"{unknown[0]} is nothing to compare; dynamics is, and scene files (.yaml) and "
+            f"{FIVE_BAR} are"
         )
-        return 2
     return _plans(arguments)
 
 
@@ -77,8 +74,7 @@ def _dynamics(arguments: argparse.Namespace) -> int:
     from deltaopt.plots.dynamics import draw
 
     if arguments.states < 1 or arguments.rounds < 1:
-        print("deltaopt compare: --states and --rounds must be at least 1", file=sys.stderr)
-        return 2
+        raise WrongUsage("--states and --rounds must be at least 1")
     study = compare_dynamics(arguments.states, arguments.rounds, compiler(), progress=ProgressBar())
     directory = arguments.directory or Path("out/compare_dynamics")
     with atomic_write(directory / "dynamics.csv") as path:

@@ -167,7 +167,7 @@ ARRIVAL_BOUNDS = (
         ARRIVAL_SHARE,
     ),
 )
-"""Of a motion that is not long, besides: see ``Verification.amplification``."""
+"""Of the arrival, unless a motion is so long that rounding decides where it ends."""
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,8 @@ def draw(studies: dict[str, ToleranceStudy], file: Path) -> None:
     """Draw the studies, by the name of their scene, and save the chart."""
     columns = min(len(studies), 2)
     rows = -(-len(studies) // columns)
-    with figure(file, 3.4 * columns, 2.3 * rows + 0.3) as drawn:
+    below = 0.3 if columns > 1 else 0.7  # height of the legend: a single panel is too narrow
+    with figure(file, 3.4 * columns, 2.3 * rows + below) as drawn:
         panels = drawn.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
         for axes, (name, study) in zip(panels.flat, studies.items(), strict=False):
             _panel(axes, study)
@@ -33,7 +34,7 @@ def draw(studies: dict[str, ToleranceStudy], file: Path) -> None:
         for axes in panels[:, 0]:
             axes.set_ylabel("gap to the shortest duration")
         handles, labels = panels[0, 0].get_legend_handles_labels()
-        drawn.legend(handles, labels, loc="outside lower center", ncols=3)
+        drawn.legend(handles, labels, loc="outside lower center", ncols=1 if columns == 1 else 3)
 
 
 def _panel(axes: Axes, study: ToleranceStudy) -> None:

@@ -9,13 +9,12 @@ edge           planning scenes whose ends, ways or limits lie at the edge of wha
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from deltaopt.cli.arguments import positive
+from deltaopt.cli.arguments import WrongUsage, positive
 from deltaopt.cli.progress import ProgressBar
 
 HELP = "where formulations fail: near singularities, over long times, on benchmarks, at the edge"
@@ -123,8 +122,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     unknown = [name for name in arguments.parts if name not in NAMES]
     if unknown:
-        print(f"stability: {unknown[0]} is no part; {', '.join(NAMES)} are", file=sys.stderr)
-        return 2
+        raise WrongUsage(f"{unknown[0]} is no part; {', '.join(NAMES)} are")
     every = parts(arguments)
     for name in arguments.parts:
         every[name].run(name, arguments.directory)
