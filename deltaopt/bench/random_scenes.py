@@ -75,7 +75,7 @@ def random_scenes(robot: Robot, payload: float | None, number: int, seed: int) -
 def _in_workspace(model: DeltaModel, rng: np.random.Generator) -> Array:
     """Draw a batch of points in a box around the workspace, and return those in it, (n, 3)."""
     reach = model.robot.upper_arm.length + model.robot.forearm.length
-    box = rng.uniform([0, -reach, -reach], reach, size=(_BATCH, 3))
+    box = rng.uniform([0, -reach, -reach], reach, size=(_BATCH, 3)) + model.robot.tool_offset
     serial = evaluate_rows(model.functions.serial_distances, box, parameters=model.parameters)[0]
     closed = box[(serial > MARGIN**2).all(axis=1)]
     volumes = _volumes(model, closed)
@@ -99,7 +99,7 @@ def _volumes(model: DeltaModel, x: Array) -> Array:
         )
         elbow = outward * radial
         elbow[:, 0] = -robot.upper_arm.length * np.sin(theta[:, k])
-        bar = (x - elbow) / robot.forearm.length
+        bar = (x - robot.tool_offset - elbow) / robot.forearm.length
         normal = np.cross(bar, sideways)
         bars.append(bar)
         normals.append(normal / np.linalg.norm(normal, axis=1, keepdims=True))

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
@@ -61,7 +62,7 @@ def _description(scene: Scene) -> list[tuple[str, str]]:
         ("freedom", f"{coordinates - constraints} degrees, {mechanism.controls.numel()} motors"),
         ("bodies", f"{len(mechanism.bodies)}: {_masses(parameters)}"),
         ("inertia", _inertias(parameters)),
-        ("gravity", "none" if parameters.g is None else f"{parameters.g:g} m/s² downward (+x)"),
+        ("gravity", _gravity(parameters)),
         ("machine code", describe()),
         ("left out", ", ".join([*_absent(parameters), _NEVER])),
         ("baseline", _baseline(scene)),
@@ -111,9 +112,18 @@ def _inertias(p: DeltaParameters) -> str:
     return f"arm {p.I33:.4g} kg·m²; bars {bars} kg·m²"
 
 
+def _gravity(p: DeltaParameters) -> str:
+    """The acceleration of gravity, as text."""
+    if p.gravity is None:
+        return "none"
+    if p.g_y is None and p.g_z is None:
+        return f"{p.g:g} m/s² downward (+x)"
+    return f"{in_words(np.array(ca.DM(p.gravity)).ravel())} m/s² in the base's frame"
+
+
 def _absent(p: DeltaParameters) -> list[str]:
     """Names of the terms that a model can have and this one has not."""
-    terms = {"payload": p.m2, "bars' inertia about their length": p.I42, "gravity": p.g}
+    terms = {"payload": p.m2, "bars' inertia about their length": p.I42, "gravity": p.gravity}
     return [name for name, value in terms.items() if value is None]
 
 

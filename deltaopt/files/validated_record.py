@@ -87,7 +87,12 @@ class Record(BaseModel):
             raise SceneError(None, key, value, self._nearest(key), "is not a known key")
         if isinstance(value, Record) and type(value) is type(getattr(self, key)):
             return value  # validated when it was made
-        return self._checked(key, value, _adapter(type(self), key).validate_python)
+        return self._valid(key, value)
+
+    @classmethod
+    def _valid(cls, key: str, value: object) -> Any:
+        """A value of a field as the record would have it; raises SceneError, naming its key."""
+        return cls._checked(key, value, _adapter(cls, key).validate_python)
 
     @classmethod
     def _checked(cls, key: str, value: Any, validate: Callable[[Any], Any]) -> Any:

@@ -256,8 +256,9 @@ def _one_piece(model: DeltaModel, coefficients: Array) -> Trajectory:
 
 
 def _middle(robot: Robot, depth: float) -> Array:
-    """A point on the robot's axis, (3,), m, at a depth from 0 (chains folded) to 1 (stretched)."""
+    """The tool's point, (3,), m, with the platform on the robot's axis, at a depth from 0 (chains
+    folded) to 1 (stretched)."""
     arm, bars = robot.upper_arm.length, robot.forearm.length
     offset = robot.base_radius - robot.platform_radius
     folded, stretched = (max(reach**2 - offset**2, 0) ** 0.5 for reach in (bars - arm, bars + arm))
-    return np.array([folded + depth * (stretched - folded), 0.0, 0.0])
+    return np.array([folded + depth * (stretched - folded), 0.0, 0.0]) + robot.tool_offset

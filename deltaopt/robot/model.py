@@ -15,8 +15,10 @@ from deltaopt.dynamics.formulation import Formulation
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.dynamics.virtual_work import VirtualWork
 from deltaopt.errors import Singular, Singularity, Unreachable, in_words
+from deltaopt.files.validated_record import Vector3
 from deltaopt.mechanisms.delta.functions import DeltaFunctions, delta_functions
 from deltaopt.mechanisms.delta.mechanism import MOTOR_ANGLES, DeltaParameters
+from deltaopt.robot.drive import Friction
 from deltaopt.robot.robot import Robot
 
 Array = NDArray[np.float64]
@@ -38,26 +40,83 @@ They have four correct digits there."""
 def delta_parameters(robot: Robot, payload: float | None) -> DeltaParameters:
     """The parameters of the paper for a robot with a payload (kg; None for none).
 
-    Lengths are halved; a link without an inertia in the robot file is a slender bar.
+    Lengths are halved; a link without an inertia in the robot file is a slender bar. What is
+    rigidly joined is one body, so that it costs nothing: the elbow is part of the arm, whose mass,
+    centre of mass and moment of inertia about that centre are those of both; rotor, brake and gear
+    add the moment of inertia of their rotation to it; pins and tool are part of the platform, which
+    only translates.
     """
-    arm, bars = robot.upper_arm, robot.forearm
+    bars, gravity = robot.forearm, _gravity(robot)
+    friction = robot.drive.friction or Friction(viscous=0.0)
+    tool_mass = (robot.tool and robot.tool.mass) or 0.0
     slender = bars.mass * bars.length**2 / 12
     I41, I42, I43 = bars.inertia or (slender, None, slender)
+    offset = _components(robot.tool_offset)
+    arm = _arm_and_elbow(robot)
     return DeltaParameters(
         a1=robot.base_radius,
-        a2=arm.length / 2,
+        a2=robot.upper_arm.length / 2,
         a3=bars.length / 2,
         a4=robot.platform_radius,
-        m1=robot.platform.mass,
+        m1=robot.platform.mass + 3 * (robot.platform.pins or 0.0) + tool_mass,
         m2=payload,
         m3=arm.mass,
         m4=bars.mass,
-        I33=arm.mass * arm.length**2 / 12 if arm.inertia is None else arm.inertia,
+        I33=arm.inertia,
         I41=I41,
         I42=I42,
         I43=I43,
-        g=robot.gravity or None,
+        g=gravity[0],
+        g_y=gravity[1],
+        g_z=gravity[2],
+        b1=arm.along,
+        b2=arm.across,
+        viscous=friction.viscous or None,
+        coulomb=friction.coulomb or None,
+        coulomb_speed=friction.speed if friction.coulomb else None,
+        tool_x=offset[0],
+        tool_y=offset[1],
+        tool_z=offset[2],
     )
+
+
+@dataclass(frozen=True)
+class _Arm:
+    """All that turns with an arm: its mass, kg, and the moment of inertia about its centre of mass,
+    kg·m². ``along``, ``across``: the centre of mass from the shaft, m; None for a₂ and 0."""
+
+    mass: float
+    inertia: float
+    along: float | None
+    across: float | None
+
+
+def _arm_and_elbow(robot: Robot) -> _Arm:
+    """Upper arm, elbow and drive as one body; the drive's inertia is that of its rotation alone."""
+    arm, elbow = robot.upper_arm, robot.elbow
+    inertia = arm.mass * arm.length**2 / 12 if arm.inertia is None else arm.inertia
+    inertia += robot.drive.inertia or 0.0
+    along, across = arm.centre or (arm.length / 2, 0.0)
+    mass = arm.mass
+    if elbow is not None and elbow.mass:
+        mass += elbow.mass
+        reduced = arm.mass * elbow.mass / mass  # Steiner: both about the common centre of mass
+        inertia += reduced * ((arm.length - along) ** 2 + across**2)
+        along, across = along + elbow.mass / mass * (arm.length - along), arm.mass / mass * across
+    centred = along == arm.length / 2
+    return _Arm(mass, inertia, None if centred else along, across or None)
+
+
+def _gravity(robot: Robot) -> tuple[float | None, float | None, float | None]:
+    """Components of gravity, m/s²; None for one that is zero."""
+    gravity = robot.gravity
+    return _components(gravity if isinstance(gravity, tuple) else (gravity, 0.0, 0.0))
+
+
+def _components(vector: Vector3) -> tuple[float | None, float | None, float | None]:
+    """The components of a vector; None for one that is zero, which needs no term."""
+    x, y, z = vector
+    return x or None, y or None, z or None
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Robot files: the lengths, masses, inertias and drives of a Delta robot, in SI units.
+"""Robot files: the lengths, masses, inertias, drives and ranges of a Delta robot, in SI units.
 
 A quantity that is None is absent from the model, except an inertia: then the link is a slender bar.
 """
@@ -13,6 +13,7 @@ from pydantic import Field, model_validator
 from deltaopt.errors import SceneError
 from deltaopt.files.validated_record import (
     NonNegative,
+    Number,
     PerMotor,
     Positive,
     Record,
@@ -21,13 +22,16 @@ from deltaopt.files.validated_record import (
     per_motor,
 )
 from deltaopt.files.yaml_file import read_yaml
+from deltaopt.robot.drive import Drive
+from deltaopt.robot.joints import Joints
 
 
 class UpperArm(Record):
     """The upper arm, which a motor turns: ``length`` 2 a₂ in m, ``mass`` m₃ in kg.
 
     ``inertia``: I₃,₃ in kg·m², about an axis parallel to the motor's through the centre of mass;
-    None for a slender bar.
+    None for a slender bar. ``centre``: of mass, along the line from shaft to elbow and across it,
+    m; across is positive where a positive turn of the arm moves it. None for the middle.
     """
 
     length: Positive = Field(description="a length in m, greater than 0")
@@ -35,6 +39,15 @@ class UpperArm(Record):
     inertia: NonNegative | None = Field(
         default=None, description="a moment of inertia in kg·m², at least 0"
     )
+    centre: tuple[Number, Number] | None = Field(
+        default=None, description="two lengths in m: along the line shaft-elbow, and across it"
+    )
+
+
+class Elbow(Record):
+    """What turns with the arm at its elbow, such as pins, as a point: ``mass`` in kg."""
+
+    mass: NonNegative = Field(description="a mass in kg, at least 0")
 
 
 class Forearm(Record):
@@ -61,29 +74,58 @@ class Forearm(Record):
 
 
 class Platform(Record):
-    """The moving platform: ``mass`` m₁ in kg, without the payload."""
+    """The moving platform: ``mass`` in kg, without tool and payload.
 
-    mass: Positive = Field(description="a mass in kg, greater than 0")
-
-
-class Drive(Record):
-    """The drive of an arm, motor and gear: largest ``torque`` in N·m and ``speed`` in rad/s.
-
-    Each is one number for all motors or three. ``speed``: None for no limit.
+    ``pins``: a mass in kg for each chain, which the platform carries beside its own.
     """
 
-    torque: PerMotor = Field(description="one torque in N·m, greater than 0, or three")
-    speed: PerMotor | None = Field(
-        default=None, description="one angular speed in rad/s, greater than 0, or three"
+    mass: Positive = Field(description="a mass in kg, greater than 0")
+    pins: NonNegative | None = Field(
+        default=None, description="a mass in kg for each chain, at least 0"
     )
+
+
+class Tool(Record):
+    """The tool that the platform carries.
+
+    ``offset``: from the platform's centre to the tool's point, m; start and goal are then places
+    of the tool's point. ``mass``: in kg.
+    """
+
+    offset: tuple[Number, Number, Number] | None = Field(
+        default=None, description="three coordinates [x, y, z] in m"
+    )
+    mass: NonNegative | None = Field(default=None, description="a mass in kg, at least 0")
+
+
+class Workspace(Record):
+    """Where the tool's point may be: ``depth`` [least, largest] below the base, ``radius``, in m.
+
+    ``depth`` is along the base's axis, our x; ``radius`` is the largest distance from that axis.
+    None where there is no such limit.
+    """
+
+    depth: tuple[Number, Number] | None = Field(
+        default=None, description="two coordinates [least, largest] in m, the first the lesser"
+    )
+    radius: Positive | None = Field(default=None, description="a length in m, greater than 0")
+
+    @model_validator(mode="after")
+    def _is_somewhere(self) -> Self:
+        if self.depth is not None and self.depth[0] >= self.depth[1]:
+            expected = str(type(self).model_fields["depth"].description)
+            raise SceneError(None, "depth", self.depth, expected)
+        return self
 
 
 class Robot(Record):
     """A Delta robot as its file describes it.
 
     ``base_radius``: a₁, from the base's centre to the motors' axes, m. ``platform_radius``: a₄,
-    from the platform's centre to the forearms, m. ``gravity``: downward, m/s². ``source``: where
-    the numbers come from. Raises SceneError for values that cannot be used.
+    from the platform's centre to the forearms, m. ``gravity``: downward, m/s², or a vector in the
+    base's frame. ``source``: where the numbers come from. ``joints``: the controller's zero and
+    sign of each motor, and ranges of the joints. ``workspace``: where the tool's point may be.
+    Raises SceneError for values that cannot be used.
     """
 
     name: Text = Field(description="the robot's name")
@@ -92,13 +134,29 @@ class Robot(Record):
     platform_radius: NonNegative = Field(description="a length in m, at least 0")
     upper_arm: UpperArm = Field(description="a mapping with the keys length and mass")
     forearm: Forearm = Field(description="a mapping with the keys length and mass")
+    elbow: Elbow | None = Field(default=None, description="a mapping with the key mass")
     platform: Platform = Field(description="a mapping with the key mass")
+    tool: Tool | None = Field(
+        default=None, description="a mapping with some of the keys offset, mass"
+    )
     drive: Drive = Field(
         description="a mapping with the key torque (N·m) and, if speeds are limited, speed (rad/s)"
     )
-    gravity: NonNegative = Field(
-        default=9.81, description="an acceleration in m/s², at least 0, downward"
+    gravity: NonNegative | tuple[Number, Number, Number] = Field(
+        default=9.81,
+        description="an acceleration in m/s², at least 0, downward, or a vector [x, y, z]",
     )
+    joints: Joints | None = Field(
+        default=None, description="a mapping with some of the keys zero, sign, arm, ball"
+    )
+    workspace: Workspace | None = Field(
+        default=None, description="a mapping with some of the keys depth, radius"
+    )
+
+    @property
+    def tool_offset(self) -> Vector3:
+        """From the platform's centre to the tool's point, m."""
+        return (self.tool and self.tool.offset) or (0.0, 0.0, 0.0)
 
     @property
     def torque_limits(self) -> Vector3:
@@ -108,7 +166,15 @@ class Robot(Record):
     @property
     def speed_limits(self) -> Vector3 | None:
         """The largest speed of each arm, rad/s; None if the drives have no speed limit."""
-        return None if self.drive.speed is None else per_motor(self.drive.speed)
+        speed, curve = self.drive.speed, self.drive.torque_curve
+        if curve is None:
+            return None if speed is None else per_motor(speed)
+        return per_motor(curve[-1][0]) if speed is None else _least(speed, curve[-1][0])
+
+    @property
+    def rms_torque(self) -> Vector3 | None:
+        """The rated torque of each motor at its arm, N·m, for the RMS; None if not named."""
+        return None if self.drive.rms_torque is None else per_motor(self.drive.rms_torque)
 
     @model_validator(mode="after")
     def _loops_can_close(self) -> Self:
@@ -129,6 +195,12 @@ class Robot(Record):
             )
             raise SceneError(None, "forearm.length", self.forearm.length, expected)
         return self
+
+
+def _least(speed: PerMotor, end_of_curve: float) -> Vector3:
+    """The lesser of two speeds for each motor."""
+    first, second, third = (min(each, end_of_curve) for each in per_motor(speed))
+    return first, second, third
 
 
 def load_robot(path: str | Path) -> Robot:

@@ -50,12 +50,13 @@ class Limits(_Keys):  # type: ignore[misc]  # its fields are the keys of LIMITS
 
 
 class Scene(Record):
-    """A motion to plan: the platform's centre from rest at ``start`` to rest at ``goal``.
+    """A motion to plan: the tool's point from rest at ``start`` to rest at ``goal``.
 
-    ``start``, ``goal``: three coordinates each in m, x down from the base's centre. ``payload``:
-    mass m₂ in kg at the platform's centre; None for no payload. ``limits``: beside those of the
-    robot's drive. ``objective``: what is minimised, time by default. Raises SceneError for values
-    that cannot be used.
+    The tool's point is the platform's centre if the robot has no tool with an offset. ``start``,
+    ``goal``: three coordinates each in m, x down from the base's centre. ``payload``: mass m₂ in kg
+    at the platform; None for no payload. ``limits``: beside those of the robot's drive.
+    ``objective``: what is minimised, time by default. A key ``tool`` replaces the robot's tool as a
+    whole: it is then that of ``robot``. Raises SceneError for values that cannot be used.
     """
 
     robot: Robot = Field(description=_ROBOT_FILE)
@@ -82,13 +83,23 @@ class Scene(Record):
     def _read_objective(cls, content: Any) -> Any:
         return objective_in(content) if isinstance(content, dict) else content
 
+    @model_validator(mode="before")
+    @classmethod
+    def _replace_tool(cls, content: Any) -> Any:
+        if not isinstance(content, dict) or not isinstance(content.get("robot"), Robot):
+            return content
+        rest = {key: value for key, value in content.items() if key != "tool"}
+        if "tool" in content:
+            rest["robot"] = content["robot"].model_copy(update={"tool": content["tool"]})
+        return rest
+
     @model_serializer(mode="wrap")
     def _write_objective(self, rest: SerializerFunctionWrapHandler) -> dict[str, object]:
         return {**rest(self), **content_of(self.objective)}
 
     @classmethod
     def _keys(cls) -> list[str]:
-        return [*super()._keys(), "duration"]
+        return [*super()._keys(), "duration", "tool"]
 
     @model_validator(mode="after")
     def _moves(self) -> Self:

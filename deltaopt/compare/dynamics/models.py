@@ -47,7 +47,10 @@ class Model:
 
 
 def models(partition: Partition, terms: DeltaParameters) -> list[Model]:
-    """Return all models that are compared, for a Delta that has these terms."""
+    """Return all models that are compared, for a Delta that has these terms.
+
+    The paper's printed expressions are among them where it has all of these terms.
+    """
     matrices: list[tuple[str, ConstraintMatrix, str]] = [
         ("closed form", ClosedForm(), "3 of 3×3"),
         ("partition", partition, "{gamma}×{gamma}"),
@@ -69,7 +72,8 @@ def models(partition: Partition, terms: DeltaParameters) -> list[Model]:
         Model("L_I", "LAPACK LU", _solved_by("lapacklu"), _big_system_size, compilable=False),
     ]
     lagrange = [*(model for model in projected if model.name == "L_E"), *multiplier]
-    return [*projected, *multiplier, *(_printed(model, terms) for model in lagrange)]
+    printed = [] if terms.beyond_the_paper else [_printed(model, terms) for model in lagrange]
+    return [*projected, *multiplier, *printed]
 
 
 def _printed(model: Model, terms: DeltaParameters) -> Model:

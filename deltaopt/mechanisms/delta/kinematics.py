@@ -11,16 +11,20 @@ from deltaopt.mechanisms.delta.mechanism import AZIMUTHS, DeltaParameters
 
 
 def inverse_kinematics(p: DeltaParameters, x: SX) -> SX:
-    """Coordinates q, 12, for the platform's centre at x, 3, every elbow on the outer side.
+    """Coordinates q, 12, for the tool's point at x, 3, every elbow on the outer side.
+
+    The tool's point is the platform's centre where a robot has no tool with an offset.
 
     In the plane of its upper arm a chain is a two-link arm of lengths 2 a₂ and 2 a₃ cos q_{k,3}:
     eq. (50)-(52) are solved for one chain after the other. Results are NaN out of reach.
     """
-    return ca.vertcat(x, *(_chain_angles(p, azimuth, x) for azimuth in AZIMUTHS))
+    centre = p.platform_at(x)
+    return ca.vertcat(x, *(_chain_angles(p, azimuth, centre) for azimuth in AZIMUTHS))
 
 
 def serial_distances(p: DeltaParameters, x: SX) -> SX:
-    """Squared distances of the chains from their serial singularities, 3 × 2, without unit.
+    """Squared distances of the chains from their serial singularities, 3 × 2, without unit, for the
+    tool's point at x.
 
     First column: cos² q_{k,3}, zero where the bars lie sideways. Second: sin² (q_{k,1} - q_{k,2}),
     zero where arm and bars are in line. They are negative out of reach, and the second has no
@@ -28,16 +32,16 @@ def serial_distances(p: DeltaParameters, x: SX) -> SX:
     """
     rows = []
     for azimuth in AZIMUTHS:
-        chain = _Chain(p, azimuth, x)
+        chain = _Chain(p, azimuth, p.platform_at(x))
         rows.append(ca.horzcat(chain.c3_squared, chain.sine_squared))
     return ca.vertcat(*rows)
 
 
 def forward_kinematics(p: DeltaParameters, theta: SX) -> SX:
-    """Position x of the platform's centre, 3, for the motor angles, 3.
+    """Position x of the tool's point, 3, for the motor angles, 3.
 
-    It is the lower of the two points where three spheres of radius 2 a₃ meet, whose centres are the
-    elbows moved inwards by a₄. The result is NaN if they do not meet.
+    The platform's centre is the lower of the two points where three spheres of radius 2 a₃ meet,
+    whose centres are the elbows moved inwards by a₄. The result is NaN if they do not meet.
     """
     radius = 2 * p.a3
     centres = []
@@ -53,11 +57,12 @@ def forward_kinematics(p: DeltaParameters, theta: SX) -> SX:
     to_circumcentre = ca.cross(ca.dot(b, b) * c - ca.dot(c, c) * b, normal) / (2 * n2)
     height = ca.sqrt((radius**2 - ca.dot(to_circumcentre, to_circumcentre)) / n2)
     # x is down: of ±height take the one that adds to x.
-    return centres[0] + to_circumcentre + ca.sign(normal[0]) * height * normal
+    centre = centres[0] + to_circumcentre + ca.sign(normal[0]) * height * normal
+    return centre if p.tool is None else centre + p.tool
 
 
 class _Chain:
-    """A chain as a two-link arm in the plane of its upper arm.
+    """A chain as a two-link arm in the plane of its upper arm, the platform's centre at x.
 
     ``outward``, ``up``: position of the lower end of the bars, from the motor's axis.
     """

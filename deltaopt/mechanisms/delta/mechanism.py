@@ -29,6 +29,12 @@ class DeltaParameters:
     Lengths are in m (a₂ and a₃ are halves), masses in kg (m₄ of a pair of bars), principal moments
     of inertia about the centre of mass in kg·m², g in m/s². A parameter that is None is absent from
     the model.
+
+    Beyond the paper: ``b1``, ``b2``: centre of mass of the arm, along the line from shaft to elbow
+    and across it, positive where a positive turn moves it, m; None for a₂ and 0. ``g_y``, ``g_z``:
+    horizontal components of gravity, m/s². ``viscous``: friction at the arm, N·m·s/rad;
+    ``coulomb``: N·m, times tanh (θ̇ / ``coulomb_speed``), rad/s. ``tool_x``, ``tool_y``,
+    ``tool_z``: from the platform's centre to the tool's point, m; then x is the tool's point.
     """
 
     a1: SX | float
@@ -44,6 +50,44 @@ class DeltaParameters:
     I42: SX | float | None = None
     m2: SX | float | None = None  # the payload
     g: SX | float | None = None
+    g_y: SX | float | None = None
+    g_z: SX | float | None = None
+    b1: SX | float | None = None
+    b2: SX | float | None = None
+    viscous: SX | float | None = None
+    coulomb: SX | float | None = None
+    coulomb_speed: SX | float | None = None
+    tool_x: SX | float | None = None
+    tool_y: SX | float | None = None
+    tool_z: SX | float | None = None
+
+    @property
+    def beyond_the_paper(self) -> bool:
+        """Whether there is a parameter that the paper's equations do not have."""
+        return not set(self.present()) <= _OF_THE_PAPER
+
+    @property
+    def gravity(self) -> SX | None:
+        """Acceleration of gravity in the base frame, 3, m/s²; None if there is none."""
+        return _vector(self.g, self.g_y, self.g_z)
+
+    @property
+    def tool(self) -> SX | None:
+        """The tool's point seen from the platform's centre, 3, m; None if it is the centre."""
+        return _vector(self.tool_x, self.tool_y, self.tool_z)
+
+    def platform_at(self, x: SX) -> SX:
+        """Position of the platform's centre, 3, m, with the tool's point at x."""
+        return x if self.tool is None else x - self.tool
+
+    def friction(self, dtheta: SX) -> SX | None:
+        """Torque that friction takes at an arm's speed, N·m; None if there is none."""
+        parts = []
+        if self.viscous is not None:
+            parts.append(self.viscous * dtheta)
+        if self.coulomb is not None and self.coulomb_speed is not None:
+            parts.append(self.coulomb * ca.tanh(dtheta / self.coulomb_speed))
+        return sum(parts, SX(0)) if parts else None
 
     def present(self) -> list[str]:
         """Names of the parameters the model has, in the order of ``Mechanism.parameters``."""
@@ -65,6 +109,16 @@ class DeltaParameters:
         """The parameters the model has, as a column."""
         stacked: SX = ca.vertcat(*(SX(getattr(self, name)) for name in self.present()))
         return stacked
+
+
+_OF_THE_PAPER = {"a1", "a2", "a3", "a4", "m1", "m2", "m3", "m4", "I33", "I41", "I42", "I43", "g"}
+
+
+def _vector(*components: SX | float | None) -> SX | None:
+    """A vector of components of which some are absent; None if all are."""
+    if all(c is None for c in components):
+        return None
+    return ca.vertcat(*(0 if c is None else c for c in components))
 
 
 @dataclass(frozen=True)
@@ -96,8 +150,9 @@ def delta(parameters: DeltaParameters) -> Mechanism:
     for k, azimuth in enumerate(AZIMUTHS):
         qk, dqk = q[3 + 3 * k : 6 + 3 * k], dq[3 + 3 * k : 6 + 3 * k]
         bodies += [_arm(p, k, azimuth, qk, dqk), _bars(p, k, azimuth, qk, dqk)]
-        efforts.append(Effort(tau[k], dqk[0]))
-        closures.append(platform - _in_base(azimuth, *_tip(p, qk)))
+        friction = p.friction(dqk[0])
+        efforts.append(Effort(tau[k] if friction is None else tau[k] - friction, dqk[0]))
+        closures.append(p.platform_at(platform) - _in_base(azimuth, *_tip(p, qk)))
 
     holonomic = ca.vertcat(*closures)  # eq. (50)-(52)
     return Mechanism(
@@ -108,7 +163,7 @@ def delta(parameters: DeltaParameters) -> Mechanism:
         efforts=tuple(efforts),
         controls=tau,
         holonomic=holonomic,
-        gravity=None if p.g is None else ca.vertcat(p.g, 0, 0),
+        gravity=p.gravity,
         parameters=p.vector(),
         closed_form=_closed_form(ca.jacobian(holonomic, q)),
     )
@@ -133,7 +188,13 @@ def _tip(p: DeltaParameters, qk: SX) -> tuple[SX, SX, SX]:
 def _arm(p: DeltaParameters, k: int, azimuth: float, qk: SX, dqk: SX) -> Body:
     """Body 2k+1, eq. (57) and (60)."""
     c, s = ca.cos(qk), ca.sin(qk)
-    centre = _in_base(azimuth, -p.a2 * s[0], p.a1 + p.a2 * c[0], SX(0))
+    along, across = p.a2 if p.b1 is None else p.b1, 0 if p.b2 is None else p.b2
+    centre = _in_base(
+        azimuth,
+        -along * s[0] - across * c[0],
+        p.a1 + along * c[0] - across * s[0],
+        SX(0),
+    )
     return Body(f"arm {k + 1}", p.m3, centre, ca.vertcat(0, 0, p.I33), ca.vertcat(0, 0, dqk[0]))
 
 

@@ -32,11 +32,11 @@ def angle_free_equations(p: DeltaParameters, x: SX, v: SX, a: SX, tau: SX) -> tu
     """
     mass = p.m1 if p.m2 is None else p.m1 + p.m2
     force = -mass * a
-    if p.g is not None:
-        force += ca.vertcat(mass * p.g, 0, 0)
+    if p.gravity is not None:
+        force += mass * p.gravity
     alignments, speeds, accelerations = [], [], []
     for azimuth, torque in zip(AZIMUTHS, ca.vertsplit(tau), strict=True):
-        chain = _Chain(p, azimuth, x, v, a)
+        chain = _Chain(p, azimuth, p.platform_at(x), v, a)
         force += chain.to_base(*chain.force_on_platform(torque))
         alignments.append(chain.alignment)
         speeds.append(chain.dtheta)
@@ -57,7 +57,8 @@ class _Vector:
 
 
 class _Chain:
-    """One chain: its arm's speed θ̇ and acceleration θ̈, and its force on the platform."""
+    """One chain: its arm's speed θ̇ and acceleration θ̈, and its force on the platform, whose centre
+    is at x."""
 
     def __init__(self, p: DeltaParameters, azimuth: float, x: SX, v: SX, a: SX) -> None:
         self.p, self.azimuth = p, azimuth
@@ -93,22 +94,53 @@ class _Chain:
         p = self.p
         across = p.I41 / (2 * p.a3) ** 2
         alpha, beta = p.m4 / 4 + across, p.m4 / 4 - across
-        inertia = p.I33 + p.a2**2 * p.m3 + (2 * p.a2) ** 2 * alpha
+        inertia = p.I33 + self._distance2 * p.m3 + (2 * p.a2) ** 2 * alpha
         u_a = self.u_d * self.a.d + self.u_o * self.a.o
-        moment = tau - inertia * self.ddtheta - beta * u_a  # Q*_θ + Q_θ
+        friction = p.friction(self.dtheta)
+        moment = tau if friction is None else tau - friction
+        moment = moment - inertia * self.ddtheta - beta * u_a  # Q*_θ + Q_θ
         dv_E_d = self.u_d * self.ddtheta - self.E_d * self.w2
         dv_E_o = self.u_o * self.ddtheta - self.E_o * self.w2
         down = -alpha * self.a.d - beta * dv_E_d  # Q*_x + Q_x of the bars
         outward = -alpha * self.a.o - beta * dv_E_o
         sideways = -alpha * self.a.s
-        if p.g is not None:
-            moment += p.g * (p.m3 + p.m4) / 2 * self.u_d
-            down += p.g * p.m4 / 2
+        if p.gravity is not None:
+            g = self._local(p.gravity)
+            moment += self._weight(g)
+            down += g.d * p.m4 / 2
+            if p.g_y is not None or p.g_z is not None:
+                outward += g.o * p.m4 / 2
+                sideways += g.s * p.m4 / 2
         return (
             down + self.C.d * moment,
             outward + self.C.o * moment,
             sideways + self.C.s * moment,
         )
+
+    @property
+    def _distance2(self) -> SX:
+        """Square of the distance of the arm's centre of mass from the shaft."""
+        p = self.p
+        along2 = SX(p.a2 if p.b1 is None else p.b1) ** 2
+        return along2 if p.b2 is None else along2 + p.b2**2
+
+    def _weight(self, g: _Vector) -> SX:
+        """Moment of gravity about the shaft: of the arm, and of the half of the bars at the elbow.
+
+        The arm's centre of mass is (b₁ E + b₂ u) / (2 a₂), so that its derivative by θ is
+        (b₁ u - b₂ E) / (2 a₂).
+        """
+        p = self.p
+        if p.b1 is None and p.b2 is None:
+            return self._along_u((p.m3 + p.m4) / 2, g)
+        along = p.m3 / 2 if p.b1 is None else p.m3 * p.b1 / (2 * p.a2)
+        moment = self._along_u(along + p.m4 / 2, g)
+        if p.b2 is not None:
+            moment -= p.m3 * p.b2 / (2 * p.a2) * (g.d * self.E_d + g.o * self.E_o)
+        return moment
+
+    def _along_u(self, factor: SX | float, g: _Vector) -> SX:
+        return factor * g.d * self.u_d + factor * g.o * self.u_o
 
     def _local(self, vector: SX) -> _Vector:
         c, s = cos(self.azimuth), sin(self.azimuth)

@@ -1,0 +1,130 @@
+"""The drive of an arm: its torque, speed, inertia and friction, or the motor and gear it has."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any, Self
+
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
+
+from deltaopt.errors import SceneError
+from deltaopt.files.validated_record import NonNegative, PerMotor, Positive, Record, per_motor
+from deltaopt.robot.catalogue import (
+    CURVE,
+    Brake,
+    CurvePoints,
+    Gear,
+    Motor,
+    at_the_arm,
+    require_torque_curve,
+)
+
+_REDUCED = ("torque", "speed", "inertia", "torque_curve", "rms_torque")
+"""Keys of a drive at the arm that follow from motor, brake and gear."""
+
+
+class Friction(Record):
+    """The friction of a drive at its arm, at speed θ̇: viscous · θ̇ + coulomb · tanh(θ̇ / speed).
+
+    ``viscous`` in N·m·s/rad, ``coulomb`` in N·m; None where that part is not modelled. ``speed``:
+    in rad/s, within which Coulomb friction changes its sign; given with ``coulomb`` alone.
+    """
+
+    viscous: NonNegative | None = Field(
+        default=None, description="a friction in N·m·s/rad, at least 0"
+    )
+    coulomb: NonNegative | None = Field(default=None, description="a torque in N·m, at least 0")
+    speed: Positive | None = Field(
+        default=None,
+        description="an angular speed in rad/s, greater than 0, since coulomb is given: within it "
+        "Coulomb friction changes its sign",
+    )
+
+    @model_validator(mode="after")
+    def _parts_fit(self) -> Self:
+        if self.viscous is None and self.coulomb is None:
+            expected = "viscous (N·m·s/rad), coulomb (N·m) or both"
+            raise SceneError(None, "", None, expected, "names no friction")
+        if self.coulomb is None and self.speed is not None:
+            raise SceneError(None, "speed", self.speed, "coulomb beside it, which it belongs to")
+        if self.coulomb is not None and self.speed is None:
+            expected = str(type(self).model_fields["speed"].description)
+            raise SceneError(None, "speed", None, expected, "is missing")
+        return self
+
+
+class Drive(Record):
+    """The drive of an arm: largest ``torque`` in N·m and ``speed`` in rad/s, at the arm.
+
+    Both, and ``rms_torque`` in N·m, are one number for all motors or three. ``inertia``: of rotor,
+    brake and gear at the arm, kg·m². ``torque_curve``: points (speed, torque) that the torque falls
+    along when it drives the arm, in rad/s and N·m; its last speed is a limit. What is None is not
+    limited, or not modelled.
+
+    Given a ``motor``, and a ``brake`` and ``gear`` if there are any, those numbers are computed
+    from them. Friction is that at the arm in any case.
+    """
+
+    torque: PerMotor = Field(description="one torque in N·m, greater than 0, or three")
+    speed: PerMotor | None = Field(
+        default=None, description="one angular speed in rad/s, greater than 0, or three"
+    )
+    inertia: NonNegative | None = Field(
+        default=None, description="a moment of inertia in kg·m² at the arm, at least 0"
+    )
+    friction: Friction | None = Field(
+        default=None, description="a mapping with some of the keys viscous, coulomb, speed"
+    )
+    torque_curve: CurvePoints | None = Field(default=None, description=CURVE)
+    rms_torque: PerMotor | None = Field(
+        default=None, description="one torque in N·m, greater than 0, or three"
+    )
+    motor: Motor | None = Field(
+        default=None,
+        description="a mapping with the key peak_torque and, as far as known, rated_torque, "
+        "max_speed, inertia, curve",
+    )
+    brake: Brake | None = Field(default=None, description="a mapping with the key inertia")
+    gear: Gear | None = Field(
+        default=None,
+        description="a mapping with the key ratio and, as far as known, efficiency, inertia, "
+        "peak_torque, nominal_torque, input_speed",
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _reduce_to_the_arm(cls, content: Any) -> Any:
+        if not isinstance(content, dict):
+            return content
+        given = {key for key, value in content.items() if value is not None}
+        if "motor" not in given:
+            for key in given & {"brake", "gear"}:
+                raise SceneError(None, key, content[key], "a motor beside it")
+            return content
+        for key in _REDUCED:
+            if key in given:
+                expected = f"either {key} or motor, since it follows from motor, brake and gear"
+                raise SceneError(None, key, content[key], expected, "is given beside motor")
+        parts = {key: cls._valid(key, content.get(key)) for key in ("motor", "brake", "gear")}
+        return {**content, **parts, **asdict(at_the_arm(**parts))}
+
+    @model_validator(mode="after")
+    def _curve_falls(self) -> Self:
+        if self.torque_curve is not None:
+            require_torque_curve(self.torque_curve, min(per_motor(self.torque)), "torque_curve")
+        return self
+
+    @model_serializer(mode="wrap")
+    def _write_what_was_given(self, rest: SerializerFunctionWrapHandler) -> dict[str, object]:
+        """The keys of a file: without the numbers that follow from a motor."""
+        content: dict[str, object] = rest(self)
+        if self.motor is None:
+            return content
+        return {key: value for key, value in content.items() if key not in _REDUCED}
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """A copy with other fields, all held against each other; see ``Record.model_copy``."""
+        if self.motor is None and not {"motor", "brake", "gear"} & set(update or {}):
+            return super().model_copy(update=update, deep=deep)
+        return type(self).model_validate({**self.model_dump(), **(update or {})})

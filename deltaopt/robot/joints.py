@@ -1,0 +1,51 @@
+"""The joints of a robot: how its controller counts the arms' angles, and their ranges."""
+
+from __future__ import annotations
+
+from math import pi
+from typing import Annotated, Self
+
+from pydantic import AfterValidator, Field, model_validator
+
+from deltaopt.errors import SceneError
+from deltaopt.files.validated_record import Number, Record
+
+
+def _one(value: float) -> float:
+    if abs(value) != 1:
+        raise ValueError
+    return value
+
+
+Sign = Annotated[Number, AfterValidator(_one)]
+"""1 or -1."""
+
+
+class Joints(Record):
+    """The zero, sign and range of the arms' angles, and the range of the ball joints.
+
+    ``zero`` in rad and ``sign``, 1 or -1, are one for all motors or three: the model's angle θ is
+    sign · (the controller's angle) - zero. ``arm``: [least, largest] θ in rad, of the model.
+    ``ball``: the largest angle of the forearms to the planes of their arms, abs(q_{k,3}), in rad.
+    None where there is no such limit, a zero of 0 or a sign of 1.
+    """
+
+    zero: Number | tuple[Number, Number, Number] | None = Field(
+        default=None, description="one angle in rad or three"
+    )
+    sign: Sign | tuple[Sign, Sign, Sign] | None = Field(
+        default=None, description="1 or -1, or three of them"
+    )
+    arm: tuple[Number, Number] | None = Field(
+        default=None, description="two angles [least, largest] in rad, the first the lesser"
+    )
+    ball: Annotated[Number, Field(gt=0, lt=pi / 2)] | None = Field(
+        default=None, description="an angle in rad, greater than 0 and less than π/2"
+    )
+
+    @model_validator(mode="after")
+    def _arm_is_a_range(self) -> Self:
+        if self.arm is not None and self.arm[0] >= self.arm[1]:
+            expected = str(type(self).model_fields["arm"].description)
+            raise SceneError(None, "arm", self.arm, expected)
+        return self
