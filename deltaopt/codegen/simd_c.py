@@ -61,6 +61,7 @@ _C = {
     ca.OP_ASIN: "EACH(asin, {0})",
     ca.OP_FABS: "EACH(fabs, {0})",
     ca.OP_SIGN: "EACH2(copysign, ALL(1.0), {0})",
+    ca.OP_TANH: "EACH(tanh, {0})",
     ca.OP_ATAN2: "EACH2(atan2, {0}, {1})",
     ca.OP_FMAX: "EACH2(FMAX, {0}, {1})",
     ca.OP_FMIN: "EACH2(FMIN, {0}, {1})",

@@ -17,8 +17,9 @@ from deltaopt.compare.dynamics.tasks import Array
 from deltaopt.errors import DeltaOptError
 from deltaopt.files.validated_record import Vector3
 from deltaopt.planning.planner import plan
+from deltaopt.robot.drive import Drive
 from deltaopt.robot.model import DeltaModel
-from deltaopt.robot.robot import Drive, Forearm, Platform, Robot, UpperArm
+from deltaopt.robot.robot import Forearm, Platform, Robot, UpperArm
 from deltaopt.scene.scene import Scene
 from deltaopt.verify.verification import verify
 

@@ -1,0 +1,172 @@
+"""Plans in MuJoCo, whose bodies and joints know nothing of this package's equations.
+
+First the torques of random fast motions: MuJoCo's masses, forces and the Jacobian of its joints
+give the torques that these motions need, and the difference to inverse dynamics is printed. Then a
+verified plan is replayed: its torques, nothing else, drive the robot in MuJoCo, and the miss at the
+goal is printed for ever shorter steps. Coulomb friction is applied from outside, for MuJoCo's own
+is not tanh (θ̇ / w). Last the same for a plan of a robot without the terms that the paper's model
+does not have, replayed on the robot that has them.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import deltaopt
+from deltaopt.bench.peers import installed
+from deltaopt.bench.random_scenes import random_scenes
+from deltaopt.cli.arguments import positive
+from deltaopt.files.validated_record import Vector3
+from deltaopt.motion.trajectory import Array, Trajectory
+from deltaopt.output.mjcf import mjcf
+from deltaopt.robot.model import DeltaModel
+from deltaopt.robot.robot import Robot
+from studies.problems import PROBLEMS
+
+HELP = "torques and open-loop replay against MuJoCo"
+SMALL: Mapping[str, object] = {"steps": (1e-3, 5e-4), "states": 5}
+
+_TO_WORLD = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
+"""From the base's frame to MuJoCo's world."""
+
+
+@dataclass(frozen=True)
+class InMujoco:
+    """A robot with a payload in MuJoCo, at rest or in motion."""
+
+    mujoco: Any
+    model: Any
+    data: Any
+    robot: Robot
+    payload: float | None
+    start: Vector3
+
+    @classmethod
+    def of(cls, robot: Robot, payload: float | None, start: Vector3) -> InMujoco:
+        """With the tool's point at a start (m, base's frame). Raises MissingPackage."""
+        mujoco = installed("mujoco", "studies")
+        model = mujoco.MjModel.from_xml_string(mjcf(robot, payload, start))
+        return cls(mujoco, model, mujoco.MjData(model), robot, payload, start)
+
+    def torques(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """Motor torques, (3,), N·m, that a motion of the twelve coordinates needs.
+
+        MuJoCo's forces on all 21 coordinates are what the three motors and eighteen forces in the
+        joints of the platform must give together.
+        """
+        data, model = self.data, self.model
+        q0 = DeltaModel(self.robot, self.payload).inverse_kinematics(self.start)
+        data.qpos[:] = model.qpos0
+        data.qpos[:3] = q[:3] - np.array(self.start)
+        data.qvel[:3], data.qacc[:3] = dq[:3], ddq[:3]
+        for k in range(3):
+            own = slice(3 + 3 * k, 6 + 3 * k)
+            data.qpos[7 + 5 * k : 12 + 5 * k] = _joints(q[own]) - _joints(q0[own]) * [0, 1, 1, 1, 1]
+            data.qvel[6 + 5 * k : 11 + 5 * k] = _joints(dq[own])
+            data.qacc[6 + 5 * k : 11 + 5 * k] = _joints(ddq[own])
+        acceleration = np.array(data.qacc)
+        self.mujoco.mj_forward(model, data)
+        force = np.zeros(model.nv)
+        self.mujoco.mj_mulM(model, data, force, acceleration)
+        force += data.qfrc_bias - data.qfrc_passive
+        joints = np.array(data.efc_J).reshape(data.nefc, model.nv)
+        shafts = np.eye(model.nv)[6::5]
+        share, *_ = np.linalg.lstsq(np.vstack([shafts, joints]).T, force, rcond=None)
+        return self._with_coulomb(share[:3], dq[3::3])
+
+    def _with_coulomb(self, torque: Array, speed: Array) -> Array:
+        friction = self.robot.drive.friction
+        if friction is None or friction.coulomb is None or friction.speed is None:
+            return torque
+        return np.asarray(torque + friction.coulomb * np.tanh(speed / friction.speed))
+
+    def miss(self, trajectory: Trajectory, step: float) -> float:
+        """Distance, m, of the tool's point from the end of a motion whose torques drove it there.
+
+        The torque of the middle of a step is held through it. Joints are as stiff as the step
+        allows.
+        """
+        model, data = self.model, self.data
+        count = int(np.ceil(trajectory.duration / step))
+        model.opt.timestep = trajectory.duration / count
+        model.opt.tolerance, model.opt.iterations = 0.0, 100
+        model.eq_solref[:] = [2 * model.opt.timestep, 1.0]
+        self.mujoco.mj_resetData(model, data)
+        middle = (np.arange(count) + 0.5) * model.opt.timestep
+        for torque in trajectory(middle).tau:
+            data.ctrl[:] = -self._with_coulomb(-torque, np.array(data.qvel[6::5]))
+            self.mujoco.mj_step(model, data)
+        self.mujoco.mj_forward(model, data)
+        goal = trajectory.position.at(np.array([trajectory.duration]))[0]
+        return float(np.linalg.norm(data.site("tool").xpos - _TO_WORLD @ goal))
+
+
+def _joints(angles: Array) -> Array:
+    """The angles of a chain's five joints, both forks and bars, of q_{k,1}, q_{k,2}, q_{k,3}."""
+    q1, q2, q3 = angles
+    return np.array([q1, q2 - q1, q3, q2 - q1, q3])
+
+
+def torque_difference(robot: Robot, payload: float, states: int) -> float:
+    """Largest difference of torques in random fast motions, as a share of the largest torque."""
+    rng = np.random.default_rng(5)
+    model, found = DeltaModel(robot, payload), []
+    for scene in random_scenes(robot, payload, states, seed=5):
+        v, a = 2.0 * rng.normal(size=3), 100.0 * rng.normal(size=3)
+        other = InMujoco.of(robot, payload, scene.start).torques(*model.motion(scene.goal, v, a))
+        found.append((other, model.inverse_dynamics(scene.goal, v, a)))
+    theirs, ours = (np.array(each) for each in zip(*found, strict=True))
+    return float(np.abs(theirs - ours).max() / np.abs(ours).max())
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "scene", nargs="?", type=Path, default=PROBLEMS / "industrial_drive.yaml", help="scene file"
+    )
+    parser.add_argument(
+        "--steps",
+        nargs="+",
+        type=positive,
+        default=(1e-4, 5e-5, 2e-5, 1e-5),
+        metavar="S",
+        help="of MuJoCo's integrator, s (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--states", type=int, default=50, metavar="N", help="random motions (default: 50)"
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    scene = deltaopt.load_scene(arguments.scene)
+    robot = scene.robot
+    difference = torque_difference(robot, scene.payload or 0.0, arguments.states)
+    print(f"{robot.name}: torques of {arguments.states} motions differ by {difference:.1e}")
+    simple = scene.model_copy(update={"robot": without_terms(robot)})
+    actual = InMujoco.of(robot, scene.payload, scene.start)
+    for name, planned in (("all terms", scene), ("terms left out", simple)):
+        motion = deltaopt.plan(planned).trajectory
+        for step in arguments.steps:
+            miss = actual.miss(motion, step)
+            print(
+                f"  planned with {name}, steps of {1e6 * step:g} µs: misses by {1e3 * miss:.3f} mm"
+            )
+    return 0
+
+
+def without_terms(robot: Robot) -> Robot:
+    """The robot as the paper's model has it: without elbow, pins, drive inertia and friction, and
+    with the arm's centre of mass in its middle. The tool stays."""
+    return robot.model_copy(
+        update={
+            "upper_arm": robot.upper_arm.model_copy(update={"centre": None}),
+            "elbow": None,
+            "platform": robot.platform.model_copy(update={"pins": None}),
+            "drive": robot.drive.model_copy(update={"inertia": None, "friction": None}),
+        }
+    )
