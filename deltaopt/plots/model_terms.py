@@ -1,0 +1,52 @@
+"""Chart of what leaving out each term of a model does to a scene."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from deltaopt.plots.style import COLOURS, figure, without_box
+
+
+@dataclass(frozen=True)
+class TermBar:
+    """A term by name, and what happens without it: ``shorter`` and ``excess`` as shares, the
+    ``miss`` in m or None."""
+
+    name: str
+    shorter: float
+    excess: float
+    miss: float | None
+
+
+def draw_terms(file: Path, title: str, bars: Sequence[TermBar]) -> None:
+    """Draw three bars for each term, the first on top."""
+    panels = (
+        ("plan shorter by (%)", [100 * bar.shorter for bar in bars]),
+        ("limit exceeded by (%)", [100 * bar.excess for bar in bars]),
+        ("misses the goal by (mm)", [1e3 * (bar.miss or 0.0) for bar in bars]),
+    )
+    with figure(file, 7.2, 1.0 + 0.24 * len(bars)) as page:
+        page.suptitle(title, fontsize=9)
+        axes = page.subplots(1, 3, sharey=True)
+        for panel, (label, values), colour in zip(axes, panels, COLOURS, strict=True):
+            panel.barh([bar.name for bar in bars], values, color=colour, height=0.6)
+            panel.set_xlabel(label)
+            panel.axvline(0.0, color="0.2", linewidth=0.6)
+            panel.margins(x=0.2)
+            panel.tick_params(axis="y", length=0)
+            panel.grid(False, axis="y")
+            for row, value in enumerate(values):
+                side = (3, "left") if value >= 0 else (-3, "right")
+                panel.annotate(
+                    f"{value:.2g}",
+                    (value, row),
+                    (side[0], 0),
+                    ha=side[1],
+                    va="center",
+                    textcoords="offset points",
+                    fontsize=7,
+                )
+            without_box(panel)
+        axes[0].invert_yaxis()
