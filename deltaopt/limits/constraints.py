@@ -6,7 +6,7 @@ last axis of rows is in that order, everywhere.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import pairwise
@@ -61,6 +61,10 @@ class Constraints:
         """What people read, item by item, each in its unit."""
         parts = zip(self.limits, self._split(numbers), strict=True)
         return ca.vertcat(*(limit.measure(motion, own) for limit, own in parts))
+
+    def with_numbers(self, numbers: SX) -> Iterator[tuple[Limit, SX]]:
+        """Every item's limit, and its own of these numbers."""
+        return zip(self.limits, self._split(numbers), strict=True)
 
     def _split(self, numbers: SX) -> list[SX]:
         ends = np.cumsum([0, *(size for _, size in self.items)]).tolist()

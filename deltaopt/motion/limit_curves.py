@@ -17,7 +17,7 @@ from deltaopt.mechanisms.delta.functions import delta_functions
 from deltaopt.mechanisms.delta.instant import PlatformInstant
 from deltaopt.mechanisms.delta.mechanism import DeltaTerms
 from deltaopt.motion.trajectory import Array, Trajectory
-from deltaopt.robot.model import delta_model
+from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.scene.scene import Scene, limits_of
 
 
@@ -57,6 +57,61 @@ def limit_curves(scene: Scene, trajectory: Trajectory, fractions: Array) -> Iter
     for limit, rows in zip(constraints.limits, constraints.slices, strict=True):
         if limit.promised:
             yield LimitCurves(limit, values[:, rows], lower[rows], upper[rows])
+
+
+@dataclass(frozen=True)
+class LimitShares:
+    """Every quantity that a scene limits, as a share of its bound: 1 at the bound.
+
+    A bound that a quantity may be on either side of, as one of a range, is 1 too, and the share
+    falls by the distance from it over the quantity's natural size. ``named``: limit and subject of
+    each column, such as ("torque", "motor 2").
+    """
+
+    model: DeltaModel
+    function: RowFunction
+    parameters: Array
+    named: tuple[tuple[str, str], ...]
+
+    @classmethod
+    def of(cls, scene: Scene) -> LimitShares:
+        """Of the limits that a motion must keep, without margins that only the planner keeps."""
+        model, limits = delta_model(scene.robot, scene.payload), limits_of(scene)
+        function, named = _shares(model.functions.terms, limits.constraints)
+        return cls(model, function, np.concatenate([limits.numbers, model.parameters]), named)
+
+    def __call__(self, x: Array, v: Array, a: Array) -> Array:
+        """The shares, (N, columns), of a motion of the tool's point, (N, 3) each."""
+        (values,) = self.function(x, v, a, parameters=self.parameters)
+        return values
+
+
+@lru_cache(maxsize=16)
+def _shares(
+    terms: DeltaTerms, constraints: Constraints
+) -> tuple[RowFunction, tuple[tuple[str, str], ...]]:
+    """(x, v, a, numbers of the limits and p) -> the shares; and what each is of."""
+    x, v, a = (ca.SX.sym(name, 3) for name in "xva")
+    numbers, p = constraints.numbers(), ca.SX.sym("p", len(terms.names))
+    motion = PlatformInstant(delta_functions(terms, Explicit()), x, v, a, p)
+    columns, named = [], list[tuple[str, str]]()
+    for limit, own in constraints.with_numbers(numbers):
+        if not limit.promised:
+            continue
+        measure, bounds = limit.measure(motion, own), limit.bounds(own)
+        several = measure.numel() > 1
+        names = [
+            f"{limit.subject} {k + 1}" if several else limit.subject for k in range(measure.numel())
+        ]
+        if bounds.upper is not None:
+            columns.append(1 + (measure - bounds.upper) / bounds.scale)
+            named += [(limit.name, name) for name in names]
+        if bounds.lower is not None:
+            columns.append(1 + (bounds.lower - measure) / bounds.scale)
+            named += [(limit.name, name) for name in names]
+    inputs = [x, v, a, ca.vertcat(numbers, p)]
+    shares = ca.densify(ca.vertcat(*columns))
+    return RowFunction(ca.Function("shares", inputs, [shares], {"cse": True})), tuple(named)
 
 
 @lru_cache(maxsize=16)

@@ -1,0 +1,273 @@
+"""Joint tables for controllers, and what a controller's interpolation makes of them.
+
+A plan keeps its limits to rounding, but its torques jump. A table of angles at equal steps that
+hide a jump, interpolated as drives and PLCs do, asks for more than the plan: so every table is
+interpolated here too, and measured against the limits of its scene.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import ceil, sqrt
+from typing import ClassVar, Protocol
+
+import numpy as np
+
+from deltaopt.errors import Infeasible
+from deltaopt.motion.extrema import Index, everywhere, peaks, sample_fractions
+from deltaopt.motion.limit_curves import LimitShares
+from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
+from deltaopt.robot.model import DeltaModel
+from deltaopt.scene.scene import Scene
+
+KEPT = 1.0 + 1e-9
+"""Largest share of a limit that a table may ask for and keep it: rounding of its interpolation."""
+_SAME_ACCELERATION = 1e-9
+"""Share of the largest acceleration below which one does not jump at a knot: rounding."""
+_MOST_SLOWINGS = 1000
+_SLOWING = 1.005
+"""Largest factor between two durations that are tried: what a table asks for jumps with where its
+rows fall, so that a small step may do where the root of the excess overshoots."""
+
+
+class Interpolation(Protocol):
+    """How a controller moves between the rows of a table."""
+
+    name: ClassVar[str]
+
+    def __call__(self, table: JointTable) -> PiecewisePolynomial:
+        """The motor angles, rad, over time, s."""
+        ...
+
+
+@dataclass(frozen=True)
+class Cubic:
+    """Cubic Hermite pieces from angles and speeds."""
+
+    name: ClassVar[str] = "cubic"
+
+    def __call__(self, table: JointTable) -> PiecewisePolynomial:
+        return _pieces(table, _CUBIC, (table.theta, table.dtheta))
+
+
+@dataclass(frozen=True)
+class Quintic:
+    """Quintic Hermite pieces from angles, speeds and accelerations."""
+
+    name: ClassVar[str] = "quintic"
+
+    def __call__(self, table: JointTable) -> PiecewisePolynomial:
+        return _pieces(table, _QUINTIC, (table.theta, table.dtheta, table.ddtheta))
+
+
+@dataclass(frozen=True, eq=False)
+class JointTable:
+    """Motor angles, speeds and accelerations at rows of time, (N,) and (N, 3), s, rad, rad/s,
+    rad/s².
+
+    Where accelerations jump there are two rows of the same time: just before, and just after.
+    """
+
+    t: Array
+    theta: Array
+    dtheta: Array
+    ddtheta: Array
+
+    @classmethod
+    def at_own_knots(cls, trajectory: Trajectory) -> JointTable:
+        """Rows at the knots of a motion, with accelerations from inside each interval."""
+        inside = trajectory.inside_intervals([0.0, 1.0])
+        rows = cls(inside.t, inside.theta, inside.dtheta, inside.ddtheta)
+        jumps = np.abs(rows.ddtheta[2::2] - rows.ddtheta[1:-1:2]).max(axis=1)
+        smooth = jumps <= _SAME_ACCELERATION * np.abs(rows.ddtheta).max()
+        kept = np.ones(len(rows.t), dtype=bool)
+        kept[2::2] = ~smooth
+        return rows.rows(kept)
+
+    @classmethod
+    def at_cycle(cls, trajectory: Trajectory, cycle: float) -> JointTable:
+        """Rows at every cycle (s) of a motion that lasts a whole number of them.
+
+        Raises ValueError if it does not.
+        """
+        number = round(trajectory.duration / cycle)
+        if number < 1 or abs(trajectory.duration - number * cycle) > 1e-9 * trajectory.duration:
+            raise ValueError(f"{trajectory.duration} s are no whole number of cycles of {cycle} s")
+        times = trajectory.knots[0] + trajectory.duration * np.arange(number + 1) / number
+        motion = trajectory(times)
+        return cls(times, motion.theta, motion.dtheta, motion.ddtheta)
+
+    def rows(self, which: Array) -> JointTable:
+        """Some of the rows, by a mask or indices."""
+        return JointTable(self.t[which], self.theta[which], self.dtheta[which], self.ddtheta[which])
+
+
+@dataclass(frozen=True)
+class Demand:
+    """What a table asks for most: a ``share`` of a limit, by name and subject, at a time t, s."""
+
+    share: float
+    limit: str
+    subject: str
+    t: float
+
+    @property
+    def kept(self) -> bool:
+        """Whether that is no more than the limit."""
+        return self.share <= KEPT
+
+
+@dataclass(frozen=True, eq=False)
+class CheckedTable:
+    """A table, how it is interpolated, and what that asks for.
+
+    ``slowed``: by which factor the motion was slowed for it, for whole cycles or to keep limits.
+    """
+
+    table: JointTable
+    interpolation: Interpolation
+    demand: Demand
+    slowed: float
+
+
+class Rows(Protocol):
+    """Where a table has its rows."""
+
+    def table(self, trajectory: Trajectory) -> JointTable:
+        """The table of a motion that fits."""
+        ...
+
+    def fitting(self, duration: float, least: float) -> float:
+        """The shortest duration, s, of ``least`` or more, that has whole steps; ``duration``: of
+        the motion as planned."""
+        ...
+
+
+@dataclass(frozen=True)
+class OwnKnots:
+    """Rows at the knots of the plan."""
+
+    def table(self, trajectory: Trajectory) -> JointTable:
+        return JointTable.at_own_knots(trajectory)
+
+    def fitting(self, duration: float, least: float) -> float:
+        return max(duration, least)
+
+
+@dataclass(frozen=True)
+class Cycles:
+    """Rows at every ``cycle``, s."""
+
+    cycle: float
+
+    def table(self, trajectory: Trajectory) -> JointTable:
+        return JointTable.at_cycle(trajectory, self.cycle)
+
+    def fitting(self, duration: float, least: float) -> float:
+        return max(1, ceil(max(duration, least) / self.cycle * (1 - 1e-12))) * self.cycle
+
+
+def checked_table(
+    scene: Scene, trajectory: Trajectory, rows: Rows, interpolation: Interpolation
+) -> CheckedTable:
+    """The table of a motion from rest to rest, slowed to whole steps, and what it asks for."""
+    return _at(scene, trajectory, rows, interpolation, trajectory.duration)
+
+
+def table_within_limits(
+    scene: Scene, trajectory: Trajectory, rows: Rows, interpolation: Interpolation
+) -> CheckedTable:
+    """The same, slowed further until its interpolation keeps every limit.
+
+    Torques of acceleration fall with the square of the factor, so that its root is the next guess.
+    Raises Infeasible where slowing does not help.
+    """
+    least = trajectory.duration
+    for _ in range(_MOST_SLOWINGS):
+        found = _at(scene, trajectory, rows, interpolation, least)
+        if found.demand.kept:
+            return found
+        now = found.slowed * trajectory.duration
+        least = now * min(max(sqrt(found.demand.share), 1 + 1e-9), _SLOWING)
+    raise Infeasible(f"{found.demand.limit} of {found.demand.subject} is exceeded however slow")
+
+
+def _at(
+    scene: Scene,
+    trajectory: Trajectory,
+    rows: Rows,
+    interpolation: Interpolation,
+    least: float,
+) -> CheckedTable:
+    factor = rows.fitting(trajectory.duration, least) / trajectory.duration
+    table = rows.table(trajectory if factor == 1 else trajectory.slowed(factor))
+    return CheckedTable(table, interpolation, demand_of(scene, interpolation(table)), factor)
+
+
+def demand_of(scene: Scene, angles: PiecewisePolynomial) -> Demand:
+    """What a motion of the motor angles (rad over s) asks for most, between its knots too.
+
+    Raises Unreachable or Singular where the robot cannot follow.
+    """
+    limits, speeds = LimitShares.of(scene), angles.derivative()
+    lengths = np.diff(angles.knots)
+    path = (angles, speeds, speeds.derivative())
+
+    def shares(pieces: Index, fractions: Array) -> Array:
+        since = fractions * lengths[pieces]
+        motion = platform_motion(limits.model, *(p.inside(pieces, since) for p in path))
+        return limits(*motion)
+
+    fractions = sample_fractions(len(lengths))
+    highest = peaks(shares, fractions, shares(*everywhere(len(lengths), fractions)))
+    worst = int(np.argmax(highest.values))
+    piece = int(highest.intervals[worst])
+    t = float(angles.knots[piece] + highest.fractions[worst] * lengths[piece])
+    return Demand(float(highest.values[worst]), *limits.named[worst], t)
+
+
+def platform_motion(
+    model: DeltaModel, theta: Array, dtheta: Array, ddtheta: Array
+) -> tuple[Array, Array, Array]:
+    """Position, velocity and acceleration of the tool's point, (N, 3) each, for a motion of the
+    motors, (N, 3) each: θ̇ = G v and θ̈ = G a + h (v) are solved for v and a.
+
+    Raises Unreachable, and Singular in a singularity.
+    """
+    x, rest = model.forward_kinematics(theta), np.zeros_like(theta)
+    columns = [model.motion(x, np.tile(unit, (len(x), 1)), rest)[1] for unit in np.eye(3)]
+    G = np.stack([column[:, 3::3] for column in columns], axis=2)
+    v = np.asarray(np.linalg.solve(G, dtheta[..., None])[..., 0], dtype=np.float64)
+    h = model.motion(x, v, rest)[2][:, 3::3]
+    a = np.asarray(np.linalg.solve(G, (ddtheta - h)[..., None])[..., 0], dtype=np.float64)
+    return x, v, a
+
+
+def _pieces(table: JointTable, basis: Array, columns: tuple[Array, ...]) -> PiecewisePolynomial:
+    """Hermite pieces between rows of different times, from values and derivatives at both ends."""
+    lengths = np.diff(table.t)
+    begin = np.flatnonzero(lengths > 0)
+    h = lengths[begin, None]
+    ends = np.stack(
+        [column[begin] * h**k for k, column in enumerate(columns)]
+        + [column[begin + 1] * h**k for k, column in enumerate(columns)],
+        axis=1,
+    )
+    coefficients = np.einsum("pe,kem->kpm", basis, ends)
+    coefficients /= h[:, None, :] ** np.arange(len(basis))[None, :, None]
+    return PiecewisePolynomial(np.append(table.t[begin], table.t[-1]), coefficients)
+
+
+def _hermite_basis(derivatives: int) -> Array:
+    """Coefficients of powers of u, (2 d, 2 d), from d values and derivatives at u = 0, then 1."""
+    number = 2 * derivatives
+    conditions = np.zeros((number, number))
+    for k in range(derivatives):
+        for power in range(k, number):
+            slope = float(np.prod(np.arange(power - k + 1, power + 1)))
+            conditions[k, power] = slope if power == k else 0.0
+            conditions[derivatives + k, power] = slope
+    return np.asarray(np.linalg.inv(conditions))
+
+
+_CUBIC, _QUINTIC = _hermite_basis(2), _hermite_basis(3)

@@ -1,0 +1,120 @@
+"""What a controller's interpolation of a joint table asks for, against differences of positions."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import deltaopt
+from deltaopt.errors import Infeasible
+from deltaopt.motion.trajectory import PiecewisePolynomial
+from deltaopt.output.joint_table import (
+    Cubic,
+    Cycles,
+    JointTable,
+    OwnKnots,
+    Quintic,
+    checked_table,
+    demand_of,
+    platform_motion,
+    table_within_limits,
+)
+from deltaopt.robot.model import delta_model
+from studies.problems import PROBLEMS
+
+SCENE = deltaopt.load_scene(PROBLEMS / "pick_and_place.yaml")
+MODEL = delta_model(SCENE.robot, SCENE.payload)
+
+
+@pytest.fixture(scope="module")
+def trajectory():
+    return deltaopt.plan(SCENE).trajectory
+
+
+def test_motion_of_the_platform_is_that_of_the_motors():
+    rng = np.random.default_rng(3)
+    x = rng.uniform([0.4, -0.1, -0.1], [0.5, 0.1, 0.1], size=(20, 3))
+    v, a = 2 * rng.normal(size=x.shape), 100 * rng.normal(size=x.shape)
+    q, dq, ddq = MODEL.motion(x, v, a)
+    found = platform_motion(MODEL, q[:, 3::3], dq[:, 3::3], ddq[:, 3::3])
+    for mine, given in zip(found, (x, v, a), strict=True):
+        np.testing.assert_allclose(mine, given, rtol=0, atol=1e-10 * np.abs(given).max())
+
+
+@pytest.mark.parametrize("interpolation", [Cubic(), Quintic()], ids=lambda i: i.name)
+def test_demand_is_what_positions_ask_for(trajectory, interpolation):
+    """The interpolated angles alone, differentiated by central differences, give the torques."""
+    found = checked_table(SCENE, trajectory, Cycles(1e-3), interpolation)
+    angles, demand = interpolation(found.table), found.demand
+    step = 2e-6
+    inside = np.linspace(0.003, 0.997, 60)  # of a millisecond: no difference spans a jump
+    t = (angles.knots[:-1, None] + inside * np.diff(angles.knots)[:, None]).ravel()
+    before, x, after = (
+        MODEL.forward_kinematics(angles.at(t + shift)) for shift in (-step, 0.0, step)
+    )
+    v, a = (after - before) / (2 * step), (after - 2 * x + before) / step**2
+    share = np.abs(MODEL.inverse_dynamics(x, v, a)) / SCENE.robot.torque_limits
+    assert demand.limit == "torque"
+    assert demand.share == pytest.approx(share.max(), rel=1e-2)
+    assert demand.share > 1.1  # angles every millisecond hide where torques jump
+    at = np.unravel_index(share.argmax(), share.shape)
+    assert abs(demand.t - t[at[0]]) < 1e-3
+    assert demand.subject == f"motor {at[1] + 1}"
+
+
+def test_quintic_pieces_at_own_knots_are_the_plan(trajectory):
+    found = checked_table(SCENE, trajectory, OwnKnots(), Quintic())
+    assert found.slowed == 1
+    assert found.demand.share < 1.0003
+    angles = Quintic()(found.table)
+    t = np.linspace(*trajectory.knots[[0, -1]], 301)
+    np.testing.assert_allclose(angles.at(t), trajectory(t).theta, atol=2e-7)
+    doubled = np.diff(found.table.t) == 0
+    assert 0 < doubled.sum() < len(trajectory.knots)
+    jumps = np.abs(np.diff(found.table.ddtheta, axis=0)[doubled]).max(axis=1)
+    assert jumps.min() > 1e-9 * np.abs(found.table.ddtheta).max()
+
+
+@pytest.mark.parametrize("interpolation", [Cubic(), Quintic()], ids=lambda i: i.name)
+@pytest.mark.parametrize("rows", [OwnKnots(), Cycles(2e-3)], ids=["own knots", "2 ms"])
+def test_tables_that_keep_limits(trajectory, rows, interpolation):
+    found = table_within_limits(SCENE, trajectory, rows, interpolation)
+    assert found.demand.share <= 1 + 1e-9
+    assert found.slowed >= 1
+    again = demand_of(SCENE, interpolation(found.table))
+    assert again == found.demand
+    hurried = checked_table(SCENE, trajectory, rows, interpolation)
+    assert found.slowed > hurried.slowed  # none of these keeps limits at the plan's own speed
+
+
+def test_steps_are_whole(trajectory):
+    found = checked_table(SCENE, trajectory, Cycles(4e-3), Cubic())
+    steps = np.diff(found.table.t)
+    np.testing.assert_allclose(steps, 4e-3, rtol=1e-12)
+    assert found.slowed * trajectory.duration == pytest.approx(steps.sum())
+    assert 0 <= steps.sum() - trajectory.duration < 4e-3
+    with pytest.raises(ValueError, match="no whole number of cycles"):
+        JointTable.at_cycle(trajectory, 4e-3)
+
+
+def test_a_polynomial_of_the_same_degree_is_reproduced():
+    """Cubic and quintic pieces from values and derivatives of a polynomial are that polynomial."""
+    rng = np.random.default_rng(4)
+    t = np.array([0.0, 0.3, 0.35, 1.0])
+    for interpolation, degree in ((Cubic(), 3), (Quintic(), 5)):
+        p = rng.normal(size=(degree + 1, 3))
+        exact = PiecewisePolynomial(np.array([0.0, 1.0]), p[None])
+        rate = exact.derivative()
+        table = JointTable(t, exact.at(t), rate.at(t), rate.derivative().at(t))
+        u = np.linspace(0, 1, 50)
+        np.testing.assert_allclose(interpolation(table).at(u), exact.at(u), atol=1e-12)
+
+
+def test_what_slowing_cannot_cure_is_said(trajectory, monkeypatch):
+    """A robot so weak that it cannot even hold the platform on the way."""
+    drive = SCENE.robot.drive.model_copy(update={"torque": 0.5})
+    robot = SCENE.robot.model_copy(update={"drive": drive})
+    weak = SCENE.model_copy(update={"robot": robot, "limits": None})
+    monkeypatch.setattr("deltaopt.output.joint_table._MOST_SLOWINGS", 5)
+    with pytest.raises(Infeasible, match=r"torque of motor \d is exceeded however slow"):
+        table_within_limits(weak, trajectory, Cycles(4e-3), Cubic())
