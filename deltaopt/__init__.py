@@ -1,5 +1,9 @@
 """Verified minimum-time motions of Delta robots, and the closed-chain dynamics behind them."""
 
+from deltaopt.interrupts.imports import end_at_once_if_command
+
+end_at_once_if_command()
+
 from deltaopt.dynamics.kane import Kane
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.dynamics.virtual_work import VirtualWork

@@ -11,10 +11,12 @@ from collections.abc import Mapping
 from typing import Protocol
 
 from deltaopt.cli import Command, add_command, exit_code
+from deltaopt.cli.streams import print_any_text
 from studies import (
     agreement,
     frozen,
     gap,
+    interrupts,
     inverse,
     line,
     mujoco_replay,
@@ -38,6 +40,7 @@ STUDIES: dict[str, Study] = {
     "agreement": agreement,
     "frozen": frozen,
     "gap": gap,
+    "interrupts": interrupts,
     "inverse": inverse,
     "line": line,
     "mujoco": mujoco_replay,
@@ -50,6 +53,8 @@ STUDIES: dict[str, Study] = {
 
 def main(argv: list[str] | None = None) -> int:
     """Run one study, or all in turn, and return the exit code: the largest of them."""
+    if argv is None:
+        print_any_text()
     words = sys.argv[1:] if argv is None else argv
     parser = _parser(small="--small" in words)
     arguments = parser.parse_args(words)

@@ -19,6 +19,7 @@ MODULES = {
 
 ORDER = (
     "errors",
+    "interrupts",
     "files",
     "codegen",
     "dynamics",
@@ -46,11 +47,12 @@ MOST_FILES = 13
 """In a room: more than about a dozen, and nobody knows what is in it."""
 
 MAY_IMPORT = {
-    "dynamics": {"casadi", "numpy", "deltaopt.dynamics", "deltaopt.errors"},
+    "dynamics": {"casadi", "numpy", "deltaopt.dynamics", "deltaopt.errors", "deltaopt.interrupts"},
     "mechanisms": {"casadi", "deltaopt.dynamics", "deltaopt.mechanisms"},
 }
 VERIFY_MAY_IMPORT = {
     "deltaopt.errors",
+    "deltaopt.interrupts",
     "deltaopt.files",
     "deltaopt.codegen",
     "deltaopt.dynamics",

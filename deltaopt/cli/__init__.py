@@ -1,19 +1,21 @@
 """The command line: arguments become values, errors one sentence and an exit code.
 
-Exit codes: 0 done; 1 the problem has no (verified) solution; 2 bad input or usage.
+Exit codes: 0 done; 1 the problem has no (verified) solution; 2 bad input or usage, or output that
+cannot be written; 130 stopped by Ctrl-C (by another signal 128 and its number); 141 nobody reads.
 """
 
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from collections.abc import Callable
 from typing import Protocol
 
 from deltaopt.cli import bench, check, compare, export, inverse, plan
 from deltaopt.cli.arguments import WrongUsage
+from deltaopt.cli.streams import discard, flush, print_any_text, say
 from deltaopt.errors import DeltaOptError, SceneError
+from deltaopt.interrupts.requests import Stopped, ignore_requests, requests_raised
 
 
 class Command(Protocol):
@@ -41,7 +43,21 @@ COMMANDS: dict[str, Command] = {
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run the command that the arguments name and return its exit code."""
+    """Run the command that the arguments name and return its exit code.
+
+    ``argv``: None for those of the process, which is to end afterwards. Raises SystemExit after
+    ``--help`` and for arguments that are none.
+    """
+    if argv is not None:
+        return exit_code(lambda: _run(argv))
+    print_any_text()
+    try:
+        return exit_code(lambda: _run(sys.argv[1:]))
+    finally:
+        ignore_requests()
+
+
+def _run(argv: list[str]) -> int:
     parser = argparse.ArgumentParser(
         prog="deltaopt",
         description="Minimum-time motions of Delta robots under torque limits, verified.",
@@ -50,7 +66,7 @@ def main(argv: list[str] | None = None) -> int:
     for name, command in COMMANDS.items():
         add_command(subparsers, name, command)
     arguments = parser.parse_args(argv)
-    return exit_code(lambda: arguments.run(arguments))
+    return int(arguments.run(arguments))
 
 
 def add_command(
@@ -71,19 +87,28 @@ def add_command(
 def exit_code(run: Callable[[], int]) -> int:
     """Run a command and return its exit code; an error becomes one sentence on stderr."""
     try:
-        return run()
+        with requests_raised():
+            try:
+                return run()
+            finally:
+                flush()
     except (SceneError, WrongUsage) as error:
-        print(f"deltaopt: {error}", file=sys.stderr)
-        return 2
+        return _failed(2, str(error))
     except DeltaOptError as error:
-        print(f"deltaopt: {error}", file=sys.stderr)
-        return 1
+        return _failed(1, str(error))
     except BrokenPipeError:  # who reads the output has read enough: "deltaopt check ... | head"
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        discard(sys.stdout)
         return 141
     except OSError as error:  # input errors are SceneErrors: this output cannot be written
-        print(f"deltaopt: {error.filename}: {error.strerror}", file=sys.stderr)
-        return 2
+        if error.filename is None:
+            discard(sys.stdout)
+        return _failed(2, f"{error.filename or 'standard output'}: {error.strerror or error}")
+    except Stopped as request:
+        return _failed(128 + request.signal, "stopped")
     except KeyboardInterrupt:
-        print("deltaopt: stopped", file=sys.stderr)
-        return 130
+        return _failed(130, "stopped")
+
+
+def _failed(code: int, sentence: str) -> int:
+    say(f"deltaopt: {sentence}")
+    return code

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import os
-from errno import EACCES, ENOTDIR
 from math import isfinite
 from pathlib import Path
 
 from deltaopt.errors import DeltaOptError, SceneError
+from deltaopt.files.output_folder import require_writable
 from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene, load_scene
 
@@ -52,7 +51,7 @@ def add_output(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-o",
         "--output",
-        type=Path,
+        type=folder,
         metavar="DIR",
         help="directory to write to, made if need be (default: out/ and the scene's name)",
     )
@@ -72,19 +71,21 @@ def load_fastest(file: Path) -> Scene:
 
 
 def output_directory(arguments: argparse.Namespace) -> Path:
-    """The directory to write to, made now so that an error comes before any work.
+    """The directory to write to, checked now so that an error comes before any work.
 
     Raises OSError if it cannot be made or written to.
     """
     scene: Path = arguments.scene
     directory: Path = arguments.output or Path("out") / scene.stem
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-    except FileExistsError:
-        raise NotADirectoryError(ENOTDIR, "is a file, not a directory", str(directory)) from None
-    if not os.access(directory, os.W_OK):
-        raise PermissionError(EACCES, "may not be written to", str(directory))
+    require_writable(directory)
     return directory
+
+
+def folder(text: str) -> Path:
+    """A path that is not empty, for argparse: a shell's variable may be unset."""
+    if not text:
+        raise argparse.ArgumentTypeError("the name of the directory is empty")
+    return Path(text)
 
 
 def positive(text: str) -> float:

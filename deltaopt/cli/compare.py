@@ -12,8 +12,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from deltaopt.cli.arguments import WrongUsage, load_fastest
+from deltaopt.cli.arguments import WrongUsage, folder, load_fastest
 from deltaopt.cli.progress import ProgressBar
+from deltaopt.files.output_folder import all_or_none, require_writable
 
 HELP = "compare formulations, of the dynamics or of plans, as tables and charts"
 FIVE_BAR = "five-bar"
@@ -23,7 +24,7 @@ SUFFIXES = (".yaml", ".yml")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("what", nargs="+", metavar="WHAT", help="dynamics, or scenes and five-bar")
     parser.add_argument(
-        "-o", dest="directory", type=Path, metavar="DIR", help="default: out/compare_WHAT"
+        "-o", dest="directory", type=folder, metavar="DIR", help="default: out/compare_WHAT"
     )
     parser.add_argument("--states", type=int, default=100, help="random states (default 100)")
     parser.add_argument("--rounds", type=int, default=200, help="timings of each (default 200)")
@@ -46,19 +47,19 @@ def _plans(arguments: argparse.Namespace) -> int:
     from deltaopt.compare.plans.cases import FiveBarTask, delta_case
     from deltaopt.compare.plans.report import csv, tables, verdict
     from deltaopt.compare.plans.study import compare_plans
-    from deltaopt.files.atomic_write import atomic_write
     from deltaopt.plots.plans import draw
 
     cases = [
         FiveBarTask().case if what == FIVE_BAR else delta_case(file.stem, load_fastest(file))
         for what, file in ((what, Path(what)) for what in arguments.what)
     ]
-    study = compare_plans(cases, progress=ProgressBar())
     directory = arguments.directory or Path("out/compare_plans")
-    with atomic_write(directory / "plans.csv") as path:
-        path.write_text(csv(study))
-    for case in cases:
-        draw(study, case.name, directory / f"{case.name}.png")
+    require_writable(directory)
+    study = compare_plans(cases, progress=ProgressBar())
+    with all_or_none(directory) as folder:
+        (folder / "plans.csv").write_text(csv(study), encoding="utf-8", newline="\n")
+        for case in cases:
+            draw(study, case.name, folder / f"{case.name}.png")
     print(tables(study), verdict(study), sep="\n\n")
     names = ", ".join(f"{directory}/{case.name}.png" for case in cases)
     print(f"\n{study.seconds:.0f} s in all; {directory}/plans.csv, {names}")
@@ -70,17 +71,16 @@ def _dynamics(arguments: argparse.Namespace) -> int:
     from deltaopt.codegen.compile import compiler
     from deltaopt.compare.dynamics.report import csv, notes, table, verdict
     from deltaopt.compare.dynamics.study import compare_dynamics
-    from deltaopt.files.atomic_write import atomic_write
     from deltaopt.plots.dynamics import draw
 
     if arguments.states < 1 or arguments.rounds < 1:
         raise WrongUsage("--states and --rounds must be at least 1")
-    study = compare_dynamics(arguments.states, arguments.rounds, compiler(), progress=ProgressBar())
     directory = arguments.directory or Path("out/compare_dynamics")
-    with atomic_write(directory / "dynamics.csv") as path:
-        path.write_text(csv(study))
-    with atomic_write(directory / "dynamics.png") as path:
-        draw(study, path)
+    require_writable(directory)
+    study = compare_dynamics(arguments.states, arguments.rounds, compiler(), progress=ProgressBar())
+    with all_or_none(directory) as folder:
+        (folder / "dynamics.csv").write_text(csv(study), encoding="utf-8", newline="\n")
+        draw(study, folder / "dynamics.png")
     print(table(study), notes(study), verdict(study), sep="\n\n")
     print(f"\n{directory}/dynamics.csv, {directory}/dynamics.png")
     return 0

@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from deltaopt.cli.arguments import positive
+from deltaopt.cli.arguments import folder, positive
 from deltaopt.files.atomic_write import atomic_write
 from deltaopt.robot.robot import load_robot
 
@@ -21,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     c = targets.add_parser("c", help="delta.h, delta.c and test_delta.c: self-contained C99")
     c.add_argument("robot", type=Path, metavar="ROBOT", help="robot file")
     c.add_argument(
-        "-o", "--output", type=Path, default=Path("out/c"), metavar="DIR", help="default: out/c"
+        "-o", "--output", type=folder, default=Path("out/c"), metavar="DIR", help="default: out/c"
     )
     c.set_defaults(target=_c)
     mjcf = targets.add_parser("mjcf", help="one file in MuJoCo's format, without Coulomb friction")

@@ -23,6 +23,7 @@ from deltaopt.cli.arguments import (
     output_directory,
     positive,
 )
+from deltaopt.files.output_folder import all_or_none
 from deltaopt.motion.limit_curves import limit_curves
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.plan_files import MOST_ROWS, RATE, write_csv
@@ -62,11 +63,12 @@ def run(arguments: argparse.Namespace) -> int:
     trajectory = straight_line(model, scene.start, scene.goal, arguments.duration)
     print(_table(trajectory))
     print(_against_limits(scene, trajectory))
-    files = [directory / name for name in ("inverse.csv", "motion.png", "torques.png")]
-    write_csv(files[0], trajectory)
-    draw_motion(files[1], trajectory)
-    draw_torques(files[2], trajectory)
-    print("written:", ", ".join(map(str, files)))
+    csv, motion, torques = ("inverse.csv", "motion.png", "torques.png")
+    with all_or_none(directory) as folder:
+        write_csv(folder / csv, trajectory)
+        draw_motion(folder / motion, trajectory)
+        draw_torques(folder / torques, trajectory)
+    print("written:", ", ".join(str(directory / name) for name in (csv, motion, torques)))
     return 0
 
 

@@ -24,6 +24,7 @@ from deltaopt.dynamics.formulation import Formulation
 from deltaopt.dynamics.mechanism import SX, Mechanism
 from deltaopt.dynamics.stabilisation import Projection, Stabilisation
 from deltaopt.errors import IntegrationFailed
+from deltaopt.interrupts.requests import requests_held
 
 MOST_STEPS = 50_000
 """Integration steps between two reported times before giving up."""
@@ -192,7 +193,8 @@ def _flow(rate: ca.Function, fractions: Array, tolerance: float) -> ca.Function:
 def _advance(flow: ca.Function, state: Array, start: float, span: float, p: Array) -> Array:
     """States at the flow's fractions of the span, N × 2n."""
     try:
-        result = flow(x0=state, p=np.concatenate([[start, span], p]))["xf"]
+        with requests_held():
+            result = flow(x0=state, p=np.concatenate([[start, span], p]))["xf"]
     except RuntimeError as error:
         reason = re.search(r"CV_[A-Z_]+", str(error))
         raise IntegrationFailed(
@@ -219,6 +221,7 @@ def precise_integrator(
 def advanced(integrator: ca.Function, state: Array, parameters: Array) -> Array:
     """The state after a stretch of time; not a number where CVODES fails."""
     try:
-        return np.asarray(integrator(x0=state, p=parameters)["xf"].full()).ravel()
+        with requests_held():
+            return np.asarray(integrator(x0=state, p=parameters)["xf"].full()).ravel()
     except RuntimeError:  # CasADi's only word for it
         return np.full(len(state), np.nan)

@@ -10,7 +10,7 @@ import numpy as np
 from deltaopt.codegen.simd_c import SCALAR, c_function
 from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.dynamics.mechanism import SX
-from deltaopt.files.atomic_write import atomic_write
+from deltaopt.files.output_folder import all_or_none
 from deltaopt.mechanisms.delta.functions import DeltaFunctions, delta_functions
 from deltaopt.motion.trajectory import Array
 from deltaopt.robot.model import DeltaModel
@@ -131,19 +131,18 @@ int main(void) {{
 def export_c(robot: Robot, directory: Path) -> list[Path]:
     """Write delta.h, delta.c and test_delta.c into a directory, made if need be.
 
-    Returns their paths. Each file is written completely or not at all.
+    Returns their paths. All of them appear there at once, or none. Raises OSError, naming the file,
+    if one cannot be written.
     """
     texts = {
         "delta.h": HEADER.format(name=robot.name),
         "delta.c": source(robot),
         "test_delta.c": program(robot),
     }
-    paths = []
-    for name, text in texts.items():
-        with atomic_write(directory / name) as temporary:
-            temporary.write_text(text, encoding="utf-8")
-        paths.append(directory / name)
-    return paths
+    with all_or_none(directory) as folder:
+        for name, text in texts.items():
+            (folder / name).write_text(text, encoding="utf-8")
+    return [directory / name for name in texts]
 
 
 def source(robot: Robot) -> str:

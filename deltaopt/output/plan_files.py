@@ -1,4 +1,4 @@
-"""Plans as files: trajectory.csv, plan.json and plan.png, each written completely or not at all."""
+"""Plans as files: trajectory.csv, plan.json and plan.png, all of them or none."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from typing import Protocol
 import numpy as np
 
 from deltaopt.files.atomic_write import atomic_write
+from deltaopt.files.output_folder import all_or_none
 from deltaopt.files.validated_record import Vector3
 from deltaopt.motion.certificate import MET
 from deltaopt.motion.effort import cost
@@ -111,15 +112,17 @@ def save(
 ) -> list[Path]:
     """Write the three files of a plan into a directory, made if need be, and return their paths.
 
-    ``rate``: instants per second in trajectory.csv, Hz.
+    All of them appear there at once, or none; what else is there stays. ``rate``: instants per
+    second in trajectory.csv, Hz. Raises OSError, naming the file, if one cannot be written.
     """
     from deltaopt.plots.plan import draw  # slow to import
 
-    csv, record, chart = (directory / n for n in ("trajectory.csv", "plan.json", "plan.png"))
-    write_csv(csv, trajectory, rate)
-    write_json(record, scene, trajectory, verification, solution)
-    draw(chart, scene, trajectory, _drawn(scene, trajectory, verification))
-    return [csv, record, chart]
+    csv, record, chart = ("trajectory.csv", "plan.json", "plan.png")
+    with all_or_none(directory) as folder:
+        write_csv(folder / csv, trajectory, rate)
+        write_json(folder / record, scene, trajectory, verification, solution)
+        draw(folder / chart, scene, trajectory, _drawn(scene, trajectory, verification))
+    return [directory / name for name in (csv, record, chart)]
 
 
 def write_csv(file: Path, trajectory: Trajectory, rate: float = RATE) -> None:

@@ -305,7 +305,7 @@ def test_too_many_rows(limits, rate, duration, tmp_path, capsys):
     code, sentence = failure(arguments, capsys)
     assert code == 2
     assert f"--rate is {float(rate):g} Hz; the motion takes {duration:g} s and" in sentence
-    assert names(out) == []
+    assert not out.exists()
     possible = float(sentence.split()[-4])
     assert len(instants(baseline(load_scene(scene)), possible)) < 1_000_001
 

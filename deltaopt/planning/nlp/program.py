@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from deltaopt.codegen.compile import compiled
 from deltaopt.errors import NotConverged
+from deltaopt.interrupts.requests import interrupts_not_lost
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.intp]
@@ -243,7 +244,8 @@ class Program:
         rows = [bounds.copy() for bounds in self.rows]
         for bounds in rows:
             bounds[linear:] *= shares
-        result = self._solver(x0=guess, lbx=lower, ubx=upper, lbg=rows[0], ubg=rows[1], p=p)
+        with interrupts_not_lost():
+            result = self._solver(x0=guess, lbx=lower, ubx=upper, lbg=rows[0], ubg=rows[1], p=p)
         stats = self._solver.stats()
         z = np.asarray(result["x"].full()).ravel()
         if not stats["success"]:

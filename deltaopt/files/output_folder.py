@@ -1,0 +1,187 @@
+"""Output folders: the files that belong together appear in a folder all at once or not at all."""
+
+from __future__ import annotations
+
+import errno
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
+
+from deltaopt.files.atomic_write import default_mode, to_disk
+from deltaopt.interrupts.requests import requests_held
+
+try:
+    import fcntl
+except ImportError:  # Windows, which has other locks; files that are open cannot be replaced there
+    fcntl = None  # type: ignore[assignment]
+
+_HIDDEN = ".deltaopt-"
+"""Beginning of the names of folders in which files are written before they appear."""
+_REPLACED = ".replaced"
+
+
+@contextmanager
+def all_or_none(directory: Path) -> Iterator[Path]:
+    """Give an empty folder to write files to, which all are in ``directory`` at the end.
+
+    The directory is made if need be. Files there that have the same names are replaced, all others
+    stay. If anything is raised in between, the directory is left as it was, or not made. Processes
+    that write to the same directory wait for each other: it holds the files of one of them.
+
+    Raises OSError, which names the file in ``directory``, if it cannot be written.
+    """
+    with ExitStack() as undo:
+        with requests_held():
+            hidden = _hidden_folder(directory, undo)
+        try:
+            yield hidden
+            for file in hidden.iterdir():
+                to_disk(file)
+            with requests_held():
+                _appear(hidden, directory)
+        except OSError as error:
+            raise _named_as_in(directory, error, hidden) from error
+
+
+def require_writable(directory: Path) -> None:
+    """Raise OSError if a directory cannot be written to, or could not be made."""
+    if not directory.is_absolute():
+        _require_current_folder()
+    nearest = next(each for each in (directory, *directory.parents) if _exists(each))
+    if not nearest.is_dir():
+        problem = "is a file, not a directory" if nearest.is_file() else "is not a directory"
+        raise NotADirectoryError(errno.ENOTDIR, problem, str(nearest))
+    if not os.access(nearest, os.W_OK | os.X_OK):
+        raise PermissionError(errno.EACCES, "may not be written to", str(nearest))
+
+
+def _require_current_folder() -> None:
+    try:
+        Path.cwd()
+    except FileNotFoundError:
+        problem = "the current directory has been removed"
+        raise FileNotFoundError(errno.ENOENT, problem, os.curdir) from None
+
+
+def _exists(path: Path) -> bool:
+    """Whether there is a file, a directory or a link of any kind, as far as one may see."""
+    try:
+        path.lstat()
+    except (FileNotFoundError, NotADirectoryError):
+        return False
+    return True
+
+
+def _hidden_folder(directory: Path, undo: ExitStack) -> Path:
+    """Make and lock a folder to write in: within the directory if there is one, else beside it."""
+    for made in _make_parents(directory):
+        undo.callback(_remove_if_empty, made)
+    beside = directory if directory.is_dir() else directory.parent
+    while True:
+        try:
+            hidden = Path(tempfile.mkdtemp(dir=beside, prefix=_HIDDEN))
+        except OSError as error:
+            raise OSError(error.errno, error.strerror, str(directory)) from error
+        undo.callback(shutil.rmtree, hidden, ignore_errors=True)
+        undo.enter_context(_locked(hidden))
+        if hidden.exists():  # else another process took it for abandoned before it was locked
+            return hidden
+
+
+def _named_as_in(directory: Path, error: OSError, hidden: Path) -> OSError:
+    """The same error with the name of the file in ``directory`` instead of the hidden folder."""
+    name = Path(os.fsdecode(error.filename or directory))
+    if name.is_relative_to(hidden):
+        name = directory / name.relative_to(hidden)
+    return OSError(error.errno, error.strerror or str(error), str(name))
+
+
+def _make_parents(directory: Path) -> list[Path]:
+    """Make the directories in which a directory is to be; returns those that were not there."""
+    missing = [each for each in directory.parents if not _exists(each)]
+    directory.parent.mkdir(parents=True, exist_ok=True)
+    return missing[::-1]
+
+
+def _remove_if_empty(directory: Path) -> None:
+    with suppress(OSError):
+        directory.rmdir()
+
+
+def _appear(hidden: Path, directory: Path) -> None:
+    """Move all files into the directory: under its name if it is new, else each under its own."""
+    if not directory.is_dir() and _renamed(hidden, directory):
+        for left in _abandoned(directory.parent):
+            shutil.rmtree(left, ignore_errors=True)
+        return
+    with _locked(directory):
+        for left in _abandoned(directory):
+            _complete(left, directory)
+        _replace(sorted(hidden.iterdir()), directory)
+
+
+def _renamed(hidden: Path, directory: Path) -> bool:
+    try:
+        hidden.chmod(default_mode(0o777))
+        hidden.rename(directory)
+    except OSError:  # another process has made it meanwhile
+        return False
+    return True
+
+
+def _replace(files: list[Path], directory: Path) -> None:
+    """Move files into a directory; if one cannot be moved, what was replaced comes back.
+
+    Old files leave before new ones come: there is never a motion beside the record of another.
+    """
+    targets = [directory / file.name for file in files]
+    for target in targets:
+        if target.is_dir():
+            raise IsADirectoryError(errno.EISDIR, "is a directory", str(target))
+    replaced = files[0].parent / _REPLACED
+    replaced.mkdir()
+    with ExitStack() as undo:
+        for target in filter(_exists, targets):
+            target.rename(replaced / target.name)
+            undo.callback((replaced / target.name).replace, target)
+        for file, target in zip(files, targets, strict=True):
+            file.rename(target)
+            undo.callback(target.unlink)
+        undo.pop_all()
+
+
+def _abandoned(folder: Path) -> Iterator[Path]:
+    """Hidden folders, locked, of processes that were killed: nobody else holds their locks."""
+    for hidden in folder.glob(f"{_HIDDEN}*") if fcntl else ():
+        with suppress(OSError), _locked(hidden, wait=False):
+            yield hidden
+
+
+def _complete(hidden: Path, directory: Path) -> None:
+    """Remove a hidden folder; if its files were being moved into the directory, all are first."""
+    with suppress(OSError):  # it stays for another time
+        if (hidden / _REPLACED).is_dir():
+            for file in filter(Path.is_file, list(hidden.iterdir())):
+                file.replace(directory / file.name)
+        shutil.rmtree(hidden)
+
+
+@contextmanager
+def _locked(folder: Path, *, wait: bool = True) -> Iterator[None]:
+    """Hold the lock of a folder, which the system releases when a process ends in any way.
+
+    Raises OSError if ``wait`` is False and another process holds it. Without effect where the
+    system or the file system has no such locks.
+    """
+    if fcntl is None:
+        yield
+        return
+    with ExitStack() as undo:
+        with suppress(*((OSError,) if wait else ())):
+            opened = os.open(folder, os.O_RDONLY)
+            undo.callback(os.close, opened)
+            fcntl.flock(opened, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+        yield
