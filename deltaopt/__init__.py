@@ -15,6 +15,7 @@ from deltaopt.errors import (
     Unreachable,
 )
 from deltaopt.motion.trajectory import Trajectory
+from deltaopt.output.saved_plan import SavedPlan, load_plan
 from deltaopt.planning.flat.flat_problem import Flat
 from deltaopt.planning.formulations.choice import Forward, Redundant
 from deltaopt.planning.formulations.loop_closure import (
@@ -68,6 +69,7 @@ __all__ = [
     "Projection",
     "Redundant",
     "Robot",
+    "SavedPlan",
     "Scene",
     "SceneError",
     "Time",
@@ -82,6 +84,7 @@ __all__ = [
     "interior_point",
     "ipopt",
     "kane",
+    "load_plan",
     "load_robot",
     "load_scene",
     "multiplier",

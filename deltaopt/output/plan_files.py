@@ -149,7 +149,8 @@ def write_json(
     verification: Verification,
     solution: Provenance,
 ) -> None:
-    """Write how a motion was found, the measures of verification, versions, and the scene."""
+    """Write how a motion was found, the measures of verification, versions, the scene, and the
+    motion itself: its polynomials, from which ``saved_plan.load_plan`` makes the same again."""
     found = {f.name: getattr(solution, f.name) for f in fields(StraightLine)}
     content = {
         "duration": trajectory.duration,
@@ -161,10 +162,21 @@ def write_json(
         "versions": {"python": platform.python_version()}
         | {name: _version(name) for name in ("deltaopt", "casadi", "numpy")},
         "scene": scene.model_dump(mode="json", exclude_none=True),
+        "motion": _motion(trajectory),
     }
     with atomic_write(file) as temporary:
         text = json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False)
         temporary.write_text(text + "\n", encoding="utf-8")
+
+
+def _motion(trajectory: Trajectory) -> dict[str, object]:
+    """The polynomials between knots: ``coefficients``[interval][power][coordinate], of the time
+    since the knot, in SI units."""
+    coordinates = trajectory.coordinates
+    found = {"knots": trajectory.knots, "position": trajectory.position.coefficients}
+    if coordinates is not None:
+        found["coordinates"] = coordinates.coefficients
+    return {name: values.tolist() for name, values in found.items()}
 
 
 def _certificate(certificate: Certificate | None) -> dict[str, float] | None:

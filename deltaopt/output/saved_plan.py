@@ -1,0 +1,98 @@
+"""Saved plans: the scene and motion of a plan.json, exactly as they were planned."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from deltaopt.errors import DeltaOptError, SceneError
+from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
+from deltaopt.robot.model import delta_model
+from deltaopt.robot.robot import Robot
+from deltaopt.scene.scene import Scene
+
+RECORD = "plan.json"
+_LARGEST = 100_000_000
+"""Bytes of a plan.json that are read: the finest meshes have some thousand intervals, of 1 kB."""
+
+
+class UnreadablePlan(DeltaOptError):
+    """A folder or file does not hold a plan as ``Plan.save`` writes it."""
+
+
+@dataclass(frozen=True, eq=False)
+class SavedPlan:
+    """A plan that was read back: its scene and motion are the planned ones, to the last bit.
+
+    ``record``: all that plan.json says, such as ``gap``, ``tolerance`` and ``verification``.
+    """
+
+    scene: Scene
+    trajectory: Trajectory
+    record: Mapping[str, Any]
+
+    @property
+    def duration(self) -> float:
+        """Time from start to goal, s."""
+        return self.trajectory.duration
+
+
+def load_plan(path: str | Path) -> SavedPlan:
+    """Read a plan from the folder it was saved to, or from its plan.json.
+
+    Raises UnreadablePlan, in one sentence, where there is none or it is not whole.
+    """
+    file = Path(path)
+    file = file / RECORD if file.is_dir() else file
+    content = _read(file)
+    try:
+        scene, motion = _scene(content["scene"]), content["motion"]
+        knots = np.array(motion["knots"], dtype=float)
+        position = _polynomials(knots, motion["position"], 3)
+        coordinates = motion.get("coordinates")
+        trajectory = Trajectory(
+            position,
+            delta_model(scene.robot, scene.payload),
+            None if coordinates is None else _polynomials(knots, coordinates, 12),
+        )
+    except SceneError as error:
+        raise UnreadablePlan(f"{file}: its scene cannot be used: {error}") from None
+    except KeyError as error:
+        problem = f"it has no {error}, which plans of deltaopt 0.2 and later have"
+        raise UnreadablePlan(f"{file}: {problem}") from None
+    except (TypeError, ValueError, AttributeError) as error:
+        raise UnreadablePlan(f"{file}: its motion cannot be used: {error}") from None
+    return SavedPlan(scene, trajectory, content)
+
+
+def _read(file: Path) -> dict[str, Any]:
+    try:
+        if not file.is_file():
+            raise UnreadablePlan(f"{file}: there is no such file; plan and save one first")
+        if file.stat().st_size > _LARGEST:
+            raise UnreadablePlan(f"{file}: larger than {_LARGEST} bytes, which no plan is")
+        content = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise UnreadablePlan(f"{file}: cannot be read: {error}") from None
+    if not isinstance(content, dict):
+        raise UnreadablePlan(f"{file}: it is no record of a plan")
+    return content
+
+
+def _scene(content: Mapping[str, Any]) -> Scene:
+    return Scene.model_validate({**content, "robot": Robot.model_validate(content["robot"])})
+
+
+def _polynomials(knots: Any, coefficients: Any, columns: int) -> PiecewisePolynomial:
+    """Raises ValueError where they do not fit the knots, or are no numbers."""
+    values = np.array(coefficients, dtype=float)
+    if values.ndim != 3 or values.shape[0] != len(knots) - 1 or values.shape[2] != columns:
+        raise ValueError(f"{len(knots)} knots do not fit coefficients of shape {values.shape}")
+    if not (np.isfinite(values).all() and (np.diff(knots) > 0).all()):
+        raise ValueError("not all numbers are finite and all knots increasing")
+    return PiecewisePolynomial(knots, values)
