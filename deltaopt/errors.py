@@ -29,7 +29,7 @@ class SceneError(DeltaOptError):
 
     def __str__(self) -> str:
         place = ": ".join(str(part) for part in (self.file, self.key) if part)
-        problem = self.problem or f"is {_shortened(repr(self.value))}"
+        problem = self.problem or f"is {shortened(repr(self.value))}"
         return f"{place} {problem}; expected {self.expected}"
 
     def inside(self, *, file: Path | None = None, key: str = "") -> SceneError:
@@ -38,7 +38,8 @@ class SceneError(DeltaOptError):
         return SceneError(file, dotted, self.value, self.expected, self.problem)
 
 
-def _shortened(text: str, limit: int = 120) -> str:
+def shortened(text: str, limit: int = 120) -> str:
+    """A text of at most ``limit`` characters: what is longer ends in dots."""
     return text if len(text) <= limit else text[: limit - 3] + "..."
 
 

@@ -69,6 +69,7 @@ ONLY_IN = {
     "matplotlib": {"plots"},
     "yaml": {"files"},
     "pydantic": {"files", "robot", "scene"},
+    "pint": {"files"},
 }
 CONVENIENCES = {
     ("deltaopt.planning.planner", "deltaopt.output.plan_files"),

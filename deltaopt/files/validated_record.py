@@ -25,7 +25,8 @@ from pydantic import (
     model_validator,
 )
 
-from deltaopt.errors import SceneError
+from deltaopt.errors import SceneError, shortened
+from deltaopt.files.units import WrongUnit
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 NonNegative = Annotated[Number, Field(ge=0)]
@@ -98,14 +99,18 @@ class Record(BaseModel):
     def _checked(cls, key: str, value: Any, validate: Callable[[Any], Any]) -> Any:
         """The valid value of a field; raises SceneError, naming its key."""
         expected = str(cls.model_fields[key].description)
+        at_most = f"{expected}; numbers of at most {LARGEST:g}"
         if _too_large(value):
-            raise SceneError(None, key, value, f"{expected}; numbers of at most {LARGEST:g}")
+            raise SceneError(None, key, value, at_most)
         try:
-            return validate(value)
+            valid = validate(value)
         except SceneError as error:  # from a record within this one
             raise error.inside(key=key) from None
-        except ValidationError:
-            raise SceneError(None, key, value, expected) from None
+        except ValidationError as error:
+            raise SceneError(None, key, value, expected, _wrong_unit(value, error)) from None
+        if _too_large(valid):  # once its unit is taken into account
+            raise SceneError(None, key, value, at_most)
+        return valid
 
     @model_validator(mode="before")
     @classmethod
@@ -143,6 +148,16 @@ def _adapter(record: type[Record], key: str) -> TypeAdapter[Any]:
     field = record.model_fields[key]
     kind: Any = field.annotation
     return TypeAdapter(Annotated[(kind, *field.metadata)] if field.metadata else kind)
+
+
+def _wrong_unit(value: object, error: ValidationError) -> str:
+    """What is wrong with a value whose unit is wrong; empty if something else is wrong."""
+    for detail in error.errors(include_url=False):
+        cause = detail.get("ctx", {}).get("error")
+        if isinstance(cause, WrongUnit):
+            which = "which" if value == cause.text else f"of which {cause.text!r}"
+            return f"is {shortened(repr(value))}, {which} {cause}"
+    return ""
 
 
 def _too_large(value: object) -> bool:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import casadi as ca
 
+from deltaopt.files.units import ACCELERATION
 from deltaopt.files.validated_record import Positive
 from deltaopt.limits.limit import SX, Bounds, Described, Instant, Key, Numbers
 
@@ -20,7 +21,11 @@ class Acceleration:
     unit: ClassVar[str] = "m/s²"
     subject: ClassVar[str] = "platform"
     order: ClassVar[int] = 2
-    key: ClassVar[Key] = Key("acceleration", Positive, "an acceleration in m/s², greater than 0")
+    key: ClassVar[Key] = Key(
+        "acceleration",
+        Annotated[Positive, ACCELERATION],
+        "an acceleration in m/s², greater than 0",
+    )
     promised: ClassVar[bool] = True
 
     def items(self, scene: Described) -> Sequence[Numbers]:

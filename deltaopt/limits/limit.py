@@ -14,6 +14,7 @@ from typing import Any, Protocol
 import casadi as ca
 
 from deltaopt.errors import SceneError
+from deltaopt.files.units import percentage
 from deltaopt.files.validated_record import PerMotor, Vector3, per_motor
 from deltaopt.robot.robot import Robot
 
@@ -189,6 +190,31 @@ class MotorLimit:
     def measure(self, motion: Instant, numbers: SX) -> SX:
         """One quantity for each motor."""
         raise NotImplementedError
+
+    def without_shares(self, given: object, robot: Robot) -> object:
+        """What a scene gives, with shares of the drive's limit such as "85 %" as numbers.
+
+        Raises SceneError for a share that is not above 0 and at most 100 %, or of no limit.
+        """
+        each = given if isinstance(given, list | tuple) else [given] * 3
+        if len(each) != 3 or all(percentage(value) is None for value in each):
+            return given
+        drive = self.of_drive(robot) or (None, None, None)
+        resolved = tuple(map(self._without_share, each, drive))
+        return resolved[0] if len(set(resolved)) == 1 else resolved
+
+    def _without_share(self, value: object, drive: float | None) -> object:
+        """A share of one motor's limit as a number; any other value as it is."""
+        share, key = percentage(value), f"limits.{self.key.name}"
+        if share is None:
+            return value
+        if drive is None:
+            expected = f"{self.key.expected}, since the robot's drive names no {self.name}"
+            raise SceneError(None, key, value, expected)
+        if not 0 < share <= 1:
+            expected = "a share of what the drive gives, greater than 0 and at most 100 %"
+            raise SceneError(None, key, value, expected)
+        return share * drive
 
     def items(self, scene: Described) -> Sequence[Numbers]:
         drive, given = self.of_drive(scene.robot), scene.given(self.key.name)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
+from deltaopt.files.units import ANGULAR_SPEED
 from deltaopt.files.validated_record import PerMotor, Vector3
 from deltaopt.limits.limit import SX, Instant, Key, MotorLimit
 from deltaopt.robot.robot import Robot
@@ -11,7 +14,11 @@ class Speed(MotorLimit):
     """Largest angular speed of each arm, rad/s."""
 
     name, unit, order = "speed", "rad/s", 1
-    key = Key("speed", PerMotor, "one angular speed in rad/s, greater than 0, or three")
+    key = Key(
+        "speed",
+        Annotated[PerMotor, ANGULAR_SPEED],
+        "one angular speed in rad/s, greater than 0, or three",
+    )
 
     def of_drive(self, robot: Robot) -> Vector3 | None:
         return robot.speed_limits

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
+from deltaopt.files.units import TORQUE
 from deltaopt.files.validated_record import PerMotor, Vector3
 from deltaopt.limits.limit import SX, Instant, Key, MotorLimit
 from deltaopt.robot.robot import Robot
@@ -11,7 +14,7 @@ class Torque(MotorLimit):
     """Largest torque of each motor at its arm, N·m."""
 
     name, unit, order = "torque", "N·m", 2
-    key = Key("torque", PerMotor, "one torque in N·m, greater than 0, or three")
+    key = Key("torque", Annotated[PerMotor, TORQUE], "one torque in N·m, greater than 0, or three")
 
     def of_drive(self, robot: Robot) -> Vector3:
         return robot.torque_limits

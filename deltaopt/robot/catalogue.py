@@ -15,17 +15,20 @@ the arm; that losses help to brake is not credited.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Self
+from typing import Annotated, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from deltaopt.errors import SceneError
+from deltaopt.files.units import ANGULAR_SPEED, INERTIA, RATIO, TORQUE
 from deltaopt.files.validated_record import NonNegative, Positive, Record
 
 Curve = tuple[tuple[float, float], ...]
 """Points (speed, torque) of a torque curve, in rad/s and N·m, straight between them."""
-CurvePoints = tuple[tuple[NonNegative, NonNegative], ...]
+CurvePoints = tuple[
+    tuple[Annotated[NonNegative, ANGULAR_SPEED], Annotated[NonNegative, TORQUE]], ...
+]
 """A torque curve in a record; ``require_torque_curve`` says what makes it one."""
 
 CURVE = (
@@ -61,14 +64,14 @@ class Motor(Record):
     None is not limited, or not modelled.
     """
 
-    peak_torque: Positive = Field(description="a torque in N·m, greater than 0")
-    rated_torque: Positive | None = Field(
+    peak_torque: Annotated[Positive, TORQUE] = Field(description="a torque in N·m, greater than 0")
+    rated_torque: Annotated[Positive, TORQUE] | None = Field(
         default=None, description="a torque in N·m, greater than 0, at most the peak torque"
     )
-    max_speed: Positive | None = Field(
+    max_speed: Annotated[Positive, ANGULAR_SPEED] | None = Field(
         default=None, description="an angular speed in rad/s, greater than 0"
     )
-    inertia: NonNegative | None = Field(
+    inertia: Annotated[NonNegative, INERTIA] | None = Field(
         default=None, description="a moment of inertia in kg·m², at least 0"
     )
     curve: CurvePoints | None = Field(default=None, description=CURVE)
@@ -84,7 +87,9 @@ class Motor(Record):
 class Brake(Record):
     """A holding brake at the motor: ``inertia`` in kg·m²."""
 
-    inertia: NonNegative = Field(description="a moment of inertia in kg·m², at least 0")
+    inertia: Annotated[NonNegative, INERTIA] = Field(
+        description="a moment of inertia in kg·m², at least 0"
+    )
 
 
 class Gear(Record):
@@ -94,21 +99,23 @@ class Gear(Record):
     the latter for the speed-weighted cubic mean. ``input_speed``: the largest of the motor, rad/s.
     """
 
-    ratio: Positive = Field(description="a number greater than 0, motor's speed over arm's")
-    efficiency: Positive = Field(
-        default=1.0, le=1, description="a number greater than 0 and at most 1"
+    ratio: Annotated[Positive, RATIO] = Field(
+        description="a number greater than 0, motor's speed over arm's"
     )
-    inertia: NonNegative | None = Field(
+    efficiency: Annotated[Positive, Field(le=1), RATIO] = Field(
+        default=1.0, description="a number greater than 0 and at most 1"
+    )
+    inertia: Annotated[NonNegative, INERTIA] | None = Field(
         default=None, description="a moment of inertia in kg·m² at the motor's side, at least 0"
     )
-    peak_torque: Positive | None = Field(
+    peak_torque: Annotated[Positive, TORQUE] | None = Field(
         default=None, description="a torque in N·m at the arm, greater than 0"
     )
-    nominal_torque: Positive | None = Field(
+    nominal_torque: Annotated[Positive, TORQUE] | None = Field(
         default=None,
         description="a torque in N·m at the arm, greater than 0, at most the peak torque",
     )
-    input_speed: Positive | None = Field(
+    input_speed: Annotated[Positive, ANGULAR_SPEED] | None = Field(
         default=None, description="an angular speed in rad/s at the motor, greater than 0"
     )
 

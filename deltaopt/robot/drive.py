@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from deltaopt.errors import SceneError
+from deltaopt.files.units import ANGULAR_SPEED, INERTIA, TORQUE, VISCOUS_FRICTION
 from deltaopt.files.validated_record import NonNegative, PerMotor, Positive, Record, per_motor
 from deltaopt.robot.catalogue import (
     CURVE,
@@ -31,11 +32,13 @@ class Friction(Record):
     in rad/s, within which Coulomb friction changes its sign; given with ``coulomb`` alone.
     """
 
-    viscous: NonNegative | None = Field(
+    viscous: Annotated[NonNegative, VISCOUS_FRICTION] | None = Field(
         default=None, description="a friction in N·m·s/rad, at least 0"
     )
-    coulomb: NonNegative | None = Field(default=None, description="a torque in N·m, at least 0")
-    speed: Positive | None = Field(
+    coulomb: Annotated[NonNegative, TORQUE] | None = Field(
+        default=None, description="a torque in N·m, at least 0"
+    )
+    speed: Annotated[Positive, ANGULAR_SPEED] | None = Field(
         default=None,
         description="an angular speed in rad/s, greater than 0, since coulomb is given: within it "
         "Coulomb friction changes its sign",
@@ -66,18 +69,20 @@ class Drive(Record):
     from them. Friction is that at the arm in any case.
     """
 
-    torque: PerMotor = Field(description="one torque in N·m, greater than 0, or three")
-    speed: PerMotor | None = Field(
+    torque: Annotated[PerMotor, TORQUE] = Field(
+        description="one torque in N·m, greater than 0, or three"
+    )
+    speed: Annotated[PerMotor, ANGULAR_SPEED] | None = Field(
         default=None, description="one angular speed in rad/s, greater than 0, or three"
     )
-    inertia: NonNegative | None = Field(
+    inertia: Annotated[NonNegative, INERTIA] | None = Field(
         default=None, description="a moment of inertia in kg·m² at the arm, at least 0"
     )
     friction: Friction | None = Field(
         default=None, description="a mapping with some of the keys viscous, coulomb, speed"
     )
     torque_curve: CurvePoints | None = Field(default=None, description=CURVE)
-    rms_torque: PerMotor | None = Field(
+    rms_torque: Annotated[PerMotor, TORQUE] | None = Field(
         default=None, description="one torque in N·m, greater than 0, or three"
     )
     motor: Motor | None = Field(

@@ -8,6 +8,7 @@ from typing import Annotated, Self
 from pydantic import AfterValidator, Field, model_validator
 
 from deltaopt.errors import SceneError
+from deltaopt.files.units import ANGLE
 from deltaopt.files.validated_record import Number, Record
 
 
@@ -30,16 +31,16 @@ class Joints(Record):
     None where there is no such limit, a zero of 0 or a sign of 1.
     """
 
-    zero: Number | tuple[Number, Number, Number] | None = Field(
+    zero: Annotated[Number | tuple[Number, Number, Number], ANGLE] | None = Field(
         default=None, description="one angle in rad or three"
     )
     sign: Sign | tuple[Sign, Sign, Sign] | None = Field(
         default=None, description="1 or -1, or three of them"
     )
-    arm: tuple[Number, Number] | None = Field(
+    arm: Annotated[tuple[Number, Number], ANGLE] | None = Field(
         default=None, description="two angles [least, largest] in rad, the first the lesser"
     )
-    ball: Annotated[Number, Field(gt=0, lt=pi / 2)] | None = Field(
+    ball: Annotated[Number, Field(gt=0, lt=pi / 2), ANGLE] | None = Field(
         default=None, description="an angle in rad, greater than 0 and less than π/2"
     )
 

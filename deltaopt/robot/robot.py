@@ -6,11 +6,12 @@ A quantity that is None is absent from the model, except an inertia: then the li
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Self
+from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
 from deltaopt.errors import SceneError
+from deltaopt.files.units import ACCELERATION, INERTIA, LENGTH, MASS
 from deltaopt.files.validated_record import (
     NonNegative,
     Number,
@@ -34,12 +35,12 @@ class UpperArm(Record):
     m; across is positive where a positive turn of the arm moves it. None for the middle.
     """
 
-    length: Positive = Field(description="a length in m, greater than 0")
-    mass: NonNegative = Field(description="a mass in kg, at least 0")
-    inertia: NonNegative | None = Field(
+    length: Annotated[Positive, LENGTH] = Field(description="a length in m, greater than 0")
+    mass: Annotated[NonNegative, MASS] = Field(description="a mass in kg, at least 0")
+    inertia: Annotated[NonNegative, INERTIA] | None = Field(
         default=None, description="a moment of inertia in kg·m², at least 0"
     )
-    centre: tuple[Number, Number] | None = Field(
+    centre: Annotated[tuple[Number, Number], LENGTH] | None = Field(
         default=None, description="two lengths in m: along the line shaft-elbow, and across it"
     )
 
@@ -47,7 +48,7 @@ class UpperArm(Record):
 class Elbow(Record):
     """What turns with the arm at its elbow, such as pins, as a point: ``mass`` in kg."""
 
-    mass: NonNegative = Field(description="a mass in kg, at least 0")
+    mass: Annotated[NonNegative, MASS] = Field(description="a mass in kg, at least 0")
 
 
 class Forearm(Record):
@@ -57,9 +58,11 @@ class Forearm(Record):
     kg·m²; None for slender bars.
     """
 
-    length: Positive = Field(description="a length in m, greater than 0")
-    mass: NonNegative = Field(description="a mass in kg (of the pair of bars), at least 0")
-    inertia: tuple[NonNegative, NonNegative, NonNegative] | None = Field(
+    length: Annotated[Positive, LENGTH] = Field(description="a length in m, greater than 0")
+    mass: Annotated[NonNegative, MASS] = Field(
+        description="a mass in kg (of the pair of bars), at least 0"
+    )
+    inertia: Annotated[tuple[NonNegative, NonNegative, NonNegative], INERTIA] | None = Field(
         default=None, description="three principal moments of inertia in kg·m², each at least 0"
     )
 
@@ -79,8 +82,8 @@ class Platform(Record):
     ``pins``: a mass in kg for each chain, which the platform carries beside its own.
     """
 
-    mass: Positive = Field(description="a mass in kg, greater than 0")
-    pins: NonNegative | None = Field(
+    mass: Annotated[Positive, MASS] = Field(description="a mass in kg, greater than 0")
+    pins: Annotated[NonNegative, MASS] | None = Field(
         default=None, description="a mass in kg for each chain, at least 0"
     )
 
@@ -92,10 +95,12 @@ class Tool(Record):
     of the tool's point. ``mass``: in kg.
     """
 
-    offset: tuple[Number, Number, Number] | None = Field(
+    offset: Annotated[tuple[Number, Number, Number], LENGTH] | None = Field(
         default=None, description="three coordinates [x, y, z] in m"
     )
-    mass: NonNegative | None = Field(default=None, description="a mass in kg, at least 0")
+    mass: Annotated[NonNegative, MASS] | None = Field(
+        default=None, description="a mass in kg, at least 0"
+    )
 
 
 class Workspace(Record):
@@ -105,10 +110,12 @@ class Workspace(Record):
     None where there is no such limit.
     """
 
-    depth: tuple[Number, Number] | None = Field(
+    depth: Annotated[tuple[Number, Number], LENGTH] | None = Field(
         default=None, description="two coordinates [least, largest] in m, the first the lesser"
     )
-    radius: Positive | None = Field(default=None, description="a length in m, greater than 0")
+    radius: Annotated[Positive, LENGTH] | None = Field(
+        default=None, description="a length in m, greater than 0"
+    )
 
     @model_validator(mode="after")
     def _is_somewhere(self) -> Self:
@@ -130,8 +137,8 @@ class Robot(Record):
 
     name: Text = Field(description="the robot's name")
     source: Text | None = Field(default=None, description="a text saying whence the numbers come")
-    base_radius: NonNegative = Field(description="a length in m, at least 0")
-    platform_radius: NonNegative = Field(description="a length in m, at least 0")
+    base_radius: Annotated[NonNegative, LENGTH] = Field(description="a length in m, at least 0")
+    platform_radius: Annotated[NonNegative, LENGTH] = Field(description="a length in m, at least 0")
     upper_arm: UpperArm = Field(description="a mapping with the keys length and mass")
     forearm: Forearm = Field(description="a mapping with the keys length and mass")
     elbow: Elbow | None = Field(default=None, description="a mapping with the key mass")
@@ -142,7 +149,7 @@ class Robot(Record):
     drive: Drive = Field(
         description="a mapping with the key torque (N·m) and, if speeds are limited, speed (rad/s)"
     )
-    gravity: NonNegative | tuple[Number, Number, Number] = Field(
+    gravity: Annotated[NonNegative | tuple[Number, Number, Number], ACCELERATION] = Field(
         default=9.81,
         description="an acceleration in m/s², at least 0, downward, or a vector [x, y, z]",
     )

@@ -11,17 +11,19 @@ In a scene file an objective is a word or a mapping of weights; effort alone nee
 from __future__ import annotations
 
 from abc import abstractmethod
+from typing import Annotated
 
 from pydantic import Field
 
 from deltaopt.errors import SceneError
+from deltaopt.files.units import DURATION, EFFORT_WEIGHT, RATIO
 from deltaopt.files.validated_record import Positive, Record
 
 EXPECTED = (
     "the word time, the word effort with a duration in s, or weights of both such as "
     "{time: 1, effort: 0.002}, the latter in 1/(N²m²)"
 )
-DURATION = "a duration in s, greater than 0"
+EXPECTED_DURATION = "a duration in s, greater than 0"
 
 
 class _Weighted(Record):
@@ -57,7 +59,7 @@ class Time(_Weighted):
 class Effort(_Weighted):
     """Minimise the effort ∫ τᵀτ dt, N²m²s, over a given ``duration`` in s."""
 
-    duration: Positive = Field(description=DURATION)
+    duration: Annotated[Positive, DURATION] = Field(description=EXPECTED_DURATION)
 
     @property
     def unit(self) -> str:
@@ -78,8 +80,12 @@ class Effort(_Weighted):
 class TimeAndEffort(_Weighted):
     """Minimise ``time`` · T + ``effort`` · ∫ τᵀτ dt, in s; the weight ``effort`` is in 1/(N²m²)."""
 
-    time: Positive = Field(default=1.0, description="a weight of the duration, greater than 0")
-    effort: Positive = Field(description="a weight of the effort in 1/(N²m²), greater than 0")
+    time: Annotated[Positive, RATIO] = Field(
+        default=1.0, description="a weight of the duration, greater than 0"
+    )
+    effort: Annotated[Positive, EFFORT_WEIGHT] = Field(
+        description="a weight of the effort in 1/(N²m²), greater than 0"
+    )
 
     @property
     def weights(self) -> tuple[float, float]:
@@ -101,12 +107,12 @@ def objective_in(content: dict[str, object]) -> dict[str, object]:
     given, duration = content.get("objective", "time"), content.get("duration")
     if given == "effort":
         if "duration" not in content:
-            needed = f"{DURATION}, since the objective is effort"
+            needed = f"{EXPECTED_DURATION}, since the objective is effort"
             raise SceneError(None, "duration", None, needed, "is missing")
         try:
             return {**rest, "objective": Effort.model_validate({"duration": duration})}
         except SceneError as error:  # in the file the key stands beside the objective
-            raise SceneError(None, "duration", error.value, error.expected) from None
+            raise SceneError(None, "duration", error.value, error.expected, error.problem) from None
     if "duration" in content:
         free = "objective: effort beside it, since it is a variable otherwise"
         raise SceneError(None, "duration", duration, free)

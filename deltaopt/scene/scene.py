@@ -6,9 +6,10 @@ A scene says what is wanted; how it is computed is a setting of the planner.
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
 from pydantic import (
     Field,
@@ -19,11 +20,12 @@ from pydantic import (
 )
 
 from deltaopt.errors import SceneError
+from deltaopt.files.units import LENGTH, MASS
 from deltaopt.files.validated_record import Number, Positive, Record
 from deltaopt.files.yaml_file import read_yaml
 from deltaopt.limits.acceleration import Acceleration
 from deltaopt.limits.constraints import SceneLimits
-from deltaopt.limits.limit import Limit
+from deltaopt.limits.limit import Limit, MotorLimit
 from deltaopt.limits.serial_singularity import SerialSingularity
 from deltaopt.limits.speed import Speed
 from deltaopt.limits.torque import Torque
@@ -60,9 +62,15 @@ class Scene(Record):
     """
 
     robot: Robot = Field(description=_ROBOT_FILE)
-    payload: Positive | None = Field(default=None, description="a mass in kg, greater than 0")
-    start: tuple[Number, Number, Number] = Field(description="three coordinates [x, y, z] in m")
-    goal: tuple[Number, Number, Number] = Field(description="three coordinates [x, y, z] in m")
+    payload: Annotated[Positive, MASS] | None = Field(
+        default=None, description="a mass in kg, greater than 0"
+    )
+    start: Annotated[tuple[Number, Number, Number], LENGTH] = Field(
+        description="three coordinates [x, y, z] in m"
+    )
+    goal: Annotated[tuple[Number, Number, Number], LENGTH] = Field(
+        description="three coordinates [x, y, z] in m"
+    )
     limits: Limits | None = Field(
         default=None,
         description="a mapping with some of the keys " + ", ".join(Limits.model_fields),
@@ -93,6 +101,21 @@ class Scene(Record):
             rest["robot"] = content["robot"].model_copy(update={"tool": content["tool"]})
         return rest
 
+    @model_validator(mode="before")
+    @classmethod
+    def _resolve_shares(cls, content: Any) -> Any:
+        if not (isinstance(content, dict) and {"robot", "limits"} <= set(content)):
+            return content
+        robot = cls._valid("robot", content["robot"])
+        return {**content, "robot": robot, "limits": _without_shares(content["limits"], robot)}
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """A copy with other fields; see ``Record.model_copy``."""
+        given = dict(update or {})
+        if "limits" in given:
+            given["limits"] = _without_shares(given["limits"], given.get("robot", self.robot))
+        return super().model_copy(update=given, deep=deep)
+
     @model_serializer(mode="wrap")
     def _write_objective(self, rest: SerializerFunctionWrapHandler) -> dict[str, object]:
         return {**rest(self), **content_of(self.objective)}
@@ -119,6 +142,17 @@ class Scene(Record):
 def limits_of(scene: Scene) -> SceneLimits:
     """The limits that apply in a scene, with their numbers."""
     return SceneLimits.of(LIMITS, scene)
+
+
+def _without_shares(limits: object, robot: Robot) -> object:
+    """The content of the key ``limits``, with shares of the drive's such as "85 %" as numbers."""
+    if not isinstance(limits, dict):
+        return limits
+    motors = {limit.key.name: limit for limit in LIMITS if isinstance(limit, MotorLimit)}
+    return {
+        key: motors[key].without_shares(value, robot) if key in motors else value
+        for key, value in limits.items()
+    }
 
 
 def load_scene(path: str | Path) -> Scene:

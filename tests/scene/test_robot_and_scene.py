@@ -227,7 +227,7 @@ def test_effort_needs_a_duration(tmp_path: Path) -> None:
     assert error.expected == "a duration in s, greater than 0, since the objective is effort"
 
 
-@pytest.mark.parametrize("duration", [0.0, -0.3, "0.3 s", [0.3]])
+@pytest.mark.parametrize("duration", [0.0, -0.3, "0.3 m", "-0.3 s", [0.3]])
 def test_a_bad_duration(tmp_path: Path, duration) -> None:
     scene = SCENE | {"objective": "effort", "duration": duration}
     error = error_of(write(tmp_path, scene=scene))
@@ -314,7 +314,7 @@ BAD_IN_ROBOT = [
     ("name", "", "name"),
     ("source", [1.0], "text"),
     ("base_radius", -0.1, "m, at least 0"),
-    ("platform_radius", "0.1 m", "m, at least 0"),
+    ("platform_radius", "-0.1 m", "m, at least 0"),
     ("upper_arm", 3.0, "keys length and mass"),
     ("upper_arm", [0.2, 0.4], "keys length and mass"),
     ("upper_arm.length", 0.0, "m, greater than 0"),
@@ -347,7 +347,7 @@ BAD_IN_SCENE = [
     ("payload", 0.0, "kg, greater than 0"),
     ("payload", -1.0, "kg, greater than 0"),
     ("payload", "heavy", "kg, greater than 0"),
-    ("payload", "1.0", "kg, greater than 0"),
+    ("payload", "1.0 m", "kg, greater than 0"),
     ("payload", [1.0], "kg, greater than 0"),
     ("start", [0.45, 0.0], "three coordinates [x, y, z] in m"),
     ("start", [0.45, 0.0, 0.0, 0.0], "three coordinates [x, y, z] in m"),
@@ -364,7 +364,7 @@ BAD_IN_SCENE = [
     ("objective", ["time", "effort"], "the word time"),
     ("duration", 0.3, "objective: effort beside it"),
     ("objective.effort", 0.0, "a weight of the effort in 1/(N²m²), greater than 0"),
-    ("objective.time", "1", "a weight of the duration, greater than 0"),
+    ("objective.time", "1 s", "a weight of the duration, greater than 0"),
 ]
 
 
@@ -465,7 +465,7 @@ def test_a_key_missing_in_the_scene(tmp_path: Path, key: str) -> None:
         ("platfrom", "platform"),
         ("forearm.lenght", "length"),
         ("drive.torques", "torque"),
-        ("upper_arm.colour", "one of length, mass, inertia"),
+        ("upper_arm.colour", "one of length, mass, inertia, centre"),
     ],
 )
 def test_an_unknown_key_in_the_robot(tmp_path: Path, key: str, expected: str) -> None:
@@ -480,9 +480,9 @@ def test_an_unknown_key_in_the_robot(tmp_path: Path, key: str, expected: str) ->
     [
         ("paylod", "payload"),
         ("limits.sped", "speed"),
-        ("mesh", "one of robot, payload, start, goal, limits, objective, duration"),
-        ("<<", "one of robot, payload, start, goal, limits, objective, duration"),
-        ("5", "one of robot, payload, start, goal, limits, objective, duration"),
+        ("mesh", "one of robot, payload, start, goal, limits, objective, duration, tool"),
+        ("<<", "one of robot, payload, start, goal, limits, objective, duration, tool"),
+        ("5", "one of robot, payload, start, goal, limits, objective, duration, tool"),
     ],
 )
 def test_an_unknown_key_in_the_scene(tmp_path: Path, key: str, expected: str) -> None:
