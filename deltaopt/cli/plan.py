@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from deltaopt.cli.arguments import (
     WrongUsage,
@@ -48,6 +48,7 @@ from deltaopt.planning.planner import Plan, Planner, plan
 from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene, load_scene
+from deltaopt.verify.duty import Duty
 from deltaopt.verify.measures import Distance
 from deltaopt.verify.verification import Check, Verification, verify
 
@@ -253,7 +254,35 @@ def table(verification: Verification) -> str:
     )
     total = f"duration {verification.duration:.6f} s, effort {verification.effort:.6g} N²m²s"
     remarks = _long(verification) + _singularities(verification) + _optimality(verification)
-    return "\n".join([total, *lines, *remarks])
+    motors = [] if verification.duty is None else duty_table(verification.duty)
+    return "\n".join([total, *lines, *motors, *remarks])
+
+
+def duty_table(duty: Duty) -> list[str]:
+    """Lines on the duty of each motor: RMS torque, mechanical work, power, speed."""
+    rows: list[tuple[str, str, Sequence[float | None]]] = [
+        ("RMS torque", "N·m", [each.rms_torque for each in duty.motors]),
+        ("  rated torque", "N·m", duty.rated_torque or ()),
+        ("RMS torque at the motor", "N·m", [each.motor_rms_torque for each in duty.motors]),
+        ("cubic mean of the gear's torque", "N·m", [each.gear_torque for each in duty.motors]),
+        ("  nominal torque", "N·m", [duty.nominal_torque] * 3),
+        ("work done", "J", [each.work_done for each in duty.motors]),
+        ("work absorbed", "J", [each.work_absorbed for each in duty.motors]),
+        ("peak power", "W", [each.peak_power for each in duty.motors]),
+        ("largest speed", "rad/s", [each.largest_speed for each in duty.motors]),
+    ]
+    done = sum(each.work_done for each in duty.motors)
+    absorbed = sum(each.work_absorbed for each in duty.motors)
+    return [
+        f"{'duty of the motors, at the arm':<34}{'1':>10}{'2':>10}{'3':>10}",
+        *(
+            f"  {name:<32}{''.join(f'{v:>10.4g}' for v in values if v is not None)}  {unit}"
+            for name, unit, values in rows
+            if any(value is not None for value in values)
+        ),
+        f"  together: peak power {duty.peak_power:.4g} W, work done {done:.4g} J, "
+        f"absorbed {absorbed:.4g} J",
+    ]
 
 
 def _long(verification: Verification) -> list[str]:

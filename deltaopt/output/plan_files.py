@@ -121,7 +121,8 @@ def save(
     with all_or_none(directory) as folder:
         write_csv(folder / csv, trajectory, rate)
         write_json(folder / record, scene, trajectory, verification, solution)
-        draw(folder / chart, scene, trajectory, _drawn(scene, trajectory, verification))
+        drawn = _drawn(scene, trajectory, verification)
+        draw(folder / chart, scene, trajectory, drawn, caption(verification))
     return [directory / name for name in (csv, record, chart)]
 
 
@@ -204,6 +205,27 @@ def _drawn(scene: Scene, trajectory: Trajectory, verification: Verification) -> 
     if spread is None or violation is None or max(spread, violation) > MET:
         return None
     return extremal(scene, trajectory)
+
+
+def caption(verification: Verification) -> str:
+    """What the chart's lines do not show of a motion: duty of the motors, nearest singularity."""
+    duty, lines = verification.duty, []
+    if duty is not None:
+        rms = ", ".join(f"{each.rms_torque:.4g}" for each in duty.motors)
+        rated = ", ".join(f"{torque:g}" for torque in dict.fromkeys(duty.rated_torque or ()))
+        done = sum(each.work_done for each in duty.motors)
+        absorbed = sum(each.work_absorbed for each in duty.motors)
+        lines.append(
+            f"RMS torque {rms} N·m"
+            + (f" (rated {rated})" if rated else "")
+            + f"; work done {done:.4g} J, absorbed {absorbed:.4g} J; peak power "
+            f"{duty.peak_power:.4g} W; largest speed "
+            f"{max(each.largest_speed for each in duty.motors):.4g} rad/s"
+        )
+    if verification.distances:
+        least = "; ".join(f"{each.name} {each.least:.2g}" for each in verification.distances)
+        lines.append(f"least distance to singularities: {least}")
+    return "\n".join(lines)
 
 
 def highest_rate(trajectory: Trajectory) -> float:

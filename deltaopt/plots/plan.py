@@ -28,11 +28,15 @@ _SAMPLES = 2000
 
 
 def draw(
-    file: Path, scene: Scene, trajectory: Trajectory, extremal: Extremal | None = None
+    file: Path,
+    scene: Scene,
+    trajectory: Trajectory,
+    extremal: Extremal | None = None,
+    caption: str = "",
 ) -> None:
     """Draw a motion for a scene into a file, with switching functions if they are given.
 
-    The format follows the file's suffix: png, pdf or svg.
+    ``caption``: lines to write below it. The format follows the file's suffix: png, pdf or svg.
     """
     steps = max(2, _SAMPLES // (len(trajectory.knots) - 1))
     inside = np.linspace(0, 1, steps)  # 0 and 1: both sides of a jump at a knot
@@ -64,6 +68,7 @@ def draw(
             _switching(switching, extremal)
             _hamiltonian(page.add_subplot(grid[panels, 1]), extremal)
         _legend(page, left[0], side)
+        page.supxlabel(caption, fontsize=7)
 
 
 def _limit(axes: Axes, t: Array, curves: LimitCurves) -> None:

@@ -126,6 +126,41 @@ class Gear(Record):
 
 
 @dataclass(frozen=True)
+class Part:
+    """What one part of a drive makes of a quantity at the arm: ``part``, the motor for example, the
+    ``value``, and the ``calculation`` that gives it."""
+
+    part: str
+    value: float
+    calculation: str
+
+
+@dataclass(frozen=True)
+class Reduction:
+    """A quantity at the arm, its ``name`` and ``unit``, and what each part makes of it.
+
+    ``total``: whether the parts add up; otherwise the least of them counts.
+    """
+
+    name: str
+    unit: str
+    parts: tuple[Part, ...]
+    total: bool = False
+
+    @property
+    def value(self) -> float:
+        """The quantity at the arm."""
+        values = [part.value for part in self.parts]
+        return sum(values) if self.total else min(values)
+
+    @property
+    def set_by(self) -> Part:
+        """The part that sets it, or most of it."""
+        ordered = sorted(self.parts, key=lambda part: part.value)
+        return ordered[-1] if self.total else ordered[0]
+
+
+@dataclass(frozen=True)
 class AtTheArm:
     """What motor, brake and gear are at the arm: torques in N·m, speed in rad/s, inertia in kg·m².
 
@@ -139,26 +174,65 @@ class AtTheArm:
     rms_torque: float | None
 
 
+def gain(gear: Gear | None) -> float:
+    """Torque at the arm by torque of the motor that drives it, i η; 1 without a gear."""
+    return gear.ratio * gear.efficiency if gear else 1.0
+
+
+def reductions(motor: Motor, brake: Brake | None, gear: Gear | None) -> dict[str, Reduction]:
+    """Torque, RMS torque, speed and inertia at the arm, as far as the catalogue names them."""
+    drive, ratio = gear or Gear(ratio=1.0), gear.ratio if gear else 1.0
+    by_gain = f" · {ratio:g} · {drive.efficiency:g}" if gear else ""
+    by_ratio = f" / {ratio:g}" if gear else ""
+    by_square = f" · {ratio:g}²" if gear else ""
+
+    def torque(part: str, value: float) -> Part:
+        return Part(part, value * gain(gear), f"{value:g} N·m{by_gain}")
+
+    def speed(part: str, value: float | None) -> list[Part]:
+        given = [] if value is None else [value]
+        return [Part(part, w / ratio, f"{w:.6g} rad/s{by_ratio}") for w in given]
+
+    torques = [torque("motor", motor.peak_torque)]
+    if drive.peak_torque is not None:
+        torques.append(Part("gear", drive.peak_torque, f"{drive.peak_torque:g} N·m"))
+    rated = [] if motor.rated_torque is None else [torque("motor", motor.rated_torque)]
+    speeds = speed("motor", motor.max_speed)
+    speeds += speed("end of the motor's curve", motor.curve[-1][0] if motor.curve else None)
+    speeds += speed("gear", drive.input_speed)
+    named = (
+        ("motor", motor.inertia),
+        ("brake", brake.inertia if brake else None),
+        ("gear", drive.inertia),
+    )
+    inertias = [
+        Part(part, inertia * ratio**2, f"{inertia:g} kg·m²{by_square}")
+        for part, inertia in named
+        if inertia is not None
+    ]
+    found = (
+        Reduction("torque", "N·m", tuple(torques)),
+        Reduction("RMS torque", "N·m", tuple(rated)),
+        Reduction("speed", "rad/s", tuple(speeds)),
+        Reduction("inertia", "kg·m²", tuple(inertias), total=True),
+    )
+    return {each.name: each for each in found if each.parts}
+
+
 def at_the_arm(motor: Motor, brake: Brake | None, gear: Gear | None) -> AtTheArm:
     """Reduce a motor, a brake and a gear to the arm; without a gear the motor turns the arm."""
-    gear = gear or Gear(ratio=1.0)
-    gain = gear.ratio * gear.efficiency
-    torque = _least(motor.peak_torque * gain, gear.peak_torque)
-    end_of_curve = None if motor.curve is None else motor.curve[-1][0]
-    speed = _least(motor.max_speed, end_of_curve, gear.input_speed)
-    inertias = [part.inertia for part in (motor, brake, gear) if part and part.inertia is not None]
-    assert torque is not None  # the motor's is always given
-    at_arm = None if speed is None else speed / gear.ratio
+    values = {name: each.value for name, each in reductions(motor, brake, gear).items()}
+    ratio = gear.ratio if gear else 1.0
+    curve: Curve | None = None
+    if motor.curve is not None:
+        geared = [(w / ratio, torque * gain(gear)) for w, torque in motor.curve]
+        curve = _cut(geared, values["speed"], values["torque"])
     return AtTheArm(
-        torque=torque,
-        speed=at_arm,
-        inertia=sum(inertias) * gear.ratio**2 if inertias else None,
-        torque_curve=(
-            None
-            if motor.curve is None or at_arm is None
-            else _cut([(w / gear.ratio, t * gain) for w, t in motor.curve], at_arm, torque)
-        ),
-        rms_torque=None if motor.rated_torque is None else motor.rated_torque * gain,
+        torque=values["torque"],
+        speed=values.get("speed"),
+        inertia=values.get("inertia"),
+        torque_curve=curve,
+        rms_torque=values.get("RMS torque"),
     )
 
 
@@ -172,11 +246,6 @@ def _cut(curve: list[tuple[float, float]], last: float, most: float) -> Curve:
     speeds = np.array([0.0, *([begin] if apart < begin < last - apart else []), *inner, last])
     torques = np.minimum(np.interp(speeds, speed, torque), most)
     return tuple(zip(speeds.tolist(), torques.tolist(), strict=True))
-
-
-def _least(*values: float | None) -> float | None:
-    """The least of the values that are given; None if none is."""
-    return min((value for value in values if value is not None), default=None)
 
 
 def _require_at_most_peak(

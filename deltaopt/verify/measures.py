@@ -27,6 +27,7 @@ from deltaopt.mechanisms.delta.singularities import DISTANCES
 from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
 from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.scene.scene import Scene, limits_of
+from deltaopt.verify.duty import Duty, duty
 from deltaopt.verify.resolved_curves import DEGREE, Cells, Index, Peaks, ResolvedCurves
 
 RESOLVED = 1e-10
@@ -133,6 +134,14 @@ class _Curves:
         knots = self.path[0].knots
         return self._at(pieces, (knots[pieces + 1] - knots[pieces]) * fractions, self.speed)
 
+    def motors(self, pieces: Index, fractions: Array) -> Array:
+        """Speeds (rad/s), accelerations (rad/s²) and torques (N·m) of the motors, (N, 9)."""
+        since = np.diff(self.path[0].knots)[pieces] * fractions
+        x, v, a = (each.inside(pieces, since) for each in self.path)
+        values: Array
+        _, values = self.function(x, v, a, parameters=self.parameters)
+        return values
+
     def at_speeds(self, pieces: Index, fractions: Array, speeds: Array) -> Array:
         """The same at the instants (N,) of the motion at each of these speeds, (S, N, columns)."""
         knots, n = self.path[0].knots, len(speeds)
@@ -143,7 +152,7 @@ class _Curves:
     def _at(self, pieces: Index, since: Array, speed: float | Array) -> Array:
         x, v, a = (each.inside(pieces, since) for each in self.path)
         values: Array
-        (values,) = self.function(x, speed * v, speed**2 * a, parameters=self.parameters)
+        values, _ = self.function(x, speed * v, speed**2 * a, parameters=self.parameters)
         if not np.isfinite(values).all():
             bad = np.flatnonzero(np.logical_not(np.isfinite(values).all(axis=1)))
             self._explain(*(each[bad] for each in (x, speed * v, speed**2 * a)))
@@ -238,6 +247,11 @@ class MeasuredMotion:
         lengths = np.diff(self.trajectory.knots)[cells.piece] * (cells.end - cells.begin)
         return float(lengths @ self.resolved.means()[:, -1])
 
+    def duty(self) -> Duty:
+        """The duty of the motors."""
+        lengths = np.diff(self.trajectory.knots)
+        return duty(self.curves.motors, self.resolved.cells, lengths, self.scene.robot)
+
     def safe_duration(self) -> float:
         """The shortest duration, no less than the motion's own, to which it can be slowed
         uniformly so that it keeps every limit; infinite where none is found.
@@ -319,7 +333,7 @@ def not_measured(scene: Scene) -> dict[str, Excess]:
 
 @lru_cache(maxsize=32)
 def _function(terms: DeltaTerms, items: Items) -> RowFunction:
-    """(x, v, a, numbers of the limits and p) -> the columns of ``_Curves``."""
+    """(x, v, a, numbers of the limits and p) -> the columns of ``_Curves``; θ̇, θ̈ and τ."""
     x, v, a, p = *(ca.SX.sym(name, 3) for name in "xva"), ca.SX.sym("p", len(terms.names))
     motion = CoordinateInstant.general(delta_functions(terms, Explicit()), x, v, a, p)
     numbers = [ca.SX.sym(f"numbers{i}", size) for i, (_, size) in enumerate(items)]
@@ -331,9 +345,9 @@ def _function(terms: DeltaTerms, items: Items) -> RowFunction:
     columns += [-kind.of(motion.q) for kind in DISTANCES]
     columns += [motion.dtheta, ca.sumsqr(motion.tau)]
     inputs = [x, v, a, ca.vertcat(*numbers, p)]
-    return RowFunction(
-        ca.Function("measures", inputs, [ca.densify(ca.vertcat(*columns))], {"cse": True})
-    )
+    motors = ca.vertcat(motion.dtheta, motion.ddtheta, motion.tau)
+    outputs = [ca.densify(ca.vertcat(*columns)), ca.densify(motors)]
+    return RowFunction(ca.Function("measures", inputs, outputs, {"cse": True}))
 
 
 def _beyond(limit: Limit, measure: ca.SX, numbers: ca.SX) -> list[ca.SX]:

@@ -26,6 +26,7 @@ from deltaopt.motion.trajectory import Array, Trajectory
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.scene import LIMITS, Scene
 from deltaopt.scene.task import distance
+from deltaopt.verify.duty import Duty
 from deltaopt.verify.forward_replay import NotIntegrated, replay
 from deltaopt.verify.measures import Distance, Excess, MeasuredMotion, key, not_measured
 from deltaopt.verify.pontryagin import NoCostates, extremal
@@ -213,6 +214,7 @@ class Verification:
         motion within a piece of it, at most; None where there is a bound on the arrival.
     ``hamiltonian_spread``, ``sign_violation``: how far the motion is from Pontryagin's condition
         for its objective, see ``pontryagin``; None where that cannot be told.
+    ``duty``: of the motors, their RMS torque, work, power and speed; None where not evaluated.
     ``obstacles``: what kept a measure from being evaluated, one sentence each.
     """
 
@@ -238,6 +240,7 @@ class Verification:
     hamiltonian_spread: float | None = None
     sign_violation: float | None = None
     distances: tuple[Distance, ...] = ()
+    duty: Duty | None = None
     obstacles: tuple[str, ...] = ()
 
     def __getattr__(self, name: str) -> float | None:
@@ -300,7 +303,7 @@ class Verification:
                 absent = dict.fromkeys(_known_excesses())
                 present = {name: excess.value for name, excess in self.excesses.items()}
                 content |= {name: _finite(value) for name, value in (absent | present).items()}
-            elif each.name not in ("distances", "obstacles"):
+            elif each.name not in ("distances", "duty", "obstacles"):
                 content[each.name] = _finite(getattr(self, each.name))
         content["limits"] = {
             excess.limit: {
@@ -321,6 +324,7 @@ class Verification:
             }
             for distance in self.distances
         }
+        content["duty"] = None if self.duty is None else self.duty.as_dict()
         return content
 
 
@@ -365,6 +369,7 @@ def _measures(scene: Scene, trajectory: Trajectory) -> dict[str, Any]:
     measures = {
         "excesses": motion.excesses(),
         "distances": motion.distances(),
+        "duty": motion.duty(),
         "effort": motion.effort(),
         "safe_duration": motion.safe_duration(),
     }

@@ -1,0 +1,117 @@
+"""The duty of the motors in a motion: RMS torque, mechanical work, power, speed.
+
+All of it is at the arm and of the torque that limits bound: that of the drive, which accelerates
+its own rotor too where the robot names its inertia. A gear transmits the rest of that torque, and
+is rated by a mean of its third power, weighted with speed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from deltaopt.files.validated_record import Vector3
+from deltaopt.robot.catalogue import gain
+from deltaopt.robot.robot import Robot
+from deltaopt.verify.resolved_curves import WEIGHTS, Array, Cells, Curves, Index, ResolvedCurves
+
+_POWER, _TOTAL, _SPEED = slice(0, 3), 3, slice(4, 7)
+_TORQUE, _PASSED = slice(7, 10), slice(10, 13)
+"""Columns of the curves: each motor's power (W), that of all (W), each speed (rad/s), torque of the
+drive and torque that passes its gear (N·m)."""
+_NEGLIGIBLE = 1e-12
+"""Share of the largest torque below which a torque changes its sign by rounding alone."""
+
+
+@dataclass(frozen=True)
+class MotorDuty:
+    """What a motion asks of one motor, at its arm.
+
+    ``rms_torque``: N·m; ``motor_rms_torque``: the same at the motor, None where the robot does not
+    name motor and gear. ``work_done``: mechanical work in J while its power is positive, and
+    ``work_absorbed`` while it is negative, counted positive. ``peak_power``: the largest, W.
+    ``largest_speed``: rad/s. ``gear_torque``: N·m, the cubic mean of the torque that passes the
+    gear, weighted with speed, (∫ |τ|³ |θ̇| dt / ∫ |θ̇| dt)^(1/3); None without a gear, or if the
+    motor stands still.
+    """
+
+    rms_torque: float
+    motor_rms_torque: float | None
+    work_done: float
+    work_absorbed: float
+    peak_power: float
+    largest_speed: float
+    gear_torque: float | None
+
+
+@dataclass(frozen=True)
+class Duty:
+    """What a motion asks of all motors.
+
+    ``motors``: of each. ``peak_power``: the largest of all motors together, W. ``rated_torque``:
+    of each motor for its RMS, and ``nominal_torque`` of a gear for its cubic mean, N·m at the arm;
+    None where the robot does not name them.
+    """
+
+    motors: tuple[MotorDuty, ...]
+    peak_power: float
+    rated_torque: Vector3 | None
+    nominal_torque: float | None
+
+    def as_dict(self) -> dict[str, object]:
+        """All numbers, by name."""
+        return asdict(self)
+
+
+def duty(motors: Curves, cells: Cells, lengths: Array, robot: Robot) -> Duty:
+    """The duty of a motion.
+
+    ``motors``: θ̇, θ̈ and τ of the motors, (N, 9), at (piece (N,), fraction of it (N,)).
+    ``cells``: parts of the pieces in which these are smooth and no motor turns back. ``lengths``:
+    of the pieces, s. Integrals are by Clenshaw and Curtis's rule in cells that end where a torque
+    changes its sign, so that no integrand has a kink inside of one.
+    """
+    inertia = robot.drive.inertia or 0.0
+
+    def curves(pieces: Index, fractions: Array) -> Array:
+        speed, acceleration, torque = np.split(motors(pieces, fractions), 3, axis=1)
+        power = torque * speed
+        total, passed = power.sum(axis=1, keepdims=True), torque - inertia * acceleration
+        return np.hstack([power, total, np.abs(speed), torque, passed])
+
+    sampled = ResolvedCurves.sampled(curves, cells)
+    for column in (*range(7, 10), *(range(10, 13) if inertia else ())):
+        least = _NEGLIGIBLE * float(np.abs(sampled.values[..., column]).max())
+        cells = cells.cut(*sampled.roots(column, least))
+    sampled = ResolvedCurves.sampled(curves, cells)
+    values, seconds = sampled.values, lengths[cells.piece] * (cells.end - cells.begin)
+
+    def integral(of: Array) -> Array:
+        """Over time, of values (M, n, 3) in cells."""
+        return np.asarray(np.einsum("m,j,mjc->c", seconds, WEIGHTS, of))
+
+    work = seconds[:, None] * np.einsum("j,mjc->mc", WEIGHTS, values[..., _POWER])
+    rms = np.sqrt(integral(values[..., _TORQUE] ** 2) / lengths.sum())
+    peaks = sampled.highest(_SPEED.stop).values
+    travel = integral(values[..., _SPEED])
+    cubes = integral(np.abs(values[..., _PASSED]) ** 3 * values[..., _SPEED])
+    motor, gear = robot.drive.motor, robot.drive.gear
+    each = (
+        MotorDuty(
+            rms_torque=float(rms[k]),
+            motor_rms_torque=float(rms[k]) / gain(gear) if motor else None,
+            work_done=float(work[:, k].clip(min=0.0).sum()),
+            work_absorbed=float((-work[:, k]).clip(min=0.0).sum()),
+            peak_power=float(peaks[_POWER][k]),
+            largest_speed=float(peaks[_SPEED][k]),
+            gear_torque=float(np.cbrt(cubes[k] / travel[k])) if gear and travel[k] > 0 else None,
+        )
+        for k in range(3)
+    )
+    return Duty(
+        motors=tuple(each),
+        peak_power=float(peaks[_TOTAL]),
+        rated_torque=robot.rms_torque,
+        nominal_torque=gear.nominal_torque if gear else None,
+    )
