@@ -1,9 +1,12 @@
-"""Check a scene, and say what of it is modelled and what is not.
+"""Check a scene or a robot, and say what of it is modelled and what is not.
 
 Reads the scene and its robot, checks that the platform can be at both ends and that the motors can
 hold it there, lists the limits, and shows the baseline: the straight line by a quintic law (10 u³ -
 15 u⁴ + 6 u⁵ of the line at the share u of the duration), slowed until it keeps the limits. Timed
 optimally the same line takes less: 0.144 s instead of 0.197 s in problems/pick_and_place.yaml.
+
+Where the robot names its motor and gear, every step from their catalogues to the arm is printed,
+which of them sets each limit, and what the baseline asks of them. With a robot file that is all.
 
 Exit code: 0 the scene can be planned; 1 it has no solution; 2 bad input.
 """
@@ -11,40 +14,131 @@ Exit code: 0 the scene can be planned; 1 it has no solution; 2 bad input.
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.cli.arguments import add_scene
+from deltaopt.cli.plan import duty_table
 from deltaopt.codegen.compile import describe
 from deltaopt.errors import DeltaOptError, in_words
+from deltaopt.files.validated_record import PerMotor, per_motor
+from deltaopt.files.yaml_file import read_yaml
 from deltaopt.mechanisms.delta.mechanism import DeltaParameters
 from deltaopt.planning.initial_motion import baseline
+from deltaopt.robot.catalogue import Reduction, reductions
+from deltaopt.robot.drive import Drive, Friction
 from deltaopt.robot.model import DeltaModel
+from deltaopt.robot.robot import load_robot
 from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.scene import Scene, limits_of, load_scene
 from deltaopt.scene.task import distance
+from deltaopt.verify.measures import MeasuredMotion
 
 Array = NDArray[np.float64]
 
-HELP = "check a scene and say what is modelled"
+HELP = "check a scene or a robot and say what is modelled"
 
 _ORDERS = ("position", "velocity", "acceleration or torque")
-_NEVER = "friction, motor and gear inertia, elasticity, play"
+_NEVER = "elasticity, play"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    add_scene(parser)
+    parser.add_argument(
+        "scene",
+        type=Path,
+        metavar="FILE",
+        help="scene or robot file, such as problems/pick_and_place.yaml",
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
+    if _is_robot(arguments.scene):
+        robot = load_robot(arguments.scene)
+        print("\n".join([f"{'robot':<13}{robot.name}", *drive_table(robot.drive)]))
+        return 0
     scene = load_scene(arguments.scene)
     check_feasible(scene)
     for name, text in _description(scene):
         print(f"{name:<13}{text}")
+    print("\n".join(["", *drive_table(scene.robot.drive), *_duty_of_baseline(scene)]))
     print(f"\n{limits_table(scene)}")
     return 0
+
+
+def _is_robot(file: Path) -> bool:
+    """Whether a file is a robot's rather than a scene's."""
+    content = read_yaml(file)
+    return "drive" in content and "robot" not in content
+
+
+def drive_table(drive: Drive) -> list[str]:
+    """Lines on a drive at its arm, with every step from the catalogues of motor, brake and gear."""
+    if drive.motor is None:
+        lines = [f"  {'torque':<14}{_each(drive.torque)} N·m"]
+        if drive.rms_torque is not None:
+            lines.append(f"  {'RMS torque':<14}{_each(drive.rms_torque)} N·m")
+        if drive.speed is not None:
+            lines.append(f"  {'speed':<14}{_each(drive.speed)} rad/s")
+        if drive.inertia is not None:
+            lines.append(f"  {'inertia':<14}{drive.inertia:g} kg·m²")
+    else:
+        found = reductions(drive.motor, drive.brake, drive.gear).values()
+        lines = [line for each in found for line in _steps(each)]
+    if drive.gear is not None and drive.gear.nominal_torque is not None:
+        nominal = f"{drive.gear.nominal_torque:g} N·m, for the cubic mean weighted with speed"
+        lines.append(f"  {'gear, nominal':<14}{nominal}")
+    if drive.torque_curve is not None:
+        points = (f"{torque:.5g} N·m at {speed:.5g} rad/s" for speed, torque in drive.torque_curve)
+        lines.append(f"  {'torque curve':<14}{', '.join(points)}")
+    if drive.friction is not None:
+        lines.append(f"  {'friction':<14}{_friction(drive.friction)}")
+    return ["drive, at the arm", *lines]
+
+
+def _steps(found: Reduction) -> list[str]:
+    """Lines on a quantity at the arm: what it is, which part sets it, and how each part counts."""
+    if len(found.parts) == 1:
+        (only,) = found.parts
+        how = f"{only.calculation}, {only.part}"
+        return [f"  {found.name:<14}{found.value:.5g} {found.unit} = {how}"]
+    setting = "most of it is the" if found.total else "set by the"
+    head = f"  {found.name:<14}{found.value:.5g} {found.unit}, {setting} {found.set_by.part}"
+    width = max(len(part.part) for part in found.parts)
+    return [
+        head,
+        *(
+            f"  {'':<14}  {part.part:<{width}}  {part.calculation} = {part.value:.5g}"
+            for part in found.parts
+        ),
+    ]
+
+
+def _friction(friction: Friction) -> str:
+    terms = []
+    if friction.viscous is not None:
+        terms.append(f"{friction.viscous:g} N·m·s/rad · θ̇")
+    if friction.coulomb is not None:
+        terms.append(f"{friction.coulomb:g} N·m · tanh(θ̇ / ({friction.speed:g} rad/s))")
+    return " + ".join(terms)
+
+
+def _each(limit: PerMotor) -> str:
+    """One number, or that of each motor, as text."""
+    each = per_motor(limit)
+    return ", ".join(f"{value:g}" for value in (each if len(set(each)) > 1 else each[:1]))
+
+
+def _duty_of_baseline(scene: Scene) -> list[str]:
+    """What the baseline asks of motors that are rated for an RMS torque; nothing of others."""
+    if scene.robot.rms_torque is None:
+        return []
+    try:
+        duty = MeasuredMotion.of(scene, baseline(scene)).duty()
+    except DeltaOptError:
+        return []  # the description says why there is no baseline
+    return ["", "the baseline:", *duty_table(duty)]
 
 
 def _description(scene: Scene) -> list[tuple[str, str]]:
@@ -64,7 +158,7 @@ def _description(scene: Scene) -> list[tuple[str, str]]:
         ("inertia", _inertias(parameters)),
         ("gravity", _gravity(parameters)),
         ("machine code", describe()),
-        ("left out", ", ".join([*_absent(parameters), _NEVER])),
+        ("left out", ", ".join([*_absent(parameters, scene.robot.drive), _NEVER])),
         ("baseline", _baseline(scene)),
     ]
 
@@ -121,9 +215,14 @@ def _gravity(p: DeltaParameters) -> str:
     return f"{in_words(np.array(ca.DM(p.gravity)).ravel())} m/s² in the base's frame"
 
 
-def _absent(p: DeltaParameters) -> list[str]:
+def _absent(p: DeltaParameters, drive: Drive) -> list[str]:
     """Names of the terms that a model can have and this one has not."""
-    terms = {"payload": p.m2, "bars' inertia about their length": p.I42, "gravity": p.gravity}
+    terms: dict[str, object] = {
+        "payload": p.m2,
+        "bars' inertia about their length": p.I42,
+        "gravity": p.gravity,
+    }
+    terms |= {"friction": drive.friction, "inertia of motor and gear": drive.inertia}
     return [name for name, value in terms.items() if value is None]
 
 

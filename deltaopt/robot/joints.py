@@ -1,15 +1,28 @@
-"""The joints of a robot: how its controller counts the arms' angles, and their ranges."""
+"""The joints of a robot: how its controller counts the arms' angles, and their ranges.
+
+With a sign σ, 1 or -1, and a zero θ₀ of each motor,
+
+    θ = σ · (the controller's angle) - θ₀
+
+and so σ alone relates speeds, accelerations and torques: power, torque times speed, is the same
+number on both sides. Plans and their files are in the model's angles; what goes to a controller or
+comes from one passes here.
+"""
 
 from __future__ import annotations
 
 from math import pi
 from typing import Annotated, Self
 
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from pydantic import AfterValidator, Field, model_validator
 
 from deltaopt.errors import SceneError
 from deltaopt.files.units import ANGLE
 from deltaopt.files.validated_record import Number, Record
+
+Array = NDArray[np.float64]
 
 
 def _one(value: float) -> float:
@@ -50,3 +63,32 @@ class Joints(Record):
             expected = str(type(self).model_fields["arm"].description)
             raise SceneError(None, "arm", self.arm, expected)
         return self
+
+    @property
+    def zeros(self) -> Array:
+        """θ₀ of each motor, (3,), rad."""
+        return np.broadcast_to(0.0 if self.zero is None else self.zero, 3).astype(float)
+
+    @property
+    def signs(self) -> Array:
+        """σ of each motor, (3,)."""
+        return np.broadcast_to(1.0 if self.sign is None else self.sign, 3).astype(float)
+
+    def angle_to_controller(self, theta: ArrayLike) -> Array:
+        """The controller's angles of the model's, (N, 3), rad."""
+        angle: Array = self.signs * (np.asarray(theta, dtype=float) + self.zeros)
+        return angle
+
+    def angle_from_controller(self, angle: ArrayLike) -> Array:
+        """The model's angles of the controller's, (N, 3), rad."""
+        theta: Array = self.signs * np.asarray(angle, dtype=float) - self.zeros
+        return theta
+
+    def rate_to_controller(self, rate: ArrayLike) -> Array:
+        """The controller's speeds, accelerations or torques of the model's, (N, 3)."""
+        turned: Array = self.signs * np.asarray(rate, dtype=float)
+        return turned
+
+    def rate_from_controller(self, rate: ArrayLike) -> Array:
+        """The model's speeds, accelerations or torques of the controller's, (N, 3)."""
+        return self.rate_to_controller(rate)  # a sign is its own inverse

@@ -1,0 +1,69 @@
+"""What `deltaopt check` prints of a drive: numbers computed by hand from the catalogue's."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import yaml
+
+from deltaopt.cli import main
+from deltaopt.cli.check import drive_table
+from deltaopt.robot.drive import Drive
+
+PROBLEMS = Path(__file__).parents[2] / "problems"
+
+
+def test_every_step_from_the_catalogue_to_the_arm(capsys):
+    """Hornet 565: 20 x 0.94 = 18.8; 20² = 400; 6000 rpm = 628.319 rad/s; docs/drives.md too."""
+    assert main(["check", str(PROBLEMS / "robots/hornet_565.yaml")]) == 0
+    lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
+    for line in (
+        "torque 125 N·m, set by the gear",
+        "motor 7.1 N·m · 20 · 0.94 = 133.48",
+        "gear 125 N·m = 125",
+        "RMS torque 44.932 N·m = 2.39 N·m · 20 · 0.94, motor",
+        "speed 31.416 rad/s, set by the motor",
+        "gear 628.319 rad/s / 20 = 31.416",
+        "inertia 0.092 kg·m², most of it is the motor",
+        "motor 0.00016 kg·m² · 20² = 0.064",
+        "brake 2e-05 kg·m² · 20² = 0.008",
+        "gear 5e-05 kg·m² · 20² = 0.02",
+        "gear, nominal 60 N·m, for the cubic mean weighted with speed",
+        # 133.48 - (133.48 - 56.4) · (n - 3500) / 2500 = 125 N·m at n = 3775.04 rpm = 395.32 rad/s
+        "torque curve 125 N·m at 0 rad/s, 125 N·m at 19.766 rad/s, 56.4 N·m at 31.416 rad/s",
+    ):
+        assert line in lines
+
+
+def test_the_baselines_duty_where_motors_are_rated(capsys, tmp_path):
+    robot = yaml.safe_load((PROBLEMS / "robots/industrial.yaml").read_text(encoding="utf-8"))
+    robot["drive"] = {"torque": 40.0, "rms_torque": 20.0, "friction": {"viscous": 0.5}}
+    (tmp_path / "robot.yaml").write_text(yaml.safe_dump(robot), encoding="utf-8")
+    (tmp_path / "scene.yaml").write_text(
+        "{robot: robot.yaml, start: [0.85, -0.1, 0], goal: [0.85, 0.1, 0]}", encoding="utf-8"
+    )
+    assert main(["check", str(tmp_path / "scene.yaml")]) == 0
+    out = capsys.readouterr().out
+    for words in ("  friction      0.5 N·m·s/rad · θ̇", "the baseline:", "    rated torque  "):
+        assert words in out
+    assert main(["check", str(PROBLEMS / "industrial_cross.yaml")]) == 0
+    assert "the baseline:" not in capsys.readouterr().out
+
+
+def test_a_drive_at_the_arm():
+    drive = {
+        "torque": [10.0, 11.0, 11.0],
+        "speed": 8.0,
+        "inertia": 0.02,
+        "friction": {"viscous": 0.3, "coulomb": 2.0, "speed": 0.05},
+        "rms_torque": 5.0,
+    }
+    lines = [" ".join(line.split()) for line in drive_table(Drive.model_validate(drive))]
+    assert lines == [
+        "drive, at the arm",
+        "torque 10, 11, 11 N·m",
+        "RMS torque 5 N·m",
+        "speed 8 rad/s",
+        "inertia 0.02 kg·m²",
+        "friction 0.3 N·m·s/rad · θ̇ + 2 N·m · tanh(θ̇ / (0.05 rad/s))",
+    ]
