@@ -8,6 +8,10 @@ optimally the same line takes less: 0.144 s instead of 0.197 s in problems/pick_
 Where the robot names its motor and gear, every step from their catalogues to the arm is printed,
 which of them sets each limit, and what the baseline asks of them. With a robot file that is all.
 
+With --terms the scene is planned without each term of its robot in turn: what a plan without the
+term gains or loses, by how much it exceeds a limit on the robot that has the term, and how far its
+torques miss the goal there in open loop. What does nothing need not be modelled.
+
 Exit code: 0 the scene can be planned; 1 it has no solution; 2 bad input.
 """
 
@@ -20,7 +24,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from deltaopt.cli.arguments import WrongUsage, add_output, output_directory
 from deltaopt.cli.plan import duty_table
+from deltaopt.cli.progress import ProgressBar
 from deltaopt.codegen.compile import describe
 from deltaopt.errors import DeltaOptError, in_words
 from deltaopt.files.validated_record import PerMotor, per_motor
@@ -51,9 +57,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="scene or robot file, such as problems/pick_and_place.yaml",
     )
+    parser.add_argument(
+        "--terms",
+        action="store_true",
+        help="plan the scene without each term of its robot in turn, rank the terms by what that "
+        "does, and draw terms.png",
+    )
+    add_output(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
+    if arguments.output is not None and not arguments.terms:
+        raise WrongUsage("--output says where the chart of --terms goes; give both or neither")
+    if arguments.terms:
+        return _terms(arguments)
     if _is_robot(arguments.scene):
         robot = load_robot(arguments.scene)
         print("\n".join([f"{'robot':<13}{robot.name}", *drive_table(robot.drive)]))
@@ -64,6 +81,22 @@ def run(arguments: argparse.Namespace) -> int:
         print(f"{name:<13}{text}")
     print("\n".join(["", *drive_table(scene.robot.drive), *_duty_of_baseline(scene)]))
     print(f"\n{limits_table(scene)}")
+    return 0
+
+
+def _terms(arguments: argparse.Namespace) -> int:
+    """Rank the terms of a scene's robot, in a table and a chart."""
+    from deltaopt.compare.model_terms import effects_of_terms, terms_table
+    from deltaopt.plots.model_terms import TermBar, draw_terms
+
+    scene = load_scene(arguments.scene)
+    check_feasible(scene)
+    chart = output_directory(arguments) / "terms.png"
+    effects = effects_of_terms(scene, ProgressBar())
+    print("\n".join(terms_table(effects)))
+    bars = [TermBar(e.term.name, e.shorter, e.excess, e.miss) for e in effects if not e.problem]
+    draw_terms(chart, f"{scene.robot.name}: planned without a term, run with all", bars)
+    print(f"written: {chart}")
     return 0
 
 

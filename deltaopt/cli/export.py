@@ -2,6 +2,15 @@
 
 deltaopt export c ROBOT       kinematics and dynamics in C, for a controller; with a test program
 deltaopt export mjcf ROBOT    bodies, joints and motors in MuJoCo's format, for a simulation
+deltaopt export table PLAN    angles, speeds and accelerations of the motors, for a controller
+deltaopt export ros2 PLAN     the same as a JointTrajectory of ROS 2, in YAML or in a bag
+
+PLAN is a folder that "deltaopt plan" wrote. A controller moves between the rows of a table by
+polynomials of its own: cubic ones from angles and speeds, or quintic ones from accelerations too.
+What that asks of the motors is computed and printed. Rows at the plan's own knots keep its limits
+nearly to the last digit; rows at equal steps hide where torques jump.
+
+Exit code: 0 written; 1 no table can be made; 2 bad input.
 """
 
 from __future__ import annotations
@@ -11,9 +20,29 @@ from pathlib import Path
 
 from deltaopt.cli.arguments import folder, positive
 from deltaopt.files.atomic_write import atomic_write
+from deltaopt.output.joint_table import (
+    Cubic,
+    Cycles,
+    Interpolation,
+    JointTable,
+    OwnKnots,
+    Quintic,
+    Rows,
+    checked_table,
+    table_within_limits,
+)
+from deltaopt.output.saved_plan import SavedPlan, load_plan
+from deltaopt.output.table_files import (
+    DEGREES,
+    RADIANS,
+    of_controller,
+    write_ros2_bag,
+    write_ros2_yaml,
+    write_table,
+)
 from deltaopt.robot.robot import load_robot
 
-HELP = "write a robot's model in C or for MuJoCo"
+HELP = "write a plan for a controller, or a robot's model in C or for MuJoCo"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -36,6 +65,69 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="default: out/robot.xml",
     )
     mjcf.set_defaults(target=_mjcf)
+    table = targets.add_parser("table", help="a CSV file of motor angles over time")
+    _add_table(table, Path("out/table.csv"), "FILE")
+    table.add_argument(
+        "--unit", choices=UNITS, default="rad", help="of angles (default: %(default)s)"
+    )
+    table.set_defaults(target=_table)
+    ros2 = targets.add_parser("ros2", help="trajectory_msgs/JointTrajectory")
+    _add_table(ros2, Path("out/joint_trajectory.yaml"), "FILE.yaml|DIR")
+    ros2.add_argument(
+        "--joints",
+        nargs=3,
+        default=("motor1", "motor2", "motor3"),
+        metavar="NAME",
+        help="names of the three joints (default: motor1 motor2 motor3)",
+    )
+    ros2.add_argument(
+        "--topic", default="/joint_trajectory", help="in a bag (default: %(default)s)"
+    )
+    ros2.set_defaults(target=_ros2)
+
+
+def _add_table(parser: argparse.ArgumentParser, output: Path, kind: str) -> None:
+    """Add what all tables of a plan have."""
+    parser.add_argument("plan", type=Path, metavar="PLAN", help="folder of a plan")
+    parser.add_argument(
+        "--controller",
+        choices=INTERPOLATIONS,
+        default="quintic",
+        help="how the controller interpolates (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--cycle",
+        type=_rows,
+        default=OwnKnots(),
+        metavar="TIME",
+        help='time between rows, such as 1ms; or "own-knots" (default)',
+    )
+    parser.add_argument(
+        "--keep-limits", action="store_true", help="slow the motion until no limit is exceeded"
+    )
+    parser.add_argument(
+        "-o", "--output", type=folder, default=output, metavar=kind, help=f"default: {output}"
+    )
+
+
+INTERPOLATIONS: dict[str, Interpolation] = {"cubic": Cubic(), "quintic": Quintic()}
+UNITS = {"rad": RADIANS, "deg": DEGREES}
+
+
+def _rows(text: str) -> Rows:
+    """Where a table has rows, for argparse: own-knots, or a time with a unit."""
+    if text == "own-knots":
+        return OwnKnots()
+    number = text.removesuffix("s").rstrip()
+    scale = {"m": 1e-3, "µ": 1e-6, "u": 1e-6}.get(number[-1:], 1.0)
+    try:
+        cycle = float(number.rstrip("mµu")) * scale
+    except ValueError:
+        cycle = 0.0
+    if not (text.endswith("s") and 1e-6 <= cycle <= 10):
+        expected = "own-knots or a time from 1us to 10s, such as 1ms"
+        raise argparse.ArgumentTypeError(f"{text!r} is not {expected}")
+    return Cycles(cycle)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -58,3 +150,52 @@ def _mjcf(arguments: argparse.Namespace) -> int:
         file.write_text(text, encoding="utf-8")
     print("written:", arguments.output)
     return 0
+
+
+def _table(arguments: argparse.Namespace) -> int:
+    plan = load_plan(arguments.plan)
+    table = of_controller(_checked(plan, arguments), plan.scene.robot)
+    write_table(arguments.output, table, UNITS[arguments.unit])
+    print("written:", arguments.output)
+    return 0
+
+
+def _ros2(arguments: argparse.Namespace) -> int:
+    plan = load_plan(arguments.plan)
+    table = of_controller(_checked(plan, arguments), plan.scene.robot)
+    if arguments.output.suffix in (".yaml", ".yml"):
+        write_ros2_yaml(arguments.output, table, tuple(arguments.joints))
+    else:
+        write_ros2_bag(arguments.output, table, tuple(arguments.joints), arguments.topic)
+    print("written:", arguments.output)
+    return 0
+
+
+def _checked(plan: SavedPlan, arguments: argparse.Namespace) -> JointTable:
+    """The table, after saying what its interpolation asks for, and the remedy."""
+    make = table_within_limits if arguments.keep_limits else checked_table
+    found = make(plan.scene, plan.trajectory, arguments.cycle, INTERPOLATIONS[arguments.controller])
+    demand, duration = found.demand, found.table.t[-1] - found.table.t[0]
+    print(
+        f"{len(found.table.t)} rows, {duration:.6g} s, {found.slowed:.6g} times the plan's duration"
+    )
+    most = f"{demand.share:.6g} of what {demand.subject}'s {demand.limit} may be"
+    print(f"{found.interpolation.name} interpolation asks for {most}, at {demand.t:.6g} s")
+    if not demand.kept:
+        print(_remedy(plan, arguments))
+    return found.table
+
+
+def _remedy(plan: SavedPlan, arguments: argparse.Namespace) -> str:
+    """What helps against a table that asks for too much."""
+    kept = table_within_limits(
+        plan.scene, plan.trajectory, arguments.cycle, INTERPOLATIONS[arguments.controller]
+    )
+    slower = (
+        f"--keep-limits slows the plan by {100 * (kept.slowed - 1):.2g} %, and no limit is exceeded"
+    )
+    if isinstance(arguments.cycle, OwnKnots):
+        return f"remedy: {slower}"
+    own = checked_table(plan.scene, plan.trajectory, OwnKnots(), Quintic())
+    knots = f"--controller quintic --cycle own-knots asks for {own.demand.share:.6g}"
+    return f"remedy: {knots}, with {len(own.table.t)} rows; or {slower}"

@@ -1,0 +1,159 @@
+"""Joint tables as files: CSV, and ROS 2's JointTrajectory as YAML or in a bag.
+
+Angles, speeds and accelerations in them are the controller's: its zero and sign for each motor.
+"""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import pi
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from deltaopt.errors import DeltaOptError
+from deltaopt.files.atomic_write import atomic_write
+from deltaopt.files.output_folder import all_or_none
+from deltaopt.motion.trajectory import Array
+from deltaopt.output.joint_table import JointTable
+from deltaopt.robot.joints import Joints
+from deltaopt.robot.robot import Robot
+
+COLUMNS = ("t", *(name + motor for name in ("theta", "dtheta", "ddtheta") for motor in "123"))
+MESSAGE = "trajectory_msgs/msg/JointTrajectory"
+_NANO = 1_000_000_000
+_BAG_VERSION = 9
+"""Of the bag's metadata, as ROS 2 Humble and later read it."""
+
+
+class MissingRosbags(DeltaOptError):
+    """Bags are written by the package rosbags, which only an extra installs."""
+
+
+@dataclass(frozen=True)
+class AngleUnit:
+    """The unit of angles in a table: its name, and how many of it are a radian."""
+
+    name: str
+    per_radian: float
+
+
+RADIANS = AngleUnit("rad", 1.0)
+DEGREES = AngleUnit("deg", 180 / pi)
+
+
+def of_controller(table: JointTable, robot: Robot) -> JointTable:
+    """The same rows in the angles of a robot's controller, rad."""
+    joints = robot.joints or Joints()
+    return JointTable(
+        table.t,
+        joints.angle_to_controller(table.theta),
+        joints.rate_to_controller(table.dtheta),
+        joints.rate_to_controller(table.ddtheta),
+    )
+
+
+def write_table(file: Path, table: JointTable, unit: AngleUnit = RADIANS) -> None:
+    """Write the rows of a table as CSV with ``COLUMNS``: s, the unit, and the unit by s and s².
+
+    Numbers have so many digits that reading them gives the same doubles.
+    """
+    angles = unit.per_radian * np.hstack([table.theta, table.dtheta, table.ddtheta])
+    with (
+        atomic_write(file) as temporary,
+        temporary.open("w", encoding="utf-8", newline="\n") as out,
+    ):
+        out.write(",".join(COLUMNS) + "\n")
+        for row in np.hstack([table.t[:, None], angles]).tolist():
+            out.write(",".join(map(repr, row)) + "\n")
+
+
+def write_ros2_yaml(file: Path, table: JointTable, names: tuple[str, str, str]) -> None:
+    """Write a table as a JointTrajectory in YAML, as ``ros2 topic pub`` reads it.
+
+    ``names``: of the joints. Times are whole nanoseconds; where accelerations jump, the second of
+    two points is a nanosecond later, since times must increase.
+    """
+    lines = ["header: {stamp: {sec: 0, nanosec: 0}, frame_id: ''}"]
+    lines.append(f"joint_names: [{', '.join(_quoted(name) for name in names)}]")
+    lines.append("points:")
+    for point in _points(table):
+        lines.append(f"- positions: {point.positions.tolist()}")
+        lines.append(f"  velocities: {point.velocities.tolist()}")
+        lines.append(f"  accelerations: {point.accelerations.tolist()}")
+        seconds, rest = divmod(point.nanoseconds, _NANO)
+        lines.append(f"  time_from_start: {{sec: {seconds}, nanosec: {rest}}}")
+    with atomic_write(file) as temporary:
+        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def write_ros2_bag(
+    directory: Path, table: JointTable, names: tuple[str, str, str], topic: str
+) -> None:
+    """Write a table as one JointTrajectory message in a bag (a folder with an MCAP file), without
+    ROS.
+
+    Raises MissingRosbags if the package rosbags is not installed.
+    """
+    bags, typing = _rosbags()
+    store = typing.get_typestore(typing.Stores.ROS2_HUMBLE)
+    message = _message(store.types, table, names)
+    with tempfile.TemporaryDirectory() as elsewhere, all_or_none(directory) as folder:
+        bag, plugin = Path(elsewhere) / directory.name, bags.StoragePlugin.MCAP
+        with bags.Writer(bag, version=_BAG_VERSION, storage_plugin=plugin) as writer:
+            connection = writer.add_connection(topic, MESSAGE, typestore=store)
+            writer.write(connection, 0, store.serialize_cdr(message, MESSAGE))
+        for file in bag.iterdir():
+            shutil.copyfile(file, folder / file.name)
+
+
+def _message(types: Any, table: JointTable, names: tuple[str, str, str]) -> Any:
+    """The message of a table, made of a type store's types."""
+    time, duration = types["builtin_interfaces/msg/Time"], types["builtin_interfaces/msg/Duration"]
+    one = types["trajectory_msgs/msg/JointTrajectoryPoint"]
+    points = [
+        one(
+            positions=point.positions,
+            velocities=point.velocities,
+            accelerations=point.accelerations,
+            effort=np.zeros(0),
+            time_from_start=duration(*divmod(point.nanoseconds, _NANO)),
+        )
+        for point in _points(table)
+    ]
+    header = types["std_msgs/msg/Header"](stamp=time(sec=0, nanosec=0), frame_id="")
+    return types[MESSAGE](header=header, joint_names=list(names), points=points)
+
+
+@dataclass(frozen=True, eq=False)
+class _Point:
+    """A point of a JointTrajectory: its time from the start, and (3,) each."""
+
+    nanoseconds: int
+    positions: Array
+    velocities: Array
+    accelerations: Array
+
+
+def _points(table: JointTable) -> Iterator[_Point]:
+    last = -1
+    for t, *row in zip(table.t - table.t[0], table.theta, table.dtheta, table.ddtheta, strict=True):
+        last = max(round(t * _NANO), last + 1)
+        yield _Point(last, *row)
+
+
+def _quoted(name: str) -> str:
+    return "'" + name.replace("'", "''") + "'"
+
+
+def _rosbags() -> tuple[Any, Any]:
+    """The modules that write bags and that know message types."""
+    try:
+        from rosbags import rosbag2, typesys
+    except ImportError:
+        raise MissingRosbags("rosbags is not installed: pip install 'deltaopt[ros2]'") from None
+    return rosbag2, typesys
