@@ -11,7 +11,7 @@ import sys
 from collections.abc import Callable
 from typing import Protocol
 
-from deltaopt.cli import bench, check, compare, export, inverse, plan
+from deltaopt.cli import bench, check, compare, export, inverse, plan, verify
 from deltaopt.cli.arguments import WrongUsage
 from deltaopt.cli.streams import discard, flush, print_any_text, say
 from deltaopt.errors import DeltaOptError, SceneError
@@ -37,6 +37,7 @@ COMMANDS: dict[str, Command] = {
     "check": check,
     "inverse": inverse,
     "compare": compare,
+    "verify": verify,
     "export": export,
     "bench": bench,
 }

@@ -253,7 +253,11 @@ def table(verification: Verification) -> str:
         for name, value, bound, unit, ok in rows
     )
     total = f"duration {verification.duration:.6f} s, effort {verification.effort:.6g} N²m²s"
-    remarks = _long(verification) + _singularities(verification) + _optimality(verification)
+    remarks = (
+        _long(verification)
+        + singularities_table(verification.distances)
+        + _optimality(verification)
+    )
     motors = [] if verification.duty is None else duty_table(verification.duty)
     return "\n".join([total, *lines, *motors, *remarks])
 
@@ -297,14 +301,13 @@ def _long(verification: Verification) -> list[str]:
     ]
 
 
-def _singularities(verification: Verification) -> list[str]:
+def singularities_table(distances: Sequence[Distance]) -> list[str]:
     """Lines that say how near the motion comes to each kind of singularity.
 
     There is no bound on these distances; torques, which are bounded, grow near a singularity.
     """
     lines = [
-        f"  {each.name}: {each.formula} = {each.least:.2g}, {_where(each)}"
-        for each in verification.distances
+        f"  {each.name}: {each.formula} = {each.least:.2g}, {_where(each)}" for each in distances
     ]
     return ["least distance to singularities, 0 in one and 1 at best:", *lines] if lines else []
 

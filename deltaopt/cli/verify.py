@@ -1,0 +1,119 @@
+"""Verify a saved plan again, or measure a table that someone else made.
+
+PLAN is a folder that "deltaopt plan" wrote, or its plan.json: the motion is verified as when it was
+planned. TABLE.csv has a header with t (s) and theta1, theta2, theta3 (rad, or --unit deg) or x, y,
+z (m), at any rate, with rates (dtheta1, vx) and accelerations (ddtheta1, ax) if they are known. It
+is interpolated as a controller does, and measured: limits, duty of the motors, singularities. No
+scene file is needed, only a robot.
+
+Exit code: 0 it keeps every limit, and a plan arrives; 1 not so; 2 bad input.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from math import pi
+from pathlib import Path
+
+import numpy as np
+
+from deltaopt.cli.arguments import WrongUsage, positive
+from deltaopt.cli.plan import duty_table, singularities_table, table
+from deltaopt.errors import DeltaOptError
+from deltaopt.output.foreign_table import ANGLES, ForeignTable, read_foreign_table
+from deltaopt.output.saved_plan import load_plan
+from deltaopt.robot.joints import Joints
+from deltaopt.robot.model import delta_model
+from deltaopt.robot.robot import load_robot
+from deltaopt.scene.scene import Scene
+from deltaopt.verify.measures import Excess, MeasuredMotion
+from deltaopt.verify.verification import EXCESS, verify
+
+HELP = "verify a saved plan, or measure a table of motor angles"
+
+_PER_RADIAN = {"rad": 1.0, "deg": 180 / pi}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "motion", type=Path, metavar="PLAN|TABLE.csv", help="folder of a plan, or a table"
+    )
+    parser.add_argument("--robot", type=Path, metavar="ROBOT", help="robot file of a table")
+    parser.add_argument("--payload", type=positive, metavar="KG", help="of a table (default: none)")
+    parser.add_argument("--unit", choices=_PER_RADIAN, help="of angles in a table (default: rad)")
+    parser.add_argument(
+        "--controller",
+        choices=("cubic", "quintic"),
+        help="how the controller interpolates a table: cubic from its rates, quintic from its "
+        "accelerations too (default: from all that it has)",
+    )
+    parser.add_argument(
+        "--controller-angles",
+        action="store_true",
+        help="a table's angles have the zero and sign of the robot's controller",
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    if arguments.motion.suffix.lower() == ".csv":
+        return _measure(arguments)
+    for_tables = {
+        "--robot": arguments.robot,
+        "--payload": arguments.payload,
+        "--unit": arguments.unit,
+        "--controller": arguments.controller,
+        "--controller-angles": arguments.controller_angles or None,
+    }
+    for option, value in for_tables.items():
+        if value is not None:
+            raise WrongUsage(f"{option} is for a TABLE.csv; a saved plan has its own")
+    saved = load_plan(arguments.motion)
+    found = verify(saved.scene, saved.trajectory)
+    print(table(found))
+    for failure in found.failures():
+        print(f"deltaopt: verification failed: {failure}", file=sys.stderr)
+    return 0 if found.ok else 1
+
+
+def _measure(arguments: argparse.Namespace) -> int:
+    """Measure a table against the limits of its robot."""
+    if arguments.robot is None:
+        raise WrongUsage("a TABLE.csv needs the robot it is for: --robot ROBOT")
+    robot = load_robot(arguments.robot)
+    rows = _rows(arguments, robot.joints or Joints())
+    trajectory = rows.trajectory(delta_model(robot, arguments.payload))
+    ends = trajectory.path_inside([0.0, 1.0])[0]
+    away = ends[np.linalg.norm(ends - ends[0], axis=1).argmax()]
+    if not (away != ends[0]).any():
+        raise DeltaOptError(f"{arguments.motion}: nothing moves in it")
+    scene = Scene(robot=robot, payload=arguments.payload, start=tuple(ends[0]), goal=tuple(away))
+    motion = MeasuredMotion.of(scene, trajectory)
+    excesses = list(motion.excesses().values())
+    what = "motor angles" if rows.quantity == ANGLES else "positions"
+    print(
+        f"{len(rows.t)} rows of {what} over {trajectory.duration:.6g} s, interpolation: "
+        f"{rows.interpolation}"
+    )
+    for excess in excesses:
+        print(f"  {_sentence(excess)}")
+    print("\n".join([*duty_table(motion.duty()), *singularities_table(motion.distances())]))
+    return int(any(excess.value > EXCESS for excess in excesses))
+
+
+def _rows(arguments: argparse.Namespace, joints: Joints) -> ForeignTable:
+    rows = read_foreign_table(arguments.motion)
+    if arguments.controller == "cubic":
+        rows = rows.without_accelerations()
+    if arguments.controller == "quintic" and rows.accelerations is None:
+        raise WrongUsage(f"--controller is quintic, but {arguments.motion} has no accelerations")
+    rows = rows.in_radians(_PER_RADIAN[arguments.unit or "rad"])
+    return rows.from_controller(joints) if arguments.controller_angles else rows
+
+
+def _sentence(excess: Excess) -> str:
+    """How near a limit is, in words."""
+    share, amount = f"{abs(excess.value):.3g}", f"{abs(excess.amount):.4g} {excess.unit}"
+    side = "beyond" if excess.value > EXCESS else "within"
+    where = f"{excess.subject} at t = {excess.t:.6g} s"
+    return f"{excess.limit}: {amount} {side} its limit ({share} of it), {where}"
