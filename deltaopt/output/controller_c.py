@@ -21,7 +21,7 @@ HEADER = """\
 
    SI units. x down, y and z horizontal, from the base's centre; motor angles theta from the
    horizontal, up positive; every elbow outside. payload: kg at the platform's centre.
-   Results are not numbers where the platform cannot be. No function keeps any state. */
+   Results are not numbers where the platform cannot be. No function keeps any state.{joints} */
 
 #ifndef DELTA_H
 #define DELTA_H
@@ -135,7 +135,7 @@ def export_c(robot: Robot, directory: Path) -> list[Path]:
     if one cannot be written.
     """
     texts = {
-        "delta.h": HEADER.format(name=robot.name),
+        "delta.h": HEADER.format(name=robot.name, joints=_joints(robot)),
         "delta.c": source(robot),
         "test_delta.c": program(robot),
     }
@@ -143,6 +143,22 @@ def export_c(robot: Robot, directory: Path) -> list[Path]:
         for name, text in texts.items():
             (folder / name).write_text(text, encoding="utf-8")
     return [directory / name for name in texts]
+
+
+def _joints(robot: Robot) -> str:
+    """A comment on how the controller's angles are counted, where the robot names that.
+
+    The functions are in the model's angles, for a controller has its own place to scale encoders.
+    """
+    if robot.joints is None or robot.joints.zero is robot.joints.sign is None:
+        return ""
+    signs, zeros = robot.joints.signs.tolist(), robot.joints.zeros.tolist()
+    rows = (
+        f"\n     motor {k}: theta = {sign:+g} * angle - {zero!r}; speed, acceleration and torque "
+        f"* {sign:+g}"
+        for k, (sign, zero) in enumerate(zip(signs, zeros, strict=True), 1)
+    )
+    return "\n\n   This robot's controller counts its angles otherwise:" + "".join(rows)
 
 
 def source(robot: Robot) -> str:

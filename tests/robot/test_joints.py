@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from deltaopt.output.controller_c import export_c
 from deltaopt.robot.joints import Joints
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import load_robot
@@ -14,7 +15,6 @@ from deltaopt.robot.robot import load_robot
 ROOT = Path(__file__).parents[2]
 RL5 = load_robot(ROOT / "problems/robots/rl5.yaml")
 POINTS = np.loadtxt(ROOT / "tests/data/rl5_points.csv", delimiter=",", skiprows=4)
-ZERO = np.deg2rad(5.327998)
 
 
 def platform() -> np.ndarray:
@@ -81,6 +81,14 @@ def test_motion_and_power_are_the_same_on_both_sides():
     np.testing.assert_allclose((ahead - behind) / (2 * h), turned, atol=1e-9)
     power = joints.rate_to_controller(torque) * turned
     np.testing.assert_array_equal(power, torque * speed)
+
+
+def test_c_says_how_the_controller_counts(tmp_path):
+    export_c(RL5, tmp_path)
+    header = (tmp_path / "delta.h").read_text(encoding="utf-8")
+    assert f"motor 3: theta = +1 * angle - {RL5.joints.zero!r}; speed" in header
+    export_c(load_robot(ROOT / "problems/robots/orsino.yaml"), tmp_path)
+    assert "counts its angles" not in (tmp_path / "delta.h").read_text(encoding="utf-8")
 
 
 def test_one_point_gives_one_point():
