@@ -9,6 +9,8 @@ import yaml
 from deltaopt.cli import main
 from deltaopt.cli.check import drive_table
 from deltaopt.robot.drive import Drive
+from deltaopt.scene.scene import load_scene
+from deltaopt.scene.task import distance
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 
@@ -16,23 +18,33 @@ PROBLEMS = Path(__file__).parents[2] / "problems"
 def test_every_step_from_the_catalogue_to_the_arm(capsys):
     """Hornet 565: 20 x 0.94 = 18.8; 20² = 400; 6000 rpm = 628.319 rad/s; docs/drives.md too."""
     assert main(["check", str(PROBLEMS / "robots/hornet_565.yaml")]) == 0
-    lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
+    out = capsys.readouterr().out
+    lines = [" ".join(line.split()) for line in out.splitlines()]
     for line in (
-        "torque 125 N·m, set by the gear",
-        "motor 7.1 N·m · 20 · 0.94 = 133.48",
-        "gear 125 N·m = 125",
-        "RMS torque 44.932 N·m = 2.39 N·m · 20 · 0.94, motor",
+        "torque 65 N·m, set by the gear",
+        "motor 3.82 N·m · 20 · 0.94 = 71.816",
+        "gear 65 N·m = 65",
+        "RMS torque 23.876 N·m = 1.27 N·m · 20 · 0.94, motor",
         "speed 31.416 rad/s, set by the motor",
         "gear 628.319 rad/s / 20 = 31.416",
-        "inertia 0.092 kg·m², most of it is the motor",
-        "motor 0.00016 kg·m² · 20² = 0.064",
-        "brake 2e-05 kg·m² · 20² = 0.008",
-        "gear 5e-05 kg·m² · 20² = 0.02",
-        "gear, nominal 60 N·m, for the cubic mean weighted with speed",
-        # 133.48 - (133.48 - 56.4) · (n - 3500) / 2500 = 125 N·m at n = 3775.04 rpm = 395.32 rad/s
-        "torque curve 125 N·m at 0 rad/s, 125 N·m at 19.766 rad/s, 56.4 N·m at 31.416 rad/s",
+        "inertia 0.018 kg·m², most of it is the motor",
+        "motor 2.8e-05 kg·m² · 20² = 0.0112",
+        "brake 5e-06 kg·m² · 20² = 0.002",
+        "gear 1.2e-05 kg·m² · 20² = 0.0048",
+        "gear, nominal 35 N·m, for the cubic mean weighted with speed",
+        # 71.816 - (71.816 - 35.72) (n - 3500) / 2500 = 65 N·m at n = 3972.1 rpm = 415.95 rad/s
+        "torque curve 65 N·m at 0 rad/s, 65 N·m at 20.798 rad/s, 35.72 N·m at 31.416 rad/s",
     ):
         assert line in lines
+    page = (PROBLEMS.parent / "docs/drives.md").read_text(encoding="utf-8")
+    assert out[out.index("drive, at the arm") :] in page
+
+
+def test_hornets_scenes():
+    scenes = [load_scene(file) for file in sorted((PROBLEMS / "hornet").glob("*.yaml"))]
+    assert [scene.payload for scene in scenes] == [1.0, 3.0, None]
+    assert {distance(scene.task) for scene in scenes} == {0.305}
+    assert {scene.robot.drive.torque for scene in scenes} == {65.0}
 
 
 def test_the_baselines_duty_where_motors_are_rated(capsys, tmp_path):
