@@ -303,19 +303,20 @@ def test_a_share_of_nothing(key: str, value: str, expected: str) -> None:
     assert error.expected.endswith(expected)
 
 
-@pytest.mark.parametrize(("unit", "loaded"), [("", "False"), (" m", "True")])
-def test_pint_is_loaded_when_a_unit_is_met(tmp_path: Path, unit: str, loaded: str) -> None:
+def test_pint_is_loaded_when_a_unit_is_met(tmp_path: Path) -> None:
     """Its import takes a good part of a second."""
-    content = IN_SI | {"base_radius": f"0.2{unit}"}
-    (tmp_path / "robot.yaml").write_text(yaml.safe_dump(content), "utf-8")
+    for name, unit in (("si", ""), ("metre", " m")):
+        content = yaml.safe_dump(IN_SI | {"base_radius": f"0.2{unit}"})
+        (tmp_path / f"{name}.yaml").write_text(content, "utf-8")
     code = (
-        "import sys; from deltaopt.robot.robot import load_robot; import deltaopt.cli; "
-        f"load_robot({str(tmp_path / 'robot.yaml')!r}); print('pint' in sys.modules)"
+        "import sys; from deltaopt.scene.scene import load_robot\n"
+        f"for name in ('si', 'metre'): load_robot({str(tmp_path)!r} + f'/{{name}}.yaml'); "
+        "print('pint' in sys.modules)"
     )
     run = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, check=True
     )
-    assert run.stdout.strip() == loaded
+    assert run.stdout.split() == ["False", "True"]
 
 
 MOTOR = {"peak_torque": 8.0, "rated_torque": 2.0, "max_speed": 6.0, "inertia": 1.0}
