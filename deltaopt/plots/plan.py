@@ -46,7 +46,7 @@ def draw(
     ticks = trajectory(np.linspace(begin, end, _TICKS + 1)[1:-1]).x
     panels = max(2, len(curves))
     rows = panels + (extremal is not None)
-    with figure(file, 7.0, 2.05 * rows) as page:
+    with figure(file, 7.0, 2.05 * rows + 0.15 * len(caption.splitlines())) as page:
         grid = page.add_gridspec(rows, 2, width_ratios=[1.7, 1])
         left = [page.add_subplot(grid[0, 0])]
         left += [page.add_subplot(grid[i, 0], sharex=left[0]) for i in range(1, panels)]

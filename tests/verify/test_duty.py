@@ -16,6 +16,7 @@ import deltaopt
 from deltaopt.cli.plan import table
 from deltaopt.motion.effort import effort
 from deltaopt.motion.trajectory import Trajectory
+from deltaopt.output.plan_files import caption
 from deltaopt.planning.initial_motion import baseline
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.scene import Scene, load_scene
@@ -144,6 +145,9 @@ def test_reports_have_the_duty_and_ratings_only_if_the_robot_names_them():
     assert rated.split()[2:] == ["12.54", "12.54", "12.54", "N·m"]
     (nominal,) = (line for line in lines if line.startswith("    nominal torque"))
     assert nominal.split()[2:] == ["14", "14", "14", "N·m"]
+    assert "(rated 12.54); work done" in caption(found)
+    assert "rated" not in caption(plain)
+    assert "least distance to singularities: serial" in caption(plain)
     told = json.loads(json.dumps(found.as_dict(), allow_nan=False))["duty"]
     assert found.duty is not None
     assert told["motors"][1]["rms_torque"] == found.duty.motors[1].rms_torque
