@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from enum import Enum
 from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
 
 
 class DeltaOptError(Exception):
@@ -49,7 +52,18 @@ def in_words(point: Iterable[float]) -> str:
 
 
 class Unreachable(DeltaOptError):
-    """A point is outside the workspace, or outside the industrial assembly mode."""
+    """A point is outside the workspace, or outside the industrial assembly mode.
+
+    ``points``: indices of all such points among those that were asked for, the first of which the
+    message names; empty where no array of points was.
+    """
+
+    def __init__(self, message: str, points: Sequence[int] | NDArray[np.intp] = ()) -> None:
+        super().__init__(message, points)  # as passed: copies and pickles
+        self.points = np.asarray(points, dtype=np.intp)
+
+    def __str__(self) -> str:
+        return str(self.args[0])
 
 
 class Singularity(Enum):
@@ -71,11 +85,20 @@ class Singular(DeltaOptError):
     """A position so close to a singularity that a result does not exist or has too few digits.
 
     ``kind``: of the singularity. ``chain``: 1 to 3; None for a parallel singularity, which concerns
-    all three. ``margin``: the quantity that is zero in the singularity.
+    all three. ``margin``: the quantity that is zero in the singularity. ``place``: the first point,
+    in words. ``points``: indices of all such points among those that were asked for.
     """
 
-    def __init__(self, kind: Singularity, chain: int | None, margin: float, place: str) -> None:
-        super().__init__(kind, chain, margin, place)  # as passed: copies and pickles
+    def __init__(
+        self,
+        kind: Singularity,
+        chain: int | None,
+        margin: float,
+        place: str,
+        points: Sequence[int] | NDArray[np.intp] = (),
+    ) -> None:
+        super().__init__(kind, chain, margin, place, points)  # as passed: copies and pickles
+        self.points = np.asarray(points, dtype=np.intp)
         self.kind, self.chain, self.margin, self.place = kind, chain, margin, place
 
     def __str__(self) -> str:

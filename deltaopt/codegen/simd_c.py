@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import casadi as ca
 
+from deltaopt.codegen.vector_math import VECTOR_MATH
 from deltaopt.errors import DeltaOptError
 
 LANES = 4
@@ -21,10 +22,19 @@ typedef double V;
 #define EACH(f, a) f(a)
 #define EACH2(f, a, b) f(a, b)
 #define ALL(a) (a)
+#define SIN sin
+#define COS cos
+#define ASIN asin
+#define ATAN2 atan2
+#define TANH tanh
+#define LESS(a, b) ((double)((a) < (b)))
+#define NOT(a) ((double)((a) == 0))
+#define WHERE(a, b) ((a) != 0 ? (b) : 0.0)
 """
 """C definitions with which the type V is one point."""
 
-VECTOR = """\
+VECTOR = (
+    """\
 #include <math.h>
 typedef double V __attribute__((vector_size(32)));
 static inline V all_lanes(double a) { return (V){a, a, a, a}; }
@@ -42,6 +52,8 @@ typedef long long LANES __attribute__((vector_size(32)));
 #define SHUFFLE(a, b, i, j, k, l) __builtin_shuffle(a, b, (LANES){i, j, k, l})
 #endif
 """
+    + VECTOR_MATH
+)
 """C definitions with which the type V is four points. The compiler makes one instruction of
 EACH(sqrt, …)."""
 
@@ -56,28 +68,61 @@ _C = {
     ca.OP_TWICE: "{0} + {0}",
     ca.OP_INV: "1 / {0}",
     ca.OP_SQRT: "EACH(sqrt, {0})",
-    ca.OP_SIN: "EACH(sin, {0})",
-    ca.OP_COS: "EACH(cos, {0})",
-    ca.OP_ASIN: "EACH(asin, {0})",
+    ca.OP_SIN: "SIN({0})",
+    ca.OP_COS: "COS({0})",
+    ca.OP_ASIN: "ASIN({0})",
+    ca.OP_TANH: "TANH({0})",
+    ca.OP_LT: "LESS({0}, {1})",
+    ca.OP_NOT: "NOT({0})",
+    ca.OP_IF_ELSE_ZERO: "WHERE({0}, {1})",
     ca.OP_FABS: "EACH(fabs, {0})",
     ca.OP_SIGN: "EACH2(copysign, ALL(1.0), {0})",
-    ca.OP_TANH: "EACH(tanh, {0})",
-    ca.OP_ATAN2: "EACH2(atan2, {0}, {1})",
+    ca.OP_ATAN2: "ATAN2({0}, {1})",
     ca.OP_FMAX: "EACH2(FMAX, {0}, {1})",
     ca.OP_FMIN: "EACH2(FMIN, {0}, {1})",
 }
 
 
-def c_function(function: ca.Function, name: str) -> str:
+def c_function(function: ca.Function, name: str, *, shared_reciprocals: bool = False) -> str:
     """C source of ``static void name(const V *x0, …, V *r0, …)`` for a CasADi function.
 
-    Raises DeltaOptError for an operation that has no C text here.
+    ``shared_reciprocals``: whether what divides several expressions is inverted once, and these are
+    multiplied by its reciprocal. A division takes as long as eight multiplications; a result may
+    differ in its last digit. Raises DeltaOptError for an operation that has no C text here.
     """
     arguments = [f"const V *x{i}" for i in range(function.n_in())]
     arguments += [f"V *r{i}" for i in range(function.n_out())]
-    body = "\n".join(_instruction(function, k) for k in range(function.n_instructions()))
+    reciprocals = _shared_divisors(function) if shared_reciprocals else {}
+    lines = []
+    for k in range(function.n_instructions()):
+        if k in reciprocals:
+            lines += _divided(function, k, reciprocals[k])
+        else:
+            lines.append(_instruction(function, k))
+    body = "\n".join(lines)
     work = f"  V w[{max(function.sz_w(), 1)}];"
     return f"static void {name}({', '.join(arguments)}) {{\n{work}\n{body}\n}}\n"
+
+
+def _shared_divisors(function: ca.Function) -> dict[int, int]:
+    """For each division by what divides something else too: the first division by the same."""
+    divisions: dict[tuple[int, int], list[int]] = {}
+    written: dict[int, int] = {}  # the instruction that last wrote to a place of w
+    for k in range(function.n_instructions()):
+        operation = function.instruction_id(k)
+        if operation == ca.OP_DIV:
+            divisor = function.instruction_input(k)[1]
+            divisions.setdefault((divisor, written[divisor]), []).append(k)
+        if operation != ca.OP_OUTPUT:
+            written[function.instruction_output(k)[0]] = k
+    return {k: same[0] for same in divisions.values() if len(same) > 1 for k in same}
+
+
+def _divided(function: ca.Function, k: int, first: int) -> list[str]:
+    """C text of a division by a divisor whose ``first`` division is known."""
+    (to,), (dividend, divisor) = function.instruction_output(k), function.instruction_input(k)
+    inverted = [f"  const V i{k} = 1 / w[{divisor}];"] if k == first else []
+    return [*inverted, f"  w[{to}] = w[{dividend}] * i{first};"]
 
 
 def _instruction(function: ca.Function, k: int) -> str:

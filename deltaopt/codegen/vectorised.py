@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -16,37 +17,161 @@ from deltaopt.codegen.simd_c import LANES, VECTOR, c_function
 
 Array = NDArray[np.float64]
 
+_FEW = 64
+"""Points up to which arguments are copied to memory whose address is known. To copy a point takes
+some 10 ns, to ask numpy for the address of an array 700 ns, for each argument and result."""
+
 
 @dataclass(frozen=True)
 class RowFunction:
     """A function (x₀, …, p) -> (r₀, …) of one point, evaluated at N points at once.
 
-    ``function``: of scalar expressions. A call with an array (N, i) for each x and the parameters p
-    returns an array (N, o) for each r.
+    ``function``: of scalar expressions; one of matrix expressions is interpreted. A call with
+    arrays (N, i) for each x and the parameters p returns an array (N, o) for each r. A single point
+    (i,) among arrays serves all points; if all are single, so are the results, (o,). Raises
+    ValueError for arrays of other shapes. Threads may call it at the same time.
+
+    ``guarded``: whether the last result are guards, numbers that are not negative where the other
+    results can be relied on. A call leaves them out; ``with_failures`` tells where they fail.
     """
 
     function: ca.Function
+    guarded: bool = False
 
-    def __call__(self, *arguments: Array, parameters: Array) -> tuple[Array, ...]:
+    def __call__(self, *arguments: ArrayLike, parameters: Array) -> tuple[Array, ...]:
+        return self.with_failures(*arguments, parameters=parameters)[0]
+
+    def with_failures(
+        self, *arguments: ArrayLike, parameters: Array
+    ) -> tuple[tuple[Array, ...], NDArray[np.bool] | None]:
+        """The results, and at which points a guard is negative or NaN, (N,); None for nowhere."""
+        rows = [np.asarray(a, dtype=float) for a in arguments]
+        shapes = [r.shape for r in rows]
+        single = shapes == self._single
+        number = 1 if single else _number(shapes, self._single)
         if self._code is None:
-            return evaluate_rows(self.function, *arguments, parameters=parameters)
-        rows = [np.ascontiguousarray(a) for a in arguments]
-        number = len(rows[0])
-        results = tuple(np.empty((number, size)) for size in self._sizes)
-        pointers = [_pointer(a) for a in (*rows, np.ascontiguousarray(parameters), *results)]
-        self._code(ctypes.c_int64(number), *pointers)
-        return results
+            return self._interpreted(rows, parameters)
+        if number > _FEW:
+            return self._many(rows, number, parameters)
+        return self._few(rows, number, single, parameters)
+
+    def _few(
+        self, rows: list[Array], number: int, single: bool, parameters: Array
+    ) -> tuple[tuple[Array, ...], NDArray[np.bool] | None]:
+        # Taken out of the list, so that no other thread has it; left out after an error.
+        memory = self._unused.pop() if self._unused else _Memory.of(self)
+        for own, given in zip(memory.inputs, rows, strict=True):
+            own[:number] = given
+        memory.parameters[:] = parameters
+        memory.call[0] = number
+        failures = self._code(memory.call)
+        chosen = 0 if single else slice(number)
+        results = tuple(r[chosen].copy() for r in memory.results)
+        failed = memory.failed[:number].copy() if failures else None
+        self._unused.append(memory)
+        return results, failed
+
+    def _many(
+        self, rows: list[Array], number: int, parameters: Array
+    ) -> tuple[tuple[Array, ...], NDArray[np.bool] | None]:
+        rows = [np.ascontiguousarray(r) for r in rows]
+        results = [np.empty((number, size)) for size in self._sizes]
+        parameters, failed = np.ascontiguousarray(parameters), np.empty(number, dtype=bool)
+        strides = [r.shape[1] if r.ndim == 2 else 0 for r in rows]
+        failures = self._code(_call(number, rows, strides, parameters, results, failed))
+        return tuple(results), failed if failures else None
+
+    def _interpreted(
+        self, rows: list[Array], parameters: Array
+    ) -> tuple[tuple[Array, ...], NDArray[np.bool] | None]:
+        results = evaluate_rows(self.function, *rows, parameters=parameters)
+        if not self.guarded:
+            return results, None
+        *others, guards = results
+        failed = ~(np.atleast_2d(guards) >= 0).all(axis=1)
+        return tuple(others), failed if failed.any() else None
+
+    @cached_property
+    def _single(self) -> list[tuple[int, ...]]:
+        """Shapes of the arguments of a single point."""
+        return [(self.function.size1_in(i),) for i in range(self.function.n_in() - 1)]
 
     @cached_property
     def _sizes(self) -> tuple[int, ...]:
-        return tuple(self.function.size1_out(i) for i in range(self.function.n_out()))
+        """Sizes of the results of a point, without the guards."""
+        return tuple(self.function.size1_out(i) for i in range(self._results))
+
+    @property
+    def _results(self) -> int:
+        return int(self.function.n_out()) - self.guarded
+
+    @cached_property
+    def _unused(self) -> list[_Memory]:
+        """Memory that no call is using now: as many as there were calls at the same time."""
+        return []
 
     @cached_property
     def _code(self) -> Any:
-        """The compiled function of N and of pointers to inputs and outputs; None without a
-        compiler."""
-        built = library(source(self.function))
-        return None if built is None else ctypes.CDLL(str(built)).rows
+        """The compiled function of one address; None without a compiler."""
+        if not self.function.is_a("SXFunction"):
+            return None
+        built = library(source(self.function, guarded=self.guarded))
+        if built is None:
+            return None
+        code = ctypes.CDLL(str(built)).rows
+        code.argtypes, code.restype = [ctypes.c_void_p], ctypes.c_int64
+        return code
+
+
+@dataclass(frozen=True)
+class _Memory:
+    """Arguments and results of a few points, and the call of the compiled function with these."""
+
+    inputs: list[Array]
+    parameters: Array
+    results: list[Array]
+    failed: NDArray[np.bool]
+    call: Any
+
+    @classmethod
+    def of(cls, rows: RowFunction) -> _Memory:
+        sizes = [size for (size,) in rows._single]
+        inputs = [np.empty((_FEW, size)) for size in sizes]
+        parameters = np.empty(rows.function.size1_in(len(sizes)))
+        results = [np.empty((_FEW, size)) for size in rows._sizes]
+        failed = np.empty(_FEW, dtype=bool)
+        call = _call(0, inputs, sizes, parameters, results, failed)
+        return cls(inputs, parameters, results, failed, call)
+
+
+def _call(
+    number: int,
+    rows: Sequence[Array],
+    strides: Sequence[int],
+    parameters: Array,
+    results: Sequence[Array],
+    failed: NDArray[np.bool],
+) -> Any:
+    """The argument of the compiled function: N, the strides, then addresses."""
+    arrays = [*rows, parameters, *results, failed]
+    numbers = [number, *strides, *(array.ctypes.data for array in arrays)]
+    return (ctypes.c_int64 * len(numbers))(*numbers)
+
+
+def _number(shapes: list[tuple[int, ...]], single: list[tuple[int, ...]]) -> int:
+    """N of arguments with these shapes; ``single``: their shapes for a single point."""
+    fitting = len(shapes) == len(single) and all(
+        len(shape) in (1, 2) and shape[-1:] == one
+        for shape, one in zip(shapes, single, strict=True)
+    )
+    if not fitting:
+        wanted = ", ".join(f"(N, {size})" for (size,) in single)
+        found = ", ".join(map(str, shapes))
+        raise ValueError(f"arrays of shape {wanted} are needed, not {found}")
+    lengths = {shape[0] for shape in shapes if len(shape) == 2}
+    if len(lengths) > 1:
+        raise ValueError(f"arrays of one length are needed, not of {sorted(lengths)}")
+    return lengths.pop() if lengths else 1
 
 
 def evaluate_rows(
@@ -58,14 +183,7 @@ def evaluate_rows(
     Raises ValueError for arrays of other shapes.
     """
     rows = [np.asarray(a, dtype=float) for a in arguments]
-    if any(r.ndim not in (1, 2) or r.shape[-1] != function.size1_in(i) for i, r in enumerate(rows)):
-        wanted = ", ".join(f"(N, {function.size1_in(i)})" for i in range(len(rows)))
-        found = ", ".join(str(r.shape) for r in rows)
-        raise ValueError(f"arrays of shape {wanted} are needed, not {found}")
-    lengths = {r.shape[0] for r in rows if r.ndim == 2}
-    if len(lengths) > 1:
-        raise ValueError(f"arrays of one length are needed, not of {sorted(lengths)}")
-    n = lengths.pop() if lengths else 1
+    n = _number([r.shape for r in rows], [(function.size1_in(i),) for i in range(len(rows))])
     if n == 0:
         return tuple(np.zeros((0, function.size1_out(i))) for i in range(function.n_out()))
     columns = [np.broadcast_to(np.atleast_2d(r), (n, r.shape[-1])).T for r in rows]
@@ -77,47 +195,65 @@ def evaluate_rows(
     return tuple(r[0] if single else r for r in results)
 
 
-def source(function: ca.Function) -> str:
+def source(function: ca.Function, *, guarded: bool = False) -> str:
     """C source of ``rows``, which evaluates a function at n points, four at a time.
 
-    If fewer than four are left, the last point fills the remaining lanes.
+    Its argument are integers: n; for each x how many numbers lie between two points, 0 if one point
+    serves all; the addresses of each x, p and r; the address of n bytes, which become 1 where a
+    guard fails. It returns how many of them do; without guards no byte is written. If fewer than
+    four points are left, the last point fills the remaining lanes.
     """
-    inputs = [function.size1_in(i) for i in range(function.n_in())]
+    *varying, last = (function.size1_in(i) for i in range(function.n_in()))
     outputs = [function.size1_out(i) for i in range(function.n_out())]
-    pointers = [f"const double *x{i}" for i in range(len(inputs))]
-    pointers += [f"double *r{i}" for i in range(len(outputs))]
-    names = [f"X{i}" for i in range(len(inputs))] + [f"R{i}" for i in range(len(outputs))]
-    declared = ", ".join(f"{n}[{s}]" for n, s in zip(names, inputs + outputs, strict=True))
-    *varying, last = inputs
-    gather = [
-        f"      for (int a = 0; a < {size}; a++) X{i}[a][l] = x{i}[{size} * k + a];"
-        for i, size in enumerate(varying)
-    ]
-    scatter = [
-        f"      for (int a = 0; a < {size}; a++) r{i}[{size} * (j + l) + a] = R{i}[a][l];"
-        for i, size in enumerate(outputs)
-    ]
+    results = outputs[:-1] if guarded else outputs
+    k = len(varying)
+    names = [*(f"X{i}" for i in range(k + 1)), *(f"R{i}" for i in range(len(outputs)))]
+    sizes = [*varying, last, *outputs]
+    declared = ", ".join(f"{name}[{size}]" for name, size in zip(names, sizes, strict=True))
+    addresses = [("const double *", f"x{i}") for i in range(k + 1)]
+    addresses += [("double *", f"r{i}") for i in range(len(results))]
+    addresses.append(("unsigned char *", "failed"))
     lines = [
         "#include <stdint.h>",
         VECTOR,
-        c_function(function, "four"),
-        f"void rows(int64_t n, {', '.join(pointers)}) {{",
+        c_function(function, "four", shared_reciprocals=guarded),
+        "int64_t rows(const int64_t *call) {",
+        "  const int64_t n = call[0];",
+        *(f"  const int64_t s{i} = call[{1 + i}];" for i in range(k)),
+        *(
+            f"  {kind}{name} = ({kind})call[{1 + k + i}];"
+            for i, (kind, name) in enumerate(addresses)
+        ),
+        "  int64_t failures = 0;",
         f"  V {declared};",
-        f"  for (int a = 0; a < {last}; a++) X{len(varying)}[a] = ALL(x{len(varying)}[a]);",
+        f"  for (int a = 0; a < {last}; a++) X{k}[a] = ALL(x{k}[a]);",
         f"  for (int64_t j = 0; j < n; j += {LANES}) {{",
         f"    for (int64_t l = 0; l < {LANES}; l++) {{",
         "      const int64_t k = j + l < n ? j + l : n - 1;",
-        *gather,
+        *(
+            f"      for (int a = 0; a < {size}; a++) X{i}[a][l] = x{i}[s{i} * k + a];"
+            for i, size in enumerate(varying)
+        ),
         "    }",
         f"    four({', '.join(names)});",
         f"    for (int64_t l = 0; l < {LANES} && j + l < n; l++) {{",
-        *scatter,
+        *(
+            f"      for (int a = 0; a < {size}; a++) r{i}[{size} * (j + l) + a] = R{i}[a][l];"
+            for i, size in enumerate(results)
+        ),
+        *(_count_failures(len(results), outputs[-1]) if guarded else []),
         "    }",
         "  }",
+        "  return failures;",
         "}",
     ]
     return "\n".join(lines) + "\n"
 
 
-def _pointer(array: Array) -> ctypes.c_void_p:
-    return ctypes.c_void_p(array.ctypes.data)
+def _count_failures(result: int, guards: int) -> list[str]:
+    return [
+        "      int fine = 1;",
+        f"      for (int a = 0; a < {guards}; a++) fine &= R{result}[a][l] >= 0;",
+        "      failed[j + l] = !fine;",
+        "      failures += !fine;",
+    ]

@@ -6,36 +6,22 @@ from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import Any
 
-import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deltaopt.codegen.vectorised import RowFunction, evaluate_rows
+from deltaopt.codegen.vectorised import RowFunction
 from deltaopt.dynamics.formulation import Formulation
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
-from deltaopt.dynamics.virtual_work import VirtualWork
-from deltaopt.errors import Singular, Singularity, Unreachable, in_words
+from deltaopt.errors import Unreachable, in_words
 from deltaopt.files.validated_record import Vector3
 from deltaopt.mechanisms.delta.functions import DeltaFunctions, delta_functions
-from deltaopt.mechanisms.delta.mechanism import MOTOR_ANGLES, DeltaParameters
+from deltaopt.mechanisms.delta.mechanism import DeltaParameters
 from deltaopt.robot.drive import Friction
+from deltaopt.robot.guarded_functions import GuardedFunctions, guarded_functions
 from deltaopt.robot.robot import Robot
+from deltaopt.robot.singular_points import DoubtfulPoints, rows_at, still
 
 Array = NDArray[np.float64]
-
-NEAR = 1e-2
-"""Distance ε from a serial singularity, cos q_{k,3} or sin (q_{k,1} - q_{k,2}), below which other
-equations than eq. (55) are used, because its error grows as ε⁻⁵ in accelerations and as ε⁻¹ in
-torques at rest (docs/stability.md): model L_I for the former, motor angles as independent
-coordinates for the latter."""
-SERIAL_LIMIT = 1e-6
-"""Distance from a serial singularity below which a moving platform raises Singular. Torques have
-three correct digits there at best, for the platform's position determines only the square of the
-distance."""
-PARALLEL_LIMIT = 1e-12
-"""Distance from a parallel singularity, a volume without unit, below which torques raise Singular.
-They have four correct digits there."""
-
 
 def delta_parameters(robot: Robot, payload: float | None) -> DeltaParameters:
     """The parameters of the paper for a robot with a payload (kg; None for none).
@@ -157,9 +143,9 @@ class DeltaModel:
         Every elbow is on the outer side of its chain: the industrial assembly mode. Raises
         Unreachable where there is no such q.
         """
-        x = np.asarray(x, dtype=float)
-        q = self._evaluate(self.functions.inverse_kinematics, x)[0]
-        self._require_reach(x, q)
+        (q,), failed = self._checked(self._rows.inverse_kinematics, x)
+        if failed is not None:
+            self._require_reach(x, failed)
         return q
 
     def forward_kinematics(self, theta: ArrayLike) -> Array:
@@ -167,12 +153,12 @@ class DeltaModel:
 
         It is the lower of the two solutions. Raises Unreachable where the loops cannot close.
         """
-        theta = np.asarray(theta, dtype=float)
-        x = self._evaluate(self.functions.forward_kinematics, theta)[0]
-        bad = np.logical_not(np.isfinite(np.atleast_2d(x)).all(axis=1))
-        if bad.any():
+        (x,), failed = self._checked(self._rows.forward_kinematics, theta)
+        if failed is not None:
+            angles = np.atleast_2d(np.asarray(theta, dtype=float))[np.argmax(failed)]
             raise Unreachable(
-                f"motor angles {in_words(_first(theta, bad))} rad: the bars do not meet there"
+                f"motor angles {in_words(angles)} rad: the bars do not meet there",
+                np.flatnonzero(failed),
             )
         return x
 
@@ -182,20 +168,17 @@ class DeltaModel:
         It is sin² (q_{k,1} - q_{k,2}), (N, 3), without unit: 0 where arm and bars are in line, the
         chain folded or stretched. x: (N, 3), m.
         """
-        x = np.asarray(x, dtype=float)
-        (distances,) = _serial_distances(self.functions)(
-            np.atleast_2d(x), parameters=self.parameters
-        )
-        return distances[0, 3:] if x.ndim == 1 else distances[:, 3:]
+        (distances,) = self._rows.serial_distances(x, parameters=self.parameters)
+        return distances[..., 3:]
 
     def motion(self, x: ArrayLike, v: ArrayLike, a: ArrayLike) -> tuple[Array, Array, Array]:
         """All coordinates q, q̇, q̈, (N, 12) each, of a motion x, v, a of the platform.
 
         Raises Unreachable, and Singular in a serial singularity.
         """
-        margins = self._margins(self.inverse_kinematics(x))
-        _require_serial(margins)
-        q, dq, ddq = self._evaluate(self.functions.motion, x, v, a)
+        (q, dq, ddq), failed = self._checked(self._rows.motion, x, v, a)
+        if failed is not None:
+            self._doubtful(x, failed).require_serial()
         return q, dq, ddq
 
     def inverse_dynamics(self, x: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
@@ -204,17 +187,19 @@ class DeltaModel:
         Raises Unreachable, and Singular in a parallel singularity or, unless at rest, in a serial
         one; for the motions that are possible there see ``joint_inverse_dynamics``.
         """
-        q = self.inverse_kinematics(x)
-        tau = self._evaluate(self.functions.inverse_dynamics, x, v, a)[0]
-        margins, at_rest = self._margins(q), _still(v) & _still(a)
-        _require_parallel(margins)
-        _require_serial(margins, moving=~at_rest)
-        chosen = _near(margins) & at_rest
-        if not chosen.any():
+        (tau,), failed = self._checked(self._rows.torques, x, v, a)
+        if failed is None:
             return tau
-        holding = self.joint_inverse_dynamics(q, np.zeros(12), np.zeros(12))
-        result: Array = np.where(chosen if tau.ndim == 1 else chosen[:, None], holding, tau)
-        return result
+        points = self._doubtful(x, failed)
+        at_rest = still(points.of(v)) & still(points.of(a))
+        points.require_parallel()
+        points.require_serial(moving=~at_rest)
+        chosen = points.near & at_rest
+        if chosen.any():
+            zero = np.zeros(12)
+            holding = self.joint_inverse_dynamics(points.q[chosen], zero, zero)
+            np.atleast_2d(tau)[points.places[chosen]] = holding
+        return tau
 
     def joint_inverse_dynamics(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Array:
         """Motor torques τ, (N, 3), N·m, of a motion of all coordinates q, q̇, q̈, (N, 12) each.
@@ -224,8 +209,10 @@ class DeltaModel:
         virtual work with the motor angles as independent coordinates, whatever the model's
         formulation. Raises Singular in a parallel singularity.
         """
-        tau = self._evaluate(self._joint_inverse_dynamics, q, dq, ddq)[0]
-        _require_parallel(self._margins(np.asarray(q, dtype=float)))
+        (tau,), failed = self._checked(self._rows.joint_torques, q, dq, ddq)
+        if failed is not None:
+            places = np.flatnonzero(failed)
+            DoubtfulPoints(places, rows_at(q, places)).require_parallel()
         return tau
 
     def multipliers(self, x: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
@@ -233,60 +220,65 @@ class DeltaModel:
 
         Raises Unreachable, and Singular in serial and parallel singularities.
         """
-        margins = self._margins(self.inverse_kinematics(x))
-        _require_parallel(margins)
-        _require_serial(margins)
-        return self._evaluate(self.functions.inverse_dynamics, x, v, a)[1]
+        (lam,), failed = self._checked(self._rows.multipliers, x, v, a)
+        if failed is not None:
+            points = self._doubtful(x, failed)
+            points.require_parallel()
+            points.require_serial()
+        return lam
 
     def forward_dynamics(self, x: ArrayLike, v: ArrayLike, tau: ArrayLike) -> Array:
         """Acceleration of the platform, (N, 3), m/s², at x, v under motor torques, (N, 3), N·m.
 
         Raises Unreachable, and Singular in a serial singularity.
         """
-        margins = self._margins(self.inverse_kinematics(x))
-        _require_serial(margins)
-        a = self._evaluate(self.functions.forward_dynamics, x, v, tau)[0]
-        near = _near(margins)
-        if not near.any():
+        (a,), failed = self._checked(self._rows.accelerations, x, v, tau)
+        if failed is None:
             return a
-        robust = self._evaluate(self._robust_functions.forward_dynamics, x, v, tau)[0]
-        result: Array = np.where(near if a.ndim == 1 else near[:, None], robust, a)
-        return result
+        points = self._doubtful(x, failed)
+        points.require_serial()
+        if points.near.any():
+            places = points.places[points.near]
+            near = (rows_at(argument, places) for argument in (x, v, tau))
+            (robust,) = self._checked(self._robust_accelerations, *near)[0]
+            np.atleast_2d(a)[places] = robust
+        return a
 
     @cached_property
-    def _robust_functions(self) -> DeltaFunctions:
-        """The functions of model L_I, whose accelerations stay accurate near serial
-        singularities."""
-        return delta_functions(self.functions.terms, Multiplier())
+    def _rows(self) -> GuardedFunctions:
+        return guarded_functions(self.functions)
 
-    @cached_property
-    def _joint_inverse_dynamics(self) -> ca.Function:
-        """(q, q̇, q̈, p) -> τ, λ."""
-        inverse = VirtualWork(MOTOR_ANGLES).inverse_dynamics(self.functions.mechanism)
-        _, *x = inverse.mx_in()
-        return ca.Function("joint_inverse_dynamics", x, list(inverse.call([ca.MX(0), *x])))
+    @property
+    def _robust_accelerations(self) -> RowFunction:
+        """Of model L_I, whose accelerations stay accurate near serial singularities."""
+        return guarded_functions(delta_functions(self.functions.terms, Multiplier())).accelerations
 
-    def _margins(self, q: Array) -> Array:
-        """Signed distances from singularities, (N, 7): cos q_{k,3} and sin (q_{k,1} - q_{k,2}) of
-        the three chains, then the volume spanned by the bars' directions."""
-        if q.size == 0:  # CasADi takes no points for one of zeros
-            return np.zeros((0, 7))
-        rows: Array = self.functions.margins(np.atleast_2d(q).T).full().T
-        return rows
+    def _checked(
+        self, function: RowFunction, *arguments: ArrayLike
+    ) -> tuple[tuple[Array, ...], NDArray[np.bool] | None]:
+        return function.with_failures(*arguments, parameters=self.parameters)
 
-    def _evaluate(self, function: ca.Function, *arguments: ArrayLike) -> tuple[Array, ...]:
-        return evaluate_rows(function, *arguments, parameters=self.parameters)
+    def _doubtful(self, x: ArrayLike, failed: NDArray[np.bool]) -> DoubtfulPoints:
+        """The points whose guards failed. Raises Unreachable."""
+        places = np.flatnonzero(failed)
+        (q,), unreached = self._checked(self._rows.inverse_kinematics, rows_at(x, places))
+        if unreached is not None:
+            everywhere = np.zeros_like(failed)
+            everywhere[places] = unreached
+            self._require_reach(x, everywhere)
+        return DoubtfulPoints(places, q)
 
-    def _require_reach(self, x: Array, result: Array) -> None:
-        bad = np.logical_not(np.isfinite(np.atleast_2d(result)).all(axis=1))
-        if not bad.any():
-            return
-        point = _first(x, bad)
-        raise Unreachable(f"the platform cannot be at {in_words(point)} m: {self._obstacle(point)}")
+    def _require_reach(self, x: ArrayLike, failed: NDArray[np.bool]) -> None:
+        point = np.broadcast_to(np.asarray(x, dtype=float), (len(failed), 3))[np.argmax(failed)]
+        raise Unreachable(
+            f"the platform cannot be at {in_words(point)} m: {self._obstacle(point)}",
+            np.flatnonzero(failed),
+        )
 
     def _obstacle(self, point: Array) -> str:
         """A sentence that says which chain cannot reach a point, and why."""
-        margins = self._evaluate(self.functions.serial_distances, point)[0].reshape(2, 3)
+        (distances,) = self._rows.serial_distances(point, parameters=self.parameters)
+        margins = distances.reshape(2, 3)
         for k in range(3):
             if margins[0, k] < 0:
                 return f"the bars of chain {k + 1} are too short to reach it sideways"
@@ -299,41 +291,3 @@ class DeltaModel:
 def delta_model(robot: Robot, payload: float | None) -> DeltaModel:
     """The model of a robot with a payload (kg) by eq. (39), made once in a process."""
     return DeltaModel(robot, payload)
-
-
-@lru_cache(maxsize=16)
-def _serial_distances(functions: DeltaFunctions) -> RowFunction:
-    """(x, p) -> cos² q_{k,3}, sin² (q_{k,1} - q_{k,2}) of the chains, for many points at once."""
-    return RowFunction(functions.serial_distances)
-
-
-def _still(rate: ArrayLike) -> NDArray[np.bool]:
-    """Whether a velocity or acceleration is zero, (N,) or one for all."""
-    still: NDArray[np.bool] = np.all(np.atleast_2d(np.asarray(rate, dtype=float)) == 0, axis=1)
-    return still
-
-
-def _near(margins: Array) -> NDArray[np.bool]:
-    """Whether a chain is near a serial singularity, (N,)."""
-    near: NDArray[np.bool] = np.any(np.abs(margins[:, :6]) < NEAR, axis=1)
-    return near
-
-
-def _require_serial(margins: Array, moving: NDArray[np.bool] | bool = True) -> None:
-    """Raise Singular at the first row that moves with a chain in a serial singularity."""
-    singular = (np.abs(margins[:, :6]) < SERIAL_LIMIT) & np.atleast_1d(moving)[:, None]
-    for row, column in np.argwhere(singular)[:1]:
-        kind = Singularity.SIDEWAYS if column < 3 else Singularity.IN_LINE
-        margin = float(np.broadcast_to(margins, (len(singular), 7))[row, column])
-        raise Singular(kind, int(column) % 3 + 1, margin, f"point {row}")
-
-
-def _require_parallel(margins: Array) -> None:
-    """Raise Singular at the first row in a parallel singularity."""
-    for row in np.flatnonzero(np.abs(margins[:, 6]) < PARALLEL_LIMIT)[:1]:
-        raise Singular(Singularity.PARALLEL, None, float(margins[row, 6]), f"point {row}")
-
-
-def _first(rows: Array, bad: NDArray[np.bool]) -> Array:
-    point: Array = np.atleast_2d(rows)[int(np.argmax(bad))]
-    return point

@@ -1,0 +1,85 @@
+"""The same function without trigonometric functions of angles that it has from arc functions.
+
+Kinematics in closed form finds an angle as atan2(y, x) or asin(s); dynamics then asks for its sine
+and cosine, which are y/r and x/r with r = √(x² + y²). A function that goes through the angles costs
+ten times as much as one that does not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+
+SX = ca.SX
+
+
+@dataclass(frozen=True)
+class _Angle:
+    """The sine and cosine of an expression that is an angle."""
+
+    sine: SX
+    cosine: SX
+
+    @classmethod
+    def of_point(cls, y: SX, x: SX) -> _Angle:
+        r = ca.sqrt(y * y + x * x)
+        return cls(y / r, x / r)
+
+    @classmethod
+    def of_sine(cls, s: SX) -> _Angle:
+        return cls(s, ca.sqrt((1 - s) * (1 + s)))
+
+    def minus(self, other: _Angle) -> _Angle:
+        return _Angle(
+            self.sine * other.cosine - self.cosine * other.sine,
+            self.cosine * other.cosine + self.sine * other.sine,
+        )
+
+
+def simplified(function: ca.Function) -> ca.Function:
+    """An equal function of scalar expressions, in which no sine or cosine is taken of an angle that
+    was found by atan2 or asin, nor of a difference of two such angles.
+
+    Angles that are results themselves are still found. Common subexpressions are shared.
+    """
+    inputs = function.sx_in()
+    outputs = [SX(function.sparsity_out(i)) for i in range(function.n_out())]
+    work: dict[int, SX] = {}
+    angles: dict[int, _Angle] = {}
+    for k in range(function.n_instructions()):
+        operation = function.instruction_id(k)
+        to, by = function.instruction_output(k), function.instruction_input(k)
+        if operation == ca.OP_OUTPUT:
+            outputs[to[0]].nz[to[1]] = work[by[0]]
+            continue
+        if operation == ca.OP_INPUT:
+            value, angle = inputs[by[0]].nz[by[1]], None
+        elif operation == ca.OP_CONST:
+            value, angle = SX(function.instruction_constant(k)), None
+        else:
+            value = _value(operation, [work[i] for i in by], [angles.get(i) for i in by])
+            angle = _angle(operation, [work[i] for i in by], [angles.get(i) for i in by])
+        work[to[0]] = value
+        angles.pop(to[0], None)
+        if angle is not None:
+            angles[to[0]] = angle
+    return ca.Function(function.name(), inputs, outputs, {"cse": True})
+
+
+def _value(operation: int, arguments: list[SX], angles: list[_Angle | None]) -> SX:
+    if angles[0] is not None and operation in (ca.OP_SIN, ca.OP_COS):
+        return angles[0].sine if operation == ca.OP_SIN else angles[0].cosine
+    if len(arguments) == 1:
+        return SX.unary(operation, arguments[0])
+    return SX.binary(operation, *arguments)
+
+
+def _angle(operation: int, arguments: list[SX], angles: list[_Angle | None]) -> _Angle | None:
+    if operation == ca.OP_ATAN2:
+        return _Angle.of_point(*arguments)
+    if operation == ca.OP_ASIN:
+        return _Angle.of_sine(arguments[0])
+    if operation == ca.OP_SUB and angles[0] is not None and angles[1] is not None:
+        return angles[0].minus(angles[1])
+    return None

@@ -1,0 +1,108 @@
+"""Points in or near singularities, where a result does not exist or is found in another way."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache, cached_property
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from deltaopt.codegen.vectorised import RowFunction
+from deltaopt.errors import Singular, Singularity
+from deltaopt.mechanisms.delta.singularities import (
+    alignment_margins,
+    parallel_margin,
+    sideways_margins,
+)
+
+Array = NDArray[np.float64]
+
+NEAR = 1e-2
+"""Distance ε from a serial singularity, cos q_{k,3} or sin (q_{k,1} - q_{k,2}), below which other
+equations than eq. (55) are used, because its error grows as ε⁻⁵ in accelerations and as ε⁻¹ in
+torques at rest (docs/stability.md): model L_I for the former, motor angles as independent
+coordinates for the latter."""
+SERIAL_LIMIT = 1e-6
+"""Distance from a serial singularity below which a moving platform raises Singular. Torques have
+three correct digits there at best, for the platform's position determines only the square of the
+distance."""
+PARALLEL_LIMIT = 1e-12
+"""Distance from a parallel singularity, a volume without unit, below which torques raise Singular.
+They have four correct digits there."""
+
+
+_NONE = np.zeros(0)
+
+
+@dataclass(frozen=True)
+class DoubtfulPoints:
+    """Points that may be in or near a singularity: their ``places`` among all points, and their
+    coordinates ``q``, (n, 12)."""
+
+    places: NDArray[np.intp]
+    q: Array
+
+    def of(self, argument: ArrayLike) -> Array:
+        """The rows of these points in an array for all points."""
+        return rows_at(argument, self.places)
+
+    @cached_property
+    def margins(self) -> Array:
+        """Signed distances from singularities, (n, 7): cos q_{k,3} and sin (q_{k,1} - q_{k,2}) of
+        the three chains, then the volume spanned by the bars' directions."""
+        (margins,) = _margins()(self.q, parameters=_NONE)
+        return margins
+
+    @property
+    def near(self) -> NDArray[np.bool]:
+        """Whether a chain is near a serial singularity, (n,)."""
+        near: NDArray[np.bool] = np.any(np.abs(self.margins[:, :6]) < NEAR, axis=1)
+        return near
+
+    def require_serial(self, moving: NDArray[np.bool] | None = None) -> None:
+        """Raise Singular if a point, among those ``moving``, is in a serial singularity."""
+        singular = np.abs(self.margins[:, :6]) < SERIAL_LIMIT
+        if moving is not None:
+            singular &= moving[:, None]
+        found = np.argwhere(singular)
+        for row, column in found[:1]:
+            kind = Singularity.SIDEWAYS if column < 3 else Singularity.IN_LINE
+            self._refuse(kind, int(column) % 3 + 1, self.margins[row, column], singular.any(axis=1))
+
+    def require_parallel(self) -> None:
+        """Raise Singular if a point is in a parallel singularity."""
+        volumes = self.margins[:, 6]
+        singular = np.abs(volumes) < PARALLEL_LIMIT
+        if singular.any():
+            self._refuse(Singularity.PARALLEL, None, volumes[np.argmax(singular)], singular)
+
+    def _refuse(
+        self, kind: Singularity, chain: int | None, margin: float, singular: NDArray[np.bool]
+    ) -> None:
+        places = self.places[singular]
+        raise Singular(kind, chain, float(margin), f"point {places[0]}", places)
+
+
+def rows_at(argument: ArrayLike, places: NDArray[np.intp]) -> Array:
+    """The rows of an argument at these places; a single point serves all places."""
+    rows = np.asarray(argument, dtype=float)
+    if rows.ndim == 1:
+        return np.broadcast_to(rows, (len(places), len(rows)))
+    taken: Array = rows[places]
+    return taken
+
+
+def still(rate: Array) -> NDArray[np.bool]:
+    """Whether velocities or accelerations, (n, 3), are zero, (n,)."""
+    still: NDArray[np.bool] = np.all(rate == 0, axis=1)
+    return still
+
+
+@cache
+def _margins() -> RowFunction:
+    """(q, no parameters) -> the seven margins of ``DoubtfulPoints``."""
+    q = ca.SX.sym("q", 12)
+    margins = ca.vertcat(sideways_margins(q), alignment_margins(q), parallel_margin(q))
+    return RowFunction(ca.Function("margins", [q, ca.SX(0, 1)], [margins]))
