@@ -16,6 +16,8 @@ from deltaopt.codegen.compile import library
 from deltaopt.codegen.simd_c import LANES, VECTOR, c_function
 
 Array = NDArray[np.float64]
+Checked = tuple[tuple[Array, ...], NDArray[np.bool] | None]
+"""Results, and at which points a guard fails, (N,); None for nowhere."""
 
 _FEW = 64
 """Points up to which arguments are copied to memory whose address is known. To copy a point takes
@@ -41,54 +43,58 @@ class RowFunction:
     def __call__(self, *arguments: ArrayLike, parameters: Array) -> tuple[Array, ...]:
         return self.with_failures(*arguments, parameters=parameters)[0]
 
-    def with_failures(
-        self, *arguments: ArrayLike, parameters: Array
-    ) -> tuple[tuple[Array, ...], NDArray[np.bool] | None]:
-        """The results, and at which points a guard is negative or NaN, (N,); None for nowhere."""
+    def with_failures(self, *arguments: ArrayLike, parameters: Array) -> Checked:
+        """The results, and at which points a guard is negative or NaN."""
+        if self._code is not None and _shapes(arguments) == self._single:
+            return self._one(arguments, parameters)
         rows = [np.asarray(a, dtype=float) for a in arguments]
         shapes = [r.shape for r in rows]
-        single = shapes == self._single
-        number = 1 if single else _number(shapes, self._single)
+        number = _number(shapes, self._single)
         if self._code is None:
             return self._interpreted(rows, parameters)
+        if shapes == self._single:
+            return self._one(rows, parameters)
         if number > _FEW:
             return self._many(rows, number, parameters)
-        return self._few(rows, number, single, parameters)
+        return self._few(rows, number, parameters)
 
-    def _few(
-        self, rows: list[Array], number: int, single: bool, parameters: Array
-    ) -> tuple[tuple[Array, ...], NDArray[np.bool] | None]:
-        # Taken out of the list, so that no other thread has it; left out after an error.
-        memory = self._unused.pop() if self._unused else _Memory.of(self)
-        for own, given in zip(memory.inputs, rows, strict=True):
-            own[:number] = given
-        memory.parameters[:] = parameters
-        memory.call[0] = number
-        failures = self._code(memory.call)
-        chosen = 0 if single else slice(number)
-        results = tuple(r[chosen].copy() for r in memory.results)
+    def _one(self, point: Sequence[ArrayLike], parameters: Array) -> Checked:
+        memory = self._memory()
+        failures = memory.call(self._code, memory.point, 1, point, parameters)
+        results = tuple([r.copy() for r in memory.point_results])
+        self._unused.append(memory)
+        return results, np.ones(1, dtype=bool) if failures else None
+
+    def _few(self, rows: list[Array], number: int, parameters: Array) -> Checked:
+        memory = self._memory()
+        inputs = [own[:number] for own in memory.inputs]
+        failures = memory.call(self._code, inputs, number, rows, parameters)
+        results = tuple([r[:number].copy() for r in memory.results])
         failed = memory.failed[:number].copy() if failures else None
         self._unused.append(memory)
         return results, failed
 
-    def _many(
-        self, rows: list[Array], number: int, parameters: Array
-    ) -> tuple[tuple[Array, ...], NDArray[np.bool] | None]:
+    def _memory(self) -> _Memory:
+        try:
+            return self._unused.pop()
+        except IndexError:
+            return _Memory(self)
+
+    def _many(self, rows: list[Array], number: int, parameters: Array) -> Checked:
         rows = [np.ascontiguousarray(r) for r in rows]
         results = [np.empty((number, size)) for size in self._sizes]
         parameters, failed = np.ascontiguousarray(parameters), np.empty(number, dtype=bool)
         strides = [r.shape[1] if r.ndim == 2 else 0 for r in rows]
-        failures = self._code(_call(number, rows, strides, parameters, results, failed))
+        description = _description(number, rows, strides, parameters, results, failed)
+        failures = self._code(ctypes.addressof(description))
         return tuple(results), failed if failures else None
 
-    def _interpreted(
-        self, rows: list[Array], parameters: Array
-    ) -> tuple[tuple[Array, ...], NDArray[np.bool] | None]:
+    def _interpreted(self, rows: list[Array], parameters: Array) -> Checked:
         results = evaluate_rows(self.function, *rows, parameters=parameters)
         if not self.guarded:
             return results, None
         *others, guards = results
-        failed = ~(np.atleast_2d(guards) >= 0).all(axis=1)
+        failed: NDArray[np.bool] = ~np.all(np.atleast_2d(guards) >= 0, axis=1)
         return tuple(others), failed if failed.any() else None
 
     @cached_property
@@ -107,7 +113,10 @@ class RowFunction:
 
     @cached_property
     def _unused(self) -> list[_Memory]:
-        """Memory that no call is using now: as many as there were calls at the same time."""
+        """Memory that no call is using now: as many as there were calls at the same time.
+
+        A call takes its memory out of this list, so that no other thread can have it.
+        """
         return []
 
     @cached_property
@@ -123,28 +132,48 @@ class RowFunction:
         return code
 
 
-@dataclass(frozen=True)
 class _Memory:
     """Arguments and results of a few points, and the call of the compiled function with these."""
 
-    inputs: list[Array]
-    parameters: Array
-    results: list[Array]
-    failed: NDArray[np.bool]
-    call: Any
+    def __init__(self, function: RowFunction) -> None:
+        sizes = [size for (size,) in function._single]
+        self.inputs = [np.empty((_FEW, size)) for size in sizes]
+        self.parameters = np.empty(function.function.size1_in(len(sizes)))
+        self.results = [np.empty((_FEW, size)) for size in function._sizes]
+        self.failed = np.empty(_FEW, dtype=bool)
+        self.point = [a[0] for a in self.inputs]
+        self.point_results = [r[0] for r in self.results]
+        self._description = _description(
+            0, self.inputs, sizes, self.parameters, self.results, self.failed
+        )
+        self._address = ctypes.addressof(self._description)
 
-    @classmethod
-    def of(cls, rows: RowFunction) -> _Memory:
-        sizes = [size for (size,) in rows._single]
-        inputs = [np.empty((_FEW, size)) for size in sizes]
-        parameters = np.empty(rows.function.size1_in(len(sizes)))
-        results = [np.empty((_FEW, size)) for size in rows._sizes]
-        failed = np.empty(_FEW, dtype=bool)
-        call = _call(0, inputs, sizes, parameters, results, failed)
-        return cls(inputs, parameters, results, failed, call)
+    def call(
+        self,
+        code: Any,
+        inputs: list[Array],
+        number: int,
+        arguments: Sequence[ArrayLike],
+        parameters: Array,
+    ) -> int:
+        """Evaluate at points whose arguments are copied to ``inputs``; how many guards fail."""
+        for own, given in zip(inputs, arguments, strict=False):
+            own[...] = given
+        self.parameters[...] = parameters
+        self._description[0] = number
+        failures: int = code(self._address)
+        return failures
 
 
-def _call(
+def _shapes(arguments: Sequence[ArrayLike]) -> list[tuple[int, ...]] | None:
+    """The shapes of arrays; None if something else is among them."""
+    try:
+        return [a.shape for a in arguments]  # type: ignore[union-attr]
+    except AttributeError:
+        return None
+
+
+def _description(
     number: int,
     rows: Sequence[Array],
     strides: Sequence[int],
@@ -152,7 +181,7 @@ def _call(
     results: Sequence[Array],
     failed: NDArray[np.bool],
 ) -> Any:
-    """The argument of the compiled function: N, the strides, then addresses."""
+    """What the compiled function reads: N, the strides, then addresses."""
     arrays = [*rows, parameters, *results, failed]
     numbers = [number, *strides, *(array.ctypes.data for array in arrays)]
     return (ctypes.c_int64 * len(numbers))(*numbers)

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import Any
 
 import casadi as ca
 
@@ -42,7 +43,9 @@ class GuardedFunctions:
     @cached_property
     def inverse_kinematics(self) -> RowFunction:
         """(x, p) -> q; guarded against being out of reach."""
-        return _guarded(self.functions.inverse_kinematics, self.functions.serial_distances)
+        return _guarded(
+            self.functions.inverse_kinematics, lambda *x: self.functions.serial_distances(*x)
+        )
 
     @cached_property
     def forward_kinematics(self) -> RowFunction:
@@ -70,15 +73,15 @@ class GuardedFunctions:
     @cached_property
     def multipliers(self) -> RowFunction:
         """(x, v, a, p) -> λ; guarded against all singularities."""
+        if self.functions.formulation == Explicit():
+            return _guarded(self.functions.explicit_multipliers, self._explicit)
         return _guarded(_result(self.functions.inverse_dynamics, 1), self._any)
 
     @cached_property
     def accelerations(self) -> RowFunction:
         """(x, v, τ, p) -> a; guarded against serial singularities."""
         if self.functions.formulation == Explicit():
-            return _guarded(
-                self.functions.explicit_acceleration, lambda *x: self._explicit(*x)[:6]
-            )
+            return _guarded(self.functions.explicit_acceleration, lambda *x: self._explicit(*x)[:6])
         return _guarded(self.functions.forward_dynamics, self._serial)
 
     @cached_property
@@ -116,16 +119,14 @@ class GuardedFunctions:
         return self._any(*inputs)[:6]
 
 
-def _guarded(function: ca.Function, guards: Callable[..., SX]) -> RowFunction:
+def _guarded(function: ca.Function, guards: Callable[..., Any]) -> RowFunction:
     """A function for many points, with guards that are found from the same inputs."""
     function = _in_scalars(function)
-    if not function.is_a("SXFunction"):
-        inputs = function.mx_in()
-        results = [*function.call(inputs), guards(*inputs)]
-        return RowFunction(ca.Function(function.name(), inputs, results), guarded=True)
-    inputs = function.sx_in()
-    results = [*function.call(inputs), guards(*inputs)]
-    return RowFunction(simplified(ca.Function(function.name(), inputs, results)), guarded=True)
+    scalar = function.is_a("SXFunction")
+    inputs: list[Any] = list(function.sx_in() if scalar else function.mx_in())
+    results: list[Any] = [*function.call(inputs), guards(*inputs)]
+    whole = ca.Function(function.name(), inputs, results)
+    return RowFunction(simplified(whole) if scalar else whole, guarded=True)
 
 
 def _in_scalars(function: ca.Function) -> ca.Function:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deltaopt.codegen.vectorised import RowFunction
+from deltaopt.codegen.vectorised import Checked, RowFunction
 from deltaopt.dynamics.formulation import Formulation
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.errors import Unreachable, in_words
@@ -22,6 +22,7 @@ from deltaopt.robot.robot import Robot
 from deltaopt.robot.singular_points import DoubtfulPoints, rows_at, still
 
 Array = NDArray[np.float64]
+
 
 def delta_parameters(robot: Robot, payload: float | None) -> DeltaParameters:
     """The parameters of the paper for a robot with a payload (kg; None for none).
@@ -253,9 +254,7 @@ class DeltaModel:
         """Of model L_I, whose accelerations stay accurate near serial singularities."""
         return guarded_functions(delta_functions(self.functions.terms, Multiplier())).accelerations
 
-    def _checked(
-        self, function: RowFunction, *arguments: ArrayLike
-    ) -> tuple[tuple[Array, ...], NDArray[np.bool] | None]:
+    def _checked(self, function: RowFunction, *arguments: ArrayLike) -> Checked:
         return function.with_failures(*arguments, parameters=self.parameters)
 
     def _doubtful(self, x: ArrayLike, failed: NDArray[np.bool]) -> DoubtfulPoints:

@@ -63,7 +63,7 @@ class DoubtfulPoints:
 
     def require_serial(self, moving: NDArray[np.bool] | None = None) -> None:
         """Raise Singular if a point, among those ``moving``, is in a serial singularity."""
-        singular = np.abs(self.margins[:, :6]) < SERIAL_LIMIT
+        singular: NDArray[np.bool] = np.abs(self.margins[:, :6]) < SERIAL_LIMIT
         if moving is not None:
             singular &= moving[:, None]
         found = np.argwhere(singular)
@@ -74,7 +74,7 @@ class DoubtfulPoints:
     def require_parallel(self) -> None:
         """Raise Singular if a point is in a parallel singularity."""
         volumes = self.margins[:, 6]
-        singular = np.abs(volumes) < PARALLEL_LIMIT
+        singular: NDArray[np.bool] = np.abs(volumes) < PARALLEL_LIMIT
         if singular.any():
             self._refuse(Singularity.PARALLEL, None, volumes[np.argmax(singular)], singular)
 

@@ -27,7 +27,7 @@ from deltaopt.mechanisms.delta.singularities import (
     parallel_margin,
     sideways_margins,
 )
-from deltaopt.mechanisms.delta.slender_bars import angle_free_equations
+from deltaopt.mechanisms.delta.slender_bars import angle_free_equations, chain_forces
 
 
 @dataclass(frozen=True)
@@ -114,6 +114,19 @@ class DeltaFunctions:
         """(x, v, a, p) -> τ, 3, N·m, the solution of ``explicit_equations`` for the torques."""
         x, v, a, tau, p, force = self._affine_equations()
         return ca.Function("explicit_torques", [x, v, a, p], [solve_affine(force, tau)])
+
+    @cached_property
+    def explicit_multipliers(self) -> ca.Function:
+        """(x, v, a, p) -> λ of eq. (37), 9, N: the force of each chain on the platform."""
+        x, v, a = (SX.sym(name, 3) for name in ("x", "v", "a"))
+        terms = self.terms.symbols()
+        p = terms.vector()
+        if self.terms.slender:
+            forces = chain_forces(terms, x, v, a, self.explicit_torques(x, v, a, p))
+        else:
+            inverse = Explicit().inverse_dynamics(self.mechanism).expand()
+            _, forces = inverse(0, *self.motion(x, v, a, p), p)
+        return ca.Function("explicit_multipliers", [x, v, a, p], [forces])
 
     @cached_property
     def explicit_loads(self) -> ca.Function:

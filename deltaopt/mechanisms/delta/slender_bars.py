@@ -44,6 +44,16 @@ def angle_free_equations(p: DeltaParameters, x: SX, v: SX, a: SX, tau: SX) -> tu
     return force, ca.vertcat(*alignments), ca.vertcat(*speeds), ca.vertcat(*accelerations)
 
 
+def chain_forces(p: DeltaParameters, x: SX, v: SX, a: SX, tau: SX) -> SX:
+    """The force of each chain on the platform, 9, N, in the base frame: λ of eq. (37) where the
+    torques ``tau``, 3, N·m, produce the platform's motion x, v, a, 3 each."""
+    forces = []
+    for azimuth, torque in zip(AZIMUTHS, ca.vertsplit(tau), strict=True):
+        chain = _Chain(p, azimuth, x, v, a)
+        forces.append(chain.to_base(*chain.force_on_platform(torque)))
+    return ca.vertcat(*forces)
+
+
 @dataclass(frozen=True)
 class _Vector:
     """A vector by its components down, outward and sideways in the frame of a chain."""
