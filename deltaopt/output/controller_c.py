@@ -10,6 +10,7 @@ import numpy as np
 from deltaopt.codegen.simd_c import SCALAR, c_function
 from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.dynamics.mechanism import SX
+from deltaopt.dynamics.virtual_work import VirtualWork
 from deltaopt.files.output_folder import all_or_none
 from deltaopt.mechanisms.delta.functions import DeltaFunctions, delta_functions
 from deltaopt.motion.trajectory import Array
@@ -203,10 +204,10 @@ def _dynamics(functions: DeltaFunctions, p: SX, payload: SX) -> list[ca.Function
 
 
 def program(robot: Robot) -> str:
-    """The text of test_delta.c: states near the middle of the workspace, and the results of the
-    general derivation there to compare with."""
+    """The text of test_delta.c: states near the middle of the workspace, and the torques by virtual
+    work there to compare with."""
     payload = 0.2
-    model = DeltaModel(robot, payload)
+    model = DeltaModel(robot, payload, VirtualWork())
     rng = np.random.default_rng(5)
     theta = rng.uniform(-0.4, 0.4, (20, 3))
     x = model.forward_kinematics(theta)

@@ -89,7 +89,7 @@ def _pinocchio(robot: Robot, payload: float) -> tuple[Any, Any, list[int]]:
     """The package, the open tree in the paper's base frame, and the frames at the chains' ends."""
     pin = installed("pinocchio", "studies")
     model, identity = pin.Model(), pin.SE3.Identity()
-    model.gravity.linear = np.array([robot.gravity, 0.0, 0.0])
+    model.gravity.linear = np.array(_gravity(robot))
     arm, bars = robot.upper_arm, robot.forearm
     platform = model.addJoint(0, pin.JointModelTranslation(), identity, "platform")
     mass = robot.platform.mass + payload
@@ -117,13 +117,18 @@ def _pinocchio_bar(pin: Any, mass: float, length: float) -> Any:
 def mjcf(robot: Robot, payload: float) -> str:
     """The open tree in MuJoCo's format, in the paper's base frame: x down."""
     chains = "\n".join(_mjcf_chain(robot, k, azimuth) for k, azimuth in enumerate(AZIMUTHS))
-    return f"""<mujoco><option gravity="{robot.gravity} 0 0"/><worldbody>
+    gravity = " ".join(map(str, _gravity(robot)))
+    return f"""<mujoco><option gravity="{gravity}"/><worldbody>
 <body name="platform">
 <joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 1 0"/>
 <joint type="slide" axis="0 0 1"/>
 <inertial mass="{robot.platform.mass + payload}" pos="0 0 0" diaginertia="1e-6 1e-6 1e-6"/></body>
 {chains}
 </worldbody></mujoco>"""
+
+
+def _gravity(robot: Robot) -> tuple[float, float, float]:
+    return robot.gravity if isinstance(robot.gravity, tuple) else (robot.gravity, 0.0, 0.0)
 
 
 def _mjcf_chain(robot: Robot, k: int, azimuth: float) -> str:

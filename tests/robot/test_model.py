@@ -10,14 +10,19 @@ from typing import Any
 import numpy as np
 import pytest
 
+from deltaopt.codegen import compile as compiling
+from deltaopt.codegen.vectorised import evaluate_rows
 from deltaopt.dynamics import Explicit, Kane, Multiplier, VirtualWork
-from deltaopt.errors import Unreachable
+from deltaopt.errors import Singular, Unreachable
+from deltaopt.robot.guarded_functions import guarded_functions
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import Robot, load_robot
+from deltaopt.robot.singular_points import NEAR
 
 ROOT = Path(__file__).parents[2]
 ORSINO = load_robot(ROOT / "problems/robots/orsino.yaml")
 INDUSTRIAL = load_robot(ROOT / "problems/robots/industrial.yaml")
+ALL_TERMS = load_robot(ROOT / "problems/robots/industrial_drive.yaml")
 
 
 @dataclass
@@ -145,3 +150,137 @@ def test_out_of_reach(x):
 def test_bars_that_do_not_meet():
     with pytest.raises(Unreachable, match="the bars do not meet"):
         DeltaModel(INDUSTRIAL.model_copy(update={"base_radius": 0.9})).forward_kinematics([0, 0, 0])
+
+
+# Compiled functions against the general derivation, interpreted
+
+OTHER_BARS = ALL_TERMS.model_copy(
+    update={"forearm": ALL_TERMS.forearm.model_copy(update={"inertia": (0.02, 0.001, 0.03)})}
+)
+MODELS = {
+    "orsino": DeltaModel(ORSINO, 1.0),
+    "all terms": DeltaModel(ALL_TERMS, 0.5),
+    "all terms, other bars": DeltaModel(OTHER_BARS, 0.5),
+    "model L_I": DeltaModel(ORSINO, 1.0, Multiplier()),
+    "virtual work": DeltaModel(ALL_TERMS, None, VirtualWork()),
+}
+
+
+def motions(model: DeltaModel, number: int):
+    """x, v, a, (N, 3) each, in the middle of the workspace."""
+    rng = np.random.default_rng(7)
+    x = model.forward_kinematics(rng.uniform(-0.4, 0.4, (number, 3)))
+    return x, rng.uniform(-2, 2, x.shape), rng.uniform(-50, 50, x.shape)
+
+
+def close(found, expected):
+    assert found.shape == expected.shape
+    assert np.abs(found - expected).max() < 2e-12 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_public_calls(name):
+    """Each call, for many points and for one, against CasADi's own functions of the twelve
+    coordinates, derived by the formulation."""
+    model = MODELS[name]
+    x, v, a = motions(model, 70)
+
+    def interpreted(function, *arguments):
+        return evaluate_rows(function, *arguments, parameters=model.parameters)
+
+    tau, lam = interpreted(model.functions.inverse_dynamics, x, v, a)
+    q, *rates = interpreted(model.functions.motion, x, v, a)
+    (acceleration,) = interpreted(model.functions.forward_dynamics, x, v, tau)
+    found = model.motion(x, v, a)
+    expected = (
+        (model.inverse_kinematics, (x,), q),
+        (model.forward_kinematics, (q[:, 3::3],), x),
+        (model.inverse_dynamics, (x, v, a), tau),
+        (model.multipliers, (x, v, a), lam),
+        (model.forward_dynamics, (x, v, tau), acceleration),
+        (model.joint_inverse_dynamics, (q, *rates), tau),
+    )
+    for coordinates, wanted in zip(found, (q, *rates), strict=True):
+        close(coordinates, wanted)
+    for call, arguments, wanted in expected:
+        close(call(*arguments), wanted)
+        close(call(*(argument[3] for argument in arguments)), wanted[3])
+
+
+def test_without_a_compiler(monkeypatch):
+    """The interpreter gives the same, errors included."""
+    model = MODELS["all terms"]
+    x, v, a = motions(model, 5)
+    compiled = model.inverse_dynamics(x, v, a), model.forward_dynamics(x, v, a)
+    monkeypatch.setattr(compiling, "compiler", lambda: None)
+    guarded_functions.cache_clear()
+    plain = DeltaModel(model.robot, model.payload)
+    close(plain.inverse_dynamics(x, v, a), compiled[0])
+    close(plain.forward_dynamics(x, v, a), compiled[1])
+    x[3] += 2.0
+    with pytest.raises(Unreachable) as caught:
+        plain.inverse_dynamics(x, v, a)
+    assert caught.value.points.tolist() == [3]
+    guarded_functions.cache_clear()
+
+
+def test_errors_name_all_points():
+    model = MODELS["orsino"]
+    x, v, a = motions(model, 300)
+    for places in ([4], [0, 299], [17, 18, 250]):
+        wrong = x.copy()
+        wrong[places] = [0.7, 0.0, 0.0]
+        wrong[places[-1]] = np.nan
+        for call in (
+            lambda at=wrong: model.inverse_kinematics(at),
+            lambda at=wrong: model.motion(at, v, a),
+            lambda at=wrong: model.inverse_dynamics(at, v, a),
+            lambda at=wrong: model.multipliers(at, v, a),
+            lambda at=wrong: model.forward_dynamics(at, v, a),
+        ):
+            with pytest.raises(Unreachable, match="the platform cannot be at") as caught:
+                call()
+            assert caught.value.points.tolist() == places
+    angles = np.tile([1.5, 1.5, 0.0], (9, 1))
+    angles[[2, 5]] = 0.0
+    wide = DeltaModel(INDUSTRIAL.model_copy(update={"base_radius": 0.61}))
+    assert np.isfinite(wide.forward_kinematics(angles[0])).all()
+    with pytest.raises(Unreachable, match=r"motor angles \[0, 0, 0\] rad") as caught:
+        wide.forward_kinematics(angles)
+    assert caught.value.points.tolist() == [2, 5]
+
+
+def stretched(model: DeltaModel, margin: float):
+    """The platform on its axis with sin (q_{k,1} - q_{k,2}) this small."""
+    p = model.numbers
+    reach = np.sqrt((2 * p.a2) ** 2 + (2 * p.a3) ** 2 + 8 * p.a2 * p.a3 * np.sqrt(1 - margin**2))
+    return [np.sqrt(reach**2 - (p.a1 - p.a4) ** 2), 0.0, 0.0]
+
+
+def test_points_near_singularities_among_others():
+    """Each point gets what it gets alone; singular ones are all named."""
+    model = MODELS["orsino"]
+    x, v, a = motions(model, 100)
+    x[10], x[20], x[30] = (stretched(model, m) for m in (1.5 * NEAR, 0.5 * NEAR, 1e-3))
+    v[30], a[30] = 0.0, 0.0
+    for call in (model.inverse_dynamics, model.forward_dynamics, model.multipliers):
+        together = call(x, v, a)
+        for i in (10, 20, 30, 40):
+            np.testing.assert_array_equal(call(x[i], v[i], a[i]), together[i])
+    robust = DeltaModel(ORSINO, 1.0, Multiplier()).forward_dynamics(x[20:21], v[20:21], a[20:21])
+    np.testing.assert_array_equal(model.forward_dynamics(x, v, a)[20:21], robust)
+    holding = model.joint_inverse_dynamics(model.inverse_kinematics(x[30]), *np.zeros((2, 12)))
+    np.testing.assert_array_equal(model.inverse_dynamics(x, v, a)[30], holding)
+    x[50], x[60] = stretched(model, 1e-7), stretched(model, 1e-8)
+    with pytest.raises(Singular, match="point 50") as caught:
+        model.inverse_dynamics(x, v, a)
+    assert caught.value.points.tolist() == [50, 60]
+
+
+def test_accelerations_are_linear_in_what_a_single_point_gives():
+    """One x and v for many torques."""
+    model = MODELS["all terms"]
+    x, v, tau = motions(model, 90)
+    many = model.forward_dynamics(x[0], v[0], tau)
+    close(many, model.forward_dynamics(np.tile(x[0], (90, 1)), np.tile(v[0], (90, 1)), tau))
+    close(model.inverse_dynamics(x[0], v[0], many), tau)

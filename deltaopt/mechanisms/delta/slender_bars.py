@@ -49,7 +49,7 @@ def chain_forces(p: DeltaParameters, x: SX, v: SX, a: SX, tau: SX) -> SX:
     torques ``tau``, 3, N·m, produce the platform's motion x, v, a, 3 each."""
     forces = []
     for azimuth, torque in zip(AZIMUTHS, ca.vertsplit(tau), strict=True):
-        chain = _Chain(p, azimuth, x, v, a)
+        chain = _Chain(p, azimuth, p.platform_at(x), v, a)
         forces.append(chain.to_base(*chain.force_on_platform(torque)))
     return ca.vertcat(*forces)
 
