@@ -66,10 +66,10 @@ class DoubtfulPoints:
         singular: NDArray[np.bool] = np.abs(self.margins[:, :6]) < SERIAL_LIMIT
         if moving is not None:
             singular &= moving[:, None]
-        found = np.argwhere(singular)
-        for row, column in found[:1]:
+        anywhere: NDArray[np.bool] = np.any(singular, axis=1)
+        for row, column in np.argwhere(singular)[:1]:
             kind = Singularity.SIDEWAYS if column < 3 else Singularity.IN_LINE
-            self._refuse(kind, int(column) % 3 + 1, self.margins[row, column], singular.any(axis=1))
+            self._refuse(kind, int(column) % 3 + 1, self.margins[row, column], anywhere)
 
     def require_parallel(self) -> None:
         """Raise Singular if a point is in a parallel singularity."""

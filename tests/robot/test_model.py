@@ -243,7 +243,7 @@ def test_errors_name_all_points():
             assert caught.value.points.tolist() == places
     angles = np.tile([1.5, 1.5, 0.0], (9, 1))
     angles[[2, 5]] = 0.0
-    wide = DeltaModel(INDUSTRIAL.model_copy(update={"base_radius": 0.61}))
+    wide = DeltaModel(INDUSTRIAL.model_copy(update={"base_radius": 0.62}))
     assert np.isfinite(wide.forward_kinematics(angles[0])).all()
     with pytest.raises(Unreachable, match=r"motor angles \[0, 0, 0\] rad") as caught:
         wide.forward_kinematics(angles)
