@@ -2,9 +2,9 @@
 
 The public calls of ``DeltaModel`` are timed for one point and for many, then the same torques by
 NumPy written by hand, and by Pinocchio and MuJoCo, where these are installed. Each way is first
-held against the model's torques; one that differs is left out. A time is that of the fastest of
-many short batches: what else the machine does makes it longer, never shorter. At last comes the
-exported C code, timed by its own test program.
+held against the model's torques; one that differs is left out. A time is processor time, that of
+the fastest of many short batches: what else the machine does makes it longer, never shorter. At
+last comes the exported C code, timed by its own test program.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from time import perf_counter
+from time import perf_counter, process_time
 
 import numpy as np
 
@@ -44,7 +44,9 @@ SMALL = {"robots": (ORSINO,), "sizes": (1, 10)}
 _PAYLOAD = 1.0
 _WIDTH = 64
 _LONGEST = 0.5
-"""s spent on a number of the table, at least three batches: more gives steadier figures."""
+"""s spent on a number of the table: more gives steadier figures."""
+_FEWEST = 5
+"""Batches of a number that takes longer."""
 _BATCH = 2e-4
 """s of a batch: short enough that some run between what else the machine does."""
 
@@ -74,18 +76,18 @@ class States:
 
 
 def nanoseconds(call: Call, points: int) -> float:
-    """The least time a point of a call, of many short batches."""
-    begin = perf_counter()
+    """The least processor time a point of a call, of many short batches."""
+    begin = process_time()
     call()
-    once = perf_counter() - begin
+    once = process_time() - begin
     repeats = max(1, int(_BATCH / once))
     batches: list[float] = []
     end = perf_counter() + _LONGEST
-    while len(batches) < 3 or perf_counter() < end:
-        begin = perf_counter()
+    while len(batches) < _FEWEST or perf_counter() < end:
+        begin = process_time()
         for _ in range(repeats):
             call()
-        batches.append((perf_counter() - begin) / repeats)
+        batches.append((process_time() - begin) / repeats)
     return 1e9 * min(batches) / points
 
 
