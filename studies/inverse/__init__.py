@@ -21,6 +21,7 @@ from time import perf_counter, process_time
 import numpy as np
 
 import deltaopt
+from deltaopt.cli.arguments import positive
 from deltaopt.codegen.compile import compiler
 from deltaopt.errors import MissingPackage
 from deltaopt.output.controller_c import export_c
@@ -40,13 +41,11 @@ Call = Callable[[], object]
 
 HELP = "the public model, NumPy by hand, Pinocchio, MuJoCo and exported C: ns a point"
 SIZES = (1, 10, 1_000, 1_000_000)
-SMALL = {"robots": (ORSINO,), "sizes": (1, 10)}
+SMALL = {"robots": (ORSINO,), "sizes": (1, 10), "seconds": 0.01}
 _PAYLOAD = 1.0
 _WIDTH = 64
-_LONGEST = 0.5
-"""s spent on a number of the table: more gives steadier figures."""
 _FEWEST = 5
-"""Batches of a number that takes longer."""
+"""Batches at least."""
 _BATCH = 2e-4
 """s of a batch: short enough that some run between what else the machine does."""
 
@@ -75,14 +74,30 @@ class States:
         return self.x, self.v, self.a
 
 
-def nanoseconds(call: Call, points: int) -> float:
+@dataclass(frozen=True)
+class Timing:
+    """For how many points calls are timed, and the least seconds spent on a number."""
+
+    sizes: Sequence[int]
+    seconds: float
+
+    def up_to(self, most: int) -> Timing:
+        return Timing([number for number in self.sizes if number <= most], self.seconds)
+
+    def row(self, name: str, chosen: Callable[[int], Call]) -> str:
+        """A line of the table."""
+        times = (nanoseconds(chosen(number), number, self.seconds) for number in self.sizes)
+        return f"  {name:<{_WIDTH}}" + "".join(f"{time:>11,.0f}" for time in times)
+
+
+def nanoseconds(call: Call, points: int, seconds: float) -> float:
     """The least processor time a point of a call, of many short batches."""
     begin = process_time()
     call()
     once = process_time() - begin
     repeats = max(1, int(_BATCH / once))
     batches: list[float] = []
-    end = perf_counter() + _LONGEST
+    end = perf_counter() + seconds
     while len(batches) < _FEWEST or perf_counter() < end:
         begin = process_time()
         for _ in range(repeats):
@@ -116,13 +131,7 @@ def _for_points(function: Callable[..., object], arrays: Sequence[Array]) -> Cal
     return chosen
 
 
-def row(name: str, chosen: Callable[[int], Call], sizes: Sequence[int]) -> str:
-    """A line of the table."""
-    times = (nanoseconds(chosen(number), number) for number in sizes)
-    return f"  {name:<{_WIDTH}}" + "".join(f"{time:>11,.0f}" for time in times)
-
-
-def by_hand(states: States, sizes: Sequence[int]) -> str:
+def by_hand(states: States, timing: Timing) -> str:
     """The line of NumPy by hand."""
     p, name = states.model.numbers, "the same torques, NumPy by hand"
     sample = tuple(rows[:100] for rows in states.platform)
@@ -133,10 +142,16 @@ def by_hand(states: States, sizes: Sequence[int]) -> str:
         rows = [a[:number] for a in states.platform]
         return lambda: inverse_dynamics(p, *rows)
 
-    return row(name, chosen, sizes)
+    return timing.row(name, chosen)
 
 
-def peer(name: str, make: Callable[[Robot, float], Peer], states: States, compared: bool) -> str:
+def peer(
+    name: str,
+    make: Callable[[Robot, float], Peer],
+    states: States,
+    compared: bool,
+    timing: Timing,
+) -> str:
     """The line of another program, which takes one point at a time."""
     try:
         called = make(states.model.robot, _PAYLOAD)
@@ -146,7 +161,8 @@ def peer(name: str, make: Callable[[Robot, float], Peer], states: States, compar
     points = list(zip(q, dq, ddq, strict=True))
     if compared and _differ(np.array([called(*point) for point in points]), states.tau[:100]):
         return f"  {name}: left out, it is not told all terms of this robot"
-    return row(name, lambda _: lambda: called(*points[0]), (1,)) + "  (one point at a time)"
+    line = timing.up_to(1).row(name, lambda _: lambda: called(*points[0]))
+    return f"{line}  (one point at a time)"
 
 
 def _differ(found: Array, tau: Array) -> bool:
@@ -197,33 +213,40 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help=f"numbers of points (default: {' '.join(map(str, SIZES))})",
     )
+    parser.add_argument(
+        "--seconds",
+        type=positive,
+        default=0.5,
+        metavar="S",
+        help="spent on each number of the table: more gives steadier figures (default: 0.5)",
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
     sizes: Sequence[int] = arguments.sizes
+    timing = Timing(sizes, arguments.seconds)
     for robot in map(deltaopt.load_robot, arguments.robots):
         heading = "".join(f"{f'N = {number:g}':>11}" for number in sizes)
         print(f"{f'{robot.name}: ns a point':<{_WIDTH + 2}}{heading}")
         states = States.of(deltaopt.DeltaModel(robot, _PAYLOAD), max(100, *sizes))
         for name, chosen in public_calls(states):
-            print(row(name, chosen, sizes), flush=True)
-        print(by_hand(states, sizes), flush=True)
+            print(timing.row(name, chosen), flush=True)
+        print(by_hand(states, timing), flush=True)
         for name, (make, compared) in PEERS.items():
-            print(peer(name, make, states, compared), flush=True)
-        _other_models(robot, sizes)
+            print(peer(name, make, states, compared, timing), flush=True)
+        _other_models(robot, timing)
         inverse, forward = exported_nanoseconds(robot)
         print(f"  exported C: inverse dynamics {inverse:.0f} ns, forward dynamics {forward:.0f} ns")
     return 0
 
 
-def _other_models(robot: Robot, sizes: Sequence[int]) -> None:
+def _other_models(robot: Robot, timing: Timing) -> None:
     """Lines of models that are not in the short form, up to a thousand points if interpreted."""
     general = deltaopt.DeltaModel(with_other_bars(robot), _PAYLOAD)
-    for name, chosen in public_calls(States.of(general, max(100, *sizes))):
+    for name, chosen in public_calls(States.of(general, max(100, *timing.sizes))):
         if name in ("inverse_dynamics", "forward_dynamics", "multipliers"):
-            print(row(f"{name}, bars that are not slender", chosen, sizes), flush=True)
+            print(timing.row(f"{name}, bars that are not slender", chosen), flush=True)
     interpreted = deltaopt.DeltaModel(robot, _PAYLOAD, deltaopt.multiplier)
-    few = [number for number in sizes if number <= 1000]
     for name, chosen in public_calls(States.of(interpreted, 1000)):
         if name == "inverse_dynamics":
-            print(row(f"{name}, model L_I, interpreted", chosen, few), flush=True)
+            print(timing.up_to(1000).row(f"{name}, model L_I, interpreted", chosen), flush=True)
