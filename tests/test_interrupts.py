@@ -12,7 +12,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from deltaopt.dynamics.simulation import advanced, precise_integrator
+from deltaopt.dynamics.exclusive_use import Copies
+from deltaopt.dynamics.simulation import PreciseIntegrator
 from deltaopt.interrupts.requests import (
     Stopped,
     interrupts_not_lost,
@@ -134,14 +135,16 @@ def test_ipopt_does_not_swallow_an_interrupt(capfd):
 def test_cvodes_is_not_interrupted(capfd, monkeypatch):
     """A right-hand side that fails is tried again, and the interrupt would be lost."""
     x, u = ca.MX.sym("x"), ca.MX.sym("u")
-    integrator = precise_integrator(u, x, -x, ca.MX(1), ca.MX(0, 1))
+    integrator = PreciseIntegrator(u, x, -x, ca.MX(1), ca.MX(0, 1))
+    with integrator._copies.one() as own:
 
-    def slow(**arguments):
-        interrupt()
-        return integrator(**arguments)
+        def slow(**arguments):
+            interrupt()
+            return own(**arguments)
 
+    monkeypatch.setattr(integrator, "_copies", Copies(lambda: slow))
     with pytest.raises(KeyboardInterrupt):
-        advanced(slow, np.ones(1), np.zeros(0))
+        integrator(np.ones(1), np.zeros(0))
     assert capfd.readouterr().err == ""
 
 

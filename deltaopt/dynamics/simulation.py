@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deltaopt.dynamics.consistency import Array, Projector, Residuals, consistent_state
+from deltaopt.dynamics.exclusive_use import Copies
 from deltaopt.dynamics.formulation import Formulation
 from deltaopt.dynamics.mechanism import SX, Mechanism
 from deltaopt.dynamics.stabilisation import Projection, Stabilisation
@@ -205,23 +206,25 @@ def _advance(flow: ca.Function, state: Array, start: float, span: float, p: Arra
     return np.asarray(result, dtype=float).T
 
 
-def precise_integrator(
-    u: ca.MX, state: ca.MX, rate: ca.MX, length: ca.MX, parameters: ca.MX
-) -> ca.Function:
+class PreciseIntegrator:
     """An integrator by CVODES to 12 digits, for motions that have to be followed exactly.
 
-    It advances a state (metres, or units of that order) over a stretch of time of a ``length`` (s),
-    in which the state's derivative ``rate`` is smooth and not stiff. ``u``: the fraction of it that
-    has passed.
+    It advances a state over a stretch of time of a ``length`` in which the state's derivative
+    ``rate`` is smooth and not stiff; state and time are in units in which they are of the order of
+    one. ``u``: the fraction of the stretch that has passed. Any number of threads may call it.
     """
-    problem = {"t": u, "x": state, "p": parameters, "ode": length * rate}
-    return ca.integrator("stretch", "cvodes", problem, 0, 1, _PRECISE)
 
+    def __init__(
+        self, u: ca.MX, state: ca.MX, rate: ca.MX, length: ca.MX, parameters: ca.MX
+    ) -> None:
+        problem = {"t": u, "x": state, "p": parameters, "ode": length * rate}
+        self._copies = Copies(lambda: ca.integrator("stretch", "cvodes", problem, 0, 1, _PRECISE))
 
-def advanced(integrator: ca.Function, state: Array, parameters: Array) -> Array:
-    """The state after a stretch of time; not a number where CVODES fails."""
-    try:
-        with requests_held():
-            return np.asarray(integrator(x0=state, p=parameters)["xf"].full()).ravel()
-    except RuntimeError:  # CasADi's only word for it
-        return np.full(len(state), np.nan)
+    def __call__(self, state: Array, parameters: Array) -> Array:
+        """The state after a stretch of time; not a number where CVODES fails."""
+        with requests_held(), self._copies.one() as integrator:
+            try:
+                after = integrator(x0=state, p=parameters)["xf"]
+            except RuntimeError:  # CasADi's only word for it
+                return np.full(len(state), np.nan)
+        return np.asarray(after.full()).ravel()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -42,6 +43,10 @@ _STYLE: Any = {
 }
 
 
+_DRAWING = threading.RLock()
+"""One thread draws at a time: Matplotlib's style and its text belong to the whole process."""
+
+
 @contextmanager
 def figure(file: Path, width: float, height: float) -> Iterator[Figure]:
     """A figure of this size (inches) to draw on, which is written to the file at the end.
@@ -49,7 +54,7 @@ def figure(file: Path, width: float, height: float) -> Iterator[Figure]:
     The format follows the file's suffix: png, pdf or svg. If an error is raised in between, the
     file stays as it was.
     """
-    with mpl.rc_context(_STYLE), atomic_write(file) as temporary:
+    with _DRAWING, mpl.rc_context(_STYLE), atomic_write(file) as temporary:
         drawn = Figure(figsize=(width, height), layout="constrained")
         yield drawn
         drawn.savefig(temporary, dpi=300)

@@ -20,7 +20,7 @@ import casadi as ca
 import numpy as np
 
 from deltaopt.dynamics.lagrange import Multiplier
-from deltaopt.dynamics.simulation import advanced, precise_integrator
+from deltaopt.dynamics.simulation import PreciseIntegrator
 from deltaopt.mechanisms.delta.functions import DeltaFunctions
 from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
 from deltaopt.robot.model import DeltaModel, delta_model
@@ -83,7 +83,7 @@ class _Torques:
 
     task: Task
     position: PiecewisePolynomial
-    step: ca.Function
+    step: PreciseIntegrator
     p: Array
 
     @classmethod
@@ -118,7 +118,7 @@ class _Torques:
         (s) long. Raises NotIntegrated where CVODES fails."""
         coefficients = self.position.coefficients[interval].ravel()
         parameters = np.concatenate([coefficients, [begin, length], self.p])
-        after = advanced(self.step, state, parameters)
+        after = self.step(state, parameters)
         if not np.isfinite(after).all():
             t = self.position.knots[interval] + begin
             raise NotIntegrated(f"CVODES failed after t = {t:.6g} s")
@@ -204,7 +204,7 @@ def _by_state(functions: DeltaFunctions) -> ca.Function:
 
 
 @lru_cache(maxsize=16)
-def _step(model: DeltaFunctions, reported: DeltaFunctions, powers: int) -> ca.Function:
+def _step(model: DeltaFunctions, reported: DeltaFunctions, powers: int) -> PreciseIntegrator:
     """Integrator of the state (x, v) through a piece of an interval, built once for robots alike.
 
     Its parameters: coefficients of the reported position (powers × 3); when the piece begins,
@@ -218,7 +218,7 @@ def _step(model: DeltaFunctions, reported: DeltaFunctions, powers: int) -> ca.Fu
     tau = _reported_torque(reported, powers)(begin + u * length, coefficients, p_reported)
     a = model.forward_dynamics(state[:3], state[3:], tau, p)
     parameters = ca.vertcat(ca.vec(coefficients), begin, length, p, p_reported)
-    return precise_integrator(u, state, ca.vertcat(state[3:], a), length, parameters)
+    return PreciseIntegrator(u, state, ca.vertcat(state[3:], a), length, parameters)
 
 
 def _reported_torque(model: DeltaFunctions, powers: int) -> ca.Function:

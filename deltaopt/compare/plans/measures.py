@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from deltaopt.compare.plans.cases import FRACTIONS, Case, motion_inside
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
-from deltaopt.dynamics.simulation import advanced, precise_integrator
+from deltaopt.dynamics.simulation import PreciseIntegrator
 from deltaopt.motion.trajectory import PiecewisePolynomial
 from deltaopt.planning.formulations.collocation import CollocationProblem
 from deltaopt.planning.formulations.scaled_mechanism import ScaledMechanism
@@ -110,14 +110,14 @@ class Meter:
         state = np.concatenate([task.start, np.zeros(nu)])
         for length, values in zip(np.diff(xi.knots), torques, strict=True):
             p = np.concatenate([(powers.T @ values).ravel(), [length], task.p])
-            state = advanced(step, state, p)
+            state = step(state, p)
             if not np.isfinite(state).all():
                 return inf, inf
         distance = float(np.linalg.norm(state[:nu] - task.goal))
         return distance, float(np.linalg.norm(state[nu:]))
 
 
-def integrator(system: ScaledMechanism, points: int) -> ca.Function:
+def integrator(system: ScaledMechanism, points: int) -> PreciseIntegrator:
     """Return the integrator through one interval under a polynomial torque: state (ξ, ξ̇);
     parameters: coefficients (powers × motors), length (s), p."""
     nu, m = len(system.independent), system.mechanism
@@ -130,7 +130,7 @@ def integrator(system: ScaledMechanism, points: int) -> ca.Function:
     q, dq, _ = system.motion(state[:nu], state[nu:], ca.MX.zeros(nu), p)
     ddq, _ = Multiplier().forward_dynamics(m)(0, q, dq, tau, p[system.scales.numel() :])
     rate = ca.vertcat(state[nu:], ddq[list(system.independent)])
-    return precise_integrator(u, state, rate, length, ca.vertcat(ca.vec(coefficients), length, p))
+    return PreciseIntegrator(u, state, rate, length, ca.vertcat(ca.vec(coefficients), length, p))
 
 
 def active_rank(

@@ -199,7 +199,8 @@ class Program:
     rows. ``options``: of Ipopt, where they differ from ``IPOPT``. ``running``: a running cost.
 
     ``jacobian``: (z, p) -> all rows and their Jacobian. ``hessian``: (z, p, λ_f, λ_g) -> the upper
-    triangle of the Hessian of the Lagrangian.
+    triangle of the Hessian of the Lagrangian. A program is solved by one thread at a time, since
+    its solver remembers the last call; every plan builds its own.
     """
 
     jacobian: ca.Function
