@@ -1,7 +1,8 @@
 """Where the platform goes when the motors apply the reported torques.
 
 The torques, as functions of time, drive forward dynamics with multipliers (model L_I, eq. 37),
-and CVODES integrates it to 12 digits. The torques come from the explicit model L_E (eq. 39); the
+and CVODES integrates it to 12 digits, in units in which the robot and its motion are of the order
+of one. The torques come from the explicit model L_E (eq. 39); the
 two share the mechanism's kinematics, masses and forces, not the way the constraints are eliminated.
 
 A Delta that is held against gravity is unstable: without feedback a deviation grows by a factor e
@@ -14,7 +15,6 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import pairwise
 
 import casadi as ca
 import numpy as np
@@ -25,7 +25,8 @@ from deltaopt.mechanisms.delta.functions import DeltaFunctions
 from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
 from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.scene.scene import Scene
-from deltaopt.scene.task import Task
+from deltaopt.scene.task import EndState, Task
+from deltaopt.verify.units import Units
 
 MOST_AMPLIFIED = 1e4
 """Largest amplification at which the arrival says something of the motion: it turns the 1e-12 of
@@ -34,8 +35,11 @@ _HOPELESS = 1e10
 """Amplification beyond which the arrival is all rounding, and is not computed."""
 _FIFTHS = (0.1, 0.3, 0.5, 0.7, 0.9)
 """Fractions of an interval: the middles of its fifths."""
-_MOST_PIECES = 20_000
-"""Of a motion, for an answer within seconds; the longest would take minutes otherwise."""
+_MOST_PIECES = 3_000
+"""Of a motion: so many take a second or two. Of an interval of a longer motion pieces are followed
+that are spread evenly over it, the first and the last among them."""
+_FEWEST_PIECES = 40
+"""Of an interval, all of which would be more: one polynomial is known by fewer."""
 
 
 class NotIntegrated(Exception):
@@ -66,8 +70,9 @@ def replay(scene: Scene, trajectory: Trajectory) -> Replay:
 
     Raises NotIntegrated where CVODES fails, on a piece or in a motion that is not long.
     """
-    counts, amplification = _pieces(scene, trajectory)
-    torques = _Torques.of(scene, trajectory)
+    units = Units.of(scene, trajectory)
+    counts, amplification = _pieces(scene, trajectory, units)
+    torques = _Torques.of(scene, trajectory, units)
     if amplification <= MOST_AMPLIFIED:
         return Replay(amplification, *torques.arrival())
     away = fast = None
@@ -79,48 +84,54 @@ def replay(scene: Scene, trajectory: Trajectory) -> Replay:
 
 @dataclass(frozen=True)
 class _Torques:
-    """The torques of a trajectory, which drive a model. ``p``: parameters of both their models."""
+    """The torques of a trajectory, which drive a model. ``p``: parameters of both their models.
+    ``position`` and ``p`` are in ``units``; arguments and results too, unless it is said."""
 
     task: Task
+    units: Units
     position: PiecewisePolynomial
     step: PreciseIntegrator
     p: Array
 
     @classmethod
-    def of(cls, scene: Scene, trajectory: Trajectory) -> _Torques:
+    def of(cls, scene: Scene, trajectory: Trajectory, units: Units) -> _Torques:
         model, position = DeltaModel(scene.robot, scene.payload, Multiplier()), trajectory.position
         powers = position.coefficients.shape[1]
         step = _step(model.functions, trajectory.model.functions, powers)
-        p = np.concatenate([model.parameters, trajectory.model.parameters])
-        return cls(scene.task, position, step, p)
+        p = np.concatenate([units.parameters(model), units.parameters(trajectory.model)])
+        return cls(scene.task, units, units.position(position), step, p)
 
     def arrival(self) -> tuple[float, float]:
         """Distance to the goal (m) and to its velocity (m/s) at the end, from the task's start."""
-        start, goal = self.task.start, self.task.goal
-        state = np.concatenate([start.position, start.velocity])
+        state = self._state(self.task.start)
         for interval, length in enumerate(np.diff(self.position.knots)):
             state = self._after(state, interval, 0.0, length)
-        return _norm(state[:3] - goal.position), _norm(state[3:] - goal.velocity)
+        away = state - self._state(self.task.goal)
+        return self._distance(away), self._speed(away)
 
     def defects(self, counts: list[int]) -> tuple[float, float]:
         """The largest defect of a piece, m and m/s; ``counts``: pieces of each interval."""
-        worst = np.zeros(2)
+        most = max(_FEWEST_PIECES, _MOST_PIECES // len(counts))
+        distances, speeds = [0.0], [0.0]
         for interval, count in enumerate(counts):
             length = (self.position.knots[interval + 1] - self.position.knots[interval]) / count
-            states = self._reported(interval, length * np.arange(count + 1))
-            for k, (begin, end) in enumerate(pairwise(states)):
+            followed = np.unique(np.linspace(0, count - 1, min(count, most)).round())
+            begins = self._reported(interval, length * followed)
+            ends = self._reported(interval, length * (followed + 1))
+            for k, begin, end in zip(followed.tolist(), begins, ends, strict=True):
                 away = self._after(begin, interval, k * length, length) - end
-                worst = np.maximum(worst, [_norm(away[:3]), _norm(away[3:])])
-        return float(worst[0]), float(worst[1])
+                distances.append(self._distance(away))
+                speeds.append(self._speed(away))
+        return max(distances), max(speeds)
 
     def _after(self, state: Array, interval: int, begin: float, length: float) -> Array:
-        """The state after a piece that begins a time after its interval does (s), and is ``length``
-        (s) long. Raises NotIntegrated where CVODES fails."""
+        """The state after a piece that begins a time after its interval does, and is ``length``
+        long. Raises NotIntegrated where CVODES fails."""
         coefficients = self.position.coefficients[interval].ravel()
         parameters = np.concatenate([coefficients, [begin, length], self.p])
         after = self.step(state, parameters)
         if not np.isfinite(after).all():
-            t = self.position.knots[interval] + begin
+            t = (self.position.knots[interval] + begin) * self.units.time
             raise NotIntegrated(f"CVODES failed after t = {t:.6g} s")
         return after
 
@@ -130,22 +141,35 @@ class _Torques:
         x, v = (p.inside(own, since) for p in (self.position, self.position.derivative()))
         return np.hstack([x, v])
 
+    def _state(self, end: EndState) -> Array:
+        """Position and velocity of an end of the task."""
+        x, v = np.array(end.position), np.array(end.velocity)
+        return np.concatenate([x, v * self.units.time]) / self.units.length
+
+    def _distance(self, away: Array) -> float:
+        """m."""
+        return _norm(away[:3]) * self.units.length
+
+    def _speed(self, away: Array) -> float:
+        """m/s."""
+        return _norm(away[3:]) * self.units.length / self.units.time
+
 
 def _norm(vector: Array) -> float:
     return float(np.linalg.norm(vector))
 
 
-def _pieces(scene: Scene, trajectory: Trajectory) -> tuple[list[int], float]:
+def _pieces(scene: Scene, trajectory: Trajectory, units: Units) -> tuple[list[int], float]:
     """How many pieces each interval is integrated in, and the amplification of the whole motion.
 
     Both by M = ∂(v, a)/∂(x, v), the torques being given functions of time, taken as constant on a
     fifth of an interval. A piece is as long as the fastest deviation there needs to grow or shrink
     by a factor e, or to swing by a radian.
     """
-    lengths = np.diff(trajectory.knots)
-    M = _linearised(scene, trajectory)
-    rates = np.abs(np.linalg.eigvals(M)).max(axis=-1)  # (intervals, fifths), 1/s
-    fastest = float(rates.max()) or 1 / trajectory.duration
+    lengths = np.diff(trajectory.knots) / units.time
+    M = _linearised(scene, trajectory, units)
+    rates = np.abs(np.linalg.eigvals(M)).max(axis=-1)  # (intervals, fifths)
+    fastest = float(rates.max()) or 1 / float(lengths.sum())
     M[..., :3, 3:] *= fastest  # velocities in units of length times the fastest rate
     M[..., 3:, :3] /= fastest
     transition, logarithm = np.eye(6), 0.0
@@ -155,7 +179,6 @@ def _pieces(scene: Scene, trajectory: Trajectory) -> tuple[list[int], float]:
         logarithm += grown[1] + more
     logarithm += float(np.log(np.linalg.norm(transition, 2)))
     counts = np.maximum(np.ceil(lengths * rates.max(axis=1)), 1.0)
-    counts = np.ceil(counts * min(1.0, _MOST_PIECES / counts.sum()))
     return counts.astype(int).tolist(), float(np.exp(min(logarithm, 700.0)))
 
 
@@ -182,11 +205,13 @@ def _normalised(matrix: Array) -> tuple[Array, float]:
     return matrix / size, float(np.log(size))
 
 
-def _linearised(scene: Scene, trajectory: Trajectory) -> Array:
-    """M in the middle of the fifths of every interval: (intervals, fifths, 6, 6), 1/s and 1/s²."""
+def _linearised(scene: Scene, trajectory: Trajectory, units: Units) -> Array:
+    """M in the middle of the fifths of every interval, in these units: (intervals, fifths, 6, 6)."""
     model = delta_model(scene.robot, scene.payload)
     motion = trajectory.inside_intervals(_FIFTHS)
-    by_state = _by_state(model.functions)(motion.x.T, motion.v.T, motion.tau.T, model.parameters)
+    x, v = motion.x / units.length, motion.v * units.time / units.length
+    tau = motion.tau / units.torque
+    by_state = _by_state(model.functions)(x.T, v.T, tau.T, units.parameters(model))
     M = np.zeros((len(motion.x), 6, 6))
     M[:, :3, 3:] = np.eye(3)
     M[:, 3:] = by_state.full().T.reshape(-1, 6, 3).transpose(0, 2, 1)
@@ -208,7 +233,7 @@ def _step(model: DeltaFunctions, reported: DeltaFunctions, powers: int) -> Preci
     """Integrator of the state (x, v) through a piece of an interval, built once for robots alike.
 
     Its parameters: coefficients of the reported position (powers × 3); when the piece begins,
-    since the interval does, and its length (s); parameters of both models.
+    since the interval does, and its length; parameters of both models. Units do not matter.
     """
     u, state = ca.MX.sym("u"), ca.MX.sym("state", 6)  # u: fraction of the piece
     coefficients = ca.MX.sym("coefficients", 3, powers)

@@ -31,28 +31,32 @@ from deltaopt.verify.forward_replay import NotIntegrated, replay
 from deltaopt.verify.measures import Distance, Excess, MeasuredMotion, key, not_measured
 from deltaopt.verify.pontryagin import NoCostates, extremal
 from deltaopt.verify.resolved_curves import POINTS, WEIGHTS, TooRough
+from deltaopt.verify.units import Units
 
 EXCESS = 1e-9
 """Of every limit, as a share of it: above rounding of inverse dynamics, below any meaning of a
 limit."""
-DURATION = 1e-9
-"""s, of a duration that the scene gives: clocks of controllers are no better."""
+DURATION = 1e-10
+"""Of a duration that the scene gives."""
 BOUNDARY_DISTANCE = 1e-7
-"""m, also for jumps: encoders see micrometres; an NLP solved to 1e-8 leaves less than this."""
-BOUNDARY_SPEED = 1e-6
-"""m/s, also for jumps: a nanometre within a controller's millisecond."""
+"""Of the upper arm, also for jumps: encoders see a millionth; an NLP solved to 1e-8 leaves less."""
+BOUNDARY_SPEED = 3e-7
+"""Upper arms in the duration of the motion, also for jumps: less than a nanometre within a
+controller's millisecond."""
 KINEMATIC_ERROR = 1e-9
-"""m and m/s: rounding of the closed-form kinematics leaves 1e-15."""
-DYNAMIC_ERROR = 1e-6
-"""m/s² and rad/s², where accelerations are of the order of 1e3: rounding leaves 1e-10."""
+"""Of the upper arm and of the mean speed: rounding of the closed-form kinematics leaves 1e-15."""
+DYNAMIC_ERROR = 1e-9
+"""In units of the arm and of ``Units.time``, in which accelerations are 1 to 100: rounding leaves
+1e-14."""
 DEFECT_DISTANCE = 1e-7
-"""m, after a piece of the motion: integration leaves 1e-12."""
-DEFECT_SPEED = 1e-5
-"""m/s, after a piece of the motion: a ten-thousandth of a slow motion's speed."""
+"""Of the upper arm, after a piece of the motion: integration leaves 1e-12."""
+DEFECT_SPEED = 5e-5
+"""Upper arms in the duration of the motion, after a piece of it: a ten-thousandth of the speed."""
 ARRIVAL_DISTANCE = 1e-5
-"""m: what the project promises of a delivered motion; good robots repeat to 1e-4."""
-ARRIVAL_SPEED = 1e-3
-"""m/s: covers ``ARRIVAL_DISTANCE`` in 10 ms, a tenth of a fast motion."""
+"""Of the upper arm, some micrometres, the most the project promises: good robots repeat to 1e-4 m.
+"""
+ARRIVAL_SPEED = 5e-4
+"""Upper arms in the duration of the motion."""
 BOUNDARY_SHARE = 1e-3
 """Of the way, and of its mean speed: a motion of a micrometre is held to less than one."""
 ARRIVAL_SHARE = 1e-2
@@ -63,6 +67,8 @@ ARRIVAL_SHARE = 1e-2
 class Bound:
     """The most a measure may be, and what to say of a value that is more.
 
+    ``at_most``: of the upper arm's length (m), of that length in the motion's duration (m/s), or of
+    the duration (s), so that large and small robots are held to the same; of nothing else.
     ``share``: of the distance from start to goal (m) or of the mean speed (m/s), if that is less.
     """
 
@@ -72,10 +78,15 @@ class Bound:
     complaint: str
     share: float = inf
 
-    def for_way(self, distance: float, duration: float) -> Bound:
-        """The bound for a way of a distance (m) in a duration (s)."""
-        scale = distance / duration if self.unit == "m/s" else distance
-        return replace(self, at_most=min(self.at_most, self.share * scale))
+    def of(self, measured: Verification) -> Bound:
+        """The bound of a measured motion in the measure's unit."""
+        arm, way, duration = measured.arm, measured.way, measured.duration
+        units = {"s": duration, "m": arm, "m/s": arm / duration}
+        own = {"m": way, "m/s": way / duration}
+        at_most = self.at_most * units.get(self.unit, 1.0)
+        if self.unit in own:
+            at_most = min(at_most, self.share * own[self.unit])
+        return replace(self, at_most=at_most)
 
 
 BOUNDS = (
@@ -124,16 +135,17 @@ BOUNDS = (
     ),
     Bound(
         "kinematic_error",
-        "m, m/s",
+        "1",
         KINEMATIC_ERROR,
-        "its coordinates leave the loops open by {:.3g} (m and m/s, on average)",
+        "its coordinates leave the loops open by {:.3g} (of the upper arm and of the mean speed, "
+        "on average)",
     ),
     Bound(
         "dynamic_error",
-        "m/s², rad/s²",
+        "1",
         DYNAMIC_ERROR,
-        "its torques give accelerations that differ by {:.3g} from its own "
-        "(m/s² and rad/s², on average)",
+        "its torques give accelerations that differ by {:.3g} from its own (in units of the robot "
+        "and the motion, on average)",
     ),
     Bound(
         "defect_distance",
@@ -181,7 +193,7 @@ class Check:
     @property
     def ok(self) -> bool:
         """Whether the measure is within its bound; what is not a number is not."""
-        return bool(self.value <= self.bound.at_most)
+        return bool(self.value <= self.bound.at_most < inf)
 
     @property
     def complaint(self) -> str:
@@ -193,7 +205,7 @@ class Check:
 class Verification:
     """The measures of a motion. Infinite: could not be evaluated, or there is no such value.
 
-    ``way``: m, from the scene's start to its goal.
+    ``way``: m, from the scene's start to its goal. ``arm``: m, length of the upper arm.
     ``duration``, ``safe_duration``: s; the latter is the shortest to which the motion can be
         slowed so that it keeps its limits.
     ``effort``: ∫ τᵀτ dt, N²m²s.
@@ -204,8 +216,9 @@ class Verification:
     ``start_distance``, ``goal_distance``: m, from the scene's points to the motion's ends.
     ``start_speed``, ``goal_speed``: m/s, of the platform at the motion's ends.
     ``position_jump``, ``velocity_jump``: m and m/s, the largest at a knot.
-    ``kinematic_error``: E_K, mean over time of ‖(f, J q̇ + μ)‖, m and m/s.
-    ``dynamic_error``: E_D, mean over time of ‖q̈ - q̈(q, q̇, τ)‖, m/s² and rad/s².
+    ``kinematic_error``: E_K, mean over time of ‖(f, J q̇ + μ)‖, f in units of the upper arm, the
+        rest in units of the mean speed, way / duration.
+    ``dynamic_error``: E_D, mean over time of ‖q̈ - q̈(q, q̇, τ)‖ in ``Units`` of the motion.
     ``amplification``: by how much a deviation at the start grows until the end, about.
     ``arrival_distance``, ``arrival_speed``: m and m/s, how far from the goal the reported torques
         lead from the start, uncorrected. There is a bound up to an amplification of
@@ -220,6 +233,7 @@ class Verification:
 
     duration: float
     way: float = inf
+    arm: float = inf
     safe_duration: float = inf
     effort: float = inf
     duration_error: float | None = None
@@ -267,9 +281,7 @@ class Verification:
         bounds = BOUNDS + (ARRIVAL_BOUNDS if self.judges_arrival else ())
         values = [(bound, getattr(self, bound.measure)) for bound in bounds]
         return self._limit_checks() + [
-            Check(bound.for_way(self.way, self.duration), value)
-            for bound, value in values
-            if value is not None
+            Check(bound.of(self), value) for bound, value in values if value is not None
         ]
 
     def _limit_checks(self) -> list[Check]:
@@ -347,7 +359,12 @@ def verify(scene: Scene, trajectory: Trajectory) -> Verification:
         raise TypeError(
             f"trajectory is a {kind}; it must be a Trajectory, such as plan(scene).trajectory"
         )
-    nothing = Verification(trajectory.duration, distance(scene.task), excesses=not_measured(scene))
+    nothing = Verification(
+        trajectory.duration,
+        way=distance(scene.task),
+        arm=scene.robot.upper_arm.length,
+        excesses=not_measured(scene),
+    )
     if not (np.diff(trajectory.knots) > 0).all():
         return replace(nothing, obstacles=("time does not increase from knot to knot",))
     try:
@@ -409,11 +426,20 @@ def _jumps(trajectory: Trajectory) -> dict[str, float]:
 
 def _errors(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
     """E_K and E_D of the reported q, q̇, q̈ and τ, by the scene's mechanism."""
+    units = Units.of(scene, trajectory)
     q, dq, ddq = trajectory.coordinates_inside(POINTS)
     tau = trajectory.model.inverse_dynamics(*trajectory.path_inside(POINTS))
     model = delta_model(scene.robot, scene.payload)
-    residuals = _residuals(model.functions.terms)
-    kinematic, dynamic = evaluate_rows(residuals, q, dq, ddq, tau, parameters=model.parameters)
+    lengths = np.where(np.arange(12) < 3, units.length, 1.0)  # of the platform; then angles
+    motion = (rows * units.time**k / lengths for k, rows in enumerate((q, dq, ddq)))
+    kinematic, dynamic = evaluate_rows(
+        _residuals(model.functions.terms),
+        *motion,
+        tau / units.torque,
+        parameters=units.parameters(model),
+    )
+    mean_speed = distance(scene.task) / trajectory.duration * units.time / units.length
+    kinematic[:, 9:] /= mean_speed
     return {
         "kinematic_error": _mean_over_time(trajectory, kinematic),
         "dynamic_error": _mean_over_time(trajectory, dynamic),
