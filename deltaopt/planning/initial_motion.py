@@ -39,8 +39,8 @@ torques that accelerate are a quarter, so that most of what remains holds the we
 _JOINT_LINE_INTERVALS = 32
 """Cubics that represent a straight line in the motor angles; they only have to be a good guess."""
 _FAR_OFF = 1e3
-"""Factor by which a motion may be slowed or sped up at once: it costs six digits of the torques that
-accelerate."""
+"""Factor by which a motion may be slowed or sped up at once: it costs six digits of the torques
+that accelerate."""
 _MOST_SPEEDS = 10
 """Each brings a motion nearer to its fastest by seven orders of magnitude."""
 

@@ -35,8 +35,8 @@ _HOPELESS = 1e10
 """Amplification beyond which the arrival is all rounding, and is not computed."""
 _FIFTHS = (0.1, 0.3, 0.5, 0.7, 0.9)
 """Fractions of an interval: the middles of its fifths."""
-_MOST_PIECES = 3_000
-"""Of a motion: so many take a second or two. Of an interval of a longer motion pieces are followed
+_MOST_PIECES = 1_000
+"""Of a motion: so many take a second or two. Of every interval of a longer motion pieces are followed
 that are spread evenly over it, the first and the last among them."""
 _FEWEST_PIECES = 40
 """Of an interval, all of which would be more: one polynomial is known by fewer."""
@@ -206,7 +206,7 @@ def _normalised(matrix: Array) -> tuple[Array, float]:
 
 
 def _linearised(scene: Scene, trajectory: Trajectory, units: Units) -> Array:
-    """M in the middle of the fifths of every interval, in these units: (intervals, fifths, 6, 6)."""
+    """M in the middle of the fifths of every interval in these units, (intervals, fifths, 6, 6)."""
     model = delta_model(scene.robot, scene.payload)
     motion = trajectory.inside_intervals(_FIFTHS)
     x, v = motion.x / units.length, motion.v * units.time / units.length

@@ -119,7 +119,7 @@ def test_a_path_that_is_a_micrometre_off(name, seed):
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("heavier", [1e-8, -1e-8])
 def test_another_payload(heavier, seed):
-    """By a hundred-millionth: the torques reported do not move what the scene says, fast or slowly."""
+    """By 1e-8 of it: the torques reported do not move what the scene says, fast or slowly."""
     slower = 1 + np.random.default_rng(seed).uniform(0, 3)
     for name, scene in SCENES.items():
         payload = (scene.payload or 1.0) * (1 + heavier)
