@@ -17,7 +17,7 @@ from deltaopt.codegen.compile import library
 
 Array = NDArray[np.float64]
 
-_GAUSS = """\
+C_TEXT = """\
 #include <math.h>
 #include <stdint.h>
 
@@ -77,5 +77,5 @@ def solve(matrix: Array, right: Array) -> Array | None:
 
 @lru_cache(maxsize=1)
 def _code() -> Any:
-    built = library(_GAUSS)
+    built = library(C_TEXT)
     return None if built is None else ctypes.CDLL(str(built))

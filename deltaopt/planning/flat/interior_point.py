@@ -177,6 +177,19 @@ _WORKSPACE = _Workspace()
 
 
 @dataclass(frozen=True)
+class Arguments:
+    """What the compiled method is called with, as ``solve`` in ``interior_point.c`` takes it."""
+
+    phases: int
+    flags: NDArray[np.int64]
+    rule: Array
+    numbers: Array
+    motion: Array
+    multipliers: Array
+    settings: Settings
+
+
+@dataclass(frozen=True)
 class CompiledMethod:
     """The method for one point problem; limits hold at ``points``, fractions of an interval."""
 
@@ -212,22 +225,10 @@ class CompiledMethod:
         motion = np.concatenate(
             [*(phase.knots.ravel() for phase in phases), [phase.duration for phase in phases]]
         )
-        n = sum(counts)
-        rows = n * len(self.points) * len(self.problem.sides)
+        rows = sum(counts) * len(self.points) * len(self.problem.sides)
         multipliers = np.empty(rows + self._integrals)
-        size = self.code.workspace(ctypes.c_int64(n), ctypes.c_int64(len(counts)))
-        report = _Report()
-        status = self.code.solve(
-            ctypes.c_int64(len(counts)),
-            _pointer(flags),
-            _pointer(self._rule),
-            _pointer(numbers),
-            _pointer(motion),
-            _pointer(multipliers),
-            ctypes.byref(_Settings(*vars(settings).values())),
-            ctypes.byref(report),
-            _pointer(_WORKSPACE.at_least(size)),
-        )
+        given = Arguments(len(counts), flags, self._rule, numbers, motion, multipliers, settings)
+        status, report = self.run(given)
         return InteriorPointSolution(
             self._by_phase(counts, motion, multipliers[:rows]),
             multipliers[rows:],
@@ -237,6 +238,21 @@ class CompiledMethod:
             report.factorisations,
             Spent(report.evaluating, report.solving),
         )
+
+    def run(self, given: Arguments) -> tuple[int, _Report]:
+        """Call the compiled method; it overwrites motion and multipliers."""
+        n = int(given.flags[: given.phases].sum())
+        size = self.code.workspace(ctypes.c_int64(n), ctypes.c_int64(given.phases))
+        report = _Report()
+        arrays = (given.flags, given.rule, given.numbers, given.motion, given.multipliers)
+        status = self.code.solve(
+            ctypes.c_int64(given.phases),
+            *map(_pointer, arrays),
+            ctypes.byref(_Settings(*vars(given.settings).values())),
+            ctypes.byref(report),
+            _pointer(_WORKSPACE.at_least(size)),
+        )
+        return status, report
 
     @cached_property
     def _integrals(self) -> int:

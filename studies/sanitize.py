@@ -1,0 +1,394 @@
+"""All C of deltaopt under the compiler's sanitizers, on what planning really computes.
+
+Address and undefined: every array is a block of memory of its own, of exactly its size, and so is
+every part of the interior-point method's workspace. New memory is filled with what is no number, so
+that reading it shows in the results. Thread: eight threads compute everything at once.
+
+Without --small the problems of the method's own tests are solved too.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from unittest.mock import patch
+
+import numpy as np
+from numpy.typing import NDArray
+
+import deltaopt
+from deltaopt.bench.random_scenes import random_scenes
+from deltaopt.codegen import dense_solver, vectorised
+from deltaopt.codegen.compile import compiler
+from deltaopt.codegen.vectorised import RowFunction
+from deltaopt.output.controller_c import export_c
+from deltaopt.planning.flat.interior_point import Arguments, CompiledMethod
+from deltaopt.planning.flat.method_source import source
+from studies.problems import INDUSTRIAL, ORSINO
+
+Array = NDArray[np.float64]
+
+HELP = "all C under the compiler's sanitizers"
+SANITIZERS = ("address,undefined", "thread")
+SMALL = {"robots": (ORSINO,), "moves": 1, "functions": 1, "own_tests": False}
+_LEVEL = {"address,undefined": "-O0", "thread": "-O1"}
+"""With which the large sources compile fastest."""
+_FLAGS = ("-g", "-march=native", "-fno-sanitize-recover=all", "-pthread")
+_NOT_A_NUMBER = "detect_leaks=0:max_malloc_fill_size=1073741824:malloc_fill_byte=255"
+"""Options of the address sanitizer: a double of such bytes is not a number."""
+_THREADS = {"address,undefined": 1, "thread": 8}
+_CALLS = 40
+"""Of one function, the first of which are computed again."""
+_LONGEST = 600.0
+_AGREE = 1e-3
+"""Relative difference of results. Other flags round otherwise, and the interior-point method stops
+at its tolerance: to so much it repeats itself."""
+
+_PARTS = "static void *part("
+_OWN_PARTS = """\
+#include <stdlib.h>
+static void *part(uintptr_t *address, int64_t bytes) {
+  (void)address;
+  return aligned_alloc(64, (size_t)(bytes + 63) / 64 * 64);
+}
+"""
+
+_READING = """
+#include <math.h>
+#include <pthread.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static void *block(int64_t bytes) { return malloc((size_t)(bytes > 0 ? bytes : 1)); }
+static void *copied(const void *from, int64_t bytes) {
+  return memcpy(block(bytes), from, (size_t)bytes);
+}
+static void *numbers(FILE *file, int64_t *count) {
+  if (fread(count, 8, 1, file) != 1) exit(3);
+  void *all = block(8 * *count);
+  if (fread(all, 8, (size_t)*count, file) != (size_t)*count) exit(3);
+  return all;
+}
+typedef struct { int64_t arrays; int64_t count[24]; double *array[24]; } Call;
+static int64_t calls;
+static Call *call;
+static void compute(const Call *c, double *worst);
+
+static void compare(const double *found, const double *wanted, int64_t n, double *worst) {
+  double size = 0, off = 0;
+  for (int64_t i = 0; i < n; i++) size = fmax(size, fabs(wanted[i]));
+  for (int64_t i = 0; i < n; i++) {
+    if (isnan(found[i]) && isnan(wanted[i])) continue;
+    const double d = fabs(found[i] - wanted[i]) / size;
+    if (found[i] != wanted[i] && !(d <= off)) off = d;
+  }
+  if (!(off <= *worst)) *worst = off;
+}
+
+typedef struct { int64_t first; double worst; } Work;
+
+static void *all_calls(void *given) {
+  Work *work = given;
+  for (int64_t i = 0; i < calls; i++) compute(call + (i + work->first) % calls, &work->worst);
+  return NULL;
+}
+
+int main(int argc, char **argv) {
+  FILE *file = fopen(argv[1], "rb");
+  const int threads = atoi(argv[2]);
+  if (argc < 3 || !file || fread(&calls, 8, 1, file) != 1) return 3;
+  call = block(calls * (int64_t)sizeof(Call));
+  for (int64_t i = 0; i < calls; i++) {
+    if (fread(&call[i].arrays, 8, 1, file) != 1) return 3;
+    for (int64_t a = 0; a < call[i].arrays; a++)
+      call[i].array[a] = numbers(file, call[i].count + a);
+  }
+  pthread_t thread[64];
+  Work work[64];
+  for (int k = 0; k < threads; k++) {
+    work[k] = (Work){calls * k / threads, 0};
+    if (pthread_create(thread + k, NULL, all_calls, work + k)) return 3;
+  }
+  double worst = 0;
+  for (int k = 0; k < threads; k++) {
+    pthread_join(thread[k], NULL);
+    if (!(work[k].worst <= worst)) worst = work[k].worst;
+  }
+  printf("%.1e\\n", worst);
+  return 0;
+}
+"""
+"""A program that computes recorded calls again, and prints by how much they differ."""
+
+_METHOD = """
+/* phases and iterations; flags; rule; numbers; guess; tolerance, barrier, closest; status; motion;
+   multipliers */
+static void compute(const Call *c, double *worst) {
+  const int64_t *whole = (const int64_t *)c->array[0], *flags = (const int64_t *)c->array[1];
+  int64_t n = 0;
+  for (int64_t q = 0; q < whole[0]; q++) n += flags[q];
+  double *motion = copied(c->array[4], 8 * c->count[4]), *multipliers = block(8 * c->count[8]);
+  const Settings settings = {c->array[5][0], c->array[5][1], c->array[5][2], whole[1]};
+  Report report;
+  void *memory = block(workspace(n, whole[0]));
+  const double status = solve(whole[0], flags, c->array[2], c->array[3], motion, multipliers,
+                              &settings, &report, memory);
+  compare(&status, c->array[6], 1, worst);
+  if (status == 0) compare(motion, c->array[7], c->count[7], worst);
+  for (int64_t i = 0; status == 0 && i < c->count[8]; i++)
+    if (!isfinite(multipliers[i])) *worst = NAN;
+  free(memory);
+  free(multipliers);
+  free(motion);
+}
+"""
+
+_GAUSS = """
+/* n and width; rows; status; solution */
+static void compute(const Call *c, double *worst) {
+  const int64_t n = ((const int64_t *)c->array[0])[0], width = ((const int64_t *)c->array[0])[1];
+  double *rows = copied(c->array[1], 8 * c->count[1]);
+  const double done = gauss(n, width, rows);
+  compare(&done, c->array[2], 1, worst);
+  for (int64_t i = 0; done && i < n; i++)
+    compare(rows + width * i + n, c->array[3] + i, 1, worst);
+  free(rows);
+}
+"""
+
+
+class Finding(deltaopt.DeltaOptError):
+    """What a sanitizer says, or a result that differs."""
+
+
+@dataclass
+class Program:
+    """C text with a function ``compute``, and the calls that it computes again: arrays each."""
+
+    name: str
+    text: str
+    calls: list[list[NDArray[np.generic]]] = field(default_factory=list)
+
+    def write_calls(self, file: Path) -> None:
+        """For the program to read: the number of calls, of each the number of arrays, of each
+        array the number of its numbers of 8 bytes, and these."""
+        with file.open("wb") as out:
+            np.int64(len(self.calls)).tofile(out)
+            for arrays in self.calls:
+                np.int64(len(arrays)).tofile(out)
+                for array in arrays:
+                    np.int64(array.size).tofile(out)
+                    array.tofile(out)
+
+    def run(self, sanitizer: str) -> float:
+        """Compile and run it; by how much results differ. Raises Finding."""
+        with tempfile.TemporaryDirectory() as folder:
+            text, data = Path(folder) / "a.c", Path(folder) / "calls"
+            text.write_text(self.text)
+            self.write_calls(data)
+            arguments = [str(data), str(_THREADS[sanitizer])]
+            printed = built_and_run(self.name, sanitizer, [text], arguments)
+        worst = float(printed)
+        if not worst <= _AGREE:
+            raise Finding(f"{self.name} by {sanitizer}: results differ by {worst:.1e}")
+        return worst
+
+
+def built_and_run(
+    name: str, sanitizer: str, sources: Sequence[Path], arguments: Sequence[str]
+) -> str:
+    """What a program prints that is compiled with a sanitizer. Raises Finding."""
+    found, program = compiler(), sources[0].with_name("program")
+    assert found is not None
+    flags = [_LEVEL[sanitizer], *_FLAGS, f"-fsanitize={sanitizer}"]
+    build = [found.command, *flags, *map(str, sources), "-lm", "-o", str(program)]
+    made = subprocess.run(build, capture_output=True, text=True, timeout=_LONGEST)
+    if made.returncode:
+        raise Finding(f"{name} does not compile with {sanitizer}: {made.stderr}")
+    run = subprocess.run(
+        [str(program), *arguments],
+        capture_output=True,
+        text=True,
+        timeout=_LONGEST,
+        env=os.environ | {"ASAN_OPTIONS": _NOT_A_NUMBER, "UBSAN_OPTIONS": "print_stacktrace=1"},
+    )
+    if run.returncode or run.stderr:
+        raise Finding(f"{name} by {sanitizer} ended with {run.returncode}:\n{run.stderr}")
+    return run.stdout
+
+
+def missing(sanitizer: str) -> str | None:
+    """A sentence that says why a sanitizer cannot be used here; None if it can."""
+    if compiler() is None:
+        return "there is no C compiler here"
+    with tempfile.TemporaryDirectory() as folder:
+        text = Path(folder) / "a.c"
+        text.write_text("int main(void) { return 0; }\n")
+        try:
+            built_and_run("", sanitizer, [text], [])
+        except Finding:
+            return f"the C compiler here has no -fsanitize={sanitizer} that works"
+    return None
+
+
+@contextmanager
+def recorded(programs: dict[str, Program]) -> Iterator[None]:
+    """Record the calls of compiled functions that are made in the block, by C text."""
+    run, rows = CompiledMethod.run, RowFunction.__call__
+
+    def run_recorded(method: CompiledMethod, given: Arguments) -> object:
+        guess = given.motion.copy()
+        result = run(method, given)
+        settings = given.settings
+        start = [settings.tolerance, settings.barrier, settings.closest]
+        whole = np.array([given.phases, settings.iterations], dtype=np.int64)
+        arrays = [whole, given.flags, given.rule, given.numbers, guess, np.array(start)]
+        arrays += [np.array([float(result[0])]), given.motion.copy(), given.multipliers.copy()]
+        _add(programs, _method_text(method), "interior-point method", arrays)
+        return result
+
+    def rows_recorded(function: RowFunction, *arguments: Array, parameters: Array) -> object:
+        results = rows(function, *arguments, parameters=parameters)
+        arrays = [np.ascontiguousarray(a, dtype=float) for a in (*arguments, parameters)]
+        _add(programs, _rows_text(function), function.function.name(), [*arrays, *results])
+        return results
+
+    with (
+        patch.object(CompiledMethod, "run", run_recorded),
+        patch.object(RowFunction, "__call__", rows_recorded),
+    ):
+        yield
+
+
+def _add(
+    programs: dict[str, Program], text: str, name: str, arrays: list[NDArray[np.generic]]
+) -> None:
+    program = programs.setdefault(text, Program(name, text))
+    if len(program.calls) < _CALLS:
+        program.calls.append(arrays)
+
+
+def _method_text(method: CompiledMethod) -> str:
+    text = source(method.problem, len(method.points))
+    assert text.count(_PARTS) == 1
+    before, after = text.split(_PARTS)
+    unused = "__attribute__((unused)) static void *part_of_one_block("
+    return before + _OWN_PARTS + unused + after + _READING + _METHOD
+
+
+def _rows_text(function: RowFunction) -> str:
+    """N is the number of rows of the first array."""
+    inputs = [function.function.size1_in(i) for i in range(function.function.n_in())]
+    outputs = [function.function.size1_out(i) for i in range(function.function.n_out())]
+    first = len(inputs)
+    found = [f"r{i}" for i in range(len(outputs))]
+    given = [f"c->array[{i}]" for i in range(first)]
+    lines = [
+        "static void compute(const Call *c, double *worst) {",
+        f"  const int64_t n = c->count[0] / {inputs[0]};",
+        *(f"  double *r{i} = block(8 * n * {size});" for i, size in enumerate(outputs)),
+        f"  rows(n, {', '.join([*given, *found])});",
+        *(
+            f"  compare(r{i}, c->array[{first + i}], n * {size}, worst);\n  free(r{i});"
+            for i, size in enumerate(outputs)
+        ),
+        "}",
+    ]
+    return vectorised.source(function.function) + _READING + "\n".join(lines) + "\n"
+
+
+def dense_systems() -> Program:
+    """Random systems of 1 to 40 unknowns, and singular ones."""
+    rng, calls = np.random.default_rng(1), list[list[NDArray[np.generic]]]()
+    for n in range(1, 41):
+        width = (n + 4) // 4 * 4
+        rows = np.zeros((n, width))
+        rows[:, : n + 1] = rng.normal(size=(n, n + 1))
+        if n % 5 == 0:
+            rows[:, n // 2] = 0.0
+        found = dense_solver.solve(rows[:, :n], rows[:, n])
+        solution = np.full(n, np.nan) if found is None else found
+        whole = np.array([n, width], dtype=np.int64)
+        calls.append([whole, rows.ravel(), np.array([float(found is not None)]), solution])
+    return Program("dense solver", dense_solver.C_TEXT + _READING + _GAUSS, calls)
+
+
+def check_controller(robot: deltaopt.Robot, sanitizer: str) -> str:
+    """The exported C with its own test program. Raises Finding."""
+    with tempfile.TemporaryDirectory() as folder:
+        files = [file for file in export_c(robot, Path(folder)) if file.suffix == ".c"]
+        return built_and_run("controller", sanitizer, files, []).splitlines()[0]
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.set_defaults(robots=(ORSINO, INDUSTRIAL), moves=5, functions=100, own_tests=True)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    usable = []
+    for sanitizer in SANITIZERS:
+        why = missing(sanitizer)
+        print(f"{sanitizer}: {why or 'works here'}", flush=True)
+        usable += [] if why else [sanitizer]
+    programs: dict[str, Program] = {}
+    robots = [deltaopt.load_robot(file) for file in arguments.robots]
+    with recorded(programs):
+        for robot in robots:
+            _plan(robot, arguments.moves, resolved=arguments.own_tests)
+        if arguments.own_tests:
+            _tests_of_the_method()
+    rows = [p for p in programs.values() if p.name != "interior-point method"]
+    methods = [p for p in programs.values() if p.name == "interior-point method"]
+    chosen = [*methods, *rows[: arguments.functions], dense_systems()]
+    failed = 0
+    for sanitizer in usable:
+        for program in chosen:
+            what = f"{sanitizer}: {program.name}, {len(program.calls)} calls"
+            failed += _told(what, partial(_difference, program, sanitizer))
+        for robot in robots:
+            what = f"{sanitizer}: controller of {robot.name}"
+            failed += _told(what, partial(check_controller, robot, sanitizer))
+    print(f"{failed} findings")
+    return 1 if failed else 0
+
+
+def _difference(program: Program, sanitizer: str) -> str:
+    return f"results differ by {program.run(sanitizer):.1e}"
+
+
+def _told(what: str, work: Callable[[], str]) -> int:
+    """Print what comes of it; 1 for a finding."""
+    try:
+        print(f"{what}: {work()}", flush=True)
+    except Finding as finding:
+        print(f"{what}: {finding}", flush=True)
+        return 1
+    return 0
+
+
+def _plan(robot: deltaopt.Robot, moves: int, *, resolved: bool) -> None:
+    """Plan moves with several limits, and verify them."""
+    for i, scene in enumerate(random_scenes(robot, 1.0, moves, seed=1)):
+        found = deltaopt.plan(scene)
+        deltaopt.verify(scene, found.trajectory)
+        if resolved and i == 0:
+            deltaopt.plan(scene, tolerance=1e-6)
+            limits = deltaopt.Limits(speed=20.0, acceleration=200.0)
+            deltaopt.plan(scene.model_copy(update={"limits": limits}))
+
+
+def _tests_of_the_method() -> None:
+    """Its tests solve problems of all kinds: phases, moving ends, integral rows, quintics."""
+    import pytest
+
+    tests = Path(__file__).parents[1] / "tests/planning/flat/test_general_problems.py"
+    pytest.main([str(tests)])
