@@ -382,7 +382,7 @@ def _plan(robot: deltaopt.Robot, moves: int, *, resolved: bool) -> None:
         deltaopt.verify(scene, found.trajectory)
         if resolved and i == 0:
             deltaopt.plan(scene, tolerance=1e-6)
-            limits = deltaopt.Limits(speed=20.0, acceleration=200.0)
+            limits = deltaopt.Limits(speed=8.0, acceleration=200.0)
             deltaopt.plan(scene.model_copy(update={"limits": limits}))
 
 

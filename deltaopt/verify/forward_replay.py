@@ -35,9 +35,9 @@ _HOPELESS = 1e10
 """Amplification beyond which the arrival is all rounding, and is not computed."""
 _FIFTHS = (0.1, 0.3, 0.5, 0.7, 0.9)
 """Fractions of an interval: the middles of its fifths."""
-_MOST_PIECES = 1_000
-"""Of a motion: so many take a second or two. Of every interval of a longer motion pieces are followed
-that are spread evenly over it, the first and the last among them."""
+_MOST_PIECES = 600
+"""Of a motion: so many take a second. Of every interval of a longer motion pieces are followed that
+are spread evenly over it, the first and the last among them."""
 _FEWEST_PIECES = 40
 """Of an interval, all of which would be more: one polynomial is known by fewer."""
 

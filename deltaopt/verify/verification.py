@@ -52,6 +52,9 @@ DEFECT_DISTANCE = 1e-7
 """Of the upper arm, after a piece of the motion: integration leaves 1e-12."""
 DEFECT_SPEED = 5e-5
 """Upper arms in the duration of the motion, after a piece of it: a ten-thousandth of the speed."""
+DEFECT_ROUNDING = 1e-13
+"""Of the upper arm, and of it in ``Units.time``: to which the integration is known. It is more than
+the shares of a way of nanometres or of a motion of years."""
 ARRIVAL_DISTANCE = 1e-5
 """Of the upper arm, some micrometres, the most the project promises: good robots repeat to 1e-4 m.
 """
@@ -70,6 +73,7 @@ class Bound:
     ``at_most``: of the upper arm's length (m), of that length in the motion's duration (m/s), or of
     the duration (s), so that large and small robots are held to the same; of nothing else.
     ``share``: of the distance from start to goal (m) or of the mean speed (m/s), if that is less.
+    ``rounding``: of the upper arm (m) or of it in ``Units.time`` (m/s), if that is more.
     """
 
     measure: str
@@ -77,15 +81,19 @@ class Bound:
     at_most: float
     complaint: str
     share: float = inf
+    rounding: float = 0.0
 
     def of(self, measured: Verification) -> Bound:
         """The bound of a measured motion in the measure's unit."""
         arm, way, duration = measured.arm, measured.way, measured.duration
-        units = {"s": duration, "m": arm, "m/s": arm / duration}
-        own = {"m": way, "m/s": way / duration}
+        rate, own_rate = (1 / t if t > 0 else inf for t in (duration, measured.time_unit))
+        units = {"s": duration, "m": arm, "m/s": arm * rate}
+        own = {"m": way, "m/s": way * rate}
+        known = {"m": arm, "m/s": arm * own_rate}
         at_most = self.at_most * units.get(self.unit, 1.0)
         if self.unit in own:
             at_most = min(at_most, self.share * own[self.unit])
+            at_most = max(at_most, self.rounding * known[self.unit])
         return replace(self, at_most=at_most)
 
 
@@ -153,6 +161,7 @@ BOUNDS = (
         DEFECT_DISTANCE,
         "its torques lead {:.3g} m off its path within a piece of it",
         BOUNDARY_SHARE,
+        DEFECT_ROUNDING,
     ),
     Bound(
         "defect_speed",
@@ -160,6 +169,7 @@ BOUNDS = (
         DEFECT_SPEED,
         "its torques give a speed {:.3g} m/s off its own within a piece of it",
         BOUNDARY_SHARE,
+        DEFECT_ROUNDING,
     ),
 )
 """Of everything but limits, whose excesses are measures of their own, each at most ``EXCESS``."""
@@ -206,6 +216,7 @@ class Verification:
     """The measures of a motion. Infinite: could not be evaluated, or there is no such value.
 
     ``way``: m, from the scene's start to its goal. ``arm``: m, length of the upper arm.
+    ``time_unit``: s, ``Units.time``.
     ``duration``, ``safe_duration``: s; the latter is the shortest to which the motion can be
         slowed so that it keeps its limits.
     ``effort``: ∫ τᵀτ dt, N²m²s.
@@ -234,6 +245,7 @@ class Verification:
     duration: float
     way: float = inf
     arm: float = inf
+    time_unit: float = inf
     safe_duration: float = inf
     effort: float = inf
     duration_error: float | None = None
@@ -359,14 +371,23 @@ def verify(scene: Scene, trajectory: Trajectory) -> Verification:
         raise TypeError(
             f"trajectory is a {kind}; it must be a Trajectory, such as plan(scene).trajectory"
         )
+    units = Units.of(scene, trajectory)
     nothing = Verification(
         trajectory.duration,
         way=distance(scene.task),
-        arm=scene.robot.upper_arm.length,
+        arm=units.length,
+        time_unit=units.time,
         excesses=not_measured(scene),
     )
-    if not (np.diff(trajectory.knots) > 0).all():
-        return replace(nothing, obstacles=("time does not increase from knot to knot",))
+    obstacle = _malformed(trajectory)
+    if obstacle:
+        return replace(nothing, obstacles=(obstacle,))
+    with np.errstate(invalid="ignore", over="ignore"):  # numbers that are none are told
+        return _measured(scene, trajectory, nothing)
+
+
+def _measured(scene: Scene, trajectory: Trajectory, nothing: Verification) -> Verification:
+    """With every measure that can be evaluated."""
     try:
         measures = _measures(scene, trajectory) | _errors(scene, trajectory)
         measures |= _ends(scene, trajectory) | _jumps(trajectory)
@@ -379,6 +400,21 @@ def verify(scene: Scene, trajectory: Trajectory) -> Verification:
     except (NotIntegrated, Unreachable, Singular) as error:
         return replace(measured, obstacles=(str(error),))
     return replace(measured, **vars(followed))
+
+
+def _malformed(trajectory: Trajectory) -> str | None:
+    """Why a trajectory is no function of time; None if it is one."""
+    knots, pieces = trajectory.knots, len(trajectory.knots) - 1
+    if not (np.isfinite(knots).all() and (np.diff(knots) > 0).all()):
+        return "time does not increase from knot to knot"
+    parts = [(trajectory.position, 3)]
+    if trajectory.coordinates is not None:
+        parts.append((trajectory.coordinates, 12))
+    for polynomials, components in parts:
+        shape = polynomials.coefficients.shape
+        if pieces < 1 or len(shape) != 3 or shape[0] != pieces or shape[2] != components:
+            return f"polynomials of shape {shape} where there are {len(knots)} knots"
+    return None
 
 
 def _measures(scene: Scene, trajectory: Trajectory) -> dict[str, Any]:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import json
+from dataclasses import dataclass, replace
 from functools import cache
-from math import comb, nan
+from math import comb, inf, nan
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ import pytest
 from deltaopt import Limits, Scene, baseline, load_scene, plan, verify
 from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
 from deltaopt.planning.initial_motion import straight_line
-from deltaopt.robot.model import delta_model
+from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.verify.verification import DYNAMIC_ERROR
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
@@ -215,3 +216,97 @@ def test_the_other_side_of_the_singularity():
     line = straight_line(delta_model(scene.robot, 1.0), scene.start, scene.goal, 1.0)
     found = verify(scene, line)
     assert "arm and bars of chain 1 cannot close there" in found.failures()[0]
+
+
+def test_the_same_path_a_thousandth_slower_at_its_knots():
+    """Knots later by a thousandth, polynomials as they were; one interval longer by 0.1 ms."""
+    good = planned("pick_and_place")
+    stretched = good.knots * 1.001
+    longer = good.knots + 1e-4 * (np.arange(len(good.knots)) > len(good.knots) // 2)
+    for slower, knots in ((1.0, stretched), (60.0, longer)):
+        bad = replace(good, position=replace(good.position, knots=knots)).slowed(slower)
+        said = "; ".join(verify(SCENES["pick_and_place"], bad).failures())
+        assert "its position jumps by" in said
+        assert "its velocity jumps by" in said
+
+
+@pytest.mark.parametrize("slower", [1.5, 60.0])
+@pytest.mark.parametrize(("key", "more"), [("gravity", 1e-6), ("base_radius", 1e-7)])
+def test_another_robot(key, more, slower):
+    """By a millionth or less: in fast and in slow motions."""
+    scene = SCENES["pick_and_place"]
+    robot = scene.robot.model_copy(update={key: getattr(scene.robot, key) * (1 + more)})
+    good = planned("pick_and_place").slowed(slower)
+    assert verify(scene, good).ok
+    assert not verify(scene, replace(good, model=delta_model(robot, scene.payload))).ok
+
+
+@dataclass(frozen=True)
+class LargerTorques(DeltaModel):
+    """Reports the torques of a motion, each a little larger."""
+
+    def inverse_dynamics(self, x, v, a):
+        return super().inverse_dynamics(x, v, a) * (1 + 1e-7)
+
+
+@pytest.mark.parametrize("slower", [1.5, 60.0])
+def test_torques_that_the_path_does_not_need(slower):
+    scene = SCENES["pick_and_place"]
+    model = LargerTorques(scene.robot, scene.payload)
+    found = verify(scene, replace(planned("pick_and_place").slowed(slower), model=model))
+    assert any("accelerations that differ" in each for each in found.failures())
+
+
+def coordinates_of(good: Trajectory, late: float = 0.0) -> Trajectory:
+    """The same motion with all coordinates as polynomials of degree 15, ``late`` (s)."""
+    nodes = np.polynomial.chebyshev.chebpts1(16) / 2 + 0.5
+    lengths = np.diff(good.knots)
+    coefficients = []
+    for k, h in enumerate(lengths):
+        interval = np.full(16, k)
+        x = good.position.inside(interval, nodes * h - late)
+        q = good.model.inverse_kinematics(x)
+        coefficients.append(np.polynomial.polynomial.polyfit(nodes, q, 15))
+    powers = lengths[:, None, None] ** np.arange(16)[:, None]
+    position = PiecewisePolynomial(good.knots, np.array(coefficients) / powers)
+    return replace(good, coordinates=position)
+
+
+def test_coordinates_that_are_a_microsecond_late():
+    """They obey the constraints, but the torques are those of the path."""
+    scene, line = SCENES["pick_and_place"], baseline(SCENES["pick_and_place"])
+    line = replace(line, position=pieces(line, list(np.linspace(0, line.duration, 9)[1:-1]), 5))
+    assert verify(scene, coordinates_of(line)).ok
+    found = verify(scene, coordinates_of(line, late=1e-6))
+    assert any("accelerations that differ" in each for each in found.failures())
+
+
+def test_trajectories_that_are_no_functions_of_time():
+    scene, good = SCENES["pick_and_place"], planned("pick_and_place")
+    knots, coefficients = good.knots, good.position.coefficients
+    last = np.arange(len(knots)) == len(knots) - 1
+    polynomials = {
+        "time does not increase": PiecewisePolynomial(np.where(last, inf, knots), coefficients),
+        "of shape (0, 4, 3) where there are 1 knots": PiecewisePolynomial(
+            knots[:1], coefficients[:0]
+        ),
+        "knots": PiecewisePolynomial(knots[:-1], coefficients),
+        "where there are": PiecewisePolynomial(np.append(knots, 1.0), coefficients),
+        "cannot be at": PiecewisePolynomial(knots, np.full_like(coefficients, inf)),
+    }
+    for said, position in polynomials.items():
+        found = verify(scene, replace(good, position=position))
+        assert not found.ok
+        assert said in found.failures()[0]
+        assert not json.loads(json.dumps(found.as_dict(), allow_nan=False))["ok"]
+    for shape in ((len(knots) - 2, 4, 12), (len(knots) - 1, 4, 11)):
+        bad = replace(good, coordinates=PiecewisePolynomial(knots, np.zeros(shape)))
+        assert f"of shape {shape}" in verify(scene, bad).failures()[0]
+
+
+def test_a_motion_of_thousands_of_years():
+    """A good one passes; the torques of a payload that differs by a millionth do not."""
+    scene, good = SCENES["pick_and_place"], baseline(SCENES["pick_and_place"]).slowed(1e12)
+    assert verify(scene, good).failures() == []
+    other = delta_model(scene.robot, (scene.payload or 0.0) * (1 + 1e-6))
+    assert not verify(scene, replace(good, model=other)).ok
