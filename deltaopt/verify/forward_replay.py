@@ -38,8 +38,9 @@ _FIFTHS = (0.1, 0.3, 0.5, 0.7, 0.9)
 _MOST_PIECES = 600
 """Of a motion: so many take a second. Of every interval of a longer motion pieces are followed that
 are spread evenly over it, the first and the last among them."""
-_FEWEST_PIECES = 40
-"""Of an interval, all of which would be more: one polynomial is known by fewer."""
+_FEWEST_PIECES = 4
+"""Of an interval, for each coefficient of its polynomial, where it has more: the polynomial and
+what follows from it are known by fewer."""
 
 
 class NotIntegrated(Exception):
@@ -111,7 +112,8 @@ class _Torques:
 
     def defects(self, counts: list[int]) -> tuple[float, float]:
         """The largest defect of a piece, m and m/s; ``counts``: pieces of each interval."""
-        most = max(_FEWEST_PIECES, _MOST_PIECES // len(counts))
+        powers = self.position.coefficients.shape[1]
+        most = max(_FEWEST_PIECES * powers, _MOST_PIECES // len(counts))
         distances, speeds = [0.0], [0.0]
         for interval, count in enumerate(counts):
             length = (self.position.knots[interval + 1] - self.position.knots[interval]) / count
