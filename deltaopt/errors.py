@@ -31,7 +31,7 @@ class SceneError(DeltaOptError):
         self.problem = problem
 
     def __str__(self) -> str:
-        place = ": ".join(str(part) for part in (self.file, self.key) if part)
+        place = ": ".join(on_one_line(str(part)) for part in (self.file, self.key) if part)
         problem = self.problem or f"is {shortened(repr(self.value))}"
         return f"{place} {problem}; expected {self.expected}"
 
@@ -44,6 +44,12 @@ class SceneError(DeltaOptError):
 def shortened(text: str, limit: int = 120) -> str:
     """A text of at most ``limit`` characters: what is longer ends in dots."""
     return text if len(text) <= limit else text[: limit - 3] + "..."
+
+
+def on_one_line(name: str) -> str:
+    """A name of a file or a key for a sentence, in quotes with escapes if it has a line break or
+    another sign that cannot be printed."""
+    return shortened(name if name.isprintable() else repr(name), limit=400)
 
 
 def in_words(point: Iterable[float]) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import isfinite
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,6 +14,10 @@ Array = NDArray[np.float64]
 _ROUNDING = 1e-12
 """Share of the duration by which an instant may be outside the motion and is still its end: sums of
 the lengths of intervals differ from the last knot by rounding."""
+
+_LARGEST_FACTOR = 1e30
+"""By which a motion can be slowed: its fifth power, by which coefficients are divided, is still a
+number."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,10 +175,13 @@ class Trajectory:
     def slowed(self, factor: float) -> Trajectory:
         """The same path, uniformly ``factor`` times as slow; torques change accordingly.
 
-        Raises ValueError for a factor that is not finite and greater than 0.
+        Raises ValueError for a factor that is not between 1e-30 and 1e30.
         """
-        if not (isfinite(factor) and factor > 0):
-            raise ValueError(f"factor is {factor}; it must be finite and greater than 0")
+        if not 1 / _LARGEST_FACTOR <= factor <= _LARGEST_FACTOR:
+            raise ValueError(
+                f"factor is {factor}; it must be finite and greater than 0, from "
+                f"{1 / _LARGEST_FACTOR:g} to {_LARGEST_FACTOR:g}"
+            )
         coordinates = self.coordinates and self.coordinates.slowed(factor)
         return replace(self, position=self.position.slowed(factor), coordinates=coordinates)
 

@@ -19,6 +19,7 @@ from deltaopt.mechanisms.delta.functions import delta_functions
 from deltaopt.mechanisms.delta.mechanism import DeltaTerms
 from deltaopt.motion.time_scaling import rough_factor, safe_factor
 from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
+from deltaopt.planning.settings import require_type
 from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.scene import Scene
@@ -64,6 +65,7 @@ def baseline(scene: Scene) -> Trajectory:
     leaves the workspace, and Infeasible where gravity alone exceeds a torque limit on it or the
     given duration is too short; another path may exist all the same.
     """
+    require_type("scene", scene, Scene, "a Scene, such as load_scene returns")
     fastest = _fastest(scene, _line(scene), "the straight line from start to goal")
     given = scene.objective.given_duration
     if given is None:

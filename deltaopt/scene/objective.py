@@ -105,7 +105,8 @@ def objective_in(content: dict[str, object]) -> dict[str, object]:
     """
     rest = {key: value for key, value in content.items() if key not in ("objective", "duration")}
     given, duration = content.get("objective", "time"), content.get("duration")
-    if given == "effort":
+    word = given if isinstance(given, str) else None  # an array compares by elements
+    if word == "effort":
         if "duration" not in content:
             needed = f"{EXPECTED_DURATION}, since the objective is effort"
             raise SceneError(None, "duration", None, needed, "is missing")
@@ -116,7 +117,7 @@ def objective_in(content: dict[str, object]) -> dict[str, object]:
     if "duration" in content:
         free = "objective: effort beside it, since it is a variable otherwise"
         raise SceneError(None, "duration", duration, free)
-    if given == "time":
+    if word == "time":
         return {**rest, "objective": Time()}
     if isinstance(given, dict):
         try:

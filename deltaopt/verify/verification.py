@@ -361,11 +361,14 @@ def _finite(value: float | None) -> float | None:
     return value if value is not None and isfinite(value) else None
 
 
+@np.errstate(over="ignore", invalid="ignore")  # measures that are no numbers are beyond any bound
 def verify(scene: Scene, trajectory: Trajectory) -> Verification:
     """Measure a motion that is to solve a scene. Never raises for a bad motion.
 
-    Raises TypeError if it is given something else than a trajectory, a plan for example.
+    Raises TypeError if it is given something else than a scene and a trajectory, such as a plan.
     """
+    if not isinstance(scene, Scene):
+        raise TypeError(f"scene is a {type(scene).__name__}; it must be a Scene")
     if not isinstance(trajectory, Trajectory):
         kind = type(trajectory).__name__
         raise TypeError(
