@@ -32,7 +32,7 @@ class SceneError(DeltaOptError):
 
     def __str__(self) -> str:
         place = ": ".join(on_one_line(str(part)) for part in (self.file, self.key) if part)
-        problem = self.problem or f"is {shortened(repr(self.value))}"
+        problem = self.problem or f"is {shown(self.value)}"
         return f"{place} {problem}; expected {self.expected}"
 
     def inside(self, *, file: Path | None = None, key: str = "") -> SceneError:
@@ -44,6 +44,15 @@ class SceneError(DeltaOptError):
 def shortened(text: str, limit: int = 120) -> str:
     """A text of at most ``limit`` characters: what is longer ends in dots."""
     return text if len(text) <= limit else text[: limit - 3] + "..."
+
+
+def shown(value: object) -> str:
+    """A value for a sentence, as Python writes it, on one line and not too long of it."""
+    try:
+        written = repr(value)
+    except ValueError:  # Python does not write whole numbers of thousands of digits
+        return "a number of thousands of digits"
+    return shortened(" ".join(line.strip() for line in written.splitlines()))
 
 
 def on_one_line(name: str) -> str:

@@ -7,6 +7,7 @@ cannot be written; 130 stopped by Ctrl-C (by another signal 128 and its number);
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Callable
 from typing import Protocol
@@ -14,7 +15,7 @@ from typing import Protocol
 from deltaopt.cli import bench, check, compare, export, inverse, plan, verify
 from deltaopt.cli.arguments import WrongUsage
 from deltaopt.cli.streams import discard, flush, print_any_text, say
-from deltaopt.errors import DeltaOptError, SceneError
+from deltaopt.errors import DeltaOptError, SceneError, on_one_line
 from deltaopt.interrupts.requests import Stopped, ignore_requests, requests_raised
 
 
@@ -103,7 +104,8 @@ def exit_code(run: Callable[[], int]) -> int:
     except OSError as error:  # input errors are SceneErrors: this output cannot be written
         if error.filename is None:
             discard(sys.stdout)
-        return _failed(2, f"{error.filename or 'standard output'}: {error.strerror or error}")
+        name = on_one_line(os.fsdecode(error.filename or "standard output"))
+        return _failed(2, f"{name}: {error.strerror or error}")
     except Stopped as request:
         return _failed(128 + request.signal, "stopped")
     except KeyboardInterrupt:

@@ -25,7 +25,7 @@ from pydantic import (
     model_validator,
 )
 
-from deltaopt.errors import SceneError, shortened
+from deltaopt.errors import SceneError, shown
 from deltaopt.files.units import WrongUnit
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
@@ -156,7 +156,7 @@ def _wrong_unit(value: object, error: ValidationError) -> str:
         cause = detail.get("ctx", {}).get("error")
         if isinstance(cause, WrongUnit):
             which = "which" if value == cause.text else f"of which {cause.text!r}"
-            return f"is {shortened(repr(value))}, {which} {cause}"
+            return f"is {shown(value)}, {which} {cause}"
     return ""
 
 

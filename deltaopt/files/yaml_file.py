@@ -20,6 +20,9 @@ _DEEPEST = 20
 """Largest depth of nesting: a robot file needs 3, and PyYAML's time and stack limit the depth."""
 _LARGEST = 1_000_000
 """Largest size of a file, bytes: a robot has a few hundred, and PyYAML is slow with megabytes."""
+_LONGEST = 20_000
+"""Most lines of a file, and most signs and values in it: a robot has a hundred, and PyYAML takes a
+second or two for so many."""
 _OPENING = (
     yaml.BlockMappingStartToken,
     yaml.BlockSequenceStartToken,
@@ -82,13 +85,17 @@ def _reason(error: yaml.YAMLError) -> str:
 
 
 def _refuse_traps(text: str) -> None:
-    """Refuse aliases, tags and deep nesting, none of which a robot or scene needs.
+    """Refuse aliases, tags, deep nesting and long lists, none of which a robot or scene needs.
 
     A few aliases can expand to gigabytes, and PyYAML's time is quadratic in the depth.
     """
+    if text.count("\n") > _LONGEST:
+        raise _unusable(f"has more than {_LONGEST} lines")
     depth = 0
-    for token in yaml.scan(text, Loader=yaml.BaseLoader):
+    for number, token in enumerate(yaml.scan(text, Loader=yaml.BaseLoader)):
         line = token.start_mark.line + 1
+        if number > _LONGEST:
+            raise _unusable(f"has too many values (line {line})")
         depth += isinstance(token, _OPENING) - isinstance(token, _CLOSING)
         if depth > _DEEPEST:
             raise _unusable(f"is nested too deeply (line {line})")

@@ -135,7 +135,12 @@ class Trajectory:
         Singular where the platform cannot be or the torques are not defined, and ValueError for
         times that are not numbers.
         """
-        times: Array = np.atleast_1d(np.asarray(t, dtype=float))
+        try:
+            times: Array = np.atleast_1d(np.asarray(t, dtype=float))
+        except OverflowError:
+            raise ValueError(
+                "t is a whole number beyond all doubles; times in s are needed"
+            ) from None
         if times.ndim > 1 or np.isnan(times).any():
             found = f"has shape {times.shape}" if times.ndim > 1 else "contains nan"
             raise ValueError(f"t {found}; a number or an array (N,) of times in s is needed")

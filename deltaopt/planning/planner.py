@@ -38,7 +38,7 @@ from deltaopt.planning.nlp.problem import FormulatedProblem, Guess, ProblemFormu
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import LINEAR, PiecewiseAcceleration
 from deltaopt.planning.refinement import Progress, Refinement, Resolver
-from deltaopt.planning.settings import require_positive, require_type, require_whole
+from deltaopt.planning.settings import MOST, require_positive, require_type, require_whole
 from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.feasibility import check_feasible, serial_distances_at_ends
@@ -199,7 +199,7 @@ class Planner:
 
     def __post_init__(self) -> None:
         require_positive("tolerance", self.tolerance)
-        require_whole("intervals", self.intervals, 2, "to stop again")
+        require_whole("intervals", self.intervals, 2, "to stop again", MOST)
         self._check_types()
         if self.solver and not isinstance(self.solver, self._formulation.solvers):
             raise ValueError(
@@ -251,7 +251,7 @@ class Planner:
 
         ``starts``, ``seed``, ``progress`` and the errors raised: as of the function ``plan``.
         """
-        require_whole("starts", starts, 1)
+        require_whole("starts", starts, 1, most=MOST)
         require_whole("seed", seed, 0)
         check_feasible(scene)
         report = progress or (lambda _: None)

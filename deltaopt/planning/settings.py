@@ -2,32 +2,43 @@
 
 from __future__ import annotations
 
-from math import isfinite
+from math import inf
 from numbers import Integral, Real
+from sys import float_info
 from types import UnionType
+
+from deltaopt.errors import shown
+
+MOST = 9999
+"""Most intervals of a first mesh, and most first guesses: beyond, a plan takes hours or all of the
+memory."""
 
 
 def require_positive(name: str, value: object) -> None:
     """Raise TypeError unless a setting is a number, ValueError unless it is finite and above 0."""
     if not isinstance(value, Real):
-        raise TypeError(f"{name} is {value!r}; it must be a number greater than 0")
-    number = float(value)
-    if not number > 0:
-        raise ValueError(f"{name} is {value}; it must be greater than 0")
-    if not isfinite(number):
-        raise ValueError(f"{name} is {value}; it must be finite")
+        raise TypeError(f"{name} is {shown(value)}; it must be a number greater than 0")
+    if not value > 0:
+        raise ValueError(f"{name} is {shown(value)}; it must be greater than 0")
+    if value > float_info.max:  # type: ignore[operator]  # numbers compare
+        raise ValueError(f"{name} is {shown(value)}; it must be finite")
 
 
-def require_whole(name: str, value: object, least: int, purpose: str = "") -> None:
-    """Raise TypeError unless a setting is a whole number, ValueError if it is below the least.
+def require_whole(
+    name: str, value: object, least: int, purpose: str = "", most: float = inf
+) -> None:
+    """Raise TypeError unless a setting is a whole number, ValueError if it is below the least or
+    above the most.
 
     ``purpose``: what the least is needed for, in words such as "to stop again".
     """
     if not isinstance(value, Integral):
-        raise TypeError(f"{name} is {value!r}; it must be a whole number of at least {least}")
+        raise TypeError(f"{name} is {shown(value)}; it must be a whole number of at least {least}")
     if value < least:
         needed = f"at least {least} {purpose}".rstrip()
-        raise ValueError(f"{name} is {value}; it must be {needed}")
+        raise ValueError(f"{name} is {shown(value)}; it must be {needed}")
+    if value > most:  # type: ignore[operator]
+        raise ValueError(f"{name} is {shown(value)}; it must be at most {most}")
 
 
 def require_type(name: str, value: object, kind: type | UnionType, expected: str) -> None:
@@ -36,4 +47,4 @@ def require_type(name: str, value: object, kind: type | UnionType, expected: str
     ``expected``: values of that kind, in words.
     """
     if isinstance(value, type) or not isinstance(value, kind):
-        raise TypeError(f"{name} is {value!r}; it must be {expected}")
+        raise TypeError(f"{name} is {shown(value)}; it must be {expected}")

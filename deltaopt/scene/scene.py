@@ -19,7 +19,7 @@ from pydantic import (
     model_validator,
 )
 
-from deltaopt.errors import SceneError, on_one_line
+from deltaopt.errors import SceneError, shown
 from deltaopt.files.units import LENGTH, MASS
 from deltaopt.files.validated_record import Number, Positive, Record
 from deltaopt.files.yaml_file import read_yaml
@@ -170,5 +170,5 @@ def load_scene(path: str | Path) -> Scene:
 def _robot_file(scene_file: Path, value: object) -> Path:
     if isinstance(value, str) and os.path.isfile(scene_file.parent / value):
         return scene_file.parent / value
-    problem = f"is {on_one_line(repr(value))}, which is no file" if isinstance(value, str) else ""
+    problem = f"is {shown(value)}, which is no file" if isinstance(value, str) else ""
     raise SceneError(scene_file, "robot", value, _ROBOT_FILE, problem)

@@ -18,6 +18,6 @@ settings.register_profile(
     suppress_health_check=UNHURRIED,
 )
 settings.register_profile(
-    "long", max_examples=4000, deadline=None, suppress_health_check=UNHURRIED, print_blob=True
+    "long", max_examples=1000, deadline=None, suppress_health_check=UNHURRIED, print_blob=True
 )
 settings.load_profile("small")

@@ -92,7 +92,7 @@ def _chart(file: Path, *_: object) -> None:
     file.write_bytes(b"")
 
 
-@fewer(20)
+@fewer(25)
 @given(
     scene=st.sampled_from(SCENES),
     options=st.lists(

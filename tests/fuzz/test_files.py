@@ -70,7 +70,8 @@ def test_any_tree(content, folder):
         load_scene(written(folder, content, SCENE_CONTENT))
 
 
-@given(depth=st.integers(1, 3000), opening=st.sampled_from(["[", "{a: ", "- ", "a:\n", "? "]))
+@fewer(4)
+@given(depth=st.integers(1, 2000), opening=st.sampled_from(["[", "{a: ", "- ", "a:\n", "? "]))
 def test_any_depth(depth, opening, folder):
     (folder / "deep.yaml").write_text(opening * depth, encoding="utf-8")
     with result_or_sentence(seconds=5):

@@ -579,6 +579,44 @@ def test_a_huge_file_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no pipes with names")
+@pytest.mark.parametrize(
+    ("content", "problem"),
+    [
+        ("a: [" + "1," * 400_000 + "]", "has too many values (line 1)"),
+        ("".join(f"k{i}: 1\n" for i in range(19_000)), "has too many values (line "),
+        ("a: |\n" + " x\n" * 300_000, "has more than 20000 lines"),
+    ],
+)
+def test_a_long_file_is_refused_soon(tmp_path: Path, content: str, problem: str) -> None:
+    """Parsing these took 10 s to a minute, though they have less than 1 MB."""
+    file = tmp_path / "robot.yaml"
+    file.write_text(content, encoding="utf-8")
+    assert len(content) < 1e6
+    with pytest.raises(SceneError) as told:
+        load_robot(file)
+    assert problem in str(told.value)
+
+
+@pytest.mark.parametrize("key", ["a\nb", "\x1e", "\u2028"])
+def test_a_key_with_a_line_break_is_quoted(key: str) -> None:
+    with pytest.raises(SceneError) as told:
+        Scene(**{key: 1.0})
+    assert str(told.value).startswith(f"{key!r} is not a known key")
+
+
+def test_a_file_with_a_line_break_is_quoted(tmp_path: Path) -> None:
+    with pytest.raises(SceneError) as told:
+        load_scene(tmp_path / "a\nb.yaml")
+    assert len(str(told.value).splitlines()) == 1
+
+
+def test_an_array_is_no_objective() -> None:
+    """It compares by elements, which was an error of pydantic's."""
+    scene = {"start": (0.45, 0.0, 0.0), "goal": (0.45, 0.1, 0.0)}
+    with pytest.raises(SceneError, match=r"^objective is array"):
+        Scene(robot=Robot.model_validate(ROBOT), **scene, objective=np.zeros(0))
+
+
 def test_a_pipe_is_refused_at_once(tmp_path: Path) -> None:
     """Opening it would wait for ever."""
     os.mkfifo(tmp_path / "pipe.yaml")
