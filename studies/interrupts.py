@@ -1,9 +1,9 @@
 """Commands that are stopped at random instants: nothing is half-written, no traceback is printed.
 
-  stop   Ctrl-C (SIGINT) during deltaopt --help, check and plan: exit code 130, or 0 where the
-         command had finished, at most one line about it, and the files of a plan all there or none
-  kill   SIGKILL during deltaopt plan with nothing compiled yet: the same of the files, and the
-         next plan, which finds what the killed one left, succeeds and tidies up
+  help, check, plan   Ctrl-C (SIGINT) during these commands: exit code 130, or 0 where the command
+                      had finished, at most one line about it, the files of a plan all there or none
+  kill                SIGKILL during deltaopt plan with nothing compiled yet: the same of the files,
+                      and the next plan, which finds what is left of this one, succeeds and tidies
 
 Every other plan is written to a folder that has an older plan and a file of the user's.
 """
@@ -33,8 +33,8 @@ from deltaopt.output.plan_files import COLUMNS
 from studies.problems import PICK_AND_PLACE
 
 HELP = "stop and kill commands at random instants: nothing is half-written"
-SMALL = {"parts": ("stop",), "number": 2}
-PARTS = ("stop", "kill")
+SMALL = {"parts": ("check",), "number": 2}
+PARTS = ("help", "check", "plan", "kill")
 FILES = {"plan.json", "plan.png", "trajectory.csv"}
 NOTES = "notes.txt"
 """A file of the user's in the folder that a plan is written to."""
@@ -230,24 +230,20 @@ def uninterrupted(words: Sequence[str], cache: Path | None = None) -> tuple[floa
     return time.perf_counter() - begin, frozenset(ended.errors)
 
 
-def experiments(part: str, scene: Path, place: Path) -> Iterator[Experiment]:
-    """The experiments of a part, each after the command was run to its end once or twice."""
-    plan = ("plan", str(scene))
-    if part == "kill":
-        longest, usual = uninterrupted((*plan, "-o", str(place / "cold")), place / "cache")
-        yield Experiment(plan, signal.SIGKILL, longest, True, usual)
-        return
-    commands: tuple[tuple[str, ...], ...] = (("--help",), ("check", str(scene)), plan)
-    for words in commands:
-        writes = words == plan
-        whole = (*words, "-o", str(place / "warm")) if writes else words
-        uninterrupted(whole)
-        longest, usual = uninterrupted(whole)
-        yield Experiment(words, signal.SIGINT, longest, writes, usual)
+def experiment(part: str, scene: Path, place: Path) -> Experiment:
+    """The experiment of a part, after its command was run to its end."""
+    words = {"help": ("--help",), "check": ("check", str(scene))}.get(part, ("plan", str(scene)))
+    writes, cache = words[0] == "plan", place / "cache" if part == "kill" else None
+    whole = (*words, "-o", str(place / part)) if writes else words
+    if part == "plan":
+        uninterrupted(whole)  # what is to be compiled is compiled now
+    longest, usual = uninterrupted(whole, cache)
+    number = signal.SIGKILL if part == "kill" else signal.SIGINT
+    return Experiment(words, number, longest, writes, usual)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("parts", nargs="*", metavar="PART", default=PARTS, help="stop, kill")
+    parser.add_argument("parts", nargs="*", metavar="PART", default=PARTS, help=", ".join(PARTS))
     parser.add_argument(
         "--number",
         type=one_or_more,
@@ -266,21 +262,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     unknown = [part for part in arguments.parts if part not in PARTS]
     if unknown:
-        raise WrongUsage(f"{unknown[0]} is no part of this study; stop and kill are")
-    heeded = signal.getsignal(signal.SIGINT)
-    if heeded is signal.SIG_IGN:  # as in the background of a shell; commands would inherit it
+        raise WrongUsage(f"{unknown[0]} is no part of this study; {', '.join(PARTS)} are")
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        # As in the background of a shell; the commands would inherit it.
         signal.signal(signal.SIGINT, signal.default_int_handler)
     rng, good = random.Random(arguments.seed), True
     with tempfile.TemporaryDirectory() as name:
-        place = Path(name)
-        uninterrupted(("plan", str(arguments.scene), "--baseline", "-o", str(place / "old")))
-        (place / "old" / NOTES).write_text("mine\n", encoding="utf-8")
+        place, old = Path(name), Path(name) / "old"
+        if {"plan", "kill"} & set(arguments.parts):
+            uninterrupted(("plan", str(arguments.scene), "--baseline", "-o", str(old)))
+            (old / NOTES).write_text("mine\n", encoding="utf-8")
         for part in arguments.parts:
-            for experiment in experiments(part, arguments.scene, place):
-                instants = [rng.uniform(0, experiment.longest) for _ in range(arguments.number)]
-                outcomes = _with_progress(experiment, instants, place / "old")
-                print(report(experiment, outcomes), flush=True)
-                good = good and not any(outcome.faults for outcome in outcomes)
+            tried = experiment(part, arguments.scene, place)
+            instants = [rng.uniform(0, tried.longest) for _ in range(arguments.number)]
+            outcomes = _with_progress(tried, instants, old)
+            print(report(tried, outcomes), flush=True)
+            good = good and not any(outcome.faults for outcome in outcomes)
     return 0 if good else 1
 
 

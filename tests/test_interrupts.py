@@ -68,8 +68,10 @@ def test_a_request_in_a_finaliser_is_raised_after_it(capsys):
         Finalised()
         time.sleep(5)
 
+    begin = time.monotonic()
     with pytest.raises(Stopped), requests_raised():
         waiting()
+    assert time.monotonic() < begin + 4
     assert capsys.readouterr().err == ""
 
 

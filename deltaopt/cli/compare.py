@@ -12,7 +12,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from deltaopt.cli.arguments import WrongUsage, folder, load_fastest
+from deltaopt.cli.arguments import WrongUsage, folder, load_fastest, one_or_more
 from deltaopt.cli.progress import ProgressBar
 from deltaopt.files.output_folder import all_or_none, require_writable
 
@@ -26,8 +26,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-o", dest="directory", type=folder, metavar="DIR", help="default: out/compare_WHAT"
     )
-    parser.add_argument("--states", type=int, default=100, help="random states (default 100)")
-    parser.add_argument("--rounds", type=int, default=200, help="timings of each (default 200)")
+    parser.add_argument(
+        "--states", type=one_or_more, default=100, help="random states (default 100)"
+    )
+    parser.add_argument(
+        "--rounds", type=one_or_more, default=200, help="timings of each (default 200)"
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -73,8 +77,6 @@ def _dynamics(arguments: argparse.Namespace) -> int:
     from deltaopt.compare.dynamics.study import compare_dynamics
     from deltaopt.plots.dynamics import draw
 
-    if arguments.states < 1 or arguments.rounds < 1:
-        raise WrongUsage("--states and --rounds must be at least 1")
     directory = arguments.directory or Path("out/compare_dynamics")
     require_writable(directory)
     study = compare_dynamics(arguments.states, arguments.rounds, compiler(), progress=ProgressBar())

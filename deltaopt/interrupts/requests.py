@@ -60,7 +60,7 @@ def requests_raised() -> Iterator[None]:
             usual(lost)
         elif first:
             number, _ = first.pop()
-            again = Timer(_AGAIN, signal.raise_signal, [number])
+            again = Timer(_AGAIN, _send_to_main_thread, [number])
             again.daemon = True
             again.start()
 
@@ -75,6 +75,13 @@ def requests_raised() -> Iterator[None]:
             raise
         finally:
             sys.unraisablehook = usual
+
+
+def _send_to_main_thread(number: int) -> None:
+    if hasattr(signal, "pthread_kill"):  # which wakes it up if it waits for something
+        signal.pthread_kill(int(main_thread().ident or 0), number)
+    else:
+        signal.raise_signal(number)
 
 
 @contextmanager

@@ -11,6 +11,7 @@ from deltaopt.codegen.simd_c import SCALAR, c_function
 from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.dynamics.mechanism import SX
 from deltaopt.dynamics.virtual_work import VirtualWork
+from deltaopt.errors import on_one_line
 from deltaopt.files.output_folder import all_or_none
 from deltaopt.mechanisms.delta.functions import DeltaFunctions, delta_functions
 from deltaopt.motion.trajectory import Array
@@ -136,7 +137,7 @@ def export_c(robot: Robot, directory: Path) -> list[Path]:
     if one cannot be written.
     """
     texts = {
-        "delta.h": HEADER.format(name=robot.name, joints=_joints(robot)),
+        "delta.h": HEADER.format(name=_in_comment(robot.name), joints=_joints(robot)),
         "delta.c": source(robot),
         "test_delta.c": program(robot),
     }
@@ -160,6 +161,11 @@ def _joints(robot: Robot) -> str:
         for k, (sign, zero) in enumerate(zip(signs, zeros, strict=True), 1)
     )
     return "\n\n   This robot's controller counts its angles otherwise:" + "".join(rows)
+
+
+def _in_comment(name: str) -> str:
+    """A name that does not end the comment that it stands in."""
+    return on_one_line(name).replace("*/", "* /")
 
 
 def source(robot: Robot) -> str:

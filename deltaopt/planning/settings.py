@@ -18,9 +18,9 @@ def require_positive(name: str, value: object) -> None:
     """Raise TypeError unless a setting is a number, ValueError unless it is finite and above 0."""
     if not isinstance(value, Real):
         raise TypeError(f"{name} is {shown(value)}; it must be a number greater than 0")
-    if not value > 0:
+    if not value > 0:  # type: ignore[operator]  # numbers compare
         raise ValueError(f"{name} is {shown(value)}; it must be greater than 0")
-    if value > float_info.max:  # type: ignore[operator]  # numbers compare
+    if value > float_info.max:  # type: ignore[operator]
         raise ValueError(f"{name} is {shown(value)}; it must be finite")
 
 

@@ -179,10 +179,20 @@ def test_command_writes_table_chart_and_verdict(
     assert (tmp_path / "dynamics.png").read_bytes().startswith(b"\x89PNG")
 
 
-@pytest.mark.parametrize("words", [["kinematics"], ["dynamics", "--states", "0"]])
-def test_bad_usage_is_two(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["compare", *words]) == 2
+def test_bad_usage_is_two(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["compare", "kinematics"]) == 2
     assert capsys.readouterr().err.count("\n") == 1
+
+
+@pytest.mark.parametrize("number", ["0", "-1", "1.5", "1" * 30])
+@pytest.mark.parametrize("option", ["--states", "--rounds"])
+def test_numbers_that_make_no_sense(
+    option: str, number: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as end:
+        main(["compare", "dynamics", option, number])
+    assert end.value.code == 2
+    assert f"argument {option}: '{number}' is not a whole number" in capsys.readouterr().err
 
 
 def test_missing_mpmath_is_one_sentence(

@@ -16,6 +16,7 @@ SAYS = {
     "agreement": "forward, 80 on switches",
     "frozen": "cases agree to 1e-09",
     "gap": "true: against 0.14087",
+    "interrupts": "SIGINT during check, 2 instants",
     "inverse": "inverse dynamics",
     "line": "pick_and_place: line by a quintic law 0.1966 s",
     "objectives": "least effort ∫ τᵀτ dt in",
