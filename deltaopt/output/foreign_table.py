@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from deltaopt.errors import DeltaOptError
+from deltaopt.errors import DeltaOptError, on_one_line
 from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
 from deltaopt.output.joint_table import Cubic, JointTable, Quintic, platform_motion
 from deltaopt.robot.joints import Joints
@@ -119,7 +119,7 @@ def read_foreign_table(file: Path) -> ForeignTable:
     if quantity is None or "t" not in columns:
         raise UnreadableTable(
             f"{file}: its header has no t with theta1, theta2, theta3 (rad) or x, y, z (m), but "
-            f"{', '.join(list(columns)[:8]) or 'nothing'}"
+            f"{', '.join(map(on_one_line, list(columns)[:8])) or 'nothing'}"
         )
     t, values = columns["t"], _three(columns, quantity)
     if values is None or len(t) < 4:

@@ -65,7 +65,7 @@ def load_plan(path: str | Path) -> SavedPlan:
     except KeyError as error:
         problem = f"it has no {error}, which plans of deltaopt 0.2 and later have"
         raise UnreadablePlan(f"{file}: {problem}") from None
-    except (TypeError, ValueError, AttributeError) as error:
+    except (TypeError, ValueError, AttributeError, OverflowError) as error:
         raise UnreadablePlan(f"{file}: its motion cannot be used: {error}") from None
     return SavedPlan(scene, trajectory, content)
 
@@ -85,6 +85,11 @@ def _read(file: Path) -> dict[str, Any]:
 
 
 def _scene(content: Mapping[str, Any]) -> Scene:
+    """Raises SceneError, also where scene or robot are no mappings."""
+    if not isinstance(content, dict):
+        raise SceneError(None, "scene", content, "a mapping of keys to values")
+    if not isinstance(content["robot"], dict):
+        raise SceneError(None, "robot", content["robot"], "a mapping of keys to values")
     return Scene.model_validate({**content, "robot": Robot.model_validate(content["robot"])})
 
 
