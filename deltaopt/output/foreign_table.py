@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from deltaopt.errors import DeltaOptError, on_one_line
+from deltaopt.files.validated_record import LARGEST
 from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
 from deltaopt.output.joint_table import Cubic, JointTable, Quintic, platform_motion
 from deltaopt.robot.joints import Joints
@@ -159,6 +160,8 @@ def _columns(file: Path) -> dict[str, Array]:
             continue  # a column of text is nobody's motion
         if name in _KNOWN and not np.isfinite(found[name]).all():
             raise UnreadableTable(f"{file}: column {name} has values that are no finite numbers")
+        if name in _KNOWN and (np.abs(found[name]) > LARGEST).any():
+            raise UnreadableTable(f"{file}: column {name} has numbers beyond {LARGEST:g}")
     return found
 
 
