@@ -6,6 +6,8 @@ import os
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 from deltaopt.codegen.compile import CACHE
@@ -16,31 +18,58 @@ begin = perf_counter()
 import sys
 import deltaopt
 scene = deltaopt.load_scene(sys.argv[1])
+planning = perf_counter()
 plan = deltaopt.plan(scene)
+planned = perf_counter()
 assert plan.within_tolerance and deltaopt.verify(scene, plan.trajectory).ok
-print(perf_counter() - begin)
+done = perf_counter()
+later = []
+for _ in range(int(sys.argv[2])):
+    again = perf_counter()
+    deltaopt.plan(scene)
+    later.append(perf_counter() - again)
+print(done - begin, planned - planning, sorted(later)[len(later) // 2])
 """
+_LATER = 15
+"""Number of later plans; more make their median steadier, but take seconds without machine code."""
 
 
-def first_plan(scene: Path) -> float:
-    """Return the seconds with nothing compiled yet."""
+@dataclass(frozen=True)
+class Start:
+    """What one process took, in s: ``verified`` from ``import`` to a verified plan, ``first`` the
+    first plan in it, ``later`` the median of later ones of the same scene."""
+
+    verified: float
+    first: float
+    later: float
+
+
+def first_plan(scene: Path) -> Start:
+    """Measure with nothing compiled yet but what came with the wheel."""
     with tempfile.TemporaryDirectory() as folder:
-        return _seconds(scene, {CACHE: folder})
+        return _measured(scene, {CACHE: folder, "ZIG_GLOBAL_CACHE_DIR": f"{folder}/zig"})
 
 
-def warm_plan(scene: Path) -> float:
-    """Return the seconds with everything compiled, by a process before if need be."""
-    _seconds(scene, {})
-    return _seconds(scene, {})
+def warm_plan(scene: Path) -> Start:
+    """Measure with everything compiled, by a process before if need be."""
+    _measured(scene, {})
+    return _measured(scene, {})
 
 
-def plan_without_compiler(scene: Path) -> float:
-    """Return the seconds with no compiler to be found."""
-    return _seconds(scene, {"PATH": ""})
+def plan_without_compiler(scene: Path) -> Start:
+    """Measure with none of the system's compilers to be found."""
+    return _measured(scene, {"PATH": ""})
 
 
-def _seconds(scene: Path, environment: dict[str, str]) -> float:
-    command = [sys.executable, "-c", _SCRIPT, str(scene)]
+CASES: dict[str, Callable[[Path], Start]] = {
+    "nothing compiled yet": first_plan,
+    "cache warm": warm_plan,
+    "no compiler on PATH": plan_without_compiler,
+}
+
+
+def _measured(scene: Path, environment: dict[str, str]) -> Start:
+    command = [sys.executable, "-c", _SCRIPT, str(scene), str(_LATER)]
     path = os.pathsep.join(filter(None, [os.getcwd(), os.environ.get("PYTHONPATH")]))
     result = subprocess.run(
         command,
@@ -49,4 +78,4 @@ def _seconds(scene: Path, environment: dict[str, str]) -> float:
         text=True,
         check=True,
     )
-    return float(result.stdout)
+    return Start(*map(float, result.stdout.split()))

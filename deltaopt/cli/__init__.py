@@ -7,6 +7,7 @@ cannot be written; 130 stopped by Ctrl-C (by another signal 128 and its number);
 from __future__ import annotations
 
 import argparse
+import logging
 import os
 import sys
 from collections.abc import Callable
@@ -44,6 +45,22 @@ COMMANDS: dict[str, Command] = {
 }
 
 
+class _OneLine(logging.Handler):
+    """Writes to stderr what the package says: warnings, and to people at a terminal what is done
+    that takes them seconds."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        if record.levelno >= logging.WARNING or sys.stderr.isatty():
+            say(f"deltaopt: {record.getMessage()}")
+
+
+def _say_what_is_logged() -> None:
+    log = logging.getLogger("deltaopt")
+    if not log.handlers:
+        log.addHandler(_OneLine())
+        log.setLevel(logging.INFO)
+
+
 def main(argv: list[str] | None = None) -> int:
     """Run the command that the arguments name and return its exit code.
 
@@ -60,6 +77,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _run(argv: list[str]) -> int:
+    _say_what_is_logged()
     parser = argparse.ArgumentParser(
         prog="deltaopt",
         description="Minimum-time motions of Delta robots under torque limits, verified.",

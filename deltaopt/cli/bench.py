@@ -107,13 +107,17 @@ def _peers(arguments: argparse.Namespace) -> int:
 
 
 def _start(arguments: argparse.Namespace) -> int:
-    """Measure the seconds from import to a verified plan: cold, warm, without a compiler."""
-    from deltaopt.bench.start import first_plan, plan_without_compiler, warm_plan
+    """Measure the seconds from import to a verified plan, of the first plan and of later ones:
+    with nothing compiled yet, with everything compiled, and without a compiler."""
+    from deltaopt.bench.start import CASES
 
     for file in arguments.scenes:
         check_feasible(load_scene(file))  # said here, not by the processes that plan it
+    print(f"{'':<20}  {'to a verified plan':>18}  {'first plan':>10}  {'later plans':>11}")
     for scene in arguments.scenes:
-        cold, warm, plain = first_plan(scene), warm_plan(scene), plan_without_compiler(scene)
-        print(f"{scene.stem}: first plan ever {cold:.2f} s, cache warm {warm:.2f} s, ", end="")
-        print(f"no compiler {plain:.2f} s")
+        print(scene.stem)
+        for name, measure in CASES.items():
+            found = measure(scene)
+            print(f"  {name:<20}{found.verified:>16.2f} s{found.first:>10.3f} s", end="")
+            print(f"{1e3 * found.later:>10.1f} ms")
     return 0

@@ -32,7 +32,10 @@ from deltaopt.errors import DeltaOptError, in_words
 from deltaopt.files.validated_record import PerMotor, per_motor
 from deltaopt.files.yaml_file import read_yaml
 from deltaopt.mechanisms.delta.mechanism import DeltaParameters
+from deltaopt.planning.flat.equations import point_equations
+from deltaopt.planning.flat.method_source import source
 from deltaopt.planning.initial_motion import baseline
+from deltaopt.planning.nlp.transcription import LINEAR
 from deltaopt.robot.catalogue import Reduction, reductions
 from deltaopt.robot.drive import Drive, Friction
 from deltaopt.robot.model import DeltaModel
@@ -190,10 +193,17 @@ def _description(scene: Scene) -> list[tuple[str, str]]:
         ("bodies", f"{len(mechanism.bodies)}: {_masses(parameters)}"),
         ("inertia", _inertias(parameters)),
         ("gravity", _gravity(parameters)),
-        ("machine code", describe()),
+        ("machine code", describe(default_method(scene))),
         ("left out", ", ".join([*_absent(parameters, scene.robot.drive), _NEVER])),
         ("baseline", _baseline(scene)),
     ]
+
+
+def default_method(scene: Scene) -> str:
+    """C source of the method that plans a scene by default."""
+    functions = DeltaModel(scene.robot, scene.payload).functions
+    equations = point_equations(functions, limits_of(scene).constraints)
+    return source(equations.point_problem, len(LINEAR.points))
 
 
 def limits_table(scene: Scene) -> str:

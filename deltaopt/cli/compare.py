@@ -72,7 +72,7 @@ def _plans(arguments: argparse.Namespace) -> int:
 
 def _dynamics(arguments: argparse.Namespace) -> int:
     """Measure the formulations of the dynamics, print tables and save a chart."""
-    from deltaopt.codegen.compile import compiler
+    from deltaopt.codegen.c_compiler import compiler
     from deltaopt.compare.dynamics.report import csv, notes, table, verdict
     from deltaopt.compare.dynamics.study import compare_dynamics
     from deltaopt.plots.dynamics import draw

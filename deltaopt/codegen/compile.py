@@ -1,82 +1,54 @@
-"""Machine code: C source compiled once on a machine and kept in a cache folder.
+"""Machine code: the compiled library of a C source, from the wheel, the cache, or a compiler.
 
-A compiled library is named by a hash of the C source, the compiler and its flags, so that it is
-never out of date. Beside it stands a hash of its own content, and it is built again if that does
-not fit: a damaged library ends the process that loads it. Where there is no compiler, the compiler
-fails or hangs, or the folder cannot be written or could be written by others, there is no machine
-code, and CasADi's interpreter does the same work.
+A library that came with the wheel is used if it was made of the same source. Otherwise one is
+compiled, once on a machine, and kept in a cache folder, named by a hash of the source, the compiler
+and its flags, so that it is never out of date. A damaged one is compiled again. Where there is no
+compiler, all fail or hang, or the folder cannot be written or could be written by others, there is
+no machine code, and CasADi's interpreter does the same work, which is said once.
 """
 
 from __future__ import annotations
 
 import hashlib
+import logging
 import os
 import shutil
 import stat
 import subprocess
 import tempfile
 import time
-from collections.abc import Sequence
-from contextlib import suppress
-from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from pathlib import Path
 
 import casadi as ca
 import platformdirs
 
-FLAGS = ("-O3", "-fno-tree-slp-vectorize", "-march=native", "-fno-math-errno", "-fno-trapping-math")
-"""Flags of the compiler. Vectors are written explicitly where they are faster (``simd_c``), so the
-compiler's own vectorisation of straight-line code, which was slower, is off. The last two flags
-change no result; they let square roots be inlined."""
+from deltaopt.codegen.c_compiler import EXTRA, FLAGS, Compiler, compilers
+from deltaopt.codegen.library_file import intact, put
+from deltaopt.codegen.prebuilt import FOLDER, carried, level_of
 
 CACHE = "DELTAOPT_CACHE"
 """Name of the environment variable that gives another folder for the compiled libraries."""
 
-_LONGEST = 300.0
-"""s; the largest source takes some 10 s. A compiler that takes longer hangs, and is stopped."""
+SLOWER = "100 to 200 times as slow"
+"""What the interpreter costs in a plan (docs/speed.md)."""
+
 _BUILDING = "building-"
 _ABANDONED = 3600.0
 """s; a build folder that is older was left by a process that was killed."""
 
-
-@dataclass(frozen=True)
-class Compiler:
-    """A C compiler; ``command``: the path of its program."""
-
-    command: str
-
-    @cached_property
-    def identity(self) -> str:
-        """A text that differs between versions, and between what ``FLAGS`` mean on processors."""
-        ask = [self.command, *FLAGS, "-E", "-v", "-x", "c", os.devnull]
-        answer = subprocess.run(ask, capture_output=True, text=True, timeout=_LONGEST)
-        return answer.stderr
-
-    @cached_property
-    def version(self) -> str:
-        """The first line of the compiler's description of itself, for people."""
-        answer = subprocess.run([self.command, "--version"], capture_output=True, text=True)
-        return (answer.stdout.splitlines() or ["unknown"])[0]
-
-    def compile(self, source: Path, library: Path) -> bool:
-        """Compile a C file into a shared library; returns whether that succeeded.
-
-        Raises subprocess.TimeoutExpired if the compiler hangs.
-        """
-        command = [self.command, *FLAGS, "-shared", "-fPIC", str(source), "-o", str(library), "-lm"]
-        return subprocess.run(command, capture_output=True, timeout=_LONGEST).returncode == 0
+_LOG = logging.getLogger("deltaopt")
+_SAID: set[str] = set()
+"""What is said once in a process, and has been."""
+_HANGING: set[Compiler] = set()
+"""Compilers that were stopped in this process, and are not tried again."""
+_ASKED: ContextVar[dict[str, None] | None] = ContextVar("asked", default=None)
 
 
-@lru_cache(maxsize=8)
-def _compiler_at(command: str) -> Compiler:
-    return Compiler(command)
-
-
-def compiler() -> Compiler | None:
-    """The C compiler of this machine, if it has one."""
-    command = shutil.which("gcc") or shutil.which("cc")
-    return _compiler_at(command) if command else None
+class _NoLibrary(Exception):
+    """There is no machine code; the text says why, and what to do about it."""
 
 
 def cache_directory() -> Path:
@@ -85,24 +57,82 @@ def cache_directory() -> Path:
 
 
 def library(source: str) -> Path | None:
-    """The shared library of a C source, compiled now if it is not in the cache folder yet.
+    """The shared library of a C source, compiled now if it neither came with the wheel nor is in
+    the cache folder yet.
 
-    None if there is no compiler, it fails, or the folder cannot be written or is not safe.
+    None if no compiler compiles it, or the folder cannot be written or is not safe.
     """
-    found = compiler()
-    if found is None:
+    asked = _ASKED.get()
+    if asked is not None:
+        asked[source] = None
         return None
     try:
-        content = "\0".join([source, found.command, found.identity, *FLAGS])
-        name = hashlib.sha256(content.encode()).hexdigest()[:32]
-        kept = cache_directory() / f"{name}.so"
-        if not _safe(kept.parent):
-            return None
-        if _intact(kept) or (_build(found, source, kept) and _intact(kept)):
+        return carried(source) or _kept(source)
+    except _NoLibrary as why:
+        _say_once("interpreted", logging.WARNING, f"CasADi interprets, {SLOWER}: {why}")
+        return None
+
+
+@contextmanager
+def recording() -> Iterator[dict[str, None]]:
+    """Collect the C sources of which libraries are asked for meanwhile in this thread, in order,
+    as the keys of a dictionary.
+
+    Nothing is compiled: CasADi interprets.
+    """
+    asked: dict[str, None] = {}
+    token = _ASKED.set(asked)
+    try:
+        yield asked
+    finally:
+        _ASKED.reset(token)
+
+
+def _say_once(what: str, level: int, text: str) -> None:
+    if what not in _SAID:
+        _SAID.add(what)
+        _LOG.log(level, text)
+
+
+def _kept(source: str) -> Path:
+    """The library of a C source in the cache, compiled if need be by the first compiler that can.
+
+    Raises _NoLibrary.
+    """
+    folder, found = cache_directory(), compilers()
+    if not found:
+        raise _NoLibrary(f"no C compiler found; install gcc, or {EXTRA}")
+    try:
+        if not _safe(folder):
+            raise _NoLibrary(
+                f"{folder} is not yours alone to write to; set {CACHE} to a folder that is"
+            )
+        for each in found:
+            kept = _try(each, source, folder)
+            if kept:
+                return kept
+    except OSError as error:
+        raise _NoLibrary(f"{folder}: {error.strerror}; set {CACHE} to another folder") from None
+    tried = " and ".join(each.command for each in found)
+    raise _NoLibrary(f"{tried} failed to compile into {folder}; install gcc, or {EXTRA}")
+
+
+def _try(found: Compiler, source: str, folder: Path) -> Path | None:
+    """The library of a C source by one compiler, from the cache or compiled now; None if it fails
+    or hangs."""
+    if found in _HANGING:
+        return None
+    try:
+        content = "\0".join([source, found.command, *found.arguments, found.identity, *FLAGS])
+        kept = folder / f"{hashlib.sha256(content.encode()).hexdigest()[:32]}.so"
+        if intact(kept):
             return kept
-    except (OSError, subprocess.TimeoutExpired):  # no folder to write to, or no compiler that ends
-        pass
-    return None
+        if kept.exists():
+            _LOG.warning("%s is damaged and is compiled again", kept)
+        return kept if _build(found, source, kept) and intact(kept) else None
+    except subprocess.TimeoutExpired:
+        _HANGING.add(found)
+        return None
 
 
 def _safe(folder: Path) -> bool:
@@ -114,37 +144,21 @@ def _safe(folder: Path) -> bool:
     return found.st_uid == os.getuid() and not found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
 
 
-def _hash_file(library: Path) -> Path:
-    return library.with_suffix(".sha256")
-
-
-def _intact(library: Path) -> bool:
-    """Whether a library is there and has the content that was built."""
-    try:
-        return _hash_file(library).read_text() == hashlib.sha256(library.read_bytes()).hexdigest()
-    except (OSError, UnicodeDecodeError):
-        return False
-
-
 def _build(found: Compiler, source: str, library: Path) -> bool:
     """Compile under a temporary name, then rename, since other processes may compile the same."""
     _remove_abandoned(library.parent)
     with tempfile.TemporaryDirectory(dir=library.parent, prefix=_BUILDING) as folder:
-        text, built, digest = (Path(folder) / name for name in ("a.c", "a.so", "a.sha256"))
+        text, built = Path(folder) / "a.c", Path(folder) / "a.so"
         text.write_text(source)
-        if not found.compile(text, built):
+        if not found.compile(text, built, slow=_say_compiling):
             return False
-        digest.write_text(hashlib.sha256(built.read_bytes()).hexdigest())
-        for file, name in ((built, library), (digest, _hash_file(library))):
-            _to_disk(file)
-            file.replace(name)
+        put(built, library)
     return True
 
 
-def _to_disk(file: Path) -> None:
-    """Wait until a file's content is on the disk: a name must never outlast what it names."""
-    with file.open("rb+") as opened:
-        os.fsync(opened.fileno())
+def _say_compiling() -> None:
+    text = f"compiling for this machine, once (kept in {cache_directory()}) ..."
+    _say_once("compiling", logging.INFO, text)
 
 
 def _remove_abandoned(folder: Path) -> None:
@@ -176,15 +190,20 @@ def in_machine_code(functions: Sequence[ca.Function]) -> list[ca.Function] | Non
     return [ca.external(function.name(), str(built)) for function in functions]
 
 
-def describe() -> str:
-    """A phrase that says whether functions run as machine code on this machine, and where it is."""
-    found, folder = compiler(), cache_directory()
-    if found is None:
-        return "no: no C compiler found, CasADi interprets, 100 to 200 times as slow; install gcc"
-    if library("int deltaopt_works(void) { return 1; }\n") is None:
-        why = f"{found.command} does not compile into {folder}"
-        with suppress(OSError):
-            if not _safe(folder):
-                why = f"{folder} is not yours alone to write to (set {CACHE} to a folder that is)"
-        return f"no: {why}, CasADi interprets, 100 to 200 times as slow"
-    return f"yes: {found.version}, kept in {folder}"
+_TRIAL = "int deltaopt_works(void) { return 1; }\n"
+
+
+def describe(source: str = _TRIAL) -> str:
+    """A phrase that says how the library of a C source is had on this machine, without compiling
+    it, and how what a scene adds is."""
+    level = level_of(FOLDER) if carried(source) else None
+    came = f"from the wheel ({level.name})" if level else ""
+    try:
+        folder = _kept(_TRIAL).parent
+    except _NoLibrary as why:
+        if came:
+            return f"{came}; what else a scene needs is interpreted, {SLOWER}: {why}"
+        return f"none: CasADi interprets, {SLOWER}: {why}"
+    by = next(each.version for each in compilers() if _try(each, _TRIAL, folder))
+    compiles = f"compiled by {by}, kept in {folder}"
+    return f"{came}; what else a scene needs is {compiles}" if came else compiles

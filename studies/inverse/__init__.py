@@ -22,7 +22,7 @@ import numpy as np
 
 import deltaopt
 from deltaopt.cli.arguments import positive
-from deltaopt.codegen.compile import compiler
+from deltaopt.codegen.c_compiler import compiler
 from deltaopt.errors import MissingPackage
 from deltaopt.output.controller_c import export_c
 from studies.inverse.by_hand import inverse_dynamics

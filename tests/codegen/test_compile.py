@@ -10,8 +10,10 @@ import time
 
 import pytest
 
+from deltaopt.codegen import c_compiler
 from deltaopt.codegen import compile as compiling
-from deltaopt.codegen.compile import CACHE, Compiler, compiler, describe, library
+from deltaopt.codegen.c_compiler import Compiler, compiler
+from deltaopt.codegen.compile import CACHE, describe, library, recording
 
 SOURCE = "int answer(void) { return 42; }\n"
 needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler")
@@ -21,11 +23,18 @@ needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler")
 def folder(tmp_path, monkeypatch):
     folder = tmp_path / "cache"
     monkeypatch.setenv(CACHE, str(folder))
+    monkeypatch.setattr(compiling, "_SAID", set())
     return folder
 
 
 def answer(path):
     return ctypes.CDLL(str(path)).answer()
+
+
+def script(path, commands):
+    """A program that does as the shell's commands say."""
+    path.write_text(f"#!/bin/sh\n{commands}\n")
+    path.chmod(0o755)
 
 
 @needs_compiler
@@ -82,15 +91,94 @@ def test_a_folder_that_others_can_write_to_is_refused(mode, folder):
 
 
 @needs_compiler
-def test_a_compiler_that_hangs_is_stopped(tmp_path, monkeypatch):
-    slow = tmp_path / "gcc"
-    slow.write_text("#!/bin/sh\nexec sleep 60\n")
-    slow.chmod(0o755)
-    monkeypatch.setattr(compiling, "_LONGEST", 0.2)
-    monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
+def test_a_compiler_that_hangs_is_stopped_and_not_tried_again(tmp_path, monkeypatch):
+    tried = tmp_path / "tried"
+    script(tmp_path / "gcc", f"echo >> {tried}; /bin/sleep 60")
+    monkeypatch.setattr(c_compiler, "_LONGEST", 0.2)
+    monkeypatch.setattr(c_compiler, "_extra", lambda: None)
+    monkeypatch.setenv("PATH", str(tmp_path))
     began = time.monotonic()
     assert library(SOURCE) is None
+    assert library(SOURCE) is None
     assert time.monotonic() - began < 10
+    assert tried.read_text() == "\n"
+
+
+@needs_compiler
+def test_compilers_are_tried_in_order(tmp_path, monkeypatch):
+    """gcc, cc, clang, then the extra's: the first that compiles is taken, each program once."""
+    real = compiler()
+    for name in ("clang", "cc", "gcc"):
+        script(tmp_path / name, "exit 1")
+    extra = Compiler(real.command, package="ziglang")
+    monkeypatch.setattr(c_compiler, "_extra", lambda: extra)
+    monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
+    found = c_compiler.compilers()
+    assert [each.command for each in found] == [
+        *(str(tmp_path / name) for name in ("gcc", "cc", "clang")),
+        real.command,
+    ]
+    assert answer(library(SOURCE)) == 42
+    assert describe().startswith(f"compiled by {real.version} of the package ziglang")
+    (tmp_path / "clang").unlink()
+    (tmp_path / "cc").unlink()
+    (tmp_path / "cc").symlink_to(tmp_path / "gcc")
+    assert len(c_compiler.compilers()) == 2
+
+
+def test_the_extras_compiler_is_found_in_its_package(tmp_path, monkeypatch):
+    (tmp_path / "ziglang").mkdir()
+    (tmp_path / "ziglang" / "__init__.py").touch()
+    script(tmp_path / "ziglang" / "zig", "exit 1")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setenv("PATH", "")
+    c_compiler._extra.cache_clear()
+    try:
+        found = compiler()
+    finally:
+        c_compiler._extra.cache_clear()
+    assert found == Compiler(str(tmp_path / "ziglang" / "zig"), ("cc", "-s"), "ziglang")
+
+
+def test_the_interpreter_is_said_once(caplog, monkeypatch):
+    monkeypatch.setattr(compiling, "compilers", list)
+    for number in range(3):
+        assert library(f"{SOURCE}/* {number} */") is None
+    (said,) = caplog.messages
+    assert said == (
+        "CasADi interprets, 100 to 200 times as slow: no C compiler found; "
+        "install gcc, or pip install 'deltaopt[compiler]'"
+    )
+
+
+@needs_compiler
+def test_a_damaged_library_that_cannot_be_compiled_again_is_not_loaded(caplog, monkeypatch):
+    kept = library(SOURCE)
+    kept.write_bytes(b"not a library")
+    monkeypatch.setattr(Compiler, "compile", lambda *_, **__: False)
+    assert library(SOURCE) is None
+    damaged, interpreted = caplog.messages
+    assert damaged == f"{kept} is damaged and is compiled again"
+    assert interpreted.startswith("CasADi interprets")
+
+
+@needs_compiler
+def test_compiling_is_said_once_if_it_takes_long(caplog, monkeypatch):
+    caplog.set_level("INFO", "deltaopt")
+    monkeypatch.setattr(c_compiler, "_SOON", 0.0)
+    library(SOURCE)
+    library(f"{SOURCE}/* other */")
+    (said,) = caplog.messages
+    assert said.startswith("compiling for this machine, once")
+
+
+def test_sources_are_recorded_and_not_compiled(folder):
+    with recording() as asked:
+        assert library("first") is None
+        assert library("second") is None
+        assert library("first") is None
+    assert list(asked) == ["first", "second"]
+    assert not folder.exists()
 
 
 @needs_compiler

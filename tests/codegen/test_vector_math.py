@@ -7,7 +7,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from deltaopt.codegen.compile import compiler
+from deltaopt.codegen.c_compiler import compiler
 from deltaopt.codegen.vectorised import RowFunction
 
 pytestmark = pytest.mark.skipif(compiler() is None, reason="no C compiler")

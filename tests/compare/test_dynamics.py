@@ -14,7 +14,8 @@ import pytest
 
 from deltaopt.cli import main
 from deltaopt.cli.progress import ProgressBar
-from deltaopt.codegen.compile import compiled, compiler
+from deltaopt.codegen.c_compiler import compiler
+from deltaopt.codegen.compile import compiled
 from deltaopt.compare.dynamics.many_digits import ManyDigits
 from deltaopt.compare.dynamics.models import models
 from deltaopt.compare.dynamics.printed import as_printed
@@ -168,7 +169,7 @@ def said(study: Study) -> str:
 def test_command_writes_table_chart_and_verdict(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("deltaopt.codegen.compile.compiler", lambda: None)
+    monkeypatch.setattr("deltaopt.codegen.c_compiler.compiler", lambda: None)
     command = ["compare", "dynamics", "--states", "2", "--rounds", "2", "-o", str(tmp_path)]
     assert main(command) == 0
     printed = capsys.readouterr()

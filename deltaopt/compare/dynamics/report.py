@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from textwrap import fill
 
-from deltaopt.codegen.compile import FLAGS
+from deltaopt.codegen.c_compiler import FLAGS
 from deltaopt.compare.dynamics.study import Row, Study
 
 _SAME = "the same cost indeed"

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from deltaopt.codegen.compile import Compiler, in_machine_code
+from deltaopt.codegen.c_compiler import Compiler
+from deltaopt.codegen.compile import in_machine_code
 from deltaopt.compare.dynamics.many_digits import ManyDigits
 from deltaopt.compare.dynamics.models import Model, models
 from deltaopt.compare.dynamics.samples import NEAR_HOME, PAPER, exact_samples, rounding_error

@@ -15,7 +15,7 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.codegen.compile import compiler
+from deltaopt.codegen.c_compiler import compiler
 from deltaopt.compare.plans.cases import Case, Reference
 from deltaopt.compare.plans.interpreted import interpreted
 from deltaopt.compare.plans.knots_at_switches import at_switches

@@ -16,7 +16,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from deltaopt.codegen.compile import compiler, library
+from deltaopt.codegen.c_compiler import compiler
+from deltaopt.codegen.compile import library
 from deltaopt.planning.flat import interior_point as module
 from deltaopt.planning.flat.interior_point import (
     Boundary,

@@ -1,0 +1,159 @@
+"""C compilers: those of the machine, and the one that the extra ``deltaopt[compiler]`` installs.
+
+The C of this package uses vectors as GCC and Clang have them. Microsoft's cl has none and is not
+looked for; nor, on Windows, are GCC, which aligns the stack for no vector of 32 bytes there, and
+Clang with Microsoft's headers, which lack functions of POSIX: there the extra compiles, which
+brings headers of its own.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import platform
+import re
+import shutil
+import signal
+import subprocess
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from pathlib import Path
+
+X86 = platform.machine().lower() in ("x86_64", "amd64")
+"""Whether this processor is of the 64-bit x86 family."""
+
+PORTABLE_FLAGS = ("-O3", "-fno-tree-slp-vectorize", "-fno-math-errno", "-fno-trapping-math")
+"""Flags of the compiler for any processor. Vectors are written explicitly where they are faster
+(``simd_c``), so the compiler's own vectorisation of straight-line code, which was slower, is off.
+The last two flags change no result; they let square roots be inlined."""
+
+FLAGS = (*PORTABLE_FLAGS, "-march=native" if X86 else "-mcpu=native")
+"""Flags of the compiler for the processor that it runs on."""
+
+EXTRA = "pip install 'deltaopt[compiler]'"
+"""What installs a compiler where the system has none."""
+
+_NAMES = () if os.name == "nt" else ("gcc", "cc", "clang")
+_LONGEST = 300.0
+"""s; the largest source takes some 10 s. A compiler that takes longer hangs, and is stopped."""
+_SOON = 1.0
+"""s; a compiler that takes longer is worth a word to who waits for it."""
+
+
+@dataclass(frozen=True)
+class Compiler:
+    """A C compiler.
+
+    ``command``: the path of its program. ``arguments``: the program's first ones, before flags and
+    files. ``package``: the Python package that brought it; None for the system's own.
+    """
+
+    command: str
+    arguments: tuple[str, ...] = ()
+    package: str | None = None
+
+    @cached_property
+    def identity(self) -> str:
+        """A text that differs between versions, and between what ``FLAGS`` mean on processors.
+
+        Raises subprocess.TimeoutExpired if the compiler hangs.
+        """
+        told = self._answer(*FLAGS, "-E", "-v", "-x", "c", os.devnull).stderr
+        return re.sub(r"-dependency-file \S+", "", told)  # a temporary file of Zig's
+
+    @cached_property
+    def version(self) -> str:
+        """The first line of the compiler's description of itself, for people."""
+        said = (self._answer("--version").stdout.splitlines() or ["unknown"])[0]
+        return f"{said} of the package {self.package}" if self.package else said
+
+    def _answer(self, *question: str) -> subprocess.CompletedProcess[str]:
+        """What the program prints; nothing if it cannot be run."""
+        ask = [self.command, *self.arguments, *question]
+        try:
+            return subprocess.run(ask, capture_output=True, text=True, timeout=_LONGEST)
+        except OSError:
+            return subprocess.CompletedProcess(ask, 1, "", "")
+
+    def compile(
+        self,
+        source: Path,
+        library: Path,
+        flags: Sequence[str] = FLAGS,
+        slow: Callable[[], None] = lambda: None,
+    ) -> bool:
+        """Compile a C file into a shared library; returns whether that succeeded.
+
+        ``slow``: is called once if it takes more than about a second. The compiler's own temporary
+        files go beside the library. Raises subprocess.TimeoutExpired if the compiler hangs.
+        """
+        files = [str(source), "-o", str(library), "-lm"]
+        with suppress(OSError):  # a program that cannot be run fails to compile
+            process = subprocess.Popen(
+                [self.command, *self.arguments, *flags, "-shared", "-fPIC", *files],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                env={**os.environ, "ZIG_LOCAL_CACHE_DIR": str(library.parent)},
+                start_new_session=True,
+            )
+            return _wait(process, slow)
+        return False
+
+
+def _wait(process: subprocess.Popen[bytes], slow: Callable[[], None]) -> bool:
+    """Whether a compiler succeeds. Raises subprocess.TimeoutExpired, having stopped it, if it
+    hangs."""
+    try:
+        try:
+            process.wait(min(_SOON, _LONGEST))
+        except subprocess.TimeoutExpired:
+            slow()
+            process.wait(max(0.0, _LONGEST - _SOON))
+    except BaseException:
+        _stop(process)
+        raise
+    return process.returncode == 0
+
+
+def _stop(process: subprocess.Popen[bytes]) -> None:
+    """End a compiler and the programs that it has started."""
+    if os.name == "posix":
+        os.killpg(process.pid, signal.SIGKILL)
+    else:
+        process.kill()
+    process.wait()
+
+
+@lru_cache(maxsize=8)
+def _compiler_at(command: str) -> Compiler:
+    return Compiler(command)
+
+
+@lru_cache(maxsize=1)
+def _extra() -> Compiler | None:
+    """The compiler of the package ziglang, which is Clang with headers and libraries."""
+    found = importlib.util.find_spec("ziglang")
+    if found is None or found.origin is None:
+        return None
+    program = Path(found.origin).with_name("zig.exe" if os.name == "nt" else "zig")
+    # -s: without it every library carries megabytes of text for debuggers.
+    return Compiler(str(program), ("cc", "-s"), "ziglang") if program.is_file() else None
+
+
+def compilers() -> list[Compiler]:
+    """The C compilers of this machine, in the order in which they are tried.
+
+    The system's come first: gcc, cc, clang. Each program is named once, whatever its names.
+    """
+    programs = {os.path.realpath(p): p for n in reversed(_NAMES) if (p := shutil.which(n))}
+    found = [_compiler_at(program) for program in reversed(programs.values())]
+    extra = _extra()
+    return [*found, extra] if extra else found
+
+
+def compiler() -> Compiler | None:
+    """The first C compiler of this machine, if it has one."""
+    return next(iter(compilers()), None)

@@ -1,0 +1,118 @@
+"""Libraries that a wheel carries, compiled when it was built.
+
+There is a folder for each `Level` of processors, with the libraries named by a hash of their C
+source. A source that differs in a single character, because a scene has other terms or CasADi has
+another version, has another name and is not found.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import os
+import tempfile
+from collections.abc import Collection
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+from deltaopt.codegen.c_compiler import PORTABLE_FLAGS, X86, Compiler
+from deltaopt.codegen.library_file import intact, put
+from deltaopt.errors import DeltaOptError
+
+FOLDER = Path(__file__).with_name("prebuilt")
+"""Where a wheel has its libraries; an installation from a clone has none."""
+
+
+@dataclass(frozen=True)
+class Level:
+    """Processors that run the same libraries.
+
+    ``flags``: of the compiler. ``features``: what a processor must have, by GCC's names.
+    """
+
+    name: str
+    flags: tuple[str, ...] = ()
+    features: tuple[str, ...] = ()
+
+
+BASELINE = Level("baseline")
+LEVELS = (Level("avx2", ("-mavx2", "-mfma"), ("avx2", "fma")), BASELINE) if X86 else (BASELINE,)
+"""Levels of this family of processors, the fastest first. A plan takes as long at the first as if
+compiled for the very processor, and twice as long at the last (docs/installation.md)."""
+
+_PROBE = "runs_here"
+"""Name of the library, and of its function, that says whether this processor has a level."""
+
+_OLD_LIBC = """\
+#if defined(__linux__) && defined(__x86_64__)
+#include <features.h>
+#ifdef __GLIBC__
+__asm__(".symver exp,exp@GLIBC_2.2.5");
+__asm__(".symver log,log@GLIBC_2.2.5");
+__asm__(".symver pow,pow@GLIBC_2.2.5");
+#endif
+#endif
+"""
+"""Asks for the names of functions that every glibc has: those of 2.29 return the same numbers."""
+
+
+def carried(source: str, folder: Path | None = None) -> Path | None:
+    """The library of a C source that was built with the wheel; None if there is none.
+
+    ``folder``: the wheel's if not given.
+    """
+    level = level_of(folder or FOLDER)
+    if level is None:
+        return None
+    library = _library(folder or FOLDER, level, source)
+    return library if intact(library) else None
+
+
+@lru_cache(maxsize=8)
+def level_of(folder: Path) -> Level | None:
+    """The fastest level in a folder whose libraries this processor can run."""
+    return next((level for level in LEVELS if _runs(folder / level.name / f"{_PROBE}.so")), None)
+
+
+def _runs(probe: Path) -> bool:
+    return intact(probe) and bool(ctypes.CDLL(str(probe)).runs_here())
+
+
+def _library(folder: Path, level: Level, source: str) -> Path:
+    name = hashlib.sha256(source.encode()).hexdigest()[:32]
+    return folder / level.name / f"{name}.so"
+
+
+def prebuild(sources: Collection[str], folder: Path, compiler: Compiler) -> None:
+    """Compile C sources for all levels into a folder, on all cores.
+
+    Raises DeltaOptError if the compiler fails.
+    """
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        todo = [pool.submit(_prebuild, s, folder, v, compiler) for v in LEVELS for s in sources]
+        for each in todo:
+            each.result()
+    for level in LEVELS:
+        _compile(_probe_source(level), folder / level.name / f"{_PROBE}.so", (), compiler)
+
+
+def _prebuild(source: str, folder: Path, level: Level, compiler: Compiler) -> None:
+    _compile(_OLD_LIBC + source, _library(folder, level, source), level.flags, compiler)
+
+
+def _compile(text: str, library: Path, flags: tuple[str, ...], compiler: Compiler) -> None:
+    library.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=library.parent) as scratch:
+        source, built = Path(scratch) / "a.c", Path(scratch) / "a.so"
+        source.write_text(text)
+        if not compiler.compile(source, built, (*PORTABLE_FLAGS, *flags)):
+            raise DeltaOptError(f"{compiler.command} does not compile {library.name}")
+        put(built, library)
+
+
+def _probe_source(level: Level) -> str:
+    tests = " && ".join(["1", *(f'__builtin_cpu_supports("{name}")' for name in level.features)])
+    begin = "__builtin_cpu_init(); " if level.features else ""
+    return f"int {_PROBE}(void) {{ {begin}return {tests}; }}\n"
