@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from itertools import product
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import deltaopt
 from deltaopt.codegen.c_compiler import compiler
@@ -40,9 +41,9 @@ def scenes() -> Iterator[deltaopt.Scene]:
 
 
 def sources(scene: deltaopt.Scene) -> list[str]:
-    """The C that planning and verifying a scene asks for."""
-    with recording() as asked:
-        deltaopt.verify(scene, deltaopt.plan(scene).trajectory)
+    """The C that planning a scene, verifying the plan and drawing it ask for."""
+    with recording() as asked, TemporaryDirectory() as folder:
+        deltaopt.plan(scene).save(folder)
     return list(asked)
 
 

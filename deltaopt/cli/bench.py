@@ -3,7 +3,7 @@
 deltaopt bench plan ROBOT...    how long plans take, and where the time goes
 deltaopt bench any ROBOT...     plan and verify random moves: how many succeed
 deltaopt bench peers ROBOT...   plans beside those of TOPP-RA, Ruckig and rockit, where installed
-deltaopt bench start SCENE...   seconds from import to a verified plan: cold, warm, no compiler
+deltaopt bench start SCENE...   from import to a verified plan: cold, warm, without a compiler
 """
 
 from __future__ import annotations
@@ -107,8 +107,8 @@ def _peers(arguments: argparse.Namespace) -> int:
 
 
 def _start(arguments: argparse.Namespace) -> int:
-    """Measure the seconds from import to a verified plan, of the first plan and of later ones:
-    with nothing compiled yet, with everything compiled, and without a compiler."""
+    """Measure the processor's time from import to a verified plan, for the first plan and for later
+    ones: with nothing compiled yet, with everything compiled, and without a compiler."""
     from deltaopt.bench.start import CASES
 
     for file in arguments.scenes:
