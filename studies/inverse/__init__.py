@@ -196,8 +196,8 @@ def exported_nanoseconds(robot: Robot) -> tuple[float, float]:
         raise MissingPackage("no C compiler is installed")
     with TemporaryDirectory() as folder:
         export_c(robot, Path(folder))
-        build = [found.command, "-O2", "delta.c", "test_delta.c", "-lm", "-o", "test_delta"]
-        subprocess.run(build, cwd=folder, check=True)
+        files = ["delta.c", "test_delta.c", "-lm", "-o", "test_delta"]
+        subprocess.run([found.command, *found.arguments, "-O2", *files], cwd=folder, check=True)
         ran = subprocess.run([f"{folder}/test_delta"], capture_output=True, text=True, check=True)
     inverse, forward = re.findall(r"(\d+) ns", ran.stdout)
     return float(inverse), float(forward)
