@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 import deltaopt
 from deltaopt.bench.random_scenes import random_scenes
 from deltaopt.codegen import dense_solver, vectorised
-from deltaopt.codegen.compile import compiler
+from deltaopt.codegen.c_compiler import compiler
 from deltaopt.codegen.vectorised import RowFunction
 from deltaopt.output.controller_c import export_c
 from deltaopt.planning.flat.interior_point import Arguments, CompiledMethod
