@@ -210,7 +210,7 @@ def built_and_run(
     found, program = compiler(), sources[0].with_name("program")
     assert found is not None
     flags = [_LEVEL[sanitizer], *_FLAGS, f"-fsanitize={sanitizer}"]
-    build = [found.command, *flags, *map(str, sources), "-lm", "-o", str(program)]
+    build = [found.command, *found.arguments, *flags, *map(str, sources), "-lm", "-o", str(program)]
     made = subprocess.run(build, capture_output=True, text=True, timeout=_LONGEST)
     if made.returncode:
         raise Finding(f"{name} does not compile with {sanitizer}: {made.stderr}")
