@@ -229,11 +229,14 @@ def limits_table(scene: Scene) -> str:
 
 
 def _bounds(lower: Array, upper: Array) -> str:
-    """Bounds as text: ± 10, at most 5, at least 0.01; several numbers if items differ."""
+    """Bounds as text: ± 10, -1 to 1.5, at most 5, at least 0.01; several numbers if they differ."""
     size = [f"{value:g}" for value in dict.fromkeys(np.where(np.isfinite(upper), upper, lower))]
     each = ", ".join(size)
     if np.isfinite(lower).all() and np.isfinite(upper).all():
-        return f"± {each}"
+        if (lower == -upper).all():
+            return f"± {each}"
+        pairs = dict.fromkeys(zip(lower.tolist(), upper.tolist(), strict=True))
+        return ", ".join(f"{least:g} to {most:g}" for least, most in pairs)
     return f"at most {each}" if np.isfinite(upper).all() else f"at least {each}"
 
 

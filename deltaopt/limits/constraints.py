@@ -16,7 +16,6 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.errors import DeltaOptError
 from deltaopt.limits.limit import SX, Bounds, Described, Instant, Limit, Numbers
 
 Array = NDArray[np.float64]
@@ -26,6 +25,9 @@ Truths = NDArray[np.bool]
 _EXPONENTS = (0, 1, 2, 4)
 """With which power of the speed a quantity may change: position, speed, torque or acceleration, and
 squares of the latter."""
+MIXED = -1
+"""Stands for the exponent of a row that mixes several powers of the speed, or is no power at all:
+τ + μ θ̇, ‖ẍ - g‖², a torque with friction."""
 
 
 @dataclass(frozen=True)
@@ -166,31 +168,36 @@ class Constraints:
 
     @cached_property
     def slowing_exponents(self) -> Integers:
-        """How rows change when a motion is slowed, (rows,).
+        """How rows change when a motion is slowed and its torques change as 1/k², (rows,).
 
         A motion k times as slow has rows r₀ + (r - r₀) / kⁿ, with r₀ those at rest at the same
-        place: n, found by trying; 0 where slowing changes nothing.
-        Raises DeltaOptError where no n fits.
+        place: n, found by trying; 0 where slowing changes nothing; ``MIXED`` where no n fits.
         """
         motion, numbers = _AnyMotion(self.motors), self.numbers()
         s = SX.sym("s")
         rows = ca.substitute(self.rows(motion, numbers), motion.everything, motion.slowed(s))
         f = ca.Function("slowed", [s, motion.seeds, numbers], [rows])
-        rng, found = np.random.default_rng(1), np.full(self.number, -1, np.intp)
+        rng, found = np.random.default_rng(1), np.full(self.number, MIXED, np.intp)
         x, p = rng.uniform(0.5, 1.5, motion.seeds.numel()), rng.uniform(0.5, 1.5, self.parameters)
         still, whole, part = (np.array(f(s, x, p)).ravel() for s in (0.0, 1.0, 0.7))
         for n in reversed(_EXPONENTS):
             fits = np.isclose(part - still, 0.7**n * (whole - still), rtol=1e-9, atol=1e-12)
             found[fits] = n
         found[np.isclose(whole, still, rtol=0, atol=1e-12)] = 0
-        if (found < 0).any():
-            names = {
-                limit.name
-                for limit, s in zip(self.limits, self.slices, strict=True)
-                if (found[s] < 0).any()
-            }
-            raise DeltaOptError(f"slowing a motion changes {', '.join(names)} by no single power")
         return found
+
+    @cached_property
+    def of_torque(self) -> Truths:
+        """Rows that depend on the torques, (rows,)."""
+        motion = _AnyMotion(self.motors)
+        rows = self.rows(motion, self.numbers())
+        return np.array(ca.which_depends(rows, motion.tau, 1, True), bool)
+
+    @cached_property
+    def of_place(self) -> Truths:
+        """Rows of positions that a motion must keep, (rows,): slowing cannot help them."""
+        promised = self._of_rows([limit.promised for limit in self.limits], np.bool)
+        return np.asarray(promised & (self.orders == 0))
 
     def of_order(self, order: int) -> Integers:
         """Indices of the rows of an order."""
@@ -213,6 +220,15 @@ class SceneLimits:
         items = tuple((limit, len(numbers)) for limit, numbers in found)
         values = np.array([value for _, numbers in found for value in numbers], dtype=float)
         return cls(_shared(Constraints(items)), values)
+
+    def only(self, kept: Sequence[int]) -> SceneLimits:
+        """Some of the items, by their indices, in their order; itself if these are all."""
+        if len(kept) == len(self.constraints.items):
+            return self
+        items = tuple(self.constraints.items[i] for i in kept)
+        numbers = [self.of_items[i] for i in kept]
+        constraints = Constraints(items, self.constraints.motors)
+        return SceneLimits(_shared(constraints), np.concatenate(numbers))
 
     @property
     def of_items(self) -> list[Array]:
@@ -254,10 +270,10 @@ class _AnyMotion:
     def __init__(self, motors: int) -> None:
         self.x, self.v, self.a = (SX.sym(name, 3) for name in ("x", "v", "a"))
         self.q, self.dq, self.ddq = (SX.sym(name, 12) for name in ("q", "dq", "ddq"))
-        self.theta, self.dtheta, self.ddtheta, self.tau, self.alignment, self._holding = (
-            SX.sym(name, motors)
-            for name in ("theta", "dtheta", "ddtheta", "tau", "alignment", "holding")
+        self.theta, self.dtheta, self.ddtheta, self.tau, self._holding = (
+            SX.sym(name, motors) for name in ("theta", "dtheta", "ddtheta", "tau", "holding")
         )
+        self.alignment, self.tilt = SX.sym("alignment", motors), SX.sym("tilt", motors)
 
     @property
     def everything(self) -> SX:
@@ -280,7 +296,7 @@ class _AnyMotion:
 
     @property
     def _positions(self) -> list[SX]:
-        return [self.x, self.q, self.theta, self.alignment]
+        return [self.x, self.q, self.theta, self.alignment, self.tilt]
 
     @property
     def _rates(self) -> list[SX]:

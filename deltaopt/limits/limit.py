@@ -29,7 +29,8 @@ class Instant(Protocol):
     The platform's position ``x``, velocity ``v`` and acceleration ``a`` (3; m, m/s, m/s²); all
     coordinates ``q`` (12; m and rad), their rates ``dq`` and ``ddq``; motor angles ``theta`` (rad)
     and their rates ``dtheta`` and ``ddtheta``; motor torques ``tau`` (N·m), one for each motor;
-    ``alignment``, sin² (q_{k,1} - q_{k,2}) of each chain, 0 in its serial singularity.
+    ``alignment``, sin² (q_{k,1} - q_{k,2}) of each chain, 0 in its serial singularity; ``tilt``,
+    sin q_{k,3} of each chain, how far its bars lean out of the plane of its arm.
     """
 
     @property
@@ -54,6 +55,8 @@ class Instant(Protocol):
     def tau(self) -> SX: ...
     @property
     def alignment(self) -> SX: ...
+    @property
+    def tilt(self) -> SX: ...
 
 
 class Described(Protocol):
@@ -77,7 +80,7 @@ class Described(Protocol):
 class Bounds:
     """Lower and upper bound of a quantity, None where there is none, and its natural ``scale``.
 
-    Two bounds are symmetric, ±``scale``, and an upper bound alone is its own scale.
+    Two bounds are ``scale`` away from their middle, and an upper bound alone is its own scale.
 
     ``out_of_reach``: whether a quantity with one bound cannot get as far as two scales from it on
     the permitted side. A norm with an upper bound cannot: it is never below 0, one scale away. A
@@ -95,6 +98,11 @@ class Bounds:
         return cls(-limit, limit, limit)
 
     @classmethod
+    def between(cls, lower: SX, upper: SX) -> Bounds:
+        """lower ≤ quantity ≤ upper."""
+        return cls(lower, upper, (upper - lower) / 2)
+
+    @classmethod
     def at_most(cls, limit: SX, *, out_of_reach: bool = False) -> Bounds:
         """quantity ≤ limit, a limit greater than 0."""
         return cls(None, limit, limit, out_of_reach)
@@ -107,7 +115,8 @@ class Bounds:
     def normalised(self, quantity: SX) -> SX:
         """The quantity with its lower bound at -1 and its upper bound at 1."""
         if self.lower is not None and self.upper is not None:
-            return quantity / self.scale
+            middle = (self.lower + self.upper) / 2
+            return (quantity - middle) / self.scale
         if self.lower is not None:
             return -1 + (quantity - self.lower) / self.scale
         return 1 + (quantity - self.scale) / self.scale

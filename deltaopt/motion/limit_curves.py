@@ -36,10 +36,13 @@ class LimitCurves:
 
     @property
     def of_bounds(self) -> Array:
-        """The values as shares of the nearer bound, (N, items), 1 at the bound. A lower bound of 0
-        has no share."""
+        """The values as shares of the nearer bound, (N, items), 1 at the bound, counted from the
+        middle between two bounds. A lower bound of 0 has no share."""
         with np.errstate(divide="ignore", invalid="ignore"):
-            return np.fmax(self.values / self.upper, self.values / self.lower)
+            middle, half = (self.lower + self.upper) / 2, (self.upper - self.lower) / 2
+            of_one = np.fmax(self.values / self.upper, self.values / self.lower)
+            both = np.isfinite(self.lower) & np.isfinite(self.upper)
+            return np.where(both, np.abs(self.values - middle) / half, of_one)
 
 
 def limit_curves(scene: Scene, trajectory: Trajectory, fractions: Array) -> Iterator[LimitCurves]:

@@ -6,24 +6,32 @@ trajectory carries), and between samples too.
 A motion k times as slow has constraint rows r₀ + (r - r₀) / kⁿ, r₀ being those at rest at the
 same place and n a property of the limit: 1 of speeds, 2 of torques and accelerations without
 friction. So each row asks of k² in closed form at each instant.
+
+Other rows mix several powers (τ + μ θ̇, ‖ẍ - g‖²) or are no powers (torques with friction). In
+scenes with such rows the instants at which the motion exceeds its limits most are collected, the
+largest speed is found at which all limits hold there, the motion is looked at again at that speed,
+and so on until it exceeds none. That takes nothing but the rows of slowed motions.
+
+Rows of positions stay what they are at any speed: no slowing cures their excess.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import inf, sqrt
 from typing import NoReturn
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from deltaopt.codegen.vectorised import RowFunction
 from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.errors import Unreachable
-from deltaopt.limits.constraints import Constraints
-from deltaopt.mechanisms.delta.functions import delta_functions
+from deltaopt.limits.constraints import MIXED, Constraints
+from deltaopt.mechanisms.delta.functions import DeltaFunctions, delta_functions
 from deltaopt.mechanisms.delta.instant import PlatformInstant
 from deltaopt.mechanisms.delta.mechanism import DeltaTerms
 from deltaopt.motion.extrema import (
@@ -34,14 +42,27 @@ from deltaopt.motion.extrema import (
     peaks,
     sample_fractions,
 )
+from deltaopt.motion.safe_speeds import largest_by_roots, largest_by_trying
 from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
 from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.scene.scene import Scene, limits_of
+
+Integers = NDArray[np.intp]
+Truths = NDArray[np.bool]
 
 _NOTHING = 1e-60
 """Stands for 0 as a divisor, so that what is asked of k² stays a number."""
 _TOO_MUCH = 1e50
 """Of k²: no k does."""
+_WITHIN = 1e-10
+"""Excess of a row of positions that counts as none: a tenth of what verification allows."""
+_SAFE = 1e-12
+"""The same of other rows of mixed powers: rounding of a row at its bound."""
+_EXCHANGES = 30
+"""Rounds of collecting instants; it takes three as a rule."""
+_LEAST_SLOPE = 0.05
+"""By how much a row of mixed powers is taken to fall with the speed at least, in the rough answer.
+A lesser one would ask for wild factors where slowing hardly helps."""
 
 
 @dataclass(frozen=True)
@@ -49,16 +70,18 @@ class Loads:
     """Constraint rows of a motion at N instants, and what they ask of a slowed motion.
 
     ``rows``: (N, rows), normalised: lower bounds at -1, upper bounds at 1. ``demands``: (N, …); the
-    first ``slower`` of them, one for each row that slowing changes, are what k² must be at least;
-    the rest, one for each row that is not zero at rest, what 1/k² must be at least: positive only
-    where a limit is exceeded at rest, so that it needs the motion's help. ``alignment``:
-    sin² (q_{k,1} - q_{k,2}) of the chains, (N, 3).
+    first ``slower`` of them, one for each row that slowing changes, are what k² must be at least,
+    for rows of mixed powers roughly; the next ``placed``, one for each row of positions that a
+    motion must keep, are its size, 1 at a bound; the rest, one for each row that is not zero at
+    rest, what 1/k² must be at least: positive only where a limit is exceeded at rest, so that it
+    needs the motion's help. ``alignment``: sin² (q_{k,1} - q_{k,2}) of the chains, (N, 3).
     """
 
     rows: Array
     demands: Array
     alignment: Array
     slower: int
+    placed: int
 
     def highest_demands(self, samples: int) -> Array:
         """The largest demands in each interval, of so many samples in each: (K, …)."""
@@ -70,32 +93,147 @@ class Loads:
         demands, (K, …) -> (K,)."""
         return np.asarray(np.sqrt(highest[:, : self.slower].max(axis=1)))
 
+    def needed(self, highest: Array, at_least: float = 1.0) -> NeededSlowing:
+        """What the largest demands, (…), ask for: of samples a little less than of all instants."""
+        squared = np.maximum(at_least**2, highest[: self.slower].max())  # NaN if one is
+        faster = highest[self.slower + self.placed :]
+        held = faster.max(initial=0.0) * squared <= 1
+        factor = sqrt(squared) if squared < _TOO_MUCH and held else inf
+        return NeededSlowing(factor, self.misplaced(highest))
+
+    def misplaced(self, highest: Array) -> float:
+        """``NeededSlowing.misplaced`` of the largest demands, (…)."""
+        return float(highest[self.slower : self.slower + self.placed].max(initial=0.0)) - 1
+
+
+@dataclass(frozen=True)
+class NeededSlowing:
+    """The smallest ``factor`` by which slowing a motion keeps its limits of speed, acceleration and
+    torque; infinite where none does. ``misplaced``: by how much it exceeds a limit of position,
+    which no slowing changes, as a share of the bound; negative within it."""
+
+    factor: float
+    misplaced: float
+
+    @property
+    def keeps_places(self) -> bool:
+        """Whether all limits of position are kept."""
+        return self.misplaced <= _WITHIN
+
 
 def safe_factor(
     scene: Scene, trajectory: Trajectory, at_least: float = 1.0, sampled: Loads | None = None
 ) -> float:
     """The smallest factor k ≥ ``at_least`` by which slowing the motion keeps its limits.
 
-    Infinite where no k does, such as where gravity alone exceeds a torque limit. ``sampled``:
-    ``loads_inside`` of ``sample_fractions``, where these are known already.
+    Infinite where no k does, such as where gravity alone exceeds a torque limit or a limit of
+    position is exceeded. ``sampled``: as of ``needed_slowing``.
+    """
+    needed = needed_slowing(scene, trajectory, at_least, sampled)
+    return needed.factor if needed.keeps_places else inf
+
+
+def needed_slowing(
+    scene: Scene, trajectory: Trajectory, at_least: float = 1.0, sampled: Loads | None = None
+) -> NeededSlowing:
+    """By what factor k ≥ ``at_least`` the motion has to be slowed, at all instants.
+
+    ``sampled``: ``loads_inside`` of ``sample_fractions``, where these are known already.
     """
     intervals = len(trajectory.knots) - 1
     along, fractions = _loads_along(scene, trajectory), sample_fractions(intervals)
     known = sampled or along(*everywhere(intervals, fractions))
     highest = _highest(along, lambda loads: loads.demands, fractions, known).values
-    return _factor(highest, known.slower, at_least)
+    if not _mixed(scene).any():
+        return known.needed(highest, at_least)
+    size = limits_of(scene).constraints.size
+
+    def looked_at(speed: float) -> Peaks:
+        slowed = _loads_along(scene, trajectory.slowed(1 / speed))
+        loads = slowed(*everywhere(intervals, fractions))
+        return _highest(slowed, lambda loads: size(loads.rows), fractions, loads)
+
+    factor = _factor_by_exchange(scene, trajectory, at_least, looked_at)
+    return NeededSlowing(factor, known.misplaced(highest))
 
 
-def sampled_factor(demands: Array, slower: int, at_least: float = 1.0) -> float:
-    """The same from demands of samples only, (N, …): a little less where they miss a peak."""
-    return _factor(demands.max(axis=0), slower, at_least)
+def _factor_by_exchange(
+    scene: Scene,
+    trajectory: Trajectory,
+    at_least: float,
+    looked_at: Callable[[float], Peaks],
+) -> float:
+    """The smallest safe factor where rows have mixed powers.
+
+    ``looked_at``: the highest sizes of all rows with the motion at a speed, and where they are.
+    """
+    changes = _exponents(scene) != 0
+    largest = largest_by_roots if _squares(scene) else largest_by_trying
+    speed, highest = _where_to_begin(at_least, looked_at, changes)
+    instants = _Instants.none(scene, trajectory)
+    for _ in range(_EXCHANGES):
+        beyond = changes & ~(highest.values <= 1 + _SAFE)
+        if not beyond.any():
+            return 1 / speed
+        if not np.isfinite(highest.values).all():
+            return inf
+        instants = instants.joined_by(highest.intervals[beyond], highest.fractions[beyond])
+        slower = largest(instants.excesses, speed)
+        if slower is None:
+            return inf
+        speed = slower
+        highest = looked_at(speed)
+    return inf
 
 
-def _factor(highest: Array, slower: int, at_least: float) -> float:
-    """From the largest demands."""
-    squared = np.maximum(at_least**2, highest[:slower].max())  # not a number if one is none
-    held = highest[slower:].max(initial=0.0) * squared <= 1
-    return sqrt(squared) if squared < _TOO_MUCH and held else inf
+def _where_to_begin(
+    at_least: float, looked_at: Callable[[float], Peaks], changes: Truths
+) -> tuple[float, Peaks]:
+    """The largest speed that is allowed, or one that is too fast, and the highest rows there."""
+    speed = 1 / at_least if at_least else 1.0
+    highest = looked_at(speed)
+    while not at_least and (highest.values[changes] <= 1).all():
+        speed *= 2
+        highest = looked_at(speed)
+    return speed, highest
+
+
+@dataclass(frozen=True)
+class _Instants:
+    """Instants of a motion by interval and fraction, (n,) each, at which it is slowed."""
+
+    scene: Scene
+    trajectory: Trajectory
+    intervals: Index
+    fractions: Array
+
+    @classmethod
+    def none(cls, scene: Scene, trajectory: Trajectory) -> _Instants:
+        return cls(scene, trajectory, np.zeros(0, np.intp), np.zeros(0))
+
+    def joined_by(self, intervals: Index, fractions: Array) -> _Instants:
+        """These and more."""
+        return replace(
+            self,
+            intervals=np.concatenate([self.intervals, intervals]),
+            fractions=np.concatenate([self.fractions, fractions]),
+        )
+
+    def excesses(self, speeds: Array) -> Array:
+        """By how much rows that slowing changes exceed their bounds at these speeds, (S,): (S, …)
+        for all instants and sides."""
+        position, constraints = self.trajectory.position, limits_of(self.scene).constraints
+        since = np.diff(self.trajectory.knots)[self.intervals] * self.fractions
+        path = (position, position.derivative(), position.derivative().derivative())
+        x, v, a = (each.inside(self.intervals, since) for each in path)
+        s = np.repeat(speeds, len(since))[:, None]
+        taylor = [np.tile(x, (len(speeds), 1)), s * np.tile(v, (len(speeds), 1))]
+        taylor.append(s**2 * np.tile(a, (len(speeds), 1)) / 2)
+        evaluate = _Evaluation.of(self.scene, self.trajectory)
+        rows = evaluate.of_polynomials(np.hstack(taylor)).rows
+        lower, upper = (constraints.sides & (_exponents(self.scene) != 0)[:, None]).T
+        both = np.hstack([rows[:, upper] - 1, -1 - rows[:, lower]])
+        return np.asarray(both.reshape(len(speeds), -1))
 
 
 def highest_rows(scene: Scene, trajectory: Trajectory) -> Peaks:
@@ -130,11 +268,22 @@ def loads_inside(scene: Scene, trajectory: Trajectory, fractions: Array) -> Load
 
 
 def rough_factor(scene: Scene, trajectory: Trajectory) -> float:
-    """``safe_factor`` by samples, of any size; infinite too where the motion has no torques."""
+    """The smallest safe factor of any size by samples, limits of position left out; infinite too
+    where the motion has no torques."""
     intervals = len(trajectory.knots) - 1
-    evaluate = _Evaluation.of(scene, trajectory)
-    loads = evaluate(*everywhere(intervals, sample_fractions(intervals)))
-    return sampled_factor(loads.demands, loads.slower, at_least=0.0)
+    where = everywhere(intervals, sample_fractions(intervals))
+    if not _mixed(scene).any():
+        loads = _Evaluation.of(scene, trajectory)(*where)
+        return loads.needed(loads.demands.max(axis=0), at_least=0.0).factor
+    constraints = limits_of(scene).constraints
+
+    def looked_at(speed: float) -> Peaks:
+        loads = _Evaluation.of(scene, trajectory.slowed(1 / speed))(*where)
+        highest = Peaks.none(constraints.number)
+        highest.see(*where, constraints.size(loads.rows))
+        return highest
+
+    return _factor_by_exchange(scene, trajectory, 0.0, looked_at)
 
 
 @dataclass(frozen=True)
@@ -147,23 +296,73 @@ class _Evaluation:
     function: RowFunction
     parameters: Array
     slower: int
+    placed: int
 
     @classmethod
     def of(cls, scene: Scene, trajectory: Trajectory) -> _Evaluation:
         model, limits = delta_model(scene.robot, scene.payload), limits_of(scene)
         coefficients = _padded(trajectory.position.coefficients)
         powers = coefficients.shape[1] // 3
-        function = _loads_function(model.functions.terms, limits.constraints, powers)
-        parameters = np.concatenate([limits.numbers, model.parameters])
-        slower = int(np.count_nonzero(limits.constraints.slowing_exponents))
-        lengths = np.diff(trajectory.knots)
-        return cls(model, coefficients, lengths, function, parameters, slower)
+        terms, constraints = model.functions.terms, limits.constraints
+        squares = _squares(scene)
+        return cls(
+            model,
+            coefficients,
+            np.diff(trajectory.knots),
+            _loads_function(terms, constraints, powers, squares),
+            np.concatenate([limits.numbers, model.parameters]),
+            int(np.count_nonzero(exponents(constraints, squares))),
+            int(np.count_nonzero(constraints.of_place)),
+        )
 
     def __call__(self, intervals: Index, fractions: Array) -> Loads:
         since = (self.lengths[intervals] * fractions)[:, None]
-        coefficients = self.coefficients[intervals]
+        return self._at(self.coefficients[intervals], since)
+
+    def of_polynomials(self, coefficients: Array) -> Loads:
+        """Loads of polynomials with these ascending coefficients, (N, 3 · powers), at time 0."""
+        filled = np.zeros((len(coefficients), self.coefficients.shape[1]))
+        filled[:, : coefficients.shape[1]] = coefficients
+        return self._at(filled, np.zeros((len(coefficients), 1)))
+
+    def _at(self, coefficients: Array, since: Array) -> Loads:
         rows, demands, alignment = self.function(coefficients, since, parameters=self.parameters)
-        return Loads(rows, demands, alignment, self.slower)
+        return Loads(rows, demands, alignment, self.slower, self.placed)
+
+
+def exponents(constraints: Constraints, squares: bool) -> Integers:
+    """How rows change when a motion is slowed, (rows,): ``Constraints.slowing_exponents``, but
+    ``MIXED`` for rows of torques that do not change with the square of the speed (``squares``)."""
+    found = constraints.slowing_exponents
+    return found if squares else np.where(constraints.of_torque, MIXED, found)
+
+
+def _exponents(scene: Scene) -> Integers:
+    return exponents(limits_of(scene).constraints, _squares(scene))
+
+
+def _mixed(scene: Scene) -> Truths:
+    """Which rows of a scene mix powers of the speed, (rows,)."""
+    return np.asarray(_exponents(scene) == MIXED)
+
+
+_ANY_V, _ANY_A = np.array([0.3, -0.2, 0.5]), np.array([3.0, 5.0, -2.0])
+"""Any velocity and acceleration, m/s and m/s²."""
+_SQUARES: dict[DeltaTerms, bool] = {}
+"""What is known of models with the same terms."""
+
+
+def _squares(scene: Scene) -> bool:
+    """Whether what motion adds to the torques at rest grows with the square of the speed, as it
+    does without friction: tried once for all models with the same terms."""
+    model = delta_model(scene.robot, scene.payload)
+    terms = model.functions.terms
+    if terms not in _SQUARES:
+        x, s = np.tile(scene.start, (3, 1)), np.array([[0.0], [0.7], [1.0]])
+        still, part, whole = model.inverse_dynamics(x, s * _ANY_V, s**2 * _ANY_A)
+        difference = part - still - s[1] ** 2 * (whole - still)
+        _SQUARES[terms] = bool(np.abs(difference).max() < 1e-6 * np.abs(whole - still).max())
+    return _SQUARES[terms]
 
 
 def _loads_along(scene: Scene, trajectory: Trajectory) -> Callable[[Index, Array], Loads]:
@@ -199,9 +398,11 @@ def _explain(
 
 
 @lru_cache(maxsize=32)
-def _loads_function(terms: DeltaTerms, constraints: Constraints, powers: int) -> RowFunction:
+def _loads_function(
+    terms: DeltaTerms, constraints: Constraints, powers: int, squares: bool
+) -> RowFunction:
     """(coefficients 3 · powers, time since the interval began, numbers of the limits and p) ->
-    ``Loads`` but for the number ``slower``."""
+    the arrays of ``Loads``."""
     coefficients, t = ca.SX.sym("coefficients", 3 * powers), ca.SX.sym("t")
     x, v, a = (ca.SX.zeros(3) for _ in range(3))
     for c in reversed(ca.vertsplit(coefficients, 3)):  # Horner, differentiated twice
@@ -213,25 +414,61 @@ def _loads_function(terms: DeltaTerms, constraints: Constraints, powers: int) ->
     motion = PlatformInstant(functions, x, v, a, p)
     rows = constraints.rows(motion, numbers)
     at_rest = constraints.rows(PlatformInstant(functions, x, rest, rest, p), numbers)
+    n = exponents(constraints, squares)
+    slope = _slope(functions, constraints, numbers, p)(x, v, a) if (n == MIXED).any() else None
+    demands = _demands(constraints, n, at_rest, rows, slope)
     inputs = [coefficients, t, ca.vertcat(numbers, p)]
-    results = [rows, _demands(constraints, at_rest, rows), motion.alignment]
+    results = [rows, demands, motion.alignment]
     return RowFunction(ca.Function("loads", inputs, results, {"cse": True}))
 
 
-def _demands(constraints: Constraints, at_rest: ca.SX, rows: ca.SX) -> ca.SX:
-    """What rows ask of k² and then of 1/k², as in ``Loads``; ``at_rest``: the rows at rest."""
+def _slope(
+    functions: DeltaFunctions, constraints: Constraints, numbers: ca.SX, p: ca.SX
+) -> Callable[[ca.SX, ca.SX, ca.SX], ca.SX]:
+    """(x, v, a) -> the derivatives of all rows by the speed of the motion, at its own speed."""
+    x, v, a = (ca.SX.sym(name, 3) for name in "xva")
+    rows = constraints.rows(PlatformInstant(functions, x, v, a, p), numbers)
+    slope = ca.jtimes(rows, ca.vertcat(v, a), ca.vertcat(v, 2 * a))
+    f = ca.Function("slope", [x, v, a, numbers, p], [slope])
+    return lambda *motion: f(*motion, numbers, p)
+
+
+def _demands(
+    constraints: Constraints, exponents: Integers, at_rest: ca.SX, rows: ca.SX, slope: ca.SX | None
+) -> ca.SX:
+    """What rows ask of k² and then of 1/k², as in ``Loads``; ``at_rest``: the rows at rest.
+    ``slope``: their derivatives by the speed, needed where they mix powers of it."""
     slower, faster = [], []
-    for i in np.flatnonzero(constraints.slowing_exponents).tolist():
+    for i in np.flatnonzero(exponents).tolist():
         lower, upper = constraints.sides[i]
+        if exponents[i] == MIXED:
+            assert slope is not None
+            slower.append(_by_slope(rows[i], slope[i], lower, upper))
+            continue
         static, moving = at_rest[i], rows[i] - at_rest[i]
         room = 1 - ca.sign(moving) * static  # for what motion adds, on the side that it goes to
         wanted = ca.fabs(moving) if lower and upper else ca.fmax(moving if upper else -moving, 0)
         share = wanted / ca.fmax(room, _NOTHING)
-        slower.append(_power(share, int(constraints.slowing_exponents[i])))
+        slower.append(_power(share, int(exponents[i])))
         beyond = ca.fabs(static) if lower and upper else static if upper else -static
         if not static.is_zero():
             faster.append(ca.fmax(beyond - 1, 0) / ca.fmax(ca.fabs(moving), _NOTHING))
-    return ca.vertcat(*slower, *faster)
+    placed = [
+        _size(rows[i], *constraints.sides[i]) for i in np.flatnonzero(constraints.of_place).tolist()
+    ]
+    return ca.vertcat(*slower, *placed, *faster)
+
+
+def _by_slope(row: ca.SX, slope: ca.SX, lower: bool, upper: bool) -> ca.SX:
+    """What a row of mixed powers asks of k², by its derivative by the speed."""
+    side = ca.sign(row) if lower and upper else 1 if upper else -1
+    falls = ca.fmax(side * slope, _LEAST_SLOPE)
+    return ca.fmax(1 + (_size(row, lower, upper) - 1) / falls, 0) ** 2
+
+
+def _size(row: ca.SX, lower: bool, upper: bool) -> ca.SX:
+    """How near a row is to the nearer of its bounds: 1 at a bound."""
+    return ca.fabs(row) if lower and upper else row if upper else -row
 
 
 def _power(share: ca.SX, exponent: int) -> ca.SX:

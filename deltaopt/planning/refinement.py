@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from math import isfinite
 from typing import Protocol
 
 import numpy as np
@@ -167,8 +168,10 @@ class Refinement:
     @property
     def _within_tolerance(self) -> bool:
         """Whether the gap is small enough, after two meshes at least: the error estimate is
-        corrected by comparing two."""
-        return len(self.iterations) > 1 and self.iterations[-1].gap <= self.tolerance
+        corrected by comparing two; and no limit of position is exceeded."""
+        last = self.iterations[-1]
+        small = len(self.iterations) > 1 and last.gap <= self.tolerance
+        return small and isfinite(last.safe_duration)
 
     def _solve(self, mesh: Array, guess: Guess, scaling: Scaling) -> None:
         self.solutions.append(solve_on_mesh(self.problem.on(mesh), scaling, guess, self.model))

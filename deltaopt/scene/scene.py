@@ -24,11 +24,17 @@ from deltaopt.files.units import LENGTH, MASS
 from deltaopt.files.validated_record import Number, Positive, Record
 from deltaopt.files.yaml_file import read_yaml
 from deltaopt.limits.acceleration import Acceleration
+from deltaopt.limits.arm_range import ArmRange
+from deltaopt.limits.ball_joint import BallJoint
 from deltaopt.limits.constraints import SceneLimits
 from deltaopt.limits.limit import Limit, MotorLimit
+from deltaopt.limits.platform_speed import PlatformSpeed
 from deltaopt.limits.serial_singularity import SerialSingularity
+from deltaopt.limits.specific_force import SpecificForce
 from deltaopt.limits.speed import Speed
 from deltaopt.limits.torque import Torque
+from deltaopt.limits.torque_curve import TorqueCurve
+from deltaopt.limits.workspace import WorkspaceDepth, WorkspaceRadius
 from deltaopt.robot.robot import Robot, load_robot
 from deltaopt.scene.objective import EXPECTED, Objective, Time, content_of, objective_in
 from deltaopt.scene.task import RestToRest, Task
@@ -36,7 +42,19 @@ from deltaopt.scene.task import RestToRest, Task
 _ROBOT_FILE = "the path of a robot file, relative to the scene file"
 
 
-LIMITS: tuple[Limit, ...] = (Torque(), SerialSingularity(), Speed(), Acceleration())
+LIMITS: tuple[Limit, ...] = (
+    Torque(),
+    SerialSingularity(),
+    Speed(),
+    Acceleration(),
+    TorqueCurve(),
+    PlatformSpeed(),
+    SpecificForce(),
+    ArmRange(),
+    BallJoint(),
+    WorkspaceDepth(),
+    WorkspaceRadius(),
+)
 """All kinds of limit, in the order of the constraint rows of a problem."""
 
 _KEYS: dict[str, Any] = {

@@ -19,7 +19,7 @@ import numpy as np
 from deltaopt.codegen.vectorised import RowFunction
 from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.errors import Unreachable
-from deltaopt.limits.limit import Limit
+from deltaopt.limits.limit import Bounds, Limit
 from deltaopt.mechanisms.delta.functions import delta_functions
 from deltaopt.mechanisms.delta.instant import CoordinateInstant
 from deltaopt.mechanisms.delta.mechanism import DeltaTerms
@@ -372,7 +372,7 @@ def _sides(terms: DeltaTerms, items: Items, numbers: Sequence[Array]) -> tuple[_
     for (limit, _), own, rows in zip(items, numbers, _rows(terms, items), strict=True):
         bounds = limit.bounds(ca.SX(ca.DM(own)))
         scales = np.broadcast_to(np.array(ca.DM(bounds.scale)).ravel(), rows)
-        mirrored = bounds.upper is not None
+        mirrored = _mirrored(bounds)
         for bound, falls_below in ((bounds.upper, False), (bounds.lower, not mirrored)):
             if bound is not None:
                 sides += [
@@ -380,6 +380,14 @@ def _sides(terms: DeltaTerms, items: Items, numbers: Sequence[Array]) -> tuple[_
                     for i in range(rows)
                 ]
     return tuple(sides)
+
+
+def _mirrored(bounds: Bounds) -> bool:
+    """Whether the lower bound, if there is one, is the mirror image of the upper one."""
+    if bounds.lower is None or bounds.upper is None:
+        return False
+    lower, upper = (np.array(ca.DM(each)) for each in (bounds.lower, bounds.upper))
+    return bool((lower == -upper).all())
 
 
 def _named(limit: Limit, row: int, rows: int) -> str:

@@ -15,6 +15,7 @@ from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.mechanisms.delta.functions import delta_functions
 from deltaopt.mechanisms.delta.instant import CoordinateInstant, PlatformInstant
 from deltaopt.robot.model import delta_model
+from deltaopt.robot.robot import Robot
 from deltaopt.scene.scene import LIMITS, Scene
 from tests import paper_delta
 
@@ -51,14 +52,38 @@ class Motion:
         return np.linalg.solve(by_torque, -without)
 
 
+GRAVITY = np.array([9.81, 0.0, 0.0])
+SLOPE = 7.5
+"""Of the torque curve below, N·m·s/rad: (10 - 4) / (2.0 - 1.2)."""
+
 FORMULAS = {
     "torque": lambda motion: motion.tau,
     "speed": lambda motion: motion.dq[3::3],
     "distance to the serial singularity": lambda motion: (
         np.sin(motion.q[3::3] - motion.q[4::3]) ** 2
     ),
+    "platform speed": lambda motion: [np.sqrt(motion.v @ motion.v)],
+    "specific force": lambda motion: [np.sqrt((motion.a - GRAVITY) @ (motion.a - GRAVITY))],
+    "torque at speed": lambda motion: motion.tau + SLOPE * motion.dq[3::3],
+    "arm angle": lambda motion: motion.q[3::3],
+    "ball joint angle": lambda motion: motion.q[5::3],
+    "workspace depth": lambda motion: motion.x[:1],
+    "workspace radius": lambda motion: [np.hypot(motion.x[1], motion.x[2])],
 }
 """By the name of the limit, in its unit: torques in N·m, rates of the arms in rad/s, sin²."""
+
+KEYS = {
+    "joints": {"arm": [-1.2, 1.5], "ball": 0.9},
+    "workspace": {"depth": [0.1, 1.1], "radius": 0.6},
+}
+ALL = {"speed": 1.5, "platform_speed": 2.0, "specific_force": 60.0}
+
+
+def limited(name: str) -> Robot:
+    """A shipped robot with every key that limits it."""
+    content = load_robot(f"problems/robots/{name}.yaml").model_dump(exclude_none=True)
+    content["drive"] |= {"torque": 10.0, "torque_curve": [[0.0, 10.0], [1.2, 10.0], [2.0, 4.0]]}
+    return Robot.model_validate(content | KEYS)
 
 BY_FORMULA = [limit for limit in LIMITS if limit.name in FORMULAS]
 
@@ -82,11 +107,11 @@ def test_differences_are_exact_enough():
 @pytest.mark.parametrize("payload", [None, 1.0])
 def test_measure_is_its_formula(limit, name, payload):
     """By the platform's equations and by those of twelve coordinates."""
-    model = delta_model(load_robot(f"problems/robots/{name}.yaml"), payload)
+    model = delta_model(limited(name), payload)
     rng = np.random.default_rng(5)
     motions = [Motion(model, rng) for _ in range(5)]
     start, goal = (tuple(motion.x.tolist()) for motion in motions[:2])
-    scene = Scene(robot=model.robot, payload=payload, start=start, goal=goal, limits={"speed": 5.0})
+    scene = Scene(robot=model.robot, payload=payload, start=start, goal=goal, limits=ALL)
     x, v, a = (ca.SX.sym(letter, 3) for letter in "xva")
     p = model.functions.terms.symbols().vector()
     functions = delta_functions(model.functions.terms, Explicit())
@@ -102,3 +127,28 @@ def test_measure_is_its_formula(limit, name, payload):
                 found = f(motion.x, motion.v, motion.a, model.parameters).full().ravel()
                 expected = FORMULAS[limit.name](motion)
                 np.testing.assert_allclose(found, expected, rtol=2e-7, atol=2e-7)
+
+
+@pytest.mark.parametrize("limit", BY_FORMULA, ids=lambda limit: limit.name)
+def test_rows_reach_their_bounds_where_measures_do(limit):
+    """Rows may be other functions of the motion, such as squares: they are inside ±1, at it and
+    outside of it with the measure."""
+    model = delta_model(limited("orsino"), None)
+    motion = Motion(model, np.random.default_rng(6))
+    goal = (0.5, 0.0, 0.0)
+    scene = Scene(robot=model.robot, start=tuple(motion.x.tolist()), goal=goal, limits=ALL)
+    x, v, a = (ca.SX.sym(letter, 3) for letter in "xva")
+    p = model.functions.terms.symbols().vector()
+    instant = PlatformInstant(delta_functions(model.functions.terms, Explicit()), x, v, a, p)
+    for numbers in limit.items(scene):
+        symbols = ca.SX.sym("numbers", len(numbers))
+        bounds = limit.bounds(symbols)
+        sides = [side for side in (bounds.lower, bounds.upper) if side is not None]
+        results = [limit.measure(instant, symbols), limit.rows(instant, symbols), *sides]
+        f = ca.Function("limit", [x, v, a, p, symbols], results)
+        motions = [motion.x, motion.v, motion.a, model.parameters]
+        measure, rows, *found = (np.array(each).ravel() for each in f(*motions, numbers))
+        if bounds.lower is not None:
+            assert (np.sign(measure - found[0]) == np.sign(rows + 1)).all()
+        if bounds.upper is not None:
+            assert (np.sign(measure - found[-1]) == np.sign(rows - 1)).all()

@@ -20,6 +20,7 @@ from deltaopt.mechanisms.delta.kinematics import (
     forward_kinematics,
     inverse_kinematics,
     serial_distances,
+    tilts,
 )
 from deltaopt.mechanisms.delta.mechanism import DeltaTerms, delta
 from deltaopt.mechanisms.delta.singularities import (
@@ -65,6 +66,12 @@ class DeltaFunctions:
         chains, then sin² (q_{k,1} - q_{k,2})."""
         x, p = SX.sym("x", 3), self.terms.symbols()
         return ca.Function("serial_distances", [x, p.vector()], [ca.vec(serial_distances(p, x))])
+
+    @cached_property
+    def tilt(self) -> ca.Function:
+        """(x, p) -> sin q_{k,3} of the three chains, linear in x."""
+        x, p = SX.sym("x", 3), self.terms.symbols()
+        return ca.Function("tilt", [x, p.vector()], [tilts(p, x)])
 
     @cached_property
     def margins(self) -> ca.Function:

@@ -63,7 +63,12 @@ class PlatformInstant:
     @property
     def theta(self) -> SX:
         """Angles of the arms, 3, rad."""
-        return self.q[3::3]
+        return self.functions.inverse_kinematics(self.x, self.p)[3::3]
+
+    @property
+    def tilt(self) -> SX:
+        """sin q_{k,3}, 3: how far the bars lean out of the plane of their arm."""
+        return self.functions.tilt(self.x, self.p)
 
     @property
     def q(self) -> SX:
@@ -145,3 +150,8 @@ class CoordinateInstant:
     def alignment(self) -> SX:
         """sin² (q_{k,1} - q_{k,2}), 3: squared distances from the serial singularities."""
         return ca.sin(self.q[3::3] - self.q[4::3]) ** 2
+
+    @property
+    def tilt(self) -> SX:
+        """sin q_{k,3}, 3: how far the bars lean out of the plane of their arm."""
+        return ca.sin(self.q[5::3])

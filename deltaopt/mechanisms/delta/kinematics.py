@@ -37,6 +37,11 @@ def serial_distances(p: DeltaParameters, x: SX) -> SX:
     return ca.vertcat(*rows)
 
 
+def tilts(p: DeltaParameters, x: SX) -> SX:
+    """sin q_{k,3} of the three chains, 3: how far bars lean out of the plane of their arm."""
+    return ca.vertcat(*(_Chain(p, azimuth, x).s3 for azimuth in AZIMUTHS))
+
+
 def forward_kinematics(p: DeltaParameters, theta: SX) -> SX:
     """Position x of the tool's point, 3, for the motor angles, 3.
 

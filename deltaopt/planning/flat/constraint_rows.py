@@ -117,12 +117,8 @@ class ConstraintRows:
 
     @property
     def can_be_held(self) -> bool:
-        """Whether the arcs of a switching structure can hold all limits: bounds on each control,
-        and for each motor at most one limit of its velocity and one of its position."""
-        constraints, m = self.constraints, self.motors
-        controls = constraints.is_control[constraints.orders == 2]
-        states = (len(constraints.of_order(order)) for order in (0, 1))
-        return bool(controls.all()) and len(controls) == m and set(states) <= {0, m}
+        """Whether the arcs of a switching structure can hold all limits."""
+        return can_be_held(self.constraints)
 
     @property
     def control(self) -> Integers:
@@ -131,18 +127,19 @@ class ConstraintRows:
 
     @cached_property
     def position(self) -> StateRows | None:
-        """Indices of the rows of position limits; None if positions are not limited."""
+        """Indices of the rows of position limits; None if positions are not limited, or not so that
+        arcs can hold the limits."""
         own, m = self.constraints.of_order(0), self.motors
-        if not len(own):
+        if not len(own) or not self.can_be_held:
             return None
         rates = self.of_limits + np.arange(m)
         return StateRows(0, (own, rates, m + rates))
 
     @cached_property
     def velocity(self) -> StateRows | None:
-        """Indices of the rows of velocity limits; None if velocities are not limited."""
+        """Indices of the rows of velocity limits; None as for ``position``."""
         own, m = self.constraints.of_order(1), self.motors
-        if not len(own):
+        if not len(own) or not self.can_be_held:
             return None
         before = 0 if self.position is None else 2 * m
         return StateRows(1, (own, self.of_limits + before + np.arange(m)))
@@ -162,6 +159,11 @@ class ConstraintRows:
         r, J, H = self._derivatives(y, multipliers, parameters=p)
         N, width = y.shape
         return r, J.reshape(N, -1, width), H.reshape(N, width, width)
+
+    def jacobian(self, y: Array, p: Array) -> Array:
+        """The Jacobian of all rows by y at instants y (N, 3 m), (N, rows, 3 m)."""
+        (J,) = self._jacobian(y, parameters=p)
+        return J.reshape(len(y), -1, y.shape[1])
 
     @cached_property
     def _y(self) -> ca.SX:
@@ -196,6 +198,12 @@ class ConstraintRows:
         return RowFunction(ca.Function("values", inputs, [self._rows], {"cse": True}))
 
     @cached_property
+    def _jacobian(self) -> RowFunction:
+        inputs, J = [self._y, self._p], ca.jacobian(self._rows, self._y)
+        result = ca.densify(ca.vec(J.T))
+        return RowFunction(ca.Function("jacobian", inputs, [result], {"cse": True}))
+
+    @cached_property
     def _derivatives(self) -> RowFunction:
         y, r = self._y, self._rows
         multipliers = ca.SX.sym("multipliers", r.numel())
@@ -203,6 +211,25 @@ class ConstraintRows:
         inputs = [y, multipliers, self._p]
         results = [r, ca.densify(ca.vec(J.T)), ca.densify(ca.vec(H))]
         return RowFunction(ca.Function("derivatives", inputs, results, {"cse": True}))
+
+
+def can_be_held(constraints: Constraints) -> bool:
+    """Whether the arcs of a switching structure can hold these limits: bounds on each control, and
+    for each motor at most one limit of its velocity and one of its position."""
+    m = constraints.motors
+    controls = constraints.is_control[constraints.orders == 2]
+    states = (len(constraints.of_order(order)) for order in (0, 1))
+    return bool(controls.all()) and len(controls) == m and set(states) <= {0, m}
+
+
+def holdable(constraints: Constraints) -> tuple[int, ...]:
+    """Indices of items that arcs can hold together: each that can be held with those before it."""
+    kept: tuple[int, ...] = ()
+    for i in range(len(constraints.items)):
+        items = tuple(constraints.items[j] for j in (*kept, i))
+        if can_be_held(Constraints(items, constraints.motors)):
+            kept = (*kept, i)
+    return kept
 
 
 @lru_cache(maxsize=16)

@@ -246,7 +246,7 @@ class FlatProblem:
 
     def _by_ipopt(self, guess: Guess, scaling: Scaling, parameters: Array) -> Solved:
         z, p = self.pack(guess.trajectory, scaling), scaling.parameters(parameters)
-        share = np.repeat(scaling.shares(self.intervals), len(self.points), axis=0)
+        share = scaling.shares_at(self.intervals, self.points).reshape(-1, self.constraints.number)
         of_motion = share[:, self.equations.of_motion]
         shares = np.hstack([np.ones((len(share), 3)), of_motion]).ravel()
         found = self.program.solve(z, *self.bounds(scaling), p, shares)

@@ -42,6 +42,7 @@ def source(problem: PointProblem, points: int) -> str:
             *(f"#define {name} {size}" for name, size in sizes.items()),
             _present("UPPER", [upper for upper, _ in sides]),
             _present("LOWER", [lower for _, lower in sides]),
+            _present("PLACE", _of_position(C, len(sides), problem.coordinates)),
             c_function(functions.prepare, "prepare"),
             c_function(functions.values, "values"),
             c_function(functions.second, "second_by_parts"),
@@ -50,6 +51,11 @@ def source(problem: PointProblem, points: int) -> str:
             *(here.joinpath(f"{part}.c").read_text() for part in PARTS),
         ]
     )
+
+
+def _of_position(C: Entries, rows: int, coordinates: int) -> list[bool]:
+    """Which rows depend on the position alone, by the nonzeros of their derivatives by y."""
+    return [all(a < coordinates for other, a in C if other == r) for r in range(rows)]
 
 
 def _present(name: str, sides: Sequence[bool]) -> str:

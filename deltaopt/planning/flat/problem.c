@@ -42,6 +42,7 @@
      NZ, NH         nonzeros of C's constraint rows and of H's upper triangle
      NG             groups of four points in an interval
      SIDES          limits of all rows together; UPPER(r), LOWER(r): whether row r has that one
+     PLACE(r)       whether row r depends on the position alone
 
      prepare(p, q)                        what depends on parameters alone
      values(y, q, c, g, e)                rows, integrands T (g - 1), and e for second
@@ -58,6 +59,7 @@
 #include <time.h>
 
 #define SHORT 0.02 /* a step of which share of a direction says little about its rest */
+#define AT_LIMIT 0.9999999 /* of a limit: a given position is as good as at it */
 #define FAR 2.0    /* from one limit of a row to the other */
 #define SHIFT 1e-5 /* the first that is tried: the scene's magnitudes are of the order of one */
 #define HIGHEST 1e-2 /* to which a shift grows because steps had to be halved */

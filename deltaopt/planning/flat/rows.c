@@ -5,6 +5,23 @@ static void scale(const Interval *I, V *c) {
   for (int r = 0; r < NC; r++) c[r] *= I->scale[r];
 }
 
+/* Whether a point is where the platform's position is given. */
+static int is_given(const Problem *P, const Interval *I, double fraction) {
+  const int64_t b = fraction == 0 ? I->boundary[0] : fraction == 1 ? I->boundary[1] : -1;
+  for (int k = 0; b >= 0 && k < NM; k++)
+    if (P->given->is_free[NB * b + k]) return 0;
+  return b >= 0 && !I->moving;
+}
+
+/* No limit of position where it is given: at a limit there, a motion has no inside. */
+static void leave_out_given(const Problem *P, const Interval *I, const Group *G, V *c) {
+  if (I->boundary[0] < 0 && I->boundary[1] < 0) return;
+  const double *fractions = P->given->fractions + 4 * (G - I->group);
+  for (int l = 0; l < 4; l++)
+    for (int r = 0; r < NC; r++)
+      if (PLACE(r) && fabs(c[r][l]) > AT_LIMIT && is_given(P, I, fractions[l])) c[r][l] = 0;
+}
+
 /* Rows at the points of interval i as shares of what may be used of the limits; to the integral
    rows its part of them. */
 static void rows(Problem *P, int64_t i, Group *G, const double *knots, double T, V *c) {
@@ -13,6 +30,7 @@ static void rows(Problem *P, int64_t i, Group *G, const double *knots, double T,
   at_points(G, knots, T, y);
   values(y, P->prepared + NQ * I->phase, c, g, G->e);
   scale(I, c);
+  leave_out_given(P, I, G, c);
   for (int k = 0; k < NI; k++) P->integral[k].next += sum(G->integral * g[k]);
 }
 

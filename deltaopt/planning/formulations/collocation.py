@@ -12,6 +12,7 @@ exceeds its limits less between points.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import cached_property
 
@@ -296,18 +297,19 @@ class CollocationProblem:
             lower[-1] = upper[-1] = 1.0
         return lower, upper
 
-    def row_shares(self, shares: Array) -> Array:
-        """The part of its bounds that each nonlinear row may use, from those of the limits, (N,
-        rows)."""
+    def row_shares(self, shares_at: Callable[[Array], Array]) -> Array:
+        """The part of its bounds that each nonlinear row may use.
+
+        ``shares_at``: those of all limits at fractions (n,) of every interval, (N, n, rows).
+        """
         parts, e = [], self.equations
         for points in self._rows():
             limits = next((each for each in e.limits if each.function is points.function), None)
             if limits is None:
                 parts.append(np.ones(points.number * points.rows))
             else:
-                own = shares[:, None, list(limits.rows)]
-                shape = (self.variables.intervals, len(self._fractions(limits)), own.shape[2])
-                parts.append(np.broadcast_to(own, shape).ravel())
+                own = shares_at(self._fractions(limits))[:, :, list(limits.rows)]
+                parts.append(own.ravel())
         return np.concatenate(parts)
 
     def multipliers(self, solution: IpoptSolution) -> Array:

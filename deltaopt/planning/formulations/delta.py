@@ -117,9 +117,10 @@ class DeltaProblem:
         ends, collocation = boundary_values(scaling, parameters), self.collocation
         z = collocation.pack(guess.trajectory.position, ends)
         program = collocation.program_with(NEAR if guess.near else FAR)
-        shares = scaling.shares(len(self.mesh))
-        bounds = collocation.bounds(ends, shares)
-        found = program.solve(z, *bounds, ends.p, collocation.row_shares(shares))
+        N = len(self.mesh)
+        bounds = collocation.bounds(ends, scaling.shares(N))
+        row_shares = collocation.row_shares(lambda fractions: scaling.shares_at(N, fractions))
+        found = program.solve(z, *bounds, ends.p, row_shares)
         q, closure = collocation.unpack(found.z, ends), collocation.equations.closure
         return Solved(
             PiecewisePolynomial(q.knots, q.coefficients[:, :, :3]),

@@ -39,24 +39,33 @@ class Overshoot:
     """By how much rows between the points of an interval exceed the same rows at its points.
 
     ``mesh``: lengths of the intervals, fractions of the duration, (N,). ``each``: the overshoot as
-    a share of the bound, (N, rows); zero for rows that are not to be tightened.
+    a share of the bound, (N, rows); zero for rows that are not to be tightened. ``anywhere``: rows
+    that are tightened in intervals of any length, (rows,).
     """
 
     mesh: Array
     each: Array
+    anywhere: Truths | bool = False
 
     @classmethod
-    def of(cls, mesh: Array, points: Array, size: Array, tightened: Truths) -> Overshoot:
+    def of(
+        cls,
+        mesh: Array,
+        points: Array,
+        size: Array,
+        tightened: Truths,
+        anywhere: Truths | bool = False,
+    ) -> Overshoot:
         """Measure the overshoot on a mesh.
 
         ``points``: fractions of an interval where the bounds are imposed. ``size``: of the rows at
         ``FRACTIONS`` of the intervals, 1 at a bound, (N, len(FRACTIONS), rows). ``tightened``:
-        which rows may be tightened, (rows,).
+        which rows may be tightened, (rows,). ``anywhere``: as of the class.
         """
         at_points = np.abs(FRACTIONS[:, None] - points).argmin(axis=0)
         highest = size.max(axis=1)
         over = highest - size[:, at_points].max(axis=1)
-        return cls(mesh, np.where((highest > _NEAR_LIMIT) & tightened, over, 0.0))
+        return cls(mesh, np.where((highest > _NEAR_LIMIT) & tightened, over, 0.0), anywhere)
 
     def tightened(self, scaling: Scaling, mesh: Array) -> Scaling:
         """The scaling with tightened limits for a next ``mesh``, which divides this one.
@@ -72,5 +81,5 @@ class Overshoot:
         is_whole = mesh > 0.99 * self.mesh[inside]
         over = np.maximum(over, _KEPT_SHARE * used * is_whole[:, None])
         share = np.maximum(1 - over, _SMALLEST_SHARE)
-        share[mesh > TIGHTENED] = 1.0
+        share[(mesh > TIGHTENED)[:, None] & np.logical_not(self.anywhere)] = 1.0
         return replace(scaling, share=share)

@@ -136,6 +136,6 @@ def _jacobian(
     p = scaling.parameters(motion.model.parameters)
     per_time = np.array([1.0, T, T**2])[:, None]
     points = (y / per_time).reshape(-1, 3 * rows.motors)
-    _, J, _ = rows.derivatives(points, np.zeros((len(points), rows.number)), p)
+    J = rows.jacobian(points, p)
     shape = (*y.shape[:2], rows.of_limits, 3, rows.motors)
     return np.asarray(J[:, : rows.of_limits].reshape(shape) / per_time)

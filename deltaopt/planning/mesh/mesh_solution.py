@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.limits.constraints import Constraints
 from deltaopt.motion.extrema import sample_fractions
-from deltaopt.motion.time_scaling import Loads, loads_inside, safe_factor, sampled_factor
+from deltaopt.motion.time_scaling import Loads, NeededSlowing, loads_inside, needed_slowing
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.mesh.constraint_tightening import Overshoot
 from deltaopt.planning.mesh.error_estimate import (
@@ -73,8 +74,8 @@ def solve_on_mesh(
         _by_interval(loads.rows)[:, :, rows],
         loads.slowing(demands),
     )
-    factor = sampled_factor(demands, loads.slower)
-    return MeshSolution(problem, solution, trajectory, loads, lost, factor, scaling)
+    needed = loads.needed(demands.max(axis=0))
+    return MeshSolution(problem, solution, trajectory, loads, lost, needed, scaling)
 
 
 def time_costing_rows(constraints: Constraints) -> Truths:
@@ -96,7 +97,7 @@ class MeshSolution:
     """A problem solved on one mesh; its motion is not slowed yet.
 
     ``loads``: constraint rows at ``FRACTIONS`` of the intervals. ``lost``: estimated loss of time.
-    ``safe_factor``: by which the motion must be slowed to keep every limit; of all instants if
+    ``needed``: by which factor the motion must be slowed to keep every limit; of all instants if
     ``is_exact``, otherwise of samples. ``scaling``: the scene's units, with the tightened limits
     that it was solved with.
     """
@@ -106,9 +107,21 @@ class MeshSolution:
     trajectory: Trajectory
     loads: Loads
     lost: ErrorEstimate
-    safe_factor: float
+    needed: NeededSlowing
     scaling: Scaling
     is_exact: bool = False
+
+    @property
+    def safe_factor(self) -> float:
+        """By which the motion must be slowed to keep the limits that slowing helps to keep."""
+        return self.needed.factor
+
+    @property
+    def safe_duration(self) -> float:
+        """Of the motion slowed until it keeps every limit, s; infinite where a limit of position is
+        exceeded."""
+        kept = self.needed.keeps_places
+        return self.trajectory.duration * self.safe_factor if kept else inf
 
     @property
     def has_all_multipliers(self) -> bool:
@@ -132,12 +145,18 @@ class MeshSolution:
         return self.problem.mesh
 
     def tightened(self, mesh: Array) -> Scaling:
-        """The scaling with tightened limits for the next mesh, which divides this one."""
-        if mesh.min() > TIGHTENED:
+        """The scaling with tightened limits for the next mesh, which divides this one.
+
+        Limits of position are tightened in intervals of any length, for slowing does not help
+        them; others in short ones alone.
+        """
+        constraints = self.scaling.constraints
+        places = constraints.of_place
+        tightenable = places if mesh.min() > TIGHTENED else places | time_costing_rows(constraints)
+        if not tightenable.any():
             return self.scaling.untightened
-        tightenable = time_costing_rows(self.scaling.constraints)
-        size = self.scaling.constraints.size(self.rows)
-        overshoot = Overshoot.of(self.mesh, self.problem.points, size, tightenable)
+        size = constraints.size(self.rows)
+        overshoot = Overshoot.of(self.mesh, self.problem.points, size, tightenable, places)
         return overshoot.tightened(self.scaling, mesh)
 
     @property
@@ -156,8 +175,8 @@ class MeshSolution:
             return self
         as_sampled = len(sample_fractions(len(self.mesh))) == len(FRACTIONS)
         known = self.loads if as_sampled else None
-        factor = safe_factor(self.scene, self.trajectory, sampled=known)
-        return replace(self, safe_factor=factor, is_exact=True)
+        needed = needed_slowing(self.scene, self.trajectory, sampled=known)
+        return replace(self, needed=needed, is_exact=True)
 
 
 def gap_of(iterations: list[Iteration], chosen: int) -> float:
@@ -195,7 +214,7 @@ def iteration_of(solutions: list[MeshSolution]) -> Iteration:
         intervals=len(last.mesh),
         iterations=last.solution.iterations,
         duration=last.trajectory.duration,
-        safe_duration=last.trajectory.duration * last.safe_factor,
+        safe_duration=last.safe_duration,
         gap=last.safe_factor - 1 + correction * SAFETY_FACTOR * last.to_be_gained,
         spent=last.solution.spent,
     )

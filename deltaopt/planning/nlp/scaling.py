@@ -19,6 +19,10 @@ Array = NDArray[np.float64]
 UNTIGHTENED = 1.0
 """Share of every limit that a motion may use where no limit is tightened."""
 
+_UNRELAXED = 1 - 1e-7
+"""Share of limits of position for Ipopt, which exceeds bounds by 1e-8 of them: slowing would not
+cure that. It costs ten times less than the smallest tolerance that is planned to on a mesh."""
+
 
 @dataclass(frozen=True)
 class Parameters:
@@ -64,17 +68,20 @@ class Scaling:
 
     Positions are measured from the start in units of the distance from start to goal, time in units
     of ``time`` (s), torques in units of the largest that the scene allows. ``share``: the part of
-    each limit that a motion may use, one for all or by interval and row, (N, rows).
+    each limit that a motion may use, one for all or by interval and row, (N, rows). ``kept``:
+    indices of the scene's items of limits that are considered; None for all.
     """
 
     scene: Scene
     time: float
     share: Array | float = UNTIGHTENED
+    kept: tuple[int, ...] | None = None
 
     @cached_property
     def limits(self) -> SceneLimits:
-        """The limits of the scene, with their numbers."""
-        return limits_of(self.scene)
+        """The limits that are considered, with their numbers."""
+        limits = limits_of(self.scene)
+        return limits if self.kept is None else limits.only(self.kept)
 
     @property
     def constraints(self) -> Constraints:
@@ -120,6 +127,18 @@ class Scaling:
     def shares(self, intervals: int) -> Array:
         """The part of each limit that may be used in each interval, (N, rows)."""
         return np.broadcast_to(self.share, (intervals, self.constraints.number))
+
+    def shares_at(self, intervals: int, fractions: Array) -> Array:
+        """The same for Ipopt at fractions of the intervals, (N, len(fractions), rows): infinite for
+        limits of position at start and goal, which are given and may be at such a limit."""
+        shares = np.repeat(self.shares(intervals)[:, None], len(fractions), axis=1)
+        places = self.constraints.of_place
+        shares[:, :, places] *= _UNRELAXED
+        if fractions[0] == 0:
+            shares[0, 0, places] = np.inf
+        if fractions[-1] == 1:
+            shares[-1, -1, places] = np.inf
+        return shares
 
     def vector(self) -> Array:
         """Values of ``Parameters.scaling``."""

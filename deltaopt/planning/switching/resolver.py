@@ -3,10 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
 
 from deltaopt.motion.certificate import MET, Certificate
-from deltaopt.planning.flat.constraint_rows import ByOrder, ConstraintRows, constraint_rows
+from deltaopt.planning.flat.constraint_rows import (
+    ByOrder,
+    ConstraintRows,
+    constraint_rows,
+    holdable,
+)
 from deltaopt.planning.flat.equations import point_equations
 from deltaopt.planning.mesh.mesh_costates import certify_mesh
 from deltaopt.planning.mesh.mesh_solution import MeshSolution
@@ -23,15 +31,25 @@ from deltaopt.planning.switching.resolution import ResolvedMotion, Unresolved, r
 from deltaopt.planning.switching.structure import Arc, SwitchingStructure
 from deltaopt.robot.model import DeltaModel
 
+_ACTIVE = 1 - 1e-3
+"""Size of a row from which on a limit is taken to matter for a motion. A lesser one would give
+up motions that keep it by themselves, a larger one try to resolve others in vain."""
+
 
 @dataclass(frozen=True)
 class SwitchResolver:
     """Resolves the switches of a scene's motion, to a gap within a tolerance.
 
-    ``scaling``: the scene's, with all of every limit. ``tell``: what each attempt is reported to.
+    ``rows``: of the limits that arcs can hold; ``all_rows``: of all limits of the scene.
+    ``scaling``: the scene's for the former, with all of every limit. ``tell``: what each attempt is
+    reported to.
+
+    Where a scene has limits that arcs cannot hold, a motion is resolved only if none of them
+    matters for it; the resolved motion is held against all.
     """
 
     rows: ConstraintRows
+    all_rows: ConstraintRows
     scaling: Scaling
     model: DeltaModel
     tolerance: float
@@ -55,21 +73,22 @@ class SwitchResolver:
         """How well a mesh solution meets Pontryagin's condition, if it does."""
         if not solution.has_all_multipliers:
             return None
-        found = certify_mesh(self.rows, solution)
+        found = certify_mesh(self.all_rows, solution)
         return found if found.residual <= MET else None
 
     def _resolved(
         self, last: MeshSolution, settings: Sequence[DetectionSettings]
     ) -> ResolvedMotion | None:
         """From the structures that are detected with each of the settings."""
-        if not self.rows.can_be_held:
+        constraints, held = self.rows.constraints, self._held
+        size = self.all_rows.constraints.size(last.rows)
+        if not self.rows.can_be_held or (size[..., ~held] > _ACTIVE).any():
             return None
         tried = set[tuple[Arc, ...]]()
-        constraints = self.rows.constraints
-        rows = ByOrder.of(constraints, last.rows)
+        rows = ByOrder.of(constraints, last.rows[..., held])
         multipliers = None
         if last.has_all_multipliers:
-            found = ByOrder.of(constraints, last.solution.multipliers)
+            found = ByOrder.of(constraints, last.solution.multipliers[..., held])
             multipliers = found.per_time(last.mesh)
         for each in settings:
             structure = detect_structure(last.mesh, rows, each, multipliers)
@@ -98,6 +117,15 @@ class SwitchResolver:
                 return resolved
         return None
 
+    @property
+    def _held(self) -> NDArray[np.bool]:
+        """Which rows of all limits are of those that arcs can hold, (rows,)."""
+        slices, kept = self.all_rows.constraints.slices, self.scaling.kept
+        held = np.zeros(self.all_rows.constraints.number, bool)
+        for i, rows in enumerate(slices):
+            held[rows] = kept is None or i in kept
+        return held
+
     def _barriers(self, structure: SwitchingStructure) -> tuple[Barrier | None, ...]:
         """None first; then one, where there is anything that it would keep within limits."""
         active = ActiveRows.of(self.rows, structure)
@@ -109,6 +137,10 @@ class SwitchResolver:
 def resolver(
     scaling: Scaling, model: DeltaModel, tolerance: float, tell: Callable[[str], None]
 ) -> SwitchResolver:
-    """For a scene; where arcs cannot hold its limits it certifies mesh solutions only."""
-    equations = point_equations(model.functions, scaling.constraints)
-    return SwitchResolver(constraint_rows(equations), scaling, model, tolerance, tell)
+    """For a scene; where arcs can hold none of its motions it certifies mesh solutions only."""
+    all_rows = constraint_rows(point_equations(model.functions, scaling.constraints))
+    if all_rows.can_be_held:
+        return SwitchResolver(all_rows, all_rows, scaling, model, tolerance, tell)
+    held = replace(scaling, kept=holdable(scaling.constraints))
+    rows = constraint_rows(point_equations(model.functions, held.constraints))
+    return SwitchResolver(rows, all_rows, held, model, tolerance, tell)

@@ -1,0 +1,36 @@
+"""|q_{k,3}| ≤ β_max: how far ball joints let the bars lean out of the plane of their arm."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import casadi as ca
+
+from deltaopt.limits.limit import SX, Bounds, Described, Instant, Numbers
+
+
+@dataclass(frozen=True)
+class BallJoint:
+    """Largest angle of the ball joints of each chain, rad, from the robot's key ``joints.ball``."""
+
+    name: ClassVar[str] = "ball joint angle"
+    unit: ClassVar[str] = "rad"
+    subject: ClassVar[str] = "chain"
+    order: ClassVar[int] = 0
+    key: ClassVar[None] = None
+    promised: ClassVar[bool] = True
+
+    def items(self, scene: Described) -> Sequence[Numbers]:
+        joints = scene.robot.joints
+        return [] if joints is None or joints.ball is None else [(joints.ball,)]
+
+    def bounds(self, numbers: SX) -> Bounds:
+        return Bounds.symmetric(numbers)
+
+    def measure(self, motion: Instant, numbers: SX) -> SX:
+        return ca.asin(motion.tilt)
+
+    def rows(self, motion: Instant, numbers: SX) -> SX:
+        return motion.tilt / ca.sin(numbers)  # of the platform's position it is linear

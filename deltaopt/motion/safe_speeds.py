@@ -1,0 +1,80 @@
+"""The largest speed at which several quantities of a slowed motion stay within their bounds.
+
+A motion at s times its speed has, at an instant, excesses e(s) over the bounds of its limits: safe
+speeds are those where none is positive. They need not form an interval: 0.1 + 4.5 s - 4.5 s² ≤ 1
+holds at rest and at full speed and fails between. So the safe speeds of all excesses are
+intersected, and the largest is taken.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import comb
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Excesses = Callable[[Array], Array]
+"""Speeds (S,) -> excesses (S, n), positive where a bound is exceeded."""
+
+_DEGREE = 4
+"""Of excesses that are polynomials: squares of quantities that have squares of the speed."""
+_ALLOWED = 1e-13
+"""Excess that counts as none: rounding of a root, of quantities of the order of one."""
+_TRIED, _SLOWEST = 400, 1e-6
+"""How many speeds are tried at first where excesses are no polynomials, and the least of them. Safe
+speeds between two tried ones, 3.5 % apart, may be missed: then the result is a lower safe speed."""
+_AMONG = 40
+"""Speeds that divide an interval in which the largest safe speed lies."""
+
+
+def largest_by_roots(excesses: Excesses, most: float) -> float | None:
+    """The largest safe speed, no more than ``most``, of excesses that are polynomials of the speed
+    of degree 4 at most: ``most`` or one of their roots. None if there is none."""
+    nodes = np.linspace(0.0, 1.0, _DEGREE + 1)
+    fitted = np.linalg.solve(np.vander(nodes, increasing=True), excesses(most * nodes))
+    coefficients = np.asarray(fitted[:, np.logical_not(_never_positive(np.asarray(fitted)))], float)
+    candidates = [1.0]
+    for each in coefficients.T:
+        roots = np.roots(np.trim_zeros(each[::-1], "f"))
+        real = roots.real[np.abs(roots.imag) <= 1e-6 * (1 + np.abs(roots.real))]
+        candidates += real[(real > 0) & (real < 1)].tolist()
+    for share in sorted(candidates, reverse=True):
+        speed = _just_below(coefficients, share)
+        if speed is not None:
+            return most * speed
+    return None
+
+
+def _just_below(coefficients: Array, share: float) -> float | None:
+    """This share of the speed, or one that is less by rounding, if it is safe; None if not."""
+    for nudge in (0.0, 1e-15, 1e-14, 1e-13, 1e-12, 1e-10, 1e-8):
+        s = share * (1 - nudge)
+        powers = s ** np.arange(_DEGREE + 1)
+        if (powers @ coefficients <= _ALLOWED).all():
+            return s
+    return None
+
+
+def _never_positive(coefficients: Array) -> NDArray[np.bool]:
+    """Which polynomials, (powers, n), are not positive on [0, 1] because none of the coefficients
+    of their Bernstein form is, whose convex hull they stay in: (n,)."""
+    to_bernstein = np.array(
+        [[comb(i, k) / comb(_DEGREE, k) for k in range(_DEGREE + 1)] for i in range(_DEGREE + 1)]
+    )
+    return np.asarray((to_bernstein @ coefficients <= 0).all(axis=0))
+
+
+def largest_by_trying(excesses: Excesses, most: float) -> float | None:
+    """A safe speed, no more than ``most``, found by comparing ever closer ones, the largest unless
+    safe speeds lie between two that are tried; None if none is found."""
+    speeds = most * np.geomspace(1.0, _SLOWEST, _TRIED)
+    while True:
+        safe = np.flatnonzero((excesses(speeds) <= 0).all(axis=1))
+        if not len(safe):
+            return None
+        first = int(safe[0])
+        if first == 0 or speeds[first] >= speeds[first - 1] * (1 - 1e-15):
+            return float(speeds[first])
+        speeds = np.linspace(speeds[first - 1], speeds[first], _AMONG)
