@@ -41,6 +41,7 @@ from deltaopt.robot.drive import Drive, Friction
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import load_robot
 from deltaopt.scene.feasibility import check_feasible
+from deltaopt.scene.rotation import Rotation
 from deltaopt.scene.scene import Scene, limits_of, load_scene
 from deltaopt.scene.task import distance
 from deltaopt.verify.measures import MeasuredMotion
@@ -195,6 +196,7 @@ def _description(scene: Scene) -> list[tuple[str, str]]:
         ("gravity", _gravity(parameters)),
         ("machine code", describe(default_method(scene))),
         ("left out", ", ".join([*_absent(parameters, scene.robot.drive), _NEVER])),
+        *([("rotation", _rotation(scene.rotation))] if scene.rotation else []),
         ("baseline", _baseline(scene)),
     ]
 
@@ -270,6 +272,10 @@ def _absent(p: DeltaParameters, drive: Drive) -> list[str]:
     }
     terms |= {"friction": drive.friction, "inertia of motor and gear": drive.inertia}
     return [name for name, value in terms.items() if value is None]
+
+
+def _rotation(rotation: Rotation) -> str:
+    return f"{rotation.angle:.4g} rad in {rotation.duration:.6f} s, the least that a motion takes"
 
 
 def _baseline(scene: Scene) -> str:

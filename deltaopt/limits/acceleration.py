@@ -26,6 +26,7 @@ class Acceleration:
         Annotated[Positive, ACCELERATION],
         "an acceleration in m/s², greater than 0",
     )
+    robot_key: ClassVar[None] = None
     promised: ClassVar[bool] = True
 
     def items(self, scene: Described) -> Sequence[Numbers]:

@@ -18,6 +18,7 @@ class ArmRange:
     subject: ClassVar[str] = "motor"
     order: ClassVar[int] = 0
     key: ClassVar[None] = None
+    robot_key: ClassVar[str] = "joints.arm"
     promised: ClassVar[bool] = True
 
     def items(self, scene: Described) -> Sequence[Numbers]:

@@ -20,6 +20,7 @@ class BallJoint:
     subject: ClassVar[str] = "chain"
     order: ClassVar[int] = 0
     key: ClassVar[None] = None
+    robot_key: ClassVar[str] = "joints.ball"
     promised: ClassVar[bool] = True
 
     def items(self, scene: Described) -> Sequence[Numbers]:

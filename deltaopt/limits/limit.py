@@ -136,9 +136,10 @@ class Limit(Protocol):
 
     ``name`` and ``unit``: of its quantity. ``subject``: what has one each, such as a motor.
     ``order``: the highest derivative of position that the quantity depends on, 0 for positions to 2
-    for accelerations and torques. ``key``: where a scene gives it, None if it cannot. ``promised``:
-    whether a verified motion keeps it; otherwise it is a margin that the planner keeps for its own
-    sake.
+    for accelerations and torques. ``key``: where a scene gives it, None if it cannot.
+    ``robot_key``: where the robot's file gives it, for people; None if a scene may give it too.
+    ``promised``: whether a verified motion keeps it; otherwise it is a margin that the planner
+    keeps for its own sake.
     """
 
     @property
@@ -151,6 +152,8 @@ class Limit(Protocol):
     def order(self) -> int: ...
     @property
     def key(self) -> Key | None: ...
+    @property
+    def robot_key(self) -> str | None: ...
     @property
     def promised(self) -> bool: ...
 
@@ -184,6 +187,7 @@ class MotorLimit:
     order: int
     key: Key
     subject = "motor"
+    robot_key = None
     promised = True
 
     def __eq__(self, other: object) -> bool:

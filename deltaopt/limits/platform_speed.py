@@ -21,6 +21,7 @@ class PlatformSpeed:
     subject: ClassVar[str] = "platform"
     order: ClassVar[int] = 1
     key: ClassVar[Key] = Key("platform_speed", Positive, "a speed in m/s, greater than 0")
+    robot_key: ClassVar[None] = None
     promised: ClassVar[bool] = True
 
     def items(self, scene: Described) -> Sequence[Numbers]:

@@ -35,6 +35,7 @@ class SerialSingularity:
     subject: ClassVar[str] = "chain"
     order: ClassVar[int] = 0
     key: ClassVar[None] = None
+    robot_key: ClassVar[None] = None
     promised: ClassVar[bool] = False
 
     def items(self, scene: Described) -> Sequence[Numbers]:

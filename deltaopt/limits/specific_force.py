@@ -27,6 +27,7 @@ class SpecificForce:
     subject: ClassVar[str] = "payload"
     order: ClassVar[int] = 2
     key: ClassVar[Key] = Key("specific_force", Positive, "a specific force in m/s², greater than 0")
+    robot_key: ClassVar[None] = None
     promised: ClassVar[bool] = True
 
     def items(self, scene: Described) -> Sequence[Numbers]:

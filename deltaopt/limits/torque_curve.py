@@ -28,6 +28,7 @@ class TorqueCurve:
     subject: ClassVar[str] = "motor"
     order: ClassVar[int] = 2
     key: ClassVar[None] = None
+    robot_key: ClassVar[str] = "drive.torque_curve"
     promised: ClassVar[bool] = True
 
     def items(self, scene: Described) -> Sequence[Numbers]:

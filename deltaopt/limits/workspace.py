@@ -23,6 +23,7 @@ class WorkspaceDepth:
     subject: ClassVar[str] = "tool"
     order: ClassVar[int] = 0
     key: ClassVar[None] = None
+    robot_key: ClassVar[str] = "workspace.depth"
     promised: ClassVar[bool] = True
 
     def items(self, scene: Described) -> Sequence[Numbers]:
@@ -48,6 +49,7 @@ class WorkspaceRadius:
     subject: ClassVar[str] = "tool"
     order: ClassVar[int] = 0
     key: ClassVar[None] = None
+    robot_key: ClassVar[str] = "workspace.radius"
     promised: ClassVar[bool] = True
 
     def items(self, scene: Described) -> Sequence[Numbers]:

@@ -35,16 +35,28 @@ def largest_by_roots(excesses: Excesses, most: float) -> float | None:
     nodes = np.linspace(0.0, 1.0, _DEGREE + 1)
     fitted = np.linalg.solve(np.vander(nodes, increasing=True), excesses(most * nodes))
     coefficients = np.asarray(fitted[:, np.logical_not(_never_positive(np.asarray(fitted)))], float)
-    candidates = [1.0]
-    for each in coefficients.T:
-        roots = np.roots(np.trim_zeros(each[::-1], "f"))
-        real = roots.real[np.abs(roots.imag) <= 1e-6 * (1 + np.abs(roots.real))]
-        candidates += real[(real > 0) & (real < 1)].tolist()
+    candidates = [1.0, *_roots(coefficients).tolist()]
     for share in sorted(candidates, reverse=True):
         speed = _just_below(coefficients, share)
         if speed is not None:
             return most * speed
     return None
+
+
+def _roots(coefficients: Array) -> Array:
+    """The real roots between 0 and 1 of polynomials, (powers, n), all in one array.
+
+    Their inverses are eigenvalues of companion matrices, in which a highest power that is missing
+    makes an eigenvalue zero, and so does no harm.
+    """
+    constant = coefficients[0]
+    constant = np.where(np.abs(constant) < _ALLOWED, -_ALLOWED, constant)
+    companion = np.zeros((coefficients.shape[1], _DEGREE, _DEGREE))
+    companion[:, 0] = -(coefficients[1:] / constant).T
+    companion[:, np.arange(1, _DEGREE), np.arange(_DEGREE - 1)] = 1
+    inverse = np.linalg.eigvals(companion).ravel()
+    real = inverse.real[np.abs(inverse.imag) <= 1e-6 * np.abs(inverse)]
+    return np.asarray(1 / real[real > 1])
 
 
 def _just_below(coefficients: Array, share: float) -> float | None:

@@ -20,7 +20,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from math import inf, sqrt
+from math import inf, isfinite, sqrt
 from typing import NoReturn
 
 import casadi as ca
@@ -60,6 +60,9 @@ _SAFE = 1e-12
 """The same of other rows of mixed powers: rounding of a row at its bound."""
 _EXCHANGES = 30
 """Rounds of collecting instants; it takes three as a rule."""
+_ROUGH, _ROUGH_ROUNDS, _MOST_CHANGE = 0.02, 8, 4.0
+"""How well a rough factor is to be known, in how many rounds at most, each of which changes it at
+most so many times. It is for a first guess, for which a few per cent are nothing."""
 _LEAST_SLOPE = 0.05
 """By how much a row of mixed powers is taken to fall with the speed at least, in the rough answer.
 A lesser one would ask for wild factors where slowing hardly helps."""
@@ -143,58 +146,66 @@ def needed_slowing(
     intervals = len(trajectory.knots) - 1
     along, fractions = _loads_along(scene, trajectory), sample_fractions(intervals)
     known = sampled or along(*everywhere(intervals, fractions))
-    highest = _highest(along, lambda loads: loads.demands, fractions, known).values
     if not _mixed(scene).any():
+        highest = _highest(along, lambda loads: loads.demands, fractions, known).values
         return known.needed(highest, at_least)
-    size = limits_of(scene).constraints.size
+    constraints = limits_of(scene).constraints
 
-    def looked_at(speed: float) -> Peaks:
-        slowed = _loads_along(scene, trajectory.slowed(1 / speed))
-        loads = slowed(*everywhere(intervals, fractions))
-        return _highest(slowed, lambda loads: size(loads.rows), fractions, loads)
+    def looked_at(speed: float, closely: bool) -> Peaks:
+        slowed, loads = along, known
+        if speed != 1:
+            slowed = _loads_along(scene, trajectory.slowed(1 / speed))
+            loads = slowed(*everywhere(intervals, fractions))
+        if closely:
+            return _highest(slowed, lambda loads: constraints.size(loads.rows), fractions, loads)
+        highest = Peaks.none(constraints.number)
+        highest.see(*everywhere(intervals, fractions), constraints.size(loads.rows))
+        return highest
 
-    factor = _factor_by_exchange(scene, trajectory, at_least, looked_at)
-    return NeededSlowing(factor, known.misplaced(highest))
+    factor, last = _factor_by_exchange(scene, trajectory, at_least, looked_at)
+    return NeededSlowing(factor, float(last.values[constraints.of_place].max(initial=0.0)) - 1)
+
+
+Look = Callable[[float, bool], Peaks]
+"""(speed, whether to look between samples too) -> the highest sizes of all rows of the motion at
+this speed, and where they are."""
 
 
 def _factor_by_exchange(
-    scene: Scene,
-    trajectory: Trajectory,
-    at_least: float,
-    looked_at: Callable[[float], Peaks],
-) -> float:
-    """The smallest safe factor where rows have mixed powers.
+    scene: Scene, trajectory: Trajectory, at_least: float, looked_at: Look
+) -> tuple[float, Peaks]:
+    """The smallest safe factor where rows have mixed powers, and the last look.
 
-    ``looked_at``: the highest sizes of all rows with the motion at a speed, and where they are.
+    Samples come first: what lies between them changes the speed little.
     """
     changes = _exponents(scene) != 0
     largest = largest_by_roots if _squares(scene) else largest_by_trying
     speed, highest = _where_to_begin(at_least, looked_at, changes)
-    instants = _Instants.none(scene, trajectory)
+    instants, closely = _Instants.none(scene, trajectory), False
     for _ in range(_EXCHANGES):
         beyond = changes & ~(highest.values <= 1 + _SAFE)
-        if not beyond.any():
-            return 1 / speed
+        if closely and not beyond.any():
+            return 1 / speed, highest
         if not np.isfinite(highest.values).all():
-            return inf
-        instants = instants.joined_by(highest.intervals[beyond], highest.fractions[beyond])
-        slower = largest(instants.excesses, speed)
-        if slower is None:
-            return inf
-        speed = slower
-        highest = looked_at(speed)
-    return inf
+            return inf, highest
+        if beyond.any():
+            instants = instants.joined_by(highest.intervals[beyond], highest.fractions[beyond])
+            slower = largest(instants.excesses, speed)
+            if slower is None:
+                return inf, looked_at(speed, True)
+            speed = slower
+        closely = True
+        highest = looked_at(speed, closely)
+    return inf, highest
 
 
-def _where_to_begin(
-    at_least: float, looked_at: Callable[[float], Peaks], changes: Truths
-) -> tuple[float, Peaks]:
-    """The largest speed that is allowed, or one that is too fast, and the highest rows there."""
+def _where_to_begin(at_least: float, looked_at: Look, changes: Truths) -> tuple[float, Peaks]:
+    """The largest speed that is allowed, or one that is too fast, and the samples there."""
     speed = 1 / at_least if at_least else 1.0
-    highest = looked_at(speed)
+    highest = looked_at(speed, False)
     while not at_least and (highest.values[changes] <= 1).all():
         speed *= 2
-        highest = looked_at(speed)
+        highest = looked_at(speed, False)
     return speed, highest
 
 
@@ -275,15 +286,14 @@ def rough_factor(scene: Scene, trajectory: Trajectory) -> float:
     if not _mixed(scene).any():
         loads = _Evaluation.of(scene, trajectory)(*where)
         return loads.needed(loads.demands.max(axis=0), at_least=0.0).factor
-    constraints = limits_of(scene).constraints
-
-    def looked_at(speed: float) -> Peaks:
-        loads = _Evaluation.of(scene, trajectory.slowed(1 / speed))(*where)
-        highest = Peaks.none(constraints.number)
-        highest.see(*where, constraints.size(loads.rows))
-        return highest
-
-    return _factor_by_exchange(scene, trajectory, 0.0, looked_at)
+    factor = 1.0
+    for _ in range(_ROUGH_ROUNDS):  # what mixed powers ask for is right close to the limits alone
+        loads = _Evaluation.of(scene, trajectory.slowed(factor))(*where)
+        change = loads.needed(loads.demands.max(axis=0), at_least=0.0).factor
+        factor *= min(max(change, 1 / _MOST_CHANGE), _MOST_CHANGE)
+        if abs(change - 1) < _ROUGH:
+            break
+    return factor if isfinite(change) else inf
 
 
 @dataclass(frozen=True)

@@ -320,7 +320,8 @@ def _excesses(scaling: Scaling, trajectory: Trajectory) -> Array:
 
     For accelerations and torques: the largest sample in the interval, and the largest value of the
     motion where that lies. For velocities: the largest of the motion in all intervals, since
-    neighbouring intervals share their velocity. For positions 0: their rows are not tightened.
+    neighbouring intervals share their velocity. For margins of position that only the planner
+    keeps 0: their rows are not tightened.
     """
     constraints = scaling.constraints
     sizes = constraints.size(loads_inside(scaling.scene, trajectory, _FRACTIONS).rows)
@@ -330,7 +331,7 @@ def _excesses(scaling: Scaling, trajectory: Trajectory) -> Array:
     sizes[at] = np.maximum(sizes[at], highest.values)
     velocity = constraints.of_order(1)
     sizes[:, velocity] = highest.values[velocity].max(initial=0.0)
-    sizes[:, constraints.of_order(0)] = 0.0
+    sizes[:, (constraints.orders == 0) & ~constraints.of_place] = 0.0
     return np.asarray(np.maximum(sizes - 1, 0.0))
 
 

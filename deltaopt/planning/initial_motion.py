@@ -17,7 +17,7 @@ from deltaopt.errors import DeltaOptError, Infeasible, Unreachable
 from deltaopt.files.validated_record import Vector3
 from deltaopt.mechanisms.delta.functions import delta_functions
 from deltaopt.mechanisms.delta.mechanism import DeltaTerms
-from deltaopt.motion.time_scaling import rough_factor, safe_factor
+from deltaopt.motion.time_scaling import needed_slowing, rough_factor
 from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
 from deltaopt.planning.settings import require_type
 from deltaopt.robot.model import DeltaModel, delta_model
@@ -236,9 +236,15 @@ def _fastest(scene: Scene, trajectory: Trajectory, name: str) -> Trajectory:
 
     def factor(motion: Trajectory) -> float:
         try:
-            return safe_factor(scene, motion, at_least=0.0)
+            needed = needed_slowing(scene, motion, scene.least_duration / motion.duration)
         except Unreachable as error:
             raise Unreachable(f"{name}: {error}") from None
+        if not needed.keeps_places:
+            raise Infeasible(
+                f"{name}: a limit of position is exceeded on it by {needed.misplaced:.2%}, which "
+                "no slowing changes"
+            )
+        return needed.factor
 
     return _sped(trajectory, factor, f"{name}: gravity alone exceeds a torque limit on it")
 

@@ -21,6 +21,7 @@ from deltaopt.limits.constraints import Constraints
 from deltaopt.mechanisms.delta.functions import DeltaFunctions
 from deltaopt.motion.certificate import Certificate
 from deltaopt.motion.effort import cost as cost_of
+from deltaopt.motion.time_scaling import safe_factor
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.effort_planning import (
     SMOOTH,
@@ -42,7 +43,7 @@ from deltaopt.planning.settings import MOST, require_positive, require_type, req
 from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.feasibility import check_feasible, serial_distances_at_ends
-from deltaopt.scene.objective import Objective, Time
+from deltaopt.scene.objective import Effort, Objective, Time
 from deltaopt.scene.scene import Limits, Scene
 
 Array = NDArray[np.float64]
@@ -320,24 +321,28 @@ class Planner:
             solutions[best] = solutions[best].exact()
             iterations[best] = iteration_of(solutions[: best + 1])
         chosen = resolved or solutions[best]
-        if isinf(chosen.safe_factor):
+        if not (resolved or solutions[best].needed.keeps_places):
             raise NotConverged(
-                "a limit is exceeded at rest, such as a torque limit by gravity alone, somewhere "
-                "between the points of every mesh",
+                "a limit of position is exceeded between the points of every mesh, however much it "
+                "is tightened",
                 chosen.status,
                 chosen.trajectory,
             )
+        trajectory = _safe(scene, chosen.trajectory, chosen.safe_factor, chosen.status)
+        gap = resolved.gap if resolved else gap_of(iterations, best)
+        if scene.rotation:  # nothing is faster than what it takes
+            gap = min(gap, max(0.0, trajectory.duration / scene.least_duration - 1))
         spent = sum(each.iterations for each in iterations)
         return Plan(
             scene=scene,
-            trajectory=chosen.trajectory.slowed(chosen.safe_factor * _rounding_factor(scene)),
+            trajectory=trajectory,
             formulation=self._formulation.name,
             transcription=resolved.name if resolved else self._transcription.name,
             intervals=len(chosen.trajectory.knots) - 1,
             status=chosen.status,
             iterations=spent + (resolved.iterations if resolved else 0),
             solve_seconds=perf_counter() - begin,
-            gap=resolved.gap if resolved else gap_of(iterations, best),
+            gap=gap,
             tolerance=self.tolerance,
             meshes=tuple(iterations),
             certificate=resolved.certificate if resolved else refinement.certificate(best),
@@ -364,6 +369,10 @@ class Planner:
         cost = cost_to_minimise(scene.objective, scaling)
         problem = self._problem(fastest.trajectory.model, scaling, cost)
         found = minimise_effort(problem, fastest, self.intervals, self.tolerance, scaling, report)
+        if found.trajectory.duration < scene.least_duration and not scene.objective.given_duration:
+            report(f"once more, in the {scene.least_duration:.6g} s that rotation takes:")
+            longer = scene.model_copy(update={"objective": Effort(duration=scene.least_duration)})
+            return replace(self._plan_effort(longer, guess, report), scene=scene)
         return Plan(
             scene=scene,
             trajectory=found.trajectory,
@@ -442,6 +451,32 @@ def quicker(one: Plan, other: Plan) -> Plan:
         iterations=one.iterations + other.iterations,
         solve_seconds=one.solve_seconds + other.solve_seconds,
     )
+
+
+def _safe(scene: Scene, trajectory: Trajectory, factor: float, status: str) -> Trajectory:
+    """A motion slowed by a factor that keeps its limits, and until a fourth axis has turned.
+
+    Raises NotConverged where no factor does.
+    """
+    if isinf(factor):
+        raise NotConverged(
+            "a limit is exceeded at rest, such as a torque limit by gravity alone, somewhere "
+            "between the points of every mesh",
+            status,
+            trajectory,
+        )
+    slowed = trajectory.slowed(factor * _rounding_factor(scene))
+    if slowed.duration >= scene.least_duration:
+        return slowed
+    waiting = safe_factor(scene, trajectory, at_least=scene.least_duration / trajectory.duration)
+    if isinf(waiting):
+        raise NotConverged(
+            f"the motion takes {slowed.duration:.6g} s, less than rotation does, and slowed until "
+            f"then ({scene.least_duration:.6g} s) it exceeds a limit",
+            status,
+            slowed,
+        )
+    return trajectory.slowed(waiting)
 
 
 def _rounding_factor(scene: Scene) -> float:

@@ -25,6 +25,8 @@ _SHORTEST_MOVE = 1e-12
 1e-16, so that such a move still has four digits."""
 _CLEAR = 1e-6
 """Squared distance from serial singularities above which an end needs no closer look."""
+_ROUNDING = 1e-12
+"""By how much, in its unit, a quantity may be beyond a bound that it was given to be at."""
 _SAME_PLACE = 1e-6
 """Distance in m within which forward and inverse kinematics must agree. Near a parallel singularity
 forward kinematics loses half of its digits."""
@@ -132,12 +134,13 @@ def _exceeded_at_rest(scene: Scene, point: Vector3) -> Iterator[str]:
     motion = CoordinateInstant.general(model.functions, x, rest, rest, p)
     found = np.array(ca.DM(constraints.measures(motion, numbers))).ravel()
     for row, (value, lower, upper) in enumerate(zip(found, *limits.bounds, strict=True)):
-        if not lower <= value <= upper:
-            unit = constraints.limits[constraints.item_of(row)[0]].unit
+        if not lower - _ROUNDING <= value <= upper + _ROUNDING:
+            limit = constraints.limits[constraints.item_of(row)[0]]
             beyond, bound = ("at most", upper) if value > upper else ("at least", lower)
+            by = f" by {limit.robot_key}" if limit.robot_key else ""
             yield (
-                f"{constraints.label(row)} is {value:.4g} {unit}, where {beyond} {bound:g} {unit} "
-                "is allowed"
+                f"{constraints.label(row)} is {value:.4g} {limit.unit}, where {beyond} {bound:g} "
+                f"{limit.unit} is allowed{by}"
             )
 
 

@@ -37,6 +37,7 @@ from deltaopt.limits.torque_curve import TorqueCurve
 from deltaopt.limits.workspace import WorkspaceDepth, WorkspaceRadius
 from deltaopt.robot.robot import Robot, load_robot
 from deltaopt.scene.objective import EXPECTED, Objective, Time, content_of, objective_in
+from deltaopt.scene.rotation import Rotation
 from deltaopt.scene.task import RestToRest, Task
 
 _ROBOT_FILE = "the path of a robot file, relative to the scene file"
@@ -75,8 +76,9 @@ class Scene(Record):
     The tool's point is the platform's centre if the robot has no tool with an offset. ``start``,
     ``goal``: three coordinates each in m, x down from the base's centre. ``payload``: mass m₂ in kg
     at the platform; None for no payload. ``limits``: beside those of the robot's drive.
-    ``objective``: what is minimised, time by default. A key ``tool`` replaces the robot's tool as a
-    whole: it is then that of ``robot``. Raises SceneError for values that cannot be used.
+    ``rotation``: of a fourth axis, which the motion takes no less time than. ``objective``: what is
+    minimised, time by default. A key ``tool`` replaces the robot's tool as a whole: it is then that
+    of ``robot``. Raises SceneError for values that cannot be used.
     """
 
     robot: Robot = Field(description=_ROBOT_FILE)
@@ -93,7 +95,16 @@ class Scene(Record):
         default=None,
         description="a mapping with some of the keys " + ", ".join(Limits.model_fields),
     )
+    rotation: Rotation | None = Field(
+        default=None, description="a mapping with the keys angle, speed, acceleration"
+    )
     objective: Objective = Field(default=Time(), description=EXPECTED)
+
+    @property
+    def least_duration(self) -> float:
+        """The least time that the motion may take beside what its limits ask for, s: that of the
+        rotation; 0 without one."""
+        return 0.0 if self.rotation is None else self.rotation.duration
 
     @property
     def task(self) -> Task:
@@ -146,6 +157,14 @@ class Scene(Record):
     def _moves(self) -> Self:
         if self.start == self.goal:
             raise SceneError(None, "goal", self.goal, "a point in m other than start")
+        return self
+
+    @model_validator(mode="after")
+    def _there_is_time_to_rotate(self) -> Self:
+        given = self.objective.given_duration
+        if given is not None and given < self.least_duration:
+            least = f"at least {self.least_duration:.6g} s, which rotation takes"
+            raise SceneError(None, "duration", given, least)
         return self
 
     @model_validator(mode="after")

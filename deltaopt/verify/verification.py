@@ -99,6 +99,7 @@ class Bound:
 
 BOUNDS = (
     Bound("duration_error", "s", DURATION, "it takes {:.3g} s more or less than the scene says"),
+    Bound("rotation_left", "s", DURATION, "it ends {:.3g} s before the fourth axis has turned"),
     Bound(
         "start_distance",
         "m",
@@ -221,6 +222,7 @@ class Verification:
         slowed so that it keeps its limits.
     ``effort``: ∫ τᵀτ dt, N²m²s.
     ``duration_error``: s, from the scene's duration; None where it gives none.
+    ``rotation_left``: s, by which the scene's rotation takes longer; None where it has none.
     ``excesses``: of every limit of the scene the largest, by name: ``report.torque_excess`` is
         the value of ``report.excesses["torque_excess"]``, None where the scene has no such limit.
     ``distances``: the least to every kind of singularity; empty where not evaluated.
@@ -249,6 +251,7 @@ class Verification:
     safe_duration: float = inf
     effort: float = inf
     duration_error: float | None = None
+    rotation_left: float | None = None
     excesses: Mapping[str, Excess] = field(default_factory=dict)
     start_distance: float = inf
     goal_distance: float = inf
@@ -431,6 +434,8 @@ def _measures(scene: Scene, trajectory: Trajectory) -> dict[str, Any]:
     }
     if given is not None:
         measures["duration_error"] = abs(trajectory.duration - given)
+    if scene.rotation is not None:
+        measures["rotation_left"] = max(0.0, scene.rotation.duration - trajectory.duration)
     return measures
 
 

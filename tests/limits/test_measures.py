@@ -85,6 +85,7 @@ def limited(name: str) -> Robot:
     content["drive"] |= {"torque": 10.0, "torque_curve": [[0.0, 10.0], [1.2, 10.0], [2.0, 4.0]]}
     return Robot.model_validate(content | KEYS)
 
+
 BY_FORMULA = [limit for limit in LIMITS if limit.name in FORMULAS]
 
 

@@ -18,6 +18,7 @@ SAYS = {
     "gap": "true: against 0.14087",
     "interrupts": "SIGINT during check, 2 instants",
     "inverse": "inverse dynamics",
+    "limits": "workspace radius     2 of 2",
     "line": "pick_and_place: line by a quintic law 0.1966 s",
     "objectives": "least effort ∫ τᵀτ dt in",
     "sanitize": "0 findings",

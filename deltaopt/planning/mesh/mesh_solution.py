@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import inf
+from math import inf, isinf
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,10 +51,10 @@ class Iteration:
     spent: Spent
 
     def __str__(self) -> str:
-        return (
-            f"{self.intervals} intervals, {self.iterations} iterations: "
-            f"{self.safe_duration:.6f} s, at most {self.gap:.1e} above the optimum"
-        )
+        solved = f"{self.intervals} intervals, {self.iterations} iterations:"
+        if isinf(self.safe_duration):
+            return f"{solved} no safe duration, a limit is exceeded that slowing does not help"
+        return f"{solved} {self.safe_duration:.6f} s, at most {self.gap:.1e} above the optimum"
 
 
 def solve_on_mesh(

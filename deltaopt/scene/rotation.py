@@ -1,0 +1,29 @@
+"""A fourth axis that turns the gripper while the platform moves: a least duration of the motion."""
+
+from __future__ import annotations
+
+from math import sqrt
+
+from pydantic import Field
+
+from deltaopt.files.validated_record import Positive, Record
+
+
+class Rotation(Record):
+    """A turn by ``angle`` (rad) from rest to rest, at most at ``speed`` (rad/s), with at most
+    ``acceleration`` (rad/s²).
+
+    The axis is light and moves by itself: the Delta's motion only has to take no less time.
+    """
+
+    angle: Positive = Field(description="an angle in rad, greater than 0")
+    speed: Positive = Field(description="an angular speed in rad/s, greater than 0")
+    acceleration: Positive = Field(description="an angular acceleration in rad/s², greater than 0")
+
+    @property
+    def duration(self) -> float:
+        """The least time it takes, s: full acceleration, full speed if that is reached, full
+        braking."""
+        if self.angle * self.acceleration <= self.speed**2:
+            return 2 * sqrt(self.angle / self.acceleration)
+        return self.angle / self.speed + self.speed / self.acceleration

@@ -1,0 +1,167 @@
+"""What each kind of limit costs: processor time of plans with it and without, and their duration.
+
+Random moves between points where the limit can be kept are planned with one limit more, and with
+all of them, and without. Every motion is verified. How much time a limit takes is the ratio of
+processor times for the same move, of which the median is shown.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import reduce
+from pathlib import Path
+from time import process_time
+from typing import Any
+
+import numpy as np
+
+from deltaopt import Limits, Planner, Robot, Scene, load_robot, verify
+from deltaopt.bench.random_scenes import random_scenes
+from deltaopt.cli.arguments import positive
+from deltaopt.cli.progress import ProgressBar
+from deltaopt.errors import DeltaOptError
+from deltaopt.limits.constraints import SceneLimits
+from deltaopt.motion.time_scaling import highest_rows
+from deltaopt.scene.scene import limits_of
+from studies.problems import INDUSTRIAL, add_robots
+
+HELP = "what each kind of limit costs: processor time and duration of random moves"
+SMALL = {"robots": (INDUSTRIAL,), "moves": 2, "tolerance": 1e-3}
+_RUNS = 3
+"""Of each plan; the least processor time counts."""
+_AT_LIMIT = 0.999
+"""Share of a bound from which on a limit counts as reached."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A kind of limit: keys of the robot's file and under ``limits``, for a robot."""
+
+    name: str
+    robot: dict[str, Any] = field(default_factory=dict)
+    limits: dict[str, float] = field(default_factory=dict)
+
+    def of(self, robot: Robot) -> Robot:
+        """The robot with these keys."""
+        content = robot.model_dump(exclude_none=True)
+        for key, value in self.robot.items():
+            content[key] = {**content.get(key, {}), **value}
+        return Robot.model_validate(content)
+
+    def __or__(self, other: Case) -> Case:
+        robot = dict(self.robot)
+        for key, value in other.robot.items():
+            robot[key] = {**robot.get(key, {}), **value}
+        return Case("all of them", robot, self.limits | other.limits)
+
+
+def cases(robot: Robot) -> list[Case]:
+    """One for each kind of limit, with numbers that many moves of the robot reach; all at last."""
+    reach, torque = robot.upper_arm.length + robot.forearm.length, min(robot.torque_limits)
+    speed = min(robot.speed_limits) if robot.speed_limits else 12.0
+    curve = [[0.0, torque], [0.4 * speed, torque], [speed, 0.5 * torque]]
+    each = [
+        Case("platform speed", limits={"platform_speed": 0.35 * speed * reach}),
+        Case("specific force", limits={"specific_force": 0.4 * speed**2 * reach}),
+        Case("torque at speed", {"drive": {"torque_curve": curve}}),
+        Case("arm angle", {"joints": {"arm": [-1.0, 0.4]}}),
+        Case("ball joint angle", {"joints": {"ball": 0.35}}),
+        Case("workspace depth", {"workspace": {"depth": [0.65 * reach, 0.85 * reach]}}),
+        Case("workspace radius", {"workspace": {"radius": 0.3 * reach}}),
+    ]
+    return [*each, reduce(Case.__or__, each)]
+
+
+@dataclass(frozen=True)
+class Found:
+    """A move planned with a limit and without. ``seconds``, ``durations``: of both; ``verified``:
+    with it; ``active``: whether the motion reaches a limit of the case."""
+
+    seconds: tuple[float, float]
+    durations: tuple[float, float]
+    verified: bool
+    active: bool
+
+
+def study(
+    robot: Robot, case: Case, moves: int, tolerance: float, seed: int
+) -> Iterator[Found | DeltaOptError]:
+    """Plan random moves with a case's limits and without; the error where a plan fails."""
+    limited, limits = case.of(robot), Limits.model_validate(case.limits)
+    with_it = Planner(limited, None, limits, tolerance)
+    without = Planner(robot, None, None, tolerance)
+    for scene in random_scenes(limited, None, moves, seed):
+        ends = scene.start, scene.goal
+        try:
+            plain, plain_seconds = _timed(lambda ends=ends: without.plan(*ends))
+            plan, seconds = _timed(lambda ends=ends: with_it.plan(*ends))
+        except DeltaOptError as error:
+            yield error
+            continue
+        yield Found(
+            (seconds, plain_seconds),
+            (plan.duration, plain.duration),
+            verify(plan.scene, plan.trajectory).ok and plan.within_tolerance,
+            _reaches(plan.scene, plan.trajectory, limits_of(plain.scene)),
+        )
+
+
+def _timed(plan: Callable[[], Any]) -> tuple[Any, float]:
+    """A plan and the least processor time of some, s."""
+    seconds = []
+    for _ in range(_RUNS):
+        begin = process_time()
+        found = plan()
+        seconds.append(process_time() - begin)
+    return found, min(seconds)
+
+
+def _reaches(scene: Scene, trajectory: Any, before: SceneLimits) -> bool:
+    """Whether a motion reaches a limit that the scene has and others had not."""
+    constraints, highest = limits_of(scene).constraints, highest_rows(scene, trajectory).values
+    parts = zip(constraints.items, constraints.slices, strict=True)
+    new = [rows for item, rows in parts if item not in before.constraints.items]
+    return any((highest[rows] > _AT_LIMIT).any() for rows in new)
+
+
+def line(name: str, found: Sequence[Found | DeltaOptError]) -> str:
+    """A line of the table."""
+    planned = [each for each in found if isinstance(each, Found)]
+    ratios = [each.seconds[0] / each.seconds[1] for each in planned]
+    longer = [each.durations[0] / each.durations[1] - 1 for each in planned]
+    return (
+        f"{name:<18}{len(planned):>4} of {len(found):<4}{sum(f.verified for f in planned):>9}"
+        f"{sum(f.active for f in planned):>8}{np.median(ratios):>9.2f}"
+        f"{np.percentile(ratios, 90):>9.2f}{np.mean(longer):>10.2%}"
+    )
+
+
+HEADER = (
+    f"{'limit':<18}{'planned':>12}{'verified':>9}{'active':>8}"
+    f"{'time':>9}{'90th %':>9}{'longer':>10}"
+)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    add_robots(parser)
+    parser.add_argument("--moves", type=int, default=50, help="of each robot and limit")
+    parser.add_argument("--tolerance", type=positive, default=1e-3, help="of the gap")
+    parser.add_argument("--seed", type=int, default=1)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    for file in map(Path, arguments.robots):
+        robot = load_robot(file)
+        print(f"{robot.name}, gap {arguments.tolerance:g}\n{HEADER}", flush=True)
+        for case in cases(robot):
+            progress, found = ProgressBar(), []
+            for each in study(robot, case, arguments.moves, arguments.tolerance, arguments.seed):
+                found.append(each)
+                progress(len(found) / arguments.moves, case.name)
+                if isinstance(each, DeltaOptError):
+                    print(f"{case.name}: {each}")
+            print(line(case.name, found), flush=True)
+        print()
+    return 0
