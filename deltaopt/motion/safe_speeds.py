@@ -22,6 +22,11 @@ _DEGREE = 4
 """Of excesses that are polynomials: squares of quantities that have squares of the speed."""
 _ALLOWED = 1e-13
 """Excess that counts as none: rounding of a root, of quantities of the order of one."""
+_NODES = np.linspace(0.0, 1.0, _DEGREE + 1)
+_TO_POWERS = np.linalg.inv(np.vander(_NODES, increasing=True))
+"""Coefficients of a polynomial from its values at these shares of the largest speed."""
+_ROUNDED = 1 - np.array([0.0, 1e-15, 1e-14, 1e-13, 1e-12, 1e-10, 1e-8])
+"""Shares of a root that are tried: the root itself may be unsafe by rounding."""
 _TRIED, _SLOWEST = 400, 1e-6
 """How many speeds are tried at first where excesses are no polynomials, and the least of them. Safe
 speeds between two tried ones, 3.5 % apart, may be missed: then the result is a lower safe speed."""
@@ -32,15 +37,12 @@ _AMONG = 40
 def largest_by_roots(excesses: Excesses, most: float) -> float | None:
     """The largest safe speed, no more than ``most``, of excesses that are polynomials of the speed
     of degree 4 at most: ``most`` or one of their roots. None if there is none."""
-    nodes = np.linspace(0.0, 1.0, _DEGREE + 1)
-    fitted = np.linalg.solve(np.vander(nodes, increasing=True), excesses(most * nodes))
+    fitted = _TO_POWERS @ excesses(most * _NODES)
     coefficients = np.asarray(fitted[:, np.logical_not(_never_positive(np.asarray(fitted)))], float)
-    candidates = [1.0, *_roots(coefficients).tolist()]
-    for share in sorted(candidates, reverse=True):
-        speed = _just_below(coefficients, share)
-        if speed is not None:
-            return most * speed
-    return None
+    candidates = np.outer(np.append(1.0, _roots(coefficients)), _ROUNDED).ravel()
+    powers = candidates[:, None] ** np.arange(_DEGREE + 1)
+    safe = candidates[(powers @ coefficients <= _ALLOWED).all(axis=1)]
+    return most * float(safe.max()) if len(safe) else None
 
 
 def _roots(coefficients: Array) -> Array:
@@ -59,23 +61,15 @@ def _roots(coefficients: Array) -> Array:
     return np.asarray(1 / real[real > 1])
 
 
-def _just_below(coefficients: Array, share: float) -> float | None:
-    """This share of the speed, or one that is less by rounding, if it is safe; None if not."""
-    for nudge in (0.0, 1e-15, 1e-14, 1e-13, 1e-12, 1e-10, 1e-8):
-        s = share * (1 - nudge)
-        powers = s ** np.arange(_DEGREE + 1)
-        if (powers @ coefficients <= _ALLOWED).all():
-            return s
-    return None
+_TO_BERNSTEIN = np.array(
+    [[comb(i, k) / comb(_DEGREE, k) for k in range(_DEGREE + 1)] for i in range(_DEGREE + 1)]
+)
 
 
 def _never_positive(coefficients: Array) -> NDArray[np.bool]:
     """Which polynomials, (powers, n), are not positive on [0, 1] because none of the coefficients
     of their Bernstein form is, whose convex hull they stay in: (n,)."""
-    to_bernstein = np.array(
-        [[comb(i, k) / comb(_DEGREE, k) for k in range(_DEGREE + 1)] for i in range(_DEGREE + 1)]
-    )
-    return np.asarray((to_bernstein @ coefficients <= 0).all(axis=0))
+    return np.asarray((_TO_BERNSTEIN @ coefficients <= 0).all(axis=0))
 
 
 def largest_by_trying(excesses: Excesses, most: float) -> float | None:
