@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import casadi as ca
 
+from deltaopt.files.units import SPEED
 from deltaopt.files.validated_record import Positive
 from deltaopt.limits.limit import SX, Bounds, Described, Instant, Key, Numbers
 
@@ -20,7 +21,9 @@ class PlatformSpeed:
     unit: ClassVar[str] = "m/s"
     subject: ClassVar[str] = "platform"
     order: ClassVar[int] = 1
-    key: ClassVar[Key] = Key("platform_speed", Positive, "a speed in m/s, greater than 0")
+    key: ClassVar[Key] = Key(
+        "platform_speed", Annotated[Positive, SPEED], "a speed in m/s, greater than 0"
+    )
     robot_key: ClassVar[None] = None
     promised: ClassVar[bool] = True
 

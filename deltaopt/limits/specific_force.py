@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import casadi as ca
 import numpy as np
 
 from deltaopt.errors import SceneError
+from deltaopt.files.units import ACCELERATION
 from deltaopt.files.validated_record import Positive
 from deltaopt.limits.limit import SX, Bounds, Described, Instant, Key, Numbers
 
@@ -26,7 +27,11 @@ class SpecificForce:
     unit: ClassVar[str] = "m/s²"
     subject: ClassVar[str] = "payload"
     order: ClassVar[int] = 2
-    key: ClassVar[Key] = Key("specific_force", Positive, "a specific force in m/s², greater than 0")
+    key: ClassVar[Key] = Key(
+        "specific_force",
+        Annotated[Positive, ACCELERATION],
+        "a specific force in m/s², greater than 0",
+    )
     robot_key: ClassVar[None] = None
     promised: ClassVar[bool] = True
 
@@ -35,7 +40,8 @@ class SpecificForce:
         given = scene.given(self.key.name)
         if given is None:
             return []
-        gravity = (scene.robot.gravity, 0.0, 0.0)
+        g = scene.robot.gravity
+        gravity = g if isinstance(g, tuple) else (g, 0.0, 0.0)
         at_rest = float(np.linalg.norm(gravity))
         if given <= at_rest:
             least = f"more than {at_rest:g} m/s², the specific force at rest"

@@ -1,7 +1,4 @@
-"""x_least ≤ x ≤ x_most and √(y² + z²) ≤ r: where the robot's maker or its cell lets the tool be.
-
-The tool's point is the platform's centre.
-"""
+"""x_least ≤ x ≤ x_most and √(y² + z²) ≤ r: where the robot's maker or its cell lets the tool be."""
 
 from __future__ import annotations
 

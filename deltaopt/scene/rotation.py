@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from math import sqrt
+from typing import Annotated
 
 from pydantic import Field
 
+from deltaopt.files.units import ANGLE, ANGULAR_ACCELERATION, ANGULAR_SPEED
 from deltaopt.files.validated_record import Positive, Record
 
 
@@ -16,9 +18,13 @@ class Rotation(Record):
     The axis is light and moves by itself: the Delta's motion only has to take no less time.
     """
 
-    angle: Positive = Field(description="an angle in rad, greater than 0")
-    speed: Positive = Field(description="an angular speed in rad/s, greater than 0")
-    acceleration: Positive = Field(description="an angular acceleration in rad/s², greater than 0")
+    angle: Annotated[Positive, ANGLE] = Field(description="an angle in rad, greater than 0")
+    speed: Annotated[Positive, ANGULAR_SPEED] = Field(
+        description="an angular speed in rad/s, greater than 0"
+    )
+    acceleration: Annotated[Positive, ANGULAR_ACCELERATION] = Field(
+        description="an angular acceleration in rad/s², greater than 0"
+    )
 
     @property
     def duration(self) -> float:

@@ -69,7 +69,7 @@ class DeltaFunctions:
 
     @cached_property
     def tilt(self) -> ca.Function:
-        """(x, p) -> sin q_{k,3} of the three chains, linear in x."""
+        """(x, p) -> sin q_{k,3} of the three chains, linear in the tool's point x."""
         x, p = SX.sym("x", 3), self.terms.symbols()
         return ca.Function("tilt", [x, p.vector()], [tilts(p, x)])
 

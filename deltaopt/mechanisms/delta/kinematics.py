@@ -39,7 +39,8 @@ def serial_distances(p: DeltaParameters, x: SX) -> SX:
 
 def tilts(p: DeltaParameters, x: SX) -> SX:
     """sin q_{k,3} of the three chains, 3: how far bars lean out of the plane of their arm."""
-    return ca.vertcat(*(_Chain(p, azimuth, x).s3 for azimuth in AZIMUTHS))
+    centre = p.platform_at(x)
+    return ca.vertcat(*(_Chain(p, azimuth, centre).s3 for azimuth in AZIMUTHS))
 
 
 def forward_kinematics(p: DeltaParameters, theta: SX) -> SX:
