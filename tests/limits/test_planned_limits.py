@@ -73,7 +73,7 @@ def test_platform_speed_on_a_line(settings, tolerance):
 def test_specific_force_of_a_point_mass(settings, tolerance):
     """With no other limit a(t) = g + f p / ‖p‖, p = (1 - 2 t / T, -c) in the plane of motion and
     gravity, by Pontryagin: c is such that no vertical speed is left, T such that the way is d."""
-    f, g = 25.0, 9.81
+    f, g = 14.0, 9.81  # far below what the motors could do
     c = root(lambda c: c * asinh(1 / c) - g / f, 1e-6, 10.0)
     expected = 2 * sqrt(DISTANCE / (f * (sqrt(1 + c**2) - c**2 * asinh(1 / c))))
     scene = changed(PICK, {"specific_force": f})
@@ -83,7 +83,7 @@ def test_specific_force_of_a_point_mass(settings, tolerance):
 def test_torque_that_falls_with_speed_on_the_axis():
     """Straight down the robot's axis all motors do the same: drive along the curve, then brake at
     peak torque. Both arcs are integrated by Runge's method and meet at one depth and speed."""
-    scene = changed(PICK, drive={"torque_curve": [[0.0, 10.0], [9.0, 4.0]]})
+    scene = changed(PICK, drive={"torque_curve": [[0.0, 10.0], [15.0, 0.0]]})
     content = {"robot": scene.robot, "payload": 1.0, "start": (0.36, 0, 0), "goal": (0.5, 0, 0)}
     scene = Scene.model_validate(content)
     model = delta_model(scene.robot, 1.0)
@@ -92,7 +92,7 @@ def test_torque_that_falls_with_speed_on_the_axis():
         place, rate = np.array([x, 0, 0]), np.array([v, 0, 0])
         arm = model.motion(place, rate, np.zeros(3))[1][3]
         down = model.motion(place, np.array([1.0, 0, 0]), np.zeros(3))[1][3]  # dθ / dx
-        torque = np.sign(down) * (10 - 6 / 9 * abs(arm) if driving else -10)
+        torque = np.sign(down) * (10 - 10 / 15 * abs(arm) if driving else -10)
         return model.forward_dynamics(place, rate, np.full(3, torque))[0]
 
     def arc(x: float, driving: bool, h: float) -> np.ndarray:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.planning.mesh.error_estimate import FRACTIONS, TIGHTENED
-from deltaopt.planning.nlp.scaling import Scaling
+from deltaopt.planning.nlp.scaling import UNTIGHTENED, Scaling
 
 Array = NDArray[np.float64]
 Truths = NDArray[np.bool]
@@ -81,5 +81,6 @@ class Overshoot:
         is_whole = mesh > 0.99 * self.mesh[inside]
         over = np.maximum(over, _KEPT_SHARE * used * is_whole[:, None])
         share = np.maximum(1 - over, _SMALLEST_SHARE)
-        share[(mesh > TIGHTENED)[:, None] & np.logical_not(self.anywhere)] = 1.0
+        untouched = (mesh > TIGHTENED)[:, None] & np.logical_not(self.anywhere)
+        share = np.where(untouched, UNTIGHTENED, share)
         return replace(scaling, share=share)
