@@ -55,16 +55,20 @@ class Overshoot:
         size: Array,
         tightened: Truths,
         anywhere: Truths | bool = False,
+        shares: Array | float = 1.0,
     ) -> Overshoot:
         """Measure the overshoot on a mesh.
 
         ``points``: fractions of an interval where the bounds are imposed. ``size``: of the rows at
         ``FRACTIONS`` of the intervals, 1 at a bound, (N, len(FRACTIONS), rows). ``tightened``:
         which rows may be tightened, (rows,). ``anywhere``: as of the class.
+        ``shares``: of their bounds that rows were to use, (N, rows): those of ``anywhere`` may
+        exceed them at the points too, where a formulation's coordinates close loops at nodes alone.
         """
         at_points = np.abs(FRACTIONS[:, None] - points).argmin(axis=0)
         highest = size.max(axis=1)
         over = highest - size[:, at_points].max(axis=1)
+        over = np.maximum(over, np.where(anywhere, highest - shares, 0.0))
         return cls(mesh, np.where((highest > _NEAR_LIMIT) & tightened, over, 0.0), anywhere)
 
     def tightened(self, scaling: Scaling, mesh: Array) -> Scaling:

@@ -156,7 +156,8 @@ class MeshSolution:
         if not tightenable.any():
             return self.scaling.untightened
         size = constraints.size(self.rows)
-        overshoot = Overshoot.of(self.mesh, self.problem.points, size, tightenable, places)
+        shares = self.scaling.shares(len(self.mesh))
+        overshoot = Overshoot.of(self.mesh, self.problem.points, size, tightenable, places, shares)
         return overshoot.tightened(self.scaling, mesh)
 
     @property
