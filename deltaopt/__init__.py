@@ -27,10 +27,11 @@ from deltaopt.planning.formulations.loop_closure import (
 from deltaopt.planning.initial_motion import baseline
 from deltaopt.planning.nlp.problem import InteriorPoint, Ipopt
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
-from deltaopt.planning.planner import Plan, Planner, plan
+from deltaopt.planning.planner import Plan, Planner, plan, timed_line
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import Robot, load_robot
 from deltaopt.scene.objective import Effort, Time, TimeAndEffort
+from deltaopt.scene.path import Corners, Curve, Line, PickAndPlace
 from deltaopt.scene.scene import Limits, Scene, load_scene
 from deltaopt.verify.verification import Verification, verify
 
@@ -54,6 +55,8 @@ forward = Forward()
 __all__ = [
     "AccelerationLevel",
     "Baumgarte",
+    "Corners",
+    "Curve",
     "DeltaModel",
     "DeltaOptError",
     "Effort",
@@ -62,7 +65,9 @@ __all__ = [
     "Ipopt",
     "KnotConstraints",
     "Limits",
+    "Line",
     "NotConverged",
+    "PickAndPlace",
     "PiecewiseAcceleration",
     "Plan",
     "Planner",
@@ -89,6 +94,7 @@ __all__ = [
     "load_scene",
     "multiplier",
     "plan",
+    "timed_line",
     "verify",
     "virtual_work",
 ]

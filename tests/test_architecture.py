@@ -33,6 +33,7 @@ ORDER = (
     "planning.formulations",
     "planning.mesh",
     "planning.switching",
+    "planning.path",
     "planning",
     "verify",
     "output",

@@ -1,7 +1,7 @@
 """Find the best motion of a scene, verify it, and write it down.
 
-The motion begins and ends at rest and keeps the limits all the way;
-its path is free. The motion is then verified by code that shares the robot's model with the
+The motion begins and ends at rest and keeps the limits all the way; its path is free, unless the
+scene gives it. The motion is then verified by code that shares the robot's model with the
 planner but no method. DIR receives
 
   trajectory.csv   the motion for a controller: platform, motors, torques
@@ -146,6 +146,8 @@ def run(arguments: argparse.Namespace) -> int:
     formulation = FORMULATIONS[name](CLOSURES[arguments.closure or "knots"])
     _refuse_contradictions(arguments, name, formulation)
     scene = load_scene(arguments.scene)
+    if scene.path is not None:
+        _refuse_free_paths(arguments)
     check_feasible(scene)
     directory = output_directory(arguments)
     trajectory, solution = _solve(scene, formulation, arguments)
@@ -182,6 +184,15 @@ def _refuse_contradictions(
         )
 
 
+def _refuse_free_paths(arguments: argparse.Namespace) -> None:
+    """Raise WrongUsage for options that have no effect where the scene gives the path."""
+    given = [name for name in PLANNING if getattr(arguments, name) is not None]
+    given += ["baseline"] if arguments.baseline else []
+    useless = [name for name in given if name != "tolerance"]
+    if useless:
+        raise WrongUsage(f"--{useless[0]} is for free paths; the scene gives its path")
+
+
 def _require_rows(trajectory: Trajectory, rate: float) -> None:
     """Raise WrongUsage if a motion has too many instants at a rate (Hz)."""
     most = highest_rate(trajectory)
@@ -201,16 +212,28 @@ def _solve(
         scene,
         tolerance=arguments.tolerance or Planner.tolerance,
         intervals=arguments.intervals or Planner.intervals,
-        formulation=formulation,
+        formulation=formulation if scene.path is None else None,
         transcription=TRANSCRIPTIONS.get(arguments.transcription),
         solver=SOLVERS.get(arguments.solver),
         starts=arguments.starts or 1,
         seed=1 if arguments.seed is None else arguments.seed,
         progress=lambda text: print(text, file=sys.stderr, flush=True),
     )
+    found = found.beside_free_path()
     _print_optima(found)
     _print_gap(found)
+    _print_cost_of_path(found)
     return found.trajectory, found
+
+
+def _print_cost_of_path(found: Plan) -> None:
+    """Print how much longer the motion takes than one on a free path, where the path is given."""
+    free = found.free_duration
+    if free is not None:
+        print(
+            f"on the given path {found.duration:.6f} s, on a free path {free:.6f} s: the path "
+            f"costs {found.duration / free - 1:.1%}"
+        )
 
 
 def _print_optima(found: Plan) -> None:

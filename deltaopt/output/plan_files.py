@@ -84,6 +84,8 @@ class Provenance(Protocol):
     def certificate(self) -> Certificate | None: ...
     @property
     def optima(self) -> Sequence[Optimum]: ...
+    @property
+    def free_duration(self) -> float | None: ...
 
 
 @dataclass(frozen=True)
@@ -100,6 +102,7 @@ class StraightLine:
     tolerance: float | None = None
     certificate: Certificate | None = None
     optima: Sequence[Optimum] = ()
+    free_duration: float | None = None
 
 
 def save(

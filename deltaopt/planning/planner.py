@@ -38,13 +38,18 @@ from deltaopt.planning.nlp.cost import FASTEST, Cost
 from deltaopt.planning.nlp.problem import FormulatedProblem, Guess, ProblemFormulation, Solver
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import LINEAR, PiecewiseAcceleration
+from deltaopt.planning.path.path_planning import NAME as ON_PATH
+from deltaopt.planning.path.path_planning import fastest_on_path
+from deltaopt.planning.path.path_timing import PathIteration
 from deltaopt.planning.refinement import Progress, Refinement, Resolver
 from deltaopt.planning.settings import MOST, require_positive, require_type, require_whole
 from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.feasibility import check_feasible, serial_distances_at_ends
 from deltaopt.scene.objective import Effort, Objective, Time
+from deltaopt.scene.path import Line
 from deltaopt.scene.scene import Limits, Scene
+from deltaopt.scene.task import OnPath
 
 Array = NDArray[np.float64]
 Pair = tuple[Vector3, Vector3]
@@ -85,6 +90,8 @@ class Plan:
     of switching were found as unknowns of their own. ``certificate``: how well Pontryagin's
     necessary condition is met, by the multipliers of that solution; None if they are not known.
     ``optima``: the distinct local minima that several first guesses led to, best first.
+    ``free_duration``: where the scene gives a path, the duration (s) of the plan without it, if
+    ``beside_free_path`` has found it.
 
     A plan is equal to itself alone, and can be a key of a dictionary.
     """
@@ -99,10 +106,11 @@ class Plan:
     solve_seconds: float
     gap: float
     tolerance: float
-    meshes: tuple[Iteration, ...] | tuple[CostIteration, ...]
+    meshes: tuple[Iteration, ...] | tuple[CostIteration, ...] | tuple[PathIteration, ...]
     certificate: Certificate | None
     resolved: bool = False
     optima: tuple[Optimum, ...] = ()
+    free_duration: float | None = None
 
     @property
     def duration(self) -> float:
@@ -125,6 +133,19 @@ class Plan:
 
         found = verify(self.scene, self.trajectory)
         return save(Path(directory), self.scene, self.trajectory, found, self)
+
+    def beside_free_path(self) -> Plan:
+        """The same plan with its ``free_duration``: what the given path costs.
+
+        It is planned now, to the same tolerance. The plan is returned as it is where its path is
+        free already, or where it begins or ends at a speed. Raises NotConverged where no motion
+        on a free path is found.
+        """
+        path = self.scene.path
+        if path is None or path.speeds != (0.0, 0.0):
+            return self
+        free = plan(self.scene.model_copy(update={"path": None}), tolerance=self.tolerance)
+        return replace(self, free_duration=free.duration)
 
     @property
     def within_tolerance(self) -> bool:
@@ -256,10 +277,44 @@ class Planner:
         require_whole("seed", seed, 0)
         check_feasible(scene)
         report = progress or (lambda _: None)
+        task = scene.task
+        if isinstance(task, OnPath):
+            return self._plan_on_path(scene, task, starts, report)
         guesses = self._guesses(scene, starts, seed)
         if starts == 1:
             return self._plan(scene, next(guesses), report)
         return self._best(scene, guesses, report)
+
+    def _plan_on_path(self, scene: Scene, task: OnPath, starts: int, report: Progress) -> Plan:
+        """Plan the fastest motion on the path that a scene gives: there is one, and no guess.
+
+        Raises ValueError for settings of free paths.
+        """
+        settings = {
+            "formulation": self.formulation,
+            "solver": self.solver,
+            "transcription": self.transcription,
+            "starts": starts if starts > 1 else None,
+        }
+        for name, value in settings.items():
+            if value is not None:
+                raise ValueError(f"{name} is {value}; it has no effect where the path is given")
+        begin = perf_counter()
+        found = fastest_on_path(scene, task, self.tolerance, report)
+        return Plan(
+            scene=scene,
+            trajectory=found.trajectory,
+            formulation="path",
+            transcription=ON_PATH,
+            intervals=len(found.trajectory.knots) - 1,
+            status="Swept",
+            iterations=len(found.iterations),
+            solve_seconds=perf_counter() - begin,
+            gap=found.gap,
+            tolerance=self.tolerance,
+            meshes=found.iterations,
+            certificate=None,
+        )
 
     def _best(self, scene: Scene, guesses: Iterator[Guess], report: Progress) -> Plan:
         """Plan from every first guess and return the best plan, with all local minima.
@@ -434,6 +489,16 @@ class Planner:
     def _transcription(self) -> PiecewiseAcceleration:
         usual = LINEAR if isinstance(self.objective, Time) else SMOOTH
         return self.transcription or usual
+
+
+def timed_line(scene: Scene, tolerance: float = 1e-3) -> Plan:
+    """The fastest motion on the straight line from start to goal, whatever path the scene gives.
+
+    ``tolerance``: relative gap of its duration. Raises Unreachable, Singular or Infeasible where
+    the line cannot be driven.
+    """
+    on_line = scene.model_copy(update={"path": Line(), "objective": Time()})
+    return plan(on_line, tolerance=tolerance)
 
 
 def quicker(one: Plan, other: Plan) -> Plan:

@@ -37,8 +37,18 @@ from deltaopt.limits.torque_curve import TorqueCurve
 from deltaopt.limits.workspace import WorkspaceDepth, WorkspaceRadius
 from deltaopt.robot.robot import Robot, load_robot
 from deltaopt.scene.objective import EXPECTED, Objective, Time, content_of, objective_in
+from deltaopt.scene.path import EXPECTED as EXPECTED_PATH
+from deltaopt.scene.path import (
+    Corners,
+    Curve,
+    Line,
+    PickAndPlace,
+    content_of_path,
+    path_in,
+    points_in,
+)
 from deltaopt.scene.rotation import Rotation
-from deltaopt.scene.task import RestToRest, Task
+from deltaopt.scene.task import OnPath, RestToRest, Task
 
 _ROBOT_FILE = "the path of a robot file, relative to the scene file"
 
@@ -98,6 +108,9 @@ class Scene(Record):
     rotation: Rotation | None = Field(
         default=None, description="a mapping with the keys angle, speed, acceleration"
     )
+    path: Line | Corners | PickAndPlace | Curve | None = Field(
+        default=None, description=EXPECTED_PATH
+    )
     objective: Objective = Field(default=Time(), description=EXPECTED)
 
     @property
@@ -108,8 +121,10 @@ class Scene(Record):
 
     @property
     def task(self) -> Task:
-        """The task of the motion: what is known at its start and goal."""
-        return RestToRest(self.start, self.goal)
+        """The task of the motion: what is known at its start and goal, and of its path."""
+        if self.path is None:
+            return RestToRest(self.start, self.goal)
+        return OnPath.of(self.start, self.goal, self.path)
 
     def given(self, key: str) -> Any:
         """The value of a key under ``limits``; None if the scene does not have it."""
@@ -145,9 +160,20 @@ class Scene(Record):
             given["limits"] = _without_shares(given["limits"], given.get("robot", self.robot))
         return super().model_copy(update=given, deep=deep)
 
+    @model_validator(mode="before")
+    @classmethod
+    def _read_path(cls, content: Any) -> Any:
+        if not isinstance(content, dict) or content.get("path") is None:
+            return content
+        try:
+            return {**content, "path": path_in(content["path"])}
+        except SceneError as error:
+            raise error.inside(key="path") from None
+
     @model_serializer(mode="wrap")
     def _write_objective(self, rest: SerializerFunctionWrapHandler) -> dict[str, object]:
-        return {**rest(self), **content_of(self.objective)}
+        path = {} if self.path is None else {"path": content_of_path(self.path)}
+        return {**rest(self), **path, **content_of(self.objective)}
 
     @classmethod
     def _keys(cls) -> list[str]:
@@ -165,6 +191,16 @@ class Scene(Record):
         if given is not None and given < self.least_duration:
             least = f"at least {self.least_duration:.6g} s, which rotation takes"
             raise SceneError(None, "duration", given, least)
+        return self
+
+    @model_validator(mode="after")
+    def _path_fits(self) -> Self:
+        if self.path is None:
+            return self
+        self.path.between(self.start, self.goal)
+        if not isinstance(self.objective, Time):
+            expected = "time, where a path is given"
+            raise SceneError(None, "objective", str(self.objective), expected)
         return self
 
     @model_validator(mode="after")
@@ -201,7 +237,18 @@ def load_scene(path: str | Path) -> Scene:
     content = read_yaml(file)
     if "robot" in content:
         content["robot"] = load_robot(_robot_file(file, content["robot"]))
+    given = content.get("path")
+    if isinstance(given, dict) and isinstance(given.get("points"), str):
+        content["path"] = {**given, "points": _points(file, given["points"])}
     return Scene.from_content(content, file)
+
+
+def _points(scene_file: Path, name: str) -> list[list[float]]:
+    """The points of a CSV file, relative to the scene file."""
+    try:
+        return points_in(scene_file.parent / name)
+    except SceneError as error:
+        raise error.inside(file=scene_file) from None
 
 
 def _robot_file(scene_file: Path, value: object) -> Path:

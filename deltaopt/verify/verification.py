@@ -25,10 +25,11 @@ from deltaopt.mechanisms.delta.mechanism import DeltaTerms
 from deltaopt.motion.trajectory import Array, Trajectory
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.scene import LIMITS, Scene
-from deltaopt.scene.task import distance
+from deltaopt.scene.task import OnPath, distance
 from deltaopt.verify.duty import Duty
 from deltaopt.verify.forward_replay import NotIntegrated, replay
 from deltaopt.verify.measures import Distance, Excess, MeasuredMotion, key, not_measured
+from deltaopt.verify.path_distance import off_path
 from deltaopt.verify.pontryagin import NoCostates, extremal
 from deltaopt.verify.resolved_curves import POINTS, WEIGHTS, TooRough
 from deltaopt.verify.units import Units
@@ -112,6 +113,13 @@ BOUNDS = (
         "m",
         BOUNDARY_DISTANCE,
         "it ends {:.3g} m from the scene's goal",
+        BOUNDARY_SHARE,
+    ),
+    Bound(
+        "path_distance",
+        "m",
+        BOUNDARY_DISTANCE,
+        "it is up to {:.3g} m off the scene's path",
         BOUNDARY_SHARE,
     ),
     Bound(
@@ -227,6 +235,7 @@ class Verification:
         the value of ``report.excesses["torque_excess"]``, None where the scene has no such limit.
     ``distances``: the least to every kind of singularity; empty where not evaluated.
     ``start_distance``, ``goal_distance``: m, from the scene's points to the motion's ends.
+    ``path_distance``: m, of the motion from the scene's path; None where it gives none.
     ``start_speed``, ``goal_speed``: m/s, of the platform at the motion's ends.
     ``position_jump``, ``velocity_jump``: m and m/s, the largest at a knot.
     ``kinematic_error``: E_K, mean over time of ‖(f, J q̇ + μ)‖, f in units of the upper arm, the
@@ -239,7 +248,7 @@ class Verification:
     ``defect_distance``, ``defect_speed``: m and m/s, how far the reported torques lead off the
         motion within a piece of it, at most; None where there is a bound on the arrival.
     ``hamiltonian_spread``, ``sign_violation``: how far the motion is from Pontryagin's condition
-        for its objective, see ``pontryagin``; None where that cannot be told.
+        for its objective, see ``pontryagin``; None where that cannot be told, or the path is given.
     ``duty``: of the motors, their RMS torque, work, power and speed; None where not evaluated.
     ``obstacles``: what kept a measure from being evaluated, one sentence each.
     """
@@ -255,6 +264,7 @@ class Verification:
     excesses: Mapping[str, Excess] = field(default_factory=dict)
     start_distance: float = inf
     goal_distance: float = inf
+    path_distance: float | None = None
     start_speed: float = inf
     goal_speed: float = inf
     position_jump: float = inf
@@ -440,6 +450,9 @@ def _measures(scene: Scene, trajectory: Trajectory) -> dict[str, Any]:
 
 
 def _optimality(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
+    """How well Pontryagin's condition is met, which is that of a free path."""
+    if isinstance(scene.task, OnPath):
+        return {}
     try:
         found = extremal(scene, trajectory)
     except NoCostates:
@@ -450,7 +463,9 @@ def _optimality(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
 
 def _ends(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
     x, v, _ = trajectory.path_inside([0.0, 1.0])
-    return {
+    task = scene.task
+    on_path = {} if not isinstance(task, OnPath) else {"path_distance": off_path(task, trajectory)}
+    return on_path | {
         "start_distance": _norm(x[0] - scene.task.start.position),
         "goal_distance": _norm(x[-1] - scene.task.goal.position),
         "start_speed": _norm(v[0] - scene.task.start.velocity),

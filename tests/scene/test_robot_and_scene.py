@@ -480,9 +480,18 @@ def test_an_unknown_key_in_the_robot(tmp_path: Path, key: str, expected: str) ->
     [
         ("paylod", "payload"),
         ("limits.sped", "speed"),
-        ("mesh", "one of robot, payload, start, goal, limits, rotation, objective, duration, tool"),
-        ("<<", "one of robot, payload, start, goal, limits, rotation, objective, duration, tool"),
-        ("5", "one of robot, payload, start, goal, limits, rotation, objective, duration, tool"),
+        (
+            "mesh",
+            "one of robot, payload, start, goal, limits, rotation, path, objective, duration, tool",
+        ),
+        (
+            "<<",
+            "one of robot, payload, start, goal, limits, rotation, path, objective, duration, tool",
+        ),
+        (
+            "5",
+            "one of robot, payload, start, goal, limits, rotation, path, objective, duration, tool",
+        ),
     ],
 )
 def test_an_unknown_key_in_the_scene(tmp_path: Path, key: str, expected: str) -> None:

@@ -1,0 +1,1 @@
+"""Planning on a given path: one coordinate, its squared speed swept back and forth."""

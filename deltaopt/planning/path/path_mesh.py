@@ -1,0 +1,197 @@
+"""Meshes in the parameter of a path, and the fastest motion on one of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import comb, pi
+
+import numpy as np
+
+from deltaopt.motion.trajectory import PiecewisePolynomial
+from deltaopt.planning.path.path_rows import Places
+from deltaopt.planning.path.sweep import Speeds
+from deltaopt.scene.path import Array, Index, Path
+
+_SAME = 1e-10
+"""Share of the path within which two nodes are one."""
+_SERIES = 1e-3
+"""Of z: below it the series of the duration of a cell is exact to rounding."""
+_DEGREE = 5
+"""Of s as a function of time in a cell."""
+
+
+@dataclass(frozen=True, eq=False)
+class PathMesh:
+    """Cells of a path: ``nodes`` (N + 1,), increasing, the knots of the path among them."""
+
+    path: Path
+    nodes: Array
+
+    @classmethod
+    def first(cls, path: Path, cells: int) -> PathMesh:
+        """About so many cells, narrower at both ends, where a motion from rest is slow."""
+        share = (1 - np.cos(np.linspace(0.0, pi, cells + 1))) / 2
+        begin, end = path.knots[[0, -1]]
+        return cls.of(path, begin + (end - begin) * share)
+
+    @classmethod
+    def of(cls, path: Path, nodes: Array) -> PathMesh:
+        """With these nodes and the path's knots."""
+        own, begin, end = path.knots, path.knots[0], path.knots[-1]
+        near = np.searchsorted(own, nodes)
+        gap = np.minimum(
+            np.abs(own[np.minimum(near, len(own) - 1)] - nodes),
+            np.abs(own[np.maximum(near - 1, 0)] - nodes),
+        )
+        inner = nodes[gap > _SAME * (end - begin)]
+        return cls(path, np.sort(np.concatenate([own, inner])))
+
+    @cached_property
+    def h(self) -> Array:
+        """Lengths of the cells, (N,)."""
+        return np.diff(self.nodes)
+
+    @cached_property
+    def pieces(self) -> Index:
+        """The piece of the path that each cell is in, (N,)."""
+        return self.path.piece((self.nodes[1:] + self.nodes[:-1]) / 2)
+
+    @cached_property
+    def begins(self) -> Array:
+        """Where each cell begins, since its piece does, (N,)."""
+        return self.nodes[:-1] - self.path.knots[self.pieces]
+
+    def places(self, fractions: Array) -> Places:
+        """Places at these fractions of every cell, (N · n,)."""
+        since = (self.begins[:, None] + self.h[:, None] * fractions).ravel()
+        return Places.of(self.path, np.repeat(self.pieces, len(fractions)), since)
+
+    @cached_property
+    def ends(self) -> Places:
+        """Begin and end of every cell, (2 N,)."""
+        return self.places(np.array([0.0, 1.0]))
+
+    def split(self, parts: Index) -> PathMesh:
+        """With each cell cut in so many equal parts, (N,)."""
+        cell = np.repeat(np.arange(len(parts)), parts)
+        rank = np.arange(len(cell)) - np.repeat(np.cumsum(parts) - parts, parts)
+        inner = self.nodes[cell] + self.h[cell] * (rank / parts[cell])
+        return PathMesh(self.path, np.append(inner, self.nodes[-1]))
+
+
+@dataclass(frozen=True, eq=False)
+class MeshMotion:
+    """The fastest motion on a mesh: in every cell u = s̈ is linear in s, and b = ṡ² quadratic."""
+
+    mesh: PathMesh
+    speeds: Speeds
+
+    def at(self, fractions: Array) -> tuple[Array, Array]:
+        """b and u at these fractions of every cell, (N, n) each."""
+        first, change = self.speeds.u[:, :1], np.diff(self.speeds.u, axis=1)
+        z, h = fractions, self.mesh.h[:, None]
+        b = self.speeds.b[:-1, None] + h * z * (2 * first + change * z)
+        return np.maximum(b, 0.0), first + change * z
+
+    def states_at_ends(self, mesh: PathMesh) -> tuple[Array, Array]:
+        """b and u at both ends of the cells of another mesh of the path, (2 N,) each."""
+        own, nodes = self.mesh.nodes, mesh.nodes
+        cell = np.searchsorted(own, (nodes[1:] + nodes[:-1]) / 2) - 1
+        ends = np.stack([nodes[:-1], nodes[1:]], axis=1)
+        z = np.clip((ends - own[cell][:, None]) / self.mesh.h[cell][:, None], 0.0, 1.0)
+        first, last = (each[:, None] for each in self.speeds.u[cell].T)
+        h, b = self.mesh.h[cell][:, None], self.speeds.b[cell][:, None]
+        found = b + h * z * (2 * first + (last - first) * z)
+        return np.maximum(found, 0.0).ravel(), (first + (last - first) * z).ravel()
+
+    @cached_property
+    def durations(self) -> Array:
+        """Time in every cell, ∫ ds / √b, (N,), s.
+
+        With k = (u at end - u at begin) / h the motion obeys s̈ = u₀ + k (s - s₀), so that the
+        tangent of half of the angle √-k T is √-k h / (ṡ₀ + ṡ₁).
+        """
+        rate = np.sqrt(self.speeds.b)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = self.mesh.h / (rate[1:] + rate[:-1])
+            z = (self.speeds.u[:, 1] - self.speeds.u[:, 0]) / self.mesh.h * share**2
+            root = np.sqrt(np.abs(z))
+            bent = np.where(z > 0, np.arctanh(root), np.arctan(root)) / root
+        series = 1 + z * (1 / 3 + z * (1 / 5 + z / 7))
+        return np.asarray(2 * share * np.where(np.abs(z) < _SERIES, series, bent))
+
+    @cached_property
+    def duration(self) -> float:
+        """Time from start to goal, s; infinite where the motion stops on its way."""
+        return float(self.durations.sum())
+
+    def evenly(self, cells: int) -> PathMesh:
+        """A mesh of about so many cells of equal time."""
+        t = np.concatenate([[0.0], np.cumsum(self.durations)])
+        wanted = np.linspace(0.0, t[-1], cells + 1)
+        i = np.clip(np.searchsorted(t, wanted, side="right") - 1, 0, len(t) - 2)
+        T, rate = self.durations[i], np.sqrt(self.speeds.b)
+        z = (wanted - t[i]) / T
+        inside = z**2 * (3 - 2 * z) * self.mesh.h[i]
+        inside += T * z * (1 - z) * (rate[i] * (1 - z) - rate[i + 1] * z)
+        nodes = self.mesh.nodes
+        s = np.clip(nodes[i] + inside, nodes[i], nodes[i + 1])
+        return PathMesh.of(self.mesh.path, s)
+
+    @cached_property
+    def position(self) -> PiecewisePolynomial:
+        """The platform's position over time, m: x = p(s(t)), exactly on the path.
+
+        In a cell s is the quintic of time with the motion's s, ṡ and s̈ at both ends.
+        """
+        rate, T = np.sqrt(self.speeds.b), self.durations
+        u0, u1 = self.speeds.u.T
+        v0, v1, a0, a1 = rate[:-1] * T, rate[1:] * T, u0 * T**2, u1 * T**2
+        change = self.mesh.h - v0 - a0 / 2
+        speed, bend = v1 - v0 - a0, a1 - a0
+        within = np.stack(
+            [
+                v0,
+                a0 / 2,
+                10 * change - 4 * speed + bend / 2,
+                -15 * change + 7 * speed - bend,
+                6 * change - 3 * speed + bend / 2,
+            ],
+            axis=1,
+        )  # of powers 1 to 5 of the share of the cell's time
+        coefficients = _composed(self._taylor, within)
+        powers = np.arange(coefficients.shape[1])
+        knots = np.concatenate([[0.0], np.cumsum(T)])
+        return PiecewisePolynomial(knots, coefficients / (T[:, None] ** powers)[..., None])
+
+    @property
+    def _taylor(self) -> Array:
+        """The path's Taylor coefficients where each cell begins, (N, d + 1, 3)."""
+        of_path = self.mesh.path.coefficients[self.mesh.pieces]
+        since, degree = self.mesh.begins[:, None], of_path.shape[1] - 1
+        shifted = np.empty_like(of_path)
+        for k in range(degree + 1):
+            value = np.zeros_like(of_path[:, 0])
+            for j in reversed(range(k, degree + 1)):  # Horner
+                value = value * since + comb(j, k) * of_path[:, j]
+            shifted[:, k] = value
+        return shifted
+
+
+def _composed(outer: Array, inner: Array) -> Array:
+    """Coefficients of outer(inner(z)), (N, n, 3), by powers of z, from those of ``outer``, (N, d +
+    1, 3), and those of powers 1 and more of ``inner``, (N, m)."""
+    count, degree = outer.shape[1] - 1, inner.shape[1]
+    result = np.zeros((len(outer), count * degree + 1, 3))
+    result[:, 0] = outer[:, count]
+    for k in reversed(range(count)):
+        size = (count - 1 - k) * degree + 1
+        product = np.zeros_like(result)
+        for power in range(degree):
+            product[:, power + 1 : power + 1 + size] += (
+                result[:, :size] * inner[:, power, None, None]
+            )
+        result = product
+        result[:, 0] = outer[:, k]
+    return result

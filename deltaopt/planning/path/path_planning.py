@@ -1,0 +1,107 @@
+"""The fastest motion of a scene that gives its path, as a trajectory that keeps every limit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import isinf
+
+import numpy as np
+
+from deltaopt.errors import Infeasible, NotConverged
+from deltaopt.motion.time_scaling import highest_rows, safe_factor
+from deltaopt.motion.trajectory import Trajectory
+from deltaopt.planning.path.path_mesh import MeshMotion
+from deltaopt.planning.path.path_rows import PathRows
+from deltaopt.planning.path.path_timing import PathIteration, PathTiming
+from deltaopt.robot.model import delta_model
+from deltaopt.scene.scene import Scene, limits_of
+from deltaopt.scene.task import OnPath
+
+NAME = "quintic in time on the path"
+"""Of the transcription."""
+_KEPT = 1e-10
+"""Excess up to which a motion that begins or ends at a speed keeps its limits: it must not be
+slowed, for that would change its boundary values."""
+_MOST_MARGINS = 8
+_TOUCHED = 1e-9
+"""Share of a limit of position by which a path may be beyond it: rounding."""
+
+
+@dataclass(frozen=True)
+class PathMotion:
+    """A motion on a given path that keeps every limit; ``gap``: estimated relative excess of its
+    duration over the shortest possible on that path."""
+
+    trajectory: Trajectory
+    gap: float
+    iterations: tuple[PathIteration, ...]
+
+
+def fastest_on_path(
+    scene: Scene, task: OnPath, tolerance: float, report: Callable[[str], None]
+) -> PathMotion:
+    """The fastest motion of a scene on the path of its task.
+
+    Raises Infeasible where no motion on the path keeps the limits, Unreachable and Singular where
+    the path leads out of the workspace.
+    """
+    first, last = task.rates
+    timing = PathTiming(task.path, PathRows.of(scene), (first**2, last**2), tolerance, report)
+    slowed = _slowed if task.speeds == (0.0, 0.0) else _held
+    motion, trajectory, factor = slowed(scene, timing)
+    _require_positions(scene, trajectory)
+    gap = (1 + timing.loss(motion)) * factor - 1
+    return PathMotion(trajectory, gap, tuple(timing.iterations))
+
+
+def _slowed(scene: Scene, timing: PathTiming) -> tuple[MeshMotion, Trajectory, float]:
+    """The fastest motion from rest to rest, slowed by what its limits are exceeded at last."""
+    motion = timing.fastest()
+    trajectory = _trajectory(scene, motion)
+    factor = safe_factor(scene, trajectory)
+    if isinf(factor):
+        raise Infeasible("the path: somewhere on it a limit is exceeded at rest")
+    factor *= 1 + 2 * float(np.finfo(float).eps) / _KEPT_DISTANCE
+    return motion, trajectory.slowed(factor), factor
+
+
+_KEPT_DISTANCE = 1e-2
+"""Squared distance to serial singularities at which torques are known to rounding over it."""
+
+
+def _held(scene: Scene, timing: PathTiming) -> tuple[MeshMotion, Trajectory, float]:
+    """The fastest motion between given speeds, with all limits tightened until none is exceeded.
+
+    Raises NotConverged where that takes too long.
+    """
+    margin = 0.0
+    for _ in range(_MOST_MARGINS):
+        motion = timing.fastest(margin)
+        trajectory = _trajectory(scene, motion)
+        factor = safe_factor(scene, trajectory)
+        if factor <= 1 + _KEPT:
+            return motion, trajectory, 1.0
+        margin = max(2 * margin, 4 * (factor - 1))
+    raise NotConverged("limits are exceeded between points of every mesh", "margin", trajectory)
+
+
+def _trajectory(scene: Scene, motion: MeshMotion) -> Trajectory:
+    return Trajectory(motion.position, delta_model(scene.robot, scene.payload))
+
+
+def _require_positions(scene: Scene, trajectory: Trajectory) -> None:
+    """Raise Infeasible where a path is beyond a limit of position, which no timing cures."""
+    constraints = limits_of(scene).constraints
+    promised = np.repeat(
+        [limit.promised for limit in constraints.limits],
+        [rows.stop - rows.start for rows in constraints.slices],
+    )
+    positions = np.flatnonzero((constraints.orders == 0) & promised)
+    if not len(positions):
+        return
+    highest = highest_rows(scene, trajectory).values[positions]
+    worst = int(highest.argmax())
+    if highest[worst] > 1 + _TOUCHED:
+        label = constraints.label(int(positions[worst]))
+        raise Infeasible(f"the path: {label} is beyond its limit on it")

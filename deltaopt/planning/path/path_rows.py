@@ -1,0 +1,275 @@
+"""The limits of a scene on a given path, as rows that are affine in b and u.
+
+On a path x = p(s) the motion has one coordinate. With b = ṡ² and u = s̈ = b′/2
+
+    ẋ = p′ √b        ẍ = p″ b + p′ u,
+
+so that torques are affine in b and u, and so are the squares of speeds, which are signed here to
+keep both of their bounds. Other rows are replaced by tangents at a motion that is known already,
+and again at the next one, until they no longer change. Rows that are curved in u, the square of a
+norm of acceleration, get a fan of tangents all around as well, without which the first motions
+would be far off.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from math import pi
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from deltaopt.codegen.vectorised import RowFunction
+from deltaopt.dynamics.lagrange import Explicit
+from deltaopt.limits.constraints import Constraints
+from deltaopt.mechanisms.delta.functions import delta_functions
+from deltaopt.mechanisms.delta.instant import PlatformInstant
+from deltaopt.mechanisms.delta.mechanism import DeltaTerms
+from deltaopt.robot.model import DeltaModel, delta_model
+from deltaopt.scene.path import Array, Index, Path
+from deltaopt.scene.scene import Scene, limits_of
+
+Truths = NDArray[np.bool]
+State = tuple[Array, Array]
+"""b and u of a motion at N places, (N,) each."""
+
+_RESTING = 1e-6
+"""Share of the largest ṡ below which tangents are taken at it: the slope by b of a row that is
+linear in ṡ = √b, such as viscous friction, has no limit at rest."""
+_FAN = 12
+"""Tangents around a row that is curved in u. Each costs as much as a row; with fewer the first
+motions exceed the limit by more (by 2 % with 8), and another motion is needed."""
+
+
+@dataclass(frozen=True)
+class AffineRows:
+    """Rows low <= alpha u + beta b <= high at N places, (N, rows) each."""
+
+    alpha: Array
+    beta: Array
+    low: Array
+    high: Array
+
+    def only(self, rows: Index) -> AffineRows:
+        """Some of the rows."""
+        return AffineRows(*(each[:, rows] for each in vars(self).values()))
+
+    def tightened(self, by: Array) -> AffineRows:
+        """With both bounds moved inwards, (N, rows)."""
+        return AffineRows(self.alpha, self.beta, self.low + by, self.high - by)
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
+    """N places on a path: ``x``, ``dx``, ``ddx``, p and its derivatives by s, (N, 3) each."""
+
+    x: Array
+    dx: Array
+    ddx: Array
+
+    @classmethod
+    def of(cls, path: Path, pieces: Index, since: Array) -> Places:
+        """In given pieces, (N,), at s since they began, (N,)."""
+        x, dx, ddx = path.with_derivatives(pieces, since)
+        return cls(x, dx, ddx)
+
+
+@dataclass(frozen=True, eq=False)
+class PathRows:
+    """The limits that a motion must keep, on a path.
+
+    ``sides``: whether each row has a lower and an upper bound, (rows, 2). ``curved``: indices of
+    those that are not affine in u.
+    """
+
+    model: DeltaModel
+    function: RowFunction
+    expansion: RowFunction | None
+    parameters: Array
+    sides: Truths
+    curved: Index
+
+    @classmethod
+    def of(cls, scene: Scene) -> PathRows:
+        """Those of a scene, without margins that only a planner of free paths keeps."""
+        limits, model = limits_of(scene), delta_model(scene.robot, scene.payload)
+        terms, constraints = model.functions.terms, limits.constraints
+        curved = _curved(terms, constraints)
+        return cls(
+            model,
+            _function(terms, constraints),
+            _expansion(terms, constraints) if len(curved) else None,
+            np.concatenate([limits.numbers, model.parameters]),
+            constraints.sides[_kept(constraints)],
+            curved,
+        )
+
+    @cached_property
+    def owners(self) -> Index:
+        """The row that each affine row stands for: itself, or one that is curved."""
+        fans = np.repeat(self.curved, _FAN)
+        return np.concatenate([np.arange(len(self.sides)), self.curved, fans])
+
+    def tangents(self, places: Places, motion: State, other: State) -> AffineRows:
+        """At the states of two known motions, in the order of ``owners``: all rows at the first,
+        curved ones at the other too.
+
+        Raises Unreachable or Singular where the platform cannot be.
+        """
+        own = self._tangents(places, *motion)
+        if self.expansion is None:
+            return own
+        curved = self._tangents(places, *other).only(self.curved)
+        return _joined(own, curved, self._fans(places))
+
+    def _tangents(self, places: Places, b: Array, u: Array) -> AffineRows:
+        speed = np.sqrt(np.maximum(b, 0.0))
+        speed = np.maximum(speed, _RESTING * float(speed.max()))
+        values, by_speed, alpha = self._evaluated(places, speed, u)
+        beta = by_speed / (2 * speed[:, None])
+        rest = values - alpha * u[:, None] - beta * (speed**2)[:, None]
+        low = np.where(self.sides[:, 0], -1.0 - rest, -np.inf)
+        high = np.where(self.sides[:, 1], 1.0 - rest, np.inf)
+        return AffineRows(alpha, beta, low, high)
+
+    def beyond(self, places: Places, b: Array, u: Array) -> Array:
+        """By how much each row exceeds its bounds, negative within them, (N, rows)."""
+        values, _, _ = self._evaluated(places, np.sqrt(b), u)
+        above = np.where(self.sides[:, 1], values, -np.inf)
+        return np.asarray(np.maximum(above, np.where(self.sides[:, 0], -values, -np.inf)) - 1)
+
+    def are_affine(self, places: Places) -> bool:
+        """Whether tangents are the rows themselves, at any state; judged at the first place."""
+        first = Places(*(np.repeat(each[:1], 2, axis=0) for each in vars(places).values()))
+        b, u = np.array([1.0, 3.0]), np.array([0.5, -0.7])
+        found = self._tangents(first, b, u)
+        same = (np.allclose(one[0], one[1], rtol=1e-9, atol=1e-9) for one in vars(found).values())
+        return not len(self.curved) and all(same)
+
+    def _evaluated(self, places: Places, speed: Array, u: Array) -> tuple[Array, ...]:
+        states = np.column_stack([speed, u])
+        results = self.function(places.x, places.dx, places.ddx, states, parameters=self.parameters)
+        if not np.isfinite(results[0]).all():
+            bad = np.logical_not(np.isfinite(results[0]).all(axis=1))
+            self._explain(places, speed, u, bad)
+        return results
+
+    def _explain(self, places: Places, speed: Array, u: Array, bad: Array) -> None:
+        """Raise what is the matter with places where there are no torques."""
+        x, dx, ddx = (each[bad] for each in (places.x, places.dx, places.ddx))
+        rate = speed[bad][:, None]
+        self.model.inverse_dynamics(x, dx * rate, ddx * rate**2 + dx * u[bad][:, None])
+
+    def _fans(self, places: Places) -> AffineRows:
+        """Tangents of rows that are curved in u, where rays from rest meet their bounds."""
+        assert self.expansion is not None
+        n = len(places.x)
+        parts = self.expansion(places.x, places.dx, places.ddx, parameters=self.parameters)
+        shapes = ((n, len(self.curved), *rest) for rest in ((1,), (2,), (2, 2)))
+        constant, slope, bend = (
+            part.reshape(shape) for part, shape in zip(parts, shapes, strict=True)
+        )
+        angles = (np.arange(_FAN) + 0.5) / _FAN * pi - pi / 2  # b is not negative
+        scales = np.sqrt(np.maximum(np.diagonal(bend, axis1=2, axis2=3), np.finfo(float).tiny) / 2)
+        scales = np.maximum(scales, 1e-6 * scales.max(axis=2, keepdims=True))
+        ways = np.stack([np.cos(angles), np.sin(angles)], axis=1) / scales[:, :, None]
+        ahead = np.einsum("ncfi,nci->ncf", ways, slope)
+        square = np.einsum("ncfi,ncij,ncfj->ncf", ways, bend, ways) / 2
+        room = 1 - constant
+        far = 2 * room / (ahead + np.sqrt(np.maximum(ahead**2 + 4 * square * room, 0.0)))
+        there = ways * far[..., None]
+        slopes = slope[:, :, None] + np.einsum("ncij,ncfj->ncfi", bend, there)
+        value = constant + ahead * far + square * far**2
+        high = 1 - value + (slopes * there).sum(axis=3)
+        size = (n, len(self.curved) * _FAN)
+        beta, alpha = slopes[..., 0].reshape(size), slopes[..., 1].reshape(size)
+        return AffineRows(alpha, beta, np.full(size, -np.inf), high.reshape(size))
+
+
+def _joined(*parts: AffineRows) -> AffineRows:
+    """All rows of all parts."""
+    arrays = zip(*(vars(part).values() for part in parts), strict=True)
+    return AffineRows(*(np.hstack(each) for each in arrays))
+
+
+def _kept(constraints: Constraints) -> Index:
+    """Indices of the rows of limits that a verified motion keeps, but for limits of position: on a
+    given path these are kept or not at any speed."""
+    rows = [
+        row
+        for limit, rows in zip(constraints.limits, constraints.slices, strict=True)
+        for row in range(rows.start, rows.stop)
+        if limit.promised and limit.order > 0
+    ]
+    return np.array(rows, np.intp)
+
+
+@lru_cache(maxsize=32)
+def _curved(terms: DeltaTerms, constraints: Constraints) -> Index:
+    """Which of the kept rows are not affine in u."""
+    function = _rows_on_path(terms, constraints)
+    inputs = function.sx_in()
+    rows = function.call(inputs)[0]
+    return np.flatnonzero(ca.which_depends(rows, inputs[3][1], 2, True))
+
+
+@lru_cache(maxsize=32)
+def _function(terms: DeltaTerms, constraints: Constraints) -> RowFunction:
+    """(p, p′, p″, (ṡ, u), numbers of the limits and p) -> rows, ∂rows/∂ṡ, ∂rows/∂u."""
+    function = _rows_on_path(terms, constraints)
+    inputs = function.sx_in()
+    rows = function.call(inputs)[0]
+    slopes = ca.jacobian(rows, inputs[3])
+    results = [ca.densify(each) for each in (rows, slopes[:, 0], slopes[:, 1])]
+    return RowFunction(ca.Function("tangents_on_path", inputs, results, {"cse": True}))
+
+
+@lru_cache(maxsize=32)
+def _expansion(terms: DeltaTerms, constraints: Constraints) -> RowFunction:
+    """(p, p′, p″, numbers of the limits and p) -> of the curved rows, at rest: their values, slopes
+    by (b, u) and second derivatives, 1, 2 and 4 numbers each."""
+    x, dx, ddx, _, parameters = _rows_on_path(terms, constraints).sx_in()
+    b, u = ca.SX.sym("b"), ca.SX.sym("u")
+    z = ca.vertcat(b, u)
+    all_rows = _rows(terms, constraints, (x, dx, ddx), (ca.sqrt(b), b, u), parameters)
+    rows = [all_rows[i] for i in _curved(terms, constraints).tolist()]
+    parts = [
+        ca.vertcat(*rows),
+        ca.vertcat(*(ca.jacobian(row, z).T for row in rows)),
+        ca.vertcat(*(ca.vec(ca.hessian(row, z)[0]) for row in rows)),
+    ]
+    at_rest = [ca.densify(ca.substitute(part, z, ca.SX.zeros(2))) for part in parts]
+    return RowFunction(ca.Function("expansion", [x, dx, ddx, parameters], at_rest, {"cse": True}))
+
+
+@lru_cache(maxsize=32)
+def _rows_on_path(terms: DeltaTerms, constraints: Constraints) -> ca.Function:
+    """(p, p′, p″, (ṡ, u), numbers of the limits and p) -> the rows that a motion must keep."""
+    x, dx, ddx = (ca.SX.sym(name, 3) for name in ("x", "dx", "ddx"))
+    state = ca.SX.sym("state", 2)
+    parameters = ca.SX.sym("parameters", constraints.parameters + len(terms.names))
+    motion = state[0], state[0] ** 2, state[1]
+    rows = _rows(terms, constraints, (x, dx, ddx), motion, parameters)
+    return ca.Function("rows_on_path", [x, dx, ddx, state, parameters], [rows])
+
+
+def _rows(
+    terms: DeltaTerms,
+    constraints: Constraints,
+    place: tuple[ca.SX, ca.SX, ca.SX],
+    motion: tuple[ca.SX, ca.SX, ca.SX],
+    parameters: ca.SX,
+) -> ca.SX:
+    """The rows at a place p, p′, p″ for a motion ṡ, ṡ², s̈; of order 1 their signed squares."""
+    (x, dx, ddx), (speed, b, u) = place, motion
+    numbers, p = parameters[: constraints.parameters], parameters[constraints.parameters :]
+    functions = delta_functions(terms, Explicit())
+    instant = PlatformInstant(functions, x, dx * speed, ddx * b + dx * u, p)
+    rows, orders = constraints.rows(instant, numbers), constraints.orders
+    kept = (
+        rows[i] * ca.fabs(rows[i]) if orders[i] == 1 else rows[i]
+        for i in _kept(constraints).tolist()
+    )
+    return ca.vertcat(*kept)

@@ -1,0 +1,86 @@
+"""The fastest speeds along a path that keep affine rows: reachability, backwards and forwards.
+
+``sweep.c`` says how, and does it; ``interpreted_sweep`` does the same without a compiler.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+
+from deltaopt.codegen.compile import library
+from deltaopt.errors import Infeasible
+from deltaopt.planning.path.interpreted_sweep import interpreted
+from deltaopt.planning.path.path_rows import AffineRows
+from deltaopt.scene.path import Array
+
+FASTEST = 1e12
+"""Of b where no row bounds it: beyond any motion, and its products are still numbers."""
+
+
+@dataclass(frozen=True)
+class Speeds:
+    """The fastest motion on a mesh in s. ``b``: ṡ² at the nodes, (N + 1,). ``u``: s̈ at both ends
+    of every cell, (N, 2); between them it is linear in s."""
+
+    b: Array
+    u: Array
+
+
+class Unattainable(Infeasible):
+    """No motion on a mesh keeps the rows. ``node``: where none does; None if some do all along, but
+    none that begins at the given speed."""
+
+    def __init__(self, node: int | None) -> None:
+        super().__init__(node)
+        self.node = node
+
+    def __str__(self) -> str:
+        return "no speed along the path keeps the limits"
+
+
+def swept(h: Array, rows: AffineRows, start: float, goal: float) -> Speeds:
+    """The fastest motion over cells of lengths h, (N,), with b = ``start`` and ``goal`` at its
+    ends.
+
+    ``rows``: at both ends of every cell, the begin first, (2 N, rows). Raises Unattainable.
+    """
+    code = _code()
+    if code is None:
+        found = interpreted(h, rows, start, goal, FASTEST)
+        if isinstance(found, int | None):
+            raise Unattainable(found)
+        return Speeds(*found)
+    n = len(h)
+    b, u, limits = np.empty(n + 1), np.empty((n, 2)), np.empty((n + 1, 2))
+    given = [h, rows.alpha, rows.beta, rows.low, rows.high]
+    arrays = [np.ascontiguousarray(each, dtype=float) for each in given]
+    size, number = ctypes.c_int64, ctypes.c_double
+    status = code.sweep(
+        size(n),
+        size(rows.alpha.shape[1]),
+        *(ctypes.c_void_p(each.ctypes.data) for each in arrays),
+        number(start),
+        number(goal),
+        number(FASTEST),
+        *(ctypes.c_void_p(each.ctypes.data) for each in (b, u, limits)),
+    )
+    if status:
+        raise Unattainable(status - 1 if status > 0 else None)
+    return Speeds(b, u)
+
+
+@lru_cache(maxsize=1)
+def _code() -> Any:
+    """The compiled sweep; None without a compiler."""
+    built = library(files("deltaopt.planning.path").joinpath("sweep.c").read_text())
+    if built is None:
+        return None
+    code = ctypes.CDLL(str(built))
+    code.sweep.restype = ctypes.c_int64
+    return code

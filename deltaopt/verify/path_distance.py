@@ -1,0 +1,39 @@
+"""How far a motion is from the path that its scene gives."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from deltaopt.motion.trajectory import Array, Trajectory
+from deltaopt.scene.path import Path
+from deltaopt.scene.task import OnPath
+
+_IN_PIECE = 64
+"""Places of every piece of the path among which the nearest is looked for first."""
+_STEPS = 8  # of Newton's method from there
+_FRACTIONS = np.linspace(0.0, 1.0, 8)
+"""Of every interval, where the motion is looked at."""
+
+
+def off_path(task: OnPath, trajectory: Trajectory) -> float:
+    """The largest distance of the motion from the path of a task, m."""
+    x, _, _ = trajectory.path_inside(_FRACTIONS)
+    return float(_distances(task.path, x).max())
+
+
+def _distances(path: Path, x: Array) -> Array:
+    """Of points (N, 3), m, to the places of the path that are nearest, (N,)."""
+    shares = np.arange(_IN_PIECE) / _IN_PIECE
+    lengths = np.diff(path.knots)[:, None]
+    looked = np.append((path.knots[:-1, None] + lengths * shares).ravel(), path.knots[-1])
+    places = path(looked)
+    s = looked[[int(((places - point) ** 2).sum(axis=1).argmin()) for point in x]]
+    best = np.full(len(x), np.inf)
+    for _ in range(_STEPS):
+        p, dp, ddp = (path(s, order) for order in range(3))
+        away, square = p - x, (dp**2).sum(axis=1)
+        best = np.minimum(best, np.linalg.norm(away, axis=1))
+        bend = square + np.maximum((away * ddp).sum(axis=1), -square / 2)
+        step = (away * dp).sum(axis=1) / np.where(bend > 0, bend, np.inf)
+        s = np.clip(s - step, path.knots[0], path.knots[-1])
+    return best
