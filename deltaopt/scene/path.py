@@ -14,6 +14,7 @@ from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from math import comb
 from pathlib import Path as File
 from typing import Any, Self
 
@@ -39,6 +40,9 @@ _SAME_PLACE = 1e-9
 _LIKE_THE_FUNCTION = 1e-12
 """m: how closely quintic pieces must follow a given function: rounding of coordinates is 1e-16."""
 _MOST_PIECES = 4096
+_REVERSED = -1 + 1e-9
+"""Cosine of the turn at a corner below which the path goes back: it stands still in the middle of
+the rounding, which must be a knot, for nothing accelerates along the path there."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,7 +186,8 @@ class Curve(GivenPath):
     """A curve given by values and derivatives at increasing parameters ``s``, (N,).
 
     ``x``, ``dx``, ``ddx``: p, dp/ds, d²p/ds² there, (N, 3) each; between them it is the quintic
-    that has these values, so that the curve is C². ``Curve.of`` makes one from functions.
+    that has these values, so that the curve is C². ``Curve.of`` makes one from functions. A place
+    where dp/ds = 0 must be among the parameters.
     """
 
     s: tuple[Number, ...] = Field(description="increasing parameters, two or more", min_length=2)
@@ -224,8 +229,8 @@ class Curve(GivenPath):
         """The curve of a function from s = ``begin`` to ``end``.
 
         ``function``: (s (N,), order) -> p, dp/ds or d²p/ds² of order 0, 1 or 2, (N, 3). ``knots``:
-        parameters between where higher derivatives jump. Pieces are halved until they follow the
-        function to 1e-12 m. Raises SceneError where 4096 pieces do not.
+        parameters between where higher derivatives jump or dp/ds = 0. Pieces are halved until they
+        follow the function to 1e-12 m. Raises SceneError where 4096 pieces do not.
         """
         s = np.unique([begin, *np.asarray(knots, dtype=float).ravel().tolist(), end])
         if len(s) < 2:
@@ -347,6 +352,16 @@ def _through(corners: Array, blends: list[float]) -> Path:
         pieces.append(np.array([begin, first, zero, turn / length**2, -turn / (2 * length**3)]))
         steps.append(length)
 
+    def halve() -> None:
+        """Cut the last piece in the middle."""
+        half, whole = steps.pop() / 2, pieces.pop()
+        later = [
+            sum(comb(j, k) * whole[j] * half ** (j - k) for j in range(k, len(whole)))
+            for k in range(len(whole))
+        ]
+        pieces.extend([whole, np.array(later)])
+        steps.extend([half, half])
+
     before = 0.0
     for i, direction in enumerate(directions):
         after = blends[i] if i < len(blends) else 0.0
@@ -355,6 +370,8 @@ def _through(corners: Array, blends: list[float]) -> Path:
             add(corners[i] + before * direction, direction, direction, left)
         if after:
             add(corners[i + 1] - after * direction, direction, directions[i + 1], 2 * after)
+            if direction @ directions[i + 1] < _REVERSED:
+                halve()
         before = after
     knots = np.concatenate([[0.0], np.cumsum(steps)])
     coefficients = np.array(pieces)

@@ -10,7 +10,8 @@ from deltaopt.scene.task import OnPath
 
 _IN_PIECE = 64
 """Places of every piece of the path among which the nearest is looked for first."""
-_STEPS = 8  # of Newton's method from there
+_STEPS = 50
+"""Of Newton's method from there: where the path turns back it gains only a digit in three steps."""
 _FRACTIONS = np.linspace(0.0, 1.0, 8)
 """Of every interval, where the motion is looked at."""
 

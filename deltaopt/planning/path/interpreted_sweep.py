@@ -104,11 +104,16 @@ class _Sweep:
         """The b at the end of a cell that can be reached from b at its begin."""
         (slow, fast), _ = self.accelerations(2 * cell, b)
         end, h = 2 * cell + 1, self.h[cell]
-        a, factor = self.rows.alpha[end], self.rows.alpha[end] + h * self.rows.beta[end]
-        fast, slow = b + h * fast, b + h * slow
-        up, down = np.where(a > 0, fast, slow), np.where(a > 0, slow, fast)
-        within = self.narrowed(within, factor, h * self.rows.high[end] + a * up)
-        return self.narrowed(within, -factor, -h * self.rows.low[end] - a * down)
+        still = fast >= _LARGE and slow <= -_LARGE
+        step, a = (2 * h if still else h), self.rows.alpha[end]
+        factor = a + step * self.rows.beta[end]
+        fastest, slowest = (b, b) if still else (b + h * fast, b + h * slow)
+        up, down = np.where(a > 0, fastest, slowest), np.where(a > 0, slowest, fastest)
+        within = self.narrowed(within, factor, step * self.rows.high[end] + a * up)
+        within = self.narrowed(within, -factor, -step * self.rows.low[end] - a * down)
+        if np.abs(a).max() < _VANISHING:
+            within = max(within[0], b + 2 * h * slow), min(within[1], b + 2 * h * fast)
+        return within
 
     def slowing(self, cell: int, b: float) -> tuple[float, float]:
         u, slope = self.accelerations(2 * cell + 1, b)
@@ -146,7 +151,8 @@ class _Sweep:
         ends = [reaches(each) for each in b]
         if all(ends):
             return b
-        places = np.linspace(*b, 65)[:-1].tolist()
+        shares = np.concatenate([np.arange(1, 64), 2.0 ** -np.arange(1, 66)]) / 64
+        places = (b[0] + (b[1] - b[0]) * shares).tolist()
         inside = b[1] if ends[1] else next((each for each in places if reaches(each)), None)
         if inside is None:
             return _NOTHING

@@ -7,18 +7,23 @@ from functools import cached_property
 from math import comb, pi
 
 import numpy as np
+from numpy.typing import NDArray
 
 from deltaopt.motion.trajectory import PiecewisePolynomial
 from deltaopt.planning.path.path_rows import Places
 from deltaopt.planning.path.sweep import Speeds
 from deltaopt.scene.path import Array, Index, Path
 
+Truths = NDArray[np.bool]
+
 _SAME = 1e-10
 """Share of the path within which two nodes are one."""
 _SERIES = 1e-3
 """Of z: below it the series of the duration of a cell is exact to rounding."""
-_DEGREE = 5
-"""Of s as a function of time in a cell."""
+_STOPPING = 1 - 1e-9
+"""Of z, which is 1 in a cell at whose end a motion that brakes less and less stops."""
+_LONGEST = 1e4
+"""Of the time that the path takes at its largest speed: a cell that takes longer is at rest."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,20 +115,38 @@ class MeshMotion:
         """Time in every cell, ∫ ds / √b, (N,), s.
 
         With k = (u at end - u at begin) / h the motion obeys s̈ = u₀ + k (s - s₀), so that the
-        tangent of half of the angle √-k T is √-k h / (ṡ₀ + ṡ₁).
+        tangent of half of the angle √-k T is √-k h / (ṡ₀ + ṡ₁). In a cell in which such a motion
+        stops, see ``stops``, it is that of constant acceleration.
         """
-        rate = np.sqrt(self.speeds.b)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            share = self.mesh.h / (rate[1:] + rate[:-1])
-            z = (self.speeds.u[:, 1] - self.speeds.u[:, 0]) / self.mesh.h * share**2
-            root = np.sqrt(np.abs(z))
-            bent = np.where(z > 0, np.arctanh(root), np.arctan(root)) / root
+        share, z = self._shares
+        z = np.where(self.stops, 0.0, z)
+        root = np.sqrt(np.maximum(np.abs(z), _SERIES))
+        bent = np.where(z > 0, np.arctanh(np.minimum(root, _STOPPING)), np.arctan(root)) / root
         series = 1 + z * (1 / 3 + z * (1 / 5 + z / 7))
         return np.asarray(2 * share * np.where(np.abs(z) < _SERIES, series, bent))
 
     @cached_property
+    def stops(self) -> Truths:
+        """Cells in which the motion comes to a stop, (N,): there are some only on meshes that are
+        too coarse for what the rows do in them."""
+        share, z = self._shares
+        longest = _LONGEST * float(self.mesh.h.sum()) / self._largest_rate
+        return np.asarray(np.logical_not((z < _STOPPING) & (share < longest)))
+
+    @cached_property
+    def _shares(self) -> tuple[Array, Array]:
+        """h / (ṡ₀ + ṡ₁) and k times its square, (N,) each."""
+        rate = np.sqrt(self.speeds.b)
+        share = self.mesh.h / np.maximum(rate[1:] + rate[:-1], self._largest_rate / _LONGEST**2)
+        return share, (self.speeds.u[:, 1] - self.speeds.u[:, 0]) / self.mesh.h * share**2
+
+    @property
+    def _largest_rate(self) -> float:
+        return float(np.sqrt(self.speeds.b.max()))
+
+    @cached_property
     def duration(self) -> float:
-        """Time from start to goal, s; infinite where the motion stops on its way."""
+        """Time from start to goal, s."""
         return float(self.durations.sum())
 
     def evenly(self, cells: int) -> PathMesh:

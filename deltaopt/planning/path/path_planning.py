@@ -24,6 +24,11 @@ _KEPT = 1e-10
 """Excess up to which a motion that begins or ends at a speed keeps its limits: it must not be
 slowed, for that would change its boundary values."""
 _MOST_MARGINS = 8
+_SHARES = (0.8, 0.3, 0.1)
+"""Of the tolerance: estimated losses at which meshes are not refined further. The rest is for
+tightening and slowing; if that is not enough, all is done again with the next."""
+_ROUNDING = 1 + 2.0**-45
+"""Factor by which motions are slowed to allow for rounding of torques."""
 _TOUCHED = 1e-9
 """Share of a limit of position by which a path may be beyond it: rounding."""
 
@@ -57,17 +62,20 @@ def fastest_on_path(
 
 def _slowed(scene: Scene, timing: PathTiming) -> tuple[MeshMotion, Trajectory, float]:
     """The fastest motion from rest to rest, slowed by what its limits are exceeded at last."""
-    motion = timing.fastest()
-    trajectory = _trajectory(scene, motion)
-    factor = safe_factor(scene, trajectory)
-    if isinf(factor):
-        raise Infeasible("the path: somewhere on it a limit is exceeded at rest")
-    factor *= 1 + 2 * float(np.finfo(float).eps) / _KEPT_DISTANCE
-    return motion, trajectory.slowed(factor), factor
-
-
-_KEPT_DISTANCE = 1e-2
-"""Squared distance to serial singularities at which torques are known to rounding over it."""
+    best: tuple[MeshMotion, Trajectory, float] | None = None
+    for share in _SHARES:
+        motion = timing.fastest(share)
+        trajectory = _trajectory(scene, motion)
+        factor = safe_factor(scene, trajectory) * _ROUNDING
+        if isinf(factor):
+            raise Infeasible("the path: somewhere on it a limit is exceeded at rest")
+        found = motion, trajectory.slowed(factor), factor
+        if best is None or found[1].duration < best[1].duration:
+            best = found
+        if (1 + timing.loss(motion)) * factor - 1 <= timing.tolerance:
+            return found
+    assert best is not None
+    return best
 
 
 def _held(scene: Scene, timing: PathTiming) -> tuple[MeshMotion, Trajectory, float]:
@@ -77,7 +85,7 @@ def _held(scene: Scene, timing: PathTiming) -> tuple[MeshMotion, Trajectory, flo
     """
     margin = 0.0
     for _ in range(_MOST_MARGINS):
-        motion = timing.fastest(margin)
+        motion = timing.fastest(_SHARES[0], margin)
         trajectory = _trajectory(scene, motion)
         factor = safe_factor(scene, trajectory)
         if factor <= 1 + _KEPT:

@@ -32,6 +32,9 @@ from deltaopt.scene.path import Array, Index, Path
 from deltaopt.scene.scene import Scene, limits_of
 
 Truths = NDArray[np.bool]
+_STRAIGHT = 1e-12
+"""Share of the square of p″ that is across p′, below which a path counts as straight."""
+
 State = tuple[Array, Array]
 """b and u of a motion at N places, (N,) each."""
 
@@ -109,7 +112,7 @@ class PathRows:
     @cached_property
     def owners(self) -> Index:
         """The row that each affine row stands for: itself, or one that is curved."""
-        fans = np.repeat(self.curved, _FAN)
+        fans = np.repeat(self.curved, _FAN + 1)
         return np.concatenate([np.arange(len(self.sides)), self.curved, fans])
 
     def tangents(self, places: Places, motion: State, other: State) -> AffineRows:
@@ -163,7 +166,8 @@ class PathRows:
         self.model.inverse_dynamics(x, dx * rate, ddx * rate**2 + dx * u[bad][:, None])
 
     def _fans(self, places: Places) -> AffineRows:
-        """Tangents of rows that are curved in u, where rays from rest meet their bounds."""
+        """Tangents of rows that are curved in u, where rays from rest meet their bounds and where b
+        is largest: there a motion stays that follows a bend as fast as the bend allows."""
         assert self.expansion is not None
         n = len(places.x)
         parts = self.expansion(places.x, places.dx, places.ddx, parameters=self.parameters)
@@ -179,13 +183,30 @@ class PathRows:
         square = np.einsum("ncfi,ncij,ncfj->ncf", ways, bend, ways) / 2
         room = 1 - constant
         far = 2 * room / (ahead + np.sqrt(np.maximum(ahead**2 + 4 * square * room, 0.0)))
-        there = ways * far[..., None]
+        there = np.concatenate([ways * far[..., None], _largest(constant, slope, bend)], axis=2)
         slopes = slope[:, :, None] + np.einsum("ncij,ncfj->ncfi", bend, there)
-        value = constant + ahead * far + square * far**2
+        value = constant + ((slope[:, :, None] + slopes) * there).sum(axis=3) / 2
         high = 1 - value + (slopes * there).sum(axis=3)
-        size = (n, len(self.curved) * _FAN)
+        none = np.logical_not(np.isfinite(high))
+        slopes[none], high[none] = 0.0, np.inf
+        size = (n, len(self.curved) * (_FAN + 1))
         beta, alpha = slopes[..., 0].reshape(size), slopes[..., 1].reshape(size)
         return AffineRows(alpha, beta, np.full(size, -np.inf), high.reshape(size))
+
+
+def _largest(constant: Array, slope: Array, bend: Array) -> Array:
+    """The state (b, u) of largest b at which quadratic rows are at 1, (N, curved, 1, 2), from their
+    values, slopes and second derivatives at rest; not finite where b has no bound."""
+    by_b, by_u = slope[..., 0], slope[..., 1]
+    bb, bu, uu = bend[..., 0, 0], bend[..., 0, 1], bend[..., 1, 1]
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        square = bb - bu**2 / uu
+        ahead = by_b - bu * by_u / uu
+        room = 1 - constant[..., 0] + by_u**2 / (2 * uu)
+        square = np.where(square > _STRAIGHT * bb, square, np.nan)
+        b = (-ahead + np.sqrt(ahead**2 + 2 * square * room)) / square
+        u = -(by_u + bu * b) / uu
+    return np.stack([b, u], axis=-1)[:, :, None]
 
 
 def _joined(*parts: AffineRows) -> AffineRows:

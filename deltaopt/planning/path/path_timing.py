@@ -24,8 +24,6 @@ _FIRST, _EVEN = 24, 40
 """Cells of the first mesh, and of the second, which are of equal time by the first."""
 _INSIDE = np.array([0.2, 0.5, 0.8])
 """Fractions of a cell where rows are looked at between its ends."""
-_SHARE_OF_TOLERANCE = 0.5
-"""Estimated loss at which cells are no longer split: the rest is for tightening."""
 _MOST_PARTS = 4
 """Of a cell at a time: rows inside of a coarse cell say little of much smaller ones."""
 _NEGLIGIBLE = 0.05
@@ -33,6 +31,8 @@ _NEGLIGIBLE = 0.05
 costs half of it in duration."""
 _MORE = 1.1
 """Factor on what bounds are moved by: rows are looked at in three places of a cell only."""
+_MOST_TIGHTER = 0.5
+"""Of a limit: more leaves nothing to hold the robot with."""
 _MOST_MOTIONS, _MOST_TIGHTENED = 40, 8
 _MOST_CELLS = 20_000
 _CHANGE = 0.1
@@ -74,13 +74,15 @@ class PathTiming:
     iterations: list[PathIteration] = field(default_factory=list, init=False)
     _spent: Spent = field(default=Spent(0.0, 0.0), init=False)
 
-    def fastest(self, margin: float | None = None) -> MeshMotion:
-        """The fastest motion. Where it may be slowed afterwards (``margin`` None) limits may be
+    def fastest(self, share: float, margin: float | None = None) -> MeshMotion:
+        """The fastest motion, on a mesh whose loss is a ``share`` of the tolerance before limits
+        are tightened. Where it may be slowed afterwards (``margin`` None) limits may be
         exceeded between nodes by what costs little; otherwise they are tightened until none is, and
         all by the ``margin``, a part of them, as well.
 
         Raises Infeasible where there is none.
         """
+        enough = share * self.tolerance
         mesh = PathMesh.first(self.path, _FIRST)
         guess = self._usual_speed(mesh)
         affine = self.rows.are_affine(mesh.ends)
@@ -93,16 +95,19 @@ class PathTiming:
             loss = _losses(motion, beyond)
             self._record(motion, beyond, loss)
             changed = not affine and abs(motion.duration / before.duration - 1)
-            if loss.sum() <= _SHARE_OF_TOLERANCE * self.tolerance:
+            if loss.sum() <= enough:
                 if changed <= _CHANGE * self.tolerance:
                     break
             else:
-                target = self.tolerance * _SHARE_OF_TOLERANCE / 2 / len(loss)
-                parts = np.clip(np.ceil((loss / target) ** (1 / 3)), 1, _MOST_PARTS).astype(np.intp)
+                target = enough / 2 / len(loss)
+                parts = np.ceil(np.clip(loss / target, 1.0, _MOST_PARTS**3) ** (1 / 3))
+                parts = parts.astype(np.intp)
                 mesh = mesh.split(parts)
             earlier, before = before, motion
             if len(mesh.h) > _MOST_CELLS:
                 break
+        if motion.stops.any():
+            raise Infeasible("the path: no speed but standstill keeps the limits somewhere on it")
         return self._tightened(motion, tangents, beyond, margin, affine)
 
     def loss(self, motion: MeshMotion) -> float:
@@ -125,12 +130,15 @@ class PathTiming:
             excess = beyond.max(axis=1)
             if excess.max() <= most:
                 break
-            by = by + _MORE * np.maximum(excess, 0.0)
+            by = np.minimum(by + _MORE * np.maximum(excess, 0.0), _MOST_TIGHTER)
             if not affine:
                 tangents = self._tangents(motion.mesh, motion, before)
             of_rows = np.repeat(by[:, self.rows.owners], 2, axis=0)
             before = motion
-            motion = self._swept(motion.mesh, tangents.tightened(of_rows))
+            try:
+                motion = self._swept(motion.mesh, tangents.tightened(of_rows))
+            except Infeasible:  # what is left costs duration instead
+                break
             beyond = self._beyond(motion) + (margin or 0.0)
             self._record(motion, beyond, _losses(motion, beyond))
         return motion
@@ -161,8 +169,6 @@ class PathTiming:
             self._spent += Spent(0.0, perf_counter() - begin)
         except Unattainable as error:
             raise Infeasible(self._obstacle(mesh, error.node)) from None
-        if not np.isfinite(motion.duration):
-            raise Infeasible("the path: no speed but standstill keeps the limits somewhere on it")
         return motion
 
     def _obstacle(self, mesh: PathMesh, node: int | None) -> str:
@@ -193,7 +199,9 @@ class PathTiming:
 
 
 def _losses(motion: MeshMotion, beyond: Array) -> Array:
-    """Relative loss of time in each cell, (N,): half of the part of the nearest limit that is
-    exceeded or not used, for that limits are squares of speeds."""
+    """Relative loss of time in each cell, (N,), infinite where the motion stops: the part of the
+    nearest limit that is exceeded or not used. Limits are those of squares of speeds, so that half
+    of it would do, if gravity did not take its share of the torques."""
     missed = np.abs(beyond.max(axis=2)).mean(axis=1)
-    return np.asarray(missed * motion.durations / (2 * motion.duration))
+    missed = np.where(motion.stops, np.inf, missed)
+    return np.asarray(missed * motion.durations / motion.duration)

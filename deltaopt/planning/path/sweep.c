@@ -18,6 +18,7 @@
 #define VANISHING 1e-13 /* below it a coefficient of normalised rows is rounding */
 #define ROUNDING 1e-12
 #define HALVINGS 60
+#define SEARCHED 128
 
 typedef struct { double low, high; } Range;
 
@@ -76,14 +77,24 @@ static void allowed(const Problem *p, int64_t end, Range *b) {
   }
 }
 
-/* The b at the end of a cell that can be reached from b at its begin, within a range. */
+/* The b at the end of a cell that can be reached from b at its begin, within a range.
+
+   At an end where no row has a u, since the path stands still there (p' = 0), u could be anything,
+   but not beside it: there u is constant in the cell. */
 static Range reachable(const Problem *p, int64_t cell, double b, Range within) {
   Range slope, u = accelerations(p, 2 * cell, b, &slope);
   const double h = p->h[cell], fast = b + h * u.high, slow = b + h * u.low;
+  const int still = u.high >= LARGE && u.low <= -LARGE;
+  double largest = 0;
   for (int64_t j = (2 * cell + 1) * p->rows; j < (2 * cell + 2) * p->rows; j++) {
-    const double a = p->alpha[j], factor = a + h * p->beta[j];
-    at_most(&within, factor, h * p->high[j] + a * (a > 0 ? fast : slow));
-    at_most(&within, -factor, -h * p->low[j] - a * (a > 0 ? slow : fast));
+    const double a = p->alpha[j], step = still ? 2 * h : h, factor = a + step * p->beta[j];
+    at_most(&within, factor, step * p->high[j] + a * (still ? b : a > 0 ? fast : slow));
+    at_most(&within, -factor, -step * p->low[j] - a * (still ? b : a > 0 ? slow : fast));
+    largest = fmax(largest, fabs(a));
+  }
+  if (largest < VANISHING) {
+    at_most(&within, 1, b + 2 * h * u.high);
+    at_most(&within, -1, -b - 2 * h * u.low);
   }
   return within;
 }
@@ -135,10 +146,10 @@ static Range controllable(const Problem *p, int64_t cell, Range b, Range target)
   const int top = reaches(p, cell, b.high, target), bottom = reaches(p, cell, b.low, target);
   if (top && bottom) return b;
   double inside = top ? b.high : b.low;
-  for (int i = 1; i < 64 && !top && !bottom; i++) {
-    inside = b.low + (b.high - b.low) * i / 64;
+  for (int i = 1; i <= SEARCHED && !top && !bottom; i++) {  /* also where b has hardly a bound */
+    inside = b.low + (b.high - b.low) * (i < 64 ? i / 64.0 : exp2(63 - i) / 64);
     if (reaches(p, cell, inside, target)) break;
-    if (i == 63) { b.low = LARGE; return b; }
+    if (i == SEARCHED) { b.low = LARGE; return b; }
   }
   if (!top) b.high = border(p, cell, inside, b.high, target);
   if (!bottom) b.low = border(p, cell, inside, b.low, target);

@@ -1,0 +1,227 @@
+"""Given paths: deltaopt beside TOPP-RA on random paths, and the usual test cycle in numbers.
+
+Both are given the same compiled coefficients of the same path. A motion of TOPP-RA has constant s̈
+between points of its grid; like ours it is slowed until it keeps every limit between them too, so
+that durations can be compared. The reference is ours to 1e-6. TOPP-RA's grid is the coarsest of
+some whose motion is then within the tolerance of the reference, which is known here and nowhere
+else. Its time is that of its solver alone; ours is given for the sweeps alone and for the plan.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from dataclasses import dataclass
+from time import process_time
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import deltaopt
+from deltaopt.bench.peers import installed
+from deltaopt.bench.random_scenes import random_scenes
+from deltaopt.errors import DeltaOptError
+from deltaopt.motion.time_scaling import safe_factor
+from deltaopt.planning.path.path_mesh import MeshMotion, PathMesh
+from deltaopt.planning.path.path_rows import PathRows
+from deltaopt.planning.path.sweep import Speeds
+from deltaopt.robot.model import delta_model
+from deltaopt.scene.task import OnPath
+from studies.problems import ORSINO, add_robots
+
+Array = NDArray[np.float64]
+HELP = "given paths: beside TOPP-RA on random paths"
+SMALL = {"robots": (ORSINO,), "number": 2, "grids": (50, 100)}
+_REFERENCE = 1e-6
+_BLENDS = (0.1, 0.5)
+"""Of the longest possible blends, where those of random paths are drawn from."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Of one path: gap to the reference and processor seconds of the solver; of ours, those of the
+    whole plan too. ``intervals``: of the mesh or grid. Not a number where there was no motion."""
+
+    gap: float
+    solver: float
+    plan: float
+    intervals: int
+
+    @classmethod
+    def none(cls) -> Outcome:
+        return cls(np.nan, np.nan, np.nan, 0)
+
+
+def random_paths(
+    robot: deltaopt.Robot, payload: float | None, number: int, seed: int
+) -> Iterator[deltaopt.Scene]:
+    """Random moves on lines, through corners and on pick-and-place paths by turns, of which some
+    lead out of the workspace."""
+    rng = np.random.default_rng(seed)
+    for i, scene in enumerate(random_scenes(robot, payload, number, seed)):
+        start, goal = np.array(scene.start), np.array(scene.goal)
+        way = float(np.linalg.norm(goal - start))
+        path: deltaopt.Line | deltaopt.Corners | deltaopt.PickAndPlace = deltaopt.Line()
+        if i % 3 == 1:
+            shares = np.sort(rng.uniform(0.15, 0.85, size=rng.integers(1, 4)))
+            points = start + shares[:, None] * (goal - start)
+            points += 0.2 * way * rng.uniform(-1, 1, size=points.shape)
+            shortest = np.linalg.norm(np.diff([start, *points, goal], axis=0), axis=1).min()
+            blend = float(rng.uniform(*_BLENDS) * shortest)
+            path = deltaopt.Corners.model_validate({"points": points.tolist(), "blend": blend})
+        elif i % 3 == 2:
+            height = float(rng.uniform(0.05, 0.3) * way)
+            across = float(np.linalg.norm((goal - start)[1:]))
+            blend = float(rng.uniform(*_BLENDS) * min(height, across))
+            path = deltaopt.PickAndPlace(height=height, blend=blend)
+        yield scene.model_copy(update={"path": path})
+
+
+def ours(scene: deltaopt.Scene, best: float, tolerance: float) -> Outcome:
+    """Our plan, the second time, for the first compiles."""
+    planner = deltaopt.Planner(scene.robot, scene.payload, scene.limits, tolerance)
+    try:
+        plan = planner.plan_scene(scene)
+        begin = process_time()
+        plan = planner.plan_scene(scene)
+    except DeltaOptError:
+        return Outcome.none()
+    seconds = process_time() - begin
+    sweeps = sum(each.spent.algebra for each in plan.meshes)
+    return Outcome(plan.duration / best - 1, sweeps, seconds, plan.intervals)
+
+
+def toppra_motion(scene: deltaopt.Scene, mesh: PathMesh) -> tuple[MeshMotion | None, float]:
+    """TOPP-RA's motion on a grid, None where it finds none, and the seconds of its solver."""
+    toppra = installed("toppra")
+    toppra.setup_logging("ERROR")
+    base: Any = toppra.constraint.LinearConstraint
+    rows = PathRows.of(scene)
+    ends = mesh.ends
+    n = len(ends.x)
+    found = rows.tangents(ends, (np.ones(n), np.zeros(n)), (np.ones(n), np.zeros(n)))
+    chosen = np.append(np.arange(0, n, 2), n - 1)
+    alpha, beta, rest = (each[chosen] for each in (found.alpha, found.beta, 1 - found.high))
+    m = alpha.shape[1]
+
+    class Limits(base):  # type: ignore[misc]
+        def compute_constraint_params(self, path: Any, gridpoints: Array) -> Any:
+            F, g = np.vstack([np.eye(m), -np.eye(m)]), np.ones(2 * m)
+            bounds = np.tile([0.0, 1e8], (len(gridpoints), 1))
+            return alpha, beta, rest, F, g, None, bounds
+
+    class Grid:
+        dof = 3
+        path_interval = mesh.nodes[[0, -1]]
+
+    limits = Limits()
+    limits.identical = True
+    limits.set_discretization_type(1)  # constraints at both ends of every interval
+    algorithm = toppra.algorithm.TOPPRA(
+        [limits], Grid(), gridpoints=mesh.nodes, solver_wrapper="seidel"
+    )
+    begin = process_time()
+    speeds = algorithm.compute_parameterization(0.0, 0.0)[1]
+    seconds = process_time() - begin
+    if speeds is None or not np.isfinite(speeds).all():
+        return None, seconds
+    b = np.asarray(speeds, dtype=float) ** 2
+    u = np.repeat(np.diff(b) / (2 * mesh.h), 2).reshape(-1, 2)
+    return MeshMotion(mesh, Speeds(b, u)), seconds
+
+
+def toppra(
+    scene: deltaopt.Scene, task: OnPath, best: float, tolerance: float, grids: tuple[int, ...]
+) -> Outcome:
+    """TOPP-RA on the coarsest of some grids whose motion is within the tolerance; on the finest if
+    none is."""
+    last, model = Outcome.none(), delta_model(scene.robot, scene.payload)
+    for number in grids:
+        mesh = PathMesh.of(task.path, np.linspace(*task.path.knots[[0, -1]], number + 1))
+        motion, seconds = toppra_motion(scene, mesh)
+        if motion is None or not np.isfinite(motion.duration):
+            continue
+        trajectory = deltaopt.Trajectory(motion.position, model)
+        safe = trajectory.duration * safe_factor(scene, trajectory)
+        last = Outcome(safe / best - 1, seconds, np.nan, len(mesh.h))
+        if last.gap <= tolerance:
+            break
+    return last
+
+
+def _reference(scene: deltaopt.Scene) -> float:
+    return deltaopt.plan(scene, tolerance=_REFERENCE).duration
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    add_robots(parser)
+    parser.add_argument("--number", type=int, default=1000, help="random paths (default: 1000)")
+    parser.add_argument("--seed", type=int, default=1, help="of the random numbers")
+    parser.add_argument("--tolerance", type=float, default=1e-3, help="default: 1e-3")
+    parser.add_argument(
+        "--grids",
+        type=int,
+        nargs="+",
+        default=(50, 100, 200, 400, 800, 1600),
+        help="intervals of TOPP-RA's grids (default: 50 to 1600)",
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Print both side by side for every robot."""
+    for file in arguments.robots:
+        robot = deltaopt.load_robot(file)
+        print(_compared(robot, arguments), flush=True)
+    return 0
+
+
+def _compared(robot: deltaopt.Robot, arguments: argparse.Namespace) -> str:
+    pairs: list[tuple[Outcome, Outcome]] = []
+    neither = 0
+    for scene in random_paths(robot, 1.0, 2 * arguments.number, arguments.seed):
+        if len(pairs) == arguments.number:
+            break
+        pair = _pair(scene, arguments.tolerance, tuple(arguments.grids))
+        if pair is None:
+            neither += 1
+        else:
+            pairs.append(pair)
+    lines = [f"{robot.name}: {len(pairs)} paths feasible by either, {neither} by neither"]
+    for name, which in (("ours", 0), ("TOPP-RA", 1)):
+        lines.append(f"  {name}: {_summary([pair[which] for pair in pairs], arguments.tolerance)}")
+    both = [(a.solver, b.solver) for a, b in pairs if a.solver > 0 and b.solver > 0]
+    ratios = [theirs / own for own, theirs in both]
+    lines.append(f"  TOPP-RA's solver over our sweeps: median {np.median(ratios):.1f}")
+    return "\n".join(lines)
+
+
+def _pair(
+    scene: deltaopt.Scene, tolerance: float, grids: tuple[int, ...]
+) -> tuple[Outcome, Outcome] | None:
+    """Ours and TOPP-RA's; None where neither finds a motion."""
+    task = scene.task
+    assert isinstance(task, OnPath)
+    try:
+        best = _reference(scene)
+    except DeltaOptError:
+        best = np.nan
+    try:
+        theirs = toppra(scene, task, best, tolerance, grids)
+    except DeltaOptError:  # the path leaves the workspace
+        return None
+    own = ours(scene, best, tolerance)
+    return None if own.intervals == 0 and theirs.intervals == 0 else (own, theirs)
+
+
+def _summary(outcomes: list[Outcome], tolerance: float) -> str:
+    there = [each for each in outcomes if each.intervals]
+    within = sum(each.gap <= tolerance for each in there)
+    parts = [f"found {len(there)} of {len(outcomes)}, {within} within {tolerance:g}"]
+    for name in ("gap", "solver", "plan", "intervals"):
+        values = np.array([getattr(each, name) for each in there], dtype=float)
+        if np.isfinite(values).any():
+            unit, scale = (" ms", 1e3) if name in ("solver", "plan") else ("", 1.0)
+            median, most = np.nanpercentile(values, [50, 99]) * scale
+            parts.append(f"{name} median {median:.2g}{unit}, 99 % {most:.2g}{unit}")
+    return "; ".join(parts)

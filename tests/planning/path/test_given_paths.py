@@ -1,0 +1,182 @@
+"""Motions on given paths against other formulations, closed forms, and by verification."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import deltaopt
+from deltaopt.motion.extrema import sample_fractions
+from deltaopt.motion.limit_curves import limit_curves
+from deltaopt.planning.path import sweep
+from deltaopt.planning.planner import Plan
+from deltaopt.scene.scene import Scene
+from tests.oracles.path_arcs import two_arcs
+from tests.oracles.path_by_ipopt import duration_by_ipopt, torque_coefficients
+
+PROBLEMS = Path(__file__).parents[3] / "problems"
+PICK = deltaopt.load_scene(PROBLEMS / "pick_and_place.yaml")
+CROSS = deltaopt.load_scene(PROBLEMS / "industrial_cross.yaml")
+ROUNDED = {"pick_and_place": {"height": 0.025, "blend": 0.02}}
+
+
+def on(scene: Scene, path: object, **changes: object) -> Scene:
+    content = {key: getattr(scene, key) for key in ("robot", "payload", "limits", "start", "goal")}
+    return Scene.model_validate({**content, "path": path, **changes})
+
+
+def excess(plan: Plan) -> float:
+    fractions = sample_fractions(len(plan.trajectory.knots) - 1)
+    curves = limit_curves(plan.scene, plan.trajectory, fractions)
+    return max(float(np.nanmax(np.abs(each.of_bounds))) - 1 for each in curves)
+
+
+def test_the_line_against_two_arcs_with_a_resolved_switch():
+    """To 1e-8: an integration to 12 digits of the largest acceleration and deceleration."""
+    plan = deltaopt.plan(on(PICK, "line"), tolerance=1e-7)
+    reference = two_arcs(on(PICK, "line"), plan.duration)
+    assert plan.gap <= 1e-7
+    assert reference * (1 - 1e-8) < plan.duration < reference * (1 + plan.gap)
+
+
+@pytest.mark.parametrize(
+    ("scene", "path", "cells"), [(PICK, "line", 800), (CROSS, "line", 800), (CROSS, ROUNDED, 2400)]
+)
+def test_another_formulation_takes_as_long(scene, path, cells):
+    """Ipopt's constant s̈ in each cell is within 1e-3 of it, as its own error is."""
+    plan = deltaopt.plan(on(scene, path), tolerance=1e-4)
+    assert duration_by_ipopt(plan.scene, cells) == pytest.approx(plan.duration, rel=1e-3)
+
+
+@pytest.mark.parametrize("name", ["industrial_25_305_25", "glue_line", "safe_lane"])
+def test_shipped_paths_are_verified(name):
+    scene = deltaopt.load_scene(PROBLEMS / "paths" / f"{name}.yaml")
+    plan = deltaopt.plan(scene)
+    report = deltaopt.verify(scene, plan.trajectory)
+    assert report.failures() == []
+    assert report.path_distance is not None
+    assert report.path_distance < 1e-14
+    assert plan.within_tolerance
+
+
+def test_gaps_are_what_they_say():
+    """Against a plan that is a thousand times as exact."""
+    for scene in (on(PICK, ROUNDED), on(CROSS, ROUNDED), on(PICK, "line")):
+        best = deltaopt.plan(scene, tolerance=1e-6)
+        for tolerance in (1e-2, 1e-3, 1e-4):
+            plan = deltaopt.plan(scene, tolerance=tolerance)
+            assert -best.gap <= plan.duration / best.duration - 1 <= plan.gap <= tolerance
+            assert excess(plan) < 1e-10
+
+
+def test_a_limit_of_acceleration_on_a_line():
+    """Strong motors: T = 2 √(L / A)."""
+    strong = PICK.robot.model_copy(update={"drive": {"torque": 1e4}})
+    scene = on(PICK, "line", robot=strong, limits={"acceleration": 3.0})
+    plan = deltaopt.plan(scene, tolerance=1e-4)
+    assert plan.duration == pytest.approx(2 * np.sqrt(0.15 / 3.0), rel=1e-6)
+
+
+def test_a_limit_of_acceleration_on_a_half_circle():
+    """With (v²)′ = 2 √(A² - v⁴ / r²): v² = A r sin(2 s / r) until v² = A r, which is then held;
+    the end mirrors the begin."""
+    r, A = 0.05, 3.0
+    curve = deltaopt.Curve.of(lambda s, order: half_circle(r, s, order), 0.0, np.pi * r)
+    strong = PICK.robot.model_copy(update={"drive": {"torque": 1e4}})
+    scene = on(
+        PICK, curve, robot=strong, limits={"acceleration": A}, start=curve.x[0], goal=curve.x[-1]
+    )
+    plan = deltaopt.plan(scene, tolerance=1e-4)
+    # ∫ ds / v from 0 to π r / 4, with sin(2 s / r) = z⁴ to take the singularity out
+    z = (np.polynomial.legendre.leggauss(60)[0] + 1) / 2
+    weights = np.polynomial.legendre.leggauss(60)[1] / 2
+    angle = np.pi / 2 * (1 - (1 - z**2) ** 2)  # of 2 s / r, quadratic at both ends
+    rate = np.pi / 2 * 4 * z * (1 - z**2)
+    ramp = weights @ (rate * r / 2 / np.sqrt(A * r * np.sin(angle)))
+    expected = 2 * ramp + np.pi * r / 2 / np.sqrt(A * r)
+    assert expected * (1 - 1e-6) < plan.duration < expected * (1 + 1e-4)
+    assert deltaopt.verify(scene, plan.trajectory).failures() == []
+
+
+def half_circle(r: float, s: np.ndarray, order: int) -> np.ndarray:
+    angle = s / r + order * np.pi / 2
+    around = r ** (1 - order) * np.stack([0 * s, np.cos(angle), np.sin(angle)], axis=1)
+    return around + (np.array([0.45, 0.0, 0.0]) if order == 0 else 0.0)
+
+
+def test_a_path_with_a_point_of_standstill():
+    """There and back again on one line: p′ = 0 where it turns, and the motion is two lines."""
+    there = np.array([0.45, 0.05, 0.0])
+    corners = deltaopt.Corners(points=(tuple(there.tolist()),), blend=0.05)
+    back = on(PICK, corners, goal=(0.45, -0.02, 0.0))
+    apex = back.task.path(back.task.path.knots[1] + 0.05)[0]  # the rounding turns before its corner
+    assert np.linalg.norm(back.task.path(back.task.path.knots[1] + 0.05, 1)) < 1e-12
+    lines = [
+        deltaopt.plan(on(PICK, "line", start=begin, goal=end), tolerance=1e-5).duration
+        for begin, end in ((PICK.start, tuple(apex)), (tuple(apex), back.goal))
+    ]
+    plan = deltaopt.plan(back, tolerance=1e-4)
+    assert plan.duration == pytest.approx(sum(lines), rel=2e-4)
+    assert deltaopt.verify(back, plan.trajectory).failures() == []
+
+
+def test_zero_inertia_points_and_dynamic_singularities():
+    """On this path every motor's torque loses its s̈ somewhere, and the fastest motion passes such
+    points at the largest speed that is possible there."""
+    scene = on(PICK, ROUNDED)
+    path = scene.task.path
+    s = np.linspace(*path.knots[[0, -1]], 2001)
+    _, by_u, _ = torque_coefficients(deltaopt.DeltaModel(scene.robot, scene.payload), path, s)
+    assert (np.diff(np.sign(by_u), axis=0) != 0).any(axis=0).sum() >= 2
+    plan = deltaopt.plan(scene, tolerance=1e-4)
+    assert plan.within_tolerance
+    assert excess(plan) < 1e-10
+
+
+def test_speeds_at_the_ends():
+    """Cut at its middle, the fastest motion is that of both parts with the speed at the cut."""
+    whole = deltaopt.plan(on(PICK, "line"), tolerance=1e-5)
+    middle = whole.trajectory(whole.duration / 2)
+    cut, speed = tuple(middle.x[0].tolist()), float(np.linalg.norm(middle.v[0]))
+    speed *= 1 - 1e-5  # within reach of both parts
+    first = on(PICK, {"speeds": [0.0, speed]}, goal=cut)
+    last = on(PICK, {"speeds": [speed, 0.0]}, start=cut)
+    plans = [deltaopt.plan(scene, tolerance=1e-4) for scene in (first, last)]
+    assert sum(each.duration for each in plans) == pytest.approx(whole.duration, rel=3e-4)
+    for each in plans:
+        report = deltaopt.verify(each.scene, each.trajectory)
+        assert report.failures() == []
+    with pytest.raises(deltaopt.Infeasible, match="its speed at the start"):
+        deltaopt.plan(on(PICK, {"speeds": [50.0, 0.0]}))
+
+
+def test_without_a_compiler_it_is_the_same(monkeypatch):
+    scene = on(PICK, "line")
+    compiled = deltaopt.plan(scene)
+    monkeypatch.setattr(sweep, "_code", lambda: None)
+    assert deltaopt.plan(scene).duration == pytest.approx(compiled.duration, rel=1e-9)
+
+
+def test_what_the_path_costs():
+    plan = deltaopt.plan(on(CROSS, ROUNDED)).beside_free_path()
+    free = deltaopt.plan(CROSS)
+    assert plan.free_duration == pytest.approx(free.duration, rel=1e-12)
+    assert plan.duration > 1.2 * free.duration
+    line = deltaopt.timed_line(CROSS)
+    assert free.duration < line.duration < deltaopt.baseline(CROSS).duration
+
+
+def test_settings_of_free_paths_are_refused():
+    scene = on(PICK, "line")
+    with pytest.raises(ValueError, match="starts is 3; it has no effect"):
+        deltaopt.plan(scene, starts=3)
+    with pytest.raises(ValueError, match="solver"):
+        deltaopt.plan(scene, solver=deltaopt.ipopt)
+
+
+def test_a_path_out_of_the_workspace_is_told():
+    scene = on(PICK, {"points": [[0.9, 0.0, 0.0]], "blend": 0.01})
+    with pytest.raises(deltaopt.Unreachable, match="cannot be at"):
+        deltaopt.plan(scene)

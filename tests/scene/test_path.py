@@ -1,0 +1,126 @@
+"""Given paths: their geometry, what files say of them, and what is wrong in one sentence."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import deltaopt
+from deltaopt.errors import SceneError
+from deltaopt.scene.path import Corners, Curve, Line, PickAndPlace
+from deltaopt.scene.scene import Scene
+
+PROBLEMS = Path(__file__).parents[2] / "problems"
+CROSS = deltaopt.load_scene(PROBLEMS / "industrial_cross.yaml")
+
+
+def scene_on(path: object) -> Scene:
+    return Scene.model_validate({**dict(CROSS), "path": path})
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        Line(),
+        PickAndPlace(height=0.025, blend=0.02),
+        Corners(points=((0.8, 0.0, 0.05), (0.8, 0.1, 0.0)), blend=0.02),
+    ],
+)
+def test_paths_are_smooth_and_end_where_they_must(given):
+    path = given.between(CROSS.start, CROSS.goal)
+    np.testing.assert_allclose(path.ends, [CROSS.start, CROSS.goal], atol=1e-15)
+    before, lengths = np.arange(len(path.knots) - 2), np.diff(path.knots)[:-1]
+    for order, size in ((0, 1.0), (1, 1.0), (2, 1 / 0.02)):
+        left = path.inside(before, lengths, order)
+        np.testing.assert_allclose(left, path(path.knots[1:-1], order), atol=1e-12 * size)
+    s = np.linspace(*path.knots[[0, -1]], 4001)
+    for order in (1, 2):
+        slopes = np.gradient(path(s, order - 1), s, axis=0)
+        np.testing.assert_allclose(path(s, order)[2:-2], slopes[2:-2], atol=2e-3 * 50**order)
+    assert path.length == pytest.approx(
+        np.linalg.norm(np.diff(path(s), axis=0), axis=1).sum(), 1e-6
+    )
+
+
+def test_up_across_and_down():
+    path = PickAndPlace(height=0.025, blend=0.02).between(CROSS.start, (0.86, 0.1525, 0.0))
+    x = path(np.linspace(*path.knots[[0, -1]], 1001))
+    assert x[:, 0].min() == pytest.approx(0.85 - 0.025, abs=1e-12)
+    assert (np.abs(x[:, 1]) <= 0.1525 + 1e-12).all()
+
+
+def test_a_function_is_followed_to_rounding():
+    def spiral(s, order):
+        unit = (1j * 20) ** order * np.exp(20j * s)
+        rise = [0.8 + s, 1 + 0 * s, 0 * s][order]
+        return np.stack([rise, 0.1 * unit.real, 0.1 * unit.imag], axis=1)
+
+    curve = Curve.of(spiral, 0.0, 0.3)
+    path = curve.between(curve.x[0], curve.x[-1])
+    s = np.linspace(0, 0.3, 777)
+    np.testing.assert_allclose(path(s), spiral(s, 0), atol=2e-12)
+    np.testing.assert_allclose(path(s, 2), spiral(s, 2), atol=1e-5 * 40)
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        "line",
+        {"pick_and_place": {"height": 0.025, "blend": 0.02}},
+        {"points": [[0.8, 0.0, 0.05]], "blend": 0.02, "speeds": [0.0, 0.1]},
+        {"speeds": [0.1, 0.0]},
+    ],
+)
+def test_files_say_what_they_said(given):
+    scene = scene_on(given)
+    content = scene.model_dump(mode="json", exclude_none=True)
+    assert content["path"] == given
+    assert Scene.model_validate(content) == scene
+
+
+def test_a_free_path_is_not_mentioned():
+    assert "path" not in CROSS.model_dump(mode="json", exclude_none=True)
+    assert CROSS.path is None
+
+
+def test_points_from_a_file():
+    lane = deltaopt.load_scene(PROBLEMS / "paths" / "safe_lane.yaml")
+    assert isinstance(lane.path, Corners)
+    assert lane.path.points == ((0.42, -0.03, 0.03), (0.42, 0.05, 0.04))
+
+
+@pytest.mark.parametrize(
+    ("given", "key", "words"),
+    [
+        (
+            {"pick_and_place": {"height": 0.025, "blend": 0.03}},
+            "path.pick_and_place.blend",
+            "0.025",
+        ),
+        ({"points": [[0.8, 0.0, 0.05]], "blend": 1.0}, "path.blend", "at most"),
+        ({"points": [[0.8, 0.0, 0.05]]}, "path.blend", "is missing"),
+        ({"points": [[0.85, -0.1525, 0.0]], "blend": 0.01}, "path.points", "each other"),
+        ({"pick_and_place": 3}, "path.pick_and_place", "height"),
+        ("curve", "path", "the word line"),
+        ({"blends": 3}, "path.blends", "is not a known key"),
+    ],
+)
+def test_what_is_wrong_is_told(given, key, words):
+    with pytest.raises(SceneError, match=words) as error:
+        scene_on(given)
+    assert error.value.key == key
+
+
+def test_a_curve_must_fit_its_scene():
+    curve = Curve(
+        s=(0.0, 0.1), x=((0.8, 0, 0), (0.8, 0.1, 0)), dx=((0, 1, 0),) * 2, ddx=((0, 0, 0),) * 2
+    )
+    with pytest.raises(SceneError, match="where the curve of path has it"):
+        scene_on(curve)
+
+
+def test_a_given_path_takes_time_only():
+    with pytest.raises(SceneError, match="time, where a path is given"):
+        Scene.model_validate({**dict(CROSS), "path": "line", "objective": {"effort": 0.1}})
