@@ -14,6 +14,7 @@ from deltaopt.cli import Command, add_command, exit_code
 from deltaopt.cli.streams import print_any_text
 from studies import (
     agreement,
+    cycle,
     frozen,
     gap,
     interrupts,
@@ -41,6 +42,7 @@ class Study(Command, Protocol):
 
 STUDIES: dict[str, Study] = {
     "agreement": agreement,
+    "cycle": cycle,
     "frozen": frozen,
     "gap": gap,
     "interrupts": interrupts,

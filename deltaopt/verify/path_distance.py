@@ -28,7 +28,16 @@ def _distances(path: Path, x: Array) -> Array:
     lengths = np.diff(path.knots)[:, None]
     looked = np.append((path.knots[:-1, None] + lengths * shares).ravel(), path.knots[-1])
     places = path(looked)
-    s = looked[[int(((places - point) ** 2).sum(axis=1).argmin()) for point in x]]
+    nearest = np.array([int(((places - point) ** 2).sum(axis=1).argmin()) for point in x])
+    best = np.full(len(x), np.inf)
+    for beside in (-1, 1):  # Newton's method goes nowhere from where the path turns back
+        s = looked[np.clip(nearest + beside, 0, len(looked) - 1)]
+        best = np.minimum(best, _closest(path, x, s))
+    return best
+
+
+def _closest(path: Path, x: Array, s: Array) -> Array:
+    """The least distances from points (N, 3) that Newton's method finds from places s (N,)."""
     best = np.full(len(x), np.inf)
     for _ in range(_STEPS):
         p, dp, ddp = (path(s, order) for order in range(3))

@@ -1,0 +1,96 @@
+"""The usual test cycle of packaging robots, 25 mm up, 305 mm across, 25 mm down, in numbers.
+
+Both its straight line (305 mm across) and its rounded path, corners rounded from 20 mm on, by three
+laws of time: a trapezoid of speed and an S-curve, each a third of the time accelerating, slowed
+until they keep the limits, and timed optimally. The free path does not clear the height: it goes
+where the motors are fastest.
+"""
+
+from __future__ import annotations
+
+import argparse
+
+import numpy as np
+from numpy.typing import NDArray
+
+import deltaopt
+from deltaopt.robot.model import delta_model
+from deltaopt.scene.path import Path
+from deltaopt.scene.scene import limits_of
+from deltaopt.scene.task import OnPath
+from studies.problems import INDUSTRIAL, ORSINO, add_robots
+
+Array = NDArray[np.float64]
+HELP = "the 25-305-25 mm cycle: trapezoid, S-curve, timed optimally, free"
+SMALL = {"robots": (INDUSTRIAL,)}
+_DEPTHS = {ORSINO.stem: 0.45, INDUSTRIAL.stem: 0.85}
+"""m, of start and goal below the base: in the middle of the workspace."""
+_SAMPLES = 20_001
+_SHAPES = ("trapezoid", "S-curve")
+
+
+def cycle(robot: deltaopt.Robot, depth: float, path: object) -> deltaopt.Scene:
+    """The move at a depth (m) on a path, with 1 kg."""
+    ends = {"start": (depth, -0.1525, 0.0), "goal": (depth, 0.1525, 0.0)}
+    return deltaopt.Scene.model_validate({"robot": robot, "payload": 1.0, **ends, "path": path})
+
+
+def by_law(scene: deltaopt.Scene, shape: str) -> float:
+    """The duration, s, of a law of time on a scene's path, slowed until it keeps torques and motor
+    speeds."""
+    task, model = scene.task, delta_model(scene.robot, scene.payload)
+    assert isinstance(task, OnPath)
+    x, v, a = _motion(task.path, shape)
+    rest = np.zeros_like(x)
+    holding = model.inverse_dynamics(x, rest, rest)
+    moving = model.inverse_dynamics(x, v, a) - holding
+    limits = limits_of(scene)
+    torque, speed = limits.upper("torque"), limits.upper("speed")
+    assert torque is not None
+    squared = float((np.abs(moving) / (torque - np.sign(moving) * holding)).max())
+    if speed is not None:
+        rates = model.motion(x, v, rest)[1][:, 3::3]
+        squared = max(squared, float(((rates / speed) ** 2).max()))
+    return float(np.sqrt(squared))
+
+
+def _motion(path: Path, shape: str) -> tuple[Array, Array, Array]:
+    """Position, velocity and acceleration along a path in 1 s, (N, 3) each."""
+    t = np.linspace(0.0, 1.0, _SAMPLES)
+    ramp = {"trapezoid": 0.0, "S-curve": 1 / 9}[shape]
+    starting = _pulse(t, ramp)
+    u = starting - starting[::-1]
+    rate = np.concatenate([[0.0], np.cumsum((u[1:] + u[:-1]) / 2 * np.diff(t))])
+    s = np.concatenate([[0.0], np.cumsum((rate[1:] + rate[:-1]) / 2 * np.diff(t))])
+    scale = (path.knots[-1] - path.knots[0]) / s[-1]
+    s, rate, u = path.knots[0] + scale * s, (scale * rate)[:, None], (scale * u)[:, None]
+    dx, ddx = path(s, 1), path(s, 2)
+    return path(s), dx * rate, ddx * rate**2 + dx * u
+
+
+def _pulse(t: Array, ramp: float) -> Array:
+    """1 in the first third of the time, with ramps of so much of the time at both ends."""
+    if not ramp:
+        return np.where(t < 1 / 3, 1.0, 0.0)
+    return np.clip(np.minimum(t, 1 / 3 - t) / ramp, 0.0, 1.0)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    add_robots(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Print one row of a table for each robot and path."""
+    print("| robot | path | trapezoid | S-curve | timed optimally | free path |")
+    print("|---|---|---|---|---|---|")
+    for file in arguments.robots:
+        robot, depth = deltaopt.load_robot(file), _DEPTHS.get(file.stem, 0.85)
+        rounded = {"pick_and_place": {"height": 0.025, "blend": 0.02}}
+        for name, path in (("line across", "line"), ("25-305-25, rounded", rounded)):
+            scene = cycle(robot, depth, path)
+            laws = [by_law(scene, shape) for shape in _SHAPES]
+            plan = deltaopt.plan(scene, tolerance=1e-4).beside_free_path()
+            durations = [*laws, plan.duration, plan.free_duration]
+            cells = " | ".join(f"{duration:.4f} s" for duration in durations)
+            print(f"| {file.stem} | {name} | {cells} |", flush=True)
+    return 0
