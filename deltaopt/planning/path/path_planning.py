@@ -53,43 +53,44 @@ def fastest_on_path(
     """
     first, last = task.rates
     timing = PathTiming(task.path, PathRows.of(scene), (first**2, last**2), tolerance, report)
-    slowed = _slowed if task.speeds == (0.0, 0.0) else _held
-    motion, trajectory, factor = slowed(scene, timing)
+    planned = _slowed if task.speeds == (0.0, 0.0) else _held
+    trajectory, gap = planned(scene, timing)
     _require_positions(scene, trajectory)
-    gap = (1 + timing.loss(motion)) * factor - 1
     return PathMotion(trajectory, gap, tuple(timing.iterations))
 
 
-def _slowed(scene: Scene, timing: PathTiming) -> tuple[MeshMotion, Trajectory, float]:
-    """The fastest motion from rest to rest, slowed by what its limits are exceeded at last."""
-    best: tuple[MeshMotion, Trajectory, float] | None = None
+def _slowed(scene: Scene, timing: PathTiming) -> tuple[Trajectory, float]:
+    """The fastest motion from rest to rest, slowed by what its limits are exceeded at last, and its
+    gap."""
+    best: tuple[Trajectory, float] | None = None
     for share in _SHARES:
-        motion = timing.fastest(share)
-        trajectory = _trajectory(scene, motion)
+        found = timing.fastest(share)
+        trajectory = _trajectory(scene, found.motion)
         factor = safe_factor(scene, trajectory) * _ROUNDING
         if isinf(factor):
             raise Infeasible("the path: somewhere on it a limit is exceeded at rest")
-        found = motion, trajectory.slowed(factor), factor
-        if best is None or found[1].duration < best[1].duration:
-            best = found
-        if (1 + timing.loss(motion)) * factor - 1 <= timing.tolerance:
-            return found
+        slowed = trajectory.slowed(factor), (1 + found.loss) * factor - 1
+        if best is None or slowed[0].duration < best[0].duration:
+            best = slowed
+        if slowed[1] <= timing.tolerance:
+            return slowed
     assert best is not None
     return best
 
 
-def _held(scene: Scene, timing: PathTiming) -> tuple[MeshMotion, Trajectory, float]:
-    """The fastest motion between given speeds, with all limits tightened until none is exceeded.
+def _held(scene: Scene, timing: PathTiming) -> tuple[Trajectory, float]:
+    """The fastest motion between given speeds, with all limits tightened until none is exceeded,
+    and its gap.
 
     Raises NotConverged where that takes too long.
     """
     margin = 0.0
     for _ in range(_MOST_MARGINS):
-        motion = timing.fastest(_SHARES[0], margin)
-        trajectory = _trajectory(scene, motion)
+        found = timing.fastest(_SHARES[0], margin)
+        trajectory = _trajectory(scene, found.motion)
         factor = safe_factor(scene, trajectory)
         if factor <= 1 + _KEPT:
-            return motion, trajectory, 1.0
+            return trajectory, found.loss
         margin = max(2 * margin, 4 * (factor - 1))
     raise NotConverged("limits are exceeded between points of every mesh", "margin", trajectory)
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 from time import perf_counter
 
 import numpy as np
@@ -20,8 +21,9 @@ from deltaopt.planning.path.path_rows import AffineRows, PathRows
 from deltaopt.planning.path.sweep import Unattainable, swept
 from deltaopt.scene.path import Array, Path
 
-_FIRST, _EVEN = 24, 40
-"""Cells of the first mesh, and of the second, which are of equal time by the first."""
+_FIRST, _EVEN = (24, 96, 384), 40
+"""Cells of the first mesh, of others where it has no motion, and of the second, which are of equal
+time by the first."""
 _INSIDE = np.array([0.2, 0.5, 0.8])
 """Fractions of a cell where rows are looked at between its ends."""
 _MOST_PARTS = 4
@@ -33,7 +35,7 @@ _MORE = 1.1
 """Factor on what bounds are moved by: rows are looked at in three places of a cell only."""
 _MOST_TIGHTER = 0.5
 """Of a limit: more leaves nothing to hold the robot with."""
-_MOST_MOTIONS, _MOST_TIGHTENED = 40, 8
+_MOST_MOTIONS, _MOST_TIGHTENED, _MOST_FAILURES = 40, 8, 2
 _MOST_CELLS = 20_000
 _CHANGE = 0.1
 """Share of the tolerance by which the duration may still change when tangents are taken anew."""
@@ -58,6 +60,25 @@ class PathIteration:
         )
 
 
+@dataclass(frozen=True)
+class TimedPath:
+    """A motion on a path, and the relative ``loss`` of time that is estimated for it."""
+
+    motion: MeshMotion
+    loss: float
+
+
+@dataclass(frozen=True)
+class _OnMesh:
+    """The fastest motion for ``tangents`` on a mesh. ``beyond``: by how much rows are exceeded
+    inside of cells, (N, places, rows). ``losses``: of time in each cell, (N,)."""
+
+    motion: MeshMotion
+    tangents: AffineRows
+    beyond: Array
+    losses: Array
+
+
 @dataclass
 class PathTiming:
     """Times a path as fast as rows allow, between given ṡ² at its ``ends``.
@@ -74,7 +95,7 @@ class PathTiming:
     iterations: list[PathIteration] = field(default_factory=list, init=False)
     _spent: Spent = field(default=Spent(0.0, 0.0), init=False)
 
-    def fastest(self, share: float, margin: float | None = None) -> MeshMotion:
+    def fastest(self, share: float, margin: float | None = None) -> TimedPath:
         """The fastest motion, on a mesh whose loss is a ``share`` of the tolerance before limits
         are tightened. Where it may be slowed afterwards (``margin`` None) limits may be
         exceeded between nodes by what costs little; otherwise they are tightened until none is, and
@@ -82,66 +103,81 @@ class PathTiming:
 
         Raises Infeasible where there is none.
         """
-        enough = share * self.tolerance
-        mesh = PathMesh.first(self.path, _FIRST)
-        guess = self._usual_speed(mesh)
-        affine = self.rows.are_affine(mesh.ends)
-        motion = self._swept(mesh, self.rows.tangents(mesh.ends, guess, guess))
-        mesh, before, earlier = motion.evenly(_EVEN), motion, motion
+        found = self._refined(share * self.tolerance)
+        if found.motion.stops.any():
+            raise Infeasible("the path: no speed but standstill keeps the limits somewhere on it")
+        return self._tightened(found, margin)
+
+    def _refined(self, enough: float) -> _OnMesh:
+        """The fastest motion on a mesh on which its loss is ``enough``."""
+        before = earlier = self._first()
+        mesh, failures = before.evenly(_EVEN), 0
         for _ in range(_MOST_MOTIONS):
             tangents = self._tangents(mesh, before, earlier)
-            motion = self._swept(mesh, tangents)
-            beyond = self._beyond(motion)
-            loss = _losses(motion, beyond)
-            self._record(motion, beyond, loss)
-            changed = not affine and abs(motion.duration / before.duration - 1)
+            try:
+                found = self._on(mesh, tangents)
+            except Infeasible:  # perhaps on this mesh only
+                failures += 1
+                if failures > _MOST_FAILURES:
+                    raise
+                mesh = mesh.split(np.full(len(mesh.h), 2))
+                continue
+            loss, motion = found.losses, found.motion
+            changed = abs(motion.duration / before.duration - 1)
             if loss.sum() <= enough:
-                if changed <= _CHANGE * self.tolerance:
+                if self._affine or changed <= _CHANGE * self.tolerance:
                     break
             else:
-                target = enough / 2 / len(loss)
-                parts = np.ceil(np.clip(loss / target, 1.0, _MOST_PARTS**3) ** (1 / 3))
-                parts = parts.astype(np.intp)
-                mesh = mesh.split(parts)
+                parts = np.clip(loss / (enough / 2 / len(loss)), 1.0, _MOST_PARTS**3) ** (1 / 3)
+                mesh = mesh.split(np.ceil(parts).astype(np.intp))
             earlier, before = before, motion
             if len(mesh.h) > _MOST_CELLS:
                 break
-        if motion.stops.any():
-            raise Infeasible("the path: no speed but standstill keeps the limits somewhere on it")
-        return self._tightened(motion, tangents, beyond, margin, affine)
+        return found
 
-    def loss(self, motion: MeshMotion) -> float:
-        """Estimated relative loss of a motion."""
-        return float(_losses(motion, self._beyond(motion)).sum())
+    def _first(self) -> MeshMotion:
+        """The fastest motion on a first, coarse mesh; a finer one where that has none."""
+        for cells in _FIRST:
+            mesh = PathMesh.first(self.path, cells)
+            guess = self._usual_speed(mesh)
+            try:
+                return self._swept(mesh, self.rows.tangents(mesh.ends, guess, guess))
+            except Infeasible as error:
+                obstacle = error
+        raise obstacle
 
-    def _tightened(
-        self,
-        motion: MeshMotion,
-        tangents: AffineRows,
-        beyond: Array,
-        margin: float | None,
-        affine: bool,
-    ) -> MeshMotion:
+    def _tightened(self, found: _OnMesh, margin: float | None) -> TimedPath:
         """A motion on the same mesh that hardly exceeds its limits between nodes."""
         most = _NEGLIGIBLE * self.tolerance if margin is None else 0.0
-        by, before = np.full(beyond[:, 0].shape, margin or 0.0), motion
-        beyond = beyond + (margin or 0.0)
+        by, before = np.full(found.beyond[:, 0].shape, margin or 0.0), found.motion
+        tangents, mesh = found.tangents, found.motion.mesh
         for _ in range(_MOST_TIGHTENED):
-            excess = beyond.max(axis=1)
+            excess = found.beyond.max(axis=1) + (margin or 0.0)
             if excess.max() <= most:
                 break
             by = np.minimum(by + _MORE * np.maximum(excess, 0.0), _MOST_TIGHTER)
-            if not affine:
-                tangents = self._tangents(motion.mesh, motion, before)
+            if not self._affine:
+                tangents = self._tangents(mesh, found.motion, before)
             of_rows = np.repeat(by[:, self.rows.owners], 2, axis=0)
-            before = motion
+            before = found.motion
             try:
-                motion = self._swept(motion.mesh, tangents.tightened(of_rows))
+                found = self._on(mesh, tangents.tightened(of_rows))
             except Infeasible:  # what is left costs duration instead
                 break
-            beyond = self._beyond(motion) + (margin or 0.0)
-            self._record(motion, beyond, _losses(motion, beyond))
-        return motion
+        return TimedPath(found.motion, float(found.losses.sum()))
+
+    def _on(self, mesh: PathMesh, tangents: AffineRows) -> _OnMesh:
+        """The fastest motion on a mesh, and what it does between nodes."""
+        motion = self._swept(mesh, tangents)
+        beyond = self._beyond(motion)
+        found = _OnMesh(motion, tangents, beyond, _losses(motion, beyond))
+        self._record(found)
+        return found
+
+    @cached_property
+    def _affine(self) -> bool:
+        """Whether tangents are the rows themselves."""
+        return self.rows.are_affine(PathMesh.first(self.path, 2).ends)
 
     def _usual_speed(self, mesh: PathMesh) -> tuple[Array, Array]:
         """b and u for tangents where no motion is known yet: the path in some tenths of a second,
@@ -153,7 +189,7 @@ class PathTiming:
         """At a motion and, for rows that are curved, halfway to the one before: where motions
         change to and fro about a corner of tangents the best one is there."""
         begin = perf_counter()
-        last = motion.states_at_ends(mesh)
+        last = self._usual_speed(mesh) if self._affine else motion.states_at_ends(mesh)
         halfway = last
         if len(self.rows.curved):
             b, u = before.states_at_ends(mesh)
@@ -185,17 +221,12 @@ class PathTiming:
         self._spent += Spent(perf_counter() - begin, 0.0)
         return found.reshape(*b.shape, -1)
 
-    def _record(self, motion: MeshMotion, beyond: Array, loss: Array) -> None:
-        found = PathIteration(
-            len(motion.mesh.h),
-            motion.duration,
-            float(loss.sum()),
-            float(beyond.max()),
-            self._spent,
-        )
+    def _record(self, found: _OnMesh) -> None:
+        motion, loss, excess = found.motion, float(found.losses.sum()), float(found.beyond.max())
+        done = PathIteration(len(motion.mesh.h), motion.duration, loss, excess, self._spent)
         self._spent = Spent(0.0, 0.0)
-        self.iterations.append(found)
-        self.report(str(found))
+        self.iterations.append(done)
+        self.report(str(done))
 
 
 def _losses(motion: MeshMotion, beyond: Array) -> Array:
