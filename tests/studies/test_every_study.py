@@ -14,6 +14,7 @@ from studies.stability.singularities import DISTANCES, METHODS, PROBLEMS
 
 SAYS = {
     "agreement": "forward, 80 on switches",
+    "cycle": "| industrial | line across |",
     "frozen": "cases agree to 1e-09",
     "gap": "true: against 0.14087",
     "interrupts": "SIGINT during check, 2 instants",
@@ -38,6 +39,12 @@ def test_study_in_small(name, capsys):
     assert SAYS[name] in capsys.readouterr().out
 
 
+def test_given_paths_in_small(capsys):
+    pytest.importorskip("toppra")
+    assert main(["given_paths", "--small"]) == 0
+    assert "ours: found 2 of 2, 2 within 0.001" in capsys.readouterr().out
+
+
 def test_all_runs_every_study_in_turn(monkeypatch, capsys):
     ran = []
     for name, study in STUDIES.items():
@@ -46,7 +53,8 @@ def test_all_runs_every_study_in_turn(monkeypatch, capsys):
     assert [arguments.study for arguments in ran] == list(STUDIES)
     told = capsys.readouterr().out
     assert [line for line in told.splitlines() if line] == [f"=== {name} ===" for name in STUDIES]
-    small, full = (vars(arguments) for arguments in (ran[2], _parsed(monkeypatch, "gap")))
+    gap = ran[list(STUDIES).index("gap")]
+    small, full = (vars(arguments) for arguments in (gap, _parsed(monkeypatch, "gap")))
     assert len(small["tolerances"]) < len(full["tolerances"])
 
 
