@@ -114,8 +114,7 @@ def toppra_motion(scene: deltaopt.Scene, mesh: PathMesh) -> tuple[MeshMotion | N
     alpha, beta, rest = (each[chosen] for each in (found.alpha, found.beta, 1 - found.high))
     of_speed = np.abs(alpha).max(axis=0) < _NONE  # rows that bound b alone, which it takes apart
     with np.errstate(divide="ignore"):
-        most = ((1 - rest) / beta)[:, of_speed]
-    most = np.where(beta[:, of_speed] > 0, most, _MOST).min(axis=1, initial=_MOST)
+        most = ((1 - rest) / np.abs(beta))[:, of_speed].min(axis=1, initial=_MOST)
     alpha, beta, rest = (each[:, np.logical_not(of_speed)] for each in (alpha, beta, rest))
     m = alpha.shape[1]
 
