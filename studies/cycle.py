@@ -9,6 +9,7 @@ where the motors are fastest.
 from __future__ import annotations
 
 import argparse
+from pathlib import Path as File
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,13 +19,14 @@ from deltaopt.robot.model import delta_model
 from deltaopt.scene.path import Path
 from deltaopt.scene.scene import limits_of
 from deltaopt.scene.task import OnPath
-from studies.problems import INDUSTRIAL, ORSINO, add_robots
+from studies.problems import INDUSTRIAL, PROBLEMS
 
 Array = NDArray[np.float64]
 HELP = "the 25-305-25 mm cycle: trapezoid, S-curve, timed optimally, free"
 SMALL = {"robots": (INDUSTRIAL,)}
-_DEPTHS = {ORSINO.stem: 0.45, INDUSTRIAL.stem: 0.85}
-"""m, of start and goal below the base: in the middle of the workspace."""
+_DEPTHS = {"orsino": 0.45, "industrial_drive": 0.97}
+_USUAL_DEPTH = 0.85
+"""m, of start and goal below the base: in the middle of the workspace, with the tool if any."""
 _SAMPLES = 20_001
 _SHAPES = ("trapezoid", "S-curve")
 
@@ -41,17 +43,21 @@ def by_law(scene: deltaopt.Scene, shape: str) -> float:
     task, model = scene.task, delta_model(scene.robot, scene.payload)
     assert isinstance(task, OnPath)
     x, v, a = _motion(task.path, shape)
-    rest = np.zeros_like(x)
-    holding = model.inverse_dynamics(x, rest, rest)
-    moving = model.inverse_dynamics(x, v, a) - holding
     limits = limits_of(scene)
     torque, speed = limits.upper("torque"), limits.upper("speed")
     assert torque is not None
-    squared = float((np.abs(moving) / (torque - np.sign(moving) * holding)).max())
-    if speed is not None:
-        rates = model.motion(x, v, rest)[1][:, 3::3]
-        squared = max(squared, float(((rates / speed) ** 2).max()))
-    return float(np.sqrt(squared))
+    rates = model.motion(x, v, np.zeros_like(x))[1][:, 3::3]
+    fastest = 0.0 if speed is None else float(np.abs(rates / speed).max())
+
+    def is_kept(duration: float) -> bool:
+        tau = model.inverse_dynamics(x, v / duration, a / duration**2)
+        return duration >= fastest and bool((np.abs(tau) <= torque).all())
+
+    low, high = 1e-2, 10.0
+    while high / low > 1 + 1e-6:
+        middle = float(np.sqrt(low * high))
+        low, high = (low, middle) if is_kept(middle) else (middle, high)
+    return high
 
 
 def _motion(path: Path, shape: str) -> tuple[Array, Array, Array]:
@@ -76,7 +82,15 @@ def _pulse(t: Array, ramp: float) -> Array:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    add_robots(parser)
+    shipped = sorted((PROBLEMS / "robots").glob("*.yaml"))
+    parser.add_argument(
+        "robots",
+        nargs="*",
+        type=File,
+        default=shipped,
+        metavar="ROBOT",
+        help="robot files (default: all that are shipped)",
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -84,7 +98,7 @@ def run(arguments: argparse.Namespace) -> int:
     print("| robot | path | trapezoid | S-curve | timed optimally | free path |")
     print("|---|---|---|---|---|---|")
     for file in arguments.robots:
-        robot, depth = deltaopt.load_robot(file), _DEPTHS.get(file.stem, 0.85)
+        robot, depth = deltaopt.load_robot(file), _DEPTHS.get(file.stem, _USUAL_DEPTH)
         rounded = {"pick_and_place": {"height": 0.025, "blend": 0.02}}
         for name, path in (("line across", "line"), ("25-305-25, rounded", rounded)):
             scene = cycle(robot, depth, path)

@@ -88,6 +88,8 @@ class _Sweep:
         fixed = still & (np.abs(by) < _VANISHING)
         if (fixed & ((high < -_ROUNDING) | (low > _ROUNDING))).any():
             return _NOTHING
+        if _is_empty(b):
+            return b
         ends = [b[1], b[0]]
         for side, sign in ((0, -1), (1, 1)):
             for _ in range(_HALVINGS):
@@ -98,6 +100,9 @@ class _Sweep:
                 if sign * rate <= 0:
                     return _NOTHING
                 ends[side] -= room / rate
+        if ends[0] < ends[1]:
+            u, _ = self.accelerations(end, ends[1])
+            ends[0] = ends[1] if u[1] >= u[0] else ends[0]
         return ends[1], ends[0]
 
     def reachable(self, cell: int, b: float, within: Range) -> Range:

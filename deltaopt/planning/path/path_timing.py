@@ -147,7 +147,12 @@ class PathTiming:
         raise obstacle
 
     def _tightened(self, found: _OnMesh, margin: float | None) -> TimedPath:
-        """A motion on the same mesh that hardly exceeds its limits between nodes."""
+        """A motion on the same mesh that hardly exceeds its limits between nodes.
+
+        What that costs is the difference of both durations: a limit that is tightened in one cell
+        may slow the motion far beyond it.
+        """
+        raw = found
         most = _NEGLIGIBLE * self.tolerance if margin is None else 0.0
         by, before = np.full(found.beyond[:, 0].shape, margin or 0.0), found.motion
         tangents, mesh = found.tangents, found.motion.mesh
@@ -164,7 +169,8 @@ class PathTiming:
                 found = self._on(mesh, tangents.tightened(of_rows))
             except Infeasible:  # what is left costs duration instead
                 break
-        return TimedPath(found.motion, float(found.losses.sum()))
+        cost = max(found.motion.duration / raw.motion.duration - 1, 0.0)
+        return TimedPath(found.motion, float(raw.losses.sum()) + cost)
 
     def _on(self, mesh: PathMesh, tangents: AffineRows) -> _OnMesh:
         """The fastest motion on a mesh, and what it does between nodes."""

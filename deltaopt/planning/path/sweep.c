@@ -61,6 +61,7 @@ static void allowed(const Problem *p, int64_t end, Range *b) {
       if (fabs(p->beta[j]) < VANISHING && (p->high[j] < -ROUNDING || p->low[j] > ROUNDING))
         b->low = LARGE;
     }
+  if (is_empty(*b)) return;
   for (int side = 0; side < 2; side++) {  /* Newton's method on a concave function: from outside */
     double *at = side ? &b->low : &b->high;
     for (int i = 0; i < HALVINGS; i++) {
@@ -74,6 +75,10 @@ static void allowed(const Problem *p, int64_t end, Range *b) {
       }
       *at += step;
     }
+  }
+  if (b->high < b->low) {  /* rounding of the way from far outside, or nowhere */
+    Range slope, u = accelerations(p, end, b->low, &slope);
+    if (u.high >= u.low) b->high = b->low;
   }
 }
 

@@ -19,8 +19,9 @@ from deltaopt.planning.path.interpreted_sweep import interpreted
 from deltaopt.planning.path.path_rows import AffineRows
 from deltaopt.scene.path import Array
 
-FASTEST = 1e12
-"""Of b where no row bounds it: beyond any motion, and its products are still numbers."""
+_FASTEST = 1e3
+"""Path lengths in a second: the largest ṡ where no row bounds it, beyond any motion. Speeds are
+found downwards from it, and known to its rounding."""
 
 
 @dataclass(frozen=True)
@@ -50,9 +51,9 @@ def swept(h: Array, rows: AffineRows, start: float, goal: float) -> Speeds:
 
     ``rows``: at both ends of every cell, the begin first, (2 N, rows). Raises Unattainable.
     """
-    code = _code()
+    code, most = _code(), float(_FASTEST * h.sum()) ** 2
     if code is None:
-        found = interpreted(h, rows, start, goal, FASTEST)
+        found = interpreted(h, rows, start, goal, most)
         if isinstance(found, int | None):
             raise Unattainable(found)
         return Speeds(*found)
@@ -67,7 +68,7 @@ def swept(h: Array, rows: AffineRows, start: float, goal: float) -> Speeds:
         *(ctypes.c_void_p(each.ctypes.data) for each in arrays),
         number(start),
         number(goal),
-        number(FASTEST),
+        number(most),
         *(ctypes.c_void_p(each.ctypes.data) for each in (b, u, limits)),
     )
     if status:

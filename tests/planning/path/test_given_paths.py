@@ -13,6 +13,7 @@ from deltaopt.motion.limit_curves import limit_curves
 from deltaopt.planning.path import sweep
 from deltaopt.planning.planner import Plan
 from deltaopt.scene.scene import Scene
+from studies.given_paths import random_paths
 from tests.oracles.path_arcs import two_arcs
 from tests.oracles.path_by_ipopt import duration_by_ipopt, torque_coefficients
 
@@ -39,6 +40,17 @@ def test_the_line_against_two_arcs_with_a_resolved_switch():
     reference = two_arcs(on(PICK, "line"), plan.duration)
     assert plan.gap <= 1e-7
     assert reference * (1 - 1e-8) < plan.duration < reference * (1 + plan.gap)
+
+
+def test_friction_against_two_arcs():
+    """Rows that are not affine: viscous friction, and Coulomb's as a smooth step."""
+    drive = {"torque": 10.0, "friction": {"viscous": 0.2, "coulomb": 0.5, "speed": 0.5}}
+    rough = on(PICK, "line", robot=PICK.robot.model_copy(update={"drive": drive}))
+    plan = deltaopt.plan(rough, tolerance=1e-6)
+    reference = two_arcs(rough, plan.duration)
+    assert reference > 1.005 * deltaopt.plan(on(PICK, "line")).duration
+    assert reference * (1 - 1e-7) < plan.duration < reference * (1 + plan.gap)
+    assert excess(plan) < 1e-10
 
 
 @pytest.mark.parametrize(
@@ -69,6 +81,20 @@ def test_gaps_are_what_they_say():
             plan = deltaopt.plan(scene, tolerance=tolerance)
             assert -best.gap <= plan.duration / best.duration - 1 <= plan.gap <= tolerance
             assert excess(plan) < 1e-10
+
+
+def test_gaps_on_random_paths():
+    """Also where a limit that is tightened in one cell slows the motion far beyond it."""
+    compared = 0
+    for scene in random_paths(CROSS.robot, 1.0, 60, 1):
+        try:
+            plan, best = (deltaopt.plan(scene, tolerance=each) for each in (1e-3, 1e-4))
+        except deltaopt.DeltaOptError:  # the path leaves the workspace
+            continue
+        assert plan.within_tolerance
+        assert plan.duration / best.duration - 1 <= plan.gap
+        compared += 1
+    assert compared > 20
 
 
 def test_a_limit_of_acceleration_on_a_line():
