@@ -49,7 +49,6 @@ STUDIES: dict[str, Study] = {
     "interrupts": interrupts,
     "inverse": inverse,
     "limits": limits,
-    "given_paths": given_paths,
     "line": line,
     "mujoco": mujoco_replay,
     "objectives": objectives,

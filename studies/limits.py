@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import reduce
+from functools import partial, reduce
 from pathlib import Path
 from time import process_time
 from typing import Any
@@ -95,8 +95,8 @@ def study(
     for scene in random_scenes(limited, None, moves, seed):
         ends = scene.start, scene.goal
         try:
-            plain, plain_seconds = _timed(lambda ends=ends: without.plan(*ends))
-            plan, seconds = _timed(lambda ends=ends: with_it.plan(*ends))
+            plain, plain_seconds = _timed(partial(without.plan, *ends))
+            plan, seconds = _timed(partial(with_it.plan, *ends))
         except DeltaOptError as error:
             yield error
             continue

@@ -8,7 +8,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from deltaopt.dynamics.simulation import advanced, precise_integrator
+from deltaopt.dynamics.simulation import PreciseIntegrator
 from deltaopt.robot.model import DeltaModel
 from deltaopt.scene.scene import Scene, limits_of
 from deltaopt.scene.task import OnPath
@@ -41,14 +41,16 @@ def two_arcs(scene: Scene, guess: float) -> float:
     return float(times.sum())
 
 
-def _ends(forward: ca.Function, backward: ca.Function, length: float, times: np.ndarray):
+def _ends(
+    forward: PreciseIntegrator, backward: PreciseIntegrator, length: float, times: np.ndarray
+):
     """Differences of s and ṡ where both arcs meet."""
-    first = advanced(forward, np.zeros(2), times[:1])
-    last = advanced(backward, np.array([length, 0.0]), times[1:])
+    first = forward(np.zeros(2), times[:1])
+    last = backward(np.array([length, 0.0]), times[1:])
     return first - last
 
 
-def _arc(scene: Scene, model: DeltaModel, sign: int) -> ca.Function:
+def _arc(scene: Scene, model: DeltaModel, sign: int) -> PreciseIntegrator:
     """(s, ṡ) after a time (its parameter) of the largest s̈, or of the least one backwards."""
     functions, p = model.functions, ca.DM(model.parameters)
     start, way = np.array(scene.start), np.subtract(scene.goal, scene.start)
@@ -62,4 +64,4 @@ def _arc(scene: Scene, model: DeltaModel, sign: int) -> ca.Function:
     alpha = moved - still
     reach = (sign * ca.sign(alpha) * limit - still) / alpha
     best = ca.mmin(reach) if sign > 0 else ca.mmax(reach)
-    return precise_integrator(u, state, sign * ca.vertcat(rate, best), T, T)
+    return PreciseIntegrator(u, state, sign * ca.vertcat(rate, best), T, T)

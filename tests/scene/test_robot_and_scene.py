@@ -475,23 +475,17 @@ def test_an_unknown_key_in_the_robot(tmp_path: Path, key: str, expected: str) ->
     assert f": {key} is not a known key; expected {expected}" in str(error)
 
 
+SCENE_KEYS = "one of robot, payload, start, goal, limits, rotation, path, objective, duration, tool"
+
+
 @pytest.mark.parametrize(
     ("key", "expected"),
     [
         ("paylod", "payload"),
         ("limits.sped", "speed"),
-        (
-            "mesh",
-            "one of robot, payload, start, goal, limits, rotation, path, objective, duration, tool",
-        ),
-        (
-            "<<",
-            "one of robot, payload, start, goal, limits, rotation, path, objective, duration, tool",
-        ),
-        (
-            "5",
-            "one of robot, payload, start, goal, limits, rotation, path, objective, duration, tool",
-        ),
+        ("mesh", SCENE_KEYS),
+        ("<<", SCENE_KEYS),
+        ("5", SCENE_KEYS),
     ],
 )
 def test_an_unknown_key_in_the_scene(tmp_path: Path, key: str, expected: str) -> None:
