@@ -77,12 +77,14 @@ class Loads:
     for rows of mixed powers roughly; the next ``placed``, one for each row of positions that a
     motion must keep, are its size, 1 at a bound; the rest, one for each row that is not zero at
     rest, what 1/k² must be at least: positive only where a limit is exceeded at rest, so that it
-    needs the motion's help. ``alignment``: sin² (q_{k,1} - q_{k,2}) of the chains, (N, 3).
+    needs the motion's help. ``narrow``: curves that are not negative, in whose narrow valleys rows
+    may peak between samples: sin² (q_{k,1} - q_{k,2}) of the chains, and with Coulomb friction 1 +
+    (θ̇/w)² of the arms, for it changes sign within ±w; (N, 3) or (N, 6).
     """
 
     rows: Array
     demands: Array
-    alignment: Array
+    narrow: Array
     slower: int
     placed: int
 
@@ -262,9 +264,10 @@ def _highest(
     sampled: Loads,
 ) -> Peaks:
     """Where a part of the loads is largest, between samples too: about the places where a chain
-    comes so near to its serial singularity that torques peak between samples, closer than these."""
+    comes so near to its serial singularity, or an arm turns back under friction so quickly, that
+    torques peak between samples, closer than these."""
     highest = peaks(lambda *where: part(along(*where)), fractions, part(sampled))
-    valleys = narrow_valleys(lambda *where: along(*where).alignment, fractions, sampled.alignment)
+    valleys = narrow_valleys(lambda *where: along(*where).narrow, fractions, sampled.narrow)
     valleys.let_see(highest, lambda *where: part(along(*where)))
     return highest
 
@@ -336,8 +339,8 @@ class _Evaluation:
         return self._at(filled, np.zeros((len(coefficients), 1)))
 
     def _at(self, coefficients: Array, since: Array) -> Loads:
-        rows, demands, alignment = self.function(coefficients, since, parameters=self.parameters)
-        return Loads(rows, demands, alignment, self.slower, self.placed)
+        rows, demands, narrow = self.function(coefficients, since, parameters=self.parameters)
+        return Loads(rows, demands, narrow, self.slower, self.placed)
 
 
 def exponents(constraints: Constraints, squares: bool) -> Integers:
@@ -428,7 +431,11 @@ def _loads_function(
     slope = _slope(functions, constraints, numbers, p)(x, v, a) if (n == MIXED).any() else None
     demands = _demands(constraints, n, at_rest, rows, slope)
     inputs = [coefficients, t, ca.vertcat(numbers, p)]
-    results = [rows, demands, motion.alignment]
+    narrow = [motion.alignment]
+    if "coulomb_speed" in terms.names:
+        w = p[terms.names.index("coulomb_speed")]
+        narrow.append(1 + (motion.dtheta / w) ** 2)
+    results = [rows, demands, ca.vertcat(*narrow)]
     return RowFunction(ca.Function("loads", inputs, results, {"cse": True}))
 
 

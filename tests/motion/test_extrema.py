@@ -10,9 +10,10 @@ import pytest
 
 from deltaopt.errors import Unreachable
 from deltaopt.motion.extrema import everywhere, narrow_valleys, peaks, sample_fractions
-from deltaopt.motion.time_scaling import safe_factor
+from deltaopt.motion.time_scaling import highest_rows, safe_factor
 from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
 from deltaopt.planning.initial_motion import baseline
+from deltaopt.planning.planner import plan
 from deltaopt.scene.scene import Limits, Scene, load_scene
 from deltaopt.verify.measures import MeasuredMotion
 
@@ -136,3 +137,29 @@ def test_motion_may_help_against_gravity():
     assert MeasuredMotion.of(scene, falling).excesses()["torque_excess"].value < 0
     assert safe_factor(scene, falling) == 1
     assert safe_factor(scene, falling, at_least=10) == inf
+
+
+def test_torques_peak_where_an_arm_turns_back_under_friction():
+    """Coulomb friction changes sign within 0.4 ms, between samples: the largest torque of each
+    motor is that of two million samples, and some of them are missed by less."""
+    robot = load_scene(PROBLEMS / "industrial_cross.yaml").robot
+    friction = {"viscous": 0.3, "coulomb": 2.0, "speed": 0.05}
+    drive = robot.drive.model_copy(update={"friction": friction})
+    robot = robot.model_copy(update={"drive": drive})
+    start = (0.7837085478432734, -0.3880897772689248, -0.2873463324706963)
+    goal = (0.2807061266321203, 0.2622415211193392, 0.6269738006701839)
+    scene = Scene(robot=robot, payload=0.7, start=start, goal=goal)
+    trajectory = plan(scene, tolerance=1e-2).trajectory
+    peaks_of_rows = highest_rows(scene, trajectory).values[:3]
+
+    def largest(samples: int):
+        count = samples // (len(trajectory.knots) - 1)
+        shares = [
+            np.abs(trajectory.inside_intervals(part).tau).max(axis=0) / robot.torque_limits
+            for part in np.array_split(np.linspace(0.0, 1.0, count), 20)
+        ]
+        return np.max(shares, axis=0)
+
+    np.testing.assert_allclose(peaks_of_rows, largest(2_000_000), rtol=1e-7)
+    fractions = sample_fractions(len(trajectory.knots) - 1)
+    assert (largest(len(fractions) * len(trajectory.knots)) < peaks_of_rows - 1e-5).any()
