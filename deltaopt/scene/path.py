@@ -36,9 +36,10 @@ _POINTS = "points [x, y, z] in m between start and goal, each other than the one
 _BLEND = "a distance in m before a corner where its rounding begins, greater than 0"
 _SPEEDS = "speeds along the path at its start and its goal, m/s, two numbers of at least 0"
 _SAME_PLACE = 1e-9
-"""m: a curve must begin at the scene's start and end at its goal to this, which is rounding."""
+"""Of the length of a path: closer points are one. A curve must begin at the scene's start and end
+at its goal to this, which is rounding."""
 _LIKE_THE_FUNCTION = 1e-12
-"""m: how closely quintic pieces must follow a given function: rounding of coordinates is 1e-16."""
+"""Of its largest coordinate: how closely quintic pieces must follow a given function."""
 _MOST_PIECES = 4096
 _REVERSED = -1 + 1e-9
 """Cosine of the turn at a corner below which the path goes back: it stands still in the middle of
@@ -230,7 +231,8 @@ class Curve(GivenPath):
 
         ``function``: (s (N,), order) -> p, dp/ds or d²p/ds² of order 0, 1 or 2, (N, 3). ``knots``:
         parameters between where higher derivatives jump or dp/ds = 0. Pieces are halved until they
-        follow the function to 1e-12 m. Raises SceneError where 4096 pieces do not.
+        follow the function to 1e-12 of its largest coordinate. Raises SceneError where 4096 pieces
+        do not.
         """
         s = np.unique([begin, *np.asarray(knots, dtype=float).ravel().tolist(), end])
         if len(s) < 2:
@@ -239,7 +241,7 @@ class Curve(GivenPath):
             x, dx, ddx = (np.asarray(function(s, order), dtype=float) for order in range(3))
             middles = (s[:-1] + s[1:]) / 2
             away = _hermite(s, x, dx, ddx)(middles) - np.asarray(function(middles, 0), dtype=float)
-            rough = np.linalg.norm(away, axis=1) > _LIKE_THE_FUNCTION
+            rough = np.linalg.norm(away, axis=1) > _LIKE_THE_FUNCTION * np.abs(x).max()
             if not rough.any():
                 arrays = {"s": s, "x": x, "dx": dx, "ddx": ddx}
                 return cls.model_validate({**arrays, "speeds": speeds})
@@ -258,7 +260,7 @@ class Curve(GivenPath):
             *(np.array(each, dtype=float) for each in (self.s, self.x, self.dx, self.ddx))
         )
         for key, end, found in (("start", start, self.x[0]), ("goal", goal, self.x[-1])):
-            if np.linalg.norm(np.subtract(end, found)) > _SAME_PLACE:
+            if np.linalg.norm(np.subtract(end, found)) > _SAME_PLACE * path.length:
                 raise SceneError(None, key, end, f"where the curve of path has it, {list(found)} m")
         return path
 
@@ -322,7 +324,7 @@ def _rounded(corners: Array, blend: float, blend_key: str, points_key: str) -> P
     Raises SceneError where a leg has no length or two roundings overlap.
     """
     lengths = np.linalg.norm(np.diff(corners, axis=0), axis=1)
-    if not (lengths > _SAME_PLACE).all():
+    if not (lengths > _SAME_PLACE * lengths.sum()).all():
         raise SceneError(None, points_key, corners.tolist(), _POINTS)
     used = np.full(len(lengths), 2 * blend)  # an outer leg has one corner
     used[[0, -1]] = blend

@@ -158,6 +158,8 @@ class Scene(Record):
         given = dict(update or {})
         if "limits" in given:
             given["limits"] = _without_shares(given["limits"], given.get("robot", self.robot))
+        if "path" in given:
+            given["path"] = path_in(given["path"])
         return super().model_copy(update=given, deep=deep)
 
     @model_validator(mode="before")

@@ -24,7 +24,7 @@ _KEPT = 1e-10
 """Excess up to which a motion that begins or ends at a speed keeps its limits: it must not be
 slowed, for that would change its boundary values."""
 _MOST_MARGINS = 8
-_SHARES = (0.8, 0.3, 0.1)
+_SHARES = (0.5, 0.2, 0.05)
 """Of the tolerance: estimated losses at which meshes are not refined further. The rest is for
 tightening and slowing; if that is not enough, all is done again with the next."""
 _ROUNDING = 1 + 2.0**-45
@@ -56,7 +56,22 @@ def fastest_on_path(
     planned = _slowed if task.speeds == (0.0, 0.0) else _held
     trajectory, gap = planned(scene, timing)
     _require_positions(scene, trajectory)
+    if trajectory.duration < scene.least_duration:
+        trajectory = _waiting(scene, task, trajectory)
+        gap = 0.0  # nothing is faster than what rotation takes
     return PathMotion(trajectory, gap, tuple(timing.iterations))
+
+
+def _waiting(scene: Scene, task: OnPath, trajectory: Trajectory) -> Trajectory:
+    """A motion slowed until a fourth axis has turned. Raises Infeasible where it cannot be."""
+    least = scene.least_duration
+    factor = safe_factor(scene, trajectory, at_least=least / trajectory.duration)
+    if isinf(factor) or task.speeds != (0.0, 0.0):
+        raise Infeasible(
+            f"the path takes {trajectory.duration:.6g} s, less than rotation does, and cannot be "
+            f"slowed until then ({least:.6g} s)"
+        )
+    return trajectory.slowed(factor)
 
 
 def _slowed(scene: Scene, timing: PathTiming) -> tuple[Trajectory, float]:
@@ -68,6 +83,7 @@ def _slowed(scene: Scene, timing: PathTiming) -> tuple[Trajectory, float]:
         trajectory = _trajectory(scene, found.motion)
         factor = safe_factor(scene, trajectory) * _ROUNDING
         if isinf(factor):
+            _require_positions(scene, trajectory)
             raise Infeasible("the path: somewhere on it a limit is exceeded at rest")
         slowed = trajectory.slowed(factor), (1 + found.loss) * factor - 1
         if best is None or slowed[0].duration < best[0].duration:

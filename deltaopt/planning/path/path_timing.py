@@ -31,6 +31,9 @@ _MOST_PARTS = 4
 _NEGLIGIBLE = 0.05
 """Share of the tolerance by which a limit may be exceeded before it is tightened: what is left
 costs half of it in duration."""
+_SAFETY = 1.3
+"""Factor on the estimated loss: without it 2 of 1,000 random plans were further from the optimum
+than they said, by a quarter at most."""
 _MORE = 1.1
 """Factor on what bounds are moved by: rows are looked at in three places of a cell only."""
 _MOST_TIGHTER = 0.5
@@ -170,7 +173,7 @@ class PathTiming:
             except Infeasible:  # what is left costs duration instead
                 break
         cost = max(found.motion.duration / raw.motion.duration - 1, 0.0)
-        return TimedPath(found.motion, float(raw.losses.sum()) + cost)
+        return TimedPath(found.motion, _SAFETY * (float(raw.losses.sum()) + cost))
 
     def _on(self, mesh: PathMesh, tangents: AffineRows) -> _OnMesh:
         """The fastest motion on a mesh, and what it does between nodes."""

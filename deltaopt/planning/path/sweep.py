@@ -19,9 +19,9 @@ from deltaopt.planning.path.interpreted_sweep import interpreted
 from deltaopt.planning.path.path_rows import AffineRows
 from deltaopt.scene.path import Array
 
-_FASTEST = 1e3
-"""Path lengths in a second: the largest ṡ where no row bounds it, beyond any motion. Speeds are
-found downwards from it, and known to its rounding."""
+_FASTEST = 1e6
+"""The largest b where no row bounds it, in the units of the sweep, in which motions have b of about
+one. Speeds are found downwards from it, and known to its rounding."""
 
 
 @dataclass(frozen=True)
@@ -51,13 +51,21 @@ def swept(h: Array, rows: AffineRows, start: float, goal: float) -> Speeds:
 
     ``rows``: at both ends of every cell, the begin first, (2 N, rows). Raises Unattainable.
     """
-    code, most = _code(), float(_FASTEST * h.sum()) ** 2
+    length, largest = float(h.sum()), float(np.abs(rows.alpha).max()) or 1.0
+    b_unit = length / largest
+    scaled = AffineRows(rows.alpha / largest, rows.beta * b_unit, rows.low, rows.high)
+    b, u = _swept(h / length, scaled, start / b_unit, goal / b_unit)
+    return Speeds(b * b_unit, u / largest)
+
+
+def _swept(h: Array, rows: AffineRows, start: float, goal: float) -> tuple[Array, Array]:
+    """The same in units of the path's length and of the largest alpha: b and u."""
+    code, n = _code(), len(h)
     if code is None:
-        found = interpreted(h, rows, start, goal, most)
+        found = interpreted(h, rows, start, goal, _FASTEST)
         if isinstance(found, int | None):
             raise Unattainable(found)
-        return Speeds(*found)
-    n = len(h)
+        return found
     b, u, limits = np.empty(n + 1), np.empty((n, 2)), np.empty((n + 1, 2))
     given = [h, rows.alpha, rows.beta, rows.low, rows.high]
     arrays = [np.ascontiguousarray(each, dtype=float) for each in given]
@@ -68,12 +76,12 @@ def swept(h: Array, rows: AffineRows, start: float, goal: float) -> Speeds:
         *(ctypes.c_void_p(each.ctypes.data) for each in arrays),
         number(start),
         number(goal),
-        number(most),
+        number(_FASTEST),
         *(ctypes.c_void_p(each.ctypes.data) for each in (b, u, limits)),
     )
     if status:
         raise Unattainable(status - 1 if status > 0 else None)
-    return Speeds(b, u)
+    return b, u
 
 
 @lru_cache(maxsize=1)

@@ -206,3 +206,18 @@ def test_a_path_out_of_the_workspace_is_told():
     scene = on(PICK, {"points": [[0.9, 0.0, 0.0]], "blend": 0.01})
     with pytest.raises(deltaopt.Unreachable, match="cannot be at"):
         deltaopt.plan(scene)
+
+
+def test_limits_of_position_are_the_paths():
+    """No timing keeps a workspace that the path leaves; a fourth axis is waited for."""
+    walled = deltaopt.load_scene(PROBLEMS / "limits" / "drive_joints_workspace.yaml")
+    inside = walled.model_copy(update={"path": "line"})
+    assert deltaopt.verify(inside, deltaopt.plan(inside).trajectory).failures() == []
+    x = np.array(walled.start) / 2 + np.array(walled.goal) / 2 + [0.12, 0.0, 0.0]
+    path = {"points": [x.tolist()], "blend": 0.02}
+    with pytest.raises(deltaopt.Infeasible, match="workspace depth"):
+        deltaopt.plan(walled.model_copy(update={"path": path}))
+    turning = {"angle": 1.0, "speed": 2.0, "acceleration": 1e4}
+    slow = deltaopt.plan(on(PICK, "line", rotation=turning))
+    assert slow.duration == pytest.approx(slow.scene.least_duration, rel=1e-9)
+    assert slow.within_tolerance
