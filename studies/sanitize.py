@@ -21,7 +21,7 @@ from pathlib import Path
 from unittest.mock import patch
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 import deltaopt
 from deltaopt.bench.random_scenes import random_scenes
@@ -243,7 +243,7 @@ def missing(sanitizer: str) -> str | None:
 @contextmanager
 def recorded(programs: dict[str, Program]) -> Iterator[None]:
     """Record the calls of compiled functions that are made in the block, by C text."""
-    run, rows = CompiledMethod.run, RowFunction.__call__
+    run, rows = CompiledMethod.run, RowFunction.with_failures
 
     def run_recorded(method: CompiledMethod, given: Arguments) -> object:
         guess = given.motion.copy()
@@ -256,15 +256,22 @@ def recorded(programs: dict[str, Program]) -> Iterator[None]:
         _add(programs, _method_text(method), "interior-point method", arrays)
         return result
 
-    def rows_recorded(function: RowFunction, *arguments: Array, parameters: Array) -> object:
-        results = rows(function, *arguments, parameters=parameters)
-        arrays = [np.ascontiguousarray(a, dtype=float) for a in (*arguments, parameters)]
-        _add(programs, _rows_text(function), function.function.name(), [*arrays, *results])
-        return results
+    def rows_recorded(
+        function: RowFunction, *arguments: ArrayLike, parameters: Array
+    ) -> vectorised.Checked:
+        results, failed = rows(function, *arguments, parameters=parameters)
+        if function.function.is_a("SXFunction"):
+            points = [np.atleast_2d(np.asarray(a, dtype=float)) for a in arguments]
+            number = max(len(each) for each in points)
+            same = [np.broadcast_to(each, (number, each.shape[1])) for each in points]
+            given = [np.ascontiguousarray(a, dtype=float) for a in (*same, parameters)]
+            arrays = [*given, *(np.atleast_2d(each) for each in results)]
+            _add(programs, _rows_text(function), function.function.name(), arrays)
+        return results, failed
 
     with (
         patch.object(CompiledMethod, "run", run_recorded),
-        patch.object(RowFunction, "__call__", rows_recorded),
+        patch.object(RowFunction, "with_failures", rows_recorded),
     ):
         yield
 
@@ -289,21 +296,30 @@ def _rows_text(function: RowFunction) -> str:
     """N is the number of rows of the first array."""
     inputs = [function.function.size1_in(i) for i in range(function.function.n_in())]
     outputs = [function.function.size1_out(i) for i in range(function.function.n_out())]
+    outputs = outputs[:-1] if function.guarded else outputs
     first = len(inputs)
-    found = [f"r{i}" for i in range(len(outputs))]
-    given = [f"c->array[{i}]" for i in range(first)]
+    addresses = [*(f"c->array[{i}]" for i in range(first)), *(f"r{i}" for i in range(len(outputs)))]
+    words = ["n", *map(str, inputs[:-1]), *(f"(int64_t){each}" for each in (*addresses, "failed"))]
     lines = [
         "static void compute(const Call *c, double *worst) {",
         f"  const int64_t n = c->count[0] / {inputs[0]};",
         *(f"  double *r{i} = block(8 * n * {size});" for i, size in enumerate(outputs)),
-        f"  rows(n, {', '.join([*given, *found])});",
+        "  unsigned char *failed = block(n);",
+        f"  const int64_t call[] = {{{', '.join(words)}}};",
+        "  rows(call);",
         *(
             f"  compare(r{i}, c->array[{first + i}], n * {size}, worst);\n  free(r{i});"
             for i, size in enumerate(outputs)
         ),
+        "  free(failed);",
         "}",
     ]
-    return vectorised.source(function.function) + _READING + "\n".join(lines) + "\n"
+    return (
+        vectorised.source(function.function, guarded=function.guarded)
+        + _READING
+        + "\n".join(lines)
+        + "\n"
+    )
 
 
 def dense_systems() -> Program:
