@@ -200,6 +200,11 @@ class DeltaModel:
             zero = np.zeros(12)
             holding = self.joint_inverse_dynamics(points.q[chosen], zero, zero)
             np.atleast_2d(tau)[points.places[chosen]] = holding
+        chosen = points.near & ~at_rest
+        if chosen.any():
+            places = points.places[chosen]
+            motion = self.motion(*(rows_at(argument, places) for argument in (x, v, a)))
+            np.atleast_2d(tau)[places] = self.joint_inverse_dynamics(*motion)
         return tau
 
     def joint_inverse_dynamics(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Array:
