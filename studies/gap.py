@@ -1,72 +1,328 @@
-"""How far the gap that a plan estimates can be trusted.
+"""How far the gap that a plan tells can be trusted, on seeded moves of many robots.
 
-Each scene is planned at several tolerances; the last and smallest of them resolves the switches
-and stands for the optimum.
+Each move is planned at several tolerances. The truth is the shortest motion that is known of the
+same local optimum: what refinement makes of the plan of the smallest of these tolerances, from
+another first mesh, with resolved switches where that succeeds and on finer meshes elsewhere. Where
+this says that a plan told too little, the same is made of that plan itself, so that no plan is held
+against another local optimum.
+
+Results are appended to gap.csv after every move, and a campaign that was interrupted goes on where
+it ended. The chart is drawn from that file.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
-from dataclasses import dataclass
+import csv
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+
+import numpy as np
 
 import deltaopt
-from deltaopt.cli.arguments import load_fastest
+from deltaopt.cli.arguments import one_or_more, positive, seed
 from deltaopt.cli.progress import ProgressBar
-from studies.problems import PICK_AND_PLACE, add_scenes, add_tolerances
+from deltaopt.errors import DeltaOptError
+from deltaopt.motion.trajectory import Trajectory
+from deltaopt.planning.mesh.mesh_solution import MeshSolution, gap_of
+from deltaopt.planning.nlp.problem import Guess
+from deltaopt.planning.nlp.scaling import Scaling
+from deltaopt.planning.nlp.transcription import LINEAR
+from deltaopt.planning.refinement import Refinement, ResolvedMotion, Resolver
+from deltaopt.planning.switching.resolver import resolver
+from deltaopt.robot.model import delta_model
+from studies.gap_moves import Move, move
 
-HELP = "hold estimated gaps against true ones"
-TOLERANCES = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5)
-SMALL = {"scenes": (PICK_AND_PLACE,), "tolerances": (1e-2, 3e-3, 1e-5)}
+HELP = "hold the gaps that plans tell against true ones, on moves of many robots"
+TOLERANCES, FINE = (1e-2, 1e-3, 1e-4), (1e-5, 1e-6)
+"""Of every move, and of one move in so many, for these take a hundred times as long."""
+SMALL = {"number": 4, "every": 4}
+_TRUER = 0.1
+"""Tolerance of the truth over that of the plan that it is made of."""
+_FIRST_MESH = 48
+"""Intervals of the truth's first mesh: not those of any plan."""
+_ROUNDING = 1e-10
+"""Relative difference of durations that two resolved motions may have by rounding."""
 
 
 @dataclass(frozen=True)
-class GapStudy:
-    """Plans of one scene at several tolerances, and the one they are held against."""
+class Held:
+    """A plan held against the truth: a row of gap.csv.
 
-    reference: deltaopt.Plan
-    plans: tuple[deltaopt.Plan, ...]
+    ``told``, ``true``: gaps; the true one is NaN if no truth was found. ``truth_resolved``: whether
+    its switches are; ``truth_gap``: the gap that it tells itself. ``failure``: why there is no plan.
+    """
 
-    def true_gap(self, plan: deltaopt.Plan) -> float:
-        """Return by what fraction a plan takes longer than the reference."""
-        return plan.duration / self.reference.duration - 1
+    move: int
+    robot: str
+    stratum: str
+    payload: float
+    speed_limit: bool
+    tolerance: float
+    told: float = float("nan")
+    true: float = float("nan")
+    resolved: bool = False
+    intervals: int = 0
+    meshes: int = 0
+    iterations: int = 0
+    truth_resolved: bool = False
+    truth_gap: float = float("nan")
+    failure: str = ""
+
+    @property
+    def within(self) -> bool:
+        """Whether the plan says that it is within its tolerance."""
+        return self.told <= self.tolerance
+
+    @property
+    def too_small(self) -> bool:
+        """Whether the true gap is larger than the one that was told."""
+        return self.true > self.told + _ROUNDING
+
+    @property
+    def missed(self) -> bool:
+        """Whether the plan says that it is within a tolerance that it misses."""
+        return self.within and self.true > self.tolerance
 
 
-def gap_study(
-    scene: deltaopt.Scene, tolerances: tuple[float, ...], progress: Callable[[int], None]
-) -> GapStudy:
-    """Plan a scene at each tolerance, the reference's last; ``progress``: called after each."""
-    plans = []
-    for tolerance in tolerances:
-        plans.append(deltaopt.plan(scene, tolerance=tolerance))
-        progress(len(plans))
-    return GapStudy(plans[-1], tuple(plans[:-1]))
+@dataclass(frozen=True)
+class Truth:
+    """The shortest motion known of a local optimum: s, and the gap that it tells itself."""
+
+    duration: float
+    gap: float
+    resolved: bool
 
 
-def table(name: str, study: GapStudy) -> str:
-    """Return a line for each plan, the reference in the last."""
-    rows = [
-        f"{plan.tolerance:>10.0e}{plan.intervals:>10}{plan.iterations:>11}"
-        f"{plan.gap:>14.1e}{study.true_gap(plan):>12.1e}"
-        for plan in study.plans
+@dataclass
+class _Once:
+    """A resolver that is asked once at most: what it cannot resolve costs it seconds."""
+
+    resolver: Resolver
+    is_asked: bool = False
+
+    def from_coarse(self, solution: MeshSolution) -> ResolvedMotion | None:
+        if self.is_asked:
+            return None
+        self.is_asked = True
+        return self.resolver.from_coarse(solution)
+
+    from_fine = from_last = from_coarse
+
+    def certificate(self, solution: MeshSolution) -> None:
+        return None
+
+
+def truth_beside(scene: deltaopt.Scene, plan: Trajectory, tolerance: float) -> Truth:
+    """Refine a plan to a tolerance, from a uniform mesh. Raises NotConverged."""
+    model, scaling = delta_model(scene.robot, scene.payload), Scaling(scene, plan.duration)
+    problem = deltaopt.flat.of(model.functions, LINEAR, scaling.constraints)
+    switches = resolver(scaling, model, tolerance, _silent)
+    if tolerance >= min(TOLERANCES) * _TRUER:
+        switches = _Once(switches)
+    refinement = Refinement(problem, scaling, model, tolerance, switches, _silent)
+    resolved = refinement.from_guess(Guess(plan, near=True, tolerance=1e-5), _FIRST_MESH)
+    if resolved:
+        return Truth(resolved.trajectory.duration * resolved.safe_factor, resolved.gap, True)
+    iterations = refinement.iterations
+    best = min(range(len(iterations)), key=lambda i: iterations[i].safe_duration)
+    solution = refinement.solutions[best].exact()
+    duration = solution.trajectory.duration * solution.safe_factor
+    return Truth(duration, gap_of(iterations, best), False)
+
+
+def held_plans(each: Move, tolerances: Sequence[float]) -> list[Held]:
+    """Plan a move at each tolerance, and hold the plans against the truth."""
+    scene = each.scene
+    rows, plans = [], []
+    for tolerance in sorted(tolerances, reverse=True):
+        row = Held(
+            move=each.number,
+            robot=scene.robot.name,
+            stratum=each.stratum,
+            payload=scene.payload or 0.0,
+            speed_limit=scene.robot.drive.speed is not None,
+            tolerance=tolerance,
+        )
+        try:
+            plan = deltaopt.plan(scene, tolerance=tolerance)
+        except DeltaOptError as error:
+            rows.append(_with(row, failure=f"{type(error).__name__}: {error}"))
+            continue
+        plans.append((len(rows), plan))
+        rows.append(
+            _with(
+                row,
+                told=plan.gap,
+                resolved=plan.resolved,
+                intervals=plan.intervals,
+                meshes=len(plan.meshes),
+                iterations=plan.iterations,
+            )
+        )
+    if not plans:
+        return rows
+    finest = plans[-1][1]
+    truth = _truth(scene, finest, finest.tolerance)
+    for i, plan in plans:
+        row = _against(rows[i], plan, truth)
+        if row.too_small:
+            row = _against(rows[i], plan, _truth(scene, plan, finest.tolerance))
+        rows[i] = row
+    return rows
+
+
+def _truth(scene: deltaopt.Scene, plan: deltaopt.Plan, tolerance: float) -> Truth | None:
+    try:
+        return truth_beside(scene, plan.trajectory, _TRUER * tolerance)
+    except DeltaOptError:
+        return None
+
+
+def _against(row: Held, plan: deltaopt.Plan, truth: Truth | None) -> Held:
+    if truth is None:
+        return row
+    true = max(plan.duration / truth.duration - 1, 0.0)
+    return _with(row, true=true, truth_resolved=truth.resolved, truth_gap=truth.gap)
+
+
+def _with(row: Held, **changes: object) -> Held:
+    return Held(**(asdict(row) | changes))  # type: ignore[arg-type]
+
+
+def _silent(_: str) -> None:
+    """Report nothing."""
+
+
+# The file
+
+
+def read(file: Path) -> list[Held]:
+    """The rows of a file, but for an incomplete one at its end; none if there is no file."""
+    if not file.exists():
+        return []
+    kinds = {each.name: type(getattr(_EMPTY, each.name)) for each in fields(Held)}
+    rows = []
+    with file.open(newline="", encoding="utf-8") as lines:
+        for line in csv.DictReader(lines):
+            if None in line.values():
+                break
+            rows.append(Held(**{name: _parsed(kinds[name], line[name]) for name in kinds}))
+    return rows
+
+
+_EMPTY = Held(0, "", "", 0.0, False, 0.0)
+
+
+def _parsed(kind: type, text: str) -> object:
+    return text == "True" if kind is bool else kind(text)
+
+
+def campaign(
+    file: Path, first: int, number: int, every: int, tolerances: Sequence[float]
+) -> list[Held]:
+    """Plan the moves that are not in the file yet, append them, and return all rows.
+
+    ``first``: the seed. ``every``: how many moves there are to one at the finer tolerances.
+    """
+    known = read(file)
+    done = {row.move for row in known}
+    file.parent.mkdir(parents=True, exist_ok=True)
+    progress = ProgressBar().counting(number, "moves")
+    with file.open("a", newline="", encoding="utf-8") as lines:
+        writer = csv.DictWriter(lines, [each.name for each in fields(Held)])
+        if not known:
+            writer.writeheader()
+        for i in range(number):
+            if i not in done:
+                finer = FINE if i % every == every - 1 else ()
+                rows = held_plans(move(first, i), (*tolerances, *finer))
+                writer.writerows(asdict(row) for row in rows)
+                lines.flush()
+                known += rows
+            progress(i + 1)
+    return [row for row in known if row.move < number]
+
+
+# What it says
+
+
+def table(rows: Iterable[Held]) -> str:
+    """A line for each tolerance."""
+    rows = list(rows)
+    lines = [
+        f"{'tolerance':>9}{'plans':>7}{'within':>8}{'missed':>8}{'too small':>11}"
+        f"{'least told/true':>17}{'median':>8}{'truth resolved':>16}{'intervals':>11}{'meshes':>8}"
     ]
-    reference = study.reference
-    header = f"{'tolerance':>10}{'intervals':>10}{'iterations':>11}{'estimated gap':>14}"
-    truth = (
-        f"true: against {reference.duration:.7f} s, {reference.intervals} intervals, itself "
-        f"estimated {reference.gap:.0e} above the optimum"
-    )
-    return "\n".join([name, f"{header}{'true gap':>12}", *rows, truth])
+    for tolerance in sorted({row.tolerance for row in rows}, reverse=True):
+        held = [row for row in rows if row.tolerance == tolerance and not np.isnan(row.true)]
+        ratios = [row.told / max(row.true, _ROUNDING) for row in held]
+        lines.append(
+            f"{tolerance:>9.0e}{len(held):>7}{sum(row.within for row in held):>8}"
+            f"{sum(row.missed for row in held):>8}{np.mean([r.too_small for r in held]):>11.2%}"
+            f"{min(ratios):>17.2f}{np.median(ratios):>8.2f}"
+            f"{np.mean([row.truth_resolved for row in held]):>16.1%}"
+            f"{np.median([row.intervals for row in held]):>11.0f}"
+            f"{np.mean([row.meshes for row in held]):>8.2f}"
+        )
+    return "\n".join(lines)
+
+
+def remarks(rows: Iterable[Held]) -> list[str]:
+    """A line for each plan that told too little, the worst first, and one for what has no truth."""
+    rows = list(rows)
+    wrong = sorted((row for row in rows if row.too_small), key=lambda row: row.told / row.true)
+    lines = [
+        f"move {row.move} ({row.robot}, {row.stratum}) at {row.tolerance:.0e}: told {row.told:.2e}, "
+        f"true {row.true:.2e}{', MISSED' if row.missed else ''}"
+        for row in wrong
+    ]
+    failed = [row for row in rows if row.failure]
+    unknown = sum(np.isnan(row.true) for row in rows) - len(failed)
+    lines.append(f"{len(failed)} refused or not converged, {unknown} without a truth")
+    return lines
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    add_scenes(parser)
-    add_tolerances(parser, TOLERANCES)
+    parser.add_argument(
+        "--number", type=one_or_more, default=3000, metavar="N", help="moves (default: 3000)"
+    )
+    parser.add_argument("--seed", type=seed, default=3, metavar="N", help="of them (default: 3)")
+    parser.add_argument(
+        "--every",
+        type=one_or_more,
+        default=49,
+        metavar="N",
+        help="plan each Nth move at 1e-5 and 1e-6 too (default: 49)",
+    )
+    parser.add_argument(
+        "--tolerances",
+        nargs="+",
+        type=positive,
+        default=TOLERANCES,
+        metavar="GAP",
+        help=f"of every move (default: {TOLERANCES})",
+    )
+    parser.add_argument(
+        "-o",
+        dest="directory",
+        type=Path,
+        metavar="DIR",
+        default=Path("out/gap"),
+        help="where gap.csv and gap.png go (default: out/gap)",
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
-    tolerances = tuple(arguments.tolerances)
-    for file in arguments.scenes:
-        progress = ProgressBar().counting(len(tolerances), file.stem)
-        print(table(file.stem, gap_study(load_fastest(file), tolerances, progress)), end="\n\n")
-    return 0
+    from studies.plots.gap import draw  # slow to import
+
+    numbers, chart = (arguments.directory / f"gap.{kind}" for kind in ("csv", "png"))
+    rows = campaign(
+        numbers, arguments.seed, arguments.number, arguments.every, arguments.tolerances
+    )
+    print(table(rows))
+    print(*remarks(rows), sep="\n")
+    draw(rows, chart)
+    print(f"written: {numbers}, {chart}")
+    return 1 if any(row.missed for row in rows) else 0

@@ -9,7 +9,7 @@ of the three parallelograms (the platform could tilt, which twelve coordinates c
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import cos, sin
+from math import cos, inf, sin
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,7 +49,7 @@ def random_scenes(robot: Robot, payload: float | None, number: int, seed: int) -
         for _ in range(_MOST_BATCHES):
             if len(points) >= 2:
                 break
-            points = np.concatenate([points, _in_workspace(model, rng)])
+            points = np.concatenate([points, points_in_workspace(model, rng)])
         else:
             raise Infeasible(
                 f"{robot.name}: no moves were found, for of {_MOST_BATCHES * _BATCH} random points "
@@ -72,15 +72,21 @@ def random_scenes(robot: Robot, payload: float | None, number: int, seed: int) -
         yield scene
 
 
-def _in_workspace(model: DeltaModel, rng: np.random.Generator) -> Array:
-    """Draw a batch of points in a box around the workspace, and return those in it, (n, 3)."""
+def points_in_workspace(
+    model: DeltaModel, rng: np.random.Generator, least: float = MARGIN, most: float = inf
+) -> Array:
+    """Draw a batch of points in a box around the workspace, and return those in it, (n, 3).
+
+    ``least``, ``most``: between which their distance from the nearest singularity lies.
+    """
     reach = model.robot.upper_arm.length + model.robot.forearm.length
     box = rng.uniform([0, -reach, -reach], reach, size=(_BATCH, 3)) + model.robot.tool_offset
     serial = evaluate_rows(model.functions.serial_distances, box, parameters=model.parameters)[0]
-    closed = box[(serial > MARGIN**2).all(axis=1)]
-    volumes = _volumes(model, closed)
+    closes = (serial > least**2).all(axis=1)
     # The sign is that of the assembly mode: beyond it lies another one, past a singularity.
-    kept: Array = closed[(volumes * np.array([1.0, -1.0]) > MARGIN).all(axis=1)]
+    volumes = _volumes(model, box[closes]) * np.array([1.0, -1.0])
+    nearest = np.minimum(np.sqrt(serial[closes]).min(axis=1), volumes.min(axis=1))
+    kept: Array = box[closes][(nearest > least) & (nearest < most)]
     return kept
 
 

@@ -41,6 +41,9 @@ _REDUCTION, _REDUCTION_AFTER_DETECTION = 32.0, 16.0
 """By what factor the gap is to fall from one mesh to the next, and after a detection that failed.
 A larger factor saves meshes, but splits all intervals of a coarse mesh, whether they need it or
 not."""
+_TARGET_SHARE = 0.4
+"""Share of the tolerance that the last mesh is refined for. The rest is for slowing, for what the
+solver leaves, and for the safety factor; a larger share takes more meshes, a smaller one finer."""
 _LARGEST_TARGET = 1e-3
 """Largest relative time loss that a mesh is refined for, even if the gap is infinite because the
 motion cannot be slowed to its limits."""
@@ -130,9 +133,8 @@ class Refinement:
         self._solve(np.full(intervals, 1 / intervals), first, self.scaling)
         while not self._done:
             last, gap = self.solutions[-1], self.iterations[-1].gap
-            target = max(
-                self.tolerance / 3, _SMALLEST_TARGET, min(gap / _REDUCTION, _LARGEST_TARGET)
-            )
+            wanted = _TARGET_SHARE * self.tolerance
+            target = max(wanted, _SMALLEST_TARGET, min(gap / _REDUCTION, _LARGEST_TARGET))
             resolve = self._next_resolution(gap)
             if resolve:
                 resolved = resolve(last)

@@ -75,7 +75,10 @@ class Case:
         orders, rows = self.system.limits.orders, self.rows(position)
         highest = np.abs(rows).max(axis=1) - 1  # (N, rows)
         slowing = 1 + np.where(orders == 2, highest / 2, highest)[:, orders > 0].max(axis=1)
-        return error_estimate(multipliers[:, :, orders > 0], rows[:, :, orders > 0], slowing)
+        costing, mesh = orders > 0, np.diff(position.knots) / np.ptp(position.knots)
+        return error_estimate(
+            mesh, multipliers[:, :, costing], rows[:, :, costing], orders[costing] == 2, slowing
+        )
 
     def by_order(self, position: PiecewisePolynomial) -> ByOrder:
         """Return the rows of controls and of velocities inside the intervals, (N, 25, m) each."""

@@ -415,9 +415,12 @@ static int begin(Problem *P, const Settings *S) {
   return total < DBL_MAX;
 }
 
-/* Whether z is a solution: dz is Newton's step without barrier. */
-static int solved(Problem *P, double tolerance) {
-  const double T = total_duration(P, P->z);
+/* Whether z is a solution: dz is Newton's step without barrier. A shifted step is the first of
+   many along a valley that is nearly flat, and tells a small part of what these gain: as long
+   as there are iterations, it must be as much smaller. */
+static int solved(Problem *P, const Settings *S, double shift) {
+  const double T = total_duration(P, P->z), change = fabs(total_duration(P, P->dz)) / T;
+  const int is_last = P->report->iterations == S->iterations - 1;
   Report *R = P->report;
   R->primal = 0;
   for (int64_t i = 0; i < P->n; i++)
@@ -428,9 +431,10 @@ static int solved(Problem *P, double tolerance) {
     }
   for (int k = 0; k < NI; k++)
     R->primal = greater(R->primal, fabs(P->integral[k].c - P->integral[k].t));
-  R->dual = fabs(total_duration(P, P->dz)) / T;
+  R->dual = (shift > 0 ? VALLEY : 1.0) * change;
   R->complementarity = P->left / T;
-  return greater(R->complementarity, greater(R->primal, R->dual)) <= tolerance;
+  const double asked = is_last ? change : R->dual;
+  return greater(R->complementarity, greater(R->primal, asked)) <= S->tolerance;
 }
 
 static void differentiate_all(Problem *P) {
@@ -478,7 +482,7 @@ static int iterate(Problem *P, const Settings *S) {
     differentiate_all(P);
     P->left = complementarity(P, 0, 0);
     if (!aim(P, &shift)) return SINGULAR;
-    if (solved(P, S->tolerance)) return SOLVED;
+    if (solved(P, S, shift)) return SOLVED;
     choose_barrier(P, S->tolerance);
     if (!try_direction(P, &dual)) {
       bend(P, 0.0);

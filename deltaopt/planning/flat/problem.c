@@ -65,6 +65,7 @@
 #define HIGHEST 1e-2 /* to which a shift grows because steps had to be halved */
 #define FAR_OFF 1e-3 /* of complementarity over T: nearer to a solution shifts are smaller */
 #define RISE 10.0 /* times complementarity: what merit may rise by, see try_direction */
+#define VALLEY 100.0 /* times what a shifted step gains: what is left, see solved */
 #define USUAL 16.0 /* so that the intervals of a mesh of 16 have weight 1 in the integral of A^2 */
 
 enum {

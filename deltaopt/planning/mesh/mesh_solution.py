@@ -70,12 +70,15 @@ def solve_on_mesh(
     rows = time_costing_rows(scaling.constraints)
     demands = loads.highest_demands(len(FRACTIONS))
     lost = error_estimate(
+        problem.mesh,
         solution.multipliers[:, :, rows],
         _by_interval(loads.rows)[:, :, rows],
+        scaling.constraints.orders[rows] == 2,
         loads.slowing(demands),
     )
     needed = loads.needed(demands.max(axis=0))
-    return MeshSolution(problem, solution, trajectory, loads, lost, needed, scaling)
+    has_arrived = solution.left <= guess.tolerance
+    return MeshSolution(problem, solution, trajectory, loads, lost, needed, scaling, has_arrived)
 
 
 def time_costing_rows(constraints: Constraints) -> Truths:
@@ -99,7 +102,7 @@ class MeshSolution:
     ``loads``: constraint rows at ``FRACTIONS`` of the intervals. ``lost``: estimated loss of time.
     ``needed``: by which factor the motion must be slowed to keep every limit; of all instants if
     ``is_exact``, otherwise of samples. ``scaling``: the scene's units, with the tightened limits
-    that it was solved with.
+    that it was solved with. ``has_arrived``: whether the solver left no more than was asked for.
     """
 
     problem: Problem
@@ -109,6 +112,7 @@ class MeshSolution:
     lost: ErrorEstimate
     needed: NeededSlowing
     scaling: Scaling
+    has_arrived: bool
     is_exact: bool = False
 
     @property
@@ -202,6 +206,7 @@ def iteration_of(solutions: list[MeshSolution]) -> Iteration:
     last solution on another mesh: where the estimate fell short, it is raised in proportion.
     """
     last = solutions[-1]
+    to_be_gained = last.lost.total + _left(solutions)
     others = [each for each in solutions if len(each.mesh) != len(last.mesh)]
     correction = 1.0
     if others:
@@ -216,6 +221,20 @@ def iteration_of(solutions: list[MeshSolution]) -> Iteration:
         iterations=last.solution.iterations,
         duration=last.trajectory.duration,
         safe_duration=last.safe_duration,
-        gap=last.safe_factor - 1 + correction * SAFETY_FACTOR * last.to_be_gained,
+        gap=last.safe_factor - 1 + correction * SAFETY_FACTOR * to_be_gained,
         spent=last.solution.spent,
     )
+
+
+def _left(solutions: list[MeshSolution]) -> float:
+    """What the solver has left of the last solution, as a fraction of the duration.
+
+    Where it had not arrived on the meshes before, it has been in a valley that is nearly flat: what
+    it says now may be small by chance, and is taken to be no less than it was there.
+    """
+    left = [solutions[-1].solution.left]
+    for each in reversed(solutions[:-1]):
+        if each.has_arrived:
+            break
+        left.append(each.solution.left)
+    return max(left)

@@ -1,0 +1,142 @@
+"""Seeded moves of many robots, in the middle of their workspaces and at the edges.
+
+A move is known by a seed and a number: any part of a campaign can be run again by itself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from deltaopt import Robot, Scene, load_robot
+from deltaopt.bench.random_scenes import MARGIN, points_in_workspace
+from deltaopt.errors import Infeasible, Unreachable
+from deltaopt.files.validated_record import Vector3
+from deltaopt.robot.model import DeltaModel
+from deltaopt.robot.robot import Drive, Forearm, Platform, UpperArm
+from deltaopt.scene.feasibility import check_feasible
+from studies.problems import INDUSTRIAL, ORSINO
+
+EDGE = 0.02
+"""Least distance from every singularity of a point at the edge, as of ``MARGIN``."""
+INSIDE, AT_THE_EDGE, ALONG_THE_EDGE = "inside", "at the edge", "longest at the edge"
+STRATA = (INSIDE, AT_THE_EDGE, ALONG_THE_EDGE)
+"""Both ends farther than ``MARGIN`` from every singularity; both nearer; and the two of so many
+points at the edge that are farthest apart."""
+_FARTHEST_OF = 12
+_MOST_TRIES = 200
+"""Random moves, or robots, of which none can be driven, before the search ends."""
+
+
+@dataclass(frozen=True)
+class RobotKind:
+    """A robot with the payload (kg) that it carries in half of its moves and the speed limit
+    (rad/s) that it has in half of its moves."""
+
+    robot: Robot
+    payload: float
+    speed: float
+
+
+def _robot(
+    name: str,
+    radii: tuple[float, float],
+    lengths: tuple[float, float],
+    masses: tuple[float, float, float],
+    torque: float | Vector3,
+    gravity: float = 9.81,
+) -> Robot:
+    """A robot from radii of base and platform and lengths of arm and forearm (m), masses of arm,
+    forearm and platform (kg), and the torque limit (N·m)."""
+    arm, forearm, platform = masses
+    return Robot(
+        name=name,
+        base_radius=radii[0],
+        platform_radius=radii[1],
+        upper_arm=UpperArm(length=lengths[0], mass=arm),
+        forearm=Forearm(length=lengths[1], mass=forearm),
+        platform=Platform(mass=platform),
+        drive=Drive(torque=torque),
+        gravity=gravity,
+    )
+
+
+_SMALL = _robot("haptic, 0.1 m", (0.037, 0.027), (0.06, 0.103), (0.02, 0.015, 0.05), 0.3)
+_PACKER = _robot("packer", (0.2, 0.045), (0.35, 0.8), (1.2, 0.4, 0.4), 90.0)
+_LARGE = _robot("large, 2 m", (0.45, 0.1), (0.75, 1.8), (6.0, 4.0, 3.0), 600.0)
+_WEIGHTLESS = _robot("weightless", (0.1, 0.05), (0.25, 0.6), (0.3, 0.2, 0.5), 15.0, gravity=0.0)
+_UNEQUAL = _robot("unequal motors", (0.15, 0.1), (0.3, 0.55), (0.8, 0.3, 0.4), (12.0, 30.0, 20.0))
+KINDS = (
+    RobotKind(load_robot(ORSINO), 1.0, 12.0),
+    RobotKind(load_robot(INDUSTRIAL), 1.0, 10.0),
+    RobotKind(_SMALL, 0.05, 30.0),
+    RobotKind(_PACKER, 1.0, 12.0),
+    RobotKind(_LARGE, 5.0, 6.0),
+    RobotKind(_WEIGHTLESS, 1.0, 15.0),
+    RobotKind(_UNEQUAL, 1.0, 10.0),
+)
+"""Both shipped robots, and others of sizes, proportions and drives that differ as much as robots
+do. To each seven moves of these comes one of a robot of random proportions."""
+
+
+def random_kind(rng: np.random.Generator) -> RobotKind:
+    """A robot of random proportions, whose motors hold a few times its weight."""
+    arm = 10 ** rng.uniform(-1, 0)
+    forearm, base = arm * rng.uniform(1.3, 3.5), arm * rng.uniform(0.2, 1.2)
+    platform = base * rng.uniform(0.2, 0.9)
+    mass = 2 * arm * rng.uniform(0.3, 3)
+    masses = (mass * rng.uniform(0.2, 2), mass * rng.uniform(0.1, 1), mass)
+    payload = mass * rng.uniform(0.5, 2)
+    torque = 9.81 * arm * (sum(masses) + payload) * rng.uniform(1, 6)
+    robot = _robot("random proportions", (base, platform), (arm, forearm), masses, torque)
+    return RobotKind(robot, payload, rng.uniform(0.3, 1.0) * float(np.sqrt(60 / arm)))
+
+
+@dataclass(frozen=True)
+class Move:
+    """A move of a campaign: its ``number``, its ``scene``, and from where it was drawn."""
+
+    number: int
+    scene: Scene
+    stratum: str
+
+
+def move(seed: int, number: int) -> Move:
+    """The move of this number. Raises Infeasible if hardly any such move can be driven."""
+    rng = np.random.default_rng([seed, number])
+    which, number_of_kind = number % (len(KINDS) + 1), number // (len(KINDS) + 1)
+    stratum = STRATA[number_of_kind % 3]
+    loaded, limited = bool(number_of_kind // 3 % 2), bool(number_of_kind // 6 % 2)
+    for _ in range(_MOST_TRIES):
+        kind = KINDS[which] if which < len(KINDS) else random_kind(rng)
+        payload = kind.payload if loaded else None
+        drive = Drive(torque=kind.robot.drive.torque, speed=kind.speed if limited else None)
+        robot = kind.robot.model_copy(update={"drive": drive})
+        ends = _ends(DeltaModel(robot, payload), stratum, rng)
+        if ends is None:
+            continue
+        scene = Scene(robot=robot, payload=payload, start=ends[0], goal=ends[1])
+        try:
+            check_feasible(scene)
+        except (Unreachable, Infeasible):
+            continue
+        return Move(number, scene, stratum)
+    raise Infeasible(f"move {number}: none of {_MOST_TRIES} in a row can be driven")
+
+
+def _ends(
+    model: DeltaModel, stratum: str, rng: np.random.Generator
+) -> tuple[Vector3, Vector3] | None:
+    """Start and goal, m; None if a batch has too few points."""
+    if stratum == INSIDE:
+        points = points_in_workspace(model, rng)
+    else:
+        points = points_in_workspace(model, rng, EDGE, MARGIN)
+    points = points[: _FARTHEST_OF if stratum == ALONG_THE_EDGE else 2]
+    if len(points) < 2:
+        return None
+    apart = np.linalg.norm(points[:, None] - points, axis=2)
+    i, j = np.unravel_index(apart.argmax(), apart.shape)
+    start, goal = points[i].tolist(), points[j].tolist()
+    return (start[0], start[1], start[2]), (goal[0], goal[1], goal[2])

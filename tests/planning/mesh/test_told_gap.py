@@ -1,0 +1,74 @@
+"""The gap that a plan tells, on moves where estimates fell short of the truth."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import deltaopt
+from deltaopt.robot.robot import Drive, Forearm, Platform, Robot, UpperArm
+
+ROBOTS = Path(__file__).parents[3] / "problems/robots"
+ORSINO = deltaopt.load_robot(ROBOTS / "orsino.yaml")
+INDUSTRIAL = deltaopt.load_robot(ROBOTS / "industrial.yaml")
+WITHOUT_SPEED_LIMIT = INDUSTRIAL.model_copy(update={"drive": Drive(torque=40.0)})
+UNEQUAL = Robot(
+    name="unequal motors",
+    base_radius=0.15,
+    platform_radius=0.1,
+    upper_arm=UpperArm(length=0.3, mass=0.8),
+    forearm=Forearm(length=0.55, mass=0.3),
+    platform=Platform(mass=0.4),
+    drive=Drive(torque=(12.0, 30.0, 20.0)),
+)
+
+
+@pytest.mark.parametrize(
+    ("robot", "payload", "start", "goal", "tolerance"),
+    [
+        # A motor whose torque is at no limit in all of an interval: told 5.8e-4, true 9.6e-4.
+        pytest.param(
+            WITHOUT_SPEED_LIMIT,
+            None,
+            (0.5204352966477958, -0.013265958448678061, -0.6616489661603178),
+            (0.5192126677973627, 0.45978660469283605, 0.24405665827485112),
+            1e-3,
+            id="switch in a long interval",
+        ),
+        # The same: told 5.8e-5, true 9.1e-5.
+        pytest.param(
+            UNEQUAL,
+            None,
+            (0.4392115510088418, 0.11159086270989416, 0.31915350750159677),
+            (0.6513227445547054, -0.1768917089293185, 0.04044707978921669),
+            1e-4,
+            id="switch of an unequal motor",
+        ),
+        # The solver stopped in a flat valley, a limit of the position being held along it: told
+        # 6.6e-4, true 7.3e-3, beyond the tolerance.
+        pytest.param(
+            ORSINO,
+            1.0,
+            (0.2686587766287196, 0.4502183244653497, 0.17994864329568516),
+            (0.06251135912771291, -0.44858356427182283, -0.018627057491628407),
+            1e-3,
+            id="valley along a limit of the position",
+        ),
+        # The same without: told 4.9e-4, true 1.4e-3.
+        pytest.param(
+            UNEQUAL,
+            1.0,
+            (0.6589756886513596, -0.06272677165539442, 0.3973474088897302),
+            (0.37498330873298574, -0.07933006566927514, 0.533015117917627),
+            1e-3,
+            id="valley",
+        ),
+    ],
+)
+def test_no_less_is_told_than_a_finer_plan_gains(robot, payload, start, goal, tolerance):
+    scene = deltaopt.Scene(robot=robot, payload=payload, start=start, goal=goal)
+    plan, finer = (deltaopt.plan(scene, tolerance=each) for each in (tolerance, tolerance / 10))
+    assert plan.within_tolerance
+    assert finer.within_tolerance
+    assert 0 < plan.duration / finer.duration - 1 <= plan.gap
