@@ -3,8 +3,8 @@
 Each move is planned at several tolerances. The truth is the shortest motion that is known of the
 same local optimum: what refinement makes of the plan of the smallest of these tolerances, from
 another first mesh, with resolved switches where that succeeds and on finer meshes elsewhere. Where
-this says that a plan told too little, the same is made of that plan itself, so that no plan is held
-against another local optimum.
+this says that a plan told too little, or is shorter than the truth, the same is made of that plan
+itself, so that no plan is held against another local optimum.
 
 Results are appended to gap.csv after every move, and a campaign that was interrupted goes on where
 it ended. The chart is drawn from that file.
@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import argparse
 import csv
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
@@ -24,6 +25,7 @@ import deltaopt
 from deltaopt.cli.arguments import one_or_more, positive, seed
 from deltaopt.cli.progress import ProgressBar
 from deltaopt.errors import DeltaOptError
+from deltaopt.files.atomic_write import atomic_write
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.mesh.mesh_solution import MeshSolution, gap_of
 from deltaopt.planning.nlp.problem import Guess
@@ -51,7 +53,8 @@ class Held:
     """A plan held against the truth: a row of gap.csv.
 
     ``told``, ``true``: gaps; the true one is NaN if no truth was found. ``truth_resolved``: whether
-    its switches are; ``truth_gap``: the gap that it tells itself. ``failure``: why there is no plan.
+    its switches are; ``truth_gap``: the gap that it tells itself. ``failure``: why there is no
+    plan.
     """
 
     move: int
@@ -167,7 +170,7 @@ def held_plans(each: Move, tolerances: Sequence[float]) -> list[Held]:
     truth = _truth(scene, finest, finest.tolerance)
     for i, plan in plans:
         row = _against(rows[i], plan, truth)
-        if row.too_small:
+        if row.too_small or np.isnan(row.true):
             row = _against(rows[i], plan, _truth(scene, plan, finest.tolerance))
         rows[i] = row
     return rows
@@ -181,7 +184,9 @@ def _truth(scene: deltaopt.Scene, plan: deltaopt.Plan, tolerance: float) -> Trut
 
 
 def _against(row: Held, plan: deltaopt.Plan, truth: Truth | None) -> Held:
-    if truth is None:
+    """The row with its true gap, unless the plan is shorter than its truth and the truth's own gap
+    does not explain by how much: then it is of another local optimum."""
+    if truth is None or plan.duration < truth.duration / (1 + truth.gap):
         return row
     true = max(plan.duration / truth.duration - 1, 0.0)
     return _with(row, true=true, truth_resolved=truth.resolved, truth_gap=truth.gap)
@@ -226,23 +231,30 @@ def campaign(
 
     ``first``: the seed. ``every``: how many moves there are to one at the finer tolerances.
     """
-    known = read(file)
-    done = {row.move for row in known}
-    file.parent.mkdir(parents=True, exist_ok=True)
+
+    def of(i: int) -> tuple[float, ...]:
+        return (*tolerances, *(FINE if i % every == every - 1 else ()))
+
+    counts = Counter(row.move for row in read(file))
+    known = [row for row in read(file) if counts[row.move] == len(of(row.move))]
+    with atomic_write(file) as temporary:  # without the move at which it was interrupted
+        _append(temporary, known, header=True)
     progress = ProgressBar().counting(number, "moves")
+    for i in range(number):
+        if i not in counts or counts[i] != len(of(i)):
+            rows = held_plans(move(first, i), of(i))
+            _append(file, rows)
+            known += rows
+        progress(i + 1)
+    return [row for row in known if row.move < number]
+
+
+def _append(file: Path, rows: Iterable[Held], *, header: bool = False) -> None:
     with file.open("a", newline="", encoding="utf-8") as lines:
         writer = csv.DictWriter(lines, [each.name for each in fields(Held)])
-        if not known:
+        if header:
             writer.writeheader()
-        for i in range(number):
-            if i not in done:
-                finer = FINE if i % every == every - 1 else ()
-                rows = held_plans(move(first, i), (*tolerances, *finer))
-                writer.writerows(asdict(row) for row in rows)
-                lines.flush()
-                known += rows
-            progress(i + 1)
-    return [row for row in known if row.move < number]
+        writer.writerows(asdict(row) for row in rows)
 
 
 # What it says
@@ -274,8 +286,8 @@ def remarks(rows: Iterable[Held]) -> list[str]:
     rows = list(rows)
     wrong = sorted((row for row in rows if row.too_small), key=lambda row: row.told / row.true)
     lines = [
-        f"move {row.move} ({row.robot}, {row.stratum}) at {row.tolerance:.0e}: told {row.told:.2e}, "
-        f"true {row.true:.2e}{', MISSED' if row.missed else ''}"
+        f"move {row.move} ({row.robot}, {row.stratum}) at {row.tolerance:.0e}: "
+        f"told {row.told:.2e}, true {row.true:.2e}{', MISSED' if row.missed else ''}"
         for row in wrong
     ]
     failed = [row for row in rows if row.failure]

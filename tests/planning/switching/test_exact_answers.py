@@ -125,9 +125,7 @@ class Line:
         if rows.velocity is not None:
             slowing = np.maximum(slowing, np.abs(rows.velocity).max(axis=(1, 2)))
         controls = np.arange(both.shape[2]) < rows.control.shape[2]
-        return motion, error_estimate(
-            mesh, problem.multipliers(solution), both, controls, slowing
-        )
+        return motion, error_estimate(mesh, problem.multipliers(solution), both, controls, slowing)
 
 
 LINES = [Line(0.7, 3.0, None), Line(0.7, 3.0, 0.9), Line(200.0, 0.5, None), Line(200.0, 0.5, 7.0)]
