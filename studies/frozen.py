@@ -1,4 +1,7 @@
-"""Plans of version 0.1, frozen, so that later versions can be held against them.
+"""Plans of moves and shipped scenes, frozen, so that later versions can be held against them.
+
+They are those of version 0.1, and were recorded again since the estimate of the gap sees more, for
+meshes are split where it says that time is lost.
 
 ``record`` plans every case and writes studies/frozen.csv; ``compare`` plans them again, lists each
 case whose duration differs by more than 1e-9 of itself, and exits 1 if these are more than one in

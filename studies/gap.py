@@ -31,6 +31,7 @@ from deltaopt.planning.mesh.mesh_solution import MeshSolution, gap_of
 from deltaopt.planning.nlp.problem import Guess
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import LINEAR
+from deltaopt.planning.planner import RESOLVED_BELOW
 from deltaopt.planning.refinement import Refinement, ResolvedMotion, Resolver
 from deltaopt.planning.switching.resolver import resolver
 from deltaopt.robot.model import delta_model
@@ -121,9 +122,11 @@ def truth_beside(scene: deltaopt.Scene, plan: Trajectory, tolerance: float) -> T
     """Refine a plan to a tolerance, from a uniform mesh. Raises NotConverged."""
     model, scaling = delta_model(scene.robot, scene.payload), Scaling(scene, plan.duration)
     problem = deltaopt.flat.of(model.functions, LINEAR, scaling.constraints)
-    switches = resolver(scaling, model, tolerance, _silent)
-    if tolerance >= min(TOLERANCES) * _TRUER:
-        switches = _Once(switches)
+    switches: Resolver | None = None
+    if tolerance < RESOLVED_BELOW:
+        switches = resolver(scaling, model, tolerance, _silent)
+        if tolerance >= min(TOLERANCES) * _TRUER:
+            switches = _Once(switches)
     refinement = Refinement(problem, scaling, model, tolerance, switches, _silent)
     resolved = refinement.from_guess(Guess(plan, near=True, tolerance=1e-5), _FIRST_MESH)
     if resolved:
