@@ -16,8 +16,9 @@ import argparse
 import csv
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -154,11 +155,11 @@ def held_plans(each: Move, tolerances: Sequence[float]) -> list[Held]:
         try:
             plan = deltaopt.plan(scene, tolerance=tolerance)
         except DeltaOptError as error:
-            rows.append(_with(row, failure=f"{type(error).__name__}: {error}"))
+            rows.append(replace(row, failure=f"{type(error).__name__}: {error}"))
             continue
         plans.append((len(rows), plan))
         rows.append(
-            _with(
+            replace(
                 row,
                 told=plan.gap,
                 resolved=plan.resolved,
@@ -192,11 +193,7 @@ def _against(row: Held, plan: deltaopt.Plan, truth: Truth | None) -> Held:
     if truth is None or plan.duration < truth.duration / (1 + truth.gap):
         return row
     true = max(plan.duration / truth.duration - 1, 0.0)
-    return _with(row, true=true, truth_resolved=truth.resolved, truth_gap=truth.gap)
-
-
-def _with(row: Held, **changes: object) -> Held:
-    return Held(**(asdict(row) | changes))  # type: ignore[arg-type]
+    return replace(row, true=true, truth_resolved=truth.resolved, truth_gap=truth.gap)
 
 
 def _silent(_: str) -> None:
@@ -223,7 +220,7 @@ def read(file: Path) -> list[Held]:
 _EMPTY = Held(0, "", "", 0.0, False, 0.0)
 
 
-def _parsed(kind: type, text: str) -> object:
+def _parsed(kind: type, text: str) -> Any:
     return text == "True" if kind is bool else kind(text)
 
 

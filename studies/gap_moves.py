@@ -13,8 +13,9 @@ from deltaopt import Robot, Scene, load_robot
 from deltaopt.bench.random_scenes import MARGIN, points_in_workspace
 from deltaopt.errors import Infeasible, Unreachable
 from deltaopt.files.validated_record import Vector3
+from deltaopt.robot.drive import Drive
 from deltaopt.robot.model import DeltaModel
-from deltaopt.robot.robot import Drive, Forearm, Platform, UpperArm
+from deltaopt.robot.robot import Forearm, Platform, UpperArm
 from deltaopt.scene.feasibility import check_feasible
 from studies.problems import INDUSTRIAL, ORSINO
 

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 import deltaopt
-from deltaopt.robot.robot import Drive, Forearm, Platform, Robot, UpperArm
+from deltaopt.robot.drive import Drive
+from deltaopt.robot.robot import Forearm, Platform, Robot, UpperArm
 
 ROBOTS = Path(__file__).parents[3] / "problems/robots"
 ORSINO = deltaopt.load_robot(ROBOTS / "orsino.yaml")
