@@ -27,6 +27,7 @@ from studies import (
     sanitize,
     scaling,
     stability,
+    tables,
     tolerances,
 )
 
@@ -55,6 +56,7 @@ STUDIES: dict[str, Study] = {
     "sanitize": sanitize,
     "scaling": scaling,
     "stability": stability,
+    "tables": tables,
     "tolerances": tolerances,
 }
 
