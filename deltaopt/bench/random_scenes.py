@@ -73,12 +73,14 @@ def random_scenes(robot: Robot, payload: float | None, number: int, seed: int) -
 
 
 def points_in_workspace(
-    model: DeltaModel, rng: np.random.Generator, least: float = MARGIN, most: float = inf
+    model: DeltaModel, rng: np.random.Generator, least: float | None = None, most: float = inf
 ) -> Array:
     """Draw a batch of points in a box around the workspace, and return those in it, (n, 3).
 
-    ``least``, ``most``: between which their distance from the nearest singularity lies.
+    ``least``, ``most``: between which their distance from the nearest singularity lies; ``MARGIN``
+    at least if it is not given.
     """
+    least = MARGIN if least is None else least
     reach = model.robot.upper_arm.length + model.robot.forearm.length
     box = rng.uniform([0, -reach, -reach], reach, size=(_BATCH, 3)) + model.robot.tool_offset
     serial = evaluate_rows(model.functions.serial_distances, box, parameters=model.parameters)[0]

@@ -8,6 +8,9 @@ from pathlib import Path
 
 from deltaopt.plots.style import COLOURS, figure, without_box
 
+_SMALLEST = 0.01
+"""Per cent or mm, of which less is written as nothing: plans are found to about as much."""
+
 
 @dataclass(frozen=True)
 class TermBar:
@@ -40,7 +43,7 @@ def draw_terms(file: Path, title: str, bars: Sequence[TermBar]) -> None:
             for row, value in enumerate(values):
                 side = (3, "left") if value >= 0 else (-3, "right")
                 panel.annotate(
-                    f"{value:.2g}",
+                    f"{value:.2g}" if abs(value) >= _SMALLEST else "0",
                     (value, row),
                     (side[0], 0),
                     ha=side[1],

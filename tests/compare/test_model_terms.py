@@ -29,13 +29,13 @@ def test_what_a_drives_inertia_does(monkeypatch):
     assert effect.term.name == "drive.inertia"  # straight gravity has no tilt to leave out
     assert reports == [(0.0, "drive.inertia"), (1.0, "")]
 
-    motion = deltaopt.plan(plain, tolerance=1e-5).trajectory
+    motion = deltaopt.plan(plain, tolerance=1e-4).trajectory
     _, _, ddq = motion.coordinates_inside(np.linspace(0.0, 1.0, 201))
     found = motion.inside_intervals(np.linspace(0.0, 1.0, 201)).tau + INERTIA * ddq[:, 3::3]
     expected = np.abs(found).max() / full.robot.torque_limits[0] - 1
     assert effect.excess == pytest.approx(expected, rel=1e-4)
-    longer = deltaopt.plan(full, tolerance=1e-5).duration
-    assert effect.shorter == pytest.approx(1 - motion.duration / longer, abs=3e-5)
+    longer = deltaopt.plan(full, tolerance=1e-4).duration
+    assert effect.shorter == pytest.approx(1 - motion.duration / longer, abs=3e-4)
     assert 5e-3 < effect.miss < 0.3
     header, row = terms_table([effect])
     assert header.startswith("left out")

@@ -373,7 +373,7 @@ def test_every_number_knows_its_quantity() -> None:
         "payload": 1.0,
         "start": [0.4, 0.0, 0.0],
         "goal": [0.4, 0.1, 0.0],
-        "limits": dict.fromkeys(Limits.model_fields, 1.0),
+        "limits": dict.fromkeys(Limits.model_fields, 1.0) | {"specific_force": 20.0},
         "objective": {"time": 1.0, "effort": 1.0},
     }
     effort = scene | {"objective": "effort", "duration": 1.0}

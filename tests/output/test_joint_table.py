@@ -57,9 +57,9 @@ def test_demand_is_what_positions_ask_for(trajectory, interpolation):
     assert demand.limit == "torque"
     assert demand.share == pytest.approx(share.max(), rel=1e-2)
     assert demand.share > 1.1  # angles every millisecond hide where torques jump
-    at = np.unravel_index(share.argmax(), share.shape)
-    assert abs(demand.t - t[at[0]]) < 1e-3
-    assert demand.subject == f"motor {at[1] + 1}"
+    motor = int(demand.subject.removeprefix("motor ")) - 1  # of two, where the move is symmetric
+    assert share[:, motor].max() == pytest.approx(share.max(), rel=1e-2)
+    assert share[np.abs(t - demand.t) < 1e-3, motor].max() > 0.98 * demand.share
 
 
 def test_quintic_pieces_at_own_knots_are_the_plan(trajectory):

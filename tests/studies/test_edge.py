@@ -35,8 +35,9 @@ REFUSED = {
     "2 200 200 N·m": ("Infeasible", "the torque of motor 1 is 2.239 N·m"),
 }
 """All others must be planned."""
-FAR_FROM_BEST = "start 1e-09 m"
-"""Nearer than the mesh can follow: the plan is right but slow, and says so."""
+FAR_FROM_BEST = ("start 1e-09 m", "all motors hold with 99.99%")
+"""Nearer than the mesh can follow: the plan is right but slow, and says so. With a ten-thousandth
+of all torques to spare it is 1.2 % slower than plans of finer meshes."""
 
 
 @pytest.mark.parametrize("case", cases(), ids=lambda case: f"{case.family}: {case.name}")
