@@ -14,6 +14,7 @@ from deltaopt.errors import (
     SceneError,
     Unreachable,
 )
+from deltaopt.files.version import __version__
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.saved_plan import SavedPlan, load_plan
 from deltaopt.planning.flat.flat_problem import Flat
@@ -82,6 +83,7 @@ __all__ = [
     "Trajectory",
     "Unreachable",
     "Verification",
+    "__version__",
     "baseline",
     "explicit",
     "flat",

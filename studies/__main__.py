@@ -10,7 +10,7 @@ import sys
 from collections.abc import Mapping
 from typing import Protocol
 
-from deltaopt.cli import Command, add_command, exit_code
+from deltaopt.cli import Command, Parser, add_command, exit_code
 from deltaopt.cli.streams import print_any_text
 from studies import (
     agreement,
@@ -80,7 +80,7 @@ def main(argv: list[str] | None = None) -> int:
 
 def _parser(*, small: bool) -> argparse.ArgumentParser:
     """``small``: whether defaults are the small sizes."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="python -m studies",
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,

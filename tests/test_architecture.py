@@ -40,6 +40,7 @@ ORDER = (
     "bench",
     "compare",
     "plots",
+    "report",
     "cli",
 )
 """Rooms from left to right. A module imports from its own room and from rooms to its left."""
@@ -76,6 +77,7 @@ CONVENIENCES = {
     ("deltaopt.planning.planner", "deltaopt.output.plan_files"),
     ("deltaopt.planning.planner", "deltaopt.verify.verification"),
     ("deltaopt.output.plan_files", "deltaopt.plots.plan"),
+    ("deltaopt.output.plan_files", "deltaopt.report.page"),
 }
 """Plan.save hands over to what lies to its right, once it is called."""
 

@@ -11,13 +11,22 @@ import logging
 import os
 import sys
 from collections.abc import Callable
-from typing import Protocol
+from typing import Any, Protocol
 
 from deltaopt.cli import bench, check, compare, export, inverse, plan, verify
 from deltaopt.cli.arguments import WrongUsage
 from deltaopt.cli.streams import discard, flush, print_any_text, say
 from deltaopt.errors import DeltaOptError, SceneError, on_one_line
+from deltaopt.files.version import __version__
 from deltaopt.interrupts.requests import Stopped, ignore_requests, requests_raised
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser, and those of its subcommands, that takes no abbreviated options: ``--start 1`` must
+    not be taken for ``--starts 1``."""
+
+    def __init__(self, *arguments: Any, **settings: Any) -> None:
+        super().__init__(*arguments, **{"allow_abbrev": False, **settings})
 
 
 class Command(Protocol):
@@ -78,15 +87,25 @@ def main(argv: list[str] | None = None) -> int:
 
 def _run(argv: list[str]) -> int:
     _say_what_is_logged()
-    parser = argparse.ArgumentParser(
+    parser = command_line()
+    if not argv:
+        parser.print_help()
+        return 0
+    arguments = parser.parse_args(argv)
+    return int(arguments.run(arguments))
+
+
+def command_line() -> argparse.ArgumentParser:
+    """The parser of all commands."""
+    parser = Parser(
         prog="deltaopt",
         description="Minimum-time motions of Delta robots under torque limits, verified.",
     )
+    parser.add_argument("--version", action="version", version=f"deltaopt {__version__}")
     subparsers = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
     for name, command in COMMANDS.items():
         add_command(subparsers, name, command)
-    arguments = parser.parse_args(argv)
-    return int(arguments.run(arguments))
+    return parser
 
 
 def add_command(

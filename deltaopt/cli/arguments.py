@@ -23,6 +23,15 @@ def add_scene(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_json(parser: argparse.ArgumentParser) -> None:
+    """Add the option --json, for machines."""
+    parser.add_argument(
+        "--json",
+        action="store_true",
+        help="print one JSON object (of several scenes one a line) and no tables, SI units",
+    )
+
+
 def add_scenes(parser: argparse.ArgumentParser) -> None:
     """Add the argument SCENE..., one or more scene files."""
     parser.add_argument("scenes", nargs="+", type=Path, metavar="SCENE", help="scene files")

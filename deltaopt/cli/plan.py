@@ -1,4 +1,4 @@
-"""Find the best motion of a scene, verify it, and write it down.
+"""Find the best motion of each scene, verify it, and write it down.
 
 The motion begins and ends at rest and keeps the limits all the way; its path is free, unless the
 scene gives it. The motion is then verified by code that shares the robot's model with the
@@ -6,9 +6,12 @@ planner but no method. DIR receives
 
   trajectory.csv   the motion for a controller: platform, motors, torques
   plan.json        duration, how it was found, all measures of the check, the scene
-  plan.png         torques against their limits, motor speeds, path
+  plan.png         torques against their limits, motor speeds, path (not with --no-plot)
+  report.html      with --report: the robot in motion, all limits over time, one page for a browser
 
-Exit code: 0 done and verified; 1 there is no verified solution; 2 bad input.
+Several scenes are planned one after the other; each has a folder of its own.
+
+Exit code: 0 done and verified; 1 a scene has no verified solution; 2 bad input.
 """
 
 from __future__ import annotations
@@ -16,18 +19,23 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 from deltaopt.cli.arguments import (
     WrongUsage,
-    add_output,
-    add_scene,
+    add_json,
+    add_scenes,
+    folder,
     one_or_more,
-    output_directory,
     positive,
     seed,
     two_or_more,
 )
+from deltaopt.cli.streams import print_json, print_written, say
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
+from deltaopt.errors import DeltaOptError, SceneError
+from deltaopt.files.output_folder import require_writable
+from deltaopt.motion.active_limits import ActiveLimit, active_limits
 from deltaopt.motion.certificate import MET
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.plan_files import MOST_ROWS, RATE, Provenance, StraightLine, highest_rate, save
@@ -44,7 +52,7 @@ from deltaopt.planning.initial_motion import baseline
 from deltaopt.planning.multistart import Optimum
 from deltaopt.planning.nlp.problem import InteriorPoint, Ipopt, ProblemFormulation, Solver
 from deltaopt.planning.nlp.transcription import TRANSCRIPTIONS
-from deltaopt.planning.planner import Plan, Planner, plan
+from deltaopt.planning.planner import RESOLVED_BELOW, Plan, Planner, plan
 from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene, load_scene
@@ -80,8 +88,20 @@ HELP = "find the best motion of a scene, the fastest as a rule, and verify it"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    add_scene(parser)
-    add_output(parser)
+    add_scenes(parser)
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=folder,
+        metavar="DIR",
+        help="directory to write to, made if need be; of several scenes the one that theirs are in "
+        "(default: out/ and the scene's name, and baseline/ in it with --baseline)",
+    )
+    parser.add_argument("--no-plot", action="store_true", help="draw no plan.png, which is faster")
+    parser.add_argument(
+        "--report", action="store_true", help="write report.html: the robot moves on it"
+    )
+    add_json(parser)
     parser.add_argument(
         "--baseline",
         action="store_true",
@@ -145,20 +165,131 @@ def run(arguments: argparse.Namespace) -> int:
     name = arguments.formulation or "flat"
     formulation = FORMULATIONS[name](CLOSURES[arguments.closure or "knots"])
     _refuse_contradictions(arguments, name, formulation)
-    scene = load_scene(arguments.scene)
-    if scene.path is not None:
+    folders = _folders(arguments)
+    scenes = [load_scene(file) for file in folders]
+    if any(scene.path is not None for scene in scenes):
         _refuse_free_paths(arguments)
+    jobs = list(zip(folders.items(), scenes, strict=True))
+    if len(jobs) == 1:
+        return _plan(*jobs[0], formulation, arguments)
+    codes = [_one_of_several(job, formulation, arguments) for job in jobs]
+    return max(codes)
+
+
+Job = tuple[tuple[Path, Path], Scene]
+"""A scene's file, the directory to write to, and the scene."""
+
+
+def _folders(arguments: argparse.Namespace) -> dict[Path, Path]:
+    """The directory to write to of each scene's file, checked before any work.
+
+    Raises WrongUsage where two scenes would share one, and OSError where one cannot be written to.
+    """
+    scenes: list[Path] = arguments.scenes
+    output: Path | None = arguments.output
+    found: dict[Path, Path] = {}
+    for file in scenes:
+        if output is None:
+            directory = Path("out") / file.stem
+            directory = directory / "baseline" if arguments.baseline else directory
+        else:
+            directory = output if len(scenes) == 1 else output / file.stem
+        if directory in found.values():
+            other = next(scene for scene, taken in found.items() if taken == directory)
+            raise WrongUsage(
+                f"{other} and {file} would both be written to {directory}: plan them one by one, "
+                "with --output"
+            )
+        found[file] = directory
+    return found
+
+
+def _one_of_several(
+    job: Job, formulation: ProblemFormulation, arguments: argparse.Namespace
+) -> int:
+    """Plan one of several scenes; if it has no solution, say so and let the others have theirs."""
+    (file, directory), scene = job
+    say(f"{file}:")
+    try:
+        return _plan((file, directory), scene, formulation, arguments)
+    except SceneError:
+        raise
+    except DeltaOptError as error:
+        say(f"deltaopt: {file}: {error}")
+        return 1
+
+
+def _plan(
+    names: tuple[Path, Path],
+    scene: Scene,
+    formulation: ProblemFormulation,
+    arguments: argparse.Namespace,
+) -> int:
+    """Plan one scene, print and write what was found, and return the exit code.
+
+    ``names``: of the scene's file, and of the directory to write to.
+    """
+    file, directory = names
     check_feasible(scene)
-    directory = output_directory(arguments)
+    require_writable(directory)
     trajectory, solution = _solve(scene, formulation, arguments)
     _require_rows(trajectory, arguments.rate)
     verification = verify(scene, trajectory)
-    print(table(verification))
-    files = save(directory, scene, trajectory, verification, solution, arguments.rate)
-    print("written:", ", ".join(map(str, files)))
+    active = active_limits(scene, trajectory)
+    before = set(directory.iterdir()) if directory.is_dir() else set()
+    files = save(
+        directory,
+        scene,
+        trajectory,
+        verification,
+        solution,
+        arguments.rate,
+        chart=not arguments.no_plot,
+        report=arguments.report,
+    )
+    if arguments.json:
+        print_json(_as_dict(file, scene, verification, solution, active, files))
+    else:
+        if isinstance(solution, Plan):
+            _print_optima(solution)
+            _print_gap(solution)
+            _print_cost_of_path(solution)
+        resolved = solution.tolerance is not None and solution.tolerance <= RESOLVED_BELOW
+        print(table(verification, certified=resolved))
+        print("\n".join(limits_table(active)))
+        print_written(files, before)
     for failure in verification.failures():
         print(f"deltaopt: verification failed: {failure}", file=sys.stderr)
     return 0 if verification.ok else 1
+
+
+def _as_dict(
+    file: Path,
+    scene: Scene,
+    verification: Verification,
+    solution: Provenance,
+    active: Sequence[ActiveLimit],
+    files: Sequence[Path],
+) -> dict[str, object]:
+    """What is printed of a plan, for machines."""
+    return {
+        "scene": str(file),
+        "ok": verification.ok,
+        "duration": verification.duration,
+        "objective": str(scene.objective),
+        "gap": solution.gap,
+        "tolerance": solution.tolerance,
+        "optima": [
+            {"duration": each.duration, "cost": each.cost, "starts": each.starts}
+            for each in solution.optima
+        ],
+        "active_limits": [
+            {"limit": each.limit, "subject": each.subject, "share_of_time": each.share}
+            for each in active
+        ],
+        "verification": verification.as_dict(),
+        "files": [str(each) for each in files],
+    }
 
 
 def _refuse_contradictions(
@@ -220,9 +351,6 @@ def _solve(
         progress=lambda text: print(text, file=sys.stderr, flush=True),
     )
     found = found.beside_free_path()
-    _print_optima(found)
-    _print_gap(found)
-    _print_cost_of_path(found)
     return found.trajectory, found
 
 
@@ -267,8 +395,12 @@ def _print_gap(found: Plan) -> None:
         print(f"{met}: {near}" if found.resolved else f"{met} on its mesh")
 
 
-def table(verification: Verification) -> str:
-    """A table of the duration and of all measures of a verification beside their bounds."""
+def table(verification: Verification, *, certified: bool = False) -> str:
+    """A table of the duration and of all measures of a verification beside their bounds.
+
+    ``certified``: whether Pontryagin's condition was asked for, by a tolerance for which switches
+    are resolved. If so the table says too where it is not met.
+    """
     rows = [("measure", "value", "at most", "unit", ""), *map(_row, verification.checks())]
     width = 1 + max(len(name) for name, *_ in rows)
     lines = (
@@ -279,7 +411,7 @@ def table(verification: Verification) -> str:
     remarks = (
         _long(verification)
         + singularities_table(verification.distances)
-        + _optimality(verification)
+        + _optimality(verification, certified)
     )
     motors = [] if verification.duty is None else duty_table(verification.duty)
     return "\n".join([total, *lines, *motors, *remarks])
@@ -341,17 +473,31 @@ def _where(distance: Distance) -> str:
     return when if distance.subject == "robot" else f"{distance.subject} {when}"
 
 
-def _optimality(verification: Verification) -> list[str]:
-    """A line that says how well the motion meets Pontryagin's condition.
+def limits_table(active: Sequence[ActiveLimit]) -> list[str]:
+    """Lines that say in words what limits a motion: which motor's what, and how much of the time.
+
+    What is at its limit for less than half of a per cent of the time is left out.
+    """
+    lines = [f"  {each.sentence}" for each in active if each.share >= _TOLD]
+    return ["what limits the motion:", *lines] if lines else ["no limit is reached"]
+
+
+_TOLD = 0.005
+"""Share of the time from which a limit that is reached is told: less would read 0 %."""
+
+
+def _optimality(verification: Verification, certified: bool) -> list[str]:
+    """A line that says how well the motion meets Pontryagin's condition, if it does or is to.
 
     There is no bound on it, for as a rule only motions with resolved switches meet it.
     """
     spread, violation = verification.hamiltonian_spread, verification.sign_violation
     if spread is None or violation is None:
         return []
-    met = "; a local statement"
-    unmet = ": not met, as usual unless switches are resolved (--tolerance 1e-6)"
-    verdict = met if max(spread, violation) < MET else unmet
+    met = max(spread, violation) < MET
+    if not (met or certified):
+        return []
+    verdict = "; a local statement" if met else f": not met, which would be {MET:g}"
     return [
         f"Pontryagin's condition, by costates fitted to the motion: Hamiltonian constant to "
         f"{spread:.1e}, signs of torques right to {violation:.1e}{verdict}"

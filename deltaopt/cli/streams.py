@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import codecs
+import json
 import os
 import sys
 import unicodedata
+from collections.abc import Container, Iterable, Mapping
 from contextlib import suppress
+from pathlib import Path
 from typing import TextIO
 
 _IN_WORDS = {
@@ -74,6 +77,22 @@ def say(sentence: str) -> None:
         print(sentence, file=sys.stderr, flush=True)
     except (OSError, ValueError):
         discard(sys.stderr)
+
+
+def print_json(content: Mapping[str, object]) -> None:
+    """Print one JSON object, in one line, to standard output; all its numbers must be finite."""
+    print(json.dumps(content, ensure_ascii=True, allow_nan=False), flush=True)
+
+
+def print_written(files: Iterable[Path], before: Container[Path]) -> None:
+    """Say which files were written, and which of them were there ``before`` and are replaced."""
+    files = list(files)
+    for what, those in (
+        ("written", [file for file in files if file not in before]),
+        ("replaced", [file for file in files if file in before]),
+    ):
+        if those:
+            print(f"{what}:", ", ".join(map(str, those)))
 
 
 def flush() -> None:

@@ -13,16 +13,19 @@ from __future__ import annotations
 
 import argparse
 import sys
+from dataclasses import asdict
 from math import pi
 from pathlib import Path
 
 import numpy as np
 
-from deltaopt.cli.arguments import WrongUsage, positive
+from deltaopt.cli.arguments import WrongUsage, add_json, positive
 from deltaopt.cli.plan import duty_table, singularities_table, table
+from deltaopt.cli.streams import print_json
 from deltaopt.errors import DeltaOptError
 from deltaopt.output.foreign_table import ANGLES, ForeignTable, read_foreign_table
 from deltaopt.output.saved_plan import load_plan
+from deltaopt.planning.planner import RESOLVED_BELOW
 from deltaopt.robot.joints import Joints
 from deltaopt.robot.model import delta_model
 from deltaopt.robot.robot import load_robot
@@ -48,6 +51,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="how the controller interpolates a table: cubic from its rates, quintic from its "
         "accelerations too (default: from all that it has)",
     )
+    add_json(parser)
     parser.add_argument(
         "--controller-angles",
         action="store_true",
@@ -70,7 +74,12 @@ def run(arguments: argparse.Namespace) -> int:
             raise WrongUsage(f"{option} is for a TABLE.csv; a saved plan has its own")
     saved = load_plan(arguments.motion)
     found = verify(saved.scene, saved.trajectory)
-    print(table(found))
+    if arguments.json:
+        print_json({"plan": str(arguments.motion), **found.as_dict()})
+    else:
+        tolerance = saved.record.get("tolerance")
+        certified = isinstance(tolerance, float) and tolerance <= RESOLVED_BELOW
+        print(table(found, certified=certified))
     for failure in found.failures():
         print(f"deltaopt: verification failed: {failure}", file=sys.stderr)
     return 0 if found.ok else 1
@@ -91,6 +100,21 @@ def _measure(arguments: argparse.Namespace) -> int:
     motion = MeasuredMotion.of(scene, trajectory)
     excesses = list(motion.excesses().values())
     what = "motor angles" if rows.quantity == ANGLES else "positions"
+    ok = all(excess.value <= EXCESS for excess in excesses)
+    if arguments.json:
+        print_json(
+            {
+                "table": str(arguments.motion),
+                "ok": ok,
+                "duration": trajectory.duration,
+                "rows": len(rows.t),
+                "interpolation": rows.interpolation,
+                "limits": [asdict(excess) for excess in excesses],
+                "duty": motion.duty().as_dict(),
+                "singularities": [asdict(each) for each in motion.distances()],
+            }
+        )
+        return int(not ok)
     print(
         f"{len(rows.t)} rows of {what} over {trajectory.duration:.6g} s, interpolation: "
         f"{rows.interpolation}"
@@ -98,7 +122,7 @@ def _measure(arguments: argparse.Namespace) -> int:
     for excess in excesses:
         print(f"  {_sentence(excess)}")
     print("\n".join([*duty_table(motion.duty()), *singularities_table(motion.distances())]))
-    return int(any(excess.value > EXCESS for excess in excesses))
+    return int(not ok)
 
 
 def _rows(arguments: argparse.Namespace, joints: Joints) -> ForeignTable:

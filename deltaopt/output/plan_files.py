@@ -1,4 +1,4 @@
-"""Plans as files: trajectory.csv, plan.json and plan.png, all of them or none."""
+"""Plans as files: trajectory.csv, plan.json, plan.png and report.html, all of them or none."""
 
 from __future__ import annotations
 
@@ -112,21 +112,34 @@ def save(
     verification: Verification,
     solution: Provenance,
     rate: float = RATE,
+    *,
+    chart: bool = True,
+    report: bool = False,
 ) -> list[Path]:
-    """Write the three files of a plan into a directory, made if need be, and return their paths.
+    """Write the files of a plan into a directory, made if need be, and return their paths.
 
     All of them appear there at once, or none; what else is there stays. ``rate``: instants per
-    second in trajectory.csv, Hz. Raises OSError, naming the file, if one cannot be written.
+    second in trajectory.csv, Hz. ``chart``: whether plan.png is drawn, which takes longer than all
+    else. ``report``: whether report.html is written. Raises OSError, naming the file, if one cannot
+    be written.
     """
-    from deltaopt.plots.plan import draw  # slow to import
-
-    csv, record, chart = ("trajectory.csv", "plan.json", "plan.png")
+    csv, record, drawing, page = ("trajectory.csv", "plan.json", "plan.png", "report.html")
+    written = [csv, record]
     with all_or_none(directory) as folder:
         write_csv(folder / csv, trajectory, rate)
         write_json(folder / record, scene, trajectory, verification, solution)
-        drawn = _drawn(scene, trajectory, verification)
-        draw(folder / chart, scene, trajectory, drawn, caption(verification))
-    return [directory / name for name in (csv, record, chart)]
+        if chart:
+            from deltaopt.plots.plan import draw  # slow to import
+
+            drawn = _drawn(scene, trajectory, verification)
+            draw(folder / drawing, scene, trajectory, drawn, caption(verification))
+            written.append(drawing)
+        if report:
+            from deltaopt.report.page import write_report
+
+            write_report(folder / page, scene, trajectory, verification, solution.gap)
+            written.append(page)
+    return [directory / name for name in written]
 
 
 def write_csv(file: Path, trajectory: Trajectory, rate: float = RATE) -> None:

@@ -122,17 +122,22 @@ class Plan:
         """Value of the scene's objective: s for time, N²m²s for effort."""
         return cost_of(self.scene, self.trajectory)
 
-    def save(self, directory: str | Path) -> list[Path]:
-        """Verify the motion and write trajectory.csv, plan.json and plan.png into a directory.
+    def save(
+        self, directory: str | Path, *, chart: bool = True, report: bool = False
+    ) -> list[Path]:
+        """Verify the motion and write trajectory.csv and plan.json into a directory.
 
-        Returns their paths.
+        ``chart``: whether plan.png is drawn too. ``report``: whether report.html is, a page on
+        which the robot moves. Returns the paths of what was written.
         """
         # Imported here: a convenience of later rooms, on which planning does not depend.
         from deltaopt.output.plan_files import save
         from deltaopt.verify.verification import verify
 
         found = verify(self.scene, self.trajectory)
-        return save(Path(directory), self.scene, self.trajectory, found, self)
+        return save(
+            Path(directory), self.scene, self.trajectory, found, self, chart=chart, report=report
+        )
 
     def beside_free_path(self) -> Plan:
         """The same plan with its ``free_duration``: what the given path costs.

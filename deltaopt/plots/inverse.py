@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from deltaopt.motion.trajectory import Motion, Trajectory
-from deltaopt.plots.style import COLOURS, STROKES, figure, motor_curves, without_box
+from deltaopt.plots.colours import COLOURS
+from deltaopt.plots.style import STROKES, figure, motor_curves, without_box
 
 _SAMPLES = 1001
 

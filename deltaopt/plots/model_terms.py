@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from deltaopt.plots.style import COLOURS, figure, without_box
+from deltaopt.plots.colours import COLOURS
+from deltaopt.plots.style import figure, without_box
 
 _SMALLEST = 0.01
 """Per cent or mm, of which less is written as nothing: plans are found to about as much."""

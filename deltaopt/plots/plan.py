@@ -15,7 +15,8 @@ from matplotlib.figure import Figure
 
 from deltaopt.motion.limit_curves import LimitCurves, limit_curves
 from deltaopt.motion.trajectory import Array, Trajectory
-from deltaopt.plots.style import COLOURS, GREY, figure, motor_curves, without_box
+from deltaopt.plots.colours import COLOURS
+from deltaopt.plots.style import GREY, figure, motor_curves, without_box
 from deltaopt.scene.scene import Scene
 from deltaopt.verify.pontryagin import Extremal
 

@@ -14,9 +14,8 @@ from matplotlib.figure import Figure
 
 from deltaopt.files.atomic_write import atomic_write
 from deltaopt.motion.trajectory import Array
+from deltaopt.plots.colours import COLOURS
 
-COLOURS = ("#0072B2", "#D55E00", "#009E73")
-"""Blue, vermilion and green of Okabe and Ito, for motors 1 to 3 or axes x, y, z."""
 STROKES = ("-", (0, (5, 1.5)), (0, (5, 1.5, 1, 1.5)))
 """The same distinction in print without colour."""
 GREY = "0.45"

@@ -1,0 +1,128 @@
+"""Which limits a motion is at, when, and for how much of its time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deltaopt.motion.limit_curves import LimitCurves, limit_curves
+from deltaopt.motion.trajectory import Array, Trajectory
+from deltaopt.scene.scene import Scene
+
+AT_LIMIT = 0.99
+"""Share of a bound from which a quantity counts as being at it. A plan of the default tolerance
+stays within 1 % of a torque limit that it is held at, because torques sag between the points of a
+mesh; plans with resolved switches stay within rounding. A smaller share would count the ramps from
+one limit to another."""
+_STEPS = 32
+"""Parts that each interval of a motion is looked at in: instants are then known to 3 % of it."""
+
+
+@dataclass(frozen=True, eq=False)
+class ShareCurve:
+    """One limited quantity over time, as a signed share of its bounds.
+
+    ``limit``: the limit's name. ``subject``: "motor 2". ``values``: (N,), 1 at the upper bound and
+    -1 at the lower; between two bounds counted from their middle.
+    """
+
+    limit: str
+    subject: str
+    values: Array
+
+
+@dataclass(frozen=True)
+class Span:
+    """A part of a motion's time, s, in which a quantity is at a bound.
+
+    ``upper``: whether it is the upper one.
+    """
+
+    begin: float
+    end: float
+    upper: bool
+
+
+@dataclass(frozen=True)
+class ActiveLimit:
+    """When a quantity is at one of its bounds.
+
+    ``limit``: the limit's name. ``subject``: "motor 2". ``spans``: in the order of time. ``share``:
+    of the motion's duration, 0 to 1.
+    """
+
+    limit: str
+    subject: str
+    spans: tuple[Span, ...]
+    share: float
+
+    @property
+    def sentence(self) -> str:
+        """Such as "motor 2's torque is at its limit 94 % of the time"."""
+        percent = f"{100 * self.share:.0f} %"
+        return f"{self.subject}'s {self.limit} is at its limit {percent} of the time"
+
+
+def share_curves(scene: Scene, trajectory: Trajectory, fractions: Array) -> list[ShareCurve]:
+    """The curves of all limits that a motion must keep, at fractions of every interval.
+
+    Where a limit has several items for one subject, the curve is that of the item that is nearest
+    to its bound at each instant.
+    """
+    found: dict[tuple[str, str], Array] = {}
+    for curves in limit_curves(scene, trajectory, fractions):
+        for subject, values in _each(curves):
+            name = (curves.limit.name, subject)
+            before = found.get(name, np.zeros(len(values)))
+            found[name] = np.where(np.abs(values) > np.abs(before), values, before)
+    return [ShareCurve(limit, subject, values) for (limit, subject), values in found.items()]
+
+
+def active_limits(scene: Scene, trajectory: Trajectory) -> tuple[ActiveLimit, ...]:
+    """The limits that a motion is at for some of its time, those of most time first."""
+    cells = (np.arange(_STEPS) + 0.5) / _STEPS
+    edges = np.arange(_STEPS + 1) / _STEPS
+    lengths = np.diff(trajectory.knots)
+    begins = trajectory.knots[:-1, None] + lengths[:, None] * edges[:-1]
+    ends = np.append(begins.ravel()[1:], trajectory.knots[-1])
+    found = []
+    for curve in share_curves(scene, trajectory, cells):
+        at = np.where(np.abs(curve.values) >= AT_LIMIT, np.sign(curve.values), 0.0)
+        spans = tuple(_spans(at, begins.ravel(), ends))
+        if spans:
+            held = sum(span.end - span.begin for span in spans)
+            found.append(ActiveLimit(curve.limit, curve.subject, spans, held / trajectory.duration))
+    return tuple(sorted(found, key=lambda each: -each.share))
+
+
+def _each(curves: LimitCurves) -> Iterator[tuple[str, Array]]:
+    """The subject and the signed shares of every item of a limit."""
+    several = curves.values.shape[1] > 1
+    for k, values in enumerate(curves.values.T):
+        subject = f"{curves.limit.subject} {k + 1}" if several else curves.limit.subject
+        yield subject, _signed(values, float(curves.lower[k]), float(curves.upper[k]))
+
+
+def _signed(values: Array, lower: float, upper: float) -> Array:
+    """Values as signed shares of their bounds. A single bound of 0, which has no share, is counted
+    from the value that is furthest from it."""
+    if np.isfinite(lower) and np.isfinite(upper):
+        return np.asarray((values - (lower + upper) / 2) / ((upper - lower) / 2))
+    if np.isfinite(upper):
+        if upper > 0:
+            return np.asarray(values / upper)
+        return np.asarray(1 - (upper - values) / max(float((upper - values).max()), 1e-12))
+    if lower > 0:
+        return np.asarray(-lower / np.maximum(values, 1e-12 * lower))
+    return np.asarray(-1 + (values - lower) / max(float((values - lower).max()), 1e-12))
+
+
+def _spans(at: Array, begins: Array, ends: Array) -> Iterator[Span]:
+    """The runs of equal nonzero values of ``at``, (N,): 1 at an upper bound, -1 at a lower."""
+    changes: NDArray[np.intp] = np.flatnonzero(np.diff(at)) + 1
+    for first, last in zip([0, *changes.tolist()], [*changes.tolist(), len(at)], strict=True):
+        if at[first]:
+            yield Span(float(begins[first]), float(ends[last - 1]), bool(at[first] > 0))

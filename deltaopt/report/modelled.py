@@ -1,0 +1,37 @@
+"""What of a robot is modelled and what is not, in words."""
+
+from __future__ import annotations
+
+from deltaopt.scene.scene import Scene
+
+NEVER = ("elasticity", "play in joints", "collisions", "limits of jerk")
+"""What no model of this package has."""
+
+
+def modelled(scene: Scene) -> list[str]:
+    """The terms that are in a scene's equations, one phrase each."""
+    return [phrase for phrase, present in _terms(scene).items() if present]
+
+
+def not_modelled(scene: Scene) -> list[str]:
+    """The terms that are not, of those that the model could have and of all others."""
+    left_out = [phrase for phrase, present in _terms(scene).items() if not present]
+    return [*left_out, *NEVER]
+
+
+def _terms(scene: Scene) -> dict[str, bool]:
+    """Every term, and whether the scene's model has it."""
+    robot, drive = scene.robot, scene.robot.drive
+    friction, tool = drive.friction, robot.tool
+    gravity = robot.gravity if isinstance(robot.gravity, tuple) else (robot.gravity,)
+    return {
+        "masses and inertia of platform, arms and forearms": True,
+        "payload": scene.payload is not None,
+        "gravity": any(gravity),
+        "masses of the elbows": bool(robot.elbow and robot.elbow.mass),
+        "masses of the pins at the platform": bool(robot.platform.pins),
+        "a tool's mass or offset": bool(tool and (tool.mass or tool.offset)),
+        "inertia of motors and gears": bool(drive.inertia),
+        "viscous friction": bool(friction and friction.viscous),
+        "Coulomb friction": bool(friction and friction.coulomb),
+    }

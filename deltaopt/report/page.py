@@ -1,0 +1,278 @@
+"""report.html: a plan as one file that needs no network and no program but a browser.
+
+The script is written by hand and drawn as SVG: some ten kilobytes, where a copy of a charting
+library such as plotly would be 4.9 MB in each file and could neither draw the robot's bars nor link
+it to bands. All numbers are embedded as JSON and all text is escaped: names of robots come from
+files.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Sequence
+from html import escape
+from importlib.resources import files
+from math import isfinite
+from pathlib import Path
+
+from deltaopt.errors import in_words
+from deltaopt.files.atomic_write import atomic_write
+from deltaopt.motion.active_limits import ActiveLimit, active_limits
+from deltaopt.motion.trajectory import Trajectory
+from deltaopt.plots.colours import COLOURS, OF_LIMITS
+from deltaopt.report.modelled import modelled, not_modelled
+from deltaopt.report.moving_robot import drawing
+from deltaopt.scene.scene import Scene
+from deltaopt.scene.task import distance
+from deltaopt.verify.duty import Duty
+from deltaopt.verify.verification import Check, Verification
+
+_LEAST_SHARE = 0.005
+"""Share of the time below which a limit that is held is not told in words: half of a per cent."""
+
+
+def write_report(
+    file: Path,
+    scene: Scene,
+    trajectory: Trajectory,
+    verification: Verification,
+    gap: float | None = None,
+) -> None:
+    """Write the page of a motion. ``gap``: of a plan, estimated; None if it was not optimised.
+
+    Raises OSError if the file cannot be written.
+    """
+    with atomic_write(file) as temporary:
+        text = report(scene, trajectory, verification, gap)
+        temporary.write_text(text, encoding="utf-8")
+
+
+def report(
+    scene: Scene, trajectory: Trajectory, verification: Verification, gap: float | None = None
+) -> str:
+    """The text of the page; see ``write_report``."""
+    active = active_limits(scene, trajectory)
+    data = drawing(scene, trajectory, active) | {
+        "motor_colours": COLOURS,
+        "limit_colours": OF_LIMITS,
+    }
+    parts = [
+        _head(scene, trajectory, verification, gap),
+        _FIGURES,
+        _section("What limits the motion", _list(limits_in_words(active))),
+        _section("Verification", _verification(verification)),
+        _section(
+            "Duty of the motors", "" if verification.duty is None else _duty(verification.duty)
+        ),
+        _section("Distance to singularities", _singularities(verification)),
+        _section(
+            "What is modelled",
+            _list(modelled(scene)) + "<p>Not modelled:</p>" + _list(not_modelled(scene)),
+        ),
+    ]
+    return f"""<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta http-equiv="Content-Security-Policy"
+ content="default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:">
+<link rel="icon" href="data:,">
+<title>{escape(headline(trajectory))}, {escape(scene.robot.name)}</title>
+<style>
+{_own_file("page.css")}</style>
+</head>
+<body>
+<main>
+{"".join(parts)}
+</main>
+<script type="application/json" id="plan">{_json(data)}</script>
+<script>
+{_own_file("page.js")}</script>
+</body>
+</html>
+"""
+
+
+def headline(trajectory: Trajectory) -> str:
+    """The duration, and how many picks a minute it permits at most."""
+    return f"{trajectory.duration:.3f} s, {_per_minute(trajectory)} picks per minute"
+
+
+def limits_in_words(active: Iterable[ActiveLimit]) -> list[str]:
+    """A sentence for every limit that the motion is at for a noticeable part of its time."""
+    told = [each.sentence for each in active if each.share >= _LEAST_SHARE]
+    return [text[0].upper() + text[1:] + "." for text in told] or [
+        "No limit is reached for a noticeable part of the time."
+    ]
+
+
+def _per_minute(trajectory: Trajectory) -> str:
+    """60 s over twice the duration: there and back."""
+    rate = 30 / trajectory.duration
+    return f"{rate:.0f}" if rate >= 10 else f"{rate:.2g}"
+
+
+def _head(
+    scene: Scene, trajectory: Trajectory, verification: Verification, gap: float | None
+) -> str:
+    payload = "without payload" if scene.payload is None else f"with {scene.payload:g} kg"
+    way = f"{1e3 * distance(scene.task):.4g} mm"
+    start, goal = in_words(scene.start), in_words(scene.goal)
+    optimality = (
+        "This motion was not optimised: it is the straight line, as fast as the limits permit by "
+        "a quintic law."
+        if gap is None
+        else f"Estimated to be at most {_percent(gap)} above the best motion of its kind for the "
+        f"objective, {scene.objective}. Motions that lead another way were not compared."
+    )
+    verified = (
+        "Verified by code that the planner does not use: every limit is kept at every instant."
+        if verification.ok
+        else "Verification failed: " + "; ".join(verification.failures()) + "."
+    )
+    return f"""<header>
+<p class="robot">{escape(scene.robot.name)}</p>
+<h1>{escape(headline(trajectory))}</h1>
+<p>{escape(way)} from {escape(start)} to {escape(goal)} m, {escape(payload)}. The picks per minute
+count the way there and one as long back, and no time for gripping.</p>
+<p>{escape(optimality)}</p>
+<p class="{"good" if verification.ok else "bad"}">{escape(verified)}</p>
+</header>
+"""
+
+
+_FIGURES = """<section class="figures">
+<div class="robot-side">
+<h2>Motion</h2>
+<svg id="robot" role="img" aria-label="The robot at the instant of the time slider"></svg>
+<div class="views" role="group" aria-label="View">
+<button type="button" data-view="oblique">Oblique</button>
+<button type="button" data-view="front">Front</button>
+<button type="button" data-view="side">Side</button>
+<button type="button" data-view="top">Top</button>
+<button type="button" id="zoom" aria-pressed="false">Path only</button>
+</div>
+<p class="hint">Up is up. Drag to turn the robot. The dotted line is the straight line.</p>
+</div>
+<div class="curve-side">
+<h2>Every limit over time</h2>
+<p class="hint">As a share of its bound: 100 % is the limit, −100 % the limit in the other
+direction.</p>
+<div id="curves"></div>
+<h2>Which limit holds when</h2>
+<div id="bands"></div>
+</div>
+<div class="time">
+<button type="button" id="play" aria-label="Play">▶</button>
+<label for="time">Time</label>
+<input type="range" id="time" min="0" max="0" step="1" value="0">
+<output id="now" for="time"></output>
+<label for="pace">Pace</label>
+<select id="pace"><option value="0.02">1/50</option><option value="0.1" selected>1/10</option>
+<option value="0.5">1/2</option><option value="1">real</option></select>
+</div>
+<noscript><p>The drawings need JavaScript; the tables below do not.</p></noscript>
+</section>
+"""
+
+
+def _verification(verification: Verification) -> str:
+    intro = (
+        "Each measure is held against what it may be at most. Excesses are shares of a limit: "
+        "negative or zero means that it is kept."
+    )
+    rows = [_check(check) for check in verification.checks()]
+    return f"<p>{intro}</p>" + _table(("measure", "value", "at most", "unit", ""), rows)
+
+
+def _check(check: Check) -> tuple[str, ...]:
+    name = check.bound.measure.replace("_", " ")
+    value = f"{check.value:.1e}" if isfinite(check.value) else "not evaluated"
+    return (
+        name,
+        value,
+        f"{check.bound.at_most:.0e}",
+        check.bound.unit,
+        ("ok" if check.ok else "failed"),
+    )
+
+
+def _duty(duty: Duty) -> str:
+    motors = duty.motors
+    rows: list[tuple[str, str, Sequence[float | None]]] = [
+        ("RMS torque", "N·m", [each.rms_torque for each in motors]),
+        ("rated torque", "N·m", duty.rated_torque or ()),
+        ("RMS torque at the motor", "N·m", [each.motor_rms_torque for each in motors]),
+        ("cubic mean of the gear's torque", "N·m", [each.gear_torque for each in motors]),
+        ("nominal torque of the gear", "N·m", [duty.nominal_torque] * 3),
+        ("work done", "J", [each.work_done for each in motors]),
+        ("work absorbed", "J", [each.work_absorbed for each in motors]),
+        ("peak power", "W", [each.peak_power for each in motors]),
+        ("largest speed", "rad/s", [each.largest_speed for each in motors]),
+    ]
+    table = [
+        (name, *(f"{value:.4g}" for value in values if value is not None), unit)
+        for name, unit, values in rows
+        if any(value is not None for value in values)
+    ]
+    done, absorbed = (
+        sum(getattr(each, name) for each in motors) for name in ("work_done", "work_absorbed")
+    )
+    together = (
+        f"All motors together: peak power {duty.peak_power:.4g} W, work done {done:.4g} J, "
+        f"absorbed {absorbed:.4g} J: {done - absorbed:.3g} J net and at most {done:.4g} J if "
+        "braking returns nothing."
+    )
+    return (
+        _table(("at the arm", "motor 1", "motor 2", "motor 3", "unit"), table)
+        + f"<p>{escape(together)}</p>"
+    )
+
+
+def _singularities(verification: Verification) -> str:
+    rows = [
+        (each.name, f"{each.least:.2g}", f"{each.subject} at {1e3 * each.t:.4g} ms")
+        for each in verification.distances
+    ]
+    if not rows:
+        return ""
+    return "<p>0 in a singularity, 1 at best; there is no bound on it.</p>" + _table(
+        ("singularity", "least distance", "where and when"), rows
+    )
+
+
+def _section(title: str, content: str) -> str:
+    """A section of the page; nothing without content."""
+    return f"<section>\n<h2>{escape(title)}</h2>\n{content}\n</section>\n" if content else ""
+
+
+def _list(items: Iterable[str]) -> str:
+    return "<ul>" + "".join(f"<li>{escape(item)}</li>" for item in items) + "</ul>"
+
+
+def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    names = "".join(f'<th scope="col">{escape(name)}</th>' for name in head)
+    lines = (
+        f'<tr><th scope="row">{escape(first)}</th>'
+        + "".join(f"<td>{escape(cell)}</td>" for cell in rest)
+        + "</tr>"
+        for first, *rest in rows
+    )
+    body = "\n".join(lines)
+    head_row = f"<thead><tr>{names}</tr></thead>"
+    return f'<div class="wide"><table>{head_row}<tbody>\n{body}\n</tbody></table></div>'
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.2g} %"
+
+
+def _json(data: object) -> str:
+    """JSON that no text in it can end the script element of."""
+    text = json.dumps(data, allow_nan=False, separators=(",", ":"), ensure_ascii=True)
+    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+def _own_file(name: str) -> str:
+    return (files("deltaopt.report") / name).read_text(encoding="utf-8")

@@ -1,0 +1,333 @@
+"""report.html: what it says, what it draws, and that it needs and admits nothing from outside."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from deltaopt.cli import main
+from deltaopt.motion.active_limits import AT_LIMIT, active_limits, share_curves
+from deltaopt.planning.initial_motion import baseline
+from deltaopt.planning.planner import plan
+from deltaopt.report.page import report, write_report
+from deltaopt.scene.scene import load_scene
+from deltaopt.verify.verification import verify
+
+PROBLEMS = Path(__file__).parents[2] / "problems"
+SCENE = load_scene(PROBLEMS / "pick_and_place.yaml")
+TRICK = "</script><script>document.title='taken'</script><img src=x onerror=alert(1)>&\"'"
+
+
+class Text(HTMLParser):
+    """Collects the text between tags, the tags, and the embedded JSON."""
+
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.words: list[str] = []
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.feed(page)
+
+    def handle_starttag(self, tag: str, attributes: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attributes)))
+
+    def handle_data(self, data: str) -> None:
+        self.words.append(data)
+
+    def __str__(self) -> str:
+        return " ".join(" ".join(self.words).split())
+
+
+@pytest.fixture(scope="module")
+def planned():
+    found = plan(SCENE)
+    return found, verify(SCENE, found.trajectory)
+
+
+@pytest.fixture(scope="module")
+def page(planned, tmp_path_factory) -> Path:
+    found, verification = planned
+    file = tmp_path_factory.mktemp("report") / "report.html"
+    write_report(file, SCENE, found.trajectory, verification, found.gap)
+    return file
+
+
+def embedded(page: str) -> dict:
+    return json.loads(re.search(r'<script type="application/json".*?>(.*?)</script>', page)[1])
+
+
+# What limits a motion
+
+
+def test_signed_shares_of_torques_are_torques_over_their_limit(planned):
+    trajectory = planned[0].trajectory
+    inside = np.linspace(0, 1, 7)
+    curves = share_curves(SCENE, trajectory, inside)
+    assert [(c.limit, c.subject) for c in curves] == [("torque", f"motor {k}") for k in (1, 2, 3)]
+    tau = trajectory.inside_intervals(inside).tau
+    np.testing.assert_allclose(np.array([c.values for c in curves]).T, tau / 10.0, atol=1e-12)
+
+
+def test_time_at_limits_is_that_of_dense_samples(planned):
+    trajectory = planned[0].trajectory
+    t = np.linspace(0, trajectory.duration, 200_001)[1:-1]
+    at = np.abs(trajectory(t).tau / 10.0) >= AT_LIMIT
+    found = {each.subject: each for each in active_limits(SCENE, trajectory)}
+    for k in range(3):
+        each = found[f"motor {k + 1}"]
+        assert each.share == pytest.approx(at[:, k].mean(), abs=2e-3)
+        for span in each.spans:
+            inside = (t > span.begin + 1e-4) & (t < span.end - 1e-4)
+            sign = 1 if span.upper else -1
+            assert (sign * trajectory(t[inside]).tau[:, k] / 10.0 > 0.98).all()
+        assert sum(s.end - s.begin for s in each.spans) == pytest.approx(
+            each.share * trajectory.duration
+        )
+
+
+def test_a_slow_motion_is_at_no_limit():
+    assert active_limits(SCENE, baseline(SCENE).slowed(2.0)) == ()
+    text = report(SCENE, slow := baseline(SCENE).slowed(2.0), verify(SCENE, slow))
+    assert "No limit is reached for a noticeable part of the time." in text
+
+
+# What the page says
+
+
+def test_the_command_writes_it(tmp_path, capsys):
+    scene = str(PROBLEMS / "pick_and_place.yaml")
+    assert main(["plan", scene, "--baseline", "--report", "--no-plot", "-o", str(tmp_path)]) == 0
+    names = sorted(file.name for file in tmp_path.iterdir())
+    assert names == ["plan.json", "report.html", "trajectory.csv"]
+    assert "report.html" in capsys.readouterr().out
+
+
+def test_it_says_what_was_found(planned, page):
+    found, verification = planned
+    text = str(Text(page.read_text(encoding="utf-8")))
+    assert f"{found.duration:.3f} s, {30 / found.duration:.0f} picks per minute" in text
+    assert "150 mm from [0.45, -0.05, 0] to [0.45, 0.1, 0] m, with 1 kg" in text
+    for check in verification.checks():
+        assert check.bound.measure.replace("_", " ") in text
+    for each in verification.duty.motors:
+        assert f"{each.rms_torque:.4g}" in text
+    for each in verification.distances:
+        assert each.name in text
+    for word in ("payload", "gravity", "elasticity", "limits of jerk"):
+        assert word in text
+    assert "Motor 1's torque is at its limit" in text
+
+
+def test_nothing_reads_like_a_failure_when_all_is_well(page):
+    whole = page.read_text(encoding="utf-8")
+    told = str(Text(whole[whole.index("<body>") : whole.index("<script")])).lower()
+    for word in ("fail", "not met", "error:", "warning", "violat", "exceeds"):
+        assert word not in told
+
+
+def test_a_failed_verification_is_told():
+    fast = baseline(SCENE).slowed(0.99)
+    text = str(Text(report(SCENE, fast, verify(SCENE, fast))))
+    assert "Verification failed: torque of motor 1 exceeds its limit" in text
+
+
+def test_names_cannot_write_html(planned):
+    robot = SCENE.robot.model_copy(update={"name": TRICK})
+    scene = SCENE.model_copy(update={"robot": robot})
+    found, verification = planned
+    text = report(scene, found.trajectory, verification, found.gap)
+    tags = [tag for tag, _ in Text(text).tags]
+    assert "img" not in tags
+    assert tags.count("script") == 2
+    assert TRICK.replace("</script>", "") not in text
+
+
+def test_nothing_is_loaded(page):
+    text = page.read_text(encoding="utf-8")
+    for _, attributes in Text(text).tags:
+        for name in ("src", "href", "action", "data"):
+            assert (attributes.get(name) or "data:").startswith("data:")
+    assert "default-src 'none'" in text
+    assert re.findall(r"url\(|@import|fetch\(|XMLHttpRequest|import\(|eval\(", text) == []
+    assert len(text) < 200_000
+
+
+def test_embedded_frames_are_the_motion(planned, page):
+    data, trajectory = embedded(page.read_text(encoding="utf-8")), planned[0].trajectory
+    motion = trajectory(np.linspace(0, trajectory.duration, len(data["frames"]["t"])))
+    np.testing.assert_allclose(data["frames"]["t"], motion.t, rtol=0, atol=1e-7)
+    np.testing.assert_allclose(data["frames"]["x"], motion.x, rtol=0, atol=1e-7)
+    np.testing.assert_allclose(data["frames"]["theta"], motion.theta, rtol=0, atol=1e-7)
+
+
+# In a browser
+
+
+CHROMIUM = next(
+    filter(
+        None,
+        map(
+            shutil.which,
+            ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome"),
+        ),
+    ),
+    None,
+)
+
+
+@pytest.fixture(scope="module")
+def browser():
+    playwright = pytest.importorskip(
+        "playwright.sync_api", reason="no playwright: pip install -e '.[browser]'"
+    )
+    if CHROMIUM is None:
+        pytest.skip("no Chromium on this machine: report.html is not tried in a browser")
+    with playwright.sync_playwright() as started:
+        chromium = started.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield chromium
+        chromium.close()
+
+
+class Opened:
+    """The page in a browser, with everything that its console said and all that it asked for."""
+
+    def __init__(self, browser, file: Path, width: int = 1280) -> None:
+        self.page = browser.new_page(viewport={"width": width, "height": 900})
+        self.said: list[str] = []
+        self.asked: list[str] = []
+        self.page.on("console", lambda message: self.said.append(message.text))
+        self.page.on("pageerror", lambda error: self.said.append(str(error)))
+        self.page.on("request", lambda request: self.asked.append(request.url))
+        self.page.goto(file.as_uri())
+
+    def numbers(self, element: str, *names: str) -> np.ndarray:
+        found = [self.page.locator(element).first.get_attribute(name) for name in names]
+        return np.array(found, dtype=float)
+
+    def frame(self) -> int:
+        return int(self.page.locator("#time").input_value())
+
+    def go_to(self, frame: int) -> None:
+        self.page.locator("#time").fill(str(frame))
+
+
+def test_the_robot_is_drawn_where_it_is(browser, planned, page):
+    """In the front view coordinates are y and x of the base's frame, mm: up is up."""
+    opened, trajectory = Opened(browser, page), planned[0].trajectory
+    opened.page.locator("[data-view=front]").click()
+    robot, seen = SCENE.robot, []
+    for frame in (0, 100, 277, 400):
+        opened.go_to(frame)
+        motion = trajectory(trajectory.duration * frame / 400)
+        tool = opened.numbers("#tool", "cx", "cy")
+        np.testing.assert_allclose(tool, 1e3 * motion.x[0, [1, 0]], atol=2e-3)
+        for k, azimuth in enumerate(np.deg2rad([0, 120, 240])):
+            theta = motion.theta[0, k]
+            out = robot.base_radius + robot.upper_arm.length * np.cos(theta)
+            elbow = 1e3 * np.array([np.cos(azimuth) * out, -robot.upper_arm.length * np.sin(theta)])
+            drawn = opened.numbers(f"#arm{k + 1}", "x2", "y2")
+            np.testing.assert_allclose(drawn, elbow, atol=2e-3)
+        seen.append(tool)
+    assert np.ptp(seen, axis=0).min() > 1.0
+    assert opened.said == []
+    assert opened.asked == [page.as_uri()]
+    opened.page.close()
+
+
+def test_bars_keep_their_length(browser, page):
+    """Front and side view together give all three coordinates of what is drawn."""
+    opened = Opened(browser, page)
+    opened.go_to(123)
+    found = {}
+    for view in ("front", "side"):
+        opened.page.locator(f"[data-view={view}]").click()
+        for bar in (f"#bar{k}{side}" for k in (1, 2, 3) for side in "ab"):
+            x1, y1, x2, y2 = opened.numbers(bar, "x1", "y1", "x2", "y2")
+            found[view, bar] = np.array([y2 - y1, x2 - x1])
+    opened.page.close()
+    for bar in {bar for _, bar in found}:
+        (down, y), (same, z) = found["front", bar], found["side", bar]
+        assert down > 0
+        assert same == pytest.approx(down, abs=2e-3)
+        length = np.linalg.norm([down, y, z])
+        assert length == pytest.approx(1e3 * SCENE.robot.forearm.length, abs=5e-3)
+
+
+def test_keys_move_the_time(browser, page):
+    opened = Opened(browser, page)
+    press = opened.page.keyboard.press
+    press("ArrowRight")  # with nothing in focus
+    press("ArrowRight")
+    press("ArrowLeft")
+    assert opened.frame() == 1
+    before = opened.numbers("#tool", "cx", "cy")
+    opened.page.locator("#time").focus()
+    for key in ("ArrowRight", "PageUp", "ArrowLeft"):
+        press(key)
+    assert opened.frame() > 10
+    assert not np.allclose(before, opened.numbers("#tool", "cx", "cy"))
+    press("End")
+    assert opened.frame() == 400
+    assert opened.page.locator("#time").get_attribute("aria-valuetext").endswith("ms")
+    press("Home")
+    press("Space")
+    opened.page.wait_for_function("Number(document.getElementById('time').value) > 3")
+    press("Space")
+    stopped = opened.frame()
+    opened.page.wait_for_timeout(100)
+    assert opened.frame() == stopped
+    assert opened.said == []
+    opened.page.close()
+
+
+def test_charts_are_linked_to_the_time(browser, planned, page):
+    opened = Opened(browser, page)
+    found = []
+    for frame in (40, 360):
+        opened.go_to(frame)
+        found.append([c.get_attribute("x1") for c in opened.page.locator(".cursor").all()])
+        text = opened.page.locator("#curves figcaption").first.inner_text()
+        told = [float(n.replace("−", "-")) for n in re.findall(r"(−?\d+) %", text)]
+        motion = planned[0].trajectory(planned[0].duration * frame / 400)
+        np.testing.assert_allclose(told, 10 * motion.tau[0], atol=2.0)
+    assert len(found[0]) == 2
+    assert all(a != b for a, b in zip(*found, strict=True))
+    box = opened.page.locator("#curves svg[role=img]").first.bounding_box()
+    opened.page.mouse.click(box["x"] + box["width"] - 12, box["y"] + 40)
+    assert opened.frame() == 400
+    spans = opened.page.locator(".span")
+    assert spans.count() == sum(
+        len(each.spans) for each in active_limits(SCENE, planned[0].trajectory)
+    )
+    opened.page.close()
+
+
+@pytest.mark.parametrize("width", [360, 800, 1600])
+def test_layouts_fit_their_width(browser, page, width):
+    opened = Opened(browser, page, width)
+    wide = opened.page.evaluate("document.documentElement.scrollWidth")
+    assert wide <= width
+    charts = opened.page.locator("#curves svg[role=img]").first.bounding_box()
+    robot = opened.page.locator("#robot").bounding_box()
+    if width < 960:
+        assert charts["y"] > robot["y"] + robot["height"]
+    else:
+        assert charts["x"] > robot["x"] + robot["width"]
+    opened.page.close()
+
+
+def test_a_name_stays_a_name(browser, planned, tmp_path):
+    robot = SCENE.robot.model_copy(update={"name": TRICK})
+    found, verification = planned
+    scene = SCENE.model_copy(update={"robot": robot})
+    write_report(tmp_path / "r.html", scene, found.trajectory, verification, found.gap)
+    opened = Opened(browser, tmp_path / "r.html")
+    assert TRICK in opened.page.title()
+    assert opened.page.locator(".robot").inner_text() == TRICK
+    assert opened.said == []
+    opened.page.close()
