@@ -13,7 +13,7 @@ import sys
 from collections.abc import Callable
 from typing import Any, Protocol
 
-from deltaopt.cli import bench, check, compare, export, inverse, plan, verify
+from deltaopt.cli import bench, check, compare, export, inverse, new, plan, verify
 from deltaopt.cli.arguments import WrongUsage
 from deltaopt.cli.streams import discard, flush, print_any_text, say
 from deltaopt.errors import DeltaOptError, SceneError, on_one_line
@@ -44,6 +44,7 @@ class Command(Protocol):
 
 
 COMMANDS: dict[str, Command] = {
+    "new": new,
     "plan": plan,
     "check": check,
     "inverse": inverse,
@@ -109,7 +110,7 @@ def command_line() -> argparse.ArgumentParser:
 
 
 def add_command(
-    subparsers: argparse._SubParsersAction[argparse.ArgumentParser], name: str, command: Command
+    subparsers: argparse._SubParsersAction[Parser], name: str, command: Command
 ) -> argparse.ArgumentParser:
     """Add the parser of a command, whose ``run`` the parsed arguments then carry."""
     parser = subparsers.add_parser(

@@ -18,15 +18,17 @@ Exit code: 0 the scene can be planned; 1 it has no solution; 2 bad input.
 from __future__ import annotations
 
 import argparse
+from math import isfinite
 from pathlib import Path
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.cli.arguments import WrongUsage, add_output, output_directory
+from deltaopt.cli.arguments import WrongUsage, add_json, add_output, output_directory
 from deltaopt.cli.plan import duty_table
 from deltaopt.cli.progress import ProgressBar
+from deltaopt.cli.streams import print_json
 from deltaopt.codegen.compile import describe
 from deltaopt.errors import DeltaOptError, in_words
 from deltaopt.files.validated_record import PerMotor, per_motor
@@ -70,24 +72,56 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "does, and draw terms.png",
     )
     add_output(parser)
+    add_json(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     if arguments.output is not None and not arguments.terms:
         raise WrongUsage("--output says where the chart of --terms goes; give both or neither")
+    if arguments.terms and arguments.json:
+        raise WrongUsage("--terms prints a table; it has no --json")
     if arguments.terms:
         return _terms(arguments)
     if _is_robot(arguments.scene):
         robot = load_robot(arguments.scene)
+        if arguments.json:
+            print_json({"robot": robot.model_dump(mode="json", exclude_none=True)})
+            return 0
         print("\n".join([f"{'robot':<13}{robot.name}", *drive_table(robot.drive)]))
         return 0
     scene = load_scene(arguments.scene)
     check_feasible(scene)
+    if arguments.json:
+        print_json(_as_dict(arguments.scene, scene))
+        return 0
     for name, text in _description(scene):
         print(f"{name:<13}{text}")
     print("\n".join(["", *drive_table(scene.robot.drive), *_duty_of_baseline(scene)]))
     print(f"\n{limits_table(scene)}")
     return 0
+
+
+def _as_dict(file: Path, scene: Scene) -> dict[str, object]:
+    """What is printed of a scene, for machines."""
+    limits = limits_of(scene)
+    constraints, (lower, upper) = limits.constraints, limits.bounds
+    return {
+        "file": str(file),
+        "description": dict(_description(scene)),
+        "limits": [
+            {
+                "limit": limit.name,
+                "subject": limit.subject,
+                "unit": limit.unit,
+                "lower": [value if isfinite(value) else None for value in lower[own].tolist()],
+                "upper": [value if isfinite(value) else None for value in upper[own].tolist()],
+                "order": limit.order,
+                "promised": limit.promised,
+            }
+            for limit, own in zip(constraints.limits, constraints.slices, strict=True)
+        ],
+        "scene": scene.model_dump(mode="json", exclude_none=True),
+    }
 
 
 def _terms(arguments: argparse.Namespace) -> int:

@@ -19,6 +19,7 @@ import argparse
 from pathlib import Path
 
 from deltaopt.cli.arguments import folder, positive
+from deltaopt.cli.streams import print_written
 from deltaopt.files.atomic_write import atomic_write
 from deltaopt.output.joint_table import (
     Cubic,
@@ -137,8 +138,9 @@ def run(arguments: argparse.Namespace) -> int:
 def _c(arguments: argparse.Namespace) -> int:
     from deltaopt.output.controller_c import export_c
 
-    written = export_c(load_robot(arguments.robot), arguments.output)
-    print("written:", ", ".join(map(str, written)))
+    robot, folder = load_robot(arguments.robot), arguments.output
+    before = set(folder.iterdir()) if folder.is_dir() else set()
+    print_written(export_c(robot, folder), before)
     return 0
 
 
@@ -146,29 +148,37 @@ def _mjcf(arguments: argparse.Namespace) -> int:
     from deltaopt.output.mjcf import mjcf
 
     text = mjcf(load_robot(arguments.robot), arguments.payload)
+    before = _there(arguments.output)
     with atomic_write(arguments.output) as file:
         file.write_text(text, encoding="utf-8")
-    print("written:", arguments.output)
+    print_written([arguments.output], before)
     return 0
 
 
 def _table(arguments: argparse.Namespace) -> int:
     plan = load_plan(arguments.plan)
     table = of_controller(_checked(plan, arguments), plan.scene.robot)
+    before = _there(arguments.output)
     write_table(arguments.output, table, UNITS[arguments.unit])
-    print("written:", arguments.output)
+    print_written([arguments.output], before)
     return 0
 
 
 def _ros2(arguments: argparse.Namespace) -> int:
     plan = load_plan(arguments.plan)
     table = of_controller(_checked(plan, arguments), plan.scene.robot)
+    before = _there(arguments.output)
     if arguments.output.suffix in (".yaml", ".yml"):
         write_ros2_yaml(arguments.output, table, tuple(arguments.joints))
     else:
         write_ros2_bag(arguments.output, table, tuple(arguments.joints), arguments.topic)
-    print("written:", arguments.output)
+    print_written([arguments.output], before)
     return 0
+
+
+def _there(file: Path) -> set[Path]:
+    """The file, if it exists."""
+    return {file} if file.exists() else set()
 
 
 def _checked(plan: SavedPlan, arguments: argparse.Namespace) -> JointTable:

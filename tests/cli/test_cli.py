@@ -326,9 +326,12 @@ def test_inverse_in_years(tmp_path, capsys):
 @pytest.mark.parametrize(
     "words",
     [
-        [],
         ["plot"],
         ["plan"],
+        ["plan", "a.yaml", "--start", "1"],
+        ["plan", "a.yaml", "--base"],
+        ["export", "table", "out/a", "--keep"],
+        ["bench", "any", "a.yaml", "--tol", "1e-3"],
         ["plan", "a.yaml", "--rate", "0"],
         ["plan", "a.yaml", "--rate", "inf"],
         ["plan", "a.yaml", "--tolerance", "-1e-3"],

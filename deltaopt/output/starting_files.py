@@ -1,0 +1,174 @@
+"""A robot file and a scene file to start from, with every key there is and what it means.
+
+Keys and comments are taken from the records that read the files, so that they cannot differ; only
+the example values stand here. A key that is not needed is commented out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, get_args
+
+from deltaopt.errors import DeltaOptError
+from deltaopt.files.output_folder import all_or_none
+from deltaopt.files.validated_record import Record
+from deltaopt.robot.robot import Robot
+from deltaopt.scene.objective import EXPECTED_DURATION
+from deltaopt.scene.scene import Scene
+
+ROBOT_FILE, SCENE_FILE = "robot.yaml", "scene.yaml"
+
+ROBOT = {
+    "name": "my Delta",
+    "base_radius": "225 mm",
+    "platform_radius": "75 mm",
+    "upper_arm.length": "315 mm",
+    "upper_arm.mass": "1.2 kg",
+    "forearm.length": "825 mm",
+    "forearm.mass": "0.5 kg",
+    "platform.mass": "0.8 kg",
+    "drive.torque": "65 N*m",
+    "drive.speed": "300 deg/s",
+}
+"""Values of the keys that a new robot file has, by their place: a robot of the size of the Hornet
+565, with assumed masses."""
+ROBOT_EXTRAS = {
+    "source": "data sheet of ..., masses estimated",
+    "upper_arm.inertia": "0.01 kg*m^2",
+    "upper_arm.centre": "[150 mm, 0 mm]",
+    "forearm.inertia": "[0.0284, 0.0, 0.0284]",
+    "elbow.mass": "0.1 kg",
+    "platform.pins": "50 g",
+    "tool.offset": "[120 mm, 0 mm, 0 mm]",
+    "tool.mass": "0.25 kg",
+    "drive.inertia": "0.02 kg*m^2",
+    "drive.friction.viscous": "0.3 N*m*s/rad",
+    "drive.friction.coulomb": "2 N*m",
+    "drive.friction.speed": "0.05 rad/s",
+    "drive.torque_curve": "[[0 deg/s, 65 N*m], [150 deg/s, 65 N*m], [300 deg/s, 40 N*m]]",
+    "drive.rms_torque": "25 N*m",
+    "drive.motor.peak_torque": "3.82 N*m",
+    "drive.motor.rated_torque": "1.27 N*m",
+    "drive.motor.max_speed": "6000 rpm",
+    "drive.motor.inertia": "0.28 kg*cm^2",
+    "drive.motor.curve": "[[0 rpm, 3.82 N*m], [3500 rpm, 3.82 N*m], [6000 rpm, 1.9 N*m]]",
+    "drive.brake.inertia": "0.05 kg*cm^2",
+    "drive.gear.ratio": "20",
+    "drive.gear.efficiency": "94 %",
+    "drive.gear.inertia": "0.12 kg*cm^2",
+    "drive.gear.peak_torque": "65 N*m",
+    "drive.gear.nominal_torque": "35 N*m",
+    "drive.gear.input_speed": "6000 rpm",
+    "gravity": "9.81 m/s^2",
+    "joints.zero": "0 deg",
+    "joints.sign": "1",
+    "joints.arm": "[-60 deg, 90 deg]",
+    "joints.ball": "55 deg",
+    "workspace.depth": "[0.5 m, 1.0 m]",
+    "workspace.radius": "0.5 m",
+}
+"""Examples of the keys that a robot need not have. With ``motor`` the drive's own numbers go."""
+SCENE = {
+    "robot": ROBOT_FILE,
+    "payload": "1 kg",
+    "start": "[800 mm, -150 mm, 0 mm]",
+    "goal": "[800 mm, 150 mm, 0 mm]",
+}
+"""Values of the keys that a new scene file has."""
+SCENE_EXTRAS = {
+    "limits.torque": "85 %",
+    "limits.speed": "250 deg/s",
+    "limits.acceleration": "120 m/s^2",
+    "objective": "time",
+    "duration": "0.5 s",
+    "tool.offset": "[120 mm, 0 mm, 0 mm]",
+    "tool.mass": "0.25 kg",
+}
+"""Examples of the keys that a scene need not have."""
+
+_ABOUT_ROBOTS = """\
+# A Delta robot. Radii of base and platform are from their centre to the joints.
+# Numbers are in SI units (m, kg, s, N, rad) or text with a unit, such as 350 mm or 4500 rpm.
+# A line that begins with # is not read: remove the # to use it. What is not named is not modelled.
+# The base's frame: x points DOWN, y to motor 1; motors 2 and 3 follow at 120 and 240 degrees.
+# Angles of the arms: 0 is level, positive is up.
+"""
+_ABOUT_SCENES = """\
+# A move from rest to rest: which robot takes what from where to where.
+# Points are [x, y, z] in the base's frame, where x points DOWN, so that a larger x is lower.
+"""
+_BESIDE: dict[str, tuple[Any, str | None]] = {
+    "duration": (None, f"{EXPECTED_DURATION}: of a motion of least effort"),
+    "tool": (Robot.model_fields["tool"].annotation, "instead of the robot's"),
+}
+"""Types and meanings of the keys of a scene that its record takes apart before it reads them."""
+_LEAVES = ("robot", "objective")
+"""Keys of a scene whose records are not written as mappings of their fields: a file, and words."""
+
+
+class FilesExist(DeltaOptError):
+    """A file that would be made is there already."""
+
+
+def write_starting_files(directory: Path) -> list[Path]:
+    """Write robot.yaml and scene.yaml into a directory, made if need be; returns their paths.
+
+    Raises FilesExist where one of them exists, for somebody may have written in it, and OSError
+    where they cannot be written.
+    """
+    texts = {ROBOT_FILE: robot_text(), SCENE_FILE: scene_text()}
+    for name in texts:
+        if (directory / name).exists():
+            raise FilesExist(
+                f"{directory / name} exists and is not overwritten; name another folder"
+            )
+    with all_or_none(directory) as folder:
+        for name, text in texts.items():
+            (folder / name).write_text(text, encoding="utf-8")
+    return [directory / name for name in texts]
+
+
+def robot_text() -> str:
+    """A robot file with every key."""
+    return _ABOUT_ROBOTS + "\n" + "\n".join(_lines(Robot, ROBOT, ROBOT_EXTRAS)) + "\n"
+
+
+def scene_text() -> str:
+    """A scene file with every key."""
+    return _ABOUT_SCENES + "\n" + "\n".join(_lines(Scene, SCENE, SCENE_EXTRAS)) + "\n"
+
+
+def _lines(
+    record: type[Record], used: Mapping[str, str], extras: Mapping[str, str], inside: str = ""
+) -> Iterator[str]:
+    """The lines of a record's keys, those of records in it indented."""
+    fields: dict[str, tuple[Any, str | None]] = {
+        name: (field.annotation, field.description) for name, field in record.model_fields.items()
+    }
+    if record is Scene:
+        fields |= _BESIDE
+    for name, (annotation, description) in fields.items():
+        place = f"{inside}{name}"
+        indent = "  " * inside.count(".")
+        is_used = any(each == place or each.startswith(f"{place}.") for each in used)
+        mark = "" if is_used else "# "
+        inner = None if name in _LEAVES else _record_in(annotation)
+        if inner is None:
+            value = used.get(place) or extras.get(place, "")
+            yield f"{mark}{indent}{name}: {value}  # {description}"
+            continue
+        about = f"  # {description}" if place in _BESIDE else ""
+        yield f"{mark}{indent}{name}:{about}"
+        yield from _lines(inner, used, extras, f"{place}.")
+
+
+def _record_in(annotation: Any) -> type[Record] | None:
+    """The record that a field's type is, or may be; None for other types."""
+    if isinstance(annotation, type) and issubclass(annotation, Record):
+        return annotation
+    for each in get_args(annotation):
+        found = _record_in(each)
+        if found is not None:
+            return found
+    return None

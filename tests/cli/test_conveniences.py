@@ -1,0 +1,156 @@
+"""Help, version, machines' output, several scenes, and that nothing is replaced without a word."""
+
+from __future__ import annotations
+
+import json
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import deltaopt
+from deltaopt.cli import main
+from deltaopt.cli.plan import table
+from deltaopt.output.saved_plan import load_plan
+from deltaopt.planning.initial_motion import baseline
+from deltaopt.scene.scene import load_scene
+from deltaopt.verify.verification import verify
+
+PROBLEMS = Path(__file__).parents[2] / "problems"
+SCENE_FILE = PROBLEMS / "pick_and_place.yaml"
+
+
+def plan(*words: object) -> int:
+    return main(["plan", *map(str, words), "--no-plot"])
+
+
+def test_version(capsys):
+    assert deltaopt.__version__ == version("deltaopt")
+    with pytest.raises(SystemExit) as end:
+        main(["--version"])
+    assert end.value.code == 0
+    assert capsys.readouterr().out == f"deltaopt {deltaopt.__version__}\n"
+
+
+def test_without_a_command_there_is_help(capsys):
+    assert main([]) == 0
+    without = capsys.readouterr()
+    with pytest.raises(SystemExit):
+        main(["--help"])
+    assert without.out == capsys.readouterr().out
+    assert without.err == ""
+
+
+def test_no_chart_if_none_is_wanted(tmp_path):
+    assert plan(SCENE_FILE, "--baseline", "-o", tmp_path) == 0
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["plan.json", "trajectory.csv"]
+
+
+def test_a_baseline_has_a_folder_of_its_own(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert plan(SCENE_FILE) == 0
+    found = (tmp_path / "out/pick_and_place/plan.json").read_bytes()
+    assert plan(SCENE_FILE, "--baseline") == 0
+    assert (tmp_path / "out/pick_and_place/plan.json").read_bytes() == found
+    line = load_plan(tmp_path / "out/pick_and_place/baseline")
+    assert line.duration == baseline(load_scene(SCENE_FILE)).duration
+
+
+def test_what_is_replaced_is_said(tmp_path, capsys):
+    assert plan(SCENE_FILE, "--baseline", "-o", tmp_path) == 0
+    first = capsys.readouterr().out
+    assert f"written: {tmp_path / 'trajectory.csv'}, {tmp_path / 'plan.json'}" in first
+    assert "replaced:" not in first
+    assert plan(SCENE_FILE, "--baseline", "-o", tmp_path) == 0
+    assert f"replaced: {tmp_path / 'trajectory.csv'}" in capsys.readouterr().out
+    for times in ("written: ", "replaced: "):
+        arguments = ["export", "table", str(tmp_path), "-o", str(tmp_path / "table.csv")]
+        assert main(arguments) == 0
+        assert f"{times}{tmp_path / 'table.csv'}\n" in capsys.readouterr().out
+
+
+def test_several_scenes(tmp_path, capsys):
+    other = PROBLEMS / "industrial_cross.yaml"
+    assert plan(SCENE_FILE, other, "--baseline", "-o", tmp_path) == 0
+    for file in (SCENE_FILE, other):
+        assert load_plan(tmp_path / file.stem).scene == load_scene(file)
+    assert capsys.readouterr().out.count("duration ") == 2
+
+
+def test_one_hopeless_scene_of_several(tmp_path, capsys):
+    hopeless = tmp_path / "hopeless.yaml"
+    text = SCENE_FILE.read_text(encoding="utf-8").replace("payload: 1.0", "payload: 10")
+    hopeless.write_text(text.replace("robots/", f"{PROBLEMS}/robots/"), encoding="utf-8")
+    assert plan(hopeless, SCENE_FILE, "--baseline", "-o", tmp_path / "out") == 1
+    assert [file.name for file in (tmp_path / "out").iterdir()] == ["pick_and_place"]
+    assert f"deltaopt: {hopeless}: " in capsys.readouterr().err
+
+
+def test_two_scenes_do_not_share_a_folder(tmp_path, capsys):
+    (tmp_path / "a").mkdir()
+    same = tmp_path / "a" / SCENE_FILE.name
+    same.write_text("", encoding="utf-8")
+    assert plan(SCENE_FILE, same, "-o", tmp_path / "out") == 2
+    assert "would both be written to" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+# For machines
+
+
+def test_plans_as_json(tmp_path, capsys):
+    scene = load_scene(SCENE_FILE)
+    assert plan(SCENE_FILE, "--json", "-o", tmp_path) == 0
+    content = json.loads(capsys.readouterr().out)
+    saved = load_plan(tmp_path)
+    assert (content["ok"], content["scene"]) == (True, str(SCENE_FILE))
+    assert content["duration"] == saved.duration
+    assert content["gap"] == saved.record["gap"] <= content["tolerance"] == 1e-3
+    assert content["verification"] == saved.record["verification"]
+    assert content["files"] == [str(tmp_path / name) for name in ("trajectory.csv", "plan.json")]
+    t = np.linspace(0, saved.duration, 20_001)[1:-1]
+    at = (np.abs(saved.trajectory(t).tau) >= 0.99 * 10.0).mean(axis=0)
+    told = {each["subject"]: each["share_of_time"] for each in content["active_limits"]}
+    assert told == pytest.approx({f"motor {k + 1}": at[k] for k in range(3)}, abs=3e-3)
+    assert main(["verify", str(tmp_path), "--json"]) == 0
+    again = json.loads(capsys.readouterr().out)
+    assert again.pop("plan") == str(tmp_path)
+    assert again == json.loads(json.dumps(verify(scene, saved.trajectory).as_dict()))
+
+
+def test_tables_and_checks_as_json(tmp_path, capsys):
+    assert plan(SCENE_FILE, "--baseline", "-o", tmp_path) == 0
+    robot = str(PROBLEMS / "robots/orsino.yaml")
+    capsys.readouterr()
+    table = str(tmp_path / "trajectory.csv")
+    assert main(["verify", table, "--robot", robot, "--payload", "1", "--json"]) == 0
+    content = json.loads(capsys.readouterr().out)
+    assert content["ok"]
+    assert content["rows"] == 198
+    assert {each["limit"] for each in content["limits"]} == {"torque"}
+    assert main(["check", str(SCENE_FILE), "--json"]) == 0
+    content = json.loads(capsys.readouterr().out)
+    torque = next(each for each in content["limits"] if each["limit"] == "torque")
+    assert (torque["lower"], torque["upper"]) == ([-10.0] * 3, [10.0] * 3)
+    assert content["scene"]["payload"] == 1.0
+    assert main(["check", robot, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["robot"]["drive"]["torque"] == 10.0
+
+
+# What is said when all is well
+
+
+def test_a_plan_says_in_words_what_limits_it(tmp_path, capsys):
+    assert plan(SCENE_FILE, "-o", tmp_path) == 0
+    out = capsys.readouterr().out
+    assert "what limits the motion:\n  motor 1's torque is at its limit 9" in out
+    for words in ("not met", "fail", "Pontryagin"):
+        assert words not in out
+
+
+def test_pontryagins_condition_is_told_where_it_was_asked_for():
+    line = baseline(load_scene(SCENE_FILE))
+    found = verify(load_scene(SCENE_FILE), line)
+    assert "Pontryagin" not in table(found)
+    assert "not met" in table(found, certified=True)

@@ -1,0 +1,133 @@
+"""The files that `deltaopt new` writes: every key, examples that are accepted, nothing lost."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import get_args
+
+import pytest
+
+from deltaopt.cli import main
+from deltaopt.files.validated_record import Record
+from deltaopt.output.starting_files import (
+    ROBOT,
+    ROBOT_EXTRAS,
+    SCENE,
+    SCENE_EXTRAS,
+    robot_text,
+    scene_text,
+)
+from deltaopt.planning.planner import plan
+from deltaopt.robot.robot import Robot, load_robot
+from deltaopt.scene.feasibility import check_feasible
+from deltaopt.scene.scene import Scene, load_scene
+from deltaopt.verify.verification import verify
+
+
+def keys_of(record: type[Record]) -> set[str]:
+    """The keys of a record and of all records in it, read from pydantic's own schema."""
+    schema = record.model_json_schema()
+    found = set(schema["properties"])
+    for definition in schema.get("$defs", {}).values():
+        found |= set(definition.get("properties", {}))
+    return found
+
+
+def paths_of(text: str) -> dict[str, int]:
+    """The dotted key of each line that has one, commented out or not, and the line's number."""
+    found, above = {}, []
+    for number, line in enumerate(text.splitlines()):
+        key = re.match(r"(?:# )?((?:  )*)(\w+):", line)
+        if key:
+            above = [*above[: len(key[1]) // 2], key[2]]
+            found[".".join(above)] = number
+    return found
+
+
+def with_keys(text: str, *beginnings: str, without: tuple[str, ...] = ()) -> str:
+    """The text with the keys that begin so used, and those ``without`` which it is taken out."""
+    lines = text.splitlines()
+    for path, number in paths_of(text).items():
+        if path.startswith(without):
+            lines[number] = "#"
+        elif path.startswith(beginnings):
+            lines[number] = lines[number].removeprefix("# ")
+    return "\n".join(lines)
+
+
+def written(folder: Path) -> Path:
+    assert main(["new", str(folder)]) == 0
+    return folder
+
+
+def test_they_can_be_planned_as_they_are(tmp_path, capsys):
+    scene = load_scene(written(tmp_path) / "scene.yaml")
+    check_feasible(scene)
+    assert scene.robot == load_robot(tmp_path / "robot.yaml")
+    assert "next: put in your numbers" in capsys.readouterr().out
+    found = plan(scene)
+    assert verify(scene, found.trajectory).ok
+    assert 0.1 < found.duration < 1.0
+
+
+def test_every_key_is_there_with_what_it_means():
+    robot, scene = paths_of(robot_text()), paths_of(scene_text())
+    assert {path.split(".")[-1] for path in robot} == keys_of(Robot)
+    assert {path for path in scene if "." not in path} == {*Scene.model_fields, *Scene._keys()}
+    limits = get_args(Scene.model_fields["limits"].annotation)[0]
+    assert {f"limits.{name}" for name in limits.model_fields} <= set(scene)
+    for text in (robot_text(), scene_text()):
+        for line in text.splitlines():
+            if re.match(r"(# )? *\w+: \S", line):
+                assert re.search(r"  # \w", line), line
+
+
+def test_examples_are_of_keys_that_exist():
+    """An example of a key that went would be left over, and never written."""
+    examples = ((robot_text(), ROBOT | ROBOT_EXTRAS), (scene_text(), SCENE | SCENE_EXTRAS))
+    for text, values in examples:
+        assert set(values) <= set(paths_of(text))
+        for value in values.values():
+            assert f": {value}  # " in text
+
+
+AT_THE_ARM = ("drive.torque", "drive.speed", "drive.inertia", "drive.rms_torque")
+OF_A_CATALOGUE = ("drive.motor", "drive.brake", "drive.gear")
+EFFORT = ("objective: time", "objective: effort")
+
+
+def test_every_example_is_accepted(tmp_path):
+    written(tmp_path)
+    robot, scene = tmp_path / "robot.yaml", tmp_path / "scene.yaml"
+    known = tuple(ROBOT | ROBOT_EXTRAS)
+    parents = tuple({path.rsplit(".", 1)[0] for path in known})
+    robot.write_text(
+        with_keys(robot_text(), *known, *parents, without=OF_A_CATALOGUE), encoding="utf-8"
+    )
+    assert load_robot(robot).drive.rms_torque == 25.0
+    assert load_robot(robot).drive.friction.coulomb == 2.0
+    assert load_robot(robot).workspace.radius == 0.5
+    robot.write_text(
+        with_keys(robot_text(), *known, *parents, without=AT_THE_ARM), encoding="utf-8"
+    )
+    assert load_robot(robot).drive.gear.ratio == 20.0
+    assert load_robot(robot).drive.motor.rated_torque == 1.27
+    robot.write_text(robot_text(), encoding="utf-8")
+    scene.write_text(
+        with_keys(scene_text(), *SCENE_EXTRAS, "limits", "tool", without=("duration",)),
+        encoding="utf-8",
+    )
+    assert load_scene(scene).limits.torque == pytest.approx(0.85 * 65.0)
+    assert load_scene(scene).robot.tool.mass == 0.25
+    effort = with_keys(scene_text(), "objective", "duration").replace(*EFFORT)
+    scene.write_text(effort, encoding="utf-8")
+    assert load_scene(scene).objective.given_duration == 0.5
+
+
+def test_nothing_is_overwritten(tmp_path, capsys):
+    (tmp_path / "scene.yaml").write_text("mine", encoding="utf-8")
+    assert main(["new", str(tmp_path)]) == 1
+    assert "scene.yaml exists and is not overwritten" in capsys.readouterr().err
+    assert [file.name for file in tmp_path.iterdir()] == ["scene.yaml"]
+    assert (tmp_path / "scene.yaml").read_text(encoding="utf-8") == "mine"
