@@ -80,6 +80,12 @@ SCENE_EXTRAS = {
     "limits.torque": "85 %",
     "limits.speed": "250 deg/s",
     "limits.acceleration": "120 m/s^2",
+    "limits.platform_speed": "5 m/s",
+    "limits.specific_force": "80 m/s^2",
+    "rotation.angle": "90 deg",
+    "rotation.speed": "2000 deg/s",
+    "rotation.acceleration": "20000 deg/s^2",
+    "path": "line",
     "objective": "time",
     "duration": "0.5 s",
     "tool.offset": "[120 mm, 0 mm, 0 mm]",
@@ -103,8 +109,8 @@ _BESIDE: dict[str, tuple[Any, str | None]] = {
     "tool": (Robot.model_fields["tool"].annotation, "instead of the robot's"),
 }
 """Types and meanings of the keys of a scene that its record takes apart before it reads them."""
-_LEAVES = ("robot", "objective")
-"""Keys of a scene whose records are not written as mappings of their fields: a file, and words."""
+_FILES = ("robot",)
+"""Keys of a scene whose values are files."""
 
 
 class FilesExist(DeltaOptError):
@@ -153,7 +159,7 @@ def _lines(
         indent = "  " * inside.count(".")
         is_used = any(each == place or each.startswith(f"{place}.") for each in used)
         mark = "" if is_used else "# "
-        inner = None if name in _LEAVES else _record_in(annotation)
+        inner = None if name in _FILES else _record_in(annotation)
         if inner is None:
             value = used.get(place) or extras.get(place, "")
             yield f"{mark}{indent}{name}: {value}  # {description}"
@@ -164,11 +170,13 @@ def _lines(
 
 
 def _record_in(annotation: Any) -> type[Record] | None:
-    """The record that a field's type is, or may be; None for other types."""
+    """The record that a field's type is, or may be; None for other types, and for those that are
+    one of several records and told apart by what stands there."""
+    found = _records_in(annotation)
+    return found[0] if len(found) == 1 else None
+
+
+def _records_in(annotation: Any) -> list[type[Record]]:
     if isinstance(annotation, type) and issubclass(annotation, Record):
-        return annotation
-    for each in get_args(annotation):
-        found = _record_in(each)
-        if found is not None:
-            return found
-    return None
+        return [annotation]
+    return [record for each in get_args(annotation) for record in _records_in(each)]

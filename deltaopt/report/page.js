@@ -59,7 +59,7 @@
     });
     return { middle, radius: Math.max(...points.map((point) => Math.hypot(...minus(point, middle)))) };
   }
-  const corners = [0, Math.round(last / 2), last].flatMap((frame) => [
+  const corners = [0, 0.25, 0.5, 0.75, 1].map((share) => Math.round(share * last)).flatMap((frame) => [
     poses[frame].point,
     ...poses[frame].chains.flatMap((chain) => [chain.shaft, chain.elbow, ...chain.bars.map((bar) => bar[1])]),
   ]);
@@ -110,10 +110,16 @@
   }
   const joints = (chains, side) => chains.flatMap((chain) => chain.bars.map((bar) => bar[side]));
 
+  function inView(points) {
+    const seen = points.map(project);
+    const [left, top, right, bottom] = [Math.min, Math.max].flatMap((most) =>
+      [0, 1].map((i) => most(...seen.map((point) => point[i]))));
+    return [(left + right) / 2, (top + bottom) / 2, 0.56 * Math.max(right - left, bottom - top)];
+  }
+
   function drawRobot() {
     const { point, centre, chains } = poses[now];
-    const about = closeUp ? close : whole;
-    const [x, y] = project(about.middle), size = (closeUp ? 1.15 : 1) * about.radius;
+    const [x, y, size] = closeUp ? [...project(close.middle).slice(0, 2), 1.15 * close.radius] : inView(corners);
     scene.setAttribute("viewBox", [x - size, y - size, 2 * size, 2 * size].map((value) => value.toFixed(2)).join(" "));
     parts.base.setAttribute("points", along([0, 1, 2].flatMap((k) =>
       [-1, 1].map((side) => outward(k, 0, robot.base_radius, side * robot.half_width)))));
@@ -126,9 +132,9 @@
       drawn.bars.forEach((bar, side) => place(bar, ...chain.bars[side]));
       place(drawn.elbow, chain.bars[0][0], chain.bars[1][0]);
       place(drawn.arm, chain.shaft, chain.elbow);
-      const [tx, ty] = project(outward(k, -0.03 * size / MM, robot.base_radius, 0));
+      const [tx, ty] = project(outward(k, 0, 0.65 * robot.base_radius, 0));
       drawn.name.setAttribute("x", tx.toFixed(2));
-      drawn.name.setAttribute("y", (ty - 0.03 * size).toFixed(2));
+      drawn.name.setAttribute("y", (ty + 0.02 * size).toFixed(2));
       drawn.name.setAttribute("font-size", (0.07 * size).toFixed(2));
       drawn.group.setAttribute("opacity", closeUp ? 0.25 : 1);
     });

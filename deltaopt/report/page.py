@@ -123,8 +123,13 @@ def _head(
         "This motion was not optimised: it is the straight line, as fast as the limits permit by "
         "a quintic law."
         if gap is None
-        else f"Estimated to be at most {_percent(gap)} above the best motion of its kind for the "
-        f"objective, {scene.objective}. Motions that lead another way were not compared."
+        else f"Estimated to be at most {_percent(gap)} above the best for its objective, "
+        f"{scene.objective}, "
+        + (
+            "among motions near it. Motions that lead another way were not compared."
+            if scene.path is None
+            else "on the path that the scene gives."
+        )
     )
     verified = (
         "Verified by code that the planner does not use: every limit is kept at every instant."

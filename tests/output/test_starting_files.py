@@ -45,13 +45,14 @@ def paths_of(text: str) -> dict[str, int]:
     return found
 
 
-def with_keys(text: str, *beginnings: str, without: tuple[str, ...] = ()) -> str:
-    """The text with the keys that begin so used, and those ``without`` which it is taken out."""
+def with_keys(text: str, *paths: str, without: tuple[str, ...] = ()) -> str:
+    """The text with these keys used, in the mappings that they are in, but for those ``without``,
+    which are taken out with all that is in them."""
     lines = text.splitlines()
     for path, number in paths_of(text).items():
         if path.startswith(without):
             lines[number] = "#"
-        elif path.startswith(beginnings):
+        elif any(each == path or each.startswith(f"{path}.") for each in paths):
             lines[number] = lines[number].removeprefix("# ")
     return "\n".join(lines)
 
@@ -101,25 +102,22 @@ def test_every_example_is_accepted(tmp_path):
     written(tmp_path)
     robot, scene = tmp_path / "robot.yaml", tmp_path / "scene.yaml"
     known = tuple(ROBOT | ROBOT_EXTRAS)
-    parents = tuple({path.rsplit(".", 1)[0] for path in known})
-    robot.write_text(
-        with_keys(robot_text(), *known, *parents, without=OF_A_CATALOGUE), encoding="utf-8"
-    )
+    robot.write_text(with_keys(robot_text(), *known, without=OF_A_CATALOGUE), encoding="utf-8")
     assert load_robot(robot).drive.rms_torque == 25.0
     assert load_robot(robot).drive.friction.coulomb == 2.0
     assert load_robot(robot).workspace.radius == 0.5
-    robot.write_text(
-        with_keys(robot_text(), *known, *parents, without=AT_THE_ARM), encoding="utf-8"
-    )
+    robot.write_text(with_keys(robot_text(), *known, without=AT_THE_ARM), encoding="utf-8")
     assert load_robot(robot).drive.gear.ratio == 20.0
     assert load_robot(robot).drive.motor.rated_torque == 1.27
     robot.write_text(robot_text(), encoding="utf-8")
     scene.write_text(
-        with_keys(scene_text(), *SCENE_EXTRAS, "limits", "tool", without=("duration",)),
+        with_keys(scene_text(), *SCENE_EXTRAS, without=("duration",)),
         encoding="utf-8",
     )
     assert load_scene(scene).limits.torque == pytest.approx(0.85 * 65.0)
     assert load_scene(scene).robot.tool.mass == 0.25
+    assert load_scene(scene).rotation.duration == pytest.approx(2 * (90 / 20000) ** 0.5)
+    assert load_scene(scene).path is not None
     effort = with_keys(scene_text(), "objective", "duration").replace(*EFFORT)
     scene.write_text(effort, encoding="utf-8")
     assert load_scene(scene).objective.given_duration == 0.5
