@@ -20,25 +20,34 @@ class SceneError(DeltaOptError):
     ``file``: Path, or None for a record made in Python. ``key``: dotted, such as
     ``"forearm.mass"``; empty if the whole file is meant. ``value``: as found; None if missing.
     ``expected``: what would be right, with its unit, as a noun phrase. ``problem``: what is wrong,
-    such as "is missing"; by default that it is this value.
+    such as "is missing"; by default that it is this value. ``place``: in the file, such as "line 3,
+    column 10"; empty where that is not known.
     """
 
     def __init__(
-        self, file: Path | None, key: str, value: object, expected: str, problem: str = ""
+        self,
+        file: Path | None,
+        key: str,
+        value: object,
+        expected: str,
+        problem: str = "",
+        place: str = "",
     ) -> None:
-        super().__init__(file, key, value, expected, problem)  # as passed: copies and pickles
+        super().__init__(file, key, value, expected, problem, place)  # as passed: copies, pickles
         self.file, self.key, self.value, self.expected = file, key, value, expected
-        self.problem = problem
+        self.problem, self.place = problem, place
 
     def __str__(self) -> str:
-        place = ": ".join(on_one_line(str(part)) for part in (self.file, self.key) if part)
+        file = ", ".join(on_one_line(str(part)) for part in (self.file, self.place) if part)
+        where = ": ".join(part for part in (file, on_one_line(self.key)) if part)
         problem = self.problem or f"is {shown(self.value)}"
-        return f"{place} {problem}; expected {self.expected}"
+        return f"{where} {problem}; expected {self.expected}"
 
-    def inside(self, *, file: Path | None = None, key: str = "") -> SceneError:
-        """The same error with its ``file``, or with the ``key`` of the record that contains it."""
+    def inside(self, *, file: Path | None = None, key: str = "", place: str = "") -> SceneError:
+        """The same error with its ``file`` and ``place`` in it, or with the ``key`` of the record
+        that contains it."""
         dotted = ".".join(part for part in (key, self.key) if part)
-        return SceneError(file, dotted, self.value, self.expected, self.problem)
+        return SceneError(file, dotted, self.value, self.expected, self.problem, place)
 
 
 def shortened(text: str, limit: int = 120) -> str:

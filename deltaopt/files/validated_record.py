@@ -27,6 +27,7 @@ from pydantic import (
 
 from deltaopt.errors import SceneError, shown
 from deltaopt.files.units import WrongUnit
+from deltaopt.files.yaml_file import place_of
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 NonNegative = Annotated[Number, Field(ge=0)]
@@ -61,7 +62,7 @@ class Record(BaseModel):
         try:
             return cls.model_validate(content)
         except SceneError as error:
-            raise error.inside(file=file) from None
+            raise error.inside(file=file, place=place_of(file, error.key)) from None
 
     @cached_property
     def fields_hash(self) -> int:

@@ -46,6 +46,26 @@ def read_yaml(file: Path) -> dict[str, object]:
     return content
 
 
+def place_of(file: Path, key: str) -> str:
+    """Where the value of a dotted key stands in a file: "line 3, column 10".
+
+    Where the file has no such key, it is the innermost mapping that should have it; empty if that
+    is the whole file, or if the file cannot be read.
+    """
+    try:
+        node = yaml.compose(_text(file), Loader=yaml.BaseLoader)
+    except (SceneError, yaml.YAMLError):
+        return ""
+    found = None
+    for name in key.split("."):
+        inner = node.value if isinstance(node, yaml.MappingNode) else []
+        node = next((value for each, value in inner if each.value == name), None)
+        found = node or found
+    if found is None:
+        return ""
+    return f"line {found.start_mark.line + 1}, column {found.start_mark.column + 1}"
+
+
 def _text(file: Path) -> str:
     try:
         _refuse_others(file)

@@ -22,7 +22,7 @@ from pydantic import (
 from deltaopt.errors import SceneError, shown
 from deltaopt.files.units import LENGTH, MASS
 from deltaopt.files.validated_record import Number, Positive, Record
-from deltaopt.files.yaml_file import read_yaml
+from deltaopt.files.yaml_file import place_of, read_yaml
 from deltaopt.limits.acceleration import Acceleration
 from deltaopt.limits.arm_range import ArmRange
 from deltaopt.limits.ball_joint import BallJoint
@@ -250,11 +250,13 @@ def _points(scene_file: Path, name: str) -> list[list[float]]:
     try:
         return points_in(scene_file.parent / name)
     except SceneError as error:
-        raise error.inside(file=scene_file) from None
+        place = place_of(scene_file, "path.points")
+        raise error.inside(file=scene_file, place=place) from None
 
 
 def _robot_file(scene_file: Path, value: object) -> Path:
     if isinstance(value, str) and os.path.isfile(scene_file.parent / value):
         return scene_file.parent / value
     problem = f"is {shown(value)}, which is no file" if isinstance(value, str) else ""
-    raise SceneError(scene_file, "robot", value, _ROBOT_FILE, problem)
+    place = place_of(scene_file, "robot")
+    raise SceneError(scene_file, "robot", value, _ROBOT_FILE, problem, place)

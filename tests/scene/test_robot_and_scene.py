@@ -720,3 +720,38 @@ def test_a_robot_that_closes_only_stretched_flat_cannot_move() -> None:
 def test_a_forearm_shorter_than_the_arm_may_do(tmp_path: Path) -> None:
     robot = load_scene(write(tmp_path, robot=changed(ROBOT, "forearm.length", 0.05))).robot
     assert closes_somewhere(robot)
+
+
+# Where it stands
+
+
+@pytest.mark.parametrize(
+    ("text", "place", "problem"),
+    [
+        ("robot: {robot}\nstart: [0, 0, 0]\npayload:   -1\n", "line 3, column 12", "payload is -1"),
+        ("robot: {robot}\nlimits:\n  torque: 5\n  speed: x\n", "line 4, column 10", "limits.speed"),
+        ("robot: {robot}\nlimits: {{torqe: 5}}\n", "line 2, column 17", "limits.torqe is not a"),
+        ("payload: 1\nrobot: nowhere.yaml\n", "line 2, column 8", "robot is 'nowhere.yaml', which"),
+    ],
+)
+def test_errors_say_where_in_the_file(text, place, problem, tmp_path):
+    robot = Path(__file__).parents[2] / "problems/robots/orsino.yaml"
+    file = tmp_path / "scene.yaml"
+    ends = "start: [0.45, -0.05, 0]\ngoal: [0.45, 0.1, 0]\n"
+    lines = text.format(robot=robot)
+    file.write_text(lines + (ends if "start" not in lines else ends.splitlines()[1]))
+    with pytest.raises(SceneError) as told:
+        load_scene(file)
+    assert str(told.value).startswith(f"{file}, {place}: {problem}")
+
+
+def test_what_is_missing_is_missing_in_its_mapping(tmp_path):
+    file = tmp_path / "robot.yaml"
+    text = (Path(__file__).parents[2] / "problems/robots/orsino.yaml").read_text(encoding="utf-8")
+    file.write_text(text.replace("{length: 0.20, mass: 0.40}", "{length: 0.20}"), encoding="utf-8")
+    line = next(i for i, each in enumerate(text.splitlines(), 1) if each.startswith("upper_arm"))
+    with pytest.raises(SceneError, match=f"line {line}, column 12: upper_arm.mass is missing"):
+        load_robot(file)
+    file.write_text(text.replace("platform:  {mass: 0.30}", ""), encoding="utf-8")
+    with pytest.raises(SceneError, match=r"robot.yaml: platform is missing"):
+        load_robot(file)
