@@ -75,11 +75,12 @@ ONLY_IN = {
 }
 CONVENIENCES = {
     ("deltaopt.planning.planner", "deltaopt.output.plan_files"),
+    ("deltaopt.planning.planner", "deltaopt.plots.plan"),
     ("deltaopt.planning.planner", "deltaopt.verify.verification"),
     ("deltaopt.output.plan_files", "deltaopt.plots.plan"),
     ("deltaopt.output.plan_files", "deltaopt.report.page"),
 }
-"""Plan.save hands over to what lies to its right, once it is called."""
+"""Plan.save and Plan.plot hand over to what lies to their right, once they are called."""
 
 
 def place(module: str) -> str:

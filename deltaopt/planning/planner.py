@@ -9,6 +9,7 @@ from functools import lru_cache
 from math import isinf
 from pathlib import Path
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +17,11 @@ from numpy.typing import NDArray
 from deltaopt.dynamics.formulation import Projected
 from deltaopt.dynamics.lagrange import Multiplier
 from deltaopt.errors import DeltaOptError, NotConverged
+from deltaopt.files.html_table import html_table
 from deltaopt.files.validated_record import Vector3
 from deltaopt.limits.constraints import Constraints
 from deltaopt.mechanisms.delta.functions import DeltaFunctions
+from deltaopt.motion.active_limits import active_limits
 from deltaopt.motion.certificate import Certificate
 from deltaopt.motion.effort import cost as cost_of
 from deltaopt.motion.time_scaling import safe_factor
@@ -137,6 +140,33 @@ class Plan:
         found = verify(self.scene, self.trajectory)
         return save(
             Path(directory), self.scene, self.trajectory, found, self, chart=chart, report=report
+        )
+
+    def plot(self, axes: Any = None, *, limit: str = "torque") -> Any:
+        """Draw a limited quantity over time with its bounds, and return the axes.
+
+        ``axes``: matplotlib's, one's own; None for new ones. ``limit``: its name, as
+        ``deltaopt check`` lists them. Raises ValueError if the scene has no such limit.
+        """
+        from deltaopt.plots.plan import plot_limit  # slow to import, and of a later room
+
+        return plot_limit(self.scene, self.trajectory, limit, axes)
+
+    def _repr_html_(self) -> str:
+        """What was found as a table, for notebooks."""
+        unit = self.scene.objective.unit
+        active = active_limits(self.scene, self.trajectory)
+        return html_table(
+            (),
+            [
+                ("duration", f"{self.duration:.6f} s"),
+                (str(self.scene.objective), f"{self.cost:.6g} {unit}"),
+                ("estimated gap", f"{self.gap:.1e} (asked for: {self.tolerance:g})"),
+                ("intervals", str(self.intervals)),
+                ("solver", f"{self.status}, {self.iterations} iterations"),
+                ("found in", f"{self.solve_seconds:.3g} s"),
+                *(("limit", each.sentence) for each in active),
+            ],
         )
 
     def beside_free_path(self) -> Plan:

@@ -72,6 +72,21 @@ def draw(
         page.supxlabel(caption, fontsize=7)
 
 
+def plot_limit(scene: Scene, trajectory: Trajectory, limit: str, axes: Axes | None) -> Axes:
+    """Draw a limited quantity over time and its bounds on one's own axes, or on new ones.
+
+    Raises ValueError if the scene has no limit of this name.
+    """
+    inside = np.linspace(0, 1, max(2, _SAMPLES // (len(trajectory.knots) - 1)))
+    found = {each.limit.name: each for each in limit_curves(scene, trajectory, inside)}
+    if limit not in found:
+        raise ValueError(f"limit is {limit!r}; the scene has {', '.join(found)}")
+    drawn = Figure(layout="constrained").add_subplot() if axes is None else axes
+    _limit(drawn, trajectory.inside_intervals(inside).t, found[limit])
+    drawn.set_xlabel(r"time $t$ (s)")
+    return drawn
+
+
 def _limit(axes: Axes, t: Array, curves: LimitCurves) -> None:
     """Draw a limited quantity over time, and its bounds."""
     axes.set_ylabel(f"{curves.limit.name} ({curves.limit.unit})")

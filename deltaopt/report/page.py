@@ -17,6 +17,7 @@ from pathlib import Path
 
 from deltaopt.errors import in_words
 from deltaopt.files.atomic_write import atomic_write
+from deltaopt.files.html_table import html_table
 from deltaopt.motion.active_limits import ActiveLimit, active_limits
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.plots.colours import COLOURS, OF_LIMITS
@@ -257,16 +258,8 @@ def _list(items: Iterable[str]) -> str:
 
 
 def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    names = "".join(f'<th scope="col">{escape(name)}</th>' for name in head)
-    lines = (
-        f'<tr><th scope="row">{escape(first)}</th>'
-        + "".join(f"<td>{escape(cell)}</td>" for cell in rest)
-        + "</tr>"
-        for first, *rest in rows
-    )
-    body = "\n".join(lines)
-    head_row = f"<thead><tr>{names}</tr></thead>"
-    return f'<div class="wide"><table>{head_row}<tbody>\n{body}\n</tbody></table></div>'
+    """A table that scrolls sideways where the window is narrow."""
+    return f'<div class="wide">{html_table(head, rows)}</div>'
 
 
 def _percent(share: float) -> str:

@@ -20,6 +20,7 @@ from pydantic import (
 )
 
 from deltaopt.errors import SceneError, shown
+from deltaopt.files.html_table import html_table
 from deltaopt.files.units import LENGTH, MASS
 from deltaopt.files.validated_record import Number, Positive, Record
 from deltaopt.files.yaml_file import place_of, read_yaml
@@ -125,6 +126,18 @@ class Scene(Record):
         if self.path is None:
             return RestToRest(self.start, self.goal)
         return OnPath.of(self.start, self.goal, self.path)
+
+    def _repr_html_(self) -> str:
+        """The scene as a table, for notebooks."""
+        content = self.model_dump(mode="json", exclude_none=True)
+        rows = [("robot", self.robot.name)]
+        for key in (key for key in content if key != "robot"):
+            inner = content[key]
+            if isinstance(inner, dict):
+                rows += [(f"{key}.{name}", str(value)) for name, value in inner.items()]
+            else:
+                rows.append((key, str(inner)))
+        return html_table(("scene", "SI units"), rows)
 
     def given(self, key: str) -> Any:
         """The value of a key under ``limits``; None if the scene does not have it."""

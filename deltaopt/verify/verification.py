@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache
+from html import escape
 from math import inf, isfinite, isinf
 from typing import Any
 
@@ -20,6 +21,7 @@ import numpy as np
 from deltaopt.codegen.vectorised import evaluate_rows
 from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.errors import Singular, Unreachable
+from deltaopt.files.html_table import html_table
 from deltaopt.mechanisms.delta.functions import delta_functions
 from deltaopt.mechanisms.delta.mechanism import DeltaTerms
 from deltaopt.motion.trajectory import Array, Trajectory
@@ -327,6 +329,22 @@ class Verification:
                 else f"slowed to {self.safe_duration:.6g} s it would keep the limits"
             )
         return sentences
+
+    def _repr_html_(self) -> str:
+        """All measures beside their bounds as a table, and what is wrong, for notebooks."""
+        rows = [
+            (
+                check.bound.measure.replace("_", " "),
+                f"{check.value:.1e}",
+                f"{check.bound.at_most:.0e}",
+                check.bound.unit,
+                "ok" if check.ok else "failed",
+            )
+            for check in self.checks()
+        ]
+        table = html_table(("measure", "value", "at most", "unit", ""), rows)
+        sentences = self.failures() or ["verified: every bound is kept"]
+        return table + "".join(f"<p>{escape(sentence)}</p>" for sentence in sentences)
 
     def as_dict(self) -> dict[str, object]:
         """All measures, ``ok`` and ``failures`` for JSON, which knows no infinity: null.
