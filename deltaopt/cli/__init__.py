@@ -57,10 +57,12 @@ COMMANDS: dict[str, Command] = {
 
 class _OneLine(logging.Handler):
     """Writes to stderr what the package says: warnings, and to people at a terminal what is done
-    that takes them seconds."""
+    that takes them seconds; with --verbose the solver's iterations too."""
 
     def emit(self, record: logging.LogRecord) -> None:
-        if record.levelno >= logging.WARNING or sys.stderr.isatty():
+        if record.levelno == logging.DEBUG:
+            say(record.getMessage())
+        elif record.levelno >= logging.WARNING or sys.stderr.isatty():
             say(f"deltaopt: {record.getMessage()}")
 
 

@@ -17,8 +17,10 @@ Exit code: 0 done and verified; 1 a scene has no verified solution; 2 bad input.
 from __future__ import annotations
 
 import argparse
+import logging
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 from deltaopt.cli.arguments import (
@@ -103,6 +105,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_json(parser)
     parser.add_argument(
+        "-v", "--verbose", action="store_true", help="print every iteration of the solver to stderr"
+    )
+    parser.add_argument(
         "--baseline",
         action="store_true",
         help="no optimisation: the straight line by a quintic law, slowed until it keeps the "
@@ -162,6 +167,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
+    if arguments.verbose:
+        with _solver_heard():
+            return _run(arguments)
+    return _run(arguments)
+
+
+@contextmanager
+def _solver_heard() -> Iterator[None]:
+    """Let what solvers say of their iterations be heard meanwhile."""
+    log = logging.getLogger("deltaopt.planning")
+    log.setLevel(logging.DEBUG)
+    try:
+        yield
+    finally:
+        log.setLevel(logging.NOTSET)
+
+
+def _run(arguments: argparse.Namespace) -> int:
     name = arguments.formulation or "flat"
     formulation = FORMULATIONS[name](CLOSURES[arguments.closure or "knots"])
     _refuse_contradictions(arguments, name, formulation)

@@ -154,3 +154,22 @@ def test_pontryagins_condition_is_told_where_it_was_asked_for():
     found = verify(load_scene(SCENE_FILE), line)
     assert "Pontryagin" not in table(found)
     assert "not met" in table(found, certified=True)
+
+
+@pytest.mark.parametrize("solver", ["interior-point", "ipopt"])
+def test_every_iteration_is_told_if_asked_for(solver, tmp_path, capsys, caplog):
+    words = (SCENE_FILE, "--solver", solver, "--tolerance", "1e-2", "-o", tmp_path)
+    assert plan(*words) == 0
+    assert "complementarity" not in (quiet := capsys.readouterr()).err
+    assert "infeasibility" not in quiet.err
+    first = load_plan(tmp_path)
+    assert plan(*words, "-v") == 0
+    assert load_plan(tmp_path).trajectory.knots.tolist() == first.trajectory.knots.tolist()
+    told = [line.split() for line in capsys.readouterr().err.splitlines()]
+    iterations = [words for words in told if words and words[0].isdigit() and len(words) >= 5]
+    numbers = [words for words in iterations if words[1] != "intervals,"]
+    meshes = sum(words[0] == "0" for words in numbers)
+    assert len(numbers) == first.record["iterations"] + meshes
+    if solver == "interior-point":  # in units of the straight line's duration
+        last = float(numbers[-1][1]) * baseline(load_scene(SCENE_FILE)).duration
+        assert last == pytest.approx(first.duration, rel=1e-2)

@@ -476,11 +476,23 @@ static int aim(Problem *P, double *shift) {
   }
 }
 
+/* Write down where an iteration stands: duration, complementarity as a fraction of it, shift of the
+   Hessian, halvings of the last step. */
+static void watch(const Problem *P, const Settings *S, double shift) {
+  if (!S->trace) return;
+  double *line = S->trace + TRACED * P->report->iterations;
+  line[0] = total_duration(P, P->z);
+  line[1] = P->left / line[0];
+  line[2] = shift;
+  line[3] = P->halvings;
+}
+
 static int iterate(Problem *P, const Settings *S) {
   double shift = 0, dual;
   for (; P->report->iterations < S->iterations; P->report->iterations++) {
     differentiate_all(P);
     P->left = complementarity(P, 0, 0);
+    watch(P, S, shift);
     if (!aim(P, &shift)) return SINGULAR;
     if (solved(P, S, shift)) return SOLVED;
     choose_barrier(P, S->tolerance);

@@ -12,6 +12,7 @@ What happens at a point (equations of motion, limits) is a `PointProblem`; a mot
 from __future__ import annotations
 
 import ctypes
+import logging
 import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -36,6 +37,12 @@ STATUS = (
     "Invalid_Number_Detected",
 )
 """By the number that ``solve`` returns; Ipopt's words where it has them."""
+
+
+_LOG = logging.getLogger(__name__)
+"""Iterations are told at the level DEBUG, and cost nothing otherwise."""
+_TRACED = 4
+"""Numbers of each iteration, as in ``problem.c``."""
 
 
 @dataclass(frozen=True)
@@ -145,6 +152,7 @@ class _Settings(ctypes.Structure):
         ("barrier", ctypes.c_double),
         ("closest", ctypes.c_double),
         ("iterations", ctypes.c_int64),
+        ("trace", ctypes.c_void_p),
     )
 
 
@@ -245,13 +253,20 @@ class CompiledMethod:
         size = self.code.workspace(ctypes.c_int64(n), ctypes.c_int64(given.phases))
         report = _Report()
         arrays = (given.flags, given.rule, given.numbers, given.motion, given.multipliers)
+        watched = _LOG.isEnabledFor(logging.DEBUG)
+        trace = np.zeros((given.settings.iterations + 1, _TRACED)) if watched else None
+        settings = _Settings(
+            *vars(given.settings).values(), None if trace is None else trace.ctypes.data
+        )
         status = self.code.solve(
             ctypes.c_int64(given.phases),
             *map(_pointer, arrays),
-            ctypes.byref(_Settings(*vars(given.settings).values())),
+            ctypes.byref(settings),
             ctypes.byref(report),
             _pointer(_WORKSPACE.at_least(size)),
         )
+        if trace is not None:
+            _log(trace[: report.iterations + 1], n, STATUS[status])
         return status, report
 
     @cached_property
@@ -278,6 +293,19 @@ class CompiledMethod:
             solutions.append(PhaseSolution(own, duration, rows[first : first + count]))
             first += count
         return tuple(solutions)
+
+
+def _log(trace: Array, intervals: int, status: str) -> None:
+    """Say what every iteration did, (iterations, ``_TRACED``), to whoever wants to know.
+
+    Durations are in the problem's unit of time, as a rule that of the straight line.
+    """
+    columns = "duration in the problem's unit, complementarity, shift, halvings"
+    _LOG.debug("interior-point method on %d intervals: %s", intervals, columns)
+    for number, (duration, left, shift, halvings) in enumerate(trace.tolist()):
+        line = f"{number:4d}  {duration:.9f}  {left:9.2e}  {shift:9.2e}  {halvings:3.0f}"
+        _LOG.debug("%s", line)
+    _LOG.debug("%s", status)
 
 
 def _pointer(array: NDArray[np.generic]) -> ctypes.c_void_p:

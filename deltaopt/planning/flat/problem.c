@@ -81,7 +81,10 @@ typedef struct {
   double barrier;     /* complementarity at first, as a fraction of T */
   double closest;     /* how close t may begin to its limits, as a fraction */
   int64_t iterations; /* at most */
+  double *trace;      /* for those who watch, TRACED numbers of each iteration; or NULL */
 } Settings;
+
+enum { TRACED = 4 };
 
 typedef struct {
   double complementarity, dual, primal; /* what is compared with the tolerance */

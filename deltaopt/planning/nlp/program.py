@@ -11,11 +11,13 @@ and formulation.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import logging
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from operator import attrgetter
 from time import perf_counter
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -50,6 +52,23 @@ WITH_RUNNING_COST: Options = {
 
 Derivatives = list[tuple[ca.Function, ca.Sparsity]]
 """Jacobian and Hessian, each as a function whose last result is the nonzeros, and the sparsity."""
+
+
+_LOG = logging.getLogger(__name__)
+"""Ipopt's iterations are told at the level DEBUG."""
+
+
+def _log(stats: Mapping[str, Any]) -> None:
+    """Say what every iteration of Ipopt did, to whoever wants to know."""
+    if not _LOG.isEnabledFor(logging.DEBUG):
+        return
+    names = ("obj", "inf_pr", "inf_du", "mu", "alpha_pr")
+    _LOG.debug("Ipopt: objective, infeasibility primal and dual, barrier, step")
+    columns = [stats.get("iterations", {}).get(name, ()) for name in names]
+    for number, (objective, *others) in enumerate(zip(*columns, strict=False)):
+        line = f"{number:4d}  {objective:.9f}" + "".join(f"  {value:9.2e}" for value in others)
+        _LOG.debug("%s", line)
+    _LOG.debug("%s", stats["return_status"])
 
 
 @dataclass(frozen=True)
@@ -248,6 +267,7 @@ class Program:
         with interrupts_not_lost():
             result = self._solver(x0=guess, lbx=lower, ubx=upper, lbg=rows[0], ubg=rows[1], p=p)
         stats = self._solver.stats()
+        _log(stats)
         z = np.asarray(result["x"].full()).ravel()
         if not stats["success"]:
             raise NotConverged(
