@@ -279,7 +279,7 @@ def _plan(
             _print_cost_of_path(solution)
         resolved = solution.tolerance is not None and solution.tolerance <= RESOLVED_BELOW
         print(table(verification, certified=resolved))
-        print("\n".join(limits_table(active)))
+        print("\n".join(active_limits_table(active)))
         print_written(files, before)
     for failure in verification.failures():
         print(f"deltaopt: verification failed: {failure}", file=sys.stderr)
@@ -496,7 +496,7 @@ def _where(distance: Distance) -> str:
     return when if distance.subject == "robot" else f"{distance.subject} {when}"
 
 
-def limits_table(active: Sequence[ActiveLimit]) -> list[str]:
+def active_limits_table(active: Sequence[ActiveLimit]) -> list[str]:
     """Lines that say in words what limits a motion: which motor's what, and how much of the time.
 
     What is at its limit for less than half of a per cent of the time is left out.

@@ -230,7 +230,7 @@
       return value;
     });
     const least = own.some((curve) => curve.values.some((value) => value < 0)) ? -1 : 0;
-    const most = own.some((curve) => curve.values.some((value) => value > 0)) ? 1 : 0;
+    const most = own.some((curve) => curve.values.some((value) => value > 0)) || !least ? 1 : 0;
     let move = () => {};
     return {
       draw() {
@@ -257,8 +257,13 @@
   });
   cursors.push(...charts);
 
-  const held = subjects.filter((subject) => numberOf(subject) || active.some((each) => each.subject === subject));
-  if (held.length) {
+  // A row for every limit that a subject is at, since it may be at two at once; one for other motors.
+  const rows = subjects.flatMap((subject) => {
+    const own = active.filter((each) => each.subject === subject);
+    const none = subject.startsWith("motor ") ? [{ subject, spans: [] }] : [];
+    return (own.length ? own : none).map((each, k) => ({ ...each, first: k === 0 }));
+  });
+  if (rows.length) {
     const { drawn, caption } = figure("bands", "Which limit holds when, for each motor");
     const note = document.createElement("span");
     note.textContent = "Upper half of a row: at the upper bound; lower half: at the lower bound.";
@@ -272,18 +277,16 @@
     let move = () => {};
     cursors.push({
       draw() {
-        const row = 30, width = Math.max(240, drawn.clientWidth), height = TOP + BOTTOM + row * held.length;
+        const row = 30, width = Math.max(240, drawn.clientWidth), height = TOP + BOTTOM + row * rows.length;
         const x = axis(drawn, width, height);
-        held.forEach((subject, k) => {
+        rows.forEach(({ subject, limit, spans, first }, k) => {
           const top = TOP + row * k, middle = top + row / 2;
-          make("text", { x: LEFT - 6, y: middle + 4, "text-anchor": "end" }, drawn, subject);
-          for (const each of active.filter((one) => one.subject === subject)) {
-            for (const [begin, end, upper] of each.spans) {
-              const span = make("rect", { class: "span", x: x(begin).toFixed(2), y: upper ? top + 3 : middle,
-                width: Math.max(1, x(end) - x(begin)).toFixed(2), height: row / 2 - 3, fill: colourOf(each.limit) }, drawn);
-              const times = `${(MM * begin).toPrecision(4)} to ${(MM * end).toPrecision(4)} ms`;
-              make("title", {}, span, `${each.limit} of ${subject} at its ${upper ? "upper" : "lower"} bound, ${times}`);
-            }
+          if (first) make("text", { x: LEFT - 6, y: middle + 4, "text-anchor": "end" }, drawn, subject);
+          for (const [begin, end, upper] of spans) {
+            const span = make("rect", { class: "span", x: x(begin).toFixed(2), y: upper ? top + 3 : middle,
+              width: Math.max(1, x(end) - x(begin)).toFixed(2), height: row / 2 - 3, fill: colourOf(limit) }, drawn);
+            const times = `${(MM * begin).toPrecision(4)} to ${(MM * end).toPrecision(4)} ms`;
+            make("title", {}, span, `${limit} of ${subject} at its ${upper ? "upper" : "lower"} bound, ${times}`);
           }
           make("line", { x1: LEFT, x2: width - RIGHT, y1: middle, y2: middle, stroke: "#595959", "stroke-width": 0.7 }, drawn);
         });
