@@ -123,7 +123,11 @@ def narrow_valleys(curves: Curves, fractions: Array, values: Array) -> Windows:
         return Windows(np.zeros(0, np.intp), np.zeros(0), np.zeros(0))
     slope, bent = left - right, np.where(curvature > 0, curvature, np.inf)
     offset, least = slope / (2 * bent), middle - slope**2 / (8 * bent)
-    narrow = (curvature > 0) & (np.abs(offset) <= 1) & (2 * least < _NARROW**2 * curvature)
+    reach = np.ones((2, offset.shape[1], 1))  # of a valley beside an interval a part is within it
+    reach[0, 0] += _NARROW
+    reach[1, -1] += _NARROW
+    near = (-reach[0] <= offset) & (offset <= reach[1])
+    narrow = (curvature > 0) & near & (2 * least < _NARROW**2 * curvature)
     interval, sample, function = np.nonzero(narrow)
     step = 1 / (len(fractions) - 1)
     if not len(interval):
