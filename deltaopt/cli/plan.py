@@ -51,6 +51,7 @@ from deltaopt.planning.formulations.loop_closure import (
     Projection,
 )
 from deltaopt.planning.initial_motion import baseline
+from deltaopt.planning.lower_bound import lower_bound
 from deltaopt.planning.multistart import Optimum
 from deltaopt.planning.nlp.problem import InteriorPoint, Ipopt, ProblemFormulation, Solver
 from deltaopt.planning.nlp.transcription import TRANSCRIPTIONS
@@ -280,6 +281,7 @@ def _plan(
         resolved = solution.tolerance is not None and solution.tolerance <= RESOLVED_BELOW
         print(table(verification, certified=resolved))
         print("\n".join(active_limits_table(active)))
+        print(lower_bound_line(scene, trajectory))
         print_written(files, before)
     for failure in verification.failures():
         print(f"deltaopt: verification failed: {failure}", file=sys.stderr)
@@ -438,6 +440,13 @@ def table(verification: Verification, *, certified: bool = False) -> str:
     )
     motors = [] if verification.duty is None else duty_table(verification.duty)
     return "\n".join([total, *lines, *motors, *remarks])
+
+
+def lower_bound_line(scene: Scene, trajectory: Trajectory) -> str:
+    """A line that says what no motion of the scene undercuts, on whatever path."""
+    bound = lower_bound(scene)
+    share = bound / trajectory.duration
+    return f"lower bound for every path: {bound:.6f} s, {share:.2f} of the duration (proven)"
 
 
 def duty_table(duty: Duty) -> list[str]:

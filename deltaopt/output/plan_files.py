@@ -19,6 +19,7 @@ from deltaopt.files.validated_record import Vector3
 from deltaopt.motion.certificate import MET
 from deltaopt.motion.effort import cost
 from deltaopt.motion.trajectory import Array, Trajectory
+from deltaopt.planning.lower_bound import lower_bound
 from deltaopt.scene.scene import Scene
 from deltaopt.verify.pontryagin import Extremal, extremal
 from deltaopt.verify.verification import Verification
@@ -171,6 +172,7 @@ def write_json(
     found = {f.name: getattr(solution, f.name) for f in fields(StraightLine)}
     content = {
         "duration": trajectory.duration,
+        "lower_bound": lower_bound(scene),
         "cost": {"value": cost(scene, trajectory), "unit": scene.objective.unit},
         **{name: _finite(value) for name, value in found.items()},
         "certificate": _certificate(solution.certificate),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from math import isinf
 from pathlib import Path
 from time import perf_counter
@@ -35,6 +35,7 @@ from deltaopt.planning.effort_planning import (
 )
 from deltaopt.planning.flat.flat_problem import Flat
 from deltaopt.planning.formulations.choice import problem_formulation
+from deltaopt.planning.lower_bound import lower_bound
 from deltaopt.planning.mesh.mesh_solution import Iteration, gap_of, iteration_of
 from deltaopt.planning.multistart import Optimum, distinct, first_motions
 from deltaopt.planning.nlp.cost import FASTEST, Cost
@@ -124,6 +125,12 @@ class Plan:
     def cost(self) -> float:
         """Value of the scene's objective: s for time, N²m²s for effort."""
         return cost_of(self.scene, self.trajectory)
+
+    @cached_property
+    def lower_bound(self) -> float:
+        """A duration in s that no motion of the scene undercuts, on whatever path: proven in
+        docs/lower_bound.md. Beside ``gap``, which is an estimate and knows only motions nearby."""
+        return lower_bound(self.scene)
 
     def save(
         self, directory: str | Path, *, chart: bool = True, report: bool = False

@@ -21,6 +21,7 @@ SAYS = {
     "inverse": "inverse dynamics",
     "limits": "workspace radius     2 of 2",
     "line": "pick_and_place: line by a quintic law 0.1966 s",
+    "lower_bound": "ratio of lower bound to duration",
     "mujoco": "planned with terms left out, steps of 500 µs",
     "objectives": "least effort ∫ τᵀτ dt in",
     "sanitize": "0 findings",

@@ -1,0 +1,270 @@
+"""A lower bound on the duration of every motion from start to goal, on whatever path.
+
+It holds for the whole problem, not near one motion: no other local minimum, found or not, is
+shorter. It rests on work and energy alone; docs/lower_bound.md has the proofs. It is evaluated in
+closed form, without sampling paths or configurations, for the terms of the robot's model and the
+limits on torque, speed and acceleration. Other limits make motions slower, so it holds with them
+too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deltaopt.limits.constraints import SceneLimits
+from deltaopt.mechanisms.delta.mechanism import AZIMUTHS, DeltaParameters
+from deltaopt.robot.model import delta_model
+from deltaopt.scene.scene import Scene, limits_of
+from deltaopt.scene.task import REST
+
+Array = NDArray[np.float64]
+
+_SPLITS = np.linspace(-1.0, 1.0, 9)
+"""How the inertia of the bars is shared between arms and platform: 0 half each, ±1 as unevenly as
+is possible. Every share gives a bound, of which the best is taken; more of them raise it by less
+than 1e-3."""
+_ARM_SHARES = np.concatenate([[0.0], np.geomspace(0.05, 20.0, 13)])
+_ARM_POWERS = (1.0, 3.0)
+_TILTS = (-0.5, -0.2, 0.0, 0.2, 0.5)
+"""Directions in which progress is measured, every one of which gives a bound: how much the arms'
+progress counts beside the platform's, how much more that of the arm with the longer way, and how
+far the platform's direction is tilted with or against gravity. More of them raise the bound of
+shipped scenes by less than 1 %."""
+_BISECTIONS = 40
+"""They find a duration to twelve digits, from below."""
+
+
+def lower_bound(scene: Scene) -> float:
+    """A duration in s below which no motion from start to goal can be, whatever its path.
+
+    The largest of several bounds, each of them proven. It is 0, which is true and says nothing,
+    unless both ends are at rest. Raises Unreachable where start or goal is.
+    """
+    task = scene.task
+    if task.start.velocity != REST or task.goal.velocity != REST:
+        return 0.0
+    way = _Way.of(scene)
+    return max(_by_work(way), _by_speed(way), _by_power(way), _by_acceleration(way))
+
+
+@dataclass(frozen=True)
+class _Way:
+    """What a motion must do, and with what.
+
+    ``platform``: displacement of the platform, (3,), m. ``arms``: by how much the motor angles
+    differ between start and goal, (3,), rad. ``arm_inertia``: about the shaft, kg·m². ``arm``: its
+    length, m. ``mass``: of platform, tool and payload, kg. ``same``, ``opposite``: of the bars of
+    one chain, kg: their kinetic energy is at least (``same`` |u + w|² + ``opposite`` |u - w|²) / 2,
+    with u and w the velocities of their ends. ``weight``: of what moves with the platform, half of
+    the bars included, (3,), N. ``torque``: the largest torque of each motor and of gravity on its
+    arm, (3,), N·m. ``coulomb``, ``viscous``: friction at the arm. ``speed``: of the arms, (3,),
+    rad/s. ``acceleration``: of the platform, m/s². What is not limited is infinite.
+    """
+
+    platform: Array
+    arms: Array
+    arm_inertia: float
+    arm: float
+    mass: float
+    same: float
+    opposite: float
+    weight: Array
+    torque: Array
+    coulomb: float
+    viscous: float
+    speed: Array
+    acceleration: float
+
+    @classmethod
+    def of(cls, scene: Scene) -> _Way:
+        model, limits = delta_model(scene.robot, scene.payload), limits_of(scene)
+        ends, p = np.array([scene.task.start.position, scene.task.goal.position]), model.numbers
+        start, goal = model.inverse_kinematics(ends)[:, 3::3]
+        gravity = np.array([_number(each) for each in (p.g, p.g_y, p.g_z)])
+        along, across = p.a2 if p.b1 is None else p.b1, _number(p.b2)
+        centre, mass = float(np.hypot(along, across)), float(p.m1) + _number(p.m2)
+        moment = float(p.m3) * centre + float(p.m4) * float(p.a2)
+        torque = _upper(limits, "torque", 3) + moment * _in_planes_of_arms(gravity)
+        return cls(
+            platform=ends[1] - ends[0],
+            arms=np.abs(goal - start),
+            arm_inertia=float(p.I33) + float(p.m3) * centre**2,
+            arm=2 * float(p.a2),
+            mass=mass,
+            same=float(p.m4) / 4,
+            opposite=_opposite_mass(p),
+            weight=(mass + 1.5 * float(p.m4)) * gravity,
+            torque=torque,
+            coulomb=_number(p.coulomb),
+            viscous=_number(p.viscous),
+            speed=_upper(limits, "speed", 3),
+            acceleration=float(_upper(limits, "acceleration", 1)[0]),
+        )
+
+    def inertias(self, split: Array) -> tuple[Array, Array]:
+        """Inertia of an arm, kg·m², and mass of the platform with what counts of the bars, kg.
+
+        With u the velocity of the elbow and w that of the platform, 2 u·w lies between
+        ±(e u² + w² / e) for every e > 0, so that the energy of the bars has a lower bound without
+        the product. ``split``: (n,), log e as a share of the largest at which both parts count.
+        """
+        both, apart = self.same + self.opposite, abs(self.same - self.opposite)
+        if not both:
+            return np.full(len(split), self.arm_inertia), np.full(len(split), self.mass)
+        e = (both / apart) ** split if apart else np.ones(len(split))
+        arms = np.maximum(both - apart * e, 0.0) * self.arm**2
+        return self.arm_inertia + arms, self.mass + 3 * np.maximum(both - apart / e, 0.0)
+
+
+def _number(value: object) -> float:
+    """A parameter of the model, 0 if it is absent."""
+    return 0.0 if value is None else float(value)  # type: ignore[arg-type]
+
+
+def _opposite_mass(p: DeltaParameters) -> float:
+    """I / (2 a₃)², kg, with I the lesser transverse moment of inertia of the bars: the energy of
+    their rotation is at least half of that times |u - w|²."""
+    return min(float(p.I41), float(p.I43)) / (2 * float(p.a3)) ** 2
+
+
+def _in_planes_of_arms(gravity: Array) -> Array:
+    """The component of gravity in the plane that each arm turns in, (3,), m/s²."""
+    sideways = np.array([[0.0, -np.sin(azimuth), np.cos(azimuth)] for azimuth in AZIMUTHS])
+    return np.asarray(np.sqrt(np.maximum(gravity @ gravity - (sideways @ gravity) ** 2, 0.0)))
+
+
+def _upper(limits: SceneLimits, name: str, number: int) -> Array:
+    """The upper bounds of a limit, infinite where it does not exist, (number,)."""
+    found = limits.upper(name)
+    return np.full(number, np.inf) if found is None else np.asarray(found, dtype=float)
+
+
+def _by_work(way: _Way) -> float:
+    """The bound from what motors and gravity can do, and what mass and inertia ask for.
+
+    Viscous friction brakes the more, the faster the arms are, and they are the faster, the longer
+    the motion takes: so the bound is itself a function of the duration, and decreasing. No
+    duration is possible below the one at which it is met.
+    """
+    if not way.viscous:
+        return _work_bound(way, way.torque + way.coulomb)
+    inertia = float(way.inertias(np.zeros(1))[0][0])
+    if not inertia and not np.isfinite(way.speed).all():
+        return 0.0
+    first = _energy_rate(way, way.torque, inertia, float(way.inertias(np.zeros(1))[1][0]))
+
+    def bound(duration: float) -> float:
+        fastest = first * duration / np.sqrt(inertia) if inertia else np.inf
+        speed = np.minimum(way.speed, fastest)
+        return _work_bound(way, way.torque + way.coulomb + way.viscous * speed)
+
+    return _first_possible(lambda duration: bound(duration) <= duration, bound(0.0))
+
+
+def _energy_rate(way: _Way, torque: Array, inertia: float, mass: float) -> float:
+    """By how much the root of twice the energy can grow in a second, √W."""
+    squares = np.sum(torque**2) / inertia + np.sum(way.weight**2) / mass if inertia else np.inf
+    return float(np.sqrt(squares))
+
+
+def _work_bound(way: _Way, braking: Array) -> float:
+    """The largest over all directions and splits of √(2 p·W (1/k₁ + 1/k₂)).
+
+    ``braking``: torque of motor, gravity and friction on each arm that slows a motion, (3,), N·m.
+    """
+    inertia, mass = (each[:, None] for each in way.inertias(_SPLITS))
+    kept = (inertia > 0).ravel()
+    inertia, mass = inertia[kept], mass[kept]
+    roots = np.concatenate([np.repeat(np.sqrt(inertia), 3, 1), np.repeat(np.sqrt(mass), 3, 1)], 1)
+    directions = _directions(way)[None] * roots[:, None]  # (splits, directions, 6)
+    progress = directions @ (np.concatenate([way.arms, way.platform]) * roots)[:, :, None]
+    size = np.linalg.norm(directions, axis=2)
+    longest = np.zeros(size.shape)
+    for torque, weight in ((way.torque, way.weight), (braking, -way.weight)):
+        work = np.concatenate([torque, weight]) / roots
+        rate = np.linalg.norm(work, axis=1)[:, None]
+        cosine = (directions @ work[:, :, None])[:, :, 0] / (rate * size)
+        angle = np.arccos(np.clip(cosine, -1.0, 1.0))
+        longest += 1 / (rate * size * np.maximum(np.sinc(angle / np.pi), 1e-6))
+    squares = 2 * np.maximum(progress[:, :, 0], 0.0) * longest
+    return float(np.sqrt(squares.max(initial=0.0)))
+
+
+def _directions(way: _Way) -> Array:
+    """Directions p to measure progress in, (n, 6): of the arms (at least 0), of the platform."""
+    distance, weight = np.linalg.norm(way.platform), np.linalg.norm(way.weight)
+    ahead = way.platform / distance
+    down = way.weight / weight if weight else np.zeros(3)
+    farthest = max(way.arms.max(), np.finfo(float).tiny)
+    found = []
+    for power in _ARM_POWERS:
+        arms = (way.arms / farthest) ** power * farthest / distance
+        found += [
+            np.concatenate([share * arms, ahead + tilt * down])
+            for share in _ARM_SHARES
+            for tilt in _TILTS
+        ]
+        found.append(np.concatenate([arms, np.zeros(3)]))
+    found.append(np.concatenate([way.torque, np.zeros(3)]))
+    return np.array(found)
+
+
+def _by_speed(way: _Way) -> float:
+    """The bound from the speed limits of the arms, which they must reach and leave by work.
+
+    Without inertia of the arms, or with viscous friction, the ramps are left out.
+    """
+    if not np.isfinite(way.speed).all():
+        return 0.0
+    inertia, mass = (each[:, None] for each in way.inertias(_SPLITS))
+    weights = np.array([*np.eye(3), way.arms, way.torque])
+    fastest, turn = weights @ way.speed, weights @ way.arms
+    at_speed = turn / fastest
+    if way.viscous or not inertia.all():
+        return float(at_speed.max())
+    ramps = np.zeros((len(inertia), len(weights)))
+    for torque in (way.torque, way.torque + way.coulomb):
+        rate = np.sqrt(np.sum(torque**2) / inertia + np.sum(way.weight**2) / mass)
+        ramps += 1 / (rate * np.linalg.norm(weights, axis=1) / np.sqrt(inertia))
+    reached = turn > fastest**2 * ramps / 2  # else the speed limit need not be reached
+    return float(np.where(reached, at_speed + fastest * ramps / 2, at_speed).max())
+
+
+def _by_power(way: _Way) -> float:
+    """The bound from the power that motors have at their speed limits, which the platform's energy
+    comes from; it needs no inertia of the arms."""
+    if not np.isfinite(way.speed).all():
+        return 0.0
+    _, masses = way.inertias(_SPLITS)
+    mass = float(masses.max())
+    friction = way.coulomb + way.viscous * way.speed
+    powers = [float(torque @ way.speed) for torque in (way.torque, way.torque + friction)]
+    power, weight = max(powers), float(np.linalg.norm(way.weight)) / np.sqrt(mass)
+    progress = float(np.linalg.norm(way.platform)) * np.sqrt(mass)
+
+    def possible(duration: float) -> bool:
+        half = duration / 2
+        covered = 4 / 3 * np.sqrt(2 * power) * half**1.5 + weight * half**2
+        return bool(covered >= progress)
+
+    without_weight = 2 * (progress / (4 / 3 * np.sqrt(2 * power))) ** (2 / 3)
+    return _first_possible(possible, without_weight)
+
+
+def _by_acceleration(way: _Way) -> float:
+    """The bound from a limit on the platform's acceleration, 2 √(distance / limit)."""
+    return float(2 * np.sqrt(np.linalg.norm(way.platform) / way.acceleration))
+
+
+def _first_possible(possible: Callable[[float], bool], upper: float) -> float:
+    """The largest duration known to be too short: below it none is ``possible``, as none is below
+    one that is not. ``upper``: a duration that is possible, s."""
+    low, high = 0.0, upper
+    for _ in range(_BISECTIONS):
+        middle = (low + high) / 2
+        low, high = (low, middle) if possible(middle) else (middle, high)
+    return low
