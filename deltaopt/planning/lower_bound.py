@@ -41,14 +41,15 @@ _BISECTIONS = 40
 def lower_bound(scene: Scene) -> float:
     """A duration in s below which no motion from start to goal can be, whatever its path.
 
-    The largest of several bounds, each of them proven. It is 0, which is true and says nothing,
-    unless both ends are at rest. Raises Unreachable where start or goal is.
+    The largest of several bounds, each of them proven. Unless both ends are at rest it is
+    what rotation takes, or 0, which is true and says nothing. Raises Unreachable where an end is.
     """
     task = scene.task
     if task.start.velocity != REST or task.goal.velocity != REST:
-        return 0.0
+        return scene.least_duration
     way = _Way.of(scene)
-    return max(_by_work(way), _by_speed(way), _by_power(way), _by_acceleration(way))
+    bounds = (_by_work(way), _by_speed(way), _by_power(way), _by_platform(way))
+    return max(scene.least_duration, *bounds)
 
 
 @dataclass(frozen=True)
@@ -62,7 +63,8 @@ class _Way:
     with u and w the velocities of their ends. ``weight``: of what moves with the platform, half of
     the bars included, (3,), N. ``torque``: the largest torque of each motor and of gravity on its
     arm, (3,), N·m. ``coulomb``, ``viscous``: friction at the arm. ``speed``: of the arms, (3,),
-    rad/s. ``acceleration``: of the platform, m/s². What is not limited is infinite.
+    rad/s. ``platform_speed``, ``acceleration``: of the platform, m/s and m/s². What is not limited
+    is infinite.
     """
 
     platform: Array
@@ -77,6 +79,7 @@ class _Way:
     coulomb: float
     viscous: float
     speed: Array
+    platform_speed: float
     acceleration: float
 
     @classmethod
@@ -102,6 +105,7 @@ class _Way:
             coulomb=_number(p.coulomb),
             viscous=_number(p.viscous),
             speed=_upper(limits, "speed", 3),
+            platform_speed=float(_upper(limits, "platform speed", 1)[0]),
             acceleration=float(_upper(limits, "acceleration", 1)[0]),
         )
 
@@ -255,9 +259,16 @@ def _by_power(way: _Way) -> float:
     return _first_possible(possible, without_weight)
 
 
-def _by_acceleration(way: _Way) -> float:
-    """The bound from a limit on the platform's acceleration, 2 √(distance / limit)."""
-    return float(2 * np.sqrt(np.linalg.norm(way.platform) / way.acceleration))
+def _by_platform(way: _Way) -> float:
+    """The bound from limits on the platform's own speed and acceleration."""
+    distance, speed, acceleration = (
+        float(np.linalg.norm(way.platform)),
+        way.platform_speed,
+        way.acceleration,
+    )
+    if speed**2 < distance * acceleration:  # the speed limit is reached, perhaps at once
+        return distance / speed + speed / acceleration
+    return float(2 * np.sqrt(distance / acceleration))
 
 
 def _first_possible(possible: Callable[[float], bool], upper: float) -> float:
