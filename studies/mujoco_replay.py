@@ -22,6 +22,7 @@ import deltaopt
 from deltaopt.bench.peers import installed
 from deltaopt.bench.random_scenes import random_scenes
 from deltaopt.cli.arguments import positive
+from deltaopt.compare.model_terms import MODEL_TERMS
 from deltaopt.files.validated_record import Vector3
 from deltaopt.motion.trajectory import Array, Trajectory
 from deltaopt.output.mjcf import mjcf
@@ -34,6 +35,15 @@ SMALL: Mapping[str, object] = {"steps": (1e-3, 5e-4), "states": 5}
 
 _TO_WORLD = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
 """From the base's frame to MuJoCo's world."""
+
+BEYOND_THE_PAPER = {
+    "drive.inertia",
+    "drive.friction.viscous",
+    "drive.friction.coulomb",
+    "upper_arm.centre",
+    "elbow.mass",
+    "platform.pins",
+}
 
 
 @dataclass(frozen=True)
@@ -162,11 +172,7 @@ def run(arguments: argparse.Namespace) -> int:
 def without_terms(robot: Robot) -> Robot:
     """The robot as the paper's model has it: without elbow, pins, drive inertia and friction, and
     with the arm's centre of mass in its middle. The tool stays."""
-    return robot.model_copy(
-        update={
-            "upper_arm": robot.upper_arm.model_copy(update={"centre": None}),
-            "elbow": None,
-            "platform": robot.platform.model_copy(update={"pins": None}),
-            "drive": robot.drive.model_copy(update={"inertia": None, "friction": None}),
-        }
-    )
+    for term in MODEL_TERMS:
+        if term.name in BEYOND_THE_PAPER:
+            robot = term.without(robot)
+    return robot

@@ -156,24 +156,26 @@ def _mjcf(arguments: argparse.Namespace) -> int:
 
 
 def _table(arguments: argparse.Namespace) -> int:
-    plan = load_plan(arguments.plan)
-    table = of_controller(_checked(plan, arguments), plan.scene.robot)
-    before = _there(arguments.output)
+    table, before = _controllers_table(arguments), _there(arguments.output)
     write_table(arguments.output, table, UNITS[arguments.unit])
     print_written([arguments.output], before)
     return 0
 
 
 def _ros2(arguments: argparse.Namespace) -> int:
-    plan = load_plan(arguments.plan)
-    table = of_controller(_checked(plan, arguments), plan.scene.robot)
-    before = _there(arguments.output)
+    table, before = _controllers_table(arguments), _there(arguments.output)
     if arguments.output.suffix in (".yaml", ".yml"):
         write_ros2_yaml(arguments.output, table, tuple(arguments.joints))
     else:
         write_ros2_bag(arguments.output, table, tuple(arguments.joints), arguments.topic)
     print_written([arguments.output], before)
     return 0
+
+
+def _controllers_table(arguments: argparse.Namespace) -> JointTable:
+    """The table of a saved plan in its controller's angles."""
+    plan = load_plan(arguments.plan)
+    return of_controller(_checked(plan, arguments), plan.scene.robot)
 
 
 def _there(file: Path) -> set[Path]:

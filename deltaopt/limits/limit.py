@@ -112,6 +112,12 @@ class Bounds:
         """quantity ≥ limit, which may be 0."""
         return cls(limit, None, SX(scale), out_of_reach)
 
+    def beyond(self, quantity: SX) -> list[SX]:
+        """By how much the quantity exceeds its upper and lower bound, as shares of ``scale``."""
+        upper = [] if self.upper is None else [(quantity - self.upper) / self.scale]
+        lower = [] if self.lower is None else [(self.lower - quantity) / self.scale]
+        return upper + lower
+
     def normalised(self, quantity: SX) -> SX:
         """The quantity with its lower bound at -1 and its upper bound at 1."""
         if self.lower is not None and self.upper is not None:

@@ -40,8 +40,7 @@ class SpecificForce:
         given = scene.given(self.key.name)
         if given is None:
             return []
-        g = scene.robot.gravity
-        gravity = g if isinstance(g, tuple) else (g, 0.0, 0.0)
+        gravity = scene.robot.gravity_vector
         at_rest = float(np.linalg.norm(gravity))
         if given <= at_rest:
             least = f"more than {at_rest:g} m/s², the specific force at rest"

@@ -101,16 +101,13 @@ def _shares(
     for limit, own in constraints.with_numbers(numbers):
         if not limit.promised:
             continue
-        measure, bounds = limit.measure(motion, own), limit.bounds(own)
+        measure = limit.measure(motion, own)
         several = measure.numel() > 1
         names = [
             f"{limit.subject} {k + 1}" if several else limit.subject for k in range(measure.numel())
         ]
-        if bounds.upper is not None:
-            columns.append(1 + (measure - bounds.upper) / bounds.scale)
-            named += [(limit.name, name) for name in names]
-        if bounds.lower is not None:
-            columns.append(1 + (bounds.lower - measure) / bounds.scale)
+        for beyond in limit.bounds(own).beyond(measure):
+            columns.append(1 + beyond)
             named += [(limit.name, name) for name in names]
     inputs = [x, v, a, ca.vertcat(numbers, p)]
     shares = ca.densify(ca.vertcat(*columns))

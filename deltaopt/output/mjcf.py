@@ -44,8 +44,8 @@ def mjcf(robot: Robot, payload: float | None = None, start: Vector3 | None = Non
     place = _below_the_base(robot) if start is None else np.array(start)
     q = model.inverse_kinematics(place)
     centre = place - robot.tool_offset
-    gravity = robot.gravity if isinstance(robot.gravity, tuple) else (robot.gravity, 0.0, 0.0)
-    world = (gravity[2], gravity[1], -gravity[0])
+    x, y, z = robot.gravity_vector
+    world = (z, y, -x)
     chains = "\n".join(_chain(robot, k, q) for k in range(3))
     connections = "\n".join(
         f'<connect site1="tip{k + 1}{side}" site2="corner{k + 1}{side}" {_STIFF}/>'

@@ -33,7 +33,7 @@ def delta_parameters(robot: Robot, payload: float | None) -> DeltaParameters:
     add the moment of inertia of their rotation to it; pins and tool are part of the platform, which
     only translates.
     """
-    bars, gravity = robot.forearm, _gravity(robot)
+    bars, gravity = robot.forearm, _components(robot.gravity_vector)
     friction = robot.drive.friction or Friction(viscous=0.0)
     tool_mass = (robot.tool and robot.tool.mass) or 0.0
     slender = bars.mass * bars.length**2 / 12
@@ -92,12 +92,6 @@ def _arm_and_elbow(robot: Robot) -> _Arm:
         along, across = along + elbow.mass / mass * (arm.length - along), arm.mass / mass * across
     centred = along == arm.length / 2
     return _Arm(mass, inertia, None if centred else along, across or None)
-
-
-def _gravity(robot: Robot) -> tuple[float | None, float | None, float | None]:
-    """Components of gravity, m/s²; None for one that is zero."""
-    gravity = robot.gravity
-    return _components(gravity if isinstance(gravity, tuple) else (gravity, 0.0, 0.0))
 
 
 def _components(vector: Vector3) -> tuple[float | None, float | None, float | None]:

@@ -161,6 +161,11 @@ class Robot(Record):
     )
 
     @property
+    def gravity_vector(self) -> Vector3:
+        """Acceleration of gravity in the base's frame, m/s²."""
+        return self.gravity if isinstance(self.gravity, tuple) else (self.gravity, 0.0, 0.0)
+
+    @property
     def tool_offset(self) -> Vector3:
         """From the platform's centre to the tool's point, m."""
         return (self.tool and self.tool.offset) or (0.0, 0.0, 0.0)

@@ -340,7 +340,7 @@ def _function(terms: DeltaTerms, items: Items) -> RowFunction:
     columns = [
         beyond
         for (limit, _), own in zip(items, numbers, strict=True)
-        for beyond in _beyond(limit, limit.measure(motion, own), own)
+        for beyond in limit.bounds(own).beyond(limit.measure(motion, own))
     ]
     columns += [-kind.of(motion.q) for kind in DISTANCES]
     columns += [motion.dtheta, ca.sumsqr(motion.tau)]
@@ -348,14 +348,6 @@ def _function(terms: DeltaTerms, items: Items) -> RowFunction:
     motors = ca.vertcat(motion.dtheta, motion.ddtheta, motion.tau)
     outputs = [ca.densify(ca.vertcat(*columns)), ca.densify(motors)]
     return RowFunction(ca.Function("measures", inputs, outputs, {"cse": True}))
-
-
-def _beyond(limit: Limit, measure: ca.SX, numbers: ca.SX) -> list[ca.SX]:
-    """By how much a measure exceeds its upper and lower bound, as shares of its natural size."""
-    bounds = limit.bounds(numbers)
-    upper = [] if bounds.upper is None else [(measure - bounds.upper) / bounds.scale]
-    lower = [] if bounds.lower is None else [(bounds.lower - measure) / bounds.scale]
-    return upper + lower
 
 
 @lru_cache(maxsize=32)
