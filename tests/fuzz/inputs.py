@@ -17,25 +17,14 @@ from hypothesis import strategies as st
 
 from deltaopt.errors import DeltaOptError
 from deltaopt.scene.scene import load_scene
+from tests.scene import test_robot_and_scene
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 SCENE = load_scene(PROBLEMS / "pick_and_place.yaml")
-ROBOT_CONTENT = {
-    "name": "random",
-    "source": "made up",
-    "base_radius": 0.2,
-    "platform_radius": 0.1,
-    "upper_arm": {"length": 0.2, "mass": 0.4, "inertia": 1.5e-3},
-    "forearm": {"length": 0.5, "mass": 0.25, "inertia": [0.0, 0.005, 0.005]},
-    "platform": {"mass": 0.3},
+ROBOT_CONTENT = test_robot_and_scene.ROBOT | {
     "drive": {"torque": [20.0, 21.0, 22.0], "speed": 8.0},
-    "gravity": 9.8,
 }
-SCENE_CONTENT = {
-    "robot": "robot.yaml",
-    "payload": 1.0,
-    "start": [0.45, -0.05, 0.0],
-    "goal": [0.45, 0.1, 0.0],
+SCENE_CONTENT = test_robot_and_scene.SCENE | {
     "limits": {"torque": 19.0, "speed": [7.0, 6.0, 5.0]},
     "objective": {"time": 1.0, "effort": 0.002},
 }
