@@ -16,6 +16,8 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 NUMBER = re.compile(r"\d+\.\d*")
 TOLERANCE = 1e-3
 """As README says: of a number, or of 1 if it is smaller."""
+THREE_SCREENS = 3 * 45
+"""Lines."""
 
 
 def fenced(language: str) -> list[str]:
@@ -49,10 +51,19 @@ def test_ci_is_executable():
 
 
 def test_every_command_is_told():
-    assert set(re.findall(r"^\| `deltaopt (\w+)", README, re.M)) == set(COMMANDS)
+    page = (ROOT / "docs/commands.md").read_text(encoding="utf-8")
+    assert set(re.findall(r"^\| `deltaopt (\w+)", page, re.M)) == set(COMMANDS)
 
 
-@pytest.mark.parametrize("page", ["README.md", *(f"docs/{p.name}" for p in ROOT.glob("docs/*.md"))])
+PAGES = ["README.md", *(f"docs/{p.name}" for p in ROOT.glob("docs/*.md"))]
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_page_is_at_most_three_screens_long(page):
+    assert len((ROOT / page).read_text(encoding="utf-8").splitlines()) <= THREE_SCREENS
+
+
+@pytest.mark.parametrize("page", PAGES)
 def test_links_lead_somewhere(page):
     file = ROOT / page
     for target in re.findall(r"\]\(([^)#]+)\)", file.read_text(encoding="utf-8")):
