@@ -29,7 +29,7 @@ PROBLEMS = Path(__file__).parents[1] / "problems"
 def scenes() -> Iterator[deltaopt.Scene]:
     """All shipped scenes, and one move with and without a payload and limits of speed, for time and
     for effort."""
-    files = (*PROBLEMS.glob("*.yaml"), *PROBLEMS.glob("objectives/*.yaml"))
+    files = (file for file in PROBLEMS.rglob("*.yaml") if file.parent.name != "robots")
     yield from map(deltaopt.load_scene, sorted(files))
     shipped = deltaopt.load_scene(PROBLEMS / "pick_and_place.yaml")
     objectives: tuple[Objective, ...] = (Time(), Effort(duration=0.28))
@@ -41,9 +41,12 @@ def scenes() -> Iterator[deltaopt.Scene]:
 
 
 def sources(scene: deltaopt.Scene) -> list[str]:
-    """The C that planning a scene, verifying the plan and drawing it ask for."""
+    """The C that planning a scene, verifying the plan and drawing it ask for, and the timing of the
+    straight line that it is compared with."""
     with recording() as asked, TemporaryDirectory() as folder:
         deltaopt.plan(scene).save(folder)
+        if scene.path is None and isinstance(scene.objective, Time):
+            deltaopt.timed_line(scene)
     return list(asked)
 
 
