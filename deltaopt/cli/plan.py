@@ -39,6 +39,7 @@ from deltaopt.errors import DeltaOptError, SceneError
 from deltaopt.files.output_folder import require_writable
 from deltaopt.motion.active_limits import ActiveLimit, active_limits
 from deltaopt.motion.certificate import MET
+from deltaopt.motion.limit_sensitivity import as_dicts, limits_in_words
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.plan_files import MOST_ROWS, RATE, Provenance, StraightLine, highest_rate, save
 from deltaopt.planning.flat.flat_problem import Flat
@@ -280,7 +281,7 @@ def _plan(
             _print_cost_of_path(solution)
         resolved = solution.tolerance is not None and solution.tolerance <= RESOLVED_BELOW
         print(table(verification, certified=resolved))
-        print("\n".join(active_limits_table(active)))
+        print("\n".join(active_limits_table(active, solution)))
         print(lower_bound_line(scene, trajectory))
         print_written(files, before)
     for failure in verification.failures():
@@ -308,10 +309,7 @@ def _as_dict(
             {"duration": each.duration, "cost": each.cost, "starts": each.starts}
             for each in solution.optima
         ],
-        "active_limits": [
-            {"limit": each.limit, "subject": each.subject, "share_of_time": each.share}
-            for each in active
-        ],
+        "active_limits": as_dicts(active, solution.sensitivities),
         "verification": verification.as_dict(),
         "files": [str(each) for each in files],
     }
@@ -505,17 +503,12 @@ def _where(distance: Distance) -> str:
     return when if distance.subject == "robot" else f"{distance.subject} {when}"
 
 
-def active_limits_table(active: Sequence[ActiveLimit]) -> list[str]:
-    """Lines that say in words what limits a motion: which motor's what, and how much of the time.
-
-    What is at its limit for less than half of a per cent of the time is left out.
-    """
-    lines = [f"  {each.sentence}" for each in active if each.share >= _TOLD]
+def active_limits_table(active: Sequence[ActiveLimit], solution: Provenance) -> list[str]:
+    """Lines that say in words what limits a motion: which motor's what, how much of the time, and
+    what more of it would save."""
+    told = limits_in_words(active, solution.sensitivities)
+    lines = [f"  {sentence}" for sentence in told]
     return ["what limits the motion:", *lines] if lines else ["no limit is reached"]
-
-
-_TOLD = 0.005
-"""Share of the time from which a limit that is reached is told: less would read 0 %."""
 
 
 def _optimality(verification: Verification, certified: bool) -> list[str]:

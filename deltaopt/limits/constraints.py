@@ -187,6 +187,20 @@ class Constraints:
         return found
 
     @cached_property
+    def bound_exponents(self) -> ca.Function:
+        """(an instant, numbers of all items) -> -∂ ln |row| / ∂ ln bound of every row, at it."""
+        motion, numbers, more = _AnyMotion(self.motors), self.numbers(), SX.sym("more")
+        raised = []
+        for limit, own in self.with_numbers(numbers):
+            bounds = limit.bounds(own)
+            sides = [side for side in (bounds.lower, bounds.upper) if side is not None]
+            of_bounds = ca.which_depends(ca.vertcat(*sides), own, 1, False)
+            raised.append(own * (1 + more * SX(list(map(int, of_bounds)))))
+        rows = ca.substitute(self.rows(motion, numbers), numbers, ca.vertcat(*raised))
+        slopes = ca.substitute(-ca.jacobian(rows, more) / rows, more, 0)
+        return ca.Function("exponents", [motion.everything, numbers], [ca.densify(slopes)])
+
+    @cached_property
     def of_torque(self) -> Truths:
         """Rows that depend on the torques, (rows,)."""
         motion = _AnyMotion(self.motors)
@@ -240,6 +254,16 @@ class SceneLimits:
     def bounds(self) -> tuple[Array, Array]:
         """Lower and upper bound of every measure in its unit, infinite where there is none."""
         return _bounds(self.constraints, tuple(self.numbers.tolist()))
+
+    @cached_property
+    def bound_exponents(self) -> Array:
+        """n of every row that is f(motion) / boundⁿ near the bound, (rows,): 1 for a torque, 2 for
+        the square of a norm. NaN for other rows, such as those of ranges."""
+        function, rng = self.constraints.bound_exponents, np.random.default_rng(1)
+        motions = rng.uniform(0.5, 1.5, (2, function.size1_in(0)))
+        one, other = (np.array(function(motion, self.numbers)).ravel() for motion in motions)
+        known = np.isfinite(one) & np.isclose(one, other, rtol=1e-9, atol=0)
+        return np.where(known, one, np.nan)
 
     def upper(self, name: str) -> Array | None:
         """The upper bounds of a limit, by its name; None where it does not exist."""

@@ -62,8 +62,12 @@ class ActiveLimit:
     @property
     def sentence(self) -> str:
         """Such as "motor 2's torque is at its limit 94 % of the time"."""
-        percent = f"{100 * self.share:.0f} %"
-        return f"{self.subject}'s {self.limit} is at its limit {percent} of the time"
+        several = self.subject[-1].isdigit()
+        owner = self.subject if several else f"the {self.subject}"
+        what = f"{owner}'s {self.limit}"
+        if self.limit.startswith(self.subject):
+            what = f"the {self.limit}"
+        return f"{what} is at its limit {100 * self.share:.0f} % of the time"
 
 
 def share_curves(scene: Scene, trajectory: Trajectory, fractions: Array) -> list[ShareCurve]:

@@ -16,8 +16,10 @@ import numpy as np
 from deltaopt.files.atomic_write import atomic_write
 from deltaopt.files.output_folder import all_or_none
 from deltaopt.files.validated_record import Vector3
+from deltaopt.motion.active_limits import active_limits
 from deltaopt.motion.certificate import MET
 from deltaopt.motion.effort import cost
+from deltaopt.motion.limit_sensitivity import LimitSensitivity, as_dicts
 from deltaopt.motion.trajectory import Array, Trajectory
 from deltaopt.planning.lower_bound import lower_bound
 from deltaopt.scene.scene import Scene
@@ -87,6 +89,8 @@ class Provenance(Protocol):
     def optima(self) -> Sequence[Optimum]: ...
     @property
     def free_duration(self) -> float | None: ...
+    @property
+    def sensitivities(self) -> Sequence[LimitSensitivity]: ...
 
 
 @dataclass(frozen=True)
@@ -104,6 +108,11 @@ class StraightLine:
     certificate: Certificate | None = None
     optima: Sequence[Optimum] = ()
     free_duration: float | None = None
+
+    @property
+    def sensitivities(self) -> Sequence[LimitSensitivity]:
+        """None: there is no optimum that they would be of."""
+        return ()
 
 
 def save(
@@ -138,7 +147,8 @@ def save(
         if report:
             from deltaopt.report.page import write_report
 
-            write_report(folder / page, scene, trajectory, verification, solution.gap)
+            found = verification, solution.gap, solution.sensitivities
+            write_report(folder / page, scene, trajectory, *found)
             written.append(page)
     return [directory / name for name in written]
 
@@ -177,6 +187,7 @@ def write_json(
         **{name: _finite(value) for name, value in found.items()},
         "certificate": _certificate(solution.certificate),
         "optima": [_optimum(each) for each in solution.optima],
+        "active_limits": as_dicts(active_limits(scene, trajectory), solution.sensitivities),
         "verification": verification.as_dict(),
         "versions": {"python": platform.python_version()}
         | {name: _version(name) for name in ("deltaopt", "casadi", "numpy")},

@@ -24,6 +24,13 @@ from deltaopt.mechanisms.delta.functions import DeltaFunctions
 from deltaopt.motion.active_limits import active_limits
 from deltaopt.motion.certificate import Certificate
 from deltaopt.motion.effort import cost as cost_of
+from deltaopt.motion.limit_sensitivity import (
+    LimitSensitivity,
+    MeshMultipliers,
+    Multipliers,
+    limit_sensitivities,
+    limits_in_words,
+)
 from deltaopt.motion.time_scaling import safe_factor
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.effort_planning import (
@@ -36,7 +43,7 @@ from deltaopt.planning.effort_planning import (
 from deltaopt.planning.flat.flat_problem import Flat
 from deltaopt.planning.formulations.choice import problem_formulation
 from deltaopt.planning.lower_bound import lower_bound
-from deltaopt.planning.mesh.mesh_solution import Iteration, gap_of, iteration_of
+from deltaopt.planning.mesh.mesh_solution import Iteration, MeshSolution, gap_of, iteration_of
 from deltaopt.planning.multistart import Optimum, distinct, first_motions
 from deltaopt.planning.nlp.cost import FASTEST, Cost
 from deltaopt.planning.nlp.problem import FormulatedProblem, Guess, ProblemFormulation, Solver
@@ -52,7 +59,7 @@ from deltaopt.robot.robot import Robot
 from deltaopt.scene.feasibility import check_feasible, serial_distances_at_ends
 from deltaopt.scene.objective import Effort, Objective, Time
 from deltaopt.scene.path import Line
-from deltaopt.scene.scene import Limits, Scene
+from deltaopt.scene.scene import Limits, Scene, limits_of
 from deltaopt.scene.task import OnPath
 
 Array = NDArray[np.float64]
@@ -95,7 +102,8 @@ class Plan:
     necessary condition is met, by the multipliers of that solution; None if they are not known.
     ``optima``: the distinct local minima that several first guesses led to, best first.
     ``free_duration``: where the scene gives a path, the duration (s) of the plan without it, if
-    ``beside_free_path`` has found it.
+    ``beside_free_path`` has found it. ``multipliers``: of the limits; None where they are not
+    known, as of motions that are not the fastest.
 
     A plan is equal to itself alone, and can be a key of a dictionary.
     """
@@ -115,6 +123,7 @@ class Plan:
     resolved: bool = False
     optima: tuple[Optimum, ...] = ()
     free_duration: float | None = None
+    multipliers: Multipliers | None = None
 
     @property
     def duration(self) -> float:
@@ -131,6 +140,18 @@ class Plan:
         """A duration in s that no motion of the scene undercuts, on whatever path: proven in
         docs/lower_bound.md. Beside ``gap``, which is an estimate and knows only motions nearby."""
         return lower_bound(self.scene)
+
+    @cached_property
+    def sensitivities(self) -> tuple[LimitSensitivity, ...]:
+        """How the duration depends on each limit, the largest first: d ln T / d ln bound.
+
+        Empty where that is not known: for objectives other than time, and where something else
+        than limits sets the duration.
+        """
+        most_saved = 1 - self.scene.least_duration / self.duration  # a fourth axis turns no faster
+        if self.multipliers is None or most_saved <= 0:
+            return ()
+        return limit_sensitivities(limits_of(self.scene), self.multipliers, most_saved)
 
     def save(
         self, directory: str | Path, *, chart: bool = True, report: bool = False
@@ -172,7 +193,7 @@ class Plan:
                 ("intervals", str(self.intervals)),
                 ("solver", f"{self.status}, {self.iterations} iterations"),
                 ("found in", f"{self.solve_seconds:.3g} s"),
-                *(("limit", each.sentence) for each in active),
+                *(("limit", sentence) for sentence in limits_in_words(active, self.sensitivities)),
             ],
         )
 
@@ -356,6 +377,7 @@ class Planner:
             tolerance=self.tolerance,
             meshes=found.iterations,
             certificate=None,
+            multipliers=found.multipliers,
         )
 
     def _best(self, scene: Scene, guesses: Iterator[Guess], report: Progress) -> Plan:
@@ -444,6 +466,7 @@ class Planner:
             meshes=tuple(iterations),
             certificate=resolved.certificate if resolved else refinement.certificate(best),
             resolved=resolved is not None,
+            multipliers=_multipliers(solutions[-1] if resolved else solutions[best]),
         )
 
     def _resolver(self, scaling: Scaling, model: DeltaModel, report: Progress) -> Resolver | None:
@@ -594,6 +617,12 @@ def _rounding_factor(scene: Scene) -> float:
     """
     least = min(_KEPT_DISTANCE, float(serial_distances_at_ends(scene).min()) / 2)
     return 1 + float(np.finfo(float).eps) / least
+
+
+def _multipliers(found: MeshSolution) -> MeshMultipliers | None:
+    """Of all limits on a mesh; with resolved switches those of the last mesh before."""
+    solution = found.solution
+    return MeshMultipliers(solution.multipliers) if solution.all_at_points else None
 
 
 @lru_cache(maxsize=32)

@@ -19,6 +19,7 @@ from deltaopt.errors import in_words
 from deltaopt.files.atomic_write import atomic_write
 from deltaopt.files.html_table import html_table
 from deltaopt.motion.active_limits import ActiveLimit, active_limits
+from deltaopt.motion.limit_sensitivity import LimitSensitivity, limits_in_words
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.plots.colours import COLOURS, OF_LIMITS
 from deltaopt.report.modelled import modelled, not_modelled
@@ -28,9 +29,6 @@ from deltaopt.scene.task import distance
 from deltaopt.verify.duty import Duty
 from deltaopt.verify.verification import Check, Verification
 
-_LEAST_SHARE = 0.005
-"""Share of the time below which a limit that is held is not told in words: half of a per cent."""
-
 
 def write_report(
     file: Path,
@@ -38,18 +36,24 @@ def write_report(
     trajectory: Trajectory,
     verification: Verification,
     gap: float | None = None,
+    sensitivities: Sequence[LimitSensitivity] = (),
 ) -> None:
     """Write the page of a motion. ``gap``: of a plan, estimated; None if it was not optimised.
+    ``sensitivities``: of its duration to limits, as far as they are known.
 
     Raises OSError if the file cannot be written.
     """
     with atomic_write(file) as temporary:
-        text = report(scene, trajectory, verification, gap)
+        text = report(scene, trajectory, verification, gap, sensitivities)
         temporary.write_text(text, encoding="utf-8")
 
 
 def report(
-    scene: Scene, trajectory: Trajectory, verification: Verification, gap: float | None = None
+    scene: Scene,
+    trajectory: Trajectory,
+    verification: Verification,
+    gap: float | None = None,
+    sensitivities: Sequence[LimitSensitivity] = (),
 ) -> str:
     """The text of the page; see ``write_report``."""
     active = active_limits(scene, trajectory)
@@ -60,7 +64,7 @@ def report(
     parts = [
         _head(scene, trajectory, verification, gap),
         _FIGURES,
-        _section("What limits the motion", _list(limits_in_words(active))),
+        _section("What limits the motion", _list(_limits(active, sensitivities))),
         _section("Verification", _verification(verification)),
         _section(
             "Duty of the motors", "" if verification.duty is None else _duty(verification.duty)
@@ -100,9 +104,9 @@ def headline(trajectory: Trajectory) -> str:
     return f"{trajectory.duration:.3f} s, {_per_minute(trajectory)} picks per minute"
 
 
-def limits_in_words(active: Iterable[ActiveLimit]) -> list[str]:
-    """A sentence for every limit that the motion is at for a noticeable part of its time."""
-    told = [each.sentence for each in active if each.share >= _LEAST_SHARE]
+def _limits(active: Iterable[ActiveLimit], sensitivities: Iterable[LimitSensitivity]) -> list[str]:
+    """A sentence for every limit that matters."""
+    told = limits_in_words(active, sensitivities)
     return [text[0].upper() + text[1:] + "." for text in told] or [
         "No limit is reached for a noticeable part of the time."
     ]

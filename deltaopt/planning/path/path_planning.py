@@ -12,8 +12,9 @@ from deltaopt.errors import Infeasible, NotConverged
 from deltaopt.motion.time_scaling import highest_rows, safe_factor
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.path.path_mesh import MeshMotion
+from deltaopt.planning.path.path_multipliers import PathMultipliers
 from deltaopt.planning.path.path_rows import PathRows
-from deltaopt.planning.path.path_timing import PathIteration, PathTiming
+from deltaopt.planning.path.path_timing import PathIteration, PathTiming, TimedPath
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.scene import Scene, limits_of
 from deltaopt.scene.task import OnPath
@@ -36,10 +37,11 @@ _TOUCHED = 1e-9
 @dataclass(frozen=True)
 class PathMotion:
     """A motion on a given path that keeps every limit; ``gap``: estimated relative excess of its
-    duration over the shortest possible on that path."""
+    duration over the shortest possible on that path. ``multipliers``: of its limits."""
 
     trajectory: Trajectory
     gap: float
+    multipliers: PathMultipliers
     iterations: tuple[PathIteration, ...]
 
 
@@ -54,12 +56,19 @@ def fastest_on_path(
     first, last = task.rates
     timing = PathTiming(task.path, PathRows.of(scene), (first**2, last**2), tolerance, report)
     planned = _slowed if task.speeds == (0.0, 0.0) else _held
-    trajectory, gap = planned(scene, timing)
+    trajectory, gap, timed = planned(scene, timing)
     _require_positions(scene, trajectory)
     if trajectory.duration < scene.least_duration:
         trajectory = _waiting(scene, task, trajectory)
         gap = 0.0  # nothing is faster than what rotation takes
-    return PathMotion(trajectory, gap, tuple(timing.iterations))
+    multipliers = PathMultipliers(
+        limits_of(scene).constraints,
+        timed.motion.mesh,
+        timed.tangents,
+        timing.rows.owners,
+        timing.ends,
+    )
+    return PathMotion(trajectory, gap, multipliers, tuple(timing.iterations))
 
 
 def _waiting(scene: Scene, task: OnPath, trajectory: Trajectory) -> Trajectory:
@@ -74,10 +83,10 @@ def _waiting(scene: Scene, task: OnPath, trajectory: Trajectory) -> Trajectory:
     return trajectory.slowed(factor)
 
 
-def _slowed(scene: Scene, timing: PathTiming) -> tuple[Trajectory, float]:
-    """The fastest motion from rest to rest, slowed by what its limits are exceeded at last, and its
-    gap."""
-    best: tuple[Trajectory, float] | None = None
+def _slowed(scene: Scene, timing: PathTiming) -> tuple[Trajectory, float, TimedPath]:
+    """The fastest motion from rest to rest, slowed by what its limits are exceeded at last, its
+    gap, and what it was before."""
+    best: tuple[Trajectory, float, TimedPath] | None = None
     for share in _SHARES:
         found = timing.fastest(share)
         trajectory = _trajectory(scene, found.motion)
@@ -85,7 +94,7 @@ def _slowed(scene: Scene, timing: PathTiming) -> tuple[Trajectory, float]:
         if isinf(factor):
             _require_positions(scene, trajectory)
             raise Infeasible("the path: somewhere on it a limit is exceeded at rest")
-        slowed = trajectory.slowed(factor), (1 + found.loss) * factor - 1
+        slowed = trajectory.slowed(factor), (1 + found.loss) * factor - 1, found
         if best is None or slowed[0].duration < best[0].duration:
             best = slowed
         if slowed[1] <= timing.tolerance:
@@ -94,9 +103,9 @@ def _slowed(scene: Scene, timing: PathTiming) -> tuple[Trajectory, float]:
     return best
 
 
-def _held(scene: Scene, timing: PathTiming) -> tuple[Trajectory, float]:
+def _held(scene: Scene, timing: PathTiming) -> tuple[Trajectory, float, TimedPath]:
     """The fastest motion between given speeds, with all limits tightened until none is exceeded,
-    and its gap.
+    its gap, and what it is on its mesh.
 
     Raises NotConverged where that takes too long.
     """
@@ -106,7 +115,7 @@ def _held(scene: Scene, timing: PathTiming) -> tuple[Trajectory, float]:
         trajectory = _trajectory(scene, found.motion)
         factor = safe_factor(scene, trajectory)
         if factor <= 1 + _KEPT:
-            return trajectory, found.loss
+            return trajectory, found.loss, found
         margin = max(2 * margin, 4 * (factor - 1))
     raise NotConverged("limits are exceeded between points of every mesh", "margin", trajectory)
 

@@ -105,7 +105,7 @@ class PathRows:
             _function(terms, constraints),
             _expansion(terms, constraints) if len(curved) else None,
             np.concatenate([limits.numbers, model.parameters]),
-            constraints.sides[_kept(constraints)],
+            constraints.sides[kept_rows(constraints)],
             curved,
         )
 
@@ -215,7 +215,7 @@ def _joined(*parts: AffineRows) -> AffineRows:
     return AffineRows(*(np.hstack(each) for each in arrays))
 
 
-def _kept(constraints: Constraints) -> Index:
+def kept_rows(constraints: Constraints) -> Index:
     """Indices of the rows of limits that a verified motion keeps, but for limits of position: on a
     given path these are kept or not at any speed."""
     rows = [
@@ -291,6 +291,6 @@ def _rows(
     rows, orders = constraints.rows(instant, numbers), constraints.orders
     kept = (
         rows[i] * ca.fabs(rows[i]) if orders[i] == 1 else rows[i]
-        for i in _kept(constraints).tolist()
+        for i in kept_rows(constraints).tolist()
     )
     return ca.vertcat(*kept)

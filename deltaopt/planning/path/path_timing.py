@@ -65,10 +65,12 @@ class PathIteration:
 
 @dataclass(frozen=True)
 class TimedPath:
-    """A motion on a path, and the relative ``loss`` of time that is estimated for it."""
+    """A motion on a path, and the relative ``loss`` of time that is estimated for it.
+    ``tangents``: the rows that it is the fastest for."""
 
     motion: MeshMotion
     loss: float
+    tangents: AffineRows
 
 
 @dataclass(frozen=True)
@@ -173,7 +175,8 @@ class PathTiming:
             except Infeasible:  # what is left costs duration instead
                 break
         cost = max(found.motion.duration / raw.motion.duration - 1, 0.0)
-        return TimedPath(found.motion, _SAFETY * (float(raw.losses.sum()) + cost))
+        loss = _SAFETY * (float(raw.losses.sum()) + cost)
+        return TimedPath(found.motion, loss, found.tangents)
 
     def _on(self, mesh: PathMesh, tangents: AffineRows) -> _OnMesh:
         """The fastest motion on a mesh, and what it does between nodes."""

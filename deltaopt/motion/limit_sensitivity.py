@@ -1,0 +1,125 @@
+"""How the duration of a fastest motion depends on each of its limits, and that in words.
+
+A bound c of a quantity is raised by a small share of itself, ε, at all instants. Its normalised row
+is a share of it, r = f(motion) / cⁿ (n = 1 for a torque, 2 where the row is the square of a norm),
+so that it falls by n ε where it is at its bound, 1. The multipliers λ of the row say what that is
+worth, relative to the duration T:
+
+    d ln T / d ln c = - n Σ |λ|    over all points where the row is bounded
+
+Larger changes are extrapolated by the power law T ~ c^(d ln T / d ln c). Where gravity, friction
+and limits of other orders play no part, T ~ c^(-1/2) if the torques of all motors change alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from math import isfinite
+from typing import Protocol
+
+import numpy as np
+
+from deltaopt.limits.constraints import SceneLimits
+from deltaopt.motion.active_limits import ActiveLimit
+from deltaopt.motion.trajectory import Array
+
+MORE = 0.1
+"""Share by which words raise a limit: as much as the next size of a motor or gear may well give."""
+_TOLD_SHARE, _TOLD_SAVING = 0.005, 0.001
+"""Share of the time that a limit is reached, or of the duration that more of it would save, from
+which it is told: less would read as nothing."""
+
+
+class Multipliers(Protocol):
+    """The multipliers of the limits of a fastest motion."""
+
+    def of_rows(self) -> Array:
+        """By what share the duration grows per unit by which the bound of each normalised row is
+        tightened, at all instants alike, (rows,); zero or more."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class MeshMultipliers:
+    """Those at the points of a mesh: ``each``, (N, points, rows), negative at lower bounds."""
+
+    each: Array
+
+    def of_rows(self) -> Array:
+        """See ``Multipliers``."""
+        return np.asarray(np.abs(self.each).sum(axis=(0, 1)))
+
+
+@dataclass(frozen=True)
+class LimitSensitivity:
+    """How the duration of a fastest motion depends on one bound.
+
+    ``limit``: the limit's name. ``subject``: "motor 2". ``exponent``: d ln T / d ln bound, zero or
+    less: the relative change of the duration by relative change of the bound. ``most_saved``: share
+    of the duration that can be saved at most, for another reason than limits.
+    """
+
+    limit: str
+    subject: str
+    exponent: float
+    most_saved: float = 1.0
+
+    def saved_by(self, more: float) -> float:
+        """The share of the duration that is saved if the bound is raised by a share ``more``."""
+        return min(1.0 - float((1 + more) ** self.exponent), self.most_saved)
+
+
+def limit_sensitivities(
+    limits: SceneLimits, multipliers: Multipliers, most_saved: float = 1.0
+) -> tuple[LimitSensitivity, ...]:
+    """The sensitivities to all limits that a motion must keep, the largest first.
+
+    Those of ranges, such as an arm's, are left out: there is no share to raise them by.
+    ``most_saved``: as of ``LimitSensitivity``.
+    """
+    slopes = -limits.bound_exponents * multipliers.of_rows()
+    found = dict[tuple[str, str], float]()
+    for limit, rows in zip(limits.constraints.limits, limits.constraints.slices, strict=True):
+        if not limit.promised:
+            continue
+        several = rows.stop - rows.start > 1
+        for k, slope in enumerate(slopes[rows].tolist(), 1):
+            name = limit.name, f"{limit.subject} {k}" if several else limit.subject
+            found[name] = found.get(name, 0.0) + slope
+    known = {name: slope for name, slope in found.items() if isfinite(slope)}
+    each = [LimitSensitivity(*name, slope, most_saved) for name, slope in known.items()]
+    return tuple(sorted(each, key=lambda one: one.exponent))
+
+
+def limits_in_words(
+    active: Iterable[ActiveLimit], sensitivities: Iterable[LimitSensitivity]
+) -> list[str]:
+    """A sentence for every limit that matters: how much of the time it is reached, and what more of
+    it would save. None where no limit matters."""
+    known = {(each.limit, each.subject): each for each in sensitivities}
+    told = []
+    for each in active:
+        sensitivity = known.get((each.limit, each.subject))
+        saved = 0.0 if sensitivity is None else sensitivity.saved_by(MORE)
+        if saved >= _TOLD_SAVING:
+            told.append(f"{each.sentence}; {100 * MORE:.0f} % more would save {100 * saved:.1f} %")
+        elif each.share >= _TOLD_SHARE:
+            told.append(each.sentence)
+    return told
+
+
+def as_dicts(
+    active: Iterable[ActiveLimit], sensitivities: Iterable[LimitSensitivity]
+) -> list[dict[str, object]]:
+    """The same for machines: ``exponent`` is d ln duration / d ln bound, None where not known."""
+    exponents = {(each.limit, each.subject): each.exponent for each in sensitivities}
+    return [
+        {
+            "limit": each.limit,
+            "subject": each.subject,
+            "share_of_time": each.share,
+            "exponent": exponents.get((each.limit, each.subject)),
+        }
+        for each in active
+    ]
