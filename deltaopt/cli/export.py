@@ -1,6 +1,7 @@
 """Write a robot's model for other programs.
 
 deltaopt export c ROBOT       kinematics and dynamics in C, for a controller; with a test program
+deltaopt export c PLAN        the same, the plan's motion, and what plays it
 deltaopt export mjcf ROBOT    bodies, joints and motors in MuJoCo's format, for a simulation
 deltaopt export table PLAN    angles, speeds and accelerations of the motors, for a controller
 deltaopt export ros2 PLAN     the same as a JointTrajectory of ROS 2, in YAML or in a bag
@@ -48,8 +49,10 @@ HELP = "write a plan for a controller, or a robot's model in C or for MuJoCo"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     targets = parser.add_subparsers(title="targets", metavar="TARGET", required=True)
-    c = targets.add_parser("c", help="delta.h, delta.c and test_delta.c: self-contained C99")
-    c.add_argument("robot", type=Path, metavar="ROBOT", help="robot file")
+    c = targets.add_parser(
+        "c", help="delta.h, delta.c and test_delta.c, of a plan plan.h and plan.c too: plain C99"
+    )
+    c.add_argument("of", type=Path, metavar="ROBOT|PLAN", help="robot file, or folder of a plan")
     c.add_argument(
         "-o", "--output", type=folder, default=Path("out/c"), metavar="DIR", help="default: out/c"
     )
@@ -136,12 +139,20 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _c(arguments: argparse.Namespace) -> int:
-    from deltaopt.output.controller_c import export_c
+    from deltaopt.output.controller_c import export_c, export_plan_c
 
-    robot, folder = load_robot(arguments.robot), arguments.output
+    folder = arguments.output
     before = set(folder.iterdir()) if folder.is_dir() else set()
-    print_written(export_c(robot, folder), before)
+    if _is_plan(arguments.of):
+        print_written(export_plan_c(load_plan(arguments.of).trajectory, folder), before)
+    else:
+        print_written(export_c(load_robot(arguments.of), folder), before)
     return 0
+
+
+def _is_plan(file: Path) -> bool:
+    """Whether a file is a plan's rather than a robot's."""
+    return file.is_dir() or file.suffix == ".json"
 
 
 def _mjcf(arguments: argparse.Namespace) -> int:

@@ -1,133 +1,51 @@
-"""A robot's kinematics and dynamics as C for a controller, which needs nothing but ``math.h``."""
+"""A robot's kinematics and dynamics, and plans with a player, as C for a controller.
+
+The code is plain C99 without allocation, and of the C library it needs ``FUNCTIONS`` alone. What
+does not depend on the robot stands in ``c_templates``.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from importlib.resources import files
 from pathlib import Path
+from string import Template
 
 import casadi as ca
 import numpy as np
 
-from deltaopt.codegen.simd_c import SCALAR, c_function
+from deltaopt.codegen.simd_c import c_function
 from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.dynamics.mechanism import SX
 from deltaopt.dynamics.virtual_work import VirtualWork
 from deltaopt.errors import on_one_line
 from deltaopt.files.output_folder import all_or_none
 from deltaopt.mechanisms.delta.functions import DeltaFunctions, delta_functions
-from deltaopt.motion.trajectory import Array
+from deltaopt.motion.trajectory import Array, Trajectory
+from deltaopt.robot.joints import Joints
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import Robot
 
-HEADER = """\
-/* {name}: kinematics and dynamics. Written by deltaopt.
-
-   SI units. x down, y and z horizontal, from the base's centre; motor angles theta from the
-   horizontal, up positive; every elbow outside. payload: kg at the platform's centre.
-   Results are not numbers where the platform cannot be. No function keeps any state.{joints} */
-
-#ifndef DELTA_H
-#define DELTA_H
-
-/* Motor angles, rad, of the platform's position, m. */
-void delta_inverse_kinematics(const double x[3], double theta[3]);
-
-/* Position, m, of motor angles, rad: the lower of two. */
-void delta_forward_kinematics(const double theta[3], double x[3]);
-
-/* Torques, N m, of a motion of the platform: m, m/s, m/s^2. */
-void delta_inverse_dynamics(const double x[3], const double v[3], const double a[3],
-                            double payload, double tau[3]);
-
-/* Acceleration of the platform, m/s^2, under torques, N m. */
-void delta_forward_dynamics(const double x[3], const double v[3], const double tau[3],
-                            double payload, double a[3]);
-
-#endif
+FUNCTIONS = ("sin", "cos", "sqrt", "atan2")
+"""All that the exported code needs of the C library."""
+_PLAYED = """
+/* Instants of the plan, and angles, speeds, accelerations, torques there. */
+enum { INSTANTS = ${number} };
+static const double played[INSTANTS][13] = {
+${rows}
+};
 """
-
-WRAPPERS = """\
-void delta_inverse_kinematics(const double x[3], double theta[3]) {
-  inverse_kinematics(x, theta);
-}
-
-void delta_forward_kinematics(const double theta[3], double x[3]) {
-  forward_kinematics(theta, x);
-}
-
-void delta_inverse_dynamics(const double x[3], const double v[3], const double a[3],
-                            double payload, double tau[3]) {
-  inverse_dynamics(x, v, a, &payload, tau);
-}
-
-void delta_forward_dynamics(const double x[3], const double v[3], const double tau[3],
-                            double payload, double a[3]) {
-  forward_dynamics(x, v, tau, &payload, a);
-}
-"""
-
-TEST = """\
-/* Compares with deltaopt's own numbers, and measures the time of an evaluation.
-   cc -O2 delta.c test_delta.c -lm -o test_delta && ./test_delta */
-
-#include <math.h>
-#include <stdio.h>
-#include <time.h>
-
-#include "delta.h"
-
-/* Position, velocity, acceleration, motor angles, torques. */
-enum {{ STATES = {number} }};
-static const double payload = {payload!r};
-static const double state[STATES][15] = {{
-{states}
-}};
-
-static double worst = 0;
-
-static void compare(const double *found, const double *wanted) {{
-  double scale = 1;
-  for (int k = 0; k < 3; k++) scale = fmax(scale, fabs(wanted[k]));
-  for (int k = 0; k < 3; k++) {{
-    const double error = fabs(found[k] - wanted[k]) / scale;
-    if (!(error <= worst)) worst = error;
-  }}
-}}
-
-static double nanoseconds(int forward) {{
-  enum {{ ROUNDS = 20000 }};
-  double result[3];
-  volatile double sink = 0;
-  const clock_t begin = clock();
-  for (int round = 0; round < ROUNDS; round++)
-    for (int i = 0; i < STATES; i++) {{
-      const double *s = state[i];
-      if (forward)
-        delta_forward_dynamics(s, s + 3, s + 12, payload, result);
-      else
-        delta_inverse_dynamics(s, s + 3, s + 6, payload, result);
-      sink += result[0];
-    }}
-  return 1e9 * (double)(clock() - begin) / CLOCKS_PER_SEC / ROUNDS / STATES;
-}}
-
-int main(void) {{
-  for (int i = 0; i < STATES; i++) {{
-    const double *s = state[i];
-    double result[3];
-    delta_inverse_kinematics(s, result);
-    compare(result, s + 9);
-    delta_forward_kinematics(s + 9, result);
-    compare(result, s);
-    delta_inverse_dynamics(s, s + 3, s + 6, payload, result);
-    compare(result, s + 12);
-    delta_forward_dynamics(s, s + 3, s + 12, payload, result);
-    compare(result, s + 6);
-  }}
-  printf("largest relative error: %.1e\\n", worst);
-  printf("inverse dynamics: %.0f ns, forward dynamics: %.0f ns\\n", nanoseconds(0), nanoseconds(1));
-  return worst < 1e-9 ? 0 : 1;
-}}
-"""
+_PLAY = """
+  for (int i = 0; i < INSTANTS; i++) {
+    const double *s = played[i];
+    delta_setpoint found;
+    delta_play(&delta_plan, s[0], delta_plan_payload, &found);
+    compare(found.angle, s + 1);
+    compare(found.speed, s + 4);
+    compare(found.acceleration, s + 7);
+    compare(found.torque, s + 10);
+  }"""
+"""What the test program has and does of a plan."""
 
 
 def export_c(robot: Robot, directory: Path) -> list[Path]:
@@ -136,15 +54,52 @@ def export_c(robot: Robot, directory: Path) -> list[Path]:
     Returns their paths. All of them appear there at once, or none. Raises OSError, naming the file,
     if one cannot be written.
     """
-    texts = {
-        "delta.h": HEADER.format(name=_in_comment(robot.name), joints=_joints(robot)),
-        "delta.c": source(robot),
-        "test_delta.c": program(robot),
-    }
+    return _written(directory, _model_texts(robot) | {"test_delta.c": program(robot)})
+
+
+def export_plan_c(trajectory: Trajectory, directory: Path) -> list[Path]:
+    """Write the same of a trajectory's robot, with plan.h and plan.c: the motion for the player.
+
+    ``trajectory``: whose coordinates follow from the platform's position. Raises OSError.
+    """
+    robot, position = trajectory.model.robot, trajectory.position
+    pieces, powers, _ = position.coefficients.shape
+    header = _filled(
+        "plan.h",
+        name=_in_comment(robot.name),
+        begin=repr(float(position.knots[0])),
+        end=repr(float(position.knots[-1])),
+    )
+    data = _filled(
+        "plan.c",
+        pieces=pieces,
+        powers=powers,
+        knots_number=pieces + 1,
+        knots=",\n".join(f"    {t!r}" for t in position.knots.tolist()),
+        number=3 * pieces * powers,
+        coefficients=",\n".join(map(_listed, position.coefficients.reshape(-1, 3))),
+        payload=repr(float(trajectory.model.payload or 0.0)),
+    )
+    texts = {"plan.h": header, "plan.c": data, "test_delta.c": program(robot, trajectory)}
+    return _written(directory, _model_texts(robot) | texts)
+
+
+def _model_texts(robot: Robot) -> dict[str, str]:
+    header = _filled("delta.h", name=_in_comment(robot.name), joints=_joints(robot))
+    return {"delta.h": header, "delta.c": source(robot)}
+
+
+def _written(directory: Path, texts: Mapping[str, str]) -> list[Path]:
     with all_or_none(directory) as folder:
         for name, text in texts.items():
             (folder / name).write_text(text, encoding="utf-8")
     return [directory / name for name in texts]
+
+
+def _filled(file: str, **values: object) -> str:
+    """A file of ``c_templates`` with values in place of ``${names}``."""
+    text = (files("deltaopt.output") / "c_templates" / file).read_text(encoding="utf-8")
+    return Template(text).substitute(values)
 
 
 def _joints(robot: Robot) -> str:
@@ -170,13 +125,19 @@ def _in_comment(name: str) -> str:
 
 def source(robot: Robot) -> str:
     """The text of delta.c: the robot's numbers are constants, the payload is an argument."""
-    parts = ['#include "delta.h"', SCALAR]
-    parts += [c_function(function, function.name()) for function in c_functions(robot)]
-    return "\n".join([*parts, WRAPPERS])
+    joints = robot.joints or Joints()
+    functions = [c_function(function, function.name()) for function in c_functions(robot)]
+    return _filled(
+        "delta.c",
+        name=_in_comment(robot.name),
+        zeros=_numbers(joints.zeros),
+        signs=_numbers(joints.signs),
+        functions="\n".join(functions),
+    )
 
 
 def c_functions(robot: Robot) -> list[ca.Function]:
-    """Inverse and forward kinematics, then inverse and forward dynamics of a robot.
+    """Inverse and forward kinematics, the motion of the motors, inverse and forward dynamics.
 
     The last argument of the dynamics is the payload, kg.
     """
@@ -193,8 +154,18 @@ def c_functions(robot: Robot) -> list[ca.Function]:
     return [
         ca.Function("inverse_kinematics", [x], [angles], {"cse": True}),
         ca.Function("forward_kinematics", [theta], [position], {"cse": True}),
+        _joint_motion(functions, p),
         *_dynamics(functions, p, payload),
     ]
+
+
+def _joint_motion(functions: DeltaFunctions, p: SX) -> ca.Function:
+    """(x, v, a) -> motor angles, speeds and accelerations."""
+    x, v, a = (SX.sym(name, 3) for name in ("x", "v", "a"))
+    angles = functions.inverse_kinematics(x, p)[3::3]
+    *_, speeds, accelerations = functions.explicit_equations(x, v, a, SX.zeros(3), p)
+    results = [angles, speeds, accelerations]
+    return ca.Function("joint_motion", [x, v, a], results, {"cse": True})
 
 
 def _dynamics(functions: DeltaFunctions, p: SX, payload: SX) -> list[ca.Function]:
@@ -209,18 +180,51 @@ def _dynamics(functions: DeltaFunctions, p: SX, payload: SX) -> list[ca.Function
     ]
 
 
-def program(robot: Robot) -> str:
-    """The text of test_delta.c: states near the middle of the workspace, and the torques by virtual
-    work there to compare with."""
+def program(robot: Robot, plan: Trajectory | None = None) -> str:
+    """The text of test_delta.c: states near the middle of the workspace with the torques by virtual
+    work there, and instants of a plan, to compare with."""
     payload = 0.2
     model = DeltaModel(robot, payload, VirtualWork())
     rng = np.random.default_rng(5)
     theta = rng.uniform(-0.4, 0.4, (20, 3))
     x = model.forward_kinematics(theta)
     v, a = rng.uniform(-2, 2, x.shape), rng.uniform(-50, 50, x.shape)
-    rows = np.hstack([x, v, a, theta, model.inverse_dynamics(x, v, a)])
-    return TEST.format(number=len(rows), payload=payload, states=",\n".join(map(_braced, rows)))
+    _, dq, ddq = model.motion(x, v, a)
+    rates = [dq[:, 3::3], ddq[:, 3::3]]
+    angles = (robot.joints or Joints()).angle_to_controller(theta)
+    rows = np.hstack([x, v, a, theta, *rates, model.inverse_dynamics(x, v, a), angles])
+    return _filled(
+        "test_delta.c",
+        sources="" if plan is None else "plan.c ",
+        header="delta.h" if plan is None else "plan.h",
+        number=len(rows),
+        payload=repr(payload),
+        states=",\n".join(map(_braced, rows)),
+        played="" if plan is None else _played(plan),
+        play="" if plan is None else _PLAY,
+    )
+
+
+def _played(plan: Trajectory) -> str:
+    """Instants of a plan, its knots and some before and after it among them."""
+    begin, end = plan.knots[[0, -1]].tolist()
+    inside = np.random.default_rng(6).uniform(begin, end, 100)
+    t = np.concatenate([plan.knots, inside, [begin - 0.1, end + 0.1]])
+    motion, joints = plan(t), plan.model.robot.joints or Joints()
+    rates = (
+        joints.rate_to_controller(each) for each in (motion.dtheta, motion.ddtheta, motion.tau)
+    )
+    rows = np.hstack([t[:, None], joints.angle_to_controller(motion.theta), *rates])
+    return Template(_PLAYED).substitute(number=len(rows), rows=",\n".join(map(_braced, rows)))
 
 
 def _braced(row: Array) -> str:
-    return "    {" + ", ".join(map(repr, row.tolist())) + "}"
+    return f"    {{{_numbers(row)}}}"
+
+
+def _listed(row: Array) -> str:
+    return f"    {_numbers(row)}"
+
+
+def _numbers(row: Array) -> str:
+    return ", ".join(map(repr, row.tolist()))
