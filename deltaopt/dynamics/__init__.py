@@ -9,6 +9,7 @@ from deltaopt.dynamics.constraint_matrix import (
     RankRevealing,
 )
 from deltaopt.dynamics.formulation import Formulation
+from deltaopt.dynamics.integrators import BDF, Adams, Gauss, Integrator, StabilisedDAE, Work
 from deltaopt.dynamics.kane import GeneralSpeeds, Kane
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.dynamics.linear import LeastNorm
@@ -23,6 +24,8 @@ from deltaopt.dynamics.stabilisation import (
 from deltaopt.dynamics.virtual_work import VirtualWork
 
 __all__ = [
+    "BDF",
+    "Adams",
     "Baumgarte",
     "Body",
     "ClosedForm",
@@ -31,8 +34,10 @@ __all__ = [
     "EuclideanMetric",
     "Explicit",
     "Formulation",
+    "Gauss",
     "GeneralSpeeds",
     "InertiaMetric",
+    "Integrator",
     "Kane",
     "LeastNorm",
     "Mechanism",
@@ -44,6 +49,8 @@ __all__ = [
     "Projection",
     "RankRevealing",
     "Stabilisation",
+    "StabilisedDAE",
     "VirtualWork",
+    "Work",
     "simulate",
 ]
