@@ -14,6 +14,7 @@ from deltaopt.cli import Command, Parser, add_command, exit_code
 from deltaopt.cli.streams import print_any_text
 from studies import (
     agreement,
+    benchmarks,
     cycle,
     frozen,
     gap,
@@ -44,6 +45,7 @@ class Study(Command, Protocol):
 
 STUDIES: dict[str, Study] = {
     "agreement": agreement,
+    "benchmarks": benchmarks,
     "cycle": cycle,
     "frozen": frozen,
     "gap": gap,

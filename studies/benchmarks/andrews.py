@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 
 from deltaopt.compare.dynamics.tasks import Array
+from deltaopt.dynamics import Gauss, Multiplier, NoStabilisation, simulate
 from deltaopt.dynamics.mechanism import SX, Body, Effort, Mechanism
 
 D, DA, E, EA = 28e-3, 115e-4, 2e-2, 1421e-5
@@ -76,6 +77,20 @@ def andrews_squeezer() -> Mechanism:
 def start() -> tuple[Array, Array]:
     """Return q, q̇."""
     return np.array(START), np.zeros(7)
+
+
+def by_gauss(times: Array) -> Array:
+    """Return the angles at the times, N × 7, by Gauss's method of order 8 with steps of 0.05 ms."""
+    return simulate(
+        andrews_squeezer(),
+        Multiplier(),
+        *start(),
+        times,
+        controls=[TORQUE],
+        stabilisation=NoStabilisation(),
+        integrator=Gauss(5e-5, stages=4),
+        tolerance=1e-11,
+    ).q
 
 
 def _along(angle: SX) -> SX:

@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 
 from deltaopt.compare.dynamics.tasks import Array
+from deltaopt.dynamics import Explicit, Multiplier, NullSpace, Partition, VirtualWork
 from deltaopt.dynamics.mechanism import SX, Body, Effort, Mechanism
 
 
@@ -103,3 +104,46 @@ def _spin(R: SX, q: SX, dq: SX) -> SX:
     """Angular velocity in the turned axes, from Rᵀ Ṙ."""
     rate = R.T @ ca.reshape(ca.jtimes(ca.vec(R), q, dq), 3, 3)
     return ca.vertcat(rate[2, 1], rate[0, 2], rate[1, 0])
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """How well ways to the drives' forces agree, relative to the largest force, in the worst of
+    some random poses and motions; and the powers of drives and weights against the change of
+    kinetic energy, relative."""
+
+    forces: float
+    power: float
+
+
+def agreement(poses: int, seed: int = 1) -> Agreement:
+    """Compare L_I, L_E by null space and by platform coordinates, and virtual work."""
+    p = Stewart()
+    m, random = gough_stewart(p), np.random.default_rng(seed)
+    partition = Partition(tuple(range(6)))
+    ways = [Multiplier(), Explicit(NullSpace()), Explicit(partition), VirtualWork(partition)]
+    inverses = [way.inverse_dynamics(m) for way in ways]
+    forward = Explicit(NullSpace()).forward_dynamics(m)
+    velocity = partition.function(m)
+    rates = ca.Function("rates", [m.q, m.dq, m.ddq, m.controls], _powers(m))
+    forces, power = 0.0, 0.0
+    for _ in range(poses):
+        pose = np.array([0, 0, 0.9, 0, 0, 0]) + random.uniform(-0.1, 0.1, 6)
+        q = legs(p, pose)
+        C, _ = velocity(0, q, [])
+        dq = (C @ random.uniform(-1, 1, 6)).full().ravel()
+        ddq, _ = forward(0, q, dq, random.uniform(-100, 300, 6), [])
+        found = [inverse(0, q, dq, ddq, [])[0].full().ravel() for inverse in inverses]
+        scale = np.abs(found[0]).max()
+        forces = max(forces, *(np.abs(f - found[0]).max() / scale for f in found[1:]))
+        done, stored = (float(x) for x in rates(q, dq, ddq, found[0]))
+        power = max(power, abs(done - stored) / scale)
+    return Agreement(forces, power)
+
+
+def _powers(m: Mechanism) -> list[SX]:
+    """Power of the drives, and the change of kinetic and potential energy."""
+    return [
+        sum((e.value * e.rate for e in m.efforts), SX(0)),
+        ca.jtimes(m.T + m.V, ca.vertcat(m.q, m.dq), ca.vertcat(m.dq, m.ddq)),
+    ]

@@ -25,12 +25,8 @@ from deltaopt.dynamics.simulation import simulate
 from deltaopt.dynamics.stabilisation import NoStabilisation, Projection, Stabilisation
 from deltaopt.dynamics.virtual_work import VirtualWork
 from deltaopt.errors import DeltaOptError
-from studies.stability.mechanisms import (
-    bricard,
-    bricard_start,
-    n_four_bar,
-    n_four_bar_start,
-)
+from studies.benchmarks.bricard import bricard, bricard_start
+from studies.benchmarks.four_bars import n_four_bar, n_four_bar_start
 from studies.stability.singularities import lapack_lu
 
 Progress = Callable[[float, str], None]

@@ -14,6 +14,7 @@ from studies.stability.singularities import DISTANCES, METHODS, PROBLEMS
 
 SAYS = {
     "agreement": "forward, 80 on switches",
+    "benchmarks": "Gough-Stewart platform: L_I, L_E",
     "cycle": "| industrial | line across |",
     "frozen": "cases agree to 1e-09",
     "gap": "0 refused or not converged, 0 without a truth",

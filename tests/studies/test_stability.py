@@ -28,9 +28,10 @@ from deltaopt.errors import Singular, Singularity
 from deltaopt.mechanisms.delta.mechanism import MOTOR_ANGLES, delta
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import load_robot
+from studies.benchmarks.bricard import bricard, bricard_start
+from studies.benchmarks.four_bars import n_four_bar
 from studies.stability import benchmarks, singularities
 from studies.stability.families import Family, Maker, delta_families, pendulum_families
-from studies.stability.mechanisms import bricard, bricard_start, n_four_bar
 
 FAMILIES = {f.name: f for f in [*delta_families(), *pendulum_families()]}
 EXACT = ManyDigits(50)

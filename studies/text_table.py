@@ -1,0 +1,28 @@
+"""Tables in plain text, and paragraphs of a width."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from textwrap import fill
+
+WIDTH = 98
+
+
+def table(rows: Sequence[tuple[str, ...]]) -> str:
+    """Return rows of equal length under each other, columns aligned to the left."""
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    return "\n".join(
+        "  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip()
+        for row in rows
+    )
+
+
+def paragraph(*sentences: str) -> str:
+    """Return sentences as one paragraph of lines."""
+    return fill(" ".join(sentences), WIDTH, break_long_words=False, break_on_hyphens=False)
+
+
+def csv(header: str, rows: Iterable[Sequence[object]]) -> str:
+    """Return a table of comma-separated values; commas inside cells become semicolons."""
+    lines = [",".join(str(cell).replace(",", ";") for cell in row) for row in rows]
+    return "\n".join([header, *lines]) + "\n"
