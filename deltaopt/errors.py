@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from enum import Enum
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -164,3 +166,13 @@ class IntegrationFailed(DeltaOptError):
 
 class MissingPackage(DeltaOptError):
     """An optional package is not installed."""
+
+
+def installed(package: str, extra: str) -> Any:
+    """A module that only one of this package's extras installs. Raises MissingPackage."""
+    try:
+        return import_module(package)
+    except ImportError:
+        raise MissingPackage(
+            f"{package} is not installed: pip install 'deltaopt[{extra}]'"
+        ) from None

@@ -24,9 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import deltaopt
-from deltaopt.bench.peers import installed
 from deltaopt.bench.random_scenes import random_scenes
-from deltaopt.errors import DeltaOptError
+from deltaopt.errors import DeltaOptError, installed
 from deltaopt.motion.time_scaling import safe_factor
 from deltaopt.planning.path.path_mesh import MeshMotion, PathMesh
 from deltaopt.planning.path.path_rows import PathRows
@@ -103,7 +102,7 @@ def ours(scene: deltaopt.Scene, best: float, tolerance: float) -> Outcome:
 
 def toppra_motion(scene: deltaopt.Scene, mesh: PathMesh) -> tuple[MeshMotion | None, float]:
     """TOPP-RA's motion on a grid, None where it finds none, and the seconds of its solver."""
-    toppra = installed("toppra")
+    toppra = installed("toppra", "bench")
     toppra.setup_logging("ERROR")
     base: Any = toppra.constraint.LinearConstraint
     rows = PathRows.of(scene)
@@ -189,7 +188,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Print both side by side for every robot, or for one scene. Raises MissingPackage."""
-    installed("toppra")
+    installed("toppra", "bench")
     if arguments.work:
         print("\n".join(_work(deltaopt.load_scene(arguments.work), tuple(arguments.grids))))
         return 0

@@ -12,29 +12,23 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping
-from dataclasses import dataclass
+from math import ceil
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 import deltaopt
-from deltaopt.bench.peers import installed
 from deltaopt.bench.random_scenes import random_scenes
 from deltaopt.cli.arguments import positive
 from deltaopt.compare.model_terms import MODEL_TERMS
-from deltaopt.files.validated_record import Vector3
-from deltaopt.motion.trajectory import Array, Trajectory
-from deltaopt.output.mjcf import mjcf
+from deltaopt.motion.trajectory import Array
+from deltaopt.output.mujoco_replay import InMujoco, of_joints
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import Robot
 from studies.problems import PROBLEMS
 
 HELP = "torques and open-loop replay against MuJoCo"
 SMALL: Mapping[str, object] = {"steps": (1e-3, 5e-4), "states": 5}
-
-_TO_WORLD = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
-"""From the base's frame to MuJoCo's world."""
 
 BEYOND_THE_PAPER = {
     "drive.inertia",
@@ -46,81 +40,26 @@ BEYOND_THE_PAPER = {
 }
 
 
-@dataclass(frozen=True)
-class InMujoco:
-    """A robot with a payload in MuJoCo, at rest or in motion."""
+def torques(there: InMujoco, q: Array, dq: Array, ddq: Array) -> Array:
+    """Motor torques, (3,), N·m, that a motion of the twelve coordinates needs in MuJoCo.
 
-    mujoco: Any
-    model: Any
-    data: Any
-    robot: Robot
-    payload: float | None
-    start: Vector3
-
-    @classmethod
-    def of(cls, robot: Robot, payload: float | None, start: Vector3) -> InMujoco:
-        """With the tool's point at a start (m, base's frame). Raises MissingPackage."""
-        mujoco = installed("mujoco", "studies")
-        model = mujoco.MjModel.from_xml_string(mjcf(robot, payload, start))
-        return cls(mujoco, model, mujoco.MjData(model), robot, payload, start)
-
-    def torques(self, q: Array, dq: Array, ddq: Array) -> Array:
-        """Motor torques, (3,), N·m, that a motion of the twelve coordinates needs.
-
-        MuJoCo's forces on all 21 coordinates are what the three motors and eighteen forces in the
-        joints of the platform must give together.
-        """
-        data, model = self.data, self.model
-        q0 = DeltaModel(self.robot, self.payload).inverse_kinematics(self.start)
-        data.qpos[:] = model.qpos0
-        data.qpos[:3] = q[:3] - np.array(self.start)
-        data.qvel[:3], data.qacc[:3] = dq[:3], ddq[:3]
-        for k in range(3):
-            own = slice(3 + 3 * k, 6 + 3 * k)
-            data.qpos[7 + 5 * k : 12 + 5 * k] = _joints(q[own]) - _joints(q0[own]) * [0, 1, 1, 1, 1]
-            data.qvel[6 + 5 * k : 11 + 5 * k] = _joints(dq[own])
-            data.qacc[6 + 5 * k : 11 + 5 * k] = _joints(ddq[own])
-        acceleration = np.array(data.qacc)
-        self.mujoco.mj_forward(model, data)
-        force = np.zeros(model.nv)
-        self.mujoco.mj_mulM(model, data, force, acceleration)
-        force += data.qfrc_bias - data.qfrc_passive
-        joints = np.array(data.efc_J).reshape(data.nefc, model.nv)
-        shafts = np.eye(model.nv)[6::5]
-        share, *_ = np.linalg.lstsq(np.vstack([shafts, joints]).T, force, rcond=None)
-        return self._with_coulomb(share[:3], dq[3::3])
-
-    def _with_coulomb(self, torque: Array, speed: Array) -> Array:
-        friction = self.robot.drive.friction
-        if friction is None or friction.coulomb is None or friction.speed is None:
-            return torque
-        return np.asarray(torque + friction.coulomb * np.tanh(speed / friction.speed))
-
-    def miss(self, trajectory: Trajectory, step: float) -> float:
-        """Distance, m, of the tool's point from the end of a motion whose torques drove it there.
-
-        The torque of the middle of a step is held through it. Joints are as stiff as the step
-        allows.
-        """
-        model, data = self.model, self.data
-        count = int(np.ceil(trajectory.duration / step))
-        model.opt.timestep = trajectory.duration / count
-        model.opt.tolerance, model.opt.iterations = 0.0, 100
-        model.eq_solref[:] = [2 * model.opt.timestep, 1.0]
-        self.mujoco.mj_resetData(model, data)
-        middle = (np.arange(count) + 0.5) * model.opt.timestep
-        for torque in trajectory(middle).tau:
-            data.ctrl[:] = -self._with_coulomb(-torque, np.array(data.qvel[6::5]))
-            self.mujoco.mj_step(model, data)
-        self.mujoco.mj_forward(model, data)
-        goal = trajectory.position.at(np.array([trajectory.duration]))[0]
-        return float(np.linalg.norm(data.site("tool").xpos - _TO_WORLD @ goal))
-
-
-def _joints(angles: Array) -> Array:
-    """The angles of a chain's five joints, both forks and bars, of q_{k,1}, q_{k,2}, q_{k,3}."""
-    q1, q2, q3 = angles
-    return np.array([q1, q2 - q1, q3, q2 - q1, q3])
+    MuJoCo's forces on all 21 coordinates are what the three motors and eighteen forces in the
+    joints of the platform must give together.
+    """
+    data, model = there.data, there.model
+    there.put(q, dq)
+    data.qacc[:3] = ddq[:3]
+    for k in range(3):
+        data.qacc[6 + 5 * k : 11 + 5 * k] = of_joints(ddq[3 + 3 * k : 6 + 3 * k])
+    acceleration = np.array(data.qacc)
+    there.mujoco.mj_forward(model, data)
+    force = np.zeros(model.nv)
+    there.mujoco.mj_mulM(model, data, force, acceleration)
+    force += data.qfrc_bias - data.qfrc_passive
+    joints = np.array(data.efc_J).reshape(data.nefc, model.nv)
+    shafts = np.eye(model.nv)[6::5]
+    share, *_ = np.linalg.lstsq(np.vstack([shafts, joints]).T, force, rcond=None)
+    return np.asarray(share[:3] + there.coulomb(dq[3::3]))
 
 
 def torque_difference(robot: Robot, payload: float, states: int) -> float:
@@ -129,7 +68,8 @@ def torque_difference(robot: Robot, payload: float, states: int) -> float:
     model, found = DeltaModel(robot, payload), []
     for scene in random_scenes(robot, payload, states, seed=5):
         v, a = 2.0 * rng.normal(size=3), 100.0 * rng.normal(size=3)
-        other = InMujoco.of(robot, payload, scene.start).torques(*model.motion(scene.goal, v, a))
+        there = InMujoco.of(robot, payload, scene.start)
+        other = torques(there, *model.motion(scene.goal, v, a))
         found.append((other, model.inverse_dynamics(scene.goal, v, a)))
     theirs, ours = (np.array(each) for each in zip(*found, strict=True))
     return float(np.abs(theirs - ours).max() / np.abs(ours).max())
@@ -162,7 +102,7 @@ def run(arguments: argparse.Namespace) -> int:
     for name, planned in (("all terms", scene), ("terms left out", simple)):
         motion = deltaopt.plan(planned).trajectory
         for step in arguments.steps:
-            miss = actual.miss(motion, step)
+            miss = actual.miss(motion, ceil(motion.duration / step))
             print(
                 f"  planned with {name}, steps of {1e6 * step:g} µs: misses by {1e3 * miss:.3f} mm"
             )

@@ -16,10 +16,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from deltaopt.bench.peers import installed
 from deltaopt.bench.random_scenes import random_scenes
 from deltaopt.codegen.vectorised import RowFunction
-from deltaopt.errors import DeltaOptError, MissingPackage
+from deltaopt.errors import DeltaOptError, MissingPackage, installed
 from deltaopt.mechanisms.delta.functions import DeltaFunctions
 from deltaopt.motion.trajectory import Array, Trajectory
 from deltaopt.planning.planner import Planner
@@ -102,7 +101,7 @@ def driven(trajectory: Trajectory, pieces: int) -> Path:
 def toppra_duration(scene: Scene, path: Path) -> float:
     """Return the duration of the fastest motion along a path, from rest to rest, s; NaN if there
     is none. Raises MissingPackage."""
-    toppra = installed("toppra")
+    toppra = installed("toppra", "bench")
     algorithm = toppra.algorithm.TOPPRA([_limits(toppra, scene)], path, gridpoints=path.s)
     speeds = algorithm.compute_parameterization(0.0, 0.0)[1]
     if speeds is None:
@@ -154,7 +153,7 @@ class MotorLine:
 
     def trajectory(self, acceleration: float) -> Any:
         """Return Ruckig's motion at this acceleration of every motor (rad/s²), jerk unlimited."""
-        ruckig = installed("ruckig")
+        ruckig = installed("ruckig", "bench")
         request = ruckig.InputParameter(3)
         model = DeltaModel(self.scene.robot, self.scene.payload)
         ends = model.inverse_kinematics([self.scene.start, self.scene.goal])[:, 3::3]
@@ -167,7 +166,7 @@ class MotorLine:
 
     def duration(self, acceleration: float) -> float:
         """Return Ruckig's duration, s; NaN if the acceleration is NaN. Raises MissingPackage."""
-        installed("ruckig")
+        installed("ruckig", "bench")
         return float(self.trajectory(acceleration).duration) if acceleration > 0 else np.nan
 
     def keeps_torques(self, acceleration: float) -> bool:

@@ -11,7 +11,7 @@ import numpy as np
 
 from deltaopt.bench.plan_timing import finer
 from deltaopt.bench.random_scenes import random_scenes
-from deltaopt.errors import DeltaOptError, MissingPackage
+from deltaopt.errors import DeltaOptError, installed
 from deltaopt.motion.trajectory import Array, Trajectory
 from deltaopt.output.controller_c import c_functions
 from deltaopt.planning.initial_motion import baseline
@@ -19,14 +19,6 @@ from deltaopt.planning.planner import Planner
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.scene import Scene
-
-
-def installed(package: str, extra: str = "bench") -> Any:
-    """Return a module that only one of our extras installs. Raises MissingPackage."""
-    try:
-        return __import__(package)
-    except ImportError:
-        raise MissingPackage(f"{package} is not installed: pip install deltaopt[{extra}]") from None
 
 
 @dataclass(frozen=True)
@@ -42,7 +34,7 @@ class PeerPlan:
 def rockit_plan(scene: Scene, guess: Trajectory, intervals: int) -> PeerPlan:
     """Plan a scene by rockit's multiple shooting with Ipopt, torques constant in an interval,
     starting from the motion ``guess``."""
-    rockit = installed("rockit")
+    rockit = installed("rockit", "bench")
     model = DeltaModel(scene.robot, scene.payload)
     forward = c_functions(scene.robot)[-1]
     problem = rockit.Ocp(T=rockit.FreeTime(guess.duration))

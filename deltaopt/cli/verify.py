@@ -6,7 +6,10 @@ z (m), at any rate, with rates (dtheta1, vx) and accelerations (ddtheta1, ax) if
 is interpolated as a controller does, and measured: limits, duty of the motors, singularities. No
 scene file is needed, only a robot.
 
-Exit code: 0 it keeps every limit, and a plan arrives; 1 not so; 2 bad input.
+With --with mujoco a plan's torques, and nothing else, drive the robot in MuJoCo, for ever shorter
+steps: where do they lead, and does that converge to the goal?
+
+Exit code: 0 it keeps every limit, and a plan arrives (in MuJoCo too); 1 not so; 2 bad input.
 """
 
 from __future__ import annotations
@@ -21,9 +24,10 @@ import numpy as np
 
 from deltaopt.cli.arguments import WrongUsage, add_json, positive
 from deltaopt.cli.plan import duty_table, singularities_table, table
-from deltaopt.cli.streams import print_json
-from deltaopt.errors import DeltaOptError
+from deltaopt.cli.streams import print_json, say
+from deltaopt.errors import DeltaOptError, installed
 from deltaopt.output.foreign_table import ANGLES, ForeignTable, read_foreign_table
+from deltaopt.output.mujoco_replay import MujocoReplay, replay_in_mujoco
 from deltaopt.output.saved_plan import load_plan
 from deltaopt.planning.planner import RESOLVED_BELOW
 from deltaopt.robot.joints import Joints
@@ -31,7 +35,7 @@ from deltaopt.robot.model import delta_model
 from deltaopt.robot.robot import load_robot
 from deltaopt.scene.scene import Scene
 from deltaopt.verify.measures import Excess, MeasuredMotion
-from deltaopt.verify.verification import EXCESS, verify
+from deltaopt.verify.verification import EXCESS, Verification, verify
 
 HELP = "verify a saved plan, or measure a table of motor angles"
 
@@ -53,6 +57,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_json(parser)
     parser.add_argument(
+        "--with",
+        dest="other",
+        choices=("mujoco",),
+        help="replay a plan's torques in another program too, which needs pip install "
+        "'deltaopt[mujoco]'",
+    )
+    parser.add_argument(
         "--controller-angles",
         action="store_true",
         help="a table's angles have the zero and sign of the robot's controller",
@@ -72,21 +83,49 @@ def run(arguments: argparse.Namespace) -> int:
     for option, value in for_tables.items():
         if value is not None:
             raise WrongUsage(f"{option} is for a TABLE.csv; a saved plan has its own")
+    if arguments.other:
+        installed("mujoco", "mujoco")
     saved = load_plan(arguments.motion)
     found = verify(saved.scene, saved.trajectory)
+    replay = replay_in_mujoco(saved.trajectory) if arguments.other else None
     if arguments.json:
-        print_json({"plan": str(arguments.motion), **found.as_dict()})
+        told = {"plan": str(arguments.motion), **found.as_dict()}
+        print_json(told if replay is None else {**told, "mujoco": _as_dict(replay)})
     else:
         tolerance = saved.record.get("tolerance")
         certified = isinstance(tolerance, float) and tolerance <= RESOLVED_BELOW
         print(table(found, certified=certified))
+        if replay is not None:
+            print("\n".join(replay_lines(replay, found)))
     for failure in found.failures():
         print(f"deltaopt: verification failed: {failure}", file=sys.stderr)
-    return 0 if found.ok else 1
+    converges = replay is None or replay.converges or not found.judges_arrival
+    if not converges:
+        say("deltaopt: verification failed: in MuJoCo the torques do not lead to the goal")
+    return 0 if found.ok and converges else 1
+
+
+def replay_lines(replay: MujocoReplay, found: Verification) -> list[str]:
+    """Lines that say where the torques led in MuJoCo, step by step, and whether to the goal."""
+    lines = [
+        f"  steps of {1e6 * step:.3g} µs: {1e3 * miss:.3g} mm from the goal"
+        for step, miss in zip(replay.steps, replay.misses, strict=True)
+    ]
+    falls = f"the miss falls with the step (as its power {replay.order:.2f})"
+    verdict = f"{falls}: it converges to the goal" if replay.converges else "it does not converge"
+    if not (replay.converges or found.judges_arrival):
+        verdict += ", as is to be expected: without feedback deviations grow too much (see above)"
+    return ["the torques alone, replayed in MuJoCo:", *lines, f"  {verdict}"]
+
+
+def _as_dict(replay: MujocoReplay) -> dict[str, object]:
+    return {**asdict(replay), "order": replay.order, "converges": replay.converges}
 
 
 def _measure(arguments: argparse.Namespace) -> int:
     """Measure a table against the limits of its robot."""
+    if arguments.other:
+        raise WrongUsage("--with is for a saved plan, which has torques; a TABLE.csv has none")
     if arguments.robot is None:
         raise WrongUsage("a TABLE.csv needs the robot it is for: --robot ROBOT")
     robot = load_robot(arguments.robot)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.bench.peers import installed
+from deltaopt.errors import installed
 from deltaopt.mechanisms.delta.mechanism import AZIMUTHS
 from deltaopt.robot.robot import Robot
 

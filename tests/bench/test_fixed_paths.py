@@ -43,7 +43,8 @@ def test_motors_and_platform_move_together():
 
 
 def test_peers_that_are_missing_are_told(monkeypatch):
-    def missing(package: str):
+    def missing(package: str, extra: str):
+        assert extra == "bench"
         raise MissingPackage(f"{package} is not installed")
 
     monkeypatch.setattr(fixed_paths, "installed", missing)
