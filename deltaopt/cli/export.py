@@ -5,6 +5,7 @@ deltaopt export c PLAN        the same, the plan's motion, and what plays it
 deltaopt export mjcf ROBOT    bodies, joints and motors in MuJoCo's format, for a simulation
 deltaopt export table PLAN    angles, speeds and accelerations of the motors, for a controller
 deltaopt export ros2 PLAN     the same as a JointTrajectory of ROS 2, in YAML or in a bag
+deltaopt export cam PLAN      the same as cams of a PLC (TwinCAT, CODESYS): quintic polynomials
 
 PLAN is a folder that "deltaopt plan" wrote. A controller moves between the rows of a table by
 polynomials of its own: cubic ones from angles and speeds, or quintic ones from accelerations too.
@@ -22,6 +23,7 @@ from pathlib import Path
 from deltaopt.cli.arguments import folder, positive
 from deltaopt.cli.streams import print_written
 from deltaopt.files.atomic_write import atomic_write
+from deltaopt.output.cam_tables import CamPieces, Cams, write_cams
 from deltaopt.output.joint_table import (
     Cubic,
     Cycles,
@@ -71,12 +73,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     mjcf.set_defaults(target=_mjcf)
     table = targets.add_parser("table", help="a CSV file of motor angles over time")
     _add_table(table, Path("out/table.csv"), "FILE")
-    table.add_argument(
-        "--unit", choices=UNITS, default="rad", help="of angles (default: %(default)s)"
-    )
+    _add_controller(table)
+    _add_unit(table)
     table.set_defaults(target=_table)
+    cam = targets.add_parser("cam", help="cams for TwinCAT and CODESYS, and their polynomials")
+    _add_table(cam, Path("out/cam"), "DIR")
+    _add_unit(cam)
+    cam.add_argument(
+        "--master-speed",
+        type=positive,
+        default=1.0,
+        metavar="UNITS/S",
+        help="of the master axis, its units per second (default: 1, so that its position is the "
+        "time in s)",
+    )
+    cam.set_defaults(target=_cam, controller="cam")
     ros2 = targets.add_parser("ros2", help="trajectory_msgs/JointTrajectory")
     _add_table(ros2, Path("out/joint_trajectory.yaml"), "FILE.yaml|DIR")
+    _add_controller(ros2)
     ros2.add_argument(
         "--joints",
         nargs=3,
@@ -94,12 +108,6 @@ def _add_table(parser: argparse.ArgumentParser, output: Path, kind: str) -> None
     """Add what all tables of a plan have."""
     parser.add_argument("plan", type=Path, metavar="PLAN", help="folder of a plan")
     parser.add_argument(
-        "--controller",
-        choices=INTERPOLATIONS,
-        default="quintic",
-        help="how the controller interpolates (default: %(default)s)",
-    )
-    parser.add_argument(
         "--cycle",
         type=_rows,
         default=OwnKnots(),
@@ -114,7 +122,26 @@ def _add_table(parser: argparse.ArgumentParser, output: Path, kind: str) -> None
     )
 
 
-INTERPOLATIONS: dict[str, Interpolation] = {"cubic": Cubic(), "quintic": Quintic()}
+def _add_controller(parser: argparse.ArgumentParser) -> None:
+    """Add how a controller interpolates."""
+    parser.add_argument(
+        "--controller",
+        choices=("cubic", "quintic"),
+        default="quintic",
+        help="how the controller interpolates (default: %(default)s)",
+    )
+
+
+def _add_unit(parser: argparse.ArgumentParser) -> None:
+    """Add the unit of angles."""
+    parser.add_argument(
+        "--unit", choices=UNITS, default="rad", help="of angles (default: %(default)s)"
+    )
+
+
+INTERPOLATIONS: dict[str, Interpolation] = {
+    each.name: each for each in (Cubic(), Quintic(), CamPieces())
+}
 UNITS = {"rad": RADIANS, "deg": DEGREES}
 
 
@@ -173,6 +200,17 @@ def _table(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def _cam(arguments: argparse.Namespace) -> int:
+    plan, folder = load_plan(arguments.plan), arguments.output
+    before = set(folder.iterdir()) if folder.is_dir() else set()
+    table = of_controller(_checked(plan, arguments), plan.scene.robot)
+    cams = Cams.of(table, UNITS[arguments.unit], arguments.master_speed)
+    way = f"{cams.master[-1]:.6g} units of the master axis"
+    print(f"{len(cams.master)} points of each cam, over {way}")
+    print_written(write_cams(folder, cams, plan.scene.robot.name), before)
+    return 0
+
+
 def _ros2(arguments: argparse.Namespace) -> int:
     table, before = _controllers_table(arguments), _there(arguments.output)
     if arguments.output.suffix in (".yaml", ".yml"):
@@ -219,6 +257,8 @@ def _remedy(plan: SavedPlan, arguments: argparse.Namespace) -> str:
     )
     if isinstance(arguments.cycle, OwnKnots):
         return f"remedy: {slower}"
-    own = checked_table(plan.scene, plan.trajectory, OwnKnots(), Quintic())
-    knots = f"--controller quintic --cycle own-knots asks for {own.demand.share:.6g}"
+    best = INTERPOLATIONS["cam"] if arguments.controller == "cam" else Quintic()
+    own = checked_table(plan.scene, plan.trajectory, OwnKnots(), best)
+    how = "" if arguments.controller == best.name else f"--controller {best.name} "
+    knots = f"{how}--cycle own-knots asks for {own.demand.share:.6g}"
     return f"remedy: {knots}, with {len(own.table.t)} rows; or {slower}"
