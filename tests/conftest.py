@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import signal
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
+from matplotlib.figure import Figure
+
+from tests.overlaps import DOTS, overlaps
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -23,3 +27,18 @@ def _requests_to_stop_are_heeded() -> Iterator[None]:
     yield
     for number in ignored:
         signal.signal(number, signal.SIG_IGN)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _labels_of_charts_do_not_overlap() -> Iterator[None]:
+    """Every chart in the style of the package that any test has drawn is looked at."""
+    write = Figure.savefig
+
+    def write_and_look(figure: Figure, *arguments: Any, **options: Any) -> None:
+        write(figure, *arguments, **options)
+        if figure.dpi == DOTS:
+            assert not overlaps(figure)
+
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(Figure, "savefig", write_and_look)
+        yield

@@ -75,8 +75,9 @@ ONLY_IN = {
 }
 CONVENIENCES = {
     ("deltaopt.planning.planner", "deltaopt.output.plan_files"),
-    ("deltaopt.planning.planner", "deltaopt.plots.plan"),
+    ("deltaopt.planning.planner", "deltaopt.plots.limits"),
     ("deltaopt.planning.planner", "deltaopt.verify.verification"),
+    ("deltaopt.output.plan_files", "deltaopt.plots.limits"),
     ("deltaopt.output.plan_files", "deltaopt.plots.plan"),
     ("deltaopt.output.plan_files", "deltaopt.report.page"),
 }

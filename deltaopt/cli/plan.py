@@ -6,7 +6,8 @@ planner but no method. DIR receives
 
   trajectory.csv   the motion for a controller: platform, motors, torques
   plan.json        duration, how it was found, all measures of the check, the scene
-  plan.png         torques against their limits, motor speeds, path (not with --no-plot)
+  plan.png         the robot, durations beside the straight line's, torques (not with --no-plot)
+  limits.png       with --plot-limits: every limit over time, the path from two sides
   report.html      with --report: the robot in motion, all limits over time, one page for a browser
 
 Several scenes are planned one after the other; each has a folder of its own.
@@ -102,6 +103,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "(default: out/ and the scene's name, and baseline/ in it with --baseline)",
     )
     parser.add_argument("--no-plot", action="store_true", help="draw no plan.png, which is faster")
+    parser.add_argument(
+        "--plot-limits", action="store_true", help="draw limits.png: every limit over time"
+    )
     parser.add_argument(
         "--report", action="store_true", help="write report.html: the robot moves on it"
     )
@@ -270,6 +274,7 @@ def _plan(
         solution,
         arguments.rate,
         chart=not arguments.no_plot,
+        limits=arguments.plot_limits,
         report=arguments.report,
     )
     if arguments.json:

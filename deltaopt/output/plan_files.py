@@ -1,10 +1,11 @@
-"""Plans as files: trajectory.csv, plan.json, plan.png and report.html, all of them or none."""
+"""Plans as files: trajectory.csv, plan.json, two pictures and report.html, all of them or none."""
 
 from __future__ import annotations
 
 import json
 import platform
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, fields
 from importlib.metadata import PackageNotFoundError, version
 from math import isfinite
@@ -13,6 +14,7 @@ from typing import Protocol
 
 import numpy as np
 
+from deltaopt.errors import DeltaOptError
 from deltaopt.files.atomic_write import atomic_write
 from deltaopt.files.output_folder import all_or_none
 from deltaopt.files.validated_record import Vector3
@@ -21,7 +23,10 @@ from deltaopt.motion.certificate import MET
 from deltaopt.motion.effort import cost
 from deltaopt.motion.limit_sensitivity import LimitSensitivity, as_dicts
 from deltaopt.motion.trajectory import Array, Trajectory
+from deltaopt.planning.initial_motion import baseline
 from deltaopt.planning.lower_bound import lower_bound
+from deltaopt.planning.planner import timed_line
+from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene
 from deltaopt.verify.pontryagin import Extremal, extremal
 from deltaopt.verify.verification import Verification
@@ -124,16 +129,24 @@ def save(
     rate: float = RATE,
     *,
     chart: bool = True,
+    limits: bool = False,
     report: bool = False,
 ) -> list[Path]:
     """Write the files of a plan into a directory, made if need be, and return their paths.
 
     All of them appear there at once, or none; what else is there stays. ``rate``: instants per
-    second in trajectory.csv, Hz. ``chart``: whether plan.png is drawn, which takes longer than all
-    else. ``report``: whether report.html is written. Raises OSError, naming the file, if one cannot
-    be written.
+    second in trajectory.csv, Hz. ``chart``: whether plan.png is drawn, the plan as one picture;
+    that takes longer than all else. ``limits``: whether limits.png is, every limit over time and
+    the switching functions. ``report``: whether report.html is written. Raises OSError, naming the
+    file, if one cannot be written.
     """
-    csv, record, drawing, page = ("trajectory.csv", "plan.json", "plan.png", "report.html")
+    csv, record, picture, curves, page = (
+        "trajectory.csv",
+        "plan.json",
+        "plan.png",
+        "limits.png",
+        "report.html",
+    )
     written = [csv, record]
     with all_or_none(directory) as folder:
         write_csv(folder / csv, trajectory, rate)
@@ -141,9 +154,14 @@ def save(
         if chart:
             from deltaopt.plots.plan import draw  # slow to import
 
+            draw(folder / picture, scene, trajectory, straight_lines(scene), verification.duty)
+            written.append(picture)
+        if limits:
+            from deltaopt.plots.limits import draw_limits
+
             drawn = _drawn(scene, trajectory, verification)
-            draw(folder / drawing, scene, trajectory, drawn, caption(verification))
-            written.append(drawing)
+            draw_limits(folder / curves, scene, trajectory, drawn, caption(verification))
+            written.append(curves)
         if report:
             from deltaopt.report.page import write_report
 
@@ -151,6 +169,21 @@ def save(
             write_report(folder / page, scene, trajectory, *found)
             written.append(page)
     return [directory / name for name in written]
+
+
+def straight_lines(scene: Scene) -> dict[str, float]:
+    """Durations, s, of the straight line from start to goal, by how it is timed: what a plan is
+    compared with, whatever its objective. Those that no motion can have are left out."""
+    timed: dict[str, Callable[[Scene], float]] = {
+        "line, quintic law": lambda scene: baseline(scene).duration,
+        "line, timed optimally": lambda scene: timed_line(scene).duration,
+    }
+    scene = scene.model_copy(update={"objective": Time()})
+    found = {}
+    for name, duration in timed.items():
+        with suppress(DeltaOptError):
+            found[name] = duration(scene)
+    return found
 
 
 def write_csv(file: Path, trajectory: Trajectory, rate: float = RATE) -> None:

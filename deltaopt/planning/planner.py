@@ -154,11 +154,17 @@ class Plan:
         return limit_sensitivities(limits_of(self.scene), self.multipliers, most_saved)
 
     def save(
-        self, directory: str | Path, *, chart: bool = True, report: bool = False
+        self,
+        directory: str | Path,
+        *,
+        chart: bool = True,
+        limits: bool = False,
+        report: bool = False,
     ) -> list[Path]:
         """Verify the motion and write trajectory.csv and plan.json into a directory.
 
-        ``chart``: whether plan.png is drawn too. ``report``: whether report.html is, a page on
+        ``chart``: whether plan.png is drawn too, the plan as one picture. ``limits``: whether
+        limits.png is, every limit over time. ``report``: whether report.html is written, a page on
         which the robot moves. Returns the paths of what was written.
         """
         # Imported here: a convenience of later rooms, on which planning does not depend.
@@ -167,7 +173,14 @@ class Plan:
 
         found = verify(self.scene, self.trajectory)
         return save(
-            Path(directory), self.scene, self.trajectory, found, self, chart=chart, report=report
+            Path(directory),
+            self.scene,
+            self.trajectory,
+            found,
+            self,
+            chart=chart,
+            limits=limits,
+            report=report,
         )
 
     def plot(self, axes: Any = None, *, limit: str = "torque") -> Any:
@@ -176,7 +189,7 @@ class Plan:
         ``axes``: matplotlib's, one's own; None for new ones. ``limit``: its name, as
         ``deltaopt check`` lists them. Raises ValueError if the scene has no such limit.
         """
-        from deltaopt.plots.plan import plot_limit  # slow to import, and of a later room
+        from deltaopt.plots.limits import plot_limit  # slow to import, and of a later room
 
         return plot_limit(self.scene, self.trajectory, limit, axes)
 

@@ -1,6 +1,9 @@
-"""Colours of charts and pages, which the colour-blind can distinguish."""
+"""Colours of charts and pages, which the colour-blind can distinguish: Okabe and Ito's."""
 
-COLOURS = ("#0072B2", "#D55E00", "#009E73")
-"""Blue, vermilion and green of Okabe and Ito, for motors 1 to 3 or axes x, y, z."""
-OF_LIMITS = ("#56B4E9", "#E69F00", "#CC79A7", "#F0E442")
-"""Sky blue, orange, purple and yellow of Okabe and Ito, for limits in the order of a scene's."""
+BLUE, VERMILION, GREEN = "#0072B2", "#D55E00", "#009E73"
+SKY_BLUE, ORANGE, PURPLE, YELLOW = "#56B4E9", "#E69F00", "#CC79A7", "#F0E442"
+BLACK, GREY, LIGHT_GREY = "#000000", "#737373", "#CCCCCC"
+COLOURS = (BLUE, VERMILION, GREEN)
+"""For motors 1 to 3 or axes x, y, z."""
+OF_LIMITS = (SKY_BLUE, ORANGE, PURPLE, YELLOW)
+"""For limits in the order of a scene's."""

@@ -5,20 +5,29 @@ from __future__ import annotations
 from pathlib import Path
 
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
 from deltaopt.compare.dynamics.study import Row, Study
+from deltaopt.plots.colours import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    SKY_BLUE,
+    VERMILION,
+)
+from deltaopt.plots.style import figure, without_box
 
 COLOURS = {
-    "K, virtual work": "tab:green",
-    "K, Kane": "tab:olive",
-    "L_E": "tab:blue",
-    "L_E, printed": "tab:cyan",
-    "L_I": "tab:red",
-    "L_I, printed": "tab:orange",
+    "K, virtual work": GREEN,
+    "K, Kane": PURPLE,
+    "L_E": BLUE,
+    "L_E, printed": SKY_BLUE,
+    "L_I": VERMILION,
+    "L_I, printed": ORANGE,
 }
 MARKERS = {
     "closed form": "o",
@@ -35,17 +44,15 @@ TITLES = {"inverse": "Inverse dynamics, q, q̇, q̈ → τ", "forward": "Forward
 
 def draw(study: Study, path: Path) -> None:
     """Draw a study and save the chart as PNG."""
-    figure = Figure(figsize=(10, 5.4), layout="constrained")
-    FigureCanvasAgg(figure)
-    panels = figure.subplots(1, len(study.floor), sharex=True, sharey=True)
-    for axes, (task, floor) in zip(panels, study.floor.items(), strict=True):
-        _panel(axes, [row for row in study.rows if row.task == task], floor)
-        axes.set_title(TITLES[task])
-    panels[0].set_ylabel(
-        f"relative error against {study.digits} digits, 10⁻¹⁶\n(median; line up to the largest)"
-    )
-    figure.legend(handles=_legend(), loc="outside lower center", ncols=4, frameon=False)
-    figure.savefig(path, dpi=150)
+    with figure(path, 7.2, 4.6) as page:
+        panels = page.subplots(1, len(study.floor), sharex=True, sharey=True)
+        for axes, (task, floor) in zip(panels, study.floor.items(), strict=True):
+            _panel(axes, [row for row in study.rows if row.task == task], floor)
+            axes.set_title(TITLES[task])
+        panels[0].set_ylabel(
+            f"relative error against {study.digits} digits, 10⁻¹⁶\n(median; line up to the largest)"
+        )
+        page.legend(handles=_legend(), loc="outside lower center", ncols=4)
 
 
 def _panel(axes: Axes, rows: list[Row], floor: float) -> None:
@@ -54,8 +61,9 @@ def _panel(axes: Axes, rows: list[Row], floor: float) -> None:
         axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
         axis.set_major_formatter(FormatStrFormatter("%g"))
         axis.set_minor_formatter(NullFormatter())
-    axes.grid(which="both", alpha=0.25)
-    axes.axhline(floor / UNIT, color="black", linestyle=":", linewidth=1)
+    axes.grid(which="both")
+    without_box(axes)
+    axes.axhline(floor / UNIT, color=BLACK, linestyle=":", linewidth=1)
     for row in rows:
         _point(axes, row, row.interpreted.seconds, "none")
         if row.compiled:
@@ -83,12 +91,12 @@ def _legend() -> list[Line2D]:
         for name, colour in COLOURS.items()
     ]
     variants = [
-        Line2D([], [], color="grey", marker=marker, linestyle="none", label=name)
+        Line2D([], [], color=GREY, marker=marker, linestyle="none", label=name)
         for name, marker in MARKERS.items()
     ]
     fills = [
-        Line2D([], [], color="grey", marker="o", markerfacecolor=face, linestyle="none", label=name)
-        for name, face in (("compiled", "grey"), ("interpreted", "none"))
+        Line2D([], [], color=GREY, marker="o", markerfacecolor=face, linestyle="none", label=name)
+        for name, face in (("compiled", GREY), ("interpreted", "none"))
     ]
-    floor = Line2D([], [], color="black", linestyle=":", label="rounding of the state alone")
+    floor = Line2D([], [], color=BLACK, linestyle=":", label="rounding of the state alone")
     return [*models, *variants, *fills, floor]

@@ -1,167 +1,172 @@
-"""A chart of a plan on one page: every limited quantity between its bounds, and the path.
-
-If the motion meets Pontryagin's condition, two more panels show the switching function of each
-motor and how constant the Hamiltonian is.
-"""
+"""A plan as one picture for whoever decides: the robot, the durations, the use of its motors."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.patheffects import Normal, Stroke
 
-from deltaopt.motion.limit_curves import LimitCurves, limit_curves
+from deltaopt.motion.limit_curves import limit_curves
 from deltaopt.motion.trajectory import Array, Trajectory
-from deltaopt.plots.colours import COLOURS
-from deltaopt.plots.style import GREY, figure, motor_curves, without_box
+from deltaopt.output.headline import ASSUMPTION, headline
+from deltaopt.plots.colours import BLACK, COLOURS, GREY, LIGHT_GREY
+from deltaopt.plots.robot_view import View, draw_robot, view_of_move
+from deltaopt.plots.style import LARGE, SMALL, figure, motor_curves, without_box
 from deltaopt.scene.scene import Scene
-from deltaopt.verify.pontryagin import Extremal
+from deltaopt.scene.task import distance
+from deltaopt.verify.duty import Duty
 
-_TICKS = 10
-"""Parts of equal time that dots divide the path into."""
-_LIMIT = "limit"
-"""Label of the bounds in the legend."""
-_SAMPLES = 2000
-"""Samples of each curve over all intervals, about the pixels of a panel's width."""
+_INSTANTS = 5
+"""Of the motion, at which the robot is drawn: more hide each other."""
+_FAINTEST = 0.15
+"""How opaque the robot is at the start; it grows until the goal."""
+_SAMPLES = 1000
+"""Samples of each curve over all intervals."""
+_TORQUE = "torque"
+_LINE = 130
+"""Letters of a line of the caption."""
 
 
 def draw(
     file: Path,
     scene: Scene,
     trajectory: Trajectory,
-    extremal: Extremal | None = None,
-    caption: str = "",
+    others: Mapping[str, float],
+    duty: Duty | None,
 ) -> None:
-    """Draw a motion for a scene into a file, with switching functions if they are given.
+    """Draw a motion for a scene into a file.
 
-    ``caption``: lines to write below it. The format follows the file's suffix: png, pdf or svg.
+    ``others``: durations to compare with, s, by what they are of. ``duty``: of the motors, if it is
+    known. The format follows the file's suffix: png, pdf or svg.
     """
-    steps = max(2, _SAMPLES // (len(trajectory.knots) - 1))
-    inside = np.linspace(0, 1, steps)  # 0 and 1: both sides of a jump at a knot
-    motion = trajectory.inside_intervals(inside)
-    curves = list(limit_curves(scene, trajectory, inside))
+    with figure(file, 7.2, 6.0) as page:
+        page.suptitle(headline(trajectory.duration), fontsize=LARGE)
+        grid = page.add_gridspec(3, 2, width_ratios=[1.2, 1], height_ratios=[1.25, 1, 1.15])
+        _robot(page.add_subplot(grid[:2, 0]), scene, trajectory)
+        _path(page.add_subplot(grid[0, 1]), scene, trajectory)
+        _bars(page.add_subplot(grid[1, 1]), {**others, "this plan": trajectory.duration})
+        _torques(page.add_subplot(grid[2, :]), scene, trajectory, duty)
+        caption = fill(f"{_what(scene)}; {ASSUMPTION}", _LINE)
+        page.supxlabel(caption, fontsize=SMALL, color=GREY)
+
+
+def _what(scene: Scene) -> str:
+    """The robot, the distance, the load and the objective."""
+    load = f" with {scene.payload:g} kg" if scene.payload else ""
+    return f"{scene.robot.name}: {1e3 * distance(scene.task):.3g} mm{load}, {scene.objective}"
+
+
+def _instants(trajectory: Trajectory) -> Array:
     begin, end = trajectory.knots[[0, -1]]
-    ticks = trajectory(np.linspace(begin, end, _TICKS + 1)[1:-1]).x
-    panels = max(2, len(curves))
-    rows = panels + (extremal is not None)
-    with figure(file, 7.0, 2.05 * rows + 0.15 * len(caption.splitlines())) as page:
-        grid = page.add_gridspec(rows, 2, width_ratios=[1.7, 1])
-        left = [page.add_subplot(grid[0, 0])]
-        left += [page.add_subplot(grid[i, 0], sharex=left[0]) for i in range(1, panels)]
-        for axes, each in zip(left, curves, strict=False):
-            _limit(axes, motion.t, each)
-        if len(curves) < panels:  # there is room to show how fast the motors turn
-            left[-1].set_ylabel(r"motor speed $\dot\theta_k$ (rad/s)")
-            motor_curves(left[-1], motion.t, motion.dtheta)
-        left[-1].set_xlabel(r"time $t$ (s)")
-        side = page.add_subplot(grid[0, 1])
-        side.set_ylabel("$x$ (mm), down")
-        _path(side, scene, motion.x, ticks, along=0)
-        side.invert_yaxis()
-        above = page.add_subplot(grid[1, 1])
-        above.set_ylabel("$z$ (mm)")
-        _path(above, scene, motion.x, ticks, along=2)
-        if extremal is not None:
-            switching = page.add_subplot(grid[panels, 0], sharex=left[0])
-            _switching(switching, extremal)
-            _hamiltonian(page.add_subplot(grid[panels, 1]), extremal)
-        _legend(page, left[0], side)
-        page.supxlabel(caption, fontsize=7)
+    return np.linspace(begin, end, _INSTANTS)
 
 
-def plot_limit(scene: Scene, trajectory: Trajectory, limit: str, axes: Axes | None) -> Axes:
-    """Draw a limited quantity over time and its bounds on one's own axes, or on new ones.
-
-    Raises ValueError if the scene has no limit of this name.
-    """
-    inside = np.linspace(0, 1, max(2, _SAMPLES // (len(trajectory.knots) - 1)))
-    found = {each.limit.name: each for each in limit_curves(scene, trajectory, inside)}
-    if limit not in found:
-        raise ValueError(f"limit is {limit!r}; the scene has {', '.join(found)}")
-    drawn = Figure(layout="constrained").add_subplot() if axes is None else axes
-    _limit(drawn, trajectory.inside_intervals(inside).t, found[limit])
-    drawn.set_xlabel(r"time $t$ (s)")
-    return drawn
-
-
-def _limit(axes: Axes, t: Array, curves: LimitCurves) -> None:
-    """Draw a limited quantity over time, and its bounds."""
-    axes.set_ylabel(f"{curves.limit.name} ({curves.limit.unit})")
-    if curves.values.shape[1] == len(COLOURS):
-        motor_curves(axes, t, curves.values)
-    else:
-        axes.plot(t, curves.values, "-", color="black")
-        without_box(axes)
-    _limit_lines(axes, curves.lower)
-    _limit_lines(axes, curves.upper)
-    if curves.limit.order > 0:
-        axes.axhline(0.0, linewidth=0.0)  # zero at rest belongs to the scale of a rate
-
-
-def _switching(axes: Axes, extremal: Extremal) -> None:
-    """Draw the switching functions: the derivative of H by each torque, times its limit.
-
-    They are negative where the torque is at its upper limit and positive at the lower.
-    """
-    axes.axhline(0.0, color="black", linewidth=0.6, zorder=1)
-    motor_curves(axes, extremal.t, extremal.switching)
-    axes.set_ylabel(r"$\tau_{k,\mathrm{max}}\,\partial H/\partial\tau_k$")
-    axes.set_xlabel(r"time $t$ (s)")
-
-
-def _hamiltonian(axes: Axes, extremal: Extremal) -> None:
-    """Draw how far the Hamiltonian is from its mean, and write the residual above."""
-    H = extremal.hamiltonian
-    away = np.maximum(np.abs(H - H.mean()), 1e-16)
-    axes.semilogy(extremal.t, away, "-", color="black", linewidth=0.7)
-    axes.set_ylim(1e-15, 1.0)
-    axes.set_xlim(extremal.t[0], extremal.t[-1])
-    axes.set_ylabel(r"$|H-\bar H|$")
-    axes.set_xlabel(r"time $t$ (s)")
-    axes.set_title(
-        f"Pontryagin's condition is met to {extremal.residual:.0e}:\n"
-        "no motion near it is better, others may be",
-        fontsize=8,
-    )
-    without_box(axes)
-
-
-def _limit_lines(axes: Axes, bounds: Array) -> None:
-    """Draw bounds: in black if all motors share them, otherwise in each motor's colour."""
-    shared = len(set(bounds.tolist())) == 1
-    style: dict[str, Any] = {"linewidth": 0.9, "linestyle": (0, (1, 1)), "zorder": 1}
-    for colour, bound in zip(("black",) if shared else COLOURS, bounds.tolist(), strict=False):
-        if np.isfinite(bound):
-            named = any(line.get_label() == _LIMIT for line in axes.get_lines())
-            axes.axhline(bound, color=colour, label="" if named else _LIMIT, **style)
-
-
-def _path(axes: Axes, scene: Scene, path: Array, ticks: Array, *, along: int) -> None:
-    """Draw a path, (N, 3), m, in a plane of the base frame: y to the right, x or z upwards, mm.
-
-    ``along``: index of the upward axis, 0 or 2. ``ticks``: points of the path to mark, (n, 3), m.
-    """
-    ends = 1e3 * np.array([scene.start, scene.goal])[:, [1, along]].T
-    across, up = 1e3 * path[:, [1, along]].T
-    axes.plot(*ends, ":", color=GREY, linewidth=0.9, label="straight line")
-    axes.plot(across, up, "-", color="black", label="path, a dot each tenth of the time")
-    axes.plot(*(1e3 * ticks[:, [1, along]].T), ".", color="black", markersize=5)
-    axes.plot(*ends[:, 0], "o", color="black", markerfacecolor="white", ms=5, label="start")
-    axes.plot(*ends[:, 1], "o", color="black", ms=5, label="goal")
-    axes.set_xlabel("$y$ (mm)")
+def _robot(axes: Axes, scene: Scene, trajectory: Trajectory) -> None:
+    """Draw the robot at some instants, the later the darker, and the path of its tool."""
+    view = view_of_move(np.array(scene.start), np.array(scene.goal))
+    motion = trajectory(_instants(trajectory))
+    strengths = np.linspace(_FAINTEST, 1, _INSTANTS) ** 1.5
+    for x, theta, strength in zip(motion.x, motion.theta, strengths, strict=True):
+        draw_robot(axes, scene.robot, x, theta, view, strength=float(strength))
+    _lines(axes, scene, trajectory, view)
     axes.set_aspect("equal", adjustable="datalim")
-    axes.margins(0.12)
+    axes.set_axis_off()
+    axes.set_title(f"the robot at {_INSTANTS} instants, the last the darkest")
+
+
+def _lines(axes: Axes, scene: Scene, trajectory: Trajectory, view: View) -> None:
+    """Draw the straight line from start to goal, the path, and where it begins and ends."""
+    begin, end = trajectory.knots[[0, -1]]
+    ends = view(np.array([scene.task.start.position, scene.task.goal.position]))
+    path = view(trajectory(np.linspace(begin, end, _SAMPLES)).x)
+    above: dict[str, Any] = {"color": BLACK, "zorder": 4}
+    halo = [Stroke(linewidth=3.0, foreground="white"), Normal()]
+    axes.plot(*path.T, "-", linewidth=1.5, path_effects=halo, **above)
+    axes.plot(*ends.T, ":", linewidth=1.0, **above)
+    axes.plot(*ends[0], "o", markerfacecolor="white", markersize=4, **above)
+    axes.plot(*ends[1], "o", markersize=4, **above)
+
+
+def _path(axes: Axes, scene: Scene, trajectory: Trajectory) -> None:
+    """Draw the path alone, seen from the side: along the move to the right, up is up; mm."""
+    start, goal = (np.array(end.position) for end in (scene.task.start, scene.task.goal))
+    level = View(view_of_move(start, goal, aside=0.0).turn, 0.0)
+
+    def place(points: Array) -> Array:
+        return 1e3 * (level(points) - level(start))
+
+    begin, end = trajectory.knots[[0, -1]]
+    axes.plot(*place(np.array([start, goal])).T, ":", color=BLACK, linewidth=1.0)
+    axes.plot(*place(trajectory(np.linspace(begin, end, _SAMPLES)).x).T, "-", color=BLACK)
+    dots = place(trajectory(_instants(trajectory)).x)
+    axes.plot(*dots.T, "o", color=BLACK, markersize=4)
+    axes.plot(*dots[0], "o", color=BLACK, markerfacecolor="white", markersize=4)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.margins(0.08)
+    axes.set_xlabel("along the move (mm)")
+    axes.set_ylabel("above the start (mm)")
+    axes.set_title("path (solid) and straight line (dotted)")
     without_box(axes)
 
 
-def _legend(page: Figure, torques: Axes, path: Axes) -> None:
-    """Draw one legend above all panels: a row for the motors, a row for the path."""
-    motors, views = (axes.get_legend_handles_labels() for axes in (torques, path))
-    handles, labels = (
-        [entry for column in zip(*rows, strict=True) for entry in column]
-        for rows in zip(motors, views, strict=True)
+def _torques(axes: Axes, scene: Scene, trajectory: Trajectory, duty: Duty | None) -> None:
+    """Draw each motor's torque over time in percent of its limit."""
+    inside = np.linspace(0, 1, max(2, _SAMPLES // (len(trajectory.knots) - 1)))
+    t = 1e3 * (trajectory.inside_intervals(inside).t - trajectory.knots[0])
+    curves = next(c for c in limit_curves(scene, trajectory, inside) if c.limit.name == _TORQUE)
+    motor_curves(axes, t, 100 * curves.values / curves.upper)
+    if duty is not None:
+        _name_rms(axes, duty, curves.upper)
+    axes.set_ylim(-105, 105)
+    axes.set_yticks([-100, -50, 0, 50, 100])
+    axes.set_xlabel("time (ms)")
+    axes.set_ylabel("torque (% of the limit)")
+    axes.legend(
+        loc="lower left",
+        bbox_to_anchor=(0, 1),
+        ncols=4,
+        borderaxespad=0.2,
+        handlelength=2.2,
+        columnspacing=1.2,
     )
-    page.legend(handles, labels, loc="outside upper center", ncols=len(motors[0]))
+
+
+def _name_rms(axes: Axes, duty: Duty, limits: Array) -> None:
+    """Write each motor's RMS torque beside its name, in percent of its limit (N·m, (3,)), and draw
+    what it may be in the long run where the robot names that."""
+    for line, motor, limit in zip(axes.get_lines(), duty.motors, limits.tolist(), strict=True):
+        line.set_label(f"{line.get_label()}, RMS {100 * motor.rms_torque / limit:.0f} %")
+    if duty.rated_torque is None:
+        return
+    for share in np.unique(np.divide(duty.rated_torque, limits)):
+        name = f"rated RMS {100 * share:.0f} %"
+        axes.axhline(100 * share, color=GREY, linewidth=0.9, linestyle=":", label=name)
+
+
+def _bars(axes: Axes, durations: Mapping[str, float]) -> None:
+    """Draw durations, s, as bars, the first on top; the last is the plan's."""
+    names, values = list(durations), list(durations.values())
+    colours = [LIGHT_GREY] * (len(names) - 1) + [COLOURS[0]]
+    axes.barh(names, values, color=colours, height=0.6)
+    for row, value in enumerate(values):
+        axes.annotate(
+            f"{value:.3f} s",
+            (value, row),
+            (-3, 0),
+            ha="right",
+            va="center",
+            textcoords="offset points",
+            color="white" if row == len(names) - 1 else BLACK,
+        )
+    axes.invert_yaxis()
+    axes.set_ylim(len(names) - 0.4, -0.6)
+    axes.set_xticks([])
+    axes.tick_params(axis="y", length=0)
+    axes.grid(False)
+    axes.spines[["top", "right", "bottom"]].set_visible(False)
+    axes.set_title("duration")

@@ -15,10 +15,11 @@ from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
 from deltaopt.compare.plans.report import FORMULATIONS, compiled_modes, uniform
 from deltaopt.compare.plans.study import PlanStudy, Row
-from deltaopt.plots.style import figure
+from deltaopt.plots.colours import BLACK, BLUE, ORANGE, VERMILION
+from deltaopt.plots.style import figure, without_box
 
-COLOURS = {"flat": "#000000", "forward": "#E69F00", "explicit": "#0072B2", "multiplier": "#D55E00"}
-"""Colours of the formulations, from the palette of Okabe and Ito."""
+COLOURS = {"flat": BLACK, "forward": ORANGE, "explicit": BLUE, "multiplier": VERMILION}
+"""Colours of the formulations."""
 MARKERS = {
     "": "o",
     "constraints at knots": "s",
@@ -54,6 +55,8 @@ def draw(study: PlanStudy, case: str, path: Path) -> None:
         for axes, (label, measure) in zip(grid[1], PANELS, strict=True):
             _curves(axes, [row for row in rows if row.compiled == modes[-1]], measure)
             axes.set_ylabel(label)
+        for axes in page.axes:
+            without_box(axes)
         page.legend(handles=_legend(), loc="outside lower center", ncols=6)
 
 

@@ -1,4 +1,4 @@
-"""The style of all charts: fonts, colours that the colour-blind can distinguish, files."""
+"""The style of all charts: fonts, lines, files. Colours are in ``colours``."""
 
 from __future__ import annotations
 
@@ -18,8 +18,11 @@ from deltaopt.plots.colours import COLOURS
 
 STROKES = ("-", (0, (5, 1.5)), (0, (5, 1.5, 1, 1.5)))
 """The same distinction in print without colour."""
-GREY = "0.45"
+LARGE, SMALL = 14, 7
+"""Sizes of a picture's title and of remarks, points; all else has 9."""
 
+_DOTS = 300
+"""Per inch: of print."""
 _STYLE: Any = {
     "font.family": "STIXGeneral",
     "mathtext.fontset": "stix",
@@ -54,9 +57,9 @@ def figure(file: Path, width: float, height: float) -> Iterator[Figure]:
     file stays as it was.
     """
     with _DRAWING, mpl.rc_context(_STYLE), atomic_write(file) as temporary:
-        drawn = Figure(figsize=(width, height), layout="constrained")
+        drawn = Figure(figsize=(width, height), dpi=_DOTS, layout="constrained")
         yield drawn
-        drawn.savefig(temporary, dpi=300)
+        drawn.savefig(temporary, dpi="figure")
 
 
 def motor_curves(axes: Axes, t: Array, values: Array) -> None:

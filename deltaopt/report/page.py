@@ -21,6 +21,7 @@ from deltaopt.files.html_table import html_table
 from deltaopt.motion.active_limits import ActiveLimit, active_limits
 from deltaopt.motion.limit_sensitivity import LimitSensitivity, limits_in_words
 from deltaopt.motion.trajectory import Trajectory
+from deltaopt.output.headline import headline
 from deltaopt.plots.colours import COLOURS, OF_LIMITS
 from deltaopt.report.modelled import modelled, not_modelled
 from deltaopt.report.moving_robot import drawing
@@ -83,7 +84,7 @@ def report(
 <meta http-equiv="Content-Security-Policy"
  content="default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:">
 <link rel="icon" href="data:,">
-<title>{escape(headline(trajectory))}, {escape(scene.robot.name)}</title>
+<title>{escape(headline(trajectory.duration))}, {escape(scene.robot.name)}</title>
 <style>
 {_own_file("page.css")}</style>
 </head>
@@ -99,23 +100,12 @@ def report(
 """
 
 
-def headline(trajectory: Trajectory) -> str:
-    """The duration, and how many picks a minute it permits at most."""
-    return f"{trajectory.duration:.3f} s, {_per_minute(trajectory)} picks per minute"
-
-
 def _limits(active: Iterable[ActiveLimit], sensitivities: Iterable[LimitSensitivity]) -> list[str]:
     """A sentence for every limit that matters."""
     told = limits_in_words(active, sensitivities)
     return [text[0].upper() + text[1:] + "." for text in told] or [
         "No limit is reached for a noticeable part of the time."
     ]
-
-
-def _per_minute(trajectory: Trajectory) -> str:
-    """60 s over twice the duration: there and back."""
-    rate = 30 / trajectory.duration
-    return f"{rate:.0f}" if rate >= 10 else f"{rate:.2g}"
 
 
 def _head(
@@ -143,7 +133,7 @@ def _head(
     )
     return f"""<header>
 <p class="robot">{escape(scene.robot.name)}</p>
-<h1>{escape(headline(trajectory))}</h1>
+<h1>{escape(headline(trajectory.duration))}</h1>
 <p>{escape(way)} from {escape(start)} to {escape(goal)} m, {escape(payload)}. The picks per minute
 count the way there and one as long back, and no time for gripping.</p>
 <p>{escape(optimality)}</p>

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from deltaopt.plots.colours import COLOURS
-from deltaopt.plots.style import GREY, figure, without_box
+from deltaopt.plots.colours import COLOURS, GREY
+from deltaopt.plots.style import figure, without_box
 from studies.gap import Held
 from studies.gap_moves import INSIDE
 

@@ -7,11 +7,20 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.transforms import Transform
 
+from deltaopt.plots.colours import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    SKY_BLUE,
+    VERMILION,
+)
+from deltaopt.plots.style import SMALL, figure, without_box
 from studies.stability.benchmarks import Benchmark, Benchmarks
 from studies.stability.drift import (
     FREQUENCIES,
@@ -32,14 +41,14 @@ from studies.stability.singularities import (
 )
 
 COLOURS = {
-    "closed form": "tab:blue",
-    "partition": "tab:green",
-    "partition there": "tab:olive",
-    "null space": "tab:purple",
-    "rank revealing": "tab:cyan",
-    "sparse QR": "tab:orange",
-    "LAPACK LU": "tab:red",
-    "least norm": "tab:brown",
+    "closed form": BLUE,
+    "partition": GREEN,
+    "partition there": SKY_BLUE,
+    "null space": PURPLE,
+    "rank revealing": GREY,
+    "sparse QR": ORANGE,
+    "LAPACK LU": VERMILION,
+    "least norm": BLACK,
 }
 """By constraint matrix of K and L_E, then by solver of L_I."""
 NAMES = {
@@ -53,7 +62,7 @@ NAMES = {
     "least norm": "$L_I$, least norm",
 }
 STYLES = {"L_E": "-", "K, virtual work": "--", "L_I": "-", "state": ":"}
-CONDITIONS = {"J": "black", "C in closed form": "tab:blue", "L_I, inverse": "tab:red"}
+CONDITIONS = {"J": BLACK, "C in closed form": BLUE, "L_I, inverse": VERMILION}
 FORWARD = "L_I, forward"
 FLOOR, CEILING = 1e-17, 1e3
 """Errors are drawn between these."""
@@ -73,20 +82,18 @@ def draw_pendulum_singularities(study: Singularities, path: Path) -> None:
 
 def draw_singularities(study: Singularities, columns: Sequence[Family], path: Path) -> None:
     """Draw errors and condition numbers of some families, one column each."""
-    figure = Figure(figsize=(max(11.0, 3.6 * len(columns) + 1.2), 12.5), layout="constrained")
-    FigureCanvasAgg(figure)
-    panels = figure.subplots(4, len(columns), sharex=True, sharey="row")
-    for column, family in enumerate(columns):
-        panels[0, column].set_title(family.title, fontsize=11)
+    with figure(path, max(7.2, 2.3 * len(columns) + 0.8), 9.0) as page:
+        panels = page.subplots(4, len(columns), sharex=True, sharey="row")
+        for column, family in enumerate(columns):
+            panels[0, column].set_title(family.title)
+            for row, problem in enumerate(PROBLEMS):
+                _error_panel(panels[row, column], study, family, problem)
+            _condition_panel(panels[3, column], study, family)
+            panels[3, column].set_xlabel("distance ε from the singularity")
         for row, problem in enumerate(PROBLEMS):
-            _error_panel(panels[row, column], study, family, problem)
-        _condition_panel(panels[3, column], study, family)
-        panels[3, column].set_xlabel("distance ε from the singularity")
-    for row, problem in enumerate(PROBLEMS):
-        panels[row, 0].set_ylabel(f"{problem.title}:\nrelative error")
-    panels[3, 0].set_ylabel("condition number")
-    figure.legend(handles=_singularity_legend(), loc="outside lower center", ncols=4, frameon=False)
-    figure.savefig(path, dpi=110)
+            panels[row, 0].set_ylabel(f"{problem.title}:\nrelative error")
+        panels[3, 0].set_ylabel("condition number")
+        page.legend(handles=_singularity_legend(), loc="outside lower center", ncols=4)
 
 
 def _error_panel(axes: Axes, study: Singularities, family: Family, problem: Problem) -> None:
@@ -99,7 +106,7 @@ def _error_panel(axes: Axes, study: Singularities, family: Family, problem: Prob
 
 
 def _curve(axes: Axes, curve: Curve) -> None:
-    colour = COLOURS.get(curve.variant, "black")
+    colour = COLOURS.get(curve.variant, BLACK)
     x = np.where(np.array(DISTANCES) > 0, DISTANCES, AT_ZERO)
     y = np.clip(curve.errors, FLOOR, CEILING)
     axes.plot(x, y, STYLES[curve.model], color=colour, marker=".", markersize=4, linewidth=1.2)
@@ -114,7 +121,7 @@ def _condition_panel(axes: Axes, study: Singularities, family: Family) -> None:
     for c in study.conditions:
         if c.family == family.name:
             colour, style = (
-                CONDITIONS.get(c.matrix, "tab:red"),
+                CONDITIONS.get(c.matrix, VERMILION),
                 "--" if c.matrix == FORWARD else "-",
             )
             axes.plot(x, np.clip(c.numbers, 0.5, 1e19), style, color=colour, linewidth=1.2)
@@ -126,7 +133,7 @@ def _distance_axis(axes: Axes) -> None:
     axes.set_xlim(0.3, AT_ZERO / 3)
     axes.set_xticks(ticks, ["10⁻²", "10⁻⁵", "10⁻⁸", "10⁻¹¹", "0"])
     axes.set_xticks([], minor=True)
-    axes.grid(alpha=0.3)
+    without_box(axes)
 
 
 def _singularity_legend() -> list[Line2D]:
@@ -134,21 +141,21 @@ def _singularity_legend() -> list[Line2D]:
     solvers = ("sparse QR", "LAPACK LU")
     return [
         *(Line2D([], [], color=COLOURS[v], label=NAMES[v]) for v in (*variants, *solvers)),
-        Line2D([], [], color="grey", label="$L_E$ (with any C)"),
-        Line2D([], [], color="grey", linestyle="--", label="K (Kane = virtual work)"),
-        Line2D([], [], color="black", linestyle=":", label="rounding of the state alone"),
-        Line2D([], [], color="grey", marker="x", linestyle="none", label="no result"),
-        Line2D([], [], color="black", label="cond. of J"),
-        Line2D([], [], color="tab:blue", label="cond. of C in closed form"),
-        Line2D([], [], color="tab:red", label="cond. of $L_I$, torques"),
-        Line2D([], [], color="tab:red", linestyle="--", label="cond. of $L_I$, accelerations"),
+        Line2D([], [], color=GREY, label="$L_E$ (with any C)"),
+        Line2D([], [], color=GREY, linestyle="--", label="K (Kane = virtual work)"),
+        Line2D([], [], color=BLACK, linestyle=":", label="rounding of the state alone"),
+        Line2D([], [], color=GREY, marker="x", linestyle="none", label="no result"),
+        Line2D([], [], color=BLACK, label="cond. of J"),
+        Line2D([], [], color=BLUE, label="cond. of C in closed form"),
+        Line2D([], [], color=VERMILION, label="cond. of $L_I$, torques"),
+        Line2D([], [], color=VERMILION, linestyle="--", label="cond. of $L_I$, accelerations"),
     ]
 
 
 METHOD_COLOURS = {
-    "none": "black",
-    "projection": "tab:red",
-    MINIMAL: "tab:green",
+    "none": BLACK,
+    "projection": VERMILION,
+    MINIMAL: GREEN,
     **{
         baumgarte(w): colour
         for w, colour in zip(
@@ -163,37 +170,35 @@ MARKERS = dict(zip(TOLERANCES, ("o", "s", "^"), strict=True))
 
 def draw_drift(study: Drift, path: Path) -> None:
     """Draw drift and energy against time spent, and over Baumgarte's frequency."""
-    figure = Figure(figsize=(12.5, 8.6), layout="constrained")
-    FigureCanvasAgg(figure)
-    (position, energy), (over, over_energy) = figure.subplots(2, 2)
-    for axes in (position, energy):
-        axes.set(xscale="log", yscale="log", xlabel="time spent, s")
-    position.set(ylabel="largest |f|, m", title=f"Drift over {study.duration:g} s")
-    energy.set(ylabel="largest change of energy, J", title="Energy")
-    for method, colour in METHOD_COLOURS.items():
-        runs = study.by(method)
-        for axes, name in ((position, "position"), (energy, "energy")):
-            axes.plot(
-                [r.seconds for r in runs],
-                [getattr(r, name) for r in runs],
-                color=colour,
-                linewidth=1,
-            )
-            for r in runs:
-                axes.plot(r.seconds, getattr(r, name), MARKERS[r.tolerance], color=colour)
-    _over_frequency(over, study, "position", "largest |f|, m")
-    _over_frequency(over_energy, study, "energy", "largest change of energy, J")
-    for axes in (position, energy, over, over_energy):
-        axes.grid(alpha=0.3)
-    figure.legend(handles=_drift_legend(), loc="outside lower center", ncols=6, frameon=False)
-    figure.savefig(path, dpi=110)
+    with figure(path, 7.2, 6.0) as page:
+        (position, energy), (over, over_energy) = page.subplots(2, 2)
+        for axes in (position, energy):
+            axes.set(xscale="log", yscale="log", xlabel="time spent, s")
+        position.set(ylabel="largest |f|, m", title=f"Drift over {study.duration:g} s")
+        energy.set(ylabel="largest change of energy, J", title="Energy")
+        for method, colour in METHOD_COLOURS.items():
+            runs = study.by(method)
+            for axes, name in ((position, "position"), (energy, "energy")):
+                axes.plot(
+                    [r.seconds for r in runs],
+                    [getattr(r, name) for r in runs],
+                    color=colour,
+                    linewidth=1,
+                )
+                for r in runs:
+                    axes.plot(r.seconds, getattr(r, name), MARKERS[r.tolerance], color=colour)
+        _over_frequency(over, study, "position", "largest |f|, m")
+        _over_frequency(over_energy, study, "energy", "largest change of energy, J")
+        for axes in (position, energy, over, over_energy):
+            without_box(axes)
+        page.legend(handles=_drift_legend(), loc="outside lower center", ncols=6)
 
 
 def _over_frequency(axes: Axes, study: Drift, name: str, label: str) -> None:
     axes.set(xscale="log", yscale="log", xlabel="Baumgarte's ω, rad/s", ylabel=label)
     for tolerance, marker in MARKERS.items():
         runs: list[Run] = [study.run(baumgarte(w), tolerance) for w in FREQUENCIES]
-        axes.plot(FREQUENCIES, [getattr(r, name) for r in runs], f"{marker}-", color="tab:blue")
+        axes.plot(FREQUENCIES, [getattr(r, name) for r in runs], f"{marker}-", color=BLUE)
         for method in ("none", "projection", MINIMAL):
             level = getattr(study.run(method, tolerance), name)
             axes.axhline(level, color=METHOD_COLOURS[method], linestyle=":", linewidth=1)
@@ -202,7 +207,7 @@ def _over_frequency(axes: Axes, study: Drift, name: str, label: str) -> None:
 def _drift_legend() -> list[Line2D]:
     methods = [Line2D([], [], color=c, label=_frequency(m)) for m, c in METHOD_COLOURS.items()]
     markers = [
-        Line2D([], [], color="grey", marker=m, linestyle="none", label=f"tolerance {t:.0e}")
+        Line2D([], [], color=GREY, marker=m, linestyle="none", label=f"tolerance {t:.0e}")
         for t, m in MARKERS.items()
     ]
     return [*methods, *markers]
@@ -214,30 +219,28 @@ def _frequency(method: str) -> str:
 
 def draw_benchmarks(study: Benchmarks, path: Path) -> None:
     """Draw energy over time where there is a motion, and name the methods without one."""
-    figure = Figure(figsize=(5.2 * len(study.benchmarks), 5.6), layout="constrained")
-    FigureCanvasAgg(figure)
-    panels = figure.subplots(1, len(study.benchmarks), sharey=True, squeeze=False)[0]
-    for axes, benchmark in zip(panels, study.benchmarks, strict=True):
-        _energy_panel(axes, study, benchmark)
-    panels[0].set_ylabel("|change of energy|, J")
-    models = [
-        Line2D([], [], color="grey", label="$L_E$ (with any C)"),
-        Line2D([], [], color="grey", linestyle="--", label="K (Kane = virtual work)"),
-    ]
-    shown = [
-        Line2D([], [], color=colour, label=NAMES[variant])
-        for variant, colour in COLOURS.items()
-        if any(o.variant == variant for o in study.outcomes)
-    ]
-    figure.legend(handles=[*shown, *models], loc="outside lower center", ncols=5, frameon=False)
-    figure.savefig(path, dpi=110)
+    with figure(path, max(4.5, 2.7 * len(study.benchmarks)), 4.4) as page:
+        panels = page.subplots(1, len(study.benchmarks), sharey=True, squeeze=False)[0]
+        for axes, benchmark in zip(panels, study.benchmarks, strict=True):
+            _energy_panel(axes, study, benchmark)
+        panels[0].set_ylabel("|change of energy|, J")
+        models = [
+            Line2D([], [], color=GREY, label="$L_E$ (with any C)"),
+            Line2D([], [], color=GREY, linestyle="--", label="K (Kane = virtual work)"),
+        ]
+        shown = [
+            Line2D([], [], color=colour, label=NAMES[variant])
+            for variant, colour in COLOURS.items()
+            if any(o.variant == variant for o in study.outcomes)
+        ]
+        page.legend(handles=[*shown, *models], loc="outside lower center", ncols=5)
 
 
 def _energy_panel(axes: Axes, study: Benchmarks, benchmark: Benchmark) -> None:
     axes.set(yscale="log", xlabel="time, s", ylim=(1e-12, 1e3), title=benchmark.title)
-    axes.axhline(benchmark.bound, color="black", linestyle=":")
-    axes.text(0.02, 1.5 * benchmark.bound, f"bound {benchmark.bound:g} J", fontsize=9)
-    axes.grid(alpha=0.3)
+    axes.axhline(benchmark.bound, color=BLACK, linestyle=":")
+    axes.text(0.02, 1.5 * benchmark.bound, f"bound {benchmark.bound:g} J")
+    without_box(axes)
     missing = []
     for o in study.of(benchmark.name):
         if o.model not in STYLES:
@@ -251,7 +254,7 @@ def _energy_panel(axes: Axes, study: Benchmarks, benchmark: Benchmark) -> None:
     outcomes = study.of(benchmark.name)
     inside = sum(not o.failure for o in outcomes)
     note = f"{inside} of {len(outcomes)} inside the bound"
-    axes.text(0.98, 0.02, note, transform=axes.transAxes, ha="right", va="bottom", fontsize=9)
+    axes.text(0.98, 0.02, note, transform=axes.transAxes, ha="right", va="bottom")
     if missing:
         axes.text(
             0.98,
@@ -260,43 +263,49 @@ def _energy_panel(axes: Axes, study: Benchmarks, benchmark: Benchmark) -> None:
             transform=axes.transAxes,
             ha="right",
             va="top",
-            fontsize=8,
+            fontsize=SMALL,
         )
 
 
-GOOD, REFUSED, WRONG = "tab:green", "tab:orange", "tab:red"
+GOOD, REFUSED, WRONG = GREEN, ORANGE, VERMILION
 
 
 def draw_edge(study: Edge, path: Path) -> None:
     """Draw the time spent on every scene and the gap of its plan, or the error it ends in."""
-    figure = Figure(figsize=(12.5, 0.25 * len(study.outcomes) + 1.6), layout="constrained")
-    FigureCanvasAgg(figure)
-    spent, gaps = figure.subplots(1, 2, sharey=True)
-    for row, o in enumerate(study.outcomes):
-        colour = REFUSED if o.error else GOOD if o.verified else WRONG
-        spent.plot(o.seconds, row, "o", color=colour)
-        if o.error:
-            gaps.text(0.02, row, o.error, color=colour, va="center", transform=_rows(gaps))
-        else:
-            gaps.plot(o.gap, row, "o", color=colour)
-    names = [f"{o.family}: {o.name}" for o in study.outcomes]
-    spent.set_yticks(range(len(names)), names, fontsize=8)
-    spent.set(xscale="log", xlabel="time spent, s", ylim=(len(names) - 0.5, -0.5))
-    gaps.set(xscale="log", xlim=(1e-4, 2), xlabel="gap to the shortest duration, as estimated")
-    gaps.axvline(TOLERANCE, color="black", linestyle=":")
-    for axes in (spent, gaps):
-        axes.grid(alpha=0.3)
-    labels = {
-        GOOD: "verified plan",
-        REFUSED: "error that names the cause",
-        WRONG: "plan that fails verification",
-    }
-    handles = [
-        Line2D([], [], color=c, marker="o", linestyle="none", label=label)
-        for c, label in labels.items()
-    ]
-    figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False)
-    figure.savefig(path, dpi=110)
+    with figure(path, 7.2, 0.15 * len(study.outcomes) + 1.2) as page:
+        spent, gaps = page.subplots(1, 2, sharey=True)
+        for row, o in enumerate(study.outcomes):
+            colour = REFUSED if o.error else GOOD if o.verified else WRONG
+            spent.plot(o.seconds, row, "o", color=colour)
+            if o.error:
+                gaps.text(
+                    0.02,
+                    row,
+                    o.error,
+                    color=colour,
+                    va="center",
+                    fontsize=SMALL,
+                    transform=_rows(gaps),
+                )
+            else:
+                gaps.plot(o.gap, row, "o", color=colour)
+        names = [f"{o.family}: {o.name}" for o in study.outcomes]
+        spent.set_yticks(range(len(names)), names, fontsize=SMALL)
+        spent.set(xscale="log", xlabel="time spent, s", ylim=(len(names) - 0.5, -0.5))
+        gaps.set(xscale="log", xlim=(1e-4, 2), xlabel="gap to the shortest duration, as estimated")
+        gaps.axvline(TOLERANCE, color=BLACK, linestyle=":")
+        for axes in (spent, gaps):
+            without_box(axes)
+        labels = {
+            GOOD: "verified plan",
+            REFUSED: "error that names the cause",
+            WRONG: "plan that fails verification",
+        }
+        handles = [
+            Line2D([], [], color=c, marker="o", linestyle="none", label=label)
+            for c, label in labels.items()
+        ]
+        page.legend(handles=handles, loc="outside lower center", ncols=3)
 
 
 def _rows(axes: Axes) -> Transform:

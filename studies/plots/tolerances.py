@@ -7,8 +7,8 @@ from pathlib import Path
 from matplotlib.axes import Axes
 from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
-from deltaopt.plots.colours import COLOURS
-from deltaopt.plots.style import GREY, figure, without_box
+from deltaopt.plots.colours import COLOURS, GREY
+from deltaopt.plots.style import figure, without_box
 from studies.tolerances import MESHES, REFINED, SWITCHES, ToleranceStudy
 
 MARKERS = {MESHES: "s", REFINED: "o", SWITCHES: "D"}

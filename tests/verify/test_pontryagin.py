@@ -102,15 +102,15 @@ def test_a_motor_at_its_limits_of_speed_and_torque(number):
 
 
 def test_files_carry_it(tmp_path):
-    """plan.json has the numbers; plan.png a third row where the condition is met."""
+    """plan.json has the numbers; limits.png a third row where the condition is met."""
     heights = {}
     for name, found in (("resolved", resolved(LIGHT)), ("mesh", plan(LIGHT, tolerance=1e-2))):
-        found.save(tmp_path / name)
+        found.save(tmp_path / name, chart=False, limits=True)
         record = json.loads((tmp_path / name / "plan.json").read_text())
         met = record["verification"]["hamiltonian_spread"] <= MET
         assert met == (name == "resolved")
         assert (record["certificate"] is not None) == met
-        heights[name] = imread(tmp_path / name / "plan.png").shape[0]
+        heights[name] = imread(tmp_path / name / "limits.png").shape[0]
     row = 2.05 * 300  # inches of a row, at the dots per inch of the file
     assert heights["resolved"] == pytest.approx(heights["mesh"] + row, rel=0.01)
 

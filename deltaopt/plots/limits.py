@@ -1,0 +1,167 @@
+"""A chart of the limits of a plan: every limited quantity between its bounds, and the path.
+
+If the motion meets Pontryagin's condition, two more panels show the switching function of each
+motor and how constant the Hamiltonian is.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from deltaopt.motion.limit_curves import LimitCurves, limit_curves
+from deltaopt.motion.trajectory import Array, Trajectory
+from deltaopt.plots.colours import COLOURS, GREY
+from deltaopt.plots.style import figure, motor_curves, without_box
+from deltaopt.scene.scene import Scene
+from deltaopt.verify.pontryagin import Extremal
+
+_TICKS = 10
+"""Parts of equal time that dots divide the path into."""
+_LIMIT = "limit"
+"""Label of the bounds in the legend."""
+_SAMPLES = 2000
+"""Samples of each curve over all intervals, about the pixels of a panel's width."""
+
+
+def draw_limits(
+    file: Path,
+    scene: Scene,
+    trajectory: Trajectory,
+    extremal: Extremal | None = None,
+    caption: str = "",
+) -> None:
+    """Draw a motion for a scene into a file, with switching functions if they are given.
+
+    ``caption``: lines to write below it. The format follows the file's suffix: png, pdf or svg.
+    """
+    steps = max(2, _SAMPLES // (len(trajectory.knots) - 1))
+    inside = np.linspace(0, 1, steps)  # 0 and 1: both sides of a jump at a knot
+    motion = trajectory.inside_intervals(inside)
+    curves = list(limit_curves(scene, trajectory, inside))
+    begin, end = trajectory.knots[[0, -1]]
+    ticks = trajectory(np.linspace(begin, end, _TICKS + 1)[1:-1]).x
+    panels = max(2, len(curves))
+    rows = panels + (extremal is not None)
+    with figure(file, 7.0, 2.05 * rows + 0.15 * len(caption.splitlines())) as page:
+        grid = page.add_gridspec(rows, 2, width_ratios=[1.7, 1])
+        left = [page.add_subplot(grid[0, 0])]
+        left += [page.add_subplot(grid[i, 0], sharex=left[0]) for i in range(1, panels)]
+        for axes, each in zip(left, curves, strict=False):
+            _limit(axes, motion.t, each)
+        if len(curves) < panels:  # there is room to show how fast the motors turn
+            left[-1].set_ylabel(r"motor speed $\dot\theta_k$ (rad/s)")
+            motor_curves(left[-1], motion.t, motion.dtheta)
+        left[-1].set_xlabel(r"time $t$ (s)")
+        side = page.add_subplot(grid[0, 1])
+        side.set_ylabel("$x$ (mm), down")
+        _path(side, scene, motion.x, ticks, along=0)
+        side.invert_yaxis()
+        above = page.add_subplot(grid[1, 1])
+        above.set_ylabel("$z$ (mm)")
+        _path(above, scene, motion.x, ticks, along=2)
+        if extremal is not None:
+            switching = page.add_subplot(grid[panels, 0], sharex=left[0])
+            _switching(switching, extremal)
+            _hamiltonian(page.add_subplot(grid[panels, 1]), extremal)
+        _legend(page, left[0], side)
+        page.supxlabel(caption, fontsize=7)
+
+
+def plot_limit(scene: Scene, trajectory: Trajectory, limit: str, axes: Axes | None) -> Axes:
+    """Draw a limited quantity over time and its bounds on one's own axes, or on new ones.
+
+    Raises ValueError if the scene has no limit of this name.
+    """
+    inside = np.linspace(0, 1, max(2, _SAMPLES // (len(trajectory.knots) - 1)))
+    found = {each.limit.name: each for each in limit_curves(scene, trajectory, inside)}
+    if limit not in found:
+        raise ValueError(f"limit is {limit!r}; the scene has {', '.join(found)}")
+    drawn = Figure(layout="constrained").add_subplot() if axes is None else axes
+    _limit(drawn, trajectory.inside_intervals(inside).t, found[limit])
+    drawn.set_xlabel(r"time $t$ (s)")
+    return drawn
+
+
+def _limit(axes: Axes, t: Array, curves: LimitCurves) -> None:
+    """Draw a limited quantity over time, and its bounds."""
+    axes.set_ylabel(f"{curves.limit.name} ({curves.limit.unit})")
+    if curves.values.shape[1] == len(COLOURS):
+        motor_curves(axes, t, curves.values)
+    else:
+        axes.plot(t, curves.values, "-", color="black")
+        without_box(axes)
+    _limit_lines(axes, curves.lower)
+    _limit_lines(axes, curves.upper)
+    if curves.limit.order > 0:
+        axes.axhline(0.0, linewidth=0.0)  # zero at rest belongs to the scale of a rate
+
+
+def _switching(axes: Axes, extremal: Extremal) -> None:
+    """Draw the switching functions: the derivative of H by each torque, times its limit.
+
+    They are negative where the torque is at its upper limit and positive at the lower.
+    """
+    axes.axhline(0.0, color="black", linewidth=0.6, zorder=1)
+    motor_curves(axes, extremal.t, extremal.switching)
+    axes.set_ylabel(r"$\tau_{k,\mathrm{max}}\,\partial H/\partial\tau_k$")
+    axes.set_xlabel(r"time $t$ (s)")
+
+
+def _hamiltonian(axes: Axes, extremal: Extremal) -> None:
+    """Draw how far the Hamiltonian is from its mean, and write the residual above."""
+    H = extremal.hamiltonian
+    away = np.maximum(np.abs(H - H.mean()), 1e-16)
+    axes.semilogy(extremal.t, away, "-", color="black", linewidth=0.7)
+    axes.set_ylim(1e-15, 1.0)
+    axes.set_xlim(extremal.t[0], extremal.t[-1])
+    axes.set_ylabel(r"$|H-\bar H|$")
+    axes.set_xlabel(r"time $t$ (s)")
+    axes.set_title(
+        f"Pontryagin's condition is met to {extremal.residual:.0e}:\n"
+        "no motion near it is better, others may be",
+        fontsize=8,
+    )
+    without_box(axes)
+
+
+def _limit_lines(axes: Axes, bounds: Array) -> None:
+    """Draw bounds: in black if all motors share them, otherwise in each motor's colour."""
+    shared = len(set(bounds.tolist())) == 1
+    style: dict[str, Any] = {"linewidth": 0.9, "linestyle": (0, (1, 1)), "zorder": 1}
+    for colour, bound in zip(("black",) if shared else COLOURS, bounds.tolist(), strict=False):
+        if np.isfinite(bound):
+            named = any(line.get_label() == _LIMIT for line in axes.get_lines())
+            axes.axhline(bound, color=colour, label="" if named else _LIMIT, **style)
+
+
+def _path(axes: Axes, scene: Scene, path: Array, ticks: Array, *, along: int) -> None:
+    """Draw a path, (N, 3), m, in a plane of the base frame: y to the right, x or z upwards, mm.
+
+    ``along``: index of the upward axis, 0 or 2. ``ticks``: points of the path to mark, (n, 3), m.
+    """
+    ends = 1e3 * np.array([scene.start, scene.goal])[:, [1, along]].T
+    across, up = 1e3 * path[:, [1, along]].T
+    axes.plot(*ends, ":", color=GREY, linewidth=0.9, label="straight line")
+    axes.plot(across, up, "-", color="black", label="path, a dot each tenth of the time")
+    axes.plot(*(1e3 * ticks[:, [1, along]].T), ".", color="black", markersize=5)
+    axes.plot(*ends[:, 0], "o", color="black", markerfacecolor="white", ms=5, label="start")
+    axes.plot(*ends[:, 1], "o", color="black", ms=5, label="goal")
+    axes.set_xlabel("$y$ (mm)")
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.margins(0.12)
+    without_box(axes)
+
+
+def _legend(page: Figure, torques: Axes, path: Axes) -> None:
+    """Draw one legend above all panels: a row for the motors, a row for the path."""
+    motors, views = (axes.get_legend_handles_labels() for axes in (torques, path))
+    handles, labels = (
+        [entry for column in zip(*rows, strict=True) for entry in column]
+        for rows in zip(motors, views, strict=True)
+    )
+    page.legend(handles, labels, loc="outside upper center", ncols=len(motors[0]))

@@ -1,0 +1,127 @@
+"""The robot as lines, seen from the side and a little from above. Up is up."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import atan2, cos, hypot, sin
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from deltaopt.mechanisms.delta.mechanism import AZIMUTHS
+from deltaopt.motion.trajectory import Array
+from deltaopt.plots.colours import COLOURS
+from deltaopt.robot.robot import Robot
+
+_WIDTH = 0.1
+"""Width of the parallelograms over their length, which no robot file gives; report.html draws them
+as wide."""
+_ASIDE, _FROM_ABOVE = 0.35, 0.3
+"""Angles, rad, by which the view differs from one at right angles to the move: enough to see which
+chain is in front, and little enough for the path to keep its shape."""
+_BASE, _PLATFORM, _EDGE = "0.85", "0.6", "0.3"
+
+
+@dataclass(frozen=True)
+class View:
+    """A parallel projection. ``turn``: about the vertical, 0 with y to the right. ``tilt``: from
+    above, 0 from the side and a quarter turn from the top; rad."""
+
+    turn: float
+    tilt: float
+
+    def __call__(self, points: Array) -> Array:
+        """Points of the base's frame, (..., 3), as across and up in the picture, (..., 2)."""
+        x, y, z = np.moveaxis(np.asarray(points), -1, 0)
+        across = cos(self.turn) * y + sin(self.turn) * z
+        away = -sin(self.turn) * y + cos(self.turn) * z
+        return np.stack([across, sin(self.tilt) * away - cos(self.tilt) * x], axis=-1)
+
+
+def view_of_move(start: Array, goal: Array, *, aside: float = _ASIDE) -> View:
+    """The view that has the goal to the right of the start. ``start``, ``goal``: (3,), m.
+
+    ``aside``: angle, rad, from a view at right angles to the move.
+    """
+    _, y, z = goal - start
+    turn = atan2(z, y) if hypot(y, z) > 0 else 0.0
+    return View(turn + aside, _FROM_ABOVE)
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """Points of one chain in the base's frame, (3,), m; of both bars, (2, 3), left and right."""
+
+    shaft: Array
+    elbow: Array
+    elbow_ends: Array
+    platform_ends: Array
+
+
+def chains(robot: Robot, x: Array, theta: Array) -> list[Chain]:
+    """The three chains with the tool's point at x, (3,), m, and the arms at theta, (3,), rad."""
+    centre = np.asarray(x) - np.asarray(robot.tool_offset)
+    aside = robot.forearm.length * _WIDTH / 2
+    found = []
+    for azimuth, angle in zip(AZIMUTHS, theta, strict=True):
+        reach = robot.base_radius + robot.upper_arm.length * cos(angle)
+        down = -robot.upper_arm.length * sin(angle)
+        sides = (-aside, aside)
+        found.append(
+            Chain(
+                shaft=_point(azimuth, 0.0, robot.base_radius),
+                elbow=_point(azimuth, down, reach),
+                elbow_ends=np.array([_point(azimuth, down, reach, side) for side in sides]),
+                platform_ends=np.array(
+                    [centre + _point(azimuth, 0.0, robot.platform_radius, side) for side in sides]
+                ),
+            )
+        )
+    return found
+
+
+def _point(azimuth: float, down: float, outward: float, aside: float = 0.0) -> Array:
+    """A point in the base's frame, (3,), from distances in the vertical plane of a chain, m."""
+    c, s = cos(azimuth), sin(azimuth)
+    return np.array([down, c * outward - s * aside, s * outward + c * aside])
+
+
+def draw_robot(
+    axes: Axes, robot: Robot, x: Array, theta: Array, view: View, *, strength: float = 1.0
+) -> None:
+    """Draw the robot with the tool's point at x, (3,), m, and the arms at theta, (3,), rad.
+
+    ``strength``: how opaque, 0 to 1.
+    """
+    drawn = chains(robot, x, theta)
+    base = np.concatenate(
+        [
+            [_point(azimuth, 0.0, robot.base_radius, side) for side in _base_corners(robot)]
+            for azimuth in AZIMUTHS
+        ]
+    )
+    axes.fill(*view(base).T, facecolor=_BASE, edgecolor="none", alpha=strength, zorder=1)
+    for chain, colour in zip(drawn, COLOURS, strict=True):
+        line: dict[str, Any] = {"color": colour, "alpha": strength, "solid_capstyle": "round"}
+        for upper, lower in zip(chain.elbow_ends, chain.platform_ends, strict=True):
+            axes.plot(*view(np.array([upper, lower])).T, linewidth=0.8, **line)
+        axes.plot(*view(chain.elbow_ends).T, linewidth=1.6, **line)
+        axes.plot(*view(np.array([chain.shaft, chain.elbow])).T, linewidth=2.6, **line)
+    platform = np.concatenate([chain.platform_ends for chain in drawn])
+    axes.fill(
+        *view(platform).T,
+        facecolor=_PLATFORM,
+        edgecolor="0.3",
+        linewidth=0.6,
+        alpha=strength,
+        zorder=3,
+    )
+    if any(robot.tool_offset):
+        tool = np.array([np.asarray(x) - np.asarray(robot.tool_offset), x])
+        axes.plot(*view(tool).T, color="black", linewidth=1.6, alpha=strength, zorder=3)
+
+
+def _base_corners(robot: Robot) -> tuple[float, float]:
+    half = robot.forearm.length * _WIDTH / 2
+    return (-half, half)

@@ -1,0 +1,131 @@
+"""The picture of a plan: the robot is drawn where it is, and what is written there is true."""
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+import deltaopt
+from deltaopt.output.headline import headline
+from deltaopt.output.plan_files import straight_lines
+from deltaopt.plots import plan as chart
+from deltaopt.plots.robot_view import View, chains, view_of_move
+from deltaopt.plots.style import figure
+from studies.problems import PROBLEMS
+from tests.overlaps import overlaps
+
+SCENE = deltaopt.load_scene(PROBLEMS / "pick_and_place.yaml")
+
+
+def test_bars_have_their_length_and_elbows_are_where_the_model_has_them():
+    robot = SCENE.robot
+    x = np.array(SCENE.goal)
+    theta = deltaopt.DeltaModel(robot).inverse_kinematics(x)[[3, 6, 9]]
+    for chain in chains(robot, x, theta):
+        for upper, lower in zip(chain.elbow_ends, chain.platform_ends, strict=True):
+            assert np.linalg.norm(upper - lower) == pytest.approx(robot.forearm.length, rel=1e-12)
+        arm = np.linalg.norm(chain.elbow - chain.shaft)
+        assert arm == pytest.approx(robot.upper_arm.length, rel=1e-12)
+
+
+def test_motor_1_is_towards_y_and_the_others_follow_at_120_degrees():
+    found = chains(SCENE.robot, np.array([0.45, 0.0, 0.0]), np.zeros(3))
+    angles = [np.degrees(np.arctan2(c.shaft[2], c.shaft[1])) for c in found]
+    assert angles == pytest.approx([0, 120, -120])
+    for chain in found:  # an angle of 0 is level, a positive one is up
+        assert chain.elbow[0] == 0.0
+    assert all(c.elbow[0] < 0 for c in chains(SCENE.robot, found[0].elbow, np.full(3, 0.3)))
+
+
+@pytest.mark.parametrize("turn", [0.0, 1.0, -2.5])
+def test_up_is_up_in_every_view(turn):
+    for tilt in (0.0, 0.3):
+        below, above = View(turn, tilt)(np.array([[0.5, 0.1, 0.2], [0.4, 0.1, 0.2]]))
+        assert above[1] > below[1]
+        assert above[0] == below[0]
+
+
+def test_the_goal_is_to_the_right_of_the_start():
+    start = np.array([0.45, 0.0, 0.0])
+    for angle in np.linspace(0, 2 * np.pi, 9):
+        goal = start + np.array([0.02, np.cos(angle), np.sin(angle)])
+        view = view_of_move(start, goal)
+        assert view(goal)[0] > view(start)[0] + 0.9
+
+
+def test_a_view_from_the_side_has_the_move_in_full_length():
+    start, goal = np.array([0.45, -0.05, 0.1]), np.array([0.45, 0.1, -0.1])
+    level = View(view_of_move(start, goal, aside=0.0).turn, 0.0)
+    assert np.subtract(*level(np.array([goal, start]))) == pytest.approx([0.25, 0.0])
+
+
+def test_picture_says_what_is_true(tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(Figure, "savefig", lambda page, *_, **__: drawn.append(page))
+    line, others = deltaopt.baseline(SCENE), straight_lines(SCENE)
+    duty = deltaopt.verify(SCENE, line).duty
+    chart.draw(tmp_path / "plan.png", SCENE, line, others, duty)
+    (page,) = drawn
+    assert list(others.values()) == [line.duration, deltaopt.timed_line(SCENE).duration]
+    assert page.get_suptitle() == "0.197 s, 153 picks per minute"
+    _, path, bars, torques = page.axes
+    widths = [bar.get_width() for bar in bars.patches]
+    assert widths == [*others.values(), line.duration]
+    across, up = path.get_lines()[1].get_data()
+    assert (across[0], across[-1]) == pytest.approx((0, 150))
+    assert np.abs(up).max() < 1e-9  # mm: a line on one level
+    t = torques.get_lines()[0].get_xdata() / 1e3
+    for k, curve in enumerate(torques.get_lines()[:3]):
+        torque = curve.get_ydata() / 100 * SCENE.robot.drive.torque
+        np.testing.assert_allclose(torque, line(t).tau[:, k], atol=1e-6)
+        root = np.sqrt(np.mean((curve.get_ydata()) ** 2))
+        assert f"RMS {root:.0f} %" in curve.get_label()
+
+
+@pytest.mark.parametrize(
+    ("duration", "said"),
+    [
+        (0.14091, "0.141 s, 213 picks per minute"),
+        (0.0123, "0.0123 s, 2439 picks per minute"),
+        (12.0, "12.000 s, 2.5 picks per minute"),
+    ],
+)
+def test_headline_counts_there_and_back(duration, said):
+    assert headline(duration) == said
+
+
+def test_long_names_stay_on_the_page(tmp_path):
+    """The check of all charts, in conftest.py, would say otherwise."""
+    robot = SCENE.robot.model_copy(update={"name": "A robot with a name as of a noble house " * 5})
+    scene = SCENE.model_copy(update={"robot": robot})
+    line = deltaopt.baseline(scene)
+    chart.draw(tmp_path / "plan.png", scene, line, {}, None)
+    assert (tmp_path / "plan.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    ("place", "fault"),
+    [
+        ({"x": 0.5, "y": 0.5, "s": "one"}, "overlaps"),
+        ({"x": 0.98, "y": 0.2, "s": "a long word"}, "leaves its panel"),
+    ],
+)
+def test_the_check_of_labels_finds_faults(tmp_path, place, fault):
+    def draw() -> None:
+        with figure(tmp_path / "a.png", 3, 2) as page:
+            axes = page.subplots()
+            axes.text(0.5, 0.5, "another")
+            axes.text(**place)
+
+    with pytest.raises(AssertionError, match=fault):
+        draw()
+
+
+def test_the_check_of_labels_looks_at_numbers_of_ticks(tmp_path, monkeypatch):
+    pages = []
+    monkeypatch.setattr(Figure, "savefig", lambda page, *_, **__: pages.append(page))
+    with figure(tmp_path / "a.png", 1.5, 1.5) as page:
+        axes = page.subplots()
+        axes.set_xticks([0.0, 0.5, 0.55, 1.0])
+        axes.set_yticks([])
+    pages[0].draw_without_rendering()
+    assert overlaps(pages[0]) == ["'0.50' overlaps '0.55'"]
