@@ -3,7 +3,6 @@ slow."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +10,7 @@ import numpy as np
 from deltaopt.planning.path.path_rows import AffineRows
 from deltaopt.scene.path import Array
 
-_LARGE, _VANISHING, _ROUNDING, _HALVINGS = 1e30, 1e-13, 1e-12, 60
+_LARGE, _VANISHING, _ROUNDING, _STEPS = 1e30, 1e-13, 1e-12, 60
 
 Range = tuple[float, float]
 _NOTHING = (1.0, 0.0)
@@ -36,7 +35,7 @@ def interpreted(
     b, u = np.empty(n + 1), np.empty((n, 2))
     b[0] = start
     for i in range(n):
-        low, high = sweep.reachable(i, b[i], K[i + 1])
+        low, high = sweep.reachable(i, b[i], K[i + 1]).b
         b[i + 1] = min(max(high if high >= low else (high + low) / 2, K[i + 1][0]), K[i + 1][1])
         u[i] = sweep.accelerations_between(i, b[i], b[i + 1])
     return b, u
@@ -72,11 +71,9 @@ class _Sweep:
     @staticmethod
     def narrowed(b: Range, factor: Array, bound: Array) -> Range:
         """The part of a range where factor b <= bound."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            at = bound / factor
-        high = np.where(factor > _VANISHING, at, np.inf).min(initial=b[1])
-        low = np.where(factor < -_VANISHING, at, -np.inf).max(initial=b[0])
-        return float(low), float(high)
+        reach = _Reach(*b)
+        reach.narrow(factor, bound, np.zeros_like(bound))
+        return reach.b
 
     def allowed(self, end: int, b: Range) -> Range:
         """The part of a range where the rows of an end allow some u."""
@@ -92,7 +89,7 @@ class _Sweep:
             return b
         ends = [b[1], b[0]]
         for side, sign in ((0, -1), (1, 1)):
-            for _ in range(_HALVINGS):
+            for _ in range(_STEPS):
                 u, slope = self.accelerations(end, ends[side])
                 room, rate = u[1] - u[0], slope[1] - slope[0]
                 if room >= -_ROUNDING * (abs(u[0]) + abs(u[1])):
@@ -105,66 +102,46 @@ class _Sweep:
             ends[0] = ends[1] if u[1] >= u[0] else ends[0]
         return ends[1], ends[0]
 
-    def reachable(self, cell: int, b: float, within: Range) -> Range:
-        """The b at the end of a cell that can be reached from b at its begin."""
-        (slow, fast), _ = self.accelerations(2 * cell, b)
-        end, h = 2 * cell + 1, self.h[cell]
+    def reachable(self, cell: int, b: float, within: Range) -> _Reach:
+        """The b at the end of a cell that can be reached from b at its begin, with slopes by b."""
+        (slow, fast), by = self.accelerations(2 * cell, b)
+        end, h, found = 2 * cell + 1, self.h[cell], _Reach(*within)
         still = fast >= _LARGE and slow <= -_LARGE
         step, a = (2 * h if still else h), self.rows.alpha[end]
         factor = a + step * self.rows.beta[end]
-        fastest, slowest = (b, b) if still else (b + h * fast, b + h * slow)
-        up, down = np.where(a > 0, fastest, slowest), np.where(a > 0, slowest, fastest)
-        within = self.narrowed(within, factor, step * self.rows.high[end] + a * up)
-        within = self.narrowed(within, -factor, -step * self.rows.low[end] - a * down)
+        ends = (b, b) if still else (b + h * slow, b + h * fast)
+        rates = (1.0, 1.0) if still else (1 + h * by[0], 1 + h * by[1])
+        up, down = np.where(a > 0, ends[1], ends[0]), np.where(a > 0, ends[0], ends[1])
+        faster, slower = np.where(a > 0, rates[1], rates[0]), np.where(a > 0, rates[0], rates[1])
+        found.narrow(factor, step * self.rows.high[end] + a * up, a * faster)
+        found.narrow(-factor, -step * self.rows.low[end] - a * down, -a * slower)
         if np.abs(a).max() < _VANISHING:
-            within = max(within[0], b + 2 * h * slow), min(within[1], b + 2 * h * fast)
-        return within
-
-    def slowing(self, cell: int, b: float) -> tuple[float, float]:
-        u, slope = self.accelerations(2 * cell + 1, b)
-        return b - self.h[cell] * u[0], 1 - self.h[cell] * slope[0]
-
-    def most_slowing(self, cell: int, b: Range) -> float:
-        most, rate = self.slowing(cell, b[1])
-        if rate >= 0:
-            return most
-        low, high = b
-        for _ in range(_HALVINGS):
-            middle = (low + high) / 2
-            value, rate = self.slowing(cell, middle)
-            most = max(most, value)
-            low, high = (middle, high) if rate > 0 else (low, middle)
-        return most
+            bounds = np.array([b + 2 * h * fast, -b - 2 * h * slow])
+            changes = np.array([1 + 2 * h * by[1], -1 - 2 * h * by[0]])
+            found.narrow(np.array([1.0, -1.0]), bounds, changes)
+        return found
 
     def controllable(self, cell: int, b: Range, target: Range) -> Range:
         """The b at the begin of a cell from which a range at its end can be reached."""
-        begin, h, most = 2 * cell, self.h[cell], self.most_slowing(cell, target)
-        a, factor = self.rows.alpha[begin], self.rows.alpha[begin] - h * self.rows.beta[begin]
-        up = a > 0
-        b = self.narrowed(b, factor[up], a[up] * most - h * self.rows.low[begin][up])
-        down = np.logical_not(up)
-        b = self.narrowed(b, -factor[down], -a[down] * most + h * self.rows.high[begin][down])
-        b = self.allowed(begin, b)
+        b = self.allowed(2 * cell, b)
         if cell:
-            b = self.allowed(begin - 1, b)
+            b = self.allowed(2 * cell - 1, b)
         if _is_empty(b):
             return b
-
-        def reaches(at: float) -> bool:
-            return not _is_empty(self.reachable(cell, at, target))
-
-        ends = [reaches(each) for each in b]
-        if all(ends):
-            return b
-        shares = np.concatenate([np.arange(1, 64), 2.0 ** -np.arange(1, 66)]) / 64
-        places = (b[0] + (b[1] - b[0]) * shares).tolist()
-        inside = b[1] if ends[1] else next((each for each in places if reaches(each)), None)
-        if inside is None:
-            return _NOTHING
-        low, high = (
-            each if good else _border(reaches, inside, each)
-            for each, good in zip(b, ends, strict=True)
-        )
+        low, high = b
+        for sign in (-1, 1):
+            for _ in range(_STEPS):
+                at = high if sign < 0 else low
+                reach = self.reachable(cell, at, target)
+                room, rate = reach.room
+                if room >= -_ROUNDING * (abs(reach.low) + abs(reach.high) + at):
+                    break
+                if sign * rate <= 0 or high <= low:
+                    return _NOTHING
+                at = max(low, min(high, at - room / rate))
+                low, high = (low, at) if sign < 0 else (at, high)
+            else:
+                return _NOTHING
         return low, high
 
     def accelerations_between(self, cell: int, b0: float, b1: float) -> Range:
@@ -177,8 +154,35 @@ class _Sweep:
         return first, total - first
 
 
-def _border(reaches: Callable[[float], bool], does: float, does_not: float) -> float:
-    for _ in range(_HALVINGS):
-        middle = (does + does_not) / 2
-        does, does_not = (middle, does_not) if reaches(middle) else (does, middle)
-    return does
+@dataclass
+class _Reach:
+    """A range, and slopes of its ends; ``spare``: of bounds that do not depend on what is in the
+    range the least, negative where it is exceeded, and its slope."""
+
+    low: float
+    high: float
+    slopes: Range = (0.0, 0.0)
+    spare: tuple[float, float] = (np.inf, 0.0)
+
+    @property
+    def b(self) -> Range:
+        return self.low, self.high
+
+    @property
+    def room(self) -> tuple[float, float]:
+        """What is left, negative for nothing, and its slope."""
+        return min((self.high - self.low, self.slopes[1] - self.slopes[0]), self.spare)
+
+    def narrow(self, factor: Array, bound: Array, rate: Array) -> None:
+        """Leave the part where factor b <= bound, which changes at a ``rate``."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            at, slope = bound / factor, rate / factor
+        above = np.where(factor > _VANISHING, at, np.inf)
+        below = np.where(factor < -_VANISHING, at, -np.inf)
+        neither = np.where(np.abs(factor) <= _VANISHING, bound, np.inf)
+        if above.min(initial=np.inf) < self.high:
+            self.high, self.slopes = float(above.min()), (self.slopes[0], slope[above.argmin()])
+        if below.max(initial=-np.inf) > self.low:
+            self.low, self.slopes = float(below.max()), (slope[below.argmax()], self.slopes[1])
+        if neither.min(initial=np.inf) < self.spare[0]:
+            self.spare = float(neither.min()), float(rate[neither.argmin()])

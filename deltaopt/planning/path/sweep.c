@@ -17,8 +17,7 @@
 #define LARGE 1e30     /* stands for an acceleration without bound */
 #define VANISHING 1e-13 /* below it a coefficient of normalised rows is rounding */
 #define ROUNDING 1e-12
-#define HALVINGS 60
-#define SEARCHED 128
+#define STEPS 60
 
 typedef struct { double low, high; } Range;
 
@@ -48,6 +47,20 @@ static inline void at_most(Range *b, double factor, double bound) {
   else if (factor < -VANISHING) b->low = fmax(b->low, bound / factor);
 }
 
+/* A range, the slopes of its ends and what is left of it (negative: nothing) with its slope. */
+typedef struct { Range b, slope; double room, rate; } Reach;
+
+/* Narrow it by  factor b <= bound, which changes at this rate. */
+static inline void narrow(Reach *reach, double factor, double bound, double rate) {
+  if (fabs(factor) <= VANISHING) {
+    if (bound < reach->room) { reach->room = bound; reach->rate = rate; }
+    return;
+  }
+  const double at = bound / factor;
+  if (factor > 0 && at < reach->b.high) { reach->b.high = at; reach->slope.high = rate / factor; }
+  if (factor < 0 && at > reach->b.low) { reach->b.low = at; reach->slope.low = rate / factor; }
+}
+
 static inline int is_empty(Range b) {
   return b.low > b.high + ROUNDING * (fabs(b.low) + fabs(b.high));
 }
@@ -64,7 +77,7 @@ static void allowed(const Problem *p, int64_t end, Range *b) {
   if (is_empty(*b)) return;
   for (int side = 0; side < 2; side++) {  /* Newton's method on a concave function: from outside */
     double *at = side ? &b->low : &b->high;
-    for (int i = 0; i < HALVINGS; i++) {
+    for (int i = 0; i < STEPS; i++) {
       Range slope, u = accelerations(p, end, *at, &slope);
       const double room = u.high - u.low, rate = slope.high - slope.low;
       if (room >= -ROUNDING * (fabs(u.high) + fabs(u.low))) break;
@@ -82,82 +95,59 @@ static void allowed(const Problem *p, int64_t end, Range *b) {
   }
 }
 
-/* The b at the end of a cell that can be reached from b at its begin, within a range.
+/* The b at the end of a cell that can be reached from b at its begin, within a range, with slopes
+   by b.
 
    At an end where no row has a u, since the path stands still there (p' = 0), u could be anything,
    but not beside it: there u is constant in the cell. */
-static Range reachable(const Problem *p, int64_t cell, double b, Range within) {
-  Range slope, u = accelerations(p, 2 * cell, b, &slope);
-  const double h = p->h[cell], fast = b + h * u.high, slow = b + h * u.low;
+static Reach reachable(const Problem *p, int64_t cell, double b, Range within) {
+  Range by, u = accelerations(p, 2 * cell, b, &by);
+  Reach found = {within, {0, 0}, INFINITY, 0};
+  const double h = p->h[cell];
   const int still = u.high >= LARGE && u.low <= -LARGE;
+  const double step = still ? 2 * h : h, fast = still ? b : b + h * u.high;
+  const double slow = still ? b : b + h * u.low;
+  const double faster = still ? 1 : 1 + h * by.high, slower = still ? 1 : 1 + h * by.low;
   double largest = 0;
   for (int64_t j = (2 * cell + 1) * p->rows; j < (2 * cell + 2) * p->rows; j++) {
-    const double a = p->alpha[j], step = still ? 2 * h : h, factor = a + step * p->beta[j];
-    at_most(&within, factor, step * p->high[j] + a * (still ? b : a > 0 ? fast : slow));
-    at_most(&within, -factor, -step * p->low[j] - a * (still ? b : a > 0 ? slow : fast));
+    const double a = p->alpha[j], factor = a + step * p->beta[j];
+    const double above = a > 0 ? fast : slow, below = a > 0 ? slow : fast;
+    const double up = a > 0 ? faster : slower, down = a > 0 ? slower : faster;
+    narrow(&found, factor, step * p->high[j] + a * above, a * up);
+    narrow(&found, -factor, -step * p->low[j] - a * below, -a * down);
     largest = fmax(largest, fabs(a));
   }
   if (largest < VANISHING) {
-    at_most(&within, 1, b + 2 * h * u.high);
-    at_most(&within, -1, -b - 2 * h * u.low);
+    narrow(&found, 1, b + 2 * h * u.high, 1 + 2 * h * by.high);
+    narrow(&found, -1, -b - 2 * h * u.low, -1 - 2 * h * by.low);
   }
-  return within;
-}
-
-/* b + h (least deceleration at the end of a cell): from how much b at its begin one can slow down
-   to b. Concave in b. */
-static double slowing(const Problem *p, int64_t cell, double b, double *rate) {
-  Range slope, u = accelerations(p, 2 * cell + 1, b, &slope);
-  *rate = 1 - p->h[cell] * slope.low;
-  return b - p->h[cell] * u.low;
-}
-
-static double most_slowing(const Problem *p, int64_t cell, Range b) {
-  double rate, most = slowing(p, cell, b.high, &rate);
-  if (rate >= 0) return most;
-  for (int i = 0; i < HALVINGS; i++) {
-    const double middle = (b.low + b.high) / 2;
-    most = fmax(most, slowing(p, cell, middle, &rate));
-    if (rate > 0) b.low = middle; else b.high = middle;
+  if (found.b.high - found.b.low < found.room) {
+    found.room = found.b.high - found.b.low;
+    found.rate = found.slope.high - found.slope.low;
   }
-  return most;
+  return found;
 }
 
-/* Whether from b at the begin of a cell a range at its end can be reached. */
-static int reaches(const Problem *p, int64_t cell, double b, Range within) {
-  return !is_empty(reachable(p, cell, b, within));
-}
+/* The b at the begin of a cell, within a range, from which the range at its end can be reached.
 
-/* The border between b that do and do not reach the range, to rounding. */
-static double border(const Problem *p, int64_t cell, double does, double does_not, Range within) {
-  for (int i = 0; i < HALVINGS; i++) {
-    const double middle = (does + does_not) / 2;
-    if (reaches(p, cell, middle, within)) does = middle; else does_not = middle;
-  }
-  return does;
-}
-
-/* The b at the begin of a cell, within a range, from which the range at its end can be reached. */
+   The room that is left there is a concave function of b made of straight pieces. Newton's method
+   comes to its zeros from outside, in no more steps than there are pieces on the way. */
 static Range controllable(const Problem *p, int64_t cell, Range b, Range target) {
-  const double h = p->h[cell], most = most_slowing(p, cell, target);
-  for (int64_t j = 2 * cell * p->rows; j < (2 * cell + 1) * p->rows; j++) {
-    const double a = p->alpha[j], factor = a - h * p->beta[j];
-    if (a > 0) at_most(&b, factor, a * most - h * p->low[j]);
-    else at_most(&b, -factor, -a * most + h * p->high[j]);
-  }
   allowed(p, 2 * cell, &b);
   if (cell > 0) allowed(p, 2 * cell - 1, &b);
   if (is_empty(b)) return b;
-  const int top = reaches(p, cell, b.high, target), bottom = reaches(p, cell, b.low, target);
-  if (top && bottom) return b;
-  double inside = top ? b.high : b.low;
-  for (int i = 1; i <= SEARCHED && !top && !bottom; i++) {  /* also where b has hardly a bound */
-    inside = b.low + (b.high - b.low) * (i < 64 ? i / 64.0 : exp2(63 - i) / 64);
-    if (reaches(p, cell, inside, target)) break;
-    if (i == SEARCHED) { b.low = LARGE; return b; }
+  for (int side = 0; side < 2; side++) {
+    double *at = side ? &b.low : &b.high;
+    for (int i = 0;; i++) {
+      const Reach next = reachable(p, cell, *at, target);
+      if (next.room >= -ROUNDING * (fabs(next.b.low) + fabs(next.b.high) + *at)) break;
+      if (i == STEPS || !(side ? next.rate > 0 : next.rate < 0) || b.high <= b.low) {
+        b.low = LARGE;  /* nowhere */
+        return b;
+      }
+      *at = fmax(b.low, fmin(b.high, *at - next.room / next.rate));
+    }
   }
-  if (!top) b.high = border(p, cell, inside, b.high, target);
-  if (!bottom) b.low = border(p, cell, inside, b.low, target);
   return b;
 }
 
@@ -180,7 +170,7 @@ int64_t sweep(int64_t cells, int64_t rows, const double *h, const double *alpha,
   if (start > K[0].high + slack || start < K[0].low - slack) return -1;
   b[0] = start;
   for (int64_t i = 0; i < cells; i++) {
-    const Range next = reachable(p, i, b[i], K[i + 1]);
+    const Range next = reachable(p, i, b[i], K[i + 1]).b;
     b[i + 1] = next.high >= next.low ? next.high : (next.high + next.low) / 2;
     b[i + 1] = fmax(fmin(b[i + 1], K[i + 1].high), K[i + 1].low);
     Range slope, first = accelerations(p, 2 * i, b[i], &slope);
