@@ -140,7 +140,7 @@ def toppra_motion(scene: deltaopt.Scene, mesh: PathMesh) -> tuple[MeshMotion | N
         return None, seconds
     b = np.asarray(rates, dtype=float) ** 2
     u = np.repeat(np.diff(b) / (2 * mesh.h), 2).reshape(-1, 2)
-    return MeshMotion(mesh, Speeds(b, u)), seconds
+    return MeshMotion.of(mesh, Speeds(b, u)), seconds
 
 
 def toppra_outcomes(

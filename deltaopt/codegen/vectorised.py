@@ -98,6 +98,12 @@ class RowFunction:
         return tuple(others), failed if failed.any() else None
 
     @cached_property
+    def address(self) -> int | None:
+        """Where the function of ``source`` is, for other compiled code; None without a
+        compiler."""
+        return None if self._code is None else ctypes.cast(self._code, ctypes.c_void_p).value
+
+    @cached_property
     def _single(self) -> list[tuple[int, ...]]:
         """Shapes of the arguments of a single point."""
         return [(self.function.size1_in(i),) for i in range(self.function.n_in() - 1)]

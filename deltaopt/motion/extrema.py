@@ -18,6 +18,8 @@ _FEWEST_STEPS = 24  # in an interval: more than the 20 points of the definition 
 _FEWEST_IN_ALL = 240  # over all intervals, for motions of few long ones
 _ROUNDS = 2  # of refinement, each by _ZOOM: the place of a peak is known to (1/64)² of a step
 _ZOOM = 8.0
+_NEAR = 1e-9
+"""Share of the highest value by which a sample is taken to be nearer to it: rounding."""
 _NARROW = 4.0
 """Steps between samples: a valley with a lesser half-width is looked into by itself. More is looked
 into for nothing, less leaves peaks in it to the parabola through samples that miss them."""
@@ -58,9 +60,10 @@ def enough(intervals: int, fewest: int) -> int:
     return max(fewest, -(-_FEWEST_IN_ALL // intervals))
 
 
-def sample_fractions(intervals: int) -> Array:
-    """Where to sample each of so many intervals: both ends and at least 20 points inside."""
-    return np.linspace(0.0, 1.0, enough(intervals, _FEWEST_STEPS) + 1)
+def sample_fractions(intervals: int, fewest_steps: int = _FEWEST_STEPS) -> Array:
+    """Where to sample each of so many intervals: both ends and at least 20 points inside, unless
+    fewer steps do."""
+    return np.linspace(0.0, 1.0, enough(intervals, fewest_steps) + 1)
 
 
 def everywhere(intervals: int, fractions: Array) -> tuple[Index, Array]:
@@ -170,14 +173,23 @@ def _hills(grid: Array, highest: Array) -> tuple[Index, Index, Array, float]:
     """Hills in samples (K, n, c) that may top the highest (c,): interval, function, fraction
     of the top (N,) each, and the step between samples."""
     left, middle, right = grid[:, :-2], grid[:, 1:-1], grid[:, 2:]
-    curvature, slope = left - 2 * middle + right, left - right
+    slope = left - right
+    # What follows asks of a hill that |slope| <= 2 |curvature|, so that its gain is at most
+    # |slope| / 4: most samples are far too low for that.
+    near = np.abs(slope)
+    near += middle
+    interval, sample, function = np.nonzero(near >= highest - _NEAR * np.abs(highest))
+    where = interval, sample, function
+    left, middle, right, slope = left[where], middle[where], right[where], slope[where]
+    curvature = left - 2 * middle + right
     bent = np.where(curvature < 0, curvature, -np.inf)
     offset, gain = slope / (2 * bent), -(slope**2) / (8 * bent)
     hill = (curvature < 0) & (np.abs(offset) <= 1) & (gain > 1e-13 * np.abs(middle))
-    may_win = hill & (middle + 4 * gain >= highest)  # 4: a guess of the gain, not a bound
-    interval, sample, function = np.nonzero(may_win)
+    # 4: a guess of the gain, not a bound
+    may_win = hill & (middle + 4 * gain >= highest[function])
     step = 1 / (grid.shape[1] - 1)
-    return interval, function, (sample + 1 + offset[may_win]) * step, step
+    top = (sample[may_win] + 1 + offset[may_win]) * step
+    return interval[may_win], function[may_win], top, step
 
 
 def _climb(

@@ -18,7 +18,6 @@ from deltaopt.mechanisms.delta.instant import CoordinateInstant
 from deltaopt.mechanisms.delta.mechanism import DeltaTerms
 from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.scene.scene import Scene, limits_of
-from deltaopt.scene.task import distance
 
 _SHORTEST_MOVE = 1e-12
 """Shortest distance from start to goal, m: coordinates of about a metre have a rounding error of
@@ -37,7 +36,7 @@ def check_feasible(scene: Scene) -> None:
 
     Raises Unreachable, Singular or Infeasible, each with a sentence that says why not.
     """
-    way = distance(scene.task)
+    way = float(np.linalg.norm(np.subtract(scene.goal, scene.start)))
     if way < _SHORTEST_MOVE:
         raise Infeasible(
             f"start and goal are {way:.1e} m apart, which coordinates in double precision "

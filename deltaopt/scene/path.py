@@ -81,11 +81,11 @@ class Path:
     def with_derivatives(self, pieces: Index, since: Array) -> tuple[Array, Array, Array]:
         """p, dp/ds and d²p/ds², (N, 3) each, in given pieces at s since they began, (N,)."""
         powers = since[:, None] ** np.arange(self.coefficients.shape[1])
-        values = np.einsum("np,npc->nc", powers, self._stacked[pieces])
+        values = np.einsum("np,npc->nc", powers, self.stacked[pieces])
         return values[:, :3], values[:, 3:6], values[:, 6:]
 
     @cached_property
-    def _stacked(self) -> Array:
+    def stacked(self) -> Array:
         """Coefficients of p and its first two derivatives, side by side, (K, d + 1, 9)."""
         stacked = np.zeros((*self.coefficients.shape[:2], 9))
         for order, own in enumerate(self._derivatives[:3]):

@@ -18,11 +18,11 @@ Truths = NDArray[np.bool]
 
 _SAME = 1e-10
 """Share of the path within which two nodes are one."""
-_SERIES = 1e-3
+SERIES = 1e-3
 """Of z: below it the series of the duration of a cell is exact to rounding."""
-_STOPPING = 1 - 1e-9
+STOPPING = 1 - 1e-9
 """Of z, which is 1 in a cell at whose end a motion that brakes less and less stops."""
-_LONGEST = 1e4
+LONGEST = 1e4
 """Of the time that the path takes at its largest speed: a cell that takes longer is at rest."""
 
 
@@ -87,10 +87,21 @@ class PathMesh:
 
 @dataclass(frozen=True, eq=False)
 class MeshMotion:
-    """The fastest motion on a mesh: in every cell u = s̈ is linear in s, and b = ṡ² quadratic."""
+    """The fastest motion on a mesh: in every cell u = s̈ is linear in s, and b = ṡ² quadratic.
+
+    ``durations``: time in every cell, (N,), s. ``stops``: cells in which the motion comes to a
+    stop, (N,): there are some only on meshes that are too coarse for what the rows do in them.
+    """
 
     mesh: PathMesh
     speeds: Speeds
+    durations: Array
+    stops: Truths
+
+    @classmethod
+    def of(cls, mesh: PathMesh, speeds: Speeds) -> MeshMotion:
+        """With these speeds."""
+        return cls(mesh, speeds, *_durations(mesh.h, speeds))
 
     def at(self, fractions: Array) -> tuple[Array, Array]:
         """b and u at these fractions of every cell, (N, n) each."""
@@ -109,40 +120,6 @@ class MeshMotion:
         h, b = self.mesh.h[cell][:, None], self.speeds.b[cell][:, None]
         found = b + h * z * (2 * first + (last - first) * z)
         return np.maximum(found, 0.0).ravel(), (first + (last - first) * z).ravel()
-
-    @cached_property
-    def durations(self) -> Array:
-        """Time in every cell, ∫ ds / √b, (N,), s.
-
-        With k = (u at end - u at begin) / h the motion obeys s̈ = u₀ + k (s - s₀), so that the
-        tangent of half of the angle √-k T is √-k h / (ṡ₀ + ṡ₁). In a cell in which such a motion
-        stops, see ``stops``, it is that of constant acceleration.
-        """
-        share, z = self._shares
-        z = np.where(self.stops, 0.0, z)
-        root = np.sqrt(np.maximum(np.abs(z), _SERIES))
-        bent = np.where(z > 0, np.arctanh(np.minimum(root, _STOPPING)), np.arctan(root)) / root
-        series = 1 + z * (1 / 3 + z * (1 / 5 + z / 7))
-        return np.asarray(2 * share * np.where(np.abs(z) < _SERIES, series, bent))
-
-    @cached_property
-    def stops(self) -> Truths:
-        """Cells in which the motion comes to a stop, (N,): there are some only on meshes that are
-        too coarse for what the rows do in them."""
-        share, z = self._shares
-        longest = _LONGEST * float(self.mesh.h.sum()) / self._largest_rate
-        return np.asarray(np.logical_not((z < _STOPPING) & (share < longest)))
-
-    @cached_property
-    def _shares(self) -> tuple[Array, Array]:
-        """h / (ṡ₀ + ṡ₁) and k times its square, (N,) each."""
-        rate = np.sqrt(self.speeds.b)
-        share = self.mesh.h / np.maximum(rate[1:] + rate[:-1], self._largest_rate / _LONGEST**2)
-        return share, (self.speeds.u[:, 1] - self.speeds.u[:, 0]) / self.mesh.h * share**2
-
-    @property
-    def _largest_rate(self) -> float:
-        return float(np.sqrt(self.speeds.b.max()))
 
     @cached_property
     def duration(self) -> float:
@@ -200,6 +177,26 @@ class MeshMotion:
                 value = value * since + comb(j, k) * of_path[:, j]
             shifted[:, k] = value
         return shifted
+
+
+def _durations(h: Array, speeds: Speeds) -> tuple[Array, Truths]:
+    """Time in every cell, ∫ ds / √b, (N,), s, and whether the motion stops there, (N,).
+
+    With k = (u at end - u at begin) / h the motion obeys s̈ = u₀ + k (s - s₀), so that the
+    tangent of half of the angle √-k T is √-k h / (ṡ₀ + ṡ₁). In a cell in which such a motion
+    stops it is that of constant acceleration.
+    """
+    rate = np.sqrt(speeds.b)
+    largest = float(rate.max())
+    share = h / np.maximum(rate[1:] + rate[:-1], largest / LONGEST**2)
+    z = (speeds.u[:, 1] - speeds.u[:, 0]) / h * share**2
+    longest = LONGEST * float(h.sum()) / largest
+    stops = np.logical_not((z < STOPPING) & (share < longest))
+    z = np.where(stops, 0.0, z)
+    root = np.sqrt(np.maximum(np.abs(z), SERIES))
+    bent = np.where(z > 0, np.arctanh(np.minimum(root, STOPPING)), np.arctan(root)) / root
+    series = 1 + z * (1 / 3 + z * (1 / 5 + z / 7))
+    return np.asarray(2 * share * np.where(np.abs(z) < SERIES, series, bent)), stops
 
 
 def _composed(outer: Array, inner: Array) -> Array:

@@ -38,12 +38,18 @@ _STRAIGHT = 1e-12
 State = tuple[Array, Array]
 """b and u of a motion at N places, (N,) each."""
 
-_RESTING = 1e-6
+RESTING = 1e-6
 """Share of the largest ṡ below which tangents are taken at it: the slope by b of a row that is
 linear in ṡ = √b, such as viscous friction, has no limit at rest."""
 _FAN = 12
 """Tangents around a row that is curved in u. Each costs as much as a row; with fewer the first
 motions exceed the limit by more (by 2 % with 8), and another motion is needed."""
+
+
+_AFFINE: dict[tuple[RowFunction, bytes], bool] = {}
+"""What is known of rows with the same function and parameters."""
+_MOST_KNOWN = 1024
+"""Of these, some hundred bytes each."""
 
 
 @dataclass(frozen=True)
@@ -121,15 +127,25 @@ class PathRows:
 
         Raises Unreachable or Singular where the platform cannot be.
         """
-        own = self._tangents(places, *motion)
+        own, others = self._tangents(places, *motion), self.others(places, other)
+        return own if others is None else _joined(own, others)
+
+    def others(self, places: Places, motion: State) -> AffineRows | None:
+        """The tangents of curved rows beside their own: at a second motion, and all around; None
+        where no row is curved."""
         if self.expansion is None:
-            return own
-        curved = self._tangents(places, *other).only(self.curved)
-        return _joined(own, curved, self._fans(places))
+            return None
+        curved = self._tangents(places, *motion).only(self.curved)
+        return _joined(curved, self._fans(places))
+
+    @cached_property
+    def bounds(self) -> Array:
+        """Lower and upper bounds of all rows, ±1 or infinite, (2, rows)."""
+        return np.where(self.sides.T, 1.0, np.inf) * [[-1.0], [1.0]]
 
     def _tangents(self, places: Places, b: Array, u: Array) -> AffineRows:
         speed = np.sqrt(np.maximum(b, 0.0))
-        speed = np.maximum(speed, _RESTING * float(speed.max()))
+        speed = np.maximum(speed, RESTING * float(speed.max()))
         values, by_speed, alpha = self._evaluated(places, speed, u)
         beta = by_speed / (2 * speed[:, None])
         rest = values - alpha * u[:, None] - beta * (speed**2)[:, None]
@@ -143,13 +159,24 @@ class PathRows:
         above = np.where(self.sides[:, 1], values, -np.inf)
         return np.asarray(np.maximum(above, np.where(self.sides[:, 0], -values, -np.inf)) - 1)
 
-    def are_affine(self, places: Places) -> bool:
-        """Whether tangents are the rows themselves, at any state; judged at the first place."""
-        first = Places(*(np.repeat(each[:1], 2, axis=0) for each in vars(places).values()))
+    def are_affine(self, path: Path) -> bool:
+        """Whether tangents are the rows themselves, at any state; judged once for all rows with
+        the same parameters, where a first path begins."""
+        if len(self.curved):
+            return False
+        key = self.function, self.parameters.tobytes()
+        if key not in _AFFINE:
+            if len(_AFFINE) >= _MOST_KNOWN:
+                _AFFINE.clear()
+            _AFFINE[key] = self._are_affine(path)
+        return _AFFINE[key]
+
+    def _are_affine(self, path: Path) -> bool:
+        first = Places.of(path, np.zeros(2, np.intp), np.zeros(2))
         b, u = np.array([1.0, 3.0]), np.array([0.5, -0.7])
         found = self._tangents(first, b, u)
         same = (np.allclose(one[0], one[1], rtol=1e-9, atol=1e-9) for one in vars(found).values())
-        return not len(self.curved) and all(same)
+        return all(same)
 
     def _evaluated(self, places: Places, speed: Array, u: Array) -> tuple[Array, ...]:
         states = np.column_stack([speed, u])

@@ -10,22 +10,20 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-from time import perf_counter
 
 import numpy as np
 
 from deltaopt.errors import Infeasible, in_words
 from deltaopt.planning.nlp.program import Spent
+from deltaopt.planning.path.on_mesh import OnMesh, Tangency, fastest_on_mesh
 from deltaopt.planning.path.path_mesh import MeshMotion, PathMesh
-from deltaopt.planning.path.path_rows import AffineRows, PathRows
-from deltaopt.planning.path.sweep import Unattainable, swept
+from deltaopt.planning.path.path_rows import PathRows
+from deltaopt.planning.path.sweep import Unattainable
 from deltaopt.scene.path import Array, Path
 
 _FIRST, _EVEN = (24, 96, 384), 40
 """Cells of the first mesh, of others where it has no motion, and of the second, which are of equal
 time by the first."""
-_INSIDE = np.array([0.2, 0.5, 0.8])
-"""Fractions of a cell where rows are looked at between its ends."""
 _MOST_PARTS = 4
 """Of a cell at a time: rows inside of a coarse cell say little of much smaller ones."""
 _NEGLIGIBLE = 0.05
@@ -73,17 +71,6 @@ class TimedPath:
     tangents: AffineRows
 
 
-@dataclass(frozen=True)
-class _OnMesh:
-    """The fastest motion for ``tangents`` on a mesh. ``beyond``: by how much rows are exceeded
-    inside of cells, (N, places, rows). ``losses``: of time in each cell, (N,)."""
-
-    motion: MeshMotion
-    tangents: AffineRows
-    beyond: Array
-    losses: Array
-
-
 @dataclass
 class PathTiming:
     """Times a path as fast as rows allow, between given ṡ² at its ``ends``.
@@ -98,7 +85,6 @@ class PathTiming:
     tolerance: float
     report: Callable[[str], None]
     iterations: list[PathIteration] = field(default_factory=list, init=False)
-    _spent: Spent = field(default=Spent(0.0, 0.0), init=False)
 
     def fastest(self, share: float, margin: float | None = None) -> TimedPath:
         """The fastest motion, on a mesh whose loss is a ``share`` of the tolerance before limits
@@ -113,14 +99,13 @@ class PathTiming:
             raise Infeasible("the path: no speed but standstill keeps the limits somewhere on it")
         return self._tightened(found, margin)
 
-    def _refined(self, enough: float) -> _OnMesh:
+    def _refined(self, enough: float) -> OnMesh:
         """The fastest motion on a mesh on which its loss is ``enough``."""
         before = earlier = self._first()
         mesh, failures = before.evenly(_EVEN), 0
         for _ in range(_MOST_MOTIONS):
-            tangents = self._tangents(mesh, before, earlier)
             try:
-                found = self._on(mesh, tangents)
+                found = self._on(mesh, self._tangency(mesh, before, earlier))
             except Infeasible:  # perhaps on this mesh only
                 failures += 1
                 if failures > _MOST_FAILURES:
@@ -146,12 +131,12 @@ class PathTiming:
             mesh = PathMesh.first(self.path, cells)
             guess = self._usual_speed(mesh)
             try:
-                return self._swept(mesh, self.rows.tangents(mesh.ends, guess, guess))
+                return self._on(mesh, Tangency(guess, guess)).motion
             except Infeasible as error:
                 obstacle = error
         raise obstacle
 
-    def _tightened(self, found: _OnMesh, margin: float | None) -> TimedPath:
+    def _tightened(self, found: OnMesh, margin: float | None) -> TimedPath:
         """A motion on the same mesh that hardly exceeds its limits between nodes.
 
         What that costs is the difference of both durations: a limit that is tightened in one cell
@@ -160,36 +145,36 @@ class PathTiming:
         raw = found
         most = _NEGLIGIBLE * self.tolerance if margin is None else 0.0
         by, before = np.full(found.beyond[:, 0].shape, margin or 0.0), found.motion
-        tangents, mesh = found.tangents, found.motion.mesh
+        tangency, mesh = found.tangency, found.motion.mesh
         for _ in range(_MOST_TIGHTENED):
             excess = found.beyond.max(axis=1) + (margin or 0.0)
             if excess.max() <= most:
                 break
             by = np.minimum(by + _MORE * np.maximum(excess, 0.0), _MOST_TIGHTER)
             if not self._affine:
-                tangents = self._tangents(mesh, found.motion, before)
-            of_rows = np.repeat(by[:, self.rows.owners], 2, axis=0)
+                tangency = self._tangency(mesh, found.motion, before)
             before = found.motion
             try:
-                found = self._on(mesh, tangents.tightened(of_rows))
+                found = self._on(mesh, tangency, by[:, self.rows.owners])
             except Infeasible:  # what is left costs duration instead
                 break
         cost = max(found.motion.duration / raw.motion.duration - 1, 0.0)
         loss = _SAFETY * (float(raw.losses.sum()) + cost)
         return TimedPath(found.motion, loss, found.tangents)
 
-    def _on(self, mesh: PathMesh, tangents: AffineRows) -> _OnMesh:
+    def _on(self, mesh: PathMesh, tangency: Tangency, tighter: Array | None = None) -> OnMesh:
         """The fastest motion on a mesh, and what it does between nodes."""
-        motion = self._swept(mesh, tangents)
-        beyond = self._beyond(motion)
-        found = _OnMesh(motion, tangents, beyond, _losses(motion, beyond))
+        try:
+            found = fastest_on_mesh(self.rows, mesh, tangency, self.ends, tighter)
+        except Unattainable as error:
+            raise Infeasible(self._obstacle(mesh, error.node)) from None
         self._record(found)
         return found
 
     @cached_property
     def _affine(self) -> bool:
         """Whether tangents are the rows themselves."""
-        return self.rows.are_affine(PathMesh.first(self.path, 2).ends)
+        return self.rows.are_affine(self.path)
 
     def _usual_speed(self, mesh: PathMesh) -> tuple[Array, Array]:
         """b and u for tangents where no motion is known yet: the path in some tenths of a second,
@@ -197,27 +182,17 @@ class PathTiming:
         n = 2 * len(mesh.h)
         return np.full(n, (float(mesh.nodes[-1] - mesh.nodes[0]) / 0.3) ** 2), np.zeros(n)
 
-    def _tangents(self, mesh: PathMesh, motion: MeshMotion, before: MeshMotion) -> AffineRows:
+    def _tangency(self, mesh: PathMesh, motion: MeshMotion, before: MeshMotion) -> Tangency:
         """At a motion and, for rows that are curved, halfway to the one before: where motions
         change to and fro about a corner of tangents the best one is there."""
-        begin = perf_counter()
-        last = self._usual_speed(mesh) if self._affine else motion.states_at_ends(mesh)
-        halfway = last
-        if len(self.rows.curved):
-            b, u = before.states_at_ends(mesh)
-            halfway = (last[0] + b) / 2, (last[1] + u) / 2
-        found = self.rows.tangents(mesh.ends, last, halfway)
-        self._spent += Spent(perf_counter() - begin, 0.0)
-        return found
-
-    def _swept(self, mesh: PathMesh, rows: AffineRows) -> MeshMotion:
-        begin = perf_counter()
-        try:
-            motion = MeshMotion(mesh, swept(mesh.h, rows, *self.ends))
-            self._spent += Spent(0.0, perf_counter() - begin)
-        except Unattainable as error:
-            raise Infeasible(self._obstacle(mesh, error.node)) from None
-        return motion
+        if self._affine:
+            usual = self._usual_speed(mesh)
+            return Tangency(usual, usual)
+        last = motion.states_at_ends(mesh)
+        if not len(self.rows.curved):
+            return Tangency(last, last)
+        b, u = before.states_at_ends(mesh)
+        return Tangency(last, ((last[0] + b) / 2, (last[1] + u) / 2))
 
     def _obstacle(self, mesh: PathMesh, node: int | None) -> str:
         if node is None:
@@ -225,26 +200,8 @@ class PathTiming:
         place = in_words(self.path(mesh.nodes[node])[0])
         return f"the path: at {place} m no speed along it keeps the limits and leads to the goal"
 
-    def _beyond(self, motion: MeshMotion) -> Array:
-        """By how much rows are exceeded inside of cells, (N, places, rows)."""
-        b, u = motion.at(_INSIDE)
-        begin = perf_counter()
-        found = self.rows.beyond(motion.mesh.places(_INSIDE), b.ravel(), u.ravel())
-        self._spent += Spent(perf_counter() - begin, 0.0)
-        return found.reshape(*b.shape, -1)
-
-    def _record(self, found: _OnMesh) -> None:
+    def _record(self, found: OnMesh) -> None:
         motion, loss, excess = found.motion, float(found.losses.sum()), float(found.beyond.max())
-        done = PathIteration(len(motion.mesh.h), motion.duration, loss, excess, self._spent)
-        self._spent = Spent(0.0, 0.0)
+        done = PathIteration(len(motion.mesh.h), motion.duration, loss, excess, found.spent)
         self.iterations.append(done)
         self.report(str(done))
-
-
-def _losses(motion: MeshMotion, beyond: Array) -> Array:
-    """Relative loss of time in each cell, (N,), infinite where the motion stops: the part of the
-    nearest limit that is exceeded or not used. Limits are those of squares of speeds, so that half
-    of it would do, if gravity did not take its share of the torques."""
-    missed = np.abs(beyond.max(axis=2)).mean(axis=1)
-    missed = np.where(motion.stops, np.inf, missed)
-    return np.asarray(missed * motion.durations / motion.duration)

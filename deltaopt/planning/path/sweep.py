@@ -19,7 +19,7 @@ from deltaopt.planning.path.interpreted_sweep import interpreted
 from deltaopt.planning.path.path_rows import AffineRows
 from deltaopt.scene.path import Array
 
-_FASTEST = 1e6
+FASTEST = 1e6
 """The largest b where no row bounds it, in the units of the sweep, in which motions have b of about
 one. Speeds are found downwards from it, and known to its rounding."""
 
@@ -62,7 +62,7 @@ def _swept(h: Array, rows: AffineRows, start: float, goal: float) -> tuple[Array
     """The same in units of the path's length and of the largest alpha: b and u."""
     code, n = _code(), len(h)
     if code is None:
-        found = interpreted(h, rows, start, goal, _FASTEST)
+        found = interpreted(h, rows, start, goal, FASTEST)
         if isinstance(found, int | None):
             raise Unattainable(found)
         return found
@@ -76,7 +76,7 @@ def _swept(h: Array, rows: AffineRows, start: float, goal: float) -> tuple[Array
         *(ctypes.c_void_p(each.ctypes.data) for each in arrays),
         number(start),
         number(goal),
-        number(_FASTEST),
+        number(FASTEST),
         *(ctypes.c_void_p(each.ctypes.data) for each in (b, u, limits)),
     )
     if status:

@@ -29,7 +29,7 @@ def rows_of(*columns) -> AffineRows:
 
 
 def duration(mesh: PathMesh, rows: AffineRows, start: float = 0.0, goal: float = 0.0) -> float:
-    return MeshMotion(mesh, swept(mesh.h, rows, start, goal)).duration
+    return MeshMotion.of(mesh, swept(mesh.h, rows, start, goal)).duration
 
 
 def test_a_point_mass_takes_what_it_takes():
@@ -89,7 +89,7 @@ def test_a_zero_inertia_point():
     s, one = ends_of(fine), np.ones(8192)
     rows = rows_of((one, 0 * s, -a * one, a * one), (s - 0.5, one, -np.inf * one, one))
     reference = duration(fine, rows)
-    coarse = MeshMotion(mesh, found).duration
+    coarse = MeshMotion.of(mesh, found).duration
     assert coarse == pytest.approx(reference, rel=2e-3)
 
 
