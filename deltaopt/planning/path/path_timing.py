@@ -34,6 +34,9 @@ _SAFETY = 1.3
 than they said, by a quarter at most."""
 _MORE = 1.1
 """Factor on what bounds are moved by: rows are looked at in three places of a cell only."""
+_STRONGER = 5.0
+"""By how much bounds are moved further where moving them before had a lesser effect, as where
+motions of neighbouring cells give way to each other."""
 _MOST_TIGHTER = 0.5
 """Of a limit: more leaves nothing to hold the robot with."""
 _MOST_MOTIONS, _MOST_TIGHTENED, _MOST_FAILURES = 40, 8, 2
@@ -145,12 +148,16 @@ class PathTiming:
         raw = found
         most = _NEGLIGIBLE * self.tolerance if margin is None else 0.0
         by, before = np.full(found.beyond[:, 0].shape, margin or 0.0), found.motion
+        excess = step = np.zeros_like(by)
         tangency, mesh = found.tangency, found.motion.mesh
         for _ in range(_MOST_TIGHTENED):
-            excess = found.beyond.max(axis=1) + (margin or 0.0)
+            earlier, excess = excess, found.beyond.max(axis=1) + (margin or 0.0)
             if excess.max() <= most:
                 break
-            by = np.minimum(by + _MORE * np.maximum(excess, 0.0), _MOST_TIGHTER)
+            with np.errstate(divide="ignore", invalid="ignore"):  # by the step's own effect
+                more = np.clip(np.nan_to_num(step / (earlier - excess), nan=1.0), 1.0, _STRONGER)
+            step = _MORE * more * np.maximum(excess, 0.0)
+            by = np.minimum(by + step, _MOST_TIGHTER)
             if not self._affine:
                 tangency = self._tangency(mesh, found.motion, before)
             before = found.motion
