@@ -11,6 +11,7 @@ from deltaopt.planning.path.path_rows import AffineRows
 from deltaopt.scene.path import Array
 
 _LARGE, _VANISHING, _ROUNDING, _STEPS = 1e30, 1e-13, 1e-12, 60
+_LOSING, _STEEPEST = 0.1, 50.0
 
 Range = tuple[float, float]
 _NOTHING = (1.0, 0.0)
@@ -102,23 +103,40 @@ class _Sweep:
             ends[0] = ends[1] if u[1] >= u[0] else ends[0]
         return ends[1], ends[0]
 
+    def steepest(self, cell: int) -> float:
+        """By how much u may change in a cell; infinite for any change."""
+        a = np.abs(self.rows.alpha[2 * cell : 2 * cell + 2])
+        width = (self.rows.high - self.rows.low)[2 * cell : 2 * cell + 2]
+        there = a > _VANISHING
+        u_range = float((width[there] / a[there]).min(initial=np.inf))
+        if u_range < np.inf and (there.any(axis=0) & (a.min(axis=0) * u_range < _LOSING)).any():
+            return float(_STEEPEST * self.h[cell] * u_range)
+        return np.inf
+
     def reachable(self, cell: int, b: float, within: Range) -> _Reach:
         """The b at the end of a cell that can be reached from b at its begin, with slopes by b."""
         (slow, fast), by = self.accelerations(2 * cell, b)
         end, h, found = 2 * cell + 1, self.h[cell], _Reach(*within)
+        a, beta = self.rows.alpha[end], self.rows.beta[end]
+        low, high = self.rows.low[end], self.rows.high[end]
         still = fast >= _LARGE and slow <= -_LARGE
-        step, a = (2 * h if still else h), self.rows.alpha[end]
-        factor = a + step * self.rows.beta[end]
-        ends = (b, b) if still else (b + h * slow, b + h * fast)
-        rates = (1.0, 1.0) if still else (1 + h * by[0], 1 + h * by[1])
-        up, down = np.where(a > 0, ends[1], ends[0]), np.where(a > 0, ends[0], ends[1])
-        faster, slower = np.where(a > 0, rates[1], rates[0]), np.where(a > 0, rates[0], rates[1])
-        found.narrow(factor, step * self.rows.high[end] + a * up, a * faster)
-        found.narrow(-factor, -step * self.rows.low[end] - a * down, -a * slower)
+        change = 0.0 if still else self.steepest(cell)
+        if not still:
+            up, down = (fast, by[1]), (slow, by[0])
+            above, below = np.where(a > 0, *_pairs(up, down)), np.where(a > 0, *_pairs(down, up))
+            found.narrow(a + h * beta, h * high + a * (b + h * above[0]), a * (1 + h * above[1]))
+            lowest, rate = -a * (b + h * below[0]), -a * (1 + h * below[1])
+            found.narrow(-a - h * beta, lowest - h * low, rate)
+        if change < np.inf:
+            more = np.abs(a) * h * change
+            found.narrow(a + 2 * h * beta, 2 * h * high + a * b + more, a)
+            found.narrow(-a - 2 * h * beta, -2 * h * low - a * b + more, -a)
         if np.abs(a).max() < _VANISHING:
-            bounds = np.array([b + 2 * h * fast, -b - 2 * h * slow])
-            changes = np.array([1 + 2 * h * by[1], -1 - 2 * h * by[0]])
-            found.narrow(np.array([1.0, -1.0]), bounds, changes)
+            change = 0.0
+        if not still and change < np.inf:
+            bounds = np.array([b + h * (2 * fast + change), -b - h * (2 * slow - change)])
+            rates = np.array([1 + 2 * h * by[1], -1 - 2 * h * by[0]])
+            found.narrow(np.array([1.0, -1.0]), bounds, rates)
         return found
 
     def controllable(self, cell: int, b: Range, target: Range) -> Range:
@@ -148,10 +166,16 @@ class _Sweep:
         """u at both ends of a cell, as even as the rows allow."""
         (slow0, fast0), _ = self.accelerations(2 * cell, b0)
         (slow1, fast1), _ = self.accelerations(2 * cell + 1, b1)
-        total = (b1 - b0) / self.h[cell]
-        least, most = max(slow0, total - fast1), min(fast0, total - slow1)
+        total, change = (b1 - b0) / self.h[cell], self.steepest(cell)
+        least = max(slow0, total - fast1, (total - change) / 2)
+        most = min(fast0, total - slow1, (total + change) / 2)
         first = (least + most) / 2 if least > most else max(min(total / 2, most), least)
         return first, total - first
+
+
+def _pairs(one: Range, other: Range) -> tuple[Array, Array]:
+    """Each as a column, to choose from for many rows."""
+    return np.array(one)[:, None], np.array(other)[:, None]
 
 
 @dataclass

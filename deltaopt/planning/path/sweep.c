@@ -18,12 +18,17 @@
 #define VANISHING 1e-13 /* below it a coefficient of normalised rows is rounding */
 #define ROUNDING 1e-12
 #define STEPS 60
+#define LOSING 0.1    /* of a row, between its bounds at +1 and -1: what all of u changes, below
+                         which it has hardly any. Less lets pulses grow beside such points. */
+#define STEEPEST 50   /* less would slow what changes quickly, as in small roundings; more lets
+                         pulses pass on coarse meshes */
 
 typedef struct { double low, high; } Range;
 
 typedef struct {
   int64_t rows;
   const double *alpha, *beta, *low, *high, *h;
+  double *change;  /* of u in each cell, at most */
 } Problem;
 
 /* The accelerations that the rows at an end allow at b, and their slopes by b. */
@@ -95,6 +100,26 @@ static void allowed(const Problem *p, int64_t end, Range *b) {
   }
 }
 
+/* By how much u may change in a cell, INFINITY for any change.
+
+   Where a row hardly depends on u, near a point of zero inertia, leaps of u within a cell that other
+   rows stop would gain next to nothing, and a motion of largest b has them: pulses of torque. There
+   u changes no faster than STEEPEST times all that it can in the length of the path. */
+static double steepest(const Problem *p, int64_t cell) {
+  const int64_t begin = 2 * cell * p->rows, end = begin + p->rows;
+  double range = INFINITY;
+  for (int64_t j = begin; j < end + p->rows; j++)
+    if (fabs(p->alpha[j]) > VANISHING)
+      range = fmin(range, (p->high[j] - p->low[j]) / fabs(p->alpha[j]));
+  if (isinf(range)) return INFINITY;
+  for (int64_t j = begin; j < end; j++) {
+    const double one = fabs(p->alpha[j]), other = fabs(p->alpha[j + p->rows]);
+    if (fmax(one, other) > VANISHING && fmin(one, other) * range < LOSING)
+      return STEEPEST * p->h[cell] * range;
+  }
+  return INFINITY;
+}
+
 /* The b at the end of a cell that can be reached from b at its begin, within a range, with slopes
    by b.
 
@@ -103,23 +128,29 @@ static void allowed(const Problem *p, int64_t end, Range *b) {
 static Reach reachable(const Problem *p, int64_t cell, double b, Range within) {
   Range by, u = accelerations(p, 2 * cell, b, &by);
   Reach found = {within, {0, 0}, INFINITY, 0};
-  const double h = p->h[cell];
+  const double h = p->h[cell], fast = b + h * u.high, slow = b + h * u.low;
+  const double faster = 1 + h * by.high, slower = 1 + h * by.low;
   const int still = u.high >= LARGE && u.low <= -LARGE;
-  const double step = still ? 2 * h : h, fast = still ? b : b + h * u.high;
-  const double slow = still ? b : b + h * u.low;
-  const double faster = still ? 1 : 1 + h * by.high, slower = still ? 1 : 1 + h * by.low;
-  double largest = 0;
+  double change = still ? 0 : p->change[cell], largest = 0;
   for (int64_t j = (2 * cell + 1) * p->rows; j < (2 * cell + 2) * p->rows; j++) {
-    const double a = p->alpha[j], factor = a + step * p->beta[j];
-    const double above = a > 0 ? fast : slow, below = a > 0 ? slow : fast;
-    const double up = a > 0 ? faster : slower, down = a > 0 ? slower : faster;
-    narrow(&found, factor, step * p->high[j] + a * above, a * up);
-    narrow(&found, -factor, -step * p->low[j] - a * below, -a * down);
+    const double a = p->alpha[j], by_b = p->beta[j], low = p->low[j], high = p->high[j];
     largest = fmax(largest, fabs(a));
+    if (!still) {
+      const double above = a > 0 ? fast : slow, below = a > 0 ? slow : fast;
+      const double up = a > 0 ? faster : slower, down = a > 0 ? slower : faster;
+      narrow(&found, a + h * by_b, h * high + a * above, a * up);
+      narrow(&found, -a - h * by_b, -h * low - a * below, -a * down);
+    }
+    if (change < INFINITY) {
+      const double more = fabs(a) * h * change;
+      narrow(&found, a + 2 * h * by_b, 2 * h * high + a * b + more, a);
+      narrow(&found, -a - 2 * h * by_b, -2 * h * low - a * b + more, -a);
+    }
   }
-  if (largest < VANISHING) {
-    narrow(&found, 1, b + 2 * h * u.high, 1 + 2 * h * by.high);
-    narrow(&found, -1, -b - 2 * h * u.low, -1 - 2 * h * by.low);
+  if (largest < VANISHING) change = 0;
+  if (!still && change < INFINITY) {
+    narrow(&found, 1, b + h * (2 * u.high + change), 1 + 2 * h * by.high);
+    narrow(&found, -1, -b - h * (2 * u.low - change), -1 - 2 * h * by.low);
   }
   if (found.b.high - found.b.low < found.room) {
     found.room = found.b.high - found.b.low;
@@ -152,17 +183,17 @@ static Range controllable(const Problem *p, int64_t cell, Range b, Range target)
 }
 
 /* Returns 0, or 1 + the node at which no speed is possible, or -1 if the start is not among what
-   can reach the goal. Results: b (cells + 1), u (cells, 2), limits (cells + 1, 2): the range of b
-   at each node from which the goal can be reached. */
+   can reach the goal. Results: b (cells + 1), u (cells, 2). Memory of 3 (cells + 1) numbers. */
 int64_t sweep(int64_t cells, int64_t rows, const double *h, const double *alpha,
               const double *beta, const double *low, const double *high, double start, double goal,
-              double most, double *b, double *u, double *limits) {
-  const Problem problem = {rows, alpha, beta, low, high, h}, *p = &problem;
-  Range *K = (Range *)limits;
+              double most, double *b, double *u, double *memory) {
+  const Problem problem = {rows, alpha, beta, low, high, h, memory}, *p = &problem;
+  Range *K = (Range *)(memory + cells + 1);  /* of b at each node, from where the goal is reached */
   K[cells] = (Range){goal, goal};
   allowed(p, 2 * cells - 1, &K[cells]);
   if (is_empty(K[cells])) return 1 + cells;
   for (int64_t i = cells - 1; i >= 0; i--) {
+    p->change[i] = steepest(p, i);
     K[i] = controllable(p, i, (Range){0, most}, K[i + 1]);
     if (is_empty(K[i])) return 1 + i;
   }
@@ -175,8 +206,9 @@ int64_t sweep(int64_t cells, int64_t rows, const double *h, const double *alpha,
     b[i + 1] = fmax(fmin(b[i + 1], K[i + 1].high), K[i + 1].low);
     Range slope, first = accelerations(p, 2 * i, b[i], &slope);
     const Range last = accelerations(p, 2 * i + 1, b[i + 1], &slope);
-    const double sum = (b[i + 1] - b[i]) / h[i];
-    const double least = fmax(first.low, sum - last.high), top = fmin(first.high, sum - last.low);
+    const double sum = (b[i + 1] - b[i]) / h[i], change = p->change[i];
+    const double least = fmax(fmax(first.low, sum - last.high), (sum - change) / 2);
+    const double top = fmin(fmin(first.high, sum - last.low), (sum + change) / 2);
     u[2 * i] = least > top ? (least + top) / 2 : fmax(fmin(sum / 2, top), least);
     u[2 * i + 1] = sum - u[2 * i];
   }

@@ -66,7 +66,7 @@ def _swept(h: Array, rows: AffineRows, start: float, goal: float) -> tuple[Array
         if isinstance(found, int | None):
             raise Unattainable(found)
         return found
-    b, u, limits = np.empty(n + 1), np.empty((n, 2)), np.empty((n + 1, 2))
+    b, u, memory = np.empty(n + 1), np.empty((n, 2)), np.empty((n + 1, 3))
     given = [h, rows.alpha, rows.beta, rows.low, rows.high]
     arrays = [np.ascontiguousarray(each, dtype=float) for each in given]
     size, number = ctypes.c_int64, ctypes.c_double
@@ -77,7 +77,7 @@ def _swept(h: Array, rows: AffineRows, start: float, goal: float) -> tuple[Array
         number(start),
         number(goal),
         number(FASTEST),
-        *(ctypes.c_void_p(each.ctypes.data) for each in (b, u, limits)),
+        *(ctypes.c_void_p(each.ctypes.data) for each in (b, u, memory)),
     )
     if status:
         raise Unattainable(status - 1 if status > 0 else None)

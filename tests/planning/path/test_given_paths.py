@@ -10,7 +10,9 @@ import pytest
 import deltaopt
 from deltaopt.motion.extrema import sample_fractions
 from deltaopt.motion.limit_curves import limit_curves
-from deltaopt.planning.path import sweep
+from deltaopt.planning.path import on_mesh, sweep
+from deltaopt.planning.path.path_mesh import PathMesh
+from deltaopt.planning.path.path_rows import PathRows
 from deltaopt.planning.planner import Plan
 from deltaopt.scene.scene import Scene
 from studies.given_paths import random_paths
@@ -161,6 +163,41 @@ def test_zero_inertia_points_and_dynamic_singularities():
     assert excess(plan) < 1e-10
 
 
+def test_no_pulses_of_torque_at_a_point_of_zero_inertia():
+    """At 0.155 s of this path motor 1 is at its limit and loses its s̈, so that leaps of s̈ would be
+    all but free: the others' torques, a fifth of their limits there, must not leap."""
+    scene = deltaopt.load_scene(PROBLEMS / "paths" / "industrial_25_305_25.yaml")
+    trajectory = deltaopt.plan(scene).trajectory
+    motion = trajectory.inside_intervals([0.0, 0.5, 1.0])
+    near = (motion.t > 0.150) & (motion.t < 0.160)
+    shares = motion.tau[near] / np.array(scene.robot.torque_limits)
+    assert near.sum() > 60
+    assert np.abs(shares[:, 0] + 1).max() < 0.01
+    assert 0.05 < shares[:, 1:].min()
+    assert shares[:, 1:].max() < 0.35
+
+
+def test_one_call_for_a_mesh_is_what_arrays_do():
+    """All of ``on_mesh.c`` against numpy, with curved rows and tightened bounds too."""
+    if on_mesh._code() is None:
+        pytest.skip("no compiler")
+    rng = np.random.default_rng(1)
+    for limits in (None, {"acceleration": 60.0}):
+        scene = on(CROSS, ROUNDED, limits=limits)
+        rows, path = PathRows.of(scene), scene.task.path
+        mesh = PathMesh.first(path, 60)
+        n = 2 * len(mesh.h)
+        state = rng.uniform(1.0, 4.0, n), rng.normal(size=n)
+        tighter = rng.uniform(0.0, 0.1, (len(mesh.h), len(rows.owners)))
+        given = (rows, mesh, on_mesh.Tangency(state, state), (0.0, 0.0), tighter)
+        quick, slow = on_mesh.fastest_on_mesh(*given), on_mesh.by_arrays(*given)
+        np.testing.assert_allclose(quick.motion.speeds.b, slow.motion.speeds.b, rtol=1e-9)
+        np.testing.assert_allclose(quick.motion.durations, slow.motion.durations, rtol=1e-9)
+        np.testing.assert_array_equal(quick.motion.stops, slow.motion.stops)
+        np.testing.assert_allclose(quick.beyond, slow.beyond, atol=1e-8)
+        np.testing.assert_allclose(quick.losses, slow.losses, rtol=1e-6, atol=1e-9)
+
+
 def test_speeds_at_the_ends():
     """Cut at its middle, the fastest motion is that of both parts with the speed at the cut."""
     whole = deltaopt.plan(on(PICK, "line"), tolerance=1e-5)
@@ -182,6 +219,7 @@ def test_without_a_compiler_it_is_the_same(monkeypatch):
     scene = on(PICK, "line")
     compiled = deltaopt.plan(scene)
     monkeypatch.setattr(sweep, "_code", lambda: None)
+    monkeypatch.setattr(on_mesh, "_code", lambda: None)
     assert deltaopt.plan(scene).duration == pytest.approx(compiled.duration, rel=1e-9)
 
 

@@ -1,0 +1,172 @@
+"""The fastest motion on a mesh of a path, and what it does between nodes.
+
+``on_mesh.c`` does all of it in one call; without a compiler, arrays do the same step by step.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib.resources import files
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from deltaopt.codegen.compile import library
+from deltaopt.planning.nlp.program import Spent
+from deltaopt.planning.path.path_mesh import (
+    LONGEST,
+    SERIES,
+    STOPPING,
+    MeshMotion,
+    PathMesh,
+)
+from deltaopt.planning.path.path_rows import RESTING, PathRows, State
+from deltaopt.planning.path.sweep import FASTEST, Speeds, Unattainable, swept
+from deltaopt.scene.path import Array
+
+INSIDE = np.array([0.2, 0.5, 0.8])
+"""Fractions of a cell where rows are looked at between its ends."""
+_NO_NUMBERS, _NO_MEMORY = -2, -3
+"""What the compiled code returns beside what the sweep does."""
+
+
+@dataclass(frozen=True)
+class Tangency:
+    """Where rows are replaced by tangents, at both ends of cells: all of them at the ``last``
+    motion, those that are curved at the state ``halfway`` to the one before too."""
+
+    last: State
+    halfway: State
+
+
+@dataclass(frozen=True)
+class OnMesh:
+    """The fastest motion on a mesh for tangents at ``tangency``. ``beyond``: by how much rows are
+    exceeded inside of cells, (N, places, rows), negative within bounds. ``losses``: relative losses
+    of time in each cell, (N,), infinite where the motion stops. ``spent``: s on rows and sweep."""
+
+    motion: MeshMotion
+    tangency: Tangency
+    beyond: Array
+    losses: Array
+    spent: Spent
+
+
+def fastest_on_mesh(
+    rows: PathRows,
+    mesh: PathMesh,
+    tangency: Tangency,
+    ends: tuple[float, float],
+    tighter: Array | None = None,
+) -> OnMesh:
+    """The fastest motion on a mesh with ṡ² = ``ends`` at start and goal.
+
+    ``tighter``: by how much the bounds of all rows, in the order of ``PathRows.owners``, are moved
+    inwards in each cell, (N, owners). Raises Unattainable where there is none, Unreachable or
+    Singular where the platform cannot be.
+    """
+    if rows.function.address is not None:
+        code = _code()
+        if code is not None:
+            return _compiled(code, rows, mesh, tangency, ends, tighter)
+    return by_arrays(rows, mesh, tangency, ends, tighter)
+
+
+def by_arrays(
+    rows: PathRows,
+    mesh: PathMesh,
+    tangency: Tangency,
+    ends: tuple[float, float],
+    tighter: Array | None = None,
+) -> OnMesh:
+    """``fastest_on_mesh`` without ``on_mesh.c``."""
+    begin = perf_counter()
+    tangents = rows.tangents(mesh.ends, tangency.last, tangency.halfway)
+    if tighter is not None:
+        tangents = tangents.tightened(np.repeat(tighter, 2, axis=0))
+    before = perf_counter()
+    motion = MeshMotion.of(mesh, swept(mesh.h, tangents, *ends))
+    after = perf_counter()
+    b, u = motion.at(INSIDE)
+    beyond = rows.beyond(mesh.places(INSIDE), b.ravel(), u.ravel()).reshape(*b.shape, -1)
+    spent = Spent(perf_counter() - after + before - begin, after - before)
+    return OnMesh(motion, tangency, beyond, _losses(motion, beyond), spent)
+
+
+def _losses(motion: MeshMotion, beyond: Array) -> Array:
+    """Relative loss of time in each cell, (N,), infinite where the motion stops: the part of the
+    nearest limit that is exceeded or not used. Limits are those of squares of speeds, so that half
+    of it would do, if gravity did not take its share of the torques."""
+    missed = np.abs(beyond.max(axis=2)).mean(axis=1)
+    missed = np.where(motion.stops, np.inf, missed)
+    return np.asarray(missed * motion.durations / motion.duration)
+
+
+class _Mesh(ctypes.Structure):
+    """``Mesh`` of ``on_mesh.c``."""
+
+    _fields_ = (
+        *((name, ctypes.c_int64) for name in ("cells", "rows", "others", "powers", "pieces")),
+        *((name, ctypes.c_double) for name in ("start", "goal", "most")),
+        *((name, ctypes.c_double) for name in ("series", "stopping", "longest", "resting")),
+        *((name, ctypes.c_void_p) for name in ("knots", "curve", "nodes", "b", "u")),
+        *((name, ctypes.c_void_p) for name in ("more", "tighter", "sides", "inside")),
+        *((name, ctypes.c_void_p) for name in ("parameters", "evaluate", "results")),
+        ("seconds", ctypes.c_double),
+    )
+
+
+def _compiled(
+    code: Any,
+    rows: PathRows,
+    mesh: PathMesh,
+    tangency: Tangency,
+    ends: tuple[float, float],
+    tighter: Array | None,
+) -> OnMesh:
+    begin = perf_counter()
+    path, n, number = mesh.path, len(mesh.nodes) - 1, len(rows.sides)
+    others = rows.others(mesh.ends, tangency.halfway) if len(rows.curved) else None
+    more = None if others is None else np.stack(list(vars(others).values()))
+    b, u = tangency.last
+    results = np.empty(n + 1 + 5 * n + len(INSIDE) * n * number)
+    arrays = [path.knots, path.stacked, mesh.nodes, b, u, more, tighter, rows.bounds, INSIDE]
+    arrays = [None if a is None else np.ascontiguousarray(a) for a in (*arrays, rows.parameters)]
+    sizes = (n, number, 0 if others is None else others.alpha.shape[1], path.stacked.shape[1])
+    call = _Mesh(
+        *(*sizes, len(path.knots) - 1, *ends, FASTEST, SERIES, STOPPING, LONGEST, RESTING),
+        *(None if a is None else a.ctypes.data for a in arrays),
+        *(rows.function.address, results.ctypes.data, 0.0),
+    )
+    status = code.on_mesh(ctypes.byref(call))
+    if status == _NO_NUMBERS:
+        by_arrays(rows, mesh, tangency, ends, tighter)  # says what is the matter
+    if status == _NO_MEMORY:
+        raise MemoryError(f"a mesh of {n} cells")
+    if status:
+        raise Unattainable(status - 1 if status > 0 else None)
+    squares, rest = results[: n + 1], results[n + 1 :]
+    durations, losses, stops = rest[2 * n : 5 * n].reshape(3, n)
+    motion = MeshMotion(mesh, Speeds(squares, rest[: 2 * n].reshape(n, 2)), durations, stops != 0)
+    spent = Spent(perf_counter() - begin - call.seconds, call.seconds)
+    beyond = rest[5 * n :].reshape(n, len(INSIDE), number)
+    return OnMesh(motion, tangency, beyond, losses, spent)
+
+
+@lru_cache(maxsize=1)
+def _code() -> Any:
+    """The compiled function; None without a compiler."""
+    folder = files("deltaopt.planning.path")
+    built = library("".join(folder.joinpath(name).read_text() for name in C_FILES))
+    if built is None:
+        return None
+    code = ctypes.CDLL(str(built))
+    code.on_mesh.restype = ctypes.c_int64
+    return code
+
+
+C_FILES = ("sweep.c", "on_mesh.c")
+"""Of the compiled function, in this order."""
