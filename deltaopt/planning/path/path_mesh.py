@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from math import comb, pi
+from math import pi
 
 import numpy as np
 from numpy.typing import NDArray
@@ -150,32 +150,31 @@ class MeshMotion:
         v0, v1, a0, a1 = rate[:-1] * T, rate[1:] * T, u0 * T**2, u1 * T**2
         change = self.mesh.h - v0 - a0 / 2
         speed, bend = v1 - v0 - a0, a1 - a0
-        within = np.stack(
+        within = np.array(
             [
                 v0,
                 a0 / 2,
                 10 * change - 4 * speed + bend / 2,
                 -15 * change + 7 * speed - bend,
                 6 * change - 3 * speed + bend / 2,
-            ],
-            axis=1,
+            ]
         )  # of powers 1 to 5 of the share of the cell's time
         coefficients = _composed(self._taylor, within)
-        powers = np.arange(coefficients.shape[1])
+        scales = np.multiply.accumulate(np.broadcast_to(1 / T, (len(coefficients) - 1, len(T))))
+        coefficients[1:] *= scales[:, None]
         knots = np.concatenate([[0.0], np.cumsum(T)])
-        return PiecewisePolynomial(knots, coefficients / (T[:, None] ** powers)[..., None])
+        return PiecewisePolynomial(knots, np.ascontiguousarray(coefficients.transpose(2, 0, 1)))
 
     @property
     def _taylor(self) -> Array:
-        """The path's Taylor coefficients where each cell begins, (N, d + 1, 3)."""
-        of_path = self.mesh.path.coefficients[self.mesh.pieces]
-        since, degree = self.mesh.begins[:, None], of_path.shape[1] - 1
-        shifted = np.empty_like(of_path)
-        for k in range(degree + 1):
-            value = np.zeros_like(of_path[:, 0])
-            for j in reversed(range(k, degree + 1)):  # Horner
-                value = value * since + comb(j, k) * of_path[:, j]
-            shifted[:, k] = value
+        """The path's Taylor coefficients where each cell begins, (d + 1, 3, N)."""
+        shifted = np.ascontiguousarray(
+            self.mesh.path.coefficients.transpose(1, 2, 0)[..., self.mesh.pieces]
+        )
+        since, degree = self.mesh.begins, len(shifted) - 1
+        for k in range(degree):  # Horner's scheme again and again
+            for j in reversed(range(k, degree)):
+                shifted[j] += since * shifted[j + 1]
         return shifted
 
 
@@ -200,18 +199,14 @@ def _durations(h: Array, speeds: Speeds) -> tuple[Array, Truths]:
 
 
 def _composed(outer: Array, inner: Array) -> Array:
-    """Coefficients of outer(inner(z)), (N, n, 3), by powers of z, from those of ``outer``, (N, d +
-    1, 3), and those of powers 1 and more of ``inner``, (N, m)."""
-    count, degree = outer.shape[1] - 1, inner.shape[1]
-    result = np.zeros((len(outer), count * degree + 1, 3))
-    result[:, 0] = outer[:, count]
+    """Coefficients of outer(inner(z)), (n, 3, N), by powers of z, from those of ``outer``, (d + 1,
+    3, N), and those of powers 1 and more of ``inner``, (m, N)."""
+    count, degree = len(outer) - 1, len(inner)
+    result = outer[count:]
     for k in reversed(range(count)):
-        size = (count - 1 - k) * degree + 1
-        product = np.zeros_like(result)
-        for power in range(degree):
-            product[:, power + 1 : power + 1 + size] += (
-                result[:, :size] * inner[:, power, None, None]
-            )
+        product = np.zeros((len(result) + degree, *outer.shape[1:]))
+        for power, factor in enumerate(inner, start=1):
+            product[power : power + len(result)] += result * factor
         result = product
-        result[:, 0] = outer[:, k]
+        result[0] = outer[k]
     return result
