@@ -14,7 +14,7 @@ import os
 import subprocess
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -31,6 +31,8 @@ from deltaopt.codegen.vectorised import RowFunction
 from deltaopt.output.controller_c import export_c
 from deltaopt.planning.flat.interior_point import Arguments, CompiledMethod
 from deltaopt.planning.flat.method_source import source
+from deltaopt.planning.path import on_mesh
+from deltaopt.planning.path.on_mesh import MeshCall
 from studies.problems import INDUSTRIAL, ORSINO
 
 Array = NDArray[np.float64]
@@ -166,6 +168,32 @@ static void compute(const Call *c, double *worst) {
 """
 
 
+_MESH = """
+/* sizes; numbers; then arrays as in Mesh, empty if absent; status; results */
+static void compute(const Call *c, double *worst) {
+  const int64_t *size = (const int64_t *)c->array[0];
+  const double *number = c->array[1], *array[10];
+  for (int i = 0; i < 10; i++) array[i] = c->count[2 + i] ? c->array[2 + i] : NULL;
+  double *results = block(8 * c->count[13]);
+  Mesh mesh = {size[0], size[1], size[2], size[3], size[4],
+               number[0], number[1], number[2], number[3], number[4], number[5], number[6],
+               array[0], array[1], array[2], array[3], array[4], array[5], array[6], array[7],
+               array[8], array[9], rows, results, 0};
+  const double status = (double)on_mesh(&mesh);
+  compare(&status, c->array[12], 1, worst);
+  if (status == 0) compare(results, c->array[13], c->count[13], worst);
+  free(results);
+}
+"""
+_TAKEN = "static double *taken("
+_OWN_TAKEN = """\
+static double *taken(double **memory, int64_t numbers) {
+  (void)memory;
+  return malloc((size_t)numbers * sizeof(double));
+}
+"""
+
+
 class Finding(deltaopt.DeltaOptError):
     """What a sanitizer says, or a result that differs."""
 
@@ -243,7 +271,7 @@ def missing(sanitizer: str) -> str | None:
 @contextmanager
 def recorded(programs: dict[str, Program]) -> Iterator[None]:
     """Record the calls of compiled functions that are made in the block, by C text."""
-    run, rows = CompiledMethod.run, RowFunction.with_failures
+    run, rows, mesh = CompiledMethod.run, RowFunction.with_failures, MeshCall.run
 
     def run_recorded(method: CompiledMethod, given: Arguments) -> object:
         guess = given.motion.copy()
@@ -269,8 +297,19 @@ def recorded(programs: dict[str, Program]) -> Iterator[None]:
             _add(programs, _rows_text(function), function.function.name(), arrays)
         return results, failed
 
+    def mesh_recorded(call: MeshCall, code: object) -> tuple[int, Array, float]:
+        status, results, seconds = mesh(call, code)
+        arrays = [np.array(call.sizes, dtype=np.int64), np.array(call.numbers)]
+        arrays += [np.zeros(0) if a is None else np.ascontiguousarray(a) for a in call.arrays]
+        arrays += [np.array([float(status)]), results]
+        for own_parts in (False, True):
+            name = "mesh of a path" + (", parts of memory apart" if own_parts else "")
+            _add(programs, _mesh_text(call.function, own_parts=own_parts), name, arrays)
+        return status, results, seconds
+
     with (
         patch.object(CompiledMethod, "run", run_recorded),
+        patch.object(MeshCall, "run", mesh_recorded),
         patch.object(RowFunction, "with_failures", rows_recorded),
     ):
         yield
@@ -290,6 +329,15 @@ def _method_text(method: CompiledMethod) -> str:
     before, after = text.split(_PARTS)
     unused = "__attribute__((unused)) static void *part_of_one_block("
     return before + _OWN_PARTS + unused + after + _READING + _METHOD
+
+
+def _mesh_text(function: RowFunction, *, own_parts: bool) -> str:
+    rows, text = vectorised.source(function.function), on_mesh.source()
+    assert text.count(_TAKEN) == 1
+    before, after = text.split(_TAKEN)
+    if own_parts:
+        text = before + _OWN_TAKEN + "__attribute__((unused)) static double *of_one_block(" + after
+    return rows + text + _READING + _MESH
 
 
 def _rows_text(function: RowFunction) -> str:
@@ -362,8 +410,9 @@ def run(arguments: argparse.Namespace) -> int:
             _plan(robot, arguments.moves, resolved=arguments.own_tests)
         if arguments.own_tests:
             _tests_of_the_method()
-    rows = [p for p in programs.values() if p.name != "interior-point method"]
-    methods = [p for p in programs.values() if p.name == "interior-point method"]
+    whole = ("interior-point method", "mesh of a path")
+    rows = [p for p in programs.values() if not p.name.startswith(whole)]
+    methods = [p for p in programs.values() if p.name.startswith(whole)]
     chosen = [*methods, *rows[: arguments.functions], dense_systems()]
     failed = 0
     for sanitizer in usable:
@@ -400,6 +449,19 @@ def _plan(robot: deltaopt.Robot, moves: int, *, resolved: bool) -> None:
             deltaopt.plan(scene, tolerance=1e-6)
             limits = deltaopt.Limits(speed=8.0, acceleration=200.0)
             deltaopt.plan(scene.model_copy(update={"limits": limits}))
+        _plan_on_paths(scene, i)
+
+
+def _plan_on_paths(scene: deltaopt.Scene, number: int) -> None:
+    """The same move on given paths of all kinds, one of which is curved in s̈."""
+    way = np.subtract(scene.goal, scene.start)
+    across = float(np.linalg.norm(way[1:]))
+    for limits in (None, deltaopt.Limits(acceleration=100.0)):
+        path: deltaopt.Line | deltaopt.PickAndPlace = deltaopt.Line()
+        if number % 2:
+            path = deltaopt.PickAndPlace(height=0.1 * across, blend=0.05 * across)
+        with suppress(deltaopt.DeltaOptError):  # out of the workspace
+            deltaopt.plan(scene.model_copy(update={"path": path, "limits": limits}))
 
 
 def _tests_of_the_method() -> None:

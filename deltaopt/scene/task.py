@@ -90,6 +90,8 @@ class OnPath:
     @property
     def rates(self) -> tuple[float, float]:
         """ds/dt of the path's parameter at both ends, 1/s times its unit."""
+        if self.speeds == (0.0, 0.0):
+            return self.speeds
         first, last = (
             speed / float(rate) if speed else 0.0
             for speed, rate in zip(self.speeds, self.path.end_speeds, strict=True)

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from deltaopt.codegen.compile import library
+from deltaopt.codegen.vectorised import RowFunction
 from deltaopt.planning.nlp.program import Spent
 from deltaopt.planning.path.path_mesh import (
     LONGEST,
@@ -119,6 +120,53 @@ class _Mesh(ctypes.Structure):
     )
 
 
+@dataclass(frozen=True)
+class MeshCall:
+    """What ``on_mesh.c`` is given, in the order of its ``Mesh``: ``sizes``, ``numbers`` and
+    ``arrays``, of which some may be absent; ``function``: the rows."""
+
+    function: RowFunction
+    sizes: tuple[int, ...]
+    numbers: tuple[float, ...]
+    arrays: tuple[Array | None, ...]
+
+    @classmethod
+    def of(
+        cls,
+        rows: PathRows,
+        mesh: PathMesh,
+        tangency: Tangency,
+        ends: tuple[float, float],
+        tighter: Array | None,
+    ) -> MeshCall:
+        """That of ``fastest_on_mesh``."""
+        path, curve = mesh.path, mesh.path.stacked
+        others = rows.others(mesh.ends, tangency.halfway) if len(rows.curved) else None
+        more = None if others is None else np.stack(list(vars(others).values()))
+        number = 0 if others is None else others.alpha.shape[1]
+        sizes = (len(mesh.nodes) - 1, len(rows.sides), number, curve.shape[1], len(curve))
+        numbers = (*ends, FASTEST, SERIES, STOPPING, LONGEST, RESTING)
+        arrays = (path.knots, curve, mesh.nodes, *tangency.last, more, tighter, rows.bounds)
+        return cls(rows.function, sizes, numbers, (*arrays, INSIDE, rows.parameters))
+
+    def run(self, code: Any) -> tuple[int, Array, float]:
+        """What the compiled function returns, its results and s of the sweep."""
+        cells, rows = self.sizes[:2]
+        results = np.empty(1 + (6 + len(INSIDE) * rows) * cells)
+        arrays = [None if a is None else np.ascontiguousarray(a) for a in self.arrays]
+        addresses = (None if a is None else a.ctypes.data for a in arrays)
+        call = _Mesh(
+            *self.sizes,
+            *self.numbers,
+            *addresses,
+            self.function.address,
+            results.ctypes.data,
+            0.0,
+        )
+        status = code.on_mesh(ctypes.byref(call))
+        return status, results, call.seconds
+
+
 def _compiled(
     code: Any,
     rows: PathRows,
@@ -128,20 +176,8 @@ def _compiled(
     tighter: Array | None,
 ) -> OnMesh:
     begin = perf_counter()
-    path, n, number = mesh.path, len(mesh.nodes) - 1, len(rows.sides)
-    others = rows.others(mesh.ends, tangency.halfway) if len(rows.curved) else None
-    more = None if others is None else np.stack(list(vars(others).values()))
-    b, u = tangency.last
-    results = np.empty(n + 1 + 5 * n + len(INSIDE) * n * number)
-    arrays = [path.knots, path.stacked, mesh.nodes, b, u, more, tighter, rows.bounds, INSIDE]
-    arrays = [None if a is None else np.ascontiguousarray(a) for a in (*arrays, rows.parameters)]
-    sizes = (n, number, 0 if others is None else others.alpha.shape[1], path.stacked.shape[1])
-    call = _Mesh(
-        *(*sizes, len(path.knots) - 1, *ends, FASTEST, SERIES, STOPPING, LONGEST, RESTING),
-        *(None if a is None else a.ctypes.data for a in arrays),
-        *(rows.function.address, results.ctypes.data, 0.0),
-    )
-    status = code.on_mesh(ctypes.byref(call))
+    call, n = MeshCall.of(rows, mesh, tangency, ends, tighter), len(mesh.nodes) - 1
+    status, results, seconds = call.run(code)
     if status == _NO_NUMBERS:
         by_arrays(rows, mesh, tangency, ends, tighter)  # says what is the matter
     if status == _NO_MEMORY:
@@ -151,22 +187,23 @@ def _compiled(
     squares, rest = results[: n + 1], results[n + 1 :]
     durations, losses, stops = rest[2 * n : 5 * n].reshape(3, n)
     motion = MeshMotion(mesh, Speeds(squares, rest[: 2 * n].reshape(n, 2)), durations, stops != 0)
-    spent = Spent(perf_counter() - begin - call.seconds, call.seconds)
-    beyond = rest[5 * n :].reshape(n, len(INSIDE), number)
+    spent = Spent(perf_counter() - begin - seconds, seconds)
+    beyond = rest[5 * n :].reshape(n, len(INSIDE), -1)
     return OnMesh(motion, tangency, beyond, losses, spent)
+
+
+def source() -> str:
+    """C text of the compiled function."""
+    folder = files("deltaopt.planning.path")
+    return "".join(folder.joinpath(name).read_text() for name in ("sweep.c", "on_mesh.c"))
 
 
 @lru_cache(maxsize=1)
 def _code() -> Any:
     """The compiled function; None without a compiler."""
-    folder = files("deltaopt.planning.path")
-    built = library("".join(folder.joinpath(name).read_text() for name in C_FILES))
+    built = library(source())
     if built is None:
         return None
     code = ctypes.CDLL(str(built))
     code.on_mesh.restype = ctypes.c_int64
     return code
-
-
-C_FILES = ("sweep.c", "on_mesh.c")
-"""Of the compiled function, in this order."""
