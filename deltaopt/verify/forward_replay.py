@@ -18,6 +18,7 @@ from functools import lru_cache
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from deltaopt.dynamics.lagrange import Multiplier
 from deltaopt.dynamics.simulation import PreciseIntegrator
@@ -27,6 +28,8 @@ from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import EndState, Task
 from deltaopt.verify.units import Units
+
+Index = NDArray[np.intp]
 
 MOST_AMPLIFIED = 1e4
 """Largest amplification at which the arrival says something of the motion: it turns the 1e-12 of
@@ -38,6 +41,9 @@ _FIFTHS = (0.1, 0.3, 0.5, 0.7, 0.9)
 _MOST_PIECES = 600
 """Of a motion: so many take a second. Of every interval of a longer motion pieces are followed that
 are spread evenly over it, the first and the last among them."""
+_MOST_STRETCHES = 1000
+"""Of a motion, on which its linearisation is taken as constant: more take as long as all else that
+is verified, and change the amplification in its third digit."""
 _FEWEST_PIECES = 4
 """Of an interval, for each coefficient of its polynomial, where it has more: the polynomial and
 what follows from it are known by fewer."""
@@ -165,23 +171,59 @@ def _pieces(scene: Scene, trajectory: Trajectory, units: Units) -> tuple[list[in
     """How many pieces each interval is integrated in, and the amplification of the whole motion.
 
     Both by M = ∂(v, a)/∂(x, v), the torques being given functions of time, taken as constant on a
-    fifth of an interval. A piece is as long as the fastest deviation there needs to grow or shrink
-    by a factor e, or to swing by a radian.
+    stretch. A piece is as long as the fastest deviation there needs to grow or shrink by a factor
+    e, or to swing by a radian.
     """
     lengths = np.diff(trajectory.knots) / units.time
-    M = _linearised(scene, trajectory, units)
-    rates = np.abs(np.linalg.eigvals(M)).max(axis=-1)  # (intervals, fifths)
+    stretches = _Stretches.of(lengths)
+    M = _linearised(scene, trajectory, units, stretches)
+    rates = np.abs(np.linalg.eigvals(M)).max(axis=-1)  # (stretches,)
     fastest = float(rates.max()) or 1 / float(lengths.sum())
     M[..., :3, 3:] *= fastest  # velocities in units of length times the fastest rate
     M[..., 3:, :3] /= fastest
     transition, logarithm = np.eye(6), 0.0
-    for interval, fifth in np.ndindex(rates.shape):
-        grown = _exponential(M[interval, fifth] * (lengths[interval] / len(_FIFTHS)))
+    for each, length in zip(M, stretches.lengths, strict=True):
+        grown = _exponential(each * length)
         transition, more = _normalised(grown[0] @ transition)
         logarithm += grown[1] + more
     logarithm += float(np.log(np.linalg.norm(transition, 2)))
-    counts = np.maximum(np.ceil(lengths * rates.max(axis=1)), 1.0)
+    counts = np.maximum(np.ceil(lengths * stretches.highest(rates)), 1.0)
     return counts.astype(int).tolist(), float(np.exp(min(logarithm, 700.0)))
+
+
+@dataclass(frozen=True)
+class _Stretches:
+    """Parts of a motion: the fifths of every interval, or, of so many intervals that these are
+    more than enough, some intervals each.
+
+    ``interval``, ``fraction``: the middle of each, (S,); ``lengths``: (S,), in units of time;
+    ``own``: the first stretch of each interval, (intervals,), and ``each``: how many it has.
+    """
+
+    interval: Index
+    fraction: Array
+    lengths: Array
+    own: Index
+    each: int
+
+    @classmethod
+    def of(cls, lengths: Array) -> _Stretches:
+        """Of intervals of these lengths, (intervals,)."""
+        number, fifths = len(lengths), len(_FIFTHS)
+        if fifths * number <= _MOST_STRETCHES:
+            interval = np.repeat(np.arange(number), fifths)
+            fractions = np.tile(_FIFTHS, number)
+            return cls(
+                interval, fractions, lengths[interval] / fifths, fifths * np.arange(number), fifths
+            )
+        own = np.arange(number) * min(number, _MOST_STRETCHES) // number
+        first = np.flatnonzero(np.diff(own, prepend=-1))
+        middle = (first + np.append(first[1:], number) - 1) // 2
+        return cls(middle, np.full(len(first), 0.5), np.add.reduceat(lengths, first), own, 1)
+
+    def highest(self, values: Array) -> Array:
+        """The largest value, of one for each stretch, in each interval, (intervals,)."""
+        return np.asarray(values[self.own[:, None] + np.arange(self.each)].max(axis=1))
 
 
 def _exponential(M: Array) -> tuple[Array, float]:
@@ -207,17 +249,18 @@ def _normalised(matrix: Array) -> tuple[Array, float]:
     return matrix / size, float(np.log(size))
 
 
-def _linearised(scene: Scene, trajectory: Trajectory, units: Units) -> Array:
-    """M in the middle of the fifths of every interval in these units, (intervals, fifths, 6, 6)."""
-    model = delta_model(scene.robot, scene.payload)
-    motion = trajectory.inside_intervals(_FIFTHS)
+def _linearised(scene: Scene, trajectory: Trajectory, units: Units, stretches: _Stretches) -> Array:
+    """M in the middle of every stretch in these units, (S, 6, 6)."""
+    model, knots = delta_model(scene.robot, scene.payload), trajectory.knots
+    since = np.diff(knots)[stretches.interval] * stretches.fraction
+    motion = trajectory(knots[stretches.interval] + since)
     x, v = motion.x / units.length, motion.v * units.time / units.length
     tau = motion.tau / units.torque
     by_state = _by_state(model.functions)(x.T, v.T, tau.T, units.parameters(model))
     M = np.zeros((len(motion.x), 6, 6))
     M[:, :3, 3:] = np.eye(3)
     M[:, 3:] = by_state.full().T.reshape(-1, 6, 3).transpose(0, 2, 1)
-    return M.reshape(-1, len(_FIFTHS), 6, 6)
+    return M
 
 
 @lru_cache(maxsize=16)

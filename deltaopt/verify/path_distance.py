@@ -12,6 +12,8 @@ _IN_PIECE = 64
 """Places of every piece of the path among which the nearest is looked for first."""
 _STEPS = 50
 """Of Newton's method from there: where the path turns back it gains only a digit in three steps."""
+_AT_ONCE = 1_000_000
+"""Distances that are compared at once, in 8 MB."""
 _FRACTIONS = np.linspace(0.0, 1.0, 8)
 """Of every interval, where the motion is looked at."""
 
@@ -28,7 +30,9 @@ def _distances(path: Path, x: Array) -> Array:
     lengths = np.diff(path.knots)[:, None]
     looked = np.append((path.knots[:-1, None] + lengths * shares).ravel(), path.knots[-1])
     places = path(looked)
-    nearest = np.array([int(((places - point) ** 2).sum(axis=1).argmin()) for point in x])
+    squares = (places**2).sum(axis=1)
+    parts = np.array_split(x, -(-len(x) * len(places) // _AT_ONCE))
+    nearest = np.concatenate([(squares - 2 * part @ places.T).argmin(axis=1) for part in parts])
     best = np.full(len(x), np.inf)
     for beside in (-1, 1):  # Newton's method goes nowhere from where the path turns back
         s = looked[np.clip(nearest + beside, 0, len(looked) - 1)]
@@ -38,12 +42,17 @@ def _distances(path: Path, x: Array) -> Array:
 
 def _closest(path: Path, x: Array, s: Array) -> Array:
     """The least distances from points (N, 3) that Newton's method finds from places s (N,)."""
-    best = np.full(len(x), np.inf)
+    best, s = np.full(len(x), np.inf), s.copy()
+    moving = np.arange(len(x))
     for _ in range(_STEPS):
-        p, dp, ddp = (path(s, order) for order in range(3))
-        away, square = p - x, (dp**2).sum(axis=1)
-        best = np.minimum(best, np.linalg.norm(away, axis=1))
+        if not len(moving):
+            break
+        p, dp, ddp = (path(s[moving], order) for order in range(3))
+        away, square = p - x[moving], (dp**2).sum(axis=1)
+        best[moving] = np.minimum(best[moving], np.linalg.norm(away, axis=1))
         bend = square + np.maximum((away * ddp).sum(axis=1), -square / 2)
         step = (away * dp).sum(axis=1) / np.where(bend > 0, bend, np.inf)
-        s = np.clip(s - step, path.knots[0], path.knots[-1])
+        before = s[moving]
+        s[moving] = np.clip(before - step, path.knots[0], path.knots[-1])
+        moving = moving[s[moving] != before]
     return best

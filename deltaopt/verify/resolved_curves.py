@@ -37,10 +37,13 @@ _TAIL = 4
 _NARROWEST = 2.0**-32
 """Of a piece, the width of a cell that is not halved: a jump may be left there, not a peak."""
 _MOST = 6000
-"""Cells in all: a motion that needs more is too rough to be told from rounding."""
+"""Cells in all, or twice as many as a motion has pieces: one that needs more is too rough to be
+told from rounding."""
 _ROUNDING = 1e3
 """Of the tolerance: tails less than that which both halves of a cell have like the whole are taken
 for rounding, as of a polynomial whose terms cancel. A jump is in one half only."""
+_NEARLY = 1e-12
+"""Share of the largest value by which bounds of polynomials are taken to be higher: rounding."""
 _FINE = 4 * DEGREE
 _STEPS = 4  # of Newton's method from a place known to 1/4 of the samples' distance
 
@@ -138,6 +141,7 @@ class ResolvedCurves:
         """
         done: list[ResolvedCurves] = []
         todo, number = cls.sampled(curves, cells), len(cells)
+        most = max(_MOST, 2 * number)
         before: Array | None = None
         while True:
             tails, allowed = todo.tails, tolerance(todo.values)
@@ -150,7 +154,7 @@ class ResolvedCurves:
             if not rough.any():
                 return cls._joined(done)
             number += int(rough.sum())
-            if number > _MOST:
+            if number > most:
                 raise TooRough("the motion changes too fast to be measured between samples")
             before = np.tile(tails[rough], (2, 1))
             todo = cls.sampled(curves, todo.cells[rough].halved())
@@ -212,15 +216,29 @@ class ResolvedCurves:
     def _candidates(self, number: int) -> tuple[Index, Index, Array]:
         """Hills of the polynomials that may be the highest of their curve: cell, curve, place in
         the cell from -1 to 1."""
-        grid = np.einsum("fi,mic->mfc", _AT_FINE, self.coefficients[:, :, :number], optimize=True)
+        cell, curve = self._may_be_highest(number)
+        grid = self.coefficients[cell, :, curve] @ _AT_FINE.T
         # A hill between two points of the fine grid is higher than these by 2 % of the cell's
         # range at most: (12 π / 96)² / 8 for a curve that oscillates six times in a cell.
         room = 0.02 * np.ptp(grid, axis=1)[:, None]
-        padded = np.pad(grid, ((0, 0), (1, 1), (0, 0)), constant_values=-np.inf)
+        padded = np.pad(grid, ((0, 0), (1, 1)), constant_values=-np.inf)
         hill = (grid >= padded[:, :-2]) & (grid >= padded[:, 2:])
-        hill &= grid + room >= grid.max(axis=(0, 1))
-        cell, fine, curve = np.nonzero(hill)
-        return cell, curve, _FINE_PLACES[fine]
+        highest = np.full(number, -np.inf)
+        np.maximum.at(highest, curve, grid.max(axis=1))
+        hill &= grid + room >= highest[curve][:, None]
+        pair, fine = np.nonzero(hill)
+        return cell[pair], curve[pair], _FINE_PLACES[fine]
+
+    def _may_be_highest(self, number: int) -> tuple[Index, Index]:
+        """Cells and those of the first so many curves that may be as high in them as the curve's
+        highest sample: a polynomial is nowhere above the sum of its coefficients' sizes, but for
+        the first."""
+        first, rest = self.coefficients[:, 0, :number], self.coefficients[:, 1:, :number]
+        most = first + np.abs(rest).sum(axis=1)
+        highest = self.values[:, :, :number].max(axis=(0, 1))
+        beyond = highest - _NEARLY * np.maximum(np.abs(highest), np.abs(first).max(axis=0))
+        cell, curve = np.nonzero(most >= beyond)
+        return cell, curve
 
     def _better(self, tops: Peaks) -> Peaks:
         """These, or samples that are higher still."""
