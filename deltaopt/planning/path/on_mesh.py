@@ -24,7 +24,7 @@ from deltaopt.planning.path.path_mesh import (
     MeshMotion,
     PathMesh,
 )
-from deltaopt.planning.path.path_rows import RESTING, PathRows, State
+from deltaopt.planning.path.path_rows import RESTING, AffineRows, PathRows, State
 from deltaopt.planning.path.sweep import FASTEST, Speeds, Unattainable, swept
 from deltaopt.scene.path import Array
 
@@ -45,12 +45,17 @@ class Tangency:
 
 @dataclass(frozen=True)
 class OnMesh:
-    """The fastest motion on a mesh for tangents at ``tangency``. ``beyond``: by how much rows are
-    exceeded inside of cells, (N, places, rows), negative within bounds. ``losses``: relative losses
-    of time in each cell, (N,), infinite where the motion stops. ``spent``: s on rows and sweep."""
+    """The fastest motion on a mesh.
+
+    ``tangency``, ``tighter``: as ``fastest_on_mesh`` was given them. ``beyond``: by how much rows
+    are exceeded inside of cells, (N, places, rows), negative within bounds. ``losses``: relative
+    losses of time in each cell, (N,), infinite where the motion stops. ``spent``: s on rows and
+    sweep.
+    """
 
     motion: MeshMotion
     tangency: Tangency
+    tighter: Array | None
     beyond: Array
     losses: Array
     spent: Spent
@@ -85,16 +90,22 @@ def by_arrays(
 ) -> OnMesh:
     """``fastest_on_mesh`` without ``on_mesh.c``."""
     begin = perf_counter()
-    tangents = rows.tangents(mesh.ends, tangency.last, tangency.halfway)
-    if tighter is not None:
-        tangents = tangents.tightened(np.repeat(tighter, 2, axis=0))
+    tangents = tangents_on(rows, mesh, tangency, tighter)
     before = perf_counter()
     motion = MeshMotion.of(mesh, swept(mesh.h, tangents, *ends))
     after = perf_counter()
     b, u = motion.at(INSIDE)
     beyond = rows.beyond(mesh.places(INSIDE), b.ravel(), u.ravel()).reshape(*b.shape, -1)
     spent = Spent(perf_counter() - after + before - begin, after - before)
-    return OnMesh(motion, tangency, beyond, _losses(motion, beyond), spent)
+    return OnMesh(motion, tangency, tighter, beyond, _losses(motion, beyond), spent)
+
+
+def tangents_on(
+    rows: PathRows, mesh: PathMesh, tangency: Tangency, tighter: Array | None
+) -> AffineRows:
+    """The rows that ``fastest_on_mesh`` finds the fastest motion for."""
+    tangents = rows.tangents(mesh.ends, tangency.last, tangency.halfway)
+    return tangents if tighter is None else tangents.tightened(np.repeat(tighter, 2, axis=0))
 
 
 def _losses(motion: MeshMotion, beyond: Array) -> Array:
@@ -189,7 +200,7 @@ def _compiled(
     motion = MeshMotion(mesh, Speeds(squares, rest[: 2 * n].reshape(n, 2)), durations, stops != 0)
     spent = Spent(perf_counter() - begin - seconds, seconds)
     beyond = rest[5 * n :].reshape(n, len(INSIDE), -1)
-    return OnMesh(motion, tangency, beyond, losses, spent)
+    return OnMesh(motion, tangency, tighter, beyond, losses, spent)
 
 
 def source() -> str:

@@ -8,15 +8,17 @@ further out and further in: on one mesh errors of the mesh cancel.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from math import log
 
 import numpy as np
 
 from deltaopt.limits.constraints import Constraints
-from deltaopt.planning.path.path_mesh import MeshMotion, PathMesh
-from deltaopt.planning.path.path_rows import AffineRows, kept_rows
+from deltaopt.planning.path.on_mesh import OnMesh, tangents_on
+from deltaopt.planning.path.path_mesh import MeshMotion
+from deltaopt.planning.path.path_rows import AffineRows, PathRows, kept_rows
 from deltaopt.planning.path.sweep import Unattainable, swept
-from deltaopt.scene.path import Array, Index
+from deltaopt.scene.path import Array
 
 _STEP = 1e-4
 """Share of a bound by which it is moved to and fro: its cube is what the difference of both
@@ -27,14 +29,13 @@ durations errs by, which sweeps know to some 1e-12."""
 class PathMultipliers:
     """Those of the fastest motion on a mesh.
 
-    ``tangents``: the rows that it was found with. ``owners``: which kept row each of them stands
-    for. ``ends``: ṡ² at start and goal.
+    ``on_mesh``: that motion, and where the ``rows`` were replaced by tangents. ``ends``: ṡ² at
+    start and goal.
     """
 
     constraints: Constraints
-    mesh: PathMesh
-    tangents: AffineRows
-    owners: Index
+    rows: PathRows
+    on_mesh: OnMesh
     ends: tuple[float, float]
 
     def of_rows(self) -> Array:
@@ -49,7 +50,7 @@ class PathMultipliers:
 
     def _growth(self, kept: int) -> float:
         """d ln T by the bound of one kept row as it is swept."""
-        by = np.where(self.owners == kept, _STEP, 0.0)
+        by = np.where(self.rows.owners == kept, _STEP, 0.0)
         try:
             tighter, wider = (self._log_duration(sign * by) for sign in (1, -1))
         except Unattainable:
@@ -57,5 +58,10 @@ class PathMultipliers:
         return max(0.0, (tighter - wider) / (2 * _STEP))
 
     def _log_duration(self, by: Array) -> float:
-        rows = self.tangents.tightened(by)
-        return log(MeshMotion(self.mesh, swept(self.mesh.h, rows, *self.ends)).duration)
+        mesh, rows = self.on_mesh.motion.mesh, self._tangents.tightened(by)
+        return log(MeshMotion.of(mesh, swept(mesh.h, rows, *self.ends)).duration)
+
+    @cached_property
+    def _tangents(self) -> AffineRows:
+        found = self.on_mesh
+        return tangents_on(self.rows, found.motion.mesh, found.tangency, found.tighter)

@@ -68,9 +68,8 @@ def fastest_on_path(
         gap = 0.0  # nothing is faster than what rotation takes
     multipliers = PathMultipliers(
         limits_of(scene).constraints,
-        timed.motion.mesh,
-        timed.tangents,
-        timing.rows.owners,
+        timing.rows,
+        timed.on_mesh,
         timing.ends,
     )
     return PathMotion(trajectory, gap, multipliers, tuple(timing.iterations))

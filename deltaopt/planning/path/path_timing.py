@@ -66,12 +66,15 @@ class PathIteration:
 
 @dataclass(frozen=True)
 class TimedPath:
-    """A motion on a path, and the relative ``loss`` of time that is estimated for it.
-    ``tangents``: the rows that it is the fastest for."""
+    """A motion on a path, the fastest for the rows that it was found with ``on_mesh``, and the
+    relative ``loss`` of time that is estimated for it."""
 
-    motion: MeshMotion
+    on_mesh: OnMesh
     loss: float
-    tangents: AffineRows
+
+    @property
+    def motion(self) -> MeshMotion:
+        return self.on_mesh.motion
 
 
 @dataclass
@@ -167,7 +170,7 @@ class PathTiming:
                 break
         cost = max(found.motion.duration / raw.motion.duration - 1, 0.0)
         loss = _SAFETY * (float(raw.losses.sum()) + cost)
-        return TimedPath(found.motion, loss, found.tangents)
+        return TimedPath(found, loss)
 
     def _on(self, mesh: PathMesh, tangency: Tangency, tighter: Array | None = None) -> OnMesh:
         """The fastest motion on a mesh, and what it does between nodes."""
