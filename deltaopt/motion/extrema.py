@@ -111,13 +111,14 @@ class Windows:
         highest.see_each(self.intervals[found.intervals], places, found.values)
 
 
-def narrow_valleys(curves: Curves, fractions: Array, values: Array) -> Windows:
+def narrow_valleys(curves: Curves, fractions: Array, values: Array, tails: float = 0.0) -> Windows:
     """Windows about minima of curves that are narrower than samples show, closer to them smaller.
 
     ``values``: of curves that are not negative, at ``everywhere`` of these fractions, evenly
     spaced, (K · n, c). The half-width of a valley is where its curve is twice the least: functions
     of it that grow without bound at zero peak there, however far samples are apart. The windows
-    begin at 4 steps from the minimum, each half as wide as the one before.
+    begin at 4 steps from the minimum, each half as wide as the one before; at ``tails`` half-widths
+    if that is farther, for functions that peak so far beside a valley too.
     """
     grid = values.reshape(-1, len(fractions), values.shape[1])
     left, middle, right = grid[:, :-2], grid[:, 1:-1], grid[:, 2:]
@@ -126,10 +127,10 @@ def narrow_valleys(curves: Curves, fractions: Array, values: Array) -> Windows:
         return Windows(np.zeros(0, np.intp), np.zeros(0), np.zeros(0))
     slope, bent = left - right, np.where(curvature > 0, curvature, np.inf)
     offset, least = slope / (2 * bent), middle - slope**2 / (8 * bent)
-    reach = np.ones((2, offset.shape[1], 1))  # of a valley beside an interval a part is within it
-    reach[0, 0] += _NARROW
-    reach[1, -1] += _NARROW
-    near = (-reach[0] <= offset) & (offset <= reach[1])
+    beside = np.maximum(_NARROW, tails * np.sqrt(2 * np.maximum(least, 0.0) / bent))
+    near = np.abs(offset) <= 1
+    near[:, 0] |= (-1 - beside[:, 0] <= offset[:, 0]) & (offset[:, 0] <= 1)
+    near[:, -1] |= (offset[:, -1] <= 1 + beside[:, -1]) & (offset[:, -1] >= -1)  # a part is within
     narrow = (curvature > 0) & near & (2 * least < _NARROW**2 * curvature)
     interval, sample, function = np.nonzero(narrow)
     step = 1 / (len(fractions) - 1)
@@ -137,7 +138,8 @@ def narrow_valleys(curves: Curves, fractions: Array, values: Array) -> Windows:
         return Windows(interval, np.zeros(0), np.zeros(0))
     bottom = (sample + 1 + offset[narrow]) * step
     bottom, width = _bottoms(curves, interval, function, bottom, step)
-    return _graded(interval, bottom, _NARROW * step, float(width.min()) / 4)
+    widest = max(_NARROW * step, tails * float(width.max()))
+    return _graded(interval, bottom, widest, float(width.min()) / 4)
 
 
 def _bottoms(

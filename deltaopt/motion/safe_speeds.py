@@ -30,8 +30,10 @@ _ROUNDED = 1 - np.array([0.0, 1e-15, 1e-14, 1e-13, 1e-12, 1e-10, 1e-8])
 _TRIED, _SLOWEST = 400, 1e-6
 """How many speeds are tried at first where excesses are no polynomials, and the least of them. Safe
 speeds between two tried ones, 3.5 % apart, may be missed: then the result is a lower safe speed."""
-_AMONG = 40
-"""Speeds that divide an interval in which the largest safe speed lies."""
+_ABOUT = np.concatenate([-(8.0 ** -np.arange(1.0, 17.0)), [0.0], 8.0 ** -np.arange(16.0, 0.0, -1)])
+"""Where speeds are tried next, about the one that a line through both ends of an interval leads to,
+as shares of the interval: ever closer to it, since it is nearly right once the interval is short.
+"""
 
 
 def largest_by_roots(excesses: Excesses, most: float) -> float | None:
@@ -77,10 +79,22 @@ def largest_by_trying(excesses: Excesses, most: float) -> float | None:
     safe speeds lie between two that are tried; None if none is found."""
     speeds = most * np.geomspace(1.0, _SLOWEST, _TRIED)
     while True:
-        safe = np.flatnonzero((excesses(speeds) <= 0).all(axis=1))
+        found = excesses(speeds)
+        safe = np.flatnonzero((found <= 0).all(axis=1))
         if not len(safe):
             return None
         first = int(safe[0])
         if first == 0 or speeds[first] >= speeds[first - 1] * (1 - 1e-15):
             return float(speeds[first])
-        speeds = np.linspace(speeds[first - 1], speeds[first], _AMONG)
+        fast, slow = float(speeds[first - 1]), float(speeds[first])
+        towards = _along_lines(fast, slow, found[first - 1], found[first])
+        among = np.clip(towards + (fast - slow) * _ABOUT, slow, fast)
+        speeds = np.unique(np.concatenate([[fast, slow, (fast + slow) / 2], among]))[::-1]
+
+
+def _along_lines(fast: float, slow: float, above: Array, below: Array) -> float:
+    """The speed at which none is positive of lines through excesses at two speeds, (n,) each: at
+    the faster one some are, at the slower one none."""
+    rising = above > 0
+    share = below[rising] / (below[rising] - above[rising])
+    return slow + (fast - slow) * float(share.min(initial=1.0))

@@ -58,6 +58,9 @@ _WITHIN = 1e-10
 """Excess of a row of positions that counts as none: a tenth of what verification allows."""
 _SAFE = 1e-12
 """The same of other rows of mixed powers: rounding of a row at its bound."""
+_TAILS = 8.0
+"""Half-widths beside a reversal, in each of which the speed of an arm changes by that of Coulomb
+friction, within which torques may peak between samples: friction is constant to 1e-6 beyond."""
 _EXCHANGES = 30
 """Rounds of collecting instants; it takes three as a rule."""
 _ROUGH, _ROUGH_ROUNDS, _MOST_CHANGE = 0.02, 8, 4.0
@@ -163,15 +166,20 @@ def needed_slowing(
         return known.needed(highest, at_least)
     constraints = limits_of(scene).constraints
 
+    tails = _tails(scene)
+
+    def size(loads: Loads) -> Array:
+        return constraints.size(loads.rows)
+
     def looked_at(speed: float, closely: bool) -> Peaks:
         slowed, loads = along, known
         if speed != 1:
             slowed = _loads_along(scene, trajectory.slowed(1 / speed))
             loads = slowed(*everywhere(intervals, fractions))
         if closely:
-            return _highest(slowed, lambda loads: constraints.size(loads.rows), fractions, loads)
+            return _highest(slowed, size, fractions, loads, tails)
         highest = Peaks.none(constraints.number)
-        highest.see(*everywhere(intervals, fractions), constraints.size(loads.rows))
+        highest.see(*everywhere(intervals, fractions), size(loads))
         return highest
 
     factor, last = _factor_by_exchange(scene, trajectory, at_least, looked_at)
@@ -191,7 +199,7 @@ def _factor_by_exchange(
     Samples come first: what lies between them changes the speed little.
     """
     changes = _exponents(scene) != 0
-    largest = largest_by_roots if _squares(scene) else largest_by_trying
+    largest = largest_by_trying if _has_layers(scene) else largest_by_roots
     speed, highest = _where_to_begin(at_least, looked_at, changes)
     instants, closely = _Instants.none(scene, trajectory), False
     for _ in range(_EXCHANGES):
@@ -223,38 +231,38 @@ def _where_to_begin(at_least: float, looked_at: Look, changes: Truths) -> tuple[
 
 @dataclass(frozen=True)
 class _Instants:
-    """Instants of a motion by interval and fraction, (n,) each, at which it is slowed."""
+    """Instants of a motion at which it is slowed.
 
-    scene: Scene
-    trajectory: Trajectory
-    intervals: Index
-    fractions: Array
+    ``taylor``: position, velocity and half the acceleration there, (n, 9). ``evaluate``: gives the
+    rows. ``sides``: which bounds of them slowing changes, lower and upper, (2, rows).
+    """
+
+    position: PiecewisePolynomial
+    evaluate: _Evaluation
+    sides: Truths
+    taylor: Array
 
     @classmethod
     def none(cls, scene: Scene, trajectory: Trajectory) -> _Instants:
-        return cls(scene, trajectory, np.zeros(0, np.intp), np.zeros(0))
+        sides = limits_of(scene).constraints.sides & (_exponents(scene) != 0)[:, None]
+        evaluate = _Evaluation.of(scene, trajectory)
+        return cls(trajectory.position, evaluate, sides.T, np.zeros((0, 9)))
 
     def joined_by(self, intervals: Index, fractions: Array) -> _Instants:
-        """These and more."""
-        return replace(
-            self,
-            intervals=np.concatenate([self.intervals, intervals]),
-            fractions=np.concatenate([self.fractions, fractions]),
-        )
+        """These and more, given by interval and fraction of it, (n,) each."""
+        since, position = self.evaluate.lengths[intervals] * fractions, self.position
+        x, v = position.inside(intervals, since), position.derivative()
+        a = v.derivative().inside(intervals, since)
+        added = np.hstack([x, v.inside(intervals, since), a / 2])
+        return replace(self, taylor=np.concatenate([self.taylor, added]))
 
     def excesses(self, speeds: Array) -> Array:
         """By how much rows that slowing changes exceed their bounds at these speeds, (S,): (S, …)
         for all instants and sides."""
-        position, constraints = self.trajectory.position, limits_of(self.scene).constraints
-        since = np.diff(self.trajectory.knots)[self.intervals] * self.fractions
-        path = (position, position.derivative(), position.derivative().derivative())
-        x, v, a = (each.inside(self.intervals, since) for each in path)
-        s = np.repeat(speeds, len(since))[:, None]
-        taylor = [np.tile(x, (len(speeds), 1)), s * np.tile(v, (len(speeds), 1))]
-        taylor.append(s**2 * np.tile(a, (len(speeds), 1)) / 2)
-        evaluate = _Evaluation.of(self.scene, self.trajectory)
-        rows = evaluate.of_polynomials(np.hstack(taylor)).rows
-        lower, upper = (constraints.sides & (_exponents(self.scene) != 0)[:, None]).T
+        powers = np.repeat(speeds[:, None] ** np.arange(3), 3, axis=1)
+        slowed = (powers[:, None] * self.taylor).reshape(-1, 9)
+        rows = self.evaluate.of_polynomials(slowed).rows
+        lower, upper = self.sides
         both = np.hstack([rows[:, upper] - 1, -1 - rows[:, lower]])
         return np.asarray(both.reshape(len(speeds), -1))
 
@@ -264,7 +272,7 @@ def highest_rows(scene: Scene, trajectory: Trajectory) -> Peaks:
     intervals, size = len(trajectory.knots) - 1, limits_of(scene).constraints.size
     along, fractions = _loads_along(scene, trajectory), sample_fractions(intervals)
     sampled = along(*everywhere(intervals, fractions))
-    return _highest(along, lambda loads: size(loads.rows), fractions, sampled)
+    return _highest(along, lambda loads: size(loads.rows), fractions, sampled, _tails(scene))
 
 
 def _highest(
@@ -272,12 +280,13 @@ def _highest(
     part: Callable[[Loads], Array],
     fractions: Array,
     sampled: Loads,
+    tails: float = 0.0,
 ) -> Peaks:
     """Where a part of the loads is largest, between samples too: about the places where a chain
     comes so near to its serial singularity, or an arm turns back under friction so quickly, that
     torques peak between samples, closer than these."""
     highest = peaks(lambda *where: part(along(*where)), fractions, part(sampled))
-    valleys = narrow_valleys(lambda *where: along(*where).narrow, fractions, sampled.narrow)
+    valleys = narrow_valleys(lambda *where: along(*where).narrow, fractions, sampled.narrow, tails)
     valleys.let_see(highest, lambda *where: part(along(*where)))
     return highest
 
@@ -386,6 +395,17 @@ def _squares(scene: Scene) -> bool:
         difference = part - still - s[1] ** 2 * (whole - still)
         _SQUARES[terms] = bool(np.abs(difference).max() < 1e-6 * np.abs(whole - still).max())
     return _SQUARES[terms]
+
+
+def _has_layers(scene: Scene) -> bool:
+    """Whether torques change within moments where arms turn back, for there is Coulomb friction;
+    otherwise all rows are polynomials of the speed."""
+    return "coulomb" in delta_model(scene.robot, scene.payload).functions.terms.names
+
+
+def _tails(scene: Scene) -> float:
+    """``tails`` of the valleys of ``Loads.narrow``."""
+    return _TAILS if _has_layers(scene) else 0.0
 
 
 def _loads_along(scene: Scene, trajectory: Trajectory) -> Callable[[Index, Array], Loads]:

@@ -163,3 +163,24 @@ def test_torques_peak_where_an_arm_turns_back_under_friction():
     np.testing.assert_allclose(peaks_of_rows, largest(2_000_000), rtol=1e-7)
     fractions = sample_fractions(len(trajectory.knots) - 1)
     assert (largest(len(fractions) * len(trajectory.knots)) < peaks_of_rows - 1e-5).any()
+
+
+@pytest.mark.parametrize("phase", np.linspace(0.3, 0.5, 21))
+def test_a_peak_some_half_widths_beside_a_reversal_is_found(phase):
+    """Of c tanh u - k t, u = (t - t₀) / w, with w two samples: it is highest where
+    cosh² u = c / (k w), 3.5 half-widths beside the reversal at t₀."""
+    c, w, u = 0.05, 2 / 24, 3.5
+    k = c / (w * np.cosh(u) ** 2)
+
+    def curve(_, t: np.ndarray) -> np.ndarray:
+        return (c * np.tanh((t - phase) / w) - k * t)[:, None]
+
+    def valley(_, t: np.ndarray) -> np.ndarray:
+        return 1 + (((t - phase) / w) ** 2)[:, None]
+
+    fractions = np.linspace(0.0, 1.0, 25)
+    where = everywhere(1, fractions)
+    highest = peaks(curve, fractions, curve(*where))
+    narrow_valleys(valley, fractions, valley(*where), tails=8.0).let_see(highest, curve)
+    expected = c * np.tanh(u) - k * (phase + u * w)
+    assert highest.values[0] == pytest.approx(expected, abs=1e-12)
