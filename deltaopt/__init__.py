@@ -31,6 +31,7 @@ from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 from deltaopt.planning.planner import Plan, Planner, plan, timed_line
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import Robot, load_robot
+from deltaopt.scene.moving_ends import Anywhere, Belt, State
 from deltaopt.scene.objective import Effort, Time, TimeAndEffort
 from deltaopt.scene.path import Corners, Curve, Line, PickAndPlace
 from deltaopt.scene.scene import Limits, Scene, load_scene
@@ -55,7 +56,9 @@ forward = Forward()
 
 __all__ = [
     "AccelerationLevel",
+    "Anywhere",
     "Baumgarte",
+    "Belt",
     "Corners",
     "Curve",
     "DeltaModel",
@@ -78,6 +81,7 @@ __all__ = [
     "SavedPlan",
     "Scene",
     "SceneError",
+    "State",
     "Time",
     "TimeAndEffort",
     "Trajectory",

@@ -25,6 +25,7 @@ from deltaopt.planning.planner import Planner
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.scene import Scene
+from deltaopt.scene.task import given_points
 
 Result = TypeVar("Result")
 
@@ -73,7 +74,8 @@ class Path:
 
 def straight(scene: Scene, intervals: int) -> Path:
     """Return the line from start to goal."""
-    start, way = np.array(scene.start), np.subtract(scene.goal, scene.start)
+    start, goal = (np.array(point) for point in given_points(scene.task))
+    way = goal - start
     length = float(np.linalg.norm(way))
     s = np.linspace(0.0, length, intervals + 1)
     tangent = np.broadcast_to(way / length, (intervals + 1, 3))
@@ -156,7 +158,7 @@ class MotorLine:
         ruckig = installed("ruckig", "bench")
         request = ruckig.InputParameter(3)
         model = DeltaModel(self.scene.robot, self.scene.payload)
-        ends = model.inverse_kinematics([self.scene.start, self.scene.goal])[:, 3::3]
+        ends = model.inverse_kinematics(given_points(self.scene.task))[:, 3::3]
         request.current_position, request.target_position = ends.tolist()
         request.max_velocity = list(self.scene.robot.speed_limits or 3 * [1e3])
         request.max_acceleration = 3 * [acceleration]

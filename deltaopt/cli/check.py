@@ -47,7 +47,7 @@ from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.objective import Time
 from deltaopt.scene.rotation import Rotation
 from deltaopt.scene.scene import Scene, limits_of, load_scene
-from deltaopt.scene.task import distance
+from deltaopt.scene.task import MovingEnds, Task, distance, ends_in_words
 from deltaopt.verify.measures import MeasuredMotion
 
 Array = NDArray[np.float64]
@@ -219,10 +219,9 @@ def _description(scene: Scene) -> list[tuple[str, str]]:
     model, task = DeltaModel(scene.robot, scene.payload), scene.task
     mechanism, parameters = model.functions.mechanism, model.numbers
     coordinates, constraints = mechanism.q.numel(), mechanism.mu.numel()
-    start, goal = in_words(task.start.position), in_words(task.goal.position)
     return [
         ("robot", scene.robot.name),
-        ("task", f"{task.description}: {start} to {goal} m, {distance(task):.4g} m apart"),
+        ("task", _task(task)),
         ("objective", str(scene.objective)),
         ("coordinates", f"{coordinates}: x, y, z of the platform, three angles of each chain"),
         ("constraints", f"{constraints}: loop closure, eq. (50)-(52)"),
@@ -235,6 +234,12 @@ def _description(scene: Scene) -> list[tuple[str, str]]:
         *([("rotation", _rotation(scene.rotation))] if scene.rotation else []),
         ("baseline", _baseline(scene)),
     ]
+
+
+def _task(task: Task) -> str:
+    """The task in words: what kind, from where to where."""
+    ends = f"{task.description}: {ends_in_words(task)}"
+    return ends if isinstance(task, MovingEnds) else f"{ends}, {distance(task):.4g} m apart"
 
 
 def default_method(scene: Scene) -> str:

@@ -31,6 +31,7 @@ from deltaopt.planning.initial_motion import straight_line
 from deltaopt.robot.model import DeltaModel
 from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.scene import Scene, load_scene
+from deltaopt.scene.task import given_points
 
 HELP = "compute the torques along a straight line (the paper's Figs. 4 and 5)"
 
@@ -60,7 +61,7 @@ def run(arguments: argparse.Namespace) -> int:
     check_feasible(scene)
     directory = output_directory(arguments)
     model = DeltaModel(scene.robot, scene.payload)
-    trajectory = straight_line(model, scene.start, scene.goal, arguments.duration)
+    trajectory = straight_line(model, *given_points(scene.task), arguments.duration)
     print(_table(trajectory))
     print(_against_limits(scene, trajectory))
     csv, motion, torques = ("inverse.csv", "motion.png", "torques.png")

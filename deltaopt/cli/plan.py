@@ -448,6 +448,8 @@ def table(verification: Verification, *, certified: bool = False) -> str:
 def lower_bound_line(scene: Scene, trajectory: Trajectory) -> str:
     """A line that says what no motion of the scene undercuts, on whatever path."""
     bound = lower_bound(scene)
+    if not bound:
+        return "lower bound for every path: none is known where an end moves"
     share = bound / trajectory.duration
     return f"lower bound for every path: {bound:.6f} s, {share:.2f} of the duration (proven)"
 

@@ -60,16 +60,15 @@ class Instant(Protocol):
 
 
 class Described(Protocol):
-    """What a limit may read of a scene: robot, payload (kg), ends (m), and its own key."""
+    """What a limit may read of a scene: robot, payload (kg), the points that are
+    known of start and goal (m), and its own key."""
 
     @property
     def robot(self) -> Robot: ...
     @property
     def payload(self) -> float | None: ...
     @property
-    def start(self) -> Vector3: ...
-    @property
-    def goal(self) -> Vector3: ...
+    def given_points(self) -> tuple[Vector3, ...]: ...
 
     def given(self, key: str) -> Any:
         """What the scene says under ``limits`` and this key; None if nothing."""

@@ -300,6 +300,20 @@ def loads_inside(scene: Scene, trajectory: Trajectory, fractions: Array) -> Load
     return along(*everywhere(len(trajectory.knots) - 1, fractions))
 
 
+def sizes_at(scene: Scene, coefficients: Array, lengths: Array, fractions: Array) -> Array:
+    """How near rows are to the nearer of their bounds, 1 at a bound, of polynomials at fractions of
+    their lengths in s: (n, fractions, rows); not a number out of reach.
+
+    ``coefficients``: ascending powers of the time, m, (n, powers, 3).
+    """
+    knots = np.append(0.0, np.cumsum(lengths))
+    pieces = PiecewisePolynomial(knots, coefficients)
+    model = delta_model(scene.robot, scene.payload)
+    loads = _Evaluation.of(scene, Trajectory(pieces, model))(*everywhere(len(lengths), fractions))
+    sizes = limits_of(scene).constraints.size(loads.rows)
+    return sizes.reshape(len(lengths), len(fractions), -1)
+
+
 def rough_factor(scene: Scene, trajectory: Trajectory) -> float:
     """The smallest safe factor of any size by samples, limits of position left out; infinite too
     where the motion has no torques."""
@@ -390,7 +404,7 @@ def _squares(scene: Scene) -> bool:
     model = delta_model(scene.robot, scene.payload)
     terms = model.functions.terms
     if terms not in _SQUARES:
-        x, s = np.tile(scene.start, (3, 1)), np.array([[0.0], [0.7], [1.0]])
+        x, s = np.tile(scene.task.start.position, (3, 1)), np.array([[0.0], [0.7], [1.0]])
         still, part, whole = model.inverse_dynamics(x, s * _ANY_V, s**2 * _ANY_A)
         difference = part - still - s[1] ** 2 * (whole - still)
         _SQUARES[terms] = bool(np.abs(difference).max() < 1e-6 * np.abs(whole - still).max())

@@ -7,7 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from deltaopt.files.validated_record import Vector3
 from deltaopt.robot.model import DeltaModel
+from deltaopt.scene.task import REST, EndState, Task
 
 Array = NDArray[np.float64]
 
@@ -68,6 +70,26 @@ class PiecewisePolynomial:
             values = values * since + self.coefficients[intervals, power]
         return values, rates
 
+    def after(self, t: float) -> PiecewisePolynomial:
+        """What follows an instant ``t`` (s) between the first knot and the last, from the time 0
+        on."""
+        first = int(self.interval(np.array([t]))[0])
+        coefficients, derivative, factorial = self.coefficients[first:].copy(), self, 1.0
+        for power in range(coefficients.shape[1]):
+            coefficients[0, power] = derivative.at(np.array([t]))[0] / factorial
+            derivative, factorial = derivative.derivative(), factorial * (power + 1)
+        return PiecewisePolynomial(np.append(0.0, self.knots[first + 1 :] - t), coefficients)
+
+    def then(self, other: PiecewisePolynomial) -> PiecewisePolynomial:
+        """This and after it another, whose own knots count from its beginning."""
+        powers = max(self.coefficients.shape[1], other.coefficients.shape[1])
+        both = [
+            np.pad(each.coefficients, ((0, 0), (0, powers - each.coefficients.shape[1]), (0, 0)))
+            for each in (self, other)
+        ]
+        later = self.knots[-1] + (other.knots[1:] - other.knots[0])
+        return PiecewisePolynomial(np.append(self.knots, later), np.concatenate(both))
+
     def interval(self, t: Array) -> NDArray[np.intp]:
         """The interval of each time, (N,); at a knot the interval that begins there, if any."""
         last = len(self.knots) - 2
@@ -87,7 +109,8 @@ class Motion:
 
     ``t``: s. ``x``, ``v``, ``a``: position, velocity and acceleration of the platform, m, m/s,
     m/s². ``theta``, ``dtheta``, ``ddtheta``: angles, speeds and accelerations of the motors, rad,
-    rad/s, rad/s². ``tau``: motor torques, N·m. Only itself is equal to it.
+    rad/s, rad/s². ``tau``: motor torques, N·m. ``under_way``: the trajectory that these are
+    instants of. Only itself is equal to it.
     """
 
     t: Array
@@ -98,6 +121,7 @@ class Motion:
     dtheta: Array
     ddtheta: Array
     tau: Array
+    under_way: Trajectory | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,6 +132,9 @@ class Trajectory:
     gives motor angles and torques. ``coordinates``: all twelve, m and rad, if they were planned as
     polynomials that may violate loop closure; otherwise they follow from the position.
 
+    ``end_velocities``: of the platform before its start and after its end, m/s: at rest there
+    unless the ends of the task move.
+
     A trajectory is equal to itself alone, and can be a key of a dictionary: whether two describe
     the same motion is a question of accuracy.
     """
@@ -115,6 +142,7 @@ class Trajectory:
     position: PiecewisePolynomial
     model: DeltaModel
     coordinates: PiecewisePolynomial | None = None
+    end_velocities: tuple[Vector3, Vector3] = (REST, REST)
 
     @property
     def knots(self) -> Array:
@@ -151,7 +179,18 @@ class Trajectory:
         since = instants - self.knots[intervals]
         x, v, a = _with_derivatives(self.position, intervals, since)
         v[outside] = a[outside] = 0.0
+        for velocity, beyond in zip(self.end_velocities, (times < begin, times > end), strict=True):
+            if velocity != REST:  # it moves on
+                x[outside & beyond] += (times - instants)[outside & beyond, None] * velocity
+                v[outside & beyond] = velocity
         return self._motion(np.where(outside, times, instants), x, v, a)
+
+    @property
+    def extent(self) -> float:
+        """The largest distance of a knot from the first, m: how far the motion goes."""
+        x = self.position.coefficients[:, 0]
+        last = self.position.at(self.knots[-1:])
+        return float(np.linalg.norm(np.vstack([x, last]) - x[0], axis=1).max())
 
     def inside_intervals(self, fractions: ArrayLike) -> Motion:
         """The motion at fractions of every interval, (K · len(fractions),) instants.
@@ -188,13 +227,42 @@ class Trajectory:
                 f"{1 / _LARGEST_FACTOR:g} to {_LARGEST_FACTOR:g}"
             )
         coordinates = self.coordinates and self.coordinates.slowed(factor)
-        return replace(self, position=self.position.slowed(factor), coordinates=coordinates)
+        before, after = self.end_velocities
+        return replace(
+            self,
+            position=self.position.slowed(factor),
+            coordinates=coordinates,
+            end_velocities=(_divided(before, factor), _divided(after, factor)),
+        )
 
     def _motion(self, t: Array, x: Array, v: Array, a: Array) -> Motion:
         q, dq, ddq = self.model.motion(x, v, a)
         tau = self.model.inverse_dynamics(x, v, a)
         motors = slice(3, None, 3)  # q_{1,1}, q_{2,1}, q_{3,1}
-        return Motion(t, x, v, a, q[:, motors], dq[:, motors], ddq[:, motors], tau)
+        return Motion(t, x, v, a, q[:, motors], dq[:, motors], ddq[:, motors], tau, self)
+
+
+def _divided(velocity: Vector3, factor: float) -> Vector3:
+    x, y, z = velocity
+    return x / factor, y / factor, z / factor
+
+
+def moving_on(task: Task, trajectory: Trajectory) -> Trajectory:
+    """A motion that solves a task, which outside its duration moves on as its ends do."""
+    velocities = task.start.velocity, goal_of(task, trajectory).velocity
+    return replace(trajectory, end_velocities=velocities)
+
+
+def goal_of(task: Task, trajectory: Trajectory) -> EndState:
+    """The state that a task asks for at the end of a motion: on a belt it depends on the motion's
+    duration, and at rest anywhere it is where the motion ends."""
+    x, y, z = trajectory.position.at(trajectory.knots[-1:])[0].tolist()
+    return task.goal.at(trajectory.duration, (x, y, z))
+
+
+def ends_of(task: Task, trajectory: Trajectory) -> Array:
+    """Where a task asks a motion to begin and to end, (2, 3), m."""
+    return np.array([task.start.position, goal_of(task, trajectory).position])
 
 
 def _inside(position: PiecewisePolynomial, fractions: ArrayLike) -> tuple[NDArray[np.intp], Array]:

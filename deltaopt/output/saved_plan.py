@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from deltaopt.errors import DeltaOptError, SceneError
-from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
+from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory, moving_on
 from deltaopt.robot.model import delta_model
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.scene import Scene
@@ -67,7 +67,7 @@ def load_plan(path: str | Path) -> SavedPlan:
         raise UnreadablePlan(f"{file}: {problem}") from None
     except (TypeError, ValueError, AttributeError, OverflowError) as error:
         raise UnreadablePlan(f"{file}: its motion cannot be used: {error}") from None
-    return SavedPlan(scene, trajectory, content)
+    return SavedPlan(scene, moving_on(scene.task, trajectory), content)
 
 
 def _read(file: Path) -> dict[str, Any]:

@@ -159,7 +159,7 @@ def _lines(
         indent = "  " * inside.count(".")
         is_used = any(each == place or each.startswith(f"{place}.") for each in used)
         mark = "" if is_used else "# "
-        inner = None if name in _FILES else _record_in(annotation)
+        inner = None if name in _FILES or place in used else _record_in(annotation)
         if inner is None:
             value = used.get(place) or extras.get(place, "")
             yield f"{mark}{indent}{name}: {value}  # {description}"

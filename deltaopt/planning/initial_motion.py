@@ -23,6 +23,7 @@ from deltaopt.planning.settings import require_type
 from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.scene import Scene
+from deltaopt.scene.task import given_points
 
 _QUINTIC = np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0])
 """Coefficients of the share of the path at u = t / duration, ascending powers: at rest and without
@@ -101,7 +102,8 @@ def drivable(scene: Scene, curves: Iterator[Trajectory]) -> Iterator[Trajectory]
 
 def _parabolas(scene: Scene) -> Iterator[Trajectory]:
     """Parabolas whose control point lies towards the middle of the workspace, in 1 s."""
-    halfway = (np.array(scene.start) + scene.goal) / 2
+    start, goal = given_points(scene.task)
+    halfway = (np.array(start) + goal) / 2
     for pull in _PULLS:
         corner = halfway + pull * (_middle(scene.robot, 0.5) - halfway)
         yield curve_between(scene, corner)
@@ -113,7 +115,7 @@ def _cubics(scene: Scene) -> Iterator[Trajectory]:
     Deep ones lead from one side of the workspace to the other, below the region near the base
     that the platform cannot enter.
     """
-    start, goal = np.array(scene.start), np.array(scene.goal)
+    start, goal = (np.array(point) for point in given_points(scene.task))
     for depth, leave, arrive in product((0.5, 0.6, 0.7, 0.8), (0.5, 1.0, 1.3), (0.5, 1.0, 1.3)):
         middle = _middle(scene.robot, depth)
         yield curve_between(
@@ -128,14 +130,15 @@ def joint_line(scene: Scene) -> Trajectory:
     """
     model = delta_model(scene.robot, scene.payload)
     u = np.linspace(0.0, 1.0, _JOINT_LINE_INTERVALS + 1)
-    ends = np.tile([*scene.start, *scene.goal], (len(u), 1))
+    start, goal = given_points(scene.task)
+    ends = np.tile([*start, *goal], (len(u), 1))
     share = np.asarray(polyval(u, _QUINTIC), dtype=float)[:, None]
     rate = np.asarray(polyval(u, polyder(_QUINTIC)), dtype=float)[:, None]
     function = _joint_line_function(model.functions.terms)
     x, v = function(ends, share, rate, parameters=model.parameters)
     if not np.isfinite(x).all():
         raise Unreachable("motor angles straight from start to goal: the bars do not meet")
-    x[[0, -1]], v[[0, -1]] = (scene.start, scene.goal), 0.0
+    x[[0, -1]], v[[0, -1]] = (start, goal), 0.0
     return Trajectory(PiecewisePolynomial.hermite(u, x, v), model)
 
 
@@ -178,9 +181,10 @@ def _by_way_of(scene: Scene, depth: float) -> tuple[Trajectory, Trajectory] | No
     """Unhurried straight lines to a place on the robot's axis and from there to the goal; None
     where the limits do not allow them."""
     model, place = delta_model(scene.robot, scene.payload), _middle(scene.robot, depth)
+    start, goal = given_points(scene.task)
     lines = (
-        straight_line(model, scene.start, tuple(place), 1.0),
-        straight_line(model, tuple(place), scene.goal, 1.0),
+        straight_line(model, start, tuple(place), 1.0),
+        straight_line(model, tuple(place), goal, 1.0),
     )
     try:
         there, onwards = (_roughly_fastest(scene, line).slowed(_UNHURRIED) for line in lines)
@@ -223,7 +227,7 @@ def first_motion(scene: Scene) -> Trajectory:
 def _line(scene: Scene) -> Trajectory:
     """The motion on the straight line from start to goal in 1 s."""
     model = delta_model(scene.robot, scene.payload)
-    return straight_line(model, scene.start, scene.goal, 1.0)
+    return straight_line(model, *given_points(scene.task), 1.0)
 
 
 def _roughly_fastest(scene: Scene, trajectory: Trajectory) -> Trajectory:
@@ -269,7 +273,8 @@ def _sped(
 
 def curve_between(scene: Scene, *control: Array) -> Trajectory:
     """The motion in 1 s on the Bézier curve from start to goal with these control points, m."""
-    points = np.array([scene.start, *control, scene.goal])
+    start, goal = given_points(scene.task)
+    points = np.array([start, *control, goal])
     n = len(points) - 1
     # In powers of the share of the way, the coefficients are forward differences of the points.
     coefficients, power = np.zeros((n * (len(_QUINTIC) - 1) + 1, 3)), np.ones(1)

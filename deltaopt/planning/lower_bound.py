@@ -19,7 +19,7 @@ from deltaopt.limits.constraints import SceneLimits
 from deltaopt.mechanisms.delta.mechanism import AZIMUTHS, DeltaParameters
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.scene import Scene, limits_of
-from deltaopt.scene.task import REST
+from deltaopt.scene.task import given_points
 
 Array = NDArray[np.float64]
 
@@ -45,7 +45,7 @@ def lower_bound(scene: Scene) -> float:
     what rotation takes, or 0, which is true and says nothing. Raises Unreachable where an end is.
     """
     task = scene.task
-    if task.start.velocity != REST or task.goal.velocity != REST:
+    if not task.is_at_rest:
         return scene.least_duration
     way = _Way.of(scene)
     bounds = (_by_work(way), _by_speed(way), _by_power(way), _by_platform(way))
@@ -85,7 +85,7 @@ class _Way:
     @classmethod
     def of(cls, scene: Scene) -> _Way:
         model, limits = delta_model(scene.robot, scene.payload), limits_of(scene)
-        ends, p = np.array([scene.task.start.position, scene.task.goal.position]), model.numbers
+        ends, p = np.array(given_points(scene.task)), model.numbers
         start, goal = model.inverse_kinematics(ends)[:, 3::3]
         gravity = np.array([_number(each) for each in (p.g, p.g_y, p.g_z)])
         along, across = p.a2 if p.b1 is None else p.b1, _number(p.b2)

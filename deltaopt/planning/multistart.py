@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.initial_motion import curve_between, drivable, first_motion
 from deltaopt.scene.scene import Scene
+from deltaopt.scene.task import given_points
 
 Array = NDArray[np.float64]
 
@@ -38,7 +39,8 @@ def first_motions(scene: Scene, number: int, seed: int) -> Iterator[Trajectory]:
 def _cubics(scene: Scene, seed: int) -> Iterator[Trajectory]:
     """Bézier curves whose control points are normally distributed about thirds of the line."""
     rng = np.random.default_rng(seed)
-    start, way = np.array(scene.start), np.array(scene.goal) - np.array(scene.start)
+    start, goal = (np.array(point) for point in given_points(scene.task))
+    way = goal - start
     thirds = start + np.outer([1 / 3, 2 / 3], way)
     while True:
         away = _SPREAD * np.linalg.norm(way) * rng.standard_normal((2, 3))

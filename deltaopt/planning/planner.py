@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from math import isinf
+from math import inf, isinf
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from deltaopt.dynamics.formulation import Projected
 from deltaopt.dynamics.lagrange import Multiplier
-from deltaopt.errors import DeltaOptError, NotConverged
+from deltaopt.errors import DeltaOptError, Infeasible, NotConverged, Singular, Unreachable
 from deltaopt.files.html_table import html_table
 from deltaopt.files.validated_record import Vector3
 from deltaopt.limits.constraints import Constraints
@@ -31,8 +31,8 @@ from deltaopt.motion.limit_sensitivity import (
     limit_sensitivities,
     limits_in_words,
 )
-from deltaopt.motion.time_scaling import safe_factor
-from deltaopt.motion.trajectory import Trajectory
+from deltaopt.motion.time_scaling import highest_rows, safe_factor
+from deltaopt.motion.trajectory import Motion, PiecewisePolynomial, Trajectory, moving_on
 from deltaopt.planning.effort_planning import (
     SMOOTH,
     CostIteration,
@@ -43,7 +43,9 @@ from deltaopt.planning.effort_planning import (
 from deltaopt.planning.flat.flat_problem import Flat
 from deltaopt.planning.formulations.choice import problem_formulation
 from deltaopt.planning.lower_bound import lower_bound
+from deltaopt.planning.mesh.kept_limits import KEPT, kept
 from deltaopt.planning.mesh.mesh_solution import Iteration, MeshSolution, gap_of, iteration_of
+from deltaopt.planning.moving_ends import end_of, first_moving_motions, from_rest
 from deltaopt.planning.multistart import Optimum, distinct, first_motions
 from deltaopt.planning.nlp.cost import FASTEST, Cost
 from deltaopt.planning.nlp.problem import FormulatedProblem, Guess, ProblemFormulation, Solver
@@ -57,10 +59,11 @@ from deltaopt.planning.settings import MOST, require_positive, require_type, req
 from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.feasibility import check_feasible, serial_distances_at_ends
+from deltaopt.scene.moving_ends import Anywhere, End, Start, State
 from deltaopt.scene.objective import Effort, Objective, Time
 from deltaopt.scene.path import Line
 from deltaopt.scene.scene import Limits, Scene, limits_of
-from deltaopt.scene.task import OnPath
+from deltaopt.scene.task import MovingEnds, OnPath, distance, given_points
 
 Array = NDArray[np.float64]
 Pair = tuple[Vector3, Vector3]
@@ -319,8 +322,8 @@ class Planner:
 
     def plan(
         self,
-        start: Vector3,
-        goal: Vector3,
+        start: Start | Motion,
+        goal: End,
         *,
         payload: float | None = None,
         starts: int = 1,
@@ -329,18 +332,39 @@ class Planner:
     ) -> Plan:
         """Plan the best motion from rest at ``start`` to rest at ``goal``, both in m.
 
-        ``payload``: kg, instead of the planner's. ``starts``, ``seed``, ``progress`` and the errors
-        raised: as of the function ``plan``.
+        An end that moves is a `State`, or a `Belt` as the goal. ``start`` may also be an instant of
+        a motion, such as ``plan.trajectory(0.05)``: the new motion begins in that state, and never
+        takes longer than finishing the old motion and then moving from rest to rest, if the goal is
+        a point. ``payload``: kg, instead of the planner's. ``starts``, ``seed``, ``progress`` and
+        the errors raised: as of the function ``plan``.
         """
+        state, under_way = _state_of(start) if isinstance(start, Motion) else (start, None)
         scene = Scene(
             robot=self.robot,
             payload=self.payload if payload is None else payload,
-            start=start,
+            start=state,
             goal=goal,
             limits=self.limits,
             objective=self.objective,
         )
-        return self.plan_scene(scene, starts=starts, seed=seed, progress=progress)
+        if under_way is None or not isinstance(scene.task, MovingEnds):
+            return self.plan_scene(scene, starts=starts, seed=seed, progress=progress)
+        self._require_free(starts)
+        check_feasible(scene)
+        return self._plan_moving(scene, under_way, progress or (lambda _: None))
+
+    def stop(
+        self,
+        state: State | Motion,
+        *,
+        payload: float | None = None,
+        progress: Progress | None = None,
+    ) -> Plan:
+        """Plan the fastest stop: from a state, or an instant of a motion, to rest anywhere.
+
+        Raises SceneError for a state at rest; the other errors are those of ``plan``.
+        """
+        return self.plan(state, Anywhere(), payload=payload, progress=progress)
 
     def plan_scene(
         self, scene: Scene, *, starts: int = 1, seed: int = 1, progress: Progress | None = None
@@ -356,10 +380,84 @@ class Planner:
         task = scene.task
         if isinstance(task, OnPath):
             return self._plan_on_path(scene, task, starts, report)
+        if isinstance(task, MovingEnds):
+            self._require_free(starts)
+            return self._plan_moving(scene, None, report)
         guesses = self._guesses(scene, starts, seed)
         if starts == 1:
             return self._plan(scene, next(guesses), report)
         return self._best(scene, guesses, report)
+
+    def _require_free(self, starts: int) -> None:
+        """Raise ValueError for settings that do not go with ends that move."""
+        if not isinstance(self._formulation, Flat):
+            raise ValueError(
+                f"formulation is {self._formulation.name}, which plans from rest to rest alone; "
+                "the flat formulation plans where an end moves"
+            )
+        if starts > 1:
+            raise ValueError(f"starts is {starts}; it has no effect where an end moves")
+
+    def _plan_moving(
+        self, scene: Scene, under_way: PiecewisePolynomial | None, report: Progress
+    ) -> Plan:
+        """Plan the fastest motion where an end moves, from the first guess that leads to one.
+
+        ``under_way``: what would follow the start. Raises NotConverged.
+        """
+        failures, accuracy = list[DeltaOptError](), max(_FIRST_MESH_TOLERANCE, self.tolerance)
+        found = None
+        for motion in first_moving_motions(scene, under_way):
+            try:
+                found = self._fastest(scene, Guess(motion, near=False, tolerance=accuracy), report)
+                break
+            except (NotConverged, Unreachable, Singular) as error:
+                report(str(error))
+                failures.append(error)
+        finished = None if under_way is None else self._finished_first(scene, under_way, found)
+        if finished is not None:
+            return finished
+        if found is None:
+            if failures:
+                raise failures[0]
+            raise Infeasible("no simple motion between both ends stays within reach")
+        return found
+
+    def _finished_first(
+        self, scene: Scene, under_way: PiecewisePolynomial, found: Plan | None
+    ) -> Plan | None:
+        """The motion under way to its end and then one from rest to rest, if that is shorter than
+        what was ``found`` instead; None if not, if the goal is no point, or if it breaks a limit.
+
+        Its gap is infinite: how much longer it is than the best is not known.
+        """
+        begin = perf_counter()
+        rest = from_rest(scene, end_of(under_way))
+        if isinstance(rest.task, MovingEnds):
+            return None
+        left = float(under_way.knots[-1])
+        if found is not None and found.duration <= left + lower_bound(rest):
+            return None
+        try:
+            then = self._plan(rest, next(self._guesses(rest, 1, 1)), lambda _: None)
+        except DeltaOptError:
+            return None
+        if found is not None and found.duration <= left + then.duration:
+            return None
+        position, model = under_way.then(then.trajectory.position), then.trajectory.model
+        trajectory = moving_on(scene.task, Trajectory(position, model))
+        if highest_rows(scene, trajectory).values.max() > 1 + KEPT:
+            return None
+        return replace(
+            then,
+            scene=scene,
+            trajectory=trajectory,
+            intervals=len(trajectory.knots) - 1,
+            solve_seconds=perf_counter() - begin + (found.solve_seconds if found else 0.0),
+            gap=inf,
+            certificate=None,
+            resolved=False,
+        )
 
     def _plan_on_path(self, scene: Scene, task: OnPath, starts: int, report: Progress) -> Plan:
         """Plan the fastest motion on the path that a scene gives: there is one, and no guess.
@@ -410,7 +508,7 @@ class Planner:
                 failures.append(error)
         if not plans:
             raise failures[0]
-        length = float(np.linalg.norm(np.subtract(scene.goal, scene.start)))
+        length = distance(scene.task)
         optima = distinct([(each.trajectory, each.cost, each.gap) for each in plans], length)
         best = min(plans, key=lambda each: each.cost)
         return replace(best, optima=tuple(optima), solve_seconds=perf_counter() - begin)
@@ -437,19 +535,29 @@ class Planner:
         """
         begin = perf_counter()
         model = delta_model(scene.robot, scene.payload)
-        scaling = Scaling(scene, guess.trajectory.duration)
+        moving = isinstance(scene.task, MovingEnds)
+        extent = guess.trajectory.extent if moving else None
+        scaling = Scaling(scene, guess.trajectory.duration, extent=extent)
         refinement = Refinement(
             self._problem(model, scaling, FASTEST),
             scaling,
             model,
             self.tolerance,
-            self._resolver(scaling, model, report),
+            None if moving else self._resolver(scaling, model, report),
             report,
         )
         resolved = refinement.from_guess(guess, self.intervals)
         solutions, iterations = refinement.solutions, refinement.iterations
         best = min(range(len(iterations)), key=lambda i: iterations[i].safe_duration)
-        if not resolved:
+        if moving:
+            solutions = [
+                *solutions[: best + 1],
+                kept(refinement.problem, solutions[best], self.tolerance),
+            ]
+            iterations = [*iterations[: best + 1], iteration_of(solutions)]
+            best += 1
+            report(str(iterations[-1]))
+        elif not resolved:
             solutions[best] = solutions[best].exact()
             iterations[best] = iteration_of(solutions[: best + 1])
         chosen = resolved or solutions[best]
@@ -460,7 +568,11 @@ class Planner:
                 chosen.status,
                 chosen.trajectory,
             )
-        trajectory = _safe(scene, chosen.trajectory, chosen.safe_factor, chosen.status)
+        trajectory = (
+            moving_on(scene.task, chosen.trajectory)
+            if moving
+            else _safe(scene, chosen.trajectory, chosen.safe_factor, chosen.status)
+        )
         gap = resolved.gap if resolved else gap_of(iterations, best)
         if scene.rotation:  # nothing is faster than what it takes
             gap = min(gap, max(0.0, trajectory.duration / scene.least_duration - 1))
@@ -569,12 +681,27 @@ class Planner:
         return self.transcription or usual
 
 
+def _state_of(motion: Motion) -> tuple[State, PiecewisePolynomial | None]:
+    """The state of a motion at its only instant, and what follows of the motion it belongs to.
+
+    Raises ValueError where it has several instants.
+    """
+    if len(motion.t) != 1:
+        raise ValueError(f"start has {len(motion.t)} instants; one is needed")
+    state = State(at=tuple(motion.x[0].tolist()), velocity=tuple(motion.v[0].tolist()))
+    trajectory, t = motion.under_way, float(motion.t[0])
+    if trajectory is None or not trajectory.knots[0] <= t < trajectory.knots[-1]:
+        return state, None
+    return state, trajectory.position.after(t)
+
+
 def timed_line(scene: Scene, tolerance: float = 1e-3) -> Plan:
     """The fastest motion on the straight line from start to goal, whatever path the scene gives.
 
     ``tolerance``: relative gap of its duration. Raises Unreachable, Singular or Infeasible where
     the line cannot be driven.
     """
+    given_points(scene.task)
     on_line = scene.model_copy(update={"path": Line(), "objective": Time()})
     return plan(on_line, tolerance=tolerance)
 

@@ -159,8 +159,9 @@ class Refinement:
 
     def certificate(self, chosen: int) -> Certificate | None:
         """The certificate of a mesh solution, by its index; None if it has none."""
-        resolver, solution = self.resolver, self.solutions[chosen]
-        return None if resolver is None else resolver.certificate(solution)
+        if self.resolver is None:
+            return None
+        return self.resolver.certificate(self.solutions[chosen])
 
     @property
     def _done(self) -> bool:
@@ -178,7 +179,8 @@ class Refinement:
     def _solve(self, mesh: Array, guess: Guess, scaling: Scaling) -> None:
         self.solutions.append(solve_on_mesh(self.problem.on(mesh), scaling, guess, self.model))
         self.iterations.append(iteration_of(self.solutions))
-        if self._within_tolerance:  # so far limits were checked at samples: now at all instants
+        if self._within_tolerance and self.scaling.scene.task.is_at_rest:
+            # So far limits were checked at samples: now at all instants.
             self.solutions[-1] = self.solutions[-1].exact()
             self.iterations[-1] = iteration_of(self.solutions)
         self.report(str(self.iterations[-1]))

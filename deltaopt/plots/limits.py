@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from deltaopt.motion.limit_curves import LimitCurves, limit_curves
-from deltaopt.motion.trajectory import Array, Trajectory
+from deltaopt.motion.trajectory import Array, Trajectory, ends_of
 from deltaopt.plots.colours import COLOURS, GREY
 from deltaopt.plots.style import figure, motor_curves, without_box
 from deltaopt.scene.scene import Scene
@@ -44,6 +44,7 @@ def draw_limits(
     motion = trajectory.inside_intervals(inside)
     curves = list(limit_curves(scene, trajectory, inside))
     begin, end = trajectory.knots[[0, -1]]
+    ends = ends_of(scene.task, trajectory)
     ticks = trajectory(np.linspace(begin, end, _TICKS + 1)[1:-1]).x
     panels = max(2, len(curves))
     rows = panels + (extremal is not None)
@@ -59,11 +60,11 @@ def draw_limits(
         left[-1].set_xlabel(r"time $t$ (s)")
         side = page.add_subplot(grid[0, 1])
         side.set_ylabel("$x$ (mm), down")
-        _path(side, scene, motion.x, ticks, along=0)
+        _path(side, ends, motion.x, ticks, along=0)
         side.invert_yaxis()
         above = page.add_subplot(grid[1, 1])
         above.set_ylabel("$z$ (mm)")
-        _path(above, scene, motion.x, ticks, along=2)
+        _path(above, ends, motion.x, ticks, along=2)
         if extremal is not None:
             switching = page.add_subplot(grid[panels, 0], sharex=left[0])
             _switching(switching, extremal)
@@ -139,12 +140,13 @@ def _limit_lines(axes: Axes, bounds: Array) -> None:
             axes.axhline(bound, color=colour, label="" if named else _LIMIT, **style)
 
 
-def _path(axes: Axes, scene: Scene, path: Array, ticks: Array, *, along: int) -> None:
+def _path(axes: Axes, ends: Array, path: Array, ticks: Array, *, along: int) -> None:
     """Draw a path, (N, 3), m, in a plane of the base frame: y to the right, x or z upwards, mm.
 
-    ``along``: index of the upward axis, 0 or 2. ``ticks``: points of the path to mark, (n, 3), m.
+    ``ends``: start and goal, (2, 3), m. ``along``: index of the upward axis, 0 or 2. ``ticks``:
+    points of the path to mark, (n, 3), m.
     """
-    ends = 1e3 * np.array([scene.start, scene.goal])[:, [1, along]].T
+    ends = 1e3 * ends[:, [1, along]].T
     across, up = 1e3 * path[:, [1, along]].T
     axes.plot(*ends, ":", color=GREY, linewidth=0.9, label="straight line")
     axes.plot(across, up, "-", color="black", label="path, a dot each tenth of the time")

@@ -12,13 +12,12 @@ from matplotlib.axes import Axes
 from matplotlib.patheffects import Normal, Stroke
 
 from deltaopt.motion.limit_curves import limit_curves
-from deltaopt.motion.trajectory import Array, Trajectory
-from deltaopt.output.headline import ASSUMPTION, headline
+from deltaopt.motion.trajectory import Array, Trajectory, ends_of
+from deltaopt.output.headline import assumption, title
 from deltaopt.plots.colours import BLACK, COLOURS, GREY, LIGHT_GREY
 from deltaopt.plots.robot_view import View, draw_robot, view_of_move
 from deltaopt.plots.style import LARGE, SMALL, figure, motor_curves, without_box
 from deltaopt.scene.scene import Scene
-from deltaopt.scene.task import distance
 from deltaopt.verify.duty import Duty
 
 _INSTANTS = 5
@@ -45,20 +44,23 @@ def draw(
     known. The format follows the file's suffix: png, pdf or svg.
     """
     with figure(file, 7.2, 6.0) as page:
-        page.suptitle(headline(trajectory.duration), fontsize=LARGE)
+        page.suptitle(title(scene.task, trajectory.duration), fontsize=LARGE)
         grid = page.add_gridspec(3, 2, width_ratios=[1.2, 1], height_ratios=[1.25, 1, 1.15])
         _robot(page.add_subplot(grid[:2, 0]), scene, trajectory)
         _path(page.add_subplot(grid[0, 1]), scene, trajectory)
         _bars(page.add_subplot(grid[1, 1]), {**others, "this plan": trajectory.duration})
         _torques(page.add_subplot(grid[2, :]), scene, trajectory, duty)
-        caption = fill(f"{_what(scene)}; {ASSUMPTION}", _LINE)
+        told = filter(None, (_what(scene, trajectory), assumption(scene.task)))
+        caption = fill("; ".join(told), _LINE)
         page.supxlabel(caption, fontsize=SMALL, color=GREY)
 
 
-def _what(scene: Scene) -> str:
+def _what(scene: Scene, trajectory: Trajectory) -> str:
     """The robot, the distance, the load and the objective."""
+    start, goal = ends_of(scene.task, trajectory)
+    way = float(np.linalg.norm(goal - start))
     load = f" with {scene.payload:g} kg" if scene.payload else ""
-    return f"{scene.robot.name}: {1e3 * distance(scene.task):.3g} mm{load}, {scene.objective}"
+    return f"{scene.robot.name}: {1e3 * way:.3g} mm{load}, {scene.objective}"
 
 
 def _instants(trajectory: Trajectory) -> Array:
@@ -68,7 +70,7 @@ def _instants(trajectory: Trajectory) -> Array:
 
 def _robot(axes: Axes, scene: Scene, trajectory: Trajectory) -> None:
     """Draw the robot at some instants, the later the darker, and the path of its tool."""
-    view = view_of_move(np.array(scene.start), np.array(scene.goal))
+    view = view_of_move(*ends_of(scene.task, trajectory))
     motion = trajectory(_instants(trajectory))
     strengths = np.linspace(_FAINTEST, 1, _INSTANTS) ** 1.5
     for x, theta, strength in zip(motion.x, motion.theta, strengths, strict=True):
@@ -82,7 +84,7 @@ def _robot(axes: Axes, scene: Scene, trajectory: Trajectory) -> None:
 def _lines(axes: Axes, scene: Scene, trajectory: Trajectory, view: View) -> None:
     """Draw the straight line from start to goal, the path, and where it begins and ends."""
     begin, end = trajectory.knots[[0, -1]]
-    ends = view(np.array([scene.task.start.position, scene.task.goal.position]))
+    ends = view(ends_of(scene.task, trajectory))
     path = view(trajectory(np.linspace(begin, end, _SAMPLES)).x)
     above: dict[str, Any] = {"color": BLACK, "zorder": 4}
     halo = [Stroke(linewidth=3.0, foreground="white"), Normal()]
@@ -94,7 +96,7 @@ def _lines(axes: Axes, scene: Scene, trajectory: Trajectory, view: View) -> None
 
 def _path(axes: Axes, scene: Scene, trajectory: Trajectory) -> None:
     """Draw the path alone, seen from the side: along the move to the right, up is up; mm."""
-    start, goal = (np.array(end.position) for end in (scene.task.start, scene.task.goal))
+    start, goal = ends_of(scene.task, trajectory)
     level = View(view_of_move(start, goal, aside=0.0).turn, 0.0)
 
     def place(points: Array) -> Array:

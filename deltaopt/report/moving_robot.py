@@ -9,7 +9,7 @@ import numpy as np
 
 from deltaopt.mechanisms.delta.mechanism import AZIMUTHS
 from deltaopt.motion.active_limits import ActiveLimit, share_curves
-from deltaopt.motion.trajectory import Array, Trajectory
+from deltaopt.motion.trajectory import Array, Trajectory, ends_of
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.scene import Scene
 
@@ -27,6 +27,7 @@ def drawing(
 ) -> dict[str, object]:
     """Everything the script draws: the robot's shape, its frames, curves of limits, bands."""
     begin, end = trajectory.knots[[0, -1]]
+    start, goal = ends_of(scene.task, trajectory).tolist()
     frames = trajectory(np.linspace(begin, end, FRAMES + 1))
     intervals = len(trajectory.knots) - 1
     steps = min(_MOST_PER_INTERVAL, max(2, -(-_SAMPLES // intervals)))
@@ -36,8 +37,8 @@ def drawing(
     return {
         "duration": trajectory.duration,
         "robot": shape(scene.robot),
-        "start": list(scene.start),
-        "goal": list(scene.goal),
+        "start": start,
+        "goal": goal,
         "frames": {
             "t": _rounded(frames.t - begin, 7),
             "x": _rounded(frames.x, 7),

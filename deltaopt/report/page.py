@@ -15,18 +15,17 @@ from importlib.resources import files
 from math import isfinite
 from pathlib import Path
 
-from deltaopt.errors import in_words
 from deltaopt.files.atomic_write import atomic_write
 from deltaopt.files.html_table import html_table
 from deltaopt.motion.active_limits import ActiveLimit, active_limits
 from deltaopt.motion.limit_sensitivity import LimitSensitivity, limits_in_words
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.output.headline import headline
+from deltaopt.output.headline import title
 from deltaopt.plots.colours import COLOURS, OF_LIMITS
 from deltaopt.report.modelled import modelled, not_modelled
 from deltaopt.report.moving_robot import drawing
 from deltaopt.scene.scene import Scene
-from deltaopt.scene.task import distance
+from deltaopt.scene.task import MovingEnds, ends_in_words
 from deltaopt.verify.duty import Duty
 from deltaopt.verify.verification import Check, Verification
 
@@ -84,7 +83,7 @@ def report(
 <meta http-equiv="Content-Security-Policy"
  content="default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:">
 <link rel="icon" href="data:,">
-<title>{escape(headline(trajectory.duration))}, {escape(scene.robot.name)}</title>
+<title>{escape(title(scene.task, trajectory.duration))}, {escape(scene.robot.name)}</title>
 <style>
 {_own_file("page.css")}</style>
 </head>
@@ -108,12 +107,16 @@ def _limits(active: Iterable[ActiveLimit], sensitivities: Iterable[LimitSensitiv
     ]
 
 
+_PICKS = """ The picks per minute
+count the way there and one as long back, and no time for gripping."""
+
+
 def _head(
     scene: Scene, trajectory: Trajectory, verification: Verification, gap: float | None
 ) -> str:
     payload = "without payload" if scene.payload is None else f"with {scene.payload:g} kg"
-    way = f"{1e3 * distance(scene.task):.4g} mm"
-    start, goal = in_words(scene.start), in_words(scene.goal)
+    way = f"{1e3 * verification.way:.4g} mm"
+    picks = "" if isinstance(scene.task, MovingEnds) else _PICKS
     optimality = (
         "This motion was not optimised: it is the straight line, as fast as the limits permit by "
         "a quintic law."
@@ -133,9 +136,8 @@ def _head(
     )
     return f"""<header>
 <p class="robot">{escape(scene.robot.name)}</p>
-<h1>{escape(headline(trajectory.duration))}</h1>
-<p>{escape(way)} from {escape(start)} to {escape(goal)} m, {escape(payload)}. The picks per minute
-count the way there and one as long back, and no time for gripping.</p>
+<h1>{escape(title(scene.task, trajectory.duration))}</h1>
+<p>{escape(way)} from {escape(ends_in_words(scene.task))}, {escape(payload)}.{picks}</p>
 <p>{escape(optimality)}</p>
 <p class="{"good" if verification.ok else "bad"}">{escape(verified)}</p>
 </header>

@@ -18,6 +18,7 @@ from deltaopt.mechanisms.delta.instant import CoordinateInstant
 from deltaopt.mechanisms.delta.mechanism import DeltaTerms
 from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.scene.scene import Scene, limits_of
+from deltaopt.scene.task import REST, EndState
 
 _SHORTEST_MOVE = 1e-12
 """Shortest distance from start to goal, m: coordinates of about a metre have a rounding error of
@@ -26,6 +27,9 @@ _CLEAR = 1e-6
 """Squared distance from serial singularities above which an end needs no closer look."""
 _ROUNDING = 1e-12
 """By how much, in its unit, a quantity may be beyond a bound that it was given to be at."""
+_PLANNED = 1e-8
+"""Share of a bound by which a state that is passed may be beyond it: a planned motion keeps its
+limits to 1e-9, and who interrupts it may know it to fewer digits."""
 _SAME_PLACE = 1e-6
 """Distance in m within which forward and inverse kinematics must agree. Near a parallel singularity
 forward kinematics loses half of its digits."""
@@ -34,9 +38,14 @@ forward kinematics loses half of its digits."""
 def check_feasible(scene: Scene) -> None:
     """Check that the platform can be at rest at start and goal within all limits, and leave.
 
-    Raises Unreachable, Singular or Infeasible, each with a sentence that says why not.
+    Where an end moves, it must keep the limits of position and speed. Of a goal on a belt nothing
+    is known before it is met. Raises Unreachable, Singular or Infeasible, each with a sentence that
+    says why not.
     """
-    way = float(np.linalg.norm(np.subtract(scene.goal, scene.start)))
+    if scene.moves_at_ends:
+        return _check_moving_ends(scene)
+    start, goal = scene.given_points
+    way = float(np.linalg.norm(np.subtract(goal, start)))
     if way < _SHORTEST_MOVE:
         raise Infeasible(
             f"start and goal are {way:.1e} m apart, which coordinates in double precision "
@@ -45,10 +54,53 @@ def check_feasible(scene: Scene) -> None:
     if _is_feasible(scene):
         return
     model = delta_model(scene.robot, scene.payload)
-    for name, point in (("start", scene.start), ("goal", scene.goal)):
+    for name, point in (("start", start), ("goal", goal)):
         _require_reach(model, name, point)
         _require_rest(model, scene, name, point)
         _require_departure(model, name, point)
+
+
+def _check_moving_ends(scene: Scene) -> None:
+    """``check_feasible`` for a motion that begins or ends moving."""
+    model, limits = delta_model(scene.robot, scene.payload), limits_of(scene)
+    of, (start, goal) = (model.functions.terms, limits.constraints), scene.ends
+    known = [("goal", goal)] if isinstance(goal, EndState) else []
+    for name, end in [("start", start), *known]:
+        numbers = np.concatenate([limits.numbers, model.parameters])
+        at, rates = np.array([end.position]), np.array([end.velocity])
+        back, rows, distances = (
+            _rest_function(*of)(at, parameters=numbers)
+            if end.velocity == REST
+            else _state_function(*of)(np.hstack([at, rates]), parameters=numbers)
+        )
+        there = np.linalg.norm(back - at) <= _SAME_PLACE
+        if there and (np.abs(rows) <= 1).all() and distances.min() > _CLEAR:
+            continue
+        _require_reach(model, name, end.position)
+        for sentence in _exceeded(scene, end):
+            moving = "at rest" if end.velocity == REST else f"at {in_words(end.velocity)} m/s"
+            raise Infeasible(f"{name}: {moving} at {in_words(end.position)} m the {sentence}")
+        _require_departure(model, name, end.position)
+
+
+@lru_cache(maxsize=32)
+def _state_function(terms: DeltaTerms, constraints: Constraints) -> RowFunction:
+    """(x and v, numbers of the limits and p) -> as ``_rest_function`` for a platform that moves,
+    with the rows of positions and speeds alone."""
+    functions = delta_functions(terms, Explicit())
+    state, p, numbers = (
+        ca.SX.sym("state", 6),
+        ca.SX.sym("p", len(terms.names)),
+        constraints.numbers(),
+    )
+    x, v = state[:3], state[3:]
+    motion = CoordinateInstant.general(functions, x, v, ca.SX.zeros(3), p)
+    back, rows = functions.forward_kinematics(motion.theta, p), constraints.rows(motion, numbers)
+    of_state = np.flatnonzero(constraints.orders < 2).tolist()
+    within = [_within(rows[i], *constraints.sides[i]) for i in of_state]
+    results = [back, ca.vertcat(*within), functions.serial_distances(x, p)]
+    inputs = [state, ca.vertcat(numbers, p)]
+    return RowFunction(ca.Function("state", inputs, results, {"cse": True}))
 
 
 def serial_distances_at_ends(scene: Scene) -> Array:
@@ -61,7 +113,7 @@ def serial_distances_at_ends(scene: Scene) -> Array:
 
 def _is_feasible(scene: Scene) -> bool:
     """Whether start and goal pass all checks with room to spare, in one compiled evaluation."""
-    ends = np.array([scene.start, scene.goal])
+    ends = np.array(scene.given_points)
     back, rows, distances = _ends(scene)
     there = np.linalg.norm(back - ends, axis=1) <= _SAME_PLACE  # False where not a number
     held = (np.abs(rows) <= 1).all()
@@ -72,7 +124,7 @@ def _ends(scene: Scene) -> tuple[Array, ...]:
     """The results of ``_rest_function`` at start and goal, two rows each."""
     model, limits = delta_model(scene.robot, scene.payload), limits_of(scene)
     rest = _rest_function(model.functions.terms, limits.constraints)
-    ends = np.array([scene.start, scene.goal])
+    ends = np.array(scene.given_points)
     return rest(ends, parameters=np.concatenate([limits.numbers, model.parameters]))
 
 
@@ -121,19 +173,24 @@ def _require_rest(model: DeltaModel, scene: Scene, name: str, point: Vector3) ->
         model.inverse_dynamics(point, np.zeros(3), np.zeros(3))
     except Unreachable as error:
         raise Unreachable(f"{name}: {error}") from None
-    for sentence in _exceeded_at_rest(scene, point):
+    for sentence in _exceeded(scene, EndState(point)):
         raise Infeasible(f"{name}: at rest at {in_words(point)} m the {sentence}")
 
 
-def _exceeded_at_rest(scene: Scene, point: Vector3) -> Iterator[str]:
-    """A phrase for each limit that is exceeded with the platform at rest at a point."""
+def _exceeded(scene: Scene, end: EndState) -> Iterator[str]:
+    """A phrase for each limit that is exceeded with the platform in a state: those of torque and
+    acceleration only if it is at rest, for else these are not known yet."""
     model, limits = delta_model(scene.robot, scene.payload), limits_of(scene)
-    constraints, rest = limits.constraints, ca.SX.zeros(3)
-    x, p, numbers = (ca.SX(ca.DM(each)) for each in (point, model.parameters, limits.numbers))
-    motion = CoordinateInstant.general(model.functions, x, rest, rest, p)
+    constraints, orders = limits.constraints, limits.constraints.orders
+    given = end.position, end.velocity, model.parameters, limits.numbers
+    x, v, p, numbers = (ca.SX(ca.DM(each)) for each in given)
+    motion = CoordinateInstant.general(model.functions, x, v, ca.SX.zeros(3), p)
     found = np.array(ca.DM(constraints.measures(motion, numbers))).ravel()
     for row, (value, lower, upper) in enumerate(zip(found, *limits.bounds, strict=True)):
-        if not lower - _ROUNDING <= value <= upper + _ROUNDING:
+        if end.velocity != REST and orders[row] > 1:
+            continue
+        rounding = _ROUNDING if end.velocity == REST else _PLANNED * max(1.0, abs(value))
+        if not lower - rounding <= value <= upper + rounding:
             limit = constraints.limits[constraints.item_of(row)[0]]
             beyond, bound = ("at most", upper) if value > upper else ("at least", lower)
             by = f" by {limit.robot_key}" if limit.robot_key else ""

@@ -22,7 +22,7 @@ from pydantic import (
 from deltaopt.errors import SceneError, shown
 from deltaopt.files.html_table import html_table
 from deltaopt.files.units import LENGTH, MASS
-from deltaopt.files.validated_record import Number, Positive, Record
+from deltaopt.files.validated_record import Number, Positive, Record, Vector3
 from deltaopt.files.yaml_file import place_of, read_yaml
 from deltaopt.limits.acceleration import Acceleration
 from deltaopt.limits.arm_range import ArmRange
@@ -37,6 +37,17 @@ from deltaopt.limits.torque import Torque
 from deltaopt.limits.torque_curve import TorqueCurve
 from deltaopt.limits.workspace import WorkspaceDepth, WorkspaceRadius
 from deltaopt.robot.robot import Robot, load_robot
+from deltaopt.scene.moving_ends import (
+    EXPECTED_GOAL,
+    EXPECTED_START,
+    Anywhere,
+    Belt,
+    State,
+    content_of_end,
+    end_in,
+    end_of,
+    start_of,
+)
 from deltaopt.scene.objective import EXPECTED, Objective, Time, content_of, objective_in
 from deltaopt.scene.path import EXPECTED as EXPECTED_PATH
 from deltaopt.scene.path import (
@@ -49,7 +60,16 @@ from deltaopt.scene.path import (
     points_in,
 )
 from deltaopt.scene.rotation import Rotation
-from deltaopt.scene.task import OnPath, RestToRest, Task
+from deltaopt.scene.task import (
+    REST,
+    EndState,
+    Goal,
+    MovingEnds,
+    OnPath,
+    RestToRest,
+    Task,
+    given_points,
+)
 
 _ROBOT_FILE = "the path of a robot file, relative to the scene file"
 
@@ -85,8 +105,9 @@ class Scene(Record):
     """A motion to plan: the tool's point from rest at ``start`` to rest at ``goal``.
 
     The tool's point is the platform's centre if the robot has no tool with an offset. ``start``,
-    ``goal``: three coordinates each in m, x down from the base's centre. ``payload``: mass m₂ in kg
-    at the platform; None for no payload. ``limits``: beside those of the robot's drive.
+    ``goal``: three coordinates each in m, x down from the base's centre. An end that moves is a
+    `State`, or a `Belt` as the goal; `Anywhere` as the goal is the fastest stop. ``payload``: mass
+    m₂ in kg at the platform; None for no payload. ``limits``: beside those of the robot's drive.
     ``rotation``: of a fourth axis, which the motion takes no less time than. ``objective``: what is
     minimised, time by default. A key ``tool`` replaces the robot's tool as a whole: it is then that
     of ``robot``. Raises SceneError for values that cannot be used.
@@ -96,11 +117,11 @@ class Scene(Record):
     payload: Annotated[Positive, MASS] | None = Field(
         default=None, description="a mass in kg, greater than 0"
     )
-    start: Annotated[tuple[Number, Number, Number], LENGTH] = Field(
-        description="three coordinates [x, y, z] in m"
+    start: Annotated[tuple[Number, Number, Number], LENGTH] | State = Field(
+        description=EXPECTED_START
     )
-    goal: Annotated[tuple[Number, Number, Number], LENGTH] = Field(
-        description="three coordinates [x, y, z] in m"
+    goal: Annotated[tuple[Number, Number, Number], LENGTH] | State | Belt | Anywhere = Field(
+        description=EXPECTED_GOAL
     )
     limits: Limits | None = Field(
         default=None,
@@ -123,9 +144,31 @@ class Scene(Record):
     @property
     def task(self) -> Task:
         """The task of the motion: what is known at its start and goal, and of its path."""
+        start, goal = self.ends
+        if self.moves_at_ends or not isinstance(goal, EndState):
+            return MovingEnds(start, goal)
         if self.path is None:
-            return RestToRest(self.start, self.goal)
-        return OnPath.of(self.start, self.goal, self.path)
+            return RestToRest(start.position, goal.position)
+        return OnPath.of(start.position, goal.position, self.path)
+
+    @property
+    def given_points(self) -> tuple[Vector3, ...]:
+        """The points in m that are known of the motion's ends: the start and, unless it moves or is
+        anywhere, the goal."""
+        start, goal = self.ends
+        return (start.position, goal.position) if isinstance(goal, EndState) else (start.position,)
+
+    @property
+    def ends(self) -> tuple[EndState, Goal]:
+        """What the motion begins and ends in."""
+        return start_of(self.start), end_of(self.goal)
+
+    @property
+    def moves_at_ends(self) -> bool:
+        """Whether an end moves or is anywhere; the ends of a given path are points."""
+        start, goal = self.ends
+        at_rest = isinstance(goal, EndState) and goal.velocity == REST
+        return not (at_rest and start.velocity == REST)
 
     def _repr_html_(self) -> str:
         """The scene as a table, for notebooks."""
@@ -173,7 +216,17 @@ class Scene(Record):
             given["limits"] = _without_shares(given["limits"], given.get("robot", self.robot))
         if "path" in given:
             given["path"] = path_in(given["path"])
+        for key in {"start", "goal"} & set(given):
+            given[key] = end_in(key, given[key])
         return super().model_copy(update=given, deep=deep)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read_ends(cls, content: Any) -> Any:
+        if not isinstance(content, dict):
+            return content
+        ends = {key: end_in(key, content[key]) for key in ("start", "goal") if key in content}
+        return content | ends
 
     @model_validator(mode="before")
     @classmethod
@@ -188,7 +241,9 @@ class Scene(Record):
     @model_serializer(mode="wrap")
     def _write_objective(self, rest: SerializerFunctionWrapHandler) -> dict[str, object]:
         path = {} if self.path is None else {"path": content_of_path(self.path)}
-        return {**rest(self), **path, **content_of(self.objective)}
+        moving = (key for key in ("start", "goal") if not isinstance(getattr(self, key), tuple))
+        ends = {key: content_of_end(getattr(self, key)) for key in moving}
+        return {**rest(self), **ends, **path, **content_of(self.objective)}
 
     @classmethod
     def _keys(cls) -> list[str]:
@@ -196,8 +251,24 @@ class Scene(Record):
 
     @model_validator(mode="after")
     def _moves(self) -> Self:
-        if self.start == self.goal:
+        task = self.task
+        if isinstance(task, MovingEnds):
+            return self._can_move_at_ends(task)
+        if task.start == task.goal:
             raise SceneError(None, "goal", self.goal, "a point in m other than start")
+        return self
+
+    def _can_move_at_ends(self, task: MovingEnds) -> Self:
+        """The scene itself; raises SceneError where it says what moving ends do not go with."""
+        if task.start == task.goal:
+            raise SceneError(None, "goal", content_of_end(self.goal), "a state other than start")
+        if isinstance(self.goal, Anywhere) and task.start.velocity == REST:
+            raise SceneError(None, "goal", "anywhere", "a start that moves: {at: …, velocity: …}")
+        for key in ("path", "rotation"):
+            if getattr(self, key) is not None:
+                raise SceneError(None, key, getattr(self, key), "start and goal at rest beside it")
+        if not isinstance(self.objective, Time):
+            raise SceneError(None, "objective", str(self.objective), "time, where an end moves")
         return self
 
     @model_validator(mode="after")
@@ -212,7 +283,7 @@ class Scene(Record):
     def _path_fits(self) -> Self:
         if self.path is None:
             return self
-        self.path.between(self.start, self.goal)
+        self.path.between(*given_points(self.task))
         if not isinstance(self.objective, Time):
             expected = "time, where a path is given"
             raise SceneError(None, "objective", str(self.objective), expected)

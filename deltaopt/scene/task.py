@@ -7,6 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
+from deltaopt.errors import Infeasible, in_words
 from deltaopt.files.validated_record import Vector3
 from deltaopt.scene.path import GivenPath, Path
 
@@ -20,6 +21,54 @@ class EndState:
     position: Vector3
     velocity: Vector3 = REST
 
+    def at(self, duration: float, reached: Vector3) -> EndState:
+        """The state itself, for it depends neither on time nor on the motion."""
+        return self
+
+    @property
+    def description(self) -> str:
+        """The state in words: a point in m, and its velocity unless it is at rest."""
+        point = f"{in_words(self.position)} m"
+        return point if self.velocity == REST else f"{point} at {in_words(self.velocity)} m/s"
+
+
+@dataclass(frozen=True)
+class MovingPoint:
+    """A goal on a belt: the point ``position`` + ``velocity`` t, t from the motion's start, met at
+    the belt's velocity; m and m/s."""
+
+    position: Vector3
+    velocity: Vector3
+
+    def at(self, duration: float, reached: Vector3) -> EndState:
+        """The point and its velocity after ``duration`` (s)."""
+        x, y, z = np.add(self.position, np.multiply(duration, self.velocity)).tolist()
+        return EndState((x, y, z), self.velocity)
+
+    @property
+    def description(self) -> str:
+        """The goal in words."""
+        return f"{in_words(self.position)} m on a belt of {in_words(self.velocity)} m/s"
+
+
+@dataclass(frozen=True)
+class RestAnywhere:
+    """A goal that is met wherever the platform comes to rest."""
+
+    def at(self, duration: float, reached: Vector3) -> EndState:
+        """At rest at the place that a motion has ``reached``, m."""
+        return EndState(reached)
+
+    @property
+    def description(self) -> str:
+        """The goal in words."""
+        return "rest, anywhere"
+
+
+Goal = EndState | MovingPoint | RestAnywhere
+"""What a motion is to reach. ``at(duration, reached)`` is the state that a motion must end in if
+it takes ``duration`` (s) and ends at the point ``reached`` (m)."""
+
 
 class Task(Protocol):
     """The boundary values of a motion, at its start and its goal."""
@@ -27,7 +76,13 @@ class Task(Protocol):
     @property
     def start(self) -> EndState: ...
     @property
-    def goal(self) -> EndState: ...
+    def goal(self) -> Goal: ...
+
+    @property
+    def is_at_rest(self) -> bool:
+        """Whether the motion is at rest at both ends, so that slowed uniformly it still solves the
+        task."""
+        ...
 
     @property
     def description(self) -> str:
@@ -51,8 +106,32 @@ class RestToRest:
         return EndState(self.end)
 
     @property
+    def is_at_rest(self) -> bool:
+        return True
+
+    @property
     def description(self) -> str:
         return "from rest to rest, path free"
+
+
+@dataclass(frozen=True)
+class MovingEnds:
+    """The task to move, on any path, from a state to a goal, not both at rest and given."""
+
+    start: EndState
+    goal: Goal
+
+    @property
+    def is_at_rest(self) -> bool:
+        return False
+
+    @property
+    def description(self) -> str:
+        if isinstance(self.goal, RestAnywhere):
+            return "the fastest stop"
+        if isinstance(self.goal, MovingPoint):
+            return "to a point on a belt, path free"
+        return "from state to state, path free"
 
 
 @dataclass(frozen=True)
@@ -83,6 +162,10 @@ class OnPath:
         return self._at(1, self.end)
 
     @property
+    def is_at_rest(self) -> bool:
+        return self.speeds == (0.0, 0.0)
+
+    @property
     def description(self) -> str:
         moves = "from rest to rest" if self.speeds == (0.0, 0.0) else "from speed to speed"
         return f"{moves}, {self.shape}"
@@ -107,6 +190,29 @@ class OnPath:
         return EndState(position, (x, y, z))
 
 
+def given_points(task: Task) -> tuple[Vector3, Vector3]:
+    """Start and goal, m, of a motion that is at rest at both, or on a given path.
+
+    Raises Infeasible for others: methods that slow a motion, or compare it with a straight line
+    from rest to rest, have nothing to say of them.
+    """
+    if isinstance(task, MovingEnds) or not isinstance(task.goal, EndState):
+        raise Infeasible(
+            "an end of the motion moves or is not given; this is for motions from rest at one "
+            "point to rest at another"
+        )
+    return task.start.position, task.goal.position
+
+
+def ends_in_words(task: Task) -> str:
+    """From where to where a motion leads: points in m, and velocities in m/s where they move."""
+    if isinstance(task, MovingEnds):
+        return f"{task.start.description} to {task.goal.description}"
+    start, goal = (in_words(point) for point in given_points(task))
+    return f"{start} to {goal} m"
+
+
 def distance(task: Task) -> float:
-    """The straight distance from start to goal, m."""
-    return float(np.linalg.norm(np.subtract(task.goal.position, task.start.position)))
+    """The straight distance from start to goal, m. Raises Infeasible as ``given_points`` does."""
+    start, goal = given_points(task)
+    return float(np.linalg.norm(np.subtract(goal, start)))

@@ -23,10 +23,10 @@ from numpy.typing import NDArray
 from deltaopt.dynamics.lagrange import Multiplier
 from deltaopt.dynamics.simulation import PreciseIntegrator
 from deltaopt.mechanisms.delta.functions import DeltaFunctions
-from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
+from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory, goal_of
 from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.scene.scene import Scene
-from deltaopt.scene.task import EndState, Task
+from deltaopt.scene.task import EndState
 from deltaopt.verify.units import Units
 
 Index = NDArray[np.intp]
@@ -94,7 +94,8 @@ class _Torques:
     """The torques of a trajectory, which drive a model. ``p``: parameters of both their models.
     ``position`` and ``p`` are in ``units``; arguments and results too, unless it is said."""
 
-    task: Task
+    start: EndState
+    goal: EndState
     units: Units
     position: PiecewisePolynomial
     step: PreciseIntegrator
@@ -106,14 +107,15 @@ class _Torques:
         powers = position.coefficients.shape[1]
         step = _step(model.functions, trajectory.model.functions, powers)
         p = np.concatenate([units.parameters(model), units.parameters(trajectory.model)])
-        return cls(scene.task, units, units.position(position), step, p)
+        goal = goal_of(scene.task, trajectory)
+        return cls(scene.task.start, goal, units, units.position(position), step, p)
 
     def arrival(self) -> tuple[float, float]:
-        """Distance to the goal (m) and to its velocity (m/s) at the end, from the task's start."""
-        state = self._state(self.task.start)
+        """Distance to the goal (m) and to its velocity (m/s) at the end, from the scene's start."""
+        state = self._state(self.start)
         for interval, length in enumerate(np.diff(self.position.knots)):
             state = self._after(state, interval, 0.0, length)
-        away = state - self._state(self.task.goal)
+        away = state - self._state(self.goal)
         return self._distance(away), self._speed(away)
 
     def defects(self, counts: list[int]) -> tuple[float, float]:

@@ -38,7 +38,7 @@ from deltaopt.mechanisms.delta.mechanism import DeltaTerms
 from deltaopt.motion.trajectory import Array, Trajectory
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.scene import Scene, limits_of
-from deltaopt.scene.task import distance
+from deltaopt.verify.units import way_of
 
 Integers = NDArray[np.intp]
 Truths = NDArray[np.bool]
@@ -206,7 +206,7 @@ class _Fit:
         rows = _Rows.of(limits.constraints)
         states, fractions = len(rows.first) + len(rows.second), gauss().fractions
         x, v, a = trajectory.path_inside(fractions)
-        T, D = trajectory.duration, distance(scene.task)
+        T, D = trajectory.duration, way_of(scene, trajectory)
         K, c = len(trajectory.knots) - 1, len(fractions)
         results = _held_and_reached(model.functions.terms, limits.constraints)(
             x, v, a, parameters=np.concatenate([limits.numbers, model.parameters])

@@ -15,6 +15,7 @@ import numpy as np
 from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
 from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.scene.scene import Scene
+from deltaopt.scene.task import MovingEnds, distance
 
 _LENGTH, _MASS, _INERTIA = (1, 0, 0), (0, 1, 0), (2, 1, 0)
 _ACCELERATION, _TORQUE = (1, 0, -2), (2, 1, -2)
@@ -30,6 +31,13 @@ DIMENSIONS: dict[str, tuple[int, int, int]] = {
     "coulomb_speed": (0, 0, -1),
 }
 """Of each parameter of a Delta, by its name: powers of length, mass and time."""
+
+
+def way_of(scene: Scene, trajectory: Trajectory) -> float:
+    """How far a motion goes, m: from the scene's start to its goal or, where these move, as far as
+    it goes from where it begins."""
+    task = scene.task
+    return trajectory.extent if isinstance(task, MovingEnds) else distance(task)
 
 
 @dataclass(frozen=True)

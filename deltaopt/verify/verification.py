@@ -24,17 +24,17 @@ from deltaopt.errors import Singular, Unreachable
 from deltaopt.files.html_table import html_table
 from deltaopt.mechanisms.delta.functions import delta_functions
 from deltaopt.mechanisms.delta.mechanism import DeltaTerms
-from deltaopt.motion.trajectory import Array, Trajectory
+from deltaopt.motion.trajectory import Array, Trajectory, goal_of
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.scene import LIMITS, Scene
-from deltaopt.scene.task import OnPath, distance
+from deltaopt.scene.task import EndState, MovingEnds, OnPath
 from deltaopt.verify.duty import Duty
 from deltaopt.verify.forward_replay import NotIntegrated, replay
 from deltaopt.verify.measures import Distance, Excess, MeasuredMotion, key, not_measured
 from deltaopt.verify.path_distance import off_path
 from deltaopt.verify.pontryagin import NoCostates, extremal
 from deltaopt.verify.resolved_curves import POINTS, WEIGHTS, TooRough
-from deltaopt.verify.units import Units
+from deltaopt.verify.units import Units, way_of
 
 EXCESS = 1e-9
 """Of every limit, as a share of it: above rounding of inverse dynamics, below any meaning of a
@@ -128,14 +128,14 @@ BOUNDS = (
         "start_speed",
         "m/s",
         BOUNDARY_SPEED,
-        "it begins at {:.3g} m/s instead of at rest",
+        "it begins with a velocity {:.3g} m/s off the scene's",
         BOUNDARY_SHARE,
     ),
     Bound(
         "goal_speed",
         "m/s",
         BOUNDARY_SPEED,
-        "it ends at {:.3g} m/s instead of at rest",
+        "it ends with a velocity {:.3g} m/s off the scene's",
         BOUNDARY_SHARE,
     ),
     Bound(
@@ -197,7 +197,7 @@ ARRIVAL_BOUNDS = (
         "arrival_speed",
         "m/s",
         ARRIVAL_SPEED,
-        "its torques leave the platform moving at {:.3g} m/s at the end",
+        "its torques leave the platform with a velocity {:.3g} m/s off the goal's",
         ARRIVAL_SHARE,
     ),
 )
@@ -226,10 +226,11 @@ class Check:
 class Verification:
     """The measures of a motion. Infinite: could not be evaluated, or there is no such value.
 
-    ``way``: m, from the scene's start to its goal. ``arm``: m, length of the upper arm.
+    ``way``: m, from the scene's start to its goal; where these move, how far the motion goes.
+    ``arm``: m, length of the upper arm.
     ``time_unit``: s, ``Units.time``.
     ``duration``, ``safe_duration``: s; the latter is the shortest to which the motion can be
-        slowed so that it keeps its limits.
+        slowed so that it keeps its limits; None where an end moves, which slowing would change.
     ``effort``: ∫ τᵀτ dt, N²m²s.
     ``duration_error``: s, from the scene's duration; None where it gives none.
     ``rotation_left``: s, by which the scene's rotation takes longer; None where it has none.
@@ -238,7 +239,8 @@ class Verification:
     ``distances``: the least to every kind of singularity; empty where not evaluated.
     ``start_distance``, ``goal_distance``: m, from the scene's points to the motion's ends.
     ``path_distance``: m, of the motion from the scene's path; None where it gives none.
-    ``start_speed``, ``goal_speed``: m/s, of the platform at the motion's ends.
+    ``start_speed``, ``goal_speed``: m/s, by how much the platform's velocity at the motion's ends
+        differs from the scene's, which is zero unless an end moves.
     ``position_jump``, ``velocity_jump``: m and m/s, the largest at a knot.
     ``kinematic_error``: E_K, mean over time of ‖(f, J q̇ + μ)‖, f in units of the upper arm, the
         rest in units of the mean speed, way / duration.
@@ -259,7 +261,7 @@ class Verification:
     way: float = inf
     arm: float = inf
     time_unit: float = inf
-    safe_duration: float = inf
+    safe_duration: float | None = inf
     effort: float = inf
     duration_error: float | None = None
     rotation_left: float | None = None
@@ -322,7 +324,7 @@ class Verification:
         failed = [c for c in self.checks() if not c.ok and not (self.obstacles and isinf(c.value))]
         sentences = [*self.obstacles, *(check.complaint for check in failed)]
         beyond = any(check in failed for check in self._limit_checks())
-        if beyond and self.duration_error is None:
+        if beyond and self.duration_error is None and self.safe_duration is not None:
             sentences.append(
                 "slowing it down does not help: at rest somewhere on its way it exceeds a limit too"
                 if isinf(self.safe_duration)
@@ -408,7 +410,6 @@ def verify(scene: Scene, trajectory: Trajectory) -> Verification:
     units = Units.of(scene, trajectory)
     nothing = Verification(
         trajectory.duration,
-        way=distance(scene.task),
         arm=units.length,
         time_unit=units.time,
         excesses=not_measured(scene),
@@ -416,6 +417,7 @@ def verify(scene: Scene, trajectory: Trajectory) -> Verification:
     obstacle = _malformed(trajectory)
     if obstacle:
         return replace(nothing, obstacles=(obstacle,))
+    nothing = replace(nothing, way=way_of(scene, trajectory))
     with np.errstate(invalid="ignore", over="ignore"):  # numbers that are none are told
         return _measured(scene, trajectory, nothing)
 
@@ -453,12 +455,13 @@ def _malformed(trajectory: Trajectory) -> str | None:
 
 def _measures(scene: Scene, trajectory: Trajectory) -> dict[str, Any]:
     given, motion = scene.objective.given_duration, MeasuredMotion.of(scene, trajectory)
+    may_be_slowed = not isinstance(scene.task, MovingEnds)
     measures = {
         "excesses": motion.excesses(),
         "distances": motion.distances(),
         "duty": motion.duty(),
         "effort": motion.effort(),
-        "safe_duration": motion.safe_duration(),
+        "safe_duration": motion.safe_duration() if may_be_slowed else None,
     }
     if given is not None:
         measures["duration_error"] = abs(trajectory.duration - given)
@@ -468,8 +471,8 @@ def _measures(scene: Scene, trajectory: Trajectory) -> dict[str, Any]:
 
 
 def _optimality(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
-    """How well Pontryagin's condition is met, which is that of a free path."""
-    if isinstance(scene.task, OnPath):
+    """How well Pontryagin's condition is met, which is that of a free path between given states."""
+    if isinstance(scene.task, OnPath) or not isinstance(scene.task.goal, EndState):
         return {}
     try:
         found = extremal(scene, trajectory)
@@ -483,11 +486,12 @@ def _ends(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
     x, v, _ = trajectory.path_inside([0.0, 1.0])
     task = scene.task
     on_path = {} if not isinstance(task, OnPath) else {"path_distance": off_path(task, trajectory)}
+    goal = goal_of(task, trajectory)
     return on_path | {
-        "start_distance": _norm(x[0] - scene.task.start.position),
-        "goal_distance": _norm(x[-1] - scene.task.goal.position),
-        "start_speed": _norm(v[0] - scene.task.start.velocity),
-        "goal_speed": _norm(v[-1] - scene.task.goal.velocity),
+        "start_distance": _norm(x[0] - task.start.position),
+        "goal_distance": _norm(x[-1] - goal.position),
+        "start_speed": _norm(v[0] - task.start.velocity),
+        "goal_speed": _norm(v[-1] - goal.velocity),
     }
 
 
@@ -515,7 +519,7 @@ def _errors(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
         tau / units.torque,
         parameters=units.parameters(model),
     )
-    mean_speed = distance(scene.task) / trajectory.duration * units.time / units.length
+    mean_speed = way_of(scene, trajectory) / trajectory.duration * units.time / units.length
     kinematic[:, 9:] /= mean_speed
     return {
         "kinematic_error": _mean_over_time(trajectory, kinematic),

@@ -18,6 +18,7 @@ SAYS = {
     "cycle": "| industrial | line across |",
     "frozen": "cases agree to 1e-09",
     "gap": "0 refused or not converged, 0 without a truth",
+    "interruptions": "3 of 3 planned and verified",
     "interrupts": "SIGINT during check, 2 instants",
     "inverse": "inverse dynamics",
     "limits": "workspace radius     2 of 2",

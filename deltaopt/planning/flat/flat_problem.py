@@ -48,9 +48,11 @@ from deltaopt.planning.nlp.program import (
 )
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
+from deltaopt.scene.task import Goal, MovingEnds, MovingPoint, RestAnywhere
 
 Array = NDArray[np.float64]
 
+Ends = tuple[Boundary, Boundary]
 _FAST = InteriorPoint()
 
 FAR = Settings(barrier=0.2, closest=0.3)
@@ -65,6 +67,25 @@ mostly does, in far less time than Ipopt, which comes last."""
 _FINEST = 4000
 """Number of intervals of the finest mesh that is solved by the interior-point method; its time is
 proportional to the number."""
+
+
+def boundary(end: Goal, scaling: Scaling) -> Boundary:
+    """What a task asks for at an end, in scaled units."""
+    if isinstance(end, RestAnywhere):
+        rest = Boundary.at_rest(np.zeros(3))
+        free = rest.free.copy()
+        free[0] = True
+        return Boundary(rest.state, free, rest.drift)
+    place, velocity = scaling.place(end.position), scaling.velocity(end.velocity)
+    if isinstance(end, MovingPoint):
+        return Boundary.met(place, velocity)
+    rest = Boundary.at_rest(place)
+    return Boundary(np.array([place, velocity]), rest.free, rest.drift)
+
+
+def ends(task: MovingEnds, scaling: Scaling) -> Ends:
+    """The boundaries of a motion whose ends move."""
+    return boundary(task.start, scaling), boundary(task.goal, scaling)
 
 
 @dataclass(frozen=True)
@@ -156,11 +177,11 @@ class FlatProblem:
         """The nonlinear program for Ipopt, with the options that the planner uses."""
         return self.program_with({})
 
-    def program_with(self, options: Options) -> Program:
+    def program_with(self, options: Options, ends: Ends | None = None) -> Program:
         """The nonlinear program for Ipopt, with other options.
 
-        Its rows are the continuity of X and V, and at every point eq. (39) and the limits that are
-        not bounds on a single torque.
+        Its rows are the continuity of X and V, what ``ends`` that move ask for, and at every point
+        eq. (39) and the limits that are not bounds on a single torque.
         """
         cost = np.zeros(self.n_variables)
         cost[-1] = self.cost.time
@@ -168,7 +189,31 @@ class FlatProblem:
         lower = np.concatenate([np.zeros(3), np.where(sides[:, 0], -1.0, -np.inf)])
         upper = np.concatenate([np.zeros(3), np.where(sides[:, 1], 1.0, np.inf)])
         points = Points(self.equations.point_function, self._point_layout(), lower, upper)
-        return Program(cost, self._continuity_layout(), [points], options, self._running_cost())
+        linear = self._continuity_layout()
+        if ends is not None:
+            linear = linear.joined(self._end_layout(ends))
+        return Program(cost, linear, [points], options, self._running_cost())
+
+    def _end_layout(self, ends: Ends) -> Layout:
+        """Rows that are zero where V at an end that moves is T times its velocity, and X at a goal
+        on a belt T times the belt's: the origin is where that goal is at the time 0."""
+        start, goal = ends
+        last = self.n_variables - 7
+        given = [(3, start.state[1]), (last + 3, goal.state[1]), (last, goal.drift)]
+        rows = [
+            (first + k, float(rate[k])) for first, rate in given if rate.any() for k in range(3)
+        ]
+        columns = np.array([[column, self.n_variables - 1] for column, _ in rows], dtype=np.intp)
+        return Layout(columns, np.array([[1.0, -rate] for _, rate in rows]))
+
+    def _program_for(self, scaling: Scaling) -> Program:
+        """The nonlinear program for Ipopt of a scene: one of its own where an end moves."""
+        task = scaling.scene.task
+        return (
+            self.program_with({}, ends(task, scaling))
+            if isinstance(task, MovingEnds)
+            else self.program
+        )
 
     def _running_cost(self) -> RunningCost | None:
         """The running cost ∫ r dt by Lobatto's rule at the nodes of every interval, if any."""
@@ -228,8 +273,12 @@ class FlatProblem:
         knots, T = self._at_knots(guess.trajectory, scaling)
         shares = np.ascontiguousarray(scaling.shares(self.intervals))
         phase = Phase(self.mesh, scaling.parameters(parameters), shares, knots, T)
-        ends = Boundary.at_rest(knots[0, :3]), Boundary.at_rest(knots[-1, :3])
-        return method.solve([phase], ends, settings)
+        task = scaling.scene.task
+        if isinstance(task, MovingEnds):
+            at_ends = ends(task, scaling)
+        else:
+            at_ends = Boundary.at_rest(knots[0, :3]), Boundary.at_rest(knots[-1, :3])
+        return method.solve([phase], at_ends, settings)
 
     @cached_property
     def _interior_point(self) -> CompiledMethod | None:
@@ -246,10 +295,11 @@ class FlatProblem:
 
     def _by_ipopt(self, guess: Guess, scaling: Scaling, parameters: Array) -> Solved:
         z, p = self.pack(guess.trajectory, scaling), scaling.parameters(parameters)
+        program = self._program_for(scaling)
         share = scaling.shares_at(self.intervals, self.points).reshape(-1, self.constraints.number)
         of_motion = share[:, self.equations.of_motion]
         shares = np.hstack([np.ones((len(share), 3)), of_motion]).ravel()
-        found = self.program.solve(z, *self.bounds(scaling), p, shares)
+        found = program.solve(z, *self.bounds(scaling), p, shares)
         return Solved(
             self.unpack(found.z, scaling),
             self.multipliers(found),
@@ -320,8 +370,16 @@ class FlatProblem:
         filled = np.broadcast_to(torques, shape).reshape(self.intervals, -1)
         upper[:-7].reshape(self.intervals, self._block)[:, self._motion_size :] = filled
         lower = -upper
-        lower[:6] = upper[:6] = scaling.at_start
-        lower[-7:-1] = upper[-7:-1] = scaling.at_goal
+        task = scaling.scene.task
+        if isinstance(task, MovingEnds):
+            for where, end in zip((slice(0, 6), slice(-7, -1)), ends(task, scaling), strict=True):
+                by_rows = np.repeat([end.drift.any(), end.state[1].any()], 3)
+                free = end.free.ravel() | by_rows
+                lower[where] = np.where(free, -np.inf, end.state.ravel())
+                upper[where] = np.where(free, np.inf, end.state.ravel())
+        else:
+            lower[:6] = upper[:6] = scaling.at_start
+            lower[-7:-1] = upper[-7:-1] = scaling.at_goal
         lower[-1] = 1e-3
         if self.cost.duration_is_given:
             lower[-1] = upper[-1] = 1.0
@@ -333,7 +391,9 @@ class FlatProblem:
         found = np.empty((N, points, self.constraints.number))
         torque = solution.bound_multipliers[:-7].reshape(N, self._block)[:, self._motion_size :]
         found[:, :, self.constraints.is_control] = torque.reshape(N, points, 3)
-        of_motion = solution.row_multipliers[6 * N :].reshape(N, points, -1)[:, :, 3:]
+        rows = 3 + len(self.equations.of_motion)
+        nonlinear = solution.row_multipliers[-N * points * rows :]  # the linear ones come first
+        of_motion = nonlinear.reshape(N, points, rows)[:, :, 3:]
         found[:, :, self.equations.of_motion] = of_motion
         return np.asarray(found / solution.z[-1])
 

@@ -6,7 +6,7 @@ makes more of one long sum than of CasADi's single operations.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from importlib.resources import files
 
 from deltaopt.codegen.simd_c import LANES, VECTOR, c_function
@@ -42,7 +42,8 @@ def source(problem: PointProblem, points: int) -> str:
             *(f"#define {name} {size}" for name, size in sizes.items()),
             _present("UPPER", [upper for upper, _ in sides]),
             _present("LOWER", [lower for _, lower in sides]),
-            _present("PLACE", _of_position(C, len(sides), problem.coordinates)),
+            _present("PLACE", _of_state(C, len(sides), range(problem.coordinates))),
+            _present("STATE", _of_state(C, len(sides), _position_and_velocity(problem))),
             c_function(functions.prepare, "prepare"),
             c_function(functions.values, "values"),
             c_function(functions.second, "second_by_parts"),
@@ -53,9 +54,14 @@ def source(problem: PointProblem, points: int) -> str:
     )
 
 
-def _of_position(C: Entries, rows: int, coordinates: int) -> list[bool]:
-    """Which rows depend on the position alone, by the nonzeros of their derivatives by y."""
-    return [all(a < coordinates for other, a in C if other == r) for r in range(rows)]
+def _of_state(C: Entries, rows: int, components: Collection[int]) -> list[bool]:
+    """Which rows depend on these components of y alone, by the nonzeros of their derivatives."""
+    return [all(a in components for other, a in C if other == r) for r in range(rows)]
+
+
+def _position_and_velocity(problem: PointProblem) -> set[int]:
+    """Components of y that a row of speeds depends on: X, V and, as v = V / T, the duration."""
+    return {*range(2 * problem.coordinates), problem.y.numel() - 1}
 
 
 def _present(name: str, sides: Sequence[bool]) -> str:

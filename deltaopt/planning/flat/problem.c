@@ -43,6 +43,7 @@
      NG             groups of four points in an interval
      SIDES          limits of all rows together; UPPER(r), LOWER(r): whether row r has that one
      PLACE(r)       whether row r depends on the position alone
+     STATE(r)       whether row r depends on the position and velocity alone
 
      prepare(p, q)                        what depends on parameters alone
      values(y, q, c, g, e)                rows, integrands T (g - 1), and e for second
@@ -59,7 +60,7 @@
 #include <time.h>
 
 #define SHORT 0.02 /* a step of which share of a direction says little about its rest */
-#define AT_LIMIT 0.9999999 /* of a limit: a given position is as good as at it */
+#define AT_LIMIT 0.9999999 /* of a limit: a given state is as good as at it */
 #define FAR 2.0    /* from one limit of a row to the other */
 #define SHIFT 1e-5 /* the first that is tried: the scene's magnitudes are of the order of one */
 #define HIGHEST 1e-2 /* to which a shift grows because steps had to be halved */

@@ -5,21 +5,24 @@ static void scale(const Interval *I, V *c) {
   for (int r = 0; r < NC; r++) c[r] *= I->scale[r];
 }
 
-/* Whether a point is where the platform's position is given. */
-static int is_given(const Problem *P, const Interval *I, double fraction) {
+/* Whether a point is where the platform's position is given or, of 2 NM components, its velocity
+   too. */
+static int is_given(const Problem *P, const Interval *I, double fraction, int components) {
   const int64_t b = fraction == 0 ? I->boundary[0] : fraction == 1 ? I->boundary[1] : -1;
-  for (int k = 0; b >= 0 && k < NM; k++)
+  for (int k = 0; b >= 0 && k < components; k++)
     if (P->given->is_free[NB * b + k]) return 0;
   return b >= 0 && !I->moving;
 }
 
-/* No limit of position where it is given: at a limit there, a motion has no inside. */
+/* No limit of position or speed where it is given: at a limit there, a motion has no inside. */
 static void leave_out_given(const Problem *P, const Interval *I, const Group *G, V *c) {
   if (I->boundary[0] < 0 && I->boundary[1] < 0) return;
   const double *fractions = P->given->fractions + 4 * (G - I->group);
   for (int l = 0; l < 4; l++)
     for (int r = 0; r < NC; r++)
-      if (PLACE(r) && fabs(c[r][l]) > AT_LIMIT && is_given(P, I, fractions[l])) c[r][l] = 0;
+      if (STATE(r) && fabs(c[r][l]) > AT_LIMIT &&
+          is_given(P, I, fractions[l], PLACE(r) ? NM : 2 * NM))
+        c[r][l] = 0;
 }
 
 /* Rows at the points of interval i as shares of what may be used of the limits; to the integral

@@ -24,6 +24,7 @@ from deltaopt.planning.nlp.cost import Cost
 from deltaopt.planning.nlp.problem import IPOPT_FINEST, Guess, Solved
 from deltaopt.planning.nlp.scaling import Parameters, Scaling
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
+from deltaopt.scene.task import given_points
 
 Array = NDArray[np.float64]
 
@@ -74,7 +75,8 @@ def boundary_values(scaling: Scaling, parameters: Array) -> BoundaryValues:
     """The boundary values of a scene; ``parameters``: values of the mechanism's."""
     task = scaling.scene.task
     p = scaling.parameters(parameters)
-    return BoundaryValues(p, np.array(task.start.position), np.array(task.goal.position))
+    start, goal = given_points(task)
+    return BoundaryValues(p, np.array(start), np.array(goal))
 
 
 @dataclass(frozen=True)

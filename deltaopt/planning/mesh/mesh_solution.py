@@ -10,7 +10,12 @@ from numpy.typing import NDArray
 
 from deltaopt.limits.constraints import Constraints
 from deltaopt.motion.extrema import sample_fractions
-from deltaopt.motion.time_scaling import Loads, NeededSlowing, loads_inside, needed_slowing
+from deltaopt.motion.time_scaling import (
+    Loads,
+    NeededSlowing,
+    loads_inside,
+    needed_slowing,
+)
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.mesh.constraint_tightening import Overshoot
 from deltaopt.planning.mesh.error_estimate import (
@@ -68,17 +73,37 @@ def solve_on_mesh(
     trajectory = Trajectory(solution.position, model, solution.coordinates)
     loads = loads_inside(scaling.scene, trajectory, FRACTIONS)
     rows = time_costing_rows(scaling.constraints)
-    demands = loads.highest_demands(len(FRACTIONS))
+    slowing, needed = _needed(loads, scaling)
     lost = error_estimate(
         problem.mesh,
         solution.multipliers[:, :, rows],
         _by_interval(loads.rows)[:, :, rows],
         scaling.constraints.orders[rows] == 2,
-        loads.slowing(demands),
+        slowing,
     )
-    needed = loads.needed(demands.max(axis=0))
     has_arrived = solution.left <= guess.tolerance
     return MeshSolution(problem, solution, trajectory, loads, lost, needed, scaling, has_arrived)
+
+
+def _needed(loads: Loads, scaling: Scaling) -> tuple[Array, NeededSlowing]:
+    """By what factor each interval alone asks the motion to be slowed, (N,), and all together.
+
+    Where an end moves, a motion cannot be slowed: then these say by how much limits are exceeded,
+    and stand for the time that tightening them will cost.
+    """
+    if scaling.scene.task.is_at_rest:
+        demands = loads.highest_demands(len(FRACTIONS))
+        return loads.slowing(demands), loads.needed(demands.max(axis=0))
+    sizes = scaling.constraints.size(_by_interval(loads.rows)).max(axis=1)
+    in_time = np.logical_not(scaling.constraints.of_place)
+    return np.maximum(sizes[:, in_time].max(axis=1), 1.0), _as_slowing(scaling, sizes.max(axis=0))
+
+
+def _as_slowing(scaling: Scaling, highest: Array) -> NeededSlowing:
+    """The highest sizes of rows, (rows,), of a motion that cannot be slowed, as if it could."""
+    of_place = scaling.constraints.of_place
+    factor = max(1.0, float(highest[~of_place].max()))
+    return NeededSlowing(factor, float(highest[of_place].max(initial=0.0)) - 1)
 
 
 def time_costing_rows(constraints: Constraints) -> Truths:
@@ -173,6 +198,11 @@ class MeshSolution:
     def to_be_gained(self) -> float:
         """Estimated relative gain by finer meshes and by solving this one exactly."""
         return self.lost.total + self.solution.left
+
+    def as_it_is(self, highest: Array) -> MeshSolution:
+        """The same solution of a motion that cannot be slowed, from the highest sizes of its rows
+        at all instants, (rows,)."""
+        return replace(self, needed=_as_slowing(self.scaling, highest), is_exact=True)
 
     def exact(self) -> MeshSolution:
         """The same solution with the safe factor of all instants instead of samples."""

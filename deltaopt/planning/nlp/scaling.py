@@ -9,10 +9,11 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from deltaopt.files.validated_record import Vector3
 from deltaopt.limits.constraints import Constraints, SceneLimits
 from deltaopt.motion.trajectory import PiecewisePolynomial
 from deltaopt.scene.scene import Scene, limits_of
-from deltaopt.scene.task import EndState, distance
+from deltaopt.scene.task import MovingPoint, distance, given_points
 
 Array = NDArray[np.float64]
 
@@ -66,8 +67,9 @@ class Parameters:
 class Scaling:
     """The units of a scene's scaled variables, and its limits.
 
-    Positions are measured from the start in units of the distance from start to goal, time in units
-    of ``time`` (s), torques in units of the largest that the scene allows. ``share``: the part of
+    Positions are measured from the start in units of the distance from start to goal, or of
+    ``extent`` (m) where an end moves; time in units of ``time`` (s), torques in units of the
+    largest that the scene allows. ``share``: the part of
     each limit that a motion may use, one for all or by interval and row, (N, rows). ``kept``:
     indices of the scene's items of limits that are considered; None for all.
     """
@@ -76,6 +78,7 @@ class Scaling:
     time: float
     share: Array | float = UNTIGHTENED
     kept: tuple[int, ...] | None = None
+    extent: float | None = None
 
     @cached_property
     def limits(self) -> SceneLimits:
@@ -90,13 +93,14 @@ class Scaling:
 
     @cached_property
     def origin(self) -> Array:
-        """Start of the motion, (3,), m."""
-        return np.array(self.scene.task.start.position)
+        """Start of the motion or, if it ends on a belt, its goal at the time 0, (3,), m."""
+        start, goal = self.scene.task.start, self.scene.task.goal
+        return np.array((goal if isinstance(goal, MovingPoint) else start).position)
 
     @cached_property
     def length(self) -> float:
-        """Distance from start to goal, m."""
-        return distance(self.scene.task)
+        """Distance from start to goal or, where these move, how far the first guess goes, m."""
+        return distance(self.scene.task) if self.extent is None else self.extent
 
     @cached_property
     def torque(self) -> Array:
@@ -105,19 +109,24 @@ class Scaling:
 
     @cached_property
     def at_start(self) -> Array:
-        """Scaled position and velocity at the start, (6,)."""
-        return self._state(self.scene.task.start)
+        """Scaled position and velocity at a start at rest, (6,)."""
+        return self._at_rest(given_points(self.scene.task)[0])
 
     @cached_property
     def at_goal(self) -> Array:
-        """Scaled position and velocity at the goal, (6,)."""
-        return self._state(self.scene.task.goal)
+        """Scaled position and velocity at a goal at rest, (6,)."""
+        return self._at_rest(given_points(self.scene.task)[1])
 
-    def _state(self, end: EndState) -> Array:
-        """Scaled position and velocity of an end at rest. A velocity that is not zero would depend
-        on the duration, which is unknown."""
-        position = (np.array(end.position) - self.origin) / self.length
-        return np.concatenate([position, np.zeros(len(position))])
+    def _at_rest(self, point: Vector3) -> Array:
+        return np.concatenate([self.place(point), np.zeros(3)])
+
+    def place(self, point: Vector3) -> Array:
+        """A point in m as a scaled position, (3,)."""
+        return (np.array(point) - self.origin) / self.length
+
+    def velocity(self, velocity: Vector3) -> Array:
+        """A velocity in m/s in units of length over ``time``, (3,)."""
+        return np.array(velocity) * (self.time / self.length)
 
     @property
     def untightened(self) -> Scaling:

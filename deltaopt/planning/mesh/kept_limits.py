@@ -1,0 +1,78 @@
+"""Limits kept without slowing: where a motion begins or ends moving, slowing it would change that.
+
+So its limits are tightened where it exceeds them between mesh points, and it is solved again, until
+it keeps all of them at all instants.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deltaopt.errors import NotConverged
+from deltaopt.motion.time_scaling import highest_rows
+from deltaopt.planning.mesh.mesh_solution import MeshSolution, solve_on_mesh
+from deltaopt.planning.nlp.problem import FormulatedProblem, Guess
+
+Array = NDArray[np.float64]
+
+KEPT = 1e-10
+"""Excess over a limit, as a share of it, that counts as none: a tenth of what verification
+allows."""
+_SOLVER_SHARE, _FINEST = 1e-2, 1e-8
+"""Relative tolerance of these solves, to which rows are met, as a share of the plan's, and the
+smallest. A finer one takes more iterations, a coarser one costs more margin."""
+_MARGIN = 3.0
+"""By which all limits are tightened, in units of that tolerance: what it may leave. It costs as
+much of the duration."""
+_FACTOR = 1.25
+"""Tightening over the excess that was seen. A larger factor costs time, a smaller one solves."""
+_MOST = 16
+"""Solves at most; it takes one to three as a rule."""
+_PATIENCE, _PIECES = 4, 3
+"""After how many solves an interval that still exceeds a limit is split, and into how many. Beside
+a start that is at a limit of speed itself tightening does not help, but a shorter interval does."""
+
+
+def kept(problem: FormulatedProblem, solution: MeshSolution, tolerance: float) -> MeshSolution:
+    """A solution near another whose motion keeps all limits at all instants.
+
+    ``problem``: whose solution on a mesh it is. ``tolerance``: gap that the plan asks for. Raises
+    NotConverged where tightening does not lead to such a motion.
+    """
+    last, accuracy = solution, max(_SOLVER_SHARE * tolerance, _FINEST)
+    for attempt in range(1, _MOST + 1):
+        excess = _sampled_excess(last)
+        if excess.max() <= KEPT:
+            peaks = highest_rows(last.scene, last.trajectory)
+            if peaks.values.max() <= 1 + KEPT:
+                return last.as_it_is(peaks.values)
+            rows = np.arange(excess.shape[1])
+            excess[peaks.intervals, rows] = np.maximum(peaks.values - 1, 0.0)
+        beside = np.pad(excess, ((1, 1), (0, 0)))  # the peak may come to lie in the next interval
+        around = np.maximum(excess, np.maximum(beside[:-2], beside[2:]))
+        step = np.where(around > 0, _FACTOR * around + accuracy, 0.0)
+        share = last.scaling.shares(len(last.mesh)) - step
+        pieces = np.ones(len(last.mesh), np.intp)
+        if attempt % _PATIENCE == 0:
+            pieces[excess.max(axis=1) > KEPT] = _PIECES
+        share = np.repeat(np.minimum(share, 1 - _MARGIN * accuracy), pieces, axis=0)
+        mesh = np.repeat(last.mesh / pieces, pieces)
+        guess = Guess(last.trajectory, near=True, tolerance=accuracy)
+        scaling = replace(last.scaling, share=share)
+        last = solve_on_mesh(problem.on(mesh), scaling, guess, last.trajectory.model)
+    raise NotConverged(
+        "limits that are exceeded between the points of the mesh, where slowing is no remedy, are "
+        f"still exceeded by {excess.max():.1e} after they were tightened {_MOST} times",
+        "No_Progress",
+        last.trajectory,
+    )
+
+
+def _sampled_excess(solution: MeshSolution) -> Array:
+    """By how much rows exceed their bounds in every interval at samples, (N, rows); 0 where they do
+    not."""
+    sizes = solution.scaling.constraints.size(solution.rows).max(axis=1)
+    return np.asarray(np.maximum(sizes - 1, 0.0))

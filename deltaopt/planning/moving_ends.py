@@ -1,0 +1,125 @@
+"""First motions where an end moves: from a state, to a state, to a belt, or to rest anywhere.
+
+Such a motion cannot be slowed, so that its duration is chosen at once: of quintics between both
+ends the shortest that keeps the limits at samples, or else the one that exceeds them least.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+
+import numpy as np
+
+from deltaopt.errors import DeltaOptError
+from deltaopt.files.validated_record import Vector3
+from deltaopt.motion.time_scaling import sizes_at
+from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
+from deltaopt.planning.initial_motion import first_motion
+from deltaopt.robot.model import delta_model
+from deltaopt.scene.scene import Scene
+from deltaopt.scene.task import REST, EndState, MovingEnds, RestAnywhere
+
+_COARSE = np.array([2.0**k for k in range(-12, 5)])
+"""Durations that are looked at first, s: from motions of a millimetre to those of giants."""
+_FINE = np.array([2.0 ** (k / 6) for k in range(-6, 7)])
+"""Durations that are looked at then, in units of the best of the first."""
+_SAMPLES = np.linspace(0.0, 1.0, 9)
+"""Fractions of a quintic at which its limits are looked at: it is only a guess."""
+_NEARLY = 1.2
+"""Excess over its limits with which a guess is good enough: the optimum bends away from it."""
+
+States = Callable[[float], tuple[EndState, EndState]]
+"""Duration (s) -> the states that a motion of that duration begins and ends in."""
+
+
+def first_moving_motions(
+    scene: Scene, under_way: PiecewisePolynomial | None
+) -> Iterator[Trajectory]:
+    """First guesses, the best first: a quintic; the motion under way to its end and on from there
+    to the goal, where one is under way; a stop, and on from there.
+
+    ``under_way``: what would follow the start, from the time 0 on, m over s.
+    """
+    task = scene.task
+    assert isinstance(task, MovingEnds)
+    direct = _quintic(scene, lambda T: _ends(task.start, task, T))
+    if direct is not None:
+        yield direct
+    if under_way is not None:
+        yield from _onwards(scene, under_way)
+    stop = _quintic(scene, lambda T: (task.start, EndState(_stopped(task.start, T))))
+    if stop is not None and task.start.velocity != REST:
+        yield from _onwards(scene, stop.position)
+
+
+def from_rest(scene: Scene, place: Vector3) -> Scene:
+    """The scene from rest at a place (m) instead of its start."""
+    return scene.model_copy(update={"start": place})
+
+
+def end_of(position: PiecewisePolynomial) -> Vector3:
+    """Where a motion ends, m."""
+    x, y, z = position.at(position.knots[-1:])[0].tolist()
+    return x, y, z
+
+
+def _onwards(scene: Scene, before: PiecewisePolynomial) -> Iterator[Trajectory]:
+    """A motion that comes to rest, and one from there to the scene's goal, if there is one."""
+    if isinstance(scene.task.goal, RestAnywhere):
+        yield Trajectory(before, delta_model(scene.robot, scene.payload))
+        return
+    with suppress(DeltaOptError):
+        rest = from_rest(scene, end_of(before))
+        task = rest.task
+        later = (
+            _quintic(rest, lambda T: _ends(task.start, task, T))
+            if isinstance(task, MovingEnds)
+            else first_motion(rest)
+        )
+        if later is not None:
+            yield Trajectory(before.then(later.position), later.model)
+
+
+def _ends(start: EndState, task: MovingEnds, duration: float) -> tuple[EndState, EndState]:
+    return start, task.goal.at(duration, _stopped(start, duration))
+
+
+def _stopped(start: EndState, duration: float) -> Vector3:
+    """Where a state gets to that comes to rest in a duration (s), its acceleration symmetric in
+    time, m."""
+    x, y, z = (np.array(start.position) + np.array(start.velocity) * duration / 2).tolist()
+    return x, y, z
+
+
+def _quintic(scene: Scene, states: States) -> Trajectory | None:
+    """The shortest quintic between states that nearly keeps the limits at samples, or the one that
+    exceeds them least; None if none stays within reach."""
+    best = _best(scene, states, _COARSE)
+    best = None if best is None else _best(scene, states, best * _FINE)
+    if best is None:
+        return None
+    position = PiecewisePolynomial(np.array([0.0, best]), _coefficients(states, np.array([best])))
+    return Trajectory(position, delta_model(scene.robot, scene.payload))
+
+
+def _best(scene: Scene, states: States, durations: Array) -> float | None:
+    """The best of some durations (s), increasing."""
+    coefficients = _coefficients(states, durations)
+    highest = sizes_at(scene, coefficients, durations, _SAMPLES).max(axis=(1, 2))
+    if not np.isfinite(highest).any():
+        return None
+    keeping = np.flatnonzero(highest <= _NEARLY)
+    return float(durations[keeping[0] if len(keeping) else np.nanargmin(highest)])
+
+
+def _coefficients(states: States, durations: Array) -> Array:
+    """Of the quintics between states, without acceleration at both ends, (n, 6, 3)."""
+    both = [states(T) for T in durations.tolist()]
+    x0, x1 = (np.array([pair[i].position for pair in both]) for i in (0, 1))
+    v0, v1 = (np.array([pair[i].velocity for pair in both]) for i in (0, 1))
+    T = durations[:, None]
+    way, gain = x1 - x0 - T * v0, T * (v1 - v0)
+    zero = np.zeros_like(x0)
+    cube, fourth, fifth = 10 * way - 4 * gain, -15 * way + 7 * gain, 6 * way - 3 * gain
+    return np.stack([x0, v0, zero, cube / T**3, fourth / T**4, fifth / T**5], axis=1)

@@ -1,0 +1,109 @@
+"""Moving ends as scenes give them: a state that is passed, a point on a belt, rest anywhere."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from deltaopt.errors import SceneError
+from deltaopt.files.units import LENGTH, SPEED
+from deltaopt.files.validated_record import Number, Record, Vector3
+from deltaopt.scene.task import REST, EndState, Goal, MovingPoint, RestAnywhere
+
+_POINT = "three coordinates [x, y, z] in m"
+EXPECTED_START = f"{_POINT}, or a state {{at, velocity}}"
+EXPECTED_GOAL = f"{_POINT}, {{at, velocity}}, {{at, belt}} or anywhere"
+_ANYWHERE = "anywhere"
+
+
+class State(Record):
+    """A state of the platform at an end of a motion: ``at`` in m, ``velocity`` in m/s.
+
+    Raises SceneError for values that cannot be used.
+    """
+
+    at: Annotated[tuple[Number, Number, Number], LENGTH] = Field(description=_POINT)
+    velocity: Annotated[tuple[Number, Number, Number], SPEED] = Field(
+        default=REST, description="a velocity [x, y, z] in m/s"
+    )
+
+    @property
+    def end(self) -> EndState:
+        """The state as a task has it."""
+        return EndState(self.at, self.velocity)
+
+
+class Belt(Record):
+    """A goal that moves: the point ``at`` + ``belt`` t, t from the start of the motion, m and m/s.
+
+    It is met at the belt's velocity. Raises SceneError for values that cannot be used.
+    """
+
+    at: Annotated[tuple[Number, Number, Number], LENGTH] = Field(
+        description=f"{_POINT}: where the goal is when the motion starts"
+    )
+    belt: Annotated[tuple[Number, Number, Number], SPEED] = Field(
+        description="the belt's velocity [x, y, z] in m/s"
+    )
+
+    @property
+    def end(self) -> Goal:
+        """The goal as a task has it: a belt that stands still is a point."""
+        return EndState(self.at) if self.belt == REST else MovingPoint(self.at, self.belt)
+
+
+class Anywhere(Record):
+    """The goal of the fastest stop: at rest, wherever that is."""
+
+    @property
+    def end(self) -> Goal:
+        """The goal as a task has it."""
+        return RestAnywhere()
+
+
+Start = Vector3 | State
+End = Vector3 | State | Belt | Anywhere
+
+
+def end_in(key: str, content: Any) -> Any:
+    """The record that stands under ``start`` or ``goal`` of a scene, as a mapping or a word.
+
+    What is neither is returned as it is, for the field's type to judge. Raises SceneError.
+    """
+    if key == "goal" and isinstance(content, str) and content == _ANYWHERE:
+        return Anywhere()
+    if not isinstance(content, Mapping):
+        return content
+    if "acceleration" in content:
+        raise SceneError(
+            None,
+            f"{key}.acceleration",
+            content["acceleration"],
+            "at and velocity alone, for without limits of jerk or torque rate it may jump",
+        )
+    if "belt" in content and key == "start":
+        raise SceneError(None, "start.belt", content["belt"], "a belt at the goal alone")
+    kind = Belt if "belt" in content else State
+    try:
+        return kind.model_validate(dict(content))
+    except SceneError as error:
+        raise error.inside(key=key) from None
+
+
+def end_of(given: End) -> Goal:
+    """What a task has for the ``start`` or ``goal`` of a scene."""
+    return EndState(given) if isinstance(given, tuple) else given.end
+
+
+def start_of(given: Start) -> EndState:
+    """What a task has for the ``start`` of a scene."""
+    return EndState(given) if isinstance(given, tuple) else given.end
+
+
+def content_of_end(given: Start | End) -> object:
+    """What stands in a scene file for an end: the inverse of ``end_in``."""
+    if isinstance(given, tuple):
+        return given
+    return _ANYWHERE if isinstance(given, Anywhere) else given.model_dump(mode="json")

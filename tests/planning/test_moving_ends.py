@@ -1,0 +1,264 @@
+"""Motions that begin or end moving: against closed forms, symmetries, and another solver."""
+
+from __future__ import annotations
+
+from math import pi
+
+import numpy as np
+import pytest
+
+import deltaopt
+from deltaopt import Anywhere, Belt, Planner, Scene, SceneError, State, load_scene, plan, verify
+from tests.planning.switching.test_vertical_moves import MOVES, NAMES, VerticalMove
+
+CROSS = load_scene("problems/industrial_cross.yaml")
+PASSED, BELT, STOP = (
+    load_scene(f"problems/moving/{name}.yaml") for name in ("passed_state", "belt", "stop")
+)
+SHIPPED = {"passed state": PASSED, "belt": BELT, "stop": STOP}
+PLANNER = Planner(CROSS.robot, CROSS.payload)
+
+
+@pytest.fixture(scope="module")
+def across():
+    return PLANNER.plan(CROSS.start, CROSS.goal)
+
+
+@pytest.fixture(scope="module", params=SHIPPED, ids=list(SHIPPED))
+def shipped(request):
+    return plan(SHIPPED[request.param])
+
+
+# Against closed forms
+
+
+class Underway:
+    """A vertical move halfway to where its torques switch: an angle of the arms, a depth in m, a
+    velocity in m/s, and the time since the start in s; all by energy alone."""
+
+    def __init__(self, move: VerticalMove) -> None:
+        first, leaves = move.ends[0], move.switches[0]
+        self.angle = (first + leaves) / 2
+        self.depth = float(move.depth(np.array(self.angle)))
+        self.since = move.time(move.torque, first, self.angle)
+        slope = (move.depth(self.angle + 1e-6) - move.depth(self.angle - 1e-6)) / 2e-6
+        sign = np.sign(move.torque)
+        rate = sign * move.rate(np.array(self.angle), move.torque, first)
+        self.speed = float(slope * rate)
+
+    def scene(self, move: VerticalMove, direction: float, goal: object) -> Scene:
+        start = State(at=(self.depth, 0, 0), velocity=(direction * self.speed, 0, 0))
+        return Scene(robot=move.robot, payload=move.payload, start=start, goal=goal)
+
+
+@pytest.mark.parametrize("move", MOVES, ids=NAMES)
+@pytest.mark.parametrize("direction", [1.0, -1.0], ids=["towards the goal", "away from it"])
+def test_vertical_motion_with_a_speed_at_the_start(move, direction):
+    """Towards the goal it is the rest of the move. Away from it the platform first comes to rest
+    where the move begins, by the same torques: the arc in reverse."""
+    now = Underway(move)
+    found = plan(now.scene(move, direction, (move.goal, 0.0, 0.0)))
+    expected = move.duration - direction * now.since
+    assert expected * (1 - 1e-9) <= found.duration <= expected * (1 + found.gap)
+    assert found.within_tolerance
+    assert verify(found.scene, found.trajectory).failures() == []
+
+
+@pytest.mark.parametrize("move", MOVES, ids=NAMES)
+def test_vertical_stop(move):
+    """Full torque against the motion, until the kinetic energy is used up."""
+    now = Underway(move)
+    near, far = now.angle, now.angle + np.sign(move.torque) * 0.6
+    speed = move.rate(np.array(now.angle), move.torque, move.ends[0])
+    for _ in range(100):  # to the angle of rest from which the arc in reverse has this speed here
+        middle = (near + far) / 2
+        slower = move.rate(np.array(now.angle), -move.torque, middle) < speed
+        near, far = (middle, far) if slower else (near, middle)
+    expected = move.time(-move.torque, near, now.angle)
+    found = plan(now.scene(move, 1.0, Anywhere()))
+    assert expected * (1 - 1e-9) <= found.duration <= expected * (1 + found.gap)
+    end = found.trajectory(found.duration)
+    assert float(end.x[0, 0]) == pytest.approx(float(move.depth(np.array(near))), abs=1e-4)
+
+
+# Laws
+
+
+def test_a_belt_that_stands_still_is_a_point(across):
+    still = PLANNER.plan(CROSS.start, Belt(at=CROSS.goal, belt=(0, 0, 0)))
+    assert still.duration == across.duration
+    at_rest = PLANNER.plan(State(at=CROSS.start), State(at=CROSS.goal))
+    assert at_rest.duration == across.duration
+
+
+def test_a_motion_from_state_to_state_can_be_reversed():
+    """Without friction the same torques drive the motion backwards."""
+    forth = plan(PASSED)
+    back = {
+        "start": State(at=PASSED.goal.at, velocity=tuple(-v for v in PASSED.goal.velocity)),
+        "goal": State(at=PASSED.start.at, velocity=tuple(-v for v in PASSED.start.velocity)),
+    }
+    found = plan(PASSED.model_copy(update=back))
+    assert found.duration == pytest.approx(forth.duration, rel=max(found.gap, forth.gap))
+
+
+@pytest.mark.parametrize("share", [0.2, 0.5, 0.9])
+def test_the_rest_of_an_optimal_motion_is_optimal(across, share):
+    now = across.trajectory(share * across.duration)
+    found = PLANNER.plan(now, CROSS.goal)
+    left = (1 - share) * across.duration
+    assert found.duration <= left * (1 + 1e-9)  # it can always be finished
+    assert found.duration + share * across.duration >= across.duration / (1 + across.gap)
+
+
+def test_a_belt_that_moves_away_is_met_as_soon_as_its_place_can_be_reached():
+    found = plan(BELT)
+    end = found.trajectory(found.duration)
+    x, v = (tuple(each[0].tolist()) for each in (end.x, end.v))
+    np.testing.assert_allclose(v, BELT.goal.belt, atol=1e-9)
+    expected = np.array(BELT.goal.at) + found.duration * np.array(BELT.goal.belt)
+    np.testing.assert_allclose(x, expected, atol=1e-9)
+    same = plan(BELT.model_copy(update={"goal": State(at=x, velocity=v)}))
+    assert same.duration == pytest.approx(found.duration, rel=found.gap + same.gap)
+
+
+def test_turned_with_the_robot():
+    """By 120° about the axis, which takes the robot to itself."""
+    turn = np.array([[1, 0, 0], *_rotation(2 * pi / 3)])
+    turned = {
+        key: State(
+            at=tuple((turn @ each.at).tolist()), velocity=tuple((turn @ each.velocity).tolist())
+        )
+        for key, each in (("start", PASSED.start), ("goal", PASSED.goal))
+    }
+    found, same = plan(PASSED), plan(PASSED.model_copy(update=turned))
+    assert same.duration == pytest.approx(found.duration, rel=1e-5)
+
+
+def _rotation(angle):
+    c, s = np.cos(angle), np.sin(angle)
+    return [[0, c, -s], [0, s, c]]
+
+
+# Another solver
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_ipopt_finds_the_same(name):
+    scene = SHIPPED[name]
+    ours, theirs = plan(scene), plan(scene, solver=deltaopt.ipopt)
+    assert theirs.duration == pytest.approx(ours.duration, rel=max(ours.gap, theirs.gap))
+    assert verify(scene, theirs.trajectory).failures() == []
+
+
+# Verified, written, read
+
+
+def test_verified(shipped):
+    found = verify(shipped.scene, shipped.trajectory)
+    assert found.failures() == []
+    assert found.torque_excess <= 1e-9
+    assert shipped.within_tolerance
+
+
+def test_verification_sees_other_ends(shipped):
+    scene, motion = shipped.scene, shipped.trajectory
+    state = scene.task.start
+    shifted = State(at=state.position, velocity=tuple(v + 1e-3 for v in state.velocity))
+    found = verify(scene.model_copy(update={"start": shifted}), motion)
+    assert any("begins with a velocity" in each for each in found.failures())
+    slowed = verify(scene, motion.slowed(1.001))
+    assert slowed.failures()
+    assert not any("slowed to" in each for each in slowed.failures())
+
+
+def test_saved_and_read_back(shipped, tmp_path):
+    shipped.save(tmp_path, chart=False)
+    back = deltaopt.load_plan(tmp_path)
+    assert back.scene == shipped.scene
+    assert back.trajectory.end_velocities == shipped.trajectory.end_velocities
+    after = shipped.duration + 0.01
+    np.testing.assert_array_equal(back.trajectory(after).x, shipped.trajectory(after).x)
+
+
+def test_outside_its_duration_a_motion_moves_on_as_its_ends_do():
+    found = plan(BELT)
+    T, belt = found.duration, np.array(BELT.goal.belt)
+    motion = found.trajectory([-0.1, T, T + 0.02])
+    np.testing.assert_allclose(motion.x[2], motion.x[1] + 0.02 * belt, atol=1e-12)
+    np.testing.assert_allclose(motion.v[2], belt, atol=1e-12)
+    np.testing.assert_allclose(motion.x[0], BELT.start, atol=1e-15)
+    np.testing.assert_array_equal(motion.a[[0, 2]], 0)
+
+
+# At a limit
+
+
+def test_a_start_at_the_limit_of_speed():
+    """Interrupted while a motor is as fast as it may be: the new motion begins at that limit."""
+    planner = Planner(CROSS.robot, CROSS.payload, limits={"speed": 5.0})
+    old = planner.plan(CROSS.start, CROSS.goal)
+    times = np.linspace(0, old.duration, 200)
+    speeds = np.abs(old.trajectory(times).dtheta).max(axis=1)
+    now = old.trajectory(float(times[speeds.argmax()]))
+    assert np.abs(now.dtheta).max() > 5.0 * (1 - 1e-4)
+    new = planner.plan(now, (0.80, 0.0, 0.1))
+    assert verify(new.scene, new.trajectory).failures() == []
+    assert new.within_tolerance
+
+
+# What cannot be
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ({"goal": "anywhere"}, "goal is 'anywhere'; expected a start that moves"),
+        ({"start": "anywhere"}, "start is 'anywhere'; expected three coordinates"),
+        (
+            {"start": {"at": (0.85, 0, 0), "velocity": (1, 0, 0), "acceleration": (0, 0, 0)}},
+            "start.acceleration is (0, 0, 0); expected at and velocity alone",
+        ),
+        ({"start": {"at": (0.85, 0, 0), "belt": (1, 0, 0)}}, "expected a belt at the goal alone"),
+        ({"goal": {"at": (0.85, 0, 0), "speed": 1}}, "goal.speed is not a known key"),
+        ({"goal": {"belt": (1, 0, 0)}}, "goal.at is missing"),
+        (
+            {"goal": {"at": (0.85, 0, 0), "velocity": (1, 0, 0)}, "path": "line"},
+            "expected start and goal at rest beside it",
+        ),
+        (
+            {"goal": {"at": (0.85, 0, 0), "velocity": "fast"}},
+            "goal.velocity is 'fast'; expected a velocity [x, y, z] in m/s",
+        ),
+        (
+            {
+                "goal": {"at": (0.85, 0, 0), "velocity": (1, 0, 0)},
+                "objective": "effort",
+                "duration": 1.0,
+            },
+            "expected time, where an end moves",
+        ),
+    ],
+)
+def test_refused(given, says):
+    with pytest.raises(SceneError) as error:
+        Scene(**{"robot": CROSS.robot, "start": CROSS.start, "goal": CROSS.goal, **given})
+    assert says in str(error.value)
+
+
+def test_a_start_that_is_too_fast_is_refused():
+    with pytest.raises(deltaopt.Infeasible, match=r"start: at \[0, 20, 0\] m/s .* the speed of"):
+        PLANNER.plan(State(at=CROSS.start, velocity=(0, 20, 0)), CROSS.goal)
+
+
+def test_settings_of_motions_from_rest_to_rest_are_refused():
+    with pytest.raises(ValueError, match="starts is 3; it has no effect where an end moves"):
+        plan(PASSED, starts=3)
+    with pytest.raises(ValueError, match="formulation is forward"):
+        plan(PASSED, formulation=deltaopt.forward)
+    with pytest.raises(ValueError, match="start has 2 instants; one is needed"):
+        PLANNER.plan(plan(PASSED).trajectory([0, 0.01]), CROSS.goal)
+
+
+def test_units_in_a_scene_file():
+    assert STOP.start == State(at=(0.85, 0, 0), velocity=(0, 3.0, 0))
