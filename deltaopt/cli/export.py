@@ -6,6 +6,7 @@ deltaopt export mjcf ROBOT    bodies, joints and motors in MuJoCo's format, for 
 deltaopt export table PLAN    angles, speeds and accelerations of the motors, for a controller
 deltaopt export ros2 PLAN     the same as a JointTrajectory of ROS 2, in YAML or in a bag
 deltaopt export cam PLAN      the same as cams of a PLC (TwinCAT, CODESYS): quintic polynomials
+deltaopt export schema        the JSON schema of plan.json, which holds the exact polynomials
 
 PLAN is a folder that "deltaopt plan" wrote. A controller moves between the rows of a table by
 polynomials of its own: cubic ones from angles and speeds, or quintic ones from accelerations too.
@@ -62,14 +63,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     mjcf = targets.add_parser("mjcf", help="one file in MuJoCo's format, without Coulomb friction")
     mjcf.add_argument("robot", type=Path, metavar="ROBOT", help="robot file")
     mjcf.add_argument("--payload", type=positive, metavar="KG", help="at the tool (default: none)")
-    mjcf.add_argument(
-        "-o",
-        "--output",
-        type=Path,
-        default=Path("out/robot.xml"),
-        metavar="FILE",
-        help="default: out/robot.xml",
-    )
+    _add_file(mjcf, Path("out/robot.xml"))
     mjcf.set_defaults(target=_mjcf)
     table = targets.add_parser("table", help="a CSV file of motor angles over time")
     _add_table(table, Path("out/table.csv"), "FILE")
@@ -102,6 +96,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--topic", default="/joint_trajectory", help="in a bag (default: %(default)s)"
     )
     ros2.set_defaults(target=_ros2)
+
+    schema = targets.add_parser("schema", help="the JSON schema of plan.json")
+    _add_file(schema, Path("out/plan.schema.json"))
+    schema.set_defaults(target=_schema)
+
+
+def _add_file(parser: argparse.ArgumentParser, output: Path) -> None:
+    parser.add_argument(
+        "-o", "--output", type=Path, default=output, metavar="FILE", help=f"default: {output}"
+    )
 
 
 def _add_table(parser: argparse.ArgumentParser, output: Path, kind: str) -> None:
@@ -185,11 +189,20 @@ def _is_plan(file: Path) -> bool:
 def _mjcf(arguments: argparse.Namespace) -> int:
     from deltaopt.output.mjcf import mjcf
 
-    text = mjcf(load_robot(arguments.robot), arguments.payload)
-    before = _there(arguments.output)
-    with atomic_write(arguments.output) as file:
-        file.write_text(text, encoding="utf-8")
-    print_written([arguments.output], before)
+    return _write(arguments.output, mjcf(load_robot(arguments.robot), arguments.payload))
+
+
+def _schema(arguments: argparse.Namespace) -> int:
+    from deltaopt.output.plan_files import schema
+
+    return _write(arguments.output, schema())
+
+
+def _write(file: Path, text: str) -> int:
+    before = _there(file)
+    with atomic_write(file) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    print_written([file], before)
     return 0
 
 

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields
 from importlib.metadata import PackageNotFoundError, version
+from importlib.resources import files
 from math import isfinite
 from pathlib import Path
 from typing import Protocol
@@ -37,6 +38,10 @@ RATE = 1000.0
 MOST_ROWS = 1_000_000
 """Most rows of a CSV file: a move has some thousands at the rate of a controller, and a million are
 350 MB."""
+
+FORMAT = 1
+"""Version of plan.json as ``plan.schema.json`` describes it: another one where a key changes its
+meaning or goes."""
 
 COLUMNS = (
     "t",
@@ -214,6 +219,7 @@ def write_json(
     motion itself: its polynomials, from which ``saved_plan.load_plan`` makes the same again."""
     found = {f.name: getattr(solution, f.name) for f in fields(StraightLine)}
     content = {
+        "format": FORMAT,
         "duration": trajectory.duration,
         "lower_bound": lower_bound(scene),
         "cost": {"value": cost(scene, trajectory), "unit": scene.objective.unit},
@@ -288,6 +294,11 @@ def caption(verification: Verification) -> str:
         least = "; ".join(f"{each.name} {each.least:.2g}" for each in verification.distances)
         lines.append(f"least distance to singularities: {least}")
     return "\n".join(lines)
+
+
+def schema() -> str:
+    """The text of the JSON schema of plan.json."""
+    return (files("deltaopt.output") / "plan.schema.json").read_text(encoding="utf-8")
 
 
 def highest_rate(trajectory: Trajectory) -> float:
