@@ -7,12 +7,14 @@ from __future__ import annotations
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from deltaopt.dynamics.simulation import PreciseIntegrator
 from deltaopt.robot.model import DeltaModel
 from deltaopt.scene.scene import Scene, limits_of
 from deltaopt.scene.task import OnPath
 
+Array = NDArray[np.float64]
 _NEWTON = 12
 
 
@@ -42,12 +44,12 @@ def two_arcs(scene: Scene, guess: float) -> float:
 
 
 def _ends(
-    forward: PreciseIntegrator, backward: PreciseIntegrator, length: float, times: np.ndarray
-):
+    forward: PreciseIntegrator, backward: PreciseIntegrator, length: float, times: Array
+) -> Array:
     """Differences of s and ṡ where both arcs meet."""
     first = forward(np.zeros(2), times[:1])
     last = backward(np.array([length, 0.0]), times[1:])
-    return first - last
+    return np.asarray(first - last)
 
 
 def _arc(scene: Scene, model: DeltaModel, sign: int) -> PreciseIntegrator:
@@ -60,7 +62,9 @@ def _arc(scene: Scene, model: DeltaModel, sign: int) -> PreciseIntegrator:
     x, v = ca.DM(start) + s * ca.DM(direction), rate * ca.DM(direction)
     still, _ = functions.inverse_dynamics(x, v, ca.DM.zeros(3), p)
     moved, _ = functions.inverse_dynamics(x, v, ca.DM(direction), p)
-    limit = ca.DM(limits_of(scene).upper("torque"))
+    upper = limits_of(scene).upper("torque")
+    assert upper is not None
+    limit = ca.DM(upper.tolist())
     alpha = moved - still
     reach = (sign * ca.sign(alpha) * limit - still) / alpha
     best = ca.mmin(reach) if sign > 0 else ca.mmax(reach)
