@@ -215,6 +215,51 @@ def test_speeds_at_the_ends():
         deltaopt.plan(on(PICK, {"speeds": [50.0, 0.0]}))
 
 
+@pytest.mark.parametrize(
+    "path", ["{speeds: [0.2, 0.1]}", "{points: [[0.42, 0.0, 0.03]], blend: 0.02, speeds: [0.2, 0]}"]
+)
+def test_speeds_in_a_file(path, tmp_path):
+    """Kept to rounding at both ends, along the path, and verified with all limits."""
+    robot = PROBLEMS / "robots" / "orsino.yaml"
+    text = f"robot: {robot}\npayload: 1.0\nstart: [0.45, -0.05, 0.0]\ngoal: [0.45, 0.10, 0.0]\n"
+    (tmp_path / "scene.yaml").write_text(text + f"path: {path}\n")
+    scene = deltaopt.load_scene(tmp_path / "scene.yaml")
+    plan = deltaopt.plan(scene)
+    motion = plan.trajectory(np.array([0.0, plan.duration]))
+    along = scene.task.path(scene.task.path.knots[[0, -1]], 1)
+    along /= np.linalg.norm(along, axis=1)[:, None]
+    np.testing.assert_allclose(motion.v, along * np.array(scene.path.speeds)[:, None], atol=1e-12)
+    assert deltaopt.verify(scene, plan.trajectory).failures() == []
+    rest = scene.model_copy(update={"path": scene.path.model_copy(update={"speeds": (0.0, 0.0)})})
+    assert plan.duration < deltaopt.plan(rest).duration
+
+
+def test_a_curve_by_arrays_is_that_by_a_function():
+    """In another parameter too: how a curve is written changes no duration."""
+    r = 0.05
+
+    def doubled(s, order):  # the same half circle, run through twice as fast
+        return half_circle(r, 2 * s, order) * 2.0**order
+
+    s = np.linspace(0.0, np.pi * r, 33)
+    by_arrays = deltaopt.Curve(
+        s=s, **{name: half_circle(r, s, order) for order, name in enumerate(("x", "dx", "ddx"))}
+    )
+    curves = [
+        deltaopt.Curve.of(lambda s, order: half_circle(r, s, order), 0.0, np.pi * r),
+        deltaopt.Curve.of(doubled, 0.0, np.pi * r / 2),
+        by_arrays,
+    ]
+    plans = [
+        deltaopt.plan(on(PICK, curve, start=curve.x[0], goal=curve.x[-1]), tolerance=1e-5)
+        for curve in curves
+    ]
+    for plan in plans:
+        assert plan.duration == pytest.approx(plans[0].duration, rel=2e-5)
+    scene = plans[-1].scene
+    assert deltaopt.verify(scene, deltaopt.plan(scene).trajectory).failures() == []
+
+
 def test_without_a_compiler_it_is_the_same(monkeypatch):
     scene = on(PICK, "line")
     compiled = deltaopt.plan(scene)
