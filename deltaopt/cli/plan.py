@@ -57,7 +57,7 @@ from deltaopt.planning.lower_bound import lower_bound
 from deltaopt.planning.multistart import Optimum
 from deltaopt.planning.nlp.problem import InteriorPoint, Ipopt, ProblemFormulation, Solver
 from deltaopt.planning.nlp.transcription import TRANSCRIPTIONS
-from deltaopt.planning.planner import RESOLVED_BELOW, Plan, Planner, plan
+from deltaopt.planning.planner import RESOLVED_BELOW, Plan, Planner, plan, straight_lines
 from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene, load_scene
@@ -273,7 +273,7 @@ def _plan(
         verification,
         solution,
         arguments.rate,
-        chart=not arguments.no_plot,
+        compared=None if arguments.no_plot else straight_lines(scene),
         limits=arguments.plot_limits,
         report=arguments.report,
     )

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import json
 import platform
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from importlib.metadata import PackageNotFoundError, version
 from importlib.resources import files
@@ -15,7 +14,6 @@ from typing import Protocol
 
 import numpy as np
 
-from deltaopt.errors import DeltaOptError
 from deltaopt.files.atomic_write import atomic_write
 from deltaopt.files.output_folder import all_or_none
 from deltaopt.files.validated_record import Vector3
@@ -24,10 +22,7 @@ from deltaopt.motion.certificate import MET
 from deltaopt.motion.effort import cost
 from deltaopt.motion.limit_sensitivity import LimitSensitivity, as_dicts
 from deltaopt.motion.trajectory import Array, Trajectory
-from deltaopt.planning.initial_motion import baseline
 from deltaopt.planning.lower_bound import lower_bound
-from deltaopt.planning.planner import timed_line
-from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene
 from deltaopt.verify.pontryagin import Extremal, extremal
 from deltaopt.verify.verification import Verification
@@ -133,15 +128,16 @@ def save(
     solution: Provenance,
     rate: float = RATE,
     *,
-    chart: bool = True,
+    compared: Mapping[str, float] | None = None,
     limits: bool = False,
     report: bool = False,
 ) -> list[Path]:
     """Write the files of a plan into a directory, made if need be, and return their paths.
 
     All of them appear there at once, or none; what else is there stays. ``rate``: instants per
-    second in trajectory.csv, Hz. ``chart``: whether plan.png is drawn, the plan as one picture;
-    that takes longer than all else. ``limits``: whether limits.png is, every limit over time and
+    second in trajectory.csv, Hz. ``compared``: durations, s, by what they are of, that
+    plan.png shows beside the motion's; None if it is not to be drawn, which takes longer than all
+    else. ``limits``: whether limits.png is, every limit over time and
     the switching functions. ``report``: whether report.html is written. Raises OSError, naming the
     file, if one cannot be written.
     """
@@ -156,10 +152,10 @@ def save(
     with all_or_none(directory) as folder:
         write_csv(folder / csv, trajectory, rate)
         write_json(folder / record, scene, trajectory, verification, solution)
-        if chart:
+        if compared is not None:
             from deltaopt.plots.plan import draw  # slow to import
 
-            draw(folder / picture, scene, trajectory, straight_lines(scene), verification.duty)
+            draw(folder / picture, scene, trajectory, compared, verification.duty)
             written.append(picture)
         if limits:
             from deltaopt.plots.limits import draw_limits
@@ -174,21 +170,6 @@ def save(
             write_report(folder / page, scene, trajectory, *found)
             written.append(page)
     return [directory / name for name in written]
-
-
-def straight_lines(scene: Scene) -> dict[str, float]:
-    """Durations, s, of the straight line from start to goal, by how it is timed: what a plan is
-    compared with, whatever its objective. Those that no motion can have are left out."""
-    timed: dict[str, Callable[[Scene], float]] = {
-        "line, quintic law": lambda scene: baseline(scene).duration,
-        "line, timed optimally": lambda scene: timed_line(scene).duration,
-    }
-    scene = scene.model_copy(update={"objective": Time()})
-    found = {}
-    for name, duration in timed.items():
-        with suppress(DeltaOptError):
-            found[name] = duration(scene)
-    return found
 
 
 def write_csv(file: Path, trajectory: Trajectory, rate: float = RATE) -> None:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from math import inf, isinf
@@ -42,6 +43,7 @@ from deltaopt.planning.effort_planning import (
 )
 from deltaopt.planning.flat.flat_problem import Flat
 from deltaopt.planning.formulations.choice import problem_formulation
+from deltaopt.planning.initial_motion import baseline
 from deltaopt.planning.lower_bound import lower_bound
 from deltaopt.planning.mesh.kept_limits import KEPT, kept
 from deltaopt.planning.mesh.mesh_solution import Iteration, MeshSolution, gap_of, iteration_of
@@ -181,7 +183,7 @@ class Plan:
             self.trajectory,
             found,
             self,
-            chart=chart,
+            compared=straight_lines(self.scene) if chart else None,
             limits=limits,
             report=report,
         )
@@ -704,6 +706,21 @@ def timed_line(scene: Scene, tolerance: float = 1e-3) -> Plan:
     given_points(scene.task)
     on_line = scene.model_copy(update={"path": Line(), "objective": Time()})
     return plan(on_line, tolerance=tolerance)
+
+
+def straight_lines(scene: Scene) -> dict[str, float]:
+    """Durations, s, of the straight line from start to goal, by how it is timed: what a plan is
+    compared with, whatever its objective. Those that no motion can have are left out."""
+    timed: dict[str, Callable[[Scene], float]] = {
+        "line, quintic law": lambda scene: baseline(scene).duration,
+        "line, timed optimally": lambda scene: timed_line(scene).duration,
+    }
+    scene = scene.model_copy(update={"objective": Time()})
+    found = {}
+    for name, duration in timed.items():
+        with suppress(DeltaOptError):
+            found[name] = duration(scene)
+    return found
 
 
 def quicker(one: Plan, other: Plan) -> Plan:

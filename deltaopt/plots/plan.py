@@ -43,15 +43,15 @@ def draw(
     ``others``: durations to compare with, s, by what they are of. ``duty``: of the motors, if it is
     known. The format follows the file's suffix: png, pdf or svg.
     """
-    with figure(file, 7.2, 6.0) as page:
+    with figure(file, 7.2, 5.5) as page:
         page.suptitle(title(scene.task, trajectory.duration), fontsize=LARGE)
-        grid = page.add_gridspec(3, 2, width_ratios=[1.2, 1], height_ratios=[1.25, 1, 1.15])
+        grid = page.add_gridspec(3, 2, width_ratios=[1.2, 1], height_ratios=[1.25, 0.9, 1.1])
         _robot(page.add_subplot(grid[:2, 0]), scene, trajectory)
         _path(page.add_subplot(grid[0, 1]), scene, trajectory)
         _bars(page.add_subplot(grid[1, 1]), {**others, "this plan": trajectory.duration})
         _torques(page.add_subplot(grid[2, :]), scene, trajectory, duty)
-        told = filter(None, (_what(scene, trajectory), assumption(scene.task)))
-        caption = fill("; ".join(told), _LINE)
+        told = (fill(_what(scene, trajectory), _LINE), assumption(scene.task))
+        caption = "\n".join(filter(None, told))
         page.supxlabel(caption, fontsize=SMALL, color=GREY)
 
 

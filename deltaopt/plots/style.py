@@ -24,7 +24,7 @@ LARGE, SMALL = 14, 7
 _DOTS = 300
 """Per inch: of print."""
 _STYLE: Any = {
-    "font.family": "STIXGeneral",
+    "font.family": ["STIXGeneral", "DejaVu Sans"],  # the latter for what the former lacks
     "mathtext.fontset": "stix",
     "font.size": 9,
     "axes.titlesize": 9,
