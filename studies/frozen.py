@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Any
 
 import deltaopt
+from deltaopt.scene.task import given_points
 
 HELP = "hold plans against those of version 0.1"
 SMALL = {"every": 78}
@@ -108,7 +109,8 @@ class Case:
             robot = deltaopt.load_robot(PROBLEMS / "robots" / f"{self.scene}.yaml")
             scene = deltaopt.Scene(robot=robot, payload=1.0, start=self.start, goal=self.goal)
         if self.moved:
-            moved = (math.nextafter(scene.start[0], math.inf), *scene.start[1:])
+            x, y, z = given_points(scene.task)[0]
+            moved = (math.nextafter(x, math.inf), y, z)
             scene = scene.model_copy(update={"start": moved})
         formulation = FORMULATIONS[self.formulation]
         return deltaopt.plan(scene, tolerance=self.tolerance, formulation=formulation)

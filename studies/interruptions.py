@@ -18,6 +18,7 @@ import deltaopt
 from deltaopt.bench.random_scenes import random_scenes
 from deltaopt.cli.arguments import one_or_more, seed
 from deltaopt.cli.progress import ProgressBar
+from deltaopt.scene.task import given_points
 from studies.problems import PROBLEMS
 
 HELP = "interrupt verified motions at random instants: a new goal, a stop"
@@ -54,7 +55,7 @@ def interruptions(robot: deltaopt.Robot, number: int, first: int) -> Iterator[In
         old = planner.plan(scene.start, scene.goal)
         now = old.trajectory(float(rng.uniform(0, old.duration)))
         begin = thread_time()
-        rest = planner.plan(scene.goal, other.goal)
+        rest = planner.plan(given_points(scene.task)[1], other.goal)
         plain = thread_time() - begin
         left = old.duration - float(now.t[0])
         try:

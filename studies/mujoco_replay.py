@@ -25,6 +25,7 @@ from deltaopt.motion.trajectory import Array
 from deltaopt.output.mujoco_replay import InMujoco, of_joints
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import Robot
+from deltaopt.scene.task import given_points
 from studies.problems import PROBLEMS
 
 HELP = "torques and open-loop replay against MuJoCo"
@@ -68,9 +69,10 @@ def torque_difference(robot: Robot, payload: float, states: int) -> float:
     model, found = DeltaModel(robot, payload), []
     for scene in random_scenes(robot, payload, states, seed=5):
         v, a = 2.0 * rng.normal(size=3), 100.0 * rng.normal(size=3)
-        there = InMujoco.of(robot, payload, scene.start)
-        other = torques(there, *model.motion(scene.goal, v, a))
-        found.append((other, model.inverse_dynamics(scene.goal, v, a)))
+        start, goal = given_points(scene.task)
+        there = InMujoco.of(robot, payload, start)
+        other = torques(there, *model.motion(goal, v, a))
+        found.append((other, model.inverse_dynamics(goal, v, a)))
     theirs, ours = (np.array(each) for each in zip(*found, strict=True))
     return float(np.abs(theirs - ours).max() / np.abs(ours).max())
 
@@ -98,7 +100,7 @@ def run(arguments: argparse.Namespace) -> int:
     difference = torque_difference(robot, scene.payload or 0.0, arguments.states)
     print(f"{robot.name}: torques of {arguments.states} motions differ by {difference:.1e}")
     simple = scene.model_copy(update={"robot": without_terms(robot)})
-    actual = InMujoco.of(robot, scene.payload, scene.start)
+    actual = InMujoco.of(robot, scene.payload, given_points(scene.task)[0])
     for name, planned in (("all terms", scene), ("terms left out", simple)):
         motion = deltaopt.plan(planned).trajectory
         for step in arguments.steps:

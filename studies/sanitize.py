@@ -33,6 +33,7 @@ from deltaopt.planning.flat.interior_point import Arguments, CompiledMethod
 from deltaopt.planning.flat.method_source import source
 from deltaopt.planning.path import on_mesh
 from deltaopt.planning.path.on_mesh import MeshCall
+from deltaopt.scene.task import given_points
 from studies.problems import INDUSTRIAL, ORSINO
 
 Array = NDArray[np.float64]
@@ -454,7 +455,8 @@ def _plan(robot: deltaopt.Robot, moves: int, *, resolved: bool) -> None:
 
 def _plan_on_paths(scene: deltaopt.Scene, number: int) -> None:
     """The same move on given paths of all kinds, one of which is curved in s̈."""
-    way = np.subtract(scene.goal, scene.start)
+    start, goal = np.array(given_points(scene.task))
+    way = goal - start
     across = float(np.linalg.norm(way[1:]))
     for limits in (None, deltaopt.Limits(acceleration=100.0)):
         path: deltaopt.Line | deltaopt.PickAndPlace = deltaopt.Line()

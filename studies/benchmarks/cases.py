@@ -79,7 +79,8 @@ class Case:
         regular = np.linspace(0, until, round(until / self.period) + 1)
         known = [p.time for p in self.published if p.time <= until]
         together = np.sort(np.concatenate([regular, known]))
-        return together[np.concatenate([[True], np.diff(together) > 1e-9])]
+        later: Array = together[np.concatenate([[True], np.diff(together) > 1e-9])]
+        return later
 
 
 def _xy(motion: Motion) -> dict[str, Array]:

@@ -110,7 +110,7 @@ def measure(progress: Progress, share: float = 1.0, settings: int = 7) -> list[R
 def _truth(case: Case, times: Array) -> Array:
     """The coordinates that count, at the end."""
     if case.exact is not None:
-        return case.exact(times)[-1]
+        return np.asarray(case.exact(times)[-1])
     fine = replace(case, integrator=Gauss(0.005, stages=4), tolerance=1e-11).run(times)
     return np.asarray(case.own(fine)[-1])
 

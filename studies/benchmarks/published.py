@@ -85,8 +85,8 @@ def compared(case: Case, motion: Motion) -> list[Comparison]:
 def _multipliers(motion: Motion) -> list[Comparison]:
     """Forces in the squeezer's joints at its end, with the sign of the test set."""
     forward = Multiplier().forward_dynamics(motion.mechanism)
-    state = motion.q[-1], motion.dq[-1], andrews.TORQUE, []
-    lam = -np.asarray(forward(motion.times[-1], *state)[1], dtype=float).ravel()
+    found = forward(motion.times[-1], motion.q[-1], motion.dq[-1], andrews.TORQUE, [])
+    lam = -np.asarray(found[1], dtype=float).ravel()
     return [
         Comparison("A03", Published(0.03, f"λ{i + 1}", value, "IVP"), float(ours))
         for i, (value, ours) in enumerate(zip(references.ANDREWS_MULTIPLIERS, lam, strict=True))
@@ -134,7 +134,9 @@ def table_of(found: Found) -> str:
         )
         for c in found.comparisons
     ]
-    kept = [("benchmark", "t, s", "energy, J", "|f|", "in another way", "right-hand sides")]
+    kept: list[tuple[str, ...]] = [
+        ("benchmark", "t, s", "energy, J", "|f|", "in another way", "right-hand sides")
+    ]
     kept += [
         (k.benchmark, f"{k.duration:g}", *map(_power, (k.energy, k.f, k.error)), str(k.evaluations))
         for k in found.kept

@@ -14,6 +14,7 @@ import numpy as np
 
 from deltaopt.compare.dynamics.tasks import Array
 from deltaopt.dynamics import Explicit, Multiplier, NullSpace, Partition, VirtualWork
+from deltaopt.dynamics.formulation import Formulation
 from deltaopt.dynamics.mechanism import SX, Body, Effort, Mechanism
 
 
@@ -61,9 +62,10 @@ def gough_stewart(p: Stewart) -> Mechanism:
         leg_axes = rotation(ca.vertcat(angles, 0))
         along, omega = leg_axes[:, 2], _spin(leg_axes, q, dq)
         cylinder, rod = SX([1, 1, 0]) * p.cylinder_inertia, SX([1, 1, 0]) * p.rod_inertia
-        end = SX(base) + length * along
+        foot = SX(base)
+        end = foot + length * along
         bodies += [
-            Body(f"cylinder {k}", p.cylinder, base + p.cylinder_centre * along, cylinder, omega),
+            Body(f"cylinder {k}", p.cylinder, foot + p.cylinder_centre * along, cylinder, omega),
             Body(f"rod {k}", p.rod, end - p.rod_centre * along, rod, omega),
         ]
         efforts.append(Effort(force[k], dq[8 + 3 * k]))
@@ -121,7 +123,12 @@ def agreement(poses: int, seed: int = 1) -> Agreement:
     p = Stewart()
     m, random = gough_stewart(p), np.random.default_rng(seed)
     partition = Partition(tuple(range(6)))
-    ways = [Multiplier(), Explicit(NullSpace()), Explicit(partition), VirtualWork(partition)]
+    ways: list[Formulation] = [
+        Multiplier(),
+        Explicit(NullSpace()),
+        Explicit(partition),
+        VirtualWork(partition),
+    ]
     inverses = [way.inverse_dynamics(m) for way in ways]
     forward = Explicit(NullSpace()).forward_dynamics(m)
     velocity = partition.function(m)

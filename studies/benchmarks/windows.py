@@ -84,7 +84,7 @@ def power(costs: list[Cost], method: str) -> float:
 
 def table_of(costs: list[Cost]) -> str:
     """Return operations, a line for each N."""
-    rows = [("N", *METHODS)]
+    rows: list[tuple[str, ...]] = [("N", *METHODS)]
     for n in dict.fromkeys(c.windows for c in costs):
         own = {c.method: c.operations for c in costs if c.windows == n}
         rows.append((str(n), *(f"{own[method]:,}" for method in METHODS)))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from deltaopt.dynamics.simulation import PreciseIntegrator
 from deltaopt.robot.model import DeltaModel
 from deltaopt.scene.scene import Scene, limits_of
-from deltaopt.scene.task import OnPath
+from deltaopt.scene.task import OnPath, given_points
 
 Array = NDArray[np.float64]
 _NEWTON = 12
@@ -55,7 +55,8 @@ def _ends(
 def _arc(scene: Scene, model: DeltaModel, sign: int) -> PreciseIntegrator:
     """(s, ṡ) after a time (its parameter) of the largest s̈, or of the least one backwards."""
     functions, p = model.functions, ca.DM(model.parameters)
-    start, way = np.array(scene.start), np.subtract(scene.goal, scene.start)
+    start, goal = np.array(given_points(scene.task))
+    way = goal - start
     direction = way / np.linalg.norm(way)
     u, state, T = ca.MX.sym("u"), ca.MX.sym("state", 2), ca.MX.sym("T")
     s, rate = state[0], state[1]

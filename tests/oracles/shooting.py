@@ -29,6 +29,7 @@ from deltaopt.planning.switching.conditions import ActiveRows
 from deltaopt.planning.switching.structure import SwitchingStructure
 from deltaopt.robot.model import DeltaModel
 from deltaopt.scene.scene import Scene, limits_of
+from deltaopt.scene.task import given_points
 from deltaopt.verify.pontryagin import gauss
 
 Array = NDArray[np.float64]
@@ -120,8 +121,9 @@ class _Shooting:
         """Of many motions at once, lengths (B, arcs) -> (B, 6 and one for each speed that an arc
         begins to hold or to leave at once)."""
         scene, structure = self.scene, self.structure
-        way = float(np.linalg.norm(np.subtract(scene.goal, scene.start)))
-        x = np.tile(np.array(scene.start), (len(lengths), 1))
+        start, goal = np.array(given_points(scene.task))
+        way = float(np.linalg.norm(goal - start))
+        x = np.tile(start, (len(lengths), 1))
         v, misses = np.zeros_like(x), []
         for a in range(len(structure.lengths)):
             misses += self._speed_misses(a, x, v)
