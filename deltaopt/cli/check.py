@@ -28,9 +28,10 @@ from numpy.typing import NDArray
 from deltaopt.cli.arguments import WrongUsage, add_json, add_output, output_directory
 from deltaopt.cli.plan import duty_table
 from deltaopt.cli.progress import ProgressBar
-from deltaopt.cli.streams import print_json
+from deltaopt.cli.streams import present, print_json, print_written
 from deltaopt.codegen.compile import describe
 from deltaopt.errors import DeltaOptError, in_words
+from deltaopt.files.output_folder import all_or_none
 from deltaopt.files.validated_record import PerMotor, per_motor
 from deltaopt.files.yaml_file import read_yaml
 from deltaopt.mechanisms.delta.mechanism import DeltaParameters
@@ -131,12 +132,15 @@ def _terms(arguments: argparse.Namespace) -> int:
 
     scene = load_scene(arguments.scene)
     check_feasible(scene)
-    chart = output_directory(arguments) / "terms.png"
+    directory, chart = output_directory(arguments), "terms.png"
     effects = effects_of_terms(scene, ProgressBar())
     print("\n".join(terms_table(effects)))
     bars = [TermBar(e.term.name, e.shorter, e.excess, e.miss) for e in effects if not e.problem]
-    draw_terms(chart, f"{scene.robot.name}: planned without a term, run with all", bars)
-    print(f"written: {chart}")
+    before = present(directory)
+    with all_or_none(directory) as folder:
+        title = f"{scene.robot.name}: planned without a term, run with all"
+        draw_terms(folder / chart, title, bars)
+    print_written([directory / chart], before)
     return 0
 
 

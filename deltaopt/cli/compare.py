@@ -14,6 +14,7 @@ from pathlib import Path
 
 from deltaopt.cli.arguments import WrongUsage, folder, load_fastest, one_or_more
 from deltaopt.cli.progress import ProgressBar
+from deltaopt.cli.streams import present, print_written
 from deltaopt.files.output_folder import all_or_none, require_writable
 
 HELP = "compare formulations, of the dynamics or of plans, as tables and charts"
@@ -60,13 +61,15 @@ def _plans(arguments: argparse.Namespace) -> int:
     directory = arguments.directory or Path("out/compare_plans")
     require_writable(directory)
     study = compare_plans(cases, progress=ProgressBar())
+    before = present(directory)
     with all_or_none(directory) as folder:
         (folder / "plans.csv").write_text(csv(study), encoding="utf-8", newline="\n")
         for case in cases:
             draw(study, case.name, folder / f"{case.name}.png")
     print(tables(study), verdict(study), sep="\n\n")
-    names = ", ".join(f"{directory}/{case.name}.png" for case in cases)
-    print(f"\n{study.seconds:.0f} s in all; {directory}/plans.csv, {names}")
+    print(f"\n{study.seconds:.0f} s in all")
+    names = ["plans.csv", *(f"{case.name}.png" for case in cases)]
+    print_written([directory / name for name in names], before)
     return 0
 
 
@@ -80,9 +83,11 @@ def _dynamics(arguments: argparse.Namespace) -> int:
     directory = arguments.directory or Path("out/compare_dynamics")
     require_writable(directory)
     study = compare_dynamics(arguments.states, arguments.rounds, compiler(), progress=ProgressBar())
+    before = present(directory)
     with all_or_none(directory) as folder:
         (folder / "dynamics.csv").write_text(csv(study), encoding="utf-8", newline="\n")
         draw(study, folder / "dynamics.png")
     print(table(study), notes(study), verdict(study), sep="\n\n")
-    print(f"\n{directory}/dynamics.csv, {directory}/dynamics.png")
+    print()
+    print_written([directory / name for name in ("dynamics.csv", "dynamics.png")], before)
     return 0

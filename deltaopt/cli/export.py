@@ -19,11 +19,13 @@ Exit code: 0 written; 1 no table can be made; 2 bad input.
 from __future__ import annotations
 
 import argparse
+import errno
+from collections.abc import Callable
 from pathlib import Path
 
 from deltaopt.cli.arguments import folder, positive
-from deltaopt.cli.streams import print_written
-from deltaopt.files.atomic_write import atomic_write
+from deltaopt.cli.streams import present, print_written
+from deltaopt.files.output_folder import all_or_none
 from deltaopt.output.cam_tables import CamPieces, Cams, write_cams
 from deltaopt.output.joint_table import (
     Cubic,
@@ -173,7 +175,7 @@ def _c(arguments: argparse.Namespace) -> int:
     from deltaopt.output.controller_c import export_c, export_plan_c
 
     folder = arguments.output
-    before = set(folder.iterdir()) if folder.is_dir() else set()
+    before = present(folder)
     if _is_plan(arguments.of):
         print_written(export_plan_c(load_plan(arguments.of).trajectory, folder), before)
     else:
@@ -189,33 +191,39 @@ def _is_plan(file: Path) -> bool:
 def _mjcf(arguments: argparse.Namespace) -> int:
     from deltaopt.output.mjcf import mjcf
 
-    return _write(arguments.output, mjcf(load_robot(arguments.robot), arguments.payload))
+    text = mjcf(load_robot(arguments.robot), arguments.payload)
+    return _write(arguments.output, lambda file: _write_text(file, text))
 
 
 def _schema(arguments: argparse.Namespace) -> int:
     from deltaopt.output.plan_files import schema
 
-    return _write(arguments.output, schema())
+    return _write(arguments.output, lambda file: _write_text(file, schema()))
 
 
-def _write(file: Path, text: str) -> int:
-    before = _there(file)
-    with atomic_write(file) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+def _write(file: Path, write: Callable[[Path], object]) -> int:
+    """Write one file, whole or not at all, and say so. Raises OSError, which names it."""
+    if file.is_dir():
+        raise IsADirectoryError(errno.EISDIR, "is a directory", str(file))
+    before = present(file.parent)
+    with all_or_none(file.parent) as folder:
+        write(folder / file.name)
     print_written([file], before)
     return 0
 
 
+def _write_text(file: Path, text: str) -> None:
+    file.write_text(text, encoding="utf-8")
+
+
 def _table(arguments: argparse.Namespace) -> int:
-    table, before = _controllers_table(arguments), _there(arguments.output)
-    write_table(arguments.output, table, UNITS[arguments.unit])
-    print_written([arguments.output], before)
-    return 0
+    table, unit = _controllers_table(arguments), UNITS[arguments.unit]
+    return _write(arguments.output, lambda file: write_table(file, table, unit))
 
 
 def _cam(arguments: argparse.Namespace) -> int:
     plan, folder = load_plan(arguments.plan), arguments.output
-    before = set(folder.iterdir()) if folder.is_dir() else set()
+    before = present(folder)
     table = of_controller(_checked(plan, arguments), plan.scene.robot)
     cams = Cams.of(table, UNITS[arguments.unit], arguments.master_speed)
     way = f"{cams.master[-1]:.6g} units of the master axis"
@@ -225,12 +233,12 @@ def _cam(arguments: argparse.Namespace) -> int:
 
 
 def _ros2(arguments: argparse.Namespace) -> int:
-    table, before = _controllers_table(arguments), _there(arguments.output)
-    if arguments.output.suffix in (".yaml", ".yml"):
-        write_ros2_yaml(arguments.output, table, tuple(arguments.joints))
-    else:
-        write_ros2_bag(arguments.output, table, tuple(arguments.joints), arguments.topic)
-    print_written([arguments.output], before)
+    table, joints = _controllers_table(arguments), tuple(arguments.joints)
+    output: Path = arguments.output
+    if output.suffix in (".yaml", ".yml"):
+        return _write(output, lambda file: write_ros2_yaml(file, table, joints))
+    before = present(output)
+    print_written(write_ros2_bag(output, table, joints, arguments.topic), before)
     return 0
 
 
@@ -238,11 +246,6 @@ def _controllers_table(arguments: argparse.Namespace) -> JointTable:
     """The table of a saved plan in its controller's angles."""
     plan = load_plan(arguments.plan)
     return of_controller(_checked(plan, arguments), plan.scene.robot)
-
-
-def _there(file: Path) -> set[Path]:
-    """The file, if it exists."""
-    return {file} if file.exists() else set()
 
 
 def _checked(plan: SavedPlan, arguments: argparse.Namespace) -> JointTable:

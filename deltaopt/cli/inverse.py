@@ -23,6 +23,7 @@ from deltaopt.cli.arguments import (
     output_directory,
     positive,
 )
+from deltaopt.cli.streams import present, print_written
 from deltaopt.files.output_folder import all_or_none
 from deltaopt.motion.limit_curves import limit_curves
 from deltaopt.motion.trajectory import Trajectory
@@ -65,11 +66,12 @@ def run(arguments: argparse.Namespace) -> int:
     print(_table(trajectory))
     print(_against_limits(scene, trajectory))
     csv, motion, torques = ("inverse.csv", "motion.png", "torques.png")
+    before = present(directory)
     with all_or_none(directory) as folder:
         write_csv(folder / csv, trajectory)
         draw_motion(folder / motion, trajectory)
         draw_torques(folder / torques, trajectory)
-    print("written:", ", ".join(str(directory / name) for name in (csv, motion, torques)))
+    print_written([directory / name for name in (csv, motion, torques)], before)
     return 0
 
 

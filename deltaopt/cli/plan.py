@@ -34,7 +34,7 @@ from deltaopt.cli.arguments import (
     seed,
     two_or_more,
 )
-from deltaopt.cli.streams import print_json, print_written, say
+from deltaopt.cli.streams import present, print_json, print_written, say
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.errors import DeltaOptError, SceneError
 from deltaopt.files.output_folder import require_writable
@@ -265,7 +265,7 @@ def _plan(
     _require_rows(trajectory, arguments.rate)
     verification = verify(scene, trajectory)
     active = active_limits(scene, trajectory)
-    before = set(directory.iterdir()) if directory.is_dir() else set()
+    before = present(directory)
     files = save(
         directory,
         scene,

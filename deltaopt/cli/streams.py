@@ -84,6 +84,11 @@ def print_json(content: Mapping[str, object]) -> None:
     print(json.dumps(content, ensure_ascii=True, allow_nan=False), flush=True)
 
 
+def present(directory: Path) -> set[Path]:
+    """The files in a directory; none if it does not exist."""
+    return set(directory.iterdir()) if directory.is_dir() else set()
+
+
 def print_written(files: Iterable[Path], before: Container[Path]) -> None:
     """Say which files were written, and which of them were there ``before`` and are replaced."""
     files = list(files)

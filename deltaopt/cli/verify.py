@@ -132,6 +132,7 @@ def _measure(arguments: argparse.Namespace) -> int:
     rows = _rows(arguments, robot.joints or Joints())
     trajectory = rows.trajectory(delta_model(robot, arguments.payload))
     ends = trajectory.path_inside([0.0, 1.0])[0]
+    trajectory.model.inverse_kinematics(ends)  # raises Unreachable
     away = ends[np.linalg.norm(ends - ends[0], axis=1).argmax()]
     if not (away != ends[0]).any():
         raise DeltaOptError(f"{arguments.motion}: nothing moves in it")

@@ -25,6 +25,9 @@ POSITION = ("x", "y", "z")
 _RATES = {ANGLES: ("d", "dd"), POSITION: ("v", "a")}
 _LARGEST = 500_000_000
 """Bytes of a table: a million rows of every quantity are fewer."""
+_SHORTEST = 1e-12
+"""Least time between rows of different times, s: a thousandth of ROS 2's nanosecond. Accelerations
+are divided by its square."""
 _SPLIT = 4
 """Parts of a piece of motor angles, each of which a quintic piece of the position follows: with so
 many they differ by less than 1e-9 of what a millisecond's piece moves."""
@@ -128,11 +131,24 @@ def read_foreign_table(file: Path) -> ForeignTable:
     rates, accelerations = (_three(columns, _names(quantity, p)) for p in _RATES[quantity])
     if rates is None:
         accelerations = None
-    doubled = np.diff(t) == 0
-    if (np.diff(t) < 0).any() or (rates is None and doubled.any()):
-        row = int(np.flatnonzero(np.diff(t) <= 0)[0]) + 2
-        raise UnreadableTable(f"{file}: time does not increase from row {row} to row {row + 1}")
+    _require_times(file, t, jumps=rates is not None)
     return ForeignTable(quantity, t, values, rates, accelerations)
+
+
+def _require_times(file: Path, t: Array, *, jumps: bool) -> None:
+    """Raise UnreadableTable unless times increase. ``jumps``: whether two may be the same."""
+    steps = np.diff(t)
+    row = int(steps.argmin()) + 2
+    if steps.min() < 0 or (not jumps and steps.min() == 0):
+        raise UnreadableTable(f"{file}: time does not increase from row {row} to row {row + 1}")
+    if t[-1] == t[0]:
+        raise UnreadableTable(f"{file}: time does not increase at all")
+    near = np.flatnonzero((steps > 0) & (steps < _SHORTEST))
+    if len(near):
+        row = int(near[0]) + 2
+        raise UnreadableTable(
+            f"{file}: rows {row} and {row + 1} are less than {_SHORTEST:g} s apart"
+        )
 
 
 def _columns(file: Path) -> dict[str, Array]:

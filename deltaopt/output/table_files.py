@@ -93,9 +93,9 @@ def write_ros2_yaml(file: Path, table: JointTable, names: tuple[str, str, str]) 
 
 def write_ros2_bag(
     directory: Path, table: JointTable, names: tuple[str, str, str], topic: str
-) -> None:
+) -> list[Path]:
     """Write a table as one JointTrajectory message in a bag (a folder with an MCAP file), without
-    ROS.
+    ROS, and return the paths of its files.
 
     Raises MissingRosbags if the package rosbags is not installed.
     """
@@ -107,8 +107,10 @@ def write_ros2_bag(
         with bags.Writer(bag, version=_BAG_VERSION, storage_plugin=plugin) as writer:
             connection = writer.add_connection(topic, MESSAGE, typestore=store)
             writer.write(connection, 0, store.serialize_cdr(message, MESSAGE))
-        for file in bag.iterdir():
+        files = sorted(bag.iterdir())
+        for file in files:
             shutil.copyfile(file, folder / file.name)
+    return [directory / file.name for file in files]
 
 
 def _message(types: Any, table: JointTable, names: tuple[str, str, str]) -> Any:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -108,6 +110,52 @@ def test_a_plan_is_verified_again(plan, tmp_path, capsys):
     assert "--robot is for a TABLE.csv" in capsys.readouterr().err
     assert main(["verify", str(tmp_path / "trajectory.csv")]) == 2
     assert "--robot ROBOT" in capsys.readouterr().err
+
+
+MOVES = "{t},0.45,0.0,0.0\n0.1,0.45,0.01,0.0\n0.2,0.45,0.02,0.0\n0.3,0.45,0.03,0.0\n"
+TINY = {
+    "steps of 1e-300 s": ("t,x,y,z\n0,0.45,0,0\n" + MOVES.format(t=1e-300), 1, "rows 2 and 3 are"),
+    "the least number": ("t,x,y,z\n0,0.45,0,0\n" + MOVES.format(t=5e-324), 1, "less than 1e-12 s"),
+    "all times the same": (
+        "t,x,y,z,vx,vy,vz\n" + "1,0.45,0,0,0,0,0\n" * 4,
+        1,
+        "does not increase at all",
+    ),
+    "a motion of 1e-300 m": (
+        "t,x,y,z\n0,0.45,0,0\n1,0.45,1e-300,0\n2,0.45,0,0\n3,0.45,0,0\n",
+        1,
+        "nothing moves in it",
+    ),
+    "a motion of 1e-160 m": (
+        "t,x,y,z\n0,0.45,0,0\n1,0.45,1e-160,0\n2,0.45,0,0\n3,0.45,1e-160,0\n",
+        0,
+        "",
+    ),
+    "rates of 1e-300": (
+        "t,x,y,z,vx,vy,vz\n0,.45,0,0,1e-300,0,0\n1,.45,0,0,0,1e-300,0\n2,.45,.01,0,0,0,0\n3,.45,0,0,0,0,0\n",
+        0,
+        "",
+    ),
+    "rates of 1e12": (
+        "t,theta1,theta2,theta3,dtheta1,dtheta2,dtheta3\n0,0,0,0,0,0,1e12\n1e10,0,0,0,1e10,1e10,1e12\n"
+        "2e10,0,0,0,1e10,1e10,0\n3e10,0,0,0,1e10,1e10,0\n",
+        1,
+        "the platform cannot be at|bars do not meet there",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", TINY)
+def test_numbers_at_the_end_of_doubles(tmp_path, capsys, name):
+    """A verdict or one sentence; a warning of overflow would fail the test."""
+    text, code, sentence = TINY[name]
+    file = tmp_path / "tiny.csv"
+    file.write_text(text, encoding="utf-8")
+    assert main(["verify", str(file), "--robot", str(ORSINO)]) == code
+    captured = capsys.readouterr()
+    assert re.search(sentence, captured.err)
+    assert captured.err.count("\n") == bool(sentence)
+    assert ("torque" in captured.out) == (not sentence)
 
 
 def test_a_table_that_does_not_move(tmp_path, capsys):
