@@ -76,6 +76,9 @@ def end_in(key: str, content: Any) -> Any:
         return Anywhere()
     if not isinstance(content, Mapping):
         return content
+    if not {"at", "velocity", "belt"} & set(content):
+        expected = EXPECTED_START if key == "start" else EXPECTED_GOAL
+        raise SceneError(None, key, dict(content), expected)
     if "acceleration" in content:
         raise SceneError(
             None,

@@ -47,7 +47,8 @@ def potential_energy(theta):
 def test_no_times_give_empty_arrays():
     nothing = LINE([])
     assert nothing.t.shape == (0,)
-    assert all(getattr(nothing, each.name).shape == (0, 3) for each in fields(Motion)[1:])
+    assert all(getattr(nothing, each.name).shape == (0, 3) for each in fields(Motion)[1:-1])
+    assert nothing.under_way is LINE
 
 
 def test_rounding_beyond_the_end_is_the_end():
