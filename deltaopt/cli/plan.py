@@ -287,7 +287,7 @@ def _plan(
         resolved = solution.tolerance is not None and solution.tolerance <= RESOLVED_BELOW
         print(table(verification, certified=resolved))
         print("\n".join(active_limits_table(active, solution)))
-        print(lower_bound_line(scene, trajectory))
+        print(lower_bound_line(solution.lower_bound, trajectory))
         print_written(files, before)
     for failure in verification.failures():
         print(f"deltaopt: verification failed: {failure}", file=sys.stderr)
@@ -366,7 +366,7 @@ def _solve(
     scene: Scene, formulation: ProblemFormulation, arguments: argparse.Namespace
 ) -> tuple[Trajectory, Provenance]:
     if arguments.baseline:
-        return baseline(scene), StraightLine()
+        return baseline(scene), StraightLine(lower_bound(scene))
     found = plan(
         scene,
         tolerance=arguments.tolerance or Planner.tolerance,
@@ -445,9 +445,8 @@ def table(verification: Verification, *, certified: bool = False) -> str:
     return "\n".join([total, *lines, *motors, *remarks])
 
 
-def lower_bound_line(scene: Scene, trajectory: Trajectory) -> str:
-    """A line that says what no motion of the scene undercuts, on whatever path."""
-    bound = lower_bound(scene)
+def lower_bound_line(bound: float, trajectory: Trajectory) -> str:
+    """A line that says what no motion of the scene undercuts, on whatever path: ``bound``, s."""
     if not bound:
         return "lower bound for every path: none is known where an end moves"
     share = bound / trajectory.duration

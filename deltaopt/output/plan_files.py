@@ -22,7 +22,6 @@ from deltaopt.motion.certificate import MET
 from deltaopt.motion.effort import cost
 from deltaopt.motion.limit_sensitivity import LimitSensitivity, as_dicts
 from deltaopt.motion.trajectory import Array, Trajectory
-from deltaopt.planning.lower_bound import lower_bound
 from deltaopt.scene.scene import Scene
 from deltaopt.verify.pontryagin import Extremal, extremal
 from deltaopt.verify.verification import Verification
@@ -96,12 +95,15 @@ class Provenance(Protocol):
     def free_duration(self) -> float | None: ...
     @property
     def sensitivities(self) -> Sequence[LimitSensitivity]: ...
+    @property
+    def lower_bound(self) -> float: ...
 
 
 @dataclass(frozen=True)
 class StraightLine:
-    """How a baseline was found: without a solver."""
+    """How a baseline was found: without a solver. ``lower_bound``: for every path, s."""
 
+    lower_bound: float
     formulation: str | None = None
     transcription: str = "straight line"
     intervals: int = 1
@@ -202,7 +204,6 @@ def write_json(
     content = {
         "format": FORMAT,
         "duration": trajectory.duration,
-        "lower_bound": lower_bound(scene),
         "cost": {"value": cost(scene, trajectory), "unit": scene.objective.unit},
         **{name: _finite(value) for name, value in found.items()},
         "certificate": _certificate(solution.certificate),

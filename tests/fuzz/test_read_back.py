@@ -16,6 +16,7 @@ from deltaopt.cli import main
 from deltaopt.output.foreign_table import read_foreign_table
 from deltaopt.output.plan_files import StraightLine, write_csv, write_json
 from deltaopt.output.saved_plan import load_plan
+from deltaopt.planning.lower_bound import lower_bound
 from deltaopt.verify.verification import verify
 from tests.fuzz.inputs import PROBLEMS, SCENE, fewer, limited, numbers, result_or_sentence, trees
 
@@ -25,7 +26,8 @@ ROBOT = str(PROBLEMS / "robots/orsino.yaml")
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
     found, line = tmp_path_factory.mktemp("plans"), deltaopt.baseline(SCENE)
-    write_json(found / "good.json", SCENE, line, verify(SCENE, line), StraightLine())
+    found_how = StraightLine(lower_bound(SCENE))
+    write_json(found / "good.json", SCENE, line, verify(SCENE, line), found_how)
     write_csv(found / "good.csv", line, rate=50)
     return found
 
