@@ -19,7 +19,7 @@ import casadi as ca
 import numpy as np
 
 from deltaopt.codegen.vectorised import evaluate_rows
-from deltaopt.dynamics.lagrange import Explicit
+from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.errors import Singular, Unreachable
 from deltaopt.files.html_table import html_table
 from deltaopt.mechanisms.delta.functions import delta_functions
@@ -512,13 +512,18 @@ def _errors(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
     tau = trajectory.model.inverse_dynamics(*trajectory.path_inside(POINTS))
     model = delta_model(scene.robot, scene.payload)
     lengths = np.where(np.arange(12) < 3, units.length, 1.0)  # of the platform; then angles
-    motion = (rows * units.time**k / lengths for k, rows in enumerate((q, dq, ddq)))
+    motion = [rows * units.time**k / lengths for k, rows in enumerate((q, dq, ddq))]
+    arguments, parameters = [*motion, tau / units.torque], units.parameters(model)
     kinematic, dynamic = evaluate_rows(
-        _residuals(model.functions.terms),
-        *motion,
-        tau / units.torque,
-        parameters=units.parameters(model),
+        _residuals(model.functions.terms), *arguments, parameters=parameters
     )
+    doubtful = np.logical_not(np.linalg.norm(dynamic, axis=1) <= DYNAMIC_ERROR)
+    if doubtful.any():
+        (dynamic[doubtful],) = evaluate_rows(
+            _robust_residuals(model.functions.terms),
+            *(rows[doubtful] for rows in arguments),
+            parameters=parameters,
+        )
     mean_speed = way_of(scene, trajectory) / trajectory.duration * units.time / units.length
     kinematic[:, 9:] /= mean_speed
     return {
@@ -538,6 +543,17 @@ def _residuals(terms: DeltaTerms) -> ca.Function:
     modelled, _ = forward(0, q, dq, tau, p)
     kinematic = ca.vertcat(*closure(q, dq, p))
     return ca.Function("residuals", [q, dq, ddq, tau, p], [kinematic, ddq - modelled]).expand()
+
+
+@lru_cache(maxsize=16)
+def _robust_residuals(terms: DeltaTerms) -> ca.Function:
+    """(q, q̇, q̈, τ, p) -> q̈ - q̈(q, q̇, τ) (12) by eq. (37): slower, and accurate near serial
+    singularities too, where eq. (39) is exact to rounding over the squared distance alone."""
+    m = delta_functions(terms, Explicit()).mechanism
+    q, dq, ddq = (ca.MX.sym(name, 12) for name in ("q", "dq", "ddq"))
+    tau, p = ca.MX.sym("tau", 3), ca.MX.sym("p", len(terms.names))
+    modelled, _ = Multiplier().forward_dynamics(m)(0, q, dq, tau, p)
+    return ca.Function("robust_residuals", [q, dq, ddq, tau, p], [ddq - modelled])
 
 
 def _mean_over_time(trajectory: Trajectory, rows: Array) -> float:
