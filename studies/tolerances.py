@@ -19,7 +19,7 @@ from deltaopt import Planner, Scene
 from deltaopt.cli.arguments import load_fastest
 from deltaopt.cli.progress import ProgressBar
 from deltaopt.motion.time_scaling import safe_factor
-from deltaopt.planning.initial_motion import first_motion
+from deltaopt.planning.first_motions import first_motion
 from deltaopt.planning.nlp.problem import Guess
 from deltaopt.planning.planner import RESOLVED_BELOW
 from studies.problems import PICK_AND_PLACE, add_scenes, add_tolerances

@@ -162,7 +162,8 @@ def _bottoms(
 
 def _graded(interval: Index, bottom: Array, widest: float, narrowest: float) -> Windows:
     """On both sides of each bottom windows from the widest, halved until the narrowest."""
-    halvings = int(np.ceil(np.log2(widest / max(narrowest, widest * 2.0**-30)))) + 1
+    narrowest = min(max(narrowest, widest * 2.0**-30), widest)  # a flat bottom has no width
+    halvings = int(np.ceil(np.log2(widest / narrowest))) + 1
     away = widest * 2.0 ** -np.arange(halvings)
     edges = np.concatenate([-away, away[::-1]]) + bottom[:, None]
     edges = np.clip(edges, 0.0, 1.0)

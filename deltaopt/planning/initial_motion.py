@@ -25,7 +25,7 @@ from deltaopt.robot.robot import Robot
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import given_points
 
-_QUINTIC = np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0])
+QUINTIC = np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0])
 """Coefficients of the share of the path at u = t / duration, ascending powers: at rest and without
 acceleration at both ends."""
 _PULLS = (0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0)
@@ -54,7 +54,7 @@ def straight_line(model: DeltaModel, start: Vector3, goal: Vector3, duration: fl
     acceleration at both ends, as in the paper's Fig. 4.
     """
     begin, way = np.array(start), np.array(goal) - np.array(start)
-    coefficients = _QUINTIC[:, None] * way
+    coefficients = QUINTIC[:, None] * way
     coefficients[0] += begin
     return _one_piece(model, coefficients).slowed(duration)
 
@@ -67,7 +67,7 @@ def baseline(scene: Scene) -> Trajectory:
     given duration is too short; another path may exist all the same.
     """
     require_type("scene", scene, Scene, "a Scene, such as load_scene returns")
-    fastest = _fastest(scene, _line(scene), "the straight line from start to goal")
+    fastest = _fastest(scene, line(scene), "the straight line from start to goal")
     given = scene.objective.given_duration
     if given is None:
         return fastest
@@ -109,6 +109,10 @@ def _parabolas(scene: Scene) -> Iterator[Trajectory]:
         yield curve_between(scene, corner)
 
 
+PARABOLAS_AND_CUBICS = len(_PULLS) + 36
+"""How many curves ``detour`` tries."""
+
+
 def _cubics(scene: Scene) -> Iterator[Trajectory]:
     """Cubics whose control points lie on the way from each end to a point on the robot's axis.
 
@@ -132,8 +136,8 @@ def joint_line(scene: Scene) -> Trajectory:
     u = np.linspace(0.0, 1.0, _JOINT_LINE_INTERVALS + 1)
     start, goal = given_points(scene.task)
     ends = np.tile([*start, *goal], (len(u), 1))
-    share = np.asarray(polyval(u, _QUINTIC), dtype=float)[:, None]
-    rate = np.asarray(polyval(u, polyder(_QUINTIC)), dtype=float)[:, None]
+    share = np.asarray(polyval(u, QUINTIC), dtype=float)[:, None]
+    rate = np.asarray(polyval(u, polyder(QUINTIC)), dtype=float)[:, None]
     function = _joint_line_function(model.functions.terms)
     x, v = function(ends, share, rate, parameters=model.parameters)
     if not np.isfinite(x).all():
@@ -187,7 +191,7 @@ def _by_way_of(scene: Scene, depth: float) -> tuple[Trajectory, Trajectory] | No
         straight_line(model, tuple(place), goal, 1.0),
     )
     try:
-        there, onwards = (_roughly_fastest(scene, line).slowed(_UNHURRIED) for line in lines)
+        there, onwards = (roughly_fastest(scene, line).slowed(_UNHURRIED) for line in lines)
     except DeltaOptError:
         return None
     return there, onwards
@@ -210,27 +214,13 @@ def _with_wait(there: Trajectory, onwards: Trajectory, duration: float) -> Traje
     return Trajectory(PiecewisePolynomial(knots, coefficients), there.model)
 
 
-def first_motion(scene: Scene) -> Trajectory:
-    """The first guess of an optimisation: a straight line of the platform, one in the motor
-    angles, or a curve, whichever is possible first.
-
-    Raises Unreachable if none of them is.
-    """
-    for line in (_line, joint_line):
-        try:
-            return _roughly_fastest(scene, line(scene))
-        except DeltaOptError:
-            continue
-    return detour(scene)
-
-
-def _line(scene: Scene) -> Trajectory:
+def line(scene: Scene) -> Trajectory:
     """The motion on the straight line from start to goal in 1 s."""
     model = delta_model(scene.robot, scene.payload)
     return straight_line(model, *given_points(scene.task), 1.0)
 
 
-def _roughly_fastest(scene: Scene, trajectory: Trajectory) -> Trajectory:
+def roughly_fastest(scene: Scene, trajectory: Trajectory) -> Trajectory:
     """The motion slowed or sped up uniformly until it just keeps the limits at samples."""
     return _sped(trajectory, lambda motion: rough_factor(scene, motion), "it cannot be driven")
 
@@ -277,10 +267,10 @@ def curve_between(scene: Scene, *control: Array) -> Trajectory:
     points = np.array([start, *control, goal])
     n = len(points) - 1
     # In powers of the share of the way, the coefficients are forward differences of the points.
-    coefficients, power = np.zeros((n * (len(_QUINTIC) - 1) + 1, 3)), np.ones(1)
+    coefficients, power = np.zeros((n * (len(QUINTIC) - 1) + 1, 3)), np.ones(1)
     for k in range(n + 1):
         coefficients[: len(power)] += np.outer(power, comb(n, k) * np.diff(points, k, axis=0)[0])
-        power = polymul(power, _QUINTIC)
+        power = polymul(power, QUINTIC)
     return _one_piece(delta_model(scene.robot, scene.payload), coefficients)
 
 

@@ -15,7 +15,7 @@ from deltaopt.errors import DeltaOptError
 from deltaopt.files.validated_record import Vector3
 from deltaopt.motion.time_scaling import sizes_at
 from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
-from deltaopt.planning.initial_motion import first_motion
+from deltaopt.planning.first_motions import first_motion
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import REST, EndState, MovingEnds, RestAnywhere

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.planning.initial_motion import curve_between, drivable, first_motion
+from deltaopt.planning.first_motions import first_motion
+from deltaopt.planning.initial_motion import curve_between, drivable
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import given_points
 

@@ -41,6 +41,7 @@ from deltaopt.planning.effort_planning import (
     minimise_effort,
     scaling_to_duration,
 )
+from deltaopt.planning.first_motions import CrossesSingularity, crosses_singularity, intervals_for
 from deltaopt.planning.flat.flat_problem import Flat
 from deltaopt.planning.formulations.choice import problem_formulation
 from deltaopt.planning.initial_motion import baseline
@@ -57,6 +58,7 @@ from deltaopt.planning.path.path_planning import NAME as ON_PATH
 from deltaopt.planning.path.path_planning import fastest_on_path
 from deltaopt.planning.path.path_timing import PathIteration
 from deltaopt.planning.refinement import Progress, Refinement, Resolver
+from deltaopt.planning.search import Attempt, HeldByMotion, Search
 from deltaopt.planning.settings import MOST, require_positive, require_type, require_whole
 from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.robot.robot import Robot
@@ -86,6 +88,13 @@ _FIRST_MESH_TOLERANCE = 1e-4
 """Tightest relative tolerance of the solver on the first mesh. Any tighter is wasted, for the
 discretisation error of a coarse mesh is far larger."""
 
+
+_USUAL, _ANOTHER_WAY_ABOVE = 1e-3, 3e-3
+"""Tolerances of at least the first are to be met, or planning starts again from another first
+motion. Where a tighter one is missed it does so above the second: smaller gaps are not the first
+motion's fault, and planning again seldom changes them."""
+_ENDS_AN_ATTEMPT = (NotConverged, Unreachable, Singular)
+"""What may go wrong with an iterate: it ends the attempt from one first motion, not the plan."""
 
 FORMULATIONS_EXPECTED = (
     "deltaopt.flat, deltaopt.forward, or a formulation of the dynamics such as deltaopt.explicit"
@@ -385,10 +394,41 @@ class Planner:
         if isinstance(task, MovingEnds):
             self._require_free(starts)
             return self._plan_moving(scene, None, report)
-        guesses = self._guesses(scene, starts, seed)
         if starts == 1:
-            return self._plan(scene, next(guesses), report)
-        return self._best(scene, guesses, report)
+            return self._search(scene, report)
+        return self._best(scene, first_motions(scene, starts, seed), report)
+
+    def _search(self, scene: Scene, report: Progress) -> Plan:
+        """Plan from first motions in order of merit, until a plan is within the tolerance; then
+        from the best of them on finer meshes. Returns the best plan if none is.
+
+        Raises Unreachable if there is no first motion, NotConverged if none leads to a plan.
+        """
+        begin = perf_counter()
+        search = self._new_search(scene)
+        self._make(search.attempts(), search, report)
+        best = search.best()
+        return replace(best, solve_seconds=perf_counter() - begin) if search.tried > 1 else best
+
+    def _new_search(self, scene: Scene) -> Search[Plan]:
+        return Search(
+            scene,
+            self.intervals,
+            accuracy=max(_FIRST_MESH_TOLERANCE, self.tolerance),
+            tolerance=self.tolerance if self.tolerance >= _USUAL else _ANOTHER_WAY_ABOVE,
+        )
+
+    def _make(self, attempts: Iterator[Attempt], search: Search[Plan], report: Progress) -> None:
+        """Make attempts, and tell the search that they are from what came of each."""
+        for attempt in attempts:
+            if search.tried:
+                report(f"{attempt}:")
+            try:
+                found = self._plan(attempt, report)
+                search.found(replace(found, scene=search.scene))
+            except _ENDS_AN_ATTEMPT as error:
+                report(str(error))
+                search.failed(error)
 
     def _require_free(self, starts: int) -> None:
         """Raise ValueError for settings that do not go with ends that move."""
@@ -411,9 +451,10 @@ class Planner:
         found = None
         for motion in first_moving_motions(scene, under_way):
             try:
-                found = self._fastest(scene, Guess(motion, near=False, tolerance=accuracy), report)
+                attempt = Attempt(scene, motion, self.intervals, accuracy)
+                found = self._fastest(attempt, report)
                 break
-            except (NotConverged, Unreachable, Singular) as error:
+            except _ENDS_AN_ATTEMPT as error:
                 report(str(error))
                 failures.append(error)
         finished = None if under_way is None else self._finished_first(scene, under_way, found)
@@ -441,7 +482,7 @@ class Planner:
         if found is not None and found.duration <= left + lower_bound(rest):
             return None
         try:
-            then = self._plan(rest, next(self._guesses(rest, 1, 1)), lambda _: None)
+            then = self._search(rest, lambda _: None)
         except DeltaOptError:
             return None
         if found is not None and found.duration <= left + then.duration:
@@ -493,53 +534,52 @@ class Planner:
             multipliers=found.multipliers,
         )
 
-    def _best(self, scene: Scene, guesses: Iterator[Guess], report: Progress) -> Plan:
-        """Plan from every first guess and return the best plan, with all local minima.
+    def _best(self, scene: Scene, motions: Iterator[Trajectory], report: Progress) -> Plan:
+        """Plan from every first motion and return the best plan, with all local minima.
 
-        Raises the first NotConverged if no guess leads to a plan.
+        Where one fails the others are tried. Raises the first error if none leads to a plan.
         """
-        begin = perf_counter()
-        plans: list[Plan] = []
-        failures: list[NotConverged] = []
-        for i, guess in enumerate(guesses, 1):
+        begin, search = perf_counter(), self._new_search(scene)
+        for i, motion in enumerate(motions, 1):
             report(f"start {i}:")
-            try:
-                plans.append(self._plan(scene, guess, report))
-            except NotConverged as error:
-                report(str(error))
-                failures.append(error)
-        if not plans:
-            raise failures[0]
-        length = distance(scene.task)
-        optima = distinct([(each.trajectory, each.cost, each.gap) for each in plans], length)
-        best = min(plans, key=lambda each: each.cost)
+            attempt = search.from_motion(motion)
+            if attempt:
+                self._make(search.with_remedies(attempt), search, report)
+        best, length = search.best(), distance(scene.task)
+        optima = distinct([(each.trajectory, each.cost, each.gap) for each in search.plans], length)
         return replace(best, optima=tuple(optima), solve_seconds=perf_counter() - begin)
 
-    def _plan(self, scene: Scene, guess: Guess, report: Progress) -> Plan:
+    def _plan(self, attempt: Attempt, report: Progress) -> Plan:
         """Plan from one first guess; once more from another mesh if a small gap was missed."""
-        if not isinstance(scene.objective, Time):
-            return self._plan_effort(scene, guess, report)
-        found = self._fastest(scene, guess, report)
+        if not isinstance(attempt.scene.objective, Time):
+            return self._plan_effort(attempt, report)
+        found = self._fastest(attempt, report)
         if found.within_tolerance or self.tolerance >= self.resolved_below:
             return found
-        other = replace(self, intervals=_RETRY_HALVES * self.intervals // 2)
+        other = replace(attempt, intervals=_RETRY_HALVES * attempt.intervals // 2)
         report(f"once more, from {other.intervals} intervals:")
         try:
-            return quicker(found, other._fastest(scene, guess, report))
-        except NotConverged as error:
+            return quicker(found, self._fastest(other, report))
+        except _ENDS_AN_ATTEMPT as error:
             report(str(error))
             return found
 
-    def _fastest(self, scene: Scene, guess: Guess, report: Progress) -> Plan:
+    def _fastest(self, attempt: Attempt, report: Progress) -> Plan:
         """Plan the fastest motion from one first guess and one first mesh.
 
         The motion of the chosen mesh is slowed until it keeps every limit at all instants.
         """
-        begin = perf_counter()
+        begin, scene = perf_counter(), attempt.scene
+        guess = Guess(attempt.motion, near=False, tolerance=attempt.accuracy)
         model = delta_model(scene.robot, scene.payload)
         moving = isinstance(scene.task, MovingEnds)
         extent = guess.trajectory.extent if moving else None
-        scaling = Scaling(scene, guess.trajectory.duration, extent=extent)
+        scaling = Scaling(
+            scene,
+            guess.trajectory.duration,
+            extent=extent,
+            torque_share=attempt.torque_share,
+        )
         refinement = Refinement(
             self._problem(model, scaling, FASTEST),
             scaling,
@@ -548,7 +588,7 @@ class Planner:
             None if moving else self._resolver(scaling, model, report),
             report,
         )
-        resolved = refinement.from_guess(guess, self.intervals)
+        resolved = refinement.from_guess(guess, attempt.intervals)
         solutions, iterations = refinement.solutions, refinement.iterations
         best = min(range(len(iterations)), key=lambda i: iterations[i].safe_duration)
         if moving:
@@ -567,6 +607,12 @@ class Planner:
             raise NotConverged(
                 "a limit of position is exceeded between the points of every mesh, however much it "
                 "is tightened",
+                chosen.status,
+                chosen.trajectory,
+            )
+        if crosses_singularity(scene, chosen.trajectory):
+            raise CrossesSingularity(
+                "the motion found passes through a parallel singularity, which no torques allow",
                 chosen.status,
                 chosen.trajectory,
             )
@@ -607,11 +653,10 @@ class Planner:
 
         return resolver(scaling, model, self.tolerance, report)
 
-    def _plan_effort(self, scene: Scene, guess: Guess, report: Progress) -> Plan:
+    def _plan_effort(self, attempt: Attempt, report: Progress) -> Plan:
         """Plan for an objective that contains effort, starting from the fastest motion."""
-        begin = perf_counter()
-        quick = Planner(self.robot, self.payload, self.limits)
-        fastest = quick._plan(scene.model_copy(update={"objective": Time()}), guess, lambda _: None)
+        begin, scene = perf_counter(), attempt.scene
+        fastest = self._before_effort(attempt)
         scaling = scaling_to_duration(scene, fastest.duration)
         cost = cost_to_minimise(scene.objective, scaling)
         problem = self._problem(fastest.trajectory.model, scaling, cost)
@@ -619,7 +664,7 @@ class Planner:
         if found.trajectory.duration < scene.least_duration and not scene.objective.given_duration:
             report(f"once more, in the {scene.least_duration:.6g} s that rotation takes:")
             longer = scene.model_copy(update={"objective": Effort(duration=scene.least_duration)})
-            return replace(self._plan_effort(longer, guess, report), scene=scene)
+            return replace(self._plan_effort(replace(attempt, scene=longer), report), scene=scene)
         return Plan(
             scene=scene,
             trajectory=found.trajectory,
@@ -634,6 +679,13 @@ class Planner:
             meshes=found.meshes,
             certificate=None,
         )
+
+    def _before_effort(self, attempt: Attempt) -> Plan:
+        """The fastest motion of a scene, to a usual tolerance."""
+        quick, scene = Planner(self.robot, self.payload, self.limits), attempt.scene
+        quickly = scene.model_copy(update={"objective": Time()})
+        intervals = intervals_for(attempt.motion, quick.intervals) or attempt.intervals
+        return quick._plan(replace(attempt, scene=quickly, intervals=intervals), lambda _: None)
 
     def plan_many(self, pairs: Sequence[Pair], workers: int = 1) -> list[Plan | DeltaOptError]:
         """Plan every pair (start, goal), m; a plan or the error that prevented it, in their order.
@@ -651,11 +703,6 @@ class Planner:
             return self.plan(*pair)
         except DeltaOptError as error:
             return error
-
-    def _guesses(self, scene: Scene, starts: int, seed: int) -> Iterator[Guess]:
-        """First guesses, which need no optimisation."""
-        for motion in first_motions(scene, starts, seed):
-            yield Guess(motion, near=False, tolerance=max(_FIRST_MESH_TOLERANCE, self.tolerance))
 
     def _problem(self, model: DeltaModel, scaling: Scaling, cost: Cost) -> FormulatedProblem:
         """The problem, built once in a process for all models with the same terms and limits."""
@@ -746,7 +793,7 @@ def _safe(scene: Scene, trajectory: Trajectory, factor: float, status: str) -> T
     Raises NotConverged where no factor does.
     """
     if isinf(factor):
-        raise NotConverged(
+        raise HeldByMotion(
             "a limit is exceeded at rest, such as a torque limit by gravity alone, somewhere "
             "between the points of every mesh",
             status,

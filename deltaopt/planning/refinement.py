@@ -14,9 +14,10 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.errors import NotConverged
+from deltaopt.errors import NotConverged, Singular, Unreachable
 from deltaopt.motion.certificate import Certificate
 from deltaopt.motion.trajectory import Trajectory
+from deltaopt.planning.first_motions import CrossesSingularity, crosses_singularity
 from deltaopt.planning.mesh.error_estimate import refined
 from deltaopt.planning.mesh.mesh_solution import (
     Iteration,
@@ -57,6 +58,11 @@ distinguished from what the solver leaves."""
 _MOST_MESHES, _MOST_REPEATS, _MOST_FAILURES = 17, 4, 2
 """Largest numbers of meshes, of solves in a row on the same mesh with limits tightened further, and
 of solves in a row that do not converge. They bound the time of a plan that makes no progress."""
+
+_HOPELESS_GAP, _MOST_CROSSINGS = 0.1, 2
+"""Gap above which a mesh solution is looked at for a parallel singularity between its points, and
+how many in a row may pass through one. The first may, on a coarse mesh, and later ones turn back;
+hardly any turns back after two, and each costs as much as a plan."""
 
 
 class ResolvedMotion(Protocol):
@@ -123,12 +129,14 @@ class Refinement:
     _fine_left: int = field(default=1, init=False)
     _repeats: int = field(default=0, init=False)
     _failures: int = field(default=0, init=False)
+    _crossings: int = field(default=0, init=False)
 
     def from_guess(self, first: Guess, intervals: int) -> ResolvedMotion | None:
         """Refine from a first guess and a uniform mesh of this many intervals.
 
         Returns the motion with resolved switches; None if they were not resolved: then the
-        best of ``solutions`` is the result. Raises NotConverged if the first mesh is not solved.
+        best of ``solutions`` is the result. Raises NotConverged if the first mesh is not solved,
+        and CrossesSingularity if solutions keep passing through a parallel singularity.
         """
         self._solve(np.full(intervals, 1 / intervals), first, self.scaling)
         while not self._done:
@@ -150,7 +158,9 @@ class Refinement:
             try:
                 self._solve(mesh, Guess(last.trajectory, near=True, tolerance=accuracy), scaling)
                 self._failures = 0
-            except NotConverged as error:  # the solutions of the meshes before remain
+            except CrossesSingularity:
+                raise
+            except (NotConverged, Unreachable, Singular) as error:  # the meshes before remain
                 self.report(f"{len(mesh)} intervals: {error}")
                 self._failures += 1
         if self.resolver is None or self.iterations[-1].gap >= _DETECTABLE_GAP:
@@ -184,6 +194,21 @@ class Refinement:
             self.solutions[-1] = self.solutions[-1].exact()
             self.iterations[-1] = iteration_of(self.solutions)
         self.report(str(self.iterations[-1]))
+        self._require_one_side()
+
+    def _require_one_side(self) -> None:
+        """Raise CrossesSingularity where solutions pass through a parallel singularity."""
+        last = self.solutions[-1]
+        if self.iterations[-1].gap <= _HOPELESS_GAP:
+            return  # torques that grow without bound would have raised the gap
+        crosses = crosses_singularity(last.scene, last.trajectory)
+        self._crossings = self._crossings + 1 if crosses else 0
+        if self._crossings >= _MOST_CROSSINGS:
+            raise CrossesSingularity(
+                "solutions pass through a parallel singularity, which no torques allow",
+                last.status,
+                last.trajectory,
+            )
 
     def _finer(self, last: MeshSolution, target: float) -> Array:
         """The next mesh, (N,), for a relative time loss of ``target``.

@@ -16,6 +16,7 @@ from deltaopt.limits.constraints import Constraints
 from deltaopt.mechanisms.delta.functions import delta_functions
 from deltaopt.mechanisms.delta.instant import CoordinateInstant
 from deltaopt.mechanisms.delta.mechanism import DeltaTerms
+from deltaopt.mechanisms.delta.singularities import parallel_margin
 from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.scene.scene import Scene, limits_of
 from deltaopt.scene.task import REST, EndState
@@ -111,6 +112,50 @@ def serial_distances_at_ends(scene: Scene) -> Array:
     return _ends(scene)[2]
 
 
+def room_at_rest(scene: Scene, points: Array) -> Array:
+    """How far the platform at rest at points, (N, 3) in m, is from what it must not exceed, (N,).
+
+    It is the least of three: what is left of a limit as a share of it, the squared distance from a
+    serial singularity, and the distance from a parallel one. Negative where the platform cannot be
+    at rest, is not below its elbows, or is beyond a parallel singularity, seen from the start.
+    """
+    back, rows, distances = _at_rest(scene, points)
+    there = np.linalg.norm(back - points, axis=1) <= _SAME_PLACE  # False where not a number
+    limits = 1 - np.abs(rows).max(axis=1)
+    volumes = _volumes(scene, np.vstack([scene.given_points[0], points]))
+    beyond = np.sign(volumes[0]) * volumes[1:]
+    room = np.minimum(np.minimum(limits, distances.min(axis=1)), beyond)
+    return np.where(there & np.isfinite(room), room, -1.0)
+
+
+def on_one_side(scene: Scene, points: Array) -> bool:
+    """Whether no parallel singularity lies between the start and any of the points, (N, 3) in m.
+
+    In one, finite torques do not hold the platform: a motion through it exceeds every torque limit,
+    however few instants show that.
+    """
+    volumes = _volumes(scene, np.vstack([scene.given_points[0], points]))
+    return bool((volumes[0] * volumes > 0).all())
+
+
+def limit_room_at_ends(scene: Scene) -> float:
+    """The least share of a limit that rest at start and goal leaves unused."""
+    return float(1 - np.abs(_ends(scene)[1]).max())
+
+
+def distance_from_parallel(scene: Scene) -> float:
+    """The lesser distance of start and goal from a parallel singularity, without unit."""
+    return float(np.abs(_volumes(scene, np.array(scene.given_points))).min())
+
+
+def _volumes(scene: Scene, points: Array) -> Array:
+    """Distances from a parallel singularity at points (N, 3), m, with a sign, (N,)."""
+    model = delta_model(scene.robot, scene.payload)
+    parallel = _parallel_function(model.functions.terms)
+    (found,) = parallel(points, parameters=model.parameters)
+    return np.asarray(found[:, 0])
+
+
 def _is_feasible(scene: Scene) -> bool:
     """Whether start and goal pass all checks with room to spare, in one compiled evaluation."""
     ends = np.array(scene.given_points)
@@ -122,10 +167,14 @@ def _is_feasible(scene: Scene) -> bool:
 
 def _ends(scene: Scene) -> tuple[Array, ...]:
     """The results of ``_rest_function`` at start and goal, two rows each."""
+    return _at_rest(scene, np.array(scene.given_points))
+
+
+def _at_rest(scene: Scene, points: Array) -> tuple[Array, ...]:
+    """The results of ``_rest_function`` at points, (N, 3)."""
     model, limits = delta_model(scene.robot, scene.payload), limits_of(scene)
     rest = _rest_function(model.functions.terms, limits.constraints)
-    ends = np.array(scene.given_points)
-    return rest(ends, parameters=np.concatenate([limits.numbers, model.parameters]))
+    return rest(points, parameters=np.concatenate([limits.numbers, model.parameters]))
 
 
 @lru_cache(maxsize=32)
@@ -144,6 +193,14 @@ def _rest_function(terms: DeltaTerms, constraints: Constraints) -> RowFunction:
     results = [back, ca.vertcat(*within), functions.serial_distances(x, p)]
     inputs = [x, ca.vertcat(numbers, p)]
     return RowFunction(ca.Function("rest", inputs, results, {"cse": True}))
+
+
+@lru_cache(maxsize=32)
+def _parallel_function(terms: DeltaTerms) -> RowFunction:
+    """(x, p) -> distance from a parallel singularity, with a sign."""
+    x, p = ca.SX.sym("x", 3), ca.SX.sym("p", len(terms.names))
+    q = delta_functions(terms, Explicit()).inverse_kinematics(x, p)
+    return RowFunction(ca.Function("parallel", [x, p], [parallel_margin(q)], {"cse": True}))
 
 
 def _within(row: ca.SX, lower: bool, upper: bool) -> ca.SX:

@@ -29,6 +29,7 @@ from deltaopt.limits.arm_range import ArmRange
 from deltaopt.limits.ball_joint import BallJoint
 from deltaopt.limits.constraints import SceneLimits
 from deltaopt.limits.limit import Limit, MotorLimit
+from deltaopt.limits.parallel_singularity import ParallelSingularity
 from deltaopt.limits.platform_speed import PlatformSpeed
 from deltaopt.limits.serial_singularity import SerialSingularity
 from deltaopt.limits.specific_force import SpecificForce
@@ -86,6 +87,7 @@ LIMITS: tuple[Limit, ...] = (
     BallJoint(),
     WorkspaceDepth(),
     WorkspaceRadius(),
+    ParallelSingularity(),
 )
 """All kinds of limit, in the order of the constraint rows of a problem."""
 

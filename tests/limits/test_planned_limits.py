@@ -290,6 +290,7 @@ EXAMPLES = {
     "platform_speed": {"platform speed"},
     "specific_force": {"specific force"},
     "rotation": set(),
+    "parallel_singularity": {"distance to the parallel singularity"},
 }
 """Scenes in problems/limits, and limits that they have and no other shipped scene."""
 

@@ -10,7 +10,8 @@ import pytest
 from deltaopt import load_scene, plan, verify
 from deltaopt.cli import main
 from deltaopt.motion.time_scaling import safe_factor
-from deltaopt.planning.initial_motion import baseline, curve_between, drivable, first_motion
+from deltaopt.planning.first_motions import first_motion
+from deltaopt.planning.initial_motion import baseline, curve_between, drivable
 from deltaopt.planning.multistart import distinct, first_motions
 
 FILE = Path(__file__).parents[2] / "problems/pick_and_place.yaml"

@@ -257,6 +257,78 @@ def test_torques_that_the_path_does_not_need(slower):
     assert any("accelerations that differ" in each for each in found.failures())
 
 
+HARD = Path(__file__).parents[1] / "data/hard_scenes"
+NEAR = {"07_ver_haptic": 0, "05_nc_massless": 2}
+"""Scenes whose plans come near a singularity, serial or parallel, and which of the distances that
+verification reports is small."""
+
+
+@cache
+def near_singularity(name: str) -> tuple[Scene, Trajectory]:
+    scene = load_scene(HARD / f"{name}.yaml")
+    return scene, plan(scene).trajectory.slowed(1.0001)
+
+
+@dataclass(frozen=True)
+class LargerNearby(DeltaModel):
+    """Reports torques that are a little larger where one chain is almost in line, or the bars
+    almost in a plane: as near to it as a twentieth of the instants that are asked for."""
+
+    parallel: bool = False
+
+    def inverse_dynamics(self, x, v, a):
+        tau = super().inverse_dynamics(x, v, a)
+        q = self.inverse_kinematics(x)
+        distance = np.abs(np.linalg.det(bars(q))) if self.parallel else self.alignments(x).min(1)
+        near = distance <= np.quantile(distance, 0.05)
+        return tau * (1 + 1e-6 * near[:, None])
+
+
+def bars(q: np.ndarray) -> np.ndarray:
+    """Unit vectors along the bars of the three chains, (N, 3, 3)."""
+    found = []
+    for k, azimuth in enumerate(2 * np.pi / 3 * np.arange(3)):
+        (s2, s3), (c2, c3) = (
+            np.sin(q[:, 4 + 3 * k : 6 + 3 * k].T),
+            np.cos(q[:, 4 + 3 * k : 6 + 3 * k].T),
+        )
+        radial, sideways = c2 * c3, s3
+        found.append(
+            [
+                -s2 * c3,
+                np.cos(azimuth) * radial - np.sin(azimuth) * sideways,
+                np.sin(azimuth) * radial + np.cos(azimuth) * sideways,
+            ]
+        )
+    return np.moveaxis(np.array(found), 2, 0)
+
+
+@pytest.mark.parametrize("name", NEAR)
+def test_torques_and_masses_near_a_singularity(name):
+    """There eq. (39) has too few digits to tell, and eq. (37) is asked: it must tell as much."""
+    scene, good = near_singularity(name)
+    found = verify(scene, good)
+    assert found.ok
+    assert found.distances[NEAR[name]].least < 2e-3
+    heavier = delta_model(scene.robot, scene.payload * (1 + 1e-8))
+    nearby = LargerNearby(scene.robot, scene.payload, parallel=NEAR[name] == 2)
+    for model in (heavier, nearby):
+        bad = verify(scene, replace(good, model=model))
+        assert bad.dynamic_error > 10 * DYNAMIC_ERROR
+        assert any("accelerations that differ" in each for each in bad.failures())
+
+
+def test_a_motion_through_a_parallel_singularity():
+    """Between the samples of a planner its torques may look as if they were finite."""
+    scene = load_scene(HARD / "03_gap_massless.yaml")
+    beyond = scene.model_copy(update={"goal": (0.288, -0.346, -0.534)})
+    line = straight_line(delta_model(scene.robot, scene.payload), scene.start, beyond.goal, 2.0)
+    found = verify(beyond, line)
+    assert not found.ok
+    assert found.torque_excess > 1e6
+    assert found.distances[2].least < -0.1
+
+
 def coordinates_of(good: Trajectory, late: float = 0.0) -> Trajectory:
     """The same motion with all coordinates as polynomials of degree 15, ``late`` (s)."""
     nodes = np.polynomial.chebyshev.chebpts1(16) / 2 + 0.5

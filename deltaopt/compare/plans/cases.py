@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from deltaopt.dynamics.mechanism import SX
 from deltaopt.mechanisms.five_bar import FiveBarParameters, five_bar, inverse_kinematics
 from deltaopt.motion.trajectory import PiecewisePolynomial
+from deltaopt.planning.first_motions import first_motion
 from deltaopt.planning.flat.constraint_rows import ByOrder
 from deltaopt.planning.formulations.delta import boundary_values, scaled_delta
 from deltaopt.planning.formulations.scaled_mechanism import (
@@ -21,7 +22,6 @@ from deltaopt.planning.formulations.scaled_mechanism import (
     ScaledMechanism,
     Units,
 )
-from deltaopt.planning.initial_motion import first_motion
 from deltaopt.planning.mesh.error_estimate import ErrorEstimate, error_estimate
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.planner import plan

@@ -64,6 +64,10 @@ _FROM_FAR = (FAR, Settings(barrier=0.5, closest=0.6), Settings(barrier=3.0, clos
 _FROM_NEAR = (NEAR, Settings(barrier=3.0, closest=0.6), FAR)
 """Settings to begin with, in order. Where the method does not converge with the first, another
 mostly does, in far less time than Ipopt, which comes last."""
+_IPOPT_INSTEAD = 100
+"""Number of intervals of the finest mesh that Ipopt is given where the method does not converge. On
+finer ones another mesh or another first motion succeeds sooner; and where matrices are nearly
+singular a single factorization of Ipopt's may take minutes."""
 _FINEST = 4000
 """Number of intervals of the finest mesh that is solved by the interior-point method; its time is
 proportional to the number."""
@@ -233,8 +237,8 @@ class FlatProblem:
     def solve(self, guess: Guess, scaling: Scaling, parameters: Array) -> Solved:
         """Find the best motion on this mesh, by the compiled interior-point method by default.
 
-        Ipopt solves it if it was asked for, if there is no C compiler, and if the method does not
-        converge. Raises NotConverged.
+        Ipopt solves it if it was asked for, if there is no C compiler, and, on coarse meshes, if
+        the method does not converge. Raises NotConverged.
         """
         method = self._interior_point
         for begin in _FROM_NEAR if guess.near else _FROM_FAR:
@@ -253,7 +257,7 @@ class FlatProblem:
                     all_at_points=True,
                     left=found.left,
                 )
-        if guess.near and IPOPT_FINEST < self.intervals <= self.finest:  # Ipopt would take minutes
+        if method is not None and self.intervals > _IPOPT_INSTEAD:
             raise NotConverged(
                 f"the interior-point method does not converge on {self.intervals} intervals",
                 "No_Progress",

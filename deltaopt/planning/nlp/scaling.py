@@ -72,11 +72,13 @@ class Scaling:
     largest that the scene allows. ``share``: the part of
     each limit that a motion may use, one for all or by interval and row, (N, rows). ``kept``:
     indices of the scene's items of limits that are considered; None for all.
+    ``torque_share``: the part of torque limits that it may use at most, everywhere.
     """
 
     scene: Scene
     time: float
     share: Array | float = UNTIGHTENED
+    torque_share: float = 1.0
     kept: tuple[int, ...] | None = None
     extent: float | None = None
 
@@ -135,7 +137,10 @@ class Scaling:
 
     def shares(self, intervals: int) -> Array:
         """The part of each limit that may be used in each interval, (N, rows)."""
-        return np.broadcast_to(self.share, (intervals, self.constraints.number))
+        shares = np.broadcast_to(self.share, (intervals, self.constraints.number))
+        if self.torque_share == 1:
+            return shares
+        return np.where(self.constraints.is_control, np.minimum(shares, self.torque_share), shares)
 
     def shares_at(self, intervals: int, fractions: Array) -> Array:
         """The same for Ipopt at fractions of the intervals, (N, len(fractions), rows): infinite for

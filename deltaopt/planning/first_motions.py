@@ -1,0 +1,177 @@
+"""First motions of a scene in order of merit, and the mesh that each of them can start on.
+
+A local optimiser finds the best motion near its first one. The straight line is that of most
+moves. Where it is blocked or slow, others are compared by how fast they can be driven. Where none
+of those leads to a plan, paths over grids of the workspace follow (``roadmap``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from itertools import chain, islice
+
+import numpy as np
+
+from deltaopt.errors import DeltaOptError, NotConverged, Unreachable
+from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
+from deltaopt.planning.initial_motion import (
+    PARABOLAS_AND_CUBICS,
+    detour,
+    joint_line,
+    line,
+    roughly_fastest,
+)
+from deltaopt.planning.lower_bound import lower_bound
+from deltaopt.planning.roadmap import STEPS, roadmap_motions, spacing
+from deltaopt.scene.feasibility import on_one_side
+from deltaopt.scene.scene import Scene
+from deltaopt.scene.task import distance
+
+_SLOW = 20.0
+"""How many times the lower bound a straight line, of the platform or in motor angles, may take
+before others are compared with it. On random moves it takes two to four times the bound; comparing
+takes twice as long as planning."""
+_USUAL = 10.0
+"""Below how many times √(distance · mass / force of the motors) a straight line is not slow, which
+is known at once, without the lower bound."""
+_FINEST = 8
+"""By what factor a first mesh may be finer than was asked for, so that a first motion stays in the
+workspace between its knots. A larger one would admit motions that only graze the workspace."""
+_OF_A_GRID = 2
+"""How many motions on the path of a grid are tried, the fastest first; they differ in how corners
+are rounded alone."""
+_TRIED = np.linspace(0.0, 1.0, 8, endpoint=False)
+"""Fractions of an interval at which it is tried whether a motion stays in the workspace."""
+_TRIED_IN_ONE = np.linspace(0.0, 1.0, 128, endpoint=False)
+_TRIED_IN_MANY = np.array([0.0, 0.5])
+"""Fractions of an interval at which it is tried on which side of the parallel singularity a motion
+is, of one interval or of many: a motion that passes through it stays beyond for a while."""
+
+
+def first_motion(scene: Scene) -> Trajectory:
+    """The best first motion that there is. Raises Unreachable if there is none."""
+    return next(in_order_of_merit(scene))
+
+
+def in_order_of_merit(scene: Scene) -> Iterator[Trajectory]:
+    """First motions, the best one first; each is made when it is asked for.
+
+    Raises Unreachable if there is none, with what was searched, and at which resolution.
+    """
+    return chain.from_iterable(rounds(scene))
+
+
+def rounds(scene: Scene) -> Iterator[Iterator[Trajectory]]:
+    """First motions in order of merit, in two rounds: lines and curves, then paths over a grid.
+
+    The second takes longer, and is better where the workspace is narrow. Raises Unreachable after
+    the second round if there was no motion in either.
+    """
+    found: list[Trajectory] = []
+    yield _noted(_lines_and_curves(scene), found)
+    yield _noted(_over_a_grid(scene), found)
+    if not found:
+        raise Unreachable(what_was_searched(scene))
+
+
+def _noted(motions: Iterator[Trajectory], found: list[Trajectory]) -> Iterator[Trajectory]:
+    """The motions, each of which is added to a list before it is given away."""
+    for motion in motions:
+        found.append(motion)
+        yield motion
+
+
+def _lines_and_curves(scene: Scene) -> Iterator[Trajectory]:
+    """A line that is not slow, and then slow lines, lines not looked at yet and the best curve, in
+    order of their duration."""
+    slow, ahead = list[Trajectory](), [line, joint_line]
+    while ahead:
+        motion = _possible(scene, ahead.pop(0))
+        if motion is None:
+            continue
+        if not _is_slow(scene, motion):
+            yield motion
+            break
+        slow.append(motion)
+    others = [_possible(scene, simple) for simple in (*ahead, detour)]
+    possible = slow + [motion for motion in others if motion is not None]
+    yield from sorted(possible, key=lambda motion: motion.duration)
+
+
+def _over_a_grid(scene: Scene) -> Iterator[Trajectory]:
+    """Motions on the path of the coarsest grid that has one."""
+    for steps in STEPS:
+        ways = (m for m in roadmap_motions(scene, steps) if not crosses_singularity(scene, m))
+        motions = list(islice(ways, _OF_A_GRID))
+        if motions:
+            yield from motions
+            return
+
+
+def _possible(scene: Scene, make: Callable[[Scene], Trajectory]) -> Trajectory | None:
+    """A motion as fast as the limits roughly allow; None if it is not possible."""
+    try:
+        made = make(scene)
+        found = made if make is detour else roughly_fastest(scene, made)
+        return None if make is not line and crosses_singularity(scene, found) else found
+    except DeltaOptError:
+        return None
+
+
+def _is_slow(scene: Scene, straight: Trajectory) -> bool:
+    """Whether a line takes so long that others may be much better."""
+    force = sum(scene.robot.torque_limits) / scene.robot.upper_arm.length
+    mass = scene.robot.platform.mass + (scene.payload or 0.0)
+    if straight.duration < _USUAL * (distance(scene.task) * mass / force) ** 0.5:
+        return False  # the lower bound would cost a tenth of a plan
+    return straight.duration > _SLOW * lower_bound(scene)
+
+
+def what_was_searched(scene: Scene) -> str:
+    """A sentence for a move for which no first motion is found."""
+    finest = 1e3 * spacing(scene, STEPS[-1])
+    return (
+        "no way leads from start to goal: neither a straight line of the platform, nor one in the "
+        f"motor angles, nor one of {PARABOLAS_AND_CUBICS} curves, nor a path over a grid of places "
+        f"where the platform can be held, {finest:.3g} mm apart"
+    )
+
+
+def intervals_for(motion: Trajectory, intervals: int) -> int:
+    """With how many equal intervals, at least those given, cubics through a motion's states at the
+    knots stay in the workspace; 0 if not with ``_FINEST`` times as many either."""
+    if len(motion.knots) == 2 and motion.position.coefficients.shape[1] == 6:  # a straight line:
+        return intervals  # such cubics do not leave it
+    for factor in (1, 2, 4, _FINEST):
+        if _stays_in_workspace(motion, factor * intervals):
+            return factor * intervals
+    return 0
+
+
+def _stays_in_workspace(motion: Trajectory, intervals: int) -> bool:
+    knots = np.linspace(motion.knots[0], motion.knots[-1], intervals + 1)
+    cubics = PiecewisePolynomial.hermite(knots, *motion.position.with_rate_at(knots))
+    alignments = motion.model.alignments(_points(cubics, _TRIED))
+    return bool((alignments > 0).all())  # False where not a number
+
+
+class CrossesSingularity(NotConverged):
+    """The motion found passes through a parallel singularity, which no torques allow."""
+
+
+def crosses_singularity(scene: Scene, motion: Trajectory) -> bool:
+    """Whether a motion passes through a parallel singularity, as far as samples show."""
+    one = len(motion.knots) == 2
+    return not on_one_side(
+        scene, _points(motion.position, _TRIED_IN_ONE if one else _TRIED_IN_MANY)
+    )
+
+
+def _points(position: PiecewisePolynomial, fractions: Array) -> Array:
+    """Positions at fractions of all intervals, (N, 3), m."""
+    coefficients = position.coefficients  # (intervals, powers, 3)
+    since = np.diff(position.knots)[:, None, None] * fractions[:, None]
+    points = np.repeat(coefficients[:, -1:], len(fractions), axis=1)
+    for power in range(coefficients.shape[1] - 2, -1, -1):
+        points = points * since + coefficients[:, power, None]
+    return points.reshape(-1, 3)

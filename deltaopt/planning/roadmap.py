@@ -1,0 +1,236 @@
+"""Motions on paths from a grid over where the platform may be.
+
+They lead around what lies between start and goal where no simple curve does. A grid of points over
+the workspace is tried for its room, neighbours are connected, and the shortest path from start to
+goal is found, where length counts more the less room there is. The path is then rounded and driven
+as fast as its limits allow. What room is, is the caller's: without another, how well the platform
+can be held at rest (``room_at_rest``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from itertools import product
+from math import inf
+
+import numpy as np
+from numpy.polynomial.polynomial import polyder, polyval
+from numpy.typing import NDArray
+
+from deltaopt.errors import DeltaOptError
+from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
+from deltaopt.planning.initial_motion import QUINTIC, roughly_fastest
+from deltaopt.robot.model import delta_model
+from deltaopt.scene.feasibility import room_at_rest
+from deltaopt.scene.scene import Scene
+
+Array = NDArray[np.float64]
+Index = tuple[int, int, int]
+Room = Callable[[Array], Array]
+"""Points (N, 3) in m -> how much room the platform has there, (N,), without unit and at most about
+1: not positive where it must not be. Lengths count twice where it is ``_NARROW``."""
+
+STEPS = (16, 32, 64)
+"""Grids that are searched in turn: so many steps along the longest reach of a chain. The first
+takes some milliseconds, the last, of half a million points, about a second; what only a finer one
+shows is a passage narrower than a sixtieth of the robot's reach."""
+_NARROW = 0.03
+"""Room at which length counts twice. A larger one keeps farther from singularities and from torque
+limits, on longer paths, which are not faster for that."""
+_BETWEEN = 8
+"""Places on a line between two points of a path at which it is tried."""
+_CONNECTED = 40
+"""To how many points of the grid start and goal are connected at most, the nearest first."""
+_ROUNDINGS = (2, 6, 18, 54)
+"""Lengths over which corners of a path are rounded, in samples of ``_SAMPLES``: long ones are
+driven faster, short ones stay closer to the path."""
+_SAMPLES = 192
+"""Samples of a path, and cubics of the motion on it: it is only a guess."""
+_STEPS: list[Index] = [
+    (a, b, c) for a, b, c in product((-1, 0, 1), repeat=3) if (a, b, c) > (0, 0, 0)
+]
+"""From a point to half of its 26 neighbours; the others are the opposite ones."""
+
+
+def roadmap_motions(scene: Scene, steps: int, room: Room | None = None) -> list[Trajectory]:
+    """Motions from start to goal on the best path of a grid, the fastest first; often none.
+
+    ``steps``: of the grid along the longest reach of a chain. ``room``: where the platform may be;
+    by default wherever it can be held at rest within all limits.
+    """
+    path = path_over_grid(scene, steps, room)
+    if path is None:
+        return []
+    return sorted(_driven(scene, path), key=lambda motion: motion.duration)
+
+
+def path_over_grid(scene: Scene, steps: int, room: Room | None = None) -> Array | None:
+    """The best path from start to goal over a grid, (n, 3), m; None where there is none."""
+    return _Grid.of(scene, steps, room or partial(room_at_rest, scene)).path()
+
+
+def spacing(scene: Scene, steps: int) -> float:
+    """Distance of neighbours in a grid, m."""
+    return (scene.robot.upper_arm.length + scene.robot.forearm.length) / steps
+
+
+@dataclass(frozen=True)
+class _Grid:
+    """Points of the workspace, (nx, ny, nz, 3) in m, and the room at each of them."""
+
+    scene: Scene
+    room_at: Room
+    points: Array
+    room: Array
+
+    @classmethod
+    def of(cls, scene: Scene, steps: int, room_at: Room) -> _Grid:
+        h = spacing(scene, steps)
+        robot = scene.robot
+        wide = steps + int(np.ceil(abs(robot.base_radius - robot.platform_radius) / h))
+        depths = h * np.arange(-steps // 4, steps + 1)
+        across = h * np.arange(-wide, wide + 1)
+        mesh = np.meshgrid(depths, across, across, indexing="ij")
+        points = np.stack(mesh, axis=-1) + robot.tool_offset
+        room = room_at(points.reshape(-1, 3)).reshape(points.shape[:3])
+        return cls(scene, room_at, points, room)
+
+    def path(self) -> Array | None:
+        """The best path from start to goal, (n, 3), m; None where the grid has none."""
+        start, goal = (np.array(end) for end in self.scene.given_points)
+        left = self._connections(start)
+        arrived = self._connections(goal)
+        if not left or not arrived:
+            return None
+        cost = self._costs(left)
+        total = {place: cost[place] + last for place, last in arrived.items()}
+        end = min(total, key=lambda place: total[place])
+        if total[end] == inf:
+            return None
+        return np.vstack([start, self._back(cost, left, end), goal])
+
+    def _connections(self, point: Array) -> dict[Index, float]:
+        """Costs of straight lines from a point to those of the grid near it that it can reach."""
+        distance = np.linalg.norm(self.points - point, axis=-1)
+        distance[self.room <= 0] = inf
+        nearest = np.argsort(distance, axis=None)[:_CONNECTED]
+        places = [np.unravel_index(i, distance.shape) for i in nearest]
+        found: dict[Index, float] = {}
+        share = np.linspace(0, 1, _BETWEEN)[:, None]
+        for i, j, k in places:
+            if distance[i, j, k] == inf:
+                break
+            line = point + share * (self.points[i, j, k] - point)
+            room = self.room_at(line[1:]).min()
+            if room > 0:
+                place = (int(i), int(j), int(k))
+                found[place] = float(distance[i, j, k] * _weight(room))
+        return found
+
+    def _costs(self, left: dict[Index, float]) -> Array:
+        """The least cost from the start to every point, infinite where there is no way."""
+        cost = np.full(self.room.shape, inf)
+        for place, first in left.items():
+            cost[place] = first
+        edges = [(*_shifted(step), self._edges(step)) for step in _STEPS]
+        while True:
+            before = cost.copy()
+            for one, other, edge in edges:
+                np.minimum(cost[other], cost[one] + edge, out=cost[other])
+                np.minimum(cost[one], cost[other] + edge, out=cost[one])
+            if (cost == before).all():
+                return cost
+
+    def _edges(self, step: Index) -> Array:
+        """Costs of the lines between neighbours that are a step apart."""
+        one, other = _shifted(step)
+        begin, end = self.points[one], self.points[other]
+        both = np.minimum(self.room[one], self.room[other])
+        cost = np.full(both.shape, inf)
+        kept = both > 0
+        middle = self.room_at(((begin + end) / 2)[kept])
+        room = np.minimum(both[kept], middle)
+        length = np.linalg.norm((end - begin)[kept], axis=-1)
+        cost[kept] = np.where(room > 0, length * _weight(room), inf)
+        return cost
+
+    def _back(self, cost: Array, left: dict[Index, float], end: Index) -> Array:
+        """The points from the start to one, along which costs add up."""
+        places = [end]
+        while not (places[-1] in left and cost[places[-1]] >= left[places[-1]]):
+            places.append(self._before(cost, places[-1]))
+        return np.array([self.points[place] for place in reversed(places)])
+
+    def _before(self, cost: Array, place: Index) -> Index:
+        """The neighbour from which a point is reached at its cost."""
+        steps = [*_STEPS, *((-a, -b, -c) for a, b, c in _STEPS)]
+        shape = self.room.shape
+        near = [
+            (place[0] + a, place[1] + b, place[2] + c)
+            for a, b, c in steps
+            if 0 <= place[0] + a < shape[0]
+            and 0 <= place[1] + b < shape[1]
+            and 0 <= place[2] + c < shape[2]
+        ]
+        here = self.points[place]
+        known = [other for other in near if cost[other] < cost[place]]
+
+        def through(other: Index) -> float:
+            room = min(
+                self.room[place],
+                self.room[other],
+                self.room_at((here + self.points[other])[None] / 2)[0],
+            )
+            if room <= 0:
+                return inf
+            return float(cost[other] + np.linalg.norm(here - self.points[other]) * _weight(room))
+
+        return min(known, key=through)
+
+
+def _weight(room: Array | float) -> Array | float:
+    """By what factor length counts at places with little room."""
+    return 1 + _NARROW / np.maximum(room, 1e-6)
+
+
+def _shifted(step: Index) -> tuple[tuple[slice, ...], tuple[slice, ...]]:
+    """Where a grid has points with a neighbour one step on, and where these neighbours are."""
+    one = tuple(slice(max(0, -d), -d if d > 0 else None) for d in step)
+    other = tuple(slice(max(0, d), d if d < 0 else None) for d in step)
+    return one, other
+
+
+def _driven(scene: Scene, path: Array) -> Iterator[Trajectory]:
+    """Motions along a path, rounded more and less, each as fast as the limits roughly allow."""
+    along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1)))
+    share = np.linspace(0, along[-1], _SAMPLES + 1)
+    dense = np.stack([np.interp(share, along, path[:, i]) for i in range(3)], axis=1)
+    for width in _ROUNDINGS:
+        try:
+            yield roughly_fastest(scene, _motion(scene, _rounded(dense, width)))
+        except DeltaOptError:
+            continue
+
+
+def _rounded(path: Array, width: int) -> Array:
+    """A path averaged over neighbours, twice; its ends stay, for it is reflected at them."""
+    for _ in range(2):
+        before, after = 2 * path[0] - path[width:0:-1], 2 * path[-1] - path[-2 : -width - 2 : -1]
+        summed = np.cumsum(np.vstack([np.zeros((1, 3)), before, path, after]), axis=0)
+        path = (summed[2 * width + 1 :] - summed[: -2 * width - 1]) / (2 * width + 1)
+    return path
+
+
+def _motion(scene: Scene, path: Array) -> Trajectory:
+    """The motion along samples of a path, at rest at both ends, in 1 s."""
+    u = np.linspace(0, 1, len(path))
+    share = np.asarray(polyval(u, QUINTIC), dtype=float)
+    rate = np.asarray(polyval(u, polyder(QUINTIC)), dtype=float)
+    slope = np.asarray(np.gradient(path, u, axis=0))
+    x = np.stack([np.interp(share, u, path[:, i]) for i in range(3)], axis=1)
+    v = np.stack([np.interp(share, u, slope[:, i]) for i in range(3)], axis=1) * rate[:, None]
+    x[[0, -1]], v[[0, -1]] = scene.given_points, 0.0
+    model = delta_model(scene.robot, scene.payload)
+    return Trajectory(PiecewisePolynomial.hermite(u, x, v), model)

@@ -1,0 +1,62 @@
+"""The distance to the parallel singularity: its measure, its side, and motions that keep it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from deltaopt import load_scene, plan, verify
+from deltaopt.limits.parallel_singularity import ParallelSingularity
+from deltaopt.mechanisms.delta.mechanism import AZIMUTHS
+from deltaopt.robot.model import delta_model
+
+SCENE = load_scene(Path(__file__).parents[2] / "problems/limits/parallel_singularity.yaml")
+
+
+def volume(scene, x):
+    """From elbows and platform, by vectors in space."""
+    robot, theta = scene.robot, delta_model(scene.robot, None).inverse_kinematics(x)[:, 3::3]
+    bars = []
+    for k, azimuth in enumerate(AZIMUTHS):
+        radial = np.array([0.0, np.cos(azimuth), np.sin(azimuth)])
+        out = robot.base_radius - robot.platform_radius
+        out = out + robot.upper_arm.length * np.cos(theta[:, k, None])
+        elbow = out * radial - robot.upper_arm.length * np.sin(theta[:, k, None]) * np.eye(3)[0]
+        bars.append((x - elbow) / robot.forearm.length)
+    return np.linalg.det(np.stack(bars, axis=1))
+
+
+def test_measure_is_the_volume_of_the_bars():
+    ((margin, side),) = ParallelSingularity().items(SCENE)
+    assert margin == 0.2
+    x = np.array([[0.85, 0.1, 0.05], [0.6, -0.2, 0.1], SCENE.start])
+
+    class Motion:
+        q = ca.SX.sym("q", 12)
+
+    measure = ca.Function(
+        "measure", [Motion.q], [ParallelSingularity().measure(Motion(), ca.SX([margin, side]))]
+    )
+    q = delta_model(SCENE.robot, None).inverse_kinematics(x)
+    found = np.array(measure.map(len(x))(q.T)).ravel()
+    np.testing.assert_allclose(found, side * volume(SCENE, x), rtol=1e-12)
+    assert side * volume(SCENE, x)[-1] > 0
+
+
+def test_motions_keep_it():
+    """A margin that the fastest motion does not keep, and the motion that does."""
+    free = plan(SCENE.model_copy(update={"limits": None}))
+    least = np.abs(volume(SCENE, free.trajectory(np.linspace(0, free.duration, 400)).x)).min()
+    ends = np.abs(volume(SCENE, np.array([SCENE.start, SCENE.goal]))).min()
+    margin = (least + ends) / 2
+    assert least < margin * (1 - 1e-3), "the scene does not need the limit"
+    kept = SCENE.model_copy(update={"limits": {"parallel_singularity": margin}})
+    found = plan(kept)
+    x = found.trajectory(np.linspace(0, found.duration, 2001)).x
+    assert np.abs(volume(SCENE, x)).min() > margin * (1 - 1e-9)
+    assert found.duration > free.duration * (1 - 1e-3)
+    assert verify(kept, found.trajectory).failures() == []
+    assert found.duration == pytest.approx(free.duration, rel=0.2)

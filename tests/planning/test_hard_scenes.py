@@ -1,0 +1,89 @@
+"""Moves along the edge of the workspace, each of which once was refused, planned wrong, or missed.
+
+Their robots are of many kinds: a tiny haptic one, one of 2 m, one without masses in a place without
+gravity, one with weak motors. The comments in the files are those of the program that failed.
+"""
+
+from __future__ import annotations
+
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from deltaopt import load_scene, plan, verify
+from deltaopt.errors import DeltaOptError, Unreachable
+from deltaopt.planning.first_motions import crosses_singularity, in_order_of_merit, intervals_for
+from deltaopt.planning.initial_motion import detour, line, roughly_fastest
+from deltaopt.planning.roadmap import roadmap_motions
+from deltaopt.scene.feasibility import room_at_rest
+
+HARD = Path(__file__).parents[1] / "data/hard_scenes"
+BEST = {
+    "01_ver_industrial": 4.72719,
+    "03_gap_massless": 0.372567,
+    "05_nc_massless": 0.354885,
+    "07_ver_haptic": 0.131079,
+    "09_nc_big": 0.572664,
+    "11_un_industrial": 0.373899,
+    "13_nc_haptic": 0.114039,
+    "15_nc_industrial": 0.447622,
+    "17_nc_orsino": 0.199641,
+    "19_nc_big": 0.772577,
+    "21_nc_industrial": 0.0652344,
+    "23_un_massless": 11.2179,
+    "25_un_haptic": 0.285844,
+    "27_nc_irb360": 0.356349,
+}
+"""The best duration known, s, of motions that pass through no parallel singularity."""
+
+
+def scene(name):
+    return load_scene(HARD / f"{name}.yaml")
+
+
+@pytest.mark.parametrize("name", BEST)
+def test_planned_and_verified(name):
+    found = plan(scene(name))
+    assert found.within_tolerance
+    assert found.lower_bound < found.duration < BEST[name] * (1 + 2e-3)
+    assert verify(found.scene, found.trajectory).failures() == []
+
+
+def test_a_path_over_the_grid_where_no_simple_curve_leads():
+    """Weak motors: gravity leaves them 2 %, so that neither lines nor curves can be driven."""
+    weak = scene("25_un_haptic")
+    for simple in (lambda s: roughly_fastest(s, line(s)), detour):
+        with pytest.raises(DeltaOptError):
+            simple(weak)
+    motions = roadmap_motions(weak, 16)
+    durations = [motion.duration for motion in motions]
+    assert durations == sorted(durations)
+    best = motions[0]
+    assert not crosses_singularity(weak, best)
+    points = best(np.linspace(0, best.duration, 301)).x
+    np.testing.assert_allclose(points[[0, -1]], [weak.start, weak.goal], atol=1e-12)
+    assert room_at_rest(weak, points).min() > 0
+
+
+def test_the_first_mesh_is_fine_enough_for_the_first_motion():
+    """Cubics through 16 states of this motion would leave the workspace between them."""
+    big = scene("09_nc_big")
+    motion = next(in_order_of_merit(big))
+    assert intervals_for(motion, 16) == 32
+    assert plan(big).meshes[0].intervals == 32
+
+
+def test_first_motions_are_in_order_of_merit():
+    """Motor angles straight from start to goal: 280 s, where a curve takes less than one."""
+    slow = scene("05_nc_massless")
+    first, second, *_ = islice(in_order_of_merit(slow), 3)
+    assert first.duration < 1
+    assert first.duration < second.duration
+
+
+def test_a_move_without_a_way_is_refused_with_what_was_searched(monkeypatch):
+    monkeypatch.setattr("deltaopt.planning.first_motions.roadmap_motions", lambda *_: [])
+    with pytest.raises(Unreachable, match=r"45 curves, nor a path over a grid .* mm apart"):
+        plan(scene("25_un_haptic"))
