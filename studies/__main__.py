@@ -15,6 +15,7 @@ from deltaopt.cli.streams import print_any_text
 from studies import (
     agreement,
     benchmarks,
+    conventions,
     cycle,
     frozen,
     gap,
@@ -27,6 +28,7 @@ from studies import (
     lower_bound,
     mujoco_replay,
     objectives,
+    reference,
     sanitize,
     scaling,
     stability,
@@ -47,6 +49,7 @@ class Study(Command, Protocol):
 STUDIES: dict[str, Study] = {
     "agreement": agreement,
     "benchmarks": benchmarks,
+    "conventions": conventions,
     "cycle": cycle,
     "frozen": frozen,
     "gap": gap,
@@ -59,6 +62,7 @@ STUDIES: dict[str, Study] = {
     "lower_bound": lower_bound,
     "mujoco": mujoco_replay,
     "objectives": objectives,
+    "reference": reference,
     "sanitize": sanitize,
     "scaling": scaling,
     "stability": stability,

@@ -7,6 +7,7 @@ the example values stand here. A key that is not needed is commented out.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_args
 
@@ -104,7 +105,7 @@ _ABOUT_SCENES = """\
 # A move from rest to rest: which robot takes what from where to where.
 # Points are [x, y, z] in the base's frame, where x points DOWN, so that a larger x is lower.
 """
-_BESIDE: dict[str, tuple[Any, str | None]] = {
+_BESIDE: dict[str, tuple[Any, str]] = {
     "duration": (None, f"{EXPECTED_DURATION}: of a motion of least effort"),
     "tool": (Robot.model_fields["tool"].annotation, "instead of the robot's"),
 }
@@ -145,28 +146,46 @@ def scene_text() -> str:
     return _ABOUT_SCENES + "\n" + "\n".join(_lines(Scene, SCENE, SCENE_EXTRAS)) + "\n"
 
 
+@dataclass(frozen=True)
+class Key:
+    """A key of a file: its ``name``, what it may be, the ``inner`` record that stands under it if
+    it is a mapping of keys of its own, its ``default`` and whether it is ``required``."""
+
+    name: str
+    expected: str
+    inner: type[Record] | None
+    default: object
+    required: bool
+
+
+def keys_of(record: type[Record]) -> Iterator[Key]:
+    """The keys that a file may have where it describes such a record, in their order."""
+    for name, field in record.model_fields.items():
+        inner = None if name in _FILES else _record_in(field.annotation)
+        required = field.is_required()
+        default = None if required else field.default
+        yield Key(name, str(field.description), inner, default, required)
+    if record is Scene:
+        for name, (annotation, expected) in _BESIDE.items():
+            yield Key(name, expected, _record_in(annotation), None, False)
+
+
 def _lines(
     record: type[Record], used: Mapping[str, str], extras: Mapping[str, str], inside: str = ""
 ) -> Iterator[str]:
     """The lines of a record's keys, those of records in it indented."""
-    fields: dict[str, tuple[Any, str | None]] = {
-        name: (field.annotation, field.description) for name, field in record.model_fields.items()
-    }
-    if record is Scene:
-        fields |= _BESIDE
-    for name, (annotation, description) in fields.items():
-        place = f"{inside}{name}"
+    for key in keys_of(record):
+        place = f"{inside}{key.name}"
         indent = "  " * inside.count(".")
         is_used = any(each == place or each.startswith(f"{place}.") for each in used)
         mark = "" if is_used else "# "
-        inner = None if name in _FILES or place in used else _record_in(annotation)
-        if inner is None:
+        if key.inner is None or place in used:
             value = used.get(place) or extras.get(place, "")
-            yield f"{mark}{indent}{name}: {value}  # {description}"
+            yield f"{mark}{indent}{key.name}: {value}  # {key.expected}"
             continue
-        about = f"  # {description}" if place in _BESIDE else ""
-        yield f"{mark}{indent}{name}:{about}"
-        yield from _lines(inner, used, extras, f"{place}.")
+        about = f"  # {key.expected}" if place in _BESIDE else ""
+        yield f"{mark}{indent}{key.name}:{about}"
+        yield from _lines(key.inner, used, extras, f"{place}.")
 
 
 def _record_in(annotation: Any) -> type[Record] | None:

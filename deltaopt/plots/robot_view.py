@@ -35,7 +35,7 @@ class View:
         """Points of the base's frame, (..., 3), as across and up in the picture, (..., 2)."""
         x, y, z = np.moveaxis(np.asarray(points), -1, 0)
         across = cos(self.turn) * y + sin(self.turn) * z
-        away = -sin(self.turn) * y + cos(self.turn) * z
+        away = sin(self.turn) * y - cos(self.turn) * z  # x down, y right: z comes forward
         return np.stack([across, sin(self.tilt) * away - cos(self.tilt) * x], axis=-1)
 
 

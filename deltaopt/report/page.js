@@ -44,7 +44,7 @@
   }
 
   // Views: turned about the robot's middle. In the front view coordinates are y and x of the base's
-  // frame in mm, and x down is down on the screen.
+  // frame in mm, x down is down on the screen, and z comes forward.
 
   const poses = frames.t.map((_, frame) => pose(frame));
   const path = frames.x.map((x) => scaled(x, MM));
@@ -67,7 +67,7 @@
 
   function project(point) {
     const [x, y, z] = minus(point, whole.middle);
-    const across = Math.cos(turn) * y + Math.sin(turn) * z, away = -Math.sin(turn) * y + Math.cos(turn) * z;
+    const across = Math.cos(turn) * y + Math.sin(turn) * z, away = Math.sin(turn) * y - Math.cos(turn) * z;
     const down = Math.cos(tilt) * x - Math.sin(tilt) * away;
     return [across + whole.middle[1], down + whole.middle[0], Math.cos(tilt) * away + Math.sin(tilt) * x];
   }
@@ -359,7 +359,7 @@
   });
   scene.addEventListener("pointermove", (event) => {
     if (!from || !event.buttons) return;
-    turn = from[2] - (event.clientX - from[0]) / 150;
+    turn = from[2] + (event.clientX - from[0]) / 150;
     tilt = Math.min(Math.PI / 2, Math.max(-Math.PI / 2, from[3] + (event.clientY - from[1]) / 150));
     setView(null);
   });

@@ -44,6 +44,14 @@ def test_up_is_up_in_every_view(turn):
         assert above[0] == below[0]
 
 
+@pytest.mark.parametrize("turn", [0.0, 0.7, 3.0])
+def test_pictures_are_not_mirrored(turn):
+    """A positive turn about x, which points down, is clockwise to those who look down."""
+    shafts = [c.shaft for c in chains(SCENE.robot, np.array([0.45, 0.0, 0.0]), np.zeros(3))]
+    one, two, three = View(turn, np.pi / 2)(np.array(shafts))
+    assert np.linalg.det([two - one, three - two]) < 0
+
+
 def test_the_goal_is_to_the_right_of_the_start():
     start = np.array([0.45, 0.0, 0.0])
     for angle in np.linspace(0, 2 * np.pi, 9):

@@ -239,6 +239,15 @@ def test_the_robot_is_drawn_where_it_is(browser, planned, page):
     opened.page.close()
 
 
+def test_the_robot_is_not_mirrored(browser, page):
+    """A positive turn about x, which points down, is clockwise to those who look down on it."""
+    opened = Opened(browser, page)
+    opened.page.locator("[data-view=top]").click()
+    one, two, three = (np.array(opened.numbers(f"#arm{k}", "x1", "y1")) for k in (1, 2, 3))
+    opened.page.close()
+    assert np.linalg.det([two - one, three - two]) > 0  # in the screen's coordinates, y down
+
+
 def test_bars_keep_their_length(browser, page):
     """Front and side view together give all three coordinates of what is drawn."""
     opened = Opened(browser, page)

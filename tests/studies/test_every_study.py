@@ -15,6 +15,7 @@ from studies.stability.singularities import DISTANCES, METHODS, PROBLEMS
 SAYS = {
     "agreement": "forward, 80 on switches",
     "benchmarks": "Gough-Stewart platform: L_I, L_E",
+    "conventions": "conventions.png",
     "cycle": "| industrial | line across |",
     "frozen": "cases agree to 1e-09",
     "gap": "0 refused or not converged, 0 without a truth",
@@ -26,6 +27,7 @@ SAYS = {
     "lower_bound": "ratio of lower bound to duration",
     "mujoco": "planned with terms left out, steps of 500 µs",
     "objectives": "least effort ∫ τᵀτ dt in",
+    "reference": "| `peak_torque` | a torque in N·m, greater than 0 | required | `3.82 N*m` |",
     "sanitize": "0 findings",
     "scaling": "time of an iteration grows as N^",
     "tables": "| pick_and_place | quintic |",
