@@ -34,6 +34,7 @@ from studies import (
     stability,
     tables,
     tolerances,
+    tutorial,
 )
 
 
@@ -68,6 +69,7 @@ STUDIES: dict[str, Study] = {
     "stability": stability,
     "tables": tables,
     "tolerances": tolerances,
+    "tutorial": tutorial,
 }
 
 

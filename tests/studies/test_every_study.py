@@ -32,6 +32,7 @@ SAYS = {
     "scaling": "time of an iteration grows as N^",
     "tables": "| pick_and_place | quintic |",
     "tolerances": "gaps against 0.14087",
+    "tutorial": "cubic, rows each ms: asks for 1.50 of a limit",
 }
 
 

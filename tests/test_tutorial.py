@@ -1,0 +1,59 @@
+"""docs/tutorial.md: its commands run, and print what it says they print."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from deltaopt.cli import main
+from deltaopt.files.yaml_file import read_yaml
+
+PAGE = (Path(__file__).parents[1] / "docs/tutorial.md").read_text(encoding="utf-8")
+BLOCKS = re.findall(r"^```console\n\$ deltaopt (.*)\n((?:.*\n)*?)```$", PAGE, re.M)
+NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e-?\d+)?")
+TOLERANCE = 0.01
+"""Of a number. Those below a thousandth are roundings and gaps, of which any will do."""
+SMALLEST = 1e-3
+
+
+def said(line: str, printed: str) -> bool:
+    """Whether a line is among those printed, but for small differences of numbers."""
+    words = " ".join(NUMBER.sub("#", line).split())
+    for other in printed.splitlines():
+        if " ".join(NUMBER.sub("#", other).split()) == words:
+            numbers = (map(float, NUMBER.findall(text)) for text in (line, other))
+            if all(abs(a - b) <= max(SMALLEST, TOLERANCE * abs(a)) for a, b in zip(*numbers, strict=True)):
+                return True
+    return False
+
+
+def test_commands_print_what_the_page_says(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert len(BLOCKS) == 8
+    for command, told in BLOCKS:
+        assert main(shlex.split(command)) == 0, command
+        printed = capsys.readouterr().out
+        for line in told.splitlines():
+            assert said(line, printed), f"{command}\n{line}\n{printed}"
+
+
+def test_files_are_those_of_the_page(tmp_path, monkeypatch):
+    """The lines that count are those that `deltaopt new` writes."""
+    monkeypatch.chdir(tmp_path)
+    main(["new", "cell"])
+    shown = re.findall(r"^```yaml\n# (cell/\w+\.yaml)\n(.*?)```$", PAGE, re.M | re.S)
+    assert [name for name, _ in shown] == ["cell/robot.yaml", "cell/scene.yaml"]
+    for name, text in shown:
+        file = tmp_path / "shown.yaml"
+        file.write_text(text, encoding="utf-8")
+        assert read_yaml(file) == read_yaml(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    ("line", "found"), [("a 1.000 s", True), ("a 1.02 s", False), ("b 1.00 s", False)]
+)
+def test_what_counts_as_said(line, found):
+    assert said(line, "a   1.001 s\nc") is found
