@@ -25,7 +25,10 @@ def said(line: str, printed: str) -> bool:
     for other in printed.splitlines():
         if " ".join(NUMBER.sub("#", other).split()) == words:
             numbers = (map(float, NUMBER.findall(text)) for text in (line, other))
-            if all(abs(a - b) <= max(SMALLEST, TOLERANCE * abs(a)) for a, b in zip(*numbers, strict=True)):
+            if all(
+                abs(a - b) <= max(SMALLEST, TOLERANCE * abs(a))
+                for a, b in zip(*numbers, strict=True)
+            ):
                 return True
     return False
 
