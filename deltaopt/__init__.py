@@ -14,6 +14,7 @@ from deltaopt.errors import (
     SceneError,
     Unreachable,
 )
+from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.files.version import __version__
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.saved_plan import SavedPlan, load_plan
@@ -75,6 +76,7 @@ __all__ = [
     "PiecewiseAcceleration",
     "Plan",
     "Planner",
+    "ProgressBar",
     "Projection",
     "Redundant",
     "Robot",

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 import deltaopt
 from deltaopt import NotConverged, Plan, Scene, forward
 from deltaopt.cli.arguments import load_fastest, two_or_more
-from deltaopt.cli.progress import ProgressBar
+from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.motion.time_scaling import loads_inside
 from deltaopt.planning.flat.constraint_rows import ByOrder
 from deltaopt.planning.flat.equations import point_equations

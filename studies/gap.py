@@ -24,9 +24,9 @@ import numpy as np
 
 import deltaopt
 from deltaopt.cli.arguments import one_or_more, positive, seed
-from deltaopt.cli.progress import ProgressBar
 from deltaopt.errors import DeltaOptError
 from deltaopt.files.atomic_write import atomic_write
+from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.mesh.mesh_solution import MeshSolution, gap_of
 from deltaopt.planning.nlp.problem import Guess

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 import deltaopt
 from deltaopt.bench.random_scenes import random_scenes
 from deltaopt.cli.arguments import one_or_more, seed
-from deltaopt.cli.progress import ProgressBar
+from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.scene.task import given_points
 from studies.problems import PROBLEMS
 

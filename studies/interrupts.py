@@ -27,8 +27,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from deltaopt.cli.arguments import WrongUsage, one_or_more, seed
-from deltaopt.cli.progress import ProgressBar
 from deltaopt.codegen.compile import CACHE
+from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.output.plan_files import COLUMNS
 from studies.problems import PICK_AND_PLACE
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 import deltaopt
 from deltaopt.bench.random_scenes import random_scenes
 from deltaopt.cli.arguments import load_fastest, one_or_more, seed
-from deltaopt.cli.progress import ProgressBar
+from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.planning.planner import Planner
 from studies.problems import PICK_AND_PLACE, PROBLEMS
 

@@ -14,7 +14,7 @@ from time import process_time
 import deltaopt
 from deltaopt import Effort, PiecewiseAcceleration, Plan, Scene, TimeAndEffort
 from deltaopt.cli.arguments import positive
-from deltaopt.cli.progress import ProgressBar
+from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.motion.effort import effort
 from deltaopt.planning.nlp.transcription import TRANSCRIPTIONS
 from deltaopt.scene.objective import Objective

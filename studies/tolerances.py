@@ -17,7 +17,7 @@ import numpy as np
 
 from deltaopt import Planner, Scene
 from deltaopt.cli.arguments import load_fastest
-from deltaopt.cli.progress import ProgressBar
+from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.motion.time_scaling import safe_factor
 from deltaopt.planning.first_motions import first_motion
 from deltaopt.planning.nlp.problem import Guess

@@ -14,8 +14,8 @@ from typing import Any
 
 from deltaopt.bench.any_move import random_plans, summary
 from deltaopt.cli.arguments import add_robots, add_scenes, positive
-from deltaopt.cli.progress import ProgressBar
 from deltaopt.errors import MissingPackage
+from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.planning.planner import Planner
 from deltaopt.robot.robot import load_robot
 from deltaopt.scene.feasibility import check_feasible

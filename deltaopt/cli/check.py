@@ -27,11 +27,11 @@ from numpy.typing import NDArray
 
 from deltaopt.cli.arguments import WrongUsage, add_json, add_output, output_directory
 from deltaopt.cli.plan import duty_table
-from deltaopt.cli.progress import ProgressBar
 from deltaopt.cli.streams import present, print_json, print_written
 from deltaopt.codegen.compile import describe
 from deltaopt.errors import DeltaOptError, in_words
 from deltaopt.files.output_folder import all_or_none
+from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.files.validated_record import PerMotor, per_motor
 from deltaopt.files.yaml_file import read_yaml
 from deltaopt.mechanisms.delta.mechanism import DeltaParameters

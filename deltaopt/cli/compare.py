@@ -13,9 +13,9 @@ import argparse
 from pathlib import Path
 
 from deltaopt.cli.arguments import WrongUsage, folder, load_fastest, one_or_more
-from deltaopt.cli.progress import ProgressBar
 from deltaopt.cli.streams import present, print_written
 from deltaopt.files.output_folder import all_or_none, require_writable
+from deltaopt.files.progress_bar import ProgressBar
 
 HELP = "compare formulations, of the dynamics or of plans, as tables and charts"
 FIVE_BAR = "five-bar"

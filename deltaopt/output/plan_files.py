@@ -10,7 +10,7 @@ from importlib.metadata import PackageNotFoundError, version
 from importlib.resources import files
 from math import isfinite
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -180,9 +180,7 @@ def write_csv(file: Path, trajectory: Trajectory, rate: float = RATE) -> None:
     Numbers have so many digits that reading them gives the same doubles. Raises ValueError if there
     are more than ``MOST_ROWS`` rows.
     """
-    if rate > highest_rate(trajectory):
-        most = highest_rate(trajectory)
-        raise ValueError(f"rate is {rate:g} Hz; for {MOST_ROWS} rows it may be {most:.6g} at most")
+    _require_rows(trajectory, rate)
     with (
         atomic_write(file) as temporary,
         temporary.open("w", encoding="utf-8", newline="\n") as out,
@@ -295,12 +293,33 @@ def instants(trajectory: Trajectory, rate: float) -> Array:
     return np.append(times, trajectory.knots[-1])
 
 
-def _rows(trajectory: Trajectory, rate: float) -> Iterator[str]:
+def frame(trajectory: Trajectory, rate: float = RATE) -> Any:
+    """The rows of trajectory.csv, by column: a pandas DataFrame, or a dictionary of arrays, (N,),
+    where pandas is not installed. Raises ValueError as ``write_csv``."""
+    _require_rows(trajectory, rate)
+    columns = dict(zip(COLUMNS, _table(trajectory, rate).T.copy(), strict=True))
+    try:
+        from pandas import DataFrame
+    except ImportError:
+        return columns
+    return DataFrame(columns)
+
+
+def _table(trajectory: Trajectory, rate: float) -> Array:
+    """All rows of trajectory.csv, (N, len(COLUMNS))."""
     m = trajectory(instants(trajectory, rate))
-    table = np.hstack(
-        [m.t[:, None], m.x, m.v, m.a, m.theta, m.dtheta, m.ddtheta, m.tau]
-    )  # as COLUMNS
-    for row in table.tolist():
+    return np.hstack([m.t[:, None], m.x, m.v, m.a, m.theta, m.dtheta, m.ddtheta, m.tau])
+
+
+def _require_rows(trajectory: Trajectory, rate: float) -> None:
+    """Raise ValueError if there are more than ``MOST_ROWS`` rows."""
+    most = highest_rate(trajectory)
+    if rate > most:
+        raise ValueError(f"rate is {rate:g} Hz; for {MOST_ROWS} rows it may be {most:.6g} at most")
+
+
+def _rows(trajectory: Trajectory, rate: float) -> Iterator[str]:
+    for row in _table(trajectory, rate).tolist():
         yield ",".join(map(repr, row)) + "\n"
 
 

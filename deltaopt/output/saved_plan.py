@@ -12,6 +12,7 @@ import numpy as np
 
 from deltaopt.errors import DeltaOptError, SceneError
 from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory, moving_on
+from deltaopt.output.plan_files import RATE, frame
 from deltaopt.robot.model import delta_model
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.scene import Scene
@@ -40,6 +41,10 @@ class SavedPlan:
     def duration(self) -> float:
         """Time from start to goal, s."""
         return self.trajectory.duration
+
+    def table(self, rate: float = RATE) -> Any:
+        """The motion at ``rate`` (Hz), as of ``Plan.table``."""
+        return frame(self.trajectory, rate)
 
 
 def load_plan(path: str | Path) -> SavedPlan:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -196,6 +196,16 @@ class Plan:
             limits=limits,
             report=report,
         )
+
+    def table(self, rate: float = 1000.0) -> Any:
+        """The motion at ``rate`` (Hz) and at its last instant, with the columns of trajectory.csv.
+
+        A pandas DataFrame if pandas is installed, otherwise a dictionary of arrays, which other
+        libraries take as well.
+        """
+        from deltaopt.output.plan_files import frame  # of a later room
+
+        return frame(self.trajectory, rate)
 
     def plot(self, axes: Any = None, *, limit: str = "torque") -> Any:
         """Draw a limited quantity over time with its bounds, and return the axes.
@@ -687,16 +697,23 @@ class Planner:
         intervals = intervals_for(attempt.motion, quick.intervals) or attempt.intervals
         return quick._plan(replace(attempt, scene=quickly, intervals=intervals), lambda _: None)
 
-    def plan_many(self, pairs: Sequence[Pair], workers: int = 1) -> list[Plan | DeltaOptError]:
+    def plan_many(
+        self,
+        pairs: Sequence[Pair],
+        workers: int = 1,
+        progress: Callable[[int], None] | None = None,
+    ) -> list[Plan | DeltaOptError]:
         """Plan every pair (start, goal), m; a plan or the error that prevented it, in their order.
 
-        ``workers``: number of processes; results do not depend on it.
+        ``workers``: number of processes; results do not depend on it. ``progress``: is called with
+        the number of pairs that are done, such as ``ProgressBar().counting(len(pairs), "moves")``.
         """
+        tell = progress or (lambda done: None)
         if workers == 1:
-            return [self._plan_or_error(pair) for pair in pairs]
+            return _counted(map(self._plan_or_error, pairs), tell)
         with ProcessPoolExecutor(workers) as pool:
             chunk = max(1, len(pairs) // (4 * workers))
-            return list(pool.map(self._plan_or_error, pairs, chunksize=chunk))
+            return _counted(pool.map(self._plan_or_error, pairs, chunksize=chunk), tell)
 
     def _plan_or_error(self, pair: Pair) -> Plan | DeltaOptError:
         try:
@@ -742,6 +759,17 @@ def _state_of(motion: Motion) -> tuple[State, PiecewisePolynomial | None]:
     if trajectory is None or not trajectory.knots[0] <= t < trajectory.knots[-1]:
         return state, None
     return state, trajectory.position.after(t)
+
+
+def _counted(
+    outcomes: Iterable[Plan | DeltaOptError], tell: Callable[[int], None]
+) -> list[Plan | DeltaOptError]:
+    """All outcomes; how many there are is told as they come."""
+    found = []
+    for each in outcomes:
+        found.append(each)
+        tell(len(found))
+    return found
 
 
 def timed_line(scene: Scene, tolerance: float = 1e-3) -> Plan:

@@ -14,7 +14,7 @@ import argparse
 from pathlib import Path
 
 from deltaopt.cli.arguments import WrongUsage, positive
-from deltaopt.cli.progress import ProgressBar
+from deltaopt.files.progress_bar import ProgressBar
 
 HELP = "published benchmarks of multibody dynamics, integrators, cost against size"
 NAMES = ("published", "integrators", "windows")

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from deltaopt.cli.arguments import WrongUsage, positive
-from deltaopt.cli.progress import ProgressBar
+from deltaopt.files.progress_bar import ProgressBar
 
 HELP = "where formulations fail: near singularities, over long times, on benchmarks, at the edge"
 NAMES = ("singularities", "drift", "benchmarks", "edge")

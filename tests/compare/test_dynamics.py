@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 from deltaopt.cli import main
-from deltaopt.cli.progress import ProgressBar
 from deltaopt.codegen.c_compiler import compiler
 from deltaopt.codegen.compile import compiled
 from deltaopt.compare.dynamics.many_digits import ManyDigits
@@ -26,6 +25,7 @@ from deltaopt.compare.dynamics.tasks import TASKS, Samples
 from deltaopt.compare.dynamics.timing import Time
 from deltaopt.dynamics.constraint_matrix import Partition
 from deltaopt.dynamics.lagrange import Multiplier
+from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.mechanisms.delta.mechanism import DeltaParameters, delta
 
 

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from deltaopt.planning.planner import plan
+from deltaopt.files.progress_bar import ProgressBar
+from deltaopt.output.saved_plan import load_plan
+from deltaopt.planning.planner import Planner, plan
 from deltaopt.scene.scene import load_scene
 from deltaopt.verify.verification import verify
 
@@ -52,3 +56,71 @@ def test_curves_on_ones_own_axes(found):
     assert found.plot().get_ylabel() == "torque (N·m)"
     with pytest.raises(ValueError, match="limit is 'jerk'; the scene has torque, speed"):
         found.plot(limit="jerk")
+
+
+class Frame(dict):
+    """Stands for pandas' DataFrame, which also takes columns by name."""
+
+
+@pytest.mark.parametrize("pandas", [None, SimpleNamespace(DataFrame=Frame)])
+def test_table_is_a_frame_where_pandas_is(found, monkeypatch, pandas, tmp_path):
+    monkeypatch.setitem(sys.modules, "pandas", pandas)
+    table = found.table(rate=500)
+    assert type(table) is (dict if pandas is None else Frame)
+    found.save(tmp_path, chart=False)
+    with (tmp_path / "trajectory.csv").open(encoding="utf-8") as lines:
+        names = lines.readline().strip().split(",")
+    assert list(table) == names
+    written = np.loadtxt(tmp_path / "trajectory.csv", delimiter=",", skiprows=1)
+    every = load_plan(tmp_path).table()  # at 1000 Hz, as the file
+    np.testing.assert_array_equal(np.transpose([every[name] for name in names]), written)
+    np.testing.assert_array_equal(table["tau2"], found.trajectory(table["t"]).tau[:, 1])
+    with pytest.raises(ValueError, match="at most"):
+        found.table(rate=1e9)
+
+
+def test_pandas_itself(found):
+    pandas = pytest.importorskip("pandas")
+    assert isinstance(found.table(), pandas.DataFrame)
+
+
+class Notebook:
+    """Stands for IPython in a notebook: what cells show, in order."""
+
+    def __init__(self):
+        self.shown = []
+        self.display = SimpleNamespace(HTML=str, display=self.put)
+
+    def get_ipython(self):
+        return SimpleNamespace(kernel=self)
+
+    def put(self, content, display_id):
+        assert display_id
+        self.shown.append([content])
+        return SimpleNamespace(update=self.shown[-1].append)
+
+
+def test_a_bar_below_the_cell(monkeypatch, capsys):
+    notebook = Notebook()
+    monkeypatch.setitem(sys.modules, "IPython", notebook)
+    monkeypatch.setitem(sys.modules, "IPython.display", notebook.display)
+    tell = ProgressBar().counting(4, "<moves>")
+    for done in (1, 2, 4):
+        tell(done)
+    tell(1)  # another time: another bar
+    assert notebook.shown == [
+        [
+            f'<progress value="{share:.4f}"></progress> {share:.0%} &lt;moves&gt;'
+            for share in (0.25, 0.5, 1.0)
+        ],
+        ['<progress value="0.2500"></progress> 25% &lt;moves&gt;'],
+    ]
+    assert capsys.readouterr().err == ""
+
+
+def test_many_plans_say_how_many_are_done():
+    pairs = [((0.8, -0.1, 0.0), (0.8, 0.1, 0.0))] * 3
+    done: list[int] = []
+    plans = Planner(SCENE.robot, tolerance=1e-2).plan_many(pairs, progress=done.append)
+    assert done == [1, 2, 3]
+    assert len({plan.duration for plan in plans}) == 1
