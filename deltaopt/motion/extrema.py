@@ -60,10 +60,9 @@ def enough(intervals: int, fewest: int) -> int:
     return max(fewest, -(-_FEWEST_IN_ALL // intervals))
 
 
-def sample_fractions(intervals: int, fewest_steps: int = _FEWEST_STEPS) -> Array:
-    """Where to sample each of so many intervals: both ends and at least 20 points inside, unless
-    fewer steps do."""
-    return np.linspace(0.0, 1.0, enough(intervals, fewest_steps) + 1)
+def sample_fractions(intervals: int) -> Array:
+    """Where to sample each of so many intervals: both ends and at least 20 points inside."""
+    return np.linspace(0.0, 1.0, enough(intervals, _FEWEST_STEPS) + 1)
 
 
 def everywhere(intervals: int, fractions: Array) -> tuple[Index, Array]:

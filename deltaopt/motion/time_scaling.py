@@ -130,36 +130,26 @@ class NeededSlowing:
 
 
 def safe_factor(
-    scene: Scene,
-    trajectory: Trajectory,
-    at_least: float = 1.0,
-    sampled: Loads | None = None,
-    fractions: Array | None = None,
+    scene: Scene, trajectory: Trajectory, at_least: float = 1.0, sampled: Loads | None = None
 ) -> float:
     """The smallest factor k ≥ ``at_least`` by which slowing the motion keeps its limits.
 
     Infinite where no k does, such as where gravity alone exceeds a torque limit or a limit of
-    position is exceeded. ``sampled``, ``fractions``: as of ``needed_slowing``.
+    position is exceeded. ``sampled``: as of ``needed_slowing``.
     """
-    needed = needed_slowing(scene, trajectory, at_least, sampled, fractions)
+    needed = needed_slowing(scene, trajectory, at_least, sampled)
     return needed.factor if needed.keeps_places else inf
 
 
 def needed_slowing(
-    scene: Scene,
-    trajectory: Trajectory,
-    at_least: float = 1.0,
-    sampled: Loads | None = None,
-    fractions: Array | None = None,
+    scene: Scene, trajectory: Trajectory, at_least: float = 1.0, sampled: Loads | None = None
 ) -> NeededSlowing:
     """By what factor k ≥ ``at_least`` the motion has to be slowed, at all instants.
 
-    ``fractions``: evenly spaced ones of every interval, (n,), at which the motion is looked at
-    before peaks between them are climbed; ``sample_fractions`` by default. ``sampled``:
-    ``loads_inside`` of these, where they are known already.
+    ``sampled``: ``loads_inside`` of ``sample_fractions``, where these are known already.
     """
-    intervals, along = len(trajectory.knots) - 1, _loads_along(scene, trajectory)
-    fractions = sample_fractions(intervals) if fractions is None else fractions
+    intervals = len(trajectory.knots) - 1
+    along, fractions = _loads_along(scene, trajectory), sample_fractions(intervals)
     known = sampled or along(*everywhere(intervals, fractions))
     if not _mixed(scene).any():
         highest = _highest(along, lambda loads: loads.demands, fractions, known).values

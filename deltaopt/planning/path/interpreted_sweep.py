@@ -18,11 +18,11 @@ _NOTHING = (1.0, 0.0)
 
 
 def interpreted(
-    h: Array, rows: AffineRows, start: float, goal: float, most: float
+    h: Array, rows: AffineRows, start: float, goal: float, most: float, convex: bool
 ) -> tuple[Array, Array] | int | None:
     """b at the nodes, (N + 1,), and u at both ends of every cell, (N, 2); the node where no speed
     is possible; or None where the motion cannot begin at b = ``start``."""
-    n, sweep = len(h), _Sweep(h, rows)
+    n, sweep = len(h), _Sweep(h, rows, convex)
     K: list[Range] = [_NOTHING] * (n + 1)
     K[n] = sweep.allowed(2 * n - 1, (goal, goal))
     for i in range(n, -1, -1):
@@ -50,6 +50,7 @@ def _is_empty(b: Range) -> bool:
 class _Sweep:
     h: Array
     rows: AffineRows
+    convex: bool
 
     def accelerations(self, end: int, b: float) -> tuple[Range, Range]:
         """The u that the rows at an end of a cell allow at b, and their slopes by b."""
@@ -105,6 +106,8 @@ class _Sweep:
 
     def steepest(self, cell: int) -> float:
         """By how much u may change in a cell; infinite for any change."""
+        if not self.convex:
+            return np.inf
         a = np.abs(self.rows.alpha[2 * cell : 2 * cell + 2])
         width = (self.rows.high - self.rows.low)[2 * cell : 2 * cell + 2]
         there = a > _VANISHING
@@ -154,9 +157,14 @@ class _Sweep:
                 room, rate = reach.room
                 if room >= -_ROUNDING * (abs(reach.low) + abs(reach.high) + at):
                     break
-                if sign * rate <= 0 or high <= low:
+                if sign * rate <= 0:
                     return _NOTHING
-                at = max(low, min(high, at - room / rate))
+                root = at - room / rate
+                if abs(root - at) <= _ROUNDING * at:
+                    break
+                if high <= low:
+                    return _NOTHING
+                at = max(low, min(high, root))
                 low, high = (low, at) if sign < 0 else (at, high)
             else:
                 return _NOTHING

@@ -11,7 +11,7 @@ enum { INSIDE = 3 };
 typedef int64_t (*Rows)(const int64_t *call);
 
 typedef struct {
-  int64_t cells, rows, others, powers, pieces;
+  int64_t cells, rows, others, powers, pieces, convex;
   double start, goal, most;
   double series, stopping, longest, resting;
   const double *knots;       /* of the path, (pieces + 1) */
@@ -194,7 +194,7 @@ static int64_t swept_on(Mesh *m, double *memory) {
   if (!evaluated(m, &ends, 2 * n)) return NO_NUMBERS;
   take_tangents(m, &ends, &t);
   const double unit = t.length / t.largest, begin = seconds_now();
-  const int64_t status = sweep(n, all, h, t.alpha, t.beta, t.low, t.high, m->start / unit,
+  const int64_t status = sweep(n, all, m->convex, h, t.alpha, t.beta, t.low, t.high, m->start / unit,
                                m->goal / unit, m->most, b, u, of_sweep);
   m->seconds = seconds_now() - begin;
   if (status) return status;

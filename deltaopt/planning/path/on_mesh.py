@@ -92,7 +92,8 @@ def by_arrays(
     begin = thread_time()
     tangents = tangents_on(rows, mesh, tangency, tighter)
     before = thread_time()
-    motion = MeshMotion.of(mesh, swept(mesh.h, tangents, *ends))
+    convex = rows.are_convex(mesh.path)
+    motion = MeshMotion.of(mesh, swept(mesh.h, tangents, *ends, convex=convex))
     after = thread_time()
     b, u = motion.at(INSIDE)
     beyond = rows.beyond(mesh.places(INSIDE), b.ravel(), u.ravel()).reshape(*b.shape, -1)
@@ -122,6 +123,7 @@ class _Mesh(ctypes.Structure):
 
     _fields_ = (
         *((name, ctypes.c_int64) for name in ("cells", "rows", "others", "powers", "pieces")),
+        ("convex", ctypes.c_int64),
         *((name, ctypes.c_double) for name in ("start", "goal", "most")),
         *((name, ctypes.c_double) for name in ("series", "stopping", "longest", "resting")),
         *((name, ctypes.c_void_p) for name in ("knots", "curve", "nodes", "b", "u")),
@@ -156,9 +158,10 @@ class MeshCall:
         more = None if others is None else np.stack(list(vars(others).values()))
         number = 0 if others is None else others.alpha.shape[1]
         sizes = (len(mesh.nodes) - 1, len(rows.sides), number, curve.shape[1], len(curve))
+        convex = int(rows.are_convex(path))
         numbers = (*ends, FASTEST, SERIES, STOPPING, LONGEST, RESTING)
         arrays = (path.knots, curve, mesh.nodes, *tangency.last, more, tighter, rows.bounds)
-        return cls(rows.function, sizes, numbers, (*arrays, INSIDE, rows.parameters))
+        return cls(rows.function, (*sizes, convex), numbers, (*arrays, INSIDE, rows.parameters))
 
     def run(self, code: Any) -> tuple[int, Array, float]:
         """What the compiled function returns, its results and s of the sweep."""

@@ -59,7 +59,8 @@ class PathMultipliers:
 
     def _log_duration(self, by: Array) -> float:
         mesh, rows = self.on_mesh.motion.mesh, self._tangents.tightened(by)
-        return log(MeshMotion.of(mesh, swept(mesh.h, rows, *self.ends)).duration)
+        convex = self.rows.are_convex(mesh.path)
+        return log(MeshMotion.of(mesh, swept(mesh.h, rows, *self.ends, convex=convex)).duration)
 
     @cached_property
     def _tangents(self) -> AffineRows:

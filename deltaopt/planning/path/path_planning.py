@@ -9,7 +9,6 @@ from math import isinf
 import numpy as np
 
 from deltaopt.errors import Infeasible, NotConverged
-from deltaopt.motion.extrema import sample_fractions
 from deltaopt.motion.time_scaling import highest_rows, safe_factor
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.path.path_mesh import MeshMotion
@@ -26,10 +25,6 @@ _KEPT = 1e-10
 """Excess up to which a motion that begins or ends at a speed keeps its limits: it must not be
 slowed, for that would change its boundary values."""
 _MOST_MARGINS = 8
-_STEPS = 8
-"""In an interval, between samples of a motion that is to be slowed. It has several times as many
-intervals as a motion on a free path, at whose knots its limits change; more would take longer and
-find the same peaks."""
 _SHARES = (0.5, 0.2, 0.05)
 """Of the tolerance: estimated losses at which meshes are not refined further. The rest is for
 tightening and slowing; if that is not enough, all is done again with the next."""
@@ -78,7 +73,7 @@ def fastest_on_path(
 def _waiting(scene: Scene, task: OnPath, trajectory: Trajectory) -> Trajectory:
     """A motion slowed until a fourth axis has turned. Raises Infeasible where it cannot be."""
     least = scene.least_duration
-    factor = _safe_factor(scene, trajectory, least / trajectory.duration)
+    factor = safe_factor(scene, trajectory, at_least=least / trajectory.duration)
     if isinf(factor) or task.speeds != (0.0, 0.0):
         raise Infeasible(
             f"the path takes {trajectory.duration:.6g} s, less than rotation does, and cannot be "
@@ -94,7 +89,7 @@ def _slowed(scene: Scene, timing: PathTiming) -> tuple[Trajectory, float, TimedP
     for share in _SHARES:
         found = timing.fastest(share)
         trajectory = _trajectory(scene, found.motion)
-        factor = _safe_factor(scene, trajectory) * _ROUNDING
+        factor = safe_factor(scene, trajectory) * _ROUNDING
         if isinf(factor):
             _require_positions(scene, trajectory)
             raise Infeasible("the path: somewhere on it a limit is exceeded at rest")
@@ -117,16 +112,11 @@ def _held(scene: Scene, timing: PathTiming) -> tuple[Trajectory, float, TimedPat
     for _ in range(_MOST_MARGINS):
         found = timing.fastest(_SHARES[0], margin)
         trajectory = _trajectory(scene, found.motion)
-        factor = _safe_factor(scene, trajectory)
+        factor = safe_factor(scene, trajectory)
         if factor <= 1 + _KEPT:
             return trajectory, found.loss, found
         margin = max(2 * margin, 4 * (factor - 1))
     raise NotConverged("limits are exceeded between points of every mesh", "margin", trajectory)
-
-
-def _safe_factor(scene: Scene, trajectory: Trajectory, at_least: float = 1.0) -> float:
-    fractions = sample_fractions(len(trajectory.knots) - 1, _STEPS)
-    return safe_factor(scene, trajectory, at_least, fractions=fractions)
 
 
 def _trajectory(scene: Scene, motion: MeshMotion) -> Trajectory:

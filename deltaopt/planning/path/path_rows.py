@@ -47,7 +47,7 @@ motions exceed the limit by more (by 2 % with 8), and another motion is needed."
 
 
 _AFFINE: dict[tuple[RowFunction, bytes], bool] = {}
-"""What is known of rows with the same function and parameters."""
+"""What is known of rows with the same function and parameters, those that are curved left out."""
 _MOST_KNOWN = 1024
 """Of these, some hundred bytes each."""
 
@@ -160,21 +160,25 @@ class PathRows:
         return np.asarray(np.maximum(above, np.where(self.sides[:, 0], -values, -np.inf)) - 1)
 
     def are_affine(self, path: Path) -> bool:
-        """Whether tangents are the rows themselves, at any state; judged once for all rows with
-        the same parameters, where a first path begins."""
-        if len(self.curved):
-            return False
+        """Whether tangents are the rows themselves, at any state."""
+        return not len(self.curved) and self.are_convex(path)
+
+    def are_convex(self, path: Path) -> bool:
+        """Whether tangents of rows are the rows themselves, at any state, but for rows that are
+        curved in u; judged once for all rows with the same parameters, where a first path
+        begins."""
         key = self.function, self.parameters.tobytes()
         if key not in _AFFINE:
             if len(_AFFINE) >= _MOST_KNOWN:
                 _AFFINE.clear()
-            _AFFINE[key] = self._are_affine(path)
+            _AFFINE[key] = self._others_are_affine(path)
         return _AFFINE[key]
 
-    def _are_affine(self, path: Path) -> bool:
+    def _others_are_affine(self, path: Path) -> bool:
         first = Places.of(path, np.zeros(2, np.intp), np.zeros(2))
         b, u = np.array([1.0, 3.0]), np.array([0.5, -0.7])
-        found = self._tangents(first, b, u)
+        others = np.setdiff1d(np.arange(len(self.sides)), self.curved)
+        found = self._tangents(first, b, u).only(others)
         same = (np.allclose(one[0], one[1], rtol=1e-9, atol=1e-9) for one in vars(found).values())
         return all(same)
 

@@ -26,7 +26,7 @@
 typedef struct { double low, high; } Range;
 
 typedef struct {
-  int64_t rows;
+  int64_t rows, convex;
   const double *alpha, *beta, *low, *high, *h;
   double *change;  /* of u in each cell, at most */
 } Problem;
@@ -104,8 +104,10 @@ static void allowed(const Problem *p, int64_t end, Range *b) {
 
    Where a row hardly depends on u, near a point of zero inertia, leaps of u within a cell that other
    rows stop would gain next to nothing, and a motion of largest b has them: pulses of torque. There
-   u changes no faster than STEEPEST times all that it can in the length of the path. */
+   u changes no faster than STEEPEST times all that it can in the length of the path; not so where
+   rows are no more than tangents, which may ask for leaps of u, as Coulomb friction does. */
 static double steepest(const Problem *p, int64_t cell) {
+  if (!p->convex) return INFINITY;
   const int64_t begin = 2 * cell * p->rows, end = begin + p->rows;
   double range = INFINITY;
   for (int64_t j = begin; j < end + p->rows; j++)
@@ -172,22 +174,26 @@ static Range controllable(const Problem *p, int64_t cell, Range b, Range target)
     for (int i = 0;; i++) {
       const Reach next = reachable(p, cell, *at, target);
       if (next.room >= -ROUNDING * (fabs(next.b.low) + fabs(next.b.high) + *at)) break;
-      if (i == STEPS || !(side ? next.rate > 0 : next.rate < 0) || b.high <= b.low) {
+      const double root = *at - next.room / next.rate;
+      const int towards = side ? next.rate > 0 : next.rate < 0;
+      if (towards && fabs(root - *at) <= ROUNDING * *at) break;  /* steep, as friction is at rest */
+      if (i == STEPS || !towards || b.high <= b.low) {
         b.low = LARGE;  /* nowhere */
         return b;
       }
-      *at = fmax(b.low, fmin(b.high, *at - next.room / next.rate));
+      *at = fmax(b.low, fmin(b.high, root));
     }
   }
   return b;
 }
 
 /* Returns 0, or 1 + the node at which no speed is possible, or -1 if the start is not among what
-   can reach the goal. Results: b (cells + 1), u (cells, 2). Memory of 3 (cells + 1) numbers. */
-int64_t sweep(int64_t cells, int64_t rows, const double *h, const double *alpha,
+   can reach the goal. Convex: whether rows are all that there is, and no tangents to something that
+   is not convex. Results: b (cells + 1), u (cells, 2). Memory of 3 (cells + 1) numbers. */
+int64_t sweep(int64_t cells, int64_t rows, int64_t convex, const double *h, const double *alpha,
               const double *beta, const double *low, const double *high, double start, double goal,
               double most, double *b, double *u, double *memory) {
-  const Problem problem = {rows, alpha, beta, low, high, h, memory}, *p = &problem;
+  const Problem problem = {rows, convex, alpha, beta, low, high, h, memory}, *p = &problem;
   Range *K = (Range *)(memory + cells + 1);  /* of b at each node, from where the goal is reached */
   K[cells] = (Range){goal, goal};
   allowed(p, 2 * cells - 1, &K[cells]);

@@ -45,24 +45,27 @@ class Unattainable(Infeasible):
         return "no speed along the path keeps the limits"
 
 
-def swept(h: Array, rows: AffineRows, start: float, goal: float) -> Speeds:
+def swept(h: Array, rows: AffineRows, start: float, goal: float, *, convex: bool = True) -> Speeds:
     """The fastest motion over cells of lengths h, (N,), with b = ``start`` and ``goal`` at its
     ends.
 
-    ``rows``: at both ends of every cell, the begin first, (2 N, rows). Raises Unattainable.
+    ``rows``: at both ends of every cell, the begin first, (2 N, rows). ``convex``: whether they are
+    no tangents to something that is not convex, see ``PathRows.are_convex``. Raises Unattainable.
     """
     length, largest = float(h.sum()), float(np.abs(rows.alpha).max()) or 1.0
     b_unit = length / largest
     scaled = AffineRows(rows.alpha / largest, rows.beta * b_unit, rows.low, rows.high)
-    b, u = _swept(h / length, scaled, start / b_unit, goal / b_unit)
+    b, u = _swept(h / length, scaled, start / b_unit, goal / b_unit, convex)
     return Speeds(b * b_unit, u / largest)
 
 
-def _swept(h: Array, rows: AffineRows, start: float, goal: float) -> tuple[Array, Array]:
+def _swept(
+    h: Array, rows: AffineRows, start: float, goal: float, convex: bool
+) -> tuple[Array, Array]:
     """The same in units of the path's length and of the largest alpha: b and u."""
     code, n = _code(), len(h)
     if code is None:
-        found = interpreted(h, rows, start, goal, FASTEST)
+        found = interpreted(h, rows, start, goal, FASTEST, convex)
         if isinstance(found, int | None):
             raise Unattainable(found)
         return found
@@ -73,6 +76,7 @@ def _swept(h: Array, rows: AffineRows, start: float, goal: float) -> tuple[Array
     status = code.sweep(
         size(n),
         size(rows.alpha.shape[1]),
+        size(convex),
         *(ctypes.c_void_p(each.ctypes.data) for each in arrays),
         number(start),
         number(goal),

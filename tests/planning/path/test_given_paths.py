@@ -99,6 +99,27 @@ def test_gaps_on_random_paths():
     assert compared > 20
 
 
+def test_friction_on_random_paths():
+    """Its tangents are ten million times as steep at rest as elsewhere: whatever can be planned
+    without friction can be with it, as well as plans say."""
+    drive = {"torque": 60.0, "speed": 10.0}
+    friction = {"viscous": 1.0, "coulomb": 2.0, "speed": 0.05}
+    smooth = CROSS.robot.model_copy(update={"drive": drive})
+    rough = CROSS.robot.model_copy(update={"drive": {**drive, "friction": friction}})
+    compared = 0
+    for scene in random_paths(smooth, 1.0, 40, 1):
+        try:
+            deltaopt.plan(scene)
+        except deltaopt.DeltaOptError:  # the path leaves the workspace
+            continue
+        scene = scene.model_copy(update={"robot": rough})
+        plan, best = (deltaopt.plan(scene, tolerance=each) for each in (1e-2, 1e-3))
+        assert plan.within_tolerance
+        assert plan.duration / best.duration - 1 <= plan.gap
+        compared += 1
+    assert compared > 12
+
+
 def test_a_limit_of_acceleration_on_a_line():
     """Strong motors: T = 2 √(L / A)."""
     strong = PICK.robot.model_copy(update={"drive": {"torque": 1e4}})
