@@ -262,7 +262,7 @@ def test_jumping_velocity():
     said = complaints(bad)
     assert "its velocity jumps by 0.001 m/s at a knot" in said
     assert "its position" not in said
-    assert "it ends at 0.001 m/s instead of at rest" in said
+    assert "it ends with a velocity 0.001 m/s off the scene's" in said
 
 
 def test_jumping_position():
@@ -273,7 +273,7 @@ def test_jumping_position():
 
 def test_moving_start():
     bad = changed(LINE.slowed(1.5), 1, [0.002, 0, 0])
-    assert "it begins at 0.002 m/s instead of at rest" in complaints(bad)
+    assert "it begins with a velocity 0.002 m/s off the scene's" in complaints(bad)
 
 
 def test_excess_between_samples_of_a_coarse_grid():
