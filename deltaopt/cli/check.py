@@ -230,7 +230,7 @@ def _description(scene: Scene) -> list[tuple[str, str]]:
         ("coordinates", f"{coordinates}: x, y, z of the platform, three angles of each chain"),
         ("constraints", f"{constraints}: loop closure, eq. (50)-(52)"),
         ("freedom", f"{coordinates - constraints} degrees, {mechanism.controls.numel()} motors"),
-        ("bodies", f"{len(mechanism.bodies)}: {_masses(parameters)}"),
+        ("bodies", f"{len(mechanism.bodies)}: {_masses(parameters, scene.least_payload)}"),
         ("inertia", _inertias(parameters)),
         ("gravity", _gravity(parameters)),
         ("machine code", describe(default_method(scene))),
@@ -287,8 +287,9 @@ def _bounds(lower: Array, upper: Array) -> str:
     return f"at most {each}" if np.isfinite(upper).all() else f"at least {each}"
 
 
-def _masses(p: DeltaParameters) -> str:
-    payload = "" if p.m2 is None else f"payload {p.m2:g} kg, "
+def _masses(p: DeltaParameters, least_payload: float | None) -> str:
+    least = "" if least_payload is None else f"{least_payload:g} to "
+    payload = "" if p.m2 is None else f"payload {least}{p.m2:g} kg, "
     return f"platform {p.m1:g} kg, {payload}3 arms {p.m3:g} kg, 3 pairs of bars {p.m4:g} kg"
 
 

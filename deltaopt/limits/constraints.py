@@ -298,16 +298,19 @@ class _AnyMotion:
             SX.sym(name, motors) for name in ("theta", "dtheta", "ddtheta", "tau", "holding")
         )
         self.alignment, self.tilt = SX.sym("alignment", motors), SX.sym("tilt", motors)
+        self.tau_per_payload = SX.sym("tau_per_payload", motors)
+        self._holding_per_payload = SX.sym("holding_per_payload", motors)
 
     @property
     def everything(self) -> SX:
         """All quantities."""
-        return ca.vertcat(*self._positions, *self._rates, *self._second, self.tau)
+        torques = self.tau_per_payload, self.tau
+        return ca.vertcat(*self._positions, *self._rates, *self._second, *torques)
 
     @property
     def seeds(self) -> SX:
         """All quantities, and the torques that hold the robot at rest."""
-        return ca.vertcat(self.everything, self._holding)
+        return ca.vertcat(self.everything, self._holding, self._holding_per_payload)
 
     def slowed(self, s: SX) -> SX:
         """All quantities of the motion at s times its speed."""
@@ -315,6 +318,7 @@ class _AnyMotion:
             *self._positions,
             *(s * rate for rate in self._rates),
             *(s**2 * rate for rate in self._second),
+            self._holding_per_payload + s**2 * (self.tau_per_payload - self._holding_per_payload),
             self._holding + s**2 * (self.tau - self._holding),
         )
 

@@ -30,7 +30,8 @@ class Instant(Protocol):
     coordinates ``q`` (12; m and rad), their rates ``dq`` and ``ddq``; motor angles ``theta`` (rad)
     and their rates ``dtheta`` and ``ddtheta``; motor torques ``tau`` (N·m), one for each motor;
     ``alignment``, sin² (q_{k,1} - q_{k,2}) of each chain, 0 in its serial singularity; ``tilt``,
-    sin q_{k,3} of each chain, how far its bars lean out of the plane of its arm.
+    sin q_{k,3} of each chain, how far its bars lean out of the plane of its arm;
+    ``tau_per_payload``, by how much the torques grow with the payload's mass (N·m/kg).
     """
 
     @property
@@ -54,19 +55,24 @@ class Instant(Protocol):
     @property
     def tau(self) -> SX: ...
     @property
+    def tau_per_payload(self) -> SX: ...
+    @property
     def alignment(self) -> SX: ...
     @property
     def tilt(self) -> SX: ...
 
 
 class Described(Protocol):
-    """What a limit may read of a scene: robot, payload (kg), the points that are
+    """What a limit may read of a scene: robot, payload (kg; the
+    largest and the least, if it varies), the points that are
     known of start and goal (m), and its own key."""
 
     @property
     def robot(self) -> Robot: ...
     @property
     def payload(self) -> float | None: ...
+    @property
+    def least_payload(self) -> float | None: ...
     @property
     def given_points(self) -> tuple[Vector3, ...]: ...
 

@@ -1,12 +1,26 @@
-"""|τ_k| ≤ τ_max: what motor and gear give at the arm, eq. (81)."""
+"""|τ_k| ≤ τ_max: what motor and gear give at the arm, eq. (81); and with the least payload.
+
+Limits of torques may have to hold for every payload of a range: see ``WithLeastPayload``.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Annotated
 
 from deltaopt.files.units import TORQUE
 from deltaopt.files.validated_record import PerMotor, Vector3
-from deltaopt.limits.limit import SX, Instant, Key, MotorLimit
+from deltaopt.limits.limit import (
+    SX,
+    Bounds,
+    Described,
+    Instant,
+    Key,
+    Limit,
+    MotorLimit,
+    Numbers,
+)
 from deltaopt.robot.robot import Robot
 
 
@@ -21,3 +35,73 @@ class Torque(MotorLimit):
 
     def measure(self, motion: Instant, numbers: SX) -> SX:
         return motion.tau
+
+
+@dataclass(frozen=True)
+class WithLeastPayload:
+    """A limit of the torques for the least payload of a range.
+
+    The rows of the limit itself are for the largest. Along a given motion torques are affine in the
+    payload's mass: what keeps a limit that is convex in them at both ends of the range keeps it for
+    every mass between. The first number of each item is the width of the range, kg.
+    """
+
+    limit: Limit
+
+    @property
+    def name(self) -> str:
+        return f"{self.limit.name} with the least payload"
+
+    @property
+    def unit(self) -> str:
+        return self.limit.unit
+
+    @property
+    def subject(self) -> str:
+        return self.limit.subject
+
+    @property
+    def order(self) -> int:
+        return self.limit.order
+
+    @property
+    def key(self) -> None:
+        return None
+
+    @property
+    def robot_key(self) -> str | None:
+        return self.limit.robot_key
+
+    @property
+    def promised(self) -> bool:
+        return self.limit.promised
+
+    def items(self, scene: Described) -> Sequence[Numbers]:
+        if scene.least_payload is None or scene.payload is None:
+            return []
+        width = scene.payload - scene.least_payload
+        return [(width, *numbers) for numbers in self.limit.items(scene)]
+
+    def bounds(self, numbers: SX) -> Bounds:
+        return self.limit.bounds(numbers[1:])
+
+    def measure(self, motion: Instant, numbers: SX) -> SX:
+        return self.limit.measure(_Lighter(motion, numbers[0]), numbers[1:])
+
+    def rows(self, motion: Instant, numbers: SX) -> SX:
+        return self.limit.rows(_Lighter(motion, numbers[0]), numbers[1:])
+
+
+class _Lighter:
+    """A motion at an instant with ``less`` payload, kg: all is as it is but the torques."""
+
+    def __init__(self, motion: Instant, less: SX) -> None:
+        self._motion, self._less = motion, less
+
+    def __getattr__(self, name: str) -> SX:
+        value: SX = getattr(self._motion, name)
+        return value
+
+    @property
+    def tau(self) -> SX:
+        return self._motion.tau - self._less * self._motion.tau_per_payload

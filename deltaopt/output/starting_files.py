@@ -110,6 +110,8 @@ _BESIDE: dict[str, tuple[Any, str]] = {
     "tool": (Robot.model_fields["tool"].annotation, "instead of the robot's"),
 }
 """Types and meanings of the keys of a scene that its record takes apart before it reads them."""
+_NO_KEYS = ("least_payload",)
+"""Fields of a scene that stand under another key."""
 _FILES = ("robot",)
 """Keys of a scene whose values are files."""
 
@@ -161,6 +163,8 @@ class Key:
 def keys_of(record: type[Record]) -> Iterator[Key]:
     """The keys that a file may have where it describes such a record, in their order."""
     for name, field in record.model_fields.items():
+        if record is Scene and name in _NO_KEYS:
+            continue
         inner = None if name in _FILES else _record_in(field.annotation)
         required = field.is_required()
         default = None if required else field.default

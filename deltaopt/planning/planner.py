@@ -346,7 +346,7 @@ class Planner:
         start: Start | Motion,
         goal: End,
         *,
-        payload: float | None = None,
+        payload: float | tuple[float, float] | None = None,
         starts: int = 1,
         seed: int = 1,
         progress: Progress | None = None,
@@ -356,13 +356,14 @@ class Planner:
         An end that moves is a `State`, or a `Belt` as the goal. ``start`` may also be an instant of
         a motion, such as ``plan.trajectory(0.05)``: the new motion begins in that state, and never
         takes longer than finishing the old motion and then moving from rest to rest, if the goal is
-        a point. ``payload``: kg, instead of the planner's. ``starts``, ``seed``, ``progress`` and
-        the errors raised: as of the function ``plan``.
+        a point. ``payload``: kg, or the least and the largest, instead of the planner's.
+        ``starts``, ``seed``, ``progress`` and the errors raised: as of the function ``plan``.
         """
         state, under_way = _state_of(start) if isinstance(start, Motion) else (start, None)
+        mass: Any = self.payload if payload is None else payload  # a scene takes a range apart
         scene = Scene(
             robot=self.robot,
-            payload=self.payload if payload is None else payload,
+            payload=mass,
             start=state,
             goal=goal,
             limits=self.limits,
@@ -378,7 +379,7 @@ class Planner:
         self,
         state: State | Motion,
         *,
-        payload: float | None = None,
+        payload: float | tuple[float, float] | None = None,
         progress: Progress | None = None,
     ) -> Plan:
         """Plan the fastest stop: from a state, or an instant of a motion, to rest anywhere.
@@ -396,6 +397,8 @@ class Planner:
         """
         require_whole("starts", starts, 1, most=MOST)
         require_whole("seed", seed, 0)
+        if scene.least_payload is not None:
+            self._require_flat("with one payload")
         check_feasible(scene)
         report = progress or (lambda _: None)
         task = scene.task
@@ -442,13 +445,18 @@ class Planner:
 
     def _require_free(self, starts: int) -> None:
         """Raise ValueError for settings that do not go with ends that move."""
-        if not isinstance(self._formulation, Flat):
-            raise ValueError(
-                f"formulation is {self._formulation.name}, which plans from rest to rest alone; "
-                "the flat formulation plans where an end moves"
-            )
+        self._require_flat("from rest to rest")
         if starts > 1:
             raise ValueError(f"starts is {starts}; it has no effect where an end moves")
+
+    def _require_flat(self, others_plan: str) -> None:
+        """Raise ValueError where another formulation was asked for, and say what these plan."""
+        if not isinstance(self._formulation, Flat):
+            name = self._formulation.name
+            raise ValueError(
+                f"formulation is {name}, which plans {others_plan} alone; the flat formulation "
+                "plans this scene"
+            )
 
     def _plan_moving(
         self, scene: Scene, under_way: PiecewisePolynomial | None, report: Progress

@@ -59,7 +59,7 @@ def _what(scene: Scene, trajectory: Trajectory) -> str:
     """The robot, the distance, the load and the objective."""
     start, goal = ends_of(scene.task, trajectory)
     way = float(np.linalg.norm(goal - start))
-    load = f" with {scene.payload:g} kg" if scene.payload else ""
+    load = f" {scene.payload_in_words}" if scene.payload else ""
     return f"{scene.robot.name}: {1e3 * way:.3g} mm{load}, {scene.objective}"
 
 

@@ -114,7 +114,7 @@ count the way there and one as long back, and no time for gripping."""
 def _head(
     scene: Scene, trajectory: Trajectory, verification: Verification, gap: float | None
 ) -> str:
-    payload = "without payload" if scene.payload is None else f"with {scene.payload:g} kg"
+    payload = scene.payload_in_words
     way = f"{1e3 * verification.way:.4g} mm"
     picks = "" if isinstance(scene.task, MovingEnds) else _PICKS
     optimality = (

@@ -22,7 +22,7 @@ from pydantic import (
 from deltaopt.errors import SceneError, shown
 from deltaopt.files.html_table import html_table
 from deltaopt.files.units import LENGTH, MASS
-from deltaopt.files.validated_record import Number, Positive, Record, Vector3
+from deltaopt.files.validated_record import NonNegative, Number, Positive, Record, Vector3
 from deltaopt.files.yaml_file import place_of, read_yaml
 from deltaopt.limits.acceleration import Acceleration
 from deltaopt.limits.arm_range import ArmRange
@@ -34,7 +34,7 @@ from deltaopt.limits.platform_speed import PlatformSpeed
 from deltaopt.limits.serial_singularity import SerialSingularity
 from deltaopt.limits.specific_force import SpecificForce
 from deltaopt.limits.speed import Speed
-from deltaopt.limits.torque import Torque
+from deltaopt.limits.torque import Torque, WithLeastPayload
 from deltaopt.limits.torque_curve import TorqueCurve
 from deltaopt.limits.workspace import WorkspaceDepth, WorkspaceRadius
 from deltaopt.robot.robot import Robot, load_robot
@@ -88,6 +88,8 @@ LIMITS: tuple[Limit, ...] = (
     WorkspaceDepth(),
     WorkspaceRadius(),
     ParallelSingularity(),
+    WithLeastPayload(Torque()),
+    WithLeastPayload(TorqueCurve()),
 )
 """All kinds of limit, in the order of the constraint rows of a problem."""
 
@@ -109,15 +111,19 @@ class Scene(Record):
     The tool's point is the platform's centre if the robot has no tool with an offset. ``start``,
     ``goal``: three coordinates each in m, x down from the base's centre. An end that moves is a
     `State`, or a `Belt` as the goal; `Anywhere` as the goal is the fastest stop. ``payload``: mass
-    m₂ in kg at the platform; None for no payload. ``limits``: beside those of the robot's drive.
-    ``rotation``: of a fourth axis, which the motion takes no less time than. ``objective``: what is
-    minimised, time by default. A key ``tool`` replaces the robot's tool as a whole: it is then that
-    of ``robot``. Raises SceneError for values that cannot be used.
+    m₂ in kg at the platform, None for no payload; or the least and the largest, for all of which
+    limits hold: then it is the largest, and ``least_payload`` the least. ``limits``: beside those
+    of the robot's drive. ``rotation``: of a fourth axis, which the motion takes no less time than.
+    ``objective``: what is minimised, time by default. A key ``tool`` replaces the robot's tool as a
+    whole: it is then that of ``robot``. Raises SceneError for values that cannot be used.
     """
 
     robot: Robot = Field(description=_ROBOT_FILE)
     payload: Annotated[Positive, MASS] | None = Field(
-        default=None, description="a mass in kg, greater than 0"
+        default=None, description="a mass in kg, greater than 0, or [least, largest]"
+    )
+    least_payload: Annotated[NonNegative, MASS] | None = Field(
+        default=None, description="a mass in kg, at least 0"
     )
     start: Annotated[tuple[Number, Number, Number], LENGTH] | State = Field(
         description=EXPECTED_START
@@ -218,9 +224,51 @@ class Scene(Record):
             given["limits"] = _without_shares(given["limits"], given.get("robot", self.robot))
         if "path" in given:
             given["path"] = path_in(given["path"])
+        if "payload" in given:
+            given |= self._payloads(given["payload"])
         for key in {"start", "goal"} & set(given):
             given[key] = end_in(key, given[key])
         return super().model_copy(update=given, deep=deep)
+
+    @property
+    def with_least_payload(self) -> Scene:
+        """The scene with the least payload of its range; itself where the payload does not vary."""
+        if self.least_payload is None:
+            return self
+        return self.model_copy(update={"payload": self.least_payload or None})
+
+    @property
+    def payload_in_words(self) -> str:
+        """What is carried: "without payload", "with 1 kg", "with 0 to 1 kg"."""
+        if self.payload is None:
+            return "without payload"
+        least = "" if self.least_payload is None else f"{self.least_payload:g} to "
+        return f"with {least}{self.payload:g} kg"
+
+    @classmethod
+    def _payloads(cls, given: Any) -> dict[str, Any]:
+        """The fields of what stands under ``payload``: a mass, or the least and the largest.
+
+        Raises SceneError.
+        """
+        if not isinstance(given, list | tuple) or len(given) != 2:
+            return {"payload": given, "least_payload": None}
+        try:
+            least, largest = cls._valid("least_payload", given[0]), cls._valid("payload", given[1])
+        except SceneError:
+            least = largest = None
+        if least is None or largest is None or least > largest:
+            expected = "[least, largest] in kg, the least at least 0 and the largest greater than 0"
+            raise SceneError(None, "payload", given, expected)
+        return {"payload": largest, "least_payload": least if least < largest else None}
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read_payload(cls, content: Any) -> Any:
+        if not isinstance(content, dict):
+            return content
+        least, given = content.get("least_payload"), content.get("payload")
+        return content | cls._payloads(given if least is None else (least, given))
 
     @model_validator(mode="before")
     @classmethod
@@ -245,11 +293,14 @@ class Scene(Record):
         path = {} if self.path is None else {"path": content_of_path(self.path)}
         moving = (key for key in ("start", "goal") if not isinstance(getattr(self, key), tuple))
         ends = {key: content_of_end(getattr(self, key)) for key in moving}
-        return {**rest(self), **ends, **path, **content_of(self.objective)}
+        content = {**rest(self), **ends, **path, **content_of(self.objective)}
+        least = content.pop("least_payload", None)
+        return content if least is None else content | {"payload": [least, self.payload]}
 
     @classmethod
     def _keys(cls) -> list[str]:
-        return [*super()._keys(), "duration", "tool"]
+        known = [key for key in super()._keys() if key != "least_payload"]
+        return [*known, "duration", "tool"]
 
     @model_validator(mode="after")
     def _moves(self) -> Self:
@@ -323,6 +374,9 @@ def load_scene(path: str | Path) -> Scene:
     """
     file = Path(path)
     content = read_yaml(file)
+    if "least_payload" in content:
+        place, expected = place_of(file, "least_payload"), "payload: [least, largest]"
+        raise SceneError(file, "least_payload", None, expected, "is not a known key", place)
     if "robot" in content:
         content["robot"] = load_robot(_robot_file(file, content["robot"]))
     given = content.get("path")

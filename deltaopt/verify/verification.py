@@ -457,7 +457,7 @@ def _measures(scene: Scene, trajectory: Trajectory) -> dict[str, Any]:
     given, motion = scene.objective.given_duration, MeasuredMotion.of(scene, trajectory)
     may_be_slowed = not isinstance(scene.task, MovingEnds)
     measures = {
-        "excesses": motion.excesses(),
+        "excesses": motion.excesses() | _with_least_payload(scene, trajectory, motion),
         "distances": motion.distances(),
         "duty": motion.duty(),
         "effort": motion.effort(),
@@ -468,6 +468,24 @@ def _measures(scene: Scene, trajectory: Trajectory) -> dict[str, Any]:
     if scene.rotation is not None:
         measures["rotation_left"] = max(0.0, scene.rotation.duration - trajectory.duration)
     return measures
+
+
+def _with_least_payload(
+    scene: Scene, trajectory: Trajectory, measured: MeasuredMotion
+) -> dict[str, Excess]:
+    """The excesses with the least payload of a range, each by the model with that payload or from
+    the torques with the largest one, whichever is larger."""
+    if scene.least_payload is None:
+        return {}
+    beside, found = measured.excesses(), dict[str, Excess]()
+    light = MeasuredMotion.of(scene.with_least_payload, trajectory).excesses()
+    for excess in light.values():
+        name = f"{excess.limit} with the least payload"
+        derived = beside.get(key(name))
+        if derived is not None:
+            own = replace(excess, limit=name)
+            found[own.key] = max(own, derived, key=lambda each: each.value)
+    return found
 
 
 def _optimality(scene: Scene, trajectory: Trajectory) -> dict[str, float]:

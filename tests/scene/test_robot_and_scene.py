@@ -299,7 +299,11 @@ def test_a_copy_has_valid_fields(tmp_path: Path) -> None:
     assert scene.model_copy(update={"limits": None}).limits is None
     for key, value, words in [
         ("limits", {"sped": 5.0}, "limits.sped is not a known key; expected speed"),
-        ("payload", -1.0, "payload is -1.0; expected a mass in kg, greater than 0"),
+        (
+            "payload",
+            -1.0,
+            "payload is -1.0; expected a mass in kg, greater than 0, or [least, largest]",
+        ),
         ("goul", (0.4, 0.0, 0.0), "goul is not a known key; expected goal"),
     ]:
         with pytest.raises(SceneError) as caught:

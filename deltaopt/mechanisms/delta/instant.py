@@ -7,6 +7,7 @@ the general derivation in twelve coordinates; and from the twelve coordinates th
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -39,6 +40,14 @@ class PlatformInstant:
         if self.given_torque is not None:
             return self.given_torque
         return self.functions.explicit_torques(self.x, self.v, self.a, self.p)
+
+    @cached_property
+    def tau_per_payload(self) -> SX:
+        """By how much the motor torques grow with the payload's mass, 3, N·m/kg: along a given
+        motion they are affine in it. Of mechanisms with a payload."""
+        tau, mass = SX.sym("tau", 3), self.p[self.functions.terms.names.index("m2")]
+        force, *_ = self.functions.explicit_equations(self.x, self.v, self.a, tau, self.p)
+        return -ca.inv_minor(ca.jacobian(force, tau)) @ ca.jacobian(force, mass)
 
     @property
     def force(self) -> SX:
@@ -102,19 +111,38 @@ class PlatformInstant:
 @dataclass(frozen=True, eq=False)
 class CoordinateInstant:
     """The quantities as functions of all coordinates ``q``, 12, m and rad, their derivatives ``dq``
-    and ``ddq`` by time, and the motor torques ``tau``, 3, N·m."""
+    and ``ddq`` by time, and the motor torques ``tau``, 3, N·m.
+
+    ``torques``: mass of the payload added, kg -> the motor torques with it, where these are known.
+    """
 
     q: SX
     dq: SX
     ddq: SX
     tau: SX
+    torques: Callable[[float], SX] | None = None
 
     @classmethod
     def general(cls, functions: DeltaFunctions, x: SX, v: SX, a: SX, p: SX) -> CoordinateInstant:
         """From the platform's motion, by the general derivation in twelve coordinates."""
-        torque, _ = functions.inverse_dynamics.expand()(x, v, a, p)
+        inverse = functions.inverse_dynamics.expand()
         q, dq, ddq = functions.motion(x, v, a, p)
-        return cls(q, dq, ddq, torque)
+
+        def torques(added: float) -> SX:
+            more = ca.DM([added * (name == "m2") for name in functions.terms.names])
+            return inverse(x, v, a, p + more)[0]
+
+        return cls(q, dq, ddq, inverse(x, v, a, p)[0], torques)
+
+    @property
+    def tau_per_payload(self) -> SX:
+        """By how much the motor torques grow with the payload's mass, 3, N·m/kg.
+
+        Raises ValueError where the torques with another payload are not known.
+        """
+        if self.torques is None:
+            raise ValueError("the torques with another payload are not known")
+        return self.torques(1.0) - self.tau
 
     @property
     def x(self) -> SX:
