@@ -13,7 +13,7 @@ import sys
 from collections.abc import Callable
 from typing import Any, Protocol
 
-from deltaopt.cli import bench, check, compare, export, inverse, new, plan, verify
+from deltaopt.cli import bench, check, compare, completion, export, inverse, new, plan, verify
 from deltaopt.cli.arguments import WrongUsage
 from deltaopt.cli.streams import discard, flush, print_any_text, say
 from deltaopt.errors import DeltaOptError, SceneError, on_one_line
@@ -52,6 +52,7 @@ COMMANDS: dict[str, Command] = {
     "verify": verify,
     "export": export,
     "bench": bench,
+    "completion": completion,
 }
 
 
@@ -105,6 +106,7 @@ def command_line() -> argparse.ArgumentParser:
         description="Minimum-time motions of Delta robots under torque limits, verified.",
     )
     parser.add_argument("--version", action="version", version=f"deltaopt {__version__}")
+    parser.set_defaults(command_line=parser)  # for the command that describes it to a shell
     subparsers = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
     for name, command in COMMANDS.items():
         add_command(subparsers, name, command)

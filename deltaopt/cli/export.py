@@ -258,6 +258,11 @@ def _checked(plan: SavedPlan, arguments: argparse.Namespace) -> JointTable:
     )
     most = f"{demand.share:.6g} of what {demand.subject}'s {demand.limit} may be"
     print(f"{found.interpolation.name} interpolation asks for {most}, at {demand.t:.6g} s")
+    if not plan.scene.task.is_at_rest and found.slowed != 1:
+        print(
+            "an end moves, and slowed the motion meets it too late and too slowly: plan with "
+            "tighter limits instead"
+        )
     if not demand.kept:
         print(_remedy(plan, arguments))
     return found.table

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -51,6 +52,17 @@ def test_csv_in_degrees(saved, tmp_path, capsys):
     said = capsys.readouterr().out
     assert "cubic interpolation asks for 1." in said
     assert "remedy: --controller quintic --cycle own-knots" in said
+
+
+def test_a_moving_end_is_not_met_more_slowly_without_a_word(saved, tmp_path, capsys, monkeypatch):
+    scene = deltaopt.load_scene(PROBLEMS / "moving" / "belt.yaml")
+    plan = replace(deltaopt.load_plan(saved), scene=scene)
+    monkeypatch.setattr("deltaopt.cli.export.load_plan", lambda folder: plan)
+    words = ["export", "table", "plan", "-o", str(tmp_path / "table.csv")]
+    assert main(words) == 0
+    assert "too slowly" not in capsys.readouterr().out
+    assert main([*words, "--cycle", "1ms"]) == 0
+    assert "meets it too late and too slowly" in capsys.readouterr().out
 
 
 def test_limits_kept_are_said_without_a_remedy(saved, tmp_path, capsys):
