@@ -6,7 +6,6 @@ from pathlib import Path
 
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
 from deltaopt.compare.dynamics.study import Row, Study
 from deltaopt.plots.colours import (
@@ -19,7 +18,7 @@ from deltaopt.plots.colours import (
     SKY_BLUE,
     VERMILION,
 )
-from deltaopt.plots.style import figure, without_box
+from deltaopt.plots.style import figure, plain_numbers, without_box
 
 COLOURS = {
     "K, virtual work": GREEN,
@@ -58,9 +57,7 @@ def draw(study: Study, path: Path) -> None:
 def _panel(axes: Axes, rows: list[Row], floor: float) -> None:
     axes.set(xscale="log", yscale="log", xlabel="time per evaluation, µs")
     for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-        axis.set_major_formatter(FormatStrFormatter("%g"))
-        axis.set_minor_formatter(NullFormatter())
+        plain_numbers(axis)
     axes.grid(which="both")
     without_box(axes)
     axes.axhline(floor / UNIT, color=BLACK, linestyle=":", linewidth=1)

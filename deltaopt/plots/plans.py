@@ -11,12 +11,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
 from deltaopt.compare.plans.report import FORMULATIONS, compiled_modes, uniform
 from deltaopt.compare.plans.study import PlanStudy, Row
 from deltaopt.plots.colours import BLACK, BLUE, ORANGE, VERMILION
-from deltaopt.plots.style import figure, without_box
+from deltaopt.plots.style import figure, plain_numbers, without_box
 
 COLOURS = {"flat": BLACK, "forward": ORANGE, "explicit": BLUE, "multiplier": VERMILION}
 """Colours of the formulations."""
@@ -63,9 +62,7 @@ def draw(study: PlanStudy, case: str, path: Path) -> None:
 def _curves(axes: Axes, rows: list[Row], measure: Measure) -> None:
     """Draw a line for each method over its meshes, and failures as crosses at the upper edge."""
     axes.set(xscale="log", yscale="log", xlabel="wall time of the solve (s)")
-    axes.xaxis.set_major_locator(LogLocator(subs=(1, 3)))
-    axes.xaxis.set_major_formatter(FormatStrFormatter("%g"))
-    axes.xaxis.set_minor_formatter(NullFormatter())
+    plain_numbers(axes.xaxis, (1, 3))
     for method in dict.fromkeys(row.method for row in rows):
         own = [row for row in rows if row.method == method]
         good = [row for row in own if not row.failure and isfinite(measure(row))]

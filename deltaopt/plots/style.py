@@ -10,7 +10,9 @@ from typing import Any
 
 import matplotlib as mpl
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
 from deltaopt.files.atomic_write import atomic_write
 from deltaopt.motion.trajectory import Array
@@ -68,6 +70,13 @@ def motor_curves(axes: Axes, t: Array, values: Array) -> None:
         axes.plot(t, values[:, k], color=colour, linestyle=stroke, label=f"motor {k + 1}")
     axes.set_xlim(t[0], t[-1])
     without_box(axes)
+
+
+def plain_numbers(axis: Axis, within_decade: tuple[float, ...] = (1, 2, 5)) -> None:
+    """Write the numbers of a logarithmic axis as 0.2 and 50, and these of each decade alone."""
+    axis.set_major_locator(LogLocator(subs=within_decade))
+    axis.set_major_formatter(FormatStrFormatter("%g"))
+    axis.set_minor_formatter(NullFormatter())
 
 
 def without_box(axes: Axes) -> None:

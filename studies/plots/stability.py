@@ -20,7 +20,7 @@ from deltaopt.plots.colours import (
     SKY_BLUE,
     VERMILION,
 )
-from deltaopt.plots.style import SMALL, figure, without_box
+from deltaopt.plots.style import SMALL, figure, plain_numbers, without_box
 from studies.stability.benchmarks import Benchmark, Benchmarks
 from studies.stability.drift import (
     FREQUENCIES,
@@ -174,6 +174,7 @@ def draw_drift(study: Drift, path: Path) -> None:
         (position, energy), (over, over_energy) = page.subplots(2, 2)
         for axes in (position, energy):
             axes.set(xscale="log", yscale="log", xlabel="time spent, s")
+            plain_numbers(axes.xaxis)
         position.set(ylabel="largest |f|, m", title=f"Drift over {study.duration:g} s")
         energy.set(ylabel="largest change of energy, J", title="Energy")
         for method, colour in METHOD_COLOURS.items():
@@ -191,7 +192,7 @@ def draw_drift(study: Drift, path: Path) -> None:
         _over_frequency(over_energy, study, "energy", "largest change of energy, J")
         for axes in (position, energy, over, over_energy):
             without_box(axes)
-        page.legend(handles=_drift_legend(), loc="outside lower center", ncols=6)
+        page.legend(handles=_drift_legend(), loc="outside lower center", ncols=4)
 
 
 def _over_frequency(axes: Axes, study: Drift, name: str, label: str) -> None:
@@ -279,7 +280,7 @@ def draw_edge(study: Edge, path: Path) -> None:
             spent.plot(o.seconds, row, "o", color=colour)
             if o.error:
                 gaps.text(
-                    0.02,
+                    0.05,
                     row,
                     o.error,
                     color=colour,

@@ -5,10 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from matplotlib.axes import Axes
-from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
 from deltaopt.plots.colours import COLOURS, GREY
-from deltaopt.plots.style import figure, without_box
+from deltaopt.plots.style import figure, plain_numbers, without_box
 from studies.tolerances import MESHES, REFINED, SWITCHES, ToleranceStudy
 
 MARKERS = {MESHES: "s", REFINED: "o", SWITCHES: "D"}
@@ -52,7 +51,5 @@ def _panel(axes: Axes, study: ToleranceStudy) -> None:
         )
     axes.axhspan(FLOOR / 2, KNOWN, color=GREY, alpha=0.12, linewidth=0)
     axes.set(xscale="log", yscale="log", ylim=(FLOOR / 2, 3e-2))
-    axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-    axes.xaxis.set_major_formatter(FormatStrFormatter("%g"))
-    axes.xaxis.set_minor_formatter(NullFormatter())
+    plain_numbers(axes.xaxis)
     without_box(axes)
