@@ -42,7 +42,15 @@ from deltaopt.motion.active_limits import ActiveLimit, active_limits
 from deltaopt.motion.certificate import MET
 from deltaopt.motion.limit_sensitivity import as_dicts, limits_in_words
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.output.plan_files import MOST_ROWS, RATE, Provenance, StraightLine, highest_rate, save
+from deltaopt.output.plan_files import (
+    MOST_ROWS,
+    RATE,
+    Provenance,
+    StraightLine,
+    highest_rate,
+    save,
+    way_content,
+)
 from deltaopt.planning.flat.flat_problem import Flat
 from deltaopt.planning.formulations.choice import Forward, Redundant
 from deltaopt.planning.formulations.loop_closure import (
@@ -282,6 +290,7 @@ def _plan(
     else:
         if isinstance(solution, Plan):
             _print_optima(solution)
+            _print_ways(solution)
             _print_gap(solution)
             _print_cost_of_path(solution)
         resolved = solution.tolerance is not None and solution.tolerance <= RESOLVED_BELOW
@@ -314,6 +323,7 @@ def _as_dict(
             {"duration": each.duration, "cost": each.cost, "starts": each.starts}
             for each in solution.optima
         ],
+        "ways": [way_content(each) for each in solution.ways],
         "active_limits": as_dicts(active, solution.sensitivities),
         "verification": verification.as_dict(),
         "files": [str(each) for each in files],
@@ -400,6 +410,14 @@ def _print_optima(found: Plan) -> None:
             f"local optimum {i}: {_outcome(found.scene, optimum)} from {optimum.starts} starts, "
             f"halfway at ({x:.4f}, {y:.4f}, {z:.4f}) m"
         )
+
+
+def _print_ways(found: Plan) -> None:
+    """Print the ways past bodies, the one that is taken first."""
+    for i, way in enumerate(found.ways):
+        about = "" if way.is_planned else "about "
+        taken = "way taken: " if i == 0 else "another way: "
+        print(f"{taken}{way.name}, {about}{way.duration:.{6 if way.is_planned else 3}f} s")
 
 
 def _outcome(scene: Scene, optimum: Optimum) -> str:

@@ -73,14 +73,15 @@ class Record(BaseModel):
         return self.fields_hash
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """A copy with other fields; without the hash of this one.
+        """A copy with other fields; without what was computed once for this one.
 
         Each of these is validated by itself, but not held against the others. Raises SceneError
         where it cannot be used.
         """
         given = {key: self._validated(key, value) for key, value in (update or {}).items()}
         copied = super().model_copy(update=given, deep=deep)
-        copied.__dict__.pop("fields_hash", None)
+        for name in set(copied.__dict__) - set(type(self).model_fields):
+            del copied.__dict__[name]
         return copied
 
     def _validated(self, key: str, value: object) -> object:

@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.limits.limit import SX, Bounds, Described, Instant, Limit, Numbers
+from deltaopt.limits.limit import SX, Bounds, ConvexLimit, Described, Instant, Limit, Numbers
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.intp]
@@ -132,21 +132,24 @@ class Constraints:
 
     @cached_property
     def bounds_of_rows(self) -> ca.Function:
-        """Numbers of all items -> lower and upper bound of every row's measure."""
-        numbers, both = self.numbers(), (list[SX](), list[SX]())
+        """Numbers of all items -> lower and upper bound and natural size of every row's measure."""
+        numbers, found_of = self.numbers(), (list[SX](), list[SX](), list[SX]())
         for (limit, _), rows, own in zip(
             self.items, self.slices, self._split(numbers), strict=True
         ):
             bounds = limit.bounds(own)
             for side, found, none in zip(
-                (bounds.lower, bounds.upper), both, (-np.inf, np.inf), strict=True
+                (bounds.lower, bounds.upper, bounds.scale),
+                found_of,
+                (-np.inf, np.inf, 1.0),
+                strict=True,
             ):
                 values = SX(none) if side is None else side
                 one_for_all = values.numel() == 1
                 found.append(
                     ca.repmat(values, rows.stop - rows.start, 1) if one_for_all else values
                 )
-        return ca.Function("bounds", [numbers], [ca.vertcat(*found) for found in both])
+        return ca.Function("bounds", [numbers], [ca.vertcat(*found) for found in found_of])
 
     def _of_rows(self, of_items: Sequence[object], kind: type) -> NDArray[Any]:
         """A value of each item, repeated for its rows."""
@@ -213,6 +216,35 @@ class Constraints:
         promised = self._of_rows([limit.promised for limit in self.limits], np.bool)
         return np.asarray(promised & (self.orders == 0))
 
+    @cached_property
+    def convex(self) -> Truths:
+        """Rows of quantities that are convex functions of the position alone, (rows,)."""
+        return self._of_rows([isinstance(limit, ConvexLimit) for limit in self.limits], np.bool)
+
+    @cached_property
+    def has_convex(self) -> bool:
+        """Whether there are any."""
+        return bool(self.convex.any())
+
+    def convex_measures(self, x: SX, numbers: SX) -> SX:
+        """The measures of these rows at a position, 3, m."""
+        motion = _AnyMotion(self.motors)
+        motion.x = x
+        parts = self._convex_items(numbers)
+        return ca.vertcat(*(limit.measure(motion, own) for limit, own in parts))
+
+    @cached_property
+    def edge_radii(self) -> ca.Function:
+        """Numbers of all items -> least radii of curvature of their bounds, m."""
+        numbers = self.numbers()
+        radii = [limit.edge_radii(own) for limit, own in self._convex_items(numbers)]
+        return ca.Function("edge_radii", [numbers], [ca.vertcat(*radii)])
+
+    def _convex_items(self, numbers: SX) -> Iterator[tuple[ConvexLimit, SX]]:
+        for limit, own in self.with_numbers(numbers):
+            if isinstance(limit, ConvexLimit):
+                yield limit, own
+
     def of_order(self, order: int) -> Integers:
         """Indices of the rows of an order."""
         return np.asarray(np.flatnonzero(self.orders == order))
@@ -253,7 +285,17 @@ class SceneLimits:
     @cached_property
     def bounds(self) -> tuple[Array, Array]:
         """Lower and upper bound of every measure in its unit, infinite where there is none."""
-        return _bounds(self.constraints, tuple(self.numbers.tolist()))
+        return _bounds(self.constraints, tuple(self.numbers.tolist()))[:2]
+
+    @cached_property
+    def scales(self) -> Array:
+        """The natural size of every measure in its unit."""
+        return _bounds(self.constraints, tuple(self.numbers.tolist()))[2]
+
+    @cached_property
+    def edge_radii(self) -> Array:
+        """Of the rows of ``Constraints.convex`` the radii of the edges of their bounds, m."""
+        return np.array(self.constraints.edge_radii(self.numbers)).ravel()
 
     @cached_property
     def bound_exponents(self) -> Array:
@@ -272,12 +314,13 @@ class SceneLimits:
 
 
 @lru_cache(maxsize=64)
-def _bounds(constraints: Constraints, numbers: Numbers) -> tuple[Array, Array]:
-    """``SceneLimits.bounds``, found once for all moves of a robot: a few per cent of a plan."""
+def _bounds(constraints: Constraints, numbers: Numbers) -> tuple[Array, Array, Array]:
+    """``SceneLimits.bounds`` and ``scales``, found once for all moves of a robot: a few per cent
+    of a plan."""
     found = [np.array(side).ravel() for side in constraints.bounds_of_rows(np.array(numbers))]
     for side in found:
         side.setflags(write=False)
-    return found[0], found[1]
+    return found[0], found[1], found[2]
 
 
 _KNOWN: dict[Constraints, Constraints] = {}

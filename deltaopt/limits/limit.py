@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import casadi as ca
 
@@ -17,6 +17,7 @@ from deltaopt.errors import SceneError
 from deltaopt.files.units import percentage
 from deltaopt.files.validated_record import PerMotor, Vector3, per_motor
 from deltaopt.robot.robot import Robot
+from deltaopt.robot.solids import Convex
 
 SX = ca.SX
 Numbers = tuple[float, ...]
@@ -65,7 +66,7 @@ class Instant(Protocol):
 class Described(Protocol):
     """What a limit may read of a scene: robot, payload (kg; the
     largest and the least, if it varies), the points that are
-    known of start and goal (m), and its own key."""
+    known of start and goal (m), bodies, and its own key."""
 
     @property
     def robot(self) -> Robot: ...
@@ -75,6 +76,16 @@ class Described(Protocol):
     def least_payload(self) -> float | None: ...
     @property
     def given_points(self) -> tuple[Vector3, ...]: ...
+
+    @property
+    def kept_out(self) -> Sequence[Convex]:
+        """What the tool's point must stay out of: keep-out bodies grown by the tool."""
+        ...
+
+    @property
+    def least_clearance(self) -> float:
+        """How far it must stay out of these, m."""
+        ...
 
     def given(self, key: str) -> Any:
         """What the scene says under ``limits`` and this key; None if nothing."""
@@ -187,6 +198,18 @@ class Limit(Protocol):
 
     def rows(self, motion: Instant, numbers: SX) -> SX:
         """The same as smooth rows, normalised: lower bounds at -1, upper bounds at 1."""
+        ...
+
+
+@runtime_checkable
+class ConvexLimit(Limit, Protocol):
+    """A limit whose measure is a convex function of the position alone, with lower bounds.
+
+    Tangent planes then bound it from below, so that it is known between samples.
+    """
+
+    def edge_radii(self, numbers: SX) -> SX:
+        """Least radii of curvature of the places that are at the bound, m, one for each row."""
         ...
 
 

@@ -43,6 +43,7 @@ from deltaopt.motion.extrema import (
     sample_fractions,
 )
 from deltaopt.motion.safe_speeds import largest_by_roots, largest_by_trying
+from deltaopt.motion.sure_bounds import sure_excess
 from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
 from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.scene.scene import Scene, limits_of
@@ -123,6 +124,10 @@ class NeededSlowing:
     factor: float
     misplaced: float
 
+    def beside(self, misplaced: float) -> NeededSlowing:
+        """The same where other limits of position are exceeded by so much."""
+        return replace(self, misplaced=max(self.misplaced, misplaced))
+
     @property
     def keeps_places(self) -> bool:
         """Whether all limits of position are kept."""
@@ -153,7 +158,7 @@ def needed_slowing(
     known = sampled or along(*everywhere(intervals, fractions))
     if not _mixed(scene).any():
         highest = _highest(along, lambda loads: loads.demands, fractions, known).values
-        return known.needed(highest, at_least)
+        return known.needed(highest, at_least).beside(surely_misplaced(scene, trajectory))
     constraints = limits_of(scene).constraints
 
     tails = _tails(scene)
@@ -173,7 +178,22 @@ def needed_slowing(
         return highest
 
     factor, last = _factor_by_exchange(scene, trajectory, at_least, looked_at)
-    return NeededSlowing(factor, float(last.values[constraints.of_place].max(initial=0.0)) - 1)
+    sampled_places = last.values[_sampled_places(constraints)]
+    needed_at_samples = NeededSlowing(factor, float(sampled_places.max(initial=0.0)) - 1)
+    return needed_at_samples.beside(surely_misplaced(scene, trajectory))
+
+
+def surely_misplaced(scene: Scene, trajectory: Trajectory) -> float:
+    """By how much a motion exceeds limits of its position that are known to be convex, at most, as
+    ``NeededSlowing.misplaced``; -1 without such limits."""
+    if not limits_of(scene).constraints.has_convex:
+        return -1.0
+    return float(sure_excess(scene, trajectory.position).max())
+
+
+def _sampled_places(constraints: Constraints) -> Truths:
+    """Rows of positions for which there is no sure bound, so that samples must do, (rows,)."""
+    return np.asarray(constraints.of_place & ~constraints.convex)
 
 
 Look = Callable[[float, bool], Peaks]
@@ -348,7 +368,7 @@ class _Evaluation:
             _loads_function(terms, constraints, powers, squares),
             np.concatenate([limits.numbers, model.parameters]),
             int(np.count_nonzero(exponents(constraints, squares))),
-            int(np.count_nonzero(constraints.of_place)),
+            int(np.count_nonzero(_sampled_places(constraints))),
         )
 
     def __call__(self, intervals: Index, fractions: Array) -> Loads:
@@ -504,9 +524,8 @@ def _demands(
         beyond = ca.fabs(static) if lower and upper else static if upper else -static
         if not static.is_zero():
             faster.append(ca.fmax(beyond - 1, 0) / ca.fmax(ca.fabs(moving), _NOTHING))
-    placed = [
-        _size(rows[i], *constraints.sides[i]) for i in np.flatnonzero(constraints.of_place).tolist()
-    ]
+    sampled = np.flatnonzero(_sampled_places(constraints)).tolist()
+    placed = [_size(rows[i], *constraints.sides[i]) for i in sampled]
     return ca.vertcat(*slower, *placed, *faster)
 
 

@@ -68,6 +68,17 @@ class Optimum(Protocol):
     def starts(self) -> int: ...
 
 
+class TakenWay(Protocol):
+    """A way past keep-out bodies."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def duration(self) -> float: ...
+    @property
+    def is_planned(self) -> bool: ...
+
+
 class Provenance(Protocol):
     """How a motion was found, as plan.json records it; a Plan has all of it."""
 
@@ -92,6 +103,8 @@ class Provenance(Protocol):
     @property
     def optima(self) -> Sequence[Optimum]: ...
     @property
+    def ways(self) -> Sequence[TakenWay]: ...
+    @property
     def free_duration(self) -> float | None: ...
     @property
     def sensitivities(self) -> Sequence[LimitSensitivity]: ...
@@ -114,6 +127,7 @@ class StraightLine:
     tolerance: float | None = None
     certificate: Certificate | None = None
     optima: Sequence[Optimum] = ()
+    ways: Sequence[TakenWay] = ()
     free_duration: float | None = None
 
     @property
@@ -206,6 +220,7 @@ def write_json(
         **{name: _finite(value) for name, value in found.items()},
         "certificate": _certificate(solution.certificate),
         "optima": [_optimum(each) for each in solution.optima],
+        "ways": [way_content(each) for each in solution.ways],
         "active_limits": as_dicts(active_limits(scene, trajectory), solution.sensitivities),
         "verification": verification.as_dict(),
         "versions": {"python": platform.python_version()}
@@ -245,6 +260,11 @@ def _optimum(found: Optimum) -> dict[str, object]:
         "gap": _finite(found.gap),
         "starts": found.starts,
     }
+
+
+def way_content(way: TakenWay) -> dict[str, object]:
+    """A way past bodies for JSON; ``planned``: to the tolerance, otherwise on a coarse mesh."""
+    return {"way": way.name, "duration": way.duration, "planned": way.is_planned}
 
 
 def _drawn(scene: Scene, trajectory: Trajectory, verification: Verification) -> Extremal | None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, get_args, get_origin
 
 from deltaopt.errors import DeltaOptError
 from deltaopt.files.output_folder import all_or_none
@@ -43,6 +43,8 @@ ROBOT_EXTRAS = {
     "platform.pins": "50 g",
     "tool.offset": "[120 mm, 0 mm, 0 mm]",
     "tool.mass": "0.25 kg",
+    "tool.radius": "30 mm",
+    "tool.shapes": "[{capsule: {from: [0, 0, 0], to: [-0.1, 0, 0], radius: 0.02}}]",
     "drive.inertia": "0.02 kg*m^2",
     "drive.friction.viscous": "0.3 N*m*s/rad",
     "drive.friction.coulomb": "2 N*m",
@@ -88,9 +90,14 @@ SCENE_EXTRAS = {
     "rotation.acceleration": "20000 deg/s^2",
     "path": "line",
     "objective": "time",
+    "keep_out": "[{box: {from: [0.7, -0.02, -0.3], to: [1.2, 0.02, 0.3]}}]",
+    "clearance": "2 mm",
+    "robot_keeps_clear": "true",
     "duration": "0.5 s",
     "tool.offset": "[120 mm, 0 mm, 0 mm]",
     "tool.mass": "0.25 kg",
+    "tool.radius": "30 mm",
+    "tool.shapes": "[{capsule: {from: [0, 0, 0], to: [-0.1, 0, 0], radius: 0.02}}]",
 }
 """Examples of the keys that a scene need not have."""
 
@@ -200,6 +207,8 @@ def _record_in(annotation: Any) -> type[Record] | None:
 
 
 def _records_in(annotation: Any) -> list[type[Record]]:
+    if get_origin(annotation) is tuple:  # a list of records is written as a whole
+        return []
     if isinstance(annotation, type) and issubclass(annotation, Record):
         return [annotation]
     return [record for each in get_args(annotation) for record in _records_in(each)]

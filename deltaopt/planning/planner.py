@@ -41,13 +41,24 @@ from deltaopt.planning.effort_planning import (
     minimise_effort,
     scaling_to_duration,
 )
-from deltaopt.planning.first_motions import CrossesSingularity, crosses_singularity, intervals_for
+from deltaopt.planning.first_motions import (
+    CrossesSingularity,
+    crosses_singularity,
+    first_motion,
+    intervals_for,
+)
 from deltaopt.planning.flat.flat_problem import Flat
 from deltaopt.planning.formulations.choice import problem_formulation
 from deltaopt.planning.initial_motion import baseline
 from deltaopt.planning.lower_bound import lower_bound
 from deltaopt.planning.mesh.kept_limits import KEPT, kept
-from deltaopt.planning.mesh.mesh_solution import Iteration, MeshSolution, gap_of, iteration_of
+from deltaopt.planning.mesh.mesh_solution import (
+    Iteration,
+    MeshSolution,
+    gap_of,
+    iteration_of,
+    solve_first_mesh,
+)
 from deltaopt.planning.moving_ends import end_of, first_moving_motions, from_rest
 from deltaopt.planning.multistart import Optimum, distinct, first_motions
 from deltaopt.planning.nlp.cost import FASTEST, Cost
@@ -60,6 +71,7 @@ from deltaopt.planning.path.path_timing import PathIteration
 from deltaopt.planning.refinement import Progress, Refinement, Resolver
 from deltaopt.planning.search import Attempt, HeldByMotion, Search
 from deltaopt.planning.settings import MOST, require_positive, require_type, require_whole
+from deltaopt.planning.ways import TakenWay, fastest_way
 from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.feasibility import check_feasible, serial_distances_at_ends
@@ -115,6 +127,7 @@ class Plan:
     of switching were found as unknowns of their own. ``certificate``: how well Pontryagin's
     necessary condition is met, by the multipliers of that solution; None if they are not known.
     ``optima``: the distinct local minima that several first guesses led to, best first.
+    ``ways``: the ways past keep-out bodies that were found, first the one that is taken.
     ``free_duration``: where the scene gives a path, the duration (s) of the plan without it, if
     ``beside_free_path`` has found it. ``multipliers``: of the limits; None where they are not
     known, as of motions that are not the fastest.
@@ -136,6 +149,7 @@ class Plan:
     certificate: Certificate | None
     resolved: bool = False
     optima: tuple[Optimum, ...] = ()
+    ways: tuple[TakenWay, ...] = ()
     free_duration: float | None = None
     multipliers: Multipliers | None = None
 
@@ -407,6 +421,8 @@ class Planner:
         if isinstance(task, MovingEnds):
             self._require_free(starts)
             return self._plan_moving(scene, None, report)
+        if starts == 1 and limits_of(scene).constraints.has_convex:
+            return self._past_bodies(scene, report)
         if starts == 1:
             return self._search(scene, report)
         return self._best(scene, first_motions(scene, starts, seed), report)
@@ -567,6 +583,28 @@ class Planner:
         optima = distinct([(each.trajectory, each.cost, each.gap) for each in search.plans], length)
         return replace(best, optima=tuple(optima), solve_seconds=perf_counter() - begin)
 
+    def _past_bodies(self, scene: Scene, report: Progress) -> Plan:
+        """Plan past keep-out bodies: the best plan of the ways that are found, with all of these.
+
+        Raises Infeasible where there is no way, and NotConverged where none leads to a plan.
+        """
+        begin, accuracy = perf_counter(), max(_FIRST_MESH_TOLERANCE, self.tolerance)
+
+        def planned(attempt: Attempt) -> Plan:
+            search = self._new_search(scene)
+            self._make(search.with_remedies(attempt), search, report)
+            return search.best()
+
+        def on_first_mesh(attempt: Attempt) -> Trajectory:
+            guess = Guess(attempt.motion, near=False, tolerance=accuracy)
+            scaling = Scaling(scene, attempt.motion.duration)
+            problem = self._problem(attempt.motion.model, scaling, FASTEST)
+            return solve_first_mesh(problem, scaling, guess, attempt.intervals).trajectory
+
+        way = Attempt(scene, first_motion(scene), self.intervals, accuracy)
+        found, taken = fastest_way(way, planned, on_first_mesh)
+        return replace(found, ways=taken, solve_seconds=perf_counter() - begin)
+
     def _plan(self, attempt: Attempt, report: Progress) -> Plan:
         """Plan from one first guess; once more from another mesh if a small gap was missed."""
         if not isinstance(attempt.scene.objective, Time):
@@ -588,7 +626,7 @@ class Planner:
         The motion of the chosen mesh is slowed until it keeps every limit at all instants.
         """
         begin, scene = perf_counter(), attempt.scene
-        guess = Guess(attempt.motion, near=False, tolerance=attempt.accuracy)
+        guess = Guess(attempt.motion, attempt.is_near, attempt.accuracy)
         model = delta_model(scene.robot, scene.payload)
         moving = isinstance(scene.task, MovingEnds)
         extent = guess.trajectory.extent if moving else None

@@ -18,7 +18,8 @@ from deltaopt.errors import NotConverged, Singular, Unreachable
 from deltaopt.motion.certificate import Certificate
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions import CrossesSingularity, crosses_singularity
-from deltaopt.planning.mesh.error_estimate import refined
+from deltaopt.planning.mesh.constraint_tightening import first_tightening
+from deltaopt.planning.mesh.error_estimate import refined, with_knots_at
 from deltaopt.planning.mesh.mesh_solution import (
     Iteration,
     MeshSolution,
@@ -138,7 +139,8 @@ class Refinement:
         best of ``solutions`` is the result. Raises NotConverged if the first mesh is not solved,
         and CrossesSingularity if solutions keep passing through a parallel singularity.
         """
-        self._solve(np.full(intervals, 1 / intervals), first, self.scaling)
+        mesh = np.full(intervals, 1 / intervals)
+        self._solve(mesh, first, first_tightening(self.scaling, first.trajectory, mesh))
         while not self._done:
             last, gap = self.solutions[-1], self.iterations[-1].gap
             wanted = _TARGET_SHARE * self.tolerance
@@ -224,7 +226,9 @@ class Refinement:
         ):
             lost = replace(lost, unused=np.zeros_like(lost.unused))
         mesh = refined(last.mesh, lost, target)
-        return mesh if len(mesh) <= last.problem.finest else last.mesh
+        mesh = mesh if len(mesh) <= last.problem.finest else last.mesh
+        contacts = last.contacts
+        return with_knots_at(mesh, contacts) if len(contacts) else mesh
 
     def _is_repetition(self, last: MeshSolution, mesh: Array, scaling: Scaling) -> bool:
         """Whether the next solve would repeat the last; counts solves on the same mesh."""

@@ -45,7 +45,8 @@ class Attempt:
     ``scene``: the scene, perhaps with more limits than were asked for. ``motion``: the first
     motion. ``intervals``: of the first mesh. ``accuracy``: relative tolerance of the solver there.
     ``torque_share``: the part of torque limits that meshes may use, so that what is exceeded
-    between their points stays below the whole.
+    between their points stays below the whole. ``is_near``: whether the first motion is the best
+    one on another mesh.
     """
 
     scene: Scene
@@ -53,6 +54,7 @@ class Attempt:
     intervals: int
     accuracy: float
     torque_share: float = 1.0
+    is_near: bool = False
 
     def __str__(self) -> str:
         parts = [f"{self.intervals} intervals"]

@@ -25,6 +25,7 @@ from deltaopt.files.validated_record import (
 from deltaopt.files.yaml_file import read_yaml
 from deltaopt.robot.drive import Drive
 from deltaopt.robot.joints import Joints
+from deltaopt.robot.tool import Tool
 
 
 class UpperArm(Record):
@@ -88,21 +89,6 @@ class Platform(Record):
     )
 
 
-class Tool(Record):
-    """The tool that the platform carries.
-
-    ``offset``: from the platform's centre to the tool's point, m; start and goal are then places
-    of the tool's point. ``mass``: in kg.
-    """
-
-    offset: Annotated[tuple[Number, Number, Number], LENGTH] | None = Field(
-        default=None, description="three coordinates [x, y, z] in m"
-    )
-    mass: Annotated[NonNegative, MASS] | None = Field(
-        default=None, description="a mass in kg, at least 0"
-    )
-
-
 class Workspace(Record):
     """Where the tool's point may be: ``depth`` [least, largest] below the base, ``radius``, in m.
 
@@ -144,7 +130,7 @@ class Robot(Record):
     elbow: Elbow | None = Field(default=None, description="a mapping with the key mass")
     platform: Platform = Field(description="a mapping with the key mass")
     tool: Tool | None = Field(
-        default=None, description="a mapping with some of the keys offset, mass"
+        default=None, description="a mapping with some of the keys offset, mass, radius, shapes"
     )
     drive: Drive = Field(
         description="a mapping with the key torque (N·m) and, if speeds are limited, speed (rad/s)"

@@ -230,8 +230,28 @@ def _require_rest(model: DeltaModel, scene: Scene, name: str, point: Vector3) ->
         model.inverse_dynamics(point, np.zeros(3), np.zeros(3))
     except Unreachable as error:
         raise Unreachable(f"{name}: {error}") from None
+    for sentence in _too_near(scene, point):
+        raise Infeasible(f"{name}: at {in_words(point)} m the tool {sentence}")
     for sentence in _exceeded(scene, EndState(point)):
         raise Infeasible(f"{name}: at rest at {in_words(point)} m the {sentence}")
+
+
+def _too_near(scene: Scene, point: Vector3) -> Iterator[str]:
+    """A phrase for each body that the tool is too near to at a point."""
+    limits = limits_of(scene)
+    if not limits.constraints.has_convex:
+        return
+    x, numbers = (ca.SX(ca.DM(each)) for each in (point, limits.numbers))
+    measures = np.array(ca.DM(limits.constraints.convex_measures(x, numbers))).ravel()
+    used = np.isfinite(limits.bounds[0][limits.constraints.convex])
+    for distance, (index, _) in zip(measures[used].tolist(), scene.obstacles, strict=True):
+        assert scene.keep_out is not None
+        body = f"keep_out[{index}], a {scene.keep_out[index].kind}"
+        if distance < min(scene.least_clearance, 0.0) - _ROUNDING:
+            yield f"overlaps {body}, by {-1e3 * distance:.4g} mm"
+        elif distance < scene.least_clearance - _ROUNDING:
+            asked = f"a clearance of {1e3 * scene.least_clearance:g} mm is asked for"
+            yield f"is {1e3 * distance:.4g} mm from {body}, where {asked}"
 
 
 def _exceeded(scene: Scene, end: EndState) -> Iterator[str]:

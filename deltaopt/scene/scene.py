@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Annotated, Any, Self
 
@@ -28,6 +28,13 @@ from deltaopt.limits.acceleration import Acceleration
 from deltaopt.limits.arm_range import ArmRange
 from deltaopt.limits.ball_joint import BallJoint
 from deltaopt.limits.constraints import SceneLimits
+from deltaopt.limits.keep_out import (
+    MOST_SOLIDS,
+    MOST_TRIANGLES,
+    KeepOut,
+    hull_limits,
+    place_among_rows,
+)
 from deltaopt.limits.limit import Limit, MotorLimit
 from deltaopt.limits.parallel_singularity import ParallelSingularity
 from deltaopt.limits.platform_speed import PlatformSpeed
@@ -38,6 +45,9 @@ from deltaopt.limits.torque import Torque, WithLeastPayload
 from deltaopt.limits.torque_curve import TorqueCurve
 from deltaopt.limits.workspace import WorkspaceDepth, WorkspaceRadius
 from deltaopt.robot.robot import Robot, load_robot
+from deltaopt.robot.solids import Convex, Polytope
+from deltaopt.scene.bodies import EXPECTED as EXPECTED_BODIES
+from deltaopt.scene.bodies import Body, sums
 from deltaopt.scene.moving_ends import (
     EXPECTED_GOAL,
     EXPECTED_START,
@@ -90,6 +100,8 @@ LIMITS: tuple[Limit, ...] = (
     ParallelSingularity(),
     WithLeastPayload(Torque()),
     WithLeastPayload(TorqueCurve()),
+    KeepOut(),
+    *hull_limits(),
 )
 """All kinds of limit, in the order of the constraint rows of a problem."""
 
@@ -142,6 +154,33 @@ class Scene(Record):
         default=None, description=EXPECTED_PATH
     )
     objective: Objective = Field(default=Time(), description=EXPECTED)
+    keep_out: tuple[Body, ...] | None = Field(default=None, description=EXPECTED_BODIES)
+    clearance: Annotated[NonNegative, LENGTH] | None = Field(
+        default=None, description="a length in m, at least 0, beyond touching a body"
+    )
+    robot_keeps_clear: bool | None = Field(
+        default=None, description="true if arms and forearms keep clear of bodies too, or false"
+    )
+
+    @cached_property
+    def obstacles(self) -> tuple[tuple[int, Convex], ...]:
+        """What the tool's point must stay out of: for each body and shape of the tool the body's
+        index and their sum, in the order of the rows of the limits.
+
+        Raises SceneError for a sum that is not known.
+        """
+        found = sums(self.keep_out or (), self.robot.tool)
+        return tuple(sorted(found, key=lambda each: place_among_rows(each[1])))
+
+    @property
+    def kept_out(self) -> tuple[Convex, ...]:
+        """What the tool's point must stay out of: keep-out bodies grown by the tool."""
+        return tuple(convex for _, convex in self.obstacles)
+
+    @property
+    def least_clearance(self) -> float:
+        """How far it must stay out of these, m."""
+        return self.clearance or 0.0
 
     @property
     def least_duration(self) -> float:
@@ -340,6 +379,22 @@ class Scene(Record):
         if not isinstance(self.objective, Time):
             expected = "time, where a path is given"
             raise SceneError(None, "objective", str(self.objective), expected)
+        return self
+
+    @model_validator(mode="after")
+    def _bodies_can_be_kept_out_of(self) -> Self:
+        if self.keep_out is None:
+            return self
+        if not self.keep_out:
+            raise SceneError(None, "keep_out", [], EXPECTED_BODIES, "is empty")
+        solids = [each for each in self.kept_out if not isinstance(each, Polytope)]
+        if len(solids) > MOST_SOLIDS:
+            expected = f"at most {MOST_SOLIDS} pairs of a body and a shape of the tool"
+            raise SceneError(None, "keep_out", len(solids), expected)
+        for index, each in self.obstacles:
+            if isinstance(each, Polytope) and len(each.triangles) > MOST_TRIANGLES:
+                expected = f"a hull, grown by the tool, of at most {MOST_TRIANGLES} triangles"
+                raise SceneError(None, f"keep_out[{index}].hull", len(each.triangles), expected)
         return self
 
     @model_validator(mode="after")

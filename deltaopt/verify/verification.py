@@ -28,6 +28,7 @@ from deltaopt.motion.trajectory import Array, Trajectory, goal_of
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.scene import LIMITS, Scene
 from deltaopt.scene.task import EndState, MovingEnds, OnPath
+from deltaopt.verify.clearance import clearance_excess
 from deltaopt.verify.duty import Duty
 from deltaopt.verify.forward_replay import NotIntegrated, replay
 from deltaopt.verify.measures import Distance, Excess, MeasuredMotion, key, not_measured
@@ -455,13 +456,17 @@ def _malformed(trajectory: Trajectory) -> str | None:
 
 def _measures(scene: Scene, trajectory: Trajectory) -> dict[str, Any]:
     given, motion = scene.objective.given_duration, MeasuredMotion.of(scene, trajectory)
-    may_be_slowed = not isinstance(scene.task, MovingEnds)
+    safe_duration: float | None = None
+    near = clearance_excess(scene, trajectory)
+    excesses = motion.excesses() | ({near.key: near} if near else {})
+    if not isinstance(scene.task, MovingEnds):
+        safe_duration = motion.safe_duration() if _clears(near) else inf
     measures = {
-        "excesses": motion.excesses() | _with_least_payload(scene, trajectory, motion),
+        "excesses": excesses | _with_least_payload(scene, trajectory, motion),
         "distances": motion.distances(),
         "duty": motion.duty(),
         "effort": motion.effort(),
-        "safe_duration": motion.safe_duration() if may_be_slowed else None,
+        "safe_duration": safe_duration,
     }
     if given is not None:
         measures["duration_error"] = abs(trajectory.duration - given)
@@ -486,6 +491,11 @@ def _with_least_payload(
             own = replace(excess, limit=name)
             found[own.key] = max(own, derived, key=lambda each: each.value)
     return found
+
+
+def _clears(near: Excess | None) -> bool:
+    """Whether a motion keeps clear of bodies, which slowing it does not change."""
+    return near is None or near.value <= EXCESS
 
 
 def _optimality(scene: Scene, trajectory: Trajectory) -> dict[str, float]:

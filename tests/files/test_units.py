@@ -325,7 +325,7 @@ EVERYTHING = IN_SI | {
     "elbow": {"mass": 0.1},
     "upper_arm": IN_SI["upper_arm"] | {"centre": [0.1, 0.01]},
     "platform": {"mass": 0.3, "pins": 0.1},
-    "tool": {"offset": [0.1, 0.0, 0.0], "mass": 0.3},
+    "tool": {"offset": [0.1, 0.0, 0.0], "mass": 0.3, "radius": 0.02},
     "drive": {
         "torque": [10.0, 11.0, 12.0],
         "speed": 8.0,
@@ -335,7 +335,20 @@ EVERYTHING = IN_SI | {
         "rms_torque": 3.0,
     },
 }
+SHAPES = [
+    {"sphere": {"centre": [0.0, 0.0, 0.1], "radius": 0.02}},
+    {"box": {"from": [-0.1, -0.1, -0.1], "to": [0.1, 0.1, 0.1]}},
+    {"capsule": {"from": [0.0, 0.0, 0.0], "to": [0.1, 0.0, 0.0], "radius": 0.02}},
+]
+BODIES = [
+    {"box": {"from": [0.9, -0.1, -0.1], "to": [1.1, 0.1, 0.1]}},
+    {"sphere": {"centre": [0.9, 0.0, 0.1], "radius": 0.02}},
+    {"cylinder": {"from": [0.9, 0.0, 0.0], "to": [1.1, 0.0, 0.0], "radius": 0.02}},
+    {"half_space": {"point": [0.9, 0.0, 0.0], "normal": [1.0, 0.0, 0.0]}},
+    {"hull": {"points": [[0.9, 0.1, 0.1], [1.1, 0.1, 0.1], [0.9, 0.2, 0.1], [0.9, 0.1, 0.2]]}},
+]
 FROM_A_CATALOGUE = EVERYTHING | {
+    "tool": {"shapes": SHAPES},
     "gravity": [9.8, 0.0, 1.0],
     "drive": {
         "motor": MOTOR | {"curve": [[0.0, 8.0], [6.0, 4.0]]},
@@ -375,6 +388,8 @@ def test_every_number_knows_its_quantity() -> None:
         "goal": [0.4, 0.1, 0.0],
         "limits": dict.fromkeys(Limits.model_fields, 1.0) | {"specific_force": 20.0},
         "objective": {"time": 1.0, "effort": 1.0},
+        "keep_out": BODIES,
+        "clearance": 0.01,
     }
     effort = scene | {"objective": "effort", "duration": 1.0}
     for kind, content in (

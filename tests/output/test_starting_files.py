@@ -74,7 +74,8 @@ def test_they_can_be_planned_as_they_are(tmp_path, capsys):
 
 def test_every_key_is_there_with_what_it_means():
     robot, scene = paths_of(robot_text()), paths_of(scene_text())
-    assert {path.split(".")[-1] for path in robot} == keys_of(Robot)
+    in_lists = {"sphere", "box", "capsule", "from", "to"}  # shapes of a tool, in one line
+    assert {path.split(".")[-1] for path in robot} == keys_of(Robot) - in_lists
     assert {path for path in scene if "." not in path} == set(Scene._keys())
     limits = get_args(Scene.model_fields["limits"].annotation)[0]
     assert {f"limits.{name}" for name in limits.model_fields} <= set(scene)
@@ -102,22 +103,27 @@ def test_every_example_is_accepted(tmp_path):
     written(tmp_path)
     robot, scene = tmp_path / "robot.yaml", tmp_path / "scene.yaml"
     known = tuple(ROBOT | ROBOT_EXTRAS)
-    robot.write_text(with_keys(robot_text(), *known, without=OF_A_CATALOGUE), encoding="utf-8")
+    at_the_arm = with_keys(robot_text(), *known, without=(*OF_A_CATALOGUE, "tool.shapes"))
+    robot.write_text(at_the_arm, encoding="utf-8")
     assert load_robot(robot).drive.rms_torque == 25.0
     assert load_robot(robot).drive.friction.coulomb == 2.0
     assert load_robot(robot).workspace.radius == 0.5
-    robot.write_text(with_keys(robot_text(), *known, without=AT_THE_ARM), encoding="utf-8")
+    of_a_catalogue = with_keys(robot_text(), *known, without=(*AT_THE_ARM, "tool.radius"))
+    robot.write_text(of_a_catalogue, encoding="utf-8")
     assert load_robot(robot).drive.gear.ratio == 20.0
     assert load_robot(robot).drive.motor.rated_torque == 1.27
+    assert load_robot(robot).tool.shapes[0].shape.length == pytest.approx(0.1)
     robot.write_text(robot_text(), encoding="utf-8")
     scene.write_text(
-        with_keys(scene_text(), *SCENE_EXTRAS, without=("duration",)),
+        with_keys(scene_text(), *SCENE_EXTRAS, without=("duration", "tool.shapes")),
         encoding="utf-8",
     )
     assert load_scene(scene).limits.torque == pytest.approx(0.85 * 65.0)
     assert load_scene(scene).robot.tool.mass == 0.25
     assert load_scene(scene).rotation.duration == pytest.approx(2 * (90 / 20000) ** 0.5)
     assert load_scene(scene).path is not None
+    assert [body.kind for body in load_scene(scene).keep_out] == ["box"]
+    assert (load_scene(scene).clearance, load_scene(scene).robot.tool.radius) == (0.002, 0.03)
     effort = with_keys(scene_text(), "objective", "duration").replace(*EFFORT)
     scene.write_text(effort, encoding="utf-8")
     assert load_scene(scene).objective.given_duration == 0.5

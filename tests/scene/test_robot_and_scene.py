@@ -479,7 +479,10 @@ def test_an_unknown_key_in_the_robot(tmp_path: Path, key: str, expected: str) ->
     assert f": {key} is not a known key; expected {expected}" in str(error)
 
 
-SCENE_KEYS = "one of robot, payload, start, goal, limits, rotation, path, objective, duration, tool"
+SCENE_KEYS = (
+    "one of robot, payload, start, goal, limits, rotation, path, objective, keep_out, clearance, "
+    "robot_keeps_clear, duration, tool"
+)
 
 
 @pytest.mark.parametrize(

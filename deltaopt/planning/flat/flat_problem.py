@@ -257,7 +257,8 @@ class FlatProblem:
                     all_at_points=True,
                     left=found.left,
                 )
-        if method is not None and self.intervals > _IPOPT_INSTEAD:
+        slow = self.intervals > _IPOPT_INSTEAD or (guess.near and self.constraints.has_convex)
+        if method is not None and slow:  # past bodies another mesh is faster
             raise NotConverged(
                 f"the interior-point method does not converge on {self.intervals} intervals",
                 "No_Progress",

@@ -14,6 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from deltaopt.motion.sure_bounds import signed_distances
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.mesh.error_estimate import FRACTIONS, TIGHTENED
 from deltaopt.planning.nlp.scaling import UNTIGHTENED, Scaling
 
@@ -32,6 +34,19 @@ motion may bring them to their bound."""
 _SMALLEST_SHARE = 0.9
 """Smallest share of a limit that tightening leaves, so that one interval cannot slow the motion
 much."""
+_SMALLEST_SHARE_OF_PLACES = 0.5
+"""The same for bulges over bodies, which motions on coarse meshes cut off deeply."""
+_SHARPEST = 2e-5
+"""Least distance in m that motions are planned at from bodies whose edges neither tool nor
+clearance rounds: edges then have this radius. Less is slower to solve; it costs this distance times
+what a metre of clearance costs, which is told as part of the gap."""
+_SHARE_OF_ROOM, _LOOKED_AT = 0.9, 4
+"""Of the distance from a body that the motion before had in an interval, what it is to have at
+most, and places that are looked at there: a motion may have to begin beside a body."""
+_ROUNDING_OF_CORNERS, _POINTS_OF_INTERVAL = 1.5, 3
+"""Radius of an edge as a share of the distance between points, of which an interval has so many
+beside those of the next. A larger one keeps coarse meshes farther from bodies, which more meshes
+must make up for; with a smaller one solutions depend on where the points happen to lie."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +80,7 @@ class Overshoot:
         ``shares``: of their bounds that rows were to use, (N, rows): those of ``anywhere`` may
         exceed them at the points too, where a formulation's coordinates close loops at nodes alone.
         """
-        at_points = np.abs(FRACTIONS[:, None] - points).argmin(axis=0)
+        at_points = _samples_at(points)
         highest = size.max(axis=1)
         over = highest - size[:, at_points].max(axis=1)
         over = np.maximum(over, np.where(anywhere, highest - shares, 0.0))
@@ -88,3 +103,98 @@ class Overshoot:
         untouched = (mesh > TIGHTENED)[:, None] & np.logical_not(self.anywhere)
         share = np.where(untouched, UNTIGHTENED, share)
         return replace(scaling, share=share)
+
+
+@dataclass(frozen=True)
+class Bulge:
+    """By how much a motion bulges over convex limits of its position between the points of an
+    interval: over a body's side, which a motion between two points at it cuts off.
+
+    ``mesh``: lengths of the intervals, fractions of the duration, (N,). ``over``: the bulge, as a
+    share of the bound, (N, rows): it falls with the square of an interval's length. ``left``: by
+    how much the bounds that were imposed at the points are exceeded there, (N, rows): what the
+    solver left.
+    """
+
+    mesh: Array
+    over: Array
+    left: Array
+
+    @classmethod
+    def of(
+        cls, mesh: Array, points: Array, size: Array, highest: Array, shares: Array | float
+    ) -> Bulge:
+        """Measure it on a mesh.
+
+        ``points``: fractions of an interval where the bounds are imposed. ``size``: of the rows at
+        ``FRACTIONS`` of the intervals, 1 at a bound, (N, len(FRACTIONS), rows). ``highest``: of
+        all instants of an interval, (N, rows). ``shares``: of their bounds that rows were to use,
+        (N, rows).
+        """
+        at_points = size[:, _samples_at(points)].max(axis=1)
+        near = highest > _NEAR_LIMIT
+        over = np.where(near, np.maximum(highest - at_points, 0.0), 0.0)
+        return cls(mesh, over, np.where(near, np.maximum(at_points - shares, 0.0), 0.0))
+
+    def shares(self, mesh: Array) -> Array:
+        """Shares of the bounds for a next ``mesh``, (M, rows)."""
+        inside = np.searchsorted(np.cumsum(self.mesh)[:-1], np.cumsum(mesh) - mesh / 2)
+        part = (mesh / self.mesh[inside])[:, None]
+        over, left = (_with_neighbours(each)[inside] for each in (self.over, self.left))
+        tightening = _OVERSHOOT_FACTOR * (over * part**2 + left)
+        return np.maximum(1 - tightening, _SMALLEST_SHARE_OF_PLACES)
+
+
+def corner_shares(scaling: Scaling, motion: Trajectory, mesh: Array) -> Array:
+    """Shares of limits that are convex in the position, for a mesh, (M, rows), with which points on
+    both sides of a sharp edge find their way around it.
+
+    ``motion``: a guess or the solution before. Around an edge of a smaller radius than the points
+    are apart, a solver is caught in minima that are the mesh's alone, each with other points on
+    either side of the edge. Farther from the body its edges are rounder: the distance kept is a
+    share of that between points, though no more than the motion has.
+    """
+    limits, apart = scaling.limits, points_apart(motion, mesh)
+    convex = limits.constraints.convex
+    wanted = np.maximum(_ROUNDING_OF_CORNERS * apart, _SHARPEST)[:, None] - limits.edge_radii
+    room = _least_distances(scaling, motion, mesh) - limits.bounds[0][convex]
+    over = np.clip(wanted, 0.0, np.maximum(_SHARE_OF_ROOM * room, 0.0)) / limits.scales[convex]
+    return np.maximum(1 - over, _SMALLEST_SHARE_OF_PLACES)
+
+
+def _least_distances(scaling: Scaling, motion: Trajectory, mesh: Array) -> Array:
+    """The least measures of limits that are convex in the position in each interval of a mesh, by
+    samples of a motion, (M, rows)."""
+    begin, fractions = np.cumsum(mesh) - mesh, np.linspace(0.0, 1.0, _LOOKED_AT)
+    shares = (begin[:, None] + mesh[:, None] * fractions).ravel()
+    x = motion.position.at(motion.knots[0] + motion.duration * np.minimum(shares, 1.0))
+    distances, _ = signed_distances(scaling.scene, x)
+    return np.asarray(distances.reshape(len(mesh), _LOOKED_AT, -1).min(axis=1))
+
+
+def points_apart(motion: Trajectory, mesh: Array) -> Array:
+    """How far the points of each interval of a mesh are apart on a motion, (M,), m."""
+    knots = np.append(0.0, np.cumsum(mesh))
+    x = motion.position.at(motion.knots[0] + motion.duration * knots)
+    return np.asarray(np.linalg.norm(np.diff(x, axis=0), axis=1) / _POINTS_OF_INTERVAL)
+
+
+def first_tightening(scaling: Scaling, guess: Trajectory, mesh: Array) -> Scaling:
+    """A scaling for the first mesh: limits at sharp edges tightened, all others as they are."""
+    constraints = scaling.constraints
+    if not constraints.has_convex:
+        return scaling
+    share = scaling.shares(len(mesh)).copy()
+    share[:, constraints.convex] = corner_shares(scaling, guess, mesh)
+    return replace(scaling, share=share)
+
+
+def _samples_at(points: Array) -> NDArray[np.intp]:
+    """Which of ``FRACTIONS`` are the points where bounds are imposed."""
+    return np.asarray(np.abs(FRACTIONS[:, None] - points).argmin(axis=0))
+
+
+def _with_neighbours(each: Array) -> Array:
+    """The largest of an interval and of those beside it, (N, rows)."""
+    beside = np.pad(each, ((1, 1), (0, 0)))
+    return np.maximum(each, np.maximum(beside[:-2], beside[2:]))

@@ -49,6 +49,9 @@ there instead of the interval being split. Tightening in longer intervals would 
 _SHORTEST = 1e-4
 """Shortest interval, as a fraction of the duration. Accelerations are second differences of the
 positions at knots, so their rounding error grows with the inverse square of the length."""
+_KEPT_WIDTH = 0.2
+"""Share of its width that an interval keeps at least when a knot is moved. Very unequal neighbours
+are badly conditioned."""
 
 
 @dataclass(frozen=True)
@@ -120,3 +123,17 @@ def refined(mesh: Array, lost: ErrorEstimate, target: float, most: int = 6) -> A
     share = lost.unused / (target / len(mesh)) + exceeded / target
     pieces = np.clip(np.ceil(np.sqrt(share)), 1, np.clip(mesh / _SHORTEST, 1, most)).astype(int)
     return np.repeat(mesh / pieces, pieces)
+
+
+def with_knots_at(mesh: Array, instants: Array) -> Array:
+    """A mesh, (N,), whose knots nearest to these instants are moved there, both as fractions of the
+    duration: where a motion touches a body at an instant, a limit that is imposed there is not
+    exceeded beside it."""
+    knots = np.append(0.0, np.cumsum(mesh))
+    for instant in instants.tolist():
+        nearest = int(np.abs(knots[1:-1] - instant).argmin()) + 1
+        before, after = knots[nearest - 1], knots[nearest + 1]
+        room = min(instant - before, after - instant)
+        if room > _KEPT_WIDTH * min(knots[nearest] - before, after - knots[nearest]):
+            knots[nearest] = instant
+    return np.diff(knots)

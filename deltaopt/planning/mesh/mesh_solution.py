@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from deltaopt.limits.constraints import Constraints
 from deltaopt.motion.extrema import sample_fractions
+from deltaopt.motion.sure_bounds import sure_excess
 from deltaopt.motion.time_scaling import (
     Loads,
     NeededSlowing,
@@ -17,7 +18,13 @@ from deltaopt.motion.time_scaling import (
     needed_slowing,
 )
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.planning.mesh.constraint_tightening import Overshoot
+from deltaopt.planning.mesh.constraint_tightening import (
+    Bulge,
+    Overshoot,
+    corner_shares,
+    first_tightening,
+    points_apart,
+)
 from deltaopt.planning.mesh.error_estimate import (
     FRACTIONS,
     SAFETY_FACTOR,
@@ -25,7 +32,7 @@ from deltaopt.planning.mesh.error_estimate import (
     ErrorEstimate,
     error_estimate,
 )
-from deltaopt.planning.nlp.problem import Guess, Problem, Solved
+from deltaopt.planning.nlp.problem import FormulatedProblem, Guess, Problem, Solved
 from deltaopt.planning.nlp.program import Spent
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.robot.model import DeltaModel
@@ -37,6 +44,9 @@ Truths = NDArray[np.bool]
 _JUDGEABLE = 0.1
 """Share of the estimated loss of one mesh that the next must be expected to gain, so that the
 estimate can be corrected by what was really gained."""
+_TOUCHES, _FREE = 0.02, 1e-6
+"""Of all that a body costs, what an interval must cost to count as touching it; and what a body
+must cost, as a fraction of the duration per share of its bound."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +92,17 @@ def solve_on_mesh(
         slowing,
     )
     has_arrived = solution.left <= guess.tolerance
-    return MeshSolution(problem, solution, trajectory, loads, lost, needed, scaling, has_arrived)
+    found = MeshSolution(problem, solution, trajectory, loads, lost, needed, scaling, has_arrived)
+    return found.with_sure_bounds() if scaling.constraints.has_convex else found
+
+
+def solve_first_mesh(
+    problem: FormulatedProblem, scaling: Scaling, guess: Guess, intervals: int
+) -> MeshSolution:
+    """Solve a problem on a mesh of equal intervals, from a first guess. Raises NotConverged."""
+    mesh = np.full(intervals, 1 / intervals)
+    tightened = first_tightening(scaling, guess.trajectory, mesh)
+    return solve_on_mesh(problem.on(mesh), tightened, guess, guess.trajectory.model)
 
 
 def _needed(loads: Loads, scaling: Scaling) -> tuple[Array, NeededSlowing]:
@@ -101,9 +121,10 @@ def _needed(loads: Loads, scaling: Scaling) -> tuple[Array, NeededSlowing]:
 
 def _as_slowing(scaling: Scaling, highest: Array) -> NeededSlowing:
     """The highest sizes of rows, (rows,), of a motion that cannot be slowed, as if it could."""
-    of_place = scaling.constraints.of_place
-    factor = max(1.0, float(highest[~of_place].max()))
-    return NeededSlowing(factor, float(highest[of_place].max(initial=0.0)) - 1)
+    constraints = scaling.constraints
+    factor = max(1.0, float(highest[~constraints.of_place].max()))
+    sampled = constraints.of_place & ~constraints.convex
+    return NeededSlowing(factor, float(highest[sampled].max(initial=0.0)) - 1)
 
 
 def time_costing_rows(constraints: Constraints) -> Truths:
@@ -126,7 +147,8 @@ class MeshSolution:
 
     ``loads``: constraint rows at ``FRACTIONS`` of the intervals. ``lost``: estimated loss of time.
     ``needed``: by which factor the motion must be slowed to keep every limit; of all instants if
-    ``is_exact``, otherwise of samples. ``scaling``: the scene's units, with the tightened limits
+    ``is_exact``, otherwise of samples. ``excess``: as of ``sure_excess``; None without such limits.
+    ``scaling``: the scene's units, with the tightened limits
     that it was solved with. ``has_arrived``: whether the solver left no more than was asked for.
     """
 
@@ -139,6 +161,54 @@ class MeshSolution:
     scaling: Scaling
     has_arrived: bool
     is_exact: bool = False
+    excess: Array | None = None
+
+    def with_sure_bounds(self) -> MeshSolution:
+        """The same with the ``excess`` over limits that are convex in the position, and with what
+        it costs that these were tightened.
+
+        Where the motion touches a body it might come nearer by what is left at its nearest
+        instant. Around an edge whose radius is less than the points are apart it might come nearer
+        at the points as well.
+        """
+        excess = sure_excess(self.scene, self.trajectory.position)
+        constraints, limits = self.scaling.constraints, self.scaling.limits
+        size = constraints.size(self.rows)[:, :, constraints.convex]
+        bulge = Bulge.of(self.mesh, self.problem.points, size, size.max(axis=1), np.inf).over
+        apart = points_apart(self.trajectory, self.mesh)[:, None]
+        sharp = apart / np.maximum(limits.edge_radii, apart)
+        left = np.maximum(1 - size.max(axis=1), 0.0) + bulge * sharp
+        unused = (self._price_of_places * left).sum(axis=1)
+        return replace(
+            self,
+            lost=replace(self.lost, unused=self.lost.unused + unused),
+            needed=self.needed.beside(float(excess.max())),
+            excess=excess,
+        )
+
+    @property
+    def _price_of_places(self) -> Array:
+        """Multipliers of limits that are convex in the position, in each interval, (N, rows)."""
+        convex = self.scaling.constraints.convex
+        return np.asarray(np.abs(self.solution.multipliers[:, :, convex]).sum(axis=1))
+
+    @property
+    def contacts(self) -> Array:
+        """Instants at which the motion touches bodies, as fractions of the duration, (n,)."""
+        convex = self.scaling.constraints.convex
+        if not convex.any():
+            return np.zeros(0)
+        price = self._price_of_places
+        size = self.scaling.constraints.size(self.rows)[:, :, convex]
+        begin = np.cumsum(self.mesh) - self.mesh
+        times = (begin[:, None] + self.mesh[:, None] * FRACTIONS).ravel()
+        found = []
+        for row in range(price.shape[1]):
+            pays = price[:, row] > _TOUCHES * max(float(price[:, row].sum()), _FREE)
+            for first, last in _runs(pays):
+                samples = slice(first * len(FRACTIONS), last * len(FRACTIONS))
+                found.append(times[samples][size[:, :, row].reshape(-1)[samples].argmax()])
+        return np.array(sorted(found))
 
     @property
     def safe_factor(self) -> float:
@@ -180,14 +250,31 @@ class MeshSolution:
         them; others in short ones alone.
         """
         constraints = self.scaling.constraints
-        places = constraints.of_place
+        places = constraints.of_place & ~constraints.convex
         tightenable = places if mesh.min() > TIGHTENED else places | time_costing_rows(constraints)
-        if not tightenable.any():
-            return self.scaling.untightened
+        tightened, shares = self.scaling.untightened, self.scaling.shares(len(self.mesh))
         size = constraints.size(self.rows)
-        shares = self.scaling.shares(len(self.mesh))
-        overshoot = Overshoot.of(self.mesh, self.problem.points, size, tightenable, places, shares)
-        return overshoot.tightened(self.scaling, mesh)
+        if tightenable.any():
+            points = self.problem.points
+            overshoot = Overshoot.of(self.mesh, points, size, tightenable, places, shares)
+            tightened = overshoot.tightened(self.scaling, mesh)
+        if self.excess is None:
+            return tightened
+        return self._tightened_at_bodies(tightened, size, shares, mesh)
+
+    def _tightened_at_bodies(
+        self, scaling: Scaling, size: Array, shares: Array, mesh: Array
+    ) -> Scaling:
+        """A scaling for the next mesh with limits that are convex in the position tightened where
+        the motion bulges over them; ``size`` and ``shares``: of all rows on this mesh."""
+        assert self.excess is not None
+        convex = self.scaling.constraints.convex
+        share, points = scaling.shares(len(mesh)).copy(), self.problem.points
+        of_bodies = size[:, :, convex], 1 + self.excess, shares[:, convex]
+        bulge = Bulge.of(self.mesh, points, *of_bodies)
+        rounded = corner_shares(self.scaling, self.trajectory, mesh)
+        share[:, convex] = np.minimum(bulge.shares(mesh), rounded)
+        return replace(scaling, share=share)
 
     @property
     def status(self) -> str:
@@ -268,3 +355,9 @@ def _left(solutions: list[MeshSolution]) -> float:
             break
         left.append(each.solution.left)
     return max(left)
+
+
+def _runs(truths: Truths) -> list[tuple[int, int]]:
+    """Where runs of true values begin and where they have ended."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], truths, [False]]).astype(int)))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))

@@ -1,0 +1,237 @@
+"""d(x) ≥ clearance: the signed distance of the tool's point from each keep-out body, grown by the
+tool.
+
+A distance from a convex body is a convex function of the point, so that its tangent planes bound it
+from below: that is how it is known between samples (``motion/sure_bounds.py``). Bodies are numbers;
+their count is rounded up, and unused places are filled with bodies that are far away, so that few
+functions serve all scenes.
+
+Where neither tool nor clearance rounds a body's edges, the distance has kinks at them, at which no
+derivative tells how a motion may slide around. So limits also say how round they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import inf
+from typing import ClassVar
+
+import casadi as ca
+import numpy as np
+
+from deltaopt.limits.limit import SX, Bounds, Described, Instant, Numbers
+from deltaopt.robot.solids import ALONG_THE_BASE, Convex, Polytope, Solid
+
+_SCALE = 0.25
+"""Natural size of distances, as a share of the way from start to goal. It decides how far from
+bodies the first iterates of a solver are pushed."""
+_FAR = Solid(ALONG_THE_BASE, (1e4, 1e4, 1e4), (0.0, 1.0, 0.0), True, 0.0)
+"""Fills unused places."""
+_USUAL_WAY = 0.3
+"""The same way, m, where the goal is no given point."""
+_HUGE = 100.0
+"""Half the length of a side of a box, m, of which no motion meets an edge."""
+_TINY = 1e-24
+"""Stands for a squared distance of 0, m², where a root would have no derivative."""
+_OF_SOLID, _OF_LIMIT = 17, 3
+"""Numbers of a solid: axes, centre, half lengths, whether it is round, radius; and of every body:
+the least distance, the scale, and the least distance again, -inf for a place that is not used."""
+_PLACES = (1, 2, 4, 8, 16, 32, 64)
+_TRIANGLES = (16, 64)
+MOST_SOLIDS, MOST_TRIANGLES = _PLACES[-1], _TRIANGLES[-1]
+"""In a scene, and of a hull: each size is compiled when it is first met."""
+
+
+@dataclass(frozen=True)
+class _KeepOut:
+    """What both families of bodies share."""
+
+    name: ClassVar[str] = "clearance"
+    unit: ClassVar[str] = "m"
+    subject: ClassVar[str] = "tool"
+    order: ClassVar[int] = 0
+    key: ClassVar[None] = None
+    robot_key: ClassVar[None] = None
+    promised: ClassVar[bool] = True
+
+    def _split(self, numbers: SX) -> list[SX]:
+        """The numbers of each body."""
+        raise NotImplementedError
+
+    def _distance(self, x: SX, own: SX) -> SX:
+        """Signed distance of a point from one body."""
+        raise NotImplementedError
+
+    def bounds(self, numbers: SX) -> Bounds:
+        each = self._split(numbers)
+        lower, scale = (ca.vertcat(*(own[i] for own in each)) for i in (-1, -2))
+        return Bounds(lower, None, scale, out_of_reach=True)
+
+    def edge_radii(self, numbers: SX) -> SX:
+        """Radii of the edges that the tool's point goes around at its bound, m."""
+        return ca.vertcat(*(self._edge(own) + own[-3] for own in self._split(numbers)))
+
+    def _edge(self, own: SX) -> SX:
+        """Radius of the edges of one body, m."""
+        raise NotImplementedError
+
+    def measure(self, motion: Instant, numbers: SX) -> SX:
+        return ca.vertcat(*(self._distance(motion.x, own) for own in self._split(numbers)))
+
+    def rows(self, motion: Instant, numbers: SX) -> SX:
+        each = self._split(numbers)
+        return ca.vertcat(*(_row(self._distance(motion.x, own), own) for own in each))
+
+
+@dataclass(frozen=True)
+class KeepOut(_KeepOut):
+    """Least distance of the tool's point from boxes, spheres, cylinders and half-spaces."""
+
+    def items(self, scene: Described) -> Sequence[Numbers]:
+        solids = [each for each in scene.kept_out if isinstance(each, Solid)]
+        if not solids:
+            return []
+        places = next(n for n in _PLACES if n >= len(solids))
+        filled = [(solid, scene.least_clearance) for solid in solids]
+        filled += [(_FAR, -inf)] * (places - len(solids))
+        return [tuple(n for each in filled for n in (*_of_solid(each[0]), *_kept(scene, each[1])))]
+
+    def _split(self, numbers: SX) -> list[SX]:
+        return ca.vertsplit(numbers, _OF_SOLID + _OF_LIMIT)
+
+    def _edge(self, own: SX) -> SX:
+        return own[16] + _where(own[12] > _HUGE, own[12])
+
+    def _distance(self, x: SX, own: SX) -> SX:
+        axes, centre, half = ca.reshape(own[:9], 3, 3).T, own[9:12], own[12:15]
+        is_round, radius = own[15], own[16]
+        u = axes @ (x - centre)
+        across = _root(u[0] ** 2 + is_round * u[1] ** 2)
+        beyond = ca.vertcat(across, (1 - is_round) * ca.fabs(u[1]), ca.fabs(u[2])) - half
+        outside = _root(ca.sumsqr(ca.vertcat(*map(_positive, ca.vertsplit(beyond)))))
+        nearest = _larger(_larger(beyond[0], beyond[1]), beyond[2])
+        return outside - _positive(-nearest) - radius
+
+
+@dataclass(frozen=True)
+class KeepOutHull(_KeepOut):
+    """Least distance of the tool's point from the convex hulls of points.
+
+    ``triangles``: of a hull at most. The nearest is found by its value, and that one alone is
+    differentiated: the distance from a convex body changes smoothly from one to the next.
+    """
+
+    triangles: int
+
+    def items(self, scene: Described) -> Sequence[Numbers]:
+        fewer = max((n for n in _TRIANGLES if n < self.triangles), default=0)
+        return [
+            (*self._corners(hull), hull.radius, *_kept(scene, scene.least_clearance))
+            for hull in scene.kept_out
+            if isinstance(hull, Polytope) and fewer < len(hull.triangles) <= self.triangles
+        ]
+
+    def _corners(self, hull: Polytope) -> Numbers:
+        """Of its triangles, the first of them as often as is needed."""
+        missing = self.triangles - len(hull.triangles)
+        corners = np.array([*hull.triangles, *[hull.triangles[0]] * missing])
+        return tuple(corners.ravel().tolist())
+
+    def _split(self, numbers: SX) -> list[SX]:
+        return [numbers]
+
+    def _edge(self, own: SX) -> SX:
+        return own[9 * self.triangles]
+
+    def _distance(self, x: SX, own: SX) -> SX:
+        triangles = ca.vertsplit(own[: 9 * self.triangles], 9)
+        radius = own[9 * self.triangles]
+        highest, plane = _selected([_above_plane(x, each) for each in triangles], triangles, 1)
+        _, nearest = _selected([_squared_distance(x, each) for each in triangles], triangles, -1)
+        outside = _root(_squared_distance(x, nearest))
+        is_inside = highest < 0
+        inside = _where(is_inside, _above_plane(x, plane))
+        return inside + _where(ca.logic_not(is_inside), outside) - radius
+
+
+def hull_limits() -> tuple[KeepOutHull, ...]:
+    """Limits for hulls of few triangles and of more: each size is a function of its own."""
+    return tuple(KeepOutHull(n) for n in _TRIANGLES)
+
+
+def place_among_rows(body: Convex) -> int:
+    """What bodies are sorted by, so that they are in the order of the rows of these limits."""
+    return len(body.triangles) > _TRIANGLES[0] if isinstance(body, Polytope) else -1
+
+
+def _of_solid(solid: Solid) -> Numbers:
+    axes = tuple(component for axis in solid.axes for component in axis)
+    return (*axes, *solid.centre, *solid.half, float(solid.is_cylinder), solid.radius)
+
+
+def _kept(scene: Described, least: float) -> Numbers:
+    """The least distance, the scale, and the least distance or that there is none."""
+    points = scene.given_points
+    way = float(np.linalg.norm(np.subtract(points[-1], points[0]))) or _USUAL_WAY
+    return max(least, 0.0), _SCALE * way, least
+
+
+def _row(distance: SX, own: SX) -> SX:
+    """A distance with its lower bound at -1, and below 0 however large it is: bodies that are far
+    away hardly matter. The slope is 1 and the second derivative continuous at the bound."""
+    over = (distance - own[-3]) / own[-2]
+    near, beyond = _positive(over), _positive(-over)
+    return -1 + near / (1 + near) - beyond - beyond**2
+
+
+def _above_plane(x: SX, triangle: SX) -> SX:
+    """Height of a point above the plane of a triangle."""
+    a, b, c = ca.vertsplit(triangle, 3)
+    normal = ca.cross(b - a, c - a)
+    return ca.dot(normal, x - a) / _root(ca.sumsqr(normal))
+
+
+def _squared_distance(x: SX, triangle: SX) -> SX:
+    """Squared distance of a point from a triangle: from its plane where the point is above it,
+    otherwise from the nearest of its edges."""
+    corners = ca.vertsplit(triangle, 3)
+    normal = ca.cross(corners[1] - corners[0], corners[2] - corners[0])
+    from_edges, is_beside = [], SX(0)
+    for a, b in ((0, 1), (1, 2), (2, 0)):
+        edge, away = corners[b] - corners[a], x - corners[a]
+        share = ca.dot(away, edge) / _larger(ca.sumsqr(edge), SX(_TINY))
+        share = share - _positive(share - 1) + _positive(-share)
+        from_edges.append(ca.sumsqr(away - share * edge))
+        is_beside = is_beside + (ca.dot(ca.cross(edge, away), normal) < 0)
+    height = ca.dot(normal, x - corners[0]) ** 2 / _larger(ca.sumsqr(normal), SX(_TINY))
+    beside = is_beside > 0
+    nearest = -_larger(-from_edges[0], _larger(-from_edges[1], -from_edges[2]))
+    return _where(beside, nearest) + _where(ca.logic_not(beside), height)
+
+
+def _selected(values: list[SX], data: list[SX], sign: int) -> tuple[SX, SX]:
+    """The largest (sign 1) or smallest (-1) of values, and the data that belong to it."""
+    best, chosen = values[0], data[0]
+    for value, own in zip(values[1:], data[1:], strict=True):
+        better = sign * best < sign * value
+        best = best + _where(better, value - best)
+        chosen = chosen + _where(better, own - chosen)
+    return best, chosen
+
+
+def _root(square: SX) -> SX:
+    return ca.sqrt(_larger(square, SX(_TINY)))
+
+
+def _positive(value: SX) -> SX:
+    return _where(value > 0, value)
+
+
+def _larger(one: SX, other: SX) -> SX:
+    return _where(other < one, one) + _where(ca.logic_not(other < one), other)
+
+
+def _where(condition: SX, value: SX) -> SX:
+    """A value where a condition holds, otherwise 0, whatever the value is there."""
+    return ca.if_else(condition, value, 0)

@@ -1,0 +1,141 @@
+"""Tools: what the platform carries, and the shapes of it that keep clear of bodies."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Self
+
+import numpy as np
+from pydantic import Field, create_model, model_validator
+
+from deltaopt.errors import SceneError
+from deltaopt.files.units import LENGTH, MASS
+from deltaopt.files.validated_record import NonNegative, Number, Positive, Record, Vector3
+
+Point = Annotated[tuple[Number, Number, Number], LENGTH]
+POINT = "three coordinates [x, y, z] in m"
+RADIUS = "a length in m, greater than 0"
+_OTHER = "three coordinates [x, y, z] in m, other than from"
+_SHAPES = "one of sphere: {centre, radius}, box: {from, to}, capsule: {from, to, radius}"
+
+_ENDS: dict[str, Any] = {
+    "from": (Point, Field(description=POINT)),  # which cannot be declared: a word of Python
+    "to": (Point, Field(description=_OTHER)),
+}
+FromTo: Any = create_model("FromTo", __base__=Record, **_ENDS)
+
+
+class Sphere(Record):
+    """A sphere: its ``centre`` and ``radius``, m."""
+
+    centre: Point = Field(description=POINT)
+    radius: Annotated[Positive, LENGTH] = Field(description=RADIUS)
+
+
+class Box(FromTo):  # type: ignore[misc]  # made by pydantic
+    """A box along the axes of the base's frame between the opposite corners ``from`` and ``to``,
+    m."""
+
+    @model_validator(mode="after")
+    def _has_sides(self) -> Self:
+        if any(a == b for a, b in zip(getattr(self, "from"), self.to, strict=True)):
+            expected = "a corner in m that differs from the corner from in every coordinate"
+            raise SceneError(None, "to", self.to, expected)
+        return self
+
+    @property
+    def centre(self) -> Vector3:
+        """The middle, m."""
+        a, b, c = ((p + q) / 2 for p, q in zip(getattr(self, "from"), self.to, strict=True))
+        return a, b, c
+
+    @property
+    def half(self) -> Vector3:
+        """Half of the lengths of its sides, m."""
+        a, b, c = (abs(p - q) / 2 for p, q in zip(getattr(self, "from"), self.to, strict=True))
+        return a, b, c
+
+
+class Along(FromTo):  # type: ignore[misc]  # made by pydantic
+    """A shape about the line between the points ``from`` and ``to``, m, with a ``radius``, m."""
+
+    radius: Annotated[Positive, LENGTH] = Field(description=RADIUS)
+
+    @model_validator(mode="after")
+    def _has_length(self) -> Self:
+        if getattr(self, "from") == self.to:
+            raise SceneError(None, "to", self.to, _OTHER)
+        return self
+
+    @property
+    def ends(self) -> tuple[Vector3, Vector3]:
+        """Both ends of the line, m."""
+        return getattr(self, "from"), self.to
+
+    @property
+    def centre(self) -> Vector3:
+        """The middle of the line, m."""
+        a, b, c = ((p + q) / 2 for p, q in zip(*self.ends, strict=True))
+        return a, b, c
+
+    @property
+    def length(self) -> float:
+        """Of the line, m."""
+        return float(np.linalg.norm(np.subtract(*self.ends)))
+
+
+class Capsule(Along):
+    """A capsule: all that is within ``radius`` of the line."""
+
+
+class Shape(Record):
+    """One shape of a tool about the tool's point, in the base's frame: the platform does not
+    turn."""
+
+    sphere: Sphere | None = Field(default=None, description="a mapping with centre, radius")
+    box: Box | None = Field(default=None, description="a mapping with from, to")
+    capsule: Capsule | None = Field(default=None, description="a mapping with from, to, radius")
+
+    @model_validator(mode="after")
+    def _is_one(self) -> Self:
+        require_one(self, _SHAPES)
+        return self
+
+    @property
+    def shape(self) -> Sphere | Box | Capsule:
+        """The one that is given."""
+        found = self.sphere or self.box or self.capsule
+        assert found is not None  # by _is_one
+        return found
+
+
+def require_one(record: Record, expected: str) -> None:
+    """Raise a SceneError unless exactly one field of a record is given."""
+    given = [name for name in type(record).model_fields if getattr(record, name) is not None]
+    if len(given) != 1:
+        problem = f"has {' and '.join(given)}" if given else "is empty"
+        raise SceneError(None, "", given, expected, problem)
+
+
+class Tool(Record):
+    """The tool that the platform carries.
+
+    ``offset``: from the platform's centre to the tool's point, m; start and goal are then places
+    of the tool's point. ``mass``: in kg. ``radius``: of a sphere about the tool's point that keeps
+    clear of bodies, m; or ``shapes`` about that point. With neither the point alone keeps clear.
+    """
+
+    offset: Point | None = Field(default=None, description=POINT)
+    mass: Annotated[NonNegative, MASS] | None = Field(
+        default=None, description="a mass in kg, at least 0"
+    )
+    radius: Annotated[Positive, LENGTH] | None = Field(default=None, description=RADIUS)
+    shapes: tuple[Shape, ...] | None = Field(
+        default=None, description=f"a list of shapes about the tool's point, each {_SHAPES}"
+    )
+
+    @model_validator(mode="after")
+    def _has_one_extent(self) -> Self:
+        if self.radius is not None and self.shapes is not None:
+            expected = "either radius or shapes"
+            raise SceneError(None, "shapes", self.shapes, expected, "is given beside radius")
+        return self

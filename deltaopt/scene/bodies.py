@@ -1,0 +1,261 @@
+"""Keep-out bodies of a scene, and their sums with the tool.
+
+In a scene file, lengths in m in the base's frame:
+
+    keep_out:
+      - box: {from: [0.95, -0.10, -1], to: [2, 0.10, 1]}
+      - sphere: {centre: [0.45, 0.02, 0.0], radius: 0.03}
+      - cylinder: {from: [0.95, 0, 0], to: [1.2, 0, 0], radius: 0.05}     # with flat ends
+      - half_space: {point: [0.9, 0, 0], normal: [1, 0, 0]}  # out of bounds is where normal points
+      - hull: {points: [[0.9, 0, 0], …]}                     # or file: PART.stl, its convex hull
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import product
+from typing import Annotated, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
+
+from deltaopt.errors import SceneError
+from deltaopt.files.units import RATIO
+from deltaopt.files.validated_record import Number, Record, Vector3
+from deltaopt.robot.solids import ALONG_THE_BASE, Axes, Convex, Polytope, Solid
+from deltaopt.robot.tool import (
+    POINT,
+    Along,
+    Box,
+    Capsule,
+    Point,
+    Sphere,
+    Tool,
+    require_one,
+)
+from deltaopt.scene.convex_hull import NoVolume, convex_hull
+
+Array = NDArray[np.float64]
+
+EXPECTED = (
+    "a list of bodies, each one of box: {from, to}, sphere: {centre, radius}, "
+    "cylinder: {from, to, radius}, half_space: {point, normal}, hull: {points or file}"
+)
+_ONE = EXPECTED.removeprefix("a list of bodies, each ")
+_LARGE = 1e3
+"""Half the size of the box that stands for a half-space, m: far beyond any robot, and its rounding
+error is 1e-13 m."""
+_PARALLEL = 1e-12
+"""Of a unit vector: what two directions differ by that count as one."""
+
+
+class Cylinder(Along):
+    """A cylinder with flat ends: its axis from ``from`` to ``to`` and its ``radius``, m."""
+
+
+class HalfSpace(Record):
+    """All that lies beyond a plane: ``point`` (m) is in the plane, ``normal`` points out of
+    bounds."""
+
+    point: Point = Field(description=POINT)
+    normal: Annotated[tuple[Number, Number, Number], RATIO] = Field(
+        description="a vector [x, y, z], not zero"
+    )
+
+    @model_validator(mode="after")
+    def _has_a_direction(self) -> Self:
+        if not any(self.normal):
+            raise SceneError(None, "normal", self.normal, "a vector [x, y, z], not zero")
+        return self
+
+
+class Hull(Record):
+    """The convex hull of ``points``, m."""
+
+    points: tuple[Point, ...] = Field(description=f"four points or more, each {POINT}")
+
+    @model_validator(mode="after")
+    def _has_volume(self) -> Self:
+        try:
+            convex_hull(np.array(self.points, dtype=float).reshape(-1, 3))
+        except NoVolume as error:
+            raise SceneError(None, "points", len(self.points), str(error)) from None
+        return self
+
+
+class Body(Record):
+    """One keep-out body."""
+
+    box: Box | None = Field(default=None, description="a mapping with from, to")
+    sphere: Sphere | None = Field(default=None, description="a mapping with centre, radius")
+    cylinder: Cylinder | None = Field(default=None, description="a mapping with from, to, radius")
+    half_space: HalfSpace | None = Field(default=None, description="a mapping with point, normal")
+    hull: Hull | None = Field(default=None, description="a mapping with points or file")
+
+    @model_validator(mode="after")
+    def _is_one(self) -> Self:
+        require_one(self, _ONE)
+        return self
+
+    @property
+    def kind(self) -> str:
+        """In words."""
+        found = next(name for name in type(self).model_fields if getattr(self, name) is not None)
+        return found.replace("_", "-")
+
+    @property
+    def shape(self) -> Box | Sphere | Cylinder | HalfSpace | Hull:
+        """The one that is given."""
+        found = self.box or self.sphere or self.cylinder or self.half_space or self.hull
+        assert found is not None  # by _is_one
+        return found
+
+
+def sums(bodies: Sequence[Body], tool: Tool | None) -> Iterator[tuple[int, Convex]]:
+    """What the tool's point must stay out of: for each body its index, and the body grown by a
+    shape of the tool, reflected.
+
+    Raises SceneError for a sum that has no closed form here.
+    """
+    shapes: list[Sphere | Box | Capsule | None] = [None]
+    if tool is not None and tool.radius is not None:
+        shapes = [Sphere(centre=(0.0, 0.0, 0.0), radius=tool.radius)]
+    elif tool is not None and tool.shapes is not None:
+        shapes = [each.shape for each in tool.shapes]
+    for index, body in enumerate(bodies):
+        for shape in shapes:
+            try:
+                yield index, _sum(body.shape, shape)
+            except _NoClosedForm:
+                raise SceneError(
+                    None,
+                    f"keep_out[{index}]",
+                    body.kind,
+                    "another body, or a tool of spheres or of capsules along the cylinder's axis",
+                    f"is a {body.kind}, whose sum with a {type(shape).__name__.lower()} of the "
+                    "tool is not known in closed form",
+                ) from None
+
+
+class _NoClosedForm(Exception):
+    """Two shapes whose sum is neither a solid nor a polytope."""
+
+
+def _sum(
+    body: Box | Sphere | Cylinder | HalfSpace | Hull, shape: Sphere | Box | Capsule | None
+) -> Convex:
+    """A body and a shape of the tool, reflected in the tool's point."""
+    if shape is None:
+        return _alone(body, (0.0, 0.0, 0.0))
+    moved = _negative(shape.centre)
+    if isinstance(shape, Sphere):
+        return _alone(body, moved).grown(shape.radius)
+    spread = _half_sides(shape)
+    radius = 0.0 if isinstance(shape, Box) else shape.radius
+    if isinstance(body, HalfSpace):
+        return _alone(body, moved, _reach(body, spread)).grown(radius)
+    if isinstance(body, Sphere):
+        return _of_tool(shape, _plus(body.centre, moved)).grown(body.radius)
+    if isinstance(body, Cylinder):
+        along = _axis(body)
+        if isinstance(shape, Box) or np.linalg.norm(np.cross(along, spread[0])) > _PARALLEL:
+            raise _NoClosedForm
+        return _upright(body, moved, float(np.linalg.norm(spread[0]))).grown(radius)
+    if isinstance(body, Box) and all(np.count_nonzero(side) <= 1 for side in spread):
+        half = np.array(body.half) + np.abs(spread).sum(axis=0)
+        return Solid(ALONG_THE_BASE, _plus(body.centre, moved), _vector(half), False, radius)
+    corners = _corners(body)[:, None] + _ends(spread) + np.array(moved)
+    return _polytope(corners.reshape(-1, 3), radius)
+
+
+def _alone(
+    body: Box | Sphere | Cylinder | HalfSpace | Hull, moved: Vector3, reach: float = 0.0
+) -> Convex:
+    """A body, moved; of a half-space also towards where the tool is, by ``reach`` (m)."""
+    if isinstance(body, Box):
+        return Solid(ALONG_THE_BASE, _plus(body.centre, moved), body.half, False, 0.0)
+    if isinstance(body, Sphere):
+        centre = _plus(body.centre, moved)
+        return Solid(ALONG_THE_BASE, centre, (0.0, _LARGE, 0.0), True, body.radius)
+    if isinstance(body, Cylinder):
+        return _upright(body, moved, 0.0)
+    if isinstance(body, HalfSpace):
+        normal = np.array(body.normal) / np.linalg.norm(body.normal)
+        middle = np.array(body.point) + np.array(moved) + (_LARGE - reach) * normal
+        return Solid(_axes_with(normal), _vector(middle), (_LARGE, _LARGE, _LARGE), False, 0.0)
+    return _polytope(np.array(body.points) + np.array(moved), 0.0)
+
+
+def _upright(body: Cylinder, moved: Vector3, longer: float) -> Solid:
+    """A cylinder, longer by so much at both ends."""
+    half = (body.radius, _LARGE, body.length / 2 + longer)
+    return Solid(_axes_with(_axis(body)), _plus(body.centre, moved), half, True, 0.0)
+
+
+def _of_tool(shape: Box | Capsule, centre: Vector3) -> Solid:
+    """The shape itself: a box, or a capsule as a cylinder of no radius, grown."""
+    if isinstance(shape, Box):
+        return Solid(ALONG_THE_BASE, centre, shape.half, False, 0.0)
+    half = (0.0, _LARGE, shape.length / 2)
+    return Solid(_axes_with(_axis(shape)), centre, half, True, shape.radius)
+
+
+def _polytope(points: Array, radius: float) -> Polytope:
+    triangles = tuple(
+        (_vector(a), _vector(b), _vector(c)) for a, b, c in points[convex_hull(points)]
+    )
+    return Polytope(triangles, radius)
+
+
+def _half_sides(shape: Box | Capsule) -> Array:
+    """Half of the sides of a box, or of the line of a capsule, (n, 3), m."""
+    if isinstance(shape, Box):
+        return np.diag(shape.half)
+    one, other = shape.ends
+    return np.subtract(other, one)[None] / 2
+
+
+def _ends(spread: Array) -> Array:
+    """All corners of a box or both ends of a line, from its half sides, (corners, 3)."""
+    signs = np.array(list(product((-1.0, 1.0), repeat=len(spread))))
+    return np.asarray(signs @ spread)
+
+
+def _reach(body: HalfSpace, spread: Array) -> float:
+    """How far a box or a line reaches towards a half-space, m."""
+    normal = np.array(body.normal) / np.linalg.norm(body.normal)
+    return float(np.abs(spread @ normal).sum())
+
+
+def _corners(body: Box | Hull) -> Array:
+    if isinstance(body, Hull):
+        return np.array(body.points)
+    return np.array(body.centre) + _ends(np.diag(body.half))
+
+
+def _axis(body: Along) -> Array:
+    one, other = body.ends
+    along = np.subtract(other, one)
+    return np.asarray(along / np.linalg.norm(along))
+
+
+def _axes_with(third: Array) -> Axes:
+    """Orthogonal unit vectors of which this is the third; those of the base where it is one."""
+    first = np.eye(3)[np.argmin(np.abs(third))]
+    second = np.cross(third, first)
+    second = second / np.linalg.norm(second)
+    return _vector(np.cross(second, third)), _vector(second), _vector(third)
+
+
+def _plus(one: Vector3, other: Vector3) -> Vector3:
+    return _vector(np.add(one, other))
+
+
+def _negative(one: Vector3) -> Vector3:
+    return _vector(-np.array(one))
+
+
+def _vector(values: Array) -> Vector3:
+    a, b, c = values.tolist()
+    return a, b, c

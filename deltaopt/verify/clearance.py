@@ -1,0 +1,188 @@
+"""The least clearance of a motion from keep-out bodies, by its own distances and its own bound.
+
+The nearest point of a body is found by projection, and the distance is that to it. A distance from
+a convex body is at least what its tangent plane says, and a motion is at most A h²/2 off its
+tangent within h of an instant, where ‖ẍ‖ ≤ A. So within h of an instant t the distance is at least
+
+    d(t) - |n · ẋ(t)| h - A h²/2,
+
+n the direction from the nearest point. Parts of the motion are halved until that says enough: what
+is reported holds at all instants.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deltaopt.limits.limit import ConvexLimit
+from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
+from deltaopt.robot.solids import Convex, Polytope, Solid
+from deltaopt.scene.scene import Scene, limits_of
+from deltaopt.verify.measures import Excess
+
+_ENOUGH = 5e-10
+"""m below what is asked for, at which a part is not halved any more: half of what verification
+allows."""
+_HALVINGS, _MOST = 30, 400_000
+"""Of a piece, and parts that are looked at in all: what is not known then is told as bad as it may
+be."""
+_FIRST = 8
+"""Parts of each piece to begin with."""
+
+
+def clearance_excess(scene: Scene, trajectory: Trajectory) -> Excess | None:
+    """By how much the motion comes nearer to a body than the scene allows, m; negative where it
+    stays farther away. None if there are no bodies."""
+    limits = limits_of(scene).constraints.limits
+    limit = next((each for each in limits if isinstance(each, ConvexLimit)), None)
+    if limit is None:
+        return None
+    worst: Excess | None = None
+    for index, body in scene.obstacles:
+        least, t = least_clearance(body, trajectory.position, scene.least_clearance)
+        over = scene.least_clearance - least
+        subject = f"{limit.subject} from keep_out[{index}]"
+        if worst is None or over > worst.value:
+            worst = Excess(limit.name, limit.unit, subject, t, over, over, falls_below=True)
+    return worst
+
+
+def least_clearance(body: Convex, path: PiecewisePolynomial, asked: float) -> tuple[float, float]:
+    """The least distance (m) of a motion from a body, and when (s).
+
+    It is that of an instant where all of the motion is known to keep what is asked for (m), and
+    otherwise a bound that no instant falls below.
+    """
+    parts, seen = _Parts.of(path), 0
+    least, when = inf, float(path.knots[0])
+    worst, where = inf, when
+    for halving in range(_HALVINGS + 1):
+        distance, bound = parts.distance_and_bound(body)
+        nearest, lowest = int(distance.argmin()), int(bound.argmin())
+        if distance[nearest] < least:
+            least, when = float(distance[nearest]), float(parts.instants[nearest])
+        seen += len(bound)
+        open_ = bound < asked - _ENOUGH
+        if halving == _HALVINGS or seen > _MOST:
+            if open_.any():
+                worst, where = float(bound[lowest]), float(parts.instants[lowest])
+            break
+        told = distance < asked - _ENOUGH  # known to be too near: how near is told by its samples
+        parts = parts.halved(open_ & ~(told & (distance - bound < _ENOUGH)))
+        if not len(parts.half):
+            break
+    return (least, when) if least <= worst else (worst, where)
+
+
+@dataclass(frozen=True)
+class _Parts:
+    """Parts of a motion about instants: piece, time in it, half of the part's duration, (N,)."""
+
+    path: PiecewisePolynomial
+    rate: PiecewisePolynomial
+    largest: Array
+    piece: NDArray[np.intp]
+    since: Array
+    half: Array
+
+    @classmethod
+    def of(cls, path: PiecewisePolynomial) -> _Parts:
+        lengths, rate = np.diff(path.knots), path.derivative()
+        pieces = np.repeat(np.arange(len(lengths)), _FIRST)
+        half = lengths[pieces] / (2 * _FIRST)
+        since = half * (2 * np.tile(np.arange(_FIRST), len(lengths)) + 1)
+        sizes = np.linalg.norm(rate.derivative().coefficients, axis=2)
+        largest = (sizes * lengths[:, None] ** np.arange(sizes.shape[1])).sum(axis=1)
+        return cls(path, rate, largest, pieces, since, half)
+
+    @property
+    def instants(self) -> Array:
+        """The middle of each, s."""
+        return np.asarray(self.path.knots[self.piece] + self.since)
+
+    def distance_and_bound(self, body: Convex) -> tuple[Array, Array]:
+        """The distance from a body in the middle of each, and what it is at least in all of it."""
+        x = self.path.inside(self.piece, self.since)
+        distance, normal = distance_from(body, x)
+        towards = np.abs((normal * self.rate.inside(self.piece, self.since)).sum(axis=1))
+        off = self.largest[self.piece] * self.half**2 / 2
+        return distance, distance - towards * self.half - off
+
+    def halved(self, which: NDArray[np.bool]) -> _Parts:
+        """Both halves of some of them."""
+        piece, since, half = self.piece[which], self.since[which], self.half[which] / 2
+        return _Parts(
+            self.path,
+            self.rate,
+            self.largest,
+            np.tile(piece, 2),
+            np.concatenate([since - half, since + half]),
+            np.tile(half, 2),
+        )
+
+
+def distance_from(body: Convex, x: Array) -> tuple[Array, Array]:
+    """Signed distances of points (N, 3), m, from a body, negative inside, (N,), and the directions
+    in which they grow fastest, (N, 3)."""
+    if isinstance(body, Polytope):
+        distance, normal = _from_polytope(np.array(body.triangles), x)
+    else:
+        axes = np.array(body.axes)
+        distance, normal = _from_solid(body, (x - np.array(body.centre)) @ axes.T)
+        normal = normal @ axes
+    return distance - body.radius, normal
+
+
+def _from_solid(body: Solid, u: Array) -> tuple[Array, Array]:
+    """The same in the axes of a box or cylinder, without its radius."""
+    half = np.array(body.half)
+    if body.is_cylinder:
+        across = np.maximum(np.linalg.norm(u[:, :2], axis=1), 1e-300)
+        outwards = np.column_stack([u[:, :2] / across[:, None], np.zeros(len(u))])
+        up = np.column_stack([np.zeros((len(u), 2)), np.sign(u[:, 2])])
+        within = np.column_stack([across - half[0], np.abs(u[:, 2]) - half[2]])
+        ways = np.stack([outwards, up], axis=1)
+    else:
+        within = np.abs(u) - half
+        ways = np.eye(3) * np.sign(u)[:, None, :]
+    away = np.maximum(within, 0.0)
+    outside = np.linalg.norm(away, axis=1)
+    nearest = within.argmax(axis=1)
+    inwards = within.max(axis=1)
+    is_out = inwards > 0
+    normal = np.einsum("nk,nkc->nc", away, ways) / np.maximum(outside, 1e-300)[:, None]
+    normal[~is_out] = ways[np.arange(len(u)), nearest][~is_out]
+    return np.where(is_out, outside, inwards), normal
+
+
+def _from_polytope(triangles: Array, x: Array) -> tuple[Array, Array]:
+    """Signed distances from a convex polytope without its radius, and directions."""
+    a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
+    normals = np.cross(b - a, c - a)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    height = x @ normals.T - (a * normals).sum(axis=1)
+    face = height.argmax(axis=1)
+    highest = height.max(axis=1)
+    distance, normal = highest.copy(), normals[face]
+    for i in np.flatnonzero(highest > 0):
+        place = _nearest_place(triangles, normals, height[i], x[i])
+        away = x[i] - place
+        distance[i] = np.linalg.norm(away)
+        normal[i] = away / distance[i]
+    return distance, normal
+
+
+def _nearest_place(triangles: Array, normals: Array, height: Array, x: Array) -> Array:
+    """The place of a polytope's surface that is nearest to a point outside, (3,)."""
+    foot = x - height[:, None] * normals
+    corners, following = triangles, np.roll(triangles, -1, axis=1)
+    edges = following - corners
+    across = np.cross(edges, foot[:, None] - corners)
+    on_face = (np.einsum("tkc,tc->tk", across, normals) >= 0).all(axis=1)
+    share = np.clip(((x - corners) * edges).sum(axis=2) / (edges**2).sum(axis=2), 0.0, 1.0)
+    places = np.concatenate([foot[on_face], (corners + share[:, :, None] * edges).reshape(-1, 3)])
+    return np.asarray(places[((places - x) ** 2).sum(axis=1).argmin()])

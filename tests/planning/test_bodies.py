@@ -1,0 +1,147 @@
+"""Plans past keep-out bodies: kept clear of at all instants, as fast as independent solutions."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from deltaopt import plan
+from deltaopt.errors import Infeasible
+from deltaopt.limits.keep_out import KeepOut
+from deltaopt.motion.sure_bounds import signed_distances
+from deltaopt.scene.scene import Scene, load_scene
+from deltaopt.verify.verification import verify
+
+PROBLEMS = Path(__file__).parents[2] / "problems"
+CROSS = load_scene(PROBLEMS / "paths" / "industrial_25_305_25.yaml").model_copy(
+    update={"path": None}
+)
+FREE = plan(CROSS)
+
+
+def with_bodies(*bodies: dict, radius: float | None = None, **keys: object) -> Scene:
+    content = CROSS.model_dump(exclude_none=True) | {"keep_out": list(bodies)} | keys
+    robot = CROSS.robot.model_copy(update={"tool": {"radius": radius} if radius else None})
+    return Scene.model_validate(content | {"robot": robot})
+
+
+def box(*corners: list[float]) -> dict:
+    return {"box": dict(zip(("from", "to"), corners, strict=True))}
+
+
+def sphere(centre: list[float], radius: float) -> dict:
+    return {"sphere": {"centre": centre, "radius": radius}}
+
+
+def planned(scene: Scene) -> object:
+    """A plan that verification, and a dense sampling of its own, find clear."""
+    found = plan(scene)
+    verified = verify(scene, found.trajectory)
+    assert verified.ok, verified.failures()
+    assert found.within_tolerance
+    t = np.linspace(0, found.duration, 20_001)
+    distances, _ = signed_distances(scene, found.trajectory.position.at(t))
+    used = len(scene.obstacles)
+    assert distances[:, :used].min() >= scene.least_clearance - 1e-9
+    return found
+
+
+def test_the_wall_of_the_readme():
+    """25 mm high on the 25-305-25 cycle: far below the rounded path, which takes 0.1762 s."""
+    found = planned(load_scene(PROBLEMS / "keep_out" / "wall_25_305_25.yaml"))
+    assert found.duration == pytest.approx(0.1470, rel=1.5e-3)
+    assert [way.name for way in found.ways] == ["above keep_out[0]"]
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        sphere([0.85, 0.0, 0.0], 0.05),
+        {"cylinder": {"from": [0.83, 0.02, 0.0], "to": [1.2, 0.02, 0.0], "radius": 0.03}},
+        box([0.83, -0.05, -0.03], [1.2, 0.05, 0.4]),
+    ],
+)
+def test_a_body_in_the_way(body):
+    """Of each kind, with a tool of 10 mm radius and a clearance of 1 mm."""
+    scene = with_bodies(body, radius=0.01, clearance=0.001)
+    found = planned(scene)
+    assert found.duration > FREE.duration / (1 + FREE.gap)
+    assert found.ways[0].duration == found.duration
+    assert all(way.duration > 0.99 * found.duration for way in found.ways)
+
+
+def test_bodies_far_away_change_nothing():
+    """Neither the number of meshes nor, to the tolerance, the duration."""
+    found = planned(with_bodies(sphere([2.0, 0, 0], 0.1), box([0.95, -1, -1], [2, 1, 1])))
+    assert len(found.meshes) == len(FREE.meshes)
+    assert found.duration == pytest.approx(FREE.duration, rel=1e-3)
+
+
+def test_start_and_goal_may_touch_a_table():
+    """Both are on it; the motion dips below it nowhere."""
+    found = planned(with_bodies({"half_space": {"point": [0.85, 0, 0], "normal": [1, 0, 0]}}))
+    assert found.duration == pytest.approx(FREE.duration, rel=1e-3)
+
+
+def test_a_sphere_touched_once():
+    """The gap of a motion that touches a body at an instant: its price times what tightening left,
+    not times all the room beside the contact. The true excess is that over a tighter plan."""
+    halfway = FREE.trajectory.position.at(np.array([FREE.duration / 2]))[0]
+    body = sphere((halfway - [0.018, 0.0, 0.0]).tolist(), 0.02)
+    coarse, fine = plan(with_bodies(body)), plan(with_bodies(body), tolerance=1.5e-4)
+    assert verify(with_bodies(body), fine.trajectory).ok
+    assert fine.duration <= coarse.duration
+    assert coarse.duration / fine.duration - 1 <= coarse.gap + 1e-9
+    assert coarse.gap <= 1e-3
+    assert fine.within_tolerance
+
+
+def slot(width: float, tool: float) -> list[dict]:
+    """A wall with a gap that leaves so much beside a tool of that radius, off the straight line."""
+    low, high = 0.04, 0.04 + 2 * tool + width
+    return [
+        box([0.5, -0.02, high], [1.3, 0.02, 0.6]),
+        box([0.5, -0.02, -0.6], [1.3, 0.02, low]),
+    ]
+
+
+@pytest.mark.parametrize("millimetres", [1, 3, 20])
+def test_a_passage_is_found(millimetres):
+    """Through a wall that leaves no other way: 1.1 m wide, from above the base to out of reach."""
+    scene = with_bodies(*slot(1e-3 * millimetres, 0.01), radius=0.01)
+    found = planned(scene)
+    assert len(found.ways) == 1
+
+
+def test_where_there_is_no_way_the_reason_says_what_was_searched():
+    scene = with_bodies(*slot(-1e-3, 0.01), radius=0.01)
+    reason = "clear of all bodies, but no way past these is found: neither bends to four sides"
+    with pytest.raises(Infeasible, match=reason):
+        plan(scene)
+
+
+def test_a_reach_into_a_box():
+    """Over its rim and down between its four sides, above the table that it stands on."""
+    found = planned(load_scene(PROBLEMS / "keep_out" / "into_a_box.yaml"))
+    assert found.duration == pytest.approx(0.1806, rel=2e-3)
+
+
+def test_reasons():
+    inside = with_bodies(sphere([0.85, -0.15, 0], 0.05))
+    with pytest.raises(Infeasible, match=r"start: at .* the tool overlaps keep_out\[0\], a sphere"):
+        plan(inside)
+    near = with_bodies(box([1.5, 0, 0], [2, 1, 1]), sphere([0.85, 0.2, 0], 0.045), clearance=0.01)
+    with pytest.raises(Infeasible, match=r"goal: .* is 2.5 mm from keep_out\[1\], a sphere, where"):
+        plan(near)
+
+
+def test_a_scene_without_bodies_pays_nothing():
+    assert not any(isinstance(e, KeepOut) for e in limits_of_free())
+
+
+def limits_of_free() -> tuple[object, ...]:
+    from deltaopt.scene.scene import limits_of
+
+    return limits_of(CROSS).constraints.limits
