@@ -146,7 +146,7 @@ def _beside(body: Convex, distance: float) -> Array:
         corners = np.unique(np.array(body.triangles).reshape(-1, 3), axis=0)
         away = corners - corners.mean(axis=0)
         return np.asarray(corners + off * away / np.linalg.norm(away, axis=1, keepdims=True))
-    return _around(body, off) @ np.array(body.axes) + np.array(body.centre)
+    return np.asarray(_around(body, off) @ np.array(body.axes) + np.array(body.centre))
 
 
 def _around(body: Solid, off: float) -> Array:

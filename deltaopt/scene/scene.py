@@ -25,9 +25,8 @@ from deltaopt.files.units import LENGTH, MASS
 from deltaopt.files.validated_record import NonNegative, Number, Positive, Record, Vector3
 from deltaopt.files.yaml_file import place_of, read_yaml
 from deltaopt.limits.acceleration import Acceleration
-from deltaopt.limits.arm_range import ArmRange
-from deltaopt.limits.ball_joint import BallJoint
 from deltaopt.limits.constraints import SceneLimits
+from deltaopt.limits.joint_ranges import ArmRange, BallJoint
 from deltaopt.limits.keep_out import (
     MOST_SOLIDS,
     MOST_TRIANGLES,

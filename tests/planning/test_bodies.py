@@ -102,8 +102,8 @@ def slot(width: float, tool: float) -> list[dict]:
     """A wall with a gap that leaves so much beside a tool of that radius, off the straight line."""
     low, high = 0.04, 0.04 + 2 * tool + width
     return [
-        box([0.5, -0.02, high], [1.3, 0.02, 0.6]),
-        box([0.5, -0.02, -0.6], [1.3, 0.02, low]),
+        box([-0.2, -0.02, high], [1.5, 0.02, 0.9]),
+        box([-0.2, -0.02, -0.9], [1.5, 0.02, low]),
     ]
 
 

@@ -1,4 +1,5 @@
-"""|q_{k,3}| ≤ β_max: how far ball joints let the bars lean out of the plane of their arm."""
+"""Ranges of the joints: θ_least ≤ θ_k ≤ θ_most, where the arms' stops, cables or software ends are,
+and |q_{k,3}| ≤ β_max, how far ball joints let the bars lean out of the plane of their arm."""
 
 from __future__ import annotations
 
@@ -9,6 +10,32 @@ from typing import ClassVar
 import casadi as ca
 
 from deltaopt.limits.limit import SX, Bounds, Described, Instant, Numbers
+
+
+@dataclass(frozen=True)
+class ArmRange:
+    """Least and largest angle of each arm, rad, from the robot's key ``joints.arm``."""
+
+    name: ClassVar[str] = "arm angle"
+    unit: ClassVar[str] = "rad"
+    subject: ClassVar[str] = "motor"
+    order: ClassVar[int] = 0
+    key: ClassVar[None] = None
+    robot_key: ClassVar[str] = "joints.arm"
+    promised: ClassVar[bool] = True
+
+    def items(self, scene: Described) -> Sequence[Numbers]:
+        joints = scene.robot.joints
+        return [] if joints is None or joints.arm is None else [joints.arm]
+
+    def bounds(self, numbers: SX) -> Bounds:
+        return Bounds.between(numbers[0], numbers[1])
+
+    def measure(self, motion: Instant, numbers: SX) -> SX:
+        return motion.theta
+
+    def rows(self, motion: Instant, numbers: SX) -> SX:
+        return self.bounds(numbers).normalised(self.measure(motion, numbers))
 
 
 @dataclass(frozen=True)
