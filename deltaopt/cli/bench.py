@@ -2,6 +2,7 @@
 
 deltaopt bench plan ROBOT...    how long plans take, and where the time goes
 deltaopt bench any ROBOT...     plan and verify random moves: how many succeed
+deltaopt bench campaign         the same for robots of all kinds, up to the edge of what is possible
 deltaopt bench peers ROBOT...   plans beside those of TOPP-RA, Ruckig and rockit, where installed
 deltaopt bench start SCENE...   from import to a verified plan: cold, warm, without a compiler
 """
@@ -10,10 +11,11 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from deltaopt.bench.any_move import random_plans, summary
-from deltaopt.cli.arguments import add_robots, add_scenes, positive
+from deltaopt.cli.arguments import add_robots, add_scenes, folder, one_or_more, positive, seed
 from deltaopt.errors import MissingPackage
 from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.planning.planner import Planner
@@ -38,8 +40,28 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="GAP",
         help="of the optimality gap; below 1e-4 by switch resolution (default: 1e-3)",
     )
+    _add_campaign(_add(benchmarks, "campaign", _campaign))
     add_robots(_add(benchmarks, "peers", _peers), number=20)
     add_scenes(_add(benchmarks, "start", _start))
+
+
+def _add_campaign(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--number", type=one_or_more, default=140, metavar="N", help="moves (default: 140)"
+    )
+    parser.add_argument("--seed", type=seed, default=1, metavar="N", help="of them (default: 1)")
+    parser.add_argument(
+        "--workers", type=one_or_more, default=2, metavar="N", help="processes (default: 2)"
+    )
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=folder,
+        default=Path("out/campaign"),
+        metavar="DIR",
+        help="where results go, and a scene for each failure; what is there already is not planned "
+        "again (default: out/campaign)",
+    )
 
 
 def _add(benchmarks: Any, name: str, run: Benchmark, **others: Any) -> argparse.ArgumentParser:
@@ -86,6 +108,25 @@ def _any(arguments: argparse.Namespace) -> int:
         for outcome in failed:
             print(f"  {outcome.scene.start} -> {outcome.scene.goal}: {outcome.failures[0]}")
     return 0 if good else 1
+
+
+def _campaign(arguments: argparse.Namespace) -> int:
+    """Plan and verify seeded moves of seven kinds of robot: inside the workspace, along its edge,
+    with motors that hardly hold the robot, with friction, further limits and given paths."""
+    from deltaopt.bench.campaign import campaign, table
+
+    rows = campaign(
+        arguments.output,
+        arguments.number,
+        arguments.seed,
+        arguments.workers,
+        ProgressBar().counting(arguments.number, "moves"),
+    )
+    print(table(rows))
+    for row in rows:
+        if row.failed:
+            print(f"  move {row.number} ({row.robot}, {row.stratum}): {row.problem}")
+    return 1 if any(row.failed for row in rows) else 0
 
 
 def _peers(arguments: argparse.Namespace) -> int:

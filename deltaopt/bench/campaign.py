@@ -1,0 +1,186 @@
+"""A campaign: moves of robots of all kinds planned and verified, results by stratum.
+
+Every move is a row of moves.csv, which is appended to as results come, so that a campaign that was
+interrupted goes on where it ended. Every failure is written as a scene that reproduces it.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Iterable
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+import yaml
+
+from deltaopt.bench.hard_moves import STRATA, Move, move
+from deltaopt.bench.possible import is_possible
+from deltaopt.errors import DeltaOptError
+from deltaopt.files.atomic_write import atomic_write
+from deltaopt.planning.planner import plan
+from deltaopt.verify.verification import verify
+
+TOLERANCE = 1e-3
+"""Of the gap of every plan."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """What came of a move: a row of moves.csv.
+
+    ``seconds``: of planning. ``duration``: of the plan, s; 0 if there is none. ``possible``: of a
+    move without a plan, whether an independent path is found; no if there is a plan. ``problem``:
+    why it has failed, or why it was refused if it is not known to be possible.
+    """
+
+    number: int
+    robot: str
+    stratum: str
+    seconds: float
+    duration: float
+    gap: float
+    lower_bound: float
+    possible: bool
+    problem: str
+
+    @property
+    def failed(self) -> bool:
+        """Whether it has no plan though it is possible, or a plan that is wrong or not good."""
+        return bool(self.problem) and (self.possible or self.duration > 0)
+
+    @property
+    def refused(self) -> bool:
+        """Whether it has no plan, and no path is known either."""
+        return bool(self.problem) and not self.failed
+
+
+def row_of(each: Move) -> Row:
+    """Plan a move and verify the plan."""
+    begin = perf_counter()
+    try:
+        found = plan(each.scene, tolerance=TOLERANCE)
+    except DeltaOptError as error:
+        seconds = perf_counter() - begin
+        possible = each.scene.path is None and is_possible(each.scene)
+        problem = f"{type(error).__name__}: {error}"
+        robot = each.scene.robot.name
+        return Row(each.number, robot, each.stratum, seconds, 0.0, 0.0, 0.0, possible, problem)
+    seconds = perf_counter() - begin
+    problems = list(verify(each.scene, found.trajectory).failures())
+    if not found.within_tolerance:
+        problems.append(f"the gap is {found.gap:.1e}")
+    if found.duration < found.lower_bound:
+        problems.append(f"shorter than the lower bound, {found.lower_bound:.6g} s")
+    return Row(
+        number=each.number,
+        robot=each.scene.robot.name,
+        stratum=each.stratum,
+        seconds=seconds,
+        duration=found.duration,
+        gap=found.gap,
+        lower_bound=found.lower_bound,
+        possible=False,
+        problem="; ".join(problems),
+    )
+
+
+def row_of_number(seed: int, number: int) -> Row:
+    """Draw the move of a number, plan and verify it."""
+    return row_of(move(seed, number))
+
+
+def campaign(
+    folder: Path, number: int, seed: int, workers: int, progress: Callable[[int], None]
+) -> list[Row]:
+    """Plan so many moves, but for those that are in the folder's moves.csv, and return all rows."""
+    folder.mkdir(parents=True, exist_ok=True)
+    file = folder / f"moves_{seed}.csv"
+    known = read(file)
+    with atomic_write(file) as temporary:  # without a row at which it was interrupted
+        append(temporary, known)
+    rows = {row.number: row for row in known if row.number < number}
+    left = [i for i in range(number) if i not in rows]
+    progress(len(rows))
+    with ProcessPoolExecutor(workers) as pool:
+        waiting = [pool.submit(row_of_number, seed, i) for i in left]
+        for done in as_completed(waiting):
+            row = done.result()
+            rows[row.number] = row
+            append(file, [row])
+            if row.failed:
+                write_scene(folder, move(seed, row.number), row.problem)
+            progress(len(rows))
+    return [rows[i] for i in sorted(rows)]
+
+
+def read(file: Path) -> list[Row]:
+    """The rows of a file; none if there is no file. An incomplete one at its end is left out."""
+    if not file.exists():
+        return []
+    kinds = {each.name: each.type for each in fields(Row)}
+    rows = []
+    with file.open(newline="", encoding="utf-8") as lines:
+        for line in csv.DictReader(lines):
+            if None not in line.values():
+                rows.append(Row(**{name: _parsed(kinds[name], line[name]) for name in kinds}))
+    return rows
+
+
+def _parsed(kind: object, text: str) -> Any:
+    if kind in ("bool", bool):
+        return text == "True"
+    return {"int": int, "float": float}.get(str(kind), str)(text)
+
+
+def append(file: Path, rows: Iterable[Row]) -> None:
+    """Add rows to a file, which gets a header if it is empty."""
+    with file.open("a", newline="", encoding="utf-8") as lines:
+        writer = csv.DictWriter(lines, [each.name for each in fields(Row)])
+        if not lines.tell():
+            writer.writeheader()
+        writer.writerows(asdict(row) for row in rows)
+
+
+def write_scene(folder: Path, each: Move, problem: str) -> Path:
+    """Write a move as a scene beside its robot, so that `deltaopt plan` reproduces what failed."""
+    name = f"{each.number:05d}_{each.scene.robot.name}_{each.stratum.replace(' ', '_')}"
+    name = "".join(letter for letter in name if letter.isalnum() or letter == "_")
+    robot, file = folder / f"{name}.robot.yaml", folder / f"{name}.yaml"
+    _write(robot, each.scene.robot.model_dump(mode="json", exclude_none=True), "")
+    content = each.scene.model_dump(mode="json", exclude_none=True)
+    _write(file, {**content, "robot": robot.name}, f"# {each.stratum}: {problem}\n")
+    return file
+
+
+def _write(file: Path, content: object, head: str) -> None:
+    text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True)
+    file.write_text(head + text, encoding="utf-8")
+
+
+def table(rows: Iterable[Row]) -> str:
+    """A line for each stratum, and one for all."""
+    rows = list(rows)
+    lines = [
+        f"{'stratum':<22}{'moves':>6}{'good':>6}{'failed':>8}{'refused':>9}"
+        f"{'median s':>10}{'99 % s':>9}{'bound/T':>9}"
+    ]
+    for stratum in [*STRATA, "all"]:
+        own = [row for row in rows if stratum in (row.stratum, "all")]
+        if own:
+            lines.append(_line(stratum, own))
+    return "\n".join(lines)
+
+
+def _line(stratum: str, rows: list[Row]) -> str:
+    seconds = [row.seconds for row in rows]
+    ratios = [row.lower_bound / row.duration for row in rows if row.duration]
+    failed, refused = sum(row.failed for row in rows), sum(row.refused for row in rows)
+    return (
+        f"{stratum:<22}{len(rows):>6}{len(rows) - failed - refused:>6}{failed:>8}{refused:>9}"
+        f"{np.median(seconds):>10.3f}{np.percentile(seconds, 99):>9.2f}"
+        f"{np.median(ratios) if ratios else float('nan'):>9.2f}"
+    )

@@ -1,0 +1,78 @@
+"""The campaign: its moves, the independent check whether one is possible, and its files."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from deltaopt import load_scene, plan
+from deltaopt.bench import campaign as room
+from deltaopt.bench.campaign import Row, campaign, read, table, write_scene
+from deltaopt.bench.hard_moves import ROBOTS, STRATA, move
+from deltaopt.bench.possible import _Statics, is_possible
+from deltaopt.robot.model import delta_model
+
+
+def test_moves_are_of_all_robots_and_strata_and_known_by_their_number():
+    number = len(ROBOTS) * len(STRATA)
+    assert len({(n % len(ROBOTS), n // len(ROBOTS)) for n in range(number)}) == number
+    some = [move(1, n) for n in range(0, number, 23)]
+    assert len({each.stratum for each in some}) == len(some)
+    assert some[3] == move(1, 69)
+    assert some[3].scene != move(2, 69).scene
+
+
+@pytest.mark.parametrize("number", range(len(ROBOTS)))
+def test_statics_of_the_independent_check(number):
+    """Virtual work by differences beside inverse dynamics at rest: two derivations."""
+    scene = move(1, number).scene
+    points, rest = np.array(scene.given_points), np.zeros((2, 3))
+    found, model = _Statics.of(scene).at(points), delta_model(scene.robot, scene.payload)
+    size = 1e-8 * max(scene.robot.torque_limits)
+    np.testing.assert_allclose(
+        found.torques, model.inverse_dynamics(points, rest, rest), rtol=1e-7, atol=size
+    )
+    np.testing.assert_allclose(found.alignments, model.alignments(points), rtol=1e-9)
+
+
+def test_a_move_is_possible_unless_the_motors_are_too_weak_between_its_ends(monkeypatch):
+    monkeypatch.setattr("deltaopt.bench.possible._STEPS", (12,))
+    scene = move(1, 0).scene
+    assert is_possible(scene)
+    torque = tuple(1e-3 * t for t in scene.robot.torque_limits)
+    weak = scene.robot.model_copy(
+        update={"drive": scene.robot.drive.model_copy(update={"torque": torque})}
+    )
+    assert not is_possible(scene.model_copy(update={"robot": weak}))
+
+
+def test_a_campaign_goes_on_where_it_ended(tmp_path, monkeypatch):
+    seen = []
+    rows = campaign(tmp_path, 3, 1, 1, seen.append)
+    assert seen == [0, 1, 2, 3]
+    assert read(tmp_path / "moves_1.csv") == rows
+    assert not any(row.problem for row in rows)
+    with (tmp_path / "moves_1.csv").open("a") as file:
+        file.write("3,haptic,ins")
+    monkeypatch.setattr(room, "row_of_number", None)  # nothing is planned again
+    assert campaign(tmp_path, 3, 1, 1, seen.append) == rows
+    assert (tmp_path / "moves_1.csv").read_text().count("\n") == 4
+    assert "inside                     3     3       0        0" in table(rows)
+
+
+def test_a_failure_is_a_scene_that_can_be_planned(tmp_path):
+    each = move(1, 2)
+    file = write_scene(tmp_path, each, "why")
+    assert file.read_text().startswith("# inside: why\n")
+    scene = load_scene(file)
+    assert plan(scene).duration == plan(each.scene).duration
+
+
+def test_what_counts_as_a_failure():
+    def row(duration, possible, problem):
+        return Row(0, "", "inside", 0.1, duration, 0.0, 0.0, possible, problem)
+
+    assert row(1.0, False, "torque").failed
+    assert row(0.0, True, "NotConverged").failed
+    assert row(0.0, False, "Unreachable").refused
+    assert not row(1.0, False, "").failed
