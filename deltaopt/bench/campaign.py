@@ -15,12 +15,12 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
-import yaml
 
 from deltaopt.bench.hard_moves import STRATA, Move, move
 from deltaopt.bench.possible import is_possible
 from deltaopt.errors import DeltaOptError
 from deltaopt.files.atomic_write import atomic_write
+from deltaopt.files.yaml_file import write_yaml
 from deltaopt.planning.planner import plan
 from deltaopt.verify.verification import verify
 
@@ -150,15 +150,10 @@ def write_scene(folder: Path, each: Move, problem: str) -> Path:
     name = f"{each.number:05d}_{each.scene.robot.name}_{each.stratum.replace(' ', '_')}"
     name = "".join(letter for letter in name if letter.isalnum() or letter == "_")
     robot, file = folder / f"{name}.robot.yaml", folder / f"{name}.yaml"
-    _write(robot, each.scene.robot.model_dump(mode="json", exclude_none=True), "")
+    write_yaml(robot, each.scene.robot.model_dump(mode="json", exclude_none=True))
     content = each.scene.model_dump(mode="json", exclude_none=True)
-    _write(file, {**content, "robot": robot.name}, f"# {each.stratum}: {problem}\n")
+    write_yaml(file, {**content, "robot": robot.name}, comment=f"{each.stratum}: {problem}")
     return file
-
-
-def _write(file: Path, content: object, head: str) -> None:
-    text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True)
-    file.write_text(head + text, encoding="utf-8")
 
 
 def table(rows: Iterable[Row]) -> str:

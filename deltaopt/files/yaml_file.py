@@ -152,3 +152,10 @@ def _mapping(node: yaml.MappingNode) -> dict[str, object]:
 
 def _unusable(problem: str) -> SceneError:
     return SceneError(None, "", None, "a YAML file of keys and values", problem)
+
+
+def write_yaml(file: Path, content: dict[str, object], comment: str = "") -> None:
+    """Write a mapping of keys to values, in their order, after a comment of one line."""
+    head = f"# {' '.join(comment.split())}\n" if comment else ""
+    text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True)
+    file.write_text(head + text, encoding="utf-8")

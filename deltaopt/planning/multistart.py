@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.planning.first_motions import first_motion
+from deltaopt.planning.first_motions import in_order_of_merit
 from deltaopt.planning.initial_motion import curve_between, drivable
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import given_points
@@ -28,13 +28,18 @@ of the distance from start to goal: more than planning to a tolerance moves them
 
 
 def first_motions(scene: Scene, number: int, seed: int) -> Iterator[Trajectory]:
-    """First guesses: ``first_motion``, then random cubics as fast as the limits allow.
+    """First guesses: distinct ways in order of merit, then random cubics as fast as the limits
+    allow.
 
-    They are fewer than ``number`` if hardly any random cubic stays in the workspace.
+    They are fewer than ``number`` if hardly any random cubic stays in the workspace. Raises
+    Unreachable if there is no way.
     """
-    yield first_motion(scene)
-    random = drivable(scene, islice(_cubics(scene, seed), _TRIES * (number - 1)))
-    yield from islice(random, number - 1)
+    ways = 0
+    for motion in islice(in_order_of_merit(scene), number):
+        ways += 1
+        yield motion
+    random = drivable(scene, islice(_cubics(scene, seed), _TRIES * (number - ways)))
+    yield from islice(random, number - ways)
 
 
 def _cubics(scene: Scene, seed: int) -> Iterator[Trajectory]:
