@@ -166,7 +166,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--starts",
         type=one_or_more,
         metavar="N",
-        help="first guesses, all but the first of them random; the best is kept (default: 1)",
+        help="first guesses, distinct ways and then random ones; the best is kept (default: 1)",
     )
     parser.add_argument(
         "--seed", type=seed, metavar="N", help="of the random first guesses (default: 1)"

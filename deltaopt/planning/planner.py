@@ -288,7 +288,7 @@ def plan(
     for the problem in twelve coordinates, Multiplier by eq. (37) and the others by eq. (39).
     ``transcription``: polynomial degree of the acceleration in an interval.
     ``solver``: `InteriorPoint` or `Ipopt`; the first by default where the formulation has it.
-    ``starts``: number of first guesses, all but the first of them random with ``seed``; the best
+    ``starts``: number of first guesses, distinct ways and then random ones with ``seed``; the best
     motion is returned. ``progress``: is called with a line of text after every mesh.
 
     Raises Unreachable, Singular or Infeasible if start or goal rule a motion out, NotConverged if
