@@ -99,14 +99,9 @@ static void take_tangents(const Mesh *m, const Places *ends, Tangents *t) {
     t->alpha[i] /= t->largest, t->beta[i] *= t->length / t->largest;
 }
 
-/* Of the processor, where that can be told: others may be using it meanwhile. */
 static double seconds_now(void) {
   struct timespec now;
-#ifdef CLOCK_THREAD_CPUTIME_ID
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-#else
   timespec_get(&now, TIME_UTC);
-#endif
   return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
 }
 

@@ -9,7 +9,7 @@ import ctypes
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.resources import files
-from time import thread_time
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -89,15 +89,15 @@ def by_arrays(
     tighter: Array | None = None,
 ) -> OnMesh:
     """``fastest_on_mesh`` without ``on_mesh.c``."""
-    begin = thread_time()
+    begin = perf_counter()
     tangents = tangents_on(rows, mesh, tangency, tighter)
-    before = thread_time()
+    before = perf_counter()
     convex = rows.are_convex(mesh.path)
     motion = MeshMotion.of(mesh, swept(mesh.h, tangents, *ends, convex=convex))
-    after = thread_time()
+    after = perf_counter()
     b, u = motion.at(INSIDE)
     beyond = rows.beyond(mesh.places(INSIDE), b.ravel(), u.ravel()).reshape(*b.shape, -1)
-    spent = Spent(thread_time() - after + before - begin, after - before)
+    spent = Spent(perf_counter() - after + before - begin, after - before)
     return OnMesh(motion, tangency, tighter, beyond, _losses(motion, beyond), spent)
 
 
@@ -189,7 +189,7 @@ def _compiled(
     ends: tuple[float, float],
     tighter: Array | None,
 ) -> OnMesh:
-    begin = thread_time()
+    begin = perf_counter()
     call, n = MeshCall.of(rows, mesh, tangency, ends, tighter), len(mesh.nodes) - 1
     status, results, seconds = call.run(code)
     if status == _NO_NUMBERS:
@@ -201,7 +201,7 @@ def _compiled(
     squares, rest = results[: n + 1], results[n + 1 :]
     durations, losses, stops = rest[2 * n : 5 * n].reshape(3, n)
     motion = MeshMotion(mesh, Speeds(squares, rest[: 2 * n].reshape(n, 2)), durations, stops != 0)
-    spent = Spent(thread_time() - begin - seconds, seconds)
+    spent = Spent(perf_counter() - begin - seconds, seconds)
     beyond = rest[5 * n :].reshape(n, len(INSIDE), -1)
     return OnMesh(motion, tangency, tighter, beyond, losses, spent)
 
