@@ -19,6 +19,9 @@ from deltaopt.robot.robot import Robot
 
 _TO_WORLD = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
 """From the base's frame to the window's, whose third axis is up."""
+_FROM = np.array([1.3, 0.4, 0.3])
+"""Where the window looks from at first, in units of the robot's reach from its middle: all of the
+robot is then seen, with y to the right and a little from above."""
 _PATH_POINTS = 400
 _WIDTH = 3.0
 """Of lines, in pixels."""
@@ -67,6 +70,10 @@ class Viewer:
         server = viser.ViserServer(host="127.0.0.1", port=port, label="deltaopt", verbose=False)
         server.scene.set_up_direction("+z")
         motion = trajectory(_times(trajectory, [0.0]))
+        middle = to_world(motion.x[0]) / 2
+        reach = robot.base_radius + robot.upper_arm.length + robot.forearm.length
+        server.initial_camera.look_at = tuple(middle.tolist())
+        server.initial_camera.position = tuple((middle + reach * _FROM).tolist())
         handles = tuple(
             _lines(server, f"/robot/{name}", lines, colour)
             for name, lines, colour in zip(

@@ -26,6 +26,7 @@ class Server:
             set_up_direction=lambda direction: setattr(self, "up", direction),
             add_line_segments=self.draw,
         )
+        self.initial_camera = SimpleNamespace()
         control = self.control
         self.gui = SimpleNamespace(
             add_slider=lambda label, least, most, step, initial: control(initial),
@@ -80,6 +81,8 @@ def test_the_slider_shows_an_instant_and_play_moves_on(servers):
     viewer = Viewer.of(SCENE.robot, LINE, 8080)
     (server,) = servers
     assert (server.host, server.up) == ("127.0.0.1", "+z")
+    away = np.subtract(server.initial_camera.position, server.initial_camera.look_at)
+    assert np.linalg.norm(away) > SCENE.robot.forearm.length
     assert len({server.drawn[f"/robot/chain{k}"].colors for k in (1, 2, 3)}) == 3
     viewer.show(1.0)
     end = LINE(LINE.duration)
