@@ -13,6 +13,7 @@ import pytest
 import deltaopt
 from deltaopt.cli import main
 from deltaopt.output.plan_files import StraightLine, schema, write_json
+from deltaopt.planning.lower_bound import lower_bound
 from studies.problems import PROBLEMS
 
 SCHEMA = json.loads(schema())
@@ -99,7 +100,7 @@ def test_a_plan(plan):
     assert plan["optima"]
 
 
-@pytest.mark.parametrize("name", ["paths/glue_line", "objectives/pick_and_place_gently"])
+@pytest.mark.parametrize("name", ["paths/glue_line", "moving/belt", "moving/stop"])
 def test_plans_of_other_kinds(name, tmp_path):
     scene = deltaopt.load_scene(PROBLEMS / f"{name}.yaml")
     deltaopt.plan(scene, tolerance=1e-2).save(tmp_path, chart=False)
@@ -123,9 +124,8 @@ def test_lines_of_scenes_with_every_limit(tmp_path):
     for file in sorted((PROBLEMS / "limits").glob("*.yaml")):
         scene = deltaopt.load_scene(file)
         line = deltaopt.baseline(scene)
-        write_json(
-            tmp_path / "plan.json", scene, line, deltaopt.verify(scene, line), StraightLine()
-        )
+        found = deltaopt.verify(scene, line)
+        write_json(tmp_path / "plan.json", scene, line, found, StraightLine(lower_bound(scene)))
         assert faults(saved(tmp_path / "plan.json"), SCHEMA) == [], file
 
 
