@@ -8,6 +8,7 @@ from pathlib import Path
 
 from deltaopt.errors import DeltaOptError, SceneError
 from deltaopt.files.output_folder import require_writable
+from deltaopt.files.units import Quantity, WrongUnit
 from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene, load_scene
 
@@ -48,7 +49,7 @@ def add_robots(parser: argparse.ArgumentParser, number: int) -> None:
         help=f"moves of each robot (default: {number})",
     )
     parser.add_argument(
-        "--payload", type=positive, default=1.0, metavar="KG", help="payload, kg (default: 1)"
+        "--payload", type=kilograms, default=1.0, metavar="KG", help="payload, kg (default: 1)"
     )
     parser.add_argument(
         "--seed", type=seed, default=1, metavar="N", help="of the random moves (default: 1)"
@@ -106,6 +107,14 @@ def positive(text: str) -> float:
     if not (isfinite(number) and number > 0):
         raise argparse.ArgumentTypeError(f"{text!r} is not a number greater than 0")
     return number
+
+
+def kilograms(text: str) -> float:
+    """A mass greater than 0 in kg, for argparse: a number, or a text with a unit such as 500 g."""
+    try:
+        return positive(str(Quantity("kg").in_si(text)))
+    except (WrongUnit, argparse.ArgumentTypeError):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a mass greater than 0") from None
 
 
 def one_or_more(text: str) -> int:

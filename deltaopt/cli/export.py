@@ -21,9 +21,10 @@ from __future__ import annotations
 import argparse
 import errno
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
-from deltaopt.cli.arguments import folder, positive
+from deltaopt.cli.arguments import folder, kilograms, positive
 from deltaopt.cli.streams import present, print_written
 from deltaopt.files.output_folder import all_or_none
 from deltaopt.output.cam_tables import CamPieces, Cams, write_cams
@@ -64,7 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     c.set_defaults(target=_c)
     mjcf = targets.add_parser("mjcf", help="one file in MuJoCo's format, without Coulomb friction")
     mjcf.add_argument("robot", type=Path, metavar="ROBOT", help="robot file")
-    mjcf.add_argument("--payload", type=positive, metavar="KG", help="at the tool (default: none)")
+    mjcf.add_argument("--payload", type=kilograms, metavar="KG", help="at the tool (default: none)")
     _add_file(mjcf, Path("out/robot.xml"))
     mjcf.set_defaults(target=_mjcf)
     table = targets.add_parser("table", help="a CSV file of motor angles over time")
@@ -122,6 +123,13 @@ def _add_table(parser: argparse.ArgumentParser, output: Path, kind: str) -> None
     )
     parser.add_argument(
         "--keep-limits", action="store_true", help="slow the motion until no limit is exceeded"
+    )
+    parser.add_argument(
+        "--slower",
+        type=positive,
+        default=1.0,
+        metavar="FACTOR",
+        help="the plan's path so many times as slow, 3 for a first run (default: 1)",
     )
     parser.add_argument(
         "-o", "--output", type=folder, default=output, metavar=kind, help=f"default: {output}"
@@ -222,7 +230,7 @@ def _table(arguments: argparse.Namespace) -> int:
 
 
 def _cam(arguments: argparse.Namespace) -> int:
-    plan, folder = load_plan(arguments.plan), arguments.output
+    plan, folder = _slower_plan(arguments), arguments.output
     before = present(folder)
     table = of_controller(_checked(plan, arguments), plan.scene.robot)
     cams = Cams.of(table, UNITS[arguments.unit], arguments.master_speed)
@@ -244,8 +252,14 @@ def _ros2(arguments: argparse.Namespace) -> int:
 
 def _controllers_table(arguments: argparse.Namespace) -> JointTable:
     """The table of a saved plan in its controller's angles."""
-    plan = load_plan(arguments.plan)
+    plan = _slower_plan(arguments)
     return of_controller(_checked(plan, arguments), plan.scene.robot)
+
+
+def _slower_plan(arguments: argparse.Namespace) -> SavedPlan:
+    """The saved plan, so many times as slow as is asked for."""
+    plan = load_plan(arguments.plan)
+    return replace(plan, trajectory=plan.trajectory.slowed(arguments.slower))
 
 
 def _checked(plan: SavedPlan, arguments: argparse.Namespace) -> JointTable:
@@ -253,12 +267,11 @@ def _checked(plan: SavedPlan, arguments: argparse.Namespace) -> JointTable:
     make = table_within_limits if arguments.keep_limits else checked_table
     found = make(plan.scene, plan.trajectory, arguments.cycle, INTERPOLATIONS[arguments.controller])
     demand, duration = found.demand, found.table.t[-1] - found.table.t[0]
-    print(
-        f"{len(found.table.t)} rows, {duration:.6g} s, {found.slowed:.6g} times the plan's duration"
-    )
+    slowed = found.slowed * arguments.slower
+    print(f"{len(found.table.t)} rows, {duration:.6g} s, {slowed:.6g} times the plan's duration")
     most = f"{demand.share:.6g} of what {demand.subject}'s {demand.limit} may be"
     print(f"{found.interpolation.name} interpolation asks for {most}, at {demand.t:.6g} s")
-    if not plan.scene.task.is_at_rest and found.slowed != 1:
+    if not plan.scene.task.is_at_rest and slowed != 1:
         print(
             "an end moves, and slowed the motion meets it too late and too slowly: plan with "
             "tighter limits instead"

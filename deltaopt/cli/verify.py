@@ -22,7 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
-from deltaopt.cli.arguments import WrongUsage, add_json, positive
+from deltaopt.cli.arguments import WrongUsage, add_json, kilograms
 from deltaopt.cli.plan import duty_table, singularities_table, table
 from deltaopt.cli.streams import print_json, say
 from deltaopt.errors import DeltaOptError, installed
@@ -47,7 +47,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "motion", type=Path, metavar="PLAN|TABLE.csv", help="folder of a plan, or a table"
     )
     parser.add_argument("--robot", type=Path, metavar="ROBOT", help="robot file of a table")
-    parser.add_argument("--payload", type=positive, metavar="KG", help="of a table (default: none)")
+    parser.add_argument(
+        "--payload", type=kilograms, metavar="KG", help="of a table (default: none)"
+    )
     parser.add_argument("--unit", choices=_PER_RADIAN, help="of angles in a table (default: rad)")
     parser.add_argument(
         "--controller",
@@ -172,12 +174,19 @@ def _rows(arguments: argparse.Namespace, joints: Joints) -> ForeignTable:
     if arguments.controller == "quintic" and rows.accelerations is None:
         raise WrongUsage(f"--controller is quintic, but {arguments.motion} has no accelerations")
     rows = rows.in_radians(_PER_RADIAN[arguments.unit or "rad"])
-    return rows.from_controller(joints) if arguments.controller_angles else rows
+    if arguments.controller_angles:
+        return rows.from_controller(joints)
+    if rows.quantity == ANGLES and (joints.zero, joints.sign) != (None, None):
+        say(
+            "angles are taken as the model's; with --controller-angles as the controller's, which "
+            "have the zero and sign of the robot's joints"
+        )
+    return rows
 
 
 def _sentence(excess: Excess) -> str:
     """How near a limit is, in words."""
-    share, amount = f"{abs(excess.value):.3g}", f"{abs(excess.amount):.4g} {excess.unit}"
-    side = "beyond" if excess.value > EXCESS else "within"
+    share, amount = f"{100 * abs(excess.value):.3g} %", f"{abs(excess.amount):.4g} {excess.unit}"
+    side, of = ("beyond", "too much") if excess.value > EXCESS else ("within", "of it is left")
     where = f"{excess.subject} at t = {excess.t:.6g} s"
-    return f"{excess.limit}: {amount} {side} its limit ({share} of it), {where}"
+    return f"{excess.limit}: {amount} {side} its limit ({share} {of}), {where}"

@@ -46,10 +46,30 @@ def test_our_own_table_asks_for_what_the_export_said(plan, tmp_path, capsys, int
     said = capsys.readouterr().out
     line = next(line for line in said.splitlines() if line.startswith("  torque:"))
     assert "beyond its limit" in line
-    assert float(line.split("(")[1].split()[0]) == pytest.approx(checked.demand.share - 1, rel=0.01)
+    percent = float(line.split("(")[1].split(" %")[0])
+    assert percent / 100 == pytest.approx(checked.demand.share - 1, rel=0.01)
     assert f"{checked.demand.subject} at t = {checked.demand.t:.3g}"[:18] in line
     assert "RMS torque" in said
     assert "parallel singularity" in said
+
+
+def test_angles_are_the_models_unless_said_and_that_is_said(plan, tmp_path, capsys):
+    """A robot whose controller counts otherwise, and its own table taken for the model's."""
+    robot, table = tmp_path / "robot.yaml", tmp_path / "table.csv"
+    robot.write_text(str(ROBOT.model_dump(mode="json", exclude_none=True)), encoding="utf-8")
+    checked = checked_table(SCENE, plan.trajectory, Cycles(1e-3), Quintic())
+    write_table(table, checked.table, DEGREES)
+    words = ["verify", str(table), "--robot", str(robot), "--unit", "deg"]
+    main([*words, "--payload", "1000 g"])
+    in_grams = capsys.readouterr()
+    assert "with --controller-angles as the controller's" in in_grams.err
+    main([*words, "--payload", "1"])
+    assert capsys.readouterr().out == in_grams.out
+    main([*words, "--controller-angles"])
+    assert "--controller-angles" not in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        main([*words, "--payload", "1 m"])
+    assert "'1 m' is not a mass greater than 0" in capsys.readouterr().err
 
 
 def test_positions_alone_are_the_motion_they_were_sampled_from(tmp_path):

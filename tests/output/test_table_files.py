@@ -65,6 +65,21 @@ def test_a_moving_end_is_not_met_more_slowly_without_a_word(saved, tmp_path, cap
     assert "meets it too late and too slowly" in capsys.readouterr().out
 
 
+def test_a_slower_plan_for_a_first_run(saved, tmp_path, capsys):
+    """The same angles at three times the time; a third of the speed."""
+    tables = []
+    for factor in ("1", "3"):
+        file = tmp_path / f"{factor}.csv"
+        words = ["--slower", factor, "-o", str(file)]
+        assert main(["export", "table", str(saved), *words]) == 0
+        tables.append(np.genfromtxt(file, delimiter=",", names=True))
+    plain, slow = tables
+    assert "3 times the plan's duration" in capsys.readouterr().out
+    np.testing.assert_allclose(slow["t"], 3 * plain["t"], rtol=1e-12)
+    np.testing.assert_allclose(slow["theta1"], plain["theta1"], rtol=1e-12)
+    np.testing.assert_allclose(3 * slow["dtheta2"], plain["dtheta2"], rtol=1e-9, atol=1e-9)
+
+
 def test_limits_kept_are_said_without_a_remedy(saved, tmp_path, capsys):
     words = ["--keep-limits", "-o", str(tmp_path / "table.csv")]
     assert main(["export", "table", str(saved), *words]) == 0
