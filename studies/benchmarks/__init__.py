@@ -4,6 +4,7 @@ published    A01 to A05 of the IFToMM library, Andrews' squeezer of the IVP test
              through its singularity, a Gough-Stewart platform
 integrators  error against counted work of Adams, BDF, an index-2 system and Gauss collocation
 windows      operations of a right-hand side of N four-bars against N
+spread       perturbed starts through singularities: who ends near the reference
 
 Each part writes a CSV of every number, and charts; counts are the same in every run.
 """
@@ -17,8 +18,8 @@ from deltaopt.cli.arguments import WrongUsage, positive
 from deltaopt.files.progress_bar import ProgressBar
 
 HELP = "published benchmarks of multibody dynamics, integrators, cost against size"
-NAMES = ("published", "integrators", "windows")
-SMALL = {"share": 0.02, "windows": (1, 2, 3), "settings": 1}
+NAMES = ("published", "integrators", "windows", "spread")
+SMALL = {"share": 0.02, "windows": (1, 2, 3), "settings": 1, "starts": 2}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -34,14 +35,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--share", type=positive, default=1.0, metavar="X", help="of each duration (1)"
     )
-    parser.set_defaults(windows=(1, 2, 4, 8, 16), settings=7)
+    parser.set_defaults(windows=(1, 2, 4, 8, 16), settings=7, starts=20)
 
 
 def run(arguments: argparse.Namespace) -> int:
     unknown = [name for name in arguments.parts if name not in NAMES]
     if unknown:
         raise WrongUsage(f"{unknown[0]} is no part; {', '.join(NAMES)} are")
-    parts = {"published": _published, "integrators": _integrators, "windows": _windows}
+    parts = {
+        "published": _published,
+        "integrators": _integrators,
+        "windows": _windows,
+        "spread": _spread,
+    }
     for name in arguments.parts:
         parts[name](arguments)
     return 0
@@ -80,6 +86,13 @@ def _windows(arguments: argparse.Namespace) -> None:
     print(windows.table_of(costs), windows.verdict(costs), "", sep="\n\n")
     _write(arguments.directory / "windows.csv", windows.csv_of(costs))
     draw_windows(costs, arguments.directory / "windows.png")
+
+
+def _spread(arguments: argparse.Namespace) -> None:
+    from studies.benchmarks import spread
+
+    found = spread.measure(ProgressBar(), arguments.starts, arguments.share)
+    print(spread.table_of(found), spread.verdict(found), "", sep="\n\n")
 
 
 def _write(file: Path, text: str) -> None:

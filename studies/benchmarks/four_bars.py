@@ -42,8 +42,8 @@ def n_four_bar_start(windows: int = 2) -> tuple[Array, Array]:
     return q, np.tile([1.0, 0.0], windows + 1)
 
 
-def as_pendulum(times: Array, windows: int = 2) -> Array:
-    """Return x and y of B₀ at the times (N × 2, m): all cranks turn alike.
+def as_pendulum(times: Array, windows: int = 2, speed: float = 1.0) -> Array:
+    """Return x and y of B₀ at the times (N × 2, m): all cranks turn alike, from ``speed``, m/s.
 
     N + 1 cranks and N couplers: ((N + 1)/3 + N) θ̈ = ((N + 1)/2 + N) g sin θ, θ from upright, by
     CVODES to 13 digits. Nothing of it is singular.
@@ -54,7 +54,7 @@ def as_pendulum(times: Array, windows: int = 2) -> Array:
     ode = {"x": x, "ode": ca.vertcat(x[1], torque / inertia * ca.sin(x[0]))}
     later = [float(t) for t in times if t > 0]
     flow = ca.integrator("angle", "cvodes", ode, 0.0, later, {"reltol": 1e-13, "abstol": 1e-13})
-    theta = np.concatenate([[0.0], flow(x0=[0.0, 1.0])["xf"].full()[0]])[-len(times) :]
+    theta = np.concatenate([[0.0], flow(x0=[0.0, speed])["xf"].full()[0]])[-len(times) :]
     return np.column_stack([np.sin(theta), np.cos(theta)])
 
 

@@ -38,7 +38,7 @@ def start() -> tuple[Array, Array]:
     return np.array([x, y, 2 * x]), np.array([-y * rate, x * rate, -SPEED])
 
 
-def on_its_branch(times: Array) -> Array:
+def on_its_branch(times: Array, speed: float = SPEED) -> Array:
     """Return x and y of the joint and x of the slider (N × 3, m), as a slider-crank throughout.
 
     x = 2 cos θ on this branch, and both rods move with θ alone: one equation for θ, by CVODES to 13
@@ -53,6 +53,6 @@ def on_its_branch(times: Array) -> Array:
     ode = {"x": x, "ode": ca.vertcat(rate, (-gravity - change) / inertia)}
     later = [float(t) for t in times if t > 0]
     flow = ca.integrator("angle", "cvodes", ode, 0.0, later, {"reltol": 1e-13, "abstol": 1e-13})
-    first = [np.pi / 4, SPEED / (2 * np.sin(np.pi / 4))]
+    first = [np.pi / 4, speed / (2 * np.sin(np.pi / 4))]
     angle = np.concatenate([[first[0]], flow(x0=first)["xf"].full()[0]])[-len(times) :]
     return np.column_stack([np.cos(angle), np.sin(angle), 2 * np.cos(angle)])

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from matplotlib.lines import Line2D
 
+from deltaopt.plots.colours import GREY
 from deltaopt.plots.style import figure
 from studies.benchmarks.integrators import MOST, Run
 from studies.benchmarks.windows import METHODS, Cost
@@ -30,7 +31,7 @@ def draw_integrators(runs: list[Run], file: Path) -> None:
             axes.set_ylim(1e-11, MOST)
         panels[0].set_ylabel("error at the end, rad or m")
         handles, _ = panels[0].get_legend_handles_labels()
-        handles.append(Line2D([], [], color="0.4", marker="x", linestyle="none", label="no result"))
+        handles.append(Line2D([], [], color=GREY, marker="x", linestyle="none", label="no result"))
         drawn.legend(handles=handles, loc="outside lower center", ncols=5, columnspacing=1.2)
 
 

@@ -20,16 +20,10 @@ from deltaopt.plots.colours import (
     SKY_BLUE,
     VERMILION,
 )
-from deltaopt.plots.style import SMALL, figure, plain_numbers, without_box
+from deltaopt.plots.style import SMALL, figure, without_box
+from studies.plots.work_precision import Line, panel
 from studies.stability.benchmarks import Benchmark, Benchmarks
-from studies.stability.drift import (
-    FREQUENCIES,
-    MINIMAL,
-    TOLERANCES,
-    Drift,
-    Run,
-    baumgarte,
-)
+from studies.stability.drift import MINIMAL, Drift, baumgarte
 from studies.stability.edge import TOLERANCE, Edge
 from studies.stability.families import Family
 from studies.stability.singularities import (
@@ -152,74 +146,36 @@ def _singularity_legend() -> list[Line2D]:
     ]
 
 
-METHOD_COLOURS = {
-    "none": BLACK,
-    "projection": VERMILION,
-    MINIMAL: GREEN,
-    **{
-        baumgarte(w): colour
-        for w, colour in zip(
-            FREQUENCIES,
-            ("#c6dbef", "#9ecae1", "#6baed6", "#4292c6", "#2171b5", "#084594"),
-            strict=True,
-        )
-    },
-}
-MARKERS = dict(zip(TOLERANCES, ("o", "s", "^"), strict=True))
+DRAWN = ("none", baumgarte(10.0), baumgarte(300.0), "projection", MINIMAL)
+"""Of the stabilisations: five lines a panel; the table has all frequencies."""
 
 
 def draw_drift(study: Drift, path: Path) -> None:
-    """Draw drift and energy against time spent, and over Baumgarte's frequency."""
-    with figure(path, 7.2, 6.0) as page:
-        (position, energy), (over, over_energy) = page.subplots(2, 2)
-        for axes in (position, energy):
-            axes.set(xscale="log", yscale="log", xlabel="time spent, s")
-            plain_numbers(axes.xaxis)
-        position.set(ylabel="largest |f|, m", title=f"Drift over {study.duration:g} s")
-        energy.set(ylabel="largest change of energy, J", title="Energy")
-        for method, colour in METHOD_COLOURS.items():
-            runs = study.by(method)
-            for axes, name in ((position, "position"), (energy, "energy")):
-                axes.plot(
-                    [r.seconds for r in runs],
-                    [getattr(r, name) for r in runs],
-                    color=colour,
-                    linewidth=1,
-                )
-                for r in runs:
-                    axes.plot(r.seconds, getattr(r, name), MARKERS[r.tolerance], color=colour)
-        _over_frequency(over, study, "position", "largest |f|, m")
-        _over_frequency(over_energy, study, "energy", "largest change of energy, J")
-        for axes in (position, energy, over, over_energy):
-            without_box(axes)
-        page.legend(handles=_drift_legend(), loc="outside lower center", ncols=4)
+    """Draw drift and change of energy against right-hand sides, tolerances from coarse to fine."""
+    with figure(path, 7.4, 3.3) as drawn:
+        for axes, (name, label, title) in zip(
+            drawn.subplots(1, 2),
+            (
+                ("position", "largest |f|, m", "drift off the constraints"),
+                ("energy", "largest change of energy, J", "energy"),
+            ),
+            strict=True,
+        ):
+            lines = [_drift_line(study, method, name, look) for look, method in enumerate(DRAWN)]
+            whole = f"{title} over {study.duration:g} s"
+            panel(axes, lines, title=whole, x="right-hand sides", y=label)
+        handles, labels = axes.get_legend_handles_labels()
+        drawn.legend(handles, labels, loc="outside lower center", ncols=5, columnspacing=1.2)
 
 
-def _over_frequency(axes: Axes, study: Drift, name: str, label: str) -> None:
-    axes.set(xscale="log", yscale="log", xlabel="Baumgarte's ω, rad/s", ylabel=label)
-    for tolerance, marker in MARKERS.items():
-        runs: list[Run] = [study.run(baumgarte(w), tolerance) for w in FREQUENCIES]
-        axes.plot(FREQUENCIES, [getattr(r, name) for r in runs], f"{marker}-", color=BLUE)
-        for method in ("none", "projection", MINIMAL):
-            level = getattr(study.run(method, tolerance), name)
-            axes.axhline(level, color=METHOD_COLOURS[method], linestyle=":", linewidth=1)
-
-
-def _drift_legend() -> list[Line2D]:
-    methods = [Line2D([], [], color=c, label=_frequency(m)) for m, c in METHOD_COLOURS.items()]
-    markers = [
-        Line2D([], [], color=GREY, marker=m, linestyle="none", label=f"tolerance {t:.0e}")
-        for t, m in MARKERS.items()
-    ]
-    return [*methods, *markers]
-
-
-def _frequency(method: str) -> str:
-    return method.replace("Baumgarte ", "Baumgarte ω = ")
+def _drift_line(study: Drift, method: str, name: str, look: int) -> Line:
+    runs = [r for r in study.by(method) if np.isfinite(r.evaluations)]
+    label = method.replace("/s", " rad/s")
+    return Line(label, [r.evaluations for r in runs], [getattr(r, name) for r in runs], look)
 
 
 def draw_benchmarks(study: Benchmarks, path: Path) -> None:
-    """Draw energy over time where there is a motion, and name the methods without one."""
+    """Draw energy over time where there is a motion, and count the methods without one."""
     with figure(path, max(4.5, 2.7 * len(study.benchmarks)), 4.4) as page:
         panels = page.subplots(1, len(study.benchmarks), sharey=True, squeeze=False)[0]
         for axes, benchmark in zip(panels, study.benchmarks, strict=True):
@@ -242,7 +198,7 @@ def _energy_panel(axes: Axes, study: Benchmarks, benchmark: Benchmark) -> None:
     axes.axhline(benchmark.bound, color=BLACK, linestyle=":")
     axes.text(0.02, 1.5 * benchmark.bound, f"bound {benchmark.bound:g} J")
     without_box(axes)
-    missing = []
+    missing = 0
     for o in study.of(benchmark.name):
         if o.model not in STYLES:
             continue
@@ -251,21 +207,14 @@ def _energy_panel(axes: Axes, study: Benchmarks, benchmark: Benchmark) -> None:
             style = STYLES[o.model]
             axes.plot(o.times, error, style, color=COLOURS[o.variant], linewidth=0.9)
         else:
-            missing.append(f"{o.model}, {o.variant}")
+            missing += 1
     outcomes = study.of(benchmark.name)
     inside = sum(not o.failure for o in outcomes)
     note = f"{inside} of {len(outcomes)} inside the bound"
     axes.text(0.98, 0.02, note, transform=axes.transAxes, ha="right", va="bottom")
     if missing:
-        axes.text(
-            0.98,
-            0.98,
-            "no motion: " + "\n".join(missing),
-            transform=axes.transAxes,
-            ha="right",
-            va="top",
-            fontsize=SMALL,
-        )
+        told = f"no motion by {missing} ways: see the table"
+        axes.text(0.98, 0.98, told, transform=axes.transAxes, ha="right", va="top", fontsize=SMALL)
 
 
 GOOD, REFUSED, WRONG = GREEN, ORANGE, VERMILION

@@ -8,15 +8,17 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import NullFormatter
 
-from deltaopt.plots.style import without_box
+from deltaopt.plots.colours import BLACK, BLUE, GREEN, PURPLE, VERMILION
+from deltaopt.plots.style import plain_numbers, without_box
 
 LINES: tuple[dict[str, Any], ...] = (
-    {"color": "#0072B2", "linestyle": "-", "marker": "o"},
-    {"color": "#D55E00", "linestyle": (0, (5, 1.5)), "marker": "s"},
-    {"color": "#009E73", "linestyle": (0, (5, 1.5, 1, 1.5)), "marker": "^"},
-    {"color": "#000000", "linestyle": (0, (1, 1.2)), "marker": "D"},
-    {"color": "#CC79A7", "linestyle": (0, (8, 2)), "marker": "v"},
+    {"color": BLUE, "linestyle": "-", "marker": "o"},
+    {"color": VERMILION, "linestyle": (0, (5, 1.5)), "marker": "s"},
+    {"color": GREEN, "linestyle": (0, (5, 1.5, 1, 1.5)), "marker": "^"},
+    {"color": BLACK, "linestyle": (0, (1, 1.2)), "marker": "D"},
+    {"color": PURPLE, "linestyle": (0, (8, 2)), "marker": "v"},
 )
 """Five lines, the most that a panel may have, in the palette of Okabe and Ito."""
 
@@ -52,17 +54,13 @@ def panel(axes: Axes, lines: Sequence[Line], *, title: str, x: str, y: str = "")
             markersize=6,
             transform=axes.get_xaxis_transform(),
         )
+    _few_ticks(axes)
     without_box(axes)
 
 
-def name_lines(axes: Axes, lines: Sequence[Line], at: Sequence[int]) -> None:
-    """Write each line's name beside one of its points (index, from the coarsest)."""
-    for line, index in zip(lines, at, strict=True):
-        axes.annotate(
-            line.name,
-            (line.x[index], line.y[index]),
-            xytext=(5, 3),
-            textcoords="offset points",
-            color=LINES[line.look]["color"],
-            fontsize=8,
-        )
+def _few_ticks(axes: Axes) -> None:
+    """Number 1, 2 and 5 of each decade where there are few decades; else decades alone."""
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    low, high = axes.get_xlim()
+    if np.log10(high / low) < 1.7:
+        plain_numbers(axes.xaxis)

@@ -17,6 +17,7 @@ import numpy as np
 from deltaopt.compare.dynamics.samples import PAPER
 from deltaopt.compare.dynamics.tasks import Array
 from deltaopt.dynamics.constraint_matrix import ClosedForm
+from deltaopt.dynamics.integrators import Work
 from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.dynamics.mechanism import Mechanism
 from deltaopt.dynamics.simulation import Motion, simulate
@@ -54,14 +55,15 @@ DRIFTED = 1e-6
 class Run:
     """A motion by one method at one tolerance.
 
-    ``position``, ``velocity``, ``energy``: largest |f| (m), |J q̇| (m/s) and change of energy
-    (J). ``drifted_after``: s until |f| exceeds ``DRIFTED``; nan if never. All nan if the
-    integrator gave up.
+    ``evaluations``: right-hand sides, counted. ``position``, ``velocity``, ``energy``: largest |f|
+    (m), |J q̇| (m/s) and change of energy (J). ``drifted_after``: s until |f| exceeds
+    ``DRIFTED``; nan if never. All nan if the integrator gave up.
     """
 
     method: str
     tolerance: float
     seconds: float
+    evaluations: float
     position: float
     velocity: float
     energy: float
@@ -111,12 +113,13 @@ def _run(name: str, tolerance: float, times: Array) -> Run:
     try:
         motion = _minimal(times, tolerance) if name == MINIMAL else _swing(name, times, tolerance)
     except IntegrationFailed:
-        return Run(name, tolerance, *5 * [np.nan])
+        return Run(name, tolerance, *6 * [np.nan])
     f = np.abs(motion.position_drift).max(axis=1)
     return Run(
         name,
         tolerance,
         motion.seconds,
+        motion.work.evaluations,
         float(f.max()),
         float(np.abs(motion.velocity_drift).max()),
         float(np.abs(motion.energy - motion.energy[0]).max()),
@@ -173,4 +176,6 @@ def _minimal(times: Array, tolerance: float) -> Motion:
     states = np.vstack([z0, flow(x0=z0)["xf"].full().T])
     seconds = time.perf_counter() - start
     q_all, dq_all = velocity.map(len(states))(states[:, :3].T, states[:, 3:].T, p)
-    return Motion(m, p, times, q_all.full().T, dq_all.full().T, seconds)
+    told = flow.stats()
+    work = Work(told["nsteps"], told["nfevals"])
+    return Motion(m, p, times, q_all.full().T, dq_all.full().T, seconds, work)

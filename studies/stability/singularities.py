@@ -182,7 +182,7 @@ def measure(
                 )
                 for method in METHODS
             ]
-        conditions += list(_conditions(states))
+        conditions += list(condition_numbers(states))
     progress(1.0, "done")
     return Singularities([f for f, _ in families], curves, floors, conditions, digits)
 
@@ -222,10 +222,17 @@ class States:
     in_motion: list[list[Motion]]
 
     @classmethod
-    def make(cls, family: Family, functions: Functions, exact: ManyDigits, number: int) -> States:
+    def make(
+        cls,
+        family: Family,
+        functions: Functions,
+        exact: ManyDigits,
+        number: int,
+        distances: tuple[float, ...] = DISTANCES,
+    ) -> States:
         """Make so many random motions at every distance."""
         maker, rng = Maker(family, exact), np.random.default_rng(0)
-        q = [maker.q(distance) for distance in DISTANCES]
+        q = [maker.q(distance) for distance in distances]
         at_rest, in_motion = (
             [[maker.motion(x, rng, moving=moving) for _ in range(number)] for x in q]
             for moving in (False, True)
@@ -267,15 +274,19 @@ class Truth:
                 inputs, sought = _inputs(motion, problem.task)
                 at_exact.append(solved(inputs, sought))
                 at_rounded.append(solved([rounded(x) for x in inputs], sought))
-        shape = (len(DISTANCES), len(states.in_motion[0]), -1)
+        shape = (len(states.in_motion), len(states.in_motion[0]), -1)
         return cls(np.reshape(at_rounded, shape), np.reshape(at_exact, shape))
 
     def conditioning(self) -> Array:
         """Return the relative error that rounding the state alone makes, by distance."""
-        return _median_errors(self.at_rounded, self.at_exact)
+        return _median(_errors(self.at_rounded, self.at_exact))
 
     def errors(self, states: States, problem: Problem, method: Method) -> Array:
-        """Return the relative errors of a method, by distance."""
+        """Return the relative errors of a method, by distance: medians over the motions."""
+        return _median(self.each(states, problem, method))
+
+    def each(self, states: States, problem: Problem, method: Method) -> Array:
+        """Return the relative errors of a method, distances × motions; NaN without a result."""
         f, p = states.functions, states.family.parameters
         J0 = f.jacobian(0.0, states.family.regular, p).full()
         results = []
@@ -285,7 +296,7 @@ class Truth:
             for motion in motions:
                 inputs, _ = _inputs(motion, problem.task)
                 results.append(_result(function, [0.0, *(rounded(x) for x in inputs), p]))
-        return _median_errors(np.reshape(results, self.at_rounded.shape), self.at_rounded)
+        return _errors(np.reshape(results, self.at_rounded.shape), self.at_rounded)
 
 
 def _result(function: ca.Function, arguments: list[Any]) -> Array:
@@ -297,10 +308,14 @@ def _result(function: ca.Function, arguments: list[Any]) -> Array:
     return found.ravel()
 
 
-def _median_errors(value: Array, truth: Array) -> Array:
-    """Median over the motions, by distance; nan if any of them has no result."""
+def _errors(value: Array, truth: Array) -> Array:
+    """Largest error over the largest component of the truth, distances × motions."""
     error, size = np.abs(value - truth).max(axis=2), np.abs(truth).max(axis=2)
-    errors = error / np.where(size > 0, size, 1.0)  # the truth may be nothing at all
+    return np.asarray(error / np.where(size > 0, size, 1.0))  # the truth may be nothing at all
+
+
+def _median(errors: Array) -> Array:
+    """Median over the motions, by distance; nan if any of them has no result."""
     return np.where(np.isfinite(errors).all(axis=1), np.median(errors, axis=1), np.nan)
 
 
@@ -311,7 +326,7 @@ def _inputs(motion: Motion, task: Task) -> tuple[list[Matrix], int]:
     return [motion.q, motion.dq, motion.tau], motion.q.rows
 
 
-def _conditions(states: States) -> Iterator[Conditions]:
+def condition_numbers(states: States) -> Iterator[Conditions]:
     """Of J, of the paper's C, and of model L_I's matrices at rest."""
     m, p = states.family.mechanism, states.family.parameters
     C = ClosedForm().function(m)
