@@ -1,0 +1,48 @@
+"""Which model of the Delta, when: errors on the way into singularities beside what each costs.
+
+Torques and accelerations of the paper's Delta from a regular state to 1e-12 before its two kinds of
+singularity, against fifty digits; operations, counted, and nanoseconds, interpreted and compiled.
+Draws models.png, writes models.csv.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from deltaopt.cli.arguments import one_or_more
+from deltaopt.files.progress_bar import ProgressBar
+
+HELP = "which model of the Delta, when: error towards singularities beside cost"
+SMALL = {"motions": 1, "digits": 30, "states": 2, "rounds": 2, "distances": (1e-1, 1e-4)}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    for name, default, what in (
+        ("motions", 3, "random motions at each state near a singularity"),
+        ("digits", 50, "of the arithmetic they are held against"),
+        ("states", 100, "regular states at which models are timed"),
+        ("rounds", 100, "in which each model is timed once"),
+    ):
+        parser.add_argument(
+            f"--{name}", type=one_or_more, default=default, help=f"{what} ({default})"
+        )
+    parser.add_argument(
+        "-o", dest="directory", type=Path, default=Path("out/models"), metavar="DIR"
+    )
+    parser.set_defaults(distances=tuple(10.0**-k for k in range(1, 13)))
+
+
+def run(arguments: argparse.Namespace) -> int:
+    from deltaopt.files.atomic_write import atomic_write
+    from studies.models.measure import condition_table, csv_of, measure, table_of, verdict
+    from studies.plots.models import draw
+
+    a = arguments
+    sizes = a.motions, a.digits, a.states, a.rounds
+    found = measure(ProgressBar(), *sizes, a.distances)
+    print(table_of(found), condition_table(found), verdict(found), sep="\n\n")
+    with atomic_write(a.directory / "models.csv") as temporary:
+        temporary.write_text(csv_of(found), encoding="utf-8")
+    draw(found, a.directory / "models.png")
+    return 0

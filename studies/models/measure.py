@@ -1,0 +1,189 @@
+"""Errors of the Delta's models towards singularities, and what an evaluation costs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from deltaopt.codegen.c_compiler import compiler
+from deltaopt.codegen.compile import in_machine_code
+from deltaopt.compare.dynamics.many_digits import ManyDigits
+from deltaopt.compare.dynamics.models import models
+from deltaopt.compare.dynamics.samples import NEAR_HOME, PAPER, exact_samples
+from deltaopt.compare.dynamics.study import operations
+from deltaopt.compare.dynamics.tasks import TASKS as TASKS_OF
+from deltaopt.compare.dynamics.tasks import Array, Samples
+from deltaopt.compare.dynamics.timing import Run, interleaved
+from deltaopt.dynamics.constraint_matrix import Partition
+from deltaopt.dynamics.mechanism import Mechanism
+from deltaopt.mechanisms.delta.mechanism import delta
+from studies.stability import singularities as s
+from studies.stability.families import delta_families
+from studies.text_table import csv, paragraph, table
+
+FAMILIES = {"stretched": "arm and bars in line", "coplanar": "bars in one plane"}
+"""A serial singularity and a parallel one."""
+TASKS = {"inverse": "torques", "forward": "accelerations"}
+CHOSEN = (
+    ("L_E", "closed form", "L_E, eq. (55)"),
+    ("K, virtual work", "partition", "K, motor angles"),
+    ("L_E", "null space", "L_E, null space"),
+    ("L_I", "sparse QR", "L_I, sparse QR"),
+    ("L_I", "LAPACK LU", "L_I, LAPACK LU"),
+)
+"""Model, variant and what it is called here: at most five lines a panel."""
+TRUSTED = 1e-9
+"""Relative error up to which a model is trusted."""
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Of one evaluation: operations, and ns interpreted and compiled, NaN if it cannot be."""
+
+    operations: int
+    interpreted: float
+    compiled: float
+
+
+@dataclass(frozen=True)
+class Models:
+    """``errors``: by (family, task, name), over the ``distances``. ``floors``: what rounding the
+    state alone makes, by (family, task). ``condition``: of C in eq. (55) and of L_I's matrix for
+    torques, by family. ``costs``: by (task, name)."""
+
+    distances: Array
+    errors: dict[tuple[str, str, str], Array]
+    floors: dict[tuple[str, str], Array]
+    condition: dict[str, tuple[Array, Array]]
+    costs: dict[tuple[str, str], Cost]
+
+    def trusted_to(self, family: str, task: str, name: str) -> float:
+        """Return the least ε up to which the error stays below ``TRUSTED`` or ten times what
+        rounding the state makes; 1 if it never does."""
+        errors = self.errors[family, task, name]
+        bad = ~(errors <= np.maximum(TRUSTED, 10 * self.floors[family, task]))
+        first = int(np.argmax(bad)) if bad.any() else len(bad)
+        return float(self.distances[first - 1]) if first else 1.0
+
+
+def measure(
+    progress: Callable[[float, str], None],
+    motions: int,
+    digits: int,
+    states: int,
+    rounds: int,
+    distances: tuple[float, ...],
+) -> Models:
+    """Measure errors at random ``motions`` a state, and costs at so many regular ``states``."""
+    exact = ManyDigits(digits)
+    families = [f for f in delta_families() if f.name in FAMILIES]
+    functions = s.Functions(families[0].mechanism)
+    errors, floors, condition = {}, {}, {}
+    for i, family in enumerate(families):
+        progress(0.7 * i / len(families), family.title)
+        at = s.States.make(family, functions, exact, motions, distances)
+        conditions = {c.matrix: c.numbers for c in s.condition_numbers(at)}
+        condition[family.name] = (conditions["C in closed form"], conditions["L_I, inverse"])
+        for problem in s.PROBLEMS[1:]:
+            truth = s.Truth.of(at, problem, exact)
+            floors[family.name, problem.name] = truth.conditioning()
+            for model, variant, name in CHOSEN:
+                method = next(m for m in s.METHODS if (m.model, m.variant) == (model, variant))
+                errors[family.name, problem.name, name] = truth.errors(at, problem, method)
+    progress(0.7, "cost")
+    costs = _costs(families[0].mechanism, exact_samples(delta(PAPER), states, exact), rounds)
+    progress(1.0, "done")
+    return Models(np.array(distances), errors, floors, condition, costs)
+
+
+def _costs(m: Mechanism, samples: Samples, rounds: int) -> dict[tuple[str, str], Cost]:
+    """Count and time the chosen models in turn, interpreted and, given a compiler, compiled."""
+    partition = Partition.pivoted(s.Functions(m).jacobian(0, NEAR_HOME, PAPER.values()).full())
+    every = models(partition, PAPER)
+    built = {
+        (task.name, name): (task, x.build(m, task), x.compilable)
+        for task in TASKS_OF
+        for model, variant, name in CHOSEN
+        for x in every
+        if (x.name, x.variant) == (model, variant)
+    }
+    runs = {(key, False): Run(f, task, samples) for key, (task, f, _) in built.items()}
+    named = {
+        key: ca.Function(f"model{i}", *_same(f))
+        for i, (key, (_, f, can)) in enumerate(built.items())
+        if can
+    }
+    fast = in_machine_code(list(named.values())) if compiler() else None
+    for key, function in zip(named, fast or [], strict=fast is not None):
+        runs[key, True] = Run(function, built[key][0], samples)
+    times = interleaved(list(runs.values()), rounds, lambda done: None)
+    ns = dict(zip(runs, 1e9 * times.min(axis=1), strict=True))  # load only ever adds
+    return {
+        key: Cost(operations(f), float(ns[key, False]), float(ns.get((key, True), np.nan)))
+        for key, (_, f, _) in built.items()
+    }
+
+
+def _same(f: ca.Function) -> tuple[list[ca.SX] | list[ca.MX], list[ca.SX] | list[ca.MX]]:
+    """Inputs and outputs of a function, for a copy with another name."""
+    x = f.sx_in() if f.is_a("SXFunction") else f.mx_in()
+    return x, f.call(x)
+
+
+def table_of(found: Models) -> str:
+    """Return cost and the least distance at which each model is trusted."""
+    rows = [
+        (
+            *("task", "model", "operations", "interp. ns", "compiled ns"),
+            *(f"trusted to ε: {title}" for title in FAMILIES.values()),
+        )
+    ]
+    for task, told in TASKS.items():
+        for *_, name in CHOSEN:
+            cost = found.costs[task, name]
+            compiled = "-" if np.isnan(cost.compiled) else f"{cost.compiled:.0f}"
+            trusted = (f"{found.trusted_to(f, task, name):.0e}" for f in FAMILIES)
+            figures = (f"{cost.operations:,}", f"{cost.interpreted:.0f}", compiled)
+            rows.append((told, name, *figures, *trusted))
+    return table(rows)
+
+
+def condition_table(found: Models) -> str:
+    """Return condition numbers over the distance."""
+    rows = [("ε", *(f"{f}: cond. of {m}" for f in FAMILIES for m in ("C, eq. (55)", "L_I")))]
+    for k, distance in enumerate(found.distances):
+        numbers = (f"{c[k]:.0e}" for f in FAMILIES for c in found.condition[f])
+        rows.append((f"{distance:.0e}", *numbers))
+    return table(rows)
+
+
+def verdict(found: Models) -> str:
+    """Say which model takes the fewest operations, and which cannot be trusted near what."""
+    told, names = [], [name for *_, name in CHOSEN]
+    nearest = found.distances[-1]
+    for task, what in TASKS.items():
+        cheapest = min(names, key=lambda name: found.costs[task, name].operations)
+        told.append(f"For {what} {cheapest} takes the fewest operations.")
+        for family, title in FAMILIES.items():
+            reach = {name: found.trusted_to(family, task, name) for name in names}
+            short = [f"{n} (down to {e:.0e} only)" for n, e in reach.items() if e > nearest]
+            told.append(
+                f"Towards {title} all can be trusted down to ε = {nearest:.0e}"
+                + (f" but {', '.join(short)}." if short else ".")
+            )
+    return paragraph(*told)
+
+
+def csv_of(found: Models) -> str:
+    """Return errors, one line per family, task, model and distance."""
+    return csv(
+        "family,task,model,distance,error",
+        (
+            (family, task, name, f"{e:g}", repr(float(x)))
+            for (family, task, name), errors in found.errors.items()
+            for e, x in zip(found.distances, errors, strict=True)
+        ),
+    )
