@@ -28,6 +28,6 @@ def test_every_key_of_a_starting_file_has_a_row(text, name):
 
 def test_units_and_defaults_stand_there():
     text = "".join(pages().values())
-    assert "| `payload` | a mass in kg, greater than 0 |" in text
+    assert "| `base_radius` | a length in m, at least 0 | required |" in text
     assert re.search(r"\| `gravity` \| an acceleration in m/s².* \| 9\.81 \|", text)
     assert "None" not in text
