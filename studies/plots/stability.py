@@ -87,7 +87,7 @@ def draw_singularities(study: Singularities, columns: Sequence[Family], path: Pa
         for row, problem in enumerate(PROBLEMS):
             panels[row, 0].set_ylabel(f"{problem.title}:\nrelative error")
         panels[3, 0].set_ylabel("condition number")
-        page.legend(handles=_singularity_legend(), loc="outside lower center", ncols=4)
+        page.legend(handles=_singularity_legend(), loc="outside lower center", ncols=3)
 
 
 def _error_panel(axes: Axes, study: Singularities, family: Family, problem: Problem) -> None:
