@@ -15,9 +15,12 @@ from pathlib import Path
 import numpy as np
 
 from deltaopt.cli.arguments import load_fastest, one_or_more, seed
+from deltaopt.compare.dynamics.tasks import Array
 from deltaopt.errors import DeltaOptError
 from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.motion.trajectory import PiecewisePolynomial
+from deltaopt.planning.formulations.collocation import FAR, CollocationProblem
+from deltaopt.planning.nlp.program import Program
 from studies.problems import PICK_AND_PLACE
 from studies.text_table import paragraph, table
 
@@ -72,7 +75,6 @@ def measure(
     """Solve from ``number`` random detours of each size, and from each wrong duration."""
     from deltaopt.compare.plans.cases import delta_case
     from deltaopt.compare.plans.study import methods
-    from deltaopt.planning.formulations.collocation import FAR
     from deltaopt.planning.nlp.transcription import LINEAR
 
     case = delta_case(scene.stem, load_fastest(scene))
@@ -89,7 +91,10 @@ def measure(
         program, bounds = problem.program_with(FAR), problem.bounds(case.task)
 
         def solve(
-            guess: PiecewisePolynomial, problem=problem, program=program, bounds=bounds
+            guess: PiecewisePolynomial,
+            problem: CollocationProblem = problem,
+            program: Program = program,
+            bounds: tuple[Array, Array] = bounds,
         ) -> tuple[float, int]:
             """Return the duration, s, NaN without convergence, and iterations."""
             try:

@@ -21,6 +21,7 @@ from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.robot.model import DeltaModel
 from deltaopt.scene.scene import Scene
+from deltaopt.scene.task import given_points
 from studies.problems import PICK_AND_PLACE, PROBLEMS
 from studies.text_table import paragraph, table
 
@@ -100,7 +101,8 @@ def measure(
 
 def _of(name: str, scene: Scene, number: int, first: int, steps: int) -> list[Arrival]:
     trajectory = deltaopt.plan(scene).trajectory
-    model, way = trajectory.model, float(np.linalg.norm(np.subtract(scene.goal, scene.start)))
+    start, goal = given_points(scene.task)
+    model, way = trajectory.model, float(np.linalg.norm(np.subtract(goal, start)))
     random = np.random.default_rng(first)
     scales = 1 + random.uniform(-TORQUE, TORQUE, (number, 3))
 
@@ -121,7 +123,7 @@ def _of(name: str, scene: Scene, number: int, first: int, steps: int) -> list[Ar
     found = []
     for off, robot, law in cases:
         x, v = follow(robot, trajectory, law, steps)
-        distances = np.linalg.norm(x - np.asarray(scene.goal), axis=1)
+        distances = np.linalg.norm(x - np.asarray(goal), axis=1)
         found.append(Arrival(name, off, distances, np.linalg.norm(v, axis=1), way))
     return found
 
@@ -137,7 +139,7 @@ def _table(trajectory: Trajectory, *, linear: bool) -> Callable[[Array], Array]:
         if linear:
             columns = [np.interp(t, times, rows[:, k]) for k in range(3)]
             return np.column_stack(columns)[:, None]
-        return rows[np.floor((t - start) / TABLE + 1e-9).astype(int)][:, None]
+        return np.asarray(rows[np.floor((t - start) / TABLE + 1e-9).astype(int)][:, None])
 
     return law
 

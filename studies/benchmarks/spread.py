@@ -114,8 +114,8 @@ def _outcome(
         except IntegrationFailed:
             continue
         errors[k] = np.abs(case.own(motion)[-1] - truth).max()
-        other += errors[k] > NEAR and np.ptp(motion.energy) < 1e-2
-    return Outcome(case.name, name, errors, int(other))
+        other += bool(errors[k] > NEAR and np.ptp(motion.energy) < 1e-2)
+    return Outcome(case.name, name, errors, other)
 
 
 def table_of(found: list[Outcome]) -> str:

@@ -112,9 +112,7 @@ def _costs(m: Mechanism, samples: Samples, rounds: int) -> dict[tuple[str, str],
     }
     runs = {(key, False): Run(f, task, samples) for key, (task, f, _) in built.items()}
     named = {
-        key: ca.Function(f"model{i}", *_same(f))
-        for i, (key, (_, f, can)) in enumerate(built.items())
-        if can
+        key: _renamed(f, f"model{i}") for i, (key, (_, f, can)) in enumerate(built.items()) if can
     }
     fast = in_machine_code(list(named.values())) if compiler() else None
     for key, function in zip(named, fast or [], strict=fast is not None):
@@ -127,10 +125,10 @@ def _costs(m: Mechanism, samples: Samples, rounds: int) -> dict[tuple[str, str],
     }
 
 
-def _same(f: ca.Function) -> tuple[list[ca.SX] | list[ca.MX], list[ca.SX] | list[ca.MX]]:
-    """Inputs and outputs of a function, for a copy with another name."""
+def _renamed(f: ca.Function, name: str) -> ca.Function:
+    """A copy of a function with another name."""
     x = f.sx_in() if f.is_a("SXFunction") else f.mx_in()
-    return x, f.call(x)
+    return ca.Function(name, x, [f(*x)])
 
 
 def table_of(found: Models) -> str:
