@@ -59,10 +59,17 @@ from deltaopt.planning.mesh.mesh_solution import (
     iteration_of,
     solve_first_mesh,
 )
+from deltaopt.planning.mesh.reversals import softer_scenes
 from deltaopt.planning.moving_ends import end_of, first_moving_motions, from_rest
 from deltaopt.planning.multistart import Optimum, distinct, first_motions
 from deltaopt.planning.nlp.cost import FASTEST, Cost
-from deltaopt.planning.nlp.problem import FormulatedProblem, Guess, ProblemFormulation, Solver
+from deltaopt.planning.nlp.problem import (
+    FormulatedProblem,
+    Guess,
+    InteriorPoint,
+    ProblemFormulation,
+    Solver,
+)
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import LINEAR, PiecewiseAcceleration
 from deltaopt.planning.path.path_planning import NAME as ON_PATH
@@ -606,19 +613,33 @@ class Planner:
         return replace(found, ways=taken, solve_seconds=perf_counter() - begin)
 
     def _plan(self, attempt: Attempt, report: Progress) -> Plan:
-        """Plan from one first guess; once more from another mesh if a small gap was missed."""
+        """Plan from one first guess; once more from other meshes if the gap was missed."""
         if not isinstance(attempt.scene.objective, Time):
             return self._plan_effort(attempt, report)
-        found = self._fastest(attempt, report)
+        softer = softer_scenes(attempt.scene, attempt.motion) if self._is_compiled else ()
+        found = self._fastest(replace(attempt, softer=softer), report)
+        if softer and not found.within_tolerance:
+            report("once more, without knots where arms turn back:")
+            found = self._better(found, attempt, report)
         if found.within_tolerance or self.tolerance >= self.resolved_below:
             return found
         other = replace(attempt, intervals=_RETRY_HALVES * attempt.intervals // 2)
         report(f"once more, from {other.intervals} intervals:")
+        return self._better(found, other, report)
+
+    def _better(self, found: Plan, attempt: Attempt, report: Progress) -> Plan:
+        """The shorter of a plan and another one, if there is another."""
         try:
-            return quicker(found, self._fastest(other, report))
+            return quicker(found, self._fastest(attempt, report))
         except _ENDS_AN_ATTEMPT as error:
             report(str(error))
             return found
+
+    @property
+    def _is_compiled(self) -> bool:
+        """Whether plans are made by the interior-point method. Ipopt takes seconds for a mesh, as
+        many with knots at reversals as without."""
+        return isinstance(self._solver, InteriorPoint)
 
     def _fastest(self, attempt: Attempt, report: Progress) -> Plan:
         """Plan the fastest motion from one first guess and one first mesh.
@@ -643,6 +664,7 @@ class Planner:
             self.tolerance,
             None if moving else self._resolver(scaling, model, report),
             report,
+            attempt.softer,
         )
         resolved = refinement.from_guess(guess, attempt.intervals)
         solutions, iterations = refinement.solutions, refinement.iterations

@@ -26,9 +26,11 @@ from deltaopt.planning.mesh.mesh_solution import (
     iteration_of,
     solve_on_mesh,
 )
+from deltaopt.planning.mesh.reversals import with_reversals
 from deltaopt.planning.nlp.problem import FormulatedProblem, Guess
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.robot.model import DeltaModel
+from deltaopt.scene.scene import Scene
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -115,7 +117,9 @@ class Refinement:
 
     ``tolerance``: relative optimality gap to reach. ``resolver``: resolves the instants of
     switching; None if they are not to be resolved. ``report``: is called with a line of text after
-    every mesh. ``solutions`` and ``iterations``: of the meshes so far, one each.
+    every mesh. ``softer``: the scenes of the first meshes, whose friction is softer; if there are
+    any, knots are put at reversals. ``solutions`` and ``iterations``: of the meshes so far, one
+    each.
     """
 
     problem: FormulatedProblem
@@ -124,6 +128,7 @@ class Refinement:
     tolerance: float
     resolver: Resolver | None
     report: Progress
+    softer: tuple[Scene, ...] = ()
     solutions: list[MeshSolution] = field(default_factory=list, init=False)
     iterations: list[Iteration] = field(default_factory=list, init=False)
     _coarse_left: int = field(default=_MOST_DETECTIONS, init=False)
@@ -142,7 +147,8 @@ class Refinement:
         mesh = np.full(intervals, 1 / intervals)
         self._solve(mesh, first, first_tightening(self.scaling, first.trajectory, mesh))
         while not self._done:
-            last, gap = self.solutions[-1], self.iterations[-1].gap
+            last = self.solutions[-1]
+            gap = last.own_gap if last.is_softened else self.iterations[-1].gap
             wanted = _TARGET_SHARE * self.tolerance
             target = max(wanted, _SMALLEST_TARGET, min(gap / _REDUCTION, _LARGEST_TARGET))
             resolve = self._next_resolution(gap)
@@ -186,10 +192,19 @@ class Refinement:
         corrected by comparing two; and no limit of position is exceeded."""
         last = self.iterations[-1]
         small = len(self.iterations) > 1 and last.gap <= self.tolerance
-        return small and isfinite(last.safe_duration)
+        return small and isfinite(last.safe_duration) and not self.solutions[-1].is_softened
+
+    @property
+    def _scene(self) -> Scene:
+        """The scene of the next mesh: on the first ones with softer friction."""
+        solved = len(self.solutions)
+        return self.softer[solved] if solved < len(self.softer) else self.scaling.scene
 
     def _solve(self, mesh: Array, guess: Guess, scaling: Scaling) -> None:
-        self.solutions.append(solve_on_mesh(self.problem.on(mesh), scaling, guess, self.model))
+        if scaling.scene is not self._scene:
+            scaling = replace(scaling, scene=self._scene)
+        problem, scene = self.problem.on(mesh), self.scaling.scene
+        self.solutions.append(solve_on_mesh(problem, scaling, guess, self.model, scene))
         self.iterations.append(iteration_of(self.solutions))
         if self._within_tolerance and self.scaling.scene.task.is_at_rest:
             # So far limits were checked at samples: now at all instants.
@@ -226,6 +241,8 @@ class Refinement:
         ):
             lost = replace(lost, unused=np.zeros_like(lost.unused))
         mesh = refined(last.mesh, lost, target)
+        if self.softer:
+            mesh = with_reversals(mesh, last.trajectory, self._scene)
         mesh = mesh if len(mesh) <= last.problem.finest else last.mesh
         contacts = last.contacts
         return with_knots_at(mesh, contacts) if len(contacts) else mesh
@@ -233,7 +250,7 @@ class Refinement:
     def _is_repetition(self, last: MeshSolution, mesh: Array, scaling: Scaling) -> bool:
         """Whether the next solve would repeat the last; counts solves on the same mesh."""
         N = len(mesh)
-        self._repeats = self._repeats + 1 if len(last.mesh) == N else 0
+        self._repeats = self._repeats + 1 if len(last.mesh) == N and not last.is_softened else 0
         same = self._repeats and np.array_equal(scaling.shares(N), last.scaling.shares(N))
         return bool(same) or self._repeats > _MOST_REPEATS
 
@@ -245,6 +262,8 @@ class Refinement:
         Each mesh is tried once at most.
         """
         if self.resolver is None or self._failures or self._repeats or gap >= _DETECTABLE_GAP:
+            return None
+        if self.solutions[-1].is_softened:
             return None
         if gap < _SHARP_GAP and self._fine_left:
             self._fine_left -= 1

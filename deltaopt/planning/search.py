@@ -46,7 +46,7 @@ class Attempt:
     motion. ``intervals``: of the first mesh. ``accuracy``: relative tolerance of the solver there.
     ``torque_share``: the part of torque limits that meshes may use, so that what is exceeded
     between their points stays below the whole. ``is_near``: whether the first motion is the best
-    one on another mesh.
+    one on another mesh. ``softer``: scenes of the first meshes, as of ``Refinement``.
     """
 
     scene: Scene
@@ -55,6 +55,7 @@ class Attempt:
     accuracy: float
     torque_share: float = 1.0
     is_near: bool = False
+    softer: tuple[Scene, ...] = ()
 
     def __str__(self) -> str:
         parts = [f"{self.intervals} intervals"]

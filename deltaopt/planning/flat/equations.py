@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 
 import casadi as ca
@@ -27,7 +27,8 @@ class PointEquations:
     scene's length and of the duration (X, V, A; 3 each), torques in units of their limits (3), and
     the duration in units of the scene's time. ``force``: eq. (39) in units of the largest torque
     over an arm's length, 3, zero where the torques produce the motion. ``rows``: normalised rows
-    of the limits. ``rate``: of the effort, τᵀτ, N²m².
+    of the limits. ``rate``: of the effort, τᵀτ, N²m². ``saturating``, ``strengths``: of Coulomb
+    friction, as of `PointProblem`: θ̇ / w and c in units of the torque limits.
     """
 
     constraints: Constraints
@@ -36,6 +37,8 @@ class PointEquations:
     force: ca.SX
     rows: ca.SX
     rate: ca.SX
+    saturating: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
+    strengths: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
 
     @classmethod
     def of(cls, functions: DeltaFunctions, constraints: Constraints) -> PointEquations:
@@ -54,6 +57,10 @@ class PointEquations:
         )
         rows = constraints.rows(motion, p.limits)
         rows[np.flatnonzero(constraints.is_control).tolist()] = y[9:12]  # in units of their limits
+        saturating, strengths = ca.SX(0, 1), ca.SX(0, 1)
+        if terms.coulomb is not None and terms.coulomb_speed is not None:
+            saturating = motion.dtheta / terms.coulomb_speed
+            strengths = terms.coulomb / p.torque
         return cls(
             constraints=constraints,
             y=y,
@@ -61,6 +68,8 @@ class PointEquations:
             force=motion.force * 2 * terms.a2 / ca.mmax(p.torque),
             rows=rows,
             rate=ca.sumsqr(tau),
+            saturating=saturating,
+            strengths=strengths,
         )
 
     @property
@@ -89,6 +98,8 @@ class PointEquations:
             force=self.force,
             rows=self.rows,
             sides=tuple(sides),
+            saturating=self.saturating,
+            strengths=self.strengths,
         )
 
     @cached_property

@@ -257,8 +257,10 @@ class FlatProblem:
                     all_at_points=True,
                     left=found.left,
                 )
-        slow = self.intervals > _IPOPT_INSTEAD or (guess.near and self.constraints.has_convex)
-        if method is not None and slow:  # past bodies another mesh is faster
+        # Past bodies, and where arms turn back under Coulomb friction, another mesh is faster.
+        special = self.constraints.has_convex or self.equations.saturating.numel() > 0
+        slow = self.intervals > _IPOPT_INSTEAD or (guess.near and special)
+        if method is not None and slow:
             raise NotConverged(
                 f"the interior-point method does not converge on {self.intervals} intervals",
                 "No_Progress",

@@ -58,6 +58,10 @@ class PointProblem:
     ``rows``: at most 1 or at least -1 or both, as ``sides`` says; they may be nonlinear in tau.
     ``integrands``: their mean over the whole motion is at most 1.
     ``p``: parameters, which may differ from phase to phase.
+    ``saturating``, ``strengths``: of parts of tau, strength · tanh (u) each, the quantity u, a
+    function of y, and the strength, a function of p, (tau,) each; none without such parts. Of their
+    curvature the method takes what makes the sum of weighted rows convex: where tanh bends within
+    one step of an interval, the rest would ask for shifts of the Hessian that make steps short.
     """
 
     coordinates: int
@@ -69,6 +73,8 @@ class PointProblem:
     rows: ca.SX
     sides: tuple[Sides, ...]
     integrands: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
+    saturating: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
+    strengths: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
 
     def __post_init__(self) -> None:
         """Raises ValueError where sizes do not agree or the equations are not affine in tau."""
@@ -122,12 +128,23 @@ class PointProblem:
             ca.jacobian(self.force, y),
             ca.jacobian(c, y),
             ca.jacobian(c, tau),
-            ca.triu(ca.hessian(lagrangian, y)[0]),
+            ca.triu(ca.hessian(lagrangian, y)[0] - self._concave(ca.dot(w, c))),
             ca.jacobian(ca.gradient(lagrangian, y), tau).T,
             ca.hessian(lagrangian, tau)[0],
         ]
         matrices = [ca.sparsify(ca.substitute(matrix, nu, adjoint)) for matrix in matrices]
         return [y, ca.vertcat(tau, ca.vec(inverse)), w], matrices
+
+    def _concave(self, weighted: ca.SX) -> ca.SX:
+        """The part of the Hessian by y of weighted rows that is left out: see ``saturating``."""
+        left_out = ca.SX(self.y.numel(), self.y.numel())
+        slopes = ca.gradient(weighted, self.tau)
+        for k in range(self.saturating.numel()):
+            u = self.saturating[k]
+            bending = -2 * ca.tanh(u) * (1 - ca.tanh(u) ** 2)
+            along = ca.gradient(u, self.y)
+            left_out += ca.fmin(slopes[k] * self.strengths[k] * bending, 0) * (along @ along.T)
+        return left_out
 
     @property
     def _integrals(self) -> ca.SX:

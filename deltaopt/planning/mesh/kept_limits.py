@@ -61,8 +61,9 @@ def kept(problem: FormulatedProblem, solution: MeshSolution, tolerance: float) -
         share = np.repeat(np.minimum(share, 1 - _MARGIN * accuracy), pieces, axis=0)
         mesh = np.repeat(last.mesh / pieces, pieces)
         guess = Guess(last.trajectory, near=True, tolerance=accuracy)
-        scaling = replace(last.scaling, share=share)
-        last = solve_on_mesh(problem.on(mesh), scaling, guess, last.trajectory.model)
+        scene = last.scene
+        scaling = replace(last.scaling, share=share, scene=scene)
+        last = solve_on_mesh(problem.on(mesh), scaling, guess, last.trajectory.model, scene)
     raise NotConverged(
         "limits that are exceeded between the points of the mesh, where slowing is no remedy, are "
         f"still exceeded by {excess.max():.1e} after they were tightened {_MOST} times",

@@ -35,7 +35,7 @@ from deltaopt.planning.mesh.error_estimate import (
 from deltaopt.planning.nlp.problem import FormulatedProblem, Guess, Problem, Solved
 from deltaopt.planning.nlp.program import Spent
 from deltaopt.planning.nlp.scaling import Scaling
-from deltaopt.robot.model import DeltaModel
+from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.scene.scene import Scene
 
 Array = NDArray[np.float64]
@@ -73,36 +73,52 @@ class Iteration:
 
 
 def solve_on_mesh(
-    problem: Problem, scaling: Scaling, guess: Guess, model: DeltaModel
+    problem: Problem, scaling: Scaling, guess: Guess, model: DeltaModel, scene: Scene
 ) -> MeshSolution:
     """Solve a problem on its mesh, and estimate the lost time and the excess over the limits.
 
+    ``scaling``: of the scene that is solved. ``model``, ``scene``: of the scene that was asked for.
     Raises NotConverged.
     """
-    solution = problem.solve(guess, scaling, model.parameters)
+    own = model if scaling.scene is scene else delta_model(scaling.scene.robot, model.payload)
+    solution = problem.solve(guess, scaling, own.parameters)
     trajectory = Trajectory(solution.position, model, solution.coordinates)
     loads = loads_inside(scaling.scene, trajectory, FRACTIONS)
-    rows = time_costing_rows(scaling.constraints)
     slowing, needed = _needed(loads, scaling)
-    lost = error_estimate(
-        problem.mesh,
+    lost = _lost(problem.mesh, solution, loads, slowing, scaling.constraints)
+    unused = lost.total
+    if scaling.scene is not scene:
+        real = loads_inside(scene, trajectory, FRACTIONS)
+        slowing, needed = _needed(real, scaling)
+        unused = _lost(problem.mesh, solution, real, slowing, scaling.constraints).total
+    has_arrived = solution.left <= guess.tolerance
+    found = MeshSolution(
+        problem, solution, trajectory, loads, lost, unused, needed, scaling, scene, has_arrived
+    )
+    return found.with_sure_bounds() if scaling.constraints.has_convex else found
+
+
+def _lost(
+    mesh: Array, solution: Solved, loads: Loads, slowing: Array, constraints: Constraints
+) -> ErrorEstimate:
+    """The lost time of a solution on a mesh; ``slowing``: as of ``error_estimate``."""
+    rows = time_costing_rows(constraints)
+    return error_estimate(
+        mesh,
         solution.multipliers[:, :, rows],
         _by_interval(loads.rows)[:, :, rows],
-        scaling.constraints.orders[rows] == 2,
+        constraints.orders[rows] == 2,
         slowing,
     )
-    has_arrived = solution.left <= guess.tolerance
-    found = MeshSolution(problem, solution, trajectory, loads, lost, needed, scaling, has_arrived)
-    return found.with_sure_bounds() if scaling.constraints.has_convex else found
 
 
 def solve_first_mesh(
     problem: FormulatedProblem, scaling: Scaling, guess: Guess, intervals: int
 ) -> MeshSolution:
     """Solve a problem on a mesh of equal intervals, from a first guess. Raises NotConverged."""
-    mesh = np.full(intervals, 1 / intervals)
+    mesh, model = np.full(intervals, 1 / intervals), guess.trajectory.model
     tightened = first_tightening(scaling, guess.trajectory, mesh)
-    return solve_on_mesh(problem.on(mesh), tightened, guess, guess.trajectory.model)
+    return solve_on_mesh(problem.on(mesh), tightened, guess, model, scaling.scene)
 
 
 def _needed(loads: Loads, scaling: Scaling) -> tuple[Array, NeededSlowing]:
@@ -145,11 +161,13 @@ def _by_interval(rows: Array) -> Array:
 class MeshSolution:
     """A problem solved on one mesh; its motion is not slowed yet.
 
-    ``loads``: constraint rows at ``FRACTIONS`` of the intervals. ``lost``: estimated loss of time.
-    ``needed``: by which factor the motion must be slowed to keep every limit; of all instants if
-    ``is_exact``, otherwise of samples. ``excess``: as of ``sure_excess``; None without such limits.
-    ``scaling``: the scene's units, with the tightened limits
-    that it was solved with. ``has_arrived``: whether the solver left no more than was asked for.
+    ``scene``: the one that was asked for. ``scaling``: units and tightened limits of the scene that
+    was solved, whose friction is softer on the first meshes. ``loads``: constraint rows of the
+    latter at ``FRACTIONS`` of the intervals. ``lost``: its estimated loss of time. ``unused``: the
+    same in ``scene``, without what slowing costs. ``needed``: by which factor the motion must be
+    slowed to keep every limit of ``scene``; of all instants if ``is_exact``, otherwise of samples.
+    ``excess``: as of ``sure_excess``; None without such limits. ``has_arrived``: whether the solver
+    left no more than was asked for.
     """
 
     problem: Problem
@@ -157,8 +175,10 @@ class MeshSolution:
     trajectory: Trajectory
     loads: Loads
     lost: ErrorEstimate
+    unused: float
     needed: NeededSlowing
     scaling: Scaling
+    scene: Scene
     has_arrived: bool
     is_exact: bool = False
     excess: Array | None = None
@@ -182,6 +202,7 @@ class MeshSolution:
         return replace(
             self,
             lost=replace(self.lost, unused=self.lost.unused + unused),
+            unused=self.unused + float(unused.sum()),
             needed=self.needed.beside(float(excess.max())),
             excess=excess,
         )
@@ -234,9 +255,15 @@ class MeshSolution:
         return _by_interval(self.loads.rows)
 
     @property
-    def scene(self) -> Scene:
-        """The scene that was solved."""
-        return self.scaling.scene
+    def is_softened(self) -> bool:
+        """Whether the scene that was solved has softer friction than the one asked for."""
+        return self.scaling.scene is not self.scene
+
+    @property
+    def own_gap(self) -> float:
+        """Estimated optimality gap of the motion in the scene that was solved."""
+        left = self.lost.total + self.solution.left
+        return float(self.lost.exceeded.max()) + SAFETY_FACTOR * left
 
     @property
     def mesh(self) -> Array:
@@ -284,7 +311,7 @@ class MeshSolution:
     @property
     def to_be_gained(self) -> float:
         """Estimated relative gain by finer meshes and by solving this one exactly."""
-        return self.lost.total + self.solution.left
+        return self.unused + self.solution.left
 
     def as_it_is(self, highest: Array) -> MeshSolution:
         """The same solution of a motion that cannot be slowed, from the highest sizes of its rows
@@ -296,7 +323,7 @@ class MeshSolution:
         if self.is_exact:
             return self
         as_sampled = len(sample_fractions(len(self.mesh))) == len(FRACTIONS)
-        known = self.loads if as_sampled else None
+        known = self.loads if as_sampled and not self.is_softened else None
         needed = needed_slowing(self.scene, self.trajectory, sampled=known)
         return replace(self, needed=needed, is_exact=True)
 
@@ -323,7 +350,7 @@ def iteration_of(solutions: list[MeshSolution]) -> Iteration:
     last solution on another mesh: where the estimate fell short, it is raised in proportion.
     """
     last = solutions[-1]
-    to_be_gained = last.lost.total + _left(solutions)
+    to_be_gained = last.unused + _left(solutions)
     others = [each for each in solutions if len(each.mesh) != len(last.mesh)]
     correction = 1.0
     if others:

@@ -500,6 +500,36 @@ def test_derivatives_are_those_of_the_values(name):
     np.testing.assert_allclose(S, H + stiff, rtol=1e-12, atol=1e-12 * abs(S).max())
 
 
+def test_of_the_curvature_of_friction_the_concave_part_is_left_out():
+    """A mass with tau = A + c tanh (V / w) and the row tau: the second derivative by V of weight
+    times row is weight c tanh'', and what the method takes of it is never negative."""
+    y, tau, p = ca.SX.sym("y", 4), ca.SX.sym("tau"), ca.SX.sym("p")
+    u, strength = y[1] / p, ca.SX(0.4)
+    problem = PointProblem(
+        coordinates=1,
+        derivatives=2,
+        y=y,
+        tau=tau,
+        p=p,
+        force=y[2] + strength * ca.tanh(u) - tau,
+        rows=tau,
+        sides=(Sides.BOTH,),
+        saturating=u,
+        strengths=strength,
+    )
+    built = ctypes.CDLL(str(library(source(problem, 4) + PROBE)))
+    w = 0.3
+    for v in (-0.7, -0.2, 0.1, 0.9):
+        for weight in (-1.5, 1.0):
+            probe = Probe(built, np.array([w]), np.array([weight]), np.zeros(1), 4)
+            S = probe(np.array([0.2, v, 1.0, 1.3]))[3]
+            t = np.tanh(v / w)
+            bending = weight * 0.4 * -2 * t * (1 - t**2) / w**2
+            expected = np.zeros((4, 4))
+            expected[1, 1] = max(bending, 0.0)
+            np.testing.assert_allclose(S, expected, rtol=1e-12, atol=1e-13)
+
+
 @pytest.mark.parametrize("name", ["power", "floor"])
 def test_rows_see_the_torques_that_move_the_mass(name):
     """Rows at a point are those of the system with tau from its equations, solved by numpy."""

@@ -186,11 +186,11 @@ def test_tightening_cures_what_slowing_pays_for():
         np.full(400, 1 / 400),
     )
     problem = flat_equations(CROSS).on(mesh)
-    plain = solve_on_mesh(problem, scaling, first_guess(CROSS, 1e-7), model)
+    plain = solve_on_mesh(problem, scaling, first_guess(CROSS, 1e-7), model, CROSS)
     tighter = plain
     for _ in range(3):
         guess = Guess(tighter.trajectory, near=True, tolerance=1e-7)
-        tighter = solve_on_mesh(problem, tighter.tightened(mesh), guess, model)
+        tighter = solve_on_mesh(problem, tighter.tightened(mesh), guess, model, CROSS)
     assert plain.safe_factor > 1 + 1e-5
     assert tighter.safe_factor - 1 < 0.1 * (plain.safe_factor - 1)
     assert (
