@@ -69,7 +69,7 @@ from deltaopt.planning.planner import RESOLVED_BELOW, Plan, Planner, plan, strai
 from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene, load_scene
-from deltaopt.verify.duty import Duty
+from deltaopt.verify.duty import Duty, exceeding
 from deltaopt.verify.measures import Distance
 from deltaopt.verify.verification import Check, Verification, verify
 
@@ -473,6 +473,10 @@ def lower_bound_line(bound: float, trajectory: Trajectory) -> str:
 
 def duty_table(duty: Duty) -> list[str]:
     """Lines on the duty of each motor: RMS torque, mechanical work, power, speed."""
+    marks = {
+        "  rated torque": exceeding(duty.above_rated).upper(),
+        "  nominal torque": exceeding(duty.above_nominal).upper(),
+    }
     rows: list[tuple[str, str, Sequence[float | None]]] = [
         ("RMS torque", "N·m", [each.rms_torque for each in duty.motors]),
         ("  rated torque", "N·m", duty.rated_torque or ()),
@@ -489,7 +493,8 @@ def duty_table(duty: Duty) -> list[str]:
     return [
         f"{'duty of the motors, at the arm':<34}{'1':>10}{'2':>10}{'3':>10}",
         *(
-            f"  {name:<32}{''.join(f'{v:>10.4g}' for v in values if v is not None)}  {unit}"
+            f"  {name:<32}{''.join(f'{v:>10.4g}' for v in values if v is not None)}  {unit:<7}"
+            f"{marks.get(name, '')}".rstrip()
             for name, unit, values in rows
             if any(value is not None for value in values)
         ),

@@ -23,6 +23,7 @@ from deltaopt.motion.effort import cost
 from deltaopt.motion.limit_sensitivity import LimitSensitivity, as_dicts
 from deltaopt.motion.trajectory import Array, Trajectory
 from deltaopt.scene.scene import Scene
+from deltaopt.verify.duty import exceeding
 from deltaopt.verify.pontryagin import Extremal, extremal
 from deltaopt.verify.verification import Verification
 
@@ -281,11 +282,12 @@ def caption(verification: Verification) -> str:
     if duty is not None:
         rms = ", ".join(f"{each.rms_torque:.4g}" for each in duty.motors)
         rated = ", ".join(f"{torque:g}" for torque in dict.fromkeys(duty.rated_torque or ()))
+        above = f", {exceeding(duty.above_rated)}" if any(duty.above_rated or ()) else ""
         done = sum(each.work_done for each in duty.motors)
         absorbed = sum(each.work_absorbed for each in duty.motors)
         lines.append(
             f"RMS torque {rms} N·m"
-            + (f" (rated {rated})" if rated else "")
+            + (f" (rated {rated}{above})" if rated else "")
             + f"; work done {done:.4g} J, absorbed {absorbed:.4g} J; peak power "
             f"{duty.peak_power:.4g} W; largest speed "
             f"{max(each.largest_speed for each in duty.motors):.4g} rad/s"

@@ -26,7 +26,7 @@ from deltaopt.report.modelled import modelled, not_modelled
 from deltaopt.report.moving_robot import drawing
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import MovingEnds, ends_in_words
-from deltaopt.verify.duty import Duty
+from deltaopt.verify.duty import Duty, exceeding
 from deltaopt.verify.verification import Check, Verification
 
 
@@ -213,8 +213,17 @@ def _duty(duty: Duty) -> str:
         ("peak power", "W", [each.peak_power for each in motors]),
         ("largest speed", "rad/s", [each.largest_speed for each in motors]),
     ]
+    marks = {
+        "rated torque": exceeding(duty.above_rated),
+        "nominal torque of the gear": exceeding(duty.above_nominal),
+    }
     table = [
-        (name, *(f"{value:.4g}" for value in values if value is not None), unit)
+        (
+            name,
+            *(f"{value:.4g}" for value in values if value is not None),
+            unit,
+            marks.get(name, ""),
+        )
         for name, unit, values in rows
         if any(value is not None for value in values)
     ]
@@ -227,7 +236,7 @@ def _duty(duty: Duty) -> str:
         "braking returns nothing."
     )
     return (
-        _table(("at the arm", "motor 1", "motor 2", "motor 3", "unit"), table)
+        _table(("at the arm", "motor 1", "motor 2", "motor 3", "unit", ""), table)
         + f"<p>{escape(together)}</p>"
     )
 

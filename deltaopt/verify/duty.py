@@ -45,6 +45,16 @@ class MotorDuty:
     gear_torque: float | None
 
 
+def exceeding(above: tuple[bool, ...] | None) -> str:
+    """The motors that are above a rating in words, such as "above in motors 1 and 3"; empty if
+    none is."""
+    which = [str(k) for k, is_above in enumerate(above or (), 1) if is_above]
+    if not which:
+        return ""
+    names = " and ".join(filter(None, [", ".join(which[:-1]), which[-1]]))
+    return f"above in motor{'s' if len(which) > 1 else ''} {names}"
+
+
 @dataclass(frozen=True)
 class Duty:
     """What a motion asks of all motors.
@@ -59,9 +69,28 @@ class Duty:
     rated_torque: Vector3 | None
     nominal_torque: float | None
 
+    @property
+    def above_rated(self) -> tuple[bool, ...] | None:
+        """Whether each motor's RMS torque is above the rated one, so that the motion can only be
+        repeated with a pause; None where the robot does not name it."""
+        if self.rated_torque is None:
+            return None
+        pairs = zip(self.motors, self.rated_torque, strict=True)
+        return tuple(motor.rms_torque > rated for motor, rated in pairs)
+
+    @property
+    def above_nominal(self) -> tuple[bool, ...] | None:
+        """Whether the cubic mean of each gear's torque is above the nominal one; None where the
+        robot does not name it."""
+        nominal = self.nominal_torque
+        if nominal is None:
+            return None
+        return tuple((motor.gear_torque or 0.0) > nominal for motor in self.motors)
+
     def as_dict(self) -> dict[str, object]:
-        """All numbers, by name."""
-        return asdict(self)
+        """All numbers, and what is above its rating, by name."""
+        above = {"above_rated": self.above_rated, "above_nominal": self.above_nominal}
+        return asdict(self) | above
 
 
 def duty(motors: Curves, cells: Cells, lengths: Array, robot: Robot) -> Duty:

@@ -13,14 +13,14 @@ import numpy as np
 import pytest
 
 import deltaopt
-from deltaopt.cli.plan import table
+from deltaopt.cli.plan import duty_table, table
 from deltaopt.motion.effort import effort
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.plan_files import caption
 from deltaopt.planning.initial_motion import baseline
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.scene import Scene, load_scene
-from deltaopt.verify.duty import Duty
+from deltaopt.verify.duty import Duty, MotorDuty, exceeding
 from deltaopt.verify.measures import MeasuredMotion
 from deltaopt.verify.verification import verify
 
@@ -142,13 +142,36 @@ def test_reports_have_the_duty_and_ratings_only_if_the_robot_names_them():
     found = verify(GEARED, baseline(GEARED))
     lines = table(found).splitlines()
     (rated,) = (line for line in lines if line.startswith("    rated torque"))
-    assert rated.split()[2:] == ["12.54", "12.54", "12.54", "N·m"]
+    assert rated.split()[2:6] == ["12.54", "12.54", "12.54", "N·m"]
+    assert rated.endswith("N·m") is (not any(found.duty.above_rated))
     (nominal,) = (line for line in lines if line.startswith("    nominal torque"))
-    assert nominal.split()[2:] == ["14", "14", "14", "N·m"]
-    assert "(rated 12.54); work done" in caption(found)
+    assert nominal.split()[2:6] == ["14", "14", "14", "N·m"]
+    assert "(rated 12.54" in caption(found)
     assert "rated" not in caption(plain)
     assert "least distance to singularities: serial" in caption(plain)
     told = json.loads(json.dumps(found.as_dict(), allow_nan=False))["duty"]
     assert found.duty is not None
     assert told["motors"][1]["rms_torque"] == found.duty.motors[1].rms_torque
     assert told["rated_torque"] == list(found.duty.rated_torque)
+
+
+@pytest.mark.parametrize(
+    ("rms", "words"),
+    [
+        ((1.0, 2.0, 0.5), ""),
+        ((1.0, 2.1, 0.5), "above in motor 2"),
+        ((3.0, 2.1, 2.5), "above in motors 1, 2 and 3"),
+    ],
+)
+def test_motors_above_their_rating_are_marked(rms, words):
+    """In words, as truth values, in the table and in plan.json's part."""
+    each = [MotorDuty(torque, None, 1.0, 1.0, 10.0, 5.0, 2 * torque) for torque in rms]
+    found = Duty(tuple(each), 30.0, (2.0, 2.0, 2.0), 5.5)
+    assert found.above_rated == tuple(torque > 2.0 for torque in rms)
+    assert found.above_nominal == tuple(torque > 2.75 for torque in rms)
+    assert exceeding(found.above_rated) == words
+    (line,) = (line for line in duty_table(found) if line.startswith("    rated torque"))
+    assert line.endswith(words.upper() or "N·m")
+    assert found.as_dict()["above_rated"] == found.above_rated
+    assert Duty(tuple(each), 30.0, None, None).above_rated is None
+    assert Duty(tuple(each), 30.0, None, None).above_nominal is None
