@@ -172,7 +172,7 @@ def _of_solid(solid: Solid) -> Numbers:
 
 def _kept(scene: Described, least: float) -> Numbers:
     """The least distance, the scale, and the least distance or that there is none."""
-    points = scene.given_points
+    points = scene.placed_points
     way = float(np.linalg.norm(np.subtract(points[-1], points[0]))) or _USUAL_WAY
     return max(least, 0.0), _SCALE * way, least
 

@@ -66,7 +66,7 @@ class Instant(Protocol):
 class Described(Protocol):
     """What a limit may read of a scene: robot, payload (kg; the
     largest and the least, if it varies), the points that are
-    known of start and goal (m), bodies, and its own key."""
+    known of start, goal and the way (m), bodies, and its own key."""
 
     @property
     def robot(self) -> Robot: ...
@@ -75,7 +75,7 @@ class Described(Protocol):
     @property
     def least_payload(self) -> float | None: ...
     @property
-    def given_points(self) -> tuple[Vector3, ...]: ...
+    def placed_points(self) -> tuple[Vector3, ...]: ...
 
     @property
     def kept_out(self) -> Sequence[Convex]:

@@ -42,7 +42,7 @@ class ParallelSingularity:
         if given is None:
             return []
         try:
-            q = delta_model(scene.robot, scene.payload).inverse_kinematics(scene.given_points[0])
+            q = delta_model(scene.robot, scene.payload).inverse_kinematics(scene.placed_points[0])
         except DeltaOptError:
             return [(given, 1.0)]  # what is wrong with the start is told when it is planned
         return [(given, 1.0 if float(ca.DM(parallel_margin(SX(ca.DM(q))))) > 0 else -1.0)]

@@ -40,7 +40,7 @@ class SerialSingularity:
 
     def items(self, scene: Described) -> Sequence[Numbers]:
         model = delta_model(scene.robot, scene.payload)
-        alignments = model.alignments(np.array(scene.given_points))
+        alignments = model.alignments(np.array(scene.placed_points))
         return [(margin(float(alignments.min())),)]
 
     def bounds(self, numbers: SX) -> Bounds:

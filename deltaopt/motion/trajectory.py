@@ -253,6 +253,20 @@ def moving_on(task: Task, trajectory: Trajectory) -> Trajectory:
     return replace(trajectory, end_velocities=velocities)
 
 
+def passes(task: Task, trajectory: Trajectory) -> Array:
+    """When a motion passes the via points of its task, (n,), s: at the knots that are nearest to
+    them, in their order, neither the first nor the last."""
+    x = trajectory.position.coefficients[:, 0]
+    knots, found, first = trajectory.knots, list[float](), 1
+    for number, point in enumerate(task.via):
+        left = len(task.via) - number - 1  # that need a knot each
+        away = np.linalg.norm(x[first : len(x) - left] - point, axis=1)
+        first += int(away.argmin())
+        found.append(float(knots[first]))
+        first += 1
+    return np.array(found)
+
+
 def goal_of(task: Task, trajectory: Trajectory) -> EndState:
     """The state that a task asks for at the end of a motion: on a belt it depends on the motion's
     duration, and at rest anywhere it is where the motion ends."""

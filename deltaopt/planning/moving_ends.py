@@ -1,19 +1,23 @@
-"""First motions where an end moves: from a state, to a state, to a belt, or to rest anywhere.
+"""First motions where an end moves (from a state, to a state, to a belt, or to rest anywhere), and
+through via points.
 
-Such a motion cannot be slowed, so that its duration is chosen at once: of quintics between both
-ends the shortest that keeps the limits at samples, or else the one that exceeds them least.
+A motion whose end moves cannot be slowed, so that its duration is chosen at once: of quintics
+between both ends the shortest that keeps the limits at samples, or else the one that exceeds them
+least.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from itertools import pairwise
+from math import isfinite
 
 import numpy as np
 
 from deltaopt.errors import DeltaOptError
 from deltaopt.files.validated_record import Vector3
-from deltaopt.motion.time_scaling import sizes_at
+from deltaopt.motion.time_scaling import rough_factor, sizes_at
 from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
 from deltaopt.planning.first_motions import first_motion
 from deltaopt.robot.model import delta_model
@@ -123,3 +127,56 @@ def _coefficients(states: States, durations: Array) -> Array:
     zero = np.zeros_like(x0)
     cube, fourth, fifth = 10 * way - 4 * gain, -15 * way + 7 * gain, 6 * way - 3 * gain
     return np.stack([x0, v0, zero, cube / T**3, fourth / T**4, fifth / T**5], axis=1)
+
+
+def through_via_points(scene: Scene) -> Iterator[Trajectory]:
+    """First guesses, the best first: a spline through all points as fast as the limits roughly
+    allow, and motions from point to point that stop at each. Knots are at the via points."""
+    for powers in (0.5, 1.0):
+        with suppress(DeltaOptError):
+            spline = _spline(scene, powers)
+            factor = rough_factor(scene, spline)
+            if isfinite(factor):
+                yield spline.slowed(factor)
+    with suppress(DeltaOptError):
+        yield _stopping(scene)
+
+
+def _points(scene: Scene) -> Array:
+    start, goal = scene.given_points
+    return np.array([start, *scene.task.via, goal])
+
+
+def _spline(scene: Scene, power: float) -> Trajectory:
+    """The cubic spline through all points in 1 s, at rest at both ends; legs take times in
+    proportion to a power of their lengths."""
+    x = _points(scene)
+    h = np.linalg.norm(np.diff(x, axis=0), axis=1) ** power
+    h /= h.sum()
+    v = np.zeros_like(x)
+    n = len(x) - 2  # of inner points, where accelerations are continuous
+    A, b = np.zeros((n, n)), np.zeros((n, 3))
+    secant = np.diff(x, axis=0) / h[:, None]
+    for i in range(n):
+        before, after = 1 / h[i], 1 / h[i + 1]
+        A[i, i] = 2 * (before + after)
+        if i > 0:
+            A[i, i - 1] = before
+        if i < n - 1:
+            A[i, i + 1] = after
+        b[i] = 3 * (before * secant[i] + after * secant[i + 1])
+    v[1:-1] = np.linalg.solve(A, b)
+    position = PiecewisePolynomial.hermite(np.append(0.0, np.cumsum(h)), x, v)
+    return Trajectory(position, delta_model(scene.robot, scene.payload))
+
+
+def _stopping(scene: Scene) -> Trajectory:
+    """From rest to rest at each of the points in turn."""
+    legs = [
+        first_motion(scene.model_copy(update={"start": a, "goal": b, "via": None}))
+        for a, b in pairwise(map(tuple, _points(scene).tolist()))
+    ]
+    position = legs[0].position
+    for leg in legs[1:]:
+        position = position.then(leg.position)
+    return Trajectory(position, legs[0].model)

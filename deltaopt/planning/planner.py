@@ -7,6 +7,7 @@ from concurrent.futures import ProcessPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
+from itertools import pairwise
 from math import inf, isinf
 from pathlib import Path
 from time import perf_counter
@@ -33,7 +34,7 @@ from deltaopt.motion.limit_sensitivity import (
     limits_in_words,
 )
 from deltaopt.motion.time_scaling import highest_rows, safe_factor
-from deltaopt.motion.trajectory import Motion, PiecewisePolynomial, Trajectory, moving_on
+from deltaopt.motion.trajectory import Motion, PiecewisePolynomial, Trajectory, moving_on, passes
 from deltaopt.planning.effort_planning import (
     SMOOTH,
     CostIteration,
@@ -60,7 +61,12 @@ from deltaopt.planning.mesh.mesh_solution import (
     solve_first_mesh,
 )
 from deltaopt.planning.mesh.reversals import softer_scenes
-from deltaopt.planning.moving_ends import end_of, first_moving_motions, from_rest
+from deltaopt.planning.moving_ends import (
+    end_of,
+    first_moving_motions,
+    from_rest,
+    through_via_points,
+)
 from deltaopt.planning.multistart import Optimum, distinct, first_motions
 from deltaopt.planning.nlp.cost import FASTEST, Cost
 from deltaopt.planning.nlp.problem import (
@@ -86,7 +92,7 @@ from deltaopt.scene.moving_ends import Anywhere, End, Start, State
 from deltaopt.scene.objective import Effort, Objective, Time
 from deltaopt.scene.path import Line
 from deltaopt.scene.scene import Limits, Scene, limits_of
-from deltaopt.scene.task import MovingEnds, OnPath, distance, given_points
+from deltaopt.scene.task import MovingEnds, OnPath, RestAnywhere, distance, given_points
 
 Array = NDArray[np.float64]
 Pair = tuple[Vector3, Vector3]
@@ -164,6 +170,13 @@ class Plan:
     def duration(self) -> float:
         """Time from start to goal, s."""
         return self.trajectory.duration
+
+    @property
+    def phases(self) -> tuple[float, ...]:
+        """Durations, s, from each given point to the next: start, via points, goal."""
+        begin, end = self.trajectory.knots[[0, -1]].tolist()
+        at = [begin, *passes(self.scene.task, self.trajectory).tolist(), end]
+        return tuple(b - a for a, b in pairwise(at))
 
     @property
     def cost(self) -> float:
@@ -428,6 +441,13 @@ class Planner:
         if isinstance(task, MovingEnds):
             self._require_free(starts)
             return self._plan_moving(scene, None, report)
+        if task.via:
+            self._require_flat("without via points")
+            self._require_one_start(starts, "where there are via points")
+            found = self._first_found(scene, through_via_points(scene), report)
+            if isinstance(found, Plan):
+                return found
+            raise found
         if starts == 1 and limits_of(scene).constraints.has_convex:
             return self._past_bodies(scene, report)
         if starts == 1:
@@ -469,8 +489,11 @@ class Planner:
     def _require_free(self, starts: int) -> None:
         """Raise ValueError for settings that do not go with ends that move."""
         self._require_flat("from rest to rest")
+        self._require_one_start(starts, "where an end moves")
+
+    def _require_one_start(self, starts: int, where: str) -> None:
         if starts > 1:
-            raise ValueError(f"starts is {starts}; it has no effect where an end moves")
+            raise ValueError(f"starts is {starts}; it has no effect {where}")
 
     def _require_flat(self, others_plan: str) -> None:
         """Raise ValueError where another formulation was asked for, and say what these plan."""
@@ -488,24 +511,28 @@ class Planner:
 
         ``under_way``: what would follow the start. Raises NotConverged.
         """
+        found = self._first_found(scene, first_moving_motions(scene, under_way), report)
+        plan = found if isinstance(found, Plan) else None
+        finished = None if under_way is None else self._finished_first(scene, under_way, plan)
+        if finished is not None:
+            return finished
+        if isinstance(found, Plan):
+            return found
+        raise found
+
+    def _first_found(
+        self, scene: Scene, motions: Iterator[Trajectory], report: Progress
+    ) -> Plan | DeltaOptError:
+        """The plan from the first of some motions that leads to one, or the first error."""
         failures, accuracy = list[DeltaOptError](), max(_FIRST_MESH_TOLERANCE, self.tolerance)
-        found = None
-        for motion in first_moving_motions(scene, under_way):
+        for motion in motions:
             try:
-                attempt = Attempt(scene, motion, self.intervals, accuracy)
-                found = self._fastest(attempt, report)
-                break
+                return self._fastest(Attempt(scene, motion, self.intervals, accuracy), report)
             except _ENDS_AN_ATTEMPT as error:
                 report(str(error))
                 failures.append(error)
-        finished = None if under_way is None else self._finished_first(scene, under_way, found)
-        if finished is not None:
-            return finished
-        if found is None:
-            if failures:
-                raise failures[0]
-            raise Infeasible("no simple motion between both ends stays within reach")
-        return found
+        none = Infeasible("no simple motion through all given points stays within reach")
+        return failures[0] if failures else none
 
     def _finished_first(
         self, scene: Scene, under_way: PiecewisePolynomial, found: Plan | None
@@ -515,11 +542,19 @@ class Planner:
 
         Its gap is infinite: how much longer it is than the best is not known.
         """
-        begin = perf_counter()
+        begin, left = perf_counter(), float(under_way.knots[-1])
+        if isinstance(scene.task.goal, RestAnywhere):
+            if found is None or found.duration <= left:
+                return None
+            trajectory = moving_on(scene.task, replace(found.trajectory, position=under_way))
+            if highest_rows(scene, trajectory).values.max() > 1 + KEPT:
+                return None
+            return replace(
+                found, trajectory=trajectory, gap=inf, certificate=None, multipliers=None
+            )
         rest = from_rest(scene, end_of(under_way))
         if isinstance(rest.task, MovingEnds):
             return None
-        left = float(under_way.knots[-1])
         if found is not None and found.duration <= left + lower_bound(rest):
             return None
         try:
@@ -650,7 +685,7 @@ class Planner:
         guess = Guess(attempt.motion, attempt.is_near, attempt.accuracy)
         model = delta_model(scene.robot, scene.payload)
         moving = isinstance(scene.task, MovingEnds)
-        extent = guess.trajectory.extent if moving else None
+        extent = guess.trajectory.extent if moving or scene.via else None
         scaling = Scaling(
             scene,
             guess.trajectory.duration,
@@ -662,7 +697,7 @@ class Planner:
             scaling,
             model,
             self.tolerance,
-            None if moving else self._resolver(scaling, model, report),
+            None if moving or scene.via else self._resolver(scaling, model, report),
             report,
             attempt.softer,
         )

@@ -27,6 +27,7 @@ from deltaopt.planning.mesh.mesh_solution import (
     solve_on_mesh,
 )
 from deltaopt.planning.mesh.reversals import with_reversals
+from deltaopt.planning.nlp.phases import first_mesh
 from deltaopt.planning.nlp.problem import FormulatedProblem, Guess
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.robot.model import DeltaModel
@@ -144,7 +145,7 @@ class Refinement:
         best of ``solutions`` is the result. Raises NotConverged if the first mesh is not solved,
         and CrossesSingularity if solutions keep passing through a parallel singularity.
         """
-        mesh = np.full(intervals, 1 / intervals)
+        mesh = first_mesh(self.scaling.scene.task, first.trajectory, intervals)
         self._solve(mesh, first, first_tightening(self.scaling, first.trajectory, mesh))
         while not self._done:
             last = self.solutions[-1]

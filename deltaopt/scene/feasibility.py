@@ -43,11 +43,13 @@ def check_feasible(scene: Scene) -> None:
     is known before it is met. Raises Unreachable, Singular or Infeasible, each with a sentence that
     says why not.
     """
+    if scene.via:
+        _require_passages(scene, scene.via)
     if scene.moves_at_ends:
         return _check_moving_ends(scene)
     start, goal = scene.given_points
     way = float(np.linalg.norm(np.subtract(goal, start)))
-    if way < _SHORTEST_MOVE:
+    if way < _SHORTEST_MOVE and not scene.via:
         raise Infeasible(
             f"start and goal are {way:.1e} m apart, which coordinates in double precision "
             f"cannot resolve; at least {_SHORTEST_MOVE:g} m are needed"
@@ -58,6 +60,28 @@ def check_feasible(scene: Scene) -> None:
     for name, point in (("start", start), ("goal", goal)):
         _require_reach(model, name, point)
         _require_rest(model, scene, name, point)
+        _require_departure(model, name, point)
+
+
+def _require_passages(scene: Scene, points: tuple[Vector3, ...]) -> None:
+    """Raise Unreachable, Singular or Infeasible if the platform cannot be at one of some points on
+    its way."""
+    model, limits = delta_model(scene.robot, scene.payload), limits_of(scene)
+    states = np.pad(np.array(points), ((0, 0), (0, 3)))
+    back, rows, distances = _state_function(model.functions.terms, limits.constraints)(
+        states, parameters=np.concatenate([limits.numbers, model.parameters])
+    )
+    for number, point in enumerate(points, 1):
+        for sentence in _too_near(scene, point):
+            raise Infeasible(f"via {number}: at {in_words(point)} m the tool {sentence}")
+    there = np.linalg.norm(back - points, axis=1) <= _SAME_PLACE  # False where not a number
+    if there.all() and (np.abs(rows) <= 1).all() and (distances > _CLEAR).all():
+        return
+    for number, point in enumerate(points, 1):
+        name = f"via {number}"
+        _require_reach(model, name, point)
+        for sentence in _exceeded(scene, EndState(point), orders=1):
+            raise Infeasible(f"{name}: at {in_words(point)} m the {sentence}")
         _require_departure(model, name, point)
 
 
@@ -120,6 +144,9 @@ def room_at_rest(scene: Scene, points: Array) -> Array:
     at rest, is not below its elbows, or is beyond a parallel singularity, seen from the start.
     """
     back, rows, distances = _at_rest(scene, points)
+    for number, point in enumerate(points, 1):
+        for sentence in _too_near(scene, point):
+            raise Infeasible(f"via {number}: at {in_words(point)} m the tool {sentence}")
     there = np.linalg.norm(back - points, axis=1) <= _SAME_PLACE  # False where not a number
     limits = 1 - np.abs(rows).max(axis=1)
     volumes = _volumes(scene, np.vstack([scene.given_points[0], points]))
@@ -254,17 +281,20 @@ def _too_near(scene: Scene, point: Vector3) -> Iterator[str]:
             yield f"is {1e3 * distance:.4g} mm from {body}, where {asked}"
 
 
-def _exceeded(scene: Scene, end: EndState) -> Iterator[str]:
+def _exceeded(scene: Scene, end: EndState, orders: int = 3) -> Iterator[str]:
     """A phrase for each limit that is exceeded with the platform in a state: those of torque and
-    acceleration only if it is at rest, for else these are not known yet."""
+    acceleration only if it is at rest, for else these are not known yet.
+
+    ``orders``: of limits that count, below this one.
+    """
     model, limits = delta_model(scene.robot, scene.payload), limits_of(scene)
-    constraints, orders = limits.constraints, limits.constraints.orders
+    constraints, row_orders = limits.constraints, limits.constraints.orders
     given = end.position, end.velocity, model.parameters, limits.numbers
     x, v, p, numbers = (ca.SX(ca.DM(each)) for each in given)
     motion = CoordinateInstant.general(model.functions, x, v, ca.SX.zeros(3), p)
     found = np.array(ca.DM(constraints.measures(motion, numbers))).ravel()
     for row, (value, lower, upper) in enumerate(zip(found, *limits.bounds, strict=True)):
-        if end.velocity != REST and orders[row] > 1:
+        if row_orders[row] >= orders or (end.velocity != REST and row_orders[row] > 1):
             continue
         rounding = _ROUNDING if end.velocity == REST else _PLANNED * max(1.0, abs(value))
         if not lower - rounding <= value <= upper + rounding:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from functools import cached_property, lru_cache
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Self
 
@@ -142,6 +143,9 @@ class Scene(Record):
     goal: Annotated[tuple[Number, Number, Number], LENGTH] | State | Belt | Anywhere = Field(
         description=EXPECTED_GOAL
     )
+    via: Annotated[tuple[tuple[Number, Number, Number], ...], LENGTH] | None = Field(
+        default=None, description="points [[x, y, z], …] in m, passed in this order at any speed"
+    )
     limits: Limits | None = Field(
         default=None,
         description="a mapping with some of the keys " + ", ".join(Limits.model_fields),
@@ -194,7 +198,7 @@ class Scene(Record):
         if self.moves_at_ends or not isinstance(goal, EndState):
             return MovingEnds(start, goal)
         if self.path is None:
-            return RestToRest(start.position, goal.position)
+            return RestToRest(start.position, goal.position, self.via or ())
         return OnPath.of(start.position, goal.position, self.path)
 
     @property
@@ -203,6 +207,11 @@ class Scene(Record):
         anywhere, the goal."""
         start, goal = self.ends
         return (start.position, goal.position) if isinstance(goal, EndState) else (start.position,)
+
+    @property
+    def placed_points(self) -> tuple[Vector3, ...]:
+        """The points in m that are known of the motion: those of its ends and the via points."""
+        return *self.given_points, *(self.via or ())
 
     @property
     def ends(self) -> tuple[EndState, Goal]:
@@ -345,8 +354,25 @@ class Scene(Record):
         task = self.task
         if isinstance(task, MovingEnds):
             return self._can_move_at_ends(task)
-        if task.start == task.goal:
+        if task.start == task.goal and not task.via:
             raise SceneError(None, "goal", self.goal, "a point in m other than start")
+        return self
+
+    @model_validator(mode="after")
+    def _via_fits(self) -> Self:
+        if self.via is None:
+            return self
+        given = [list(point) for point in self.via]
+        if self.path is not None or self.moves_at_ends:
+            beside = "start and goal at rest" if self.moves_at_ends else "no path"
+            raise SceneError(None, "via", given, f"{beside} beside it")
+        start, goal = self.given_points
+        if not given or any(a == b for a, b in pairwise((start, *self.via, goal))):
+            expected = "points in m, each other than the one before it, start and goal included"
+            raise SceneError(None, "via", given, expected)
+        if not isinstance(self.objective, Time):
+            expected = "time, where there are via points"
+            raise SceneError(None, "objective", str(self.objective), expected)
         return self
 
     def _can_move_at_ends(self, task: MovingEnds) -> Self:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 
@@ -85,6 +85,11 @@ class Task(Protocol):
         ...
 
     @property
+    def via(self) -> tuple[Vector3, ...]:
+        """Points in m that are passed on the way, in this order."""
+        ...
+
+    @property
     def description(self) -> str:
         """The task in words, for a table."""
         ...
@@ -92,10 +97,14 @@ class Task(Protocol):
 
 @dataclass(frozen=True)
 class RestToRest:
-    """The task to move from rest at ``begin`` to rest at ``end``, in m, on any path."""
+    """The task to move from rest at ``begin`` to rest at ``end``, in m, on any path.
+
+    ``via``: points in m that are passed on the way, in this order, at any speed.
+    """
 
     begin: Vector3
     end: Vector3
+    via: tuple[Vector3, ...] = ()
 
     @property
     def start(self) -> EndState:
@@ -111,7 +120,10 @@ class RestToRest:
 
     @property
     def description(self) -> str:
-        return "from rest to rest, path free"
+        if not self.via:
+            return "from rest to rest, path free"
+        points = "a via point" if len(self.via) == 1 else f"{len(self.via)} via points"
+        return f"from rest to rest through {points}, path free between"
 
 
 @dataclass(frozen=True)
@@ -120,6 +132,7 @@ class MovingEnds:
 
     start: EndState
     goal: Goal
+    via: ClassVar[tuple[Vector3, ...]] = ()
 
     @property
     def is_at_rest(self) -> bool:
@@ -147,6 +160,7 @@ class OnPath:
     path: Path
     speeds: tuple[float, float]
     shape: str
+    via: ClassVar[tuple[Vector3, ...]] = ()
 
     @classmethod
     def of(cls, begin: Vector3, end: Vector3, given: GivenPath) -> OnPath:

@@ -1,12 +1,13 @@
-"""How far a motion is from the path that its scene gives."""
+"""How far a motion is from the path or the via points that its scene gives."""
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.polynomial import Polynomial
 
 from deltaopt.motion.trajectory import Array, Trajectory
 from deltaopt.scene.path import Path
-from deltaopt.scene.task import OnPath
+from deltaopt.scene.task import OnPath, Task
 
 _IN_PIECE = 64
 """Places of every piece of the path among which the nearest is looked for first."""
@@ -14,6 +15,10 @@ _STEPS = 50
 """Of Newton's method from there: where the path turns back it gains only a digit in three steps."""
 _AT_ONCE = 1_000_000
 """Distances that are compared at once, in 8 MB."""
+_REAL = 1e-6
+"""Imaginary part of a root, in lengths of its interval, that may be rounding of a double root."""
+_AS_NEAR = 1e-10
+"""By how much a place must be nearer, m, to count instead of an earlier one: less is rounding."""
 _FRACTIONS = np.linspace(0.0, 1.0, 8)
 """Of every interval, where the motion is looked at."""
 
@@ -22,6 +27,34 @@ def off_path(task: OnPath, trajectory: Trajectory) -> float:
     """The largest distance of the motion from the path of a task, m."""
     x, _, _ = trajectory.path_inside(_FRACTIONS)
     return float(_distances(task.path, x).max())
+
+
+def off_via_points(task: Task, trajectory: Trajectory) -> float:
+    """The largest distance, m, at which the motion passes a via point of a task, each looked for
+    after the one before it.
+
+    On every interval the squared distance is a polynomial; it is least at an end or at a root of
+    its derivative. Of places that are as near, the first counts.
+    """
+    worst, interval, since = 0.0, 0, 0.0
+    coefficients, lengths = trajectory.position.coefficients, np.diff(trajectory.knots)
+    for point in task.via:
+        best = (np.inf, 0, 0.0)
+        for k in range(interval, len(lengths)):
+            away = coefficients[k].copy()
+            away[0] -= point
+            squares = [Polynomial(each) ** 2 for each in away.T]
+            square = squares[0] + squares[1] + squares[2]
+            begin = since if k == interval else 0.0
+            roots = square.deriv().roots()
+            inside = roots.real[(np.abs(roots.imag) < _REAL * lengths[k])]
+            for s in sorted([begin, lengths[k], *inside[(inside > begin) & (inside < lengths[k])]]):
+                distance = float(np.sqrt(max(square(s), 0.0)))
+                if distance < best[0] - _AS_NEAR:
+                    best = distance, k, float(s)
+        distance, interval, since = best
+        worst = max(worst, distance)
+    return worst
 
 
 def _distances(path: Path, x: Array) -> Array:

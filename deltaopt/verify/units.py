@@ -34,10 +34,11 @@ DIMENSIONS: dict[str, tuple[int, int, int]] = {
 
 
 def way_of(scene: Scene, trajectory: Trajectory) -> float:
-    """How far a motion goes, m: from the scene's start to its goal or, where these move, as far as
-    it goes from where it begins."""
+    """How far a motion goes, m: from the scene's start to its goal; where these move or there are
+    via points, as far as it goes from where it begins."""
     task = scene.task
-    return trajectory.extent if isinstance(task, MovingEnds) else distance(task)
+    by_motion = isinstance(task, MovingEnds) or task.via
+    return trajectory.extent if by_motion else distance(task)
 
 
 @dataclass(frozen=True)

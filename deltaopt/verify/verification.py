@@ -32,7 +32,7 @@ from deltaopt.verify.clearance import clearance_excess
 from deltaopt.verify.duty import Duty
 from deltaopt.verify.forward_replay import NotIntegrated, replay
 from deltaopt.verify.measures import Distance, Excess, MeasuredMotion, key, not_measured
-from deltaopt.verify.path_distance import off_path
+from deltaopt.verify.path_distance import off_path, off_via_points
 from deltaopt.verify.pontryagin import NoCostates, extremal
 from deltaopt.verify.resolved_curves import POINTS, WEIGHTS, TooRough
 from deltaopt.verify.units import Units, way_of
@@ -123,6 +123,13 @@ BOUNDS = (
         "m",
         BOUNDARY_DISTANCE,
         "it is up to {:.3g} m off the scene's path",
+        BOUNDARY_SHARE,
+    ),
+    Bound(
+        "via_distance",
+        "m",
+        BOUNDARY_DISTANCE,
+        "it misses a via point by {:.3g} m, or passes it out of turn",
         BOUNDARY_SHARE,
     ),
     Bound(
@@ -240,6 +247,7 @@ class Verification:
     ``distances``: the least to every kind of singularity; empty where not evaluated.
     ``start_distance``, ``goal_distance``: m, from the scene's points to the motion's ends.
     ``path_distance``: m, of the motion from the scene's path; None where it gives none.
+    ``via_distance``: m, the largest from a via point, passed in the scene's order; None without.
     ``start_speed``, ``goal_speed``: m/s, by how much the platform's velocity at the motion's ends
         differs from the scene's, which is zero unless an end moves.
     ``position_jump``, ``velocity_jump``: m and m/s, the largest at a knot.
@@ -270,6 +278,7 @@ class Verification:
     start_distance: float = inf
     goal_distance: float = inf
     path_distance: float | None = None
+    via_distance: float | None = None
     start_speed: float = inf
     goal_speed: float = inf
     position_jump: float = inf
@@ -500,7 +509,8 @@ def _clears(near: Excess | None) -> bool:
 
 def _optimality(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
     """How well Pontryagin's condition is met, which is that of a free path between given states."""
-    if isinstance(scene.task, OnPath) or not isinstance(scene.task.goal, EndState):
+    task = scene.task
+    if isinstance(task, OnPath) or task.via or not isinstance(task.goal, EndState):
         return {}
     try:
         found = extremal(scene, trajectory)
@@ -515,6 +525,8 @@ def _ends(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
     task = scene.task
     on_path = {} if not isinstance(task, OnPath) else {"path_distance": off_path(task, trajectory)}
     goal = goal_of(task, trajectory)
+    if task.via:
+        on_path["via_distance"] = off_via_points(task, trajectory)
     return on_path | {
         "start_distance": _norm(x[0] - task.start.position),
         "goal_distance": _norm(x[-1] - goal.position),

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +27,7 @@ from numpy.typing import NDArray
 from deltaopt.errors import NotConverged
 from deltaopt.limits.constraints import Constraints
 from deltaopt.mechanisms.delta.functions import DeltaFunctions
-from deltaopt.motion.trajectory import Motion, PiecewisePolynomial, Trajectory
+from deltaopt.motion.trajectory import Motion, PiecewisePolynomial, Trajectory, passes
 from deltaopt.planning.flat.equations import PointEquations, point_equations
 from deltaopt.planning.flat.interior_point import (
     Boundary,
@@ -37,6 +38,7 @@ from deltaopt.planning.flat.interior_point import (
     interior_point,
 )
 from deltaopt.planning.nlp.cost import FASTEST, Cost
+from deltaopt.planning.nlp.phases import parts
 from deltaopt.planning.nlp.problem import IPOPT_FINEST, Guess, InteriorPoint, Ipopt, Solved, Solver
 from deltaopt.planning.nlp.program import (
     IpoptSolution,
@@ -246,6 +248,8 @@ class FlatProblem:
                 break
             settings = replace(begin, tolerance=guess.tolerance)
             found = self._by_interior_point(method, guess, scaling, parameters, settings)
+            if found.solved and len(found.phases) > 1:
+                return self._of_phases(found, scaling)
             if found.solved:
                 (phase,) = found.phases
                 return Solved(
@@ -266,6 +270,13 @@ class FlatProblem:
                 "No_Progress",
                 guess.trajectory,
             )
+        if scaling.scene.task.via:
+            raise NotConverged(
+                "motions through via points are planned by the interior-point method alone, which "
+                "does not converge here, or is not compiled",
+                "No_Progress",
+                guess.trajectory,
+            )
         return self._by_ipopt(guess, scaling, parameters)
 
     def _by_interior_point(
@@ -277,6 +288,8 @@ class FlatProblem:
         settings: Settings,
     ) -> InteriorPointSolution:
         """Run the interior-point method from a guess."""
+        if scaling.scene.task.via:
+            return self._in_phases(method, guess, scaling, parameters, settings)
         knots, T = self._at_knots(guess.trajectory, scaling)
         shares = np.ascontiguousarray(scaling.shares(self.intervals))
         phase = Phase(self.mesh, scaling.parameters(parameters), shares, knots, T)
@@ -286,6 +299,67 @@ class FlatProblem:
         else:
             at_ends = Boundary.at_rest(knots[0, :3]), Boundary.at_rest(knots[-1, :3])
         return method.solve([phase], at_ends, settings)
+
+    def _in_phases(
+        self,
+        method: CompiledMethod,
+        guess: Guess,
+        scaling: Scaling,
+        parameters: Array,
+        settings: Settings,
+    ) -> InteriorPointSolution:
+        """Run the interior-point method from a guess, in a phase from each via point to the next.
+
+        Each phase has a duration of its own; position and velocity are continuous between them.
+        """
+        task, motion = scaling.scene.task, guess.trajectory
+        p, shares = scaling.parameters(parameters), scaling.shares(self.intervals)
+        first, last = motion.knots[[0, -1]]
+        instants = np.array([first, *passes(task, motion), last])
+        passed = (instants[1:-1] - first) / motion.duration
+        phases = []
+        for own, (begin, end) in zip(
+            parts(self.mesh, passed), pairwise(instants.tolist()), strict=True
+        ):
+            T, mesh = end - begin, self.mesh[own] / self.mesh[own].sum()
+            times = begin + T * np.concatenate([[0.0], np.cumsum(mesh)])
+            knots = scaling.states(motion.position, times, T)
+            share = np.ascontiguousarray(shares[own])
+            phases.append(Phase(mesh, p, share, knots, T / scaling.time))
+        between = (Boundary.passed(scaling.place(point)) for point in task.via)
+        start, goal = boundary(task.start, scaling), boundary(task.goal, scaling)
+        return method.solve(phases, [start, *between, goal], settings)
+
+    def _of_phases(self, found: InteriorPointSolution, scaling: Scaling) -> Solved:
+        """The solution in phases as one motion on a mesh, whose fractions have changed."""
+        total = sum(phase.duration for phase in found.phases)
+        start = found.phases[0]
+        times, places = [np.zeros(1)], [start.knots[:1, :3]]
+        rates = [start.knots[:1, 3:] / start.duration]
+        begin, first = 0.0, 0
+        for phase in found.phases:
+            own = self.mesh[first : first + len(phase.knots) - 1]
+            times.append(begin + phase.duration * np.cumsum(own) / own.sum())
+            places.append(phase.knots[1:, :3])
+            rates.append(phase.knots[1:, 3:] / phase.duration)
+            begin, first = begin + phase.duration, first + len(own)
+        knots = np.concatenate(times)
+        position = PiecewisePolynomial.hermite(
+            scaling.time * knots,
+            scaling.origin + scaling.length * np.vstack(places),
+            scaling.length / scaling.time * np.vstack(rates),
+        )
+        multipliers = np.concatenate([phase.multipliers for phase in found.phases])
+        return Solved(
+            position,
+            multipliers / total,
+            found.status,
+            found.iterations,
+            found.spent,
+            all_at_points=True,
+            left=found.left,
+            mesh=np.diff(knots) / total,
+        )
 
     @cached_property
     def _interior_point(self) -> CompiledMethod | None:

@@ -85,12 +85,13 @@ def solve_on_mesh(
     trajectory = Trajectory(solution.position, model, solution.coordinates)
     loads = loads_inside(scaling.scene, trajectory, FRACTIONS)
     slowing, needed = _needed(loads, scaling)
-    lost = _lost(problem.mesh, solution, loads, slowing, scaling.constraints)
+    mesh = problem.mesh if solution.mesh is None else solution.mesh
+    lost = _lost(mesh, solution, loads, slowing, scaling.constraints)
     unused = lost.total
     if scaling.scene is not scene:
         real = loads_inside(scene, trajectory, FRACTIONS)
         slowing, needed = _needed(real, scaling)
-        unused = _lost(problem.mesh, solution, real, slowing, scaling.constraints).total
+        unused = _lost(mesh, solution, real, slowing, scaling.constraints).total
     has_arrived = solution.left <= guess.tolerance
     found = MeshSolution(
         problem, solution, trajectory, loads, lost, unused, needed, scaling, scene, has_arrived
@@ -268,7 +269,7 @@ class MeshSolution:
     @property
     def mesh(self) -> Array:
         """Lengths of the intervals, fractions of the duration, (N,)."""
-        return self.problem.mesh
+        return self.problem.mesh if self.solution.mesh is None else self.solution.mesh
 
     def tightened(self, mesh: Array) -> Scaling:
         """The scaling with tightened limits for the next mesh, which divides this one.

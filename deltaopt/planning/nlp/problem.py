@@ -69,7 +69,8 @@ class Solved:
     positive at an upper bound, negative at a lower one. ``all_at_points``: whether these are all
     multipliers of the motion, given at the problem's points. ``coordinates``: all twelve, m and
     rad, where they do not follow from the platform's position. ``left``: by what fraction of the
-    duration the solver's next step would shorten it.
+    duration the solver's next step would shorten it. ``mesh``: lengths of the intervals as
+    fractions of the duration, (N,), where the solver has changed them; None where not.
     """
 
     position: PiecewisePolynomial
@@ -80,6 +81,7 @@ class Solved:
     all_at_points: bool = False
     coordinates: PiecewisePolynomial | None = None
     left: float = 0.0
+    mesh: Array | None = None
 
 
 class Problem(Protocol):
