@@ -58,8 +58,10 @@ def limit_curves(scene: Scene, trajectory: Trajectory, fractions: Array) -> Iter
     lower, upper = limits.bounds
     constraints = limits.constraints
     for limit, rows in zip(constraints.limits, constraints.slices, strict=True):
+        used = np.isfinite(lower[rows]) | np.isfinite(upper[rows])
         if limit.promised:
-            yield LimitCurves(limit, values[:, rows], lower[rows], upper[rows])
+            own = values[:, rows][:, used]
+            yield LimitCurves(limit, own, lower[rows][used], upper[rows][used])
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 
 from deltaopt.motion.limit_curves import LimitCurves, limit_curves
 from deltaopt.motion.trajectory import Array, Trajectory, ends_of
+from deltaopt.plots.bodies import draw_bodies
 from deltaopt.plots.colours import COLOURS, GREY
 from deltaopt.plots.style import figure, motor_curves, without_box
 from deltaopt.scene.scene import Scene
@@ -62,9 +63,11 @@ def draw_limits(
         side.set_ylabel("$x$ (mm), down")
         _path(side, ends, motion.x, ticks, along=0)
         side.invert_yaxis()
+        draw_bodies(side, scene, lambda points: 1e3 * points[:, [1, 0]])
         above = page.add_subplot(grid[1, 1])
         above.set_ylabel("$z$ (mm)")
         _path(above, ends, motion.x, ticks, along=2)
+        draw_bodies(above, scene, lambda points: 1e3 * points[:, [1, 2]])
         if extremal is not None:
             switching = page.add_subplot(grid[panels, 0], sharex=left[0])
             _switching(switching, extremal)

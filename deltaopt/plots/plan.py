@@ -14,6 +14,7 @@ from matplotlib.patheffects import Normal, Stroke
 from deltaopt.motion.limit_curves import limit_curves
 from deltaopt.motion.trajectory import Array, Trajectory, ends_of
 from deltaopt.output.headline import assumption, title
+from deltaopt.plots.bodies import draw_bodies
 from deltaopt.plots.colours import BLACK, COLOURS, GREY, LIGHT_GREY
 from deltaopt.plots.robot_view import View, draw_robot, view_of_move
 from deltaopt.plots.style import LARGE, SMALL, figure, motor_curves, without_box
@@ -110,6 +111,7 @@ def _path(axes: Axes, scene: Scene, trajectory: Trajectory) -> None:
     axes.plot(*dots[0], "o", color=BLACK, markerfacecolor="white", markersize=4)
     axes.set_aspect("equal", adjustable="datalim")
     axes.margins(0.08)
+    draw_bodies(axes, scene, place)
     axes.set_xlabel("along the move (mm)")
     axes.set_ylabel("above the start (mm)")
     axes.set_title("path (solid) and straight line (dotted)")

@@ -17,6 +17,7 @@ SAYS = {
     "basin": "The same motion is found: flat 2 of 2",
     "benchmarks": "Gough-Stewart platform: L_I, L_E",
     "claims": "in brackets the 95 % interval",
+    "bodies": "5 of 5 planned, 5 verified",
     "conventions": "conventions.png",
     "cycle": "| industrial | line across |",
     "frontier": "Within 0.01: the default takes",
