@@ -31,6 +31,7 @@ from deltaopt.scene.task import EndState, MovingEnds, OnPath
 from deltaopt.verify.clearance import clearance_excess
 from deltaopt.verify.duty import Duty
 from deltaopt.verify.forward_replay import NotIntegrated, replay
+from deltaopt.verify.links import robot_clearance
 from deltaopt.verify.measures import Distance, Excess, MeasuredMotion, key, not_measured
 from deltaopt.verify.path_distance import off_path, off_via_points
 from deltaopt.verify.pontryagin import NoCostates, extremal
@@ -103,6 +104,12 @@ class Bound:
 
 BOUNDS = (
     Bound("duration_error", "s", DURATION, "it takes {:.3g} s more or less than the scene says"),
+    Bound(
+        "robot_overlap",
+        "m",
+        0.0,
+        "an arm or a forearm is up to {:.3g} m inside a keep-out body",
+    ),
     Bound("rotation_left", "s", DURATION, "it ends {:.3g} s before the fourth axis has turned"),
     Bound(
         "start_distance",
@@ -241,6 +248,8 @@ class Verification:
         slowed so that it keeps its limits; None where an end moves, which slowing would change.
     ``effort``: ∫ τᵀτ dt, N²m²s.
     ``duration_error``: s, from the scene's duration; None where it gives none.
+    ``robot_clearance``: m, of arms and forearms from keep-out bodies, by samples; None without
+        bodies. ``robot_overlap``: its negative, where the scene asks for it to be none.
     ``rotation_left``: s, by which the scene's rotation takes longer; None where it has none.
     ``excesses``: of every limit of the scene the largest, by name: ``report.torque_excess`` is
         the value of ``report.excesses["torque_excess"]``, None where the scene has no such limit.
@@ -273,6 +282,8 @@ class Verification:
     safe_duration: float | None = inf
     effort: float = inf
     duration_error: float | None = None
+    robot_clearance: float | None = None
+    robot_overlap: float | None = None
     rotation_left: float | None = None
     excesses: Mapping[str, Excess] = field(default_factory=dict)
     start_distance: float = inf
@@ -479,6 +490,9 @@ def _measures(scene: Scene, trajectory: Trajectory) -> dict[str, Any]:
     }
     if given is not None:
         measures["duration_error"] = abs(trajectory.duration - given)
+    measures["robot_clearance"] = clearance = robot_clearance(scene, trajectory)
+    if scene.robot_keeps_clear and clearance is not None:
+        measures["robot_overlap"] = -clearance
     if scene.rotation is not None:
         measures["rotation_left"] = max(0.0, scene.rotation.duration - trajectory.duration)
     return measures
