@@ -12,6 +12,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Self
 
+import numpy as np
 from pydantic import (
     Field,
     SerializerFunctionWrapHandler,
@@ -48,6 +49,7 @@ from deltaopt.robot.robot import Robot, load_robot
 from deltaopt.robot.solids import Convex, Polytope
 from deltaopt.scene.bodies import EXPECTED as EXPECTED_BODIES
 from deltaopt.scene.bodies import Body, sums
+from deltaopt.scene.convex_hull import NoVolume, convex_hull
 from deltaopt.scene.moving_ends import (
     EXPECTED_GOAL,
     EXPECTED_START,
@@ -71,6 +73,7 @@ from deltaopt.scene.path import (
     points_in,
 )
 from deltaopt.scene.rotation import Rotation
+from deltaopt.scene.stl import corners_in
 from deltaopt.scene.task import (
     REST,
     EndState,
@@ -462,7 +465,34 @@ def load_scene(path: str | Path) -> Scene:
     given = content.get("path")
     if isinstance(given, dict) and isinstance(given.get("points"), str):
         content["path"] = {**given, "points": _points(file, given["points"])}
+    bodies = content.get("keep_out")
+    if isinstance(bodies, list):
+        content["keep_out"] = [_with_points(file, body) for body in bodies]
     return Scene.from_content(content, file)
+
+
+def _with_points(scene_file: Path, body: object) -> object:
+    """The content of a body, with the corners of a file's convex hull instead of its name."""
+    hull = body.get("hull") if isinstance(body, dict) else None
+    if not (isinstance(hull, dict) and isinstance(hull.get("file"), str)):
+        return body
+    try:
+        points = corners_in(scene_file.parent / hull["file"])
+        points = points[np.unique(convex_hull(points))]
+    except NoVolume as error:
+        place = place_of(scene_file, "keep_out")
+        expected = f"an STL file with {error}"
+        raise SceneError(
+            scene_file, "keep_out.hull.file", hull["file"], expected, place=place
+        ) from None
+    except SceneError as error:
+        place = place_of(scene_file, "keep_out")
+        problem = f"{error.file} {error.problem}"
+        raise SceneError(
+            scene_file, "keep_out.hull.file", hull["file"], error.expected, problem, place
+        ) from None
+    others = {key: value for key, value in hull.items() if key != "file"}
+    return {"hull": {**others, "points": points.tolist()}}
 
 
 def _points(scene_file: Path, name: str) -> list[list[float]]:
