@@ -33,6 +33,7 @@ from deltaopt.motion.limit_sensitivity import (
     limit_sensitivities,
     limits_in_words,
 )
+from deltaopt.motion.sure_bounds import sure_excess
 from deltaopt.motion.time_scaling import highest_rows, safe_factor
 from deltaopt.motion.trajectory import Motion, PiecewisePolynomial, Trajectory, moving_on, passes
 from deltaopt.planning.effort_planning import (
@@ -84,7 +85,7 @@ from deltaopt.planning.path.path_timing import PathIteration
 from deltaopt.planning.refinement import Progress, Refinement, Resolver
 from deltaopt.planning.search import Attempt, HeldByMotion, Search
 from deltaopt.planning.settings import MOST, require_positive, require_type, require_whole
-from deltaopt.planning.ways import TakenWay, fastest_way
+from deltaopt.planning.ways import CLEAR, TakenWay, fastest_way
 from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.feasibility import check_feasible, serial_distances_at_ends
@@ -626,11 +627,18 @@ class Planner:
         return replace(best, optima=tuple(optima), solve_seconds=perf_counter() - begin)
 
     def _past_bodies(self, scene: Scene, report: Progress) -> Plan:
-        """Plan past keep-out bodies: the best plan of the ways that are found, with all of these.
+        """Plan past keep-out bodies: as if there were none, where that motion is clear of all;
+        otherwise the best plan of the ways that are found, with all of these.
 
         Raises Infeasible where there is no way, and NotConverged where none leads to a plan.
         """
         begin, accuracy = perf_counter(), max(_FIRST_MESH_TOLERANCE, self.tolerance)
+        try:
+            free = self._search(scene.model_copy(update={"keep_out": None}), report)
+            if sure_excess(scene, free.trajectory.position).max() <= 0:
+                return replace(free, scene=scene, ways=(TakenWay(CLEAR, free.duration, True),))
+        except _ENDS_AN_ATTEMPT as error:
+            report(str(error))
 
         def planned(attempt: Attempt) -> Plan:
             search = self._new_search(scene)

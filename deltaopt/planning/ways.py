@@ -47,6 +47,8 @@ _DEPTH, _WIDTH = 4, 24
 some 0.1 ms."""
 _FARTHEST = 2.0
 """Of the way from start to goal, how far a path is bent aside at most."""
+CLEAR = "clear of all bodies"
+"""The name of a way that comes near none."""
 _NEAR = 0.1
 """Of the way: bodies that a path comes nearer to are named."""
 _MOST_WAYS, _PROMISING = 6, 1.03
@@ -71,7 +73,7 @@ class Way:
     @property
     def name(self) -> str:
         """In words."""
-        return ", ".join(self.sides) or "clear of all bodies"
+        return ", ".join(self.sides) or CLEAR
 
 
 @dataclass(frozen=True)
