@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import casadi as ca
 
 from deltaopt.errors import DeltaOptError
+from deltaopt.files.units import RATIO
 from deltaopt.files.validated_record import Positive
 from deltaopt.limits.limit import SX, Bounds, Described, Instant, Key, Numbers
 from deltaopt.mechanisms.delta.singularities import parallel_margin
@@ -30,7 +31,7 @@ class ParallelSingularity:
     order: ClassVar[int] = 0
     key: ClassVar[Key] = Key(
         "parallel_singularity",
-        Positive,
+        Annotated[Positive, RATIO],
         "a distance without unit, greater than 0 and below 1",
     )
     robot_key: ClassVar[None] = None

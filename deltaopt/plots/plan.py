@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 from textwrap import fill
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -36,13 +37,13 @@ def draw(
     file: Path,
     scene: Scene,
     trajectory: Trajectory,
-    others: Mapping[str, float],
-    duty: Duty | None,
+    others: Mapping[str, float] = MappingProxyType({}),
+    duty: Duty | None = None,
 ) -> None:
     """Draw a motion for a scene into a file.
 
-    ``others``: durations to compare with, s, by what they are of. ``duty``: of the motors, if it is
-    known. The format follows the file's suffix: png, pdf or svg.
+    ``others``: durations to compare with, s, by what they are of. ``duty``: of the motors; their
+    RMS torques are told where it is known. The format follows the file's suffix: png, pdf or svg.
     """
     with figure(file, 7.2, 5.5) as page:
         page.suptitle(title(scene.task, trajectory.duration), fontsize=LARGE)

@@ -120,7 +120,8 @@ class Scaling:
         return self._at_rest(given_points(self.scene.task)[1])
 
     def _at_rest(self, point: Vector3) -> Array:
-        return np.concatenate([self.place(point), np.zeros(3)])
+        place = self.place(point)
+        return np.concatenate([place, np.zeros(len(place))])
 
     def place(self, point: Vector3) -> Array:
         """A point in m as a scaled position, (3,)."""
