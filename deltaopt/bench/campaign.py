@@ -1,6 +1,6 @@
 """A campaign: moves of robots of all kinds planned and verified, results by stratum.
 
-Every move is a row of moves.csv, which is appended to as results come, so that a campaign that was
+Every move is a row of a CSV file, which is appended to as results come, so that a campaign that was
 interrupted goes on where it ended. Every failure is written as a scene that reproduces it.
 """
 
@@ -24,13 +24,10 @@ from deltaopt.files.yaml_file import write_yaml
 from deltaopt.planning.planner import plan
 from deltaopt.verify.verification import verify
 
-TOLERANCE = 1e-3
-"""Of the gap of every plan."""
-
 
 @dataclass(frozen=True)
 class Row:
-    """What came of a move: a row of moves.csv.
+    """What came of a move: a row of the CSV file.
 
     ``seconds``: of planning. ``duration``: of the plan, s; 0 if there is none. ``possible``: of a
     move without a plan, whether an independent path is found; no if there is a plan. ``problem``:
@@ -58,14 +55,14 @@ class Row:
         return bool(self.problem) and not self.failed
 
 
-def row_of(each: Move) -> Row:
-    """Plan a move and verify the plan."""
+def row_of(each: Move, tolerance: float) -> Row:
+    """Plan a move to a tolerance of its gap and verify the plan."""
     begin = perf_counter()
     try:
-        found = plan(each.scene, tolerance=TOLERANCE)
+        found = plan(each.scene, tolerance=tolerance)
     except DeltaOptError as error:
         seconds = perf_counter() - begin
-        possible = each.scene.path is None and is_possible(each.scene)
+        possible = is_possible(each.scene)
         problem = f"{type(error).__name__}: {error}"
         robot = each.scene.robot.name
         return Row(each.number, robot, each.stratum, seconds, 0.0, 0.0, 0.0, possible, problem)
@@ -88,17 +85,23 @@ def row_of(each: Move) -> Row:
     )
 
 
-def row_of_number(seed: int, number: int) -> Row:
+def row_of_number(seed: int, number: int, tolerance: float) -> Row:
     """Draw the move of a number, plan and verify it."""
-    return row_of(move(seed, number))
+    return row_of(move(seed, number), tolerance)
 
 
 def campaign(
-    folder: Path, number: int, seed: int, workers: int, progress: Callable[[int], None]
+    folder: Path,
+    number: int,
+    seed: int,
+    workers: int,
+    tolerance: float,
+    progress: Callable[[int], None],
 ) -> list[Row]:
-    """Plan so many moves, but for those that are in the folder's moves.csv, and return all rows."""
+    """Plan so many moves, but for those that the folder's file of the same seed and tolerance has,
+    and return all rows."""
     folder.mkdir(parents=True, exist_ok=True)
-    file = folder / f"moves_{seed}.csv"
+    file = folder / f"moves_{seed}_{tolerance:g}.csv"
     known = read(file)
     with atomic_write(file) as temporary:  # without a row at which it was interrupted
         append(temporary, known)
@@ -106,7 +109,7 @@ def campaign(
     left = [i for i in range(number) if i not in rows]
     progress(len(rows))
     with ProcessPoolExecutor(workers) as pool:
-        waiting = [pool.submit(row_of_number, seed, i) for i in left]
+        waiting = [pool.submit(row_of_number, seed, i, tolerance) for i in left]
         for done in as_completed(waiting):
             row = done.result()
             rows[row.number] = row

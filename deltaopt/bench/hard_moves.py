@@ -19,7 +19,8 @@ from deltaopt.robot.drive import Drive, Friction
 from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.robot.robot import Forearm, Platform, Robot, UpperArm
 from deltaopt.scene.feasibility import check_feasible
-from deltaopt.scene.path import Line
+from deltaopt.scene.moving_ends import State
+from deltaopt.scene.path import Corners, Line, PickAndPlace
 from deltaopt.scene.rotation import Rotation
 from deltaopt.scene.scene import Limits, Scene
 
@@ -157,6 +158,85 @@ def _on_a_line(scene: Scene, rng: np.random.Generator) -> Scene:
     return scene.model_copy(update={"path": Line()})
 
 
+def _lifted(scene: Scene, rng: np.random.Generator) -> Scene:
+    path = PickAndPlace(height=0.1 * _distance(scene), blend=0.05 * _distance(scene))
+    return scene.model_copy(update={"path": path})
+
+
+def _round_a_corner(scene: Scene, rng: np.random.Generator) -> Scene:
+    corner = _middle(scene) + _across(scene, rng) * rng.uniform(0.1, 0.5)
+    path = Corners(points=(_vector(corner),), blend=0.1 * _distance(scene))
+    return scene.model_copy(update={"path": path})
+
+
+def _around_a_sphere(scene: Scene, rng: np.random.Generator) -> Scene:
+    """A sphere near the middle of the straight line, which it is in the way of."""
+    radius = rng.uniform(0.05, 0.25) * _distance(scene)
+    centre = _middle(scene) + rng.uniform(0.0, 0.8) * radius * _unit(_across(scene, rng))
+    body = {"sphere": {"centre": centre.tolist(), "radius": radius}}
+    return scene.model_copy(update={"keep_out": [body]})
+
+
+def _over_a_wall(scene: Scene, rng: np.random.Generator) -> Scene:
+    """A wall across the straight line, from a little above the higher end downwards; x is down."""
+    thick, high = rng.uniform(0.1, 0.6), rng.uniform(0.02, 0.2)
+    ends, size = np.array(scene.given_points), _distance(scene)
+    half = thick / 2 * np.abs(ends[1] - ends[0])
+    half[1:][half[1:] < 0.05 * size] = size  # thin in the direction of the move, wide across it
+    least, most = _middle(scene) - half, _middle(scene) + half
+    least[0], most[0] = ends[:, 0].min() - high * size, ends[:, 0].max() + size
+    body = {"box": {"from": least.tolist(), "to": most.tolist()}}
+    return scene.model_copy(update={"keep_out": [body]})
+
+
+def _moving(scene: Scene, rng: np.random.Generator) -> Scene:
+    """Both ends passed at speeds that are small beside those on the way."""
+    force = sum(scene.robot.torque_limits) / scene.robot.upper_arm.length
+    mass = scene.robot.platform.mass + (scene.payload or 0.0)
+    usual = np.sqrt(_distance(scene) * force / mass)
+    start, goal = (
+        State(at=at, velocity=_vector(0.1 * usual * rng.uniform() * _unit(rng.normal(size=3))))
+        for at in scene.given_points
+    )
+    return scene.model_copy(update={"start": start, "goal": goal})
+
+
+def _range_of_payloads(scene: Scene, rng: np.random.Generator) -> Scene:
+    largest = scene.payload or scene.robot.platform.mass
+    return scene.model_copy(update={"payload": [largest * rng.uniform(0.0, 0.9), largest]})
+
+
+def _falling_torque(scene: Scene, rng: np.random.Generator) -> Scene:
+    torque, speed = min(scene.robot.torque_limits), _speed(scene)
+    curve = ((0.0, torque), (0.4 * speed, torque), (speed, rng.uniform(0.2, 0.8) * torque))
+    return _with_drive(torque_curve=curve)(scene, rng)
+
+
+def _distance(scene: Scene) -> float:
+    start, goal = np.array(scene.given_points)
+    return float(np.linalg.norm(goal - start))
+
+
+def _middle(scene: Scene) -> Array:
+    return np.asarray(np.mean(scene.given_points, axis=0))
+
+
+def _across(scene: Scene, rng: np.random.Generator) -> Array:
+    """A random vector across the straight line, as long as that."""
+    start, goal = np.array(scene.given_points)
+    found = np.cross(goal - start, rng.normal(size=3))
+    return np.asarray(_unit(found) * _distance(scene))
+
+
+def _unit(vector: Array) -> Array:
+    return np.asarray(vector / np.linalg.norm(vector))
+
+
+def _vector(array: Array) -> Vector3:
+    x, y, z = array.tolist()
+    return x, y, z
+
+
 def _rotated(scene: Scene, rng: np.random.Generator) -> Scene:
     rotation = Rotation(angle=1.57, speed=30.0, acceleration=400.0)
     return scene.model_copy(update={"rotation": rotation})
@@ -183,6 +263,13 @@ STRATA: dict[str, tuple[Points, Change]] = {
     "acceleration": (_EDGE, _limited(acceleration=30.0)),
     "line": (_INSIDE, _on_a_line),
     "rotation": (_INSIDE, _rotated),
+    "lifted": (_INSIDE, _lifted),
+    "corner": (_EDGE, _round_a_corner),
+    "sphere": (_INSIDE, _around_a_sphere),
+    "wall": (_INSIDE, _over_a_wall),
+    "moving ends": (_INSIDE, _moving),
+    "range of payloads": (_INSIDE, _range_of_payloads),
+    "torque curve": (_EDGE, _falling_torque),
 }
 """Strata of a campaign: where the ends lie, and what is changed."""
 
@@ -216,8 +303,21 @@ def move(seed: int, number: int) -> Move:
             check_feasible(scene)
         except DeltaOptError:
             continue
+        if not _path_stays_in_workspace(scene):
+            continue
         return Move(number, stratum, Scene.model_validate(scene.model_dump()))
     raise Infeasible(f"move {number} ({robot.name}, {stratum}): none of {_MOST_TRIES} can be held")
+
+
+def _path_stays_in_workspace(scene: Scene) -> bool:
+    """Whether the path that is given, if any, does, as far as samples show."""
+    if scene.path is None:
+        return True
+    start, goal = scene.given_points
+    path = scene.path.between(start, goal)
+    places = path(np.linspace(path.knots[0], path.knots[-1], 101))
+    alignments = delta_model(scene.robot, scene.payload).alignments(places)
+    return bool((alignments > 0).all())  # False where not a number
 
 
 def _ends(

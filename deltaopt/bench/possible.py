@@ -35,7 +35,12 @@ _BETWEEN = np.linspace(0.0, 1.0, 7)[1:, None]
 
 
 def is_possible(scene: Scene) -> bool:
-    """Whether a path over a grid is found that can be held with ``SPARE`` of the torques left."""
+    """Whether a path over a grid is found that can be held with ``SPARE`` of the torques left.
+
+    False, for it is not known, where the path is given, an end moves or bodies are in the way.
+    """
+    if scene.path is not None or scene.moves_at_ends or scene.keep_out:
+        return False
     start, goal = (np.array(point) for point in scene.given_points)
     statics = _Statics.of(scene)
     side = float(np.sign(statics.at(start[None]).volumes[0]))

@@ -38,9 +38,13 @@ def add_scenes(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scenes", nargs="+", type=Path, metavar="SCENE", help="scene files")
 
 
-def add_robots(parser: argparse.ArgumentParser, number: int) -> None:
-    """Add ROBOT..., and how random moves of them are drawn; ``number``: of moves by default."""
-    parser.add_argument("robots", nargs="+", type=Path, metavar="ROBOT", help="robot files")
+def add_robots(parser: argparse.ArgumentParser, number: int, least: int = 1) -> None:
+    """Add ROBOT..., and how random moves of them are drawn; ``number``: of moves by default.
+
+    ``least``: of robot files; without any a command brings its own.
+    """
+    nargs, words = ("+", "robot files") if least else ("*", "robot files; none for seven kinds")
+    parser.add_argument("robots", nargs=nargs, type=Path, metavar="ROBOT", help=words)
     parser.add_argument(
         "--number",
         type=one_or_more,

@@ -2,7 +2,7 @@
 
 deltaopt bench plan ROBOT...    how long plans take, and where the time goes
 deltaopt bench any ROBOT...     plan and verify random moves: how many succeed
-deltaopt bench campaign         the same for robots of all kinds, up to the edge of what is possible
+deltaopt bench any              the same for robots of all kinds, up to the edge of what is possible
 deltaopt bench peers ROBOT...   plans beside those of TOPP-RA, Ruckig and rockit, where installed
 deltaopt bench start SCENE...   from import to a verified plan: cold, warm, without a compiler
 """
@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from deltaopt.bench.any_move import random_plans, summary
-from deltaopt.cli.arguments import add_robots, add_scenes, folder, one_or_more, positive, seed
+from deltaopt.cli.arguments import add_robots, add_scenes, folder, one_or_more, positive
 from deltaopt.errors import MissingPackage
 from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.planning.planner import Planner
@@ -31,29 +31,25 @@ Benchmark = Callable[[argparse.Namespace], int]
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     benchmarks = parser.add_subparsers(title="benchmarks", metavar="BENCHMARK", required=True)
     add_robots(_add(benchmarks, "plan", _plan), number=200)
-    any_move = _add(benchmarks, "any", _any, aliases=["random"])
-    add_robots(any_move, number=200)
-    any_move.add_argument(
+    _add_any(_add(benchmarks, "any", _any, aliases=["random"]))
+    add_robots(_add(benchmarks, "peers", _peers), number=20)
+    add_scenes(_add(benchmarks, "start", _start))
+
+
+def _add_any(parser: argparse.ArgumentParser) -> None:
+    add_robots(parser, number=200, least=0)
+    parser.add_argument(
         "--tolerance",
         type=positive,
         default=1e-3,
         metavar="GAP",
         help="of the optimality gap; below 1e-4 by switch resolution (default: 1e-3)",
     )
-    _add_campaign(_add(benchmarks, "campaign", _campaign))
-    add_robots(_add(benchmarks, "peers", _peers), number=20)
-    add_scenes(_add(benchmarks, "start", _start))
-
-
-def _add_campaign(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--number", type=one_or_more, default=140, metavar="N", help="moves (default: 140)"
-    )
-    parser.add_argument("--seed", type=seed, default=1, metavar="N", help="of them (default: 1)")
-    parser.add_argument(
+    campaign = parser.add_argument_group("without a ROBOT")
+    campaign.add_argument(
         "--workers", type=one_or_more, default=2, metavar="N", help="processes (default: 2)"
     )
-    parser.add_argument(
+    campaign.add_argument(
         "-o",
         "--output",
         type=folder,
@@ -95,7 +91,11 @@ def _plan(arguments: argparse.Namespace) -> int:
 
 
 def _any(arguments: argparse.Namespace) -> int:
-    """Plan and verify seeded random moves within the workspace of each robot."""
+    """Plan and verify seeded random moves within the workspace of each robot; without a robot,
+    moves of seven kinds of robot: inside the workspace, along its edge, with motors that hardly
+    hold the robot, with friction, further limits, bodies in the way, moving ends, given paths."""
+    if not arguments.robots:
+        return _campaign(arguments)
     robots = [load_robot(file) for file in arguments.robots]
     good, number = True, arguments.number
     for robot in robots:
@@ -111,8 +111,7 @@ def _any(arguments: argparse.Namespace) -> int:
 
 
 def _campaign(arguments: argparse.Namespace) -> int:
-    """Plan and verify seeded moves of seven kinds of robot: inside the workspace, along its edge,
-    with motors that hardly hold the robot, with friction, further limits and given paths."""
+    """Plan and verify moves of robots of all kinds, which bring their own payloads."""
     from deltaopt.bench.campaign import campaign, table
 
     rows = campaign(
@@ -120,6 +119,7 @@ def _campaign(arguments: argparse.Namespace) -> int:
         arguments.number,
         arguments.seed,
         arguments.workers,
+        arguments.tolerance,
         ProgressBar().counting(arguments.number, "moves"),
     )
     print(table(rows))

@@ -48,16 +48,22 @@ def test_a_move_is_possible_unless_the_motors_are_too_weak_between_its_ends(monk
 
 def test_a_campaign_goes_on_where_it_ended(tmp_path, monkeypatch):
     seen = []
-    rows = campaign(tmp_path, 3, 1, 1, seen.append)
+    rows = campaign(tmp_path, 3, 1, 1, 1e-3, seen.append)
     assert seen == [0, 1, 2, 3]
-    assert read(tmp_path / "moves_1.csv") == rows
+    assert read(tmp_path / "moves_1_0.001.csv") == rows
     assert not any(row.problem for row in rows)
-    with (tmp_path / "moves_1.csv").open("a") as file:
+    with (tmp_path / "moves_1_0.001.csv").open("a") as file:
         file.write("3,haptic,ins")
     monkeypatch.setattr(room, "row_of_number", None)  # nothing is planned again
-    assert campaign(tmp_path, 3, 1, 1, seen.append) == rows
-    assert (tmp_path / "moves_1.csv").read_text().count("\n") == 4
+    assert campaign(tmp_path, 3, 1, 1, 1e-3, seen.append) == rows
+    assert (tmp_path / "moves_1_0.001.csv").read_text().count("\n") == 4
     assert "inside                     3     3       0        0" in table(rows)
+
+
+@pytest.mark.parametrize("name", ["lifted", "corner", "sphere", "moving ends", "range of payloads"])
+def test_a_scene_of_every_kind_is_read_as_it_was_written(tmp_path, name):
+    each = move(1, len(ROBOTS) * list(STRATA).index(name))
+    assert load_scene(write_scene(tmp_path, each, "why")) == each.scene
 
 
 def test_a_failure_is_a_scene_that_can_be_planned(tmp_path):
