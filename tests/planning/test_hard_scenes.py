@@ -7,19 +7,18 @@ gravity, one with weak motors. The comments in the files are those of the progra
 from __future__ import annotations
 
 from itertools import islice
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from deltaopt import load_scene, plan, verify
+from deltaopt import plan
 from deltaopt.errors import DeltaOptError, Unreachable
 from deltaopt.planning.first_motions import crosses_singularity, in_order_of_merit, intervals_for
 from deltaopt.planning.initial_motion import detour, line, roughly_fastest
 from deltaopt.planning.roadmap import roadmap_motions
 from deltaopt.scene.feasibility import room_at_rest
+from tests.hard_scenes import hard_scene, planned_and_verified
 
-HARD = Path(__file__).parents[1] / "data/hard_scenes"
 BEST = {
     "01_ver_industrial": 4.72719,
     "03_gap_massless": 0.372567,
@@ -39,21 +38,17 @@ BEST = {
 """The best duration known, s, of motions that pass through no parallel singularity."""
 
 
-def scene(name):
-    return load_scene(HARD / f"{name}.yaml")
-
-
 @pytest.mark.parametrize("name", BEST)
 def test_planned_and_verified(name):
-    found = plan(scene(name))
+    found, verification = planned_and_verified(name)
     assert found.within_tolerance
     assert found.lower_bound < found.duration < BEST[name] * (1 + 2e-3)
-    assert verify(found.scene, found.trajectory).failures() == []
+    assert verification.failures() == []
 
 
 def test_a_path_over_the_grid_where_no_simple_curve_leads():
     """Weak motors: gravity leaves them 2 %, so that neither lines nor curves can be driven."""
-    weak = scene("25_un_haptic")
+    weak = hard_scene("25_un_haptic")
     for simple in (lambda s: roughly_fastest(s, line(s)), detour):
         with pytest.raises(DeltaOptError):
             simple(weak)
@@ -69,15 +64,15 @@ def test_a_path_over_the_grid_where_no_simple_curve_leads():
 
 def test_the_first_mesh_is_fine_enough_for_the_first_motion():
     """Cubics through 16 states of this motion would leave the workspace between them."""
-    big = scene("09_nc_big")
+    big = hard_scene("09_nc_big")
     motion = next(in_order_of_merit(big))
     assert intervals_for(motion, 16) == 32
-    assert plan(big).meshes[0].intervals == 32
+    assert planned_and_verified("09_nc_big")[0].meshes[0].intervals == 32
 
 
 def test_first_motions_are_in_order_of_merit():
     """Motor angles straight from start to goal: 280 s, where a curve takes less than one."""
-    slow = scene("05_nc_massless")
+    slow = hard_scene("05_nc_massless")
     first, second, *_ = islice(in_order_of_merit(slow), 3)
     assert first.duration < 1
     assert first.duration < second.duration
@@ -86,4 +81,4 @@ def test_first_motions_are_in_order_of_merit():
 def test_a_move_without_a_way_is_refused_with_what_was_searched(monkeypatch):
     monkeypatch.setattr("deltaopt.planning.first_motions.roadmap_motions", lambda *_: [])
     with pytest.raises(Unreachable, match=r"45 curves, nor a path over a grid .* mm apart"):
-        plan(scene("25_un_haptic"))
+        plan(hard_scene("25_un_haptic"))

@@ -16,6 +16,7 @@ from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
 from deltaopt.planning.initial_motion import straight_line
 from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.verify.verification import DYNAMIC_ERROR
+from tests.hard_scenes import hard_scene, planned_and_verified
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 SCENES = {
@@ -257,16 +258,9 @@ def test_torques_that_the_path_does_not_need(slower):
     assert any("accelerations that differ" in each for each in found.failures())
 
 
-HARD = Path(__file__).parents[1] / "data/hard_scenes"
 NEAR = {"07_ver_haptic": 0, "05_nc_massless": 2}
 """Scenes whose plans come near a singularity, serial or parallel, and which of the distances that
 verification reports is small."""
-
-
-@cache
-def near_singularity(name: str) -> tuple[Scene, Trajectory]:
-    scene = load_scene(HARD / f"{name}.yaml")
-    return scene, plan(scene).trajectory.slowed(1.0001)
 
 
 @dataclass(frozen=True)
@@ -306,8 +300,8 @@ def bars(q: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("name", NEAR)
 def test_torques_and_masses_near_a_singularity(name):
     """There eq. (39) has too few digits to tell, and eq. (37) is asked: it must tell as much."""
-    scene, good = near_singularity(name)
-    found = verify(scene, good)
+    plan, found = planned_and_verified(name)
+    scene, good = plan.scene, plan.trajectory
     assert found.ok
     assert found.distances[NEAR[name]].least < 2e-3
     heavier = delta_model(scene.robot, scene.payload * (1 + 1e-8))
@@ -320,7 +314,7 @@ def test_torques_and_masses_near_a_singularity(name):
 
 def test_a_motion_through_a_parallel_singularity():
     """Between the samples of a planner its torques may look as if they were finite."""
-    scene = load_scene(HARD / "03_gap_massless.yaml")
+    scene = hard_scene("03_gap_massless")
     beyond = scene.model_copy(update={"goal": (0.288, -0.346, -0.534)})
     line = straight_line(delta_model(scene.robot, scene.payload), scene.start, beyond.goal, 2.0)
     found = verify(beyond, line)
