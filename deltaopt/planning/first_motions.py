@@ -32,8 +32,8 @@ _SLOW = 20.0
 before others are compared with it. On random moves it takes two to four times the bound; comparing
 takes twice as long as planning."""
 _USUAL = 10.0
-"""Below how many times √(distance · mass / force of the motors) a straight line is not slow, which
-is known at once, without the lower bound."""
+"""Below how many times √(distance · mass / force of the motors) a motion is not slow, which is
+known at once, without the lower bound."""
 _FINEST = 8
 """By what factor a first mesh may be finer than was asked for, so that a first motion stays in the
 workspace between its knots. A larger one would admit motions that only graze the workspace."""
@@ -89,7 +89,7 @@ def _lines_and_curves(scene: Scene) -> Iterator[Trajectory]:
         motion = _possible(scene, ahead.pop(0))
         if motion is None:
             continue
-        if not _is_slow(scene, motion):
+        if not is_slow(scene, motion.duration, _SLOW):
             yield motion
             break
         slow.append(motion)
@@ -118,13 +118,13 @@ def _possible(scene: Scene, make: Callable[[Scene], Trajectory]) -> Trajectory |
         return None
 
 
-def _is_slow(scene: Scene, straight: Trajectory) -> bool:
-    """Whether a line takes so long that others may be much better."""
+def is_slow(scene: Scene, duration: float, times: float) -> bool:
+    """Whether a duration, s, is more than so many times the lower bound, and unusual too."""
     force = sum(scene.robot.torque_limits) / scene.robot.upper_arm.length
     mass = scene.robot.platform.mass + (scene.payload or 0.0)
-    if straight.duration < _USUAL * (distance(scene.task) * mass / force) ** 0.5:
+    if duration < _USUAL * (distance(scene.task) * mass / force) ** 0.5:
         return False  # the lower bound would cost a tenth of a plan
-    return straight.duration > _SLOW * lower_bound(scene)
+    return duration > times * lower_bound(scene)
 
 
 def what_was_searched(scene: Scene) -> str:

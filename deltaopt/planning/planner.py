@@ -140,7 +140,8 @@ class Plan:
     all meshes. ``solve_seconds``: wall time of all of them, s. ``resolved``: whether the instants
     of switching were found as unknowns of their own. ``certificate``: how well Pontryagin's
     necessary condition is met, by the multipliers of that solution; None if they are not known.
-    ``optima``: the distinct local minima that several first guesses led to, best first.
+    ``optima``: the distinct local minima that several first guesses led to, best first; empty
+    where one was enough.
     ``ways``: the ways past keep-out bodies that were found, first the one that is taken.
     ``free_duration``: where the scene gives a path, the duration (s) of the plan without it, if
     ``beside_free_path`` has found it. ``multipliers``: of the limits; None where they are not
@@ -465,7 +466,9 @@ class Planner:
         search = self._new_search(scene)
         self._make(search.attempts(), search, report)
         best = search.best()
-        return replace(best, solve_seconds=perf_counter() - begin) if search.tried > 1 else best
+        if search.tried == 1:
+            return best
+        return replace(best, optima=_optima(search), solve_seconds=perf_counter() - begin)
 
     def _new_search(self, scene: Scene) -> Search[Plan]:
         return Search(
@@ -622,9 +625,7 @@ class Planner:
             attempt = search.from_motion(motion)
             if attempt:
                 self._make(search.with_remedies(attempt), search, report)
-        best, length = search.best(), distance(scene.task)
-        optima = distinct([(each.trajectory, each.cost, each.gap) for each in search.plans], length)
-        return replace(best, optima=tuple(optima), solve_seconds=perf_counter() - begin)
+        return replace(search.best(), optima=_optima(search), solve_seconds=perf_counter() - begin)
 
     def _past_bodies(self, scene: Scene, report: Progress) -> Plan:
         """Plan past keep-out bodies: as if there were none, where that motion is clear of all;
@@ -870,6 +871,12 @@ def _state_of(motion: Motion) -> tuple[State, PiecewisePolynomial | None]:
     if trajectory is None or not trajectory.knots[0] <= t < trajectory.knots[-1]:
         return state, None
     return state, trajectory.position.after(t)
+
+
+def _optima(search: Search[Plan]) -> tuple[Optimum, ...]:
+    """The distinct local minima that a search has found, best first."""
+    found = [(each.trajectory, each.cost, each.gap) for each in search.plans]
+    return tuple(distinct(found, distance(search.scene.task)))
 
 
 def _counted(

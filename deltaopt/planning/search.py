@@ -12,8 +12,9 @@ from typing import Generic, Protocol, TypeVar
 
 from deltaopt.errors import DeltaOptError, NotConverged
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.planning.first_motions import CrossesSingularity, intervals_for, rounds
+from deltaopt.planning.first_motions import CrossesSingularity, intervals_for, is_slow, rounds
 from deltaopt.scene.feasibility import distance_from_parallel, limit_room_at_ends
+from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene
 
 _KEPT_VOLUME = 0.01
@@ -32,6 +33,12 @@ it there, and paths over a grid, which take long, will not."""
 _FINER, _TRIED_FINER = (2, 4), 3
 """How many times finer first meshes are tried where nothing else succeeded, and from how many of
 the best first motions."""
+_LONG, _LABORIOUS = 4.0, 400
+"""A plan that takes more than so many times the lower bound, or took more iterations than this, may
+be a poor local minimum. Hardly any random move is the first, and one in a hundred the second:
+usual are thirty iterations. Fewer would make more plans take three times as long in vain."""
+_SECOND_LOOKS = 2
+"""How many attempts more are then made. More of them find little for what they cost."""
 
 
 class HeldByMotion(NotConverged):
@@ -85,6 +92,10 @@ class Found(Protocol):
     @property
     def gap(self) -> float: ...
     @property
+    def duration(self) -> float: ...
+    @property
+    def iterations(self) -> int: ...
+    @property
     def cost(self) -> float: ...
 
 
@@ -115,12 +126,18 @@ class Search(Generic[P]):
         must be told.
 
         First every motion on the coarsest mesh on which it stays in the workspace, lines and curves
-        before paths over a grid, then the best of them on finer meshes. Raises Unreachable if there
-        is no first motion.
+        before paths over a grid, then the best of them on finer meshes. Where a plan that is good
+        enough may be a poor local minimum, some of those that follow are tried too. Raises
+        Unreachable if there is no first motion.
         """
+        more: int | None = None
         for attempt in self._in_order():
             yield from self.with_remedies(attempt)
-            if self._done:
+            if more is None and self._done:
+                more = _SECOND_LOOKS if self._is_doubtful else 0
+            elif more:
+                more -= 1
+            if more == 0:
                 return
 
     def from_motion(self, motion: Trajectory) -> Attempt | None:
@@ -189,6 +206,14 @@ class Search(Generic[P]):
     @property
     def _done(self) -> bool:
         return any(plan.gap <= self.tolerance for plan in self.plans)
+
+    @property
+    def _is_doubtful(self) -> bool:
+        """Whether the best plan may be a poor local minimum."""
+        if not isinstance(self.scene.objective, Time):
+            return False
+        best = self.best()
+        return best.iterations > _LABORIOUS or is_slow(self.scene, best.duration, _LONG)
 
     @property
     def _is_near(self) -> bool:

@@ -11,7 +11,7 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from deltaopt import plan
+from deltaopt import load_scene, plan
 from deltaopt.errors import DeltaOptError, Unreachable
 from deltaopt.planning.first_motions import crosses_singularity, in_order_of_merit, intervals_for
 from deltaopt.planning.initial_motion import detour, line, roughly_fastest
@@ -44,6 +44,25 @@ def test_planned_and_verified(name):
     assert found.within_tolerance
     assert found.lower_bound < found.duration < BEST[name] * (1 + 2e-3)
     assert verification.failures() == []
+
+
+def test_another_way_is_tried_after_a_laborious_plan():
+    """Its first plan is a local minimum of 15.7032 s."""
+    found = plan(hard_scene("29_min_massless"))
+    assert found.duration < 15.62 * (1 + 2e-3)  # the best of ten starts takes 15.621 s
+    assert found.optima[0].duration == found.duration
+    assert found.optima[-1].duration > 15.70
+    assert sum(each.starts for each in found.optima) == 3
+
+
+def test_after_an_ordinary_plan_nothing_else_is_tried(monkeypatch):
+    easy = load_scene("problems/pick_and_place.yaml")
+    usual = plan(easy)
+    assert usual.optima == ()
+    monkeypatch.setattr("deltaopt.planning.search._LABORIOUS", usual.iterations - 1)
+    again = plan(easy)
+    assert [each.starts for each in again.optima] == [3]  # there is no other minimum
+    assert again.duration == pytest.approx(usual.duration, rel=usual.gap)
 
 
 def test_a_path_over_the_grid_where_no_simple_curve_leads():
