@@ -28,7 +28,7 @@ from deltaopt.scene.scene import limits_of
 from studies.problems import INDUSTRIAL, add_robots
 
 HELP = "what each limit and each term of the model costs: processor time and duration of moves"
-SMALL = {"robots": (INDUSTRIAL,), "moves": 2, "tolerances": (1e-3,), "of": ("limits",)}
+SMALL = {"robots": (INDUSTRIAL,), "moves": 1, "tolerances": (1e-3,), "of": ("limits",)}
 _RUNS, _LONG = 3, 0.2
 """Of each plan; the least processor time counts. Once is enough for plans of so many seconds."""
 _AT_LIMIT = 0.999
