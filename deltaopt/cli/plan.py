@@ -204,7 +204,7 @@ def _run(arguments: argparse.Namespace) -> int:
     _refuse_contradictions(arguments, name, formulation)
     folders = _folders(arguments)
     scenes = [load_scene(file) for file in folders]
-    if any(scene.path is not None for scene in scenes):
+    if any(scene.follows_path for scene in scenes):
         _refuse_free_paths(arguments)
     jobs = list(zip(folders.items(), scenes, strict=True))
     if len(jobs) == 1:
@@ -381,7 +381,7 @@ def _solve(
         scene,
         tolerance=arguments.tolerance or Planner.tolerance,
         intervals=arguments.intervals or Planner.intervals,
-        formulation=formulation if scene.path is None else None,
+        formulation=None if scene.follows_path else formulation,
         transcription=TRANSCRIPTIONS.get(arguments.transcription),
         solver=SOLVERS.get(arguments.solver),
         starts=arguments.starts or 1,

@@ -16,7 +16,16 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.limits.limit import SX, Bounds, ConvexLimit, Described, Instant, Limit, Numbers
+from deltaopt.limits.limit import (
+    SX,
+    Bounds,
+    ConvexLimit,
+    Described,
+    Instant,
+    Limit,
+    Numbers,
+    SlidingLimit,
+)
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.intp]
@@ -220,6 +229,11 @@ class Constraints:
     def convex(self) -> Truths:
         """Rows of quantities that are convex functions of the position alone, (rows,)."""
         return self._of_rows([isinstance(limit, ConvexLimit) for limit in self.limits], np.bool)
+
+    @cached_property
+    def slid_along(self) -> Truths:
+        """Rows of positions along which the best motion may slide, (rows,)."""
+        return self._of_rows([isinstance(limit, SlidingLimit) for limit in self.limits], np.bool)
 
     @cached_property
     def has_convex(self) -> bool:

@@ -12,6 +12,8 @@ from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
 import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
 
 from deltaopt.errors import SceneError
 from deltaopt.files.units import percentage
@@ -85,6 +87,16 @@ class Described(Protocol):
     @property
     def least_clearance(self) -> float:
         """How far it must stay out of these, m."""
+        ...
+
+    @property
+    def tube(self) -> float | None:
+        """How far it may be from the path that is given, m; None if it stays on it, if any."""
+        ...
+
+    @property
+    def axis_of_tube(self) -> NDArray[np.float64]:
+        """That path: polynomials over shares from 0 to 1 of its pieces, (pieces, powers, 3), m."""
         ...
 
     def given(self, key: str) -> Any:
@@ -211,6 +223,17 @@ class ConvexLimit(Limit, Protocol):
     def edge_radii(self, numbers: SX) -> SX:
         """Least radii of curvature of the places that are at the bound, m, one for each row."""
         ...
+
+
+@runtime_checkable
+class SlidingLimit(Limit, Protocol):
+    """A limit of position along which the best motion may slide, not touch it at an instant alone.
+
+    Room that a mesh leaves there costs time. Verification measures it by code of its own.
+    """
+
+    @property
+    def slid_along(self) -> bool: ...
 
 
 class MotorLimit:

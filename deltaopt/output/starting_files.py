@@ -89,6 +89,7 @@ SCENE_EXTRAS = {
     "rotation.speed": "2000 deg/s",
     "rotation.acceleration": "20000 deg/s^2",
     "path": "line",
+    "tube": "5 mm",
     "objective": "time",
     "keep_out": "[{box: {from: [0.7, -0.02, -0.3], to: [1.2, 0.02, 0.3]}}]",
     "clearance": "2 mm",

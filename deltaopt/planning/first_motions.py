@@ -13,6 +13,7 @@ from itertools import chain, islice
 import numpy as np
 
 from deltaopt.errors import DeltaOptError, NotConverged, Unreachable
+from deltaopt.motion.time_scaling import sizes_at
 from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
 from deltaopt.planning.initial_motion import (
     PARABOLAS_AND_CUBICS,
@@ -22,10 +23,11 @@ from deltaopt.planning.initial_motion import (
     roughly_fastest,
 )
 from deltaopt.planning.lower_bound import lower_bound
+from deltaopt.planning.path.path_planning import fastest_on_path
 from deltaopt.planning.roadmap import STEPS, roadmap_motions, spacing
 from deltaopt.scene.feasibility import on_one_side
-from deltaopt.scene.scene import Scene
-from deltaopt.scene.task import distance
+from deltaopt.scene.scene import Scene, limits_of
+from deltaopt.scene.task import OnPath, distance
 
 _SLOW = 20.0
 """How many times the lower bound a straight line, of the platform or in motor angles, may take
@@ -34,6 +36,8 @@ takes twice as long as planning."""
 _USUAL = 10.0
 """Below how many times √(distance · mass / force of the motors) a motion is not slow, which is
 known at once, without the lower bound."""
+_OF_AXIS = 1e-3
+"""Relative gap of the motion on the path that a tube is about."""
 _FINEST = 8
 """By what factor a first mesh may be finer than was asked for, so that a first motion stays in the
 workspace between its knots. A larger one would admit motions that only graze the workspace."""
@@ -67,11 +71,25 @@ def rounds(scene: Scene) -> Iterator[Iterator[Trajectory]]:
     The second takes longer, and is better where the workspace is narrow. Raises Unreachable after
     the second round if there was no motion in either.
     """
+    if scene.tube is not None:
+        yield iter([timed_axis(scene)])
+        return
     found: list[Trajectory] = []
     yield _noted(_lines_and_curves(scene), found)
     yield _noted(_over_a_grid(scene), found)
     if not found:
         raise Unreachable(what_was_searched(scene))
+
+
+def timed_axis(scene: Scene) -> Trajectory:
+    """The fastest motion on the path that a scene's tube is about, roughly: it is in the tube.
+
+    Raises Infeasible, Unreachable or Singular where the path cannot be driven.
+    """
+    on_path = scene.on_its_path
+    task = on_path.task
+    assert isinstance(task, OnPath)
+    return fastest_on_path(on_path, task, _OF_AXIS, lambda _: None).trajectory
 
 
 def _noted(motions: Iterator[Trajectory], found: list[Trajectory]) -> Iterator[Trajectory]:
@@ -146,6 +164,19 @@ def intervals_for(motion: Trajectory, intervals: int) -> int:
         if _stays_in_workspace(motion, factor * intervals):
             return factor * intervals
     return 0
+
+
+def intervals_in_tube(scene: Scene, motion: Trajectory, intervals: int) -> int:
+    """With how many equal intervals, at least those given and at most ``_FINEST`` times as many,
+    cubics through a motion's states at the knots stay in the tube of a scene, if with any."""
+    rows = limits_of(scene).constraints.slid_along
+    for factor in (1, 2, 4):
+        knots = np.linspace(motion.knots[0], motion.knots[-1], factor * intervals + 1)
+        cubics = PiecewisePolynomial.hermite(knots, *motion.position.with_rate_at(knots))
+        sizes = sizes_at(scene, cubics.coefficients, np.diff(knots), _TRIED)
+        if sizes[:, :, rows].max() <= 1:
+            return factor * intervals
+    return _FINEST * intervals
 
 
 def _stays_in_workspace(motion: Trajectory, intervals: int) -> bool:

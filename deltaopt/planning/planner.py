@@ -274,11 +274,11 @@ class Plan:
         """The same plan with its ``free_duration``: what the given path costs.
 
         It is planned now, to the same tolerance. The plan is returned as it is where its path is
-        free already, or where it begins or ends at a speed. Raises NotConverged where no motion
-        on a free path is found.
+        free already or in a tube, or where it begins or ends at a speed. Raises NotConverged where
+        no motion on a free path is found.
         """
         path = self.scene.path
-        if path is None or path.speeds != (0.0, 0.0):
+        if path is None or path.speeds != (0.0, 0.0) or self.scene.tube is not None:
             return self
         free = plan(self.scene.model_copy(update={"path": None}), tolerance=self.tolerance)
         return replace(self, free_duration=free.duration)
@@ -450,6 +450,8 @@ class Planner:
             if isinstance(found, Plan):
                 return found
             raise found
+        if scene.tube is not None:
+            self._require_one_start(starts, "in a tube, where the path timed optimally is first")
         if starts == 1 and limits_of(scene).constraints.has_convex:
             return self._past_bodies(scene, report)
         if starts == 1:
@@ -897,7 +899,7 @@ def timed_line(scene: Scene, tolerance: float = 1e-3) -> Plan:
     the line cannot be driven.
     """
     given_points(scene.task)
-    on_line = scene.model_copy(update={"path": Line(), "objective": Time()})
+    on_line = scene.model_copy(update={"path": Line(), "tube": None, "objective": Time()})
     return plan(on_line, tolerance=tolerance)
 
 

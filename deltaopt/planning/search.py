@@ -12,7 +12,13 @@ from typing import Generic, Protocol, TypeVar
 
 from deltaopt.errors import DeltaOptError, NotConverged
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.planning.first_motions import CrossesSingularity, intervals_for, is_slow, rounds
+from deltaopt.planning.first_motions import (
+    CrossesSingularity,
+    intervals_for,
+    intervals_in_tube,
+    is_slow,
+    rounds,
+)
 from deltaopt.scene.feasibility import distance_from_parallel, limit_room_at_ends
 from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene
@@ -143,6 +149,8 @@ class Search(Generic[P]):
     def from_motion(self, motion: Trajectory) -> Attempt | None:
         """An attempt from a first motion; None if no mesh keeps it in the workspace."""
         intervals = intervals_for(motion, self.intervals)
+        if intervals and self.scene.tube is not None:
+            intervals = intervals_in_tube(self.scene, motion, intervals)
         return Attempt(self.scene, motion, intervals, self.accuracy) if intervals else None
 
     def with_remedies(self, attempt: Attempt) -> Iterator[Attempt]:

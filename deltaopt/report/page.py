@@ -125,7 +125,7 @@ def _head(
         f"{scene.objective}, "
         + (
             "among motions near it. Motions that lead another way were not compared."
-            if scene.path is None
+            if not scene.follows_path
             else "on the path that the scene gives."
         )
     )

@@ -101,6 +101,13 @@ class Path:
         return found
 
     @property
+    def over_shares(self) -> Array:
+        """Coefficients of the ascending powers of shares, from 0 to 1, of each piece,
+        (K, d + 1, 3)."""
+        powers = np.arange(self.coefficients.shape[1])
+        return np.asarray(self.coefficients * (np.diff(self.knots)[:, None] ** powers)[:, :, None])
+
+    @property
     def ends(self) -> Array:
         """p at its begin and its end, (2, 3), m."""
         return self(self.knots[[0, -1]])

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Annotated, Any, Self
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import (
     Field,
     SerializerFunctionWrapHandler,
@@ -44,6 +45,7 @@ from deltaopt.limits.specific_force import SpecificForce
 from deltaopt.limits.speed import Speed
 from deltaopt.limits.torque import Torque, WithLeastPayload
 from deltaopt.limits.torque_curve import TorqueCurve
+from deltaopt.limits.tube import MOST_PARTS, Tube, parts_of
 from deltaopt.limits.workspace import WorkspaceDepth, WorkspaceRadius
 from deltaopt.robot.robot import Robot, load_robot
 from deltaopt.robot.solids import Convex, Polytope
@@ -85,6 +87,8 @@ from deltaopt.scene.task import (
     given_points,
 )
 
+_STANDS_STILL = 1e-9
+"""Share of the largest rate of a path's pieces below which it turns back where a piece begins."""
 _ROBOT_FILE = "the path of a robot file, relative to the scene file"
 
 
@@ -105,6 +109,7 @@ LIMITS: tuple[Limit, ...] = (
     WithLeastPayload(TorqueCurve()),
     KeepOut(),
     *hull_limits(),
+    Tube(),
 )
 """All kinds of limit, in the order of the constraint rows of a problem."""
 
@@ -159,6 +164,9 @@ class Scene(Record):
     path: Line | Corners | PickAndPlace | Curve | None = Field(
         default=None, description=EXPECTED_PATH
     )
+    tube: Annotated[Positive, LENGTH] | None = Field(
+        default=None, description="a length in m, greater than 0: how far from path the tool may be"
+    )
     objective: Objective = Field(default=Time(), description=EXPECTED)
     keep_out: tuple[Body, ...] | None = Field(default=None, description=EXPECTED_BODIES)
     clearance: Annotated[NonNegative, LENGTH] | None = Field(
@@ -189,6 +197,24 @@ class Scene(Record):
         return self.clearance or 0.0
 
     @property
+    def follows_path(self) -> bool:
+        """Whether the motion is to stay exactly on a given path."""
+        return self.path is not None and self.tube is None
+
+    @property
+    def on_its_path(self) -> Scene:
+        """The scene without its tube: exactly on the path, if it gives one."""
+        return self if self.tube is None else self.model_copy(update={"tube": None})
+
+    @property
+    def axis_of_tube(self) -> NDArray[np.float64]:
+        """The path about which the tube is: polynomials over shares from 0 to 1 of its pieces,
+        (pieces, powers, 3), m; no pieces without a tube."""
+        if self.tube is None or self.path is None:
+            return np.zeros((0, 1, 3))
+        return self.path.between(*self.given_points).over_shares
+
+    @property
     def least_duration(self) -> float:
         """The least time that the motion may take beside what its limits ask for, s: that of the
         rotation; 0 without one."""
@@ -202,6 +228,9 @@ class Scene(Record):
             return MovingEnds(start, goal)
         if self.path is None:
             return RestToRest(start.position, goal.position, self.via or ())
+        if self.tube is not None:
+            within = f"within {1e3 * self.tube:g} mm of a path: {self.path.description}"
+            return RestToRest(start.position, goal.position, within=within)
         return OnPath.of(start.position, goal.position, self.path)
 
     @property
@@ -407,6 +436,29 @@ class Scene(Record):
         if not isinstance(self.objective, Time):
             expected = "time, where a path is given"
             raise SceneError(None, "objective", str(self.objective), expected)
+        return self
+
+    @model_validator(mode="after")
+    def _tube_fits(self) -> Self:
+        if self.tube is None:
+            return self
+        beside = {
+            "a path beside it": self.path is not None,
+            "a path through points, not a Curve": not isinstance(self.path, Curve),
+            "a path without speeds": self.path is None or self.path.speeds == (0.0, 0.0),
+            "no keep_out beside it": self.keep_out is None,
+        }
+        for expected, holds in beside.items():
+            if not holds:
+                raise SceneError(None, "tube", self.tube, expected)
+        pieces = self.axis_of_tube
+        parts = len(parts_of(pieces))
+        if parts > MOST_PARTS:
+            most = "a path of at most 7 rounded corners"
+            raise SceneError(None, "tube", self.tube, f"{most} beside it")
+        rates = np.linalg.norm(pieces[:, 1], axis=1)
+        if rates.min() <= _STANDS_STILL * rates.max():
+            raise SceneError(None, "tube", self.tube, "a path that nowhere turns back")
         return self
 
     @model_validator(mode="after")

@@ -99,12 +99,14 @@ class Task(Protocol):
 class RestToRest:
     """The task to move from rest at ``begin`` to rest at ``end``, in m, on any path.
 
-    ``via``: points in m that are passed on the way, in this order, at any speed.
+    ``via``: points in m that are passed on the way, in this order, at any speed. ``within``: a
+    tube in words, that the motion stays in.
     """
 
     begin: Vector3
     end: Vector3
     via: tuple[Vector3, ...] = ()
+    within: str = ""
 
     @property
     def start(self) -> EndState:
@@ -120,6 +122,8 @@ class RestToRest:
 
     @property
     def description(self) -> str:
+        if self.within:
+            return f"from rest to rest, {self.within}"
         if not self.via:
             return "from rest to rest, path free"
         points = "a via point" if len(self.via) == 1 else f"{len(self.via)} via points"

@@ -19,7 +19,7 @@ import numpy as np
 from deltaopt.codegen.vectorised import RowFunction
 from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.errors import Unreachable
-from deltaopt.limits.limit import Bounds, ConvexLimit, Limit
+from deltaopt.limits.limit import Bounds, ConvexLimit, Limit, SlidingLimit
 from deltaopt.mechanisms.delta.functions import delta_functions
 from deltaopt.mechanisms.delta.instant import CoordinateInstant
 from deltaopt.mechanisms.delta.mechanism import DeltaTerms
@@ -181,7 +181,7 @@ class MeasuredMotion:
         promised = [
             (item, own)
             for item, own in zip(limits.constraints.items, limits.of_items, strict=True)
-            if item[0].promised and not isinstance(item[0], ConvexLimit)
+            if item[0].promised and not isinstance(item[0], ConvexLimit | SlidingLimit)
         ]
         items = tuple(item for item, _ in promised)
         function = _function(model.functions.terms, items)

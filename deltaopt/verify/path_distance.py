@@ -26,7 +26,7 @@ _FRACTIONS = np.linspace(0.0, 1.0, 8)
 def off_path(task: OnPath, trajectory: Trajectory) -> float:
     """The largest distance of the motion from the path of a task, m."""
     x, _, _ = trajectory.path_inside(_FRACTIONS)
-    return float(_distances(task.path, x).max())
+    return float(nearest_places(task.path, x)[1].max())
 
 
 def off_via_points(task: Task, trajectory: Trajectory) -> float:
@@ -57,8 +57,9 @@ def off_via_points(task: Task, trajectory: Trajectory) -> float:
     return worst
 
 
-def _distances(path: Path, x: Array) -> Array:
-    """Of points (N, 3), m, to the places of the path that are nearest, (N,)."""
+def nearest_places(path: Path, x: Array) -> tuple[Array, Array]:
+    """Where on a path the places are that are nearest to points (N, 3), m: the path's parameter
+    there, and how far they are, m, (N,) each."""
     shares = np.arange(_IN_PIECE) / _IN_PIECE
     lengths = np.diff(path.knots)[:, None]
     looked = np.append((path.knots[:-1, None] + lengths * shares).ravel(), path.knots[-1])
@@ -66,15 +67,18 @@ def _distances(path: Path, x: Array) -> Array:
     squares = (places**2).sum(axis=1)
     parts = np.array_split(x, -(-len(x) * len(places) // _AT_ONCE))
     nearest = np.concatenate([(squares - 2 * part @ places.T).argmin(axis=1) for part in parts])
-    best = np.full(len(x), np.inf)
+    best, at = np.full(len(x), np.inf), np.zeros(len(x))
     for beside in (-1, 1):  # Newton's method goes nowhere from where the path turns back
         s = looked[np.clip(nearest + beside, 0, len(looked) - 1)]
-        best = np.minimum(best, _closest(path, x, s))
-    return best
+        distance, s = _closest(path, x, s)
+        at = np.where(distance < best, s, at)
+        best = np.minimum(best, distance)
+    return at, best
 
 
-def _closest(path: Path, x: Array, s: Array) -> Array:
-    """The least distances from points (N, 3) that Newton's method finds from places s (N,)."""
+def _closest(path: Path, x: Array, s: Array) -> tuple[Array, Array]:
+    """The least distances from points (N, 3) that Newton's method finds from places s (N,), and the
+    places, (N,) each."""
     best, s = np.full(len(x), np.inf), s.copy()
     moving = np.arange(len(x))
     for _ in range(_STEPS):
@@ -88,4 +92,4 @@ def _closest(path: Path, x: Array, s: Array) -> Array:
         before = s[moving]
         s[moving] = np.clip(before - step, path.knots[0], path.knots[-1])
         moving = moving[s[moving] != before]
-    return best
+    return best, s

@@ -36,6 +36,7 @@ from deltaopt.verify.measures import Distance, Excess, MeasuredMotion, key, not_
 from deltaopt.verify.path_distance import off_path, off_via_points
 from deltaopt.verify.pontryagin import NoCostates, extremal
 from deltaopt.verify.resolved_curves import POINTS, WEIGHTS, TooRough
+from deltaopt.verify.tube import tube_excess
 from deltaopt.verify.units import Units, way_of
 
 EXCESS = 1e-9
@@ -477,10 +478,11 @@ def _malformed(trajectory: Trajectory) -> str | None:
 def _measures(scene: Scene, trajectory: Trajectory) -> dict[str, Any]:
     given, motion = scene.objective.given_duration, MeasuredMotion.of(scene, trajectory)
     safe_duration: float | None = None
-    near = clearance_excess(scene, trajectory)
-    excesses = motion.excesses() | ({near.key: near} if near else {})
+    places = (clearance_excess(scene, trajectory), tube_excess(scene, trajectory))
+    misplaced = [each for each in places if each is not None]
+    excesses = motion.excesses() | {each.key: each for each in misplaced}
     if not isinstance(scene.task, MovingEnds):
-        safe_duration = motion.safe_duration() if _clears(near) else inf
+        safe_duration = motion.safe_duration() if _are_kept(misplaced) else inf
     measures = {
         "excesses": excesses | _with_least_payload(scene, trajectory, motion),
         "distances": motion.distances(),
@@ -516,9 +518,10 @@ def _with_least_payload(
     return found
 
 
-def _clears(near: Excess | None) -> bool:
-    """Whether a motion keeps clear of bodies, which slowing it does not change."""
-    return near is None or near.value <= EXCESS
+def _are_kept(misplaced: list[Excess]) -> bool:
+    """Whether a motion keeps clear of bodies and stays in its tube, which slowing it does not
+    change."""
+    return all(each.value <= EXCESS for each in misplaced)
 
 
 def _optimality(scene: Scene, trajectory: Trajectory) -> dict[str, float]:

@@ -480,7 +480,7 @@ def test_an_unknown_key_in_the_robot(tmp_path: Path, key: str, expected: str) ->
 
 
 SCENE_KEYS = (
-    "one of robot, payload, start, goal, via, limits, rotation, path, objective, keep_out, "
+    "one of robot, payload, start, goal, via, limits, rotation, path, tube, objective, keep_out, "
     "clearance, robot_keeps_clear, duration, tool"
 )
 

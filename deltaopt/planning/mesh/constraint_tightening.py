@@ -35,7 +35,8 @@ _SMALLEST_SHARE = 0.9
 """Smallest share of a limit that tightening leaves, so that one interval cannot slow the motion
 much."""
 _SMALLEST_SHARE_OF_PLACES = 0.5
-"""The same for bulges over bodies, which motions on coarse meshes cut off deeply."""
+"""The same for bulges over bodies and out of a tube, which motions on coarse meshes cut off
+deeply."""
 _SHARPEST = 2e-5
 """Least distance in m that motions are planned at from bodies whose edges neither tool nor
 clearance rounds: edges then have this radius. Less is slower to solve; it costs this distance times
@@ -99,7 +100,10 @@ class Overshoot:
         used = 1 - scaling.shares(len(self.mesh))[inside]
         is_whole = mesh > 0.99 * self.mesh[inside]
         over = np.maximum(over, _KEPT_SHARE * used * is_whole[:, None])
-        share = np.maximum(1 - over, _SMALLEST_SHARE)
+        slid_along = scaling.constraints.slid_along
+        share = np.maximum(
+            1 - over, np.where(slid_along, _SMALLEST_SHARE_OF_PLACES, _SMALLEST_SHARE)
+        )
         untouched = (mesh > TIGHTENED)[:, None] & np.logical_not(self.anywhere)
         share = np.where(untouched, UNTIGHTENED, share)
         return replace(scaling, share=share)

@@ -96,6 +96,8 @@ def solve_on_mesh(
     found = MeshSolution(
         problem, solution, trajectory, loads, lost, unused, needed, scaling, scene, has_arrived
     )
+    if scaling.constraints.slid_along.any():
+        found = found.with_price_of_sliding()
     return found.with_sure_bounds() if scaling.constraints.has_convex else found
 
 
@@ -206,6 +208,20 @@ class MeshSolution:
             unused=self.unused + float(unused.sum()),
             needed=self.needed.beside(float(excess.max())),
             excess=excess,
+        )
+
+    def with_price_of_sliding(self) -> MeshSolution:
+        """The same with what it costs that limits that motions slide along were not used up: the
+        multiplier at each point times what is left there."""
+        rows, points = self.scaling.constraints.slid_along, self.problem.points
+        at_points = np.abs(FRACTIONS[:, None] - points).argmin(axis=0)
+        size = self.scaling.constraints.size(self.rows)[:, at_points][:, :, rows]
+        price = np.abs(self.solution.multipliers[:, :, rows])
+        unused = (price * np.maximum(1 - size, 0.0)).sum(axis=(1, 2))
+        return replace(
+            self,
+            lost=replace(self.lost, unused=self.lost.unused + unused),
+            unused=self.unused + float(unused.sum()),
         )
 
     @property

@@ -1,0 +1,165 @@
+"""d(x) ≤ r: the distance of the tool's point from the path of the scene, the axis of a tube.
+
+The path is numbers: polynomials of degree four at most, of which legs are straight and roundings
+bend. Roundings are cut into parts. The nearest place is on the part whose chord is nearest, among
+those between whose normal planes, at both ends, the point lies; there Newton's method finds it.
+Nearer to the path than its radius of curvature the distance is then exact to rounding; elsewhere
+it is that from some place of the path, and so never too small.
+
+The best motion slides along the wall of a tube, where it would touch other limits of position at an
+instant.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import comb
+from typing import ClassVar
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from deltaopt.limits.limit import SX, Bounds, Described, Instant, Numbers
+
+Array = NDArray[np.float64]
+
+_PARTS = 8
+"""Of a rounding: with fewer Newton's method needs more steps, more take longer to compare."""
+_STEPS = 3
+"""Of Newton's method from a chord: a rounding of 90 degrees then leaves less than 1e-12 m."""
+_PLACES = (1, 10, 19, 64)
+"""Parts of a path: of a line, with one rounding, with two, with up to seven. The count is rounded
+up to one of these, each of which is compiled when it is first met."""
+MOST_PARTS = _PLACES[-1]
+_COEFFICIENTS, _OF_PART = 15, 17
+"""Numbers of a part: five coefficients of three coordinates over shares from 0 to 1 of it, and the
+shares between which the nearest place may be."""
+_BEYOND = 1e3
+"""Added to the squared distance, m², of parts beside which a point does not lie."""
+_LEAST_BEND = 0.25
+"""Of ‖p′‖²: least curvature of the squared distance in a step of Newton's method, for places beyond
+the path's centre of curvature."""
+_TINY = 1e-24
+"""Stands for a squared distance of 0, m², where a root would have no derivative."""
+_ROUNDING = 1e-10
+"""m by which the planned tube is thinner: rounding of the distance between two programs."""
+
+
+@dataclass(frozen=True)
+class Tube:
+    """Largest distance of the tool's point from the path of the scene, m: the key ``tube``."""
+
+    name: ClassVar[str] = "distance from the path"
+    unit: ClassVar[str] = "m"
+    subject: ClassVar[str] = "tool"
+    order: ClassVar[int] = 0
+    key: ClassVar[None] = None
+    robot_key: ClassVar[None] = None
+    promised: ClassVar[bool] = True
+    slid_along: ClassVar[bool] = True
+
+    def items(self, scene: Described) -> Sequence[Numbers]:
+        if scene.tube is None:
+            return []
+        parts = parts_of(scene.axis_of_tube)
+        places = next(n for n in _PLACES if n >= len(parts))
+        numbers = [_of_part(part, i == 0, i == len(parts) - 1) for i, part in enumerate(parts)]
+        numbers += [numbers[-1]] * (places - len(parts))
+        return [(scene.tube - _ROUNDING, *(number for each in numbers for number in each))]
+
+    def bounds(self, numbers: SX) -> Bounds:
+        return Bounds.at_most(numbers[0], out_of_reach=True)
+
+    def measure(self, motion: Instant, numbers: SX) -> SX:
+        square = _squared_distance(motion.x, numbers)
+        return ca.sqrt(ca.if_else(square > _TINY, square, _TINY))
+
+    def rows(self, motion: Instant, numbers: SX) -> SX:
+        # The distance has no derivative on the axis.
+        return _squared_distance(motion.x, numbers) / numbers[0] ** 2
+
+
+def parts_of(pieces: Array) -> list[Array]:
+    """The parts of a path, each (5, 3), from its pieces over shares from 0 to 1, (K, powers, 3), m:
+    straight pieces as they are, and others cut."""
+    found = list[Array]()
+    for piece in pieces:
+        whole = np.zeros((5, 3))
+        whole[: len(piece)] = piece
+        bends = whole[2:].any()
+        found += [_part(whole, i, _PARTS) for i in range(_PARTS)] if bends else [whole]
+    return found
+
+
+def _part(whole: Array, which: int, of: int) -> Array:
+    """One of so many equal parts of a polynomial over shares from 0 to 1."""
+    begin, length = which / of, 1 / of
+    return np.array(
+        [
+            length**k * sum(comb(j, k) * begin ** (j - k) * whole[j] for j in range(k, len(whole)))
+            for k in range(len(whole))
+        ]
+    )
+
+
+def _of_part(part: Array, is_first: bool, is_last: bool) -> Numbers:
+    """A part as numbers; only the ends of the path are ends of where the nearest place may be."""
+    return (*part.ravel().tolist(), 0.0 if is_first else -1.0, 1.0 if is_last else 2.0)
+
+
+def _squared_distance(x: SX, numbers: SX) -> SX:
+    """Of a point from the path, m²."""
+    parts = ca.vertsplit(numbers[1:], _OF_PART)
+    least, nearest = _from_chord(x, parts[0]), parts[0]
+    for part in parts[1:]:
+        square = _from_chord(x, part)
+        is_nearer = square < least
+        least = ca.if_else(is_nearer, square, least)
+        nearest = ca.if_else(is_nearer, part, nearest)
+    return ca.sumsqr(x - _at(nearest, _nearest_share(x, nearest)))
+
+
+def _from_chord(x: SX, part: SX) -> SX:
+    """The squared distance from the chord of a part, for comparison, and much more where the point
+    does not lie beside the part."""
+    begin, end = part[:3], _at(part, SX(1))
+    before = (ca.dot(x - begin, part[3:6]) < 0) * (part[15] < 0)
+    behind = (ca.dot(x - end, _rate(part, SX(1))) > 0) * (part[16] > 1)
+    share = _clipped(ca.dot(x - begin, end - begin) / ca.sumsqr(end - begin), SX(0), SX(1))
+    square = ca.sumsqr(x - begin - share * (end - begin))
+    return square + _BEYOND * (before + behind)
+
+
+def _nearest_share(x: SX, part: SX) -> SX:
+    """Where on a part the place nearest to a point is, by Newton's method from its chord."""
+    chord = _at(part, SX(1)) - part[:3]
+    share = ca.dot(x - part[:3], chord) / ca.sumsqr(chord)
+    for _ in range(_STEPS):
+        share = _clipped(share, part[15], part[16])
+        away, rate = x - _at(part, share), _rate(part, share)
+        square = ca.sumsqr(rate)
+        bend = square - ca.dot(away, _second(part, share))
+        least = _LEAST_BEND * square
+        share = share + ca.dot(away, rate) / ca.if_else(bend > least, bend, least)
+    return _clipped(share, part[15], part[16])
+
+
+def _at(part: SX, share: SX) -> SX:
+    c = ca.vertsplit(part[:_COEFFICIENTS], 3)
+    return c[0] + share * (c[1] + share * (c[2] + share * (c[3] + share * c[4])))
+
+
+def _rate(part: SX, share: SX) -> SX:
+    c = ca.vertsplit(part[:_COEFFICIENTS], 3)
+    return c[1] + share * (2 * c[2] + share * (3 * c[3] + share * 4 * c[4]))
+
+
+def _second(part: SX, share: SX) -> SX:
+    c = ca.vertsplit(part[:_COEFFICIENTS], 3)
+    return 2 * c[2] + share * (6 * c[3] + share * 12 * c[4])
+
+
+def _clipped(value: SX, least: SX, most: SX) -> SX:
+    return ca.if_else(value < least, least, ca.if_else(value > most, most, value))

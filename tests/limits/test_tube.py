@@ -1,0 +1,151 @@
+"""Motions in a tube about a path: as fast as other programs and the limiting cases say, and inside.
+
+The distances of the limit, of verification and of these tests are three programs.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import deltaopt
+from deltaopt.errors import SceneError
+from deltaopt.limits.tube import Tube
+from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
+from deltaopt.planning.planner import Plan
+from deltaopt.scene.scene import Scene, load_scene
+from deltaopt.verify.tube import largest_distance
+
+PROBLEMS = Path(__file__).parents[2] / "problems"
+BENT = load_scene(PROBLEMS / "paths" / "tube.yaml")
+STRAIGHT = BENT.model_copy(update={"path": "line"})
+FREE = deltaopt.plan(BENT.model_copy(update={"path": None, "tube": None}))
+ON_LINE = deltaopt.plan(STRAIGHT.on_its_path, tolerance=1e-5)
+
+
+def about(scene: Scene, tube: float) -> Scene:
+    return scene.model_copy(update={"tube": tube})
+
+
+SPACING_SQUARED = 9e-5**2 / 4
+"""Of half the way between two samples of a path, m²: by as much a squared distance from the nearest
+sample is more than that from the path at most."""
+
+
+def away_by_samples(scene: Scene, x: np.ndarray) -> np.ndarray:
+    """Distances of points, (N, 3), from the path, by 4,001 samples of it."""
+    path = scene.path.between(*scene.given_points)
+    places = path(np.linspace(path.knots[0], path.knots[-1], 4_001))
+    assert np.linalg.norm(np.diff(places, axis=0), axis=1).max() ** 2 / 4 < SPACING_SQUARED
+    return np.array([np.sqrt(((places - each) ** 2).sum(axis=1).min()) for each in x])
+
+
+def planned(scene: Scene) -> Plan:
+    """A plan that verification, and a sampling of its own, find inside the tube."""
+    found = deltaopt.plan(scene)
+    report = deltaopt.verify(scene, found.trajectory)
+    assert report.ok, report.failures()
+    assert found.within_tolerance
+    x = found.trajectory(np.linspace(0, found.duration, 2001)).x
+    assert away_by_samples(scene, x).max() ** 2 <= scene.tube**2 + SPACING_SQUARED
+    return found
+
+
+@pytest.mark.parametrize("scene", [STRAIGHT, BENT], ids=["straight", "bent"])
+def test_distances_and_their_derivatives(scene: Scene):
+    """Of random points as far as 12 mm from the path, against samples and differences."""
+    (numbers,) = Tube().items(scene)
+    x = ca.SX.sym("x", 3)
+
+    class Place:
+        pass
+
+    place = Place()
+    place.x = x
+    distance = Tube().measure(place, ca.DM(numbers))
+    measure = ca.Function("measure", [x], [distance, ca.gradient(distance, x)])
+    path, rng = scene.path.between(*scene.given_points), np.random.default_rng(4)
+    s = rng.uniform(path.knots[0], path.knots[-1], 300)
+    points = path(s) + 0.012 / np.sqrt(3) * rng.uniform(-1, 1, (300, 3))
+    found = [measure(point) for point in points]
+    distances = np.array([float(each[0]) for each in found])
+    over = away_by_samples(scene, points) ** 2 - distances**2
+    assert over.min() > -1e-15
+    assert over.max() < SPACING_SQUARED
+    for point, (_, slope) in zip(points[:50], found, strict=False):
+        steps = 1e-6 * np.eye(3)
+        differences = [float(measure(point + e)[0] - measure(point - e)[0]) / 2e-6 for e in steps]
+        np.testing.assert_allclose(np.array(slope).ravel(), differences, atol=1e-5)
+
+
+def test_a_wide_tube_is_none():
+    found = planned(about(STRAIGHT, 0.2))
+    assert found.duration <= FREE.duration * (1 + found.gap)
+    assert FREE.duration <= found.duration * (1 + FREE.gap)
+
+
+def test_a_narrow_tube_is_the_path():
+    """From below, the nearer the narrower, and to what both plans may be above their optima."""
+    durations = [planned(about(STRAIGHT, tube)).duration for tube in (1e-2, 1e-3, 1e-4)]
+    assert durations == sorted(durations)
+    gains = 1 - np.array(durations) / ON_LINE.duration
+    assert (gains > -ON_LINE.gap).all()
+    np.testing.assert_allclose(gains, [1.11e-2, 1.1e-3, 1.1e-4], atol=5e-4)
+    assert durations[-1] == pytest.approx(ON_LINE.duration, rel=1e-3)
+
+
+def test_the_same_by_ipopt():
+    """Of a program that is solved by another solver."""
+    scene = about(STRAIGHT, 2e-3)
+    ours, other = planned(scene), deltaopt.plan(scene, solver=deltaopt.ipopt)
+    assert ours.duration <= other.duration * (1 + ours.gap)
+    assert other.duration <= ours.duration * (1 + other.gap)
+
+
+def test_the_shipped_example():
+    """Between the path timed optimally, 0.1807 s, and a free path, 0.1401 s."""
+    found = planned(BENT)
+    assert found.duration == pytest.approx(0.16039, rel=1.5e-3)
+    assert "within 5 mm of a path" in BENT.task.description
+
+
+def test_verification_sees_a_nanometre():
+    """On the path moved across itself by the tube and a nanometre more or less."""
+    straight = deltaopt.plan(STRAIGHT.on_its_path).trajectory
+    for beyond, is_kept in ((-1e-9, True), (1e-9, False)):
+        coefficients = straight.position.coefficients.copy()
+        coefficients[:, 0] += [STRAIGHT.tube + beyond, 0.0, 0.0]
+        position = PiecewisePolynomial(straight.knots, coefficients)
+        path = STRAIGHT.path.between(*STRAIGHT.given_points)
+        farthest, _ = largest_distance(path, position, STRAIGHT.tube)
+        assert farthest == pytest.approx(STRAIGHT.tube + beyond, abs=1e-13)
+        report = deltaopt.verify(STRAIGHT, Trajectory(position, straight.model))
+        excess = report.excesses["distance_from_the_path_excess"]
+        assert (excess.value <= 1e-9) == is_kept
+
+
+def test_a_free_motion_leaves_the_tube():
+    report = deltaopt.verify(BENT, FREE.trajectory)
+    x = FREE.trajectory(np.linspace(0, FREE.duration, 4001)).x
+    farthest = away_by_samples(BENT, x).max()
+    excess = report.excesses["distance_from_the_path_excess"]
+    assert excess.amount == pytest.approx(farthest - BENT.tube, rel=2e-3)
+    assert any("distance from the path" in sentence for sentence in report.failures())
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        ({"path": None}, "a path beside it"),
+        ({"path": {"speeds": [0.1, 0.0]}}, "without speeds"),
+        ({"path": {"points": [[0.85, 0.2, 0.0]], "blend": 0.01}}, "turns back"),
+        ({"keep_out": [{"sphere": {"centre": [1.5, 0, 0], "radius": 0.1}}]}, "no keep_out"),
+        ({"tube": 0.0}, "greater than 0"),
+    ],
+)
+def test_what_does_not_go_with_a_tube(changes: dict, expected: str):
+    with pytest.raises(SceneError, match=expected):
+        Scene.model_validate({**STRAIGHT.model_dump(exclude_none=True), **changes})
