@@ -4,6 +4,9 @@ Both its straight line (305 mm across) and its rounded path, corners rounded fro
 laws of time: a trapezoid of speed and an S-curve, each a third of the time accelerating, slowed
 until they keep the limits, and timed optimally. The free path does not clear the height: it goes
 where the motors are fastest.
+
+Then the same over a wall, 25 mm high and 260 mm thick, which all of them clear: the rounded path is
+the lowest that does, its corners as wide as they can be; the free path is planned past the wall.
 """
 
 from __future__ import annotations
@@ -15,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import deltaopt
+from deltaopt.planning.path_over_bodies import rounded_path_over
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.path import Path
 from deltaopt.scene.scene import limits_of
@@ -29,12 +33,37 @@ _USUAL_DEPTH = 0.85
 """m, of start and goal below the base: in the middle of the workspace, with the tool if any."""
 _SAMPLES = 20_001
 _SHAPES = ("trapezoid", "S-curve")
+_OVER_WALL = """\
+| robot | trapezoid | S-curve | timed optimally | free path | less than first | than third | gap |
+|---|---|---|---|---|---|---|---|"""
+"""Heads of the columns of the second table."""
 
 
 def cycle(robot: deltaopt.Robot, depth: float, path: object) -> deltaopt.Scene:
     """The move at a depth (m) on a path, with 1 kg."""
     ends = {"start": (depth, -0.1525, 0.0), "goal": (depth, 0.1525, 0.0)}
     return deltaopt.Scene.model_validate({"robot": robot, "payload": 1.0, **ends, "path": path})
+
+
+def over_wall(robot: deltaopt.Robot, depth: float) -> deltaopt.Scene:
+    """The move at a depth (m) on a free path over the wall of problems/keep_out."""
+    wall = {"from": [depth - 0.025, -0.13, -0.5], "to": [depth + 0.65, 0.13, 0.5]}
+    free = cycle(robot, depth, None)
+    return deltaopt.Scene.model_validate({**dict(free), "keep_out": [{"box": wall}]})
+
+
+def wall_row(name: str, scene: deltaopt.Scene) -> str:
+    """A row of the table of durations over the wall, for the robot of a name."""
+    path = rounded_path_over(scene)
+    assert path is not None
+    rounded = scene.model_copy(update={"path": path})
+    laws = [by_law(rounded, shape) for shape in _SHAPES]
+    timed = deltaopt.plan(rounded, tolerance=1e-4).duration
+    plan = deltaopt.plan(scene)
+    assert deltaopt.verify(scene, plan.trajectory).ok
+    cells = " | ".join(f"{duration:.4f} s" for duration in (*laws, timed, plan.duration))
+    less = " | ".join(f"{100 * (1 - plan.duration / other):.0f} %" for other in (laws[0], timed))
+    return f"| {name} | {cells} | {less} | {100 * plan.gap:.2f} % |"
 
 
 def by_law(scene: deltaopt.Scene, shape: str) -> float:
@@ -94,11 +123,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print one row of a table for each robot and path."""
+    """Print one row of a table for each robot and path, and one of another for each robot."""
+    robots = {
+        file.stem: (deltaopt.load_robot(file), _DEPTHS.get(file.stem, _USUAL_DEPTH))
+        for file in arguments.robots
+    }
     print("| robot | path | trapezoid | S-curve | timed optimally | free path |")
     print("|---|---|---|---|---|---|")
-    for file in arguments.robots:
-        robot, depth = deltaopt.load_robot(file), _DEPTHS.get(file.stem, _USUAL_DEPTH)
+    for robot_name, (robot, depth) in robots.items():
         rounded = {"pick_and_place": {"height": 0.025, "blend": 0.02}}
         for name, path in (("line across", "line"), ("25-305-25, rounded", rounded)):
             scene = cycle(robot, depth, path)
@@ -106,5 +138,8 @@ def run(arguments: argparse.Namespace) -> int:
             plan = deltaopt.plan(scene, tolerance=1e-4).beside_free_path()
             durations = [*laws, plan.duration, plan.free_duration]
             cells = " | ".join(f"{duration:.4f} s" for duration in durations)
-            print(f"| {file.stem} | {name} | {cells} |", flush=True)
+            print(f"| {robot_name} | {name} | {cells} |", flush=True)
+    print("\n" + _OVER_WALL)
+    for robot_name, (robot, depth) in robots.items():
+        print(wall_row(robot_name, over_wall(robot, depth)), flush=True)
     return 0

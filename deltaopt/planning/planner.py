@@ -82,6 +82,7 @@ from deltaopt.planning.nlp.transcription import LINEAR, PiecewiseAcceleration
 from deltaopt.planning.path.path_planning import NAME as ON_PATH
 from deltaopt.planning.path.path_planning import fastest_on_path
 from deltaopt.planning.path.path_timing import PathIteration
+from deltaopt.planning.path_over_bodies import rounded_path_over
 from deltaopt.planning.refinement import Progress, Refinement, Resolver
 from deltaopt.planning.search import Attempt, HeldByMotion, Search
 from deltaopt.planning.settings import MOST, require_positive, require_type, require_whole
@@ -904,12 +905,19 @@ def timed_line(scene: Scene, tolerance: float = 1e-3) -> Plan:
 
 
 def straight_lines(scene: Scene) -> dict[str, float]:
-    """Durations, s, of the straight line from start to goal, by how it is timed: what a plan is
-    compared with, whatever its objective. Those that no motion can have are left out."""
+    """Durations, s, of the straight line from start to goal, by how it is timed, and past bodies of
+    the rounded path over them: what a plan is compared with, whatever its objective. Those that no
+    motion can have are left out."""
     timed: dict[str, Callable[[Scene], float]] = {
         "line, quintic law": lambda scene: baseline(scene).duration,
         "line, timed optimally": lambda scene: timed_line(scene).duration,
     }
+    over = rounded_path_over(scene)
+    if over is not None:
+        on_path = {"path": over}
+        timed["up, across, down,\ntimed optimally"] = lambda scene: (
+            plan(scene.model_copy(update=on_path)).duration
+        )
     scene = scene.model_copy(update={"objective": Time()})
     found = {}
     for name, duration in timed.items():

@@ -7,6 +7,7 @@ from itertools import product
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.patches import Polygon
 
 from deltaopt.motion.trajectory import Array
 from deltaopt.plots.colours import LIGHT_GREY
@@ -27,15 +28,12 @@ def draw_bodies(axes: Axes, scene: Scene, place: Callable[[Array], Array]) -> No
     """
     if scene.keep_out is None:
         return
-    axes.figure.canvas.draw_idle()
-    across, up = axes.get_xlim(), axes.get_ylim()
     for body in scene.keep_out:
         if _covers_all(body, place):
             continue
         outline = place(_points(body))
-        axes.fill(*_hull(outline).T, color=LIGHT_GREY, linewidth=0.0, zorder=0)
-    axes.set_xlim(across)
-    axes.set_ylim(up)
+        shadow = Polygon(_hull(outline), color=LIGHT_GREY, linewidth=0.0, zorder=0)
+        axes.add_artist(shadow)  # which, unlike a patch, does not widen the range
 
 
 def _covers_all(body: Body, place: Callable[[Array], Array]) -> bool:
