@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import deltaopt
-from deltaopt.planning.path_over_bodies import rounded_path_over
+from deltaopt.planning.path.path_over_bodies import rounded_path_over
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.path import Path
 from deltaopt.scene.scene import limits_of

@@ -79,10 +79,10 @@ from deltaopt.planning.nlp.problem import (
 )
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import LINEAR, PiecewiseAcceleration
+from deltaopt.planning.path.path_over_bodies import rounded_path_over
 from deltaopt.planning.path.path_planning import NAME as ON_PATH
 from deltaopt.planning.path.path_planning import fastest_on_path
 from deltaopt.planning.path.path_timing import PathIteration
-from deltaopt.planning.path_over_bodies import rounded_path_over
 from deltaopt.planning.refinement import Progress, Refinement, Resolver
 from deltaopt.planning.search import Attempt, HeldByMotion, Search
 from deltaopt.planning.settings import MOST, require_positive, require_type, require_whole

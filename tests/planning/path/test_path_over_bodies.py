@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import deltaopt
-from deltaopt.planning.path_over_bodies import rounded_path_over
+from deltaopt.planning.path.path_over_bodies import rounded_path_over
 from deltaopt.planning.planner import straight_lines
 from studies.problems import PICK_AND_PLACE, PROBLEMS
 
