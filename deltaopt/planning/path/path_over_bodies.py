@@ -30,7 +30,7 @@ def rounded_path_over(scene: Scene) -> PickAndPlace | None:
     """The lowest path up, across and down that clears all keep-out bodies of a scene, rounded from
     its height on. None where there are no bodies or no such path, and where an end moves or points
     or a path between the ends are given."""
-    if scene.keep_out is None or not isinstance(scene.task, RestToRest):
+    if scene.keep_out is None or scene.path is not None or not isinstance(scene.task, RestToRest):
         return None
     start, goal = map(np.array, given_points(scene.task))
     widest = float(np.linalg.norm((goal - start)[1:])) / 2
