@@ -27,7 +27,6 @@ from deltaopt.files.html_table import html_table
 from deltaopt.files.units import LENGTH, MASS
 from deltaopt.files.validated_record import NonNegative, Number, Positive, Record, Vector3
 from deltaopt.files.yaml_file import place_of, read_yaml
-from deltaopt.limits.acceleration import Acceleration
 from deltaopt.limits.constraints import SceneLimits
 from deltaopt.limits.joint_ranges import ArmRange, BallJoint
 from deltaopt.limits.keep_out import (
@@ -39,7 +38,7 @@ from deltaopt.limits.keep_out import (
 )
 from deltaopt.limits.limit import Limit, MotorLimit
 from deltaopt.limits.parallel_singularity import ParallelSingularity
-from deltaopt.limits.platform_speed import PlatformSpeed
+from deltaopt.limits.platform_motion import Acceleration, PlatformSpeed
 from deltaopt.limits.serial_singularity import SerialSingularity
 from deltaopt.limits.specific_force import SpecificForce
 from deltaopt.limits.speed import Speed

@@ -12,7 +12,7 @@ import pytest
 import deltaopt
 from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.errors import SceneError
-from deltaopt.limits.acceleration import Acceleration
+from deltaopt.limits.platform_motion import Acceleration
 from deltaopt.mechanisms.delta.functions import delta_functions
 from deltaopt.mechanisms.delta.instant import CoordinateInstant, PlatformInstant
 from deltaopt.robot.model import delta_model
