@@ -123,6 +123,14 @@ motion's fault, and planning again seldom changes them."""
 _ENDS_AN_ATTEMPT = (NotConverged, Unreachable, Singular)
 """What may go wrong with an iterate: it ends the attempt from one first motion, not the plan."""
 
+_AT_REST = 1e-8
+"""Share of the largest speed at a motion's knots, below which an instant of it counts as rest. At
+the very end of a motion rounding leaves a speed; a stop from there would take 1e-15 s, which no
+solver resolves. It is far below what verification sees."""
+_SHORTEST_WAY = 1e-11
+"""Least way of a motion with moving ends, m: a hundred thousand times the rounding of coordinates.
+Of a shorter one, as 1e-7 s before the end of another, verification cannot tell speeds."""
+
 FORMULATIONS_EXPECTED = (
     "deltaopt.flat, deltaopt.forward, or a formulation of the dynamics such as deltaopt.explicit"
 )
@@ -410,7 +418,7 @@ class Planner:
             return self.plan_scene(scene, starts=starts, seed=seed, progress=progress)
         self._require_free(starts)
         check_feasible(scene)
-        return self._plan_moving(scene, under_way, progress or (lambda _: None))
+        return _resolvable(self._plan_moving(scene, under_way, progress or (lambda _: None)))
 
     def stop(
         self,
@@ -443,7 +451,7 @@ class Planner:
             return self._plan_on_path(scene, task, starts, report)
         if isinstance(task, MovingEnds):
             self._require_free(starts)
-            return self._plan_moving(scene, None, report)
+            return _resolvable(self._plan_moving(scene, None, report))
         if task.via:
             self._require_flat("without via points")
             self._require_one_start(starts, "where there are via points")
@@ -862,6 +870,17 @@ class Planner:
         return self.transcription or usual
 
 
+def _resolvable(found: Plan) -> Plan:
+    """The plan itself; raises Infeasible where its motion is too short for double precision."""
+    way = found.trajectory.extent
+    if way < _SHORTEST_WAY:
+        raise Infeasible(
+            f"the motion is {way:.1e} m long, which coordinates in double precision cannot "
+            f"resolve; at least {_SHORTEST_WAY:g} m are needed"
+        )
+    return found
+
+
 def _state_of(motion: Motion) -> tuple[State, PiecewisePolynomial | None]:
     """The state of a motion at its only instant, and what follows of the motion it belongs to.
 
@@ -869,8 +888,12 @@ def _state_of(motion: Motion) -> tuple[State, PiecewisePolynomial | None]:
     """
     if len(motion.t) != 1:
         raise ValueError(f"start has {len(motion.t)} instants; one is needed")
-    state = State(at=tuple(motion.x[0].tolist()), velocity=tuple(motion.v[0].tolist()))
     trajectory, t = motion.under_way, float(motion.t[0])
+    v = motion.v[0]
+    if trajectory is not None:
+        speeds = np.linalg.norm(trajectory.position.derivative().at(trajectory.knots), axis=1)
+        v = np.where(np.linalg.norm(v) <= _AT_REST * speeds.max(), 0.0, v)
+    state = State(at=tuple(motion.x[0].tolist()), velocity=tuple(v.tolist()))
     if trajectory is None or not trajectory.knots[0] <= t < trajectory.knots[-1]:
         return state, None
     return state, trajectory.position.after(t)

@@ -194,6 +194,23 @@ def test_outside_its_duration_a_motion_moves_on_as_its_ends_do():
 # At a limit
 
 
+@pytest.mark.parametrize("before_end", [0.0, 1e-10, 1e-8])
+def test_nothing_to_plan_at_the_very_end_of_a_motion(across, before_end):
+    """Rounding leaves a speed there; what is left is said, and no motion of 1e-15 s is returned."""
+    now = across.trajectory(across.duration - before_end)
+    with pytest.raises((SceneError, deltaopt.Infeasible, deltaopt.NotConverged)):
+        PLANNER.stop(now)
+    with pytest.raises(deltaopt.Infeasible, match="resolve"):
+        PLANNER.plan(now, CROSS.goal)
+
+
+def test_a_motion_at_its_end_goes_on_from_rest(across):
+    elsewhere = (0.8, 0.0, 0.1)
+    found = PLANNER.plan(across.trajectory(across.duration), elsewhere)
+    rest = PLANNER.plan(CROSS.goal, elsewhere)
+    assert found.duration == pytest.approx(rest.duration, rel=1e-12)
+
+
 def test_a_start_at_the_limit_of_speed():
     """Interrupted while a motor is as fast as it may be: the new motion begins at that limit."""
     planner = Planner(CROSS.robot, CROSS.payload, limits={"speed": 5.0})

@@ -271,6 +271,8 @@ class Program:
         rows = [bounds.copy() for bounds in self.rows]
         for bounds in rows:
             bounds[linear:] *= shares
+        if (lower > upper).any() or (rows[0] > rows[1]).any():  # Ipopt would refuse to begin
+            raise NotConverged("limits, once tightened, leave no room", "Ill_posed", guess)
         with interrupts_not_lost():
             result = self._solver(x0=guess, lbx=lower, ubx=upper, lbg=rows[0], ubg=rows[1], p=p)
         stats = self._solver.stats()
