@@ -96,6 +96,8 @@ def test_examples_are_of_keys_that_exist():
 
 AT_THE_ARM = ("drive.torque", "drive.speed", "drive.inertia", "drive.rms_torque")
 OF_A_CATALOGUE = ("drive.motor", "drive.brake", "drive.gear")
+OF_BODIES = ("keep_out", "clearance", "robot_keeps_clear", "tool.radius")
+"""What does not go with a tube, or is the tool's alternative."""
 EFFORT = ("objective: time", "objective: effort")
 
 
@@ -115,7 +117,7 @@ def test_every_example_is_accepted(tmp_path):
     assert load_robot(robot).tool.shapes[0].shape.length == pytest.approx(0.1)
     robot.write_text(robot_text(), encoding="utf-8")
     scene.write_text(
-        with_keys(scene_text(), *SCENE_EXTRAS, without=("duration", "tool.shapes")),
+        with_keys(scene_text(), *SCENE_EXTRAS, without=("duration", "tool.shapes", "tube")),
         encoding="utf-8",
     )
     assert load_scene(scene).limits.torque == pytest.approx(0.85 * 65.0)
@@ -124,6 +126,9 @@ def test_every_example_is_accepted(tmp_path):
     assert load_scene(scene).path is not None
     assert [body.kind for body in load_scene(scene).keep_out] == ["box"]
     assert (load_scene(scene).clearance, load_scene(scene).robot.tool.radius) == (0.002, 0.03)
+    in_a_tube = with_keys(scene_text(), *SCENE_EXTRAS, without=("duration", *OF_BODIES))
+    scene.write_text(in_a_tube, encoding="utf-8")
+    assert load_scene(scene).tube == 0.005
     effort = with_keys(scene_text(), "objective", "duration").replace(*EFFORT)
     scene.write_text(effort, encoding="utf-8")
     assert load_scene(scene).objective.given_duration == 0.5
