@@ -296,6 +296,20 @@ class SceneLimits:
         ends = np.cumsum([size for _, size in self.constraints.items])[:-1]
         return np.split(self.numbers, ends)
 
+    def numbers_of(self, limit: Limit) -> slice | None:
+        """Where the numbers of the first item of a limit are among all; None if there is none."""
+        begin = 0
+        for known, size in self.constraints.items:
+            if known == limit:
+                return slice(begin, begin + size)
+            begin += size
+        return None
+
+    def rows_of(self, limit: Limit) -> slice | None:
+        """Where the rows of the first item of a limit are; None if there is none."""
+        parts = zip(self.constraints.limits, self.constraints.slices, strict=True)
+        return next((rows for known, rows in parts if known == limit), None)
+
     @cached_property
     def bounds(self) -> tuple[Array, Array]:
         """Lower and upper bound of every measure in its unit, infinite where there is none."""

@@ -80,6 +80,14 @@ class Described(Protocol):
     def placed_points(self) -> tuple[Vector3, ...]: ...
 
     @property
+    def given_points(self) -> tuple[Vector3, ...]: ...
+
+    @property
+    def columns(self) -> tuple[()] | tuple[Column, Column]:
+        """The cylinders about start and goal in which the tool approaches; none without."""
+        ...
+
+    @property
     def kept_out(self) -> Sequence[Convex]:
         """What the tool's point must stay out of: keep-out bodies grown by the tool."""
         ...
@@ -102,6 +110,17 @@ class Described(Protocol):
     def given(self, key: str) -> Any:
         """What the scene says under ``limits`` and this key; None if nothing."""
         ...
+
+
+@dataclass(frozen=True)
+class Column:
+    """A vertical cylinder about an end of the motion: its axis at ``y``, ``z``, its ``radius``, and
+    the depth ``level`` at which it ends upwards; all in m, depths down from the base's centre."""
+
+    y: float
+    z: float
+    radius: float
+    level: float
 
 
 @dataclass(frozen=True)

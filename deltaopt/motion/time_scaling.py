@@ -34,6 +34,7 @@ from deltaopt.limits.constraints import MIXED, Constraints
 from deltaopt.mechanisms.delta.functions import DeltaFunctions, delta_functions
 from deltaopt.mechanisms.delta.instant import PlatformInstant
 from deltaopt.mechanisms.delta.mechanism import DeltaTerms
+from deltaopt.motion.approach_excess import approach_excess
 from deltaopt.motion.extrema import (
     Index,
     Peaks,
@@ -184,11 +185,12 @@ def needed_slowing(
 
 
 def surely_misplaced(scene: Scene, trajectory: Trajectory) -> float:
-    """By how much a motion exceeds limits of its position that are known to be convex, at most, as
-    ``NeededSlowing.misplaced``; -1 without such limits."""
+    """By how much a motion exceeds limits of its position that are known to be convex, at most, or
+    those of its approach, as ``NeededSlowing.misplaced``; -1 without such limits."""
+    approach = approach_excess(scene, trajectory)
     if not limits_of(scene).constraints.has_convex:
-        return -1.0
-    return float(sure_excess(scene, trajectory.position).max())
+        return approach
+    return max(approach, float(sure_excess(scene, trajectory.position).max()))
 
 
 def _sampled_places(constraints: Constraints) -> Truths:

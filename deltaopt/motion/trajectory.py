@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from deltaopt.files.validated_record import Vector3
 from deltaopt.robot.model import DeltaModel
-from deltaopt.scene.task import REST, EndState, Task
+from deltaopt.scene.task import REST, EndState, RestToRest, Task
 
 Array = NDArray[np.float64]
 
@@ -17,6 +17,8 @@ _ROUNDING = 1e-12
 """Share of the duration by which an instant may be outside the motion and is still its end: sums of
 the lengths of intervals differ from the last knot by rounding."""
 
+_AS_HIGH = 1e-9
+"""By how much a knot may be below a height, m, that it is at but for rounding."""
 _LARGEST_FACTOR = 1e30
 """By which a motion can be slowed: its fifth power, by which coefficients are divided, is still a
 number."""
@@ -254,9 +256,14 @@ def moving_on(task: Task, trajectory: Trajectory) -> Trajectory:
 
 
 def passes(task: Task, trajectory: Trajectory) -> Array:
-    """When a motion passes the via points of its task, (n,), s: at the knots that are nearest to
-    them, in their order, neither the first nor the last."""
+    """When a motion passes from phase to phase of its task, (n,), s: at the knots that are nearest
+    to via points, in their order, neither the first nor the last; with an approach at the first
+    knot as high as it asks for at the start, and the last as high as it asks for at the goal."""
     x = trajectory.position.coefficients[:, 0]
+    if isinstance(task, RestToRest) and task.levels:
+        up, down = (np.flatnonzero(x[1:, 0] <= level + _AS_HIGH) + 1 for level in task.levels)
+        ends = (up[0], down[-1]) if len(up) and len(down) else (1, len(x) - 1)
+        return trajectory.knots[[ends[0], max(ends[1], ends[0] + 1)]]
     knots, found, first = trajectory.knots, list[float](), 1
     for number, point in enumerate(task.via):
         left = len(task.via) - number - 1  # that need a knot each

@@ -129,9 +129,10 @@ def _coefficients(states: States, durations: Array) -> Array:
     return np.stack([x0, v0, zero, cube / T**3, fourth / T**4, fifth / T**5], axis=1)
 
 
-def through_via_points(scene: Scene) -> Iterator[Trajectory]:
+def through_gates(scene: Scene) -> Iterator[Trajectory]:
     """First guesses, the best first: a spline through all points as fast as the limits roughly
-    allow, and motions from point to point that stop at each. Knots are at the via points."""
+    allow, and motions from point to point that stop at each. Knots are at the points: via points,
+    or those straight above start and goal where an approach ends."""
     for powers in (0.5, 1.0):
         with suppress(DeltaOptError):
             spline = _spline(scene, powers)
@@ -144,7 +145,8 @@ def through_via_points(scene: Scene) -> Iterator[Trajectory]:
 
 def _points(scene: Scene) -> Array:
     start, goal = scene.given_points
-    return np.array([start, *scene.task.via, goal])
+    above = ((column.level, column.y, column.z) for column in scene.columns)
+    return np.array([start, *scene.task.via, *above, goal])
 
 
 def _spline(scene: Scene, power: float) -> Trajectory:
@@ -173,7 +175,9 @@ def _spline(scene: Scene, power: float) -> Trajectory:
 def _stopping(scene: Scene) -> Trajectory:
     """From rest to rest at each of the points in turn."""
     legs = [
-        first_motion(scene.model_copy(update={"start": a, "goal": b, "via": None}))
+        first_motion(
+            scene.model_copy(update={"start": a, "goal": b, "via": None, "approach": None})
+        )
         for a, b in pairwise(map(tuple, _points(scene).tolist()))
     ]
     position = legs[0].position

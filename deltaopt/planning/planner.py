@@ -66,7 +66,7 @@ from deltaopt.planning.moving_ends import (
     end_of,
     first_moving_motions,
     from_rest,
-    through_via_points,
+    through_gates,
 )
 from deltaopt.planning.multistart import Optimum, distinct, first_motions
 from deltaopt.planning.nlp.cost import FASTEST, Cost
@@ -184,7 +184,8 @@ class Plan:
 
     @property
     def phases(self) -> tuple[float, ...]:
-        """Durations, s, from each given point to the next: start, via points, goal."""
+        """Durations, s, from each given point to the next: start, via points or where an approach
+        ends upwards, goal."""
         begin, end = self.trajectory.knots[[0, -1]].tolist()
         at = [begin, *passes(self.scene.task, self.trajectory).tolist(), end]
         return tuple(b - a for a, b in pairwise(at))
@@ -452,10 +453,12 @@ class Planner:
         if isinstance(task, MovingEnds):
             self._require_free(starts)
             return _resolvable(self._plan_moving(scene, None, report))
-        if task.via:
-            self._require_flat("without via points")
-            self._require_one_start(starts, "where there are via points")
-            found = self._first_found(scene, through_via_points(scene), report)
+        if task.gates:
+            what = "via points" if task.via else "an approach"
+            self._require_flat(f"without {what}")
+            there = "are" if task.via else "is"
+            self._require_one_start(starts, f"where there {there} {what}")
+            found = self._first_found(scene, through_gates(scene), report)
             if isinstance(found, Plan):
                 return found
             raise found
@@ -705,7 +708,8 @@ class Planner:
         guess = Guess(attempt.motion, attempt.is_near, attempt.accuracy)
         model = delta_model(scene.robot, scene.payload)
         moving = isinstance(scene.task, MovingEnds)
-        extent = guess.trajectory.extent if moving or scene.via else None
+        in_phases = bool(scene.task.gates)
+        extent = guess.trajectory.extent if moving or in_phases else None
         scaling = Scaling(
             scene,
             guess.trajectory.duration,
@@ -717,7 +721,7 @@ class Planner:
             scaling,
             model,
             self.tolerance,
-            None if moving or scene.via else self._resolver(scaling, model, report),
+            None if moving or in_phases else self._resolver(scaling, model, report),
             report,
             attempt.softer,
         )

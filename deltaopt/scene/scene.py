@@ -27,6 +27,7 @@ from deltaopt.files.html_table import html_table
 from deltaopt.files.units import LENGTH, MASS
 from deltaopt.files.validated_record import NonNegative, Number, Positive, Record, Vector3
 from deltaopt.files.yaml_file import place_of, read_yaml
+from deltaopt.limits.approach import Approach as ApproachLimit
 from deltaopt.limits.constraints import SceneLimits
 from deltaopt.limits.joint_ranges import ArmRange, BallJoint
 from deltaopt.limits.keep_out import (
@@ -36,7 +37,7 @@ from deltaopt.limits.keep_out import (
     hull_limits,
     place_among_rows,
 )
-from deltaopt.limits.limit import Limit, MotorLimit
+from deltaopt.limits.limit import Column, Limit, MotorLimit
 from deltaopt.limits.parallel_singularity import ParallelSingularity
 from deltaopt.limits.platform_motion import Acceleration, PlatformSpeed
 from deltaopt.limits.serial_singularity import SerialSingularity
@@ -48,6 +49,8 @@ from deltaopt.limits.tube import MOST_PARTS, Tube, parts_of
 from deltaopt.limits.workspace import WorkspaceDepth, WorkspaceRadius
 from deltaopt.robot.robot import Robot, load_robot
 from deltaopt.robot.solids import Convex, Polytope
+from deltaopt.scene.approach import EXPECTED as EXPECTED_APPROACH
+from deltaopt.scene.approach import Approach
 from deltaopt.scene.bodies import EXPECTED as EXPECTED_BODIES
 from deltaopt.scene.bodies import Body, sums
 from deltaopt.scene.convex_hull import NoVolume, convex_hull
@@ -109,6 +112,7 @@ LIMITS: tuple[Limit, ...] = (
     KeepOut(),
     *hull_limits(),
     Tube(),
+    ApproachLimit(),
 )
 """All kinds of limit, in the order of the constraint rows of a problem."""
 
@@ -153,6 +157,7 @@ class Scene(Record):
     via: Annotated[tuple[tuple[Number, Number, Number], ...], LENGTH] | None = Field(
         default=None, description="points [[x, y, z], …] in m, passed in this order at any speed"
     )
+    approach: Approach | None = Field(default=None, description=EXPECTED_APPROACH)
     limits: Limits | None = Field(
         default=None,
         description="a mapping with some of the keys " + ", ".join(Limits.model_fields),
@@ -191,6 +196,14 @@ class Scene(Record):
         return tuple(convex for _, convex in self.obstacles)
 
     @property
+    def columns(self) -> tuple[()] | tuple[Column, Column]:
+        """The vertical cylinders about start and goal of its ``approach``; none without."""
+        if self.approach is None or self.moves_at_ends:
+            return ()
+        start, goal = self.given_points
+        return self.approach.start.column(start), self.approach.goal.column(goal)
+
+    @property
     def least_clearance(self) -> float:
         """How far it must stay out of these, m."""
         return self.clearance or 0.0
@@ -226,7 +239,8 @@ class Scene(Record):
         if self.moves_at_ends or not isinstance(goal, EndState):
             return MovingEnds(start, goal)
         if self.path is None:
-            return RestToRest(start.position, goal.position, self.via or ())
+            levels = tuple(column.level for column in self.columns)
+            return RestToRest(start.position, goal.position, self.via or (), levels=levels)
         if self.tube is not None:
             within = f"within {1e3 * self.tube:g} mm of a path: {self.path.description}"
             return RestToRest(start.position, goal.position, within=within)
@@ -403,6 +417,19 @@ class Scene(Record):
             raise SceneError(None, "via", given, expected)
         if not isinstance(self.objective, Time):
             expected = "time, where there are via points"
+            raise SceneError(None, "objective", str(self.objective), expected)
+        return self
+
+    @model_validator(mode="after")
+    def _approach_fits(self) -> Self:
+        if self.approach is None:
+            return self
+        given = self.approach.model_dump()
+        if self.path is not None or self.via is not None or self.moves_at_ends:
+            beside = "start and goal at rest" if self.moves_at_ends else "neither path nor via"
+            raise SceneError(None, "approach", given, f"{beside} beside it")
+        if not isinstance(self.objective, Time):
+            expected = "time, where there is an approach"
             raise SceneError(None, "objective", str(self.objective), expected)
         return self
 

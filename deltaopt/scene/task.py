@@ -70,6 +70,11 @@ Goal = EndState | MovingPoint | RestAnywhere
 it takes ``duration`` (s) and ends at the point ``reached`` (m)."""
 
 
+Gate = tuple[float | None, float | None, float | None]
+"""Where one phase of a motion meets the next: the coordinates in m that are given, None for those
+that are free."""
+
+
 class Task(Protocol):
     """The boundary values of a motion, at its start and its goal."""
 
@@ -90,6 +95,11 @@ class Task(Protocol):
         ...
 
     @property
+    def gates(self) -> tuple[Gate, ...]:
+        """Where the phases of the motion meet: via points, or the heights of an approach."""
+        ...
+
+    @property
     def description(self) -> str:
         """The task in words, for a table."""
         ...
@@ -101,12 +111,19 @@ class RestToRest:
 
     ``via``: points in m that are passed on the way, in this order, at any speed. ``within``: a
     tube in words, that the motion stays in.
+    ``levels``: depths in m that are passed first upwards from the start and last downwards to the
+    goal; none without an approach.
     """
 
     begin: Vector3
     end: Vector3
     via: tuple[Vector3, ...] = ()
     within: str = ""
+    levels: tuple[float, ...] = ()
+
+    @property
+    def gates(self) -> tuple[Gate, ...]:
+        return self.via or tuple((level, None, None) for level in self.levels)
 
     @property
     def start(self) -> EndState:
@@ -124,6 +141,8 @@ class RestToRest:
     def description(self) -> str:
         if self.within:
             return f"from rest to rest, {self.within}"
+        if self.levels:
+            return "from rest to rest, up and down in cylinders, path free between"
         if not self.via:
             return "from rest to rest, path free"
         points = "a via point" if len(self.via) == 1 else f"{len(self.via)} via points"
@@ -137,6 +156,7 @@ class MovingEnds:
     start: EndState
     goal: Goal
     via: ClassVar[tuple[Vector3, ...]] = ()
+    gates: ClassVar[tuple[Gate, ...]] = ()
 
     @property
     def is_at_rest(self) -> bool:
@@ -165,6 +185,7 @@ class OnPath:
     speeds: tuple[float, float]
     shape: str
     via: ClassVar[tuple[Vector3, ...]] = ()
+    gates: ClassVar[tuple[Gate, ...]] = ()
 
     @classmethod
     def of(cls, begin: Vector3, end: Vector3, given: GivenPath) -> OnPath:

@@ -1,10 +1,13 @@
-"""How far a motion is from the path or the via points that its scene gives."""
+"""How far a motion is from the path, the via points or the approach that its scene gives."""
 
 from __future__ import annotations
+
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.polynomial import Polynomial
 
+from deltaopt.limits.limit import Column
 from deltaopt.motion.trajectory import Array, Trajectory
 from deltaopt.scene.path import Path
 from deltaopt.scene.task import OnPath, Task
@@ -55,6 +58,66 @@ def off_via_points(task: Task, trajectory: Trajectory) -> float:
         distance, interval, since = best
         worst = max(worst, distance)
     return worst
+
+
+def off_approach(columns: tuple[Column, Column], trajectory: Trajectory) -> float:
+    """How far, m, the motion is outside its approach at most: from the axis of the cylinder about
+    the start beyond its radius until it is first at its height, and about the goal since it was
+    last at that height; in between below the lower height. Where it never is so high, by how much.
+
+    Depths and squared distances are polynomials in an interval, largest at its ends or where their
+    derivative is zero. Heights need not be reached at knots.
+    """
+    start, goal = columns
+    pieces = list(zip(np.diff(trajectory.knots), trajectory.position.coefficients, strict=True))
+    missed = max(_least_depth(pieces) - column.level for column in columns)
+    if missed > _AS_NEAR:
+        return missed
+    up = next(_high(pieces, start.level, last=False))
+    down = next(_high(pieces[::-1], goal.level, last=True))
+    down = len(pieces) - 1 - down[0], down[1]
+    low, worst = max(start.level, goal.level), 0.0
+    for k, (length, c) in enumerate(pieces):
+        x, y, z = (Polynomial(each) for each in c.T)
+        ends = [np.clip(t if k == j else length * (k < j), 0, length) for j, t in (up, down)]
+        for column, begin, end in ((start, 0.0, ends[0]), (goal, ends[1], length)):
+            square = (y - column.y) ** 2 + (z - column.z) ** 2
+            away = _largest(square, begin, end) ** 0.5 if begin < end else 0.0
+            worst = max(worst, away - column.radius)
+        if ends[0] < ends[1]:
+            worst = max(worst, _largest(x - low, ends[0], ends[1]))
+    return worst
+
+
+Pieces = list[tuple[float, Array]]
+"""The length of each interval, s, and its coefficients, (powers, 3)."""
+
+
+def _high(pieces: Pieces, level: float, last: bool) -> Iterator[tuple[int, float]]:
+    """The intervals in which a motion is as high as a level (m), in the order given, each with the
+    first or last time since it began, s."""
+    for k, (length, c) in enumerate(pieces):
+        below = Polynomial(c[:, 0]) - level - _AS_NEAR
+        roots = below.roots()
+        inside = roots.real[(np.abs(roots.imag) < _REAL * length) & (roots.real > 0)]
+        times = sorted([0.0, *inside[inside < length].tolist(), length], reverse=last)
+        # A root itself may be below by rounding: within a thousandth of what counts as high.
+        high = [t for t in times if below(t) <= 1e-3 * _AS_NEAR]
+        if high:
+            yield k, high[0]
+
+
+def _least_depth(pieces: Pieces) -> float:
+    """The depth of the highest place of a motion, m."""
+    return -max(_largest(-Polynomial(c[:, 0]), 0.0, length) for length, c in pieces)
+
+
+def _largest(curve: Polynomial, begin: float, end: float) -> float:
+    """The largest value of a polynomial between two times, s."""
+    roots = curve.deriv().roots()
+    inside = roots.real[np.abs(roots.imag) < _REAL * max(end - begin, _REAL)]
+    at = np.array([begin, end, *inside[(inside > begin) & (inside < end)]])
+    return float(curve(at).max())
 
 
 def nearest_places(path: Path, x: Array) -> tuple[Array, Array]:

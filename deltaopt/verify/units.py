@@ -35,9 +35,9 @@ DIMENSIONS: dict[str, tuple[int, int, int]] = {
 
 def way_of(scene: Scene, trajectory: Trajectory) -> float:
     """How far a motion goes, m: from the scene's start to its goal; where these move or there are
-    via points, as far as it goes from where it begins."""
+    via points or an approach, as far as it goes from where it begins."""
     task = scene.task
-    by_motion = isinstance(task, MovingEnds) or task.via
+    by_motion = isinstance(task, MovingEnds) or task.gates
     return trajectory.extent if by_motion else distance(task)
 
 

@@ -33,7 +33,7 @@ from deltaopt.verify.duty import Duty
 from deltaopt.verify.forward_replay import NotIntegrated, replay
 from deltaopt.verify.links import robot_clearance
 from deltaopt.verify.measures import Distance, Excess, MeasuredMotion, key, not_measured
-from deltaopt.verify.path_distance import off_path, off_via_points
+from deltaopt.verify.path_distance import off_approach, off_path, off_via_points
 from deltaopt.verify.pontryagin import NoCostates, extremal
 from deltaopt.verify.resolved_curves import POINTS, WEIGHTS, TooRough
 from deltaopt.verify.tube import tube_excess
@@ -138,6 +138,13 @@ BOUNDS = (
         "m",
         BOUNDARY_DISTANCE,
         "it misses a via point by {:.3g} m, or passes it out of turn",
+        BOUNDARY_SHARE,
+    ),
+    Bound(
+        "approach_distance",
+        "m",
+        BOUNDARY_DISTANCE,
+        "it is up to {:.3g} m outside the scene's approach",
         BOUNDARY_SHARE,
     ),
     Bound(
@@ -258,6 +265,7 @@ class Verification:
     ``start_distance``, ``goal_distance``: m, from the scene's points to the motion's ends.
     ``path_distance``: m, of the motion from the scene's path; None where it gives none.
     ``via_distance``: m, the largest from a via point, passed in the scene's order; None without.
+    ``approach_distance``: m, the largest outside the scene's approach; None where it gives none.
     ``start_speed``, ``goal_speed``: m/s, by how much the platform's velocity at the motion's ends
         differs from the scene's, which is zero unless an end moves.
     ``position_jump``, ``velocity_jump``: m and m/s, the largest at a knot.
@@ -291,6 +299,7 @@ class Verification:
     goal_distance: float = inf
     path_distance: float | None = None
     via_distance: float | None = None
+    approach_distance: float | None = None
     start_speed: float = inf
     goal_speed: float = inf
     position_jump: float = inf
@@ -527,7 +536,7 @@ def _are_kept(misplaced: list[Excess]) -> bool:
 def _optimality(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
     """How well Pontryagin's condition is met, which is that of a free path between given states."""
     task = scene.task
-    if isinstance(task, OnPath) or task.via or not isinstance(task.goal, EndState):
+    if isinstance(task, OnPath) or task.gates or not isinstance(task.goal, EndState):
         return {}
     try:
         found = extremal(scene, trajectory)
@@ -544,6 +553,8 @@ def _ends(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
     goal = goal_of(task, trajectory)
     if task.via:
         on_path["via_distance"] = off_via_points(task, trajectory)
+    if scene.columns:
+        on_path["approach_distance"] = off_approach(scene.columns, trajectory)
     return on_path | {
         "start_distance": _norm(x[0] - task.start.position),
         "goal_distance": _norm(x[-1] - goal.position),

@@ -480,8 +480,8 @@ def test_an_unknown_key_in_the_robot(tmp_path: Path, key: str, expected: str) ->
 
 
 SCENE_KEYS = (
-    "one of robot, payload, start, goal, via, limits, rotation, path, tube, objective, keep_out, "
-    "clearance, robot_keeps_clear, duration, tool"
+    "one of robot, payload, start, goal, via, approach, limits, rotation, path, tube, objective, "
+    "keep_out, clearance, robot_keeps_clear, duration, tool"
 )
 
 

@@ -270,9 +270,9 @@ class FlatProblem:
                 "No_Progress",
                 guess.trajectory,
             )
-        if scaling.scene.task.via:
+        if scaling.scene.task.gates:
             raise NotConverged(
-                "motions through via points are planned by the interior-point method alone, which "
+                "motions in phases are planned by the interior-point method alone, which "
                 "does not converge here, or is not compiled",
                 "No_Progress",
                 guess.trajectory,
@@ -288,7 +288,7 @@ class FlatProblem:
         settings: Settings,
     ) -> InteriorPointSolution:
         """Run the interior-point method from a guess."""
-        if scaling.scene.task.via:
+        if scaling.scene.task.gates:
             return self._in_phases(method, guess, scaling, parameters, settings)
         knots, T = self._at_knots(guess.trajectory, scaling)
         shares = np.ascontiguousarray(scaling.shares(self.intervals))
@@ -308,25 +308,28 @@ class FlatProblem:
         parameters: Array,
         settings: Settings,
     ) -> InteriorPointSolution:
-        """Run the interior-point method from a guess, in a phase from each via point to the next.
+        """Run the interior-point method from a guess, in a phase from each gate to the next.
 
         Each phase has a duration of its own; position and velocity are continuous between them.
         """
         task, motion = scaling.scene.task, guess.trajectory
-        p, shares = scaling.parameters(parameters), scaling.shares(self.intervals)
+        shares = scaling.shares(self.intervals)
         first, last = motion.knots[[0, -1]]
         instants = np.array([first, *passes(task, motion), last])
         passed = (instants[1:-1] - first) / motion.duration
         phases = []
-        for own, (begin, end) in zip(
-            parts(self.mesh, passed), pairwise(instants.tolist()), strict=True
+        for own, (begin, end), p in zip(
+            parts(self.mesh, passed),
+            pairwise(instants.tolist()),
+            scaling.parameters_in_phases(parameters),
+            strict=True,
         ):
             T, mesh = end - begin, self.mesh[own] / self.mesh[own].sum()
             times = begin + T * np.concatenate([[0.0], np.cumsum(mesh)])
             knots = scaling.states(motion.position, times, T)
             share = np.ascontiguousarray(shares[own])
             phases.append(Phase(mesh, p, share, knots, T / scaling.time))
-        between = (Boundary.passed(scaling.place(point)) for point in task.via)
+        between = (Boundary.passed(scaling.place(gate)) for gate in task.gates)
         start, goal = boundary(task.start, scaling), boundary(task.goal, scaling)
         return method.solve(phases, [start, *between, goal], settings)
 

@@ -84,10 +84,11 @@ class Boundary:
 
     @classmethod
     def passed(cls, position: Array, derivatives: int = 2) -> Boundary:
-        """A position, passed at any velocity (and acceleration)."""
-        rest = cls.at_rest(position, derivatives)
+        """A position, passed at any velocity (and acceleration); components that are not a number
+        are free."""
+        rest = cls.at_rest(np.nan_to_num(position), derivatives)
         free = np.ones(rest.state.shape, dtype=bool)
-        free[0] = False
+        free[0] = np.isnan(position)
         return cls(rest.state, free, rest.drift)
 
     @classmethod

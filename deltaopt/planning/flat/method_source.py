@@ -42,7 +42,7 @@ def source(problem: PointProblem, points: int) -> str:
             *(f"#define {name} {size}" for name, size in sizes.items()),
             _present("UPPER", [upper for upper, _ in sides]),
             _present("LOWER", [lower for _, lower in sides]),
-            _present("PLACE", _of_state(C, len(sides), range(problem.coordinates))),
+            _components(C, len(sides), 2 * problem.coordinates),
             _present("STATE", _of_state(C, len(sides), _position_and_velocity(problem))),
             c_function(functions.prepare, "prepare"),
             c_function(functions.values, "values"),
@@ -57,6 +57,16 @@ def source(problem: PointProblem, points: int) -> str:
 def _of_state(C: Entries, rows: int, components: Collection[int]) -> list[bool]:
     """Which rows depend on these components of y alone, by the nonzeros of their derivatives."""
     return [all(a in components for other, a in C if other == r) for r in range(rows)]
+
+
+def _components(C: Entries, rows: int, width: int) -> str:
+    """A macro that says whether a row depends on a component of position or velocity."""
+    masks = [sum(1 << a for a in range(width) if (r, a) in C) for r in range(rows)]
+    table = ", ".join(map(str, masks))
+    return (
+        f"static const int DEPENDS_TABLE[] = {{{table}}};\n"
+        "#define DEPENDS(r, a) (DEPENDS_TABLE[r] >> (a) & 1)"
+    )
 
 
 def _position_and_velocity(problem: PointProblem) -> set[int]:

@@ -42,7 +42,7 @@
      NZ, NH         nonzeros of C's constraint rows and of H's upper triangle
      NG             groups of four points in an interval
      SIDES          limits of all rows together; UPPER(r), LOWER(r): whether row r has that one
-     PLACE(r)       whether row r depends on the position alone
+     DEPENDS(r, a)  whether row r depends on component a of position and velocity
      STATE(r)       whether row r depends on the position and velocity alone
 
      prepare(p, q)                        what depends on parameters alone

@@ -5,12 +5,11 @@ static void scale(const Interval *I, V *c) {
   for (int r = 0; r < NC; r++) c[r] *= I->scale[r];
 }
 
-/* Whether a point is where the platform's position is given or, of 2 NM components, its velocity
-   too. */
-static int is_given(const Problem *P, const Interval *I, double fraction, int components) {
+/* Whether all that a row of position and velocity depends on is given at a point. */
+static int is_given(const Problem *P, const Interval *I, double fraction, int row) {
   const int64_t b = fraction == 0 ? I->boundary[0] : fraction == 1 ? I->boundary[1] : -1;
-  for (int k = 0; b >= 0 && k < components; k++)
-    if (P->given->is_free[NB * b + k]) return 0;
+  for (int k = 0; b >= 0 && k < 2 * NM; k++)
+    if (DEPENDS(row, k) && P->given->is_free[NB * b + k]) return 0;
   return b >= 0 && !I->moving;
 }
 
@@ -20,9 +19,7 @@ static void leave_out_given(const Problem *P, const Interval *I, const Group *G,
   const double *fractions = P->given->fractions + 4 * (G - I->group);
   for (int l = 0; l < 4; l++)
     for (int r = 0; r < NC; r++)
-      if (STATE(r) && fabs(c[r][l]) > AT_LIMIT &&
-          is_given(P, I, fractions[l], PLACE(r) ? NM : 2 * NM))
-        c[r][l] = 0;
+      if (STATE(r) && fabs(c[r][l]) > AT_LIMIT && is_given(P, I, fractions[l], r)) c[r][l] = 0;
 }
 
 /* Rows at the points of interval i as shares of what may be used of the limits; to the integral

@@ -8,7 +8,9 @@ from math import inf, isinf
 import numpy as np
 from numpy.typing import NDArray
 
+from deltaopt.limits.approach import Approach
 from deltaopt.limits.constraints import Constraints
+from deltaopt.motion.approach_excess import approach_rows
 from deltaopt.motion.extrema import sample_fractions
 from deltaopt.motion.sure_bounds import sure_excess
 from deltaopt.motion.time_scaling import (
@@ -268,8 +270,13 @@ class MeshSolution:
 
     @property
     def rows(self) -> Array:
-        """Constraint rows inside the intervals, (N, len(FRACTIONS), rows)."""
-        return _by_interval(self.loads.rows)
+        """Constraint rows inside the intervals, (N, len(FRACTIONS), rows), those of an approach by
+        what holds in the phase of each."""
+        rows, own = _by_interval(self.loads.rows), self.scaling.limits.rows_of(Approach())
+        if own is not None:
+            rows = rows.copy()
+            rows[:, :, own] = approach_rows(self.scene, self.trajectory, FRACTIONS)
+        return rows
 
     @property
     def is_softened(self) -> bool:

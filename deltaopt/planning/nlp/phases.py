@@ -1,4 +1,5 @@
-"""Phases: the parts of a motion between via points, each with a mesh and a duration of its own."""
+"""Phases: the parts of a motion between via points, or of an approach, each with a mesh and a
+duration of its own."""
 
 from __future__ import annotations
 
@@ -26,8 +27,8 @@ def parts(mesh: Array, passed: Array) -> list[slice]:
 
 def first_mesh(task: Task, motion: Trajectory, intervals: int) -> Array:
     """A mesh of about so many intervals, (N,), fractions of the duration: uniform or, where there
-    are via points, in each phase of a first motion."""
-    if not task.via:
+    are phases, in each phase of a first motion."""
+    if not task.gates:
         return np.full(intervals, 1 / intervals)
     passed = (passes(task, motion) - motion.knots[0]) / motion.duration
     lengths = np.diff([0.0, *passed.tolist(), 1.0])

@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.files.validated_record import Vector3
+from deltaopt.limits.approach import Approach, numbers_in_phases
 from deltaopt.limits.constraints import Constraints, SceneLimits
 from deltaopt.motion.trajectory import PiecewisePolynomial
 from deltaopt.scene.scene import Scene, limits_of
-from deltaopt.scene.task import MovingPoint, distance, given_points
+from deltaopt.scene.task import Gate, MovingPoint, distance, given_points
 
 Array = NDArray[np.float64]
 
@@ -123,9 +124,9 @@ class Scaling:
         place = self.place(point)
         return np.concatenate([place, np.zeros(len(place))])
 
-    def place(self, point: Vector3) -> Array:
-        """A point in m as a scaled position, (3,)."""
-        return (np.array(point) - self.origin) / self.length
+    def place(self, point: Vector3 | Gate) -> Array:
+        """A point in m as a scaled position, (3,); not a number where it is free."""
+        return (np.array(point, dtype=float) - self.origin) / self.length
 
     def velocity(self, velocity: Vector3) -> Array:
         """A velocity in m/s in units of length over ``time``, (3,)."""
@@ -163,6 +164,18 @@ class Scaling:
     def parameters(self, mechanism: Array) -> Array:
         """Values of ``Parameters.vector``; ``mechanism``: those of the mechanism."""
         return np.concatenate([self.vector(), mechanism])
+
+    def parameters_in_phases(self, mechanism: Array) -> list[Array]:
+        """The same for each phase of the motion: those of an approach differ."""
+        p, gates = self.parameters(mechanism), self.scene.task.gates
+        found = [p.copy() for _ in range(len(gates) + 1)]
+        own = self.limits.numbers_of(Approach())
+        if own is not None:
+            units = len(self.vector()) - len(self.limits.numbers)
+            place = slice(own.start + units, own.stop + units)
+            for phase, numbers in zip(found, numbers_in_phases(p[place]), strict=True):
+                phase[place] = numbers
+        return found
 
     def polynomial(self, h: Array, coefficients: Array, T: float) -> PiecewisePolynomial:
         """A position in m over s from its scaled coefficients.

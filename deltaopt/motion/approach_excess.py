@@ -1,0 +1,61 @@
+"""By how much a motion exceeds its approach, in each phase by the row that holds there."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.polynomial import Polynomial
+
+from deltaopt.limits.approach import Approach, numbers_in_phases
+from deltaopt.motion.trajectory import Array, Trajectory, passes
+from deltaopt.scene.scene import Scene, limits_of
+
+_REAL = 1e-6
+"""Imaginary part of a root, in lengths of its interval, that may be rounding of a double root."""
+
+
+def approach_rows(scene: Scene, trajectory: Trajectory, fractions: Array) -> Array:
+    """The rows of the approach at fractions of all intervals, each in its own phase, (N, fractions,
+    2)."""
+    return np.array(
+        [
+            np.stack([row(length * fractions) for row in rows], axis=-1)
+            for length, rows in _rows(scene, trajectory)
+        ]
+    )
+
+
+def approach_excess(scene: Scene, trajectory: Trajectory) -> float:
+    """By how much a motion exceeds its approach at the worst instant, as a share of the bound; -1
+    without one. Rows are polynomials in an interval: the worst instants are among their extrema."""
+    if not scene.columns:
+        return -1.0
+    worst = 0.0
+    for length, rows in _rows(scene, trajectory):
+        for row in rows:
+            roots = row.deriv().roots()
+            inside = np.clip(roots.real[np.abs(roots.imag) < _REAL * length], 0.0, length)
+            worst = max(worst, float(row(np.array([0.0, length, *inside])).max()))
+    return worst - 1
+
+
+def _rows(
+    scene: Scene, trajectory: Trajectory
+) -> list[tuple[float, tuple[Polynomial, Polynomial]]]:
+    """The length of each interval, s, and both rows as polynomials of the time since it began."""
+    limits = limits_of(scene)
+    own = limits.numbers_of(Approach())
+    assert own is not None
+    in_phases = numbers_in_phases(limits.numbers[own])
+    up, down = passes(scene.task, trajectory)
+    found = []
+    for begin, length, c in zip(
+        trajectory.knots[:-1].tolist(),
+        np.diff(trajectory.knots).tolist(),
+        trajectory.position.coefficients,
+        strict=True,
+    ):
+        n = in_phases[int(begin >= up) + int(begin >= down)]
+        x, y, z = (Polynomial(each) for each in c.T)
+        radial = ((y - n[0]) ** 2 + (z - n[1]) ** 2) / n[2] ** 2
+        found.append((length, (radial, 1 + (x - n[7]) / n[8])))
+    return found
