@@ -25,6 +25,7 @@ from deltaopt.limits.limit import (
     Limit,
     Numbers,
     SlidingLimit,
+    PhasedLimit,
 )
 
 Array = NDArray[np.float64]
@@ -265,6 +266,15 @@ class Constraints:
 
 
 @dataclass(frozen=True)
+class Phased:
+    """A limit with other numbers in each phase, and where its ``numbers`` and ``rows`` are."""
+
+    limit: PhasedLimit
+    numbers: slice
+    rows: slice
+
+
+@dataclass(frozen=True)
 class SceneLimits:
     """The limits of one scene: which there are, and their numbers, (constraints.parameters,)."""
 
@@ -296,19 +306,17 @@ class SceneLimits:
         ends = np.cumsum([size for _, size in self.constraints.items])[:-1]
         return np.split(self.numbers, ends)
 
-    def numbers_of(self, limit: Limit) -> slice | None:
-        """Where the numbers of the first item of a limit are among all; None if there is none."""
+    @cached_property
+    def phased(self) -> Phased | None:
+        """The limit whose numbers differ from phase to phase of the motion, if there is one."""
         begin = 0
-        for known, size in self.constraints.items:
-            if known == limit:
-                return slice(begin, begin + size)
+        for (limit, size), rows in zip(
+            self.constraints.items, self.constraints.slices, strict=True
+        ):
+            if isinstance(limit, PhasedLimit):
+                return Phased(limit, slice(begin, begin + size), rows)
             begin += size
         return None
-
-    def rows_of(self, limit: Limit) -> slice | None:
-        """Where the rows of the first item of a limit are; None if there is none."""
-        parts = zip(self.constraints.limits, self.constraints.slices, strict=True)
-        return next((rows for known, rows in parts if known == limit), None)
 
     @cached_property
     def bounds(self) -> tuple[Array, Array]:

@@ -13,6 +13,7 @@ from typing import Any, Protocol, runtime_checkable
 
 import casadi as ca
 import numpy as np
+from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
 from deltaopt.errors import SceneError
@@ -22,6 +23,7 @@ from deltaopt.robot.robot import Robot
 from deltaopt.robot.solids import Convex
 
 SX = ca.SX
+Array = NDArray[np.float64]
 Numbers = tuple[float, ...]
 """The numbers of one item of a limit, in the order of its parameters."""
 
@@ -253,6 +255,20 @@ class SlidingLimit(Limit, Protocol):
 
     @property
     def slid_along(self) -> bool: ...
+
+
+@runtime_checkable
+class PhasedLimit(Limit, Protocol):
+    """A limit of the position whose numbers differ from phase to phase of a motion, and whose rows
+    are polynomials of the time where the position is one."""
+
+    def numbers_in_phases(self, numbers: Array) -> Sequence[Array]:
+        """The numbers in each phase, from those of the scene."""
+        ...
+
+    def along(self, position: Sequence[Polynomial], numbers: Array) -> tuple[Polynomial, ...]:
+        """The rows of a position, three polynomials in m over s, with numbers of a phase."""
+        ...
 
 
 class MotorLimit:

@@ -1,4 +1,11 @@
-"""x_least ≤ x ≤ x_most and √(y² + z²) ≤ r: where the robot's maker or its cell lets the tool be."""
+"""x_least ≤ x ≤ x_most and √(y² + z²) ≤ r: where the robot's maker or its cell lets the tool be.
+
+Approach: where a scene lets it be, within a vertical cylinder about start and goal, and above a
+height between the two. Which of these holds depends on the phase of the motion: from the start to
+its height, from there to the goal's height, and down to the goal. Phases differ in the limit's
+numbers alone, so that one compiled function serves all. For a place of which the phase is not known
+the limit is that it is in one of the three regions.
+"""
 
 from __future__ import annotations
 
@@ -7,8 +14,13 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import casadi as ca
+import numpy as np
+from numpy.polynomial import Polynomial
 
-from deltaopt.limits.limit import SX, Bounds, Described, Instant, Numbers
+from deltaopt.limits.limit import SX, Array, Bounds, Column, Described, Instant, Numbers
+
+_ANYWHERE = 1e3
+"""Radius of a cylinder and depth of a level, m, that no robot reaches: no limit."""
 
 
 @dataclass(frozen=True)
@@ -61,3 +73,65 @@ class WorkspaceRadius:
 
     def rows(self, motion: Instant, numbers: SX) -> SX:
         return ca.sumsqr(motion.x[1:]) / numbers**2  # the norm has no derivative on the axis
+
+
+@dataclass(frozen=True)
+class Approach:
+    """Two rows. The first: the squared distance from the axis over the squared radius, in the outer
+    phases. The second: how far below the level the tool is, in the middle phase.
+
+    Numbers: axis and radius of two cylinders, the level above which a place in neither may be, the
+    level that is imposed, and the natural size of heights.
+    """
+
+    name: ClassVar[str] = "approach"
+    unit: ClassVar[str] = "1"
+    subject: ClassVar[str] = "tool"
+    order: ClassVar[int] = 0
+    key: ClassVar[None] = None
+    robot_key: ClassVar[None] = None
+    promised: ClassVar[bool] = True
+
+    def items(self, scene: Described) -> Sequence[Numbers]:
+        if not scene.columns:
+            return []
+        start, goal = scene.columns
+        level = max(start.level, goal.level)
+        ends = [point[0] for point in scene.given_points]
+        size = min(end - column.level for end, column in zip(ends, scene.columns, strict=True))
+        return [(*_circle(start), *_circle(goal), level, _ANYWHERE, size)]
+
+    def bounds(self, numbers: SX) -> Bounds:
+        return Bounds.at_most(SX.ones(2))
+
+    def measure(self, motion: Instant, numbers: SX) -> SX:
+        return self.rows(motion, numbers)
+
+    def rows(self, motion: Instant, numbers: SX) -> SX:
+        n, x = numbers, motion.x
+        first, second = (
+            ((x[1] - n[i]) ** 2 + (x[2] - n[i + 1]) ** 2) / n[i + 2] ** 2 for i in (0, 3)
+        )
+        above, imposed = (1 + (x[0] - n[i]) / n[8] for i in (6, 7))
+        nearer = ca.if_else(second < first, second, first)
+        return ca.vertcat(ca.if_else(above < nearer, above, nearer), imposed)
+
+    def numbers_in_phases(self, numbers: Array) -> Sequence[Array]:
+        """Up from the start, between, and down to the goal: (9,) each."""
+        start, goal, (level, _, size) = numbers[:3], numbers[3:6], numbers[6:]
+        everywhere = [0.0, 0.0, _ANYWHERE]
+        below = [-_ANYWHERE, _ANYWHERE, size]
+        return (
+            np.concatenate([start, start, below]),
+            np.concatenate([everywhere, everywhere, [-_ANYWHERE, level, size]]),
+            np.concatenate([goal, goal, below]),
+        )
+
+    def along(self, position: Sequence[Polynomial], numbers: Array) -> tuple[Polynomial, ...]:
+        """Both rows in one phase, where there is but one cylinder."""
+        (x, y, z), n = position, numbers.tolist()
+        return ((y - n[0]) ** 2 + (z - n[1]) ** 2) / n[2] ** 2, 1 + (x - n[7]) / n[8]
+
+
+def _circle(column: Column) -> Numbers:
+    return column.y, column.z, column.radius

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from deltaopt.limits.approach import Approach, numbers_in_phases
 from deltaopt.motion.trajectory import Array, Trajectory, passes
 from deltaopt.scene.scene import Scene, limits_of
 
@@ -38,24 +37,20 @@ def approach_excess(scene: Scene, trajectory: Trajectory) -> float:
     return worst - 1
 
 
-def _rows(
-    scene: Scene, trajectory: Trajectory
-) -> list[tuple[float, tuple[Polynomial, Polynomial]]]:
+def _rows(scene: Scene, trajectory: Trajectory) -> list[tuple[float, tuple[Polynomial, ...]]]:
     """The length of each interval, s, and both rows as polynomials of the time since it began."""
     limits = limits_of(scene)
-    own = limits.numbers_of(Approach())
-    assert own is not None
-    in_phases = numbers_in_phases(limits.numbers[own])
+    assert limits.phased is not None
+    limit = limits.phased.limit
+    in_phases = limit.numbers_in_phases(limits.numbers[limits.phased.numbers])
     up, down = passes(scene.task, trajectory)
     found = []
-    for begin, length, c in zip(
+    for begin, length, coefficients in zip(
         trajectory.knots[:-1].tolist(),
         np.diff(trajectory.knots).tolist(),
         trajectory.position.coefficients,
         strict=True,
     ):
-        n = in_phases[int(begin >= up) + int(begin >= down)]
-        x, y, z = (Polynomial(each) for each in c.T)
-        radial = ((y - n[0]) ** 2 + (z - n[1]) ** 2) / n[2] ** 2
-        found.append((length, (radial, 1 + (x - n[7]) / n[8])))
+        numbers = in_phases[int(begin >= up) + int(begin >= down)]
+        found.append((length, limit.along([Polynomial(c) for c in coefficients.T], numbers)))
     return found

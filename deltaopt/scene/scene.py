@@ -27,7 +27,6 @@ from deltaopt.files.html_table import html_table
 from deltaopt.files.units import LENGTH, MASS
 from deltaopt.files.validated_record import NonNegative, Number, Positive, Record, Vector3
 from deltaopt.files.yaml_file import place_of, read_yaml
-from deltaopt.limits.approach import Approach as ApproachLimit
 from deltaopt.limits.constraints import SceneLimits
 from deltaopt.limits.joint_ranges import ArmRange, BallJoint
 from deltaopt.limits.keep_out import (
@@ -46,6 +45,7 @@ from deltaopt.limits.speed import Speed
 from deltaopt.limits.torque import Torque, WithLeastPayload
 from deltaopt.limits.torque_curve import TorqueCurve
 from deltaopt.limits.tube import MOST_PARTS, Tube, parts_of
+from deltaopt.limits.workspace import Approach as ApproachLimit
 from deltaopt.limits.workspace import WorkspaceDepth, WorkspaceRadius
 from deltaopt.robot.robot import Robot, load_robot
 from deltaopt.robot.solids import Convex, Polytope

@@ -8,7 +8,6 @@ from math import inf, isinf
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.limits.approach import Approach
 from deltaopt.limits.constraints import Constraints
 from deltaopt.motion.approach_excess import approach_rows
 from deltaopt.motion.extrema import sample_fractions
@@ -272,10 +271,10 @@ class MeshSolution:
     def rows(self) -> Array:
         """Constraint rows inside the intervals, (N, len(FRACTIONS), rows), those of an approach by
         what holds in the phase of each."""
-        rows, own = _by_interval(self.loads.rows), self.scaling.limits.rows_of(Approach())
-        if own is not None:
+        rows, phased = _by_interval(self.loads.rows), self.scaling.limits.phased
+        if phased is not None:
             rows = rows.copy()
-            rows[:, :, own] = approach_rows(self.scene, self.trajectory, FRACTIONS)
+            rows[:, :, phased.rows] = approach_rows(self.scene, self.trajectory, FRACTIONS)
         return rows
 
     @property

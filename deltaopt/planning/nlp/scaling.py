@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.files.validated_record import Vector3
-from deltaopt.limits.approach import Approach, numbers_in_phases
 from deltaopt.limits.constraints import Constraints, SceneLimits
 from deltaopt.motion.trajectory import PiecewisePolynomial
 from deltaopt.scene.scene import Scene, limits_of
@@ -169,11 +168,12 @@ class Scaling:
         """The same for each phase of the motion: those of an approach differ."""
         p, gates = self.parameters(mechanism), self.scene.task.gates
         found = [p.copy() for _ in range(len(gates) + 1)]
-        own = self.limits.numbers_of(Approach())
-        if own is not None:
+        phased = self.limits.phased
+        if phased is not None:
             units = len(self.vector()) - len(self.limits.numbers)
-            place = slice(own.start + units, own.stop + units)
-            for phase, numbers in zip(found, numbers_in_phases(p[place]), strict=True):
+            place = slice(phased.numbers.start + units, phased.numbers.stop + units)
+            in_phases = phased.limit.numbers_in_phases(p[place])
+            for phase, numbers in zip(found, in_phases, strict=True):
                 phase[place] = numbers
         return found
 
