@@ -26,7 +26,7 @@ def approach_rows(scene: Scene, trajectory: Trajectory, fractions: Array) -> Arr
 def approach_excess(scene: Scene, trajectory: Trajectory) -> float:
     """By how much a motion exceeds its approach at the worst instant, as a share of the bound; -1
     without one. Rows are polynomials in an interval: the worst instants are among their extrema."""
-    if not scene.columns:
+    if not (scene.columns and scene.task.gates):
         return -1.0
     worst = 0.0
     for length, rows in _rows(scene, trajectory):

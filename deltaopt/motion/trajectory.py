@@ -262,8 +262,8 @@ def passes(task: Task, trajectory: Trajectory) -> Array:
     x = trajectory.position.coefficients[:, 0]
     if isinstance(task, RestToRest) and task.levels:
         up, down = (np.flatnonzero(x[1:, 0] <= level + _AS_HIGH) + 1 for level in task.levels)
-        ends = (up[0], down[-1]) if len(up) and len(down) else (1, len(x) - 1)
-        return trajectory.knots[[ends[0], max(ends[1], ends[0] + 1)]]
+        first, last = (up[0], down[-1]) if len(up) and len(down) else (len(x), len(x))
+        return trajectory.knots[[first, min(max(last, first + 1), len(x))]]
     knots, found, first = trajectory.knots, list[float](), 1
     for number, point in enumerate(task.via):
         left = len(task.via) - number - 1  # that need a knot each
