@@ -24,8 +24,8 @@ from deltaopt.limits.limit import (
     Instant,
     Limit,
     Numbers,
-    SlidingLimit,
     PhasedLimit,
+    SlidingLimit,
 )
 
 Array = NDArray[np.float64]
