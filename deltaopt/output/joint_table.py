@@ -77,7 +77,8 @@ class JointTable:
     def at_own_knots(cls, trajectory: Trajectory) -> JointTable:
         """Rows at the knots of a motion, with accelerations from inside each interval."""
         inside = trajectory.inside_intervals([0.0, 1.0])
-        rows = cls(inside.t, inside.theta, inside.dtheta, inside.ddtheta)
+        times = np.repeat(trajectory.knots, 2)[1:-1]  # to the last digit alike on both sides
+        rows = cls(times, inside.theta, inside.dtheta, inside.ddtheta)
         jumps = np.abs(rows.ddtheta[2::2] - rows.ddtheta[1:-1:2]).max(axis=1)
         smooth = jumps <= _SAME_ACCELERATION * np.abs(rows.ddtheta).max()
         kept = np.ones(len(rows.t), dtype=bool)

@@ -62,6 +62,12 @@ def test_demand_is_what_positions_ask_for(trajectory, interpolation):
     assert share[np.abs(t - demand.t) < 1e-3, motor].max() > 0.98 * demand.share
 
 
+def test_rows_of_a_knot_have_its_very_time(trajectory):
+    """A time that differs in its last digit would be a piece of its own, of no length to speak of
+    and accelerations that no motor has."""
+    assert np.isin(JointTable.at_own_knots(trajectory).t, trajectory.knots).all()
+
+
 def test_quintic_pieces_at_own_knots_are_the_plan(trajectory):
     found = checked_table(SCENE, trajectory, OwnKnots(), Quintic())
     assert found.slowed == 1
