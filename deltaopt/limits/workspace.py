@@ -22,6 +22,9 @@ from deltaopt.limits.limit import SX, Array, Bounds, Column, Described, Instant,
 _ANYWHERE = 1e3
 """Radius of a cylinder and depth of a level, m, that no robot reaches: no limit."""
 
+_FAR_ABOVE = -0.5
+"""The least value of the row of heights: lower ones would look like a lower bound that is met."""
+
 
 @dataclass(frozen=True)
 class WorkspaceDepth:
@@ -114,7 +117,11 @@ class Approach:
         )
         above, imposed = (1 + (x[0] - n[i]) / n[8] for i in (6, 7))
         nearer = ca.if_else(second < first, second, first)
-        return ca.vertcat(ca.if_else(above < nearer, above, nearer), imposed)
+        # Far above the level, or without one, the row is no negative share of it.
+        return ca.vertcat(
+            ca.if_else(above < nearer, above, nearer),
+            ca.if_else(imposed > _FAR_ABOVE, imposed, _FAR_ABOVE),
+        )
 
     def numbers_in_phases(self, numbers: Array) -> Sequence[Array]:
         """Up from the start, between, and down to the goal: (9,) each."""
