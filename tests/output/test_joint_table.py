@@ -7,7 +7,7 @@ import pytest
 
 import deltaopt
 from deltaopt.errors import Infeasible
-from deltaopt.motion.trajectory import PiecewisePolynomial
+from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
 from deltaopt.output.joint_table import (
     Cubic,
     Cycles,
@@ -64,10 +64,12 @@ def test_demand_is_what_positions_ask_for(trajectory, interpolation):
 
 def test_rows_of_a_knot_have_its_very_time(trajectory):
     """A time that differs in its last digit would be a piece of its own, of no length to speak of
-    and accelerations that no motor has."""
-    for factor in 1 + np.arange(8) / 7:
-        slower = trajectory.slowed(float(factor))
-        assert np.isin(JointTable.at_own_knots(slower).t, slower.knots).all()
+    and accelerations that no motor has. It did after intervals that are shorter than the next."""
+    for first in np.random.default_rng(1).uniform(1e-3, 1e-2, 20):
+        knots = trajectory.duration * np.array([0.0, first, 0.1, 0.5, 1.0])
+        position = PiecewisePolynomial.hermite(knots, *trajectory.position.with_rate_at(knots))
+        uneven = Trajectory(position, trajectory.model)
+        assert np.isin(JointTable.at_own_knots(uneven).t, knots).all()
 
 
 def test_quintic_pieces_at_own_knots_are_the_plan(trajectory):
