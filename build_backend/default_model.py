@@ -27,9 +27,9 @@ PROBLEMS = Path(__file__).parents[1] / "problems"
 
 
 def scenes() -> Iterator[deltaopt.Scene]:
-    """All shipped scenes, and one move with and without a payload and limits of speed, for time and
+    """The shipped scenes of usual terms, and one move with and without a payload and limits of speed, for time and
     for effort."""
-    files = (file for file in PROBLEMS.rglob("*.yaml") if file.parent.name != "robots")
+    files = (*PROBLEMS.glob("*.yaml"), *PROBLEMS.glob("objectives/*.yaml"))
     yield from map(deltaopt.load_scene, sorted(files))
     shipped = deltaopt.load_scene(PROBLEMS / "pick_and_place.yaml")
     objectives: tuple[Objective, ...] = (Time(), Effort(duration=0.28))
