@@ -27,8 +27,8 @@ PROBLEMS = Path(__file__).parents[1] / "problems"
 
 
 def scenes() -> Iterator[deltaopt.Scene]:
-    """The shipped scenes of usual terms, and one move with and without a payload and limits of speed, for time and
-    for effort."""
+    """The shipped scenes of usual terms, and one move with and without a payload and limits of
+    speed, for time and for effort."""
     files = (*PROBLEMS.glob("*.yaml"), *PROBLEMS.glob("objectives/*.yaml"))
     yield from map(deltaopt.load_scene, sorted(files))
     shipped = deltaopt.load_scene(PROBLEMS / "pick_and_place.yaml")
