@@ -144,9 +144,6 @@ def room_at_rest(scene: Scene, points: Array) -> Array:
     at rest, is not below its elbows, or is beyond a parallel singularity, seen from the start.
     """
     back, rows, distances = _at_rest(scene, points)
-    for number, point in enumerate(points, 1):
-        for sentence in _too_near(scene, point):
-            raise Infeasible(f"via {number}: at {in_words(point)} m the tool {sentence}")
     there = np.linalg.norm(back - points, axis=1) <= _SAME_PLACE  # False where not a number
     limits = 1 - np.abs(rows).max(axis=1)
     volumes = _volumes(scene, np.vstack([scene.given_points[0], points]))

@@ -11,6 +11,7 @@ from deltaopt import plan
 from deltaopt.errors import Infeasible
 from deltaopt.limits.keep_out import KeepOut
 from deltaopt.motion.sure_bounds import signed_distances
+from deltaopt.scene.feasibility import room_at_rest
 from deltaopt.scene.scene import Scene, load_scene
 from deltaopt.verify.verification import verify
 
@@ -120,6 +121,14 @@ def test_where_there_is_no_way_the_reason_says_what_was_searched():
     reason = "clear of all bodies, but no way past these is found: neither bends to four sides"
     with pytest.raises(Infeasible, match=reason):
         plan(scene)
+
+
+def test_a_grid_has_no_room_in_a_body():
+    """Room is told, not refused: a grid has points everywhere."""
+    middle = (np.array(CROSS.start) + np.array(CROSS.goal)) / 2
+    scene = with_bodies(sphere(middle.tolist(), 0.03))
+    away = middle + np.outer([0.0, 0.029, 0.031, 0.06], [-1.0, 0.0, 0.0])
+    np.testing.assert_array_equal(room_at_rest(scene, away) > 0, [False, False, True, True])
 
 
 def test_a_reach_into_a_box():
