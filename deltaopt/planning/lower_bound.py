@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +39,7 @@ _BISECTIONS = 40
 """They find a duration to twelve digits, from below."""
 
 
+@lru_cache(maxsize=32)
 def lower_bound(scene: Scene) -> float:
     """A duration in s below which no motion from start to goal can be, whatever its path.
 

@@ -232,7 +232,7 @@ class Scene(Record):
         rotation; 0 without one."""
         return 0.0 if self.rotation is None else self.rotation.duration
 
-    @property
+    @cached_property
     def task(self) -> Task:
         """The task of the motion: what is known at its start and goal, and of its path."""
         start, goal = self.ends
@@ -246,7 +246,7 @@ class Scene(Record):
             return RestToRest(start.position, goal.position, within=within)
         return OnPath.of(start.position, goal.position, self.path)
 
-    @property
+    @cached_property
     def given_points(self) -> tuple[Vector3, ...]:
         """The points in m that are known of the motion's ends: the start and, unless it moves or is
         anywhere, the goal."""
@@ -258,12 +258,12 @@ class Scene(Record):
         """The points in m that are known of the motion: those of its ends and the via points."""
         return *self.given_points, *(self.via or ())
 
-    @property
+    @cached_property
     def ends(self) -> tuple[EndState, Goal]:
         """What the motion begins and ends in."""
         return start_of(self.start), end_of(self.goal)
 
-    @property
+    @cached_property
     def moves_at_ends(self) -> bool:
         """Whether an end moves or is anywhere; the ends of a given path are points."""
         start, goal = self.ends
