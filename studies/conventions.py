@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 import numpy as np
 
 from deltaopt.robot.robot import load_robot
-from studies.problems import PROBLEMS
+from studies.problems import PROBLEMS, add_directory
 
 HELP = "draw the order of the motors, their zero and sign, and the axes"
 SMALL: dict[str, object] = {}
@@ -18,14 +17,7 @@ PLATFORM = (0.75, 0.0, 0.0)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "-o",
-        dest="directory",
-        type=Path,
-        metavar="DIR",
-        default=Path("out/conventions"),
-        help="where conventions.png goes (default: out/conventions)",
-    )
+    add_directory(parser, "conventions", "conventions.png")
 
 
 def run(arguments: argparse.Namespace) -> int:

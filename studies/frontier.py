@@ -21,7 +21,7 @@ from deltaopt.cli.arguments import load_fastest
 from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.planning.planner import Planner
 from deltaopt.scene.scene import Scene
-from studies.problems import PICK_AND_PLACE, PROBLEMS
+from studies.problems import PICK_AND_PLACE, PROBLEMS, add_directory
 from studies.text_table import csv, paragraph, table
 
 HELP = "what accuracy costs: the default beside Ipopt in every formulation"
@@ -200,9 +200,7 @@ def csv_of(attempts: list[Attempt]) -> str:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "-o", dest="directory", type=Path, default=Path("out/frontier"), metavar="DIR"
-    )
+    add_directory(parser, "frontier")
     parser.set_defaults(scenes=SCENES, tolerances=TOLERANCES, finer=FINER, chosen=FORMULATIONS)
 
 

@@ -37,6 +37,7 @@ from deltaopt.planning.refinement import Refinement, ResolvedMotion, Resolver
 from deltaopt.planning.switching.resolver import resolver
 from deltaopt.robot.model import delta_model
 from studies.gap_moves import Move, move
+from studies.problems import add_directory
 
 HELP = "hold the gaps that plans tell against true ones, on moves of many robots"
 TOLERANCES, FINE = (1e-2, 1e-3, 1e-4), (1e-5, 1e-6)
@@ -316,14 +317,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="GAP",
         help=f"of every move (default: {TOLERANCES})",
     )
-    parser.add_argument(
-        "-o",
-        dest="directory",
-        type=Path,
-        metavar="DIR",
-        default=Path("out/gap"),
-        help="where gap.csv and gap.png go (default: out/gap)",
-    )
+    add_directory(parser, "gap", "gap.csv and gap.png")
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from deltaopt import Robot, Scene, load_robot
-from deltaopt.bench.random_scenes import MARGIN, points_in_workspace
+from deltaopt.bench.random_scenes import MARGIN, farthest_apart, points_in_workspace
 from deltaopt.errors import Infeasible, Unreachable
 from deltaopt.files.validated_record import Vector3
 from deltaopt.robot.drive import Drive
@@ -134,10 +134,4 @@ def _ends(
         points = points_in_workspace(model, rng)
     else:
         points = points_in_workspace(model, rng, EDGE, MARGIN)
-    points = points[: _FARTHEST_OF if stratum == ALONG_THE_EDGE else 2]
-    if len(points) < 2:
-        return None
-    apart = np.linalg.norm(points[:, None] - points, axis=2)
-    i, j = np.unravel_index(apart.argmax(), apart.shape)
-    start, goal = points[i].tolist(), points[j].tolist()
-    return (start[0], start[1], start[2]), (goal[0], goal[1], goal[2])
+    return farthest_apart(points[: _FARTHEST_OF if stratum == ALONG_THE_EDGE else 2])

@@ -8,7 +8,6 @@ motion may exist. Draws lower_bound.png.
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +17,7 @@ from deltaopt.bench.random_scenes import random_scenes
 from deltaopt.cli.arguments import load_fastest, one_or_more, seed
 from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.planning.planner import Planner
-from studies.problems import PICK_AND_PLACE, PROBLEMS
+from studies.problems import PICK_AND_PLACE, PROBLEMS, add_directory
 
 HELP = "hold the lower bound for every path against the durations of plans"
 SCENES = tuple(sorted(PROBLEMS.glob("*.yaml")))
@@ -43,14 +42,7 @@ def random_ratios(planner: Planner, number: int, first: int) -> NDArray[np.float
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "-o",
-        dest="directory",
-        type=Path,
-        metavar="DIR",
-        default=Path("out/lower_bound"),
-        help="where lower_bound.png goes (default: out/lower_bound)",
-    )
+    add_directory(parser, "lower_bound", "lower_bound.png")
     parser.add_argument("--number", type=one_or_more, default=100, help="moves of each robot")
     parser.add_argument("--seed", type=seed, default=1, help="of the random moves (default: 1)")
     parser.set_defaults(scenes=SCENES, robots=ROBOTS)

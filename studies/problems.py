@@ -41,6 +41,19 @@ def add_tolerances(parser: argparse.ArgumentParser, default: tuple[float, ...]) 
     )
 
 
+def add_directory(parser: argparse.ArgumentParser, name: str, what: str = "files") -> None:
+    """Add -o DIR, the directory of ``what``; ``out/name`` by default."""
+    default = Path("out") / name
+    parser.add_argument(
+        "-o",
+        dest="directory",
+        type=Path,
+        metavar="DIR",
+        default=default,
+        help=f"directory of {what} (default: {default})",
+    )
+
+
 def _add_files(parser: argparse.ArgumentParser, what: str, default: tuple[Path, ...]) -> None:
     names = " ".join(file.stem for file in default)
     parser.add_argument(

@@ -10,7 +10,6 @@ import argparse
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 from time import process_time
 
 import numpy as np
@@ -22,7 +21,7 @@ from deltaopt.motion.time_scaling import safe_factor
 from deltaopt.planning.first_motions import first_motion
 from deltaopt.planning.nlp.problem import Guess
 from deltaopt.planning.planner import RESOLVED_BELOW
-from studies.problems import PICK_AND_PLACE, add_scenes, add_tolerances
+from studies.problems import PICK_AND_PLACE, add_directory, add_scenes, add_tolerances
 from studies.uniform_mesh import motion_of, solved_on
 
 HELP = "what a gap costs, on meshes and by switch resolution"
@@ -149,14 +148,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="intervals of uniform meshes (default: 10 to 160)",
     )
-    parser.add_argument(
-        "-o",
-        dest="directory",
-        type=Path,
-        metavar="DIR",
-        default=Path("out/tolerances"),
-        help="where resolution.png and resolution.csv go (default: out/tolerances)",
-    )
+    add_directory(parser, "tolerances", "resolution.png and resolution.csv")
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -28,6 +28,7 @@ from deltaopt.output.joint_table import (
 )
 from deltaopt.output.starting_files import write_starting_files
 from deltaopt.planning.planner import straight_lines
+from studies.problems import add_directory
 
 HELP = "draw the pictures of the tutorial, and print its numbers"
 EXTRA = (0.01, 0.02, 0.05, 0.10, 0.20)
@@ -78,14 +79,7 @@ def asked_torques(
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "-o",
-        dest="directory",
-        type=Path,
-        metavar="DIR",
-        default=Path("out/tutorial"),
-        help="where the pictures go (default: out/tutorial)",
-    )
+    add_directory(parser, "tutorial", "the pictures")
     parser.set_defaults(extra=EXTRA)
 
 

@@ -12,7 +12,7 @@ from math import inf
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.bench.random_scenes import MARGIN, points_in_workspace
+from deltaopt.bench.random_scenes import MARGIN, farthest_apart, points_in_workspace
 from deltaopt.errors import DeltaOptError, Infeasible
 from deltaopt.files.validated_record import Vector3
 from deltaopt.robot.drive import Drive, Friction
@@ -324,10 +324,5 @@ def _ends(
     model: DeltaModel, where: Points, rng: np.random.Generator
 ) -> tuple[Vector3, Vector3] | None:
     """Start and goal, m; None if a batch has too few points."""
-    points = points_in_workspace(model, rng, where.least, where.most)[: where.farthest_of]
-    if len(points) < 2:
-        return None
-    apart = np.linalg.norm(points[:, None] - points, axis=2)
-    i, j = np.unravel_index(apart.argmax(), apart.shape)
-    (a, b, c), (d, e, f) = points[i].tolist(), points[j].tolist()
-    return (a, b, c), (d, e, f)
+    points = points_in_workspace(model, rng, where.least, where.most)
+    return farthest_apart(points[: where.farthest_of])

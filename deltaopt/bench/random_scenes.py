@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from deltaopt.codegen.vectorised import evaluate_rows
 from deltaopt.errors import Infeasible, Unreachable
+from deltaopt.files.validated_record import Vector3
 from deltaopt.mechanisms.delta.mechanism import AZIMUTHS
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import Robot
@@ -113,3 +114,13 @@ def _volumes(model: DeltaModel, x: Array) -> Array:
         normals.append(normal / np.linalg.norm(normal, axis=1, keepdims=True))
     both = [np.linalg.det(np.stack(rows, axis=1)) for rows in (bars, normals)]
     return np.asarray(np.stack(both, axis=1))
+
+
+def farthest_apart(points: Array) -> tuple[Vector3, Vector3] | None:
+    """The two of some points, (n, 3), that are farthest apart; None of fewer than two."""
+    if len(points) < 2:
+        return None
+    apart = np.linalg.norm(points[:, None] - points, axis=2)
+    i, j = np.unravel_index(apart.argmax(), apart.shape)
+    (a, b, c), (d, e, f) = points[i].tolist(), points[j].tolist()
+    return (a, b, c), (d, e, f)

@@ -146,16 +146,7 @@ class Adams:
     """The variable-order Adams method of CVODES, solved by fixed-point iteration."""
 
     def flow(self, equations: Equations, fractions: list[float], tolerance: float) -> Flow:
-        options: dict[str, Any] = {
-            "linear_multistep_method": "adams",
-            "nonlinear_solver_iteration": "functional",
-            "reltol": tolerance,
-            "abstol": tolerance,
-            "max_num_steps": MOST_STEPS,
-            "disable_internal_warnings": True,
-        }
-        problem = _explicit(equations.rate)
-        return _Cvodes(ca.integrator("flow", "cvodes", problem, 0.0, fractions, options))
+        return _Cvodes.of("adams", "functional", equations, fractions, tolerance)
 
 
 @dataclass(frozen=True)
@@ -166,16 +157,7 @@ class BDF:
     """
 
     def flow(self, equations: Equations, fractions: list[float], tolerance: float) -> Flow:
-        options: dict[str, Any] = {
-            "linear_multistep_method": "bdf",
-            "nonlinear_solver_iteration": "newton",
-            "reltol": tolerance,
-            "abstol": tolerance,
-            "max_num_steps": MOST_STEPS,
-            "disable_internal_warnings": True,
-        }
-        problem = _explicit(equations.rate)
-        return _Cvodes(ca.integrator("flow", "cvodes", problem, 0.0, fractions, options))
+        return _Cvodes.of("bdf", "newton", equations, fractions, tolerance)
 
 
 @dataclass(frozen=True)
@@ -246,6 +228,23 @@ class _Cvodes:
     """CVODES over a span of time."""
 
     integrator: ca.Function
+
+    @classmethod
+    def of(
+        cls, method: str, iteration: str, equations: Equations, span: list[float], tolerance: float
+    ) -> _Cvodes:
+        """``method``, ``iteration``: linear multistep method and how its equations are solved, in
+        the words of CVODES. ``span``: fractions of the time that are reported."""
+        options: dict[str, Any] = {
+            "linear_multistep_method": method,
+            "nonlinear_solver_iteration": iteration,
+            "reltol": tolerance,
+            "abstol": tolerance,
+            "max_num_steps": MOST_STEPS,
+            "disable_internal_warnings": True,
+        }
+        problem = _explicit(equations.rate)
+        return cls(ca.integrator("flow", "cvodes", problem, 0.0, span, options))
 
     def __call__(self, state: Array, start: float, span: float, p: Array) -> tuple[Array, Work]:
         return _run(self.integrator, start, span, p, x0=state)

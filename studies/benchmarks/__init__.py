@@ -16,6 +16,7 @@ from pathlib import Path
 
 from deltaopt.cli.arguments import WrongUsage, positive
 from deltaopt.files.progress_bar import ProgressBar
+from studies.problems import add_directory
 
 HELP = "published benchmarks of multibody dynamics, integrators, cost against size"
 NAMES = ("published", "integrators", "windows", "spread")
@@ -24,14 +25,7 @@ SMALL = {"share": 0.02, "windows": (1, 2, 3), "settings": 1, "starts": 2}
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("parts", nargs="*", default=NAMES, metavar="PART", help=", ".join(NAMES))
-    parser.add_argument(
-        "-o",
-        dest="directory",
-        type=Path,
-        default=Path("out/benchmarks"),
-        metavar="DIR",
-        help="where files go (default: out/benchmarks)",
-    )
+    add_directory(parser, "benchmarks")
     parser.add_argument(
         "--share", type=positive, default=1.0, metavar="X", help="of each duration (1)"
     )

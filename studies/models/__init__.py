@@ -8,10 +8,10 @@ Draws models.png, writes models.csv.
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from deltaopt.cli.arguments import one_or_more
 from deltaopt.files.progress_bar import ProgressBar
+from studies.problems import add_directory
 
 HELP = "which model of the Delta, when: error towards singularities beside cost"
 SMALL = {"motions": 1, "digits": 30, "states": 2, "rounds": 2, "distances": (1e-1, 1e-4)}
@@ -27,9 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(
             f"--{name}", type=one_or_more, default=default, help=f"{what} ({default})"
         )
-    parser.add_argument(
-        "-o", dest="directory", type=Path, default=Path("out/models"), metavar="DIR"
-    )
+    add_directory(parser, "models")
     parser.set_defaults(distances=tuple(10.0**-k for k in range(1, 13)))
 
 

@@ -16,6 +16,7 @@ from typing import Any
 
 from deltaopt.cli.arguments import WrongUsage, positive
 from deltaopt.files.progress_bar import ProgressBar
+from studies.problems import add_directory
 
 HELP = "where formulations fail: near singularities, over long times, on benchmarks, at the edge"
 NAMES = ("singularities", "drift", "benchmarks", "edge")
@@ -99,14 +100,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="PART",
         help=f"of {', '.join(NAMES)} (default: all)",
     )
-    parser.add_argument(
-        "-o",
-        dest="directory",
-        type=Path,
-        default=Path("out/stability"),
-        metavar="DIR",
-        help="where files go (default: out/stability)",
-    )
+    add_directory(parser, "stability")
     for name, default, kind, what in (
         ("motions", 3, int, "random motions at each state near a singularity"),
         ("digits", 50, int, "of the arithmetic they are held against"),

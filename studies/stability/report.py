@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from textwrap import fill
 
 import numpy as np
@@ -25,6 +25,7 @@ from studies.stability.singularities import (
     Curve,
     Singularities,
 )
+from studies.text_table import table
 
 WIDTH = 98
 
@@ -55,7 +56,7 @@ def singularities_table(study: Singularities) -> str:
         if c.model != "K, Kane":  # with u = q̇ it is virtual work
             numbers = (_largest(c.errors), _power(c.slope), _place(c.lost_at), _place(c.silent_at))
             rows.append((c.family, c.problem, f"{c.model}, {c.variant}", *numbers))
-    return _table(rows)
+    return table(rows)
 
 
 def singularities_verdict(study: Singularities) -> str:
@@ -105,7 +106,7 @@ def drift_table(study: Drift) -> str:
         numbers = (f"{x:.1e}" for x in (r.position, r.velocity, r.energy))
         cost = (f"{r.evaluations:.0f}", f"{r.seconds:.2f}")
         rows.append((r.method, f"{r.tolerance:.0e}", *cost, *numbers, after))
-    return _table(rows)
+    return table(rows)
 
 
 def drift_verdict(study: Drift) -> str:
@@ -161,7 +162,7 @@ def benchmarks_table(study: Benchmarks) -> str:
         )
         for o in study.outcomes
     ]
-    return _table(rows)
+    return table(rows)
 
 
 def benchmarks_verdict(study: Benchmarks) -> str:
@@ -187,7 +188,7 @@ def edge_table(study: Edge) -> str:
         numbers = ("-", "-") if o.error else (f"{o.duration:.4g}", f"{o.gap:.0e}")
         end = o.error or ("verified" if o.verified else "WRONG")
         rows.append((o.family, o.name, f"{o.seconds:.1f}", *numbers, end))
-    return _table(rows)
+    return table(rows)
 
 
 def edge_verdict(study: Edge) -> str:
@@ -308,14 +309,6 @@ def _plain(text: str) -> str:
 
 def _lines(rows: Iterable[str]) -> str:
     return "\n".join(rows) + "\n"
-
-
-def _table(rows: Sequence[tuple[str, ...]]) -> str:
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    return "\n".join(
-        "  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip()
-        for row in rows
-    )
 
 
 def _paragraph(*sentences: str) -> str:

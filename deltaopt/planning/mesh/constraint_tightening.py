@@ -81,7 +81,7 @@ class Overshoot:
         ``shares``: of their bounds that rows were to use, (N, rows): those of ``anywhere`` may
         exceed them at the points too, where a formulation's coordinates close loops at nodes alone.
         """
-        at_points = _samples_at(points)
+        at_points = samples_at(points)
         highest = size.max(axis=1)
         over = highest - size[:, at_points].max(axis=1)
         over = np.maximum(over, np.where(anywhere, highest - shares, 0.0))
@@ -92,9 +92,7 @@ class Overshoot:
 
         ``scaling``: the one that the motion on this mesh was found with.
         """
-        density = self.each / self.mesh[:, None]
-        beside = np.pad(density, ((1, 1), (0, 0)))  # the jump may come to lie in the next interval
-        density = np.maximum(density, np.maximum(beside[:-2], beside[2:]))
+        density = _with_neighbours(self.each / self.mesh[:, None])  # where the jump may come to lie
         inside = np.searchsorted(np.cumsum(self.mesh)[:-1], np.cumsum(mesh) - mesh / 2)
         over = _OVERSHOOT_FACTOR * density[inside] * mesh[:, None]
         used = 1 - scaling.shares(len(self.mesh))[inside]
@@ -135,7 +133,7 @@ class Bulge:
         all instants of an interval, (N, rows). ``shares``: of their bounds that rows were to use,
         (N, rows).
         """
-        at_points = size[:, _samples_at(points)].max(axis=1)
+        at_points = size[:, samples_at(points)].max(axis=1)
         near = highest > _NEAR_LIMIT
         over = np.where(near, np.maximum(highest - at_points, 0.0), 0.0)
         return cls(mesh, over, np.where(near, np.maximum(at_points - shares, 0.0), 0.0))
@@ -193,7 +191,7 @@ def first_tightening(scaling: Scaling, guess: Trajectory, mesh: Array) -> Scalin
     return replace(scaling, share=share)
 
 
-def _samples_at(points: Array) -> NDArray[np.intp]:
+def samples_at(points: Array) -> NDArray[np.intp]:
     """Which of ``FRACTIONS`` are the points where bounds are imposed."""
     return np.asarray(np.abs(FRACTIONS[:, None] - points).argmin(axis=0))
 

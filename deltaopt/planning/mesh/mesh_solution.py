@@ -25,6 +25,7 @@ from deltaopt.planning.mesh.constraint_tightening import (
     corner_shares,
     first_tightening,
     points_apart,
+    samples_at,
 )
 from deltaopt.planning.mesh.error_estimate import (
     FRACTIONS,
@@ -202,23 +203,19 @@ class MeshSolution:
         apart = points_apart(self.trajectory, self.mesh)[:, None]
         sharp = apart / np.maximum(limits.edge_radii, apart)
         left = np.maximum(1 - size.max(axis=1), 0.0) + bulge * sharp
-        unused = (self._price_of_places * left).sum(axis=1)
-        return replace(
-            self,
-            lost=replace(self.lost, unused=self.lost.unused + unused),
-            unused=self.unused + float(unused.sum()),
-            needed=self.needed.beside(float(excess.max())),
-            excess=excess,
-        )
+        priced = self._with_unused((self._price_of_places * left).sum(axis=1))
+        return replace(priced, needed=self.needed.beside(float(excess.max())), excess=excess)
 
     def with_price_of_sliding(self) -> MeshSolution:
         """The same with what it costs that limits that motions slide along were not used up: the
         multiplier at each point times what is left there."""
-        rows, points = self.scaling.constraints.slid_along, self.problem.points
-        at_points = np.abs(FRACTIONS[:, None] - points).argmin(axis=0)
+        rows, at_points = self.scaling.constraints.slid_along, samples_at(self.problem.points)
         size = self.scaling.constraints.size(self.rows)[:, at_points][:, :, rows]
         price = np.abs(self.solution.multipliers[:, :, rows])
-        unused = (price * np.maximum(1 - size, 0.0)).sum(axis=(1, 2))
+        return self._with_unused((price * np.maximum(1 - size, 0.0)).sum(axis=(1, 2)))
+
+    def _with_unused(self, unused: Array) -> MeshSolution:
+        """The same with more time lost in each interval, (N,), to limits that are not used up."""
         return replace(
             self,
             lost=replace(self.lost, unused=self.lost.unused + unused),
