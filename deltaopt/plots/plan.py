@@ -28,6 +28,8 @@ _FAINTEST = 0.15
 """How opaque the robot is at the start; it grows until the goal."""
 _SAMPLES = 1000
 """Samples of each curve over all intervals."""
+_SHADOWS = "bodies are grey, as seen from the side: a path may lead past them on this side or beyond"
+"""What is to be known of the path's panel where a scene has bodies."""
 _TORQUE = "torque"
 _LINE = 130
 """Letters of a line of the caption."""
@@ -52,7 +54,8 @@ def draw(
         _path(page.add_subplot(grid[0, 1]), scene, trajectory)
         _bars(page.add_subplot(grid[1, 1]), {**others, "this plan": trajectory.duration})
         _torques(page.add_subplot(grid[2, :]), scene, trajectory, duty)
-        told = (fill(_what(scene, trajectory), _LINE), assumption(scene.task))
+        shadows = _SHADOWS if scene.keep_out else ""
+        told = (fill(_what(scene, trajectory), _LINE), assumption(scene.task), shadows)
         caption = "\n".join(filter(None, told))
         page.supxlabel(caption, fontsize=SMALL, color=GREY)
 
