@@ -28,7 +28,7 @@ _FAINTEST = 0.15
 """How opaque the robot is at the start; it grows until the goal."""
 _SAMPLES = 1000
 """Samples of each curve over all intervals."""
-_SHADOWS = "bodies are grey, as seen from the side: a path may lead past them on this side or beyond"
+_SHADOWS = "bodies are grey, as seen from the side: a path may pass them on this side or beyond"
 """What is to be known of the path's panel where a scene has bodies."""
 _TORQUE = "torque"
 _LINE = 130
