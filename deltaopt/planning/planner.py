@@ -934,7 +934,9 @@ def timed_line(scene: Scene, tolerance: float = 1e-3) -> Plan:
 def straight_lines(scene: Scene) -> dict[str, float]:
     """Durations, s, of the straight line from start to goal, by how it is timed, and past bodies of
     the rounded path over them: what a plan is compared with, whatever its objective. Those that no
-    motion can have are left out."""
+    motion can have are left out, and all where there are via points, which they do not pass."""
+    if scene.via:
+        return {}
     timed: dict[str, Callable[[Scene], float]] = {
         "line, quintic law": lambda scene: baseline(scene).duration,
         "line, timed optimally": lambda scene: timed_line(scene).duration,

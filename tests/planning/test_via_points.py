@@ -10,6 +10,7 @@ import pytest
 
 import deltaopt
 from deltaopt import SceneError, State, load_scene, plan, verify
+from deltaopt.planning.planner import straight_lines
 
 SCENE = load_scene("problems/via/three_points.yaml")
 FREE = SCENE.model_copy(update={"via": None})
@@ -107,6 +108,11 @@ def test_a_limited_motion_with_a_payload_range():
     scene = SCENE.model_copy(update={"payload": (0.5, 1.5), "limits": {"speed": 4.0}})
     slow = plan(scene)
     assert verify(scene, slow.trajectory).failures() == []
+
+
+def test_no_line_that_misses_the_points_is_compared_with_it():
+    assert straight_lines(SCENE) == {}
+    assert len(straight_lines(FREE)) == 2
 
 
 def test_saved_and_read_back(found, tmp_path):
