@@ -7,7 +7,7 @@ unit and its range are written once, where the field is declared.
 from __future__ import annotations
 
 import difflib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Generator, Mapping
 from functools import cached_property, lru_cache
 from math import inf
 from pathlib import Path
@@ -71,6 +71,11 @@ class Record(BaseModel):
 
     def __hash__(self) -> int:
         return self.fields_hash
+
+    def __iter__(self) -> Generator[tuple[str, Any], None, None]:
+        """Names and values of the fields, so that ``dict(record)`` makes the same record; without
+        what was computed once for this one."""
+        yield from ((name, getattr(self, name)) for name in type(self).model_fields)
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
         """A copy with other fields; without what was computed once for this one.

@@ -752,6 +752,15 @@ def test_errors_say_where_in_the_file(text, place, problem, tmp_path):
     assert str(told.value).startswith(f"{file}, {place}: {problem}")
 
 
+def test_a_scene_made_of_a_scene_is_the_same():
+    """Also after what is computed once was asked for."""
+    scene = load_scene("problems/keep_out/wall_25_305_25.yaml")
+    assert scene.obstacles
+    assert scene.task.is_at_rest
+    assert hash(scene) == hash(scene.model_copy())
+    assert Scene(**dict(scene)) == scene
+
+
 def test_what_is_missing_is_missing_in_its_mapping(tmp_path):
     file = tmp_path / "robot.yaml"
     text = (Path(__file__).parents[2] / "problems/robots/orsino.yaml").read_text(encoding="utf-8")
