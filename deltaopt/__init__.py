@@ -18,6 +18,8 @@ from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.files.version import __version__
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.saved_plan import SavedPlan, load_plan
+from deltaopt.planning.comparisons import beside_free_path, timed_line
+from deltaopt.planning.first_motions.initial_motion import baseline
 from deltaopt.planning.flat.flat_problem import Flat
 from deltaopt.planning.formulations.choice import Forward, Redundant
 from deltaopt.planning.formulations.loop_closure import (
@@ -26,10 +28,10 @@ from deltaopt.planning.formulations.loop_closure import (
     KnotConstraints,
     Projection,
 )
-from deltaopt.planning.initial_motion import baseline
 from deltaopt.planning.nlp.problem import InteriorPoint, Ipopt
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
-from deltaopt.planning.planner import Plan, Planner, plan, timed_line
+from deltaopt.planning.plan import Plan
+from deltaopt.planning.planner import Planner, plan
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import Robot, load_robot
 from deltaopt.scene.moving_ends import Anywhere, Belt, State
@@ -91,6 +93,7 @@ __all__ = [
     "Verification",
     "__version__",
     "baseline",
+    "beside_free_path",
     "explicit",
     "flat",
     "forward",

@@ -135,7 +135,7 @@ def run(arguments: argparse.Namespace) -> int:
         for name, path in (("line across", "line"), ("25-305-25, rounded", rounded)):
             scene = cycle(robot, depth, path)
             laws = [by_law(scene, shape) for shape in _SHAPES]
-            plan = deltaopt.plan(scene, tolerance=1e-4).beside_free_path()
+            plan = deltaopt.beside_free_path(deltaopt.plan(scene, tolerance=1e-4))
             durations = [*laws, plan.duration, plan.free_duration]
             cells = " | ".join(f"{duration:.4f} s" for duration in durations)
             print(f"| {robot_name} | {name} | {cells} |", flush=True)

@@ -32,9 +32,9 @@ from deltaopt.planning.mesh.mesh_solution import MeshSolution, gap_of
 from deltaopt.planning.nlp.problem import Guess
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import LINEAR
-from deltaopt.planning.planner import RESOLVED_BELOW
 from deltaopt.planning.refinement import Refinement, ResolvedMotion, Resolver
 from deltaopt.planning.switching.resolver import resolver
+from deltaopt.planning.trajectory_optimiser import RESOLVED_BELOW
 from deltaopt.robot.model import delta_model
 from studies.gap_moves import Move, move
 from studies.problems import add_directory

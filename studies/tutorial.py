@@ -27,7 +27,7 @@ from deltaopt.output.joint_table import (
     platform_motion,
 )
 from deltaopt.output.starting_files import write_starting_files
-from deltaopt.planning.planner import straight_lines
+from deltaopt.planning.comparisons import straight_lines
 from studies.problems import add_directory
 
 HELP = "draw the pictures of the tutorial, and print its numbers"

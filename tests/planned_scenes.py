@@ -7,8 +7,8 @@ import pytest
 
 from deltaopt import load_robot, load_scene
 from deltaopt.bench.random_scenes import random_scenes
+from deltaopt.planning.first_motions.multistart import first_motions
 from deltaopt.planning.flat.flat_problem import Flat, FlatEquations
-from deltaopt.planning.multistart import first_motions
 from deltaopt.planning.nlp.problem import Guess
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import LINEAR

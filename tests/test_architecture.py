@@ -20,6 +20,7 @@ MODULES = {
 ORDER = (
     "errors",
     "interrupts",
+    "settings",
     "files",
     "codegen",
     "dynamics",
@@ -34,6 +35,7 @@ ORDER = (
     "planning.mesh",
     "planning.switching",
     "planning.path",
+    "planning.first_motions",
     "planning",
     "verify",
     "output",
@@ -74,9 +76,9 @@ ONLY_IN = {
     "pint": {"files"},
 }
 CONVENIENCES = {
-    ("deltaopt.planning.planner", "deltaopt.output.plan_files"),
-    ("deltaopt.planning.planner", "deltaopt.plots.limits"),
-    ("deltaopt.planning.planner", "deltaopt.verify.verification"),
+    ("deltaopt.planning.plan", "deltaopt.output.plan_files"),
+    ("deltaopt.planning.plan", "deltaopt.plots.limits"),
+    ("deltaopt.planning.plan", "deltaopt.verify.verification"),
     ("deltaopt.output.plan_files", "deltaopt.plots.limits"),
     ("deltaopt.output.plan_files", "deltaopt.plots.plan"),
     ("deltaopt.output.plan_files", "deltaopt.report.page"),

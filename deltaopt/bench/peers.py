@@ -14,7 +14,7 @@ from deltaopt.bench.random_scenes import random_scenes
 from deltaopt.errors import DeltaOptError, installed
 from deltaopt.motion.trajectory import Array, Trajectory
 from deltaopt.output.controller_c import c_functions
-from deltaopt.planning.initial_motion import baseline
+from deltaopt.planning.first_motions.initial_motion import baseline
 from deltaopt.planning.planner import Planner
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import Robot

@@ -10,7 +10,8 @@ import numpy as np
 
 from deltaopt.bench.random_scenes import random_scenes
 from deltaopt.errors import DeltaOptError
-from deltaopt.planning.planner import Plan, Planner
+from deltaopt.planning.plan import Plan
+from deltaopt.planning.planner import Planner
 from deltaopt.scene.scene import Scene
 from deltaopt.verify.verification import verify
 

@@ -35,11 +35,11 @@ from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.files.validated_record import PerMotor, per_motor
 from deltaopt.files.yaml_file import read_yaml
 from deltaopt.mechanisms.delta.mechanism import DeltaParameters
+from deltaopt.planning.comparisons import timed_line
+from deltaopt.planning.first_motions.initial_motion import baseline
 from deltaopt.planning.flat.equations import point_equations
 from deltaopt.planning.flat.method_source import source
-from deltaopt.planning.initial_motion import baseline
 from deltaopt.planning.nlp.transcription import LINEAR
-from deltaopt.planning.planner import timed_line
 from deltaopt.robot.catalogue import Reduction, reductions
 from deltaopt.robot.drive import Drive, Friction
 from deltaopt.robot.model import DeltaModel

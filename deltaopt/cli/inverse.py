@@ -28,7 +28,7 @@ from deltaopt.files.output_folder import all_or_none
 from deltaopt.motion.limit_curves import limit_curves
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.plan_files import MOST_ROWS, RATE, write_csv
-from deltaopt.planning.initial_motion import straight_line
+from deltaopt.planning.first_motions.initial_motion import straight_line
 from deltaopt.robot.model import DeltaModel
 from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.scene import Scene, load_scene

@@ -41,6 +41,7 @@ from deltaopt.files.output_folder import require_writable
 from deltaopt.motion.active_limits import ActiveLimit, active_limits
 from deltaopt.motion.certificate import MET
 from deltaopt.motion.limit_sensitivity import as_dicts, limits_in_words
+from deltaopt.motion.lower_bound import lower_bound
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.plan_files import (
     MOST_ROWS,
@@ -51,6 +52,9 @@ from deltaopt.output.plan_files import (
     save,
     way_content,
 )
+from deltaopt.planning.comparisons import beside_free_path
+from deltaopt.planning.first_motions.initial_motion import baseline
+from deltaopt.planning.first_motions.multistart import Optimum
 from deltaopt.planning.flat.flat_problem import Flat
 from deltaopt.planning.formulations.choice import Forward, Redundant
 from deltaopt.planning.formulations.loop_closure import (
@@ -60,12 +64,11 @@ from deltaopt.planning.formulations.loop_closure import (
     LoopClosure,
     Projection,
 )
-from deltaopt.planning.initial_motion import baseline
-from deltaopt.planning.lower_bound import lower_bound
-from deltaopt.planning.multistart import Optimum
 from deltaopt.planning.nlp.problem import InteriorPoint, Ipopt, ProblemFormulation, Solver
 from deltaopt.planning.nlp.transcription import TRANSCRIPTIONS
-from deltaopt.planning.planner import RESOLVED_BELOW, Plan, Planner, plan, straight_lines
+from deltaopt.planning.plan import Plan
+from deltaopt.planning.planner import Planner, plan
+from deltaopt.planning.trajectory_optimiser import RESOLVED_BELOW
 from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene, load_scene
@@ -281,7 +284,7 @@ def _plan(
         verification,
         solution,
         arguments.rate,
-        compared=None if arguments.no_plot else straight_lines(scene),
+        chart=not arguments.no_plot,
         limits=arguments.plot_limits,
         report=arguments.report,
     )
@@ -388,7 +391,7 @@ def _solve(
         seed=1 if arguments.seed is None else arguments.seed,
         progress=lambda text: print(text, file=sys.stderr, flush=True),
     )
-    found = found.beside_free_path()
+    found = beside_free_path(found)
     return found.trajectory, found
 
 

@@ -29,7 +29,7 @@ from deltaopt.errors import DeltaOptError, installed
 from deltaopt.output.foreign_table import ANGLES, ForeignTable, read_foreign_table
 from deltaopt.output.mujoco_replay import MujocoReplay, replay_in_mujoco
 from deltaopt.output.saved_plan import load_plan
-from deltaopt.planning.planner import RESOLVED_BELOW
+from deltaopt.planning.trajectory_optimiser import RESOLVED_BELOW
 from deltaopt.robot.joints import Joints
 from deltaopt.robot.model import delta_model
 from deltaopt.robot.robot import load_robot

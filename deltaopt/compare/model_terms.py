@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 from deltaopt.errors import DeltaOptError
 from deltaopt.files.validated_record import Record
-from deltaopt.planning.planner import Plan, plan
+from deltaopt.planning.plan import Plan
+from deltaopt.planning.planner import plan
 from deltaopt.robot.drive import Drive
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.scene import Scene

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import platform
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from importlib.metadata import PackageNotFoundError, version
 from importlib.resources import files
@@ -22,6 +22,7 @@ from deltaopt.motion.certificate import MET
 from deltaopt.motion.effort import cost
 from deltaopt.motion.limit_sensitivity import LimitSensitivity, as_dicts
 from deltaopt.motion.trajectory import Array, Trajectory
+from deltaopt.planning.comparisons import straight_lines
 from deltaopt.scene.scene import Scene
 from deltaopt.verify.duty import exceeding
 from deltaopt.verify.pontryagin import Extremal, extremal
@@ -145,18 +146,17 @@ def save(
     solution: Provenance,
     rate: float = RATE,
     *,
-    compared: Mapping[str, float] | None = None,
+    chart: bool = True,
     limits: bool = False,
     report: bool = False,
 ) -> list[Path]:
     """Write the files of a plan into a directory, made if need be, and return their paths.
 
     All of them appear there at once, or none; what else is there stays. ``rate``: instants per
-    second in trajectory.csv, Hz. ``compared``: durations, s, by what they are of, that
-    plan.png shows beside the motion's; None if it is not to be drawn, which takes longer than all
-    else. ``limits``: whether limits.png is, every limit over time and
-    the switching functions. ``report``: whether report.html is written. Raises OSError, naming the
-    file, if one cannot be written.
+    second in trajectory.csv, Hz. ``chart``: whether plan.png is drawn, the plan
+    beside straight lines, which takes longer than all else. ``limits``: whether limits.png is,
+    every limit over time and the switching functions. ``report``: whether report.html is written.
+    Raises OSError, naming the file, if one cannot be written.
     """
     csv, record, picture, curves, page = (
         "trajectory.csv",
@@ -169,10 +169,10 @@ def save(
     with all_or_none(directory) as folder:
         write_csv(folder / csv, trajectory, rate)
         write_json(folder / record, scene, trajectory, verification, solution)
-        if compared is not None:
+        if chart:
             from deltaopt.plots.plan import draw  # slow to import
 
-            draw(folder / picture, scene, trajectory, compared, verification.duty)
+            draw(folder / picture, scene, trajectory, straight_lines(scene), verification.duty)
             written.append(picture)
         if limits:
             from deltaopt.plots.limits import draw_limits

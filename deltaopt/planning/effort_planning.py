@@ -25,7 +25,7 @@ from deltaopt.errors import DeltaOptError, Infeasible, NotConverged, Unreachable
 from deltaopt.motion.effort import cost as cost_of
 from deltaopt.motion.time_scaling import highest_rows, loads_inside
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.planning.initial_motion import waiting_motions
+from deltaopt.planning.first_motions.initial_motion import waiting_motions
 from deltaopt.planning.nlp.cost import FASTEST, Cost
 from deltaopt.planning.nlp.problem import FormulatedProblem, Guess, Solved
 from deltaopt.planning.nlp.program import Spent

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from deltaopt.errors import NotConverged, Singular, Unreachable
 from deltaopt.motion.certificate import Certificate
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.planning.first_motions import CrossesSingularity, crosses_singularity
+from deltaopt.planning.first_motions.order_of_merit import CrossesSingularity, crosses_singularity
 from deltaopt.planning.mesh.constraint_tightening import first_tightening
 from deltaopt.planning.mesh.error_estimate import refined, with_knots_at
 from deltaopt.planning.mesh.mesh_solution import (

@@ -12,7 +12,7 @@ from typing import Generic, Protocol, TypeVar
 
 from deltaopt.errors import DeltaOptError, NotConverged
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.planning.first_motions import (
+from deltaopt.planning.first_motions.order_of_merit import (
     CrossesSingularity,
     intervals_for,
     intervals_in_tube,

@@ -22,8 +22,8 @@ from deltaopt.errors import DeltaOptError, Infeasible, NotConverged, Singular, U
 from deltaopt.limits.constraints import SceneLimits
 from deltaopt.motion.sure_bounds import signed_distances, sure_excess
 from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
-from deltaopt.planning.initial_motion import QUINTIC, roughly_fastest
-from deltaopt.planning.passages import shortest_path, what_was_searched
+from deltaopt.planning.first_motions.initial_motion import QUINTIC, roughly_fastest
+from deltaopt.planning.first_motions.passages import shortest_path, what_was_searched
 from deltaopt.planning.search import Attempt
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.scene import Scene, limits_of

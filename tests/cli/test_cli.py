@@ -12,8 +12,8 @@ import pytest
 import deltaopt.cli.plan
 from deltaopt.cli import COMMANDS, main
 from deltaopt.output.plan_files import COLUMNS, instants, save, write_csv
-from deltaopt.planning.initial_motion import baseline
-from deltaopt.planning.planner import Plan
+from deltaopt.planning.first_motions.initial_motion import baseline
+from deltaopt.planning.plan import Plan
 from deltaopt.scene.scene import load_scene
 from deltaopt.verify.verification import verify
 

@@ -13,7 +13,7 @@ import deltaopt
 from deltaopt.cli import main
 from deltaopt.cli.plan import table
 from deltaopt.output.saved_plan import load_plan
-from deltaopt.planning.initial_motion import baseline
+from deltaopt.planning.first_motions.initial_motion import baseline
 from deltaopt.scene.scene import load_scene
 from deltaopt.verify.verification import verify
 

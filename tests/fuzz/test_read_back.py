@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 
 import deltaopt
 from deltaopt.cli import main
+from deltaopt.motion.lower_bound import lower_bound
 from deltaopt.output.foreign_table import read_foreign_table
 from deltaopt.output.plan_files import StraightLine, write_csv, write_json
 from deltaopt.output.saved_plan import load_plan
-from deltaopt.planning.lower_bound import lower_bound
 from deltaopt.verify.verification import verify
 from tests.fuzz.inputs import PROBLEMS, SCENE, fewer, limited, numbers, result_or_sentence, trees
 

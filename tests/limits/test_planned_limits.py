@@ -13,7 +13,7 @@ from deltaopt.errors import Infeasible, SceneError
 from deltaopt.limits.torque_curve import TorqueCurve
 from deltaopt.motion.limit_curves import limit_curves
 from deltaopt.motion.time_scaling import safe_factor
-from deltaopt.planning.initial_motion import straight_line
+from deltaopt.planning.first_motions.initial_motion import straight_line
 from deltaopt.robot.model import delta_model
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.feasibility import check_feasible

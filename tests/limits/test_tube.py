@@ -15,7 +15,7 @@ import deltaopt
 from deltaopt.errors import SceneError
 from deltaopt.limits.tube import Tube
 from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
-from deltaopt.planning.planner import Plan
+from deltaopt.planning.plan import Plan
 from deltaopt.scene.scene import Scene, load_scene
 from deltaopt.verify.tube import largest_distance
 

@@ -12,7 +12,7 @@ from deltaopt.errors import Unreachable
 from deltaopt.motion.extrema import everywhere, narrow_valleys, peaks, sample_fractions
 from deltaopt.motion.time_scaling import highest_rows, safe_factor
 from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
-from deltaopt.planning.initial_motion import baseline
+from deltaopt.planning.first_motions.initial_motion import baseline
 from deltaopt.planning.planner import plan
 from deltaopt.robot.drive import Friction
 from deltaopt.robot.model import delta_model

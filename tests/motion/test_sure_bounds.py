@@ -8,7 +8,7 @@ import pytest
 from deltaopt.motion.sure_bounds import signed_distances, sure_excess
 from deltaopt.motion.time_scaling import needed_slowing
 from deltaopt.motion.trajectory import PiecewisePolynomial
-from deltaopt.planning.initial_motion import curve_between
+from deltaopt.planning.first_motions.initial_motion import curve_between
 from tests.limits.test_keep_out import BODIES, HULL, SPHERE, with_bodies
 
 SCALE = 0.25 * 0.15

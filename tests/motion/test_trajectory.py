@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from deltaopt.motion.trajectory import Motion
-from deltaopt.planning.initial_motion import baseline
+from deltaopt.planning.first_motions.initial_motion import baseline
 from deltaopt.scene.scene import load_scene
 
 SCENE = load_scene(Path(__file__).parents[2] / "problems" / "pick_and_place.yaml")

@@ -12,8 +12,8 @@ import pytest
 
 import deltaopt
 from deltaopt.cli import main
+from deltaopt.motion.lower_bound import lower_bound
 from deltaopt.output.plan_files import StraightLine, schema, write_json
-from deltaopt.planning.lower_bound import lower_bound
 from studies.problems import PROBLEMS
 
 SCHEMA = json.loads(schema())

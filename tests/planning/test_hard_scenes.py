@@ -13,9 +13,13 @@ import pytest
 
 from deltaopt import load_scene, plan
 from deltaopt.errors import DeltaOptError, Unreachable
-from deltaopt.planning.first_motions import crosses_singularity, in_order_of_merit, intervals_for
-from deltaopt.planning.initial_motion import detour, line, roughly_fastest
-from deltaopt.planning.roadmap import roadmap_motions
+from deltaopt.planning.first_motions.initial_motion import detour, line, roughly_fastest
+from deltaopt.planning.first_motions.order_of_merit import (
+    crosses_singularity,
+    in_order_of_merit,
+    intervals_for,
+)
+from deltaopt.planning.first_motions.roadmap import roadmap_motions
 from deltaopt.scene.feasibility import room_at_rest
 from tests.hard_scenes import hard_scene, planned_and_verified
 
@@ -98,6 +102,8 @@ def test_first_motions_are_in_order_of_merit():
 
 
 def test_a_move_without_a_way_is_refused_with_what_was_searched(monkeypatch):
-    monkeypatch.setattr("deltaopt.planning.first_motions.roadmap_motions", lambda *_: [])
+    monkeypatch.setattr(
+        "deltaopt.planning.first_motions.order_of_merit.roadmap_motions", lambda *_: []
+    )
     with pytest.raises(Unreachable, match=r"45 curves, nor a path over a grid .* mm apart"):
         plan(hard_scene("25_un_haptic"))

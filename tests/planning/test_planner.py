@@ -10,8 +10,8 @@ import pytest
 
 import deltaopt
 from deltaopt.errors import Infeasible, Unreachable
-from deltaopt.planning.first_motions import first_motion
-from deltaopt.planning.initial_motion import baseline, detour
+from deltaopt.planning.first_motions.initial_motion import baseline, detour
+from deltaopt.planning.first_motions.order_of_merit import first_motion
 from deltaopt.planning.mesh.error_estimate import SAFETY_FACTOR
 from deltaopt.planning.nlp.problem import Ipopt
 from deltaopt.planning.planner import Planner, plan

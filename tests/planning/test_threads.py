@@ -15,7 +15,7 @@ import pytest
 from deltaopt import Planner, Scene, load_robot, plan, verify
 from deltaopt.bench.random_scenes import random_scenes
 from deltaopt.planning.nlp.problem import Ipopt
-from deltaopt.planning.planner import Plan
+from deltaopt.planning.plan import Plan
 from deltaopt.plots.style import figure
 
 ROOT = Path(__file__).parents[2]

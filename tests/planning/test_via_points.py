@@ -10,7 +10,7 @@ import pytest
 
 import deltaopt
 from deltaopt import SceneError, State, load_scene, plan, verify
-from deltaopt.planning.planner import straight_lines
+from deltaopt.planning.comparisons import straight_lines
 
 SCENE = load_scene("problems/via/three_points.yaml")
 FREE = SCENE.model_copy(update={"via": None})

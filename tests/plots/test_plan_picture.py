@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 
 import deltaopt
 from deltaopt.output.headline import headline
-from deltaopt.planning.planner import straight_lines
+from deltaopt.planning.comparisons import straight_lines
 from deltaopt.plots import plan as chart
 from deltaopt.plots.robot_view import View, chains, view_of_move
 from deltaopt.plots.style import figure

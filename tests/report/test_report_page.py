@@ -13,7 +13,7 @@ import pytest
 
 from deltaopt.cli import main
 from deltaopt.motion.active_limits import AT_LIMIT, active_limits, share_curves
-from deltaopt.planning.initial_motion import baseline
+from deltaopt.planning.first_motions.initial_motion import baseline
 from deltaopt.planning.planner import plan
 from deltaopt.report.page import report, write_report
 from deltaopt.scene.scene import load_scene

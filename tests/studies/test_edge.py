@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from deltaopt.planning.initial_motion import baseline
+from deltaopt.planning.first_motions.initial_motion import baseline
 from deltaopt.planning.planner import plan
 from deltaopt.scene.scene import Scene
 from deltaopt.verify.verification import verify

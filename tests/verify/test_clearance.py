@@ -7,7 +7,7 @@ import pytest
 
 from deltaopt.motion.sure_bounds import signed_distances
 from deltaopt.motion.trajectory import PiecewisePolynomial
-from deltaopt.planning.initial_motion import curve_between, roughly_fastest
+from deltaopt.planning.first_motions.initial_motion import curve_between, roughly_fastest
 from deltaopt.verify.clearance import clearance_excess, least_clearance
 from deltaopt.verify.verification import verify
 from tests.limits.test_keep_out import BODIES, HULL, SPHERE, with_bodies

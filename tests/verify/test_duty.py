@@ -17,7 +17,7 @@ from deltaopt.cli.plan import duty_table, table
 from deltaopt.motion.effort import effort
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.plan_files import caption
-from deltaopt.planning.initial_motion import baseline
+from deltaopt.planning.first_motions.initial_motion import baseline
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.scene import Scene, load_scene
 from deltaopt.verify.duty import Duty, MotorDuty, exceeding

@@ -13,7 +13,7 @@ import pytest
 
 from deltaopt import Limits, Scene, baseline, load_scene, plan, verify
 from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
-from deltaopt.planning.initial_motion import straight_line
+from deltaopt.planning.first_motions.initial_motion import straight_line
 from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.verify.verification import DYNAMIC_ERROR
 from tests.hard_scenes import hard_scene, planned_and_verified

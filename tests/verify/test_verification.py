@@ -15,7 +15,7 @@ from deltaopt.errors import Infeasible, Unreachable
 from deltaopt.limits.limit import Bounds
 from deltaopt.motion.time_scaling import safe_factor
 from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
-from deltaopt.planning.initial_motion import baseline, straight_line
+from deltaopt.planning.first_motions.initial_motion import baseline, straight_line
 from deltaopt.robot.model import DeltaModel
 from deltaopt.scene import scene as scenes
 from deltaopt.scene.feasibility import check_feasible

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from deltaopt.dynamics.mechanism import SX
 from deltaopt.mechanisms.five_bar import FiveBarParameters, five_bar, inverse_kinematics
 from deltaopt.motion.trajectory import PiecewisePolynomial
-from deltaopt.planning.first_motions import first_motion
+from deltaopt.planning.first_motions.order_of_merit import first_motion
 from deltaopt.planning.flat.constraint_rows import ByOrder
 from deltaopt.planning.formulations.delta import boundary_values, scaled_delta
 from deltaopt.planning.formulations.scaled_mechanism import (

@@ -26,7 +26,8 @@ from deltaopt.planning.flat import interior_point
 from deltaopt.planning.flat.flat_problem import Flat
 from deltaopt.planning.nlp.problem import InteriorPoint, Ipopt
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
-from deltaopt.planning.planner import Plan, Planner, plan
+from deltaopt.planning.plan import Plan
+from deltaopt.planning.planner import Planner, plan
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import load_robot
 from deltaopt.scene.scene import limits_of, load_scene

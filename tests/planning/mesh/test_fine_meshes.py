@@ -18,7 +18,8 @@ from deltaopt.planning.nlp.problem import Guess, Ipopt
 from deltaopt.planning.nlp.program import Spent
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import LINEAR
-from deltaopt.planning.planner import Planner, quicker
+from deltaopt.planning.plan import quicker
+from deltaopt.planning.planner import Planner
 from deltaopt.planning.refinement import Refinement
 from deltaopt.planning.switching.detection import SHARP, detect_structure
 from deltaopt.planning.switching.resolver import resolver

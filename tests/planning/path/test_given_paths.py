@@ -13,7 +13,7 @@ from deltaopt.motion.limit_curves import limit_curves
 from deltaopt.planning.path import on_mesh, sweep
 from deltaopt.planning.path.path_mesh import PathMesh
 from deltaopt.planning.path.path_rows import PathRows
-from deltaopt.planning.planner import Plan
+from deltaopt.planning.plan import Plan
 from deltaopt.scene.scene import Scene
 from studies.given_paths import random_paths
 from tests.oracles.path_arcs import two_arcs
@@ -290,7 +290,7 @@ def test_without_a_compiler_it_is_the_same(monkeypatch):
 
 
 def test_what_the_path_costs():
-    plan = deltaopt.plan(on(CROSS, ROUNDED)).beside_free_path()
+    plan = deltaopt.beside_free_path(deltaopt.plan(on(CROSS, ROUNDED)))
     free = deltaopt.plan(CROSS)
     assert plan.free_duration == pytest.approx(free.duration, rel=1e-12)
     assert plan.duration > 1.2 * free.duration

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import deltaopt
+from deltaopt.planning.comparisons import straight_lines
 from deltaopt.planning.path.path_over_bodies import rounded_path_over
-from deltaopt.planning.planner import straight_lines
 from studies.problems import PICK_AND_PLACE, PROBLEMS
 
 WALL = deltaopt.load_scene(PROBLEMS / "keep_out/wall_25_305_25.yaml")

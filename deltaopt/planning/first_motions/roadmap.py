@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from deltaopt.errors import DeltaOptError
 from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
-from deltaopt.planning.initial_motion import QUINTIC, roughly_fastest
+from deltaopt.planning.first_motions.initial_motion import QUINTIC, roughly_fastest
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.feasibility import room_at_rest
 from deltaopt.scene.scene import Scene

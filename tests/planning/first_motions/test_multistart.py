@@ -10,9 +10,9 @@ import pytest
 from deltaopt import load_scene, plan, verify
 from deltaopt.cli import main
 from deltaopt.motion.time_scaling import safe_factor
-from deltaopt.planning.first_motions import first_motion, in_order_of_merit
-from deltaopt.planning.initial_motion import baseline, curve_between, drivable
-from deltaopt.planning.multistart import distinct, first_motions
+from deltaopt.planning.first_motions.initial_motion import baseline, curve_between, drivable
+from deltaopt.planning.first_motions.multistart import distinct, first_motions
+from deltaopt.planning.first_motions.order_of_merit import first_motion, in_order_of_merit
 
 FILE = Path(__file__).parents[2] / "problems/pick_and_place.yaml"
 SCENE = load_scene(FILE)

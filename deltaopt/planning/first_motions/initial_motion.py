@@ -19,11 +19,11 @@ from deltaopt.mechanisms.delta.functions import delta_functions
 from deltaopt.mechanisms.delta.mechanism import DeltaTerms
 from deltaopt.motion.time_scaling import needed_slowing, rough_factor
 from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
-from deltaopt.planning.settings import require_type
 from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import given_points
+from deltaopt.settings import require_type
 
 QUINTIC = np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0])
 """Coefficients of the share of the path at u = t / duration, ascending powers: at rest and without

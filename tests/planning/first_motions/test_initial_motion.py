@@ -9,8 +9,8 @@ import pytest
 
 from deltaopt.errors import Infeasible, Unreachable
 from deltaopt.motion.time_scaling import highest_rows
-from deltaopt.planning.first_motions import first_motion
-from deltaopt.planning.initial_motion import baseline, straight_line
+from deltaopt.planning.first_motions.initial_motion import baseline, straight_line
+from deltaopt.planning.first_motions.order_of_merit import first_motion
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import load_robot
 from deltaopt.scene.feasibility import check_feasible

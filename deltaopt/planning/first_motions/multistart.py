@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.planning.first_motions import in_order_of_merit
-from deltaopt.planning.initial_motion import curve_between, drivable
+from deltaopt.planning.first_motions.initial_motion import curve_between, drivable
+from deltaopt.planning.first_motions.order_of_merit import in_order_of_merit
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import given_points
 

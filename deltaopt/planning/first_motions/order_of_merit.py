@@ -13,18 +13,18 @@ from itertools import chain, islice
 import numpy as np
 
 from deltaopt.errors import DeltaOptError, NotConverged, Unreachable
+from deltaopt.motion.lower_bound import lower_bound
 from deltaopt.motion.time_scaling import sizes_at
 from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
-from deltaopt.planning.initial_motion import (
+from deltaopt.planning.first_motions.initial_motion import (
     PARABOLAS_AND_CUBICS,
     detour,
     joint_line,
     line,
     roughly_fastest,
 )
-from deltaopt.planning.lower_bound import lower_bound
+from deltaopt.planning.first_motions.roadmap import STEPS, roadmap_motions, spacing
 from deltaopt.planning.path.path_planning import fastest_on_path
-from deltaopt.planning.roadmap import STEPS, roadmap_motions, spacing
 from deltaopt.scene.feasibility import on_one_side
 from deltaopt.scene.scene import Scene, limits_of
 from deltaopt.scene.task import OnPath, distance

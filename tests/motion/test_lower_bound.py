@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 
 from deltaopt.bench.random_scenes import random_scenes
 from deltaopt.errors import DeltaOptError
-from deltaopt.planning.lower_bound import lower_bound
+from deltaopt.motion.lower_bound import lower_bound
 from deltaopt.planning.planner import Planner, plan
 from deltaopt.robot.model import delta_model
 from deltaopt.robot.robot import Robot, load_robot

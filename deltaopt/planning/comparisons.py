@@ -1,0 +1,66 @@
+"""What a plan is compared with: straight lines, and where a path is given the free motion."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
+
+from deltaopt.errors import DeltaOptError
+from deltaopt.planning.first_motions.initial_motion import baseline
+from deltaopt.planning.path.path_over_bodies import rounded_path_over
+from deltaopt.planning.plan import Plan
+from deltaopt.planning.planner import plan
+from deltaopt.scene.objective import Time
+from deltaopt.scene.path import Line
+from deltaopt.scene.scene import Scene
+from deltaopt.scene.task import given_points
+
+
+def timed_line(scene: Scene, tolerance: float = 1e-3) -> Plan:
+    """The fastest motion on the straight line from start to goal, whatever path the scene gives.
+
+    ``tolerance``: relative gap of its duration. Raises Unreachable, Singular or Infeasible where
+    the line cannot be driven.
+    """
+    given_points(scene.task)
+    on_line = scene.model_copy(update={"path": Line(), "tube": None, "objective": Time()})
+    return plan(on_line, tolerance=tolerance)
+
+
+def straight_lines(scene: Scene) -> dict[str, float]:
+    """Durations, s, of the straight line from start to goal, by how it is timed, and past bodies of
+    the rounded path over them: what a plan is compared with, whatever its objective. Those that no
+    motion can have are left out, and all where there are via points, which they do not pass."""
+    if scene.via:
+        return {}
+    timed: dict[str, Callable[[Scene], float]] = {
+        "line, quintic law": lambda scene: baseline(scene).duration,
+        "line, timed optimally": lambda scene: timed_line(scene).duration,
+    }
+    over = rounded_path_over(scene)
+    if over is not None:
+        on_path = {"path": over}
+        timed["up, across, down,\ntimed optimally"] = lambda scene: (
+            plan(scene.model_copy(update=on_path)).duration
+        )
+    scene = scene.model_copy(update={"objective": Time()})
+    found = {}
+    for name, duration in timed.items():
+        with suppress(DeltaOptError):
+            found[name] = duration(scene)
+    return found
+
+
+def beside_free_path(found: Plan) -> Plan:
+    """The same plan with its ``free_duration``: what the given path costs.
+
+    It is planned now, to the same tolerance. The plan is returned as it is where its path is
+    free already or in a tube, or where it begins or ends at a speed. Raises NotConverged where
+    no motion on a free path is found.
+    """
+    path = found.scene.path
+    if path is None or path.speeds != (0.0, 0.0) or found.scene.tube is not None:
+        return found
+    free = plan(found.scene.model_copy(update={"path": None}), tolerance=found.tolerance)
+    return replace(found, free_duration=free.duration)

@@ -1,0 +1,1 @@
+"""First motions, from which planning starts: simple ones, over a grid, through passages."""

@@ -1,0 +1,65 @@
+"""A motion under way: finishing it first is always possible, and a bound for what replaces it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from math import inf
+from time import perf_counter
+
+from deltaopt.errors import DeltaOptError
+from deltaopt.motion.lower_bound import lower_bound
+from deltaopt.motion.time_scaling import highest_rows
+from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory, moving_on
+from deltaopt.planning.first_motions.moving_ends import end_of, from_rest
+from deltaopt.planning.mesh.kept_limits import KEPT
+from deltaopt.planning.plan import Plan
+from deltaopt.scene.scene import Scene
+from deltaopt.scene.task import MovingEnds, RestAnywhere
+
+
+def finished_first(
+    scene: Scene,
+    under_way: PiecewisePolynomial,
+    found: Plan | None,
+    planned: Callable[[Scene], Plan],
+) -> Plan | None:
+    """The motion under way to its end and then one from rest to rest, if that is shorter than
+    what was ``found`` instead; None if not, if the goal is no point, or if it breaks a limit.
+
+    ``planned``: plans the scene from rest to rest.
+    Its gap is infinite: how much longer it is than the best is not known.
+    """
+    begin, left = perf_counter(), float(under_way.knots[-1])
+    if isinstance(scene.task.goal, RestAnywhere):
+        if found is None or found.duration <= left:
+            return None
+        trajectory = moving_on(scene.task, replace(found.trajectory, position=under_way))
+        if highest_rows(scene, trajectory).values.max() > 1 + KEPT:
+            return None
+        return replace(found, trajectory=trajectory, gap=inf, certificate=None, multipliers=None)
+    rest = from_rest(scene, end_of(under_way))
+    if isinstance(rest.task, MovingEnds):
+        return None
+    if found is not None and found.duration <= left + lower_bound(rest):
+        return None
+    try:
+        then = planned(rest)
+    except DeltaOptError:
+        return None
+    if found is not None and found.duration <= left + then.duration:
+        return None
+    position, model = under_way.then(then.trajectory.position), then.trajectory.model
+    trajectory = moving_on(scene.task, Trajectory(position, model))
+    if highest_rows(scene, trajectory).values.max() > 1 + KEPT:
+        return None
+    return replace(
+        then,
+        scene=scene,
+        trajectory=trajectory,
+        intervals=len(trajectory.knots) - 1,
+        solve_seconds=perf_counter() - begin + (found.solve_seconds if found else 0.0),
+        gap=inf,
+        certificate=None,
+        resolved=False,
+    )

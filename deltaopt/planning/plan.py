@@ -1,0 +1,194 @@
+"""A plan: the motion that was found, how good it is and how it was found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+from deltaopt.files.html_table import html_table
+from deltaopt.motion.active_limits import active_limits
+from deltaopt.motion.certificate import Certificate
+from deltaopt.motion.effort import cost as cost_of
+from deltaopt.motion.limit_sensitivity import (
+    LimitSensitivity,
+    Multipliers,
+    limit_sensitivities,
+    limits_in_words,
+)
+from deltaopt.motion.lower_bound import lower_bound
+from deltaopt.motion.trajectory import Trajectory, passes
+from deltaopt.planning.effort_planning import CostIteration
+from deltaopt.planning.first_motions.multistart import Optimum
+from deltaopt.planning.mesh.mesh_solution import Iteration
+from deltaopt.planning.path.path_timing import PathIteration
+from deltaopt.planning.ways import TakenWay
+from deltaopt.scene.scene import Scene, limits_of
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """A planned motion for a scene. It keeps every limit between the points of its mesh too.
+
+    ``trajectory``: the motion, a function of time. ``gap``: estimated relative excess of its cost
+    (of its duration, unless the objective is another) over the least possible;
+    ``mesh_solution.iteration_of`` and ``effort_planning.minimise_effort`` say how it is estimated.
+    ``tolerance``: the gap that was asked for. ``intervals``: of the last mesh. ``meshes``: a record
+    of every mesh that was solved. ``status``, ``iterations``: of the solver, the latter summed over
+    all meshes. ``solve_seconds``: wall time of all of them, s. ``resolved``: whether the instants
+    of switching were found as unknowns of their own. ``certificate``: how well Pontryagin's
+    necessary condition is met, by the multipliers of that solution; None if they are not known.
+    ``optima``: the distinct local minima that several first guesses led to, best first; empty
+    where one was enough.
+    ``ways``: the ways past keep-out bodies that were found, first the one that is taken.
+    ``free_duration``: where the scene gives a path, the duration (s) of the plan without it, if
+    ``beside_free_path`` has found it. ``multipliers``: of the limits; None where they are not
+    known, as of motions that are not the fastest.
+
+    A plan is equal to itself alone, and can be a key of a dictionary.
+    """
+
+    scene: Scene
+    trajectory: Trajectory
+    formulation: str
+    transcription: str
+    intervals: int
+    status: str
+    iterations: int
+    solve_seconds: float
+    gap: float
+    tolerance: float
+    meshes: tuple[Iteration, ...] | tuple[CostIteration, ...] | tuple[PathIteration, ...]
+    certificate: Certificate | None
+    resolved: bool = False
+    optima: tuple[Optimum, ...] = ()
+    ways: tuple[TakenWay, ...] = ()
+    free_duration: float | None = None
+    multipliers: Multipliers | None = None
+
+    @property
+    def duration(self) -> float:
+        """Time from start to goal, s."""
+        return self.trajectory.duration
+
+    @property
+    def phases(self) -> tuple[float, ...]:
+        """Durations, s, from each given point to the next: start, via points or where an approach
+        ends upwards, goal."""
+        begin, end = self.trajectory.knots[[0, -1]].tolist()
+        at = [begin, *passes(self.scene.task, self.trajectory).tolist(), end]
+        return tuple(b - a for a, b in pairwise(at))
+
+    @property
+    def cost(self) -> float:
+        """Value of the scene's objective: s for time, N²m²s for effort."""
+        return cost_of(self.scene, self.trajectory)
+
+    @cached_property
+    def lower_bound(self) -> float:
+        """A duration in s that no motion of the scene undercuts, on whatever path: proven in
+        docs/lower_bound.md. Beside ``gap``, which is an estimate and knows only motions nearby."""
+        return lower_bound(self.scene)
+
+    @cached_property
+    def sensitivities(self) -> tuple[LimitSensitivity, ...]:
+        """How the duration depends on each limit, the largest first: d ln T / d ln bound.
+
+        Empty where that is not known: for objectives other than time, and where something else
+        than limits sets the duration.
+        """
+        most_saved = 1 - self.scene.least_duration / self.duration  # a fourth axis turns no faster
+        if self.multipliers is None or most_saved <= 0:
+            return ()
+        return limit_sensitivities(limits_of(self.scene), self.multipliers, most_saved)
+
+    def save(
+        self,
+        directory: str | Path,
+        *,
+        chart: bool = True,
+        limits: bool = False,
+        report: bool = False,
+    ) -> list[Path]:
+        """Verify the motion and write trajectory.csv and plan.json into a directory.
+
+        ``chart``: whether plan.png is drawn too, the plan as one picture. ``limits``: whether
+        limits.png is, every limit over time. ``report``: whether report.html is written, a page on
+        which the robot moves. Returns the paths of what was written.
+        """
+        # Imported here: a convenience of later rooms, on which planning does not depend.
+        from deltaopt.output.plan_files import save
+        from deltaopt.verify.verification import verify
+
+        found = verify(self.scene, self.trajectory)
+        return save(
+            Path(directory),
+            self.scene,
+            self.trajectory,
+            found,
+            self,
+            chart=chart,
+            limits=limits,
+            report=report,
+        )
+
+    def table(self, rate: float = 1000.0) -> Any:
+        """The motion at ``rate`` (Hz) and at its last instant, with the columns of trajectory.csv.
+
+        A pandas DataFrame if pandas is installed, otherwise a dictionary of arrays, which other
+        libraries take as well.
+        """
+        from deltaopt.output.plan_files import frame  # of a later room
+
+        return frame(self.trajectory, rate)
+
+    def plot(self, axes: Any = None, *, limit: str = "torque") -> Any:
+        """Draw a limited quantity over time with its bounds, and return the axes.
+
+        ``axes``: matplotlib's, one's own; None for new ones. ``limit``: its name, as
+        ``deltaopt check`` lists them. Raises ValueError if the scene has no such limit.
+        """
+        from deltaopt.plots.limits import plot_limit  # slow to import, and of a later room
+
+        return plot_limit(self.scene, self.trajectory, limit, axes)
+
+    def _repr_html_(self) -> str:
+        """What was found as a table, for notebooks."""
+        unit = self.scene.objective.unit
+        active = active_limits(self.scene, self.trajectory)
+        return html_table(
+            (),
+            [
+                ("duration", f"{self.duration:.6f} s"),
+                (str(self.scene.objective), f"{self.cost:.6g} {unit}"),
+                ("estimated gap", f"{self.gap:.1e} (asked for: {self.tolerance:g})"),
+                ("intervals", str(self.intervals)),
+                ("solver", f"{self.status}, {self.iterations} iterations"),
+                ("found in", f"{self.solve_seconds:.3g} s"),
+                *(("limit", sentence) for sentence in limits_in_words(active, self.sensitivities)),
+            ],
+        )
+
+    @property
+    def within_tolerance(self) -> bool:
+        """Whether the estimated gap is at most the tolerance that was asked for."""
+        return self.gap <= self.tolerance
+
+
+def quicker(one: Plan, other: Plan) -> Plan:
+    """The shorter of two plans for a scene, with the iterations and the wall time of both.
+
+    Each plan bounds the least duration from below by duration / (1 + gap). If the longer plan's
+    bound is not above the shorter plan, both are taken to be near the same optimum, and the
+    tighter bound gives the gap.
+    """
+    best, worse = sorted((one, other), key=lambda each: each.duration)
+    shortest = worse.duration / (1 + worse.gap)
+    return replace(
+        best,
+        gap=min(best.gap, best.duration / shortest - 1) if shortest <= best.duration else best.gap,
+        iterations=one.iterations + other.iterations,
+        solve_seconds=one.solve_seconds + other.solve_seconds,
+    )

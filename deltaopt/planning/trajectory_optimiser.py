@@ -1,0 +1,334 @@
+"""From one first motion to a plan: meshes that are refined, switches, and a motion that is safe."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from math import isinf
+from time import perf_counter
+
+import numpy as np
+
+from deltaopt.dynamics.formulation import Projected
+from deltaopt.dynamics.lagrange import Multiplier
+from deltaopt.errors import NotConverged, Singular, Unreachable
+from deltaopt.limits.constraints import Constraints
+from deltaopt.mechanisms.delta.functions import DeltaFunctions
+from deltaopt.motion.limit_sensitivity import MeshMultipliers
+from deltaopt.motion.time_scaling import safe_factor
+from deltaopt.motion.trajectory import Trajectory, moving_on
+from deltaopt.planning.effort_planning import (
+    SMOOTH,
+    cost_to_minimise,
+    minimise_effort,
+    scaling_to_duration,
+)
+from deltaopt.planning.first_motions.order_of_merit import (
+    CrossesSingularity,
+    crosses_singularity,
+    intervals_for,
+)
+from deltaopt.planning.flat.flat_problem import Flat
+from deltaopt.planning.formulations.choice import problem_formulation
+from deltaopt.planning.mesh.kept_limits import kept
+from deltaopt.planning.mesh.mesh_solution import (
+    MeshSolution,
+    gap_of,
+    iteration_of,
+    solve_first_mesh,
+)
+from deltaopt.planning.mesh.reversals import softer_scenes
+from deltaopt.planning.nlp.cost import FASTEST, Cost
+from deltaopt.planning.nlp.problem import (
+    FormulatedProblem,
+    Guess,
+    InteriorPoint,
+    ProblemFormulation,
+    Solver,
+)
+from deltaopt.planning.nlp.scaling import Scaling
+from deltaopt.planning.nlp.transcription import LINEAR, PiecewiseAcceleration
+from deltaopt.planning.plan import Plan, quicker
+from deltaopt.planning.refinement import Progress, Refinement, Resolver
+from deltaopt.planning.search import Attempt, HeldByMotion
+from deltaopt.robot.model import DeltaModel, delta_model
+from deltaopt.scene.feasibility import serial_distances_at_ends
+from deltaopt.scene.objective import Effort, Time
+from deltaopt.scene.scene import Scene
+from deltaopt.scene.task import MovingEnds
+
+RESOLVED_BELOW = 1e-4
+"""Tolerance of the optimality gap below which the instants of switching become unknowns of their
+own. It trades the cost of switch resolution against that of fine meshes, which grows steeply as
+the tolerance falls."""
+_RETRY_HALVES = 3
+"""A plan that misses a tolerance below ``RESOLVED_BELOW`` is made once more from a first mesh of
+3/2 as many intervals. Which switching structure is detected and which intervals are split depends
+on the first mesh, so another one may succeed; it costs as much time again."""
+_KEPT_DISTANCE = 1e-2
+"""Squared distance to the serial singularities, sin² or cos² of an angle, that motions keep if
+their start and goal do. Ends that are closer ask for a larger allowance for rounding."""
+_FIRST_MESH_TOLERANCE = 1e-4
+"""Tightest relative tolerance of the solver on the first mesh. Any tighter is wasted, for the
+discretisation error of a coarse mesh is far larger."""
+ENDS_AN_ATTEMPT = (NotConverged, Unreachable, Singular)
+"""What may go wrong with an iterate: it ends the attempt from one first motion, not the plan."""
+
+
+@dataclass(frozen=True)
+class TrajectoryOptimiser:
+    """Finds the best motion of a scene that can be reached from a first one.
+
+    The settings are those of `Planner`, whose defaults they share.
+    """
+
+    tolerance: float = 1e-3
+    intervals: int = 16
+    transcription: PiecewiseAcceleration | None = None
+    formulation: ProblemFormulation | Multiplier | Projected | None = None
+    resolved_below: float = RESOLVED_BELOW
+    solver: Solver | None = None
+
+    def plan(self, attempt: Attempt, report: Progress) -> Plan:
+        """Plan from one first guess; once more from other meshes if the gap was missed."""
+        if not isinstance(attempt.scene.objective, Time):
+            return self._plan_effort(attempt, report)
+        softer = softer_scenes(attempt.scene, attempt.motion) if self._is_compiled else ()
+        found = self.fastest(replace(attempt, softer=softer), report)
+        if softer and not found.within_tolerance:
+            report("once more, without knots where arms turn back:")
+            found = self._better(found, attempt, report)
+        if found.within_tolerance or self.tolerance >= self.resolved_below:
+            return found
+        other = replace(attempt, intervals=_RETRY_HALVES * attempt.intervals // 2)
+        report(f"once more, from {other.intervals} intervals:")
+        return self._better(found, other, report)
+
+    def _better(self, found: Plan, attempt: Attempt, report: Progress) -> Plan:
+        """The shorter of a plan and another one, if there is another."""
+        try:
+            return quicker(found, self.fastest(attempt, report))
+        except ENDS_AN_ATTEMPT as error:
+            report(str(error))
+            return found
+
+    @property
+    def _is_compiled(self) -> bool:
+        """Whether plans are made by the interior-point method. Ipopt takes seconds for a mesh, as
+        many with knots at reversals as without."""
+        return isinstance(self._solver, InteriorPoint)
+
+    def on_first_mesh(self, attempt: Attempt) -> Trajectory:
+        """The fastest motion on the first mesh alone, which may break limits between its points."""
+        guess = Guess(attempt.motion, near=False, tolerance=self.accuracy)
+        scaling = Scaling(attempt.scene, attempt.motion.duration)
+        problem = self._problem(attempt.motion.model, scaling, FASTEST)
+        return solve_first_mesh(problem, scaling, guess, attempt.intervals).trajectory
+
+    def fastest(self, attempt: Attempt, report: Progress) -> Plan:
+        """Plan the fastest motion from one first guess and one first mesh.
+
+        The motion of the chosen mesh is slowed until it keeps every limit at all instants.
+        """
+        begin, scene = perf_counter(), attempt.scene
+        guess = Guess(attempt.motion, attempt.is_near, attempt.accuracy)
+        model = delta_model(scene.robot, scene.payload)
+        moving = isinstance(scene.task, MovingEnds)
+        in_phases = bool(scene.task.gates)
+        extent = guess.trajectory.extent if moving or in_phases else None
+        scaling = Scaling(
+            scene,
+            guess.trajectory.duration,
+            extent=extent,
+            torque_share=attempt.torque_share,
+        )
+        refinement = Refinement(
+            self._problem(model, scaling, FASTEST),
+            scaling,
+            model,
+            self.tolerance,
+            None if moving or in_phases else self._resolver(scaling, model, report),
+            report,
+            attempt.softer,
+        )
+        resolved = refinement.from_guess(guess, attempt.intervals)
+        solutions, iterations = refinement.solutions, refinement.iterations
+        best = min(range(len(iterations)), key=lambda i: iterations[i].safe_duration)
+        if moving:
+            solutions = [
+                *solutions[: best + 1],
+                kept(refinement.problem, solutions[best], self.tolerance),
+            ]
+            iterations = [*iterations[: best + 1], iteration_of(solutions)]
+            best += 1
+            report(str(iterations[-1]))
+        elif not resolved:
+            solutions[best] = solutions[best].exact()
+            iterations[best] = iteration_of(solutions[: best + 1])
+        chosen = resolved or solutions[best]
+        if not (resolved or solutions[best].needed.keeps_places):
+            raise NotConverged(
+                "a limit of position is exceeded between the points of every mesh, however much it "
+                "is tightened",
+                chosen.status,
+                chosen.trajectory,
+            )
+        if crosses_singularity(scene, chosen.trajectory):
+            raise CrossesSingularity(
+                "the motion found passes through a parallel singularity, which no torques allow",
+                chosen.status,
+                chosen.trajectory,
+            )
+        trajectory = (
+            moving_on(scene.task, chosen.trajectory)
+            if moving
+            else _safe(scene, chosen.trajectory, chosen.safe_factor, chosen.status)
+        )
+        gap = resolved.gap if resolved else gap_of(iterations, best)
+        if scene.rotation:  # nothing is faster than what it takes
+            gap = min(gap, max(0.0, trajectory.duration / scene.least_duration - 1))
+        spent = sum(each.iterations for each in iterations)
+        return Plan(
+            scene=scene,
+            trajectory=trajectory,
+            formulation=self.problem_formulation.name,
+            transcription=resolved.name if resolved else self._transcription(scene).name,
+            intervals=len(chosen.trajectory.knots) - 1,
+            status=chosen.status,
+            iterations=spent + (resolved.iterations if resolved else 0),
+            solve_seconds=perf_counter() - begin,
+            gap=gap,
+            tolerance=self.tolerance,
+            meshes=tuple(iterations),
+            certificate=resolved.certificate if resolved else refinement.certificate(best),
+            resolved=resolved is not None,
+            multipliers=_multipliers(solutions[-1] if resolved else solutions[best]),
+        )
+
+    def _resolver(self, scaling: Scaling, model: DeltaModel, report: Progress) -> Resolver | None:
+        """The method that resolves switches; None if the tolerance does not ask for it.
+
+        It is imported here, so that plans to usual tolerances start faster.
+        """
+        if self.tolerance >= self.resolved_below:
+            return None
+        from deltaopt.planning.switching.resolver import resolver
+
+        return resolver(scaling, model, self.tolerance, report)
+
+    def _plan_effort(self, attempt: Attempt, report: Progress) -> Plan:
+        """Plan for an objective that contains effort, starting from the fastest motion."""
+        begin, scene = perf_counter(), attempt.scene
+        fastest = self._before_effort(attempt)
+        scaling = scaling_to_duration(scene, fastest.duration)
+        cost = cost_to_minimise(scene.objective, scaling)
+        problem = self._problem(fastest.trajectory.model, scaling, cost)
+        found = minimise_effort(problem, fastest, self.intervals, self.tolerance, scaling, report)
+        if found.trajectory.duration < scene.least_duration and not scene.objective.given_duration:
+            report(f"once more, in the {scene.least_duration:.6g} s that rotation takes:")
+            longer = scene.model_copy(update={"objective": Effort(duration=scene.least_duration)})
+            return replace(self._plan_effort(replace(attempt, scene=longer), report), scene=scene)
+        return Plan(
+            scene=scene,
+            trajectory=found.trajectory,
+            formulation=self.problem_formulation.name,
+            transcription=self._transcription(scene).name,
+            intervals=len(found.trajectory.knots) - 1,
+            status=found.solution.status,
+            iterations=sum(each.iterations for each in found.meshes),
+            solve_seconds=perf_counter() - begin,
+            gap=found.gap,
+            tolerance=self.tolerance,
+            meshes=found.meshes,
+            certificate=None,
+        )
+
+    def _before_effort(self, attempt: Attempt) -> Plan:
+        """The fastest motion of a scene, to a usual tolerance."""
+        quick, scene = TrajectoryOptimiser(), attempt.scene
+        quickly = scene.model_copy(update={"objective": Time()})
+        intervals = intervals_for(attempt.motion, quick.intervals) or attempt.intervals
+        return quick.plan(replace(attempt, scene=quickly, intervals=intervals), lambda _: None)
+
+    def _problem(self, model: DeltaModel, scaling: Scaling, cost: Cost) -> FormulatedProblem:
+        """The problem, built once in a process for all models with the same terms and limits."""
+        return _problem(
+            self.problem_formulation,
+            model.functions,
+            self._transcription(scaling.scene),
+            scaling.constraints,
+            cost,
+            self._solver,
+        )
+
+    @property
+    def accuracy(self) -> float:
+        """Relative tolerance of the solver on a first mesh."""
+        return max(_FIRST_MESH_TOLERANCE, self.tolerance)
+
+    @property
+    def problem_formulation(self) -> ProblemFormulation:
+        return problem_formulation(Flat() if self.formulation is None else self.formulation)
+
+    @property
+    def _solver(self) -> Solver:
+        """The solver that was asked for, or else the fastest that the formulation has."""
+        return self.solver or self.problem_formulation.solvers[0]()
+
+    def _transcription(self, scene: Scene) -> PiecewiseAcceleration:
+        usual = LINEAR if isinstance(scene.objective, Time) else SMOOTH
+        return self.transcription or usual
+
+
+def _safe(scene: Scene, trajectory: Trajectory, factor: float, status: str) -> Trajectory:
+    """A motion slowed by a factor that keeps its limits, and until a fourth axis has turned.
+
+    Raises NotConverged where no factor does.
+    """
+    if isinf(factor):
+        raise HeldByMotion(
+            "a limit is exceeded at rest, such as a torque limit by gravity alone, somewhere "
+            "between the points of every mesh",
+            status,
+            trajectory,
+        )
+    slowed = trajectory.slowed(factor * _rounding_factor(scene))
+    if slowed.duration >= scene.least_duration:
+        return slowed
+    waiting = safe_factor(scene, trajectory, at_least=scene.least_duration / trajectory.duration)
+    if isinf(waiting):
+        raise NotConverged(
+            f"the motion takes {slowed.duration:.6g} s, less than rotation does, and slowed until "
+            f"then ({scene.least_duration:.6g} s) it exceeds a limit",
+            status,
+            slowed,
+        )
+    return trajectory.slowed(waiting)
+
+
+def _rounding_factor(scene: Scene) -> float:
+    """Factor, just above 1, by which a motion is slowed to allow for rounding.
+
+    Near a serial singularity torques are known only to rounding divided by the squared distance
+    to it, so that two programs may differ by as much.
+    """
+    least = min(_KEPT_DISTANCE, float(serial_distances_at_ends(scene).min()) / 2)
+    return 1 + float(np.finfo(float).eps) / least
+
+
+def _multipliers(found: MeshSolution) -> MeshMultipliers | None:
+    """Of all limits on a mesh; with resolved switches those of the last mesh before."""
+    solution = found.solution
+    return MeshMultipliers(solution.multipliers) if solution.all_at_points else None
+
+
+@lru_cache(maxsize=32)
+def _problem(
+    formulation: ProblemFormulation,
+    functions: DeltaFunctions,
+    transcription: PiecewiseAcceleration,
+    constraints: Constraints,
+    cost: Cost,
+    solver: Solver,
+) -> FormulatedProblem:
+    return formulation.of(functions, transcription, constraints, cost, solver)
