@@ -61,6 +61,10 @@ points of a coarse mesh a motion may lead through a thin body."""
 _SAME = 0.05
 """Of the way: bands that are nowhere farther apart are the same way."""
 
+_SAME_MOTION, _COMPARED = 0.01, 33
+"""Of the way: motions on the first mesh that are nowhere farther apart at the same share of their
+durations, at so many instants, are the same motion, to what a first mesh is solved to."""
+
 
 @dataclass(frozen=True, eq=False)
 class Way:
@@ -132,7 +136,7 @@ def _best_of(
     attempts = [replace(attempt, motion=way.motion) for way in ways]
     if len(ways) > 1:
         attempts = [_improved(each, on_first_mesh) for each in attempts]
-    order = sorted(range(len(ways)), key=lambda i: attempts[i].motion.duration)
+    order = _distinct(attempts)
     most = _PROMISING * attempts[order[0]].motion.duration
     plans, failures = dict[int, P](), list[NotConverged]()
     for which in order:
@@ -145,7 +149,7 @@ def _best_of(
     if not plans:
         raise failures[0]
     chosen = min(plans, key=lambda which: plans[which].cost)
-    durations = {i: each.motion.duration for i, each in enumerate(attempts) if each.is_near}
+    durations = {i: attempts[i].motion.duration for i in order if attempts[i].is_near}
     durations |= {i: plan.duration for i, plan in plans.items()}
     taken = sorted(durations, key=lambda i: (i != chosen, durations[i]))
     return plans[chosen], tuple(
@@ -159,6 +163,21 @@ def _improved(attempt: Attempt, on_first_mesh: Callable[[Attempt], Trajectory]) 
         return replace(attempt, motion=on_first_mesh(attempt), is_near=True)
     except (NotConverged, Unreachable, Singular):
         return attempt
+
+
+def _distinct(attempts: list[Attempt]) -> list[int]:
+    """Which attempts to plan from, the fastest motion first: of those whose first mesh led to the
+    same motion one alone, for all would lead to the same plan."""
+    found, paths = list[int](), list[Array]()
+    for i in sorted(range(len(attempts)), key=lambda i: attempts[i].motion.duration):
+        motion = attempts[i].motion
+        path = motion.position.at(np.linspace(*motion.knots[[0, -1]], _COMPARED))
+        way = float(np.linalg.norm(path[-1] - path[0]))
+        if any(np.abs(path - other).max() < _SAME_MOTION * way for other in paths):
+            continue
+        found.append(i)
+        paths.append(path)
+    return found
 
 
 def no_way(scene: Scene) -> str:
