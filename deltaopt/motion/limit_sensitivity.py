@@ -32,7 +32,14 @@ which it is told: less would read as nothing."""
 
 
 class Multipliers(Protocol):
-    """The multipliers of the limits of a fastest motion."""
+    """The multipliers of the limits of a fastest motion.
+
+    ``limits``: whose they are. A plan may have been found with other limits than its scene has: a
+    distance from a singularity is kept besides, bodies that are far away are left out.
+    """
+
+    @property
+    def limits(self) -> SceneLimits: ...
 
     def of_rows(self) -> Array:
         """By what share the duration grows per unit by which the bound of each normalised row is
@@ -44,6 +51,7 @@ class Multipliers(Protocol):
 class MeshMultipliers:
     """Those at the points of a mesh: ``each``, (N, points, rows), negative at lower bounds."""
 
+    limits: SceneLimits
     each: Array
 
     def of_rows(self) -> Array:
@@ -71,13 +79,14 @@ class LimitSensitivity:
 
 
 def limit_sensitivities(
-    limits: SceneLimits, multipliers: Multipliers, most_saved: float = 1.0
+    multipliers: Multipliers, most_saved: float = 1.0
 ) -> tuple[LimitSensitivity, ...]:
     """The sensitivities to all limits that a motion must keep, the largest first.
 
     Those of ranges, such as an arm's, are left out: there is no share to raise them by.
     ``most_saved``: as of ``LimitSensitivity``.
     """
+    limits = multipliers.limits
     slopes = -limits.bound_exponents * multipliers.of_rows()
     found = dict[tuple[str, str], float]()
     for limit, rows in zip(limits.constraints.limits, limits.constraints.slices, strict=True):

@@ -25,7 +25,7 @@ from deltaopt.planning.first_motions.multistart import Optimum
 from deltaopt.planning.mesh.mesh_solution import Iteration
 from deltaopt.planning.path.path_timing import PathIteration
 from deltaopt.planning.ways import TakenWay
-from deltaopt.scene.scene import Scene, limits_of
+from deltaopt.scene.scene import Scene
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +102,7 @@ class Plan:
         most_saved = 1 - self.scene.least_duration / self.duration  # a fourth axis turns no faster
         if self.multipliers is None or most_saved <= 0:
             return ()
-        return limit_sensitivities(limits_of(self.scene), self.multipliers, most_saved)
+        return limit_sensitivities(self.multipliers, most_saved)
 
     def save(
         self,

@@ -318,8 +318,8 @@ def _rounding_factor(scene: Scene) -> float:
 
 def _multipliers(found: MeshSolution) -> MeshMultipliers | None:
     """Of all limits on a mesh; with resolved switches those of the last mesh before."""
-    solution = found.solution
-    return MeshMultipliers(solution.multipliers) if solution.all_at_points else None
+    limits, solution = found.scaling.limits, found.solution
+    return MeshMultipliers(limits, solution.multipliers) if solution.all_at_points else None
 
 
 @lru_cache(maxsize=32)

@@ -171,7 +171,7 @@ def _distinct(attempts: list[Attempt]) -> list[int]:
     found, paths = list[int](), list[Array]()
     for i in sorted(range(len(attempts)), key=lambda i: attempts[i].motion.duration):
         motion = attempts[i].motion
-        path = motion.position.at(np.linspace(*motion.knots[[0, -1]], _COMPARED))
+        path = motion.position.at(motion.knots[0] + motion.duration * np.linspace(0, 1, _COMPARED))
         way = float(np.linalg.norm(path[-1] - path[0]))
         if any(np.abs(path - other).max() < _SAME_MOTION * way for other in paths):
             continue

@@ -157,6 +157,14 @@ def test_where_it_is_told(tmp_path, capsys):
     assert pickle.loads(pickle.dumps(found)).sensitivities == found.sensitivities
 
 
+def test_of_a_plan_that_was_found_with_fewer_limits():
+    """Bodies that are far away are not limits of the motion that is found as if there were none."""
+    scene = shipped("industrial_cross")
+    far = {"sphere": {"centre": [5.0, 0.0, 0.0], "radius": 0.1}}
+    beside = plan(Scene.model_validate(dict(scene) | {"keep_out": [far]}))
+    assert beside.sensitivities == plan(scene).sensitivities
+
+
 def test_where_it_is_not_known(tmp_path):
     scene = shipped("objectives/pick_and_place_gently")
     assert plan(scene, tolerance=1e-2).sensitivities == ()

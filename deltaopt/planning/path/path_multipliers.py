@@ -13,7 +13,7 @@ from math import log
 
 import numpy as np
 
-from deltaopt.limits.constraints import Constraints
+from deltaopt.limits.constraints import SceneLimits
 from deltaopt.planning.path.on_mesh import OnMesh, tangents_on
 from deltaopt.planning.path.path_mesh import MeshMotion
 from deltaopt.planning.path.path_rows import AffineRows, PathRows, kept_rows
@@ -33,7 +33,7 @@ class PathMultipliers:
     start and goal.
     """
 
-    constraints: Constraints
+    limits: SceneLimits
     rows: PathRows
     on_mesh: OnMesh
     ends: tuple[float, float]
@@ -41,9 +41,10 @@ class PathMultipliers:
     def of_rows(self) -> Array:
         """By what share the duration grows per unit by which the bound of each normalised row is
         tightened, all along the path, (rows,); NaN where no motion keeps a tighter bound."""
-        kept, found = kept_rows(self.constraints), np.zeros(self.constraints.number)
+        constraints = self.limits.constraints
+        kept, found = kept_rows(constraints), np.zeros(constraints.number)
         # Rows of order 1 are swept as their squares, whose bounds move twice as much.
-        moves = np.where(self.constraints.orders[kept] == 1, 2.0, 1.0)
+        moves = np.where(constraints.orders[kept] == 1, 2.0, 1.0)
         for k, row in enumerate(kept.tolist()):
             found[row] = moves[k] * self._growth(k)
         return found

@@ -62,7 +62,7 @@ def fastest_on_path(
         trajectory = _waiting(scene, task, trajectory)
         gap = 0.0  # nothing is faster than what rotation takes
     multipliers = PathMultipliers(
-        limits_of(scene).constraints,
+        limits_of(scene),
         timing.rows,
         timed.on_mesh,
         timing.ends,
