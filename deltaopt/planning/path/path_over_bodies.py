@@ -20,6 +20,8 @@ _SPARE = 1e-5
 the duration on the usual cycle."""
 _HEIGHTS = np.geomspace(2e-3, 0.3, 40)
 """m, above the higher end, tried until a path is clear. Roundings of half the way meet."""
+_STRAIGHT = 1e-5
+"""m, the height at which a path counts as the straight line, which needs no other beside it."""
 _ROUNDED = 1 - 1e-9
 """Of the height: all of it would be beyond the leg by rounding."""
 _HALVINGS = 24
@@ -28,8 +30,8 @@ _HALVINGS = 24
 
 def rounded_path_over(scene: Scene) -> PickAndPlace | None:
     """The lowest path up, across and down that clears all keep-out bodies of a scene, rounded from
-    its height on. None where there are no bodies or no such path, and where an end moves or points
-    or a path between the ends are given."""
+    its height on. None where no body is in the way of the straight line or there is no such path,
+    and where an end moves or points or a path between the ends are given."""
     if scene.keep_out is None or scene.path is not None or not isinstance(scene.task, RestToRest):
         return None
     start, goal = map(np.array, given_points(scene.task))
@@ -38,7 +40,9 @@ def rounded_path_over(scene: Scene) -> PickAndPlace | None:
     clear = next((i for i, height in enumerate(heights) if _is_clear(scene, height)), None)
     if clear is None:
         return None
-    low, high = heights[clear - 1] if clear else 0.0, heights[clear]
+    if clear == 0 and _is_clear(scene, _STRAIGHT):
+        return None
+    low, high = heights[clear - 1] if clear else _STRAIGHT, heights[clear]
     for _ in range(_HALVINGS):
         middle = (low + high) / 2
         low, high = (low, middle) if _is_clear(scene, middle) else (middle, high)

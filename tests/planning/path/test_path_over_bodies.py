@@ -29,6 +29,11 @@ def test_only_scenes_with_bodies_have_one():
     assert rounded_path_over(deltaopt.load_scene(PICK_AND_PLACE)) is None
 
 
+def test_there_is_none_beside_a_straight_line_that_is_clear():
+    far = WALL.model_copy(update={"keep_out": [{"sphere": {"centre": [2, 0, 0], "radius": 0.1}}]})
+    assert rounded_path_over(far) is None
+
+
 def test_it_is_what_a_plan_over_the_wall_is_compared_with():
     (duration,) = straight_lines(WALL).values()
     path = rounded_path_over(WALL)
