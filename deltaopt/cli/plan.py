@@ -296,6 +296,8 @@ def _plan(
             _print_ways(solution)
             _print_gap(solution)
             _print_cost_of_path(solution)
+        if len(solution.phases) > 1:
+            print(f"phases: {', '.join(f'{each:.6f}' for each in solution.phases)} s")
         resolved = solution.tolerance is not None and solution.tolerance <= RESOLVED_BELOW
         print(table(verification, certified=resolved))
         print("\n".join(active_limits_table(active, solution)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -257,8 +258,9 @@ def moving_on(task: Task, trajectory: Trajectory) -> Trajectory:
 
 def passes(task: Task, trajectory: Trajectory) -> Array:
     """When a motion passes from phase to phase of its task, (n,), s: at the knots that are nearest
-    to via points, in their order, neither the first nor the last; with an approach at the first
-    knot as high as it asks for at the start, and the last as high as it asks for at the goal."""
+    to via points, also where these are centres of spheres, in their order, neither the first nor
+    the last; with an approach at the first knot as high as it asks for at the start, and the last
+    as high as it asks for at the goal."""
     x = trajectory.position.coefficients[:, 0]
     if isinstance(task, RestToRest) and task.levels:
         up, down = (np.flatnonzero(x[1:, 0] <= level + _AS_HIGH) + 1 for level in task.levels)
@@ -267,11 +269,19 @@ def passes(task: Task, trajectory: Trajectory) -> Array:
     knots, found, first = trajectory.knots, list[float](), 1
     for number, point in enumerate(task.via):
         left = len(task.via) - number - 1  # that need a knot each
-        away = np.linalg.norm(x[first : len(x) - left] - point, axis=1)
+        away = np.linalg.norm(x[first : len(x) - left] - point.position, axis=1)
         first += int(away.argmin())
         found.append(float(knots[first]))
         first += 1
     return np.array(found)
+
+
+def phase_durations(task: Task, trajectory: Trajectory) -> tuple[float, ...]:
+    """Durations of the phases of a motion, s: from each given point to the next, which are its
+    start, via points or where an approach ends upwards, and its goal."""
+    begin, end = trajectory.knots[[0, -1]].tolist()
+    at = [begin, *passes(task, trajectory).tolist(), end]
+    return tuple(b - a for a, b in pairwise(at))
 
 
 def goal_of(task: Task, trajectory: Trajectory) -> EndState:

@@ -107,6 +107,8 @@ class Provenance(Protocol):
     @property
     def ways(self) -> Sequence[TakenWay]: ...
     @property
+    def phases(self) -> Sequence[float]: ...
+    @property
     def free_duration(self) -> float | None: ...
     @property
     def sensitivities(self) -> Sequence[LimitSensitivity]: ...
@@ -130,6 +132,7 @@ class StraightLine:
     certificate: Certificate | None = None
     optima: Sequence[Optimum] = ()
     ways: Sequence[TakenWay] = ()
+    phases: Sequence[float] = ()
     free_duration: float | None = None
 
     @property
@@ -227,6 +230,7 @@ def write_json(
         "versions": {"python": platform.python_version()}
         | {name: _version(name) for name in ("deltaopt", "casadi", "numpy")},
         "scene": scene.model_dump(mode="json", exclude_none=True),
+        "phases": list(solution.phases),
         "motion": _motion(trajectory),
     }
     with atomic_write(file) as temporary:

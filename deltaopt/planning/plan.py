@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,7 @@ from deltaopt.motion.limit_sensitivity import (
     limits_in_words,
 )
 from deltaopt.motion.lower_bound import lower_bound
-from deltaopt.motion.trajectory import Trajectory, passes
+from deltaopt.motion.trajectory import Trajectory, phase_durations
 from deltaopt.planning.effort_planning import CostIteration
 from deltaopt.planning.first_motions.multistart import Optimum
 from deltaopt.planning.mesh.mesh_solution import Iteration
@@ -77,9 +76,7 @@ class Plan:
     def phases(self) -> tuple[float, ...]:
         """Durations, s, from each given point to the next: start, via points or where an approach
         ends upwards, goal."""
-        begin, end = self.trajectory.knots[[0, -1]].tolist()
-        at = [begin, *passes(self.scene.task, self.trajectory).tolist(), end]
-        return tuple(b - a for a, b in pairwise(at))
+        return phase_durations(self.scene.task, self.trajectory)
 
     @property
     def cost(self) -> float:

@@ -17,9 +17,10 @@ from deltaopt.errors import DeltaOptError, Infeasible
 from deltaopt.files.validated_record import Vector3
 from deltaopt.motion.sure_bounds import sure_excess
 from deltaopt.motion.trajectory import Motion, PiecewisePolynomial, Trajectory
-from deltaopt.planning.first_motions.moving_ends import first_moving_motions, through_gates
+from deltaopt.planning.first_motions.moving_ends import first_moving_motions
 from deltaopt.planning.first_motions.multistart import Optimum, distinct, first_motions
 from deltaopt.planning.first_motions.order_of_merit import first_motion
+from deltaopt.planning.first_motions.through_gates import through_gates
 from deltaopt.planning.flat.flat_problem import Flat
 from deltaopt.planning.in_flight import finished_first
 from deltaopt.planning.nlp.problem import ProblemFormulation, Solver
@@ -218,6 +219,7 @@ class Planner:
             return self._plan_on_path(scene, task, starts, report)
         if isinstance(task, MovingEnds):
             self._require_free(starts)
+        if isinstance(task, MovingEnds) and not task.gates:
             return _resolvable(self._plan_moving(scene, None, report))
         if task.gates:
             what = "via points" if task.via else "an approach"
@@ -226,7 +228,7 @@ class Planner:
             self._require_one_start(starts, f"where there {there} {what}")
             found = self._first_found(scene, through_gates(scene), report)
             if isinstance(found, Plan):
-                return found
+                return _resolvable(found)
             raise found
         if scene.tube is not None:
             self._require_one_start(starts, "in a tube, where the path timed optimally is first")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import lru_cache
+from itertools import product
 
 import casadi as ca
 import numpy as np
@@ -19,11 +20,14 @@ from deltaopt.mechanisms.delta.mechanism import DeltaTerms
 from deltaopt.mechanisms.delta.singularities import parallel_margin
 from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.scene.scene import Scene, limits_of
-from deltaopt.scene.task import REST, EndState
+from deltaopt.scene.task import REST, EndState, ViaPoint
 
 _SHORTEST_MOVE = 1e-12
 """Shortest distance from start to goal, m: coordinates of about a metre have a rounding error of
 1e-16, so that such a move still has four digits."""
+_ON_SPHERE = 0.99
+"""Share of the radius of a via point's sphere at which the platform is looked at: where it can be
+at the sphere alone, rounding would decide."""
 _CLEAR = 1e-6
 """Squared distance from serial singularities above which an end needs no closer look."""
 _ROUNDING = 1e-12
@@ -43,8 +47,7 @@ def check_feasible(scene: Scene) -> None:
     is known before it is met. Raises Unreachable, Singular or Infeasible, each with a sentence that
     says why not.
     """
-    if scene.via:
-        _require_passages(scene, scene.via)
+    _require_passages(scene)
     if scene.moves_at_ends:
         return _check_moving_ends(scene)
     start, goal = scene.given_points
@@ -63,21 +66,50 @@ def check_feasible(scene: Scene) -> None:
         _require_departure(model, name, point)
 
 
-def _require_passages(scene: Scene, points: tuple[Vector3, ...]) -> None:
+def _require_passages(scene: Scene) -> None:
+    """Raise Unreachable, Singular or Infeasible if the platform cannot be at one of the via points,
+    or nowhere in the sphere about one as far as it is looked at."""
+    exact = [(n, each.position) for n, each in enumerate(scene.task.via, 1) if not each.within]
+    if exact:
+        _require_exact_passages(scene, exact)
+    for number, each in enumerate(scene.task.via, 1):
+        if each.within:
+            _require_sphere(scene, number, each)
+
+
+def _require_sphere(scene: Scene, number: int, sphere: ViaPoint) -> None:
+    """Raise Infeasible if the platform can be neither at the centre of a sphere nor at places
+    around it."""
+    ways = np.array([each for each in product((-1.0, 0.0, 1.0), repeat=3) if any(each)])
+    ways *= _ON_SPHERE * sphere.within / np.linalg.norm(ways, axis=1, keepdims=True)
+    first = None
+    for away in [np.zeros(3), *ways]:
+        x, y, z = (np.array(sphere.position) + away).tolist()
+        try:
+            return _require_exact_passages(scene, [(number, (x, y, z))])
+        except (Unreachable, Singular, Infeasible) as error:
+            first = first or error
+    assert first is not None
+    away = f"{1e3 * _ON_SPHERE * sphere.within:g} mm away"
+    raise Infeasible(f"{first}; nor is any of {len(ways)} places {away} possible") from first
+
+
+def _require_exact_passages(scene: Scene, numbered: list[tuple[int, Vector3]]) -> None:
     """Raise Unreachable, Singular or Infeasible if the platform cannot be at one of some points on
-    its way."""
+    its way, each with its number among the via points."""
+    points = [point for _, point in numbered]
     model, limits = delta_model(scene.robot, scene.payload), limits_of(scene)
     states = np.pad(np.array(points), ((0, 0), (0, 3)))
     back, rows, distances = _state_function(model.functions.terms, limits.constraints)(
         states, parameters=np.concatenate([limits.numbers, model.parameters])
     )
-    for number, point in enumerate(points, 1):
+    for number, point in numbered:
         for sentence in _too_near(scene, point):
             raise Infeasible(f"via {number}: at {in_words(point)} m the tool {sentence}")
     there = np.linalg.norm(back - points, axis=1) <= _SAME_PLACE  # False where not a number
     if there.all() and (np.abs(rows) <= 1).all() and (distances > _CLEAR).all():
         return
-    for number, point in enumerate(points, 1):
+    for number, point in numbered:
         name = f"via {number}"
         _require_reach(model, name, point)
         for sentence in _exceeded(scene, EndState(point), orders=1):

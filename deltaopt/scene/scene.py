@@ -8,7 +8,6 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from functools import cached_property, lru_cache
-from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Self
 
@@ -88,6 +87,8 @@ from deltaopt.scene.task import (
     Task,
     given_points,
 )
+from deltaopt.scene.via import EXPECTED as EXPECTED_VIA
+from deltaopt.scene.via import Near, content_of_via, require_distinct, via_in, via_point
 
 _STANDS_STILL = 1e-9
 """Share of the largest rate of a path's pieces below which it turns back where a piece begins."""
@@ -154,8 +155,8 @@ class Scene(Record):
     goal: Annotated[tuple[Number, Number, Number], LENGTH] | State | Belt | Anywhere = Field(
         description=EXPECTED_GOAL
     )
-    via: Annotated[tuple[tuple[Number, Number, Number], ...], LENGTH] | None = Field(
-        default=None, description="points [[x, y, z], …] in m, passed in this order at any speed"
+    via: tuple[Annotated[tuple[Number, Number, Number], LENGTH] | Near, ...] | None = Field(
+        default=None, description=EXPECTED_VIA
     )
     approach: Approach | None = Field(default=None, description=EXPECTED_APPROACH)
     limits: Limits | None = Field(
@@ -236,11 +237,12 @@ class Scene(Record):
     def task(self) -> Task:
         """The task of the motion: what is known at its start and goal, and of its path."""
         start, goal = self.ends
+        via = tuple(map(via_point, self.via or ()))
         if self.moves_at_ends or not isinstance(goal, EndState):
-            return MovingEnds(start, goal)
+            return MovingEnds(start, goal, via)
         if self.path is None:
             levels = tuple(column.level for column in self.columns)
-            return RestToRest(start.position, goal.position, self.via or (), levels=levels)
+            return RestToRest(start.position, goal.position, via, levels=levels)
         if self.tube is not None:
             within = f"within {1e3 * self.tube:g} mm of a path: {self.path.description}"
             return RestToRest(start.position, goal.position, within=within)
@@ -255,8 +257,9 @@ class Scene(Record):
 
     @property
     def placed_points(self) -> tuple[Vector3, ...]:
-        """The points in m that are known of the motion: those of its ends and the via points."""
-        return *self.given_points, *(self.via or ())
+        """The points in m that are known of the motion: those of its ends and the via points that
+        are passed exactly."""
+        return *self.given_points, *(each for each in self.via or () if not isinstance(each, Near))
 
     @cached_property
     def ends(self) -> tuple[EndState, Goal]:
@@ -320,6 +323,8 @@ class Scene(Record):
             given |= self._payloads(given["payload"])
         for key in {"start", "goal"} & set(given):
             given[key] = end_in(key, given[key])
+        if "via" in given:
+            given["via"] = via_in(given["via"])
         return super().model_copy(update=given, deep=deep)
 
     @property
@@ -364,11 +369,13 @@ class Scene(Record):
 
     @model_validator(mode="before")
     @classmethod
-    def _read_ends(cls, content: Any) -> Any:
+    def _read_points(cls, content: Any) -> Any:
         if not isinstance(content, dict):
             return content
-        ends = {key: end_in(key, content[key]) for key in ("start", "goal") if key in content}
-        return content | ends
+        read = {key: end_in(key, content[key]) for key in ("start", "goal") if key in content}
+        if "via" in content:
+            read["via"] = via_in(content["via"])
+        return content | read
 
     @model_validator(mode="before")
     @classmethod
@@ -385,7 +392,8 @@ class Scene(Record):
         path = {} if self.path is None else {"path": content_of_path(self.path)}
         moving = (key for key in ("start", "goal") if not isinstance(getattr(self, key), tuple))
         ends = {key: content_of_end(getattr(self, key)) for key in moving}
-        content = {**rest(self), **ends, **path, **content_of(self.objective)}
+        via = {} if self.via is None else {"via": content_of_via(self.via)}
+        content = {**rest(self), **ends, **via, **path, **content_of(self.objective)}
         least = content.pop("least_payload", None)
         return content if least is None else content | {"payload": [least, self.payload]}
 
@@ -407,14 +415,14 @@ class Scene(Record):
     def _via_fits(self) -> Self:
         if self.via is None:
             return self
-        given = [list(point) for point in self.via]
-        if self.path is not None or self.moves_at_ends:
-            beside = "start and goal at rest" if self.moves_at_ends else "no path"
-            raise SceneError(None, "via", given, f"{beside} beside it")
-        start, goal = self.given_points
-        if not given or any(a == b for a, b in pairwise((start, *self.via, goal))):
-            expected = "points in m, each other than the one before it, start and goal included"
-            raise SceneError(None, "via", given, expected)
+        if self.path is not None:
+            raise SceneError(None, "via", content_of_via(self.via), "no path beside it")
+        start, goal = self.ends
+        if isinstance(self.goal, Anywhere):
+            expected = "a goal that is a point, a state or on a belt beside it"
+            raise SceneError(None, "via", content_of_via(self.via), expected)
+        given = goal.position if isinstance(goal, EndState) else None
+        require_distinct(self.task.via, start.position, given)
         if not isinstance(self.objective, Time):
             expected = "time, where there are via points"
             raise SceneError(None, "objective", str(self.objective), expected)

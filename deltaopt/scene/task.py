@@ -70,9 +70,21 @@ Goal = EndState | MovingPoint | RestAnywhere
 it takes ``duration`` (s) and ends at the point ``reached`` (m)."""
 
 
-Gate = tuple[float | None, float | None, float | None]
-"""Where one phase of a motion meets the next: the coordinates in m that are given, None for those
-that are free."""
+@dataclass(frozen=True)
+class ViaPoint:
+    """A point in m that a motion passes, or any place at most ``within`` (m) from it."""
+
+    position: Vector3
+    within: float = 0.0
+
+
+@dataclass(frozen=True)
+class Gate:
+    """Where one phase of a motion meets the next: the coordinates of its ``place`` in m that are
+    given, None for those that are free; or any place at most ``within`` (m) from it."""
+
+    place: tuple[float | None, float | None, float | None]
+    within: float = 0.0
 
 
 class Task(Protocol):
@@ -90,8 +102,8 @@ class Task(Protocol):
         ...
 
     @property
-    def via(self) -> tuple[Vector3, ...]:
-        """Points in m that are passed on the way, in this order."""
+    def via(self) -> tuple[ViaPoint, ...]:
+        """Points that are passed on the way, in this order."""
         ...
 
     @property
@@ -109,7 +121,7 @@ class Task(Protocol):
 class RestToRest:
     """The task to move from rest at ``begin`` to rest at ``end``, in m, on any path.
 
-    ``via``: points in m that are passed on the way, in this order, at any speed. ``within``: a
+    ``via``: points that are passed on the way, in this order, at any speed. ``within``: a
     tube in words, that the motion stays in.
     ``levels``: depths in m that are passed first upwards from the start and last downwards to the
     goal; none without an approach.
@@ -117,13 +129,13 @@ class RestToRest:
 
     begin: Vector3
     end: Vector3
-    via: tuple[Vector3, ...] = ()
+    via: tuple[ViaPoint, ...] = ()
     within: str = ""
     levels: tuple[float, ...] = ()
 
     @property
     def gates(self) -> tuple[Gate, ...]:
-        return self.via or tuple((level, None, None) for level in self.levels)
+        return _gates(self.via) or tuple(Gate((level, None, None)) for level in self.levels)
 
     @property
     def start(self) -> EndState:
@@ -145,18 +157,23 @@ class RestToRest:
             return "from rest to rest, up and down in cylinders, path free between"
         if not self.via:
             return "from rest to rest, path free"
-        points = "a via point" if len(self.via) == 1 else f"{len(self.via)} via points"
-        return f"from rest to rest through {points}, path free between"
+        return f"from rest to rest{_through(self.via)}, path free between"
 
 
 @dataclass(frozen=True)
 class MovingEnds:
-    """The task to move, on any path, from a state to a goal, not both at rest and given."""
+    """The task to move, on any path, from a state to a goal, not both at rest and given.
+
+    ``via``: points that are passed on the way, in this order, at any speed.
+    """
 
     start: EndState
     goal: Goal
-    via: ClassVar[tuple[Vector3, ...]] = ()
-    gates: ClassVar[tuple[Gate, ...]] = ()
+    via: tuple[ViaPoint, ...] = ()
+
+    @property
+    def gates(self) -> tuple[Gate, ...]:
+        return _gates(self.via)
 
     @property
     def is_at_rest(self) -> bool:
@@ -164,11 +181,12 @@ class MovingEnds:
 
     @property
     def description(self) -> str:
+        through = _through(self.via)
         if isinstance(self.goal, RestAnywhere):
             return "the fastest stop"
         if isinstance(self.goal, MovingPoint):
-            return "to a point on a belt, path free"
-        return "from state to state, path free"
+            return f"to a point on a belt{through}, path free"
+        return f"from state to state{through}, path free"
 
 
 @dataclass(frozen=True)
@@ -184,7 +202,7 @@ class OnPath:
     path: Path
     speeds: tuple[float, float]
     shape: str
-    via: ClassVar[tuple[Vector3, ...]] = ()
+    via: ClassVar[tuple[ViaPoint, ...]] = ()
     gates: ClassVar[tuple[Gate, ...]] = ()
 
     @classmethod
@@ -229,6 +247,17 @@ class OnPath:
         return EndState(position, (x, y, z))
 
 
+def _gates(via: tuple[ViaPoint, ...]) -> tuple[Gate, ...]:
+    return tuple(Gate(point.position, point.within) for point in via)
+
+
+def _through(via: tuple[ViaPoint, ...]) -> str:
+    """Via points in words: "", " through a via point", " through 2 via points"."""
+    if not via:
+        return ""
+    return " through a via point" if len(via) == 1 else f" through {len(via)} via points"
+
+
 def given_points(task: Task) -> tuple[Vector3, Vector3]:
     """Start and goal, m, of a motion that is at rest at both, or on a given path.
 
@@ -241,6 +270,13 @@ def given_points(task: Task) -> tuple[Vector3, Vector3]:
             "point to rest at another"
         )
     return task.start.position, task.goal.position
+
+
+def given_goal(task: Task) -> EndState | MovingPoint:
+    """The goal of a task, a point or one that moves. Raises Infeasible for rest anywhere."""
+    if isinstance(task.goal, RestAnywhere):
+        raise Infeasible("the goal is rest anywhere; this is for motions to a place")
+    return task.goal
 
 
 def ends_in_words(task: Task) -> str:

@@ -33,11 +33,12 @@ def off_path(task: OnPath, trajectory: Trajectory) -> float:
 
 
 def off_via_points(task: Task, trajectory: Trajectory) -> float:
-    """The largest distance, m, at which the motion passes a via point of a task, each looked for
-    after the one before it.
+    """The largest distance, m, at which the motion passes a via point of a task or the sphere about
+    one, each looked for after the one before it.
 
     On every interval the squared distance is a polynomial; it is least at an end or at a root of
-    its derivative. Of places that are as near, the first counts.
+    its derivative, and a sphere is entered at a root of what it is beyond the squared radius. Of
+    places that are as near, the first counts.
     """
     worst, interval, since = 0.0, 0, 0.0
     coefficients, lengths = trajectory.position.coefficients, np.diff(trajectory.knots)
@@ -45,18 +46,20 @@ def off_via_points(task: Task, trajectory: Trajectory) -> float:
         best = (np.inf, 0, 0.0)
         for k in range(interval, len(lengths)):
             away = coefficients[k].copy()
-            away[0] -= point
+            away[0] -= point.position
             squares = [Polynomial(each) ** 2 for each in away.T]
             square = squares[0] + squares[1] + squares[2]
             begin = since if k == interval else 0.0
             roots = square.deriv().roots()
+            if point.within:
+                roots = np.append(roots, (square - point.within**2).roots())
             inside = roots.real[(np.abs(roots.imag) < _REAL * lengths[k])]
             for s in sorted([begin, lengths[k], *inside[(inside > begin) & (inside < lengths[k])]]):
-                distance = float(np.sqrt(max(square(s), 0.0)))
-                if distance < best[0] - _AS_NEAR:
-                    best = distance, k, float(s)
-        distance, interval, since = best
-        worst = max(worst, distance)
+                missed = max(float(np.sqrt(max(square(s), 0.0))) - point.within, 0.0)
+                if missed < best[0] - _AS_NEAR:
+                    best = missed, k, float(s)
+        missed, interval, since = best
+        worst = max(worst, missed)
     return worst
 
 

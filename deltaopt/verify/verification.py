@@ -264,7 +264,8 @@ class Verification:
     ``distances``: the least to every kind of singularity; empty where not evaluated.
     ``start_distance``, ``goal_distance``: m, from the scene's points to the motion's ends.
     ``path_distance``: m, of the motion from the scene's path; None where it gives none.
-    ``via_distance``: m, the largest from a via point, passed in the scene's order; None without.
+    ``via_distance``: m, the largest from a via point or the sphere that the scene gives about it,
+        passed in the scene's order; None without.
     ``approach_distance``: m, the largest outside the scene's approach; None where it gives none.
     ``start_speed``, ``goal_speed``: m/s, by how much the platform's velocity at the motion's ends
         differs from the scene's, which is zero unless an end moves.

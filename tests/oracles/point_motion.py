@@ -72,11 +72,13 @@ class End:
 
     ``fixed``: which of its components are boundary conditions, by derivative and coordinate.
     ``drift``: velocity of a position that moves; ``state`` then holds at the time zero.
+    ``radius``: of a sphere about the position that a free position must be in; 0 without one.
     """
 
     state: Array
     fixed: NDArray[np.bool_]
     drift: Array
+    radius: float = 0.0
 
     def at(self, time: float) -> Array:
         """The state at a time."""
@@ -134,6 +136,9 @@ def fastest(system: System, legs: Sequence[Leg], ends: Sequence[End], points: Ar
             here = state(c, s, h, d) - wanted
             for k in np.flatnonzero(end.fixed[d]).tolist():
                 limit(here[k], 0.0, 0.0)
+        if end.radius:
+            away = state(c, s, h, 0) - ca.DM(end.state[0])
+            limit(ca.sumsqr(away), 0.0, end.radius**2)
 
     integrals = None
     before: tuple[ca.SX, ca.SX] | None = None

@@ -100,7 +100,7 @@ def test_a_plan(plan):
     assert plan["optima"]
 
 
-@pytest.mark.parametrize("name", ["paths/glue_line", "moving/belt", "moving/stop"])
+@pytest.mark.parametrize("name", ["paths/glue_line", "moving/stop", "via/onto_a_belt"])
 def test_plans_of_other_kinds(name, tmp_path):
     scene = deltaopt.load_scene(PROBLEMS / f"{name}.yaml")
     deltaopt.plan(scene, tolerance=1e-2).save(tmp_path, chart=False)

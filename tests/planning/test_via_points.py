@@ -9,11 +9,15 @@ import numpy as np
 import pytest
 
 import deltaopt
-from deltaopt import SceneError, State, load_scene, plan, verify
+from deltaopt import Belt, Infeasible, SceneError, State, load_scene, plan, verify
 from deltaopt.planning.comparisons import straight_lines
+from deltaopt.planning.first_motions.through_gates import through_gates
+from deltaopt.verify.path_distance import off_via_points
 
 SCENE = load_scene("problems/via/three_points.yaml")
 FREE = SCENE.model_copy(update={"via": None})
+BENT = (0.80, 0.0, 0.06)
+PASSED, BELT = (load_scene(f"problems/moving/{name}.yaml") for name in ("passed_state", "belt"))
 
 
 @pytest.fixture(scope="module")
@@ -129,7 +133,18 @@ def test_saved_and_read_back(found, tmp_path):
         ({"via": []}, "each other than the one before it"),
         ({"via": [(0.8, 0.0)]}, "via is [(0.8, 0.0)]; expected points"),
         ({"path": "line"}, "expected no path beside it"),
-        ({"goal": State(at=SCENE.goal, velocity=(1, 0, 0))}, "expected start and goal at rest"),
+        (
+            {"start": State(at=SCENE.start, velocity=(1, 0, 0)), "goal": "anywhere"},
+            "expected a goal that is a point, a state or on a belt beside it",
+        ),
+        ({"via": [{"at": BENT, "within": 0}]}, "via[0].within is 0; expected a length in m"),
+        ({"via": [{"at": BENT, "wthin": 1}]}, "via[0].wthin is not a known key; expected within"),
+        ({"via": [{"within": 1}]}, "via[0].at is missing"),
+        ({"via": [{"at": BENT, "within": 0.2}]}, "holds all of the point before or after it"),
+        (
+            {"via": [{"at": BENT, "within": 0.004}, {"at": (0.8, 0.01, 0.06), "within": 0.02}]},
+            "via[1].within is 0.02; expected less than 0.014 m",
+        ),
         ({"objective": deltaopt.Effort(duration=1.0)}, "expected time, where there are via points"),
     ],
 )
@@ -150,3 +165,231 @@ def test_settings_that_do_not_apply_are_refused():
         plan(SCENE, starts=2)
     with pytest.raises(ValueError, match="formulation is forward"):
         plan(SCENE, formulation=deltaopt.forward)
+
+
+# Within a sphere
+
+
+@pytest.mark.parametrize("name", ["within", "onto_a_belt"])
+def test_shipped_scenes_are_verified(name):
+    scene = load_scene(f"problems/via/{name}.yaml")
+    found = plan(scene)
+    assert verify(scene, found.trajectory).failures() == []
+    assert found.within_tolerance
+
+
+def near(within, centre=BENT, **settings):
+    return plan(through({"at": centre, "within": within}), **settings)
+
+
+def passing_place(found):
+    """Where the phases of a motion through one via point meet, and its velocity there."""
+    now = found.trajectory(found.phases[0])
+    return now.x[0], now.v[0]
+
+
+def least_distance(found, point=BENT):
+    """By samples alone."""
+    t = np.linspace(0, found.duration, 40001)
+    return np.linalg.norm(found.trajectory(t).x - point, axis=1).min()
+
+
+@pytest.fixture(scope="module")
+def sphere():
+    return near(0.02, tolerance=1e-5)
+
+
+def test_a_sphere_is_touched_and_verified():
+    sphere = near(0.02)
+    checked = verify(sphere.scene, sphere.trajectory)
+    assert checked.failures() == []
+    assert checked.via_distance <= 1e-15
+    assert sphere.within_tolerance
+    assert 0.02 * (1 - 1e-3) < least_distance(sphere) <= 0.02
+
+
+def test_small_spheres_tend_to_the_point_in_proportion_to_the_radius():
+    tolerance, radii = 1e-5, (1e-2, 1e-3, 1e-4)
+    exact = plan(through(BENT), tolerance=tolerance)
+    durations = [near(radius, tolerance=tolerance).duration for radius in radii]
+    assert durations == sorted(durations)
+    slopes = (exact.duration - np.array(durations)) / radii
+    assert slopes[1] == pytest.approx(slopes[0], rel=0.05)
+    assert slopes[2] == pytest.approx(slopes[1], rel=tolerance * exact.duration / 1e-4 / slopes[1])
+    tiny = near(1e-7)
+    assert tiny.duration == pytest.approx(exact.duration, rel=tiny.gap + exact.gap)
+    assert verify(tiny.scene, tiny.trajectory).failures() == []
+
+
+@pytest.mark.parametrize("within", [0.07, 0.1])
+def test_a_wide_sphere_leaves_the_fastest_motion_as_it_is(free, within):
+    """That passes the centre at 60 mm."""
+    assert least_distance(free) < within
+    wide = near(within)
+    assert wide.duration == pytest.approx(free.duration, rel=wide.gap + free.gap)
+
+
+def exact_duration(place, tolerance=1e-5):
+    return plan(through(tuple(place)), tolerance=tolerance).duration
+
+
+def test_the_place_is_best_to_first_order(sphere):
+    """Planned through points beside it, the duration changes along the radius alone; and the motion
+    passes at a right angle to it, for otherwise it would come nearer."""
+    x, v = passing_place(sphere)
+    step = 2e-3 * np.eye(3)
+    slope = np.array([exact_duration(x + d) - exact_duration(x - d) for d in step])
+    radius = (x - BENT) / np.linalg.norm(x - BENT)
+    assert slope @ radius < -0.999 * np.linalg.norm(slope)
+    assert abs(radius @ v) < 0.01 * np.linalg.norm(v)
+
+
+def test_a_search_over_the_sphere_finds_no_better_place(sphere):
+    """A search by two angles, with a plan through each point exactly, from places of its own."""
+
+    def on_sphere(angles):
+        a, b = angles
+        way = np.array([np.cos(a) * np.cos(b), np.sin(a) * np.cos(b), np.sin(b)])
+        return np.array(BENT) + 0.02 * way
+
+    tolerance, best, reach = 1e-4, (0.0, 0.0), 1.2
+    duration = exact_duration(on_sphere(best), tolerance)
+    while reach > 0.02:
+        ways = np.array([(1, 0), (-1, 0), (0, 1), (0, -1)]) * reach
+        tried = [(exact_duration(on_sphere(best + way), tolerance), way) for way in ways]
+        shortest, way = min(tried, key=lambda each: each[0])
+        if shortest < duration:
+            duration, best = shortest, best + way
+        else:
+            reach /= 2
+    assert sphere.duration == pytest.approx(duration, rel=2 * tolerance)
+    np.testing.assert_allclose(passing_place(sphere)[0], on_sphere(best), atol=1e-3)
+
+
+def test_points_and_spheres_in_turn():
+    one, two, three = SCENE.via
+    spheres = {"at": two, "within": 0.005}, {"at": three, "within": 1e-3}
+    mixed, exact = plan(through(one, *spheres)), plan(SCENE)
+    checked = verify(mixed.scene, mixed.trajectory)
+    assert checked.failures() == []
+    assert mixed.duration < exact.duration
+    assert len(mixed.phases) == 4
+    apart = np.abs(mixed.trajectory(np.cumsum(mixed.phases)[:-1]).x - SCENE.via)
+    assert (np.linalg.norm(apart, axis=1) <= np.array([1e-9, 0.005, 1e-3])).all()
+
+
+def test_verification_sees_spheres_that_are_missed_or_passed_out_of_turn():
+    trajectory = near(0.02).trajectory
+    away = np.linalg.norm(trajectory(np.linspace(0, trajectory.duration, 40001)).x - BENT, axis=1)
+    missed = verify(through({"at": BENT, "within": 0.015}), trajectory)
+    assert missed.via_distance == pytest.approx(away.min() - 0.015, rel=1e-4)
+    assert any("misses a via point by" in each for each in missed.failures())
+    # A place that the motion passes on its way into a wide sphere, before it is nearest.
+    (early,) = trajectory(0.4 * trajectory.duration).x.tolist()
+    wide = {"at": BENT, "within": float(np.linalg.norm(np.subtract(early, BENT))) + 0.01}
+    assert off_via_points(through(wide, tuple(early)).task, trajectory) < 1e-9
+    narrow = {"at": BENT, "within": 0.0201}
+    assert off_via_points(through(narrow, tuple(early)).task, trajectory) > 0.005
+
+
+def test_a_sphere_whose_centre_is_in_a_body():
+    """A body about the centre, smaller than the sphere: the motion passes between both."""
+    content = {"sphere": {"centre": BENT, "radius": 0.01}}
+    scene = through({"at": BENT, "within": 0.02}).model_copy(update={"keep_out": [content]})
+    found = plan(scene)
+    assert verify(scene, found.trajectory).failures() == []
+    covered = scene.model_copy(update={"keep_out": [{"sphere": {"centre": BENT, "radius": 0.03}}]})
+    with pytest.raises(Infeasible, match=r"via 1: .* nor is any of 26 places 19.8 mm away"):
+        plan(covered)
+
+
+def test_spheres_are_saved_and_read_back(tmp_path):
+    sphere = near(0.02)
+    sphere.save(tmp_path, chart=False)
+    back = deltaopt.load_plan(tmp_path)
+    assert back.scene == sphere.scene
+    (read,) = back.scene.via
+    assert (read.at, read.within) == (BENT, 0.02)
+    assert through({"at": BENT}).via == (BENT,)
+
+
+# With ends that move
+
+MOVING = {"passed state": PASSED, "belt": BELT}
+
+
+@pytest.fixture(scope="module", params=MOVING, ids=list(MOVING))
+def underway(request):
+    """A scene whose ends move, and its fastest motion without via points."""
+    return MOVING[request.param], plan(MOVING[request.param])
+
+
+def test_points_on_a_motion_with_moving_ends_leave_its_duration(underway):
+    scene, free = underway
+    places = free.trajectory(np.array([0.3, 0.7]) * free.duration).x.tolist()
+    for via in ([tuple(places[0])], [tuple(places[0]), {"at": places[1], "within": 2e-3}]):
+        own = scene.model_copy(update={"via": via})
+        same = plan(own)
+        assert verify(own, same.trajectory).failures() == []
+        assert same.duration == pytest.approx(free.duration, rel=same.gap + free.gap)
+        assert same.phases[0] == pytest.approx(0.3 * free.duration, rel=0.02)
+
+
+@pytest.mark.parametrize("within", [0.0, 0.005])
+def test_points_beside_a_motion_with_moving_ends_are_passed(underway, within):
+    scene, free = underway
+    beside = (free.trajectory(0.5 * free.duration).x[0] + (-0.03, 0.01, 0.03)).tolist()
+    point = {"at": beside, "within": within} if within else beside
+    own = scene.model_copy(update={"via": [point]})
+    found = plan(own)
+    assert verify(own, found.trajectory).failures() == []
+    assert found.within_tolerance
+    assert found.duration > free.duration
+    assert least_distance(found, beside) == pytest.approx(within, rel=1e-2, abs=2e-5)
+
+
+def test_a_belt_that_stands_still_is_a_point_beyond_via_points(found):
+    belt = plan(SCENE.model_copy(update={"goal": Belt(at=SCENE.goal, belt=(0, 0, 0))}))
+    assert belt.duration == found.duration
+    slow = plan(SCENE.model_copy(update={"goal": Belt(at=SCENE.goal, belt=(0, 0, 1e-6))}))
+    assert slow.duration == pytest.approx(found.duration, rel=slow.gap + found.gap)
+
+
+def test_from_state_to_state_back_as_fast_as_forth():
+    via = [(0.83, -0.06, 0.05), {"at": (0.82, 0.04, 0.03), "within": 0.01}]
+    forth = plan(PASSED.model_copy(update={"via": via}))
+    start, goal = (
+        State(at=end.at, velocity=tuple(-v for v in end.velocity))
+        for end in (PASSED.goal, PASSED.start)
+    )
+    back = plan(PASSED.model_copy(update={"start": start, "goal": goal, "via": via[::-1]}))
+    assert back.duration == pytest.approx(forth.duration, rel=back.gap + forth.gap)
+    assert back.phases[::-1] == pytest.approx(forth.phases, rel=0.05)
+
+
+def test_parts_before_and_after_a_via_point_are_fastest_motions_from_and_to_its_state():
+    """On a belt the second part begins when the goal has moved for as long as the first takes."""
+    scene = BELT.model_copy(update={"via": [(0.82, -0.02, 0.05)]})
+    whole = plan(scene)
+    x, v = passing_place(whole)
+    state = State(at=tuple(x.tolist()), velocity=tuple(v.tolist()))
+    first = plan(BELT.model_copy(update={"goal": state}))
+    now = np.add(BELT.goal.at, np.multiply(first.duration, BELT.goal.belt))
+    goal = Belt(at=tuple(now.tolist()), belt=BELT.goal.belt)
+    second = plan(BELT.model_copy(update={"start": state, "goal": goal}))
+    gaps = whole.gap + first.gap + second.gap
+    assert first.duration + second.duration == pytest.approx(whole.duration, rel=gaps)
+
+
+def test_first_motions_begin_and_end_as_the_task_asks():
+    via = [(0.83, -0.06, 0.05), {"at": (0.82, 0.04, 0.03), "within": 0.01}]
+    for scene in MOVING.values():
+        task, guesses = scene.task, list(through_gates(scene.model_copy(update={"via": via})))
+        assert len(guesses) == 6  # two splines and one that stops, through two choices of places
+        for guess in guesses:
+            ends = guess(guess.knots[[0, -1]])
+            goal = task.goal.at(guess.duration, (0.0, 0.0, 0.0))
+            np.testing.assert_allclose(ends.x, [task.start.position, goal.position], atol=1e-12)
+            np.testing.assert_allclose(ends.v, [task.start.velocity, goal.velocity], atol=1e-9)
+            away = np.linalg.norm(guess(guess.knots).x - via[1]["at"], axis=1)
+            assert away.min() <= 0.01

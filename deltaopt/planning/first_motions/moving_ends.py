@@ -1,5 +1,4 @@
-"""First motions where an end moves (from a state, to a state, to a belt, or to rest anywhere), and
-through via points.
+"""First motions where an end moves: from a state, to a state, to a belt, or to rest anywhere.
 
 A motion whose end moves cannot be slowed, so that its duration is chosen at once: of quintics
 between both ends the shortest that keeps the limits at samples, or else the one that exceeds them
@@ -10,14 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from itertools import pairwise
-from math import isfinite
 
 import numpy as np
 
 from deltaopt.errors import DeltaOptError
 from deltaopt.files.validated_record import Vector3
-from deltaopt.motion.time_scaling import rough_factor, sizes_at
+from deltaopt.motion.time_scaling import sizes_at
 from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
 from deltaopt.planning.first_motions.order_of_merit import first_motion
 from deltaopt.robot.model import delta_model
@@ -35,6 +32,9 @@ _NEARLY = 1.2
 
 States = Callable[[float], tuple[EndState, EndState]]
 """Duration (s) -> the states that a motion of that duration begins and ends in."""
+Family = Callable[[Array], tuple[Array, Array]]
+"""Durations (n,), s -> for each a motion in as many pieces: coefficients of ascending powers of the
+time since a piece began, (n, pieces, powers, 3), m, and their lengths, (n, pieces), s."""
 
 
 def first_moving_motions(
@@ -47,7 +47,7 @@ def first_moving_motions(
     """
     task = scene.task
     assert isinstance(task, MovingEnds)
-    direct = _quintic(scene, lambda T: _ends(task.start, task, T))
+    direct = from_state_to_state(scene)
     if direct is not None:
         yield direct
     if under_way is not None:
@@ -55,6 +55,14 @@ def first_moving_motions(
     stop = _quintic(scene, lambda T: (task.start, EndState(_stopped(task.start, T))))
     if stop is not None and task.start.velocity != REST:
         yield from _onwards(scene, stop.position)
+
+
+def from_state_to_state(scene: Scene) -> Trajectory | None:
+    """The shortest quintic that nearly keeps the limits at samples, or the one that exceeds them
+    least; None if none stays within reach."""
+    task = scene.task
+    assert isinstance(task, MovingEnds)
+    return _quintic(scene, lambda T: _ends(task.start, task, T))
 
 
 def from_rest(scene: Scene, place: Vector3) -> Scene:
@@ -75,11 +83,8 @@ def _onwards(scene: Scene, before: PiecewisePolynomial) -> Iterator[Trajectory]:
         return
     with suppress(DeltaOptError):
         rest = from_rest(scene, end_of(before))
-        task = rest.task
         later = (
-            _quintic(rest, lambda T: _ends(task.start, task, T))
-            if isinstance(task, MovingEnds)
-            else first_motion(rest)
+            from_state_to_state(rest) if isinstance(rest.task, MovingEnds) else first_motion(rest)
         )
         if later is not None:
             yield Trajectory(before.then(later.position), later.model)
@@ -99,18 +104,28 @@ def _stopped(start: EndState, duration: float) -> Vector3:
 def _quintic(scene: Scene, states: States) -> Trajectory | None:
     """The shortest quintic between states that nearly keeps the limits at samples, or the one that
     exceeds them least; None if none stays within reach."""
-    best = _best(scene, states, _COARSE)
-    best = None if best is None else _best(scene, states, best * _FINE)
+    return shortest_of(scene, lambda T: (_coefficients(states, T)[:, None], T[:, None]))
+
+
+def shortest_of(scene: Scene, family: Family) -> Trajectory | None:
+    """The shortest motion of a family that nearly keeps the limits at samples, or the one that
+    exceeds them least; None if none stays within reach."""
+    best = _best(scene, family, _COARSE)
+    best = None if best is None else _best(scene, family, best * _FINE)
     if best is None:
         return None
-    position = PiecewisePolynomial(np.array([0.0, best]), _coefficients(states, np.array([best])))
+    coefficients, lengths = family(np.array([best]))
+    knots = np.append(0.0, np.cumsum(lengths[0]))
+    position = PiecewisePolynomial(knots, coefficients[0])
     return Trajectory(position, delta_model(scene.robot, scene.payload))
 
 
-def _best(scene: Scene, states: States, durations: Array) -> float | None:
+def _best(scene: Scene, family: Family, durations: Array) -> float | None:
     """The best of some durations (s), increasing."""
-    coefficients = _coefficients(states, durations)
-    highest = sizes_at(scene, coefficients, durations, _SAMPLES).max(axis=(1, 2))
+    coefficients, lengths = family(durations)
+    pieces = coefficients.reshape(-1, *coefficients.shape[2:])
+    sizes = sizes_at(scene, pieces, lengths.ravel(), _SAMPLES)
+    highest = sizes.reshape(len(durations), -1).max(axis=1)
     if not np.isfinite(highest).any():
         return None
     keeping = np.flatnonzero(highest <= _NEARLY)
@@ -127,60 +142,3 @@ def _coefficients(states: States, durations: Array) -> Array:
     zero = np.zeros_like(x0)
     cube, fourth, fifth = 10 * way - 4 * gain, -15 * way + 7 * gain, 6 * way - 3 * gain
     return np.stack([x0, v0, zero, cube / T**3, fourth / T**4, fifth / T**5], axis=1)
-
-
-def through_gates(scene: Scene) -> Iterator[Trajectory]:
-    """First guesses, the best first: a spline through all points as fast as the limits roughly
-    allow, and motions from point to point that stop at each. Knots are at the points: via points,
-    or those straight above start and goal where an approach ends."""
-    for powers in (0.5, 1.0):
-        with suppress(DeltaOptError):
-            spline = _spline(scene, powers)
-            factor = rough_factor(scene, spline)
-            if isfinite(factor):
-                yield spline.slowed(factor)
-    with suppress(DeltaOptError):
-        yield _stopping(scene)
-
-
-def _points(scene: Scene) -> Array:
-    start, goal = scene.given_points
-    above = ((column.level, column.y, column.z) for column in scene.columns)
-    return np.array([start, *scene.task.via, *above, goal])
-
-
-def _spline(scene: Scene, power: float) -> Trajectory:
-    """The cubic spline through all points in 1 s, at rest at both ends; legs take times in
-    proportion to a power of their lengths."""
-    x = _points(scene)
-    h = np.linalg.norm(np.diff(x, axis=0), axis=1) ** power
-    h /= h.sum()
-    v = np.zeros_like(x)
-    n = len(x) - 2  # of inner points, where accelerations are continuous
-    A, b = np.zeros((n, n)), np.zeros((n, 3))
-    secant = np.diff(x, axis=0) / h[:, None]
-    for i in range(n):
-        before, after = 1 / h[i], 1 / h[i + 1]
-        A[i, i] = 2 * (before + after)
-        if i > 0:
-            A[i, i - 1] = before
-        if i < n - 1:
-            A[i, i + 1] = after
-        b[i] = 3 * (before * secant[i] + after * secant[i + 1])
-    v[1:-1] = np.linalg.solve(A, b)
-    position = PiecewisePolynomial.hermite(np.append(0.0, np.cumsum(h)), x, v)
-    return Trajectory(position, delta_model(scene.robot, scene.payload))
-
-
-def _stopping(scene: Scene) -> Trajectory:
-    """From rest to rest at each of the points in turn."""
-    legs = [
-        first_motion(
-            scene.model_copy(update={"start": a, "goal": b, "via": None, "approach": None})
-        )
-        for a, b in pairwise(map(tuple, _points(scene).tolist()))
-    ]
-    position = legs[0].position
-    for leg in legs[1:]:
-        position = position.then(leg.position)
-    return Trajectory(position, legs[0].model)

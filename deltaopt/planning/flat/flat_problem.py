@@ -50,7 +50,7 @@ from deltaopt.planning.nlp.program import (
 )
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
-from deltaopt.scene.task import Goal, MovingEnds, MovingPoint, RestAnywhere
+from deltaopt.scene.task import Gate, Goal, MovingEnds, MovingPoint, RestAnywhere
 
 Array = NDArray[np.float64]
 
@@ -87,6 +87,15 @@ def boundary(end: Goal, scaling: Scaling) -> Boundary:
         return Boundary.met(place, velocity)
     rest = Boundary.at_rest(place)
     return Boundary(np.array([place, velocity]), rest.free, rest.drift)
+
+
+def gate_boundary(gate: Gate, scaling: Scaling, accuracy: float) -> Boundary:
+    """What a task asks for where two phases meet, in scaled units. A sphere is smaller by the share
+    to which the solver meets its rows, so that it is not left."""
+    place = scaling.place(gate.place)
+    if not gate.within:
+        return Boundary.passed(place)
+    return Boundary.in_sphere(place, gate.within / scaling.length * (1 - accuracy))
 
 
 def ends(task: MovingEnds, scaling: Scaling) -> Ends:
@@ -249,7 +258,7 @@ class FlatProblem:
             settings = replace(begin, tolerance=guess.tolerance)
             found = self._by_interior_point(method, guess, scaling, parameters, settings)
             if found.solved and len(found.phases) > 1:
-                return self._of_phases(found, scaling)
+                return self._of_phases(found, scaling, guess.tolerance)
             if found.solved:
                 (phase,) = found.phases
                 return Solved(
@@ -329,12 +338,13 @@ class FlatProblem:
             knots = scaling.states(motion.position, times, T)
             share = np.ascontiguousarray(shares[own])
             phases.append(Phase(mesh, p, share, knots, T / scaling.time))
-        between = (Boundary.passed(scaling.place(gate)) for gate in task.gates)
+        between = (gate_boundary(gate, scaling, settings.tolerance) for gate in task.gates)
         start, goal = boundary(task.start, scaling), boundary(task.goal, scaling)
         return method.solve(phases, [start, *between, goal], settings)
 
-    def _of_phases(self, found: InteriorPointSolution, scaling: Scaling) -> Solved:
+    def _of_phases(self, found: InteriorPointSolution, scaling: Scaling, accuracy: float) -> Solved:
         """The solution in phases as one motion on a mesh, whose fractions have changed."""
+        smaller_spheres = 2 * accuracy * found.sphere_multipliers.sum()  # what they cost
         total = sum(phase.duration for phase in found.phases)
         start = found.phases[0]
         times, places = [np.zeros(1)], [start.knots[:1, :3]]
@@ -360,7 +370,7 @@ class FlatProblem:
             found.iterations,
             found.spent,
             all_at_points=True,
-            left=found.left,
+            left=found.left + smaller_spheres / total,
             mesh=np.diff(knots) / total,
         )
 

@@ -10,8 +10,8 @@ static void bend(Problem *P, double weight) {
         G->bend_lower[r] = weight * G->dt[r] * G->dlower[r];
       }
     }
-  for (int k = 0; k < NI; k++) {
-    Integral *G = P->integral + k;
+  for (int64_t k = 0; k < P->singles; k++) {
+    Single *G = P->single + k;
     G->bend = -weight * G->dt * G->dupper;
   }
 }
@@ -32,10 +32,10 @@ static void gradient(Problem *P, double mu) {
       add_to_gradient(P, i, G, m, P->g);
     }
   reduce_gradient(P, P->g);
-  for (int k = 0; k < NI; k++) {
-    const Integral *G = P->integral + k;
+  for (int64_t k = 0; k < P->singles; k++) {
+    const Single *G = P->single + k;
     const double q = (G->upper * (G->c - G->t) + mu - G->bend) * G->over;
-    for (int64_t a = 0; a < size(P); a++) P->g[a] += q * P->slope[k * size(P) + a];
+    add_single(P, k, q, P->g);
   }
 }
 
@@ -59,10 +59,9 @@ static void direction(Problem *P, double mu) {
       }
     }
   }
-  for (int k = 0; k < NI; k++) {
-    Integral *G = P->integral + k;
-    G->dt = G->c - G->t;
-    for (int64_t a = 0; a < size(P); a++) G->dt += P->slope[k * size(P) + a] * P->dz[a];
+  for (int64_t k = 0; k < P->singles; k++) {
+    Single *G = P->single + k;
+    G->dt = G->c - G->t + along(P, k, P->dz);
     G->dupper = (mu - G->bend + G->upper * G->dt) * G->over - G->upper;
   }
 }
@@ -88,8 +87,8 @@ static void longest_steps(const Problem *P, double fraction, double *primal, dou
       }
     }
   double by_primal = largest(by_t), by_dual = largest(by_multiplier);
-  for (int k = 0; k < NI; k++) {
-    const Integral *G = P->integral + k;
+  for (int64_t k = 0; k < P->singles; k++) {
+    const Single *G = P->single + k;
     by_primal = greater(by_primal, G->dt * G->over);
     by_dual = greater(by_dual, -G->dupper / G->upper);
   }
@@ -114,15 +113,15 @@ static double complementarity(const Problem *P, double primal, double dual) {
       }
     }
   double all = sum(total);
-  for (int k = 0; k < NI; k++) {
-    const Integral *G = P->integral + k;
+  for (int64_t k = 0; k < P->singles; k++) {
+    const Single *G = P->single + k;
     all += (1 - G->t - primal * G->dt) * (G->upper + dual * G->dupper);
   }
   return all;
 }
 
 /* How many products of a slack and a multiplier there are. */
-static double products(const Problem *P) { return 4.0 * NG * SIDES * P->n + NI; }
+static double products(const Problem *P) { return 4.0 * NG * SIDES * P->n + P->singles; }
 
 /* Mehrotra's choice: as far down as dz, Newton's step without barrier, would get, cubed; and
    his correction for what that step neglects, in so far as it can be taken. */
@@ -167,10 +166,10 @@ static double merit_of_rows(const Problem *P, Group *G, const V *c, double step)
   return P->mu * barrier + P->penalty * sum(infeasibility);
 }
 
-static double merit_of_integrals(Problem *P, double step) {
+static double merit_of_singles(Problem *P, double step) {
   double total = 0;
-  for (int k = 0; k < NI; k++) {
-    Integral *G = P->integral + k;
+  for (int64_t k = 0; k < P->singles; k++) {
+    Single *G = P->single + k;
     const double c = step > 0 ? G->next : G->c;
     const double towards = lesser(c, 1 - 0.01 * (1 - G->t));
     G->moved = step > 0 ? 0.5 * (G->t + step * G->dt) + 0.5 * towards : G->t;
@@ -179,11 +178,17 @@ static double merit_of_integrals(Problem *P, double step) {
   return total;
 }
 
+/* Rows of their own at z: integrals before any interval adds to them, and spheres. */
+static void begin_singles(Problem *P, const double *z) {
+  for (int64_t k = 0; k < P->singles; k++)
+    P->single[k].next = k < NI ? 1 : in_sphere(P->single + k, z);
+}
+
 static double merit(Problem *P, double step) {
   const double *dz = P->dz, begin = seconds();
   for (int64_t i = 0; i < size(P); i++) P->trial[i] = P->z[i] + step * dz[i];
   double total = total_duration(P, P->trial);
-  for (int k = 0; k < NI; k++) P->integral[k].next = 1;
+  begin_singles(P, P->trial);
   for (int64_t i = 0; i < P->n; i++) {
     Interval *I = P->interval + i;
     double room[NK];
@@ -193,7 +198,7 @@ static double merit(Problem *P, double step) {
       total += merit_of_rows(P, I->group + j, I->group[j].next, step);
     }
   }
-  total += merit_of_integrals(P, step);
+  total += merit_of_singles(P, step);
   P->report->evaluations++;
   P->report->evaluating += seconds() - begin;
   return total;
@@ -214,8 +219,8 @@ static double merit_now(Problem *P, double *slope) {
         along += P->mu * (G->over[r] - G->under[r]) * G->dt[r];
       }
     }
-  for (int k = 0; k < NI; k++) {
-    const Integral *G = P->integral + k;
+  for (int64_t k = 0; k < P->singles; k++) {
+    const Single *G = P->single + k;
     needed = greater(needed, fabs(G->upper + G->dupper));
     infeasibility += fabs(G->c - G->t);
     *slope += P->mu * G->over * G->dt;
@@ -228,7 +233,7 @@ static double merit_now(Problem *P, double *slope) {
       Group *G = P->interval[i].group + j;
       total += merit_of_rows(P, G, G->c, 0.0);
     }
-  return total + merit_of_integrals(P, 0.0);
+  return total + merit_of_singles(P, 0.0);
 }
 
 /* Along a new direction halve the step until the merit rises by no more than RISE times what
@@ -271,8 +276,8 @@ static void move(Problem *P, double dual) {
         G->y[r] = G->upper[r] - G->lower[r];
       }
     }
-  for (int k = 0; k < NI; k++) {
-    Integral *G = P->integral + k;
+  for (int64_t k = 0; k < P->singles; k++) {
+    Single *G = P->single + k;
     G->c = G->next;
     G->t = G->moved;
     G->over = 1 / (1 - G->t);
@@ -312,6 +317,18 @@ static void set_intervals(Problem *P) {
       set_weights(P, I);
       set_bending(I, durations(P, P->z)[phase]);
     }
+  }
+  int64_t knot = 0;
+  P->singles = NI;
+  for (int64_t b = 0; b <= P->phases; b++) {
+    Single *B = P->single + P->singles;
+    if (given->radius[b] > 0) {
+      B->centre = given->state + NB * b;
+      B->radius = given->radius[b];
+      B->knot = knot;
+      P->singles++;
+    }
+    if (b < P->phases) knot += given->intervals[b];
   }
   P->first = 1;
   P->last = P->n - 1;
@@ -389,7 +406,7 @@ static int begin(Problem *P, const Settings *S) {
   set_intervals(P);
   P->mu = S->barrier * total_duration(P, P->z) / products(P);
   P->penalty = 0;
-  for (int k = 0; k < NI; k++) P->integral[k].next = 1;
+  begin_singles(P, P->z);
   for (int64_t i = 0; i < P->n; i++) {
     Interval *I = P->interval + i;
     double room[NK];
@@ -403,8 +420,8 @@ static int begin(Problem *P, const Settings *S) {
       }
     }
   }
-  for (int k = 0; k < NI; k++) {
-    Integral *G = P->integral + k;
+  for (int64_t k = 0; k < P->singles; k++) {
+    Single *G = P->single + k;
     G->c = G->next;
     G->t = lesser(G->c, 1 - S->closest);
     G->over = 1 / (1 - G->t);
@@ -429,8 +446,8 @@ static int solved(Problem *P, const Settings *S, double shift) {
       for (int r = 0; r < NC; r++)
         R->primal = greater(R->primal, largest(absolute(G->c[r] - G->t[r])));
     }
-  for (int k = 0; k < NI; k++)
-    R->primal = greater(R->primal, fabs(P->integral[k].c - P->integral[k].t));
+  for (int64_t k = 0; k < P->singles; k++)
+    R->primal = greater(R->primal, fabs(P->single[k].c - P->single[k].t));
   R->dual = (shift > 0 ? VALLEY : 1.0) * change;
   R->complementarity = P->left / T;
   const double asked = is_last ? change : R->dual;
@@ -441,6 +458,7 @@ static void differentiate_all(Problem *P) {
   const double begin = seconds();
   memset(P->slope, 0, NI * size(P) * sizeof(double));
   for (int64_t i = 0; i < P->n; i++) curvature(P, i);
+  for (int64_t k = NI; k < P->singles; k++) set_slope(P->single + k, P->z);
   for (int k = 0; k < NI; k++) reduce_gradient(P, P->slope + k * size(P));
   P->report->evaluating += seconds() - begin;
 }
@@ -530,6 +548,7 @@ static uintptr_t share_out(Problem *P, uintptr_t address) {
   P->trial = part(&address, numbers * real);
   P->g = part(&address, numbers * real);
   P->slope = part(&address, NI * numbers * real);
+  P->single = part(&address, (NI + P->phases + 1) * (int64_t)sizeof(Single));
   return address;
 }
 
@@ -551,13 +570,14 @@ static Given given_by(int64_t phases, int64_t n, const int64_t *flags, const dou
   G.p = G.share + n * NC;
   G.state = G.p + phases * NP;
   G.drift = G.state + (phases + 1) * NB;
+  G.radius = G.drift + (phases + 1) * NM;
   return G;
 }
 
 /* flags: intervals, given, is_free. rule: fractions, quadrature. numbers: mesh, share, p, state,
-   drift. motion: in, a guess; out, the solution: knots of each phase in units of its duration,
+   drift, radius. motion: in, a guess; out, the solution: knots of each phase in units of its duration,
    (n + phases) x NB, and the durations. multipliers: out, n x points x NC of the rows, NI of the
-   integral rows. memory: for this call alone, its contents of no account. */
+   integral rows, one for each sphere. memory: for this call alone, its contents of no account. */
 int solve(int64_t phases, const int64_t *flags, const double *rule, const double *numbers,
           double *motion, double *multipliers, const Settings *settings, Report *report,
           void *memory) {
@@ -576,6 +596,6 @@ int solve(int64_t phases, const int64_t *flags, const double *rule, const double
       for (int l = 0; l < 4; l++)
         for (int r = 0; r < NC; r++)
           *multipliers++ = P.interval[i].group[j].y[r][l] * P.interval[i].scale[r];
-  for (int k = 0; k < NI; k++) *multipliers++ = P.integral[k].upper;
+  for (int64_t k = 0; k < P.singles; k++) *multipliers++ = P.single[k].upper;
   return status;
 }

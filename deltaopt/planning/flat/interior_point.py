@@ -69,11 +69,14 @@ class Boundary:
     constant units; what is free there is of no account. ``free``: which components are, the same
     shape; where two phases meet they are continuous. ``drift``: velocity of a position that
     moves, (coordinates,); ``state`` then has the position at the time 0 of the whole motion.
+    ``radius``: of a sphere about the position in ``state`` that a free position must be in; 0
+    without one.
     """
 
     state: Array
     free: NDArray[np.bool_]
     drift: Array
+    radius: float = 0.0
 
     @classmethod
     def at_rest(cls, position: Array, derivatives: int = 2) -> Boundary:
@@ -90,6 +93,13 @@ class Boundary:
         free = np.ones(rest.state.shape, dtype=bool)
         free[0] = np.isnan(position)
         return cls(rest.state, free, rest.drift)
+
+    @classmethod
+    def in_sphere(cls, centre: Array, radius: float, derivatives: int = 2) -> Boundary:
+        """Any position at most a ``radius`` from a centre, passed at any velocity (and
+        acceleration)."""
+        rest = cls.at_rest(centre, derivatives)
+        return cls(rest.state, np.ones(rest.state.shape, dtype=bool), rest.drift, radius)
 
     @classmethod
     def met(cls, position: Array, drift: Array, derivatives: int = 2) -> Boundary:
@@ -132,10 +142,13 @@ class PhaseSolution:
 @dataclass(frozen=True)
 class InteriorPointSolution:
     """Where the method ended. ``integral_multipliers``: one for each integrand, nonnegative.
-    ``left``: by what fraction of the duration Newton's next step would change it."""
+    ``sphere_multipliers``: one for each boundary, duration per share of the squared radius; 0 where
+    there is no sphere. ``left``: by what fraction of the duration Newton's next step would change
+    it."""
 
     phases: tuple[PhaseSolution, ...]
     integral_multipliers: Array
+    sphere_multipliers: Array
     left: float
     status: str
     iterations: int
@@ -229,18 +242,24 @@ class CompiledMethod:
                 *(phase.p for phase in phases),
                 *(boundary.state.ravel() for boundary in boundaries),
                 *(boundary.drift for boundary in boundaries),
+                [boundary.radius for boundary in boundaries],
             ]
         )
         motion = np.concatenate(
             [*(phase.knots.ravel() for phase in phases), [phase.duration for phase in phases]]
         )
         rows = sum(counts) * len(self.points) * len(self.problem.sides)
-        multipliers = np.empty(rows + self._integrals)
+        has_sphere = np.array([boundary.radius > 0 for boundary in boundaries])
+        own = rows + self._integrals
+        multipliers = np.empty(own + int(has_sphere.sum()))
         given = Arguments(len(counts), flags, self._rule, numbers, motion, multipliers, settings)
         status, report = self.run(given)
+        of_spheres = np.zeros(len(boundaries))
+        of_spheres[has_sphere] = multipliers[own:]
         return InteriorPointSolution(
             self._by_phase(counts, motion, multipliers[:rows]),
-            multipliers[rows:],
+            multipliers[rows:own],
+            of_spheres,
             report.dual,
             STATUS[status],
             report.iterations,

@@ -140,7 +140,9 @@ static void assemble(const Problem *P, int64_t i, double shift, Block *B, double
   if (i < P->n) add_border(P, P->interval + i, 0, columns);
   for (int64_t q = 0; q < P->phases; q++)
     if (P->given->given[q]) memset(columns + NB * (NI + q), 0, NB * sizeof(double));
-  if (at_boundary(P, i)) fix(P, i, B, columns);
+  if (!at_boundary(P, i)) return;
+  add_spheres(P, i, B);
+  fix(P, i, B, columns);
 }
 
 /* The border's own part: curvature by the durations, and the integral rows. */
@@ -149,7 +151,7 @@ static void assemble_corner(const Problem *P, double shift) {
   double *S = P->corner;
   memset(S, 0, w * w * sizeof(double));
   for (int k = 0; k < NI; k++) {
-    const Integral *G = P->integral + k;
+    const Single *G = P->single + k;
     S[(w + 1) * k] = -1 / (G->upper * G->over);
     for (int64_t q = 0; q < P->phases; q++)
       S[w * (NI + q) + k] = durations(P, P->slope + k * size(P))[q];

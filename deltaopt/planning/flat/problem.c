@@ -4,6 +4,7 @@
      subject to  lower_r <= c_r(y_j) <= upper_r          constraint rows, at every point j of every
                                                          interval; +1, -1, or no limit on that side
                  sum over q of integral g_k dt <= sum of T_q                      integral rows
+                 |x - centre|^2 <= radius^2                 spheres, each at one boundary
      y = (X, V, A[, J], T_q) at a point, linear in the knots of its interval
 
    A motion has phases, each with its own duration T_q, mesh and parameters p_q. Time inside a
@@ -14,7 +15,8 @@
    below, so that here rows are functions of y alone.
 
    Boundaries: the start, the joints of phases, and the goal. There each component of the state
-   is free, fixed, or a position that moves, at + drift * (time since the start). Where rates are
+   is free, fixed, or a position that moves, at + drift * (time since the start); a position that
+   is free may have to be in a sphere. Where rates are
    not all zero, the knot at a boundary is in constant units (x, v[, a]), since it belongs to two
    phases, or has a velocity given in m/s; the chain rule takes it to (X, T v[, T^2 a]) of the
    phase beside it. So joints need no rows.
@@ -22,7 +24,8 @@
    With t a copy of c kept strictly inside the limits, c(y) - t = 0, and its multipliers and those
    of the limits eliminated, Newton's equations are in the knots, the durations, and one multiplier
    for each integral row. This KKT system is block tridiagonal, a block for each knot, with a
-   border: a dense column for each integral row, then one for each duration. Blocks are factorised
+   border: a dense column for each integral row, then one for each duration; a sphere adds to the
+   block of its knot alone. Blocks are factorised
    with Cholesky's method, the border with L D L^T, its signs being known: negative for integral
    rows, positive for durations. Other signs tell that the step would not be one of descent.
 
@@ -104,6 +107,7 @@ typedef struct {
   const double *state;       /* (phases + 1) x NB: at each boundary, in constant units */
   const int64_t *is_free;    /* (phases + 1) x NB: which of its components are not given */
   const double *drift;       /* (phases + 1) x NM: velocity of a position that moves */
+  const double *radius;      /* phases + 1: of the sphere about the position in state; 0: none */
   const double *fractions;   /* NG x 4: the points of an interval */
   const double *quadrature;  /* NG x 4: their weights in integrals */
 } Given;
@@ -140,7 +144,11 @@ typedef struct {
 
 typedef struct {
   double c, t, next, moved, over, upper, dt, dupper, bend; /* as for a row with an upper limit */
-} Integral;
+  double slope[NM];            /* of a sphere's row, by the position */
+  const double *centre;        /* of a sphere */
+  double radius;
+  int64_t knot;                /* that is in a sphere; of no account for an integral row */
+} Single; /* a row of its own: an integral row or a sphere */
 
 typedef struct {
   const Given *given;
@@ -154,7 +162,8 @@ typedef struct {
   double *z, *dz, *trial, *g;    /* n + 1 knots, then the durations */
   double *slope;                 /* NI x size of z: derivatives of the integral rows by z */
   double *rest;                  /* width: the border's part of a right-hand side, of a solution */
-  Integral integral[NI];
+  int64_t singles;               /* rows of their own: NI integral rows, then spheres */
+  Single *single;
   double mu, penalty;
   double left; /* complementarity now */
   int halvings; /* of the last step */

@@ -1,4 +1,4 @@
-/* Constraint rows and integral rows at the points, and their derivatives by the knots. */
+/* Constraint rows and integral rows at the points, spheres, and their derivatives by the knots. */
 
 /* From shares of the limits to shares of what may be used of them, or multipliers back. */
 static void scale(const Interval *I, V *c) {
@@ -31,7 +31,7 @@ static void rows(Problem *P, int64_t i, Group *G, const double *knots, double T,
   values(y, P->prepared + NQ * I->phase, c, g, G->e);
   scale(I, c);
   leave_out_given(P, I, G, c);
-  for (int k = 0; k < NI; k++) P->integral[k].next += sum(G->integral * g[k]);
+  for (int k = 0; k < NI; k++) P->single[k].next += sum(G->integral * g[k]);
 }
 
 /* Curvature of the Lagrangian with t eliminated, by y; the rows are known from the trial that
@@ -42,7 +42,7 @@ static void differentiate(const Problem *P, const Interval *I, Group *G, const d
   at_points(G, knots, duration_of(P, I, P->z), y);
   memcpy(weight, G->y, sizeof G->y);
   scale(I, weight);
-  for (int k = 0; k < NI; k++) weight[NC + k] = P->integral[k].upper * G->integral;
+  for (int k = 0; k < NI; k++) weight[NC + k] = P->single[k].upper * G->integral;
   second(y, G->e, weight, P->prepared + NQ * I->phase, G->C, H);
   scale_rows(G->C, I->scale);
   for (int r = 0; r < NC; r++)
@@ -78,7 +78,7 @@ static void local_gradient(const Problem *P, const Interval *I, double *g) {
     across_rows(G->C, G->y, m);
     for (int k = 0; k < NI; k++)
       for (int a = 0; a < NY; a++)
-        m[a] += P->integral[k].upper * G->integral * G->C[NZ + NY * k + a];
+        m[a] += P->single[k].upper * G->integral * G->C[NZ + NY * k + a];
     for (int a = 0; a < NK; a++) g[a] += sum(at_knot(G, m, a / NM, a % NM));
   }
 }
@@ -118,5 +118,56 @@ static void measure(Group *G, int r) {
   } else {
     G->over[r] = UPPER(r) ? 1 / up : ALL(0.0);
     G->under[r] = LOWER(r) ? 1 / down : ALL(0.0);
+  }
+}
+
+/* ---- spheres: (distance of a position from a centre / radius)^2 <= 1 ---- */
+
+static double in_sphere(const Single *B, const double *z) {
+  double square = 0;
+  for (int k = 0; k < NM; k++) {
+    const double away = (z[NB * B->knot + k] - B->centre[k]) / B->radius;
+    square += away * away;
+  }
+  return square;
+}
+
+static void set_slope(Single *B, const double *z) {
+  for (int k = 0; k < NM; k++)
+    B->slope[k] = 2 * (z[NB * B->knot + k] - B->centre[k]) / (B->radius * B->radius);
+}
+
+/* The derivative of a row of its own along dz. */
+static double along(const Problem *P, int64_t k, const double *dz) {
+  double total = 0;
+  if (k < NI) {
+    for (int64_t a = 0; a < size(P); a++) total += P->slope[k * size(P) + a] * dz[a];
+    return total;
+  }
+  const Single *B = P->single + k;
+  for (int j = 0; j < NM; j++) total += B->slope[j] * dz[NB * B->knot + j];
+  return total;
+}
+
+/* Add a multiple of the derivatives of a row of its own to a gradient. */
+static void add_single(const Problem *P, int64_t k, double factor, double *g) {
+  if (k < NI) {
+    for (int64_t a = 0; a < size(P); a++) g[a] += factor * P->slope[k * size(P) + a];
+    return;
+  }
+  const Single *B = P->single + k;
+  for (int j = 0; j < NM; j++) g[NB * B->knot + j] += factor * B->slope[j];
+}
+
+/* What the spheres of a knot add to its block: their curvature and their stiffness. */
+static void add_spheres(const Problem *P, int64_t knot, Block *block) {
+  for (int64_t b = NI; b < P->singles; b++) {
+    const Single *B = P->single + b;
+    if (B->knot != knot) continue;
+    for (int r = 0; r < NM; r++) {
+      block->D[r][r] += 2 * B->upper / (B->radius * B->radius);
+      for (int s = 0; s <= r; s++)
+        block->D[r][s] += B->upper * B->over * B->slope[r] * B->slope[s];
+    }
   }
 }

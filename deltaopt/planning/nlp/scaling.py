@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -13,7 +14,7 @@ from deltaopt.files.validated_record import Vector3
 from deltaopt.limits.constraints import Constraints, SceneLimits
 from deltaopt.motion.trajectory import PiecewisePolynomial
 from deltaopt.scene.scene import Scene, limits_of
-from deltaopt.scene.task import Gate, MovingPoint, distance, given_points
+from deltaopt.scene.task import MovingPoint, distance, given_points
 
 Array = NDArray[np.float64]
 
@@ -123,7 +124,7 @@ class Scaling:
         place = self.place(point)
         return np.concatenate([place, np.zeros(len(place))])
 
-    def place(self, point: Vector3 | Gate) -> Array:
+    def place(self, point: Sequence[float | None]) -> Array:
         """A point in m as a scaled position, (3,); not a number where it is free."""
         return (np.array(point, dtype=float) - self.origin) / self.length
 

@@ -121,6 +121,12 @@ def passed(x: Sequence[float], v: Sequence[float]) -> End:
     return end
 
 
+def near(x: Sequence[float], v: Sequence[float], radius: float) -> End:
+    """A place at most a radius from a point, with a velocity that is only guessed."""
+    end = passed(x, v)
+    return End(end.state, np.zeros_like(end.fixed), end.drift, radius)
+
+
 def freed(end: End, free: Sequence[Sequence[int]], v: Sequence[float]) -> End:
     """Some components of a state at rest left free, by derivative; a velocity to guess from."""
     state, fixed = end.state.copy(), ~np.array(free, dtype=bool)
@@ -221,6 +227,21 @@ CASES = {
         [leg(6, 1.0, 0.7), leg(5, 1.0, 0.3)],
         [rest(*LEFT), passed((0.1, 1.5), (1.0, 0.0)), rest(*RIGHT)],
     ),
+    "through a sphere": Case(
+        ARM,
+        [leg(8, 1.0, 0.7), leg(7, 1.0, 0.3)],
+        [rest(*LEFT), near((0.1, 1.5), (1.0, 0.0), 0.05), rest(*RIGHT)],
+    ),
+    "through spheres of quintics, from one": Case(
+        System(2, 3, arm, lambda now: torques(6.0)(now) + jerks(now)[2:], mean_square),
+        [leg(6, 1.0, 0.7, 25.0), leg(4, 1.0, 0.7, 25.0), leg(5, 1.0, 0.3, 25.0)],
+        [
+            replace(rest(*LEFT), fixed=np.repeat([[False], [True], [True]], 2, 1), radius=0.02),
+            near((-0.2, 1.5), (1.0, 0.0), 0.05),
+            near((0.3, 1.4), (1.0, 0.0), 1e-4),
+            met((0.9, 0.9), (-0.2, 0.3)),
+        ],
+    ),
     "rest between phases": Case(
         ARM,
         [leg(6, 1.5, 0.7), leg(7, 1.5, 0.3)],
@@ -317,7 +338,7 @@ def phases_of(case: Case) -> list[Phase]:
 
 def boundaries_of(case: Case) -> list[Boundary]:
     r = case.system.pieces
-    return [Boundary(end.state[:r], ~end.fixed[:r], end.drift) for end in case.ends]
+    return [Boundary(end.state[:r], ~end.fixed[:r], end.drift, end.radius) for end in case.ends]
 
 
 def solved(name: str, settings: Settings = EXACT) -> InteriorPointSolution:
@@ -337,6 +358,9 @@ def test_durations_are_those_of_ipopt(name):
     for row in case.watched:
         assert max(abs(phase.multipliers[:, :, row]).max() for phase in ours.phases) > 1e-3
     assert (ours.integral_multipliers > 1e-3).all()
+    has_sphere = np.array([end.radius > 0 for end in case.ends])
+    assert (ours.sphere_multipliers[has_sphere] > 1e-6).all()
+    assert (ours.sphere_multipliers[~has_sphere] == 0).all()
 
 
 # Solved by hand
@@ -395,6 +419,30 @@ def test_multiplier_of_an_integral_is_duration_by_its_bound():
     expected = little * found.integral_multipliers[0] * found.phases[0].duration
     shorter = shorter_by("integral", lambda p: replace(p, p=p.p * [1.0, 1 + little]))
     assert shorter == pytest.approx(expected, rel=2e-3)
+
+
+def test_multiplier_of_a_sphere_is_duration_by_its_squared_radius():
+    little, found = 1e-5, solved("through a sphere")
+    case = CASES["through a sphere"]
+    larger = case.ends[1].radius * (1 + little) ** 0.5
+    more = replace(case, ends=[case.ends[0], replace(case.ends[1], radius=larger), case.ends[2]])
+    after = method_of("through a sphere").solve(phases_of(more), boundaries_of(more), EXACT)
+    shorter = sum(a.duration - b.duration for a, b in zip(found.phases, after.phases, strict=True))
+    assert shorter == pytest.approx(little * found.sphere_multipliers[1], rel=2e-3)
+
+
+def test_a_sphere_that_is_passed_anyway_leaves_the_duration():
+    """When it is passed is then of no account, and the whole is as short as one phase."""
+    case, method = CASES["two coordinates"], method_of("two coordinates")
+    whole = replace(case, legs=[leg(80, 1.5, 0.7)])
+    (one,) = method.solve(phases_of(whole), boundaries_of(whole), EXACT).phases
+    sphere = near(one.knots[40, :2].tolist(), (1.0, 0.0), 0.1)
+    halves = [leg(40, 0.75, 0.7), leg(40, 0.75, 0.7)]
+    wide = replace(case, legs=halves, ends=[case.ends[0], sphere, case.ends[1]])
+    found = method.solve(phases_of(wide), boundaries_of(wide), Settings(1e-4))
+    assert found.solved
+    assert found.sphere_multipliers[1] < 1e-6
+    assert sum(phase.duration for phase in found.phases) == pytest.approx(one.duration, rel=1e-4)
 
 
 def test_signs_of_multipliers():
@@ -644,3 +692,6 @@ def test_boundaries():
     assert not rest_.free.any()
     assert (through.free == [[False] * 2, [True] * 2, [True] * 2]).all()
     np.testing.assert_array_equal(moving.state, [[1, 1], [0.5, 0]])
+    sphere = Boundary.in_sphere(np.ones(2), 0.1)
+    assert sphere.free.all()
+    np.testing.assert_array_equal(sphere.state, [[1, 1], [0, 0]])

@@ -1,0 +1,152 @@
+"""First motions in phases: through via points, and up and down in an approach.
+
+A spline leads through all points, and as a last resort a motion that stops at each. Where an end
+moves, the spline's duration is that of which it nearly keeps the limits, since slowing would change
+the end; otherwise it is as fast as the limits roughly allow.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import suppress
+from math import isfinite
+
+import numpy as np
+
+from deltaopt.errors import DeltaOptError
+from deltaopt.files.validated_record import Vector3
+from deltaopt.motion.time_scaling import rough_factor
+from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
+from deltaopt.planning.first_motions.moving_ends import from_state_to_state, shortest_of
+from deltaopt.planning.first_motions.order_of_merit import first_motion
+from deltaopt.robot.model import delta_model
+from deltaopt.scene.moving_ends import Belt
+from deltaopt.scene.scene import Scene
+from deltaopt.scene.task import MovingEnds, ViaPoint, given_goal
+
+_WELL_INSIDE = 0.9
+"""Share of the radius of a via point's sphere at which a first motion passes it at most: inside, so
+that the solver begins there too."""
+_ONWARDS = 0.1
+"""Share of the way to the next point that it makes at least from one place to the next, where
+spheres overlap, and that it leaves."""
+
+
+def through_gates(scene: Scene) -> Iterator[Trajectory]:
+    """First guesses, the best first: splines through all points, and motions from point to point
+    that stop at each. Knots are at the points: places of via points, or those straight above start
+    and goal where an approach ends."""
+    moving, ways = isinstance(scene.task, MovingEnds), list(_places(scene))
+    for places in ways:
+        for power in (0.5, 1.0):
+            with suppress(DeltaOptError):
+                spline = _moving_spline if moving else _spline_at_rest
+                found = spline(scene, places, power)
+                if found is not None:
+                    yield found
+    for places in ways:
+        with suppress(DeltaOptError):
+            yield from _stopping(scene, places)
+
+
+def _places(scene: Scene) -> Iterator[Array]:
+    """Places of the gates of a scene, (gates, 3), m: for via points with spheres those nearest to
+    where a straight way would pass, and then their centres."""
+    via = scene.task.via
+    if any(point.within for point in via):
+        yield _nearest_places(scene, via)
+    above = [(column.level, column.y, column.z) for column in scene.columns]
+    yield np.array([*(point.position for point in via), *above])
+
+
+def _nearest_places(scene: Scene, via: tuple[ViaPoint, ...]) -> Array:
+    start, goal = scene.task.start, given_goal(scene.task)
+    later = [*(point.position for point in via[1:]), goal.position]
+    places = [np.array(start.position)]
+    for point, after in zip(via, later, strict=True):
+        centre, before = np.array(point.position), places[-1]
+        way = np.array(after) - before
+        share = float((centre - before) @ way) / max(float(way @ way), 1e-300)
+        away = before + min(max(share, _ONWARDS), 1 - _ONWARDS) * way - centre
+        distance, most = float(np.linalg.norm(away)), _WELL_INSIDE * point.within
+        places.append(centre + away * min(1.0, most / max(distance, 1e-300)))
+    return np.array(places[1:])
+
+
+def _spline_at_rest(scene: Scene, places: Array, power: float) -> Trajectory | None:
+    """The spline from rest to rest, as fast as the limits roughly allow."""
+    start, goal = scene.given_points
+    points, rest = np.array([start, *places, goal]), np.zeros(3)
+    position = _spline(points, _lengths(points, power), rest, rest)
+    spline = Trajectory(position, delta_model(scene.robot, scene.payload))
+    factor = rough_factor(scene, spline)
+    return spline.slowed(factor) if isfinite(factor) else None
+
+
+def _moving_spline(scene: Scene, places: Array, power: float) -> Trajectory | None:
+    """The shortest spline between ends that move that nearly keeps the limits, or the one that
+    exceeds them least."""
+    start, goal = scene.task.start, given_goal(scene.task)
+
+    def splines(durations: Array) -> tuple[Array, Array]:
+        found = []
+        for T in durations.tolist():
+            end = goal.at(T, goal.position)
+            points = np.array([start.position, *places, end.position])
+            lengths = T * _lengths(points, power)
+            velocities = np.array(start.velocity), np.array(end.velocity)
+            found.append((_spline(points, lengths, *velocities).coefficients, lengths))
+        coefficients, lengths = zip(*found, strict=True)
+        return np.array(coefficients), np.array(lengths)
+
+    return shortest_of(scene, splines)
+
+
+def _lengths(points: Array, power: float) -> Array:
+    """Durations of the legs between points, in proportion to a power of their lengths, 1 in all."""
+    lengths = np.linalg.norm(np.diff(points, axis=0), axis=1) ** power
+    return np.asarray(lengths / lengths.sum())
+
+
+def _spline(points: Array, lengths: Array, first: Array, last: Array) -> PiecewisePolynomial:
+    """The cubic spline through points, (n, 3), m, with legs of these ``lengths`` (s) and with these
+    velocities (m/s) at its ends."""
+    secant = np.diff(points, axis=0) / lengths[:, None]
+    v = np.vstack([first, np.zeros((len(points) - 2, 3)), last])
+    before, after = 1 / lengths[:-1], 1 / lengths[1:]
+    A = np.diag(2 * (before + after)) + np.diag(before[1:], -1) + np.diag(after[:-1], 1)
+    b = 3 * (before[:, None] * secant[:-1] + after[:, None] * secant[1:])
+    b[0] -= before[0] * v[0]
+    b[-1] -= after[-1] * v[-1]
+    v[1:-1] = np.linalg.solve(A, b)
+    return PiecewisePolynomial.hermite(np.append(0.0, np.cumsum(lengths)), points, v)
+
+
+def _stopping(scene: Scene, places: Array) -> Iterator[Trajectory]:
+    """The motion that stops at each of the places in turn, if there is one."""
+    stops: list[Vector3] = [(x, y, z) for x, y, z in places.tolist()]
+    ends = zip([scene.start, *stops], [*stops, scene.goal], strict=True)
+    whole: Trajectory | None = None
+    for start, goal in ends:
+        if isinstance(goal, Belt):
+            since = 0.0 if whole is None else whole.duration
+            now = np.add(goal.at, np.multiply(since, goal.belt)).tolist()
+            goal = Belt(at=tuple(now), belt=goal.belt)
+        leg = _leg(scene.model_copy(update={"start": start, "goal": goal, **_ALONE}))
+        if leg is None:
+            return
+        whole = leg if whole is None else _then(whole, leg)
+    if whole is not None:
+        yield whole
+
+
+_ALONE = {"via": None, "approach": None}
+
+
+def _leg(scene: Scene) -> Trajectory | None:
+    """A first motion between two points, or states."""
+    return from_state_to_state(scene) if scene.moves_at_ends else first_motion(scene)
+
+
+def _then(one: Trajectory, other: Trajectory) -> Trajectory:
+    return Trajectory(one.position.then(other.position), one.model)

@@ -1,0 +1,91 @@
+"""Via points as scenes give them: points, or places within a distance of one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Field
+
+from deltaopt.errors import SceneError
+from deltaopt.files.units import LENGTH
+from deltaopt.files.validated_record import Number, Positive, Record, Vector3
+from deltaopt.scene.task import ViaPoint
+
+EXPECTED = (
+    "points in m, passed in this order at any speed: [x, y, z], or {at, within} for any place "
+    "within a distance of one"
+)
+
+
+class Near(Record):
+    """A via point that any place at most ``within`` (m) from the point ``at`` (m) stands for.
+
+    Raises SceneError for values that cannot be used.
+    """
+
+    at: Annotated[tuple[Number, Number, Number], LENGTH] = Field(
+        description="three coordinates [x, y, z] in m"
+    )
+    within: Annotated[Positive, LENGTH] = Field(description="a length in m, greater than 0")
+
+
+Via = Vector3 | Near
+
+
+def via_in(content: Any) -> Any:
+    """What stands under ``via`` of a scene, its mappings as records and the rest as it is, for the
+    field's type to judge. A mapping without ``within`` is a point. Raises SceneError."""
+    if not isinstance(content, list | tuple):
+        return content
+    return [_point_in(number, each) for number, each in enumerate(content)]
+
+
+def _point_in(number: int, content: Any) -> Any:
+    if not isinstance(content, Mapping):
+        return content
+    if set(content) == {"at"}:
+        return content["at"]
+    try:
+        return Near.model_validate(dict(content))
+    except SceneError as error:
+        raise error.inside(key=f"via[{number}]") from None
+
+
+def via_point(given: Via) -> ViaPoint:
+    """What a task has for a via point of a scene."""
+    return ViaPoint(given.at, given.within) if isinstance(given, Near) else ViaPoint(given)
+
+
+def content_of_via(via: Sequence[Via]) -> list[object]:
+    """What stands in a scene file for via points: the inverse of ``via_in``."""
+    return [each.model_dump() if isinstance(each, Near) else each for each in via]
+
+
+def require_distinct(via: Sequence[ViaPoint], start: Vector3, goal: Vector3 | None) -> None:
+    """Raise SceneError where a via point is the point before or after it, or where the sphere about
+    one holds that point, with its own sphere, and so asks for nothing.
+
+    ``start``, ``goal``: ends of the motion, m; None for a goal that moves or is anywhere.
+    """
+    last = [] if goal is None else [ViaPoint(goal)]
+    points = [ViaPoint(start), *via, *last]
+    if not via or any(a.position == b.position for a, b in pairwise(points)):
+        expected = "points in m, each other than the one before it, start and goal included"
+        raise SceneError(None, "via", content_of_via([_of(point) for point in via]), expected)
+    for number, point in enumerate(via):
+        beside = (points[number], *points[number + 2 : number + 3])
+        most = min(_distance(point, other) + other.within for other in beside)
+        if point.within >= most:
+            expected = f"less than {most:.6g} m: it holds all of the point before or after it"
+            raise SceneError(None, f"via[{number}].within", point.within, expected)
+
+
+def _distance(one: ViaPoint, other: ViaPoint) -> float:
+    return float(np.linalg.norm(np.subtract(one.position, other.position)))
+
+
+def _of(point: ViaPoint) -> Via:
+    return Near(at=point.position, within=point.within) if point.within else point.position
