@@ -23,23 +23,23 @@ import numpy as np
 from deltaopt.limits.limit import SX, Bounds, Described, Instant, Numbers
 from deltaopt.robot.solids import ALONG_THE_BASE, Convex, Polytope, Solid
 
-_SCALE = 0.25
+SCALE = 0.25
 """Natural size of distances, as a share of the way from start to goal. It decides how far from
 bodies the first iterates of a solver are pushed."""
-_FAR = Solid(ALONG_THE_BASE, (1e4, 1e4, 1e4), (0.0, 1.0, 0.0), True, 0.0)
+FAR = Solid(ALONG_THE_BASE, (1e4, 1e4, 1e4), (0.0, 1.0, 0.0), True, 0.0)
 """Fills unused places."""
-_USUAL_WAY = 0.3
+USUAL_WAY = 0.3
 """The same way, m, where the goal is no given point."""
 _HUGE = 100.0
 """Half the length of a side of a box, m, of which no motion meets an edge."""
 _TINY = 1e-24
 """Stands for a squared distance of 0, m², where a root would have no derivative."""
-_OF_SOLID, _OF_LIMIT = 17, 3
+OF_SOLID, OF_LIMIT = 17, 3
 """Numbers of a solid: axes, centre, half lengths, whether it is round, radius; and of every body:
 the least distance, the scale, and the least distance again, -inf for a place that is not used."""
-_PLACES = (1, 2, 4, 8, 16, 32, 64)
+PLACES = (1, 2, 4, 8, 16, 32, 64)
 _TRIANGLES = (16, 64)
-MOST_SOLIDS, MOST_TRIANGLES = _PLACES[-1], _TRIANGLES[-1]
+MOST_SOLIDS, MOST_TRIANGLES = PLACES[-1], _TRIANGLES[-1]
 """In a scene, and of a hull: each size is compiled when it is first met."""
 
 
@@ -81,7 +81,7 @@ class _KeepOut:
 
     def rows(self, motion: Instant, numbers: SX) -> SX:
         each = self._split(numbers)
-        return ca.vertcat(*(_row(self._distance(motion.x, own), own) for own in each))
+        return ca.vertcat(*(distance_row(self._distance(motion.x, own), own) for own in each))
 
 
 @dataclass(frozen=True)
@@ -92,26 +92,37 @@ class KeepOut(_KeepOut):
         solids = [each for each in scene.kept_out if isinstance(each, Solid)]
         if not solids:
             return []
-        places = next(n for n in _PLACES if n >= len(solids))
+        places = next(n for n in PLACES if n >= len(solids))
         filled = [(solid, scene.least_clearance) for solid in solids]
-        filled += [(_FAR, -inf)] * (places - len(solids))
-        return [tuple(n for each in filled for n in (*_of_solid(each[0]), *_kept(scene, each[1])))]
+        filled += [(FAR, -inf)] * (places - len(solids))
+        return [
+            tuple(
+                n
+                for each in filled
+                for n in (*numbers_of_solid(each[0]), *kept_from(scene, each[1]))
+            )
+        ]
 
     def _split(self, numbers: SX) -> list[SX]:
-        return ca.vertsplit(numbers, _OF_SOLID + _OF_LIMIT)
+        return ca.vertsplit(numbers, OF_SOLID + OF_LIMIT)
 
     def _edge(self, own: SX) -> SX:
-        return own[16] + _where(own[12] > _HUGE, own[12])
+        return own[16] + where(own[12] > _HUGE, own[12])
 
     def _distance(self, x: SX, own: SX) -> SX:
-        axes, centre, half = ca.reshape(own[:9], 3, 3).T, own[9:12], own[12:15]
-        is_round, radius = own[15], own[16]
-        u = axes @ (x - centre)
-        across = _root(u[0] ** 2 + is_round * u[1] ** 2)
-        beyond = ca.vertcat(across, (1 - is_round) * ca.fabs(u[1]), ca.fabs(u[2])) - half
-        outside = _root(ca.sumsqr(ca.vertcat(*map(_positive, ca.vertsplit(beyond)))))
-        nearest = _larger(_larger(beyond[0], beyond[1]), beyond[2])
-        return outside - _positive(-nearest) - radius
+        return distance_from_solid(x, own)
+
+
+def distance_from_solid(x: SX, own: SX) -> SX:
+    """Signed distance of a point (3, m) from a solid, by its numbers."""
+    axes, centre, half = ca.reshape(own[:9], 3, 3).T, own[9:12], own[12:15]
+    is_round, radius = own[15], own[16]
+    u = axes @ (x - centre)
+    across = root(u[0] ** 2 + is_round * u[1] ** 2)
+    beyond = ca.vertcat(across, (1 - is_round) * ca.fabs(u[1]), ca.fabs(u[2])) - half
+    outside = root(ca.sumsqr(ca.vertcat(*map(positive, ca.vertsplit(beyond)))))
+    nearest = larger(larger(beyond[0], beyond[1]), beyond[2])
+    return outside - positive(-nearest) - radius
 
 
 @dataclass(frozen=True)
@@ -127,7 +138,7 @@ class KeepOutHull(_KeepOut):
     def items(self, scene: Described) -> Sequence[Numbers]:
         fewer = max((n for n in _TRIANGLES if n < self.triangles), default=0)
         return [
-            (*self._corners(hull), hull.radius, *_kept(scene, scene.least_clearance))
+            (*self._corners(hull), hull.radius, *kept_from(scene, scene.least_clearance))
             for hull in scene.kept_out
             if isinstance(hull, Polytope) and fewer < len(hull.triangles) <= self.triangles
         ]
@@ -149,10 +160,10 @@ class KeepOutHull(_KeepOut):
         radius = own[9 * self.triangles]
         highest, plane = _selected([_above_plane(x, each) for each in triangles], triangles, 1)
         _, nearest = _selected([_squared_distance(x, each) for each in triangles], triangles, -1)
-        outside = _root(_squared_distance(x, nearest))
+        outside = root(_squared_distance(x, nearest))
         is_inside = highest < 0
-        inside = _where(is_inside, _above_plane(x, plane))
-        return inside + _where(ca.logic_not(is_inside), outside) - radius
+        inside = where(is_inside, _above_plane(x, plane))
+        return inside + where(ca.logic_not(is_inside), outside) - radius
 
 
 def hull_limits() -> tuple[KeepOutHull, ...]:
@@ -165,23 +176,25 @@ def place_among_rows(body: Convex) -> int:
     return len(body.triangles) > _TRIANGLES[0] if isinstance(body, Polytope) else -1
 
 
-def _of_solid(solid: Solid) -> Numbers:
+def numbers_of_solid(solid: Solid) -> Numbers:
+    """A solid as so many numbers as ``OF_SOLID`` says."""
     axes = tuple(component for axis in solid.axes for component in axis)
     return (*axes, *solid.centre, *solid.half, float(solid.is_cylinder), solid.radius)
 
 
-def _kept(scene: Described, least: float) -> Numbers:
-    """The least distance, the scale, and the least distance or that there is none."""
+def kept_from(scene: Described, least: float) -> Numbers:
+    """What follows the numbers of a body: the least distance (m), the scale, and the least distance
+    again, -inf where there is none."""
     points = scene.placed_points
-    way = float(np.linalg.norm(np.subtract(points[-1], points[0]))) or _USUAL_WAY
-    return max(least, 0.0), _SCALE * way, least
+    way = float(np.linalg.norm(np.subtract(points[-1], points[0]))) or USUAL_WAY
+    return max(least, 0.0), SCALE * way, least
 
 
-def _row(distance: SX, own: SX) -> SX:
+def distance_row(distance: SX, own: SX) -> SX:
     """A distance with its lower bound at -1, and below 0 however large it is: bodies that are far
     away hardly matter. The slope is 1 and the second derivative continuous at the bound."""
     over = (distance - own[-3]) / own[-2]
-    near, beyond = _positive(over), _positive(-over)
+    near, beyond = positive(over), positive(-over)
     return -1 + near / (1 + near) - beyond - beyond**2
 
 
@@ -189,7 +202,7 @@ def _above_plane(x: SX, triangle: SX) -> SX:
     """Height of a point above the plane of a triangle."""
     a, b, c = ca.vertsplit(triangle, 3)
     normal = ca.cross(b - a, c - a)
-    return ca.dot(normal, x - a) / _root(ca.sumsqr(normal))
+    return ca.dot(normal, x - a) / root(ca.sumsqr(normal))
 
 
 def _squared_distance(x: SX, triangle: SX) -> SX:
@@ -200,14 +213,14 @@ def _squared_distance(x: SX, triangle: SX) -> SX:
     from_edges, is_beside = [], SX(0)
     for a, b in ((0, 1), (1, 2), (2, 0)):
         edge, away = corners[b] - corners[a], x - corners[a]
-        share = ca.dot(away, edge) / _larger(ca.sumsqr(edge), SX(_TINY))
-        share = share - _positive(share - 1) + _positive(-share)
+        share = ca.dot(away, edge) / larger(ca.sumsqr(edge), SX(_TINY))
+        share = share - positive(share - 1) + positive(-share)
         from_edges.append(ca.sumsqr(away - share * edge))
         is_beside = is_beside + (ca.dot(ca.cross(edge, away), normal) < 0)
-    height = ca.dot(normal, x - corners[0]) ** 2 / _larger(ca.sumsqr(normal), SX(_TINY))
+    height = ca.dot(normal, x - corners[0]) ** 2 / larger(ca.sumsqr(normal), SX(_TINY))
     beside = is_beside > 0
-    nearest = -_larger(-from_edges[0], _larger(-from_edges[1], -from_edges[2]))
-    return _where(beside, nearest) + _where(ca.logic_not(beside), height)
+    nearest = -larger(-from_edges[0], larger(-from_edges[1], -from_edges[2]))
+    return where(beside, nearest) + where(ca.logic_not(beside), height)
 
 
 def _selected(values: list[SX], data: list[SX], sign: int) -> tuple[SX, SX]:
@@ -215,23 +228,26 @@ def _selected(values: list[SX], data: list[SX], sign: int) -> tuple[SX, SX]:
     best, chosen = values[0], data[0]
     for value, own in zip(values[1:], data[1:], strict=True):
         better = sign * best < sign * value
-        best = best + _where(better, value - best)
-        chosen = chosen + _where(better, own - chosen)
+        best = best + where(better, value - best)
+        chosen = chosen + where(better, own - chosen)
     return best, chosen
 
 
-def _root(square: SX) -> SX:
-    return ca.sqrt(_larger(square, SX(_TINY)))
+def root(square: SX) -> SX:
+    """A square root with a derivative at 0."""
+    return ca.sqrt(larger(square, SX(_TINY)))
 
 
-def _positive(value: SX) -> SX:
-    return _where(value > 0, value)
+def positive(value: SX) -> SX:
+    """A value, or 0 where it is negative."""
+    return where(value > 0, value)
 
 
-def _larger(one: SX, other: SX) -> SX:
-    return _where(other < one, one) + _where(ca.logic_not(other < one), other)
+def larger(one: SX, other: SX) -> SX:
+    """The larger of two values."""
+    return where(other < one, one) + where(ca.logic_not(other < one), other)
 
 
-def _where(condition: SX, value: SX) -> SX:
+def where(condition: SX, value: SX) -> SX:
     """A value where a condition holds, otherwise 0, whatever the value is there."""
     return ca.if_else(condition, value, 0)

@@ -20,7 +20,7 @@ from deltaopt.errors import SceneError
 from deltaopt.files.units import percentage
 from deltaopt.files.validated_record import PerMotor, Vector3, per_motor
 from deltaopt.robot.robot import Robot
-from deltaopt.robot.solids import Convex
+from deltaopt.robot.solids import Convex, Solid
 
 SX = ca.SX
 Array = NDArray[np.float64]
@@ -100,6 +100,11 @@ class Described(Protocol):
         ...
 
     @property
+    def kept_links(self) -> Sequence[KeptLink]:
+        """Which arms and forearms are planned to keep clear of which bodies."""
+        ...
+
+    @property
     def tube(self) -> float | None:
         """How far it may be from the path that is given, m; None if it stays on it, if any."""
         ...
@@ -123,6 +128,16 @@ class Column:
     z: float
     radius: float
     level: float
+
+
+@dataclass(frozen=True)
+class KeptLink:
+    """A link that keeps clear of a body: 0 for arm 1, 1 for forearm 1, 2 for arm 2, and so on; and
+    the least distance of its line, m."""
+
+    link: int
+    body: Solid
+    least: float
 
 
 @dataclass(frozen=True)

@@ -38,7 +38,9 @@ ROBOT_EXTRAS = {
     "source": "data sheet of ..., masses estimated",
     "upper_arm.inertia": "0.01 kg*m^2",
     "upper_arm.centre": "[150 mm, 0 mm]",
+    "upper_arm.radius": "30 mm",
     "forearm.inertia": "[0.0284, 0.0, 0.0284]",
+    "forearm.radius": "25 mm",
     "elbow.mass": "0.1 kg",
     "platform.pins": "50 g",
     "tool.offset": "[120 mm, 0 mm, 0 mm]",
@@ -118,8 +120,8 @@ _BESIDE: dict[str, tuple[Any, str]] = {
     "tool": (Robot.model_fields["tool"].annotation, "instead of the robot's"),
 }
 """Types and meanings of the keys of a scene that its record takes apart before it reads them."""
-_NO_KEYS = ("least_payload",)
-"""Fields of a scene that stand under another key."""
+_NO_KEYS = ("least_payload", "planned_links")
+"""Fields of a scene that no file gives."""
 _FILES = ("robot",)
 """Keys of a scene whose values are files."""
 

@@ -15,7 +15,6 @@ from deltaopt.dynamics.formulation import Projected
 from deltaopt.dynamics.lagrange import Multiplier
 from deltaopt.errors import DeltaOptError, Infeasible
 from deltaopt.files.validated_record import Vector3
-from deltaopt.motion.sure_bounds import sure_excess
 from deltaopt.motion.trajectory import Motion, PiecewisePolynomial, Trajectory
 from deltaopt.planning.first_motions.moving_ends import first_moving_motions
 from deltaopt.planning.first_motions.multistart import Optimum, distinct, first_motions
@@ -23,6 +22,7 @@ from deltaopt.planning.first_motions.order_of_merit import first_motion
 from deltaopt.planning.first_motions.through_gates import through_gates
 from deltaopt.planning.flat.flat_problem import Flat
 from deltaopt.planning.in_flight import finished_first
+from deltaopt.planning.links_clear import keeping_links_clear
 from deltaopt.planning.nlp.problem import ProblemFormulation, Solver
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 from deltaopt.planning.path.path_planning import NAME as ON_PATH
@@ -35,7 +35,7 @@ from deltaopt.planning.trajectory_optimiser import (
     RESOLVED_BELOW,
     TrajectoryOptimiser,
 )
-from deltaopt.planning.ways import CLEAR, TakenWay, fastest_way
+from deltaopt.planning.ways import CLEAR, TakenWay, fastest_way, is_clear
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.moving_ends import Anywhere, End, Start, State
@@ -214,6 +214,21 @@ class Planner:
             self._require_flat("with one payload")
         check_feasible(scene)
         report = progress or (lambda _: None)
+        if not (scene.robot_keeps_clear and scene.keep_out):
+            return self._plan_by_limits(scene, starts, seed, report)
+        begin = perf_counter()
+        found, lost = keeping_links_clear(
+            scene,
+            lambda limited: self._plan_by_limits(limited, starts, seed, report),
+            self.tolerance,
+            report,
+        )
+        spent = perf_counter() - begin
+        return replace(found, scene=scene, gap=found.gap + lost, solve_seconds=spent)
+
+    def _plan_by_limits(self, scene: Scene, starts: int, seed: int, report: Progress) -> Plan:
+        """Plan a scene that is feasible, of arms and forearms with those alone clear of bodies that
+        are planned to be."""
         task = scene.task
         if isinstance(task, OnPath):
             return self._plan_on_path(scene, task, starts, report)
@@ -377,8 +392,9 @@ class Planner:
         """
         begin, optimiser = perf_counter(), self._optimiser
         try:
-            free = self._search(scene.model_copy(update={"keep_out": None}), report)
-            if sure_excess(scene, free.trajectory.position).max() <= 0:
+            without = {"keep_out": None, "planned_links": ()}
+            free = self._search(scene.model_copy(update=without), report)
+            if is_clear(scene, free.trajectory):
                 return replace(free, scene=scene, ways=(TakenWay(CLEAR, free.duration, True),))
         except ENDS_AN_ATTEMPT as error:
             report(str(error))

@@ -20,12 +20,14 @@ import numpy as np
 
 from deltaopt.errors import DeltaOptError, Infeasible, NotConverged, Singular, Unreachable
 from deltaopt.limits.constraints import SceneLimits
+from deltaopt.motion.links import least_rooms, planned_distances
 from deltaopt.motion.sure_bounds import signed_distances, sure_excess
 from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
 from deltaopt.planning.first_motions.initial_motion import QUINTIC, roughly_fastest
 from deltaopt.planning.first_motions.passages import shortest_path, what_was_searched
 from deltaopt.planning.search import Attempt
 from deltaopt.robot.model import delta_model
+from deltaopt.scene.links import name_of
 from deltaopt.scene.scene import Scene, limits_of
 from deltaopt.scene.task import given_points
 
@@ -114,6 +116,8 @@ def fastest_way(
     Infeasible where there is no way, and NotConverged where none leads to a plan.
     """
     ways = ways_around(attempt.scene, attempt.motion)
+    if not ways and attempt.scene.planned_links:  # a solver may move links out of bodies
+        ways = [Way(attempt.motion, ())]
     if not ways:
         raise Infeasible(no_way(attempt.scene))
     failures = list[NotConverged]()
@@ -191,7 +195,7 @@ def no_way(scene: Scene) -> str:
 def ways_around(scene: Scene, first: Trajectory) -> list[Way]:
     """The ways past the bodies of a scene, the one that is driven fastest first; none if none is
     found. ``first``: a motion that may run into bodies."""
-    if sure_excess(scene, first.position).max() <= 0:
+    if is_clear(scene, first):
         return [Way(first, ())]
     bodies = _Bodies.of(scene)
     found: list[Way] = []
@@ -241,14 +245,16 @@ class _Bodies:
     @classmethod
     def of(cls, scene: Scene) -> _Bodies:
         ends = np.array(given_points(scene.task))
-        at_ends, _ = signed_distances(scene, ends)
+        at_ends, _ = _distances(scene, ends)
         way = float(np.linalg.norm(ends[1] - ends[0]))
         return cls(scene, limits_of(scene), ends, at_ends, way)
 
     @property
     def kept(self) -> Array:
-        """The least distance from each body, m."""
-        return self.limits.bounds[0][self.limits.constraints.convex]
+        """The least distance from each body, m, then those of links that are planned to keep clear
+        of one."""
+        of_tool = self.limits.bounds[0][self.limits.constraints.convex]
+        return np.append(of_tool, [each.least for each in self.scene.kept_links])
 
     def margins(self, x: Array) -> Array:
         """How far places (…, 3) are to be from bodies, (…, rows): less near an end that is."""
@@ -265,7 +271,7 @@ class _Bodies:
             bands = smoothing @ bands
             for _ in range(2):
                 inner = bands[:, 1:-1].reshape(-1, 3)
-                distance, slope = signed_distances(self.scene, inner)
+                distance, slope = _distances(self.scene, inner)
                 short = np.maximum(self.margins(inner) - distance, 0.0)
                 worst, which = short.argmax(axis=1), np.arange(len(inner))
                 inner = inner + short[which, worst, None] * slope[which, worst]
@@ -274,7 +280,7 @@ class _Bodies:
 
     def hits(self, band: Array) -> tuple[int, int, int] | None:
         """The body that a band runs into first, and between which samples; None if it is clear."""
-        distance, _ = signed_distances(self.scene, band)
+        distance, _ = _distances(self.scene, band)
         inside = distance < self.kept
         inside[[0, -1]] = False
         if not inside.any():
@@ -293,7 +299,7 @@ class _Bodies:
         for side in _sides(along):
             x, shift = band[first : last + 1], 0.0
             while shift <= _FARTHEST * self.way:
-                distance, slope = signed_distances(self.scene, x + shift * side)
+                distance, slope = _distances(self.scene, x + shift * side)
                 short = self.kept[body] + _MARGIN * self.way - distance[:, body]
                 if short.max() <= 1e-3 * self.way:
                     yield _pulled(band, first, last, shift * side)
@@ -303,7 +309,7 @@ class _Bodies:
 
     def sides(self, band: Array) -> tuple[str, ...]:
         """On which sides a band passes the bodies that it comes near, in order of time."""
-        distance, slope = signed_distances(self.scene, band)
+        distance, slope = _distances(self.scene, band)
         near = distance <= self.kept + _NEAR * self.way
         near[[0, -1]] = False
         found = []
@@ -313,11 +319,44 @@ class _Bodies:
                 place = int(places[len(places) // 2])
                 way = _direction(slope[place, self._row(row)])
                 found.append((place, f"{way} keep_out[{index}]"))
+        for row, (link, index, _) in enumerate(self.scene.planned_links, self._row_of_links):
+            places = np.flatnonzero(near[:, row])
+            if len(places):
+                place = int(places[len(places) // 2])
+                found.append((place, f"{name_of(link)} clear of keep_out[{index}]"))
         return tuple(dict.fromkeys(name for _, name in sorted(found)))
 
     def _row(self, obstacle: int) -> int:
         """Which row of the limits is that of an obstacle: unused places have none."""
         return int(np.flatnonzero(np.isfinite(self.kept))[obstacle])
+
+    @property
+    def _row_of_links(self) -> int:
+        """Which row is the first of links."""
+        return len(self.kept) - len(self.scene.planned_links)
+
+
+def _distances(scene: Scene, x: Array) -> tuple[Array, Array]:
+    """How far the tool's point at places (N, 3), m, is from bodies, and then links that are planned
+    to keep clear of them, (N, rows), and the derivatives by the place, (N, rows, 3)."""
+    distance, slope = signed_distances(scene, x)
+    if not scene.planned_links:
+        return distance, slope
+    of_links, by_place = planned_distances(scene, x)
+    out_of_reach = np.isnan(of_links)  # where another limit holds
+    of_links[out_of_reach], by_place[out_of_reach] = np.inf, 0.0
+    return np.hstack([distance, of_links]), np.hstack([slope, by_place])
+
+
+def is_clear(scene: Scene, motion: Trajectory) -> bool:
+    """Whether a motion is known to be clear of all bodies, with tool and links as far as these are
+    planned to be, at all instants."""
+    if sure_excess(scene, motion.position).max() > 0:
+        return False
+    if not scene.planned_links:
+        return True
+    rooms = least_rooms(scene, motion)
+    return all(rooms[link, body] >= 0 for link, body, _ in scene.planned_links)
 
 
 def _clear_bands(bodies: _Bodies, base: Array) -> Iterator[Array]:
@@ -407,10 +446,10 @@ def _driven(scene: Scene, band: Array) -> Trajectory | None:
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     t = np.append(0.0, np.cumsum(2 * lengths / (speeds[1:] + speeds[:-1])))
     position = PiecewisePolynomial.hermite(t, band, tangent * speeds[:, None])
-    if sure_excess(scene, position).max() > 0:
-        return None
     model = delta_model(scene.robot, scene.payload)
     try:
+        if not is_clear(scene, Trajectory(position, model)):
+            return None
         return roughly_fastest(scene, Trajectory(position, model))
     except DeltaOptError:
         return None

@@ -27,6 +27,8 @@ from deltaopt.robot.drive import Drive
 from deltaopt.robot.joints import Joints
 from deltaopt.robot.tool import Tool
 
+_RADIUS = "a length in m, greater than 0: how far it reaches from its middle line"
+
 
 class UpperArm(Record):
     """The upper arm, which a motor turns: ``length`` 2 a₂ in m, ``mass`` m₃ in kg.
@@ -34,6 +36,8 @@ class UpperArm(Record):
     ``inertia``: I₃,₃ in kg·m², about an axis parallel to the motor's through the centre of mass;
     None for a slender bar. ``centre``: of mass, along the line from shaft to elbow and across it,
     m; across is positive where a positive turn of the arm moves it. None for the middle.
+    ``radius``: of the capsule about the line from shaft to elbow that holds the arm, m: it keeps
+    clear of bodies. None for a line.
     """
 
     length: Annotated[Positive, LENGTH] = Field(description="a length in m, greater than 0")
@@ -44,6 +48,7 @@ class UpperArm(Record):
     centre: Annotated[tuple[Number, Number], LENGTH] | None = Field(
         default=None, description="two lengths in m: along the line shaft-elbow, and across it"
     )
+    radius: Annotated[Positive, LENGTH] | None = Field(default=None, description=_RADIUS)
 
 
 class Elbow(Record):
@@ -56,7 +61,8 @@ class Forearm(Record):
     """The forearm, a parallelogram of two bars: ``length`` 2 a₃ in m, ``mass`` m₄ of both in kg.
 
     ``inertia``: the principal moments (I₄,₁, I₄,₂, I₄,₃) of the pair about its centre of mass, in
-    kg·m²; None for slender bars.
+    kg·m²; None for slender bars. ``radius``: of the capsule about the middle line of the pair that
+    holds both, m: it keeps clear of bodies. None for a line.
     """
 
     length: Annotated[Positive, LENGTH] = Field(description="a length in m, greater than 0")
@@ -66,6 +72,7 @@ class Forearm(Record):
     inertia: Annotated[tuple[NonNegative, NonNegative, NonNegative], INERTIA] | None = Field(
         default=None, description="three principal moments of inertia in kg·m², each at least 0"
     )
+    radius: Annotated[Positive, LENGTH] | None = Field(default=None, description=_RADIUS)
 
     @model_validator(mode="after")
     def _inertia_is_of_a_body(self) -> Self:
@@ -155,6 +162,11 @@ class Robot(Record):
     def tool_offset(self) -> Vector3:
         """From the platform's centre to the tool's point, m."""
         return (self.tool and self.tool.offset) or (0.0, 0.0, 0.0)
+
+    def link_radius(self, link: int) -> float:
+        """How far a link reaches from its line, m: 0 for arm 1, 1 for forearm 1, and so on."""
+        part = self.forearm if link % 2 else self.upper_arm
+        return part.radius or 0.0
 
     @property
     def torque_limits(self) -> Vector3:

@@ -138,6 +138,26 @@ def sums(bodies: Sequence[Body], tool: Tool | None) -> Iterator[tuple[int, Conve
                 ) from None
 
 
+def solid_about(body: Convex) -> Solid:
+    """A body as a solid: of a hull the smallest box about it along the axes of the base's frame or
+    of its own inertia, grown by its radius."""
+    if isinstance(body, Solid):
+        return body
+    corners = np.unique(np.array(body.triangles).reshape(-1, 3), axis=0)
+    principal = np.linalg.svd(corners - corners.mean(axis=0))[2]
+    boxes = [_box_about(corners, axes, body.radius) for axes in (np.eye(3), principal)]
+    return min(boxes, key=lambda box: float(np.prod(box.half)))
+
+
+def _box_about(corners: Array, axes: Array, radius: float) -> Solid:
+    """The smallest box about points (N, 3), m, along some axes, grown by a radius."""
+    along = corners @ axes.T
+    low, high = along.min(axis=0), along.max(axis=0)
+    first, second, third = (_vector(axis) for axis in axes)
+    centre, half = _vector((low + high) / 2 @ axes), _vector((high - low) / 2)
+    return Solid((first, second, third), centre, half, False, radius)
+
+
 class _NoClosedForm(Exception):
     """Two shapes whose sum is neither a solid nor a polytope."""
 

@@ -19,6 +19,7 @@ from deltaopt.mechanisms.delta.instant import CoordinateInstant
 from deltaopt.mechanisms.delta.mechanism import DeltaTerms
 from deltaopt.mechanisms.delta.singularities import parallel_margin
 from deltaopt.robot.model import DeltaModel, delta_model
+from deltaopt.scene.links import name_of, rooms_at
 from deltaopt.scene.scene import Scene, limits_of
 from deltaopt.scene.task import REST, EndState, ViaPoint
 
@@ -47,6 +48,8 @@ def check_feasible(scene: Scene) -> None:
     is known before it is met. Raises Unreachable, Singular or Infeasible, each with a sentence that
     says why not.
     """
+    if scene.robot_keeps_clear and scene.keep_out:
+        _require_links_clear(scene)
     _require_passages(scene)
     if scene.moves_at_ends:
         return _check_moving_ends(scene)
@@ -64,6 +67,21 @@ def check_feasible(scene: Scene) -> None:
         _require_reach(model, name, point)
         _require_rest(model, scene, name, point)
         _require_departure(model, name, point)
+
+
+def _require_links_clear(scene: Scene) -> None:
+    """Raise Infeasible if an arm or a forearm is too near to a body at a point that is given."""
+    points, ends = scene.placed_points, len(scene.given_points)
+    rooms = rooms_at(scene, np.array(points))
+    for number, point in enumerate(points):
+        for link, body in np.argwhere(rooms[number] < -_ROUNDING).tolist():
+            assert scene.keep_out is not None
+            name = ("start", "goal")[number] if number < ends else f"via {number - ends + 1}"
+            too_near = f"{-1e3 * rooms[number, link, body]:.4g} mm too near to"
+            raise Infeasible(
+                f"{name}: at {in_words(point)} m {name_of(link)} is {too_near} "
+                f"keep_out[{body}], a {scene.keep_out[body].kind}"
+            )
 
 
 def _require_passages(scene: Scene) -> None:

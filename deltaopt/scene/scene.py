@@ -35,10 +35,10 @@ from deltaopt.limits.keep_out import (
     hull_limits,
     place_among_rows,
 )
-from deltaopt.limits.limit import Column, Limit, MotorLimit
-from deltaopt.limits.parallel_singularity import ParallelSingularity
+from deltaopt.limits.limit import Column, KeptLink, Limit, MotorLimit
+from deltaopt.limits.links import LinkClearance
 from deltaopt.limits.platform_motion import Acceleration, PlatformSpeed
-from deltaopt.limits.serial_singularity import SerialSingularity
+from deltaopt.limits.singularities import ParallelSingularity, SerialSingularity
 from deltaopt.limits.specific_force import SpecificForce
 from deltaopt.limits.speed import Speed
 from deltaopt.limits.torque import Torque, WithLeastPayload
@@ -51,7 +51,7 @@ from deltaopt.robot.solids import Convex, Polytope
 from deltaopt.scene.approach import EXPECTED as EXPECTED_APPROACH
 from deltaopt.scene.approach import Approach
 from deltaopt.scene.bodies import EXPECTED as EXPECTED_BODIES
-from deltaopt.scene.bodies import Body, sums
+from deltaopt.scene.bodies import Body, solid_about, sums
 from deltaopt.scene.convex_hull import NoVolume, convex_hull
 from deltaopt.scene.moving_ends import (
     EXPECTED_GOAL,
@@ -92,6 +92,8 @@ from deltaopt.scene.via import Near, content_of_via, require_distinct, via_in, v
 
 _STANDS_STILL = 1e-9
 """Share of the largest rate of a path's pieces below which it turns back where a piece begins."""
+_NO_KEYS = {"least_payload": "payload: [least, largest]", "planned_links": "robot_keeps_clear"}
+"""Fields of a scene that no file gives, and what it gives instead."""
 _ROBOT_FILE = "the path of a robot file, relative to the scene file"
 
 
@@ -114,6 +116,7 @@ LIMITS: tuple[Limit, ...] = (
     *hull_limits(),
     Tube(),
     ApproachLimit(),
+    LinkClearance(),
 )
 """All kinds of limit, in the order of the constraint rows of a problem."""
 
@@ -139,7 +142,9 @@ class Scene(Record):
     limits hold: then it is the largest, and ``least_payload`` the least. ``limits``: beside those
     of the robot's drive. ``rotation``: of a fourth axis, which the motion takes no less time than.
     ``objective``: what is minimised, time by default. A key ``tool`` replaces the robot's tool as a
-    whole: it is then that of ``robot``. Raises SceneError for values that cannot be used.
+    whole: it is then that of ``robot``. ``planned_links``: of a scene as a planner has it, which
+    arms and forearms its limits keep clear of which bodies (``planning/links_clear.py``). Raises
+    SceneError for values that cannot be used.
     """
 
     robot: Robot = Field(description=_ROBOT_FILE)
@@ -180,6 +185,9 @@ class Scene(Record):
     robot_keeps_clear: bool | None = Field(
         default=None, description="true if arms and forearms keep clear of bodies too, or false"
     )
+    planned_links: tuple[tuple[int, int, float], ...] = Field(
+        default=(), description="triples of a link, a body and the least distance of both, m"
+    )
 
     @cached_property
     def obstacles(self) -> tuple[tuple[int, Convex], ...]:
@@ -195,6 +203,14 @@ class Scene(Record):
     def kept_out(self) -> tuple[Convex, ...]:
         """What the tool's point must stay out of: keep-out bodies grown by the tool."""
         return tuple(convex for _, convex in self.obstacles)
+
+    @property
+    def kept_links(self) -> tuple[KeptLink, ...]:
+        """Which arms and forearms are planned to keep clear of which bodies: ``planned_links``."""
+        if not self.planned_links:
+            return ()
+        bodies = [solid_about(body) for _, body in sums(self.keep_out or (), None)]
+        return tuple(KeptLink(link, bodies[body], m) for link, body, m in self.planned_links)
 
     @property
     def columns(self) -> tuple[()] | tuple[Column, Column]:
@@ -394,12 +410,13 @@ class Scene(Record):
         ends = {key: content_of_end(getattr(self, key)) for key in moving}
         via = {} if self.via is None else {"via": content_of_via(self.via)}
         content = {**rest(self), **ends, **via, **path, **content_of(self.objective)}
+        content.pop("planned_links", None)
         least = content.pop("least_payload", None)
         return content if least is None else content | {"payload": [least, self.payload]}
 
     @classmethod
     def _keys(cls) -> list[str]:
-        known = [key for key in super()._keys() if key != "least_payload"]
+        known = [key for key in super()._keys() if key not in _NO_KEYS]
         return [*known, "duration", "tool"]
 
     @model_validator(mode="after")
@@ -543,9 +560,9 @@ def load_scene(path: str | Path) -> Scene:
     """
     file = Path(path)
     content = read_yaml(file)
-    if "least_payload" in content:
-        place, expected = place_of(file, "least_payload"), "payload: [least, largest]"
-        raise SceneError(file, "least_payload", None, expected, "is not a known key", place)
+    for key, expected in _NO_KEYS.items():
+        if key in content:
+            raise SceneError(file, key, None, expected, "is not a known key", place_of(file, key))
     if "robot" in content:
         content["robot"] = load_robot(_robot_file(file, content["robot"]))
     given = content.get("path")

@@ -24,10 +24,10 @@ from deltaopt.robot.solids import Convex, Polytope, Solid
 from deltaopt.scene.scene import Scene, limits_of
 from deltaopt.verify.measures import Excess
 
-_ENOUGH = 5e-10
+ENOUGH = 5e-10
 """m below what is asked for, at which a part is not halved any more: half of what verification
 allows."""
-_HALVINGS, _MOST = 30, 400_000
+HALVINGS, MOST = 30, 400_000
 """Of a piece, and parts that are looked at in all: what is not known then is told as bad as it may
 be."""
 _FIRST = 8
@@ -57,29 +57,29 @@ def least_clearance(body: Convex, path: PiecewisePolynomial, asked: float) -> tu
     It is that of an instant where all of the motion is known to keep what is asked for (m), and
     otherwise a bound that no instant falls below.
     """
-    parts, seen = _Parts.of(path), 0
+    parts, seen = Parts.of(path), 0
     least, when = inf, float(path.knots[0])
     worst, where = inf, when
-    for halving in range(_HALVINGS + 1):
+    for halving in range(HALVINGS + 1):
         distance, bound = parts.distance_and_bound(body)
         nearest, lowest = int(distance.argmin()), int(bound.argmin())
         if distance[nearest] < least:
             least, when = float(distance[nearest]), float(parts.instants[nearest])
         seen += len(bound)
-        open_ = bound < asked - _ENOUGH
-        if halving == _HALVINGS or seen > _MOST:
+        open_ = bound < asked - ENOUGH
+        if halving == HALVINGS or seen > MOST:
             if open_.any():
                 worst, where = float(bound[lowest]), float(parts.instants[lowest])
             break
-        told = distance < asked - _ENOUGH  # known to be too near: how near is told by its samples
-        parts = parts.halved(open_ & ~(told & (distance - bound < _ENOUGH)))
+        told = distance < asked - ENOUGH  # known to be too near: how near is told by its samples
+        parts = parts.halved(open_ & ~(told & (distance - bound < ENOUGH)))
         if not len(parts.half):
             break
     return (least, when) if least <= worst else (worst, where)
 
 
 @dataclass(frozen=True)
-class _Parts:
+class Parts:
     """Parts of a motion about instants: piece, time in it, half of the part's duration, (N,)."""
 
     path: PiecewisePolynomial
@@ -90,7 +90,7 @@ class _Parts:
     half: Array
 
     @classmethod
-    def of(cls, path: PiecewisePolynomial) -> _Parts:
+    def of(cls, path: PiecewisePolynomial) -> Parts:
         lengths, rate = np.diff(path.knots), path.derivative()
         pieces = np.repeat(np.arange(len(lengths)), _FIRST)
         half = lengths[pieces] / (2 * _FIRST)
@@ -112,10 +112,10 @@ class _Parts:
         off = self.largest[self.piece] * self.half**2 / 2
         return distance, distance - towards * self.half - off
 
-    def halved(self, which: NDArray[np.bool]) -> _Parts:
+    def halved(self, which: NDArray[np.bool]) -> Parts:
         """Both halves of some of them."""
         piece, since, half = self.piece[which], self.since[which], self.half[which] / 2
-        return _Parts(
+        return Parts(
             self.path,
             self.rate,
             self.largest,

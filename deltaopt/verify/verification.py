@@ -31,7 +31,7 @@ from deltaopt.scene.task import EndState, MovingEnds, OnPath
 from deltaopt.verify.clearance import clearance_excess
 from deltaopt.verify.duty import Duty
 from deltaopt.verify.forward_replay import NotIntegrated, replay
-from deltaopt.verify.links import robot_clearance
+from deltaopt.verify.links import robot_clearance, sure_robot_clearance
 from deltaopt.verify.measures import Distance, Excess, MeasuredMotion, key, not_measured
 from deltaopt.verify.path_distance import off_approach, off_path, off_via_points
 from deltaopt.verify.pontryagin import NoCostates, extremal
@@ -49,6 +49,8 @@ BOUNDARY_DISTANCE = 1e-7
 BOUNDARY_SPEED = 3e-7
 """Upper arms in the duration of the motion, also for jumps: less than a nanometre within a
 controller's millisecond."""
+ROBOT_OVERLAP = 2e-9
+"""Of the upper arm, by which a link may be too near to a body: rounding, and what bounds leave."""
 KINEMATIC_ERROR = 1e-9
 """Of the upper arm and of the mean speed: rounding of the closed-form kinematics leaves 1e-15."""
 DYNAMIC_ERROR = 1e-9
@@ -108,8 +110,8 @@ BOUNDS = (
     Bound(
         "robot_overlap",
         "m",
-        0.0,
-        "an arm or a forearm is up to {:.3g} m inside a keep-out body",
+        ROBOT_OVERLAP,
+        "an arm or a forearm is up to {:.3g} m too near to a keep-out body, or inside",
     ),
     Bound("rotation_left", "s", DURATION, "it ends {:.3g} s before the fourth axis has turned"),
     Bound(
@@ -257,7 +259,8 @@ class Verification:
     ``effort``: ∫ τᵀτ dt, N²m²s.
     ``duration_error``: s, from the scene's duration; None where it gives none.
     ``robot_clearance``: m, of arms and forearms from keep-out bodies, by samples; None without
-        bodies. ``robot_overlap``: its negative, where the scene asks for it to be none.
+        bodies. ``robot_overlap``: by how much they come nearer than the scene's clearance at any
+        instant, where it has ``robot_keeps_clear``; negative where they stay farther away.
     ``rotation_left``: s, by which the scene's rotation takes longer; None where it has none.
     ``excesses``: of every limit of the scene the largest, by name: ``report.torque_excess`` is
         the value of ``report.excesses["torque_excess"]``, None where the scene has no such limit.
@@ -504,7 +507,8 @@ def _measures(scene: Scene, trajectory: Trajectory) -> dict[str, Any]:
         measures["duration_error"] = abs(trajectory.duration - given)
     measures["robot_clearance"] = clearance = robot_clearance(scene, trajectory)
     if scene.robot_keeps_clear and clearance is not None:
-        measures["robot_overlap"] = -clearance
+        sure = sure_robot_clearance(scene, trajectory)
+        measures["robot_overlap"] = scene.least_clearance - min(clearance, sure)
     if scene.rotation is not None:
         measures["rotation_left"] = max(0.0, scene.rotation.duration - trajectory.duration)
     return measures

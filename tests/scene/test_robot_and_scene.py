@@ -469,7 +469,7 @@ def test_a_key_missing_in_the_scene(tmp_path: Path, key: str) -> None:
         ("platfrom", "platform"),
         ("forearm.lenght", "length"),
         ("drive.torques", "torque"),
-        ("upper_arm.colour", "one of length, mass, inertia, centre"),
+        ("upper_arm.colour", "one of length, mass, inertia, centre, radius"),
     ],
 )
 def test_an_unknown_key_in_the_robot(tmp_path: Path, key: str, expected: str) -> None:

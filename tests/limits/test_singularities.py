@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from deltaopt import load_scene, plan, verify
-from deltaopt.limits.parallel_singularity import ParallelSingularity
+from deltaopt.limits.singularities import ParallelSingularity
 from deltaopt.mechanisms.delta.mechanism import AZIMUTHS
 from deltaopt.robot.model import delta_model
 

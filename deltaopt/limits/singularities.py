@@ -1,0 +1,101 @@
+"""Distances to the singularities of the robot, which motions keep.
+
+sin² (q_{k,1} - q_{k,2}) ≥ a margin: how far each chain stays from folded or stretched. There, in
+the serial (type-1) singularity, the platform's position no longer says where the elbow is, and the
+torque for a given acceleration grows without bound. A motion that touches it may be faster, of
+random moves by up to 1 %, but the platform's coordinates cannot describe it.
+
+|volume of the bars' directions| ≥ a margin: the distance to the parallel singularity. There, in the
+parallel (type-2) singularity, all bars lie in one plane: motor torques cannot balance a force
+normal to it, and torques of a motion through it grow without bound. It divides the workspace; a
+motion stays on the side where it starts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, ClassVar
+
+import casadi as ca
+import numpy as np
+
+from deltaopt.errors import DeltaOptError
+from deltaopt.files.units import RATIO
+from deltaopt.files.validated_record import Positive
+from deltaopt.limits.limit import SX, Bounds, Described, Instant, Key, Numbers
+from deltaopt.mechanisms.delta.singularities import parallel_margin
+from deltaopt.robot.model import delta_model
+
+USUAL_MARGIN = 0.1**2
+"""Six degrees from folded or stretched: more keeps motions away from what is fast, less brings
+torques that are known to fewer digits."""
+
+
+def margin(at_ends: float) -> float:
+    """The margin for a motion whose ends are so far from the singularity: half of that at most."""
+    return min(USUAL_MARGIN, at_ends / 2)
+
+
+@dataclass(frozen=True)
+class SerialSingularity:
+    """Least sin² of the angle between arm and bars of each chain."""
+
+    name: ClassVar[str] = "distance to the serial singularity"
+    unit: ClassVar[str] = "1"
+    subject: ClassVar[str] = "chain"
+    order: ClassVar[int] = 0
+    key: ClassVar[None] = None
+    robot_key: ClassVar[None] = None
+    promised: ClassVar[bool] = False
+
+    def items(self, scene: Described) -> Sequence[Numbers]:
+        model = delta_model(scene.robot, scene.payload)
+        alignments = model.alignments(np.array(scene.placed_points))
+        return [(margin(float(alignments.min())),)]
+
+    def bounds(self, numbers: SX) -> Bounds:
+        return Bounds.at_least(numbers, 1.0, out_of_reach=True)
+
+    def measure(self, motion: Instant, numbers: SX) -> SX:
+        return motion.alignment
+
+    def rows(self, motion: Instant, numbers: SX) -> SX:
+        return self.bounds(numbers).normalised(self.measure(motion, numbers))
+
+
+@dataclass(frozen=True)
+class ParallelSingularity:
+    """Least volume that unit vectors along the three bars span, 0 in the singularity, below 1."""
+
+    name: ClassVar[str] = "distance to the parallel singularity"
+    unit: ClassVar[str] = "1"
+    subject: ClassVar[str] = "robot"
+    order: ClassVar[int] = 0
+    key: ClassVar[Key] = Key(
+        "parallel_singularity",
+        Annotated[Positive, RATIO],
+        "a distance without unit, greater than 0 and below 1",
+    )
+    robot_key: ClassVar[None] = None
+    promised: ClassVar[bool] = True
+
+    def items(self, scene: Described) -> Sequence[Numbers]:
+        """The margin, and the sign of the volume at the start."""
+        given = scene.given(self.key.name)
+        if given is None:
+            return []
+        try:
+            q = delta_model(scene.robot, scene.payload).inverse_kinematics(scene.placed_points[0])
+        except DeltaOptError:
+            return [(given, 1.0)]  # what is wrong with the start is told when it is planned
+        return [(given, 1.0 if float(ca.DM(parallel_margin(SX(ca.DM(q))))) > 0 else -1.0)]
+
+    def bounds(self, numbers: SX) -> Bounds:
+        return Bounds.at_least(numbers[0], 1.0, out_of_reach=True)
+
+    def measure(self, motion: Instant, numbers: SX) -> SX:
+        return numbers[1] * parallel_margin(motion.q)
+
+    def rows(self, motion: Instant, numbers: SX) -> SX:
+        return self.bounds(numbers).normalised(self.measure(motion, numbers))

@@ -1,0 +1,114 @@
+"""Plans whose arms and forearms keep clear of bodies: ``robot_keeps_clear: true`` in a scene.
+
+Hardly any link comes near a body. So a scene is planned with its tool kept clear alone; if all
+links are surely clear of all bodies along that motion, it is the answer, and costs nothing more.
+Otherwise the pairs of a link and a body that come near become limits, and it is planned again,
+until all links are clear.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deltaopt.errors import Infeasible, NotConverged
+from deltaopt.motion.limit_sensitivity import Multipliers
+from deltaopt.motion.links import least_rooms
+from deltaopt.motion.trajectory import Trajectory
+from deltaopt.scene.links import name_of, rooms_at
+from deltaopt.scene.scene import Scene
+from deltaopt.scene.task import OnPath
+
+_NEAR = 0.02
+"""m: pairs that come so near are limits of the next plan. More of them cost time in each solve,
+fewer may have to be joined later, which costs a plan."""
+_SPARE, _LEAST_SPARE, _MOST_SPARE = 1e-2, 1e-8, 1e-5
+"""m over the tolerance of the plan, by which links are planned farther away than they must be, at
+least and at most, for what lies between the points of a mesh, where there is room for that at start
+and goal. What it costs is told as part of the gap; less takes longer to make sure of."""
+_ROUND = 1e-3
+"""Least distance of a link's line that is planned, m, where there is room for it: about a sharper
+edge, which neither the link's radius nor clearance rounds, a solver hardly finds its way."""
+_FACTOR = 2.0
+"""By how much more than what was missed links are planned farther away next time."""
+_PLANS = 8
+"""At most."""
+
+
+class Planned(Protocol):
+    """A plan, as far as it is looked at here."""
+
+    @property
+    def trajectory(self) -> Trajectory: ...
+    @property
+    def multipliers(self) -> Multipliers | None: ...
+
+
+P = TypeVar("P", bound=Planned)
+
+
+def keeping_links_clear(
+    scene: Scene, planned: Callable[[Scene], P], tolerance: float, report: Callable[[str], None]
+) -> tuple[P, float]:
+    """The plan of a scene whose links all keep clear of all bodies, and what it costs that they are
+    planned farther away than they must be, as a share of the duration, as far as that is known.
+
+    ``planned``: plans a scene by its limits, those of ``planned_links`` among them, to a
+    ``tolerance`` of the gap. Raises Infeasible where a link is in a body on a given path, and
+    NotConverged where no plan has all links clear.
+    """
+    at_points = rooms_at(scene, np.array(scene.placed_points)).min(axis=0)
+    usual = min(max(_SPARE * tolerance, _LEAST_SPARE), _MOST_SPARE)
+    spare = dict[tuple[int, int], float]()
+    for _ in range(_PLANS):
+        found = planned(scene.model_copy(update={"planned_links": _limits(scene, spare)}))
+        rooms = least_rooms(scene, found.trajectory)
+        too_near = {pair: rooms[pair] for pair in _pairs(rooms < 0)}
+        if not too_near:
+            return found, _cost(found.multipliers, list(spare.values()))
+        link, body = min(too_near, key=lambda pair: too_near[pair])
+        missed = f"{name_of(link)} comes {-1e3 * rooms[link, body]:.3g} mm too near to "
+        missed += f"keep_out[{body}]"
+        if isinstance(scene.task, OnPath):
+            raise Infeasible(f"the path: on it {missed}")
+        report(f"once more, for {missed}:")
+        for pair in _pairs(rooms < _NEAR):
+            begun = max(usual, _ROUND - _least(scene, pair[0]))
+            farther = _FACTOR * max(-rooms[pair], 0.0)
+            wanted = spare[pair] + farther if pair in spare else begun
+            spare[pair] = min(wanted, at_points[pair] / 2)
+        spare = dict(sorted(spare.items()))
+    raise NotConverged(
+        f"arms and forearms are not clear of all bodies after {_PLANS} plans: {missed}",
+        "No_Progress",
+        found.trajectory,
+    )
+
+
+def _limits(
+    scene: Scene, spare: dict[tuple[int, int], float]
+) -> tuple[tuple[int, int, float], ...]:
+    """What is planned for pairs of a link and a body: the least distance of the link's line, m."""
+    return tuple((link, body, _least(scene, link) + more) for (link, body), more in spare.items())
+
+
+def _cost(multipliers: Multipliers | None, spare: list[float]) -> float:
+    """By what share the duration is longer because limits of links, the last of all, are tighter by
+    so much, m; 0 where multipliers are not known."""
+    if multipliers is None or not spare:
+        return 0.0
+    rows = multipliers.limits.constraints.slices[-1]
+    growth = multipliers.of_rows()[rows] / multipliers.limits.scales[rows]
+    return float(growth[: len(spare)] @ spare)
+
+
+def _least(scene: Scene, link: int) -> float:
+    """The distance of a link's line that is asked for, m."""
+    return scene.robot.link_radius(link) + scene.least_clearance
+
+
+def _pairs(which: NDArray[np.bool]) -> list[tuple[int, int]]:
+    return [(int(link), int(body)) for link, body in np.argwhere(which)]

@@ -1,0 +1,142 @@
+"""Arms and forearms as capsules, and how near they are to keep-out bodies at given places."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from deltaopt.codegen.vectorised import Array
+from deltaopt.mechanisms.delta.mechanism import AZIMUTHS
+from deltaopt.robot.model import DeltaModel, delta_model
+from deltaopt.robot.robot import Robot
+from deltaopt.robot.solids import Solid
+from deltaopt.scene.bodies import solid_about, sums
+from deltaopt.scene.scene import Scene
+
+LINKS = 6
+"""Arm 1, forearm 1, arm 2, and so on."""
+_BISECTIONS = 40
+"""Of a line, for its nearest place: to 1e-12 of it."""
+
+
+def name_of(link: int) -> str:
+    """In words."""
+    return f"{'forearm' if link % 2 else 'arm'} {link // 2 + 1}"
+
+
+def bodies_of(scene: Scene) -> list[Solid]:
+    """The bodies that links keep clear of, hulls as boxes about them."""
+    return [solid_about(body) for _, body in sums(scene.keep_out or (), None)]
+
+
+def rooms_at(scene: Scene, points: Array) -> Array:
+    """By how much more than its radius and the scene's clearance each link stays away from each
+    body, with the tool's point at points (N, 3), m: (N, 6, bodies). NaN out of reach."""
+    bodies = bodies_of(scene)
+    geometry = LinkGeometry.of(scene.robot, delta_model(scene.robot, scene.payload), points)
+    found = [nearest(body, *geometry.links)[1] - kept_from_bodies(scene) for body in bodies]
+    return np.stack(found, axis=2)
+
+
+def kept_from_bodies(scene: Scene) -> Array:
+    """How far the line of each link is to be from bodies, (6,), m."""
+    radii = np.array([scene.robot.link_radius(k) for k in range(LINKS)])
+    return np.asarray(radii + scene.least_clearance)
+
+
+@dataclass(frozen=True)
+class LinkGeometry:
+    """Where elbows and pins are with the tool's point at N places, (N, 3, 3), m, and in which
+    directions elbows move, unit vectors ``ahead``, (N, 3, 3). NaN out of reach."""
+
+    shafts: Array
+    elbows: Array
+    pins: Array
+    ahead: Array
+    forearm: float
+
+    @classmethod
+    def of(cls, robot: Robot, model: DeltaModel, x: Array) -> LinkGeometry:
+        theta, is_there = np.full_like(x, np.nan), (model.alignments(x) > 0).all(axis=1)
+        still = np.zeros_like(x[is_there])
+        theta[is_there] = model.motion(x[is_there], still, still)[0][:, 3::3]
+        outwards = np.array([[0.0, np.cos(azimuth), np.sin(azimuth)] for azimuth in AZIMUTHS])
+        down = np.array([1.0, 0.0, 0.0])
+        shafts = np.broadcast_to(robot.base_radius * outwards, (len(x), 3, 3))
+        cosine, sine = np.cos(theta)[..., None], np.sin(theta)[..., None]
+        elbows = shafts + robot.upper_arm.length * (cosine * outwards - sine * down)
+        pins = (x - robot.tool_offset)[:, None] + robot.platform_radius * outwards
+        ahead = -sine * outwards - cosine * down
+        return cls(shafts, elbows, pins, ahead, robot.forearm.length)
+
+    @property
+    def links(self) -> tuple[Array, Array]:
+        """Where the lines of all links begin and end, (N, 6, 3) each, m."""
+        return each_link(self.shafts, self.elbows), each_link(self.elbows, self.pins)
+
+    @property
+    def directions(self) -> Array:
+        """Of the forearms, from elbow to pins: unit vectors, (N, 3, 3)."""
+        return (self.pins - self.elbows) / self.forearm
+
+    @property
+    def levers(self) -> Array:
+        """u·e′ of each chain, (N, 3)."""
+        return np.asarray((self.directions * self.ahead).sum(axis=2))
+
+    def slope(self, link: int, share: Array, normal: Array) -> Array:
+        """How the distance of a link from a body grows with the tool's place, (N, 3), where the
+        link is nearest at a share of its line, (N,), and the body's normal there is (N, 3)."""
+        chain, is_forearm = divmod(link, 2)
+        of_elbow = (1 - share if is_forearm else share) * (normal * self.ahead[:, chain]).sum(1)
+        by_elbow = (of_elbow / self.levers[:, chain])[:, None] * self.directions[:, chain]
+        return np.asarray(by_elbow + is_forearm * share[:, None] * normal)
+
+
+def each_link(of_arms: Array, of_forearms: Array) -> Array:
+    """What arms and forearms have, (N, 3, …) each, in the order of links, (N, 6, …)."""
+    both = np.stack([of_arms, of_forearms], axis=2)
+    return both.reshape(len(both), LINKS, *both.shape[3:])
+
+
+def nearest(body: Solid, begin: Array, end: Array) -> tuple[Array, Array, Array]:
+    """At which shares of lines, from 0 to 1, they are nearest to a body, (N, lines), how far they
+    are there, m, and in which direction that grows, (N, lines, 3)."""
+    way, low, high = end - begin, np.zeros(begin.shape[:2]), np.ones(begin.shape[:2])
+    for _ in range(_BISECTIONS):
+        middle = (low + high) / 2
+        _, normal = _distance(body, begin + middle[..., None] * way)
+        recedes = (normal * way).sum(axis=2) > 0
+        low, high = np.where(recedes, low, middle), np.where(recedes, middle, high)
+    share = (low + high) / 2
+    return share, *_distance(body, begin + share[..., None] * way)
+
+
+def _distance(body: Solid, x: Array) -> tuple[Array, Array]:
+    """Signed distances of places (…, 3), m, from a body, and their gradients, unit vectors."""
+    axes = np.array(body.axes)
+    u = (x - np.array(body.centre)) @ axes.T
+    across, half = np.abs(u), np.array(body.half)
+    ways = np.sign(u)
+    if body.is_cylinder:
+        radial = np.maximum(np.linalg.norm(u[..., :2], axis=-1), 1e-300)
+        beyond = np.stack([radial - half[0], across[..., 2] - half[2]], axis=-1)
+    else:
+        beyond = across - half
+    outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=-1)
+    deepest = beyond.max(axis=-1)
+    is_out = deepest > 0
+    share = np.where(
+        is_out[..., None],
+        np.maximum(beyond, 0.0) / np.maximum(outside, 1e-300)[..., None],
+        beyond == deepest[..., None],
+    )
+    if body.is_cylinder:
+        gradient = np.concatenate(
+            [share[..., :1] * u[..., :2] / radial[..., None], share[..., 1:] * ways[..., 2:]],
+            axis=-1,
+        )
+    else:
+        gradient = share * ways
+    return np.where(is_out, outside, deepest) - body.radius, gradient @ axes

@@ -1,0 +1,91 @@
+"""Sure bounds of how near links come to bodies, against dense samples, the planner's and the
+verifier's, which are derived in different ways."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from deltaopt.motion.links import least_rooms, planned_distances
+from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
+from deltaopt.robot.model import delta_model
+from deltaopt.verify.clearance import Parts
+from deltaopt.verify.links import _MovingLinks, sure_robot_clearance
+from tests.limits.test_keep_out import BOX, CYLINDER, PLANE, SPHERE, of_box, of_cylinder
+from tests.scene.test_links import densely, lines, of_plane, of_sphere, with_bodies
+
+
+def motion(scene, seed: int) -> Trajectory:
+    """Through random states, at speeds of robots."""
+    rng = np.random.default_rng(seed)
+    x = rng.uniform([0.42, -0.08, -0.08], [0.50, 0.08, 0.08], (4, 3))
+    position = PiecewisePolynomial.hermite(
+        np.array([0, 0.05, 0.1, 0.2]), x, rng.normal(size=(4, 3))
+    )
+    return Trajectory(position, delta_model(scene.robot, scene.payload))
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_what_is_known_to_be_clear_is_clear_at_dense_samples(seed):
+    """And what is not is not."""
+    scene = with_bodies(BOX, SPHERE, CYLINDER, PLANE)
+    along = motion(scene, seed)
+    places = along.position.at(np.linspace(0, 0.2, 101))
+    of_bodies = (of_box, of_sphere, of_cylinder, of_plane)
+    samples = np.stack([densely(scene, of, places).min(axis=0) for of in of_bodies], axis=1)
+    assert (samples > 0).any()
+    assert (samples < 0).any()
+    for enough in (0.0, 0.8 * samples[samples > 0].min(), 0.9 * samples.max()):
+        found = least_rooms(scene, along, enough)
+        clear = found >= enough
+        assert (found <= samples + 1e-12)[clear].all()
+        assert (clear == (samples >= enough))[np.abs(samples - enough) > 2e-3].all()
+
+
+def lower(body: dict) -> dict:
+    """A body 150 mm below, where the platform does not get to."""
+    ((kind, keys),) = body.items()
+
+    def moved(value):
+        return [value[0] + 0.15, *value[1:]] if np.ndim(value) == 1 else list(map(moved, value))
+
+    return {kind: {k: v if k in ("radius", "normal") else moved(v) for k, v in keys.items()}}
+
+
+@pytest.mark.parametrize("body", list(map(lower, (BOX, SPHERE, CYLINDER, PLANE))))
+def test_the_verifier_agrees_with_the_planner(body):
+    """Where links keep half of the distance that they have, and where they do not."""
+    bare = with_bodies(body)
+    along = motion(bare, 1)
+    least = least_rooms(bare, along, np.inf).min()  # as seen at some instants
+    assert least > 0.01
+    for asked in (least / 2, least + 1e-3):
+        scene = with_bodies(body, clearance=asked)
+        assert (least_rooms(scene, along).min() >= 0) == (asked < least)
+        is_kept = sure_robot_clearance(scene, along) >= asked - 1e-9
+        assert is_kept == (asked < least)
+
+
+def test_slopes_are_those_of_differences():
+    links = tuple((link, body, 0.0) for link in range(6) for body in range(4))
+    scene = with_bodies(BOX, SPHERE, CYLINDER, PLANE, planned_links=links)
+    x = np.random.default_rng(5).uniform([0.42, -0.08, -0.08], [0.50, 0.08, 0.08], (20, 3))
+    distances, slopes = planned_distances(scene, x)
+    away = distances > 1e-3
+    for k, step in enumerate(1e-6 * np.eye(3)):
+        ahead, behind = (planned_distances(scene, x + sign * step)[0] for sign in (1, -1))
+        difference = (ahead - behind) / 2e-6
+        np.testing.assert_allclose(slopes[away][:, k], difference[away], atol=1e-6)
+
+
+def test_ends_are_off_uniform_motion_by_less_than_the_verifier_says():
+    scene = with_bodies(BOX)
+    along = motion(scene, 2)
+    parts = Parts.of(along.position)
+    links = _MovingLinks.of(scene.robot, along.model, parts)
+    assert np.isfinite(links.off).all()
+    for share in (-1.0, 0.5, 1.0):
+        later = parts.instants + share * parts.half
+        ends = np.stack(lines(scene, along.position.at(later)), axis=2)
+        uniform = links.ends + share * parts.half[:, None, None, None] * links.rates
+        assert (np.linalg.norm(ends - uniform, axis=3) <= links.off + 1e-12).all()
