@@ -174,15 +174,17 @@ def _graded(interval: Index, bottom: Array, widest: float, narrowest: float) -> 
 def _hills(grid: Array, highest: Array) -> tuple[Index, Index, Array, float]:
     """Hills in samples (K, n, c) that may top the highest (c,): interval, function, fraction
     of the top (N,) each, and the step between samples."""
-    left, middle, right = grid[:, :-2], grid[:, 1:-1], grid[:, 2:]
-    slope = left - right
+    slope = grid[:, :-2] - grid[:, 2:]
     # What follows asks of a hill that |slope| <= 2 |curvature|, so that its gain is at most
     # |slope| / 4: most samples are far too low for that.
     near = np.abs(slope)
-    near += middle
-    interval, sample, function = np.nonzero(near >= highest - _NEAR * np.abs(highest))
-    where = interval, sample, function
-    left, middle, right, slope = left[where], middle[where], right[where], slope[where]
+    near += grid[:, 1:-1]
+    where = np.flatnonzero(near >= highest - _NEAR * np.abs(highest))
+    interval, rest = np.divmod(where, near[0].size)
+    sample, function = np.divmod(rest, len(highest))
+    values, at = grid.ravel(), where + len(highest) * (2 * interval + 1)  # two samples less in each
+    left, middle, right = values[at - len(highest)], values[at], values[at + len(highest)]
+    slope = left - right
     curvature = left - 2 * middle + right
     bent = np.where(curvature < 0, curvature, -np.inf)
     offset, gain = slope / (2 * bent), -(slope**2) / (8 * bent)

@@ -71,13 +71,13 @@ def check_feasible(scene: Scene) -> None:
 
 def _require_links_clear(scene: Scene) -> None:
     """Raise Infeasible if an arm or a forearm is too near to a body at a point that is given."""
-    points, ends = scene.placed_points, len(scene.given_points)
-    rooms = rooms_at(scene, np.array(points))
-    for number, point in enumerate(points):
-        for link, body in np.argwhere(rooms[number] < -_ROUNDING).tolist():
+    ends = zip(("start", "goal"), scene.given_points, strict=False)  # a goal that moves is none
+    exact = ((f"via {n}", v.position) for n, v in enumerate(scene.task.via, 1) if not v.within)
+    for name, point in (*ends, *exact):
+        rooms = rooms_at(scene, np.array([point]))[0]
+        for link, body in np.argwhere(rooms < -_ROUNDING).tolist():
             assert scene.keep_out is not None
-            name = ("start", "goal")[number] if number < ends else f"via {number - ends + 1}"
-            too_near = f"{-1e3 * rooms[number, link, body]:.4g} mm too near to"
+            too_near = f"{-1e3 * rooms[link, body]:.4g} mm too near to"
             raise Infeasible(
                 f"{name}: at {in_words(point)} m {name_of(link)} is {too_near} "
                 f"keep_out[{body}], a {scene.keep_out[body].kind}"
