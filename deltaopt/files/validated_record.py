@@ -11,7 +11,7 @@ from collections.abc import Callable, Generator, Mapping
 from functools import cached_property, lru_cache
 from math import inf
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Self, get_args, get_origin
 
 from pydantic import (
     BaseModel,
@@ -112,7 +112,7 @@ class Record(BaseModel):
         try:
             valid = validate(value)
         except SceneError as error:  # from a record within this one
-            raise error.inside(key=key) from None
+            raise error.inside(key=f"{key}{_place_in_list(cls, key, value)}") from None
         except ValidationError as error:
             raise SceneError(None, key, value, expected, _wrong_unit(value, error)) from None
         if _too_large(valid):  # once its unit is taken into account
@@ -155,6 +155,29 @@ def _adapter(record: type[Record], key: str) -> TypeAdapter[Any]:
     field = record.model_fields[key]
     kind: Any = field.annotation
     return TypeAdapter(Annotated[(kind, *field.metadata)] if field.metadata else kind)
+
+
+def _place_in_list(record: type[Record], key: str, value: object) -> str:
+    """Which record of a list cannot be used, as "[2]", counted from 0; empty if the field is no
+    list of records."""
+    kind = record.model_fields[key].annotation
+    lists = [one for one in (kind, *get_args(kind)) if get_origin(one) is tuple]
+    inner = [one for each in lists for one in get_args(each)[:1]]
+    if not isinstance(value, list | tuple):
+        return ""
+    for one in inner:
+        if isinstance(one, type) and issubclass(one, Record):
+            wrong = (i for i, each in enumerate(value) if not _is_valid(one, each))
+            return f"[{next(wrong)}]"
+    return ""
+
+
+def _is_valid(record: type[Record], value: object) -> bool:
+    try:
+        record.model_validate(value)
+    except (SceneError, ValidationError):
+        return False
+    return True
 
 
 def _wrong_unit(value: object, error: ValidationError) -> str:

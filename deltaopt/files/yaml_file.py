@@ -16,6 +16,8 @@ import yaml
 from deltaopt.errors import SceneError
 
 _NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
+_NAMES, _INDEX = re.compile(r"\[\d+\]|[^.\[]+"), re.compile(r"\[\d+\]")
+"""Of a dotted key: names of mappings, and places in lists."""
 _DEEPEST = 20
 """Largest depth of nesting: a robot file needs 3, and PyYAML's time and stack limit the depth."""
 _LARGEST = 1_000_000
@@ -47,7 +49,8 @@ def read_yaml(file: Path) -> dict[str, object]:
 
 
 def place_of(file: Path, key: str) -> str:
-    """Where the value of a dotted key stands in a file: "line 3, column 10".
+    """Where the value of a dotted key, such as keep_out[2].box, stands in a file: "line 3, column
+    10".
 
     Where the file has no such key, it is the innermost mapping that should have it; empty if that
     is the whole file, or if the file cannot be read.
@@ -57,13 +60,21 @@ def place_of(file: Path, key: str) -> str:
     except (SceneError, yaml.YAMLError):
         return ""
     found = None
-    for name in key.split("."):
-        inner = node.value if isinstance(node, yaml.MappingNode) else []
-        node = next((value for each, value in inner if each.value == name), None)
+    for name in _NAMES.findall(key):
+        node = _inside(node, name)
         found = node or found
     if found is None:
         return ""
     return f"line {found.start_mark.line + 1}, column {found.start_mark.column + 1}"
+
+
+def _inside(node: yaml.Node | None, name: str) -> yaml.Node | None:
+    """The value of a name in a mapping, or of an index, "[2]", in a list; None without one."""
+    if isinstance(node, yaml.SequenceNode) and _INDEX.fullmatch(name):
+        index = int(name[1:-1])
+        return node.value[index] if index < len(node.value) else None
+    inner = node.value if isinstance(node, yaml.MappingNode) else []
+    return next((value for each, value in inner if each.value == name), None)
 
 
 def _text(file: Path) -> str:

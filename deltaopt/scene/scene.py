@@ -142,9 +142,7 @@ class Scene(Record):
     limits hold: then it is the largest, and ``least_payload`` the least. ``limits``: beside those
     of the robot's drive. ``rotation``: of a fourth axis, which the motion takes no less time than.
     ``objective``: what is minimised, time by default. A key ``tool`` replaces the robot's tool as a
-    whole: it is then that of ``robot``. ``planned_links``: of a scene as a planner has it, which
-    arms and forearms its limits keep clear of which bodies (``planning/links_clear.py``). Raises
-    SceneError for values that cannot be used.
+    whole: it is then that of ``robot``. Raises SceneError for values that cannot be used.
     """
 
     robot: Robot = Field(description=_ROBOT_FILE)
@@ -206,7 +204,8 @@ class Scene(Record):
 
     @property
     def kept_links(self) -> tuple[KeptLink, ...]:
-        """Which arms and forearms are planned to keep clear of which bodies: ``planned_links``."""
+        """Which arms and forearms are planned to keep clear of which bodies: ``planned_links``, of
+        a scene as a planner has it (``planning/links_clear.py``)."""
         if not self.planned_links:
             return ()
         bodies = [solid_about(body) for _, body in sums(self.keep_out or (), None)]
@@ -570,30 +569,27 @@ def load_scene(path: str | Path) -> Scene:
         content["path"] = {**given, "points": _points(file, given["points"])}
     bodies = content.get("keep_out")
     if isinstance(bodies, list):
-        content["keep_out"] = [_with_points(file, body) for body in bodies]
+        named = ((f"keep_out[{index}]", body) for index, body in enumerate(bodies))
+        content["keep_out"] = [_with_points(file, *each) for each in named]
     return Scene.from_content(content, file)
 
 
-def _with_points(scene_file: Path, body: object) -> object:
-    """The content of a body, with the corners of a file's convex hull instead of its name."""
+def _with_points(scene_file: Path, key: str, body: object) -> object:
+    """The content of a body, whose key this is, with the corners of a file's convex hull instead of
+    its name."""
     hull = body.get("hull") if isinstance(body, dict) else None
     if not (isinstance(hull, dict) and isinstance(hull.get("file"), str)):
         return body
+    named = f"{key}.hull.file"
     try:
         points = corners_in(scene_file.parent / hull["file"])
         points = points[np.unique(convex_hull(points))]
     except NoVolume as error:
-        place = place_of(scene_file, "keep_out")
-        expected = f"an STL file with {error}"
-        raise SceneError(
-            scene_file, "keep_out.hull.file", hull["file"], expected, place=place
-        ) from None
+        place, expected = place_of(scene_file, named), f"an STL file with {error}"
+        raise SceneError(scene_file, named, hull["file"], expected, place=place) from None
     except SceneError as error:
-        place = place_of(scene_file, "keep_out")
-        problem = f"{error.file} {error.problem}"
-        raise SceneError(
-            scene_file, "keep_out.hull.file", hull["file"], error.expected, problem, place
-        ) from None
+        place, problem = place_of(scene_file, named), f"{error.file} {error.problem}"
+        raise SceneError(scene_file, named, hull["file"], error.expected, problem, place) from None
     others = {key: value for key, value in hull.items() if key != "file"}
     return {"hull": {**others, "points": points.tolist()}}
 

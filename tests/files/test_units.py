@@ -323,7 +323,8 @@ MOTOR = {"peak_torque": 8.0, "rated_torque": 2.0, "max_speed": 6.0, "inertia": 1
 GEAR = {"ratio": 3.0, "efficiency": 0.9, "inertia": 1.0, "peak_torque": 9.0, "input_speed": 5.0}
 EVERYTHING = IN_SI | {
     "elbow": {"mass": 0.1},
-    "upper_arm": IN_SI["upper_arm"] | {"centre": [0.1, 0.01]},
+    "upper_arm": IN_SI["upper_arm"] | {"centre": [0.1, 0.01], "radius": 0.03},
+    "forearm": IN_SI["forearm"] | {"radius": 0.02},
     "platform": {"mass": 0.3, "pins": 0.1},
     "tool": {"offset": [0.1, 0.0, 0.0], "mass": 0.3, "radius": 0.02},
     "drive": {

@@ -76,5 +76,8 @@ def test_a_scene_with_an_stl_file(tmp_path, kind):
     (body,) = load_scene(file).keep_out
     assert sorted(body.shape.points) == sorted(map(tuple, points.tolist()))
     (tmp_path / "part.stl").write_bytes(b"solid nothing")
-    with pytest.raises(SceneError, match=r"part.stl has no triangles; expected an STL file"):
+    with pytest.raises(
+        SceneError, match=r"part.stl has no triangles; expected an STL file"
+    ) as said:
         load_scene(file)
+    assert said.value.key == "keep_out[0].hull.file"

@@ -771,3 +771,23 @@ def test_what_is_missing_is_missing_in_its_mapping(tmp_path):
     file.write_text(text.replace("platform:  {mass: 0.30}", ""), encoding="utf-8")
     with pytest.raises(SceneError, match=r"robot.yaml: platform is missing"):
         load_robot(file)
+
+
+@pytest.mark.parametrize(
+    ("body", "key", "place"),
+    [
+        ("box: {from: [1, 2, 3], to: [1, 5, 6]}", "keep_out[2].box.to", "line 4, column 32"),
+        ("bax: {}", "keep_out[2].bax", "line 4, column 10"),
+        ("sphere: {centre: [1, 2, 3]}", "keep_out[2].sphere.radius", "line 4, column 13"),
+        ("hull: {file: none.stl}", "keep_out[2].hull.file", "line 4, column 18"),
+        ("{}", "keep_out[2]", "line 4, column 5"),
+    ],
+)
+def test_a_body_that_cannot_be_used_is_named_by_its_place_in_the_list(
+    tmp_path: Path, body: str, key: str, place: str
+) -> None:
+    file, good = write(tmp_path), "  - sphere: {centre: [2, 0, 0], radius: 0.1}\n"
+    rest = file.read_text(encoding="utf-8")
+    file.write_text(f"keep_out:\n{good}{good}  - {body}\n{rest}", encoding="utf-8")
+    error = error_of(file)
+    assert (error.key, error.place) == (key, place)
