@@ -186,7 +186,7 @@ def save(
         if report:
             from deltaopt.report.page import write_report
 
-            found = verification, solution.gap, solution.sensitivities
+            found = verification, solution.gap, solution.sensitivities, solution
             write_report(folder / page, scene, trajectory, *found)
             written.append(page)
     return [directory / name for name in written]

@@ -1,39 +1,62 @@
-"""Keep-out bodies as shadows in a picture of a path."""
+"""Keep-out bodies as shadows, and via points, in a picture of a path."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from itertools import product
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.patches import Polygon
+from matplotlib.patches import Circle, Polygon
 
 from deltaopt.motion.trajectory import Array
-from deltaopt.plots.colours import LIGHT_GREY
-from deltaopt.robot.tool import Box, Sphere
-from deltaopt.scene.bodies import Body, Cylinder, HalfSpace
+from deltaopt.output.body_outlines import corners_of
+from deltaopt.plots.colours import BLACK, GREY, LIGHT_GREY
+from deltaopt.scene.bodies import Body
 from deltaopt.scene.scene import Scene
 
-_ROUND = 48
-"""Points around a circle."""
+_BESIDE = 0.35
+"""Of the path's extent, how far beside it bodies are shown."""
 _FAR = 3.0
 """How far a half-space is drawn, m: beyond all that a picture shows."""
 
 
 def draw_bodies(axes: Axes, scene: Scene, place: Callable[[Array], Array]) -> None:
-    """Draw the outlines of a scene's bodies behind what is drawn already, whose range stays.
+    """Draw the outlines of a scene's bodies behind what is drawn already, whose range grows a bit
+    to show those nearby.
 
     ``place``: takes points (N, 3), m, to the picture, (N, 2).
     """
     if scene.keep_out is None:
         return
+    seen = np.array(axes.dataLim.get_points())
+    beside = _BESIDE * float(np.ptp(seen, axis=0).max())
+    low, high = seen[0] - beside, seen[1] + beside
     for body in scene.keep_out:
         if _covers_all(body, place):
             continue
-        outline = place(_points(body))
+        outline = place(corners_of(body, _FAR))
         shadow = Polygon(_hull(outline), color=LIGHT_GREY, linewidth=0.0, zorder=0)
         axes.add_artist(shadow)  # which, unlike a patch, does not widen the range
+        if body.half_space is None:
+            axes.update_datalim(np.clip(outline, low, high))
+
+
+def draw_via_points(axes: Axes, scene: Scene, place: Callable[[Array], Array]) -> None:
+    """Draw a scene's via points as diamonds, and the spheres about them as circles.
+
+    ``place``: takes points (N, 3), m, to the picture, (N, 2), all lengths by the same factor.
+    """
+    for point in scene.task.via:
+        centre = np.array(point.position)
+        ((across, up),) = place(centre[None]).tolist()
+        axes.plot(across, up, "D", color=BLACK, markerfacecolor="white", markersize=4, zorder=5)
+        if point.within:
+            offsets = place(centre + point.within * np.eye(3)) - (across, up)
+            # Of a parallel projection: lengths of its two rows.
+            radius = float(np.sqrt((offsets**2).sum() / 2))
+            axes.add_patch(
+                Circle((across, up), radius, fill=False, edgecolor=GREY, linewidth=0.9, zorder=5)
+            )
 
 
 def _covers_all(body: Body, place: Callable[[Array], Array]) -> bool:
@@ -42,40 +65,6 @@ def _covers_all(body: Body, place: Callable[[Array], Array]) -> bool:
         return False
     seen = np.diff(place(np.array([np.zeros(3), body.half_space.normal])), axis=0)
     return float(np.linalg.norm(seen)) < 1e-6
-
-
-def _points(body: Body) -> Array:
-    """Points of a body of which it is the convex hull, about, (N, 3), m."""
-    shape = body.shape
-    if isinstance(shape, Box):
-        corners = np.array(list(product((-1.0, 1.0), repeat=3)))
-        return np.asarray(np.array(shape.centre) + corners * shape.half)
-    if isinstance(shape, Sphere):
-        up, around = np.meshgrid(np.linspace(0, np.pi, _ROUND // 2), _angles())
-        directions = [np.cos(up), np.sin(up) * np.cos(around), np.sin(up) * np.sin(around)]
-        ball = np.stack(directions, axis=-1).reshape(-1, 3)
-        return np.asarray(np.array(shape.centre) + shape.radius * ball)
-    if isinstance(shape, Cylinder):
-        begin, end = (np.array(each) for each in shape.ends)
-        ring = shape.radius * _ring((end - begin) / shape.length)
-        return np.vstack([begin + ring, end + ring])
-    if isinstance(shape, HalfSpace):
-        normal = np.array(shape.normal) / np.linalg.norm(shape.normal)
-        plane = np.array(shape.point) + _FAR * _ring(normal)
-        return np.vstack([plane, plane + _FAR * normal])
-    return np.array(shape.points)
-
-
-def _angles() -> Array:
-    return np.linspace(0, 2 * np.pi, _ROUND)
-
-
-def _ring(axis: Array) -> Array:
-    """A circle of radius 1 about an axis, (N, 3)."""
-    first = np.cross(axis, np.eye(3)[np.abs(axis).argmin()])
-    first /= np.linalg.norm(first)
-    second, angles = np.cross(axis, first), _angles()[:, None]
-    return np.asarray(np.cos(angles) * first + np.sin(angles) * second)
 
 
 def _hull(points: Array) -> Array:

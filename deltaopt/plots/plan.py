@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
+from math import pi
 from pathlib import Path
 from textwrap import fill
 from types import MappingProxyType
@@ -15,7 +17,7 @@ from matplotlib.patheffects import Normal, Stroke
 from deltaopt.motion.limit_curves import limit_curves
 from deltaopt.motion.trajectory import Array, Trajectory, ends_of
 from deltaopt.output.headline import assumption, title
-from deltaopt.plots.bodies import draw_bodies
+from deltaopt.plots.bodies import draw_bodies, draw_via_points
 from deltaopt.plots.colours import BLACK, COLOURS, GREY, LIGHT_GREY
 from deltaopt.plots.robot_view import View, draw_robot, view_of_move
 from deltaopt.plots.style import LARGE, SMALL, figure, motor_curves, without_box
@@ -28,8 +30,9 @@ _FAINTEST = 0.15
 """How opaque the robot is at the start; it grows until the goal."""
 _SAMPLES = 1000
 """Samples of each curve over all intervals."""
-_SHADOWS = "bodies are grey, as seen from the side: a path may pass them on this side or beyond"
-"""What is to be known of the path's panel where a scene has bodies."""
+_SHADOWS = "bodies are grey shadows: a path may pass them on this side or beyond"
+_VIA, _SPHERES = "via points are diamonds", "circles the spheres about them"
+"""What is to be known of the path's panels where a scene has bodies or via points."""
 _TORQUE = "torque"
 _LINE = 130
 """Letters of a line of the caption."""
@@ -47,17 +50,45 @@ def draw(
     ``others``: durations to compare with, s, by what they are of. ``duty``: of the motors; their
     RMS torques are told where it is known. The format follows the file's suffix: png, pdf or svg.
     """
-    with figure(file, 7.2, 5.5) as page:
+    has_marks = bool(scene.keep_out or scene.task.via)
+    rows = [1.25, 1.0, 0.9, 1.1] if has_marks else [1.25, 0.9, 1.1]
+    with figure(file, 7.2, 6.7 if has_marks else 5.5) as page:
         page.suptitle(title(scene.task, trajectory.duration), fontsize=LARGE)
-        grid = page.add_gridspec(3, 2, width_ratios=[1.2, 1], height_ratios=[1.25, 0.9, 1.1])
-        _robot(page.add_subplot(grid[:2, 0]), scene, trajectory)
-        _path(page.add_subplot(grid[0, 1]), scene, trajectory)
-        _bars(page.add_subplot(grid[1, 1]), {**others, "this plan": trajectory.duration})
-        _torques(page.add_subplot(grid[2, :]), scene, trajectory, duty)
-        shadows = _SHADOWS if scene.keep_out else ""
-        told = (fill(_what(scene, trajectory), _LINE), assumption(scene.task), shadows)
+        grid = page.add_gridspec(len(rows), 2, width_ratios=[1.2, 1], height_ratios=rows)
+        _robot(page.add_subplot(grid[:-1, 0]), scene, trajectory)
+        _path(page.add_subplot(grid[0, 1]), scene, trajectory, _SIDE)
+        if has_marks:
+            _path(page.add_subplot(grid[1, 1]), scene, trajectory, _TOP)
+        _bars(page.add_subplot(grid[-2, 1]), {**others, "this plan": trajectory.duration})
+        _torques(page.add_subplot(grid[-1, :]), scene, trajectory, duty)
+        told = (fill(_what(scene, trajectory), _LINE), assumption(scene.task), _marks(scene))
         caption = "\n".join(filter(None, told))
         page.supxlabel(caption, fontsize=SMALL, color=GREY)
+
+
+@dataclass(frozen=True)
+class _Side:
+    """A panel of the path: the angle it is seen from above, rad, and what its upward axis and its
+    title say."""
+
+    tilt: float
+    up: str
+    title: str
+
+
+_SIDE = _Side(0.0, "above the start (mm)", "path (solid) and straight line (dotted)")
+_TOP = _Side(pi / 2, "beside the start (mm)", "the same from above")
+
+
+def _marks(scene: Scene) -> str:
+    """What the marks in the path's panels are; empty where there are none."""
+    has_spheres = any(point.within for point in scene.task.via)
+    told = {
+        _SHADOWS: bool(scene.keep_out),
+        _VIA: bool(scene.task.via),
+        _SPHERES: has_spheres,
+    }
+    return ", ".join(sentence for sentence, holds in told.items() if holds)
 
 
 def _what(scene: Scene, trajectory: Trajectory) -> str:
@@ -97,15 +128,17 @@ def _lines(axes: Axes, scene: Scene, trajectory: Trajectory, view: View) -> None
     axes.plot(*ends.T, ":", linewidth=1.0, **above)
     axes.plot(*ends[0], "o", markerfacecolor="white", markersize=4, **above)
     axes.plot(*ends[1], "o", markersize=4, **above)
+    draw_via_points(axes, scene, view)
 
 
-def _path(axes: Axes, scene: Scene, trajectory: Trajectory) -> None:
-    """Draw the path alone, seen from the side: along the move to the right, up is up; mm."""
+def _path(axes: Axes, scene: Scene, trajectory: Trajectory, side: _Side) -> None:
+    """Draw the path alone, along the move to the right, mm: from the side, where up is up, or from
+    above."""
     start, goal = ends_of(scene.task, trajectory)
-    level = View(view_of_move(start, goal, aside=0.0).turn, 0.0)
+    view = View(view_of_move(start, goal, aside=0.0).turn, side.tilt)
 
     def place(points: Array) -> Array:
-        return 1e3 * (level(points) - level(start))
+        return 1e3 * (view(points) - view(start))
 
     begin, end = trajectory.knots[[0, -1]]
     axes.plot(*place(np.array([start, goal])).T, ":", color=BLACK, linewidth=1.0)
@@ -115,10 +148,11 @@ def _path(axes: Axes, scene: Scene, trajectory: Trajectory) -> None:
     axes.plot(*dots[0], "o", color=BLACK, markerfacecolor="white", markersize=4)
     axes.set_aspect("equal", adjustable="datalim")
     axes.margins(0.08)
+    draw_via_points(axes, scene, place)
     draw_bodies(axes, scene, place)
     axes.set_xlabel("along the move (mm)")
-    axes.set_ylabel("above the start (mm)")
-    axes.set_title("path (solid) and straight line (dotted)")
+    axes.set_ylabel(side.up)
+    axes.set_title(side.title)
     without_box(axes)
 
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from deltaopt.scene.scene import Scene
 
-NEVER = ("elasticity", "play in joints", "collisions", "limits of jerk")
+_COLLISIONS = "collisions"
+_OTHER_COLLISIONS = "collisions with anything but the bodies of the scene"
+NEVER = ("elasticity", "play in joints", _COLLISIONS, "limits of jerk")
 """What no model of this package has."""
 
 
@@ -16,7 +18,8 @@ def modelled(scene: Scene) -> list[str]:
 def not_modelled(scene: Scene) -> list[str]:
     """The terms that are not, of those that the model could have and of all others."""
     left_out = [phrase for phrase, present in _terms(scene).items() if not present]
-    return [*left_out, *NEVER]
+    kept_out = {_COLLISIONS: _OTHER_COLLISIONS} if scene.keep_out else {}
+    return [*left_out, *(kept_out.get(phrase, phrase) for phrase in NEVER)]
 
 
 def _terms(scene: Scene) -> dict[str, bool]:

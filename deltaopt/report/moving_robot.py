@@ -10,6 +10,7 @@ import numpy as np
 from deltaopt.mechanisms.delta.mechanism import AZIMUTHS
 from deltaopt.motion.active_limits import ActiveLimit, share_curves
 from deltaopt.motion.trajectory import Array, Trajectory, ends_of
+from deltaopt.output.body_outlines import corners_of, edges_of
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.scene import Scene
 
@@ -18,6 +19,8 @@ FRAMES = 400
 page larger and nothing visible."""
 _SAMPLES = 1000
 """Samples of each curve, at least; about the pixels of a chart's width."""
+_DISC = 0.4
+"""Radius of the disc that stands for a half-space, as a share of the length of a chain."""
 _MOST_PER_INTERVAL = 64
 """Samples of each curve within an interval, at most."""
 
@@ -39,6 +42,8 @@ def drawing(
         "robot": shape(scene.robot),
         "start": start,
         "goal": goal,
+        "via": [{"at": list(each.position), "within": each.within} for each in scene.task.via],
+        "bodies": bodies(scene),
         "frames": {
             "t": _rounded(frames.t - begin, 7),
             "x": _rounded(frames.x, 7),
@@ -62,6 +67,24 @@ def drawing(
             for each in active
         ],
     }
+
+
+def bodies(scene: Scene) -> list[dict[str, object]]:
+    """The keep-out bodies, lengths in m: of a sphere its ``centre`` and ``radius``; of others the
+    ``corners`` of which they are the convex hull, none for a half-space, and ``edges``, lines."""
+    found: list[dict[str, object]] = []
+    reach = _DISC * (scene.robot.upper_arm.length + scene.robot.forearm.length)
+    about = np.array(scene.task.start.position)
+    for index, body in enumerate(scene.keep_out or ()):
+        name = f"keep_out[{index}], a {body.kind}"
+        if body.sphere is not None:
+            ball = {"centre": list(body.sphere.centre), "radius": body.sphere.radius}
+            found.append({"name": name, **ball})
+            continue
+        edges = [_rounded(edge, 6) for edge in edges_of(body, about, reach)]
+        corners = [] if body.half_space else _rounded(corners_of(body, reach), 6)
+        found.append({"name": name, "corners": corners, "edges": edges})
+    return found
 
 
 def shape(robot: Robot) -> dict[str, object]:

@@ -49,6 +49,14 @@
   const poses = frames.t.map((_, frame) => pose(frame));
   const path = frames.x.map((x) => scaled(x, MM));
   const ends = [plan.start, plan.goal].map((x) => scaled(x, MM));
+  const bodies = plan.bodies.map((body) => ({
+    ...body,
+    ...(body.centre ? { centre: scaled(body.centre, MM), radius: MM * body.radius } : {
+      corners: body.corners.map((corner) => scaled(corner, MM)),
+      edges: body.edges.map((edge) => edge.map((point) => scaled(point, MM))),
+    }),
+  }));
+  const via = plan.via.map(({ at, within }) => ({ at: scaled(at, MM), within: MM * within }));
   const VIEWS = { oblique: [0.6, 0.35], front: [0, 0], side: [Math.PI / 2, 0], top: [0, Math.PI / 2] };
   let [turn, tilt] = VIEWS.oblique, closeUp = false, now = 0;
 
@@ -75,8 +83,18 @@
   const along = (points) => points.map(at).join(" ");
 
   const line = { fill: "none", "vector-effect": "non-scaling-stroke", "stroke-linecap": "round", "stroke-linejoin": "round" };
+  const shade = { ...line, fill: "#8c8c8c", "fill-opacity": 0.3, stroke: "#595959", "stroke-width": 1 };
   const layers = make("g", {}, scene);
   const parts = {
+    bodies: bodies.map((body, i) => {
+      const group = make("g", { class: "body", id: `body${i + 1}` }, layers);
+      make("title", {}, group, body.name);
+      if (body.centre) return { outline: make("circle", shade, group), edges: [] };
+      return {
+        outline: make("polygon", { ...shade, stroke: body.edges.length ? "none" : shade.stroke }, group),
+        edges: body.edges.map(() => make("polyline", { ...line, stroke: "#737373", "stroke-width": 1 }, group)),
+      };
+    }),
     base: make("polygon", { ...line, fill: "#d9d9d9", "fill-opacity": 0.7, stroke: "#595959", "stroke-width": 1.5 }, layers),
     straight: make("polyline", { ...line, stroke: "#767676", "stroke-width": 1.2, "stroke-dasharray": "1 4" }, layers),
     ahead: make("polyline", { ...line, id: "path", stroke: "#9a9a9a", "stroke-width": 2 }, layers),
@@ -93,6 +111,14 @@
     }),
     platform: make("polygon", { ...line, fill: "#595959", "fill-opacity": 0.75, stroke: "#1a1a1a", "stroke-width": 1.5 }, layers),
     tool: make("line", { ...line, stroke: "#1a1a1a", "stroke-width": 3 }, layers),
+    via: via.map((_, i) => {
+      const group = make("g", { class: "via" }, layers);
+      make("title", {}, group, `via point ${i + 1}`);
+      return {
+        sphere: make("circle", { ...line, stroke: "#595959", "stroke-width": 1.2 }, group),
+        point: make("polygon", { ...line, fill: "#fff", stroke: "#000", "stroke-width": 1.5 }, group),
+      };
+    }),
     start: make("circle", { ...line, fill: "#fff", stroke: "#000", "stroke-width": 1.5 }, layers),
     goal: make("circle", { ...line, fill: "#000", stroke: "#000", "stroke-width": 1.5 }, layers),
     point: make("circle", { ...line, id: "tool", fill: "#F0E442", stroke: "#000", "stroke-width": 1.5 }, layers),
@@ -107,6 +133,39 @@
   function mark(element, point, radius) {
     const [cx, cy] = project(point);
     for (const [key, value] of Object.entries({ cx, cy, r: radius })) element.setAttribute(key, value.toFixed(3));
+  }
+  // The corners of the convex hull of points of the picture, in their order.
+  function hullOf(points) {
+    const sorted = [...points].sort((a, b) => a[0] - b[0] || a[1] - b[1]);
+    const half = (from) => {
+      const chain = [];
+      for (const p of from) {
+        for (let n = chain.length; n > 1; n = chain.length) {
+          const [a, b] = [chain[n - 2], chain[n - 1]];
+          if ((b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0]) > 0) break;
+          chain.pop();
+        }
+        chain.push(p);
+      }
+      return chain.slice(0, -1);
+    };
+    return [...half(sorted), ...half([...sorted].reverse())];
+  }
+  const written = (points) => points.map((point) => point.slice(0, 2).map((value) => value.toFixed(2)).join(",")).join(" ");
+  function drawBodies() {
+    bodies.forEach((body, i) => {
+      const drawn = parts.bodies[i];
+      if (body.centre) mark(drawn.outline, body.centre, body.radius);
+      else drawn.outline.setAttribute("points", written(hullOf(body.corners.map(project))));
+      drawn.edges.forEach((edge, k) => edge.setAttribute("points", along(body.edges[k])));
+    });
+  }
+  function drawVia(size) {
+    via.forEach(({ at: centre, within }, i) => {
+      const [x, y] = project(centre), d = 0.014 * size;
+      mark(parts.via[i].sphere, centre, within);
+      parts.via[i].point.setAttribute("points", written([[x - d, y], [x, y - d], [x + d, y], [x, y + d]]));
+    });
   }
   const joints = (chains, side) => chains.flatMap((chain) => chain.bars.map((bar) => bar[side]));
 
@@ -124,6 +183,8 @@
     parts.base.setAttribute("points", along([0, 1, 2].flatMap((k) =>
       [-1, 1].map((side) => outward(k, 0, robot.base_radius, side * robot.half_width)))));
     parts.platform.setAttribute("points", along(joints(chains, 1)));
+    drawBodies();
+    drawVia(size);
     parts.straight.setAttribute("points", along(ends));
     parts.ahead.setAttribute("points", along(path));
     parts.done.setAttribute("points", along(path.slice(0, now + 1)));
@@ -162,7 +223,8 @@
   const numberOf = (subject) => Number((subject.match(/ (\d)$/) || [0, 0])[1]);
   const styleOf = (subject) => {
     const k = numberOf(subject);
-    return k ? { stroke: plan.motor_colours[k - 1], "stroke-dasharray": DASHES[k - 1] } : { stroke: "#000" };
+    if (!k) return { stroke: "#000" };
+    return { stroke: plan.motor_colours[k - 1] ?? "#737373", "stroke-dasharray": DASHES[(k - 1) % DASHES.length] };
   };
   const colourOf = (limit) => plan.limit_colours[limits.indexOf(limit) % plan.limit_colours.length];
   const LEFT = 62, RIGHT = 12, TOP = 8, BOTTOM = 20;

@@ -14,6 +14,7 @@ from html import escape
 from importlib.resources import files
 from math import isfinite
 from pathlib import Path
+from typing import Protocol
 
 from deltaopt.files.atomic_write import atomic_write
 from deltaopt.files.html_table import html_table
@@ -21,6 +22,7 @@ from deltaopt.motion.active_limits import ActiveLimit, active_limits
 from deltaopt.motion.limit_sensitivity import LimitSensitivity, limits_in_words
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.headline import title
+from deltaopt.planning.ways import CLEAR
 from deltaopt.plots.colours import COLOURS, OF_LIMITS
 from deltaopt.report.modelled import modelled, not_modelled
 from deltaopt.report.moving_robot import drawing
@@ -30,6 +32,27 @@ from deltaopt.verify.duty import Duty, exceeding
 from deltaopt.verify.verification import Check, Verification
 
 
+class Way(Protocol):
+    """A way past keep-out bodies: its ``name``, and its ``duration`` in s, of a plan or, unless it
+    ``is_planned``, about."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def duration(self) -> float: ...
+    @property
+    def is_planned(self) -> bool: ...
+
+
+class Compared(Protocol):
+    """What a motion was compared with: ``ways`` past bodies and local ``optima``, itself first."""
+
+    @property
+    def ways(self) -> Sequence[Way]: ...
+    @property
+    def optima(self) -> Sequence[object]: ...
+
+
 def write_report(
     file: Path,
     scene: Scene,
@@ -37,14 +60,16 @@ def write_report(
     verification: Verification,
     gap: float | None = None,
     sensitivities: Sequence[LimitSensitivity] = (),
+    compared: Compared | None = None,
 ) -> None:
     """Write the page of a motion. ``gap``: of a plan, estimated; None if it was not optimised.
-    ``sensitivities``: of its duration to limits, as far as they are known.
+    ``sensitivities``: of its duration to limits, as far as they are known. ``compared``: what other
+    motions it was compared with, if any.
 
     Raises OSError if the file cannot be written.
     """
     with atomic_write(file) as temporary:
-        text = report(scene, trajectory, verification, gap, sensitivities)
+        text = report(scene, trajectory, verification, gap, sensitivities, compared)
         temporary.write_text(text, encoding="utf-8")
 
 
@@ -54,6 +79,7 @@ def report(
     verification: Verification,
     gap: float | None = None,
     sensitivities: Sequence[LimitSensitivity] = (),
+    compared: Compared | None = None,
 ) -> str:
     """The text of the page; see ``write_report``."""
     active = active_limits(scene, trajectory)
@@ -62,8 +88,9 @@ def report(
         "limit_colours": OF_LIMITS,
     }
     parts = [
-        _head(scene, trajectory, verification, gap),
-        _FIGURES,
+        _head(scene, trajectory, verification, gap, compared),
+        _figures(scene),
+        _section("Ways past the bodies", "" if compared is None else _ways(compared.ways)),
         _section("What limits the motion", _list(_limits(active, sensitivities))),
         _section("Verification", _verification(verification)),
         _section(
@@ -112,7 +139,11 @@ count the way there and one as long back, and no time for gripping."""
 
 
 def _head(
-    scene: Scene, trajectory: Trajectory, verification: Verification, gap: float | None
+    scene: Scene,
+    trajectory: Trajectory,
+    verification: Verification,
+    gap: float | None,
+    compared: Compared | None,
 ) -> str:
     payload = scene.payload_in_words
     way = f"{1e3 * verification.way:.4g} mm"
@@ -124,7 +155,7 @@ def _head(
         else f"Estimated to be at most {_percent(gap)} above the best for its objective, "
         f"{scene.objective}, "
         + (
-            "among motions near it. Motions that lead another way were not compared."
+            f"among motions near it. {_other_ways(compared)}"
             if not scene.follows_path
             else "on the path that the scene gives."
         )
@@ -144,7 +175,57 @@ def _head(
 """
 
 
-_FIGURES = """<section class="figures">
+def _other_ways(compared: Compared | None) -> str:
+    """With which motions that lead another way it was compared."""
+    ways, optima = (0, 0) if compared is None else (len(compared.ways), len(compared.optima))
+    if ways > 1:
+        return f"It was compared with {_counted(ways - 1, 'other way')} past the bodies."
+    if ways == 1 and compared is not None and compared.ways[0].name == CLEAR:
+        return "It keeps clear of all bodies without a detour."
+    if ways == 1:
+        return "No other way past the bodies was found."
+    if optima > 1:
+        return f"It was compared with {_counted(optima - 1, 'other local optimum')}."
+    return "Motions that lead another way were not compared."
+
+
+def _counted(number: int, what: str) -> str:
+    """A number of things: "one other way", "3 other ways"."""
+    plural = {"other way": "other ways", "other local optimum": "other local optima"}
+    return f"one {what}" if number == 1 else f"{number} {plural[what]}"
+
+
+def _ways(ways: Sequence[Way]) -> str:
+    """A table of the ways past the bodies, the one that is taken first; nothing for one."""
+    if len(ways) < 2:
+        return ""
+    rows = [
+        (
+            way.name,
+            f"{way.duration:.4f} s" if way.is_planned else f"about {way.duration:.3f} s",
+            "taken" if number == 0 else "",
+        )
+        for number, way in enumerate(ways)
+    ]
+    return _table(("way", "duration", ""), rows)
+
+
+def _figures(scene: Scene) -> str:
+    """The drawings, with what is to be known of their marks."""
+    hints = {
+        "Bodies are grey, as if of glass: turn the robot to see on which side the path passes.": (
+            scene.keep_out is not None
+        ),
+        "Diamonds are via points, circles about them the spheres that are passed.": bool(
+            scene.task.via
+        ),
+    }
+    told = "".join(f" {hint}" for hint, holds in hints.items() if holds)
+    return _FIGURES.replace(_HINT, _HINT + escape(told))
+
+
+_HINT = "Up is up. Drag to turn the robot. The dotted line is the straight line."
+_FIGURES = f"""<section class="figures">
 <div class="robot-side">
 <h2>Motion</h2>
 <svg id="robot" role="img" aria-label="The robot at the instant of the time slider"></svg>
@@ -155,7 +236,7 @@ _FIGURES = """<section class="figures">
 <button type="button" data-view="top">Top</button>
 <button type="button" id="zoom" aria-pressed="false">Path only</button>
 </div>
-<p class="hint">Up is up. Drag to turn the robot. The dotted line is the straight line.</p>
+<p class="hint">{_HINT}</p>
 </div>
 <div class="curve-side">
 <h2>Every limit over time</h2>

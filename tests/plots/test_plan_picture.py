@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from matplotlib.patches import Circle, Polygon
 
 import deltaopt
 from deltaopt.output.headline import headline
@@ -87,6 +88,43 @@ def test_picture_says_what_is_true(tmp_path, monkeypatch):
         np.testing.assert_allclose(torque, line(t).tau[:, k], atol=1e-6)
         root = np.sqrt(np.mean((curve.get_ydata()) ** 2))
         assert f"RMS {root:.0f} %" in curve.get_label()
+
+
+VIA = deltaopt.load_scene(PROBLEMS / "via" / "within.yaml")
+
+
+def test_via_points_and_bodies_are_marked_from_the_side_and_from_above(tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(Figure, "savefig", lambda page, *_, **__: drawn.append(page))
+    box = {"box": {"from": (0.84, -0.05, -0.02), "to": (0.9, 0.05, 0.06)}}
+    scene = VIA.model_copy(update={"keep_out": [box]})
+    chart.draw(tmp_path / "plan.png", scene, deltaopt.baseline(VIA), {}, None)
+    (page,) = drawn
+    robot, side, above = page.axes[:3]
+    start = np.array(VIA.start)  # the move is along y, and the view from above has z towards it
+    for axes, up in ((side, lambda x: start[0] - x[0]), (above, lambda x: start[2] - x[2])):
+        marks = [line.get_xydata()[0] for line in axes.get_lines() if line.get_marker() == "D"]
+        wanted = [1e3 * np.array([v.at[1] - start[1], up(v.at)]) for v in VIA.via]
+        np.testing.assert_allclose(marks, wanted, atol=1e-9)
+        circles = [patch for patch in axes.patches if isinstance(patch, Circle)]
+        assert [circle.radius for circle in circles] == pytest.approx([10.0, 25.0])
+        np.testing.assert_allclose([circle.center for circle in circles], wanted, atol=1e-9)
+        (shadow,) = (patch for patch in axes.get_children() if isinstance(patch, Polygon))
+        corners = shadow.get_xy()
+        assert np.ptp(corners, axis=0) == pytest.approx([100, 60 if axes is side else 80])
+    circles = [patch for patch in robot.patches if isinstance(patch, Circle)]
+    assert [circle.radius for circle in circles] == pytest.approx([0.01, 0.025])
+    told = page.get_supxlabel()
+    assert "via points are diamonds, circles the spheres about them" in told
+    assert "bodies are grey shadows" in told
+
+
+def test_scenes_without_either_have_one_panel_of_the_path(tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(Figure, "savefig", lambda page, *_, **__: drawn.append(page))
+    chart.draw(tmp_path / "plan.png", SCENE, deltaopt.baseline(SCENE), {}, None)
+    chart.draw(tmp_path / "plan.png", VIA, deltaopt.baseline(VIA), {}, None)
+    assert [len(page.axes) for page in drawn] == [4, 5]
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import shutil
+from dataclasses import dataclass
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from deltaopt.cli import main
 from deltaopt.motion.active_limits import AT_LIMIT, active_limits, share_curves
 from deltaopt.planning.first_motions.initial_motion import baseline
 from deltaopt.planning.planner import plan
+from deltaopt.planning.ways import CLEAR
 from deltaopt.report.page import report, write_report
 from deltaopt.scene.scene import load_scene
 from deltaopt.verify.verification import verify
@@ -165,6 +167,69 @@ def test_embedded_frames_are_the_motion(planned, page):
     np.testing.assert_allclose(data["frames"]["theta"], motion.theta, rtol=0, atol=1e-7)
 
 
+# Bodies, via points, other ways
+
+BODIES = [
+    {"sphere": {"centre": (0.87, 0.0, 0.02), "radius": 0.02}},
+    {"box": {"from": (0.86, -0.05, -0.06), "to": (0.9, 0.05, -0.02)}},
+    {"cylinder": {"from": (0.87, 0.1, 0.05), "to": (0.9, 0.1, 0.05), "radius": 0.01}},
+    {"half_space": {"point": (0.95, 0, 0), "normal": (1, 0, 0)}},
+    {"hull": {"points": [(0.9, 0, 0), (0.92, 0, 0), (0.9, 0.02, 0), (0.9, 0, 0.02)]}},
+]
+NARROW = load_scene(PROBLEMS / "via" / "within.yaml").model_copy(update={"keep_out": BODIES})
+
+
+@dataclass(frozen=True)
+class Other:
+    name: str
+    duration: float
+    is_planned: bool
+
+
+@dataclass(frozen=True)
+class Compared:
+    ways: tuple[Other, ...] = ()
+    optima: tuple[float, ...] = ()
+
+
+OVER, UNDER = Other("above keep_out[0]", 0.1234567, True), Other("below keep_out[0]", 0.2, False)
+
+
+@pytest.mark.parametrize(
+    ("compared", "says"),
+    [
+        (None, "Motions that lead another way were not compared."),
+        (Compared(), "Motions that lead another way were not compared."),
+        (Compared((OVER, UNDER)), "It was compared with one other way past the bodies."),
+        (Compared((OVER, UNDER, UNDER)), "It was compared with 2 other ways past the bodies."),
+        (Compared((OVER,)), "No other way past the bodies was found."),
+        (Compared((Other(CLEAR, 0.1, True),)), "It keeps clear of all bodies without a detour."),
+        (Compared((), (0.1, 0.2)), "It was compared with one other local optimum."),
+    ],
+)
+def test_it_says_with_what_it_was_compared(planned, compared, says):
+    found, verification = planned
+    text = str(Text(report(SCENE, found.trajectory, verification, found.gap, (), compared)))
+    assert says in text
+    assert ("not compared" in text) == ("not compared" in says)
+    several = compared is not None and len(compared.ways) > 1
+    assert ("Ways past the bodies" in text) == several
+    if several:
+        assert "above keep_out[0] 0.1235 s taken below keep_out[0] about 0.200 s" in text
+
+
+def test_bodies_are_told_and_collisions_with_others_are_not_modelled(planned):
+    line = baseline(NARROW)
+    text = str(Text(report(NARROW, line, verify(NARROW, line))))
+    assert "Bodies are grey" in text
+    assert "Diamonds are via points" in text
+    assert "collisions with anything but the bodies of the scene" in text
+    found, verification = planned
+    plain = str(Text(report(SCENE, found.trajectory, verification, found.gap)))
+    assert "Bodies are grey" not in plain
+    assert "Diamonds" not in plain
+
+
 # In a browser
 
 
@@ -236,6 +301,49 @@ def test_the_robot_is_drawn_where_it_is(browser, planned, page):
     assert np.ptp(seen, axis=0).min() > 1.0
     assert opened.said == []
     assert opened.asked == [page.as_uri()]
+    opened.page.close()
+
+
+@pytest.fixture(scope="module")
+def narrow(tmp_path_factory) -> Path:
+    """The page of a motion past bodies of all kinds, with via points."""
+    file, line = tmp_path_factory.mktemp("narrow") / "report.html", baseline(NARROW)
+    write_report(file, NARROW, line, verify(NARROW, line))
+    return file
+
+
+def test_bodies_and_via_points_are_drawn_where_they_are(browser, narrow):
+    """In the front view y is to the right and x down, in the view from above z is down."""
+    opened = Opened(browser, narrow)
+    for view, right, down in (("front", 1, 0), ("top", 1, 2)):
+        opened.page.locator(f"[data-view={view}]").click()
+        drawn = [opened.page.locator(f"#body{i}") for i in range(1, 6)]
+
+        def extent(i, right=right, down=down, drawn=drawn):
+            points = drawn[i].locator("polygon").get_attribute("points")
+            return np.ptp(np.array([p.split(",") for p in points.split()], dtype=float), axis=0)
+
+        circle = [float(drawn[0].locator("circle").get_attribute(n)) for n in ("cx", "cy", "r")]
+        marks = opened.page.locator(".via circle")
+        spheres = [
+            [float(marks.nth(i).get_attribute(n)) for n in ("cx", "cy", "r")] for i in (0, 1)
+        ]
+        expected = [[each.at[right], each.at[down], each.within] for each in NARROW.via]
+        # Where the drawing's origin is does not matter: against the first via point.
+        shift = np.append(np.subtract(spheres[0][:2], 1e3 * np.array(expected[0][:2])), 0.0)
+        np.testing.assert_allclose(spheres, 1e3 * np.array(expected) + shift, atol=2e-3)
+        sphere = BODIES[0]["sphere"]
+        wanted = [sphere["centre"][right], sphere["centre"][down], sphere["radius"]]
+        np.testing.assert_allclose(circle, 1e3 * np.array(wanted) + shift, atol=2e-3)
+        ends = np.array([BODIES[1]["box"][end] for end in ("from", "to")])
+        np.testing.assert_allclose(extent(1), 1e3 * np.ptp(ends, axis=0)[[right, down]], atol=2e-2)
+        np.testing.assert_allclose(extent(4), [20, 20], atol=2e-2)
+        assert drawn[1].locator("polyline").count() == 12
+        assert drawn[2].locator("polyline").count() == 2
+        assert drawn[3].locator("polyline").count() == 1
+        assert drawn[3].locator("polygon").get_attribute("points") == ""
+    assert drawn[0].locator("title").text_content() == "keep_out[0], a sphere"
+    assert opened.said == []
     opened.page.close()
 
 

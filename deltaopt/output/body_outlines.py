@@ -1,0 +1,78 @@
+"""Keep-out bodies for pictures: points of which a body is the convex hull, and its edges."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deltaopt.robot.tool import Box, Sphere
+from deltaopt.scene.bodies import Body, Cylinder, HalfSpace
+
+Array = NDArray[np.float64]
+
+_ROUND = 48
+"""Points around a circle."""
+
+
+def corners_of(body: Body, far: float) -> Array:
+    """Points of a body of which it is the convex hull, about, (N, 3), m. A half-space is drawn as
+    far as ``far`` (m) about its point and behind it."""
+    shape = body.shape
+    if isinstance(shape, Box):
+        corners = np.array(list(product((-1.0, 1.0), repeat=3)))
+        return np.asarray(np.array(shape.centre) + corners * shape.half)
+    if isinstance(shape, Sphere):
+        up, around = np.meshgrid(np.linspace(0, np.pi, _ROUND // 2), _angles())
+        directions = [np.cos(up), np.sin(up) * np.cos(around), np.sin(up) * np.sin(around)]
+        ball = np.stack(directions, axis=-1).reshape(-1, 3)
+        return np.asarray(np.array(shape.centre) + shape.radius * ball)
+    if isinstance(shape, Cylinder):
+        return np.vstack(_rims(shape))
+    if isinstance(shape, HalfSpace):
+        plane, normal = _disc(shape, np.array(shape.point), far)
+        return np.vstack([plane, plane + far * normal])
+    return np.array(shape.points)
+
+
+def edges_of(body: Body, about: Array, far: float) -> list[Array]:
+    """Lines that show a body's shape, each (n, 3), m: the edges of a box, the rims of a cylinder,
+    of a half-space a circle in its plane of radius ``far`` about the place nearest to ``about``, m.
+    A sphere and a hull have none."""
+    shape = body.shape
+    if isinstance(shape, Box):
+        corners = corners_of(body, far)
+        pairs = [(i, i | bit) for i in range(8) for bit in (1, 2, 4) if not i & bit]
+        return [corners[[i, j]] for i, j in pairs]
+    if isinstance(shape, Cylinder):
+        return _rims(shape)
+    if isinstance(shape, HalfSpace):
+        normal = np.array(shape.normal) / np.linalg.norm(shape.normal)
+        nearest = about - ((about - shape.point) @ normal) * normal
+        return [_disc(shape, nearest, far)[0]]
+    return []
+
+
+def _rims(shape: Cylinder) -> list[Array]:
+    begin, end = (np.array(each) for each in shape.ends)
+    ring = shape.radius * _ring((end - begin) / shape.length)
+    return [begin + ring, end + ring]
+
+
+def _disc(shape: HalfSpace, middle: Array, radius: float) -> tuple[Array, Array]:
+    """A circle in the plane of a half-space, (N, 3), m, and the plane's normal, (3,)."""
+    normal = np.array(shape.normal) / np.linalg.norm(shape.normal)
+    return middle + radius * _ring(normal), normal
+
+
+def _angles() -> Array:
+    return np.linspace(0, 2 * np.pi, _ROUND)
+
+
+def _ring(axis: Array) -> Array:
+    """A circle of radius 1 about an axis, (N, 3)."""
+    first = np.cross(axis, np.eye(3)[np.abs(axis).argmin()])
+    first /= np.linalg.norm(first)
+    second, angles = np.cross(axis, first), _angles()[:, None]
+    return np.asarray(np.cos(angles) * first + np.sin(angles) * second)
