@@ -237,6 +237,11 @@ class Constraints:
         return self._of_rows([isinstance(limit, SlidingLimit) for limit in self.limits], np.bool)
 
     @cached_property
+    def in_phases(self) -> Truths:
+        """Rows of positions that hold in some phases of a motion, (rows,)."""
+        return self._of_rows([isinstance(limit, PhasedLimit) for limit in self.limits], np.bool)
+
+    @cached_property
     def has_convex(self) -> bool:
         """Whether there are any."""
         return bool(self.convex.any())

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from deltaopt.errors import DeltaOptError, Infeasible, NotConverged, Unreachable
 from deltaopt.motion.effort import cost as cost_of
+from deltaopt.motion.sure_bounds import sure_excess
 from deltaopt.motion.time_scaling import highest_rows, loads_inside
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.initial_motion import waiting_motions
@@ -320,8 +321,9 @@ def _excesses(scaling: Scaling, trajectory: Trajectory) -> Array:
 
     For accelerations and torques: the largest sample in the interval, and the largest value of the
     motion where that lies. For velocities: the largest of the motion in all intervals, since
-    neighbouring intervals share their velocity. For margins of position that only the planner
-    keeps 0: their rows are not tightened.
+    neighbouring intervals share their velocity. For distances from bodies: what is surely kept at
+    all instants. For margins of position that only the planner keeps 0: their rows are not
+    tightened.
     """
     constraints = scaling.constraints
     sizes = constraints.size(loads_inside(scaling.scene, trajectory, _FRACTIONS).rows)
@@ -331,6 +333,8 @@ def _excesses(scaling: Scaling, trajectory: Trajectory) -> Array:
     sizes[at] = np.maximum(sizes[at], highest.values)
     velocity = constraints.of_order(1)
     sizes[:, velocity] = highest.values[velocity].max(initial=0.0)
+    if constraints.has_convex:
+        sizes[:, constraints.convex] = 1 + sure_excess(scaling.scene, trajectory.position)
     sizes[:, (constraints.orders == 0) & ~constraints.of_place] = 0.0
     return np.asarray(np.maximum(sizes - 1, 0.0))
 

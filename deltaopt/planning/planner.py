@@ -27,7 +27,7 @@ from deltaopt.planning.nlp.problem import ProblemFormulation, Solver
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 from deltaopt.planning.path.path_planning import NAME as ON_PATH
 from deltaopt.planning.path.path_planning import fastest_on_path
-from deltaopt.planning.plan import Plan
+from deltaopt.planning.plan import Plan, quicker
 from deltaopt.planning.refinement import Progress
 from deltaopt.planning.search import Attempt, Search
 from deltaopt.planning.trajectory_optimiser import (
@@ -35,7 +35,7 @@ from deltaopt.planning.trajectory_optimiser import (
     RESOLVED_BELOW,
     TrajectoryOptimiser,
 )
-from deltaopt.planning.ways import CLEAR, TakenWay, fastest_way, is_clear
+from deltaopt.planning.ways import CLEAR, TakenWay, clear_motions, fastest_way, is_clear
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.moving_ends import Anywhere, End, Start, State
@@ -251,7 +251,10 @@ class Planner:
             return self._past_bodies(scene, report)
         if starts == 1:
             return self._search(scene, report)
-        return self._best(scene, first_motions(scene, starts, seed), report)
+        motions = first_motions(scene, starts, seed)
+        if limits_of(scene).constraints.has_convex:
+            motions = clear_motions(scene, motions, starts)
+        return self._best(scene, motions, report)
 
     def _search(self, scene: Scene, report: Progress) -> Plan:
         """Plan from first motions in order of merit, until a plan is within the tolerance; then
@@ -382,7 +385,11 @@ class Planner:
             attempt = search.from_motion(motion)
             if attempt:
                 self._make(search.with_remedies(attempt), search, report)
-        return replace(search.best(), optima=_optima(search), solve_seconds=perf_counter() - begin)
+        best = search.best()
+        if not best.within_tolerance and isinstance(scene.objective, Time):
+            # Another that is hardly longer may know better how near it is to the optimum.
+            best = replace(best, gap=min(quicker(best, each).gap for each in search.plans))
+        return replace(best, optima=_optima(search), solve_seconds=perf_counter() - begin)
 
     def _past_bodies(self, scene: Scene, report: Progress) -> Plan:
         """Plan past keep-out bodies: as if there were none, where that motion is clear of all;

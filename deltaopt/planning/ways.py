@@ -212,6 +212,23 @@ def ways_around(scene: Scene, first: Trajectory) -> list[Way]:
     return sorted(found, key=lambda way: way.motion.duration)
 
 
+def clear_motions(scene: Scene, motions: Iterator[Trajectory], number: int) -> Iterator[Trajectory]:
+    """As many first motions clear of all bodies, from motions that may run into these: all ways
+    around bodies from the first of them, then from the next. A motion that none leads around is
+    given as it is, and each path once."""
+    paths = list[Array]()
+    for motion in motions:
+        for each in [way.motion for way in ways_around(scene, motion)] or [motion]:
+            path = _sampled(each)
+            length = float(np.linalg.norm(path[-1] - path[0]))
+            if any(np.abs(path - other).max() < _SAME * length for other in paths):
+                continue
+            paths.append(path)
+            yield each
+            if len(paths) == number:
+                return
+
+
 def _through_passages(scene: Scene, bodies: _Bodies) -> Iterator[Way]:
     """The way along the shortest path of straight lines, rounded as far as bodies allow; with a
     stop at each of its corners where they do not."""

@@ -202,3 +202,14 @@ def test_settings_that_do_not_apply_are_refused():
         plan(SCENE, starts=2)
     with pytest.raises(ValueError, match="formulation is forward"):
         plan(SCENE, formulation=deltaopt.forward)
+
+
+def test_a_cylinder_of_a_micrometre():
+    """Cubics are as far beyond it between points as these may be from the axis."""
+    scene = approaching(0.025, 1e-6)
+    own, wide = plan(scene), plan(approaching(0.025, 1e-4))
+    verified = verify(scene, own.trajectory)
+    assert verified.ok, verified.failures()
+    assert outside(scene, own.trajectory) <= 1e-9
+    assert own.within_tolerance
+    assert wide.duration < own.duration < 1.02 * wide.duration

@@ -116,6 +116,14 @@ def test_a_passage_is_found(millimetres):
     assert len(found.ways) == 1
 
 
+def test_several_first_guesses_are_led_around_bodies():
+    wall = load_scene(PROBLEMS / "keep_out" / "wall_25_305_25.yaml")
+    found = plan(wall, starts=3)
+    assert verify(wall, found.trajectory).ok
+    assert found.within_tolerance
+    assert found.duration == pytest.approx(plan(wall).duration, rel=2e-3)
+
+
 def test_where_there_is_no_way_the_reason_says_what_was_searched():
     scene = with_bodies(*slot(-1e-3, 0.01), radius=0.01)
     reason = "clear of all bodies, but no way past these is found: neither bends to four sides"
@@ -154,3 +162,13 @@ def limits_of_free() -> tuple[object, ...]:
     from deltaopt.scene.scene import limits_of
 
     return limits_of(CROSS).constraints.limits
+
+
+def test_effort_past_a_sharp_edge():
+    """Distances have kinks at its edges, which no peak between samples shows."""
+    scene = with_bodies(
+        box([0.80, -0.02, -0.3], [1.5, 0.05, 0.3]), objective="effort", duration=0.3
+    )
+    found = plan(scene, tolerance=1e-2)
+    verified = verify(scene, found.trajectory)
+    assert verified.ok, verified.failures()

@@ -37,6 +37,9 @@ much."""
 _SMALLEST_SHARE_OF_PLACES = 0.5
 """The same for bulges over bodies and out of a tube, which motions on coarse meshes cut off
 deeply."""
+_SMALLEST_SHARE_OF_APPROACH = 0.2
+"""The same of an approach: in a cylinder of micrometres a cubic is as far beyond it between points
+as these are from its axis, and hardly any time is to be gained there."""
 _SHARPEST = 2e-5
 """Least distance in m that motions are planned at from bodies whose edges neither tool nor
 clearance rounds: edges then have this radius. Less is slower to solve; it costs this distance times
@@ -98,10 +101,11 @@ class Overshoot:
         used = 1 - scaling.shares(len(self.mesh))[inside]
         is_whole = mesh > 0.99 * self.mesh[inside]
         over = np.maximum(over, _KEPT_SHARE * used * is_whole[:, None])
-        slid_along = scaling.constraints.slid_along
-        share = np.maximum(
-            1 - over, np.where(slid_along, _SMALLEST_SHARE_OF_PLACES, _SMALLEST_SHARE)
+        smallest = np.where(
+            scaling.constraints.slid_along, _SMALLEST_SHARE_OF_PLACES, _SMALLEST_SHARE
         )
+        smallest[scaling.constraints.in_phases] = _SMALLEST_SHARE_OF_APPROACH
+        share = np.maximum(1 - over, smallest)
         untouched = (mesh > TIGHTENED)[:, None] & np.logical_not(self.anywhere)
         share = np.where(untouched, UNTIGHTENED, share)
         return replace(scaling, share=share)
