@@ -16,7 +16,11 @@ from deltaopt.dynamics.lagrange import Multiplier
 from deltaopt.errors import DeltaOptError, Infeasible
 from deltaopt.files.validated_record import Vector3
 from deltaopt.motion.trajectory import Motion, PiecewisePolynomial, Trajectory
-from deltaopt.planning.first_motions.moving_ends import first_moving_motions
+from deltaopt.planning.first_motions.belt import not_met
+from deltaopt.planning.first_motions.moving_ends import (
+    first_moving_motions,
+    intervals_after_waiting,
+)
 from deltaopt.planning.first_motions.multistart import Optimum, distinct, first_motions
 from deltaopt.planning.first_motions.order_of_merit import first_motion
 from deltaopt.planning.first_motions.through_gates import through_gates
@@ -333,14 +337,15 @@ class Planner:
         """The plan from the first of some motions that leads to one, or the first error."""
         failures, optimiser = list[DeltaOptError](), self._optimiser
         for motion in motions:
-            attempt = Attempt(scene, motion, self.intervals, optimiser.accuracy)
+            intervals = intervals_after_waiting(motion, self.intervals)
+            attempt = Attempt(scene, motion, intervals, optimiser.accuracy)
             try:
                 return optimiser.fastest(attempt, report)
             except ENDS_AN_ATTEMPT as error:
                 report(str(error))
                 failures.append(error)
         none = Infeasible("no simple motion through all given points stays within reach")
-        return failures[0] if failures else none
+        return not_met(scene, len(failures), failures[0]) if failures else none
 
     def _plan_on_path(self, scene: Scene, task: OnPath, starts: int, report: Progress) -> Plan:
         """Plan the fastest motion on the path that a scene gives: there is one, and no guess.

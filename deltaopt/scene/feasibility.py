@@ -130,7 +130,7 @@ def _require_exact_passages(scene: Scene, numbered: list[tuple[int, Vector3]]) -
     for number, point in numbered:
         name = f"via {number}"
         _require_reach(model, name, point)
-        for sentence in _exceeded(scene, EndState(point), orders=1):
+        for sentence in exceeded(scene, EndState(point), orders=1):
             raise Infeasible(f"{name}: at {in_words(point)} m the {sentence}")
         _require_departure(model, name, point)
 
@@ -152,7 +152,7 @@ def _check_moving_ends(scene: Scene) -> None:
         if there and (np.abs(rows) <= 1).all() and distances.min() > _CLEAR:
             continue
         _require_reach(model, name, end.position)
-        for sentence in _exceeded(scene, end):
+        for sentence in exceeded(scene, end):
             moving = "at rest" if end.velocity == REST else f"at {in_words(end.velocity)} m/s"
             raise Infeasible(f"{name}: {moving} at {in_words(end.position)} m the {sentence}")
         _require_departure(model, name, end.position)
@@ -306,7 +306,7 @@ def _require_rest(model: DeltaModel, scene: Scene, name: str, point: Vector3) ->
         raise Unreachable(f"{name}: {error}") from None
     for sentence in _too_near(scene, point):
         raise Infeasible(f"{name}: at {in_words(point)} m the tool {sentence}")
-    for sentence in _exceeded(scene, EndState(point)):
+    for sentence in exceeded(scene, EndState(point)):
         raise Infeasible(f"{name}: at rest at {in_words(point)} m the {sentence}")
 
 
@@ -328,7 +328,7 @@ def _too_near(scene: Scene, point: Vector3) -> Iterator[str]:
             yield f"is {1e3 * distance:.4g} mm from {body}, where {asked}"
 
 
-def _exceeded(scene: Scene, end: EndState, orders: int = 3) -> Iterator[str]:
+def exceeded(scene: Scene, end: EndState, orders: int = 3) -> Iterator[str]:
     """A phrase for each limit that is exceeded with the platform in a state: those of torque and
     acceleration only if it is at rest, for else these are not known yet.
 

@@ -186,7 +186,9 @@ class MovingEnds:
             return "the fastest stop"
         if isinstance(self.goal, MovingPoint):
             return f"to a point on a belt{through}, path free"
-        return f"from state to state{through}, path free"
+        if self.goal.velocity == REST:
+            return f"from a state to rest{through}, path free"
+        return f"to a point that stands still, passed at a velocity{through}, path free"
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from math import ceil
 
 import numpy as np
 
@@ -16,10 +17,11 @@ from deltaopt.errors import DeltaOptError
 from deltaopt.files.validated_record import Vector3
 from deltaopt.motion.time_scaling import sizes_at
 from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
+from deltaopt.planning.first_motions.belt import Meetings
 from deltaopt.planning.first_motions.order_of_merit import first_motion
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.scene import Scene
-from deltaopt.scene.task import REST, EndState, MovingEnds, RestAnywhere
+from deltaopt.scene.task import REST, EndState, MovingEnds, MovingPoint, RestAnywhere
 
 _COARSE = np.array([2.0**k for k in range(-12, 5)])
 """Durations that are looked at first, s: from motions of a millimetre to those of giants."""
@@ -27,6 +29,11 @@ _FINE = np.array([2.0 ** (k / 6) for k in range(-6, 7)])
 """Durations that are looked at then, in units of the best of the first."""
 _SAMPLES = np.linspace(0.0, 1.0, 9)
 """Fractions of a quintic at which its limits are looked at: it is only a guess."""
+_SOONEST, _LEAST_WAIT = 3, 1e-3
+"""At how many of the first times at which a belt can be met motions that wait for it meet it, and
+the least wait as a share of the motion then."""
+_MOST = 100
+"""By which factor a mesh may be finer for a motion that waits first. A finer one takes seconds."""
 _NEARLY = 1.2
 """Excess over its limits with which a guess is good enough: the optimum bends away from it."""
 
@@ -50,6 +57,7 @@ def first_moving_motions(
     direct = from_state_to_state(scene)
     if direct is not None:
         yield direct
+    yield from _waiting(scene)
     if under_way is not None:
         yield from _onwards(scene, under_way)
     stop = _quintic(scene, lambda T: (task.start, EndState(_stopped(task.start, T))))
@@ -60,9 +68,73 @@ def first_moving_motions(
 def from_state_to_state(scene: Scene) -> Trajectory | None:
     """The shortest quintic that nearly keeps the limits at samples, or the one that exceeds them
     least; None if none stays within reach."""
+    return shortest_to_goal(scene, _quintics_to_goal(scene))
+
+
+def _quintics_to_goal(scene: Scene) -> Family:
     task = scene.task
     assert isinstance(task, MovingEnds)
-    return _quintic(scene, lambda T: _ends(task.start, task, T))
+    return _quintics(lambda T: _ends(task.start, task, T))
+
+
+def shortest_to_goal(scene: Scene, family: Family) -> Trajectory | None:
+    """``shortest_of`` a family of motions to the goal of a scene. On a belt that goal is in reach
+    for some time alone: of durations at which it can be met where others do not lead there.
+
+    Raises Infeasible where the belt cannot be met.
+    """
+    goal = scene.task.goal
+    found = shortest_of(scene, family)
+    if not isinstance(goal, MovingPoint):
+        return found
+    meetings = Meetings.of(scene, goal).require_any()
+    if found is not None and meetings.is_possible_at(found.duration):
+        return found
+    return shortest_of(scene, family, meetings.durations) or found
+
+
+def _waiting(scene: Scene) -> Iterator[Trajectory]:
+    """Motions that wait at a start at rest for a belt that cannot be met yet, and meet it soon
+    after it can be."""
+    task = scene.task
+    if not isinstance(task.goal, MovingPoint) or task.start.velocity != REST:
+        return
+    meetings = Meetings.of(scene, task.goal)
+    if meetings.is_possible_at(0.0):
+        return
+    for time in meetings.durations[:_SOONEST].tolist():
+        found = shortest_of(scene, _after_waiting(task.start, task.goal, time), _COARSE)
+        if found is not None:
+            yield found
+
+
+def intervals_after_waiting(motion: Trajectory, intervals: int) -> int:
+    """How many equal intervals a motion needs so that what follows a wait at its start has those
+    given, at most ``_MOST`` times as many."""
+    waits = not motion.position.coefficients[0, 1:].any()
+    moving = motion.duration - (float(np.diff(motion.knots)[0]) if waits else 0.0)
+    return ceil(intervals * min(motion.duration / moving, _MOST))
+
+
+def _after_waiting(start: EndState, goal: MovingPoint, time: float) -> Family:
+    """Quintics of some durations that meet a belt at a time, s, at rest at the start until then."""
+
+    def family(durations: Array) -> tuple[Array, Array]:
+        waits = np.maximum(time - durations, _LEAST_WAIT * durations)
+        ends = [goal.at(T, goal.position) for T in (waits + durations).tolist()]
+        pairs = zip(ends, durations.tolist(), strict=True)
+        moving = np.array([_quintic_between(start, *pair) for pair in pairs])
+        still = np.zeros_like(moving)
+        still[:, 0] = start.position
+        return np.stack([still, moving], axis=1), np.column_stack([waits, durations])
+
+    return family
+
+
+def _quintic_between(start: EndState, end: EndState, duration: float) -> Array:
+    """Coefficients of the quintic between two states, (6, 3)."""
+    (found,) = _coefficients(lambda _: (start, end), np.array([duration]))
+    return np.asarray(found)
 
 
 def from_rest(scene: Scene, place: Vector3) -> Scene:
@@ -104,13 +176,19 @@ def _stopped(start: EndState, duration: float) -> Vector3:
 def _quintic(scene: Scene, states: States) -> Trajectory | None:
     """The shortest quintic between states that nearly keeps the limits at samples, or the one that
     exceeds them least; None if none stays within reach."""
-    return shortest_of(scene, lambda T: (_coefficients(states, T)[:, None], T[:, None]))
+    return shortest_of(scene, _quintics(states))
 
 
-def shortest_of(scene: Scene, family: Family) -> Trajectory | None:
+def _quintics(states: States) -> Family:
+    """The quintics between states."""
+    return lambda durations: (_coefficients(states, durations)[:, None], durations[:, None])
+
+
+def shortest_of(scene: Scene, family: Family, durations: Array = _COARSE) -> Trajectory | None:
     """The shortest motion of a family that nearly keeps the limits at samples, or the one that
-    exceeds them least; None if none stays within reach."""
-    best = _best(scene, family, _COARSE)
+    exceeds them least; None if none stays within reach. ``durations``: that are looked at first, s,
+    increasing."""
+    best = _best(scene, family, durations) if len(durations) else None
     best = None if best is None else _best(scene, family, best * _FINE)
     if best is None:
         return None

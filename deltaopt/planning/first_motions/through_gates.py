@@ -17,12 +17,13 @@ from deltaopt.errors import DeltaOptError
 from deltaopt.files.validated_record import Vector3
 from deltaopt.motion.time_scaling import rough_factor
 from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
-from deltaopt.planning.first_motions.moving_ends import from_state_to_state, shortest_of
+from deltaopt.planning.first_motions.belt import Meetings
+from deltaopt.planning.first_motions.moving_ends import from_state_to_state, shortest_to_goal
 from deltaopt.planning.first_motions.order_of_merit import first_motion
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.moving_ends import Belt
 from deltaopt.scene.scene import Scene
-from deltaopt.scene.task import MovingEnds, ViaPoint, given_goal
+from deltaopt.scene.task import MovingEnds, MovingPoint, ViaPoint, given_goal
 
 _WELL_INSIDE = 0.9
 """Share of the radius of a via point's sphere at which a first motion passes it at most: inside, so
@@ -35,8 +36,10 @@ spheres overlap, and that it leaves."""
 def through_gates(scene: Scene) -> Iterator[Trajectory]:
     """First guesses, the best first: splines through all points, and motions from point to point
     that stop at each. Knots are at the points: places of via points, or those straight above start
-    and goal where an approach ends."""
+    and goal where an approach ends. Raises Infeasible for a belt that cannot be met."""
     moving, ways = isinstance(scene.task, MovingEnds), list(_places(scene))
+    if isinstance(scene.task.goal, MovingPoint):
+        Meetings.of(scene, scene.task.goal).require_any()
     for places in ways:
         for power in (0.5, 1.0):
             with suppress(DeltaOptError):
@@ -99,7 +102,7 @@ def _moving_spline(scene: Scene, places: Array, power: float) -> Trajectory | No
         coefficients, lengths = zip(*found, strict=True)
         return np.array(coefficients), np.array(lengths)
 
-    return shortest_of(scene, splines)
+    return shortest_to_goal(scene, splines)
 
 
 def _lengths(points: Array, power: float) -> Array:

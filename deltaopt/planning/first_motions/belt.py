@@ -1,0 +1,147 @@
+"""When a goal on a belt can be met: where the platform can be there at the belt's velocity."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deltaopt.errors import DeltaOptError, Infeasible, NotConverged, in_words
+from deltaopt.motion.time_scaling import sizes_at
+from deltaopt.motion.trajectory import Array
+from deltaopt.scene.feasibility import exceeded
+from deltaopt.scene.scene import Scene, limits_of
+from deltaopt.scene.task import REST, EndState, MovingPoint, RestAnywhere
+
+_PLACES = 240
+"""Places of a belt's way that are looked at: of a way of three metres one each 12 mm."""
+_TRIED = 24
+"""Durations of first motions among those at which the belt can be met."""
+
+
+@dataclass(frozen=True, eq=False)
+class Meetings:
+    """The way of a belt near the robot, looked at in ``_PLACES`` places.
+
+    ``times``: when the goal is there, s after the motion's start, increasing; none if it never
+    comes near. ``near``: how near the base's centre that is, m. ``sizes``: of the limits of
+    position and speed with the platform there at the belt's velocity, 1 at a limit, (N, rows); not
+    a number out of reach.
+    """
+
+    scene: Scene
+    goal: MovingPoint
+    near: float
+    times: Array
+    sizes: Array
+
+    @classmethod
+    def of(cls, scene: Scene, goal: MovingPoint) -> Meetings:
+        """Where the belt is from the motion's start on and while it is near the robot."""
+        near = _reach(scene)
+        times = _times_within(goal, near)
+        if not len(times):
+            return cls(scene, goal, near, times, np.zeros((0, 1)))
+        since = times - times[0]
+        line = np.array([[goal.at(times[0], goal.position).position, goal.velocity]])
+        fractions = since / since[-1]
+        sizes = sizes_at(scene, line, since[-1:], fractions)[0]
+        return cls(scene, goal, near, times, sizes[:, limits_of(scene).constraints.orders < 2])
+
+    @cached_property
+    def possible(self) -> NDArray[np.bool]:
+        """At which of the times the belt can be met as far as positions and speeds go, (N,)."""
+        return np.asarray((self.sizes <= 1).all(axis=1))  # False where not a number
+
+    @property
+    def durations(self) -> Array:
+        """Some of the times at which it can be met, increasing, s: of motions that meet it."""
+        found = self.times[self.possible & (self.times > 0)]
+        chosen = np.linspace(0, len(found) - 1, min(_TRIED, len(found))).round()
+        return np.asarray(found[chosen.astype(int)])
+
+    def is_possible_at(self, duration: float) -> bool:
+        """Whether it can be met after a duration, s, as far as the places tell."""
+        nearest = np.abs(self.times - duration).argmin() if len(self.times) else 0
+        inside = len(self.times) and self.times[0] <= duration <= self.times[-1]
+        return bool(inside and self.possible[nearest])
+
+    def require_any(self) -> Meetings:
+        """These themselves; raises Infeasible where the belt cannot be met, with what was looked
+        at."""
+        if not len(self.times):
+            raise Infeasible(
+                f"goal: the point at {self.goal.description} is never within {self.near:.3g} m of "
+                "the base's centre, farther than the chains reach"
+            )
+        if self.possible.any():
+            return self
+        begin, end = self.times[[0, -1]]
+        raise Infeasible(
+            f"goal: the platform can nowhere meet {self.goal.description}: at none of "
+            f"{len(self.times)} places of its way within {self.near:.3g} m of the base's centre, "
+            f"which it passes {begin:.3g} to {end:.3g} s after the start, {self._least_excess}"
+        )
+
+    @property
+    def _least_excess(self) -> str:
+        """What is in the way where least is."""
+        most = self.sizes.max(axis=1)
+        if not np.isfinite(most).any():
+            return "do the chains reach it"
+        best = int(np.nanargmin(most))
+        place = self.goal.at(float(self.times[best]), self.goal.position)
+        for phrase in exceeded(self.scene, EndState(place.position, place.velocity)):
+            return (
+                "are position and speed within the limits; nearest to them at "
+                f"{in_words(place.position)} m the {phrase}"
+            )
+        return "are position and speed within the limits"
+
+    @property
+    def in_words(self) -> str:
+        """When and where it can be met: from the first place to the last, gaps left out."""
+        first, last = self.times[self.possible][[0, -1]].tolist()
+        places = (in_words(self.goal.at(t, self.goal.position).position) for t in (first, last))
+        return f"from {first:.3g} to {last:.3g} s after the start, {' to '.join(places)} m"
+
+
+def not_met(scene: Scene, tried: int, error: DeltaOptError) -> DeltaOptError:
+    """The error of first motions, ``tried`` in vain, in words of the goal if that moves."""
+    goal = scene.task.goal
+    if isinstance(goal, RestAnywhere) or goal.velocity == REST:
+        return error
+    motions = "one first motion" if tried == 1 else f"{tried} first motions"
+    place = f"passes {goal.description}, a point that stands still"
+    if isinstance(goal, MovingPoint):
+        allowed = Meetings.of(scene, goal).in_words
+        place = f"meets {goal.description}, which positions and speeds allow {allowed}"
+    told = NotConverged(
+        f"no motion was found that {place}; tried from {motions}, and none that keeps all limits "
+        "was reached",
+        getattr(error, "status", "No_Start"),
+        getattr(error, "iterate", None),
+    )
+    told.__cause__ = error
+    return told
+
+
+def _reach(scene: Scene) -> float:
+    """A distance from the base's centre that the tool's point never exceeds, m."""
+    robot = scene.robot
+    lengths = robot.base_radius, robot.upper_arm.length, robot.forearm.length, robot.platform_radius
+    return float(sum(lengths) + np.linalg.norm(robot.tool_offset))
+
+
+def _times_within(goal: MovingPoint, radius: float) -> Array:
+    """Instants from 0 on at which a goal on a belt is within a radius (m) of the base's centre,
+    (N,), s."""
+    x, v = np.array(goal.position), np.array(goal.velocity)
+    square, along = float(v @ v), float(x @ v)
+    left = along**2 - square * (float(x @ x) - radius**2)
+    if left <= 0 or -along + left**0.5 <= 0:
+        return np.zeros(0)
+    begin, end = max((-along - left**0.5) / square, 0.0), (-along + left**0.5) / square
+    return np.linspace(begin, end, _PLACES)

@@ -1,0 +1,130 @@
+"""Belts that leave, come, or cannot be met: when the robot can be there, and what is said."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from deltaopt import (
+    Belt,
+    DeltaOptError,
+    Infeasible,
+    NotConverged,
+    load_scene,
+    plan,
+    verify,
+)
+from deltaopt.planning.first_motions.belt import Meetings, not_met
+from deltaopt.robot.model import delta_model
+
+SCENE = load_scene("problems/moving/belt.yaml")
+FASTEST = SCENE.robot.drive.speed
+
+
+def towards(at, belt, **changed):
+    return SCENE.model_copy(update={"goal": Belt(at=at, belt=belt), **changed})
+
+
+def refusal(scene) -> str:
+    with pytest.raises(Infeasible) as error:
+        plan(scene)
+    return str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("at", "belt", "says"),
+    [
+        ((0.85, 3.0, 1.0), (0, 0, -1.0), "is never within 1.28 m of the base's centre"),
+        ((2.0, 0.0, 0.0), (0, 0.5, 0), "is never within 1.28 m of the base's centre"),
+        ((0.85, 0.05, 0.5), (0, 0, 1.0), "which it passes 0 to 0.456 s after the start, do the"),
+        ((0.85, 0.05, 0.1), (0, 0, 5.0), "the speed of motor 3 is -10.26 rad/s, where at least"),
+        ((0.85, 0.05, 1.0), (0, 0, -20.0), "at none of 240 places of its way within 1.28 m"),
+        ((0.85, 0.05, 0.1), (0, 0, 1e6), "are position and speed within the limits; nearest"),
+    ],
+)
+@pytest.mark.parametrize("via", [None, [(0.82, -0.02, 0.0)]])
+def test_a_belt_that_cannot_be_met_ends_in_a_sentence_on_what_was_searched(at, belt, says, via):
+    said = refusal(towards(at, belt, via=via))
+    assert said.startswith("goal: ")
+    assert says in said
+    assert "Ipopt" not in said
+
+
+def test_a_belt_that_leaves_too_soon_ends_in_a_sentence_on_when_it_can_be_met():
+    """It is within reach for 75 ms, and 0.5 m away."""
+    scene = towards((0.85, 0.2, 0.2), (0, 2.0, 0), start=(0.85, -0.2, -0.2))
+    with pytest.raises(NotConverged) as error:
+        plan(scene.model_copy(update={"via": [(0.8, 0.0, 0.0)]}))
+    said = str(error.value)
+    assert "which positions and speeds allow from 0 to 0.0754 s after the start" in said
+    assert "tried from 2 first motions, and none that keeps all limits was reached" in said
+    assert isinstance(error.value.__cause__, DeltaOptError)
+
+
+def test_a_state_that_is_not_reached_is_told_in_words_of_its_own():
+    """And that it stands still, for who meant a belt; other errors stay as they are."""
+    passed, error = load_scene("problems/moving/passed_state.yaml"), NotConverged("x", "y", None)
+    assert str(not_met(passed, 1, error)) == (
+        "no motion was found that passes [0.85, 0.1, -0.05] m at [-0.3, 1, 0] m/s, a point that "
+        "stands still; tried from one first motion, and none that keeps all limits was reached"
+    )
+    assert not_met(load_scene("problems/moving/stop.yaml"), 1, error) is error
+    assert "a point that stands still, passed at a velocity" in passed.task.description
+
+
+def test_when_a_belt_can_be_met_is_what_the_kinematics_say():
+    """By inverse kinematics at the belt's velocity: in reach, and no motor too fast."""
+    rng, model = np.random.default_rng(7), delta_model(SCENE.robot, None)
+    found = []
+    for _ in range(5):
+        at = (0.85, *rng.uniform(-0.4, 0.4, 2))
+        belt = (0.0, *rng.uniform(-3.0, 3.0, 2))
+        meetings = Meetings.of(towards(at, belt), towards(at, belt).task.goal)
+        for t, possible in zip(meetings.times, meetings.possible, strict=True):
+            place = np.array(at) + t * np.array(belt)
+            try:
+                _, rates, _ = model.motion(place, np.array(belt), np.zeros(3))
+                expected = np.abs(rates[3::3]).max() <= FASTEST
+            except DeltaOptError:
+                expected = False
+            found.append((possible, expected))
+        inside = np.linalg.norm(np.array(at) + meetings.times[:, None] * belt, axis=1)
+        assert (inside <= meetings.near + 1e-9).all()
+    possible, expected = np.array(found).T
+    # Limits keep a margin of serial singularities besides, at the edge of the reach.
+    assert not (possible & ~expected).any()
+    assert (expected & ~possible).mean() < 0.02
+    assert 0.1 < possible.mean() < 0.9
+
+
+@pytest.fixture(scope="module")
+def coming():
+    scene = towards((0.85, 0.05, 1.5), (0, 0, -1.0))
+    return scene, plan(scene)
+
+
+def test_a_belt_that_comes_is_waited_for(coming):
+    """It is met nearly as soon as that is possible, at the edge of the reach."""
+    scene, found = coming
+    assert verify(scene, found.trajectory).failures() == []
+    first = Meetings.of(scene, scene.task.goal).durations[0]
+    assert found.duration == pytest.approx(first, rel=0.02)
+
+
+def test_a_belt_that_comes_from_farther_is_met_as_much_later(coming):
+    """At the same place, whatever the robot does until then."""
+    _, found = coming
+    for farther in (1.0, 3.5):
+        away = towards((0.85, 0.05, 1.5 + farther), (0, 0, -1.0))
+        later = plan(away)
+        expected = found.duration + farther
+        tolerance = found.gap * found.duration + later.gap * later.duration
+        assert later.duration == pytest.approx(expected, abs=tolerance)
+
+
+def test_through_a_via_point_to_a_belt_that_comes(coming):
+    scene, found = coming
+    own = scene.model_copy(update={"via": [{"at": (0.8, 0.0, 0.0), "within": 0.01}]})
+    later = plan(own)
+    assert verify(own, later.trajectory).failures() == []
+    assert later.duration == pytest.approx(found.duration, rel=later.gap + found.gap)
