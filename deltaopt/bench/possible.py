@@ -1,21 +1,23 @@
 """Whether a move is possible, by a flood over a grid: apart from everything that plans.
 
-Kinematics and statics are written out anew, by triangles and by virtual work with derivatives
-from differences. A move is possible if a path leads from start to goal on which gravity leaves
-every motor something to spare: as slowly as need be it can be driven. Robots may have neither a
-tool offset nor centres of mass of their own, and gravity acts along x.
+A move is possible if a path leads from start to goal, through its via points, in which gravity
+leaves every motor something to spare, joints stay in their ranges and the tool in its workspace and
+clear of bodies: as slowly as need be it can be driven. Where the scene gives a path, it is that.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 from numpy.typing import NDArray
 
+from deltaopt.bench.statics import AtRest, Statics
 from deltaopt.robot.robot import Robot
+from deltaopt.robot.tool import Box, Sphere
+from deltaopt.scene.bodies import Body, Cylinder, HalfSpace
 from deltaopt.scene.scene import Scene
 
 Array = NDArray[np.float64]
@@ -30,31 +32,119 @@ twice as fine takes a minute."""
 _FOLDED, _FLAT = 1e-3, 5e-3
 """Least sin² of the angle between arm and bars, and least volume of the bars' directions, on the
 path: nearer to singularities torques are known to few digits."""
-_TILTED = np.array([0.0, 2 * np.pi / 3, 4 * np.pi / 3])
 _BETWEEN = np.linspace(0.0, 1.0, 7)[1:, None]
+_ALONG = 401
+"""Places at which a given path is looked at."""
 
 
 def is_possible(scene: Scene) -> bool:
-    """Whether a path over a grid is found that can be held with ``SPARE`` of the torques left.
+    """Whether a path is found that can be held with ``SPARE`` of the torques left.
 
-    False, for it is not known, where the path is given, an end moves or bodies are in the way.
+    False, for it is not known, where an end moves, where an approach is asked for, and past hulls
+    or with a tool of several shapes.
     """
-    if scene.path is not None or scene.moves_at_ends or scene.keep_out:
+    if scene.moves_at_ends or scene.approach or not _knows_bodies(scene):
         return False
-    start, goal = (np.array(point) for point in scene.given_points)
-    statics = _Statics.of(scene)
-    side = float(np.sign(statics.at(start[None]).volumes[0]))
+    free = _Free.of(scene)
+    start, goal = scene.given_points
+    if scene.path is not None:
+        path = scene.path.between(start, goal)
+        return bool(free(path(np.linspace(path.knots[0], path.knots[-1], _ALONG))).all())
+    places = [np.array(point) for point in (start, *(scene.via or ()), goal)]
 
-    def free(points: Array) -> Truths:
-        found = statics.at(points)
-        held = (np.abs(found.torques) <= (1 - SPARE) * statics.limits).all(axis=1)
-        return held & (found.alignments > _FOLDED).all(axis=1) & (side * found.volumes > _FLAT)
+    def connected(steps: int) -> bool:
+        grid = _grid(scene.robot, steps)
+        return all(_connected(one, other, grid, free) for one, other in pairwise(places))
 
-    return any(_connected(start, goal, _grid(scene.robot, steps), free) for steps in _STEPS)
+    return any(map(connected, _STEPS))
 
 
 Free = Callable[[Array], Truths]
 """Points (N, 3), m -> at which of them the platform may be."""
+
+
+@dataclass(frozen=True)
+class _Free:
+    """Where the platform of a scene may be at rest with something to spare.
+
+    ``statics``: with each mass that it carries. ``torque``: the largest of each motor, (3,), N·m.
+    ``side``: 1 or -1, the sign of the volume of the bars' directions at the start.
+    """
+
+    scene: Scene
+    statics: tuple[Statics, ...]
+    torque: Array
+    side: float
+
+    @classmethod
+    def of(cls, scene: Scene) -> _Free:
+        loads = {scene.payload or 0.0, scene.with_least_payload.payload or 0.0}
+        statics = tuple(Statics(scene.robot, load) for load in loads)
+        limit = scene.given("torque")
+        torque = np.minimum(scene.robot.torque_limits, np.inf if limit is None else limit)
+        start = np.array(scene.given_points[:1])
+        return cls(scene, statics, torque, float(np.sign(statics[0].at(start).volumes[0])))
+
+    def __call__(self, points: Array) -> Truths:
+        found = [each.at(points) for each in self.statics]
+        free = self._in_ranges(found[0]) & self._in_workspace(points)
+        for each in found:
+            free &= (np.abs(each.torques) <= (1 - SPARE) * self.torque).all(axis=1)
+        tool = self.scene.robot.tool
+        kept = self.scene.least_clearance + ((tool and tool.radius) or 0.0)
+        for body in self.scene.keep_out or ():
+            free &= _distance(body, points) > kept
+        return free
+
+    def _in_ranges(self, at: AtRest) -> Truths:
+        least = max(_FLAT, self.scene.given("parallel_singularity") or 0.0)
+        inside = (at.alignments > _FOLDED).all(axis=1) & (self.side * at.volumes > least)
+        joints = self.scene.robot.joints
+        if joints and joints.arm:
+            low, high = joints.arm
+            inside &= ((at.angles > low) & (at.angles < high)).all(axis=1)
+        if joints and joints.ball:
+            inside &= (np.abs(at.sideways) < joints.ball).all(axis=1)
+        return np.asarray(inside)
+
+    def _in_workspace(self, points: Array) -> Truths:
+        inside = np.ones(len(points), bool)
+        workspace = self.scene.robot.workspace
+        if workspace and workspace.depth:
+            low, high = workspace.depth
+            inside &= (points[:, 0] > low) & (points[:, 0] < high)
+        if workspace and workspace.radius:
+            inside &= np.hypot(points[:, 1], points[:, 2]) < workspace.radius
+        return inside
+
+
+def _knows_bodies(scene: Scene) -> bool:
+    shapes = scene.robot.tool is not None and scene.robot.tool.shapes is not None
+    hulls = any(body.hull is not None for body in scene.keep_out or ())
+    return not (scene.keep_out and (shapes or hulls))
+
+
+def _distance(body: Body, points: Array) -> Array:
+    """From a body to points outside it, (N,), m; at most 0 inside."""
+    shape = body.shape
+    if isinstance(shape, Sphere):
+        return np.asarray(np.linalg.norm(points - shape.centre, axis=1) - shape.radius)
+    if isinstance(shape, Box):
+        return _outside(np.abs(points - np.array(shape.centre)) - np.array(shape.half))
+    if isinstance(shape, HalfSpace):
+        normal = np.array(shape.normal) / np.linalg.norm(shape.normal)
+        return np.asarray((np.array(shape.point) - points) @ normal)
+    assert isinstance(shape, Cylinder)
+    axis = np.subtract(shape.ends[1], shape.ends[0]) / shape.length
+    away = points - np.array(shape.centre)
+    along = away @ axis
+    beside = np.linalg.norm(away - along[:, None] * axis, axis=1)
+    return _outside(np.stack([beside - shape.radius, np.abs(along) - shape.length / 2], axis=1))
+
+
+def _outside(beyond: Array) -> Array:
+    """The distance of points that are so far beyond each of some faces at right angles, (N,)."""
+    return np.asarray(np.linalg.norm(np.maximum(beyond, 0.0), axis=1))
 
 
 def _connected(start: Array, goal: Array, points: Array, free: Free) -> bool:
@@ -65,91 +155,13 @@ def _connected(start: Array, goal: Array, points: Array, free: Free) -> bool:
     return bool((_flooded(begun, points, allowed, free) & ended).any())
 
 
-@dataclass(frozen=True)
-class _At:
-    """Torques at rest, (N, 3), N·m; sin² between arms and bars, (N, 3); volumes of the bars'
-    directions, (N,). Not a number where a chain does not close."""
-
-    torques: Array
-    alignments: Array
-    volumes: Array
-
-
-@dataclass(frozen=True)
-class _Statics:
-    """The robot at rest with a ``load`` (kg), and the torque ``limits`` of its motors, N·m."""
-
-    robot: Robot
-    load: float
-    limits: Array
-
-    @classmethod
-    def of(cls, scene: Scene) -> _Statics:
-        return cls(scene.robot, scene.payload or 0.0, np.array(scene.robot.torque_limits))
-
-    def at(self, points: Array) -> _At:
-        elbows, _, alignments = self._chains(points)
-        bars = (points[:, None] - elbows) / self.robot.forearm.length
-        size = 1e-6 * self.robot.upper_arm.length
-        slopes, forces = np.empty((len(points), 3, 3)), np.empty((len(points), 3))
-        for axis in range(3):
-            step = np.zeros(3)
-            step[axis] = size
-            left, one, _ = self._chains(points - step)
-            right, other, _ = self._chains(points + step)
-            slopes[:, :, axis] = (other - one) / (2 * size)
-            lower, upper = self._energy(points - step, left), self._energy(points + step, right)
-            forces[:, axis] = (upper - lower) / (2 * size)
-        torques = np.full((len(points), 3), np.nan)  # comparisons with it are false
-        finite = np.isfinite(slopes).all(axis=(1, 2)) & np.isfinite(forces).all(axis=1)
-        good = np.asarray(finite)
-        good &= np.abs(np.linalg.det(np.where(good[:, None, None], slopes, np.eye(3)))) > 0
-        transposed = slopes[good].transpose(0, 2, 1)  # slopesᵀ τ = dV/dx
-        torques[good] = np.linalg.solve(transposed, forces[good][:, :, None])[:, :, 0]
-        closed = np.asarray(np.isfinite(bars).all(axis=(1, 2)))
-        volumes = np.linalg.det(np.where(closed[:, None, None], bars, 0.0))
-        return _At(torques, alignments, volumes)
-
-    def _chains(self, points: Array) -> tuple[Array, Array, Array]:
-        """Elbows (N, 3, 3) in m, motor angles (N, 3) and sin² between arm and bars (N, 3)."""
-        robot = self.robot
-        arm, bar = robot.upper_arm.length, robot.forearm.length
-        elbows, angles, alignments = [], [], []
-        for azimuth in _TILTED:
-            radial = np.array([0.0, np.cos(azimuth), np.sin(azimuth)])
-            across = np.array([0.0, -np.sin(azimuth), np.cos(azimuth)])
-            shaft = (robot.base_radius - robot.platform_radius) * radial
-            away = points - shaft
-            sideways, outward, down = away @ across, away @ radial, away[:, 0]
-            reach = np.hypot(outward, down)
-            with np.errstate(all="ignore"):
-                cosine = (arm**2 + reach**2 - (bar**2 - sideways**2)) / (2 * arm * reach)
-                angle = np.arctan2(-down, outward) + np.arccos(cosine)  # the elbow outside
-            along = np.cos(angle)[:, None] * radial - np.sin(angle)[:, None] * np.eye(3)[0]
-            elbow = shaft + arm * along
-            rest = (points - elbow) - sideways[:, None] * across
-            with np.errstate(all="ignore"):
-                inline = (rest * along).sum(1) / np.linalg.norm(rest, axis=1)
-            elbows.append(elbow)
-            angles.append(angle)
-            alignments.append(1 - inline**2)
-        return np.stack(elbows, 1), np.stack(angles, 1), np.stack(alignments, 1)
-
-    def _energy(self, points: Array, elbows: Array) -> Array:
-        """Potential energy of gravity, which acts along x, (N,), J."""
-        robot, g = self.robot, float(np.linalg.norm(self.robot.gravity))
-        depth = (robot.platform.mass + self.load) * points[:, 0]
-        arms = robot.upper_arm.mass * elbows[:, :, 0].sum(axis=1) / 2
-        bars = robot.forearm.mass * (elbows[:, :, 0] + points[:, :1]).sum(axis=1) / 2
-        return np.asarray(-g * (depth + arms + bars))
-
-
 def _grid(robot: Robot, steps: int) -> Array:
     """Points over all that the robot may reach, (nx, ny, nz, 3), m."""
     h = (robot.upper_arm.length + robot.forearm.length) / steps
     wide = steps + int(np.ceil(abs(robot.base_radius - robot.platform_radius) / h))
     depths, across = h * np.arange(-steps // 4, steps + 1), h * np.arange(-wide, wide + 1)
-    return np.stack(np.meshgrid(depths, across, across, indexing="ij"), axis=-1)
+    mesh = np.meshgrid(depths, across, across, indexing="ij")
+    return np.stack(mesh, axis=-1) + robot.tool_offset
 
 
 def _joined(point: Array, points: Array, allowed: Truths, free: Free) -> Truths:

@@ -1,4 +1,4 @@
-"""Strata of a campaign: of which robots its moves are, where their ends lie, what is asked of them."""
+"""Strata of a campaign: which robots, where the ends of moves lie, and what is asked of them."""
 
 from __future__ import annotations
 

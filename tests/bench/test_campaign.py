@@ -8,8 +8,10 @@ import pytest
 from deltaopt import load_scene, plan
 from deltaopt.bench import campaign as room
 from deltaopt.bench.campaign import Row, campaign, read, table, write_scene
-from deltaopt.bench.hard_moves import ROBOTS, STRATA, move
-from deltaopt.bench.possible import _Statics, is_possible
+from deltaopt.bench.hard_moves import ROBOTS, move
+from deltaopt.bench.possible import is_possible
+from deltaopt.bench.statics import Statics
+from deltaopt.bench.strata import STRATA
 from deltaopt.robot.model import delta_model
 
 
@@ -22,17 +24,22 @@ def test_moves_are_of_all_robots_and_strata_and_known_by_their_number():
     assert some[3].scene != move(2, 69).scene
 
 
+@pytest.mark.parametrize("stratum", ["inside", "tilted gravity", "tool", "centres and pins"])
 @pytest.mark.parametrize("number", range(len(ROBOTS)))
-def test_statics_of_the_independent_check(number):
+def test_statics_of_the_independent_check(stratum, number):
     """Virtual work by differences beside inverse dynamics at rest: two derivations."""
-    scene = move(1, number).scene
+    scene = move(1, number + len(ROBOTS) * list(STRATA).index(stratum)).scene
     points, rest = np.array(scene.given_points), np.zeros((2, 3))
-    found, model = _Statics.of(scene).at(points), delta_model(scene.robot, scene.payload)
+    model = delta_model(scene.robot, scene.payload)
+    found = Statics(scene.robot, scene.payload or 0.0).at(points)
     size = 1e-8 * max(scene.robot.torque_limits)
     np.testing.assert_allclose(
         found.torques, model.inverse_dynamics(points, rest, rest), rtol=1e-7, atol=size
     )
     np.testing.assert_allclose(found.alignments, model.alignments(points), rtol=1e-9)
+    q = model.inverse_kinematics(points)
+    np.testing.assert_allclose(found.angles, q[:, 3::3], rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(np.abs(found.sideways), np.abs(q[:, 5::3]), rtol=1e-9, atol=1e-12)
 
 
 def test_a_move_is_possible_unless_the_motors_are_too_weak_between_its_ends(monkeypatch):
@@ -44,6 +51,36 @@ def test_a_move_is_possible_unless_the_motors_are_too_weak_between_its_ends(monk
         update={"drive": scene.robot.drive.model_copy(update={"torque": torque})}
     )
     assert not is_possible(scene.model_copy(update={"robot": weak}))
+
+
+@pytest.mark.parametrize("body", ["box", "sphere", "cylinder", "half_space"])
+def test_a_move_is_not_possible_where_a_body_encloses_its_goal(monkeypatch, body):
+    monkeypatch.setattr("deltaopt.bench.possible._STEPS", (12,))
+    scene = move(1, 0).scene
+    goal = np.array(scene.goal)
+    way = np.linalg.norm(goal - np.array(scene.start))
+    bodies = {
+        "box": {"from": (goal - way / 2).tolist(), "to": (goal + way / 2).tolist()},
+        "sphere": {"centre": scene.goal, "radius": way / 2},
+        "cylinder": {
+            "from": (goal - way / 4).tolist(),
+            "to": (goal + way / 4).tolist(),
+            "radius": way / 2,
+        },
+        "half_space": {"point": ((goal + scene.start) / 2).tolist(), "normal": goal - scene.start},
+    }
+    assert not is_possible(scene.model_copy(update={"keep_out": [{body: bodies[body]}]}))
+    away = goal + 10 * way
+    far = {"sphere": {"centre": away.tolist(), "radius": way / 2}}
+    assert is_possible(scene.model_copy(update={"keep_out": [far]}))
+
+
+def test_a_given_path_is_possible_where_it_is_reachable_and_can_be_held():
+    line = move(1, len(ROBOTS) * list(STRATA).index("line")).scene
+    assert is_possible(line)
+    x, y, z = line.start
+    beyond = line.model_copy(update={"goal": (x + 10, y, z)})
+    assert not is_possible(beyond)
 
 
 def test_a_campaign_goes_on_where_it_ended(tmp_path, monkeypatch):
