@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import isinf
@@ -32,6 +33,7 @@ from deltaopt.planning.flat.flat_problem import Flat
 from deltaopt.planning.formulations.choice import problem_formulation
 from deltaopt.planning.mesh.kept_limits import kept
 from deltaopt.planning.mesh.mesh_solution import (
+    Iteration,
     MeshSolution,
     gap_of,
     iteration_of,
@@ -153,7 +155,7 @@ class TrajectoryOptimiser:
         )
         resolved = refinement.from_guess(guess, attempt.intervals)
         solutions, iterations = refinement.solutions, refinement.iterations
-        best = min(range(len(iterations)), key=lambda i: iterations[i].safe_duration)
+        best = _best_of(solutions, iterations)
         if moving:
             solutions = [
                 *solutions[: best + 1],
@@ -314,6 +316,16 @@ def _rounding_factor(scene: Scene) -> float:
     """
     least = min(_KEPT_DISTANCE, float(serial_distances_at_ends(scene).min()) / 2)
     return 1 + float(np.finfo(float).eps) / least
+
+
+def _best_of(solutions: Sequence[MeshSolution], iterations: Sequence[Iteration]) -> int:
+    """The index of the mesh solution that is fastest once it keeps all limits. Where slowing helps
+    none of them, that is the finest one that keeps its places: other attempts follow from why."""
+
+    def merit(i: int) -> tuple[float, bool, int]:
+        return iterations[i].safe_duration, not solutions[i].needed.keeps_places, -i
+
+    return min(range(len(iterations)), key=merit)
 
 
 def _multipliers(found: MeshSolution) -> MeshMultipliers | None:

@@ -294,20 +294,30 @@ class MeshSolution:
         """The scaling with tightened limits for the next mesh, which divides this one.
 
         Limits of position are tightened in intervals of any length, for slowing does not help
-        them; others in short ones alone.
+        them; others in short ones alone, unless slowing does not help these either.
         """
         constraints = self.scaling.constraints
-        places = constraints.of_place & ~constraints.convex
-        tightenable = places if mesh.min() > TIGHTENED else places | time_costing_rows(constraints)
-        tightened, shares = self.scaling.untightened, self.scaling.shares(len(self.mesh))
-        size = constraints.size(self.rows)
+        places, others = constraints.of_place & ~constraints.convex, time_costing_rows(constraints)
+        shares, size = self.scaling.shares(len(self.mesh)), constraints.size(self.rows)
+        anywhere = places | others if self._is_held(shares[:, others]) else places
+        tightenable = anywhere if mesh.min() > TIGHTENED else places | others
+        tightened = self.scaling.untightened
         if tightenable.any():
             points = self.problem.points
-            overshoot = Overshoot.of(self.mesh, points, size, tightenable, places, shares)
+            overshoot = Overshoot.of(self.mesh, points, size, tightenable, anywhere, shares)
             tightened = overshoot.tightened(self.scaling, mesh)
         if self.excess is None:
             return tightened
         return self._tightened_at_bodies(tightened, size, shares, mesh)
+
+    def _is_held(self, shares: Array) -> bool:
+        """Whether a limit that is kept in motion alone is exceeded between points, as a torque
+        limit near a singularity, where gravity asks for more at rest; or was on a mesh before.
+
+        ``shares``: of limits that slowing usually helps to keep, (N, rows).
+        """
+        long = self.mesh > TIGHTENED
+        return isinf(self.safe_factor) or bool((shares[long] < self.scaling.torque_share).any())
 
     def _tightened_at_bodies(
         self, scaling: Scaling, size: Array, shares: Array, mesh: Array
