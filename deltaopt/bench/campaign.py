@@ -16,8 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from deltaopt.bench.hard_moves import STRATA, Move, move
+from deltaopt.bench.hard_moves import Move, move
 from deltaopt.bench.possible import is_possible
+from deltaopt.bench.strata import STRATA
 from deltaopt.errors import DeltaOptError
 from deltaopt.files.atomic_write import atomic_write
 from deltaopt.files.yaml_file import write_yaml
