@@ -6,11 +6,14 @@ from collections.abc import Iterator
 
 import numpy as np
 from numpy.polynomial import Polynomial
+from numpy.typing import NDArray
 
 from deltaopt.limits.limit import Column
 from deltaopt.motion.trajectory import Array, Trajectory
 from deltaopt.scene.path import Path
 from deltaopt.scene.task import OnPath, Task
+
+Index = NDArray[np.intp]
 
 _IN_PIECE = 64
 """Places of every piece of the path among which the nearest is looked for first."""
@@ -125,37 +128,61 @@ def _largest(curve: Polynomial, begin: float, end: float) -> float:
 
 def nearest_places(path: Path, x: Array) -> tuple[Array, Array]:
     """Where on a path the places are that are nearest to points (N, 3), m: the path's parameter
-    there, and how far they are, m, (N,) each."""
+    there, and how far they are, m, (N,) each.
+
+    A point beyond the centre of a bend has a nearest place on each side of it: all places that are
+    nearer than those beside them are looked at, unless another is nearer by more than they can be.
+    """
     shares = np.arange(_IN_PIECE) / _IN_PIECE
     lengths = np.diff(path.knots)[:, None]
     looked = np.append((path.knots[:-1, None] + lengths * shares).ravel(), path.knots[-1])
     places = path(looked)
-    squares = (places**2).sum(axis=1)
-    parts = np.array_split(x, -(-len(x) * len(places) // _AT_ONCE))
-    nearest = np.concatenate([(squares - 2 * part @ places.T).argmin(axis=1) for part in parts])
-    best, at = np.full(len(x), np.inf), np.zeros(len(x))
-    for beside in (-1, 1):  # Newton's method goes nowhere from where the path turns back
-        s = looked[np.clip(nearest + beside, 0, len(looked) - 1)]
-        distance, s = _closest(path, x, s)
-        at = np.where(distance < best, s, at)
-        best = np.minimum(best, distance)
+    apart = float(np.linalg.norm(np.diff(places, axis=0), axis=1).max())
+    at, best = np.zeros(len(x)), np.full(len(x), np.inf)
+    for part in np.array_split(np.arange(len(x)), -(-len(x) * len(places) // _AT_ONCE)):
+        point, nearest = _low_places(x[part], places, apart)
+        around = [looked[np.clip(nearest + k, 0, len(looked) - 1)] for k in (-1, 0, 1)]
+        own = part[point]
+        for begin in (0, 2):  # Newton's method goes nowhere from where the path turns back
+            distance, s = _closest(path, x[own], around[begin], around[0], around[2])
+            by_distance = np.argsort(-distance, kind="stable")  # the nearest is written last
+            distance, s, to = distance[by_distance], s[by_distance], own[by_distance]
+            nearer = distance < best[to]
+            at[to[nearer]], best[to[nearer]] = s[nearer], distance[nearer]
     return at, best
 
 
-def _closest(path: Path, x: Array, s: Array) -> tuple[Array, Array]:
-    """The least distances from points (N, 3) that Newton's method finds from places s (N,), and the
-    places, (N,) each."""
-    best, s = np.full(len(x), np.inf), s.copy()
-    moving = np.arange(len(x))
+def _low_places(x: Array, places: Array, apart: float) -> tuple[Index, Index]:
+    """Points (N, 3) and the places (M, 3) that are no farther from them than the places before and
+    after, as indices, (n,) each: those that are, or are beside, the nearest of the path.
+
+    ``apart``: how far one place is from the next at most, m.
+    """
+    squares = (places**2).sum(axis=1) - 2 * x @ places.T + (x**2).sum(axis=1)[:, None]
+    distances = np.sqrt(np.maximum(squares, 0.0))
+    low = distances <= distances.min(axis=1)[:, None] + apart
+    low[:, 1:] &= distances[:, 1:] <= distances[:, :-1]
+    low[:, :-1] &= distances[:, :-1] <= distances[:, 1:]
+    point, place = np.nonzero(low)
+    return point, place
+
+
+def _closest(path: Path, x: Array, s: Array, least: Array, most: Array) -> tuple[Array, Array]:
+    """The least distances from points (N, 3) that Newton's method finds from places s (N,) between
+    others, (N,) each, and where."""
+    best, at = np.full(len(x), np.inf), s.copy()
+    moving, s = np.arange(len(x)), s.copy()
     for _ in range(_STEPS):
         if not len(moving):
             break
         p, dp, ddp = (path(s[moving], order) for order in range(3))
         away, square = p - x[moving], (dp**2).sum(axis=1)
-        best[moving] = np.minimum(best[moving], np.linalg.norm(away, axis=1))
+        distance = np.linalg.norm(away, axis=1)
+        nearer = distance < best[moving]
+        best[moving[nearer]], at[moving[nearer]] = distance[nearer], s[moving[nearer]]
         bend = square + np.maximum((away * ddp).sum(axis=1), -square / 2)
         step = (away * dp).sum(axis=1) / np.where(bend > 0, bend, np.inf)
         before = s[moving]
-        s[moving] = np.clip(before - step, path.knots[0], path.knots[-1])
+        s[moving] = np.clip(before - step, least[moving], most[moving])
         moving = moving[s[moving] != before]
-    return best, s
+    return best, at

@@ -9,6 +9,7 @@ import pytest
 
 import deltaopt
 from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
+from deltaopt.verify.path_distance import nearest_places
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 
@@ -39,3 +40,20 @@ def test_a_free_scene_has_no_such_measure():
     scene = deltaopt.load_scene(PROBLEMS / "pick_and_place.yaml")
     report = deltaopt.verify(scene, deltaopt.baseline(scene))
     assert report.path_distance is None
+
+
+def test_the_nearest_place_of_a_path_is_found_beyond_the_centres_of_its_bends():
+    """Where a tube is thicker than a bend, two places of the path may be nearly as near."""
+    start, goal = (0.5, -0.2, 0.0), (0.48, 0.15, 0.1)
+    path = deltaopt.PickAndPlace(height=0.04, blend=0.02).between(start, goal)
+    rng = np.random.default_rng(5)
+    on, away = path(rng.uniform(path.knots[0], path.knots[-1], 4000)), rng.normal(size=(4000, 3))
+    x = on + 0.035 * away / np.linalg.norm(away, axis=1)[:, None]
+    s, found = nearest_places(path, x)
+    np.testing.assert_allclose(np.linalg.norm(path(s) - x, axis=1), found, atol=1e-15)
+    dense = path(np.linspace(path.knots[0], path.knots[-1], 4001))
+    apart = np.linalg.norm(np.diff(dense, axis=0), axis=1).max()
+    parts = (part[:, None] - dense for part in np.array_split(x, 40))
+    sampled = np.concatenate([np.linalg.norm(part, axis=2).min(axis=1) for part in parts])
+    assert (found <= sampled + 1e-15).all()
+    np.testing.assert_allclose(found, sampled, rtol=0, atol=apart / 2)
