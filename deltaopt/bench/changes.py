@@ -17,7 +17,7 @@ from deltaopt.robot.model import delta_model
 from deltaopt.robot.robot import Workspace
 from deltaopt.robot.tool import Tool
 from deltaopt.scene.approach import Approach, ApproachAtEnd
-from deltaopt.scene.feasibility import distance_from_parallel
+from deltaopt.scene.feasibility import check_feasible, distance_from_parallel
 from deltaopt.scene.moving_ends import Anywhere, Belt, State
 from deltaopt.scene.objective import TimeAndEffort
 from deltaopt.scene.path import Corners, Line, PickAndPlace
@@ -225,7 +225,7 @@ def stopping(scene: Scene, rng: np.random.Generator) -> Scene:
 
 def to_a_belt(scene: Scene, rng: np.random.Generator) -> Scene:
     """To a point that moves horizontally."""
-    velocity = 0.3 * _usual_speed(scene) * rng.uniform() * _unit(rng.normal(size=3) * [0, 1, 1])
+    velocity = 0.1 * _usual_speed(scene) * rng.uniform() * _unit(rng.normal(size=3) * [0, 1, 1])
     goal = Belt(at=scene.given_points[1], belt=_vector(velocity))
     return scene.model_copy(update={"goal": goal})
 
@@ -259,13 +259,16 @@ def through_points(scene: Scene, rng: np.random.Generator) -> Scene:
 
 
 def up_and_down(scene: Scene, rng: np.random.Generator) -> Scene:
-    """Straight up from the start and straight down to the goal."""
+    """Straight up from the start and straight down to the goal, as far as the platform can be."""
     heights, radii = rng.uniform([0.05, 0.01], [0.3, 0.1], size=(2, 2)).T * _distance(scene)
     start, goal = (
         ApproachAtEnd(height=float(height), radius=float(radius))
         for height, radius in zip(heights, radii, strict=True)
     )
-    return scene.model_copy(update={"approach": Approach(start=start, goal=goal)})
+    changed = scene.model_copy(update={"approach": Approach(start=start, goal=goal)})
+    above = tuple((column.level, column.y, column.z) for column in changed.columns)
+    check_feasible(scene.model_copy(update={"via": above}))
+    return changed
 
 
 def in_a_tube(path: Change) -> Change:

@@ -22,7 +22,7 @@ from deltaopt.planning.first_motions.moving_ends import (
     intervals_after_waiting,
 )
 from deltaopt.planning.first_motions.multistart import Optimum, distinct, first_motions
-from deltaopt.planning.first_motions.order_of_merit import first_motion
+from deltaopt.planning.first_motions.order_of_merit import first_motion, intervals_for
 from deltaopt.planning.first_motions.through_gates import through_gates
 from deltaopt.planning.flat.flat_problem import Flat
 from deltaopt.planning.in_flight import finished_first
@@ -33,7 +33,7 @@ from deltaopt.planning.path.path_planning import NAME as ON_PATH
 from deltaopt.planning.path.path_planning import fastest_on_path
 from deltaopt.planning.plan import Plan, quicker
 from deltaopt.planning.refinement import Progress
-from deltaopt.planning.search import Attempt, Search
+from deltaopt.planning.search import FINER, Attempt, Search
 from deltaopt.planning.trajectory_optimiser import (
     ENDS_AN_ATTEMPT,
     RESOLVED_BELOW,
@@ -279,8 +279,13 @@ class Planner:
             scene,
             self.intervals,
             accuracy=self._optimiser.accuracy,
-            tolerance=self.tolerance if self.tolerance >= _USUAL else _ANOTHER_WAY_ABOVE,
+            tolerance=self._good_gap,
         )
+
+    @property
+    def _good_gap(self) -> float:
+        """Gap above which planning starts again from another first motion."""
+        return self.tolerance if self.tolerance >= _USUAL else _ANOTHER_WAY_ABOVE
 
     def _make(self, attempts: Iterator[Attempt], search: Search[Plan], report: Progress) -> None:
         """Make attempts, and tell the search that they are from what came of each."""
@@ -334,16 +339,32 @@ class Planner:
     def _first_found(
         self, scene: Scene, motions: Iterator[Trajectory], report: Progress
     ) -> Plan | DeltaOptError:
-        """The plan from the first of some motions that leads to one, or the first error."""
-        failures, optimiser = list[DeltaOptError](), self._optimiser
-        for motion in motions:
-            intervals = intervals_after_waiting(motion, self.intervals)
-            attempt = Attempt(scene, motion, intervals, optimiser.accuracy)
+        """The first plan that is good enough from some motions, on the coarsest mesh on which they
+        stay in the workspace and then on finer ones; the best plan if none is, or the first
+        error."""
+        search, tried = self._new_search(scene), list[Attempt]()
+
+        def attempts() -> Iterator[Attempt]:
+            for motion in motions:
+                intervals = intervals_after_waiting(motion, self.intervals)
+                intervals = intervals_for(motion, intervals) or intervals
+                tried.append(Attempt(scene, motion, intervals, self._optimiser.accuracy))
+                yield from search.with_remedies(tried[-1])
+            for factor in FINER:
+                yield from (replace(each, intervals=factor * each.intervals) for each in tried)
+
+        failures = list[DeltaOptError]()
+        for attempt in attempts():
             try:
-                return optimiser.fastest(attempt, report)
+                search.found(replace(self._optimiser.fastest(attempt, report), scene=scene))
             except ENDS_AN_ATTEMPT as error:
                 report(str(error))
                 failures.append(error)
+                search.failed(error)
+            if search.plans and search.plans[-1].gap <= self._good_gap:
+                break
+        if search.plans:
+            return search.best()
         none = Infeasible("no simple motion through all given points stays within reach")
         return not_met(scene, len(failures), failures[0]) if failures else none
 

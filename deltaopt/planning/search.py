@@ -36,7 +36,7 @@ gravity leaves at start and goal. The gap counts what it costs."""
 _NEARLY = 1e-2
 """Gap below which a plan that misses its tolerance is near an optimum: then finer meshes may bring
 it there, and paths over a grid, which take long, will not."""
-_FINER, _TRIED_FINER = (2, 4), 3
+FINER, _TRIED_FINER = (2, 4), 3
 """How many times finer first meshes are tried where nothing else succeeded, and from how many of
 the best first motions."""
 _LONG, _LABORIOUS = 4.0, 400
@@ -179,7 +179,7 @@ class Search(Generic[P]):
                 away = (attempt.away for attempt in possible[begun : begun + _KEPT_AWAY])
                 yield from (attempt for attempt in away if attempt)
         possible.sort(key=lambda attempt: attempt.motion.duration)
-        for factor in _FINER:
+        for factor in FINER:
             for attempt in possible[:_TRIED_FINER]:
                 yield replace(attempt, intervals=factor * attempt.intervals)
 

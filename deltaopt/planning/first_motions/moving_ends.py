@@ -48,7 +48,8 @@ def first_moving_motions(
     scene: Scene, under_way: PiecewisePolynomial | None
 ) -> Iterator[Trajectory]:
     """First guesses, the best first: a quintic; the motion under way to its end and on from there
-    to the goal, where one is under way; a stop, and on from there.
+    to the goal, where one is under way; a stop, and on from there; a stop, from rest to rest to
+    where a run-up to the goal begins, and that.
 
     ``under_way``: what would follow the start, from the time 0 on, m over s.
     """
@@ -63,6 +64,7 @@ def first_moving_motions(
     stop = _quintic(scene, lambda T: (task.start, EndState(_stopped(task.start, T))))
     if stop is not None and task.start.velocity != REST:
         yield from _onwards(scene, stop.position)
+    yield from _with_run_up(scene, None if task.start.velocity == REST else stop)
 
 
 def from_state_to_state(scene: Scene) -> Trajectory | None:
@@ -144,8 +146,7 @@ def from_rest(scene: Scene, place: Vector3) -> Scene:
 
 def end_of(position: PiecewisePolynomial) -> Vector3:
     """Where a motion ends, m."""
-    x, y, z = position.at(position.knots[-1:])[0].tolist()
-    return x, y, z
+    return _place(position.at(position.knots[-1:])[0])
 
 
 def _onwards(scene: Scene, before: PiecewisePolynomial) -> Iterator[Trajectory]:
@@ -162,6 +163,23 @@ def _onwards(scene: Scene, before: PiecewisePolynomial) -> Iterator[Trajectory]:
             yield Trajectory(before.then(later.position), later.model)
 
 
+def _with_run_up(scene: Scene, stop: Trajectory | None) -> Iterator[Trajectory]:
+    """A ``stop``, if the start moves, from rest to rest to where a run-up to the goal begins, and
+    the run-up; none to a goal that is not passed in a known state."""
+    goal = scene.task.goal
+    if not isinstance(goal, EndState) or goal.velocity == REST:
+        return
+    run_up = _quintic(scene, lambda T: (EndState(_begun(goal, T)), goal))
+    if run_up is None:
+        return
+    begin = scene.task.start.position if stop is None else end_of(stop.position)
+    with suppress(DeltaOptError):
+        between = {"start": begin, "goal": _place(run_up.position.at(run_up.knots[:1])[0])}
+        position = first_motion(scene.model_copy(update=between)).position
+        position = position if stop is None else stop.position.then(position)
+        yield Trajectory(position.then(run_up.position), run_up.model)
+
+
 def _ends(start: EndState, task: MovingEnds, duration: float) -> tuple[EndState, EndState]:
     return start, task.goal.at(duration, _stopped(start, duration))
 
@@ -169,7 +187,17 @@ def _ends(start: EndState, task: MovingEnds, duration: float) -> tuple[EndState,
 def _stopped(start: EndState, duration: float) -> Vector3:
     """Where a state gets to that comes to rest in a duration (s), its acceleration symmetric in
     time, m."""
-    x, y, z = (np.array(start.position) + np.array(start.velocity) * duration / 2).tolist()
+    return _place(np.array(start.position) + np.array(start.velocity) * duration / 2)
+
+
+def _begun(goal: EndState, duration: float) -> Vector3:
+    """Where a motion begins at rest that passes the goal after a duration (s), its acceleration
+    symmetric in time, m."""
+    return _place(np.array(goal.position) - np.array(goal.velocity) * duration / 2)
+
+
+def _place(coordinates: Array) -> Vector3:
+    x, y, z = coordinates.tolist()
     return x, y, z
 
 
