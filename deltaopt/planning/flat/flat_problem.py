@@ -248,8 +248,8 @@ class FlatProblem:
     def solve(self, guess: Guess, scaling: Scaling, parameters: Array) -> Solved:
         """Find the best motion on this mesh, by the compiled interior-point method by default.
 
-        Ipopt solves it if it was asked for, if there is no C compiler, and, on coarse meshes, if
-        the method does not converge. Raises NotConverged.
+        Ipopt solves it if it was asked for, if there is no C compiler, and, on coarse meshes from
+        first motions, if the method does not converge. Raises NotConverged.
         """
         method = self._interior_point
         for begin in _FROM_NEAR if guess.near else _FROM_FAR:
@@ -270,10 +270,8 @@ class FlatProblem:
                     all_at_points=True,
                     left=found.left,
                 )
-        # Past bodies, and where arms turn back under Coulomb friction, another mesh is faster.
-        special = self.constraints.has_convex or self.equations.saturating.numel() > 0
-        slow = self.intervals > _IPOPT_INSTEAD or (guess.near and special)
-        if method is not None and slow:
+        # Near a solution another mesh succeeds sooner.
+        if method is not None and (self.intervals > _IPOPT_INSTEAD or guess.near):
             raise NotConverged(
                 f"the interior-point method does not converge on {self.intervals} intervals",
                 "No_Progress",
