@@ -72,13 +72,15 @@ class Move:
 def move(seed: int, number: int) -> Move:
     """The move of this number. Raises Infeasible if hardly any such move can be held at both ends.
 
-    Robots follow one another, then strata; two moves in three carry a payload.
+    Robots follow one another, then strata; two moves in three of each robot in each stratum carry a
+    payload.
     """
     rng = np.random.default_rng([seed, number])
     usual, most = ROBOTS[number % len(ROBOTS)]
     name = list(STRATA)[number // len(ROBOTS) % len(STRATA)]
     stratum = STRATA[name]
-    share = None if number % 3 == 0 else float(rng.uniform(0.05, 1.0))
+    cycle = number // (len(ROBOTS) * len(STRATA))
+    share = None if (number + cycle) % 3 == 0 else float(rng.uniform(0.05, 1.0))
     for _ in range(_MOST_TRIES):
         robot = stratum.robot(usual, rng)
         payload = None if share is None else share * _carried(robot, most)

@@ -175,12 +175,7 @@ class TrajectoryOptimiser:
                 chosen.status,
                 chosen.trajectory,
             )
-        if crosses_singularity(scene, chosen.trajectory):
-            raise CrossesSingularity(
-                "the motion found passes through a parallel singularity, which no torques allow",
-                chosen.status,
-                chosen.trajectory,
-            )
+        _require_one_side(scene, chosen.trajectory, chosen.status)
         trajectory = (
             moving_on(scene.task, chosen.trajectory)
             if moving
@@ -230,6 +225,7 @@ class TrajectoryOptimiser:
             report(f"once more, in the {scene.least_duration:.6g} s that rotation takes:")
             longer = scene.model_copy(update={"objective": Effort(duration=scene.least_duration)})
             return replace(self._plan_effort(replace(attempt, scene=longer), report), scene=scene)
+        _require_one_side(scene, found.trajectory, found.solution.status)
         return Plan(
             scene=scene,
             trajectory=found.trajectory,
@@ -316,6 +312,16 @@ def _rounding_factor(scene: Scene) -> float:
     """
     least = min(_KEPT_DISTANCE, float(serial_distances_at_ends(scene).min()) / 2)
     return 1 + float(np.finfo(float).eps) / least
+
+
+def _require_one_side(scene: Scene, trajectory: Trajectory, status: str) -> None:
+    """Raise CrossesSingularity where a motion passes through a parallel singularity."""
+    if crosses_singularity(scene, trajectory):
+        raise CrossesSingularity(
+            "the motion found passes through a parallel singularity, which no torques allow",
+            status,
+            trajectory,
+        )
 
 
 def _best_of(solutions: Sequence[MeshSolution], iterations: Sequence[Iteration]) -> int:
