@@ -50,7 +50,8 @@ def is_possible(scene: Scene) -> bool:
     if scene.path is not None:
         path = scene.path.between(start, goal)
         return bool(free(path(np.linspace(path.knots[0], path.knots[-1], _ALONG))).all())
-    places = [np.array(point) for point in (start, *(scene.via or ()), goal)]
+    between = (point.position for point in scene.task.via)
+    places = [np.array(point) for point in (start, *between, goal)]
 
     def connected(steps: int) -> bool:
         grid = _grid(scene.robot, steps)

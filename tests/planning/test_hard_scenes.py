@@ -11,7 +11,7 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from deltaopt import load_scene, plan
+from deltaopt import load_scene, plan, verify
 from deltaopt.errors import DeltaOptError, Unreachable
 from deltaopt.planning.first_motions.initial_motion import detour, line, roughly_fastest
 from deltaopt.planning.first_motions.order_of_merit import (
@@ -38,6 +38,9 @@ BEST = {
     "23_un_massless": 11.2179,
     "25_un_haptic": 0.285844,
     "27_nc_irb360": 0.356349,
+    "31_sing_random": 0.227251,
+    "35_ends_industrial": 0.421383,
+    "37_ends_massless": 0.305176,
 }
 """The best duration known, s, of motions that pass through no parallel singularity."""
 
@@ -48,6 +51,14 @@ def test_planned_and_verified(name):
     assert found.within_tolerance
     assert found.lower_bound < found.duration < BEST[name] * (1 + 2e-3)
     assert verification.failures() == []
+
+
+def test_effort_is_not_saved_in_a_singularity():
+    """Torques on its first motion grow without bound between two points of every mesh."""
+    scene = hard_scene("33_effort_massless")
+    found = plan(scene, tolerance=3e-2)
+    assert found.within_tolerance
+    assert verify(scene, found.trajectory).failures() == []
 
 
 def test_another_way_is_tried_after_a_laborious_plan():
