@@ -7,9 +7,12 @@ interrupted goes on where it ended. Every failure is written as a scene that rep
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable, Iterable
+import os
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, fields
+from multiprocessing import get_context
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -24,6 +27,9 @@ from deltaopt.files.atomic_write import atomic_write
 from deltaopt.files.yaml_file import write_yaml
 from deltaopt.planning.planner import plan
 from deltaopt.verify.verification import verify
+
+_THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
+"""Variables that say how many threads a process uses for linear algebra."""
 
 
 @dataclass(frozen=True)
@@ -57,18 +63,19 @@ class Row:
 
 
 def row_of(each: Move, tolerance: float) -> Row:
-    """Plan a move to a tolerance of its gap and verify the plan."""
+    """Plan a move to a tolerance of its gap and verify the plan. Whatever goes wrong is told."""
     begin = perf_counter()
     try:
         found = plan(each.scene, tolerance=tolerance)
     except DeltaOptError as error:
-        seconds = perf_counter() - begin
-        possible = is_possible(each.scene)
-        problem = f"{type(error).__name__}: {error}"
-        robot = each.scene.robot.name
-        return Row(each.number, robot, each.stratum, seconds, 0.0, 0.0, 0.0, possible, problem)
+        return _without_plan(each, perf_counter() - begin, error, is_possible(each.scene))
+    except Exception as error:  # a fault of the program is what a campaign looks for
+        return _without_plan(each, perf_counter() - begin, error, possible=True)
     seconds = perf_counter() - begin
-    problems = list(verify(each.scene, found.trajectory).failures())
+    try:
+        problems = list(verify(each.scene, found.trajectory).failures())
+    except Exception as error:
+        problems = [f"verification: {type(error).__name__}: {error}"]
     if not found.within_tolerance:
         problems.append(f"the gap is {found.gap:.1e}")
     if found.duration < found.lower_bound:
@@ -84,6 +91,12 @@ def row_of(each: Move, tolerance: float) -> Row:
         possible=False,
         problem="; ".join(problems),
     )
+
+
+def _without_plan(each: Move, seconds: float, error: Exception, possible: bool) -> Row:
+    problem = f"{type(error).__name__}: {error}"
+    robot = each.scene.robot.name
+    return Row(each.number, robot, each.stratum, seconds, 0.0, 0.0, 0.0, possible, problem)
 
 
 def row_of_number(seed: int, number: int, tolerance: float) -> Row:
@@ -109,7 +122,7 @@ def campaign(
     rows = {row.number: row for row in known if row.number < number}
     left = [i for i in range(number) if i not in rows]
     progress(len(rows))
-    with ProcessPoolExecutor(workers) as pool:
+    with _one_thread_each(), ProcessPoolExecutor(workers, get_context("spawn")) as pool:
         waiting = [pool.submit(row_of_number, seed, i, tolerance) for i in left]
         for done in as_completed(waiting):
             row = done.result()
@@ -119,6 +132,21 @@ def campaign(
                 write_scene(folder, move(seed, row.number), row.problem)
             progress(len(rows))
     return [rows[i] for i in sorted(rows)]
+
+
+@contextmanager
+def _one_thread_each() -> Iterator[None]:
+    """Let processes that begin meanwhile use one thread for linear algebra: matrices are small, and
+    threads of several processes wait for each other."""
+    before = {name: os.environ.get(name) for name in _THREADS}
+    os.environ.update(dict.fromkeys(_THREADS, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            os.environ.pop(name)
+            if value is not None:
+                os.environ[name] = value
 
 
 def read(file: Path) -> list[Row]:

@@ -45,7 +45,8 @@ def test_statics_of_the_independent_check(stratum, number):
 def test_a_move_is_possible_unless_the_motors_are_too_weak_between_its_ends(monkeypatch):
     monkeypatch.setattr("deltaopt.bench.possible._STEPS", (12,))
     scene = move(1, 0).scene
-    assert is_possible(scene)
+    far = {"sphere": {"centre": [10.0, 0.0, 0.0], "radius": 1.0}}
+    assert is_possible(scene.model_copy(update={"keep_out": [far]}))
     torque = tuple(1e-3 * t for t in scene.robot.torque_limits)
     weak = scene.robot.model_copy(
         update={"drive": scene.robot.drive.model_copy(update={"torque": torque})}
@@ -70,9 +71,6 @@ def test_a_move_is_not_possible_where_a_body_encloses_its_goal(monkeypatch, body
         "half_space": {"point": ((goal + scene.start) / 2).tolist(), "normal": goal - scene.start},
     }
     assert not is_possible(scene.model_copy(update={"keep_out": [{body: bodies[body]}]}))
-    away = goal + 10 * way
-    far = {"sphere": {"centre": away.tolist(), "radius": way / 2}}
-    assert is_possible(scene.model_copy(update={"keep_out": [far]}))
 
 
 def test_a_given_path_is_possible_where_it_is_reachable_and_can_be_held():
@@ -109,6 +107,16 @@ def test_a_failure_is_a_scene_that_can_be_planned(tmp_path):
     assert file.read_text().startswith("# inside: why\n")
     scene = load_scene(file)
     assert plan(scene).duration == plan(each.scene).duration
+
+
+def test_a_fault_of_the_program_is_a_failure(monkeypatch):
+    def broken(scene, tolerance):
+        raise ZeroDivisionError("in the program")
+
+    monkeypatch.setattr(room, "plan", broken)
+    row = room.row_of(move(1, 0), 1e-3)
+    assert row.failed
+    assert row.problem == "ZeroDivisionError: in the program"
 
 
 def test_what_counts_as_a_failure():
