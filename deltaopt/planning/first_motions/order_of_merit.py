@@ -29,7 +29,7 @@ from deltaopt.scene.feasibility import on_one_side
 from deltaopt.scene.scene import Scene, limits_of
 from deltaopt.scene.task import OnPath, distance
 
-_SLOW = 20.0
+SLOW = 20.0
 """How many times the lower bound a straight line, of the platform or in motor angles, may take
 before others are compared with it. On random moves it takes two to four times the bound; comparing
 takes twice as long as planning."""
@@ -107,7 +107,7 @@ def _lines_and_curves(scene: Scene) -> Iterator[Trajectory]:
         motion = _possible(scene, ahead.pop(0))
         if motion is None:
             continue
-        if not is_slow(scene, motion.duration, _SLOW):
+        if not is_slow(scene, motion.duration, SLOW):
             yield motion
             break
         slow.append(motion)
