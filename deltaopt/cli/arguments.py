@@ -43,7 +43,7 @@ def add_robots(parser: argparse.ArgumentParser, number: int, least: int = 1) -> 
 
     ``least``: of robot files; without any a command brings its own.
     """
-    nargs, words = ("+", "robot files") if least else ("*", "robot files; none for seven kinds")
+    nargs, words = ("+", "robot files") if least else ("*", "robot files; none for all kinds")
     parser.add_argument("robots", nargs=nargs, type=Path, metavar="ROBOT", help=words)
     parser.add_argument(
         "--number",

@@ -92,7 +92,7 @@ def _plan(arguments: argparse.Namespace) -> int:
 
 def _any(arguments: argparse.Namespace) -> int:
     """Plan and verify seeded random moves within the workspace of each robot; without a robot,
-    moves of seven kinds of robot: inside the workspace, along its edge, with motors that hardly
+    moves of robots of all kinds: inside the workspace, along its edge, with motors that hardly
     hold the robot, with friction, further limits, bodies in the way, moving ends, given paths."""
     if not arguments.robots:
         return _campaign(arguments)
