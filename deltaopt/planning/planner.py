@@ -350,8 +350,8 @@ class Planner:
                 intervals = intervals_for(motion, intervals) or intervals
                 tried.append(Attempt(scene, motion, intervals, self._optimiser.accuracy))
                 yield from search.with_remedies(tried[-1])
-            for factor in FINER:
-                yield from (replace(each, intervals=factor * each.intervals) for each in tried)
+            twice = FINER[0]  # finer ones take minutes where there is no such motion
+            yield from (replace(each, intervals=twice * each.intervals) for each in tried)
 
         failures = list[DeltaOptError]()
         for attempt in attempts():
