@@ -19,7 +19,11 @@ from deltaopt.planning.first_motions.order_of_merit import (
     is_slow,
     rounds,
 )
-from deltaopt.scene.feasibility import distance_from_parallel, limit_room_at_ends
+from deltaopt.scene.feasibility import (
+    distance_from_parallel,
+    limit_room_at_ends,
+    require_ends_on_one_side,
+)
 from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene
 
@@ -154,8 +158,13 @@ class Search(Generic[P]):
         return Attempt(self.scene, motion, intervals, self.accuracy) if intervals else None
 
     def with_remedies(self, attempt: Attempt) -> Iterator[Attempt]:
-        """An attempt, and what may cure the way in which it fails."""
+        """An attempt, and what may cure the way in which it fails.
+
+        Raises Infeasible where every path leads through a parallel singularity.
+        """
         yield attempt
+        if isinstance(self._last, CrossesSingularity):
+            require_ends_on_one_side(self.scene)
         if isinstance(self._last, CrossesSingularity) and attempt.away:
             yield from self.with_remedies(attempt.away)
         elif isinstance(self._last, HeldByMotion):

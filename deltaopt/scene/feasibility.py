@@ -212,6 +212,16 @@ def on_one_side(scene: Scene, points: Array) -> bool:
     return bool((volumes[0] * volumes > 0).all())
 
 
+def require_ends_on_one_side(scene: Scene) -> None:
+    """Raise Infeasible where a parallel singularity lies between start and goal, on every path: the
+    volume of the bars' directions, which is zero in one, has another sign at the goal."""
+    if not on_one_side(scene, np.array(scene.given_points)):
+        raise Infeasible(
+            "start and goal are on different sides of a parallel singularity, in which the motors "
+            "do not hold the platform: every path between them leads through one"
+        )
+
+
 def limit_room_at_ends(scene: Scene) -> float:
     """The least share of a limit that rest at start and goal leaves unused."""
     return float(1 - np.abs(_ends(scene)[1]).max())

@@ -11,8 +11,9 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from deltaopt import load_scene, plan, verify
-from deltaopt.errors import DeltaOptError, Unreachable
+from deltaopt import Scene, load_robot, load_scene, plan, verify
+from deltaopt.bench.statics import Statics
+from deltaopt.errors import DeltaOptError, Infeasible, Unreachable
 from deltaopt.planning.first_motions.initial_motion import detour, line, roughly_fastest
 from deltaopt.planning.first_motions.order_of_merit import (
     crosses_singularity,
@@ -118,3 +119,12 @@ def test_a_move_without_a_way_is_refused_with_what_was_searched(monkeypatch):
     )
     with pytest.raises(Unreachable, match=r"45 curves, nor a path over a grid .* mm apart"):
         plan(hard_scene("25_un_haptic"))
+
+
+def test_ends_with_a_singularity_between_them_are_refused_with_the_reason():
+    robot = load_robot("problems/robots/orsino.yaml")
+    below, beside = (0.6014, 0.1192, -0.0402), (-0.0192, 0.5291, -0.0505)
+    volumes = [Statics(robot, 0.0).at(np.array([point])).volumes[0] for point in (below, beside)]
+    assert volumes[0] * volumes[1] < 0
+    with pytest.raises(Infeasible, match="different sides of a parallel singularity"):
+        plan(Scene(robot=robot, start=below, goal=beside))

@@ -25,7 +25,7 @@ from deltaopt.planning.first_motions.initial_motion import (
 )
 from deltaopt.planning.first_motions.roadmap import STEPS, roadmap_motions, spacing
 from deltaopt.planning.path.path_planning import fastest_on_path
-from deltaopt.scene.feasibility import on_one_side
+from deltaopt.scene.feasibility import on_one_side, require_ends_on_one_side
 from deltaopt.scene.scene import Scene, limits_of
 from deltaopt.scene.task import OnPath, distance
 
@@ -69,13 +69,15 @@ def rounds(scene: Scene) -> Iterator[Iterator[Trajectory]]:
     """First motions in order of merit, in two rounds: lines and curves, then paths over a grid.
 
     The second takes longer, and is better where the workspace is narrow. Raises Unreachable after
-    the second round if there was no motion in either.
+    the second round if there was no motion in either, and Infeasible before it where every path
+    leads through a parallel singularity.
     """
     if scene.tube is not None:
         yield iter([timed_axis(scene)])
         return
     found: list[Trajectory] = []
     yield _noted(_lines_and_curves(scene), found)
+    require_ends_on_one_side(scene)
     yield _noted(_over_a_grid(scene), found)
     if not found:
         raise Unreachable(what_was_searched(scene))
