@@ -366,7 +366,7 @@ class Planner:
         if search.plans:
             return search.best()
         none = Infeasible("no simple motion through all given points stays within reach")
-        return not_met(scene, len(failures), failures[0]) if failures else none
+        return not_met(scene, len(tried), failures[0]) if failures else none
 
     def _plan_on_path(self, scene: Scene, task: OnPath, starts: int, report: Progress) -> Plan:
         """Plan the fastest motion on the path that a scene gives: there is one, and no guess.
