@@ -7,8 +7,10 @@ must lead to a plan, which verification accepts and which takes no longer than t
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
+from math import nan
+from pathlib import Path
 from time import thread_time
 
 import numpy as np
@@ -17,101 +19,169 @@ from numpy.typing import NDArray
 import deltaopt
 from deltaopt.bench.random_scenes import random_scenes
 from deltaopt.cli.arguments import one_or_more, seed
+from deltaopt.files.kept_rows import kept_rows
 from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.scene.task import given_points
-from studies.problems import PROBLEMS
+from studies.problems import PROBLEMS, add_directory
+from studies.reproduced import write_scene
 
 HELP = "interrupt verified motions at random instants: a new goal, a stop"
-ROBOTS = tuple(
-    PROBLEMS / "robots" / f"{name}.yaml" for name in ("orsino", "industrial", "industrial_drive")
-)
-SMALL = {"robots": ROBOTS[:1], "number": 3}
+KINDS: dict[str, tuple[str, dict[str, float] | None]] = {
+    "orsino": ("orsino", None),
+    "industrial": ("industrial", None),
+    "industrial_drive": ("industrial_drive", None),
+    "industrial_limits": ("industrial", {"platform_speed": 3.0, "acceleration": 60.0, "speed": 6}),
+    "hornet_565": ("hornet_565", None),
+    "rl5": ("rl5", None),
+}
+"""Robots by their files, and limits beside those of their drives: with friction and a gripper, of
+speeds and accelerations, with torques that fall with speed, with pins and heavy arms."""
+SMALL = {"kinds": ("orsino",), "number": 3}
 _SAME = 1e-9
 """Share of a duration by which one may be longer than another that it equals: rounding."""
+_MOST = 1_000_000
+"""Interruptions of one seed that are different from those of the next."""
 
 
 @dataclass(frozen=True)
 class Interruption:
     """A motion that is interrupted at random: a plan to a new goal, and a stop.
 
-    ``seconds``: processor time of the plan to the new goal and of one from rest to rest, s.
-    ``ratio``: duration of the first over that of finishing the old motion and then the second.
-    ``stop``: duration of the fastest stop over what is left of the old motion. ``gap``: told by the
-    first. ``failures``: what is wrong, sentences.
+    ``number``: of the interruption. ``seconds``, ``seconds_at_rest``: processor time of the plan
+    to the new goal and of one from rest to rest, s. ``ratio``: duration of the first over that of
+    finishing the old motion and then the second. ``stop``: duration of the fastest stop over what
+    is left of the old motion. ``gap``: told by the first. ``failure``: what is wrong, in words.
     """
 
-    seconds: tuple[float, float]
+    number: int
+    seconds: float
+    seconds_at_rest: float
     ratio: float
     stop: float
     gap: float
-    failures: tuple[str, ...]
+    failure: str
 
 
-def interruptions(robot: deltaopt.Robot, number: int, first: int) -> Iterator[Interruption]:
-    """So many of one robot, seeded: a random move, a random instant, another random goal."""
-    planner, rng = deltaopt.Planner(robot), np.random.default_rng(first)
-    scenes = random_scenes(robot, None, 2 * number, first)
-    for scene, other in zip(scenes, scenes, strict=True):
-        old = planner.plan(scene.start, scene.goal)
-        now = old.trajectory(float(rng.uniform(0, old.duration)))
-        begin = thread_time()
-        rest = planner.plan(given_points(scene.task)[1], other.goal)
-        plain = thread_time() - begin
-        left = old.duration - float(now.t[0])
-        try:
-            begin = thread_time()
-            new = planner.plan(now, other.goal)
-            seconds = thread_time() - begin
-            stop = planner.stop(now)
-        except deltaopt.DeltaOptError as error:
-            yield Interruption((np.nan, plain), np.nan, np.nan, np.nan, (str(error),))
-            continue
-        failures = []
-        for plan, most in ((new, left + rest.duration), (stop, left)):
-            failures += deltaopt.verify(plan.scene, plan.trajectory).failures()
-            if plan.duration > most * (1 + _SAME):
-                failures.append(f"it takes {plan.duration:.6g} s, where {most:.6g} s are possible")
-        ratio = new.duration / (left + rest.duration)
-        yield Interruption((seconds, plain), ratio, stop.duration / left, new.gap, tuple(failures))
+@dataclass(frozen=True)
+class Case:
+    """An interruption by itself: the scene of the old motion, how far through it (a share) it is
+    interrupted, and the scene whose goal is the new one."""
+
+    scene: deltaopt.Scene
+    share: float
+    other: deltaopt.Scene
+
+
+def case(kind: str, number: int, first: int) -> Case:
+    """The interruption of a kind and a number: a random move, a random instant, another random
+    goal."""
+    own, (name, limits) = _MOST * first + number, KINDS[kind]
+    robot = deltaopt.load_robot(PROBLEMS / "robots" / f"{name}.yaml")
+    scene, other = random_scenes(robot, None, 2, own)
+    share = float(np.random.default_rng([own, 1]).uniform())
+    return Case(scene.model_copy(update={"limits": limits}), share, other)
+
+
+def interruption(each: Case, number: int, name: Path) -> Interruption:
+    """Plan a case and verify its plans; what fails is written as a scene whose file begins so."""
+    goal = each.other.goal
+    planner = deltaopt.Planner(each.scene.robot, limits=each.scene.limits)
+    old = planner.plan(each.scene.start, each.scene.goal)
+    now = old.trajectory(each.share * old.duration)
+    left = old.duration - float(now.t[0])
+    begin = thread_time()
+    rest = planner.plan(given_points(each.scene.task)[1], goal)
+    at_rest = thread_time() - begin
+    new = _tried(lambda: planner.plan(now, goal), left + rest.duration)
+    stop = _tried(lambda: planner.stop(now), left)
+    for end, tried in ((goal, new), (deltaopt.Anywhere(), stop)):
+        if tried.failure:
+            state = deltaopt.State(at=tuple(now.x[0].tolist()), velocity=tuple(now.v[0].tolist()))
+            scene = each.scene.model_copy(update={"start": state, "goal": end})
+            what = "stop" if tried is stop else "new_goal"
+            write_scene(name.with_name(f"{name.name}_{what}"), scene, tried.failure)
+    return Interruption(
+        number=number,
+        seconds=new.seconds,
+        seconds_at_rest=at_rest,
+        ratio=new.duration / (left + rest.duration),
+        stop=stop.duration / left,
+        gap=new.gap,
+        failure="; ".join(filter(None, (new.failure, stop.failure and f"stop: {stop.failure}"))),
+    )
+
+
+@dataclass(frozen=True)
+class _Tried:
+    """A plan that was tried: processor time and duration, s, gap, and what is wrong in words."""
+
+    seconds: float
+    duration: float
+    gap: float
+    failure: str
+
+
+def _tried(make: Callable[[], deltaopt.Plan], most: float) -> _Tried:
+    """Make a plan, which is to be verified and to take no longer than ``most`` (s)."""
+    begin = thread_time()
+    try:
+        found = make()
+    except deltaopt.DeltaOptError as error:
+        return _Tried(thread_time() - begin, nan, nan, f"{type(error).__name__}: {error}")
+    seconds = thread_time() - begin
+    failures = list(deltaopt.verify(found.scene, found.trajectory).failures())
+    if found.duration > most * (1 + _SAME):
+        failures.append(f"it takes {found.duration:.6g} s, where {most:.6g} s are possible")
+    return _Tried(seconds, found.duration, found.gap, "; ".join(failures))
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--number", type=one_or_more, default=334, help="of each robot")
+    parser.add_argument("--number", type=one_or_more, default=167, help="of each robot")
     parser.add_argument("--seed", type=seed, default=1, help="of the random moves (default: 1)")
-    parser.set_defaults(robots=ROBOTS)
+    parser.set_defaults(kinds=tuple(KINDS))
+    add_directory(parser, "interruptions", "one CSV file for each robot, and scenes that fail")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    failed = 0
-    for robot in map(deltaopt.load_robot, arguments.robots):
-        progress, found = ProgressBar().counting(arguments.number, robot.name), []
-        for each in interruptions(robot, arguments.number, arguments.seed):
-            found.append(each)
-            progress(len(found))
-        wrong = [sentence for each in found for sentence in each.failures]
-        failed += sum(bool(each.failures) for each in found)
-        print(f"{robot.name}: {len(found) - len(wrong)} of {len(found)} planned and verified")
-        for sentence in wrong:
-            print(f"  {sentence}")
-        print(_table(found))
+    """Print a table for each robot, and every failure."""
+    folder, first, failed = arguments.directory, arguments.seed, 0
+    for kind in arguments.kinds:
+
+        def of(i: int, kind: str = kind) -> Interruption:
+            return interruption(case(kind, i, first), i, folder / f"{kind}_{first}_{i:05d}")
+
+        rows = kept_rows(
+            folder / f"{kind}_{first}.csv",
+            Interruption,
+            range(arguments.number),
+            lambda row: row.number,
+            of,
+            ProgressBar().counting(arguments.number, kind),
+        )
+        wrong = [row for row in rows if row.failure]
+        failed += len(wrong)
+        print(f"{kind}: {len(rows) - len(wrong)} of {len(rows)} planned and verified")
+        for row in wrong:
+            print(f"  {row.number}: {row.failure}")
+        print(_table(rows), flush=True)
     return 1 if failed else 0
 
 
 def _table(found: list[Interruption]) -> str:
     """Medians and extremes, one line each."""
-    ratio, stop = (_column(found, name) for name in ("ratio", "stop"))
-    gaps, seconds = _column(found, "gap"), np.array([each.seconds for each in found])
+    ratio, stop, gaps = (_column(found, name) for name in ("ratio", "stop", "gap"))
+    seconds, at_rest = (_column(found, name) for name in ("seconds", "seconds_at_rest"))
     known = gaps[np.isfinite(gaps)]
-    slower = np.nanmedian(seconds[:, 0]) / np.nanmedian(seconds[:, 1])
+    slower = np.median(seconds) / np.median(at_rest)
     return "\n".join(
         [
             f"  duration over that of the old motion and then from rest: median "
             f"{np.nanmedian(ratio):.3f}, largest {np.nanmax(ratio):.6f}",
             f"  stop over the rest of the old motion: median {np.nanmedian(stop):.3f}, largest "
             f"{np.nanmax(stop):.6f}",
-            f"  gaps: median {np.nanmedian(known):.1e}, largest {np.nanmax(known):.1e}; "
-            f"{len(found) - len(known)} finished the old motion first",
-            f"  processor time: median {1e3 * np.nanmedian(seconds[:, 0]):.1f} ms, {slower:.2f} "
+            f"  gaps: median {np.median(known):.1e}, largest {np.max(known):.1e}; "
+            f"{np.isinf(gaps).sum()} finished the old motion first",
+            f"  processor time: median {1e3 * np.median(seconds):.1f} ms, {slower:.2f} "
             "times a plan from rest to rest",
         ]
     )

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from math import inf
 from time import perf_counter
 from typing import Any
 
@@ -13,7 +15,7 @@ import numpy as np
 
 from deltaopt.dynamics.formulation import Projected
 from deltaopt.dynamics.lagrange import Multiplier
-from deltaopt.errors import DeltaOptError, Infeasible
+from deltaopt.errors import DeltaOptError, Infeasible, NotConverged
 from deltaopt.files.validated_record import Vector3
 from deltaopt.motion.trajectory import Motion, PiecewisePolynomial, Trajectory
 from deltaopt.planning.first_motions.belt import not_met
@@ -23,14 +25,20 @@ from deltaopt.planning.first_motions.moving_ends import (
 )
 from deltaopt.planning.first_motions.multistart import Optimum, distinct, first_motions
 from deltaopt.planning.first_motions.order_of_merit import first_motion, intervals_for
+from deltaopt.planning.first_motions.passages import shortest_path
 from deltaopt.planning.first_motions.through_gates import through_gates
 from deltaopt.planning.flat.flat_problem import Flat
 from deltaopt.planning.in_flight import finished_first
 from deltaopt.planning.links_clear import keeping_links_clear
 from deltaopt.planning.nlp.problem import ProblemFormulation, Solver
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
+from deltaopt.planning.path.path_along import (
+    fastest_along,
+    near_corners,
+    through_corners,
+)
 from deltaopt.planning.path.path_planning import NAME as ON_PATH
-from deltaopt.planning.path.path_planning import fastest_on_path
+from deltaopt.planning.path.path_planning import PathMotion, fastest_on_path
 from deltaopt.planning.plan import Plan, quicker
 from deltaopt.planning.refinement import Progress
 from deltaopt.planning.search import FINER, Attempt, Search
@@ -39,7 +47,14 @@ from deltaopt.planning.trajectory_optimiser import (
     RESOLVED_BELOW,
     TrajectoryOptimiser,
 )
-from deltaopt.planning.ways import CLEAR, TakenWay, clear_motions, fastest_way, is_clear
+from deltaopt.planning.ways import (
+    CLEAR,
+    TakenWay,
+    clear_motions,
+    fastest_way,
+    is_clear,
+    name_of_way,
+)
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.moving_ends import Anywhere, End, Start, State
@@ -384,6 +399,10 @@ class Planner:
                 raise ValueError(f"{name} is {value}; it has no effect where the path is given")
         begin = perf_counter()
         found = fastest_on_path(scene, task, self.tolerance, report)
+        return replace(self._on_path(scene, found), solve_seconds=perf_counter() - begin)
+
+    def _on_path(self, scene: Scene, found: PathMotion) -> Plan:
+        """The plan of a motion on a path."""
         return Plan(
             scene=scene,
             trajectory=found.trajectory,
@@ -392,7 +411,7 @@ class Planner:
             intervals=len(found.trajectory.knots) - 1,
             status="Swept",
             iterations=len(found.iterations),
-            solve_seconds=perf_counter() - begin,
+            solve_seconds=0.0,
             gap=found.gap,
             tolerance=self.tolerance,
             meshes=found.iterations,
@@ -438,8 +457,41 @@ class Planner:
             return search.best()
 
         way = Attempt(scene, first_motion(scene), self.intervals, optimiser.accuracy)
-        found, taken = fastest_way(way, planned, optimiser.on_first_mesh)
+        try:
+            found, taken = fastest_way(way, planned, optimiser.on_first_mesh)
+        except NotConverged as error:
+            found = self._through_passages(scene, error, report)
+            taken = (TakenWay(name_of_way(scene, found.trajectory), found.duration, True),)
         return replace(found, ways=taken, solve_seconds=perf_counter() - begin)
+
+    def _through_passages(self, scene: Scene, error: NotConverged, report: Progress) -> Plan:
+        """Plan along the shortest path of straight lines past bodies, where no mesh finds its way:
+        near its corners, or on the path itself.
+
+        Through a passage of a few millimetres a solution on a mesh may lead through a wall between
+        two of its points, and never come back. How much faster another motion is, is not known:
+        the gap is infinite. Raises the error where there is no such motion.
+        """
+        usual = isinstance(scene.objective, Time) and not scene.planned_links and scene.tube is None
+        usual = usual and isinstance(self._optimiser.problem_formulation, Flat)
+        corners = shortest_path(scene) if usual else None
+        if corners is None or len(corners) < 3:
+            raise error
+        report("near the corners of the shortest path:")
+        found = list[Plan]()
+        for gates in (near_corners(scene, corners), through_corners(scene, corners)):
+            with suppress(DeltaOptError):
+                through = self.plan_scene(gates, progress=report)
+                if is_clear(scene, through.trajectory):
+                    found.append(through)
+        timed = fastest_along(scene, corners, self.tolerance)
+        if timed is not None:
+            report(f"on the shortest path: {timed.trajectory.duration:.6g} s")
+            found.append(self._on_path(scene, timed))
+        if not found:
+            raise error
+        best = min(found, key=lambda plan: plan.duration)
+        return replace(best, scene=scene, gap=inf, certificate=None, multipliers=None)
 
     def plan_many(
         self,

@@ -36,7 +36,7 @@ _SAMPLES = 64
 _MARGIN = 0.02
 """How far bands stay from bodies where there is room, as a share of the way from start to goal:
 a first motion that touches bodies leaves a solver no inside to begin in."""
-_MARGINS, _GENTLE = (0.02, 0.01, 0.003, 0.001), 4
+_MARGINS, _GENTLE = (0.02, 0.01, 0.003, 0.001, 3e-4, 1e-4), 4
 """The same for paths through passages, one after the other until there is room; and how many of the
 last steps of drawing they get."""
 _RISE = 0.3
@@ -182,6 +182,11 @@ def _distinct(attempts: list[Attempt]) -> list[int]:
         found.append(i)
         paths.append(path)
     return found
+
+
+def name_of_way(scene: Scene, motion: Trajectory) -> str:
+    """The way that a motion takes past the bodies of a scene, in words."""
+    return Way(motion, _Bodies.of(scene).sides(_sampled(motion))).name
 
 
 def no_way(scene: Scene) -> str:

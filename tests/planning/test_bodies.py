@@ -145,6 +145,12 @@ def test_a_reach_into_a_box():
     assert found.duration == pytest.approx(0.1806, rel=2e-3)
 
 
+@pytest.mark.parametrize("name", ["along_the_edge", "four_bodies"])
+def test_ways_that_were_not_found(name):
+    """Over a wall along the edge of the workspace, and where no place of a coarse grid is free."""
+    planned(load_scene(Path(__file__).parents[1] / "data" / "bodies" / f"{name}.yaml"))
+
+
 def test_reasons():
     inside = with_bodies(sphere([0.85, -0.15, 0], 0.05))
     with pytest.raises(Infeasible, match=r"start: at .* the tool overlaps keep_out\[0\], a sphere"):

@@ -26,6 +26,7 @@ SAYS = {
     "interruptions": "3 of 3 planned and verified",
     "interrupts": "SIGINT during check, 2 instants",
     "inverse": "inverse dynamics",
+    "keep_out": "slot, 1 mm beside the tool: 1 of 1 planned",
     "limits": "workspace radius     1 of 1",
     "line": "pick_and_place: line by a quintic law 0.1966 s",
     "lower_bound": "ratio of lower bound to duration",

@@ -1,17 +1,19 @@
 """Paths of straight lines past keep-out bodies, where no simple bend of a motion leads around them.
 
-Places beside the edges of every body, at several distances, and places of a coarse grid are
-connected by straight lines. Distances from convex bodies are convex along a line, so that two
-tangents bound them between samples: a line that counts as clear is clear. The shortest path is
-looked for as if all lines were clear; those that leave the places on it are then checked, until
-the path is made of clear lines (a lazy probabilistic roadmap with places that are not random, after
-Bohlin and Kavraki 2000).
+Places beside the edges of every body, at several distances, places of a coarse grid, and places
+halfway between bodies are connected by straight lines. The nearest places of two convex bodies tell
+a plane between them, of which all is at least half as far from both as these are from each other:
+so narrow passages are found whatever bounds them. Distances from convex bodies are convex along a
+line, so that two tangents bound them between samples: a line that counts as clear is clear. The
+shortest path is looked for as if all lines were clear; those that leave the places on it are then
+checked, until the path is made of clear lines (a lazy probabilistic roadmap with places that are
+not random, after Bohlin and Kavraki 2000).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import product
+from itertools import combinations, product
 from math import inf, tau
 
 import numpy as np
@@ -20,8 +22,8 @@ from numpy.typing import NDArray
 from deltaopt.limits.constraints import SceneLimits
 from deltaopt.motion.sure_bounds import signed_distances
 from deltaopt.motion.trajectory import Array
-from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.robot.solids import Convex, Polytope, Solid
+from deltaopt.scene.feasibility import room_at_rest
 from deltaopt.scene.scene import Scene, limits_of
 from deltaopt.scene.task import given_points
 
@@ -30,32 +32,59 @@ Truths = NDArray[np.bool]
 BESIDE = (4e-4, 3e-3, 1.5e-2)
 """Distances beside bodies of the places that are connected, m. A passage is found if it is wider
 than the first and its ends are beside edges of a body."""
-GRID = (5, 7, 7)
-"""Places of the coarse grid: depths, and both ways across."""
+_COARSE, _FINE = (5, 7, 7), (9, 13, 13)
+"""Places of grids: depths, and both ways across. The finer one finds ways along the edge of the
+workspace, and takes several times as long."""
+_SPARE = 2e-4
+"""m beyond the clearance asked for: corners of a path that touches bodies cannot be rounded."""
+_TRIED = ((_COARSE, _SPARE, 400), (_COARSE, 0.0, 400), (_FINE, _SPARE, 60))
+"""Grids, what is to spare (m), and how many searches for a shortest path are made, in turn. Each
+search finds that at least one line is blocked, or ends; with the finer grid one takes some 20 ms
+where there is no way."""
 _ROOM = 0.6
 """By what share of the way from start to goal the grid reaches beyond both."""
 _LARGEST = 100.0
 """Half the length of a side, m, beyond which a body's corners are not looked for."""
 _ROUND = 8
 """Places around a cylinder or sphere."""
+_ALONG = 3
+"""Places on the straight line from start to goal, to which the nearest ones on edges and planes are
+tried."""
+_PROJECTIONS = 30
+"""From one body to the other, to find the nearest places of both: between flat sides two suffice,
+and what is not exact is only a plane that is somewhat nearer to one of them."""
+_NARROWEST, _WIDEST = 1e-5, 0.5
+"""Of passages whose middle is looked at: m, and of the way from start to goal. Bodies that touch
+leave none, and the grid has places in wider ones."""
+_PARALLEL = 1e-6
+"""Sine of the angle between planes that are taken not to cross."""
 _BETWEEN = np.linspace(0.0, 1.0, 9)
 """Of a line, where distances and their slopes are taken."""
-_MOST_CHECKS = 400
-"""Searches for a shortest path, each of which finds that at least one line is blocked or ends."""
+_KNOWN, _ROUNDING = 0.5, 1e-12
+"""Least length of the slope of a distance, which is 1 where it is known, and m by which a line may
+be too near to a body: it may begin on one."""
 
 
 def shortest_path(scene: Scene) -> Array | None:
     """The corners of the shortest path of clear lines from start to goal, (n, 3), m, both ends
-    among them; None if there is none."""
-    lines = _Lines.of(scene)
+    among them; None if there is none. Its lines touch bodies only where no others lead there."""
     ends = np.array(given_points(scene.task))
-    places = np.vstack([ends, lines.clear_places(_places(scene, ends))])
+    for grid, spare, searches in _TRIED:
+        path = _path(_Lines.of(scene, spare), ends, _places(scene, ends, grid), searches)
+        if path is not None:
+            return path
+    return None
+
+
+def _path(lines: _Lines, ends: Array, others: Array, searches: int) -> Array | None:
+    """The same over places (N, 3), m, with so many searches at most."""
+    places = np.vstack([ends, lines.clear_places(others)])
     n = len(places)
     length = np.linalg.norm(places[:, None] - places, axis=2)
+    ahead, known = length[:, 1].copy(), np.zeros(n, dtype=np.bool)
     length[np.arange(n), np.arange(n)] = inf
-    known = np.zeros(n, dtype=np.bool)
-    for _ in range(_MOST_CHECKS):
-        path = _dijkstra(length)
+    for _ in range(searches):
+        path = _shortest(length, ahead)
         if path is None:
             return None
         new = [place for place in path if not known[place]]
@@ -63,8 +92,8 @@ def shortest_path(scene: Scene) -> Array | None:
             return np.asarray(places[path])
         for place in new:
             known[place] = True
-            others = np.flatnonzero(np.isfinite(length[place]))
-            blocked = others[~lines.are_clear(places[place], places[others])]
+            joined = np.flatnonzero(np.isfinite(length[place]))
+            blocked = joined[~lines.are_clear(places[place], places[joined])]
             length[place, blocked] = length[blocked, place] = inf
     return None
 
@@ -74,30 +103,34 @@ def what_was_searched(scene: Scene) -> str:
     distances = ", ".join(f"{1e3 * each:g}" for each in BESIDE)
     return (
         "neither bends to four sides of each body nor straight lines between places "
-        f"{distances} mm beside its edges and a grid of {' x '.join(map(str, GRID))} places"
+        f"{distances} mm beside its edges, halfway between bodies, and a grid of "
+        f"{' x '.join(map(str, _FINE))} places"
     )
 
 
 @dataclass(frozen=True)
 class _Lines:
-    """What a straight line must stay clear of, and where the platform can be."""
+    """What a straight line must stay clear of, with how much to ``spare``, m, and the scene
+    ``without`` bodies, for where the platform can be held."""
 
     scene: Scene
-    model: DeltaModel
+    without: Scene
     limits: SceneLimits
+    spare: float
 
     @classmethod
-    def of(cls, scene: Scene) -> _Lines:
-        return cls(scene, delta_model(scene.robot, scene.payload), limits_of(scene))
+    def of(cls, scene: Scene, spare: float) -> _Lines:
+        without = scene.model_copy(update={"keep_out": None, "clearance": None})
+        return cls(scene, without, limits_of(scene), spare)
 
     @property
     def _kept(self) -> Array:
-        return self.limits.bounds[0][self.limits.constraints.convex]
+        return self.limits.bounds[0][self.limits.constraints.convex] + self.spare
 
     def clear_places(self, places: Array) -> Array:
-        """Those that are clear of bodies and within reach."""
+        """Those that are clear of bodies and where the platform can be held."""
         distance, _ = signed_distances(self.scene, places)
-        return places[(distance > self._kept).all(axis=1) & self._in_reach(places)]
+        return places[(distance > self._kept).all(axis=1) & self._can_be_held(places)]
 
     def are_clear(self, begin: Array, ends: Array) -> Truths:
         """Whether the lines from a place to others, (N, 3), are clear, (N,)."""
@@ -106,50 +139,139 @@ class _Lines:
         flat = x.reshape(-1, 3)
         distance, slope = signed_distances(self.scene, flat)
         distance = distance.reshape(len(ends), len(_BETWEEN), -1)
-        rate = np.einsum("nsrc,nc->nsr", slope.reshape(*distance.shape, 3), way)
-        reach = self._in_reach(flat).reshape(len(ends), -1).all(axis=1)
-        return np.asarray(reach & (_least(distance, rate) >= self._kept).all(axis=1))
+        slope = slope.reshape(*distance.shape, 3)
+        rate = np.einsum("nsrc,nc->nsr", slope, way)
+        known = np.linalg.norm(slope, axis=3) > _KNOWN  # on a surface the slope may be told as 0
+        most = np.linalg.norm(way, axis=1)[:, None, None]
+        least = _least(distance, np.where(known, rate, -most), np.where(known, rate, most))
+        held = self._can_be_held(flat).reshape(len(ends), -1).all(axis=1)
+        return np.asarray(held & (least >= self._kept - _ROUNDING).all(axis=1))
 
-    def _in_reach(self, places: Array) -> Truths:
-        alignments = self.model.alignments(places)
-        return np.asarray((alignments > 0).all(axis=1))  # False where not a number
+    def _can_be_held(self, places: Array) -> Truths:
+        return np.asarray(room_at_rest(self.without, places) > 0)
 
 
-def _least(distance: Array, rate: Array) -> Array:
-    """Least values of convex functions by their tangents at samples, (N, samples, rows) each."""
+def _least(distance: Array, onwards: Array, so_far: Array) -> Array:
+    """Least values of convex functions by their tangents at samples, (N, samples, rows) each, of
+    which the rates ``onwards`` bound what follows, and ``so_far`` what was before."""
     h = _BETWEEN[1] - _BETWEEN[0]
-    before, after, down, up = distance[:, :-1], distance[:, 1:], rate[:, :-1], rate[:, 1:]
+    before, after, down, up = distance[:, :-1], distance[:, 1:], onwards[:, :-1], so_far[:, 1:]
     dips = (down < 0) & (up > 0)
     t = (after - before - up * h) / np.where(dips, down - up, 1.0)
     lowest = np.where(dips, before + down * t, np.minimum(before, after))
     return np.asarray(lowest.min(axis=1))
 
 
-def _places(scene: Scene, ends: Array) -> Array:
-    """Places beside all bodies and of a grid, (N, 3), m."""
+def _places(scene: Scene, ends: Array, numbers: tuple[int, ...]) -> Array:
+    """Places beside all bodies, of a grid, and in the planes between bodies, (N, 3), m;
+    ``numbers``: of the grid's places along x, y and z."""
     margin = _ROOM * float(np.linalg.norm(ends[1] - ends[0]))
     low, high = ends.min(axis=0) - margin, ends.max(axis=0) + margin
-    axes = [np.linspace(a, b, n) for a, b, n in zip(low, high, GRID, strict=True)]
+    axes = [np.linspace(a, b, n) for a, b, n in zip(low, high, numbers, strict=True)]
     grid = np.array(list(product(*axes)))
+    line = ends[0] + np.linspace(0.0, 1.0, _ALONG)[:, None] * (ends[1] - ends[0])
     beside = [
-        _beside(body, scene.least_clearance + distance)
+        _beside(body, scene.least_clearance + distance, line)
         for body in scene.kept_out
         for distance in BESIDE
     ]
-    return np.vstack([grid, *beside])
+    found = [grid, *beside]
+    planes = _planes_between(scene, line)
+    around = np.vstack([line, *beside[len(BESIDE) - 1 :: len(BESIDE)]])
+    around = around[((around > low) & (around < high)).all(axis=1)]
+    for i, plane in enumerate(planes):
+        inside = plane.foot(around)
+        crossings = [plane.crossing(line, other) for other in planes[:i]]
+        found += [inside, *crossings]
+    return np.vstack(found)
 
 
-def _beside(body: Convex, distance: float) -> Array:
-    """Places at about a distance (m) from the corners, edges and sides of a body, (N, 3), m."""
+@dataclass(frozen=True)
+class _Plane:
+    """A plane between two bodies: a place in it, m, and its unit normal."""
+
+    place: Array
+    normal: Array
+
+    def foot(self, x: Array) -> Array:
+        """The nearest places of the plane to places (N, 3), m."""
+        return np.asarray(x - ((x - self.place) @ self.normal)[:, None] * self.normal)
+
+    def crossing(self, x: Array, other: _Plane) -> Array:
+        """The nearest places to places (N, 3) on the line where it crosses another plane, m; none
+        if they are parallel."""
+        normals = np.stack([self.normal, other.normal])
+        if np.linalg.norm(np.cross(*normals)) < _PARALLEL:
+            return np.zeros((0, 3))
+        heights = np.stack([(x - each.place) @ each.normal for each in (self, other)])
+        return np.asarray(x - np.linalg.lstsq(normals, heights, rcond=None)[0].T)
+
+
+def _planes_between(scene: Scene, line: Array) -> list[_Plane]:
+    """A plane between each two bodies that leave a passage between them, as far as projections from
+    places (n, 3), m, to one and the other find their nearest places."""
+    limits = limits_of(scene)
+    kept = limits.bounds[0][limits.constraints.convex]
+    used = np.flatnonzero(np.isfinite(kept))
+    widest = _WIDEST * float(np.linalg.norm(line[-1] - line[0]))
+    planes = list[_Plane]()
+    for one, other in combinations(used.tolist(), 2):
+        begin = end = line
+        for _ in range(_PROJECTIONS):
+            begin = _projected(scene, end, one)
+            end = _projected(scene, begin, other)
+        apart = np.linalg.norm(end - begin, axis=1)
+        nearest = int(apart.argmin())
+        if _NARROWEST < apart[nearest] - 2 * kept[one] < widest:
+            normal = (end - begin)[nearest] / apart[nearest]
+            planes.append(_Plane((begin + end)[nearest] / 2, normal))
+    return planes
+
+
+def _projected(scene: Scene, x: Array, row: int) -> Array:
+    """The nearest places of a body, grown by the tool, to places (N, 3), m."""
+    distance, slope = signed_distances(scene, x)
+    return np.asarray(x - np.maximum(distance[:, row, None], 0.0) * slope[:, row])
+
+
+def _beside(body: Convex, distance: float, line: Array) -> Array:
+    """Places at about a distance (m) from the corners, edges and sides of a body, (N, 3), m; of its
+    edges the middle, or the places nearest to those on a line, (n, 3), m."""
     off = body.radius + distance
     if isinstance(body, Polytope):
-        corners = np.unique(np.array(body.triangles).reshape(-1, 3), axis=0)
-        away = corners - corners.mean(axis=0)
-        return np.asarray(corners + off * away / np.linalg.norm(away, axis=1, keepdims=True))
-    return np.asarray(_around(body, off) @ np.array(body.axes) + np.array(body.centre))
+        return _around_polytope(np.array(body.triangles), off, line)
+    axes, centre = np.array(body.axes), np.array(body.centre)
+    return np.asarray(_around(body, off, (line - centre) @ axes.T) @ axes + centre)
 
 
-def _around(body: Solid, off: float) -> Array:
+def _around_polytope(triangles: Array, off: float, line: Array) -> Array:
+    """The same of triangles, counter-clockwise seen from outside: straight out of corners and
+    edges, between the faces that meet there."""
+    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    edges = dict[tuple[bytes, bytes], Array]()
+    corners = dict[bytes, list[Array]]()
+    found = []
+    for triangle, normal in zip(triangles, normals, strict=True):
+        for a, b in zip(triangle, np.roll(triangle, -1, axis=0), strict=True):
+            corners.setdefault(a.tobytes(), []).append(normal)
+            beyond = edges.get((b.tobytes(), a.tobytes()))
+            if beyond is None:
+                edges[a.tobytes(), b.tobytes()] = normal
+                continue
+            share = np.clip((line - a) @ (b - a) / ((b - a) @ (b - a)), 0.0, 1.0)[:, None]
+            found.append(a + share * (b - a) + off * _outwards([normal, beyond]))
+    found += [np.frombuffer(a)[None] + off * _outwards(own) for a, own in corners.items()]
+    return np.vstack(found)
+
+
+def _outwards(normals: list[Array]) -> Array:
+    """The unit vector between some normals."""
+    total = np.sum(normals, axis=0)
+    return np.asarray(total / np.linalg.norm(total))
+
+
+def _around(body: Solid, off: float, line: Array) -> Array:
     """The same in the axes of a box or cylinder."""
     half = np.array(body.half)
     if body.is_cylinder:
@@ -161,16 +283,21 @@ def _around(body: Solid, off: float) -> Array:
     if half.max() > _LARGEST:
         return np.zeros((0, 3))
     signs = np.array([each for each in product((-1.0, 0.0, 1.0), repeat=3) if any(each)])
-    return np.asarray(signs * (half + off))
+    nearest = np.vstack([np.zeros(3), np.clip(line, -half, half)])
+    places = np.where(signs[:, None] == 0, nearest, signs[:, None] * (half + off))
+    return np.unique(places.reshape(-1, 3), axis=0)
 
 
-def _dijkstra(length: Array) -> list[int] | None:
-    """The shortest path from place 0 to place 1, as places; None if there is none."""
+def _shortest(length: Array, ahead: Array) -> list[int] | None:
+    """The shortest path from place 0 to place 1, as places; None if there is none (A*).
+
+    ``ahead``: the least that is left from each place, (N,).
+    """
     n = len(length)
     cost, before, done = np.full(n, inf), np.zeros(n, dtype=np.intp), np.zeros(n, dtype=np.bool)
     cost[0] = 0.0
     for _ in range(n):
-        place = int(np.where(done, inf, cost).argmin())
+        place = int(np.where(done, inf, cost + ahead).argmin())
         if cost[place] == inf or done[place]:
             return None
         if place == 1:

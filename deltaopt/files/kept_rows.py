@@ -1,0 +1,80 @@
+"""Rows of results in a CSV file that grows as they come, so that what was interrupted goes on.
+
+A row is a frozen dataclass of bool, int, float and str; its fields are the columns.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Hashable, Iterable
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from deltaopt.files.atomic_write import atomic_write
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+R = TypeVar("R", bound="DataclassInstance")
+"""The kind of a row."""
+K = TypeVar("K", bound=Hashable)
+"""What a row is known by."""
+
+
+def read_rows(file: Path, kind: type[R]) -> list[R]:
+    """The rows of a file; none if there is no file. An incomplete one at its end is left out."""
+    if not file.exists():
+        return []
+    kinds = {each.name: each.type for each in fields(kind)}
+    rows = []
+    with file.open(newline="", encoding="utf-8") as lines:
+        for line in csv.DictReader(lines):
+            if None not in line.values():
+                rows.append(kind(**{name: _parsed(kinds[name], line[name]) for name in kinds}))
+    return rows
+
+
+def append_rows(file: Path, rows: Iterable[DataclassInstance]) -> None:
+    """Add rows to a file, which gets a header if it is empty."""
+    with file.open("a", newline="", encoding="utf-8") as lines:
+        for row in rows:
+            writer = csv.DictWriter(lines, [each.name for each in fields(row)])
+            if not lines.tell():
+                writer.writeheader()
+            writer.writerow(asdict(row))
+
+
+def kept_rows(
+    file: Path,
+    kind: type[R],
+    keys: Iterable[K],
+    key_of: Callable[[R], K],
+    made: Callable[[K], R],
+    progress: Callable[[int], None],
+) -> list[R]:
+    """A row for each key, in their order: from the file where it has one, else made and appended.
+
+    ``progress``: is called with the number of rows that are done.
+    """
+    file.parent.mkdir(parents=True, exist_ok=True)
+    known = read_rows(file, kind)
+    with atomic_write(file) as temporary:  # without a row at which it was interrupted
+        temporary.touch()
+        append_rows(temporary, known)
+    found, rows = {key_of(row): row for row in known}, []
+    for key in keys:
+        if key not in found:
+            found[key] = made(key)
+            append_rows(file, [found[key]])
+        rows.append(found[key])
+        progress(len(rows))
+    return rows
+
+
+def _parsed(kind: object, text: str) -> Any:
+    """A value of a field, whose type is a name where annotations are not evaluated."""
+    name = kind.__name__ if isinstance(kind, type) else str(kind)
+    if name == "bool":
+        return text == "True"
+    return {"int": int, "float": float}.get(name, str)(text)

@@ -1,0 +1,166 @@
+"""Keep-out bodies: clearances, refusals and planted passages, by means of their own.
+
+scenes    random scenes with one to five bodies: clearances measured, refusals held against a grid
+passages  walls that leave 1, 3 and 20 mm beside the tool, or nothing
+ways      whether another way round would have been faster, by multistart
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+import deltaopt
+from deltaopt.cli.arguments import WrongUsage, one_or_more, positive, seed
+from deltaopt.files.kept_rows import kept_rows
+from deltaopt.files.progress_bar import ProgressBar
+from studies.keep_out.other_ways import OtherWays, other_ways
+from studies.keep_out.passages import CLOSED, KINDS, WIDTHS, planted
+from studies.keep_out.planned import FAILED, PLANNED, REFUSED, Planned, planned
+from studies.keep_out.random_bodies import scene_of
+from studies.problems import INDUSTRIAL, add_directory
+
+HELP = "keep-out bodies: clearances measured, refusals held against a grid, planted passages"
+SMALL = {"number": 2, "each": 1, "blocked": 1, "curves": 3, "kinds": KINDS[:1], "spacing": 0.05}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "parts",
+        nargs="*",
+        default=tuple(PARTS),
+        metavar="PART",
+        help="of scenes, passages, ways",
+    )
+    parser.add_argument("--number", type=one_or_more, default=500, help="random scenes (500)")
+    parser.add_argument("--each", type=one_or_more, default=10, help="walls of a kind (10)")
+    parser.add_argument("--blocked", type=one_or_more, default=50, help="scenes of ways (50)")
+    parser.add_argument("--curves", type=one_or_more, default=12, help="random curves each (12)")
+    parser.add_argument("--spacing", type=positive, default=0.03, help="of the grid, m (0.03)")
+    parser.add_argument("--seed", type=seed, default=1, help="of the random numbers (1)")
+    parser.add_argument("--robot", type=Path, default=INDUSTRIAL, metavar="ROBOT")
+    parser.set_defaults(kinds=KINDS)
+    add_directory(parser, "keep_out", "CSV files, and scenes that are refused or fail")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Print what each part found; 1 if something failed."""
+    unknown = [name for name in arguments.parts if name not in PARTS]
+    if unknown:
+        raise WrongUsage(f"{unknown[0]} is no part; {', '.join(PARTS)} are")
+    failed = [PARTS[name](arguments) for name in arguments.parts]
+    return int(any(failed))
+
+
+def _scenes(arguments: argparse.Namespace) -> bool:
+    """Print one line for each number of bodies and for each kind of body; whether one failed."""
+    robot = deltaopt.load_robot(arguments.robot)
+    name = f"scenes_{arguments.seed}"
+    rows = kept_rows(
+        arguments.directory / f"{name}.csv",
+        Planned,
+        range(arguments.number),
+        lambda row: row.number,
+        lambda i: planned(
+            scene_of(robot, arguments.seed, i), i, arguments.spacing, arguments.directory / name
+        ),
+        ProgressBar().counting(arguments.number, "scenes"),
+    )
+    for row in rows:
+        if row.reason:
+            print(f"{row.outcome}, scene {row.number}, {row.kinds}: {row.reason}")
+    for number in sorted({len(row.kinds.split()) for row in rows}):
+        own = [row for row in rows if len(row.kinds.split()) == number]
+        print(f"{number} bodies: {_summary(own)}")
+    for kind in sorted({kind for row in rows for kind in row.kinds.split()}):
+        own = [row for row in rows if kind in row.kinds.split()]
+        print(f"with a {kind}: {_summary(own)}")
+    print(f"all: {_summary(rows)}", flush=True)
+    return any(row.outcome == FAILED for row in rows)
+
+
+def _summary(rows: list[Planned]) -> str:
+    counts = {name: sum(row.outcome == name for row in rows) for name in (PLANNED, REFUSED, FAILED)}
+    done = [row for row in rows if row.outcome == PLANNED]
+    least = f", least clearance beyond what is asked for {min(row.clearance for row in done):.1e} m"
+    missed = sum(row.gap > _GAP for row in done)
+    return (
+        f"{len(rows)} scenes, {counts[PLANNED]} planned and verified, {counts[REFUSED]} refused as "
+        f"a grid does, {counts[FAILED]} failed{least if done else ''}; {missed} miss a gap of "
+        f"{_GAP:g}; median {1e3 * np.median([row.seconds for row in rows]):.0f} ms"
+    )
+
+
+_GAP = 1e-3
+"""The tolerance of plans."""
+
+
+def _passages(arguments: argparse.Namespace) -> bool:
+    """Print a line for each kind of wall and each width; whether a passage was not found."""
+    robot, failed = deltaopt.load_robot(arguments.robot), False
+    for kind in arguments.kinds:
+        for width in (*WIDTHS, CLOSED):
+            name = f"{kind.replace(' ', '_')}_{1e3 * width:g}mm_{arguments.seed}"
+
+            def of(i: int, kind: str = kind, width: float = width, name: str = name) -> Planned:
+                wall = planted(robot, kind, width, arguments.seed, i)
+                folder = arguments.directory / name
+                return planned(wall.scene, i, arguments.spacing, folder, wall.on_the_way)
+
+            rows = kept_rows(
+                arguments.directory / f"{name}.csv",
+                Planned,
+                range(arguments.each),
+                lambda row: row.number,
+                of,
+                ProgressBar().counting(arguments.each, name),
+            )
+            right = PLANNED if width > 0 else REFUSED
+            good = sum(row.outcome == right for row in rows)
+            failed |= good < len(rows)
+            print(f"{kind}, {1e3 * width:g} mm beside the tool: {good} of {len(rows)} {right}")
+            for row in rows:
+                if row.outcome != right:
+                    print(f"  {row.number}: {row.outcome} {row.reason}")
+    return failed
+
+
+def _ways(arguments: argparse.Namespace) -> bool:
+    """Print how often another way would have been faster, by how much; nothing of it is a fault."""
+    robot, blocked, number = deltaopt.load_robot(arguments.robot), list[OtherWays](), 0
+    while len(blocked) < arguments.blocked:
+        number += 1
+        rows = kept_rows(
+            arguments.directory / f"ways_{arguments.seed}.csv",
+            OtherWays,
+            range(number),
+            lambda row: row.number,
+            lambda i: other_ways(scene_of(robot, arguments.seed, i), i, arguments.curves),
+            lambda done: None,
+        )
+        blocked = [row for row in rows if row.starts]
+        ProgressBar()(len(blocked) / arguments.blocked, "ways")
+    print(
+        f"{len(blocked)} of {number} scenes have bodies in the way; from {arguments.curves} random "
+        f"curves each, {np.mean([row.starts for row in blocked]):.0f} first motions were solved on "
+        f"the first mesh and {np.mean([row.planned for row in blocked]):.1f} planned, on average"
+    )
+    for least in _GAINS:
+        slower = sum(row.gain > least for row in blocked)
+        print(f"another way is faster by more than {least:.1%}: in {slower} of {len(blocked)}")
+    print(f"at most: {max(row.gain for row in blocked):.1%}", flush=True)
+    return False
+
+
+_GAINS = (0.002, 0.01, 0.03, 0.1)
+"""Twice the tolerance of plans is the least difference that means another way."""
+
+
+PARTS: dict[str, Callable[[argparse.Namespace], bool]] = {
+    "scenes": _scenes,
+    "passages": _passages,
+    "ways": _ways,
+}
