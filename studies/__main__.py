@@ -43,6 +43,7 @@ from studies import (
     tables,
     tolerances,
     tutorial,
+    via,
 )
 
 
@@ -86,6 +87,7 @@ STUDIES: dict[str, Study] = {
     "tables": tables,
     "tolerances": tolerances,
     "tutorial": tutorial,
+    "via": via,
 }
 
 

@@ -40,6 +40,7 @@ SAYS = {
     "tables": "| pick_and_place | quintic |",
     "tolerances": "gaps against 0.14087",
     "tutorial": "cubic, rows each ms: asks for 1.50 of a limit",
+    "via": "8 of 8 planned and verified",
 }
 
 

@@ -61,10 +61,18 @@ def first_moving_motions(
     yield from _waiting(scene)
     if under_way is not None:
         yield from _onwards(scene, under_way)
-    stop = _quintic(scene, lambda T: (task.start, EndState(_stopped(task.start, T))))
-    if stop is not None and task.start.velocity != REST:
+    stop = stopping(scene)
+    if stop is not None:
         yield from _onwards(scene, stop.position)
     yield from _with_run_up(scene, None if task.start.velocity == REST else stop)
+
+
+def stopping(scene: Scene) -> Trajectory | None:
+    """A quintic from the start to rest; None from rest, or if none stays within reach."""
+    start = scene.task.start
+    if start.velocity == REST:
+        return None
+    return _quintic(scene, lambda T: (start, EndState(_stopped(start, T))))
 
 
 def from_state_to_state(scene: Scene) -> Trajectory | None:

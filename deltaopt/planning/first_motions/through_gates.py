@@ -18,10 +18,16 @@ from deltaopt.files.validated_record import Vector3
 from deltaopt.motion.time_scaling import rough_factor
 from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
 from deltaopt.planning.first_motions.belt import Meetings
-from deltaopt.planning.first_motions.moving_ends import from_state_to_state, shortest_to_goal
+from deltaopt.planning.first_motions.moving_ends import (
+    end_of,
+    from_rest,
+    from_state_to_state,
+    shortest_to_goal,
+    stopping,
+)
 from deltaopt.planning.first_motions.order_of_merit import first_motion
 from deltaopt.robot.model import delta_model
-from deltaopt.scene.moving_ends import Belt
+from deltaopt.scene.moving_ends import Belt, End
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import MovingEnds, MovingPoint, ViaPoint, given_goal
 
@@ -34,9 +40,12 @@ spheres overlap, and that it leaves."""
 
 
 def through_gates(scene: Scene) -> Iterator[Trajectory]:
-    """First guesses, the best first: splines through all points, and motions from point to point
-    that stop at each. Knots are at the points: places of via points, or those straight above start
-    and goal where an approach ends. Raises Infeasible for a belt that cannot be met."""
+    """First guesses, the best first: splines through all points, motions from point to point that
+    stop at each, and from a start that moves a stop and what leads on from there. Knots are at the
+    points: places of via points, or those straight above start and goal where an approach ends.
+
+    Raises Infeasible for a belt that cannot be met.
+    """
     moving, ways = isinstance(scene.task, MovingEnds), list(_places(scene))
     if isinstance(scene.task.goal, MovingPoint):
         Meetings.of(scene, scene.task.goal).require_any()
@@ -49,7 +58,12 @@ def through_gates(scene: Scene) -> Iterator[Trajectory]:
                     yield found
     for places in ways:
         with suppress(DeltaOptError):
-            yield from _stopping(scene, places)
+            yield from _stopping_at_each(scene, places)
+    stop = stopping(scene) if moving else None
+    if stop is not None:
+        with suppress(DeltaOptError):
+            for onwards in through_gates(_after(scene, stop)):
+                yield _then(stop, onwards)
 
 
 def _places(scene: Scene) -> Iterator[Array]:
@@ -125,17 +139,27 @@ def _spline(points: Array, lengths: Array, first: Array, last: Array) -> Piecewi
     return PiecewisePolynomial.hermite(np.append(0.0, np.cumsum(lengths)), points, v)
 
 
-def _stopping(scene: Scene, places: Array) -> Iterator[Trajectory]:
+def _after(scene: Scene, before: Trajectory) -> Scene:
+    """The scene from rest where a motion ends, when that has ended."""
+    later = from_rest(scene, end_of(before.position))
+    return later.model_copy(update={"goal": _moved(scene.goal, before.duration)})
+
+
+def _moved(goal: End, since: float) -> End:
+    """A goal as it is after a time, s: a belt has moved."""
+    if not isinstance(goal, Belt):
+        return goal
+    return Belt(at=tuple(np.add(goal.at, np.multiply(since, goal.belt)).tolist()), belt=goal.belt)
+
+
+def _stopping_at_each(scene: Scene, places: Array) -> Iterator[Trajectory]:
     """The motion that stops at each of the places in turn, if there is one."""
     stops: list[Vector3] = [(x, y, z) for x, y, z in places.tolist()]
     ends = zip([scene.start, *stops], [*stops, scene.goal], strict=True)
     whole: Trajectory | None = None
     for start, goal in ends:
-        if isinstance(goal, Belt):
-            since = 0.0 if whole is None else whole.duration
-            now = np.add(goal.at, np.multiply(since, goal.belt)).tolist()
-            goal = Belt(at=tuple(now), belt=goal.belt)
-        leg = _leg(scene.model_copy(update={"start": start, "goal": goal, **_ALONE}))
+        now = _moved(goal, 0.0 if whole is None else whole.duration)
+        leg = _leg(scene.model_copy(update={"start": start, "goal": now, **_ALONE}))
         if leg is None:
             return
         whole = leg if whole is None else _then(whole, leg)
