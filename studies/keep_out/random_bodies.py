@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 import deltaopt
 from deltaopt.bench.random_scenes import random_scenes
 from deltaopt.scene.feasibility import check_feasible
+from tests.oracles.body_distances import tool_distances
 
 Array = NDArray[np.float64]
 
@@ -48,12 +49,21 @@ def scene_of(robot: deltaopt.Robot, seed: int, number: int) -> deltaopt.Scene:
         kinds[hulls] = rng.integers(_HULL, size=len(hulls))
         bodies = [BODIES[kind](rng, *_place(rng, move)) for kind in kinds]
         scene = with_bodies(move, bodies, radius, clearance)
-        try:
-            check_feasible(scene)
-        except deltaopt.DeltaOptError:
-            continue
-        return scene
+        if is_possible(scene):
+            return scene
     raise deltaopt.Infeasible(f"{robot.name}: no start and goal are clear of random bodies")
+
+
+def is_possible(scene: deltaopt.Scene) -> bool:
+    """Whether the platform can be at rest at start and goal, which are clear of all bodies."""
+    ends = tool_distances(scene, np.array(scene.given_points))
+    if (ends < scene.least_clearance).any():  # sooner known than by the scene's own check
+        return False
+    try:
+        check_feasible(scene)
+    except deltaopt.DeltaOptError:
+        return False
+    return True
 
 
 def with_bodies(
