@@ -108,7 +108,7 @@ def _table(found: list[Move]) -> str:
     seconds = np.array([each.seconds for each in found])
     lines = [f"  without: median {1e3 * np.median(seconds[:, 0]):.1f} ms"]
     for k, kind in enumerate(KINDS, 1):
-        own = [each.plans[k] for each in found if each.plans[k] is not None]
+        own = [plan for each in found if (plan := each.plans[k]) is not None]
         missed = sum(not plan.within_tolerance for plan in own)
         ratio = np.median(seconds[:, k]) / np.median(seconds[:, 0])
         lines.append(

@@ -12,7 +12,8 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.scene.bodies import Body, Box, Cylinder, HalfSpace, Hull, Sphere
+from deltaopt.robot.tool import Box, Sphere
+from deltaopt.scene.bodies import Body, Cylinder, HalfSpace, Hull
 from deltaopt.scene.scene import Scene
 
 Array = NDArray[np.float64]
@@ -35,14 +36,15 @@ def point_distances(body: Body, x: Array) -> Array:
     the nearest face."""
     shape = body.shape
     if isinstance(shape, Sphere):
-        return np.linalg.norm(x - np.array(shape.centre), axis=1) - shape.radius
+        return np.asarray(np.linalg.norm(x - np.array(shape.centre), axis=1) - shape.radius)
     if isinstance(shape, HalfSpace):
         normal = np.array(shape.normal) / np.linalg.norm(shape.normal)
-        return (np.array(shape.point) - x) @ normal
+        return np.asarray((np.array(shape.point) - x) @ normal)
     if isinstance(shape, Box):
         low, high = np.array(shape.centre) - shape.half, np.array(shape.centre) + shape.half
         outside = np.linalg.norm(x - np.clip(x, low, high), axis=1)
-        return np.where(outside > 0, outside, -np.minimum(x - low, high - x).min(axis=1))
+        inside = np.minimum(x - low, high - x).min(axis=1)
+        return np.asarray(np.where(outside > 0, outside, -inside))
     if isinstance(shape, Cylinder):
         return _from_cylinder(shape, x)
     assert isinstance(shape, Hull)
@@ -57,7 +59,7 @@ def _from_cylinder(shape: Cylinder, x: Array) -> Array:
     aside = np.linalg.norm(away, axis=1) - shape.radius
     beyond = np.maximum(-along, along - length)
     outside = np.hypot(np.maximum(aside, 0), np.maximum(beyond, 0))
-    return np.where(outside > 0, outside, np.maximum(aside, beyond))
+    return np.asarray(np.where(outside > 0, outside, np.maximum(aside, beyond)))
 
 
 def _from_hull(points: Array, x: Array) -> Array:
@@ -75,7 +77,7 @@ def _from_hull(points: Array, x: Array) -> Array:
         outwards = normal if heights.max() <= _FLAT else -normal
         inside = np.maximum(inside, (x - corners[0]) @ outwards)
         outside = np.minimum(outside, _from_triangle(corners, normal, x))
-    return np.where(inside > 0, outside, inside)
+    return np.asarray(np.where(inside > 0, outside, inside))
 
 
 def _from_triangle(corners: Array, normal: Array, x: Array) -> Array:
@@ -85,7 +87,7 @@ def _from_triangle(corners: Array, normal: Array, x: Array) -> Array:
     shares = np.linalg.lstsq(np.stack([b - a, c - a], axis=1), (x - a).T, rcond=None)[0]
     is_over = (shares >= 0).all(axis=0) & (shares.sum(axis=0) <= 1)
     sides = [_from_side(one, other, x) for one, other in ((a, b), (b, c), (c, a))]
-    return np.where(is_over, np.abs(height), np.min(sides, axis=0))
+    return np.asarray(np.where(is_over, np.abs(height), np.min(sides, axis=0)))
 
 
 def _from_side(one: Array, other: Array, x: Array) -> Array:

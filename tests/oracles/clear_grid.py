@@ -56,9 +56,10 @@ class ClearGrid:
         ends, held = np.array(scene.given_points), can_be_held(scene)
 
         def free(x: Array) -> Truths:
-            found = (tool_distances(scene, x) >= scene.least_clearance).all(axis=1)
+            clear = tool_distances(scene, x) >= scene.least_clearance
+            found = np.asarray(clear.all(axis=1))
             found[found] = held(x[found])
-            return np.asarray(found)
+            return found
 
         lattice = _lattice(scene, spacing)
         allowed = free(lattice.reshape(-1, 3)).reshape(lattice.shape[:3])
