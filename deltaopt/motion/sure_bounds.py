@@ -14,17 +14,22 @@ from math import comb
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from deltaopt.codegen.vectorised import RowFunction
 from deltaopt.limits.constraints import Constraints
 from deltaopt.motion.trajectory import Array, PiecewisePolynomial
 from deltaopt.scene.scene import Scene, limits_of
 
+Integers = NDArray[np.intp]
+Truths = NDArray[np.bool]
+
 _HALVINGS = 24
 """At most: a ten-millionth of an interval is some nanoseconds. What is not known then is taken to
 be as bad as the bound says."""
-_KNOWN = 0.1
-"""Share of an excess to which it is known: it is cured by tightening a limit a quarter more."""
+_KNOWN, _ANY = 0.1, 1e300
+"""Share of an excess to which it is known, for it is cured by tightening a limit a quarter more;
+and where no more is asked than whether there is one."""
 _CELLS = 20000
 """Pieces that are looked at together at most: a motion that slides along a body for long is bound
 by ever shorter ones."""
@@ -33,31 +38,43 @@ by ever shorter ones."""
 def sure_excess(scene: Scene, position: PiecewisePolynomial) -> Array:
     """By how much, at most, each row of ``Constraints.convex`` is beyond its bound in each
     interval, (K, rows), as shares of the rows' natural sizes; negative where it keeps its bound."""
+    return _excess(scene, position, np.arange(len(position.coefficients)), _KNOWN)
+
+
+def rows_not_kept(scene: Scene, position: PiecewisePolynomial) -> Truths:
+    """Which rows of ``Constraints.convex`` a motion is not known to keep at all instants, (rows,).
+    By how much is of no account, so that this is known sooner."""
+    everywhere = np.zeros(len(position.coefficients), dtype=np.intp)
+    return np.asarray(_excess(scene, position, everywhere, _ANY)[0] > 0)
+
+
+def _excess(scene: Scene, position: PiecewisePolynomial, groups: Integers, known: float) -> Array:
+    """The largest excess in each of some groups of pieces, (groups, rows); ``groups``: to which
+    each piece belongs. ``known``: share to which it is known where it is positive."""
     limits = limits_of(scene)
-    constraints = limits.constraints
-    rows = constraints.convex
+    rows = limits.constraints.convex
     bound, scale = limits.bounds[0][rows], limits.scales[rows]
-    excess = np.full((len(position.coefficients), len(bound)), -np.inf)
-    intervals = np.arange(len(excess))
+    most = np.full((groups[-1] + 1, len(bound)), -np.inf)
+    least = most.copy()
     points = _bernstein(position)
     for halving in range(_HALVINGS + 1):
-        first, second = _halves(points)
-        middle = second[:, 0]
+        middle = points @ _middle(points.shape[2] - 1)
         distance, slope = signed_distances(scene, middle)
-        away = points - middle[:, None]
-        least = distance + np.einsum("crk,cpk->crp", slope, away).min(axis=2)
-        below = (bound - least) / scale
-        beyond = (bound - distance) / scale
-        is_known = (below <= 0) | ((beyond > 0) & (below <= (1 + _KNOWN) * beyond))
+        away = points - middle[:, :, None]
+        lowest = distance + (slope @ away).min(axis=2)
+        below, beyond = (bound - lowest) / scale, (bound - distance) / scale
+        np.maximum.at(least, groups, beyond)
+        reached = least[groups]
+        enough = (1 + known) * np.maximum(reached, 0.0)
+        is_known = below <= enough
         if halving == _HALVINGS or len(points) > _CELLS:
             is_known[:] = True
-        np.maximum.at(excess, intervals, np.where(is_known, below, beyond))
+        np.maximum.at(most, groups, np.where(is_known, below, beyond))
         left = ~is_known.all(axis=1)
         if not left.any():
             break
-        points = np.concatenate([first[left], second[left]])
-        intervals = np.tile(intervals[left], 2)
-    return excess
+        points, groups = _halved(points[left]), np.tile(groups[left], 2)
+    return most
 
 
 def signed_distances(scene: Scene, x: Array) -> tuple[Array, Array]:
@@ -69,11 +86,12 @@ def signed_distances(scene: Scene, x: Array) -> tuple[Array, Array]:
 
 
 def _bernstein(position: PiecewisePolynomial) -> Array:
-    """Control points of all pieces, (K, d + 1, 3)."""
+    """Control points of all pieces, (K, 3, d + 1)."""
     coefficients, lengths = position.coefficients, np.diff(position.knots)
     degree = coefficients.shape[1] - 1
     powers = lengths[:, None] ** np.arange(degree + 1)
-    return np.asarray(np.einsum("jp,kp,kpc->kjc", _to_bernstein(degree), powers, coefficients))
+    scaled = (powers[:, :, None] * coefficients).transpose(0, 2, 1)
+    return np.asarray(scaled @ _to_bernstein(degree).T)
 
 
 @lru_cache(maxsize=32)
@@ -83,14 +101,26 @@ def _to_bernstein(degree: int) -> Array:
     return np.array([[comb(j, p) / comb(n, p) for p in range(n + 1)] for j in range(n + 1)])
 
 
-def _halves(points: Array) -> tuple[Array, Array]:
-    """Control points of both halves of pieces, by de Casteljau's method."""
-    first, second, row = [points[:, 0]], [points[:, -1]], points
-    while row.shape[1] > 1:
-        row = (row[:, 1:] + row[:, :-1]) / 2
-        first.append(row[:, 0])
-        second.append(row[:, -1])
-    return np.stack(first, axis=1), np.stack(second[::-1], axis=1)
+@lru_cache(maxsize=32)
+def _middle(degree: int) -> Array:
+    """Weights of control points in the middle of a piece, (d + 1,)."""
+    return np.array([comb(degree, j) for j in range(degree + 1)]) / 2.0**degree
+
+
+@lru_cache(maxsize=32)
+def _to_halves(degree: int) -> Array:
+    """From control points of a piece to those of its first and of its second half, by de
+    Casteljau's method, (2, d + 1, d + 1)."""
+    first = np.zeros((degree + 1, degree + 1))
+    for j in range(degree + 1):
+        first[: j + 1, j] = _middle(j)
+    return np.stack([first, first[::-1, ::-1]])
+
+
+def _halved(points: Array) -> Array:
+    """Control points of the first halves of all pieces, then of the second halves."""
+    halves = points @ _to_halves(points.shape[2] - 1)[:, None]
+    return halves.reshape(-1, *points.shape[1:])
 
 
 @lru_cache(maxsize=32)

@@ -452,7 +452,7 @@ class Planner:
             report(str(error))
 
         def planned(attempt: Attempt) -> Plan:
-            search = self._new_search(scene)
+            search = self._new_search(attempt.scene)
             self._make(search.with_remedies(attempt), search, report)
             return search.best()
 
@@ -462,7 +462,7 @@ class Planner:
         except NotConverged as error:
             found = self._through_passages(scene, error, report)
             taken = (TakenWay(name_of_way(scene, found.trajectory), found.duration, True),)
-        return replace(found, ways=taken, solve_seconds=perf_counter() - begin)
+        return replace(found, scene=scene, ways=taken, solve_seconds=perf_counter() - begin)
 
     def _through_passages(self, scene: Scene, error: NotConverged, report: Progress) -> Plan:
         """Plan along the shortest path of straight lines past bodies, where no mesh finds its way:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from math import isfinite
+from math import inf, isfinite
 from typing import Protocol
 
 import numpy as np
@@ -69,6 +69,21 @@ how many in a row may pass through one. The first may, on a coarse mesh, and lat
 hardly any turns back after two, and each costs as much as a plan."""
 
 
+_HOPEFUL = 2.0
+"""How many times the estimated gap a motion may gain by finer meshes, when it is compared with one
+that is known. A smaller factor gives up more ways past bodies on coarse meshes, whose estimates may
+be too small."""
+
+
+class Slower(NotConverged):
+    """A motion that is given up because a faster one is known; ``duration``: about, s."""
+
+    @property
+    def duration(self) -> float:
+        assert isinstance(self.iterate, Trajectory)
+        return self.iterate.duration
+
+
 class ResolvedMotion(Protocol):
     """A motion whose instants of switching were found as unknowns of their own.
 
@@ -119,8 +134,9 @@ class Refinement:
     ``tolerance``: relative optimality gap to reach. ``resolver``: resolves the instants of
     switching; None if they are not to be resolved. ``report``: is called with a line of text after
     every mesh. ``softer``: the scenes of the first meshes, whose friction is softer; if there are
-    any, knots are put at reversals. ``solutions`` and ``iterations``: of the meshes so far, one
-    each.
+    any, knots are put at reversals. ``most``: duration (s) of a motion that is known; where no
+    estimate lets hope for less, refinement ends. ``solutions`` and ``iterations``: of the meshes so
+    far, one each.
     """
 
     problem: FormulatedProblem
@@ -130,6 +146,7 @@ class Refinement:
     resolver: Resolver | None
     report: Progress
     softer: tuple[Scene, ...] = ()
+    most: float = inf
     solutions: list[MeshSolution] = field(default_factory=list, init=False)
     iterations: list[Iteration] = field(default_factory=list, init=False)
     _coarse_left: int = field(default=_MOST_DETECTIONS, init=False)
@@ -143,7 +160,8 @@ class Refinement:
 
         Returns the motion with resolved switches; None if they were not resolved: then the
         best of ``solutions`` is the result. Raises NotConverged if the first mesh is not solved,
-        and CrossesSingularity if solutions keep passing through a parallel singularity.
+        CrossesSingularity if solutions keep passing through a parallel singularity, and Slower if
+        the motion will take longer than ``most``.
         """
         mesh = first_mesh(self.scaling.scene.task, first.trajectory, intervals)
         self._solve(mesh, first, first_tightening(self.scaling, first.trajectory, mesh))
@@ -167,7 +185,7 @@ class Refinement:
             try:
                 self._solve(mesh, Guess(last.trajectory, near=True, tolerance=accuracy), scaling)
                 self._failures = 0
-            except CrossesSingularity:
+            except (CrossesSingularity, Slower):
                 raise
             except (NotConverged, Unreachable, Singular) as error:  # the meshes before remain
                 self.report(f"{len(mesh)} intervals: {error}")
@@ -213,6 +231,13 @@ class Refinement:
             self.iterations[-1] = iteration_of(self.solutions)
         self.report(str(self.iterations[-1]))
         self._require_one_side()
+        self._require_fast()
+
+    def _require_fast(self) -> None:
+        """Raise Slower where even twice the gap below its duration the motion is too slow."""
+        last, gap = self.solutions[-1], self.iterations[-1].gap
+        if last.trajectory.duration > (1 + _HOPEFUL * gap) * self.most:
+            raise Slower("a faster motion is known", last.status, last.trajectory)
 
     def _require_one_side(self) -> None:
         """Raise CrossesSingularity where solutions pass through a parallel singularity."""

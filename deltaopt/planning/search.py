@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from math import inf
 from typing import Generic, Protocol, TypeVar
 
 from deltaopt.errors import DeltaOptError, NotConverged
@@ -63,7 +64,8 @@ class Attempt:
     motion. ``intervals``: of the first mesh. ``accuracy``: relative tolerance of the solver there.
     ``torque_share``: the part of torque limits that meshes may use, so that what is exceeded
     between their points stays below the whole. ``is_near``: whether the first motion is the best
-    one on another mesh. ``softer``: scenes of the first meshes, as of ``Refinement``.
+    one on another mesh. ``softer``: scenes of the first meshes, as of ``Refinement``. ``most``: the
+    duration of a plan that is known, s; the attempt ends where it will not undercut it.
     """
 
     scene: Scene
@@ -73,6 +75,7 @@ class Attempt:
     torque_share: float = 1.0
     is_near: bool = False
     softer: tuple[Scene, ...] = ()
+    most: float = inf
 
     def __str__(self) -> str:
         parts = [f"{self.intervals} intervals"]

@@ -37,7 +37,7 @@ from deltaopt.planning.mesh.mesh_solution import (
     MeshSolution,
     gap_of,
     iteration_of,
-    solve_first_mesh,
+    motion_on_first_mesh,
 )
 from deltaopt.planning.mesh.reversals import softer_scenes
 from deltaopt.planning.nlp.cost import FASTEST, Cost
@@ -125,7 +125,7 @@ class TrajectoryOptimiser:
         guess = Guess(attempt.motion, near=False, tolerance=self.accuracy)
         scaling = Scaling(attempt.scene, attempt.motion.duration)
         problem = self._problem(attempt.motion.model, scaling, FASTEST)
-        return solve_first_mesh(problem, scaling, guess, attempt.intervals).trajectory
+        return motion_on_first_mesh(problem, scaling, guess, attempt.intervals)
 
     def fastest(self, attempt: Attempt, report: Progress) -> Plan:
         """Plan the fastest motion from one first guess and one first mesh.
@@ -152,6 +152,7 @@ class TrajectoryOptimiser:
             None if moving or in_phases else self._resolver(scaling, model, report),
             report,
             attempt.softer,
+            attempt.most,
         )
         resolved = refinement.from_guess(guess, attempt.intervals)
         solutions, iterations = refinement.solutions, refinement.iterations

@@ -21,13 +21,16 @@ import numpy as np
 from deltaopt.errors import DeltaOptError, Infeasible, NotConverged, Singular, Unreachable
 from deltaopt.limits.constraints import SceneLimits
 from deltaopt.motion.links import least_rooms, planned_distances
-from deltaopt.motion.sure_bounds import signed_distances, sure_excess
+from deltaopt.motion.sure_bounds import rows_not_kept, signed_distances
 from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
 from deltaopt.planning.first_motions.initial_motion import QUINTIC, roughly_fastest
 from deltaopt.planning.first_motions.passages import shortest_path, what_was_searched
+from deltaopt.planning.near_bodies import near, past_these, with_those_hit
+from deltaopt.planning.refinement import Slower
 from deltaopt.planning.search import Attempt
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.links import name_of
+from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene, limits_of
 from deltaopt.scene.task import given_points
 
@@ -60,9 +63,11 @@ tells durations to some two per cent."""
 _FINER = (1, 2, 4)
 """By what factors the first mesh is made finer until a plan past bodies succeeds: between the
 points of a coarse mesh a motion may lead through a thin body."""
+_NEARLY = 1e-2
+"""Gap above which a plan that misses its tolerance is far from an optimum, so that another one is
+made from a finer first mesh."""
 _SAME = 0.05
 """Of the way: bands that are nowhere farther apart are the same way."""
-
 _SAME_MOTION, _COMPARED = 0.01, 33
 """Of the way: motions on the first mesh that are nowhere farther apart at the same share of their
 durations, at so many instants, are the same motion, to what a first mesh is solved to."""
@@ -99,6 +104,12 @@ class Planned(Protocol):
     def duration(self) -> float: ...
     @property
     def cost(self) -> float: ...
+    @property
+    def gap(self) -> float: ...
+    @property
+    def within_tolerance(self) -> bool: ...
+    @property
+    def trajectory(self) -> Trajectory: ...
 
 
 P = TypeVar("P", bound=Planned)
@@ -120,13 +131,19 @@ def fastest_way(
         ways = [Way(attempt.motion, ())]
     if not ways:
         raise Infeasible(no_way(attempt.scene))
-    failures = list[NotConverged]()
+    failures, found = list[NotConverged](), list[tuple[P, tuple[TakenWay, ...]]]()
     for factor in _FINER:
         finer = replace(attempt, intervals=factor * attempt.intervals)
         try:
-            return _best_of(ways[:_MOST_WAYS], finer, planned, on_first_mesh)
+            found.append(_best_of(ways[:_MOST_WAYS], finer, planned, on_first_mesh))
         except NotConverged as error:
             failures.append(error)
+            continue
+        best, taken = min(found, key=lambda one: one[0].cost)
+        if best.within_tolerance or best.gap <= _NEARLY or len(found) > 1:
+            return best, taken
+    if found:
+        return found[0]
     raise failures[0]
 
 
@@ -137,23 +154,28 @@ def _best_of(
     on_first_mesh: Callable[[Attempt], Trajectory],
 ) -> tuple[P, tuple[TakenWay, ...]]:
     """The same for some ways on one first mesh: those that are fast there are planned."""
-    attempts = [replace(attempt, motion=way.motion) for way in ways]
+    scene, attempts = attempt.scene, [_along(way, attempt) for way in ways]
     if len(ways) > 1:
-        attempts = [_improved(each, on_first_mesh) for each in attempts]
+        attempts = [_improved(scene, each, on_first_mesh) for each in attempts]
     order = _distinct(attempts)
     most = _PROMISING * attempts[order[0]].motion.duration
     plans, failures = dict[int, P](), list[NotConverged]()
+    durations = {i: attempts[i].motion.duration for i in order if attempts[i].is_near}
     for which in order:
         if plans and attempts[which].motion.duration > most:
             break
+        if plans and isinstance(scene.objective, Time):
+            known = min(plan.duration for plan in plans.values())
+            attempts[which] = replace(attempts[which], most=known)
         try:
-            plans[which] = planned(attempts[which])
+            plans[which] = _past_all(scene, attempts[which], planned)
+        except Slower as error:
+            durations[which] = error.duration
         except NotConverged as error:
             failures.append(error)
     if not plans:
         raise failures[0]
     chosen = min(plans, key=lambda which: plans[which].cost)
-    durations = {i: attempts[i].motion.duration for i in order if attempts[i].is_near}
     durations |= {i: plan.duration for i, plan in plans.items()}
     taken = sorted(durations, key=lambda i: (i != chosen, durations[i]))
     return plans[chosen], tuple(
@@ -161,12 +183,32 @@ def _best_of(
     )
 
 
-def _improved(attempt: Attempt, on_first_mesh: Callable[[Attempt], Trajectory]) -> Attempt:
-    """An attempt from the motion that is best on its first mesh, where that is found."""
+def _along(way: Way, attempt: Attempt) -> Attempt:
+    """An attempt from the motion of a way, past the bodies that this comes near."""
+    bodies = near(attempt.scene, way.motion.position)
+    return replace(attempt, scene=past_these(attempt.scene, bodies), motion=way.motion)
+
+
+def _improved(
+    scene: Scene, attempt: Attempt, on_first_mesh: Callable[[Attempt], Trajectory]
+) -> Attempt:
+    """An attempt from the motion that is best on its first mesh, where that is found, past all
+    bodies that it runs into; ``scene``: with all bodies."""
     try:
-        return replace(attempt, motion=on_first_mesh(attempt), is_near=True)
+        motion = on_first_mesh(attempt)
     except (NotConverged, Unreachable, Singular):
         return attempt
+    more = with_those_hit(scene, attempt.scene, motion.position)
+    if more is not None:
+        return _improved(scene, replace(attempt, scene=more), on_first_mesh)
+    return replace(attempt, motion=motion, is_near=True)
+
+
+def _past_all(scene: Scene, attempt: Attempt, planned: Planning[P]) -> P:
+    """A plan from an attempt, past all bodies that it runs into; ``scene``: with all bodies."""
+    plan = planned(attempt)
+    more = with_those_hit(scene, attempt.scene, plan.trajectory.position)
+    return plan if more is None else _past_all(scene, replace(attempt, scene=more), planned)
 
 
 def _distinct(attempts: list[Attempt]) -> list[int]:
@@ -373,7 +415,7 @@ def _distances(scene: Scene, x: Array) -> tuple[Array, Array]:
 def is_clear(scene: Scene, motion: Trajectory) -> bool:
     """Whether a motion is known to be clear of all bodies, with tool and links as far as these are
     planned to be, at all instants."""
-    if sure_excess(scene, motion.position).max() > 0:
+    if rows_not_kept(scene, motion.position).any():
         return False
     if not scene.planned_links:
         return True

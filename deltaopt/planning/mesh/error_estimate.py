@@ -49,6 +49,9 @@ there instead of the interval being split. Tightening in longer intervals would 
 _SHORTEST = 1e-4
 """Shortest interval, as a fraction of the duration. Accelerations are second differences of the
 positions at knots, so their rounding error grows with the inverse square of the length."""
+_FOR_BODIES = 3.0
+"""Pieces of an interval per loss at bodies in it, as shares of the loss that is aimed at: some
+three intervals touch a body at its edge. More make meshes finer, fewer take more of them."""
 _KEPT_WIDTH = 0.2
 """Share of its width that an interval keeps at least when a knot is moved. Very unequal neighbours
 are badly conditioned."""
@@ -59,11 +62,13 @@ class ErrorEstimate:
     """Lost time per interval of a mesh, as fractions of the duration, (N,) each.
 
     ``unused``: estimated loss because limits are not fully used inside the interval. ``exceeded``:
-    what it costs to slow the motion until this interval keeps its limits.
+    what it costs to slow the motion until this interval keeps its limits. ``at_bodies``: the part
+    of ``unused`` that is left between the motion and bodies; None without bodies.
     """
 
     unused: Array
     exceeded: Array
+    at_bodies: Array | None = None
 
     @property
     def total(self) -> float:
@@ -112,16 +117,26 @@ def _unused_states(multipliers: Array, loads: Array) -> Array:
     return np.asarray((upper + lower).sum(axis=1))
 
 
+def _of_neighbours(each: Array) -> Array:
+    """The largest of an interval and of the two beside it, (N,)."""
+    beside = np.pad(each, 1)
+    return np.asarray(np.maximum(each, np.maximum(beside[:-2], beside[2:])))
+
+
 def refined(mesh: Array, lost: ErrorEstimate, target: float, most: int = 6) -> Array:
     """Split the intervals of a mesh, (N,), so that the lost time falls to about ``target``.
 
     Each is split evenly into ``most`` pieces at most. In an interval where a torque jumps the loss
-    falls with the square of its length, in others faster. An exceeded limit is no reason to split
-    a short interval, for the limit is tightened there.
+    falls with the square of its length, in others faster; beside a sharp edge of a body in
+    proportion to it, and the motion may then touch the edge in the next interval. An exceeded limit
+    is no reason to split a short interval, for the limit is tightened there.
     """
     exceeded = np.where(mesh > TIGHTENED, lost.exceeded, 0.0)
     share = lost.unused / (target / len(mesh)) + exceeded / target
-    pieces = np.clip(np.ceil(np.sqrt(share)), 1, np.clip(mesh / _SHORTEST, 1, most)).astype(int)
+    wanted = np.ceil(np.sqrt(share))
+    if lost.at_bodies is not None:
+        wanted = np.maximum(wanted, np.ceil(_FOR_BODIES * _of_neighbours(lost.at_bodies) / target))
+    pieces = np.clip(wanted, 1, np.clip(mesh / _SHORTEST, 1, most)).astype(int)
     return np.repeat(mesh / pieces, pieces)
 
 

@@ -117,13 +117,14 @@ def _lost(
     )
 
 
-def solve_first_mesh(
+def motion_on_first_mesh(
     problem: FormulatedProblem, scaling: Scaling, guess: Guess, intervals: int
-) -> MeshSolution:
-    """Solve a problem on a mesh of equal intervals, from a first guess. Raises NotConverged."""
+) -> Trajectory:
+    """The motion alone that solves a problem on a mesh of equal intervals. Raises NotConverged."""
     mesh, model = np.full(intervals, 1 / intervals), guess.trajectory.model
     tightened = first_tightening(scaling, guess.trajectory, mesh)
-    return solve_on_mesh(problem.on(mesh), tightened, guess, model, scaling.scene)
+    found = problem.on(mesh).solve(guess, tightened, model.parameters)
+    return Trajectory(found.position, model, found.coordinates)
 
 
 def _needed(loads: Loads, scaling: Scaling) -> tuple[Array, NeededSlowing]:
@@ -203,7 +204,9 @@ class MeshSolution:
         apart = points_apart(self.trajectory, self.mesh)[:, None]
         sharp = apart / np.maximum(limits.edge_radii, apart)
         left = np.maximum(1 - size.max(axis=1), 0.0) + bulge * sharp
-        priced = self._with_unused((self._price_of_places * left).sum(axis=1))
+        at_bodies = (self._price_of_places * left).sum(axis=1)
+        priced = self._with_unused(at_bodies)
+        priced = replace(priced, lost=replace(priced.lost, at_bodies=at_bodies))
         return replace(priced, needed=self.needed.beside(float(excess.max())), excess=excess)
 
     def with_price_of_sliding(self) -> MeshSolution:

@@ -1,0 +1,72 @@
+"""Which of the keep-out bodies of a scene matter to a motion: those that it comes near.
+
+Each body is a row at every point of a mesh, and most are far away. So motions are planned past the
+bodies that are near, and are then known to be clear of the others, or planned again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deltaopt.limits.constraints import SceneLimits
+from deltaopt.motion.sure_bounds import rows_not_kept, signed_distances
+from deltaopt.motion.trajectory import Array, PiecewisePolynomial
+from deltaopt.scene.scene import Scene, limits_of
+from deltaopt.scene.task import distance
+
+_NEAR = 0.05
+"""Of the way from start to goal: motions are planned past bodies that a first motion comes nearer
+to. A smaller share leaves more to be planned again, a larger one makes every mesh slower."""
+
+Bodies = frozenset[int]
+"""Indices of a scene's keep-out bodies."""
+
+
+def near(scene: Scene, position: PiecewisePolynomial) -> Bodies:
+    """The bodies that a motion comes near, by its knots."""
+    distances, _ = signed_distances(scene, position.at(position.knots))
+    kept = _kept(limits_of(scene)) + _NEAR * distance(scene.task)
+    return _of_rows(scene, np.asarray((distances <= kept).any(axis=0)))
+
+
+def run_into(scene: Scene, position: PiecewisePolynomial) -> Bodies:
+    """The bodies that a motion is not known to be clear of at all instants."""
+    return _of_rows(scene, rows_not_kept(scene, position))
+
+
+def with_those_hit(scene: Scene, part: Scene, position: PiecewisePolynomial) -> Scene | None:
+    """A scene with some of the bodies of another and with those besides that a motion runs into;
+    None if there are none to add."""
+    kept, every = part.keep_out or (), scene.keep_out or ()
+    if len(kept) == len(every):
+        return None
+    absent = [i for i, body in enumerate(every) if not any(body is each for each in kept)]
+    hit = {absent[i] for i in run_into(past_these(scene, absent), position)}
+    present = set(range(len(every))) - set(absent)
+    return past_these(scene, present | hit) if hit else None
+
+
+def past_these(scene: Scene, bodies: Collection[int]) -> Scene:
+    """A scene with some of its bodies alone; itself if these are all, or links of the robot are
+    planned to keep clear of bodies, by their indices."""
+    every = scene.keep_out or ()
+    if len(bodies) == len(every) or scene.planned_links:
+        return scene
+    chosen = [every[index] for index in sorted(bodies)]
+    return scene.model_copy(update={"keep_out": chosen or None})
+
+
+def _kept(limits: SceneLimits) -> Array:
+    """The least distance from each body, m, (rows,); -inf for places that are not used."""
+    return limits.bounds[0][limits.constraints.convex]
+
+
+def _of_rows(scene: Scene, rows: NDArray[np.bool]) -> Bodies:
+    """The bodies of some rows, (rows,)."""
+    used = rows[np.isfinite(_kept(limits_of(scene)))]
+    return frozenset(
+        index for (index, _), chosen in zip(scene.obstacles, used, strict=True) if chosen
+    )
