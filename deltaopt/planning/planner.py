@@ -343,13 +343,27 @@ class Planner:
         plan = found if isinstance(found, Plan) else None
         if under_way is not None:
             finished = finished_first(
-                scene, under_way, plan, lambda rest: self._search(rest, lambda _: None)
+                scene,
+                under_way,
+                plan,
+                planned=lambda rest: self._search(rest, lambda _: None),
+                roughly=self._roughly,
             )
             if finished is not None:
                 return finished
         if isinstance(found, Plan):
             return found
         raise found
+
+    def _roughly(self, scene: Scene) -> float:
+        """The duration of the motion on the first mesh of a scene from rest to rest, s; 0 where
+        none is found."""
+        try:
+            motion, accuracy = first_motion(scene), self._optimiser.accuracy
+            attempt = Attempt(scene, motion, self.intervals, accuracy)
+            return self._optimiser.on_first_mesh(attempt).duration
+        except DeltaOptError:
+            return 0.0
 
     def _first_found(
         self, scene: Scene, motions: Iterator[Trajectory], report: Progress

@@ -59,9 +59,10 @@ _FAST = InteriorPoint()
 
 FAR = Settings(barrier=0.2, closest=0.3)
 NEAR = Settings(barrier=0.1, closest=0.01)
+ALMOST = Settings(barrier=0.01, closest=0.001)
 """Barrier parameter and distance from the bounds where the interior-point method begins, from a
-guess that is far from or near a solution. A larger barrier is safer, a smaller one saves
-iterations."""
+guess that is far from a solution, near one, or one but for limits that were moved. A larger barrier
+is safer, a smaller one saves iterations."""
 _FROM_FAR = (FAR, Settings(barrier=0.5, closest=0.6), Settings(barrier=3.0, closest=0.6))
 _FROM_NEAR = (NEAR, Settings(barrier=3.0, closest=0.6), FAR)
 """Settings to begin with, in order. Where the method does not converge with the first, another
@@ -252,7 +253,8 @@ class FlatProblem:
         first motions, if the method does not converge. Raises NotConverged.
         """
         method = self._interior_point
-        for begin in _FROM_NEAR if guess.near else _FROM_FAR:
+        begins = _FROM_NEAR if guess.near else _FROM_FAR
+        for begin in (ALMOST, *begins) if guess.on_same_mesh else begins:
             if method is None:
                 break
             settings = replace(begin, tolerance=guess.tolerance)

@@ -60,7 +60,8 @@ def kept(problem: FormulatedProblem, solution: MeshSolution, tolerance: float) -
             pieces[excess.max(axis=1) > KEPT] = _PIECES
         share = np.repeat(np.minimum(share, 1 - _MARGIN * accuracy), pieces, axis=0)
         mesh = np.repeat(last.mesh / pieces, pieces)
-        guess = Guess(last.trajectory, near=True, tolerance=accuracy)
+        same = len(mesh) == len(last.mesh)
+        guess = Guess(last.trajectory, near=True, tolerance=accuracy, on_same_mesh=same)
         scene = last.scene
         scaling = replace(last.scaling, share=share, scene=scene)
         last = solve_on_mesh(problem.on(mesh), scaling, guess, last.trajectory.model, scene)

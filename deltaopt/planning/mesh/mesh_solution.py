@@ -46,6 +46,9 @@ Truths = NDArray[np.bool]
 _JUDGEABLE = 0.1
 """Share of the estimated loss of one mesh that the next must be expected to gain, so that the
 estimate can be corrected by what was really gained."""
+_NEARLY_LAST = 5e-3
+"""Gap of a motion that cannot be slowed below which the next mesh may be the last. Limits that are
+tightened on coarser meshes lead finer ones astray."""
 _TOUCHES, _FREE = 0.02, 1e-6
 """Of all that a body costs, what an interval must cost to count as touching it; and what a body
 must cost, as a fraction of the duration per share of its bound."""
@@ -297,12 +300,16 @@ class MeshSolution:
         """The scaling with tightened limits for the next mesh, which divides this one.
 
         Limits of position are tightened in intervals of any length, for slowing does not help
-        them; others in short ones alone, unless slowing does not help these either.
+        them; others in short ones alone, unless slowing does not help these either, or the motion
+        cannot be slowed: its last mesh is solved again until it keeps all limits, and then takes
+        fewer solves.
         """
         constraints = self.scaling.constraints
         places, others = constraints.of_place & ~constraints.convex, time_costing_rows(constraints)
         shares, size = self.scaling.shares(len(self.mesh)), constraints.size(self.rows)
-        anywhere = places | others if self._is_held(shares[:, others]) else places
+        cannot_slow = not self.scene.task.is_at_rest and self.own_gap < _NEARLY_LAST
+        soon = cannot_slow or self._is_held(shares[:, others])
+        anywhere = places | others if soon else places
         tightenable = anywhere if mesh.min() > TIGHTENED else places | others
         tightened = self.scaling.untightened
         if tightenable.any():

@@ -53,11 +53,14 @@ class Guess:
 
     ``near``: whether the motion is a solution of a similar problem, such as that on the mesh
     before. ``tolerance``: of the solution, relative to the duration; the solver may be more exact.
+    ``on_same_mesh``: whether it solves the problem on this mesh, but for limits that were moved by
+    a little.
     """
 
     trajectory: Trajectory
     near: bool
     tolerance: float
+    on_same_mesh: bool = False
 
 
 @dataclass(frozen=True)
