@@ -20,14 +20,17 @@ from deltaopt.scene.task import distance
 _NEAR = 0.05
 """Of the way from start to goal: motions are planned past bodies that a first motion comes nearer
 to. A smaller share leaves more to be planned again, a larger one makes every mesh slower."""
+_SAMPLES = 65
+"""Places of a motion at which it is looked at for that."""
 
 Bodies = frozenset[int]
 """Indices of a scene's keep-out bodies."""
 
 
 def near(scene: Scene, position: PiecewisePolynomial) -> Bodies:
-    """The bodies that a motion comes near, by its knots."""
-    distances, _ = signed_distances(scene, position.at(position.knots))
+    """The bodies that a motion comes near, by samples."""
+    x = position.at(np.linspace(position.knots[0], position.knots[-1], _SAMPLES))
+    distances, _ = signed_distances(scene, x)
     kept = _kept(limits_of(scene)) + _NEAR * distance(scene.task)
     return _of_rows(scene, np.asarray((distances <= kept).any(axis=0)))
 

@@ -155,6 +155,13 @@ def test_excess_is_refined_away():
     np.testing.assert_allclose(finer, [0.5, 0.2, 0.15, 0.15])
 
 
+def test_intervals_at_a_body_and_beside_it_are_split():
+    """In proportion to what is lost there: beside a sharp edge that falls with the length."""
+    at_bodies = ErrorEstimate(np.zeros(3), np.zeros(3), np.array([0.0, 0.0, 1e-3]))
+    finer = refined(MESH, at_bodies, 1e-3)
+    np.testing.assert_allclose(finer, [0.5, *3 * [0.2 / 3], *3 * [0.1]])
+
+
 def test_the_whole_stays_one():
     rng = np.random.default_rng(3)
     mesh = rng.dirichlet(np.ones(20))
