@@ -13,12 +13,10 @@ it ended. The chart is drawn from that file.
 from __future__ import annotations
 
 import argparse
-import csv
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -38,6 +36,7 @@ from deltaopt.planning.trajectory_optimiser import RESOLVED_BELOW
 from deltaopt.robot.model import delta_model
 from studies.gap_moves import Move, move
 from studies.problems import add_directory
+from studies.row_file import append, read
 
 HELP = "hold the gaps that plans tell against true ones, on moves of many robots"
 TOLERANCES, FINE = (1e-2, 1e-3, 1e-4), (1e-5, 1e-6)
@@ -204,27 +203,6 @@ def _silent(_: str) -> None:
 # The file
 
 
-def read(file: Path) -> list[Held]:
-    """The rows of a file, but for an incomplete one at its end; none if there is no file."""
-    if not file.exists():
-        return []
-    kinds = {each.name: type(getattr(_EMPTY, each.name)) for each in fields(Held)}
-    rows = []
-    with file.open(newline="", encoding="utf-8") as lines:
-        for line in csv.DictReader(lines):
-            if None in line.values():
-                break
-            rows.append(Held(**{name: _parsed(kinds[name], line[name]) for name in kinds}))
-    return rows
-
-
-_EMPTY = Held(0, "", "", 0.0, False, 0.0)
-
-
-def _parsed(kind: type, text: str) -> Any:
-    return text == "True" if kind is bool else kind(text)
-
-
 def campaign(
     file: Path, first: int, number: int, every: int, tolerances: Sequence[float]
 ) -> list[Held]:
@@ -236,26 +214,19 @@ def campaign(
     def of(i: int) -> tuple[float, ...]:
         return (*tolerances, *(FINE if i % every == every - 1 else ()))
 
-    counts = Counter(row.move for row in read(file))
-    known = [row for row in read(file) if counts[row.move] == len(of(row.move))]
+    there = read(file, Held)
+    counts = Counter(row.move for row in there)
+    known = [row for row in there if counts[row.move] == len(of(row.move))]
     with atomic_write(file) as temporary:  # without the move at which it was interrupted
-        _append(temporary, known, header=True)
+        append(temporary, Held, known)
     progress = ProgressBar().counting(number, "moves")
     for i in range(number):
         if i not in counts or counts[i] != len(of(i)):
             rows = held_plans(move(first, i), of(i))
-            _append(file, rows)
+            append(file, Held, rows)
             known += rows
         progress(i + 1)
     return [row for row in known if row.move < number]
-
-
-def _append(file: Path, rows: Iterable[Held], *, header: bool = False) -> None:
-    with file.open("a", newline="", encoding="utf-8") as lines:
-        writer = csv.DictWriter(lines, [each.name for each in fields(Held)])
-        if header:
-            writer.writeheader()
-        writer.writerows(asdict(row) for row in rows)
 
 
 # What it says

@@ -5,6 +5,7 @@ A move is known by a seed and a number: any part of a campaign can be run again 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -103,14 +104,45 @@ class Move:
     stratum: str
 
 
+def stratum_of(number: int) -> str:
+    """From where the move of this number is drawn."""
+    return STRATA[number // (len(KINDS) + 1) % len(STRATA)]
+
+
 def move(seed: int, number: int) -> Move:
     """The move of this number. Raises Infeasible if hardly any such move can be driven."""
     rng = np.random.default_rng([seed, number])
     which, number_of_kind = number % (len(KINDS) + 1), number // (len(KINDS) + 1)
-    stratum = STRATA[number_of_kind % 3]
     loaded, limited = bool(number_of_kind // 3 % 2), bool(number_of_kind // 6 % 2)
+    return _drawn(
+        rng,
+        number,
+        stratum_of(number),
+        lambda: KINDS[which] if which < len(KINDS) else random_kind(rng),
+        loaded=loaded,
+        limited=limited,
+    )
+
+
+def move_of_random_robot(seed: int, number: int) -> Move:
+    """The move of this number, each of a robot of its own of random proportions, with its payload;
+    every second one with a limit of speed. Raises Infeasible as ``move``."""
+    rng = np.random.default_rng([seed, number])
+    stratum, limited = STRATA[number % len(STRATA)], bool(number // len(STRATA) % 2)
+    return _drawn(rng, number, stratum, lambda: random_kind(rng), loaded=True, limited=limited)
+
+
+def _drawn(
+    rng: np.random.Generator,
+    number: int,
+    stratum: str,
+    kind_of: Callable[[], RobotKind],
+    *,
+    loaded: bool,
+    limited: bool,
+) -> Move:
     for _ in range(_MOST_TRIES):
-        kind = KINDS[which] if which < len(KINDS) else random_kind(rng)
+        kind = kind_of()
         payload = kind.payload if loaded else None
         drive = Drive(torque=kind.robot.drive.torque, speed=kind.speed if limited else None)
         robot = kind.robot.model_copy(update={"drive": drive})

@@ -13,6 +13,7 @@ import numpy as np
 
 from deltaopt.compare.dynamics.many_digits import ManyDigits
 from deltaopt.compare.dynamics.tasks import Array
+from studies.shares import wilson
 from studies.stability import singularities as s
 from studies.stability.families import delta_families
 from studies.text_table import paragraph, table
@@ -78,14 +79,6 @@ def _contest(
     ratio = np.maximum(ours, 1e-17) / np.maximum(theirs, 1e-17)
     worse = int(np.sum(ours > theirs))
     return Contest(family, problem, solver, variant, worse, ours.size, float(np.nanmedian(ratio)))
-
-
-def wilson(worse: int, trials: int) -> tuple[float, float]:
-    """Return Wilson's 95 % interval of a share."""
-    z = 1.96
-    middle = (worse + z**2 / 2) / (trials + z**2)
-    half = z / (trials + z**2) * np.sqrt(worse * (trials - worse) / trials + z**2 / 4)
-    return float(middle - half), float(middle + half)
 
 
 def report(found: list[Contest]) -> str:

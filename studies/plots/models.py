@@ -40,7 +40,7 @@ def _errors(axes: Axes, found: Models, family: str, task: str) -> None:
     for look, name in enumerate(NAMES):
         errors = found.errors[family, task, name]
         style = {**LINES[look], "markersize": 3}
-        axes.plot(found.distances, np.clip(errors, FLOOR, CEILING), label=_typeset(name), **style)
+        axes.plot(found.distances, np.clip(errors, FLOOR, CEILING), label=typeset(name), **style)
         silent = np.isnan(errors)
         axes.plot(
             found.distances[silent],
@@ -77,11 +77,12 @@ def _costs(axes: Axes, found: Models, task: str) -> None:
             fontsize=8,
             color=GREY,
         )
-    axes.set_yticks(range(len(NAMES)), [_typeset(name) for name in NAMES])
+    axes.set_yticks(range(len(NAMES)), [typeset(name) for name in NAMES])
     axes.set(xscale="log", xlabel="ns an evaluation", ylim=(len(NAMES) - 0.4, -0.6))
     axes.set_xlim(200, 3e5)
     without_box(axes)
 
 
-def _typeset(name: str) -> str:
+def typeset(name: str) -> str:
+    """Return the name of a model with its letter as the paper writes it."""
     return name.replace("L_E", "$L_E$").replace("L_I", "$L_I$")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from studies import shares
 from studies.claims import share, singular, table1
 
 
@@ -41,7 +42,7 @@ def test_interval_of_a_median_by_order_statistics():
     ("worse", "trials", "expected"), [(0, 10, (0.0, 0.2775)), (5, 10, (0.2366, 0.7634))]
 )
 def test_wilson(worse, trials, expected):
-    assert singular.wilson(worse, trials) == pytest.approx(expected, abs=1e-4)
+    assert shares.wilson(worse, trials) == pytest.approx(expected, abs=1e-4)
 
 
 def test_near_stretched_bars_the_closed_form_errs_more():
