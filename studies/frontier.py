@@ -3,7 +3,8 @@
 Plans of scenes at falling tolerances, timed after one at the coarsest, so that nothing is derived
 or compiled within them; each is verified. The gap is the plan's duration over that of a
 plan with resolved switches (1e-8). By Ipopt with acceleration of degree 1 and 2; of each
-formulation the better one is drawn. Draws frontier.png, writes frontier.csv.
+formulation the better one is drawn. Beside it other programs, where they are installed
+(``frontier_peers``). Draws frontier.png, writes frontier.csv and frontier_peers.csv.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from time import thread_time
 
@@ -21,12 +23,20 @@ from deltaopt.cli.arguments import load_fastest
 from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.planning.planner import Planner
 from deltaopt.scene.scene import Scene
+from studies.frontier_peers import (
+    PEERS,
+    PeerAttempt,
+    peer_attempts,
+    peer_points,
+    peers_table,
+)
 from studies.problems import PICK_AND_PLACE, PROBLEMS, add_directory
 from studies.text_table import csv, paragraph, table
 
 HELP = "what accuracy costs: the default beside Ipopt in every formulation"
 SCENES = tuple(
-    PROBLEMS / f"{name}.yaml" for name in ("pick_and_place", "light_and_fast", "industrial_cross")
+    PROBLEMS / f"{name}.yaml"
+    for name in ("pick_and_place", "light_and_fast", "industrial_cross", "long_diagonal")
 )
 TOLERANCES = (1e-2, 1e-3, 1e-4)
 """Asked of every method; the default is also asked for FINER ones."""
@@ -89,14 +99,17 @@ def measure(
     tolerances: tuple[float, ...],
     finer: tuple[float, ...],
     chosen: tuple[str, ...],
-) -> list[Attempt]:
-    """Attempt all scenes by all methods at all tolerances."""
+) -> tuple[list[Attempt], list[PeerAttempt]]:
+    """Attempt all scenes by all methods at all tolerances, and by other programs."""
     tries = [(DEFAULT, 1, t) for t in (*tolerances, *finer)]
     tries += [(method, d, t) for method in chosen for d in (1, 2) for t in tolerances]
-    found = []
+    found, peers = [], []
     for i, file in enumerate(scenes):
         scene = load_fastest(file)
-        best = deltaopt.plan(scene, tolerance=REFERENCE).duration
+        reference = deltaopt.plan(scene, tolerance=REFERENCE).trajectory
+        best, share = reference.duration, i / len(scenes)
+        told = partial(progress, share)
+        peers += list(peer_attempts(told, file.stem, scene, reference))
         for k, (method, degree, tolerance) in enumerate(tries):
             progress((i + k / len(tries)) / len(scenes), f"{file.stem}: {method} {tolerance:g}")
             given = settings(method, degree, tolerance)
@@ -104,7 +117,7 @@ def measure(
             seconds, gap, good = _attempt(scene, given, best, tolerance, warm=warm)
             found.append(Attempt(file.stem, method, degree, tolerance, seconds, gap, good))
     progress(1.0, "done")
-    return found
+    return found, peers
 
 
 def _attempt(
@@ -199,6 +212,14 @@ def csv_of(attempts: list[Attempt]) -> str:
     )
 
 
+def peers_csv(attempts: list[PeerAttempt]) -> str:
+    """Return one line an attempt."""
+    return csv(
+        "scene,program,setting,seconds,gap,good",
+        ((a.scene, a.peer, a.setting, a.seconds, repr(float(a.gap)), a.good) for a in attempts),
+    )
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_directory(parser, "frontier")
     parser.set_defaults(scenes=SCENES, tolerances=TOLERANCES, finer=FINER, chosen=FORMULATIONS)
@@ -209,10 +230,14 @@ def run(arguments: argparse.Namespace) -> int:
     from studies.plots.frontier import draw
 
     a = arguments
-    attempts = measure(ProgressBar(), a.scenes, a.tolerances, a.finer, a.chosen)
-    found = points(attempts)
-    print(table_of(found), verdict(found), sep="\n\n")
-    with atomic_write(a.directory / "frontier.csv") as temporary:
-        temporary.write_text(csv_of(attempts), encoding="utf-8")
-    draw(found, a.directory / "frontier.png")
+    attempts, theirs = measure(ProgressBar(), a.scenes, a.tolerances, a.finer, a.chosen)
+    found, peers = points(attempts), peer_points(theirs)
+    print(table_of(found), verdict(found), peers_table(peers), sep="\n\n")
+    absent = [name for name in PEERS if name not in {p.peer for p in peers}]
+    if absent:
+        print(f"not installed: {', '.join(absent)}: pip install 'deltaopt[bench]'")
+    for name, text in (("frontier", csv_of(attempts)), ("frontier_peers", peers_csv(theirs))):
+        with atomic_write(a.directory / f"{name}.csv") as temporary:
+            temporary.write_text(text, encoding="utf-8")
+    draw(found, peers, a.directory / "frontier.png")
     return 0

@@ -167,9 +167,8 @@ def _functions(terms: DeltaTerms) -> Functions:
 
 def plans_table(rows: Sequence[Row]) -> str:
     """Return a line for each stratum."""
-    lines = [
-        ("moves", "robots", "plan", "verified", "within 1e-3", "ms: median", "99 %", "largest")
-    ]
+    head = ("moves", "robots", "plan", "verified", "within 1e-3", "ms: median", "99 %", "largest")
+    lines: list[tuple[str, ...]] = [head]
     for stratum in (*dict.fromkeys(row.stratum for row in rows), "all"):
         own = [row for row in rows if stratum in (row.stratum, "all")]
         ms = 1e3 * np.array([row.seconds for row in own])

@@ -10,4 +10,4 @@ def wilson(found: int, trials: int) -> tuple[float, float]:
     z = 1.96
     middle = (found + z**2 / 2) / (trials + z**2)
     half = z / (trials + z**2) * sqrt(found * (trials - found) / trials + z**2 / 4)
-    return middle - half, middle + half
+    return max(middle - half, 0.0), min(middle + half, 1.0)

@@ -103,26 +103,35 @@ def driven(trajectory: Trajectory, pieces: int) -> Path:
 def toppra_duration(scene: Scene, path: Path) -> float:
     """Return the duration of the fastest motion along a path, from rest to rest, s; NaN if there
     is none. Raises MissingPackage."""
-    toppra = installed("toppra", "bench")
-    algorithm = toppra.algorithm.TOPPRA([_limits(toppra, scene)], path, gridpoints=path.s)
-    speeds = algorithm.compute_parameterization(0.0, 0.0)[1]
+    speeds = toppra_speeds(scene, path)
     if speeds is None:
         return np.nan
     return float(np.sum(2 * np.diff(path.s) / (speeds[1:] + speeds[:-1])))
 
 
+def toppra_speeds(scene: Scene, path: Path) -> Array | None:
+    """Return the speeds ds/dt of that motion at the path's points, (n,), m/s; None if there is no
+    motion. Between points d²s/dt² is constant. Raises MissingPackage."""
+    toppra = installed("toppra", "bench")
+    algorithm = toppra.algorithm.TOPPRA([_limits(toppra, scene)], path, gridpoints=path.s)
+    speeds = algorithm.compute_parameterization(0.0, 0.0)[1]
+    return None if speeds is None else np.asarray(speeds, dtype=float)
+
+
+def loads_along(scene: Scene, path: Path) -> tuple[Array, Array, Array]:
+    """Return c, a and b of the torques τ = a s̈ + b ṡ² + c at the path's points, (n, 3) each."""
+    c, a, b = np.split(_along(scene, path.derivatives)[0], 3)
+    return c, a - c, b - c
+
+
 def _limits(toppra: Any, scene: Scene) -> Any:
     """Return the limits of torque, and of motor speed if there are any, as TOPP-RA's constraint."""
     base: Any = toppra.constraint.LinearConstraint
-    model = DeltaModel(scene.robot, scene.payload)
-    loads_of, torque = _loads(model.functions), np.array(scene.robot.torque_limits)
+    torque = np.array(scene.robot.torque_limits)
 
     class Limits(base):  # type: ignore[misc]
         def compute_constraint_params(self, path: Path, s: Array) -> Any:
-            x, dx, ddx = (path(s, order) for order in range(3))
-            rest = np.zeros_like(x)
-            states = np.vstack([x, x, x]), np.vstack([rest, rest, dx]), np.vstack([rest, dx, ddx])
-            loads, rates = loads_of(*states, parameters=model.parameters)
+            loads, rates = _along(scene, tuple(path(s, order) for order in range(3)))
             c, a, b = np.split(loads / torque, 3)
             F, g = np.vstack([np.eye(3), -np.eye(3)]), np.ones(6)
             highest = np.full(len(s), 1e6)
@@ -135,6 +144,17 @@ def _limits(toppra: Any, scene: Scene) -> Any:
     limits = Limits()
     limits.identical = True
     return limits
+
+
+def _along(scene: Scene, derivatives: tuple[Array, ...]) -> tuple[Array, Array]:
+    """Return torques and motor speeds at the points of a path, (3 n, 3) each: at rest, with d²s/dt²
+    of 1 alone, and with ds/dt of 1 alone."""
+    model = DeltaModel(scene.robot, scene.payload)
+    x, dx, ddx = derivatives
+    rest = np.zeros_like(x)
+    states = np.vstack([x, x, x]), np.vstack([rest, rest, dx]), np.vstack([rest, dx, ddx])
+    torques, rates = _loads(model.functions)(*states, parameters=model.parameters)
+    return np.asarray(torques), np.asarray(rates)
 
 
 @lru_cache(maxsize=4)

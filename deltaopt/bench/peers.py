@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from time import perf_counter
+from time import process_time
 from typing import Any
 
 import casadi as ca
@@ -23,12 +23,14 @@ from deltaopt.scene.scene import Scene
 
 @dataclass(frozen=True)
 class PeerPlan:
-    """A duration (s), and the seconds of the solve alone, the program being built already."""
+    """A duration (s), and the processor's seconds of the solve alone, the program being built
+    already. ``torques``: (intervals, 3), N·m, constant in each of the equal intervals."""
 
     duration: float
     seconds: float
     intervals: int
     solved: bool
+    torques: Array
 
 
 def rockit_plan(scene: Scene, guess: Trajectory, intervals: int) -> PeerPlan:
@@ -61,7 +63,7 @@ def rockit_plan(scene: Scene, guess: Trajectory, intervals: int) -> PeerPlan:
     }
     problem.solver("ipopt", options)
     problem.method(rockit.MultipleShooting(N=intervals, M=1, intg="rk"))
-    return _timed(problem, intervals)
+    return _timed(problem, tau * limit, intervals)
 
 
 def rockit_within(
@@ -92,9 +94,9 @@ def rockit_comparison(robot: Robot, payload: float, number: int, seed: int) -> s
             blocked += 1
             continue
         planner.plan(scene.start, scene.goal)
-        begin = perf_counter()
+        begin = process_time()
         planner.plan(scene.start, scene.goal)
-        seconds = perf_counter() - begin
+        seconds = process_time() - begin
         best = reference.plan(scene.start, scene.goal).duration
         found = rockit_within(scene, line, best, 1e-3)
         if found is None:
@@ -133,13 +135,14 @@ def _start_from(
     problem.set_initial(tau, np.clip(motion.tau / limit, -0.9, 0.9)[:-1].T)
 
 
-def _timed(problem: Any, intervals: int) -> PeerPlan:
+def _timed(problem: Any, torques: Any, intervals: int) -> PeerPlan:
     """Solve twice from the same start, and time the second."""
     try:
         problem.solve()
-        begin = perf_counter()
+        begin = process_time()
         solution = problem.solve()
-        seconds = perf_counter() - begin
+        seconds = process_time() - begin
     except RuntimeError:
-        return PeerPlan(np.nan, np.nan, intervals, False)
-    return PeerPlan(float(solution.value(problem.T)), seconds, intervals, True)
+        return PeerPlan(np.nan, np.nan, intervals, False, np.full((intervals, 3), np.nan))
+    found = np.asarray(solution.sample(torques, grid="control")[1])[:intervals]
+    return PeerPlan(float(solution.value(problem.T)), seconds, intervals, True, found)
