@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 from matplotlib.transforms import Transform
 
 from deltaopt.plots.colours import (
@@ -15,13 +16,14 @@ from deltaopt.plots.colours import (
     BLUE,
     GREEN,
     GREY,
+    LIGHT_GREY,
     ORANGE,
-    PURPLE,
-    SKY_BLUE,
     VERMILION,
 )
 from deltaopt.plots.style import SMALL, figure, without_box
-from studies.plots.work_precision import Line, panel
+from studies.models.measure import CHOSEN
+from studies.plots.models import typeset
+from studies.plots.work_precision import LINES, Line, panel
 from studies.stability.benchmarks import Benchmark, Benchmarks
 from studies.stability.drift import MINIMAL, Drift, baumgarte
 from studies.stability.edge import TOLERANCE, Edge
@@ -29,33 +31,10 @@ from studies.stability.families import Family
 from studies.stability.singularities import (
     DISTANCES,
     PROBLEMS,
-    Curve,
     Problem,
     Singularities,
 )
 
-COLOURS = {
-    "closed form": BLUE,
-    "partition": GREEN,
-    "partition there": SKY_BLUE,
-    "null space": PURPLE,
-    "rank revealing": GREY,
-    "sparse QR": ORANGE,
-    "LAPACK LU": VERMILION,
-    "least norm": BLACK,
-}
-"""By constraint matrix of K and L_E, then by solver of L_I."""
-NAMES = {
-    "partition": "C: partition, fixed",
-    "partition there": "C: partition, chosen there",
-    "closed form": "C: closed form",
-    "null space": "C: null space",
-    "rank revealing": "C: rank revealing",
-    "sparse QR": "$L_I$, sparse QR",
-    "LAPACK LU": "$L_I$, LAPACK LU",
-    "least norm": "$L_I$, least norm",
-}
-STYLES = {"L_E": "-", "K, virtual work": "--", "L_I": "-", "state": ":"}
 CONDITIONS = {"J": BLACK, "C in closed form": BLUE, "L_I, inverse": VERMILION}
 FORWARD = "L_I, forward"
 FLOOR, CEILING = 1e-17, 1e3
@@ -93,19 +72,16 @@ def draw_singularities(study: Singularities, columns: Sequence[Family], path: Pa
 def _error_panel(axes: Axes, study: Singularities, family: Family, problem: Problem) -> None:
     _distance_axis(axes)
     axes.set(yscale="log", ylim=(FLOOR / 2, 3 * CEILING))
-    key = (family.name, problem.name)
-    for curve in [*study.curves, *study.floors]:
-        if (curve.family, curve.problem) == key and curve.model in STYLES:
-            _curve(axes, curve)
-
-
-def _curve(axes: Axes, curve: Curve) -> None:
-    colour = COLOURS.get(curve.variant, BLACK)
     x = np.where(np.array(DISTANCES) > 0, DISTANCES, AT_ZERO)
-    y = np.clip(curve.errors, FLOOR, CEILING)
-    axes.plot(x, y, STYLES[curve.model], color=colour, marker=".", markersize=4, linewidth=1.2)
-    silent = np.isnan(curve.errors)
-    axes.plot(x[silent], np.full(silent.sum(), CEILING), "x", color=colour, markersize=6)
+    floor = study.curve(family.name, problem.name, "state", "rounding").errors
+    axes.fill_between(x, FLOOR, np.clip(floor, FLOOR, CEILING), color=LIGHT_GREY, linewidth=0)
+    for look, (model, variant, _) in enumerate(CHOSEN):
+        errors = study.curve(family.name, problem.name, model, variant).errors
+        style = {**LINES[look], "markersize": 2.5, "linewidth": 1.1}
+        axes.plot(x, np.clip(errors, FLOOR, CEILING), **style)
+        silent = np.isnan(errors)
+        at = np.full(silent.sum(), CEILING)
+        axes.plot(x[silent], at, "x", color=style["color"], markersize=6)
 
 
 def _condition_panel(axes: Axes, study: Singularities, family: Family) -> None:
@@ -130,17 +106,17 @@ def _distance_axis(axes: Axes) -> None:
     without_box(axes)
 
 
-def _singularity_legend() -> list[Line2D]:
-    variants = ("closed form", "partition", "partition there", "null space")
-    solvers = ("sparse QR", "LAPACK LU")
+def _singularity_legend() -> list[Line2D | Patch]:
+    errors = [
+        Line2D([], [], label=typeset(name), **{**LINES[look], "markersize": 3})
+        for look, (*_, name) in enumerate(CHOSEN)
+    ]
     return [
-        *(Line2D([], [], color=COLOURS[v], label=NAMES[v]) for v in (*variants, *solvers)),
-        Line2D([], [], color=GREY, label="$L_E$ (with any C)"),
-        Line2D([], [], color=GREY, linestyle="--", label="K (Kane = virtual work)"),
-        Line2D([], [], color=BLACK, linestyle=":", label="rounding of the state alone"),
+        *errors,
+        Patch(color=LIGHT_GREY, label="rounding of the state alone"),
         Line2D([], [], color=GREY, marker="x", linestyle="none", label="no result"),
         Line2D([], [], color=BLACK, label="cond. of J"),
-        Line2D([], [], color=BLUE, label="cond. of C in closed form"),
+        Line2D([], [], color=BLUE, label="cond. of C, eq. (55)"),
         Line2D([], [], color=VERMILION, label="cond. of $L_I$, torques"),
         Line2D([], [], color=VERMILION, linestyle="--", label="cond. of $L_I$, accelerations"),
     ]
@@ -174,47 +150,47 @@ def _drift_line(study: Drift, method: str, name: str, look: int) -> Line:
     return Line(label, [r.evaluations for r in runs], [getattr(r, name) for r in runs], look)
 
 
+LEAST_DRAWN = 1e-7
+"""Changes of energy are drawn from here on, J."""
+
+
 def draw_benchmarks(study: Benchmarks, path: Path) -> None:
-    """Draw energy over time where there is a motion, and count the methods without one."""
-    with figure(path, max(4.5, 2.7 * len(study.benchmarks)), 4.4) as page:
+    """Draw the largest change of energy of every way, a row each, and why there is none."""
+    ways = list(dict.fromkeys((o.model, o.variant) for o in study.outcomes if o.model != "K, Kane"))
+    with figure(path, max(5.0, 2.6 * len(study.benchmarks) + 1.4), 3.9) as page:
         panels = page.subplots(1, len(study.benchmarks), sharey=True, squeeze=False)[0]
         for axes, benchmark in zip(panels, study.benchmarks, strict=True):
-            _energy_panel(axes, study, benchmark)
-        panels[0].set_ylabel("|change of energy|, J")
-        models = [
-            Line2D([], [], color=GREY, label="$L_E$ (with any C)"),
-            Line2D([], [], color=GREY, linestyle="--", label="K (Kane = virtual work)"),
+            _energies(axes, study, benchmark, ways)
+        names = [f"{typeset(model)}, {variant}" for model, variant in ways]
+        panels[0].set_yticks(range(len(ways)), names)
+        panels[0].set_ylim(len(ways) - 0.5, -0.5)
+        handles = [
+            Line2D([], [], color=GREEN, marker="o", linestyle="none", label="within the bound"),
+            Line2D([], [], color=VERMILION, marker="o", linestyle="none", label="beyond it"),
+            Line2D([], [], color=VERMILION, marker="x", linestyle="none", label="stops on the way"),
+            Line2D([], [], color=GREY, marker="_", linestyle="none", label="cannot be built"),
         ]
-        shown = [
-            Line2D([], [], color=colour, label=NAMES[variant])
-            for variant, colour in COLOURS.items()
-            if any(o.variant == variant for o in study.outcomes)
-        ]
-        page.legend(handles=[*shown, *models], loc="outside lower center", ncols=5)
+        page.legend(handles=handles, loc="outside lower center", ncols=4)
 
 
-def _energy_panel(axes: Axes, study: Benchmarks, benchmark: Benchmark) -> None:
-    axes.set(yscale="log", xlabel="time, s", ylim=(1e-12, 1e3), title=benchmark.title)
-    axes.axhline(benchmark.bound, color=BLACK, linestyle=":")
-    axes.text(0.02, 1.5 * benchmark.bound, f"bound {benchmark.bound:g} J")
+def _energies(
+    axes: Axes, study: Benchmarks, benchmark: Benchmark, ways: Sequence[tuple[str, str]]
+) -> None:
+    axes.set(xscale="log", xlim=(LEAST_DRAWN, 1e1), title=benchmark.title)
+    axes.set_xlabel("largest change of energy, J")
+    axes.axvline(benchmark.bound, color=BLACK, linestyle=":")
     without_box(axes)
-    missing = 0
     for o in study.of(benchmark.name):
-        if o.model not in STYLES:
+        if (o.model, o.variant) not in ways:
             continue
+        row = ways.index((o.model, o.variant))
         if o.times.size:
-            error = np.clip(np.abs(o.energy_error), 1e-12, 1e3)
-            style = STYLES[o.model]
-            axes.plot(o.times, error, style, color=COLOURS[o.variant], linewidth=0.9)
+            colour = VERMILION if o.failure else GREEN
+            axes.plot(np.clip(o.largest, LEAST_DRAWN, 1e1), row, "o", color=colour, markersize=5)
         else:
-            missing += 1
-    outcomes = study.of(benchmark.name)
-    inside = sum(not o.failure for o in outcomes)
-    note = f"{inside} of {len(outcomes)} inside the bound"
-    axes.text(0.98, 0.02, note, transform=axes.transAxes, ha="right", va="bottom")
-    if missing:
-        told = f"no motion by {missing} ways: see the table"
-        axes.text(0.98, 0.98, told, transform=axes.transAxes, ha="right", va="top", fontsize=SMALL)
+            built = "cannot be built" not in o.failure
+            marker, colour = ("x", VERMILION) if built else ("_", GREY)
+            axes.plot([0.97], [row], marker, color=colour, markersize=6, transform=_rows(axes))
 
 
 GOOD, REFUSED, WRONG = GREEN, ORANGE, VERMILION
