@@ -1,13 +1,18 @@
 """Run a study: ``python -m studies NAME``, in a clone of the repository.
 
 Without arguments a study runs at its documented size; --small makes it a matter of seconds.
+``all`` runs every one in turn and unattended: one that fails is named at the end, --after NAME goes
+on behind the last that was done, and --into docs copies each chart as soon as it is drawn.
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
+import traceback
 from collections.abc import Mapping
+from pathlib import Path
+from time import perf_counter
 from typing import Protocol
 
 from deltaopt.cli import Command, Parser, add_command, exit_code
@@ -17,6 +22,7 @@ from studies import (
     basin,
     benchmarks,
     bodies,
+    charts,
     claims,
     conventions,
     cycle,
@@ -49,6 +55,7 @@ from studies import (
     tutorial,
     via,
 )
+from studies.charts import copy_charts
 
 
 class Study(Command, Protocol):
@@ -64,6 +71,7 @@ STUDIES: dict[str, Study] = {
     "agreement": agreement,
     "basin": basin,
     "benchmarks": benchmarks,
+    "charts": charts,
     "claims": claims,
     "bodies": bodies,
     "conventions": conventions,
@@ -108,12 +116,34 @@ def main(argv: list[str] | None = None) -> int:
     arguments = parser.parse_args(words)
     if arguments.study != "all":
         return exit_code(lambda: arguments.run(arguments))
-    codes = []
-    for name in STUDIES:
+    names = list(STUDIES)
+    return _all(
+        parser, names[names.index(arguments.after) + 1 if arguments.after else 0 :], arguments
+    )
+
+
+def _all(parser: argparse.ArgumentParser, names: list[str], arguments: argparse.Namespace) -> int:
+    """Run these in turn, whatever becomes of each."""
+    told, worst = [], 0
+    for name in names:
         print(f"\n=== {name} ===", flush=True)
-        own = parser.parse_args([name])
-        codes.append(exit_code(lambda own=own: own.run(own)))  # type: ignore[misc]
-    return max(codes)
+        begin = perf_counter()
+        code = _unattended(parser.parse_args([name]))
+        copied = copy_charts(name, arguments.into) if arguments.into and code == 0 else []
+        drawn = "".join(f", {file}" for file in copied)
+        told.append(f"{name}: {perf_counter() - begin:.0f} s, exit code {code}{drawn}")
+        worst = max(worst, code)
+    print("", *told, sep="\n")
+    return worst
+
+
+def _unattended(arguments: argparse.Namespace) -> int:
+    """Run one; an error that nobody expected is printed as Python does, and the others go on."""
+    try:
+        return exit_code(lambda: int(arguments.run(arguments)))
+    except Exception:
+        traceback.print_exc()
+        return 1
 
 
 def _parser(*, small: bool) -> argparse.ArgumentParser:
@@ -128,6 +158,8 @@ def _parser(*, small: bool) -> argparse.ArgumentParser:
     for subparser, study in parsers:
         subparser.set_defaults(**(study.SMALL if small else {}))
     every = subparsers.add_parser("all", help="run all of them in turn")
+    every.add_argument("--after", choices=list(STUDIES), metavar="NAME", help="begin behind it")
+    every.add_argument("--into", type=Path, metavar="DIR", help="copy charts there, as for docs/")
     for subparser in (every, *(subparser for subparser, _ in parsers)):
         subparser.add_argument("--small", action="store_true", help="in seconds, for a first look")
     return parser

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from deltaopt.cli.plan import table
+from deltaopt.cli.plan import singularities_table, table
 from deltaopt.verify.measures import Distance, Excess
 from deltaopt.verify.verification import Verification
 
@@ -18,3 +18,11 @@ def test_table_has_every_limit_and_every_distance():
     assert "  fold: sin² q = 0.25, chain 3 at t = 0.062500 s" in lines
     columns = {line.index(" m ") for line in lines if line.endswith((" m  ok", " m  FAILED"))}
     assert len(columns) <= 1
+
+
+def test_a_singularity_that_is_passed_is_marked():
+    """No limit says so where the platform can tilt: motors do not feel it."""
+    near, beyond = (Distance("tilt", "volume", least, "robot", 0.0625) for least in (0.02, -0.1))
+    kept, passed = singularities_table([near, beyond])[1:]
+    assert kept == "  tilt: volume = 0.02, at t = 0.062500 s"
+    assert passed.startswith("  tilt: volume = -0.1, at t = 0.062500 s, PASSED")

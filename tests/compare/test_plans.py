@@ -13,7 +13,7 @@ import deltaopt
 from deltaopt.compare.plans.cases import FiveBarTask, delta_case
 from deltaopt.compare.plans.interpreted import interpreted
 from deltaopt.compare.plans.measures import Quality
-from deltaopt.compare.plans.report import COLUMNS, csv, tables, verdict
+from deltaopt.compare.plans.report import COLUMNS, compiled_modes, csv, tables, verdict
 from deltaopt.compare.plans.study import compare_plans, methods
 from deltaopt.dynamics.consistency import Residuals
 from deltaopt.mechanisms.five_bar import FiveBarParameters, five_bar, inverse_kinematics
@@ -22,7 +22,7 @@ from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.formulations.equations import flat_equations
 from deltaopt.planning.nlp.program import PointFunction
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
-from deltaopt.plots.plans import draw
+from deltaopt.plots.plans import KEPT, best_of_each, draw
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 
@@ -56,6 +56,28 @@ def test_verdict_and_chart_with_a_failure(study, tmp_path):
     assert "failed" in tables(broken)
     draw(broken, "five_bar", tmp_path / "chart.png")
     assert (tmp_path / "chart.png").stat().st_size > 20_000
+
+
+def test_the_chart_has_the_best_of_each_formulation(study):
+    """None that leaves loops open at the knots, and none that another one of its formulation
+    beats."""
+    compiled = [row for row in study.rows if row.compiled == compiled_modes(study)[-1]]
+    best = best_of_each(compiled)
+    assert [method.formulation for method in best] == ["flat", "forward", "explicit", "multiplier"]
+    for method in best:
+        assert method.closure not in ("Baumgarte", "acceleration level")
+        own, others = (
+            [
+                row.gap
+                for row in compiled
+                if row.method.formulation == method.formulation
+                and row.method.closure in KEPT
+                and (row.method == method) == same
+                and not row.failure
+            ]
+            for same in (True, False)
+        )
+        assert min(own) <= min(others, default=np.inf)
 
 
 def test_safe_duration_is_that_of_verification():

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from studies.__main__ import STUDIES, main
+from studies.charts import CHARTS
 from studies.stability.drift import FREQUENCIES, MINIMAL
 from studies.stability.singularities import DISTANCES, METHODS, PROBLEMS
 
@@ -16,6 +17,7 @@ SAYS = {
     "agreement": "forward, 80 on switches",
     "basin": "The same motion is found: flat 2 of 2",
     "benchmarks": "Gough-Stewart platform: L_I, L_E",
+    "charts": "| chart | drawn by | what it says |",
     "claims": "in brackets the 95 % interval",
     "bodies": "2 of 2 planned, 2 verified",
     "conventions": "conventions.png",
@@ -71,11 +73,45 @@ def test_all_runs_every_study_in_turn(monkeypatch, capsys):
         monkeypatch.setattr(study, "run", lambda arguments, name=name: ran.append(arguments) or 0)
     assert main(["all", "--small"]) == 0
     assert [arguments.study for arguments in ran] == list(STUDIES)
-    told = capsys.readouterr().out
-    assert [line for line in told.splitlines() if line] == [f"=== {name} ===" for name in STUDIES]
+    told = [line for line in capsys.readouterr().out.splitlines() if line]
+    assert told[: len(STUDIES)] == [f"=== {name} ===" for name in STUDIES]
+    assert told[len(STUDIES) :] == [f"{name}: 0 s, exit code 0" for name in STUDIES]
     gap = ran[list(STUDIES).index("gap")]
     small, full = (vars(arguments) for arguments in (gap, _parsed(monkeypatch, "gap")))
     assert small["number"] < full["number"]
+
+
+def test_all_is_unattended(monkeypatch, capsys, tmp_path):
+    """A study that ends in an unforeseen error is named, the others go on; --after leaves out those
+    before; --into copies what was drawn."""
+
+    def run(arguments):
+        if arguments.study == "tilt":
+            raise RuntimeError("nobody expected this")
+        (Path("out/tutorial")).mkdir(parents=True, exist_ok=True)
+        (Path("out/tutorial") / "tutorial_table.png").write_bytes(b"drawn")
+        return 0
+
+    for study in STUDIES.values():
+        monkeypatch.setattr(study, "run", run)
+    assert main(["all", "--small", "--after", "tables", "--into", str(tmp_path)]) == 1
+    printed = capsys.readouterr()
+    copied = tmp_path / "tutorial_table.png"
+    assert printed.out.splitlines()[-3:] == [
+        "tilt: 0 s, exit code 1",
+        "tolerances: 0 s, exit code 0",
+        f"tutorial: 0 s, exit code 0, {copied}",
+    ]
+    assert "nobody expected this" in printed.err
+    assert copied.read_bytes() == b"drawn"
+
+
+def test_every_chart_of_the_documentation_is_listed(capsys):
+    docs = Path(__file__).parents[2] / "docs"
+    assert {chart.file for chart in CHARTS} == {file.name for file in docs.glob("*.png")}
+    assert {chart.study for chart in CHARTS} - {""} <= set(STUDIES)
+    assert main(["charts"]) == 0
+    assert capsys.readouterr().out in (docs / "charts.md").read_text(encoding="utf-8")
 
 
 def _parsed(monkeypatch, *words):
