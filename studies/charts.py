@@ -136,7 +136,7 @@ CHARTS = (
         "stability_benchmarks.png",
         STUDY + "stability benchmarks",
         "stability/benchmarks.png",
-        "With projection every way that can be built keeps energy; without, several do not.",
+        "Projected, A02 is solved by all that can be built; free, not; Bricard by rank-aware ways only.",
     ),
     Chart(
         "stability_drift.png",
