@@ -136,7 +136,7 @@ CHARTS = (
         "stability_benchmarks.png",
         STUDY + "stability benchmarks",
         "stability/benchmarks.png",
-        "Projected, A02 is solved by all that can be built; free, not; Bricard by rank-aware ways only.",
+        "A02 projected is solved by all that can be built, free it is not; A04 by a third.",
     ),
     Chart(
         "stability_drift.png",
