@@ -16,7 +16,7 @@ def draw(found: Tilt, file: Path) -> None:
     """Draw torques and forces of bars over the distance, as multiples of those at its first."""
     approaches = found.approaches[:DRAWN]
     lines = [
-        Line(f"{what}, {a.robot}", DISTANCES, values / values[0], 2 * k + i)
+        Line(f"{what}, {a.robot}", DISTANCES.tolist(), (values / values[0]).tolist(), 2 * k + i)
         for k, what in enumerate(("largest force of a bar", "largest motor torque"))
         for i, a in enumerate(approaches)
         for values in ((a.forces, a.torques)[k],)
