@@ -29,6 +29,7 @@ from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.robot.robot import Robot
 from deltaopt.robot.solids import Solid
 from deltaopt.scene.links import (
+    BISECTIONS,
     LINKS,
     LinkGeometry,
     bodies_of,
@@ -79,17 +80,17 @@ def least_rooms(scene: Scene, motion: Trajectory, enough: float = 0.0) -> Array:
     return least
 
 
-def planned_distances(scene: Scene, x: Array) -> tuple[Array, Array]:
+def planned_distances(scene: Scene, x: Array, bisections: int = BISECTIONS) -> tuple[Array, Array]:
     """How far the lines of ``Scene.kept_links`` are from bodies with the tool's point at places
     (N, 3), m, (N, pairs), and the derivatives of that by the place, (N, pairs, 3). NaN out of
-    reach."""
+    reach. ``bisections``: of each line, for its nearest place."""
     geometry = LinkGeometry.of(scene.robot, delta_model(scene.robot, scene.payload), x)
     distances = np.zeros((len(x), len(scene.kept_links)))
     slopes = np.zeros((*distances.shape, 3))
     begin, end = geometry.links
     for k, kept in enumerate(scene.kept_links):
         which = slice(kept.link, kept.link + 1)
-        share, distance, normal = nearest(kept.body, begin[:, which], end[:, which])
+        share, distance, normal = nearest(kept.body, begin[:, which], end[:, which], bisections)
         distances[:, k] = distance[:, 0]
         slopes[:, k] = geometry.slope(kept.link, share[:, 0], normal[:, 0])
     return distances, slopes

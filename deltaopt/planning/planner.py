@@ -21,6 +21,7 @@ from deltaopt.motion.trajectory import Motion, PiecewisePolynomial, Trajectory
 from deltaopt.planning.first_motions.belt import not_met
 from deltaopt.planning.first_motions.moving_ends import (
     first_moving_motions,
+    from_state_to_state,
     intervals_after_waiting,
 )
 from deltaopt.planning.first_motions.multistart import Optimum, distinct, first_motions
@@ -51,6 +52,7 @@ from deltaopt.planning.ways import (
     CLEAR,
     TakenWay,
     clear_motions,
+    fastest_moving_way,
     fastest_way,
     is_clear,
     name_of_way,
@@ -339,7 +341,9 @@ class Planner:
 
         ``under_way``: what would follow the start. Raises NotConverged.
         """
-        found = self._first_found(scene, first_moving_motions(scene, under_way), report)
+        found = self._moving_past_bodies(scene, report) or self._first_found(
+            scene, first_moving_motions(scene, under_way), report
+        )
         plan = found if isinstance(found, Plan) else None
         if under_way is not None:
             finished = finished_first(
@@ -364,6 +368,22 @@ class Planner:
             return self._optimiser.on_first_mesh(attempt).duration
         except DeltaOptError:
             return 0.0
+
+    def _moving_past_bodies(self, scene: Scene, report: Progress) -> Plan | None:
+        """The best plan of the ways past keep-out bodies where an end moves; None where none is in
+        the way, or none leads to a plan."""
+        first = from_state_to_state(scene) if limits_of(scene).constraints.has_convex else None
+        if first is None or scene.via or is_clear(scene, first):
+            return None
+        begin, optimiser = perf_counter(), self._optimiser
+        attempt = Attempt(scene, first, self.intervals, optimiser.accuracy)
+        found = fastest_moving_way(
+            attempt, lambda way: optimiser.fastest(way, report), optimiser.on_first_mesh
+        )
+        if found is None:
+            return None
+        spent = perf_counter() - begin
+        return replace(found[0], scene=scene, ways=found[1], solve_seconds=spent)
 
     def _first_found(
         self, scene: Scene, motions: Iterator[Trajectory], report: Progress
@@ -464,6 +484,8 @@ class Planner:
                 return replace(free, scene=scene, ways=(TakenWay(CLEAR, free.duration, True),))
         except ENDS_AN_ATTEMPT as error:
             report(str(error))
+        if scene.tube is not None:  # no way around a body but in it
+            return self._search(scene, report)
 
         def planned(attempt: Attempt) -> Plan:
             search = self._new_search(attempt.scene)

@@ -123,7 +123,9 @@ class TrajectoryOptimiser:
     def on_first_mesh(self, attempt: Attempt) -> Trajectory:
         """The fastest motion on the first mesh alone, which may break limits between its points."""
         guess = Guess(attempt.motion, near=False, tolerance=self.accuracy)
-        scaling = Scaling(attempt.scene, attempt.motion.duration)
+        moving = isinstance(attempt.scene.task, MovingEnds)
+        extent = attempt.motion.extent if moving else None
+        scaling = Scaling(attempt.scene, attempt.motion.duration, extent=extent)
         problem = self._problem(attempt.motion.model, scaling, FASTEST)
         return motion_on_first_mesh(problem, scaling, guess, attempt.intervals)
 

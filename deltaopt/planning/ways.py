@@ -29,7 +29,7 @@ from deltaopt.planning.near_bodies import near, past_these, with_those_hit
 from deltaopt.planning.refinement import Slower
 from deltaopt.planning.search import Attempt
 from deltaopt.robot.model import delta_model
-from deltaopt.scene.links import name_of
+from deltaopt.scene.links import ROUGH_BISECTIONS, name_of
 from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene, limits_of
 from deltaopt.scene.task import given_points
@@ -276,6 +276,22 @@ def clear_motions(scene: Scene, motions: Iterator[Trajectory], number: int) -> I
                 return
 
 
+def fastest_moving_way(
+    attempt: Attempt, planned: Planning[P], on_first_mesh: Callable[[Attempt], Trajectory]
+) -> tuple[P, tuple[TakenWay, ...]] | None:
+    """As ``fastest_way`` where an end moves: ways from rest to rest between the ends of the motion
+    of the attempt begin and end as a solver is asked to change it, but pass bodies. None where
+    there are none or none leads to a plan."""
+    scene, position = attempt.scene, attempt.motion.position
+    begin, end = (tuple(x) for x in position.at(position.knots[[0, -1]]).tolist())
+    try:
+        at_rest = scene.model_copy(update={"start": begin, "goal": end, "via": None})
+        ways = ways_around(at_rest, attempt.motion)
+        return _best_of(ways[:_MOST_WAYS], attempt, planned, on_first_mesh) if ways else None
+    except DeltaOptError:  # an end may be too near to a body to be at rest there
+        return None
+
+
 def _through_passages(scene: Scene, bodies: _Bodies) -> Iterator[Way]:
     """The way along the shortest path of straight lines, rounded as far as bodies allow; with a
     stop at each of its corners where they do not."""
@@ -406,7 +422,7 @@ def _distances(scene: Scene, x: Array) -> tuple[Array, Array]:
     distance, slope = signed_distances(scene, x)
     if not scene.planned_links:
         return distance, slope
-    of_links, by_place = planned_distances(scene, x)
+    of_links, by_place = planned_distances(scene, x, ROUGH_BISECTIONS)
     out_of_reach = np.isnan(of_links)  # where another limit holds
     of_links[out_of_reach], by_place[out_of_reach] = np.inf, 0.0
     return np.hstack([distance, of_links]), np.hstack([slope, by_place])

@@ -463,9 +463,13 @@ class Scene(Record):
             raise SceneError(None, "goal", content_of_end(self.goal), "a state other than start")
         if isinstance(self.goal, Anywhere) and task.start.velocity == REST:
             raise SceneError(None, "goal", "anywhere", "a start that moves: {at: …, velocity: …}")
-        for key in ("path", "rotation"):
-            if getattr(self, key) is not None:
-                raise SceneError(None, key, getattr(self, key), "start and goal at rest beside it")
+        given = {
+            "path": None if self.path is None else content_of_path(self.path),
+            "rotation": None if self.rotation is None else self.rotation.model_dump(),
+        }
+        for key, value in given.items():
+            if value is not None:
+                raise SceneError(None, key, value, "start and goal at rest beside it")
         if not isinstance(self.objective, Time):
             raise SceneError(None, "objective", str(self.objective), "time, where an end moves")
         return self
@@ -496,7 +500,6 @@ class Scene(Record):
             "a path beside it": self.path is not None,
             "a path through points, not a Curve": not isinstance(self.path, Curve),
             "a path without speeds": self.path is None or self.path.speeds == (0.0, 0.0),
-            "no keep_out beside it": self.keep_out is None,
         }
         for expected, holds in beside.items():
             if not holds:

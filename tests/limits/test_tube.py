@@ -142,7 +142,6 @@ def test_a_free_motion_leaves_the_tube():
         ({"path": None}, "a path beside it"),
         ({"path": {"speeds": [0.1, 0.0]}}, "without speeds"),
         ({"path": {"points": [[0.85, 0.2, 0.0]], "blend": 0.01}}, "turns back"),
-        ({"keep_out": [{"sphere": {"centre": [1.5, 0, 0], "radius": 0.1}}]}, "no keep_out"),
         ({"tube": 0.0}, "greater than 0"),
     ],
 )

@@ -97,7 +97,7 @@ def test_examples_are_of_keys_that_exist():
 AT_THE_ARM = ("drive.torque", "drive.speed", "drive.inertia", "drive.rms_torque")
 OF_A_CATALOGUE = ("drive.motor", "drive.brake", "drive.gear")
 OF_BODIES = ("keep_out", "clearance", "robot_keeps_clear", "tool.radius")
-"""What does not go with a tube, or is the tool's alternative."""
+"""What blocks the tube of the examples, or is the tool's alternative."""
 EFFORT = ("objective: time", "objective: effort")
 
 

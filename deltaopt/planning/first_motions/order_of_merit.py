@@ -84,11 +84,14 @@ def rounds(scene: Scene) -> Iterator[Iterator[Trajectory]]:
 
 
 def timed_axis(scene: Scene) -> Trajectory:
-    """The fastest motion on the path that a scene's tube is about, roughly: it is in the tube.
+    """The fastest motion on the path that a scene's tube is about, roughly: it is in the tube, but
+    may lead through bodies.
 
     Raises Infeasible, Unreachable or Singular where the path cannot be driven.
     """
     on_path = scene.on_its_path
+    if scene.keep_out is not None:
+        on_path = on_path.model_copy(update={"keep_out": None, "planned_links": ()})
     task = on_path.task
     assert isinstance(task, OnPath)
     return fastest_on_path(on_path, task, _OF_AXIS, lambda _: None).trajectory

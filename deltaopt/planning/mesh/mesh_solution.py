@@ -313,8 +313,8 @@ class MeshSolution:
         tightenable = anywhere if mesh.min() > TIGHTENED else places | others
         tightened = self.scaling.untightened
         if tightenable.any():
-            points = self.problem.points
-            overshoot = Overshoot.of(self.mesh, points, size, tightenable, anywhere, shares)
+            points, seen = self.problem.points, self._with_missed(size, places)
+            overshoot = Overshoot.of(self.mesh, points, seen, tightenable, anywhere, shares)
             tightened = overshoot.tightened(self.scaling, mesh)
         if self.excess is None:
             return tightened
@@ -328,6 +328,19 @@ class MeshSolution:
         """
         long = self.mesh > TIGHTENED
         return isinf(self.safe_factor) or bool((shares[long] < self.scaling.torque_share).any())
+
+    def _with_missed(self, size: Array, places: Truths) -> Array:
+        """Sizes of all rows, with what samples between the points have missed of limits of
+        position, if a search of all instants has found that these are exceeded, and what the solver
+        may leave of them next time."""
+        missed = self.needed.misplaced
+        if not self.is_exact or missed <= 0 or size[:, :, places].max(initial=0.0) > 1:
+            return size
+        between = np.setdiff1d(np.arange(len(FRACTIONS)), samples_at(self.problem.points))
+        seen = size.copy()
+        raised = np.ix_(np.arange(len(size)), between, np.flatnonzero(places))
+        seen[raised] += missed + self.solution.left
+        return seen
 
     def _tightened_at_bodies(
         self, scaling: Scaling, size: Array, shares: Array, mesh: Array
