@@ -25,6 +25,7 @@ _NARROW = 4.0
 into for nothing, less leaves peaks in it to the parabola through samples that miss them."""
 _WINDOW_STEPS = 24  # in a window of a valley
 _VALLEY_ROUNDS = 4  # beyond (1/8)⁴ of a step rounding hides where a valley is lowest
+_SMOOTH_VALLEY_ROUNDS = 2  # where it need not be known better than to a part of its half-width
 
 
 @dataclass
@@ -116,8 +117,9 @@ def narrow_valleys(curves: Curves, fractions: Array, values: Array, tails: float
     ``values``: of curves that are not negative, at ``everywhere`` of these fractions, evenly
     spaced, (K · n, c). The half-width of a valley is where its curve is twice the least: functions
     of it that grow without bound at zero peak there, however far samples are apart. The windows
-    begin at 4 steps from the minimum, each half as wide as the one before; at ``tails`` half-widths
-    if that is farther, for functions that peak so far beside a valley too.
+    begin at 4 steps from the minimum, each half as wide as the one before. With ``tails`` there is
+    one on each side of a minimum, so many half-widths long: for functions that are smooth over a
+    half-width and constant beyond the tails.
     """
     grid = values.reshape(-1, len(fractions), values.shape[1])
     left, middle, right = grid[:, :-2], grid[:, 1:-1], grid[:, 2:]
@@ -136,17 +138,19 @@ def narrow_valleys(curves: Curves, fractions: Array, values: Array, tails: float
     if not len(interval):
         return Windows(interval, np.zeros(0), np.zeros(0))
     bottom = (sample + 1 + offset[narrow]) * step
-    bottom, width = _bottoms(curves, interval, function, bottom, step)
-    widest = max(_NARROW * step, tails * float(width.max()))
-    return _graded(interval, bottom, widest, float(width.min()) / 4)
+    if tails:
+        bottom, width = _bottoms(curves, interval, function, bottom, step, _SMOOTH_VALLEY_ROUNDS)
+        return _beside(interval, bottom, tails * width)
+    bottom, width = _bottoms(curves, interval, function, bottom, step, _VALLEY_ROUNDS)
+    return _graded(interval, bottom, _NARROW * step, float(width.min()) / 4)
 
 
 def _bottoms(
-    curves: Curves, interval: Index, function: Index, bottom: Array, step: float
+    curves: Curves, interval: Index, function: Index, bottom: Array, step: float, rounds: int
 ) -> tuple[Array, Array]:
     """Where valleys are lowest, fractions, and their half-widths, (N,) each."""
     n, width = len(interval), np.full(len(interval), step)
-    for _ in range(_VALLEY_ROUNDS):
+    for _ in range(rounds):
         step /= _ZOOM
         bottom = np.clip(bottom, step, 1 - step)
         places = np.concatenate([bottom - step, bottom, bottom + step])
@@ -157,6 +161,14 @@ def _bottoms(
         least = np.maximum(middle - curvature * offset**2 / 2, 0.0)
         bottom, width = bottom + offset * step, np.sqrt(2 * least / curvature) * step
     return bottom, width
+
+
+def _beside(interval: Index, bottom: Array, away: Array) -> Windows:
+    """A window on each side of each bottom, so long, (N,)."""
+    begin = np.clip(np.concatenate([bottom - away, bottom]), 0.0, 1.0)
+    end = np.clip(np.concatenate([bottom, bottom + away]), 0.0, 1.0)
+    kept = end > begin
+    return Windows(np.tile(interval, 2)[kept], begin[kept], end[kept])
 
 
 def _graded(interval: Index, bottom: Array, widest: float, narrowest: float) -> Windows:

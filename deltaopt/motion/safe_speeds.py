@@ -30,6 +30,8 @@ _ROUNDED = 1 - np.array([0.0, 1e-15, 1e-14, 1e-13, 1e-12, 1e-10, 1e-8])
 _TRIED, _SLOWEST = 400, 1e-6
 """How many speeds are tried at first where excesses are no polynomials, and the least of them. Safe
 speeds between two tried ones, 3.5 % apart, may be missed: then the result is a lower safe speed."""
+_NEARLY_ALL = 1 - np.append(0.0, 2.0 ** np.arange(-25.0, -1.0))
+"""Shares of the largest speed that are tried first of all: most motions are to be slowed little."""
 _ABOUT = np.concatenate([-(8.0 ** -np.arange(1.0, 17.0)), [0.0], 8.0 ** -np.arange(16.0, 0.0, -1)])
 """Where speeds are tried next, about the one that a line through both ends of an interval leads to,
 as shares of the interval: ever closer to it, since it is nearly right once the interval is short.
@@ -77,7 +79,16 @@ def _never_positive(coefficients: Array) -> NDArray[np.bool]:
 def largest_by_trying(excesses: Excesses, most: float) -> float | None:
     """A safe speed, no more than ``most``, found by comparing ever closer ones, the largest unless
     safe speeds lie between two that are tried; None if none is found."""
-    speeds = most * np.geomspace(1.0, _SLOWEST, _TRIED)
+    for speeds in (most * _NEARLY_ALL, most * np.geomspace(_NEARLY_ALL[-1], _SLOWEST, _TRIED)):
+        found = _largest_of(excesses, speeds)
+        if found is not None:
+            return found
+    return None
+
+
+def _largest_of(excesses: Excesses, speeds: Array) -> float | None:
+    """The largest safe speed of some, falling, or between it and the next faster one of them; None
+    if none of them is safe."""
     while True:
         found = excesses(speeds)
         safe = np.flatnonzero((found <= 0).all(axis=1))

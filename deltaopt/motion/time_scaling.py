@@ -60,9 +60,14 @@ _WITHIN = 1e-10
 """Excess of a row of positions that counts as none: a tenth of what verification allows."""
 _SAFE = 1e-12
 """The same of other rows of mixed powers: rounding of a row at its bound."""
+_CHAINS, _ARMS = slice(0, 3), slice(3, None)
+"""Columns of ``Loads.narrow``: of chains near their serial singularity, of arms that turn back."""
 _TAILS = 8.0
 """Half-widths beside a reversal, in each of which the speed of an arm changes by that of Coulomb
 friction, within which torques may peak between samples: friction is constant to 1e-6 beyond."""
+_LITTLE = 1e-3
+"""Share of the speed below which a motion is slowed by its square more, a millionth at most: that
+costs less than another look at the motion would."""
 _EXCHANGES = 30
 """Rounds of collecting instants; it takes three as a rule."""
 _ROUGH, _ROUGH_ROUNDS, _MOST_CHANGE = 0.02, 8, 4.0
@@ -208,12 +213,15 @@ def _factor_by_exchange(
 ) -> tuple[float, Peaks]:
     """The smallest safe factor where rows have mixed powers, and the last look.
 
-    Samples come first: what lies between them changes the speed little.
+    Samples come first: what lies between them changes the speed little. Where arms turn back under
+    friction it changes it more, so that this is looked at from the beginning.
     """
     changes = _exponents(scene) != 0
-    largest = largest_by_trying if _has_layers(scene) else largest_by_roots
-    speed, highest = _where_to_begin(at_least, looked_at, changes)
-    instants, closely = _Instants.none(scene, trajectory), False
+    has_layers = _has_layers(scene)
+    largest = largest_by_trying if has_layers else largest_by_roots
+    closely = has_layers and at_least > 0
+    speed, highest = _where_to_begin(at_least, looked_at, changes, closely)
+    instants = _Instants.none(scene, trajectory)
     for _ in range(_EXCHANGES):
         beyond = changes & ~(highest.values <= 1 + _SAFE)
         if closely and not beyond.any():
@@ -225,16 +233,25 @@ def _factor_by_exchange(
             slower = largest(instants.excesses, speed)
             if slower is None:
                 return inf, looked_at(speed, True)
-            speed = slower
+            speed = slower * (1 - _moved(1 - slower / speed)) if has_layers else slower
         closely = True
         highest = looked_at(speed, closely)
     return inf, highest
 
 
-def _where_to_begin(at_least: float, looked_at: Look, changes: Truths) -> tuple[float, Peaks]:
-    """The largest speed that is allowed, or one that is too fast, and the samples there."""
+def _moved(slower: float) -> float:
+    """By what share a speed is reduced once more when it is reduced by a small share: peaks move
+    meanwhile, so that rows differ by the square of it from those at the instants before."""
+    return slower**2 if slower < _LITTLE else 0.0
+
+
+def _where_to_begin(
+    at_least: float, looked_at: Look, changes: Truths, closely: bool
+) -> tuple[float, Peaks]:
+    """The largest speed that is allowed, or one that is too fast, and a look at it: at samples, or
+    ``closely``."""
     speed = 1 / at_least if at_least else 1.0
-    highest = looked_at(speed, False)
+    highest = looked_at(speed, closely)
     while not at_least and (highest.values[changes] <= 1).all():
         speed *= 2
         highest = looked_at(speed, False)
@@ -296,10 +313,17 @@ def _highest(
 ) -> Peaks:
     """Where a part of the loads is largest, between samples too: about the places where a chain
     comes so near to its serial singularity, or an arm turns back under friction so quickly, that
-    torques peak between samples, closer than these."""
+    torques peak between samples, closer than these. ``tails``: of the latter, as of
+    ``narrow_valleys``; without friction there are none."""
     highest = peaks(lambda *where: part(along(*where)), fractions, part(sampled))
-    valleys = narrow_valleys(lambda *where: along(*where).narrow, fractions, sampled.narrow, tails)
-    valleys.let_see(highest, lambda *where: part(along(*where)))
+    for columns, beside in ((_CHAINS, 0.0), (_ARMS, tails)):
+        narrow = sampled.narrow[:, columns]
+        if not narrow.shape[1]:
+            continue
+        valleys = narrow_valleys(
+            lambda *where, own=columns: along(*where).narrow[:, own], fractions, narrow, beside
+        )
+        valleys.let_see(highest, lambda *where: part(along(*where)))
     return highest
 
 
