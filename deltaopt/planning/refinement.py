@@ -134,9 +134,9 @@ class Refinement:
     ``tolerance``: relative optimality gap to reach. ``resolver``: resolves the instants of
     switching; None if they are not to be resolved. ``report``: is called with a line of text after
     every mesh. ``softer``: the scenes of the first meshes, whose friction is softer; if there are
-    any, knots are put at reversals. ``most``: duration (s) of a motion that is known; where no
-    estimate lets hope for less, refinement ends. ``solutions`` and ``iterations``: of the meshes so
-    far, one each.
+    any, knots are put at reversals on those that follow. ``most``: duration (s) of a motion that is
+    known; where no estimate lets hope for less, refinement ends. ``solutions`` and ``iterations``:
+    of the meshes so far, one each.
     """
 
     problem: FormulatedProblem
@@ -267,8 +267,8 @@ class Refinement:
         ):
             lost = replace(lost, unused=np.zeros_like(lost.unused))
         mesh = refined(last.mesh, lost, target)
-        if self.softer:
-            mesh = with_reversals(mesh, last.trajectory, self._scene)
+        if len(self.solutions) >= len(self.softer) > 0:  # softer friction needs no such knots
+            mesh = with_reversals(mesh, last.trajectory, self.scaling.scene)
         mesh = mesh if len(mesh) <= last.problem.finest else last.mesh
         contacts = last.contacts
         return with_knots_at(mesh, contacts) if len(contacts) else mesh
