@@ -128,15 +128,24 @@ def _passages(arguments: argparse.Namespace) -> bool:
     return failed
 
 
+def has_hull(scene: deltaopt.Scene) -> bool:
+    """Whether one of its bodies is a hull."""
+    return any(body.hull is not None for body in scene.keep_out or ())
+
+
 def _ways(arguments: argparse.Namespace) -> bool:
-    """Print how often another way would have been faster, by how much; nothing of it is a fault."""
+    """Print how often another way would have been faster, by how much; nothing of it is a fault.
+    Scenes with hulls are left out: their distances are slow, and compiled for minutes."""
     robot, blocked, number = deltaopt.load_robot(arguments.robot), list[OtherWays](), 0
+    without_hulls = list[int]()
     while len(blocked) < arguments.blocked:
+        if not has_hull(scene_of(robot, arguments.seed, number)):
+            without_hulls.append(number)
         number += 1
         rows = kept_rows(
             arguments.directory / f"ways_{arguments.seed}.csv",
             OtherWays,
-            range(number),
+            without_hulls,
             lambda row: row.number,
             lambda i: other_ways(scene_of(robot, arguments.seed, i), i, arguments.curves),
             lambda done: None,
@@ -144,7 +153,7 @@ def _ways(arguments: argparse.Namespace) -> bool:
         blocked = [row for row in rows if row.starts]
         ProgressBar()(len(blocked) / arguments.blocked, "ways")
     print(
-        f"{len(blocked)} of {number} scenes have bodies in the way; from {arguments.curves} random "
+        f"{len(blocked)} of {len(without_hulls)} scenes have bodies in the way; from {arguments.curves} random "
         f"curves each, {np.mean([row.starts for row in blocked]):.0f} first motions were solved on "
         f"the first mesh and {np.mean([row.planned for row in blocked]):.1f} planned, on average"
     )

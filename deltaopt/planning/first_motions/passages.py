@@ -37,10 +37,15 @@ _COARSE, _FINE = (5, 7, 7), (9, 13, 13)
 workspace, and takes several times as long."""
 _SPARE = 2e-4
 """m beyond the clearance asked for: corners of a path that touches bodies cannot be rounded."""
-_TRIED = ((_COARSE, _SPARE, 400), (_COARSE, 0.0, 400), (_FINE, _SPARE, 60))
-"""Grids, what is to spare (m), and how many searches for a shortest path are made, in turn. Each
-search finds that at least one line is blocked, or ends; with the finer grid one takes some 20 ms
-where there is no way."""
+_TRIED = (
+    (_COARSE, False, _SPARE, 400),
+    (_COARSE, True, _SPARE, 400),
+    (_COARSE, True, 0.0, 400),
+    (_FINE, True, _SPARE, 60),
+)
+"""In turn: the grid, whether places on long edges and between bodies are looked at too, what is to
+spare (m), and how many searches for a shortest path are made. Each search finds that at least one
+line is blocked, or ends; with the finer grid one takes some 20 ms where there is no way."""
 _ROOM = 0.6
 """By what share of the way from start to goal the grid reaches beyond both."""
 _LARGEST = 100.0
@@ -69,8 +74,9 @@ def shortest_path(scene: Scene) -> Array | None:
     """The corners of the shortest path of clear lines from start to goal, (n, 3), m, both ends
     among them; None if there is none. Its lines touch bodies only where no others lead there."""
     ends = np.array(given_points(scene.task))
-    for grid, spare, searches in _TRIED:
-        path = _path(_Lines.of(scene, spare), ends, _places(scene, ends, grid), searches)
+    for grid, between, spare, searches in _TRIED:
+        places = _places(scene, ends, grid, between=between)
+        path = _path(_Lines.of(scene, spare), ends, places, searches)
         if path is not None:
             return path
     return None
@@ -162,20 +168,23 @@ def _least(distance: Array, onwards: Array, so_far: Array) -> Array:
     return np.asarray(lowest.min(axis=1))
 
 
-def _places(scene: Scene, ends: Array, numbers: tuple[int, ...]) -> Array:
-    """Places beside all bodies, of a grid, and in the planes between bodies, (N, 3), m;
-    ``numbers``: of the grid's places along x, y and z."""
+def _places(scene: Scene, ends: Array, numbers: tuple[int, ...], *, between: bool) -> Array:
+    """Places beside all bodies and of a grid, (N, 3), m; ``between``: all along edges and in the
+    planes between bodies too. ``numbers``: of the grid's places along x, y and z."""
     margin = _ROOM * float(np.linalg.norm(ends[1] - ends[0]))
     low, high = ends.min(axis=0) - margin, ends.max(axis=0) + margin
     axes = [np.linspace(a, b, n) for a, b, n in zip(low, high, numbers, strict=True)]
     grid = np.array(list(product(*axes)))
     line = ends[0] + np.linspace(0.0, 1.0, _ALONG)[:, None] * (ends[1] - ends[0])
+    near = line if between else np.zeros((0, 3))
     beside = [
-        _beside(body, scene.least_clearance + distance, line)
+        _beside(body, scene.least_clearance + distance, near)
         for body in scene.kept_out
         for distance in BESIDE
     ]
     found = [grid, *beside]
+    if not between:
+        return np.vstack(found)
     planes = _planes_between(scene, line)
     around = np.vstack([line, *beside[len(BESIDE) - 1 :: len(BESIDE)]])
     around = around[((around > low) & (around < high)).all(axis=1)]
