@@ -7,6 +7,7 @@ from concurrent.futures import ProcessPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import islice
 from math import inf
 from time import perf_counter
 from typing import Any
@@ -26,7 +27,7 @@ from deltaopt.planning.first_motions.moving_ends import (
 )
 from deltaopt.planning.first_motions.multistart import Optimum, distinct, first_motions
 from deltaopt.planning.first_motions.order_of_merit import first_motion, intervals_for
-from deltaopt.planning.first_motions.passages import shortest_path
+from deltaopt.planning.first_motions.passages import paths_of_lines
 from deltaopt.planning.first_motions.through_gates import through_gates
 from deltaopt.planning.flat.flat_problem import Flat
 from deltaopt.planning.in_flight import finished_first
@@ -65,6 +66,9 @@ from deltaopt.scene.scene import Limits, Scene, limits_of
 from deltaopt.scene.task import MovingEnds, OnPath, distance
 from deltaopt.settings import MOST, require_positive, require_type, require_whole
 
+_PATHS = 2
+"""How many paths of straight lines are planned along where no mesh finds its way: over few places,
+and over more of them. Each takes a second or two."""
 Pair = tuple[Vector3, Vector3]
 """Start and goal, m."""
 
@@ -501,8 +505,8 @@ class Planner:
         return replace(found, scene=scene, ways=taken, solve_seconds=perf_counter() - begin)
 
     def _through_passages(self, scene: Scene, error: NotConverged, report: Progress) -> Plan:
-        """Plan along the shortest path of straight lines past bodies, where no mesh finds its way:
-        near its corners, or on the path itself.
+        """Plan along short paths of straight lines past bodies, where no mesh finds its way: near
+        their corners, or on a path itself.
 
         Through a passage of a few millimetres a solution on a mesh may lead through a wall between
         two of its points, and never come back. How much faster another motion is, is not known:
@@ -510,20 +514,18 @@ class Planner:
         """
         usual = isinstance(scene.objective, Time) and not scene.planned_links and scene.tube is None
         usual = usual and isinstance(self._optimiser.problem_formulation, Flat)
-        corners = shortest_path(scene) if usual else None
-        if corners is None or len(corners) < 3:
-            raise error
-        report("near the corners of the shortest path:")
         found = list[Plan]()
-        for gates in (near_corners(scene, corners), through_corners(scene, corners)):
-            with suppress(DeltaOptError):
-                through = self.plan_scene(gates, progress=report)
-                if is_clear(scene, through.trajectory):
-                    found.append(through)
-        timed = fastest_along(scene, corners, self.tolerance)
-        if timed is not None:
-            report(f"on the shortest path: {timed.trajectory.duration:.6g} s")
-            found.append(self._on_path(scene, timed))
+        for corners in islice(paths_of_lines(scene), _PATHS) if usual else ():
+            report("near the corners of a path of straight lines:")
+            for gates in (near_corners(scene, corners), through_corners(scene, corners)):
+                with suppress(DeltaOptError):
+                    through = self.plan_scene(gates, progress=report)
+                    if is_clear(scene, through.trajectory):
+                        found.append(through)
+            timed = fastest_along(scene, corners, self.tolerance)
+            if timed is not None:
+                report(f"on that path: {timed.trajectory.duration:.6g} s")
+                found.append(self._on_path(scene, timed))
         if not found:
             raise error
         best = min(found, key=lambda plan: plan.duration)

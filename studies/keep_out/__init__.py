@@ -152,10 +152,11 @@ def _ways(arguments: argparse.Namespace) -> bool:
         )
         blocked = [row for row in rows if row.starts]
         ProgressBar()(len(blocked) / arguments.blocked, "ways")
+    starts, planned = (np.mean([getattr(row, name) for row in blocked]) for name in _COUNTS)
     print(
-        f"{len(blocked)} of {len(without_hulls)} scenes have bodies in the way; from {arguments.curves} random "
-        f"curves each, {np.mean([row.starts for row in blocked]):.0f} first motions were solved on "
-        f"the first mesh and {np.mean([row.planned for row in blocked]):.1f} planned, on average"
+        f"{len(blocked)} of {len(without_hulls)} scenes have bodies in the way; from "
+        f"{arguments.curves} random curves each, {starts:.0f} first motions were solved on the "
+        f"first mesh and {planned:.1f} planned, on average"
     )
     for least in _GAINS:
         slower = sum(row.gain > least for row in blocked)
@@ -164,6 +165,7 @@ def _ways(arguments: argparse.Namespace) -> bool:
     return False
 
 
+_COUNTS = ("starts", "planned")
 _GAINS = (0.002, 0.01, 0.03, 0.1)
 """Twice the tolerance of plans is the least difference that means another way."""
 

@@ -12,6 +12,7 @@ not random, after Bohlin and Kavraki 2000).
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations, product
 from math import inf, tau
@@ -73,13 +74,17 @@ be too near to a body: it may begin on one."""
 def shortest_path(scene: Scene) -> Array | None:
     """The corners of the shortest path of clear lines from start to goal, (n, 3), m, both ends
     among them; None if there is none. Its lines touch bodies only where no others lead there."""
+    return next(paths_of_lines(scene), None)
+
+
+def paths_of_lines(scene: Scene) -> Iterator[Array]:
+    """The same over one set of places after the other, as far as there is one."""
     ends = np.array(given_points(scene.task))
     for grid, between, spare, searches in _TRIED:
         places = _places(scene, ends, grid, between=between)
         path = _path(_Lines.of(scene, spare), ends, places, searches)
         if path is not None:
-            return path
-    return None
+            yield path
 
 
 def _path(lines: _Lines, ends: Array, others: Array, searches: int) -> Array | None:

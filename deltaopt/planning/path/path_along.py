@@ -47,7 +47,7 @@ def fastest_along(scene: Scene, corners: Array, tolerance: float) -> PathMotion 
     rounded as far as bodies allow; None if none is clear of bodies."""
     shortest = float(np.linalg.norm(np.diff(corners, axis=0), axis=1).min())
     inner = tuple((x, y, z) for x, y, z in corners[1:-1].tolist())
-    for share in _BLENDS:
+    for share in _BLENDS if inner else ():
         with suppress(DeltaOptError):
             path = Corners(points=inner, blend=share * shortest)
             alone = scene.model_copy(update={"path": path, "keep_out": None, "clearance": None})
