@@ -15,6 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.patheffects import Normal, Stroke
 
 from deltaopt.motion.limit_curves import limit_curves
+from deltaopt.motion.sure_bounds import signed_distances
 from deltaopt.motion.trajectory import Array, Trajectory, ends_of
 from deltaopt.output.headline import assumption, title
 from deltaopt.plots.bodies import draw_bodies, draw_via_points
@@ -51,16 +52,23 @@ def draw(
     RMS torques are told where it is known. The format follows the file's suffix: png, pdf or svg.
     """
     has_marks = bool(scene.keep_out or scene.task.via)
-    rows = [1.25, 1.0, 0.9, 1.1] if has_marks else [1.25, 0.9, 1.1]
-    with figure(file, 7.2, 6.7 if has_marks else 5.5) as page:
+    beside = [1.25, 1.0, 0.9] if has_marks else [1.25, 0.9]  # heights of what is beside the robot
+    below = [1.1, 0.6] if scene.keep_out else [1.1]
+    rows, height = [*beside, *below], 5.5 + 1.2 * has_marks + 0.9 * bool(scene.keep_out)
+    with figure(file, 7.2, height) as page:
         page.suptitle(title(scene.task, trajectory.duration), fontsize=LARGE)
         grid = page.add_gridspec(len(rows), 2, width_ratios=[1.2, 1], height_ratios=rows)
-        _robot(page.add_subplot(grid[:-1, 0]), scene, trajectory)
+        _robot(page.add_subplot(grid[: len(beside), 0]), scene, trajectory)
         _path(page.add_subplot(grid[0, 1]), scene, trajectory, _SIDE)
         if has_marks:
             _path(page.add_subplot(grid[1, 1]), scene, trajectory, _TOP)
-        _bars(page.add_subplot(grid[-2, 1]), {**others, "this plan": trajectory.duration})
-        _torques(page.add_subplot(grid[-1, :]), scene, trajectory, duty)
+        bars = page.add_subplot(grid[len(beside) - 1, 1])
+        _bars(bars, {**others, "this plan": trajectory.duration})
+        torques = page.add_subplot(grid[len(beside), :])
+        _torques(torques, scene, trajectory, duty)
+        if scene.keep_out:
+            _clearance(page.add_subplot(grid[-1, :], sharex=torques), scene, trajectory)
+            torques.set_xlabel("")
         told = (fill(_what(scene, trajectory), _LINE), assumption(scene.task), _marks(scene))
         caption = "\n".join(filter(None, told))
         page.supxlabel(caption, fontsize=SMALL, color=GREY)
@@ -176,6 +184,22 @@ def _torques(axes: Axes, scene: Scene, trajectory: Trajectory, duty: Duty | None
         handlelength=2.2,
         columnspacing=1.2,
     )
+
+
+def _clearance(axes: Axes, scene: Scene, trajectory: Trajectory) -> None:
+    """Draw the distance from the tool to the nearest body over time, and the least that is asked
+    for, mm."""
+    begin, end = trajectory.knots[[0, -1]]
+    t = np.linspace(begin, end, _SAMPLES)
+    distances, _ = signed_distances(scene, trajectory(t).x)
+    asked = 1e3 * scene.least_clearance
+    axes.axhline(asked, color=BLACK, linewidth=1.0, linestyle=":")
+    axes.plot(1e3 * (t - begin), 1e3 * distances.min(axis=1), color=BLACK)
+    axes.set_ylim(bottom=min(0.0, float(1e3 * distances.min())))
+    axes.set_xlabel("time (ms)")
+    axes.set_ylabel("clearance (mm)")
+    axes.set_title(f"distance from the tool to the nearest body; at least {asked:.3g} mm (dotted)")
+    without_box(axes)
 
 
 def _name_rms(axes: Axes, duty: Duty, limits: Array) -> None:

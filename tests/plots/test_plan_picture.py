@@ -119,6 +119,27 @@ def test_via_points_and_bodies_are_marked_from_the_side_and_from_above(tmp_path,
     assert "bodies are grey shadows" in told
 
 
+def test_the_clearance_is_that_from_the_nearest_body(tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(Figure, "savefig", lambda page, *_, **__: drawn.append(page))
+    least, most = np.array([0.84, -0.05, -0.02]), np.array([0.9, 0.05, 0.06])
+    box = {"box": {"from": tuple(least), "to": tuple(most)}}
+    ball = {"sphere": {"centre": (0.95, 0.0, 0.0), "radius": 0.02}}
+    scene = VIA.model_copy(update={"keep_out": [box, ball], "clearance": 0.001})
+    line = deltaopt.baseline(VIA)
+    chart.draw(tmp_path / "plan.png", scene, line, {}, None)
+    asked, curve = drawn[0].axes[-1].get_lines()
+    t, distance = curve.get_data()
+    x = line(t / 1e3).x
+    outside = np.linalg.norm(x - np.clip(x, least, most), axis=1)
+    inside = np.minimum(x - least, most - x).min(axis=1)
+    from_box = np.where(outside > 0, outside, -inside)
+    from_ball = np.linalg.norm(x - [0.95, 0.0, 0.0], axis=1) - 0.02
+    np.testing.assert_allclose(distance / 1e3, np.minimum(from_box, from_ball), atol=1e-9)
+    assert asked.get_ydata()[0] == pytest.approx(1.0)
+    assert distance.min() < 0  # the straight line leads through the box
+
+
 def test_scenes_without_either_have_one_panel_of_the_path(tmp_path, monkeypatch):
     drawn = []
     monkeypatch.setattr(Figure, "savefig", lambda page, *_, **__: drawn.append(page))
