@@ -33,10 +33,6 @@ class Chart:
         return self.command.removeprefix(STUDY).split()[0] if STUDY in self.command else ""
 
 
-_COMPARE = "deltaopt compare problems/*.yaml five-bar -o out/compare_plans"
-_FORMULATIONS = (
-    "all lines fall alike; flat (black) lies lowest and farthest left in time and errors"
-)
 CHARTS = (
     Chart(
         "benchmarks_integrators.png",
@@ -67,16 +63,6 @@ CHARTS = (
         "deltaopt compare dynamics",
         "",
         "All models err by a few 1e-16; those in closed form take least time, compiled a tenth.",
-    ),
-    *(
-        Chart(f"formulations_{case}.png", _COMPARE, "", f"Of {title}, {_FORMULATIONS}.")
-        for case, title in (
-            ("pick_and_place", "pick and place"),
-            ("light_and_fast", "light and fast"),
-            ("industrial_cross", "industrial cross"),
-            ("long_diagonal", "long diagonal"),
-            ("five_bar", "the five-bar"),
-        )
     ),
     Chart(
         "frontier.png",
