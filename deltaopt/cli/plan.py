@@ -524,11 +524,12 @@ def singularities_table(distances: Sequence[Distance]) -> list[str]:
     """Lines that say how near the motion comes to each kind of singularity.
 
     There is no bound on these distances. Torques, which are bounded, grow near a singularity, but
-    for the tilt of the platform, of which they know nothing: a motion beyond it is marked.
+    for the tilt of the platform, of which they know nothing: a motion beyond it is marked, and
+    ``limits.tilt_singularity`` keeps motions from it.
     """
     lines = [
         f"  {each.name}: {each.formula} = {each.least:.2g}, {_where(each)}"
-        + (", PASSED: neither motors nor limits hold the robot there" if each.least <= 0 else "")
+        + (", PASSED: the motors do not hold the robot there" if each.least <= 0 else "")
         for each in distances
     ]
     return ["least distance to singularities, 0 in one and 1 at best:", *lines] if lines else []

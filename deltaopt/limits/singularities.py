@@ -9,11 +9,16 @@ random moves by up to 1 %, but the platform's coordinates cannot describe it.
 parallel (type-2) singularity, all bars lie in one plane: motor torques cannot balance a force
 normal to it, and torques of a motion through it grow without bound. It divides the workspace; a
 motion stays on the side where it starts.
+
+|volume of the parallelograms' normals| ≥ a margin: the distance to the tilt of the platform. There
+the normals of all parallelograms lie in one plane: nothing but the bars' and joints' stiffness
+keeps the platform from turning about the axis normal to that plane, and the forces of bars grow
+without bound. Motor torques do not show it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
@@ -24,7 +29,7 @@ from deltaopt.errors import DeltaOptError
 from deltaopt.files.units import RATIO
 from deltaopt.files.validated_record import Positive
 from deltaopt.limits.limit import SX, Bounds, Described, Instant, Key, Numbers
-from deltaopt.mechanisms.delta.singularities import parallel_margin
+from deltaopt.mechanisms.delta.singularities import parallel_margin, tilt_margin
 from deltaopt.robot.model import delta_model
 
 USUAL_MARGIN = 0.1**2
@@ -64,21 +69,17 @@ class SerialSingularity:
         return self.bounds(numbers).normalised(self.measure(motion, numbers))
 
 
-@dataclass(frozen=True)
-class ParallelSingularity:
-    """Least volume that unit vectors along the three bars span, 0 in the singularity, below 1."""
+class _KeptVolume:
+    """Least volume that three unit vectors of the chains span, on the side where a motion starts:
+    0 in the singularity, below 1."""
 
-    name: ClassVar[str] = "distance to the parallel singularity"
     unit: ClassVar[str] = "1"
     subject: ClassVar[str] = "robot"
     order: ClassVar[int] = 0
-    key: ClassVar[Key] = Key(
-        "parallel_singularity",
-        Annotated[Positive, RATIO],
-        "a distance without unit, greater than 0 and below 1",
-    )
     robot_key: ClassVar[None] = None
     promised: ClassVar[bool] = True
+    key: ClassVar[Key]
+    volume: ClassVar[Callable[[SX], SX]]
 
     def items(self, scene: Described) -> Sequence[Numbers]:
         """The margin, and the sign of the volume at the start."""
@@ -89,13 +90,37 @@ class ParallelSingularity:
             q = delta_model(scene.robot, scene.payload).inverse_kinematics(scene.placed_points[0])
         except DeltaOptError:
             return [(given, 1.0)]  # what is wrong with the start is told when it is planned
-        return [(given, 1.0 if float(ca.DM(parallel_margin(SX(ca.DM(q))))) > 0 else -1.0)]
+        return [(given, 1.0 if float(ca.DM(type(self).volume(SX(ca.DM(q))))) > 0 else -1.0)]
 
     def bounds(self, numbers: SX) -> Bounds:
         return Bounds.at_least(numbers[0], 1.0, out_of_reach=True)
 
     def measure(self, motion: Instant, numbers: SX) -> SX:
-        return numbers[1] * parallel_margin(motion.q)
+        return numbers[1] * type(self).volume(motion.q)
 
     def rows(self, motion: Instant, numbers: SX) -> SX:
         return self.bounds(numbers).normalised(self.measure(motion, numbers))
+
+
+def _key(name: str) -> Key:
+    return Key(
+        name, Annotated[Positive, RATIO], "a distance without unit, greater than 0 and below 1"
+    )
+
+
+@dataclass(frozen=True)
+class ParallelSingularity(_KeptVolume):
+    """Least volume that unit vectors along the three bars span."""
+
+    name: ClassVar[str] = "distance to the parallel singularity"
+    key: ClassVar[Key] = _key("parallel_singularity")
+    volume: ClassVar[Callable[[SX], SX]] = staticmethod(parallel_margin)
+
+
+@dataclass(frozen=True)
+class TiltSingularity(_KeptVolume):
+    """Least volume that the unit normals of the three parallelograms span."""
+
+    name: ClassVar[str] = "distance to the tilt of the platform"
+    key: ClassVar[Key] = _key("tilt_singularity")
+    volume: ClassVar[Callable[[SX], SX]] = staticmethod(tilt_margin)

@@ -38,7 +38,11 @@ from deltaopt.limits.keep_out import (
 from deltaopt.limits.limit import Column, KeptLink, Limit, MotorLimit
 from deltaopt.limits.links import LinkClearance
 from deltaopt.limits.platform_motion import Acceleration, PlatformSpeed
-from deltaopt.limits.singularities import ParallelSingularity, SerialSingularity
+from deltaopt.limits.singularities import (
+    ParallelSingularity,
+    SerialSingularity,
+    TiltSingularity,
+)
 from deltaopt.limits.specific_force import SpecificForce
 from deltaopt.limits.speed import Speed
 from deltaopt.limits.torque import Torque, WithLeastPayload
@@ -110,6 +114,7 @@ LIMITS: tuple[Limit, ...] = (
     WorkspaceDepth(),
     WorkspaceRadius(),
     ParallelSingularity(),
+    TiltSingularity(),
     WithLeastPayload(Torque()),
     WithLeastPayload(TorqueCurve()),
     KeepOut(),

@@ -291,6 +291,7 @@ EXAMPLES = {
     "specific_force": {"specific force"},
     "rotation": set(),
     "parallel_singularity": {"distance to the parallel singularity"},
+    "tilt_singularity": {"distance to the tilt of the platform"},
 }
 """Scenes in problems/limits, and limits that they have and no other shipped scene."""
 

@@ -1,4 +1,4 @@
-"""The distance to the parallel singularity: its measure, its side, and motions that keep it."""
+"""Distances to the parallel singularity and to the tilt: measures, sides, motions that keep them."""
 
 from __future__ import annotations
 
@@ -9,15 +9,18 @@ import numpy as np
 import pytest
 
 from deltaopt import load_scene, plan, verify
-from deltaopt.limits.singularities import ParallelSingularity
+from deltaopt.limits.singularities import ParallelSingularity, TiltSingularity
 from deltaopt.mechanisms.delta.mechanism import AZIMUTHS
 from deltaopt.robot.model import delta_model
 
 SCENE = load_scene(Path(__file__).parents[2] / "problems/limits/parallel_singularity.yaml")
 
 
-def volume(scene, x):
-    """From elbows and platform, by vectors in space."""
+TILTING = load_scene(Path(__file__).parents[2] / "problems/limits/tilt_singularity.yaml")
+
+
+def bars_of(scene, x):
+    """Unit vectors along the bars, (N, 3 chains, 3): from elbows and platform, in space."""
     robot, theta = scene.robot, delta_model(scene.robot, None).inverse_kinematics(x)[:, 3::3]
     bars = []
     for k, azimuth in enumerate(AZIMUTHS):
@@ -26,7 +29,48 @@ def volume(scene, x):
         out = out + robot.upper_arm.length * np.cos(theta[:, k, None])
         elbow = out * radial - robot.upper_arm.length * np.sin(theta[:, k, None]) * np.eye(3)[0]
         bars.append((x - elbow) / robot.forearm.length)
-    return np.linalg.det(np.stack(bars, axis=1))
+    return np.stack(bars, axis=1)
+
+
+def volume(scene, x):
+    return np.linalg.det(bars_of(scene, x))
+
+
+def volume_of_normals(scene, x):
+    """Of the parallelograms, each spanned by its bars and the axis at its elbow."""
+    across = np.array([[0.0, -np.sin(azimuth), np.cos(azimuth)] for azimuth in AZIMUTHS])
+    normals = np.cross(bars_of(scene, x), across)
+    return np.linalg.det(normals / np.linalg.norm(normals, axis=2, keepdims=True))
+
+
+def test_measure_of_tilt_is_the_volume_of_the_normals():
+    ((margin, side),) = TiltSingularity().items(TILTING)
+    assert margin == 0.08
+    x = np.array([[0.25, 0.1, 0.35], TILTING.goal, TILTING.start])
+
+    class Motion:
+        q = ca.SX.sym("q", 12)
+
+    measure = ca.Function(
+        "measure", [Motion.q], [TiltSingularity().measure(Motion(), ca.SX([margin, side]))]
+    )
+    q = delta_model(TILTING.robot, None).inverse_kinematics(x)
+    found = np.array(measure.map(len(x))(q.T)).ravel()
+    np.testing.assert_allclose(np.abs(found), np.abs(volume_of_normals(TILTING, x)), rtol=1e-9)
+    assert found[-1] > 0
+
+
+def test_motions_keep_from_the_tilt():
+    """The fastest motion comes nearer, which its torques do not show; with the limit it does not."""
+    free = plan(TILTING.model_copy(update={"limits": None}))
+    x = free.trajectory(np.linspace(0, free.duration, 400)).x
+    assert np.abs(volume_of_normals(TILTING, x)).min() < 0.06
+    found = plan(TILTING)
+    x = found.trajectory(np.linspace(0, found.duration, 2001)).x
+    assert np.abs(volume_of_normals(TILTING, x)).min() > 0.08 * (1 - 1e-9)
+    assert found.within_tolerance
+    assert verify(TILTING, found.trajectory).failures() == []
+    assert free.duration * (1 - 1e-3) < found.duration < 1.05 * free.duration
 
 
 def test_measure_is_the_volume_of_the_bars():
