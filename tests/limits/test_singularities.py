@@ -1,4 +1,4 @@
-"""Distances to the parallel singularity and to the tilt: measures, sides, motions that keep them."""
+"""Distances to the parallel singularity and to the tilt: measures, sides, motions that keep."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def test_measure_of_tilt_is_the_volume_of_the_normals():
 
 
 def test_motions_keep_from_the_tilt():
-    """The fastest motion comes nearer, which its torques do not show; with the limit it does not."""
+    """The fastest motion comes nearer, which torques do not show; with the limit it does not."""
     free = plan(TILTING.model_copy(update={"limits": None}))
     x = free.trajectory(np.linspace(0, free.duration, 400)).x
     assert np.abs(volume_of_normals(TILTING, x)).min() < 0.06
