@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass, fields
 from multiprocessing import get_context
 from pathlib import Path
-from time import perf_counter
+from time import process_time
 from typing import Any
 
 import numpy as np
@@ -36,7 +36,7 @@ _THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
 class Row:
     """What came of a move: a row of the CSV file.
 
-    ``seconds``: of planning. ``duration``: of the plan, s; 0 if there is none. ``possible``: of a
+    ``seconds``: of the processor, for planning. ``duration``: of the plan, s; 0 if there is none. ``possible``: of a
     move without a plan, whether an independent path is found; no if there is a plan. ``problem``:
     why it has failed, or why it was refused if it is not known to be possible.
     """
@@ -64,14 +64,14 @@ class Row:
 
 def row_of(each: Move, tolerance: float) -> Row:
     """Plan a move to a tolerance of its gap and verify the plan. Whatever goes wrong is told."""
-    begin = perf_counter()
+    begin = process_time()
     try:
         found = plan(each.scene, tolerance=tolerance)
     except DeltaOptError as error:
-        return _without_plan(each, perf_counter() - begin, error, is_possible(each.scene))
+        return _without_plan(each, process_time() - begin, error, is_possible(each.scene))
     except Exception as error:  # a fault of the program is what a campaign looks for
-        return _without_plan(each, perf_counter() - begin, error, possible=True)
-    seconds = perf_counter() - begin
+        return _without_plan(each, process_time() - begin, error, possible=True)
+    seconds = process_time() - begin
     try:
         problems = list(verify(each.scene, found.trajectory).failures())
     except Exception as error:
