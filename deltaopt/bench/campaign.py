@@ -36,9 +36,9 @@ _THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
 class Row:
     """What came of a move: a row of the CSV file.
 
-    ``seconds``: of the processor, for planning. ``duration``: of the plan, s; 0 if there is none. ``possible``: of a
-    move without a plan, whether an independent path is found; no if there is a plan. ``problem``:
-    why it has failed, or why it was refused if it is not known to be possible.
+    ``seconds``: of the processor, for planning. ``duration``: of the plan, s; 0 if there is none.
+    ``possible``: of a move without a plan, whether an independent path is found; no if there is a
+    plan. ``problem``: why it has failed, or why it was refused if it is not known to be possible.
     """
 
     number: int
