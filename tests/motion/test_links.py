@@ -12,7 +12,7 @@ from deltaopt.robot.model import delta_model
 from deltaopt.verify.clearance import Parts
 from deltaopt.verify.links import _MovingLinks, sure_robot_clearance
 from tests.limits.test_keep_out import BOX, CYLINDER, PLANE, SPHERE, of_box, of_cylinder
-from tests.scene.test_links import densely, lines, of_plane, of_sphere, with_bodies
+from tests.limits.test_links import densely, lines, of_plane, of_sphere, with_bodies
 
 
 def motion(scene, seed: int) -> Trajectory:

@@ -9,7 +9,7 @@ from deltaopt import load_scene, plan, verify
 from deltaopt.errors import Infeasible
 from deltaopt.scene.scene import Scene
 from studies.problems import PROBLEMS
-from tests.scene.test_links import lines
+from tests.limits.test_links import lines
 
 COLUMN = load_scene(PROBLEMS / "keep_out" / "beside_a_column.yaml")
 WITHOUT = COLUMN.model_copy(update={"robot_keeps_clear": None})

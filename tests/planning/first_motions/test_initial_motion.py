@@ -17,10 +17,10 @@ from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.scene import Limits, Scene, limits_of, load_scene
 from deltaopt.verify.verification import verify
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 ORSINO = load_robot(ROOT / "problems/robots/orsino.yaml")
 SCENES = [load_scene(ROOT / f"problems/{n}.yaml") for n in ("pick_and_place", "industrial_cross")]
-LINE = np.load(Path(__file__).parents[1] / "data/line_paper.npz")
+LINE = np.load(Path(__file__).parents[2] / "data/line_paper.npz")
 
 
 def reference_line():

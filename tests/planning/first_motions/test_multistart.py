@@ -14,7 +14,7 @@ from deltaopt.planning.first_motions.initial_motion import baseline, curve_betwe
 from deltaopt.planning.first_motions.multistart import distinct, first_motions
 from deltaopt.planning.first_motions.order_of_merit import first_motion, in_order_of_merit
 
-FILE = Path(__file__).parents[2] / "problems/pick_and_place.yaml"
+FILE = Path(__file__).parents[3] / "problems/pick_and_place.yaml"
 SCENE = load_scene(FILE)
 
 
