@@ -23,7 +23,7 @@ import numpy as np
 import deltaopt
 from deltaopt.cli.arguments import one_or_more, positive, seed
 from deltaopt.errors import DeltaOptError
-from deltaopt.files.atomic_write import atomic_write
+from deltaopt.files.kept_rows import append_rows, read_rows, rewrite_rows
 from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.mesh.mesh_solution import MeshSolution, gap_of
@@ -36,7 +36,6 @@ from deltaopt.planning.trajectory_optimiser import RESOLVED_BELOW
 from deltaopt.robot.model import delta_model
 from studies.gap_moves import Move, move
 from studies.problems import add_directory
-from studies.row_file import append, read
 
 HELP = "hold the gaps that plans tell against true ones, on moves of many robots"
 TOLERANCES, FINE = (1e-2, 1e-3, 1e-4), (1e-5, 1e-6)
@@ -214,16 +213,15 @@ def campaign(
     def of(i: int) -> tuple[float, ...]:
         return (*tolerances, *(FINE if i % every == every - 1 else ()))
 
-    there = read(file, Held)
+    there = read_rows(file, Held)
     counts = Counter(row.move for row in there)
     known = [row for row in there if counts[row.move] == len(of(row.move))]
-    with atomic_write(file) as temporary:  # without the move at which it was interrupted
-        append(temporary, Held, known)
+    rewrite_rows(file, known)  # without the move at which it was interrupted
     progress = ProgressBar().counting(number, "moves")
     for i in range(number):
         if i not in counts or counts[i] != len(of(i)):
             rows = held_plans(move(first, i), of(i))
-            append(file, Held, rows)
+            append_rows(file, rows)
             known += rows
         progress(i + 1)
     return [row for row in known if row.move < number]

@@ -19,10 +19,10 @@ import numpy as np
 import deltaopt
 from deltaopt.cli.arguments import one_or_more, seed
 from deltaopt.errors import DeltaOptError
+from deltaopt.files.kept_rows import kept_rows
 from deltaopt.files.progress_bar import ProgressBar
 from studies.gap_moves import INSIDE, Move, move, stratum_of
 from studies.problems import add_directory
-from studies.row_file import resumed
 from studies.shares import wilson
 from studies.text_table import paragraph, table
 
@@ -170,12 +170,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     a = arguments
     wanted = numbers(a.number)
-    rows = resumed(
+    rows = kept_rows(
         a.directory / f"multistart_{a.seed}_{a.starts}.csv",
         Row,
         wanted,
-        lambda number: row_of(move(a.seed, number), a.starts),
         lambda row: row.number,
+        lambda number: row_of(move(a.seed, number), a.starts),
         ProgressBar().counting(len(wanted), "moves"),
     )
     print(table_of(rows), verdict(rows, a.starts), sep="\n\n")

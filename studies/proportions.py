@@ -24,13 +24,13 @@ from deltaopt.compare.dynamics.samples import rounded
 from deltaopt.compare.dynamics.tasks import TASKS, Array, Task
 from deltaopt.dynamics import ClosedForm, Explicit, Formulation, Kane, Multiplier, VirtualWork
 from deltaopt.errors import DeltaOptError
+from deltaopt.files.kept_rows import kept_rows
 from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.mechanisms.delta.mechanism import MOTOR_ANGLES, DeltaTerms, delta
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.robot.model import DeltaModel, delta_parameters
 from studies.gap_moves import Move, move_of_random_robot
 from studies.problems import add_directory
-from studies.row_file import resumed
 from studies.stability.singularities import Functions
 from studies.text_table import paragraph, table
 
@@ -227,12 +227,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     a, exact = arguments, ManyDigits(50)
-    rows = resumed(
+    rows = kept_rows(
         a.directory / f"proportions_{a.seed}.csv",
         Row,
         range(a.number),
-        lambda number: row_of(move_of_random_robot(a.seed, number), exact),
         lambda row: row.number,
+        lambda number: row_of(move_of_random_robot(a.seed, number), exact),
         ProgressBar().counting(a.number, "robots"),
     )
     print(plans_table(rows), errors_table(rows), verdict(rows), sep="\n\n")

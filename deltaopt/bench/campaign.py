@@ -6,16 +6,14 @@ interrupted goes on where it ended. Every failure is written as a scene that rep
 
 from __future__ import annotations
 
-import csv
 import os
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
 from time import process_time
-from typing import Any
 
 import numpy as np
 
@@ -23,7 +21,7 @@ from deltaopt.bench.hard_moves import Move, move
 from deltaopt.bench.possible import is_possible
 from deltaopt.bench.strata import STRATA
 from deltaopt.errors import DeltaOptError
-from deltaopt.files.atomic_write import atomic_write
+from deltaopt.files.kept_rows import append_rows, read_rows, rewrite_rows
 from deltaopt.files.yaml_file import write_yaml
 from deltaopt.planning.planner import plan
 from deltaopt.verify.verification import verify
@@ -116,9 +114,8 @@ def campaign(
     and return all rows."""
     folder.mkdir(parents=True, exist_ok=True)
     file = folder / f"moves_{seed}_{tolerance:g}.csv"
-    known = read(file)
-    with atomic_write(file) as temporary:  # without a row at which it was interrupted
-        append(temporary, known)
+    known = read_rows(file, Row)
+    rewrite_rows(file, known)  # without a row at which it was interrupted
     rows = {row.number: row for row in known if row.number < number}
     left = [i for i in range(number) if i not in rows]
     progress(len(rows))
@@ -127,7 +124,7 @@ def campaign(
         for done in as_completed(waiting):
             row = done.result()
             rows[row.number] = row
-            append(file, [row])
+            append_rows(file, [row])
             if row.failed:
                 write_scene(folder, move(seed, row.number), row.problem)
             progress(len(rows))
@@ -147,34 +144,6 @@ def _one_thread_each() -> Iterator[None]:
             os.environ.pop(name)
             if value is not None:
                 os.environ[name] = value
-
-
-def read(file: Path) -> list[Row]:
-    """The rows of a file; none if there is no file. An incomplete one at its end is left out."""
-    if not file.exists():
-        return []
-    kinds = {each.name: each.type for each in fields(Row)}
-    rows = []
-    with file.open(newline="", encoding="utf-8") as lines:
-        for line in csv.DictReader(lines):
-            if None not in line.values():
-                rows.append(Row(**{name: _parsed(kinds[name], line[name]) for name in kinds}))
-    return rows
-
-
-def _parsed(kind: object, text: str) -> Any:
-    if kind in ("bool", bool):
-        return text == "True"
-    return {"int": int, "float": float}.get(str(kind), str)(text)
-
-
-def append(file: Path, rows: Iterable[Row]) -> None:
-    """Add rows to a file, which gets a header if it is empty."""
-    with file.open("a", newline="", encoding="utf-8") as lines:
-        writer = csv.DictWriter(lines, [each.name for each in fields(Row)])
-        if not lines.tell():
-            writer.writeheader()
-        writer.writerows(asdict(row) for row in rows)
 
 
 def write_scene(folder: Path, each: Move, problem: str) -> Path:

@@ -45,6 +45,14 @@ def append_rows(file: Path, rows: Iterable[DataclassInstance]) -> None:
             writer.writerow(asdict(row))
 
 
+def rewrite_rows(file: Path, rows: Iterable[DataclassInstance]) -> None:
+    """Write a file anew with these rows alone, at once or not at all: without one at which writing
+    it was interrupted."""
+    with atomic_write(file) as temporary:
+        temporary.touch()
+        append_rows(temporary, rows)
+
+
 def kept_rows(
     file: Path,
     kind: type[R],
@@ -59,9 +67,7 @@ def kept_rows(
     """
     file.parent.mkdir(parents=True, exist_ok=True)
     known = read_rows(file, kind)
-    with atomic_write(file) as temporary:  # without a row at which it was interrupted
-        temporary.touch()
-        append_rows(temporary, known)
+    rewrite_rows(file, known)
     found, rows = {key_of(row): row for row in known}, []
     for key in keys:
         if key not in found:

@@ -7,11 +7,12 @@ import pytest
 
 from deltaopt import load_scene, plan
 from deltaopt.bench import campaign as room
-from deltaopt.bench.campaign import Row, campaign, read, table, write_scene
+from deltaopt.bench.campaign import Row, campaign, table, write_scene
 from deltaopt.bench.hard_moves import ROBOTS, move
 from deltaopt.bench.possible import is_possible
 from deltaopt.bench.statics import Statics
 from deltaopt.bench.strata import STRATA
+from deltaopt.files.kept_rows import read_rows
 from deltaopt.robot.model import delta_model
 
 
@@ -85,7 +86,7 @@ def test_a_campaign_goes_on_where_it_ended(tmp_path, monkeypatch):
     seen = []
     rows = campaign(tmp_path, 3, 1, 1, 1e-3, seen.append)
     assert seen == [0, 1, 2, 3]
-    assert read(tmp_path / "moves_1_0.001.csv") == rows
+    assert read_rows(tmp_path / "moves_1_0.001.csv", Row) == rows
     assert not any(row.problem for row in rows)
     with (tmp_path / "moves_1_0.001.csv").open("a") as file:
         file.write("3,haptic,ins")

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 import deltaopt
+from deltaopt.files.kept_rows import read_rows
 from deltaopt.scene.scene import load_scene
 from studies import gap
 from studies.gap import Held, campaign, remarks, table, truth_beside
 from studies.gap_moves import KINDS, STRATA, move
 from studies.problems import PICK_AND_PLACE
-from studies.row_file import read
 
 SEED, TOLERANCES = 5, (1e-2, 1e-3)
 
@@ -59,7 +59,7 @@ def test_a_campaign_goes_on_where_it_was_interrupted(file, rows, monkeypatch):
     assert campaign(file, SEED, 3, 100, TOLERANCES) == rows
     assert planned == [(2, TOLERANCES)]
     assert file.read_text(encoding="utf-8") == text
-    assert campaign(file, SEED, 3, 100, TOLERANCES) == rows == read(file, Held)
+    assert campaign(file, SEED, 3, 100, TOLERANCES) == rows == read_rows(file, Held)
     assert len(planned) == 1
 
 

@@ -13,9 +13,10 @@ from deltaopt.bench.random_scenes import random_scenes
 from deltaopt.compare.dynamics.many_digits import ManyDigits
 from deltaopt.compare.dynamics.tasks import TASKS
 from deltaopt.dynamics import Multiplier
+from deltaopt.files.kept_rows import kept_rows, read_rows
 from deltaopt.output.mujoco_replay import InMujoco, of_joints
 from deltaopt.robot.model import DeltaModel
-from studies import driven, multistart, proportions, row_file, tilt
+from studies import driven, multistart, proportions, tilt
 from studies.bar_forces import bar_forces
 from studies.gap_moves import INSIDE, move, move_of_random_robot
 from studies.problems import INDUSTRIAL, ORSINO, PROBLEMS
@@ -32,16 +33,14 @@ def test_rows_of_a_file_go_on_where_they_were_interrupted(tmp_path):
         return replace(ROW, number=number, one=0.1 * number)
 
     def rows(numbers):
-        return row_file.resumed(
-            file, multistart.Row, numbers, of, lambda r: r.number, lambda _: None
-        )
+        return kept_rows(file, multistart.Row, numbers, lambda r: r.number, of, lambda _: None)
 
     first = rows([1, 2])
     text = file.read_text(encoding="utf-8")
     file.write_text(text[:-9], encoding="utf-8")  # in the midst of the second row
     assert rows([1, 2, 3]) == [*first, replace(ROW, number=3, one=0.1 * 3)]
     assert made == [1, 2, 2, 3]
-    assert row_file.read(file, multistart.Row) == rows([1, 2, 3])
+    assert read_rows(file, multistart.Row) == rows([1, 2, 3])
 
 
 def test_multistart_counts_by_how_much_motions_are_faster():
