@@ -64,9 +64,7 @@ class _KeepOut:
         raise NotImplementedError
 
     def bounds(self, numbers: SX) -> Bounds:
-        each = self._split(numbers)
-        lower, scale = (ca.vertcat(*(own[i] for own in each)) for i in (-1, -2))
-        return Bounds(lower, None, scale, out_of_reach=True)
+        return bounds_of_distances(self._split(numbers))
 
     def edge_radii(self, numbers: SX) -> SX:
         """Radii of the edges that the tool's point goes around at its bound, m."""
@@ -111,6 +109,13 @@ class KeepOut(_KeepOut):
 
     def _distance(self, x: SX, own: SX) -> SX:
         return distance_from_solid(x, own)
+
+
+def bounds_of_distances(each: list[SX]) -> Bounds:
+    """Of the distances from some bodies, by the numbers of each, which end with the natural size
+    and the least distance, m (``kept_from``)."""
+    lower, scale = (ca.vertcat(*(own[i] for own in each)) for i in (-1, -2))
+    return Bounds(lower, None, scale, out_of_reach=True)
 
 
 def distance_from_solid(x: SX, own: SX) -> SX:

@@ -22,6 +22,7 @@ from deltaopt.limits.keep_out import (
     OF_LIMIT,
     OF_SOLID,
     PLACES,
+    bounds_of_distances,
     distance_from_solid,
     distance_row,
     kept_from,
@@ -78,9 +79,7 @@ class LinkClearance:
         ]
 
     def bounds(self, numbers: SX) -> Bounds:
-        each = self._split(numbers)
-        lower, scale = (ca.vertcat(*(own[i] for own in each)) for i in (-1, -2))
-        return Bounds(lower, None, scale, out_of_reach=True)
+        return bounds_of_distances(self._split(numbers))
 
     def measure(self, motion: Instant, numbers: SX) -> SX:
         return ca.vertcat(*(_distance(motion, own) for own in self._split(numbers)))

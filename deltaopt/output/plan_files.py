@@ -16,13 +16,14 @@ import numpy as np
 
 from deltaopt.files.atomic_write import atomic_write
 from deltaopt.files.output_folder import all_or_none
-from deltaopt.files.validated_record import Vector3
 from deltaopt.motion.active_limits import active_limits
-from deltaopt.motion.certificate import MET
+from deltaopt.motion.certificate import MET, Certificate
 from deltaopt.motion.effort import cost
 from deltaopt.motion.limit_sensitivity import LimitSensitivity, as_dicts
 from deltaopt.motion.trajectory import Array, Trajectory
 from deltaopt.planning.comparisons import straight_lines
+from deltaopt.planning.first_motions.multistart import Optimum
+from deltaopt.planning.ways import TakenWay
 from deltaopt.scene.scene import Scene
 from deltaopt.verify.duty import exceeding
 from deltaopt.verify.pontryagin import Extremal, extremal
@@ -44,41 +45,6 @@ COLUMNS = (
     *(name + axis for name in ("", "v", "a") for axis in "xyz"),
     *(name + motor for name in ("theta", "dtheta", "ddtheta", "tau") for motor in "123"),
 )
-
-
-class Certificate(Protocol):
-    """How well Pontryagin's condition is met."""
-
-    @property
-    def hamiltonian_spread(self) -> float: ...
-    @property
-    def sign_violation(self) -> float: ...
-
-
-class Optimum(Protocol):
-    """A local minimum, and how many first guesses led to it."""
-
-    @property
-    def duration(self) -> float: ...
-    @property
-    def cost(self) -> float: ...
-    @property
-    def halfway(self) -> Vector3: ...
-    @property
-    def gap(self) -> float: ...
-    @property
-    def starts(self) -> int: ...
-
-
-class TakenWay(Protocol):
-    """A way past keep-out bodies."""
-
-    @property
-    def name(self) -> str: ...
-    @property
-    def duration(self) -> float: ...
-    @property
-    def is_planned(self) -> bool: ...
 
 
 class Provenance(Protocol):

@@ -22,7 +22,7 @@ from deltaopt.motion.active_limits import ActiveLimit, active_limits
 from deltaopt.motion.limit_sensitivity import LimitSensitivity, limits_in_words
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.headline import title
-from deltaopt.planning.ways import CLEAR
+from deltaopt.planning.ways import CLEAR, TakenWay
 from deltaopt.plots.colours import COLOURS, OF_LIMITS
 from deltaopt.report.modelled import modelled, not_modelled
 from deltaopt.report.moving_robot import drawing
@@ -32,23 +32,11 @@ from deltaopt.verify.duty import Duty, exceeding
 from deltaopt.verify.verification import Check, Verification
 
 
-class Way(Protocol):
-    """A way past keep-out bodies: its ``name``, and its ``duration`` in s, of a plan or, unless it
-    ``is_planned``, about."""
-
-    @property
-    def name(self) -> str: ...
-    @property
-    def duration(self) -> float: ...
-    @property
-    def is_planned(self) -> bool: ...
-
-
 class Compared(Protocol):
     """What a motion was compared with: ``ways`` past bodies and local ``optima``, itself first."""
 
     @property
-    def ways(self) -> Sequence[Way]: ...
+    def ways(self) -> Sequence[TakenWay]: ...
     @property
     def optima(self) -> Sequence[object]: ...
 
@@ -195,7 +183,7 @@ def _counted(number: int, what: str) -> str:
     return f"one {what}" if number == 1 else f"{number} {plural[what]}"
 
 
-def _ways(ways: Sequence[Way]) -> str:
+def _ways(ways: Sequence[TakenWay]) -> str:
     """A table of the ways past the bodies, the one that is taken first; nothing for one."""
     if len(ways) < 2:
         return ""
