@@ -21,7 +21,7 @@ from deltaopt.bench.random_scenes import random_scenes
 from deltaopt.cli.arguments import one_or_more, seed
 from deltaopt.files.kept_rows import kept_rows
 from deltaopt.files.progress_bar import ProgressBar
-from deltaopt.scene.task import given_points
+from studies.keep_out.random_bodies import is_possible, scene_of
 from studies.problems import PROBLEMS, add_directory
 from studies.reproduced import write_scene
 
@@ -33,12 +33,17 @@ KINDS: dict[str, tuple[str, dict[str, float] | None]] = {
     "industrial_limits": ("industrial", {"platform_speed": 3.0, "acceleration": 60.0, "speed": 6}),
     "hornet_565": ("hornet_565", None),
     "rl5": ("rl5", None),
+    "industrial_bodies": ("industrial", None),
 }
 """Robots by their files, and limits beside those of their drives: with friction and a gripper, of
 speeds and accelerations, with torques that fall with speed, with pins and heavy arms."""
+_BODIES = "industrial_bodies"
+"""The kind with one to four keep-out bodies, which stay where they are for both goals."""
 SMALL = {"kinds": ("orsino",), "number": 3}
 _SAME = 1e-9
 """Share of a duration by which one may be longer than another that it equals: rounding."""
+_GOALS = 100
+"""Of how many random goals one is clear of the bodies."""
 _MOST = 1_000_000
 """Interruptions of one seed that are different from those of the next."""
 
@@ -65,11 +70,11 @@ class Interruption:
 @dataclass(frozen=True)
 class Case:
     """An interruption by itself: the scene of the old motion, how far through it (a share) it is
-    interrupted, and the scene whose goal is the new one."""
+    interrupted, and the scene from its goal to the new one, from rest to rest."""
 
     scene: deltaopt.Scene
     share: float
-    other: deltaopt.Scene
+    then: deltaopt.Scene
 
 
 def case(kind: str, number: int, first: int) -> Case:
@@ -77,29 +82,42 @@ def case(kind: str, number: int, first: int) -> Case:
     goal."""
     own, (name, limits) = _MOST * first + number, KINDS[kind]
     robot = deltaopt.load_robot(PROBLEMS / "robots" / f"{name}.yaml")
-    scene, other = random_scenes(robot, None, 2, own)
     share = float(np.random.default_rng([own, 1]).uniform())
-    return Case(scene.model_copy(update={"limits": limits}), share, other)
+    if kind != _BODIES:
+        scene, other = random_scenes(robot, None, 2, own)
+        scene = scene.model_copy(update={"limits": limits})
+        return Case(scene, share, _then(scene, other))
+    scene = scene_of(robot, first, 5 * (number // 4) + number % 4)
+    others = (_then(scene, other) for other in random_scenes(scene.robot, None, _GOALS, own))
+    return Case(scene, share, next(filter(is_possible, others)))
+
+
+def _then(scene: deltaopt.Scene, other: deltaopt.Scene) -> deltaopt.Scene:
+    """The scene from the goal of one to that of another."""
+    return scene.model_copy(update={"start": scene.goal, "goal": other.goal})
 
 
 def interruption(each: Case, number: int, name: Path) -> Interruption:
     """Plan a case and verify its plans; what fails is written as a scene whose file begins so."""
-    goal = each.other.goal
-    planner = deltaopt.Planner(each.scene.robot, limits=each.scene.limits)
-    old = planner.plan(each.scene.start, each.scene.goal)
+    planner = deltaopt.Planner(each.scene.robot)
+    old = planner.plan_scene(each.scene)
     now = old.trajectory(each.share * old.duration)
     left = old.duration - float(now.t[0])
     begin = thread_time()
-    rest = planner.plan(given_points(each.scene.task)[1], goal)
+    rest = planner.plan_scene(each.then)
     at_rest = thread_time() - begin
-    new = _tried(lambda: planner.plan(now, goal), left + rest.duration)
-    stop = _tried(lambda: planner.stop(now), left)
-    for end, tried in ((goal, new), (deltaopt.Anywhere(), stop)):
+    to_goal, to_rest = (
+        each.scene.model_copy(update={"goal": goal})
+        for goal in (each.then.goal, deltaopt.Anywhere())
+    )
+    new = _tried(lambda: planner.plan_scene(to_goal, start=now), left + rest.duration)
+    stop = _tried(lambda: planner.plan_scene(to_rest, start=now), left)
+    for scene, tried in ((to_goal, new), (to_rest, stop)):
         if tried.failure:
             state = deltaopt.State(at=tuple(now.x[0].tolist()), velocity=tuple(now.v[0].tolist()))
-            scene = each.scene.model_copy(update={"start": state, "goal": end})
             what = "stop" if tried is stop else "new_goal"
-            write_scene(name.with_name(f"{name.name}_{what}"), scene, tried.failure)
+            file = name.with_name(f"{name.name}_{what}")
+            write_scene(file, scene.model_copy(update={"start": state}), tried.failure)
     return Interruption(
         number=number,
         seconds=new.seconds,
@@ -136,7 +154,7 @@ def _tried(make: Callable[[], deltaopt.Plan], most: float) -> _Tried:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--number", type=one_or_more, default=167, help="of each robot")
+    parser.add_argument("--number", type=one_or_more, default=145, help="of each robot")
     parser.add_argument("--seed", type=seed, default=1, help="of the random moves (default: 1)")
     parser.set_defaults(kinds=tuple(KINDS))
     add_directory(parser, "interruptions", "one CSV file for each robot, and scenes that fail")

@@ -13,6 +13,7 @@ from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory, moving_o
 from deltaopt.planning.first_motions.moving_ends import end_of, from_rest
 from deltaopt.planning.mesh.kept_limits import KEPT
 from deltaopt.planning.plan import Plan
+from deltaopt.planning.ways import is_clear
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import MovingEnds, RestAnywhere, distance
 
@@ -56,7 +57,7 @@ def finished_first(
         return None
     position, model = under_way.then(then.trajectory.position), then.trajectory.model
     trajectory = moving_on(scene.task, Trajectory(position, model))
-    if highest_rows(scene, trajectory).values.max() > 1 + KEPT:
+    if not _is_kept(scene, trajectory):
         return None
     return replace(
         then,
@@ -67,6 +68,7 @@ def finished_first(
         gap=inf,
         certificate=None,
         resolved=False,
+        multipliers=None,
     )
 
 
@@ -74,6 +76,13 @@ def _finished(scene: Scene, under_way: PiecewisePolynomial, found: Plan) -> Plan
     """The motion under way to its end, where it ends at the goal, instead of what was ``found``;
     None if it breaks a limit."""
     trajectory = moving_on(scene.task, replace(found.trajectory, position=under_way))
-    if highest_rows(scene, trajectory).values.max() > 1 + KEPT:
+    if not _is_kept(scene, trajectory):
         return None
     return replace(found, trajectory=trajectory, gap=inf, certificate=None, multipliers=None)
+
+
+def _is_kept(scene: Scene, trajectory: Trajectory) -> bool:
+    """Whether a motion keeps the limits of a scene and is clear of its bodies, which the motion
+    under way need not have been planned for."""
+    highest = highest_rows(scene, trajectory).values.max()
+    return bool(highest <= 1 + KEPT) and is_clear(scene, trajectory)

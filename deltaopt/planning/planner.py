@@ -197,21 +197,17 @@ class Planner:
         a point. ``payload``: kg, or the least and the largest, instead of the planner's.
         ``starts``, ``seed``, ``progress`` and the errors raised: as of the function ``plan``.
         """
-        state, under_way = _state_of(start) if isinstance(start, Motion) else (start, None)
+        begun, at = (start, _state_of(start)) if isinstance(start, Motion) else (None, start)
         mass: Any = self.payload if payload is None else payload  # a scene takes a range apart
         scene = Scene(
             robot=self.robot,
             payload=mass,
-            start=state,
+            start=at,
             goal=goal,
             limits=self.limits,
             objective=self.objective,
         )
-        if under_way is None or not isinstance(scene.task, MovingEnds):
-            return self.plan_scene(scene, starts=starts, seed=seed, progress=progress)
-        self._require_free(starts)
-        check_feasible(scene)
-        return _resolvable(self._plan_moving(scene, under_way, progress or (lambda _: None)))
+        return self.plan_scene(scene, start=begun, starts=starts, seed=seed, progress=progress)
 
     def stop(
         self,
@@ -227,49 +223,64 @@ class Planner:
         return self.plan(state, Anywhere(), payload=payload, progress=progress)
 
     def plan_scene(
-        self, scene: Scene, *, starts: int = 1, seed: int = 1, progress: Progress | None = None
+        self,
+        scene: Scene,
+        *,
+        start: Motion | None = None,
+        starts: int = 1,
+        seed: int = 1,
+        progress: Progress | None = None,
     ) -> Plan:
         """Plan the best motion of a scene with this planner's settings.
 
+        ``start``: an instant of a motion in which the new one begins, instead of the scene's start;
+        as in ``plan``, but with all that a scene asks for, such as bodies to keep clear of.
         ``starts``, ``seed``, ``progress`` and the errors raised: as of the function ``plan``.
         """
         require_whole("starts", starts, 1, most=MOST)
         require_whole("seed", seed, 0)
+        under_way = None
+        if start is not None:
+            scene = scene.model_copy(update={"start": _state_of(start)})
+            under_way = _rest_of(start)
         if scene.least_payload is not None:
             self._require_flat("with one payload")
         check_feasible(scene)
         report = progress or (lambda _: None)
         if not (scene.robot_keeps_clear and scene.keep_out):
-            return self._plan_by_limits(scene, starts, seed, report)
+            return self._plan_by_limits(scene, under_way, starts, seed, report)
         begin = perf_counter()
         found, lost = keeping_links_clear(
             scene,
-            lambda limited: self._plan_by_limits(limited, starts, seed, report),
+            lambda limited: self._plan_by_limits(limited, under_way, starts, seed, report),
             self.tolerance,
             report,
         )
         spent = perf_counter() - begin
         return replace(found, scene=scene, gap=found.gap + lost, solve_seconds=spent)
 
-    def _plan_by_limits(self, scene: Scene, starts: int, seed: int, report: Progress) -> Plan:
+    def _plan_by_limits(
+        self,
+        scene: Scene,
+        under_way: PiecewisePolynomial | None,
+        starts: int,
+        seed: int,
+        report: Progress,
+    ) -> Plan:
         """Plan a scene that is feasible, of arms and forearms with those alone clear of bodies that
-        are planned to be."""
+        are planned to be. ``under_way``: what would follow the start, if that is known."""
         task = scene.task
         if isinstance(task, OnPath):
             return self._plan_on_path(scene, task, starts, report)
         if isinstance(task, MovingEnds):
             self._require_free(starts)
-        if isinstance(task, MovingEnds) and not task.gates:
-            return _resolvable(self._plan_moving(scene, None, report))
+            return _resolvable(self._plan_moving(scene, under_way, report))
         if task.gates:
             what = "via points" if task.via else "an approach"
             self._require_flat(f"without {what}")
             there = "are" if task.via else "is"
             self._require_one_start(starts, f"where there {there} {what}")
-            found = self._first_found(scene, through_gates(scene), report)
-            if isinstance(found, Plan):
-                return _resolvable(found)
-            raise found
+            return _resolvable(_or_raise(self._first_found(scene, through_gates(scene), report)))
         if scene.tube is not None:
             self._require_one_start(starts, "in a tube, where the path timed optimally is first")
         if starts == 1 and limits_of(scene).constraints.has_convex:
@@ -345,27 +356,27 @@ class Planner:
 
         ``under_way``: what would follow the start. Raises NotConverged.
         """
-        found = self._moving_past_bodies(scene, report) or self._first_found(
-            scene, first_moving_motions(scene, under_way), report
-        )
-        plan = found if isinstance(found, Plan) else None
-        if under_way is not None:
-            finished = finished_first(
-                scene,
-                under_way,
-                plan,
-                planned=lambda rest: self._search(rest, lambda _: None),
-                roughly=self._roughly,
+        if scene.task.gates:
+            found = self._first_found(scene, through_gates(scene), report)
+        else:
+            found = self._moving_past_bodies(scene, report) or self._first_found(
+                scene, first_moving_motions(scene, under_way), report
             )
-            if finished is not None:
-                return finished
-        if isinstance(found, Plan):
-            return found
-        raise found
+        if under_way is None:
+            return _or_raise(found)
+        finished = finished_first(
+            scene,
+            under_way,
+            found if isinstance(found, Plan) else None,
+            planned=lambda rest: self._plan_by_limits(rest, None, 1, 1, lambda _: None),
+            roughly=self._roughly,
+        )
+        return _or_raise(finished or found)
 
     def _roughly(self, scene: Scene) -> float:
-        """The duration of the motion on the first mesh of a scene from rest to rest, s; 0 where
-        none is found."""
+        """The duration of the motion on the first mesh of a scene from rest to rest, as if there
+        were neither bodies nor via points, s; 0 where none is found."""
+        scene = scene.model_copy(update={"keep_out": None, "planned_links": (), "via": None})
         try:
             motion, accuracy = first_motion(scene), self._optimiser.accuracy
             attempt = Attempt(scene, motion, self.intervals, accuracy)
@@ -579,22 +590,30 @@ def _resolvable(found: Plan) -> Plan:
     return found
 
 
-def _state_of(motion: Motion) -> tuple[State, PiecewisePolynomial | None]:
-    """The state of a motion at its only instant, and what follows of the motion it belongs to.
+def _or_raise(found: Plan | DeltaOptError) -> Plan:
+    """The plan that is found; raises the error that is found instead of one."""
+    if isinstance(found, Plan):
+        return found
+    raise found
 
-    Raises ValueError where it has several instants.
-    """
+
+def _state_of(motion: Motion) -> State:
+    """The state of a motion at its only instant. Raises ValueError where it has several."""
     if len(motion.t) != 1:
         raise ValueError(f"start has {len(motion.t)} instants; one is needed")
-    trajectory, t = motion.under_way, float(motion.t[0])
-    v = motion.v[0]
+    trajectory, v = motion.under_way, motion.v[0]
     if trajectory is not None:
         speeds = np.linalg.norm(trajectory.position.derivative().at(trajectory.knots), axis=1)
         v = np.where(np.linalg.norm(v) <= _AT_REST * speeds.max(), 0.0, v)
-    state = State(at=tuple(motion.x[0].tolist()), velocity=tuple(v.tolist()))
+    return State(at=tuple(motion.x[0].tolist()), velocity=tuple(v.tolist()))
+
+
+def _rest_of(motion: Motion) -> PiecewisePolynomial | None:
+    """What follows an instant of the motion that it belongs to; None where that is not known."""
+    trajectory, t = motion.under_way, float(motion.t[0])
     if trajectory is None or not trajectory.knots[0] <= t < trajectory.knots[-1]:
-        return state, None
-    return state, trajectory.position.after(t)
+        return None
+    return trajectory.position.after(t)
 
 
 def _optima(search: Search[Plan]) -> tuple[Optimum, ...]:

@@ -317,9 +317,8 @@ def _singularities(verification: Verification) -> str:
     ]
     if not rows:
         return ""
-    return "<p>0 in a singularity, 1 at best; there is no bound on it.</p>" + _table(
-        ("singularity", "least distance", "where and when"), rows
-    )
+    intro = "0 in a singularity, 1 at best. A distance that the scene asks for is verified above."
+    return f"<p>{intro}</p>" + _table(("singularity", "least distance", "where and when"), rows)
 
 
 def _section(title: str, content: str) -> str:

@@ -9,9 +9,11 @@ import pytest
 
 import deltaopt
 from deltaopt import Anywhere, Belt, Planner, Scene, SceneError, State, load_scene, plan, verify
+from deltaopt.planning.in_flight import finished_first
 from tests.planning.switching.test_vertical_moves import MOVES, NAMES, VerticalMove
 
 CROSS = load_scene("problems/industrial_cross.yaml")
+WALL = load_scene("problems/keep_out/wall_25_305_25.yaml")
 PASSED, BELT, STOP = (
     load_scene(f"problems/moving/{name}.yaml") for name in ("passed_state", "belt", "stop")
 )
@@ -222,6 +224,53 @@ def test_a_start_at_the_limit_of_speed():
     new = planner.plan(now, (0.80, 0.0, 0.1))
     assert verify(new.scene, new.trajectory).failures() == []
     assert new.within_tolerance
+
+
+# In flight, past bodies
+
+
+@pytest.fixture(scope="module")
+def over_the_wall():
+    return plan(WALL)
+
+
+@pytest.mark.parametrize("share", [0.3, 0.7])
+def test_interrupted_beside_a_wall(over_the_wall, share):
+    """To a new goal on either side of the wall, past which finishing first is one way."""
+    now = over_the_wall.trajectory(share * over_the_wall.duration)
+    left = over_the_wall.duration - float(now.t[0])
+    for goal in (WALL.start, (0.82, 0.12, -0.05)):
+        new = PLANNER.plan_scene(WALL.model_copy(update={"goal": goal}), start=now)
+        rest = plan(WALL.model_copy(update={"start": WALL.goal, "goal": goal}))
+        assert verify(new.scene, new.trajectory).failures() == []
+        assert new.duration < left + rest.duration
+        np.testing.assert_allclose(new.trajectory(0.0).v[0], now.v[0], atol=1e-12)
+
+
+def test_a_body_that_appears_on_the_way(across):
+    """The motion under way would run into it, so that finishing it first is no motion."""
+    now = across.trajectory(0.1 * across.duration)
+    ahead = across.trajectory(0.6 * across.duration).x[0]
+    ball = {"sphere": {"centre": tuple(ahead.tolist()), "radius": 0.02}}
+    scene = CROSS.model_copy(update={"keep_out": [ball]})
+    assert verify(scene, across.trajectory).failures() != []
+    new = PLANNER.plan_scene(scene, start=now)
+    assert verify(new.scene, new.trajectory).failures() == []
+    path = new.trajectory(np.linspace(0, new.duration, 2001)).x
+    assert np.linalg.norm(path - ahead, axis=1).min() >= 0.02 - 1e-9
+
+
+def test_an_old_motion_through_a_body_is_not_finished(across):
+    """Not even where nothing else is found."""
+    share, goal = 0.3 * across.duration, (0.80, 0.0, 0.1)
+    now, rest = across.trajectory(share), across.trajectory.position.after(share)
+    ahead = across.trajectory(0.7 * across.duration).x[0]
+    ball = {"sphere": {"centre": tuple(ahead.tolist()), "radius": 0.02}}
+    state = State(at=tuple(now.x[0].tolist()), velocity=tuple(now.v[0].tolist()))
+    scene = CROSS.model_copy(update={"start": state, "goal": goal})
+    past = scene.model_copy(update={"keep_out": [ball]})
+    assert finished_first(scene, rest, None, plan, lambda _: 0.0) is not None
+    assert finished_first(past, rest, None, plan, lambda _: 0.0) is None
 
 
 # What cannot be
