@@ -237,6 +237,13 @@ class Constraints:
         return self._of_rows([isinstance(limit, SlidingLimit) for limit in self.limits], np.bool)
 
     @cached_property
+    def ridged(self) -> Truths:
+        """Rows of positions whose size may be largest at a kink, (rows,)."""
+        return self._of_rows(
+            [isinstance(limit, SlidingLimit) and limit.has_ridges for limit in self.limits], np.bool
+        )
+
+    @cached_property
     def in_phases(self) -> Truths:
         """Rows of positions that hold in some phases of a motion, (rows,)."""
         return self._of_rows([isinstance(limit, PhasedLimit) for limit in self.limits], np.bool)

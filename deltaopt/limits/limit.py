@@ -271,6 +271,11 @@ class SlidingLimit(Limit, Protocol):
     @property
     def slid_along(self) -> bool: ...
 
+    @property
+    def has_ridges(self) -> bool:
+        """Whether its size may be largest at a kink, where the nearest of some places changes."""
+        ...
+
 
 @runtime_checkable
 class PhasedLimit(Limit, Protocol):

@@ -59,6 +59,7 @@ class LinkClearance:
     robot_key: ClassVar[None] = None
     promised: ClassVar[bool] = True
     slid_along: ClassVar[bool] = True
+    has_ridges: ClassVar[bool] = False
 
     def items(self, scene: Described) -> Sequence[Numbers]:
         kept = scene.kept_links

@@ -59,6 +59,7 @@ class Tube:
     robot_key: ClassVar[None] = None
     promised: ClassVar[bool] = True
     slid_along: ClassVar[bool] = True
+    has_ridges: ClassVar[bool] = True
 
     def items(self, scene: Described) -> Sequence[Numbers]:
         if scene.tube is None:

@@ -23,6 +23,9 @@ _NEAR = 1e-9
 _NARROW = 4.0
 """Steps between samples: a valley with a lesser half-width is looked into by itself. More is looked
 into for nothing, less leaves peaks in it to the parabola through samples that miss them."""
+_RIDGE_STEPS, _RIDGE_ROUNDS = 8, 15
+"""Parts that the steps on both sides of a ridge's highest sample are cut into, and how often: its
+top is then known to 4⁻¹⁵ of a step. More parts take fewer calls of the curves, and more points."""
 _WINDOW_STEPS = 24  # in a window of a valley
 _VALLEY_ROUNDS = 4  # beyond (1/8)⁴ of a step rounding hides where a valley is lowest
 _SMOOTH_VALLEY_ROUNDS = 2  # where it need not be known better than to a part of its half-width
@@ -85,6 +88,38 @@ def peaks(curves: Curves, fractions: Array, values: Array) -> Peaks:
         grid = values.reshape(intervals, len(fractions), -1)
         _climb(curves, highest, *_hills(grid, highest.values))
     return highest
+
+
+def ridges(curves: Curves, fractions: Array, values: Array) -> Array:
+    """The largest values of curves that rise to a kink and fall behind it, (c,): no parabola
+    through samples leads to the top of a ridge.
+
+    ``values``: of the curves at ``everywhere`` of these fractions, evenly spaced, (K · n, c). Every
+    sample that is as high as those beside it is looked about whose ridge, if it rises as steeply
+    between samples as beside them, may be the highest.
+    """
+    grid = values.reshape(-1, len(fractions), values.shape[1])
+    beside = np.pad(grid, ((0, 0), (1, 1), (0, 0)), constant_values=-np.inf)
+    top = (grid >= beside[:, :-2]) & (grid >= beside[:, 2:])
+    falls = np.abs(np.diff(grid, axis=1)).max(axis=(0, 1))
+    highest = values.max(axis=0)
+    interval, sample, function = np.nonzero(top & (grid + falls >= highest))
+    where, step = fractions[sample], float(fractions[1] - fractions[0])
+    parts = np.linspace(-1.0, 1.0, _RIDGE_STEPS + 1)
+    for _ in range(_RIDGE_ROUNDS):
+        places = np.clip(where[:, None] + step * parts, 0.0, 1.0)
+        own = np.repeat(np.arange(len(where)), len(parts))
+        found = curves(interval[own], places.ravel())[np.arange(len(own)), function[own]]
+        near = found.reshape(places.shape)
+        best = near.argmax(axis=1)
+        height = near.max(axis=1)
+        np.maximum.at(highest, function, height)
+        falls_here = np.abs(np.diff(near, axis=1)).max(axis=1)
+        kept = height + falls_here >= highest[function]
+        where = places[np.arange(len(where)), best][kept]
+        interval, function = interval[kept], function[kept]
+        step *= 2 / _RIDGE_STEPS
+    return np.asarray(highest)
 
 
 @dataclass(frozen=True)

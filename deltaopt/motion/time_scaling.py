@@ -41,6 +41,7 @@ from deltaopt.motion.extrema import (
     everywhere,
     narrow_valleys,
     peaks,
+    ridges,
     sample_fractions,
 )
 from deltaopt.motion.safe_speeds import largest_by_roots, largest_by_trying
@@ -162,10 +163,13 @@ def needed_slowing(
     intervals = len(trajectory.knots) - 1
     along, fractions = _loads_along(scene, trajectory), sample_fractions(intervals)
     known = sampled or along(*everywhere(intervals, fractions))
+    constraints = limits_of(scene).constraints
+    places = max(
+        surely_misplaced(scene, trajectory), _over_ridges(constraints, along, fractions, known)
+    )
     if not _mixed(scene).any():
         highest = _highest(along, lambda loads: loads.demands, fractions, known).values
-        return known.needed(highest, at_least).beside(surely_misplaced(scene, trajectory))
-    constraints = limits_of(scene).constraints
+        return known.needed(highest, at_least).beside(places)
 
     tails = _tails(scene)
 
@@ -186,7 +190,25 @@ def needed_slowing(
     factor, last = _factor_by_exchange(scene, trajectory, at_least, looked_at)
     sampled_places = last.values[_sampled_places(constraints)]
     needed_at_samples = NeededSlowing(factor, float(sampled_places.max(initial=0.0)) - 1)
-    return needed_at_samples.beside(surely_misplaced(scene, trajectory))
+    return needed_at_samples.beside(places)
+
+
+def _over_ridges(
+    constraints: Constraints,
+    along: Callable[[Index, Array], Loads],
+    fractions: Array,
+    sampled: Loads,
+) -> float:
+    """By how much a motion exceeds limits of its position at kinks of their size, as
+    ``NeededSlowing.misplaced``; -1 where they have none."""
+    ridged = constraints.ridged
+    if not ridged.any() or not np.isfinite(sampled.rows).all():
+        return -1.0
+
+    def size(loads: Loads) -> Array:
+        return np.asarray(constraints.size(loads.rows)[:, ridged])
+
+    return float(ridges(lambda *at: size(along(*at)), fractions, size(sampled)).max()) - 1
 
 
 def surely_misplaced(scene: Scene, trajectory: Trajectory) -> float:

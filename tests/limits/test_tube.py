@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import deltaopt
+from deltaopt.bench.hard_moves import move
 from deltaopt.errors import SceneError
 from deltaopt.limits.tube import Tube
 from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
@@ -36,9 +37,9 @@ sample is more than that from the path at most."""
 
 
 def away_by_samples(scene: Scene, x: np.ndarray) -> np.ndarray:
-    """Distances of points, (N, 3), from the path, by 4,001 samples of it."""
+    """Distances of points, (N, 3), from the path, by 8,001 samples of it."""
     path = scene.path.between(*scene.given_points)
-    places = path(np.linspace(path.knots[0], path.knots[-1], 4_001))
+    places = path(np.linspace(path.knots[0], path.knots[-1], 8_001))
     assert np.linalg.norm(np.diff(places, axis=0), axis=1).max() ** 2 / 4 < SPACING_SQUARED
     return np.array([np.sqrt(((places - each) ** 2).sum(axis=1).min()) for each in x])
 
@@ -125,6 +126,12 @@ def test_verification_sees_a_nanometre():
         report = deltaopt.verify(STRAIGHT, Trajectory(position, straight.model))
         excess = report.excesses["distance_from_the_path_excess"]
         assert (excess.value <= 1e-9) == is_kept
+
+
+def test_kept_where_two_places_are_equally_near():
+    """This motion turns sharply out of a corner of its tube: there the nearest place leaps from
+    one leg of the path to the next, and the distance has a kink between all samples."""
+    planned(move(3, 306).scene)
 
 
 def test_a_free_motion_leaves_the_tube():

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from deltaopt.errors import Unreachable
-from deltaopt.motion.extrema import everywhere, narrow_valleys, peaks, sample_fractions
+from deltaopt.motion.extrema import everywhere, narrow_valleys, peaks, ridges, sample_fractions
 from deltaopt.motion.time_scaling import highest_rows, safe_factor
 from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
 from deltaopt.planning.first_motions.initial_motion import baseline
@@ -40,6 +40,26 @@ def test_peaks_between_samples():
     highest = peaks(curves, fractions, curves(*everywhere(3, fractions)))
     np.testing.assert_allclose(highest.values, [1, 2, 3, 4], rtol=1e-12)
     np.testing.assert_allclose(highest.intervals + highest.fractions, tops, atol=1e-5)
+
+
+def test_ridges_between_samples():
+    """Known kinks that rise and fall at different slopes, none at a sample: at the edge of an
+    interval, one that bends on both sides, and one that a higher sample stands near."""
+    tops = np.array([0.512345, 1.0003, 1.987654, 2.7771])
+    heights = np.array([1.0, 2.0, 3.0, 4.0])
+    rises, falls = np.array([0.1, 30.0, 2.0, 5.0]), np.array([3.0, 0.2, 2.5, 5.0])
+
+    def curves(intervals, fractions):
+        since = (intervals + fractions)[:, None] - tops
+        ridge = heights + np.where(since < 0, rises, -falls) * since - [0, 0, 4.0, 0] * since**2
+        hill = 3.999 - 100 * ((intervals + fractions) - 1.4) ** 2
+        ridge[:, 3] = np.maximum(ridge[:, 3], hill)
+        return ridge
+
+    fractions = sample_fractions(3)
+    sampled = curves(*everywhere(3, fractions))
+    np.testing.assert_allclose(ridges(curves, fractions, sampled), heights, rtol=1e-9)
+    assert (peaks(curves, fractions, sampled).values < heights * (1 - 1e-7)).any()
 
 
 def test_peaks_see_both_sides_of_a_knot():
