@@ -7,15 +7,19 @@ from dataclasses import replace
 from math import inf
 from time import perf_counter
 
+import numpy as np
+
 from deltaopt.errors import DeltaOptError
+from deltaopt.files.validated_record import Vector3
 from deltaopt.motion.time_scaling import highest_rows
 from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory, moving_on
 from deltaopt.planning.first_motions.moving_ends import end_of, from_rest
 from deltaopt.planning.mesh.kept_limits import KEPT
 from deltaopt.planning.plan import Plan
 from deltaopt.planning.ways import is_clear
+from deltaopt.robot.model import delta_model
 from deltaopt.scene.scene import Scene
-from deltaopt.scene.task import MovingEnds, RestAnywhere, distance
+from deltaopt.scene.task import REST, EndState, MovingEnds, RestAnywhere, Task
 
 _AT_LEAST = 0.9
 """What a plan takes at least, as a share of the motion on its first mesh alone, which is found in a
@@ -28,25 +32,26 @@ def finished_first(
     scene: Scene,
     under_way: PiecewisePolynomial,
     found: Plan | None,
+    tolerance: float,
     planned: Callable[[Scene], Plan],
     roughly: Callable[[Scene], float],
 ) -> Plan | None:
     """The motion under way to its end and then one from rest to rest, if that is shorter than
-    what was ``found`` instead; None if not, if the goal is no point, or if it breaks a limit.
+    what was ``found`` instead; None if not, if the goal moves, or if it breaks a limit.
 
-    ``planned``: plans the scene from rest to rest. ``roughly``: about how long that takes, s.
+    ``tolerance``: that was asked for. ``planned``: plans the scene from rest to rest. ``roughly``:
+    about how long that takes, s.
     Its gap is infinite: how much longer it is than the best is not known.
     """
     begin, left = perf_counter(), float(under_way.knots[-1])
     if found is not None and found.duration <= left:
         return None
-    if isinstance(scene.task.goal, RestAnywhere):
-        return None if found is None else _finished(scene, under_way, found)
-    rest = from_rest(scene, end_of(under_way))
+    end = end_of(under_way)
+    if _is_goal(scene.task, end):
+        return _finished(scene, under_way, tolerance)
+    rest = from_rest(scene, end)
     if isinstance(rest.task, MovingEnds):
         return None
-    if found is not None and distance(rest.task) < _NO_WAY:
-        return _finished(scene, under_way, found)
     if found is not None and found.duration <= left + _AT_LEAST * roughly(rest):
         return None
     try:
@@ -72,13 +77,36 @@ def finished_first(
     )
 
 
-def _finished(scene: Scene, under_way: PiecewisePolynomial, found: Plan) -> Plan | None:
-    """The motion under way to its end, where it ends at the goal, instead of what was ``found``;
-    None if it breaks a limit."""
-    trajectory = moving_on(scene.task, replace(found.trajectory, position=under_way))
+def _is_goal(task: Task, end: Vector3) -> bool:
+    """Whether the motion under way leads to the goal of a task: where it ends (m) is the goal, or
+    the goal is anywhere."""
+    if isinstance(task.goal, RestAnywhere):
+        return True
+    if task.gates or not isinstance(task.goal, EndState) or task.goal.velocity != REST:
+        return False
+    return bool(np.linalg.norm(np.subtract(end, task.goal.position)) < _NO_WAY)
+
+
+def _finished(scene: Scene, under_way: PiecewisePolynomial, tolerance: float) -> Plan | None:
+    """The motion under way to its end, where that is the goal; None if it breaks a limit."""
+    motion = Trajectory(under_way, delta_model(scene.robot, scene.payload))
+    trajectory = moving_on(scene.task, motion)
     if not _is_kept(scene, trajectory):
         return None
-    return replace(found, trajectory=trajectory, gap=inf, certificate=None, multipliers=None)
+    return Plan(
+        scene=scene,
+        trajectory=trajectory,
+        formulation="the motion under way",
+        transcription="the motion under way",
+        intervals=len(trajectory.knots) - 1,
+        status="Finished",
+        iterations=0,
+        solve_seconds=0.0,
+        gap=inf,
+        tolerance=tolerance,
+        meshes=(),
+        certificate=None,
+    )
 
 
 def _is_kept(scene: Scene, trajectory: Trajectory) -> bool:

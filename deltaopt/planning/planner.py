@@ -368,6 +368,7 @@ class Planner:
             scene,
             under_way,
             found if isinstance(found, Plan) else None,
+            self.tolerance,
             planned=lambda rest: self._plan_by_limits(rest, None, 1, 1, lambda _: None),
             roughly=self._roughly,
         )

@@ -269,8 +269,21 @@ def test_an_old_motion_through_a_body_is_not_finished(across):
     state = State(at=tuple(now.x[0].tolist()), velocity=tuple(now.v[0].tolist()))
     scene = CROSS.model_copy(update={"start": state, "goal": goal})
     past = scene.model_copy(update={"keep_out": [ball]})
-    assert finished_first(scene, rest, None, plan, lambda _: 0.0) is not None
-    assert finished_first(past, rest, None, plan, lambda _: 0.0) is None
+    assert finished_first(scene, rest, None, 1e-3, plan, lambda _: 0.0) is not None
+    assert finished_first(past, rest, None, 1e-3, plan, lambda _: 0.0) is None
+
+
+@pytest.mark.parametrize("goal", [CROSS.goal, Anywhere()], ids=["the same goal", "a stop"])
+def test_finishing_is_a_plan_where_nothing_is_found(across, goal):
+    """The motion under way leads to its own goal, and to rest."""
+    share = 0.3 * across.duration
+    now, rest = across.trajectory(share), across.trajectory.position.after(share)
+    state = State(at=tuple(now.x[0].tolist()), velocity=tuple(now.v[0].tolist()))
+    scene = CROSS.model_copy(update={"start": state, "goal": goal})
+    found = finished_first(scene, rest, None, 1e-3, plan, lambda _: 0.0)
+    assert verify(found.scene, found.trajectory).failures() == []
+    assert found.duration == pytest.approx(across.duration - share, rel=1e-12)
+    assert found.sensitivities == ()
 
 
 # What cannot be
