@@ -19,6 +19,7 @@ from deltaopt.dynamics.lagrange import Multiplier
 from deltaopt.errors import DeltaOptError, Infeasible, NotConverged
 from deltaopt.files.validated_record import Vector3
 from deltaopt.motion.trajectory import Motion, PiecewisePolynomial, Trajectory
+from deltaopt.planning.belt_places import PlacesOnBelt
 from deltaopt.planning.first_motions.belt import not_met
 from deltaopt.planning.first_motions.moving_ends import (
     first_moving_motions,
@@ -362,6 +363,7 @@ class Planner:
             found = self._moving_past_bodies(scene, report) or self._first_found(
                 scene, first_moving_motions(scene, under_way), report
             )
+        found = self._onto_belt(scene, found, report)
         if under_way is None:
             return _or_raise(found)
         finished = finished_first(
@@ -373,6 +375,26 @@ class Planner:
             roughly=self._roughly,
         )
         return _or_raise(finished or found)
+
+    def _onto_belt(
+        self, scene: Scene, found: Plan | DeltaOptError, report: Progress
+    ) -> Plan | DeltaOptError:
+        """What was ``found``, if it is good enough or no goal on a belt is met from rest; otherwise
+        the better of it and a plan by way of places that the belt passes."""
+        if isinstance(found, Plan) and found.gap <= self._good_gap:
+            return found
+
+        def planned(passed: Scene) -> Plan | DeltaOptError:
+            return self._first_found(passed, first_moving_motions(passed, None), lambda _: None)
+
+        places = PlacesOnBelt.of(scene, planned)
+        if places is None:
+            return found
+        report("once more, by way of places that the belt passes:")
+        other = self._first_found(scene, places.motions(), report)
+        if isinstance(found, Plan):
+            return quicker(found, other) if isinstance(other, Plan) else found
+        return other if isinstance(other, Plan) else places.told(found)
 
     def _roughly(self, scene: Scene) -> float:
         """The duration of the motion on the first mesh of a scene from rest to rest, as if there

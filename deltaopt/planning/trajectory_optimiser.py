@@ -158,8 +158,9 @@ class TrajectoryOptimiser:
         )
         resolved = refinement.from_guess(guess, attempt.intervals)
         solutions, iterations = refinement.solutions, refinement.iterations
-        best = _best_of(solutions, iterations)
+        best, later = _best_of(solutions, iterations), list[Iteration]()
         if moving:
+            later = iterations[best + 1 :]
             solutions = [
                 *solutions[: best + 1],
                 kept(refinement.problem, solutions[best], self.tolerance),
@@ -184,7 +185,7 @@ class TrajectoryOptimiser:
             if moving
             else _safe(scene, chosen.trajectory, chosen.safe_factor, chosen.status)
         )
-        gap = resolved.gap if resolved else gap_of(iterations, best)
+        gap = resolved.gap if resolved else gap_of([*iterations, *later], best)
         if scene.rotation:  # nothing is faster than what it takes
             gap = min(gap, max(0.0, trajectory.duration / scene.least_duration - 1))
         spent = sum(each.iterations for each in iterations)

@@ -10,10 +10,12 @@ from deltaopt import (
     DeltaOptError,
     Infeasible,
     NotConverged,
+    State,
     load_scene,
     plan,
     verify,
 )
+from deltaopt.bench.hard_moves import move
 from deltaopt.planning.first_motions.belt import Meetings, not_met
 from deltaopt.robot.model import delta_model
 
@@ -128,3 +130,32 @@ def test_through_a_via_point_to_a_belt_that_comes(coming):
     later = plan(own)
     assert verify(own, later.trajectory).failures() == []
     assert later.duration == pytest.approx(found.duration, rel=later.gap + found.gap)
+
+
+@pytest.mark.parametrize(("seed", "number"), [(2, 371), (6, 373)])
+def test_met_later_where_no_first_motion_leads_there(seed: int, number: int):
+    """The first of these belts passes places that quintics leave the workspace to, the second is
+    within reach at once, leaves it, and can be met when it is back; both are met no later than at
+    any of some places to which the fastest motion takes no longer than the belt."""
+    scene = move(seed, number).scene
+    found = plan(scene)
+    report = verify(scene, found.trajectory)
+    assert report.ok, report.failures()
+    assert found.within_tolerance
+    belt = scene.task.goal
+    in_time = False
+    for share in (0.9, 1.0, 1.1):
+        passed = belt.at(share * found.duration, belt.position)
+        state = State(at=passed.position, velocity=passed.velocity)
+        try:
+            takes = plan(scene.model_copy(update={"goal": state})).duration
+        except DeltaOptError:
+            continue
+        assert (takes <= share * found.duration * (1 + 1e-3)) == (share >= 1)
+        in_time |= share >= 1
+    assert in_time
+
+
+def test_told_how_nearly_a_belt_is_met():
+    with pytest.raises(DeltaOptError, match=r"take 3.73 times as long as the belt, or more, 0.244"):
+        plan(move(2, 373).scene)

@@ -1,0 +1,110 @@
+"""A belt that first motions do not meet: planned to as to places on its way.
+
+From rest a belt can be met at a place if the fastest motion that passes the place at the belt's
+velocity takes no longer than the belt: what is left is waited for. The first such place is where
+the fastest motion meets the belt.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from deltaopt.errors import DeltaOptError, Infeasible, NotConverged
+from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
+from deltaopt.planning.first_motions.belt import Meetings
+from deltaopt.planning.plan import Plan
+from deltaopt.robot.model import delta_model
+from deltaopt.scene.moving_ends import State
+from deltaopt.scene.scene import Scene
+from deltaopt.scene.task import REST, MovingPoint
+
+_PLACES = 8
+"""Places that are planned to, from the first to the last at which positions and speeds allow to
+meet the belt: each takes as long as a plan. Between more of them shorter meetings are found."""
+_HALVINGS = 4
+"""How often the time between the last place that is reached too late and the first that is not is
+halved: the first motion then waits for a few per cent of its duration at most."""
+_LEAST_WAIT = 1e-3
+"""Of the motion that follows: a shorter wait would be an interval of hardly any length."""
+
+
+@dataclass
+class PlacesOnBelt:
+    """Plans to places of a belt's way, from rest, and what came of them.
+
+    ``planned``: plans a scene, or returns the error that prevents it. ``nearest``: of the places
+    that are reached too late, by how many times so: the least, and when the belt is there, s.
+    """
+
+    scene: Scene
+    goal: MovingPoint
+    planned: Callable[[Scene], Plan | DeltaOptError]
+    nearest: tuple[float, float] | None = None
+
+    @classmethod
+    def of(
+        cls, scene: Scene, planned: Callable[[Scene], Plan | DeltaOptError]
+    ) -> PlacesOnBelt | None:
+        """None where no goal moves, the start does, or bodies or points are on the way."""
+        task = scene.task
+        if not isinstance(task.goal, MovingPoint) or task.start.velocity != REST or task.gates:
+            return None
+        return None if scene.keep_out else cls(scene, task.goal, planned)
+
+    def motions(self) -> Iterator[Trajectory]:
+        """The motion that waits and then meets the belt as soon as possible, if there is one."""
+        try:
+            times = Meetings.of(self.scene, self.goal).require_any().durations
+        except Infeasible:
+            return
+        late, found = 0.0, None
+        for i in np.linspace(0, len(times) - 1, min(_PLACES, len(times))).round().astype(int):
+            found = self._motion(float(times[i]))
+            if found is not None:
+                break
+            late = float(times[i])
+        if found is None:
+            return
+        for _ in range(_HALVINGS):
+            middle = (late + found.duration) / 2
+            sooner = self._motion(middle)
+            if sooner is None:
+                late = middle
+            else:
+                found = sooner
+        yield found
+
+    def told(self, error: DeltaOptError) -> DeltaOptError:
+        """An error that says too how nearly the belt is met at a place."""
+        if self.nearest is None:
+            return error
+        times, when = self.nearest
+        told = (
+            f"{error}; the fastest motions found to places on its way take {times:.3g} times as "
+            f"long as the belt, or more, {times * when:.3g} instead of {when:.3g} s"
+        )
+        if isinstance(error, NotConverged):
+            return NotConverged(told, error.status, error.iterate)
+        return Infeasible(told)
+
+    def _motion(self, time: float) -> Trajectory | None:
+        """A motion that meets the belt at a time, s, waiting first; None if none is found."""
+        at = self.goal.at(time, self.goal.position)
+        state = State(at=at.position, velocity=at.velocity)
+        plan = self.planned(self.scene.model_copy(update={"goal": state}))
+        if not isinstance(plan, Plan):
+            return None
+        moving = plan.trajectory.position
+        wait = time - plan.duration
+        if wait < _LEAST_WAIT * plan.duration:
+            late = plan.duration / time, time
+            self.nearest = min(late, self.nearest or late)
+            return None
+        start = np.zeros((1, *moving.coefficients.shape[1:]))
+        start[0, 0] = self.scene.task.start.position
+        still = PiecewisePolynomial(np.array([0.0, wait]), start)
+        model = delta_model(self.scene.robot, self.scene.payload)
+        return Trajectory(still.then(moving), model)
