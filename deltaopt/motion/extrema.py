@@ -183,7 +183,8 @@ def narrow_valleys(curves: Curves, fractions: Array, values: Array, tails: float
 def _bottoms(
     curves: Curves, interval: Index, function: Index, bottom: Array, step: float, rounds: int
 ) -> tuple[Array, Array]:
-    """Where valleys are lowest, fractions, and their half-widths, (N,) each."""
+    """Where valleys are lowest, fractions, and their half-widths, (N,) each. The bottom of a valley
+    of which an interval holds a side alone is outside of it, by the parabola at its end."""
     n, width = len(interval), np.full(len(interval), step)
     for _ in range(rounds):
         step /= _ZOOM
@@ -192,7 +193,9 @@ def _bottoms(
         values = curves(np.tile(interval, 3), places)
         left, middle, right = values[np.arange(3 * n), np.tile(function, 3)].reshape(3, n)
         curvature = np.maximum(left - 2 * middle + right, np.finfo(float).tiny)
-        offset = np.clip((left - right) / (2 * curvature), -1, 1)
+        least_offset = np.where(bottom <= step, -np.inf, -1.0)
+        largest_offset = np.where(bottom >= 1 - step, np.inf, 1.0)
+        offset = np.clip((left - right) / (2 * curvature), least_offset, largest_offset)
         least = np.maximum(middle - curvature * offset**2 / 2, 0.0)
         bottom, width = bottom + offset * step, np.sqrt(2 * least / curvature) * step
     return bottom, width

@@ -210,3 +210,24 @@ def test_a_peak_some_half_widths_beside_a_reversal_is_found(phase):
     narrow_valleys(valley, fractions, valley(*where), tails=8.0).let_see(highest, curve)
     expected = c * np.tanh(u) - k * (phase + u * w)
     assert highest.values[0] == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize("outside", [0.1, 0.5, 1.5, 2.5])
+def test_a_peak_beside_a_reversal_before_the_interval(outside):
+    """The arm turns back some half-widths before the interval begins, of a width as the torque has
+    that a campaign found above its limit by 9e-8, and the torque peaks inside."""
+    c, w, u = 0.05, 0.95 / 24, 4.3
+    begun, k = -outside * w, c / (w * np.cosh(u) ** 2)
+
+    def curve(_, t: np.ndarray) -> np.ndarray:
+        return (c * np.tanh((t - begun) / w) - k * t)[:, None]
+
+    def valley(_, t: np.ndarray) -> np.ndarray:
+        return 1 + (((t - begun) / w) ** 2)[:, None]
+
+    fractions = np.linspace(0.0, 1.0, 25)
+    where = everywhere(1, fractions)
+    highest = peaks(curve, fractions, curve(*where))
+    narrow_valleys(valley, fractions, valley(*where), tails=8.0).let_see(highest, curve)
+    expected = c * np.tanh(u) - k * (begun + u * w)
+    assert highest.values[0] == pytest.approx(expected, abs=1e-12)
