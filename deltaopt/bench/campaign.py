@@ -18,12 +18,15 @@ from time import process_time
 import numpy as np
 
 from deltaopt.bench.hard_moves import Move, move
-from deltaopt.bench.possible import is_possible
+from deltaopt.bench.met_belts import of_belt
+from deltaopt.bench.possible import Possibility, possibility
 from deltaopt.bench.strata import STRATA
 from deltaopt.errors import DeltaOptError
 from deltaopt.files.kept_rows import append_rows, read_rows, rewrite_rows
 from deltaopt.files.yaml_file import write_yaml
 from deltaopt.planning.planner import plan
+from deltaopt.scene.moving_ends import Belt
+from deltaopt.scene.scene import Scene
 from deltaopt.verify.verification import verify
 
 _THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
@@ -37,6 +40,7 @@ class Row:
     ``seconds``: of the processor, for planning. ``duration``: of the plan, s; 0 if there is none.
     ``possible``: of a move without a plan, whether an independent path is found; no if there is a
     plan. ``problem``: why it has failed, or why it was refused if it is not known to be possible.
+    ``impossible``: of a move without a plan, what an independent check has against it.
     """
 
     number: int
@@ -48,6 +52,7 @@ class Row:
     lower_bound: float
     possible: bool
     problem: str
+    impossible: str = ""
 
     @property
     def failed(self) -> bool:
@@ -55,9 +60,14 @@ class Row:
         return bool(self.problem) and (self.possible or self.duration > 0)
 
     @property
+    def is_impossible(self) -> bool:
+        """Whether it has no plan, and an independent check finds no way either."""
+        return bool(self.problem) and not self.failed and bool(self.impossible)
+
+    @property
     def refused(self) -> bool:
-        """Whether it has no plan, and no path is known either."""
-        return bool(self.problem) and not self.failed
+        """Whether it has no plan, and whether it is possible is not known."""
+        return bool(self.problem) and not self.failed and not self.impossible
 
 
 def row_of(each: Move, tolerance: float) -> Row:
@@ -66,9 +76,9 @@ def row_of(each: Move, tolerance: float) -> Row:
     try:
         found = plan(each.scene, tolerance=tolerance)
     except DeltaOptError as error:
-        return _without_plan(each, process_time() - begin, error, is_possible(each.scene))
+        return _without_plan(each, process_time() - begin, error, _checked(each.scene))
     except Exception as error:  # a fault of the program is what a campaign looks for
-        return _without_plan(each, process_time() - begin, error, possible=True)
+        return _without_plan(each, process_time() - begin, error, Possibility(True))
     seconds = process_time() - begin
     try:
         problems = list(verify(each.scene, found.trajectory).failures())
@@ -91,10 +101,24 @@ def row_of(each: Move, tolerance: float) -> Row:
     )
 
 
-def _without_plan(each: Move, seconds: float, error: Exception, possible: bool) -> Row:
-    problem = f"{type(error).__name__}: {error}"
-    robot = each.scene.robot.name
-    return Row(each.number, robot, each.stratum, seconds, 0.0, 0.0, 0.0, possible, problem)
+def _checked(scene: Scene) -> Possibility:
+    """What an independent check tells of a scene without a plan."""
+    return of_belt(scene) if isinstance(scene.goal, Belt) else possibility(scene)
+
+
+def _without_plan(each: Move, seconds: float, error: Exception, checked: Possibility) -> Row:
+    return Row(
+        number=each.number,
+        robot=each.scene.robot.name,
+        stratum=each.stratum,
+        seconds=seconds,
+        duration=0.0,
+        gap=0.0,
+        lower_bound=0.0,
+        possible=checked.found,
+        problem=f"{type(error).__name__}: {error}",
+        impossible=checked.against,
+    )
 
 
 def row_of_number(seed: int, number: int, tolerance: float) -> Row:
@@ -125,7 +149,7 @@ def campaign(
             row = done.result()
             rows[row.number] = row
             append_rows(file, [row])
-            if row.failed:
+            if row.failed or row.refused:
                 write_scene(folder, move(seed, row.number), row.problem)
             progress(len(rows))
     return [rows[i] for i in sorted(rows)]
@@ -161,7 +185,7 @@ def table(rows: Iterable[Row]) -> str:
     """A line for each stratum, and one for all."""
     rows = list(rows)
     lines = [
-        f"{'stratum':<22}{'moves':>6}{'good':>6}{'failed':>8}{'refused':>9}"
+        f"{'stratum':<22}{'moves':>6}{'good':>6}{'failed':>8}{'refused':>9}{'impossible':>12}"
         f"{'median s':>10}{'99 % s':>9}{'bound/T':>9}"
     ]
     for stratum in [*STRATA, "all"]:
@@ -171,12 +195,25 @@ def table(rows: Iterable[Row]) -> str:
     return "\n".join(lines)
 
 
+def told(rows: Iterable[Row]) -> list[str]:
+    """A line for each move that is not good: what is wrong, or what the independent check says."""
+    found = []
+    for row in rows:
+        if row.problem:
+            name = "failed" if row.failed else "refused" if row.refused else "impossible"
+            why = row.impossible if row.is_impossible else row.problem
+            found.append(f"  {name}: move {row.number} ({row.robot}, {row.stratum}): {why}")
+    return sorted(found)
+
+
 def _line(stratum: str, rows: list[Row]) -> str:
     seconds = [row.seconds for row in rows]
     ratios = [row.lower_bound / row.duration for row in rows if row.duration]
     failed, refused = sum(row.failed for row in rows), sum(row.refused for row in rows)
+    impossible = sum(row.is_impossible for row in rows)
+    good = len(rows) - failed - refused - impossible
     return (
-        f"{stratum:<22}{len(rows):>6}{len(rows) - failed - refused:>6}{failed:>8}{refused:>9}"
+        f"{stratum:<22}{len(rows):>6}{good:>6}{failed:>8}{refused:>9}{impossible:>12}"
         f"{np.median(seconds):>10.3f}{np.percentile(seconds, 99):>9.2f}"
         f"{np.median(ratios) if ratios else float('nan'):>9.2f}"
     )

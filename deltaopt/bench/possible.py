@@ -3,6 +3,7 @@
 A move is possible if a path leads from start to goal, through its via points, in which gravity
 leaves every motor something to spare, joints stay in their ranges and the tool in its workspace and
 clear of bodies: as slowly as need be it can be driven. Where the scene gives a path, it is that.
+An approach is three such paths: out of the cylinder about the start, above both, into the other.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.bench.statics import AtRest, Statics
+from deltaopt.limits.limit import Column
 from deltaopt.robot.robot import Robot
 from deltaopt.robot.tool import Box, Sphere
 from deltaopt.scene.bodies import Body, Cylinder, HalfSpace
@@ -25,31 +27,46 @@ Truths = NDArray[np.bool]
 
 SPARE = 0.02
 """Share of every torque limit that gravity must leave on the path."""
-_STEPS = (12, 24)
+_STEPS = (12, 24, 48)
 """Steps of the grids along the reach of a chain, which are tried in turn. A passage narrower than a
-step of the last is not found, so that a move may be possible that this does not call so; a grid
-twice as fine takes a minute."""
+step of the last, which takes a minute, is not found: then a move is called impossible that is not.
+"""
+_IN_CYLINDER = 9, 33
+"""Points of a grid across and along the cylinder of an approach."""
 _FOLDED, _FLAT = 1e-3, 5e-3
 """Least sin² of the angle between arm and bars, and least volume of the bars' directions, on the
 path: nearer to singularities torques are known to few digits."""
 _BETWEEN = np.linspace(0.0, 1.0, 7)[1:, None]
+_AT_ONCE = 20_000
+"""Points that are looked at in one go: a hundred million numbers of them would fill the memory."""
 _ALONG = 401
 """Places at which a given path is looked at."""
 
 
-def is_possible(scene: Scene) -> bool:
-    """Whether a path is found that can be held with ``SPARE`` of the torques left.
+@dataclass(frozen=True)
+class Possibility:
+    """Whether a path is ``found`` that can be held with ``SPARE`` of the torques left, and, if not,
+    what was looked at ``against`` it; empty where nothing is known."""
 
-    False, for it is not known, where an end moves, where an approach is asked for, and past hulls
-    or with a tool of several shapes.
+    found: bool
+    against: str = ""
+
+
+def possibility(scene: Scene) -> Possibility:
+    """Look for a path.
+
+    Nothing is known where an end moves, and past hulls or with a tool of several shapes.
     """
-    if scene.moves_at_ends or scene.approach or not _knows_bodies(scene):
-        return False
+    if scene.moves_at_ends or not _knows_bodies(scene):
+        return Possibility(False)
     free = _Free.of(scene)
     start, goal = scene.given_points
     if scene.path is not None:
         path = scene.path.between(start, goal)
-        return bool(free(path(np.linspace(path.knots[0], path.knots[-1], _ALONG))).all())
+        found = bool(free(path(np.linspace(path.knots[0], path.knots[-1], _ALONG))).all())
+        return Possibility(found, "" if found else f"the path given is not one {_HELD}")
+    if scene.approach:
+        return _approach(scene, free)
     between = (point.position for point in scene.task.via)
     places = [np.array(point) for point in (start, *between, goal)]
 
@@ -57,7 +74,51 @@ def is_possible(scene: Scene) -> bool:
         grid = _grid(scene.robot, steps)
         return all(_connected(one, other, grid, free) for one, other in pairwise(places))
 
-    return any(map(connected, _STEPS))
+    return _over_grids(connected)
+
+
+_HELD = f"that can be held with {100 * SPARE:g} % to spare"
+
+
+def _over_grids(connected: Callable[[int], bool]) -> Possibility:
+    """What grids of more and more steps tell."""
+    if any(map(connected, _STEPS)):
+        return Possibility(True)
+    steps = ", ".join(map(str, _STEPS))
+    return Possibility(False, f"no path over grids of {steps} steps {_HELD}")
+
+
+def _approach(scene: Scene, free: Free) -> Possibility:
+    """Out of one cylinder, above the lower of both heights, and into the other."""
+    columns, tops = scene.columns, list[Array]()
+    for name, end, column in zip(("start", "goal"), scene.given_points, columns, strict=True):
+        top = _top_of(column, np.array(end), free)
+        if not len(top):
+            return Possibility(False, f"no path out of the cylinder about the {name} {_HELD}")
+        tops.append(top)
+    level = max(column.level for column in columns)
+
+    def above(points: Array) -> Truths:
+        return np.asarray(free(points) & (points[..., 0] <= level))
+
+    one, other = (top[len(top) // 2] for top in tops)
+    return _over_grids(lambda steps: _connected(one, other, _grid(scene.robot, steps), above))
+
+
+def _top_of(column: Column, end: Array, free: Free) -> Array:
+    """Places at the top of a column's cylinder that a path in it leads to from its end, (n, 3)."""
+    across, along = _IN_CYLINDER
+    sides = column.radius * np.linspace(-1.0, 1.0, across)
+    heights = np.linspace(end[0], column.level, along)
+    mesh = np.meshgrid(heights, column.y + sides, column.z + sides, indexing="ij")
+    points = np.stack(mesh, axis=-1)
+    allowed = free(points.reshape(-1, 3)).reshape(points.shape[:3])
+    beside = np.hypot(points[..., 1] - column.y, points[..., 2] - column.z)
+    allowed &= beside <= column.radius
+    begun = np.zeros(allowed.shape, bool)
+    begun[0] = allowed[0] & (beside[0] < 1e-9 * column.radius)
+    reached = _flooded(begun, points, allowed, free)
+    return np.asarray(points[-1][reached[-1]])
 
 
 Free = Callable[[Array], Truths]
@@ -87,6 +148,10 @@ class _Free:
         return cls(scene, statics, torque, float(np.sign(statics[0].at(start).volumes[0])))
 
     def __call__(self, points: Array) -> Truths:
+        parts = np.array_split(points, -(-len(points) // _AT_ONCE) or 1)
+        return np.concatenate([self._of_part(part) for part in parts])
+
+    def _of_part(self, points: Array) -> Truths:
         found = [each.at(points) for each in self.statics]
         free = self._in_ranges(found[0]) & self._in_workspace(points)
         for each in found:

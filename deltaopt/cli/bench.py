@@ -112,7 +112,7 @@ def _any(arguments: argparse.Namespace) -> int:
 
 def _campaign(arguments: argparse.Namespace) -> int:
     """Plan and verify moves of robots of all kinds, which bring their own payloads."""
-    from deltaopt.bench.campaign import campaign, table
+    from deltaopt.bench.campaign import campaign, table, told
 
     rows = campaign(
         arguments.output,
@@ -123,9 +123,8 @@ def _campaign(arguments: argparse.Namespace) -> int:
         ProgressBar().counting(arguments.number, "moves"),
     )
     print(table(rows))
-    for row in rows:
-        if row.failed:
-            print(f"  move {row.number} ({row.robot}, {row.stratum}): {row.problem}")
+    for line in told(rows):
+        print(line)
     return 1 if any(row.failed for row in rows) else 0
 
 

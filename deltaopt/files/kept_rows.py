@@ -23,14 +23,15 @@ K = TypeVar("K", bound=Hashable)
 
 
 def read_rows(file: Path, kind: type[R]) -> list[R]:
-    """The rows of a file; none if there is no file. An incomplete one at its end is left out."""
+    """The rows of a file; none if there is no file. An incomplete one at its end is left out, and
+    so are all of a file that lacks a column."""
     if not file.exists():
         return []
     kinds = {each.name: each.type for each in fields(kind)}
     rows = []
     with file.open(newline="", encoding="utf-8") as lines:
         for line in csv.DictReader(lines):
-            if None not in line.values():
+            if None not in line.values() and kinds.keys() <= line.keys():
                 rows.append(kind(**{name: _parsed(kinds[name], line[name]) for name in kinds}))
     return rows
 

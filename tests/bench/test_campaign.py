@@ -7,9 +7,10 @@ import pytest
 
 from deltaopt import load_scene, plan
 from deltaopt.bench import campaign as room
-from deltaopt.bench.campaign import Row, campaign, table, write_scene
+from deltaopt.bench.campaign import Row, campaign, table, told, write_scene
 from deltaopt.bench.hard_moves import ROBOTS, move
-from deltaopt.bench.possible import is_possible
+from deltaopt.bench.met_belts import of_belt
+from deltaopt.bench.possible import possibility
 from deltaopt.bench.statics import Statics
 from deltaopt.bench.strata import STRATA
 from deltaopt.files.kept_rows import read_rows
@@ -47,12 +48,12 @@ def test_a_move_is_possible_unless_the_motors_are_too_weak_between_its_ends(monk
     monkeypatch.setattr("deltaopt.bench.possible._STEPS", (12,))
     scene = move(1, 0).scene
     far = {"sphere": {"centre": [10.0, 0.0, 0.0], "radius": 1.0}}
-    assert is_possible(scene.model_copy(update={"keep_out": [far]}))
+    assert possibility(scene.model_copy(update={"keep_out": [far]})).found
     torque = tuple(1e-3 * t for t in scene.robot.torque_limits)
     weak = scene.robot.model_copy(
         update={"drive": scene.robot.drive.model_copy(update={"torque": torque})}
     )
-    assert not is_possible(scene.model_copy(update={"robot": weak}))
+    assert not possibility(scene.model_copy(update={"robot": weak})).found
 
 
 @pytest.mark.parametrize("body", ["box", "sphere", "cylinder", "half_space"])
@@ -71,15 +72,15 @@ def test_a_move_is_not_possible_where_a_body_encloses_its_goal(monkeypatch, body
         },
         "half_space": {"point": ((goal + scene.start) / 2).tolist(), "normal": goal - scene.start},
     }
-    assert not is_possible(scene.model_copy(update={"keep_out": [{body: bodies[body]}]}))
+    assert not possibility(scene.model_copy(update={"keep_out": [{body: bodies[body]}]})).found
 
 
 def test_a_given_path_is_possible_where_it_is_reachable_and_can_be_held():
     line = move(1, len(ROBOTS) * list(STRATA).index("line")).scene
-    assert is_possible(line)
+    assert possibility(line).found
     x, y, z = line.start
     beyond = line.model_copy(update={"goal": (x + 10, y, z)})
-    assert not is_possible(beyond)
+    assert not possibility(beyond).found
 
 
 def test_a_campaign_goes_on_where_it_ended(tmp_path, monkeypatch):
@@ -93,7 +94,7 @@ def test_a_campaign_goes_on_where_it_ended(tmp_path, monkeypatch):
     monkeypatch.setattr(room, "row_of_number", None)  # nothing is planned again
     assert campaign(tmp_path, 3, 1, 1, 1e-3, seen.append) == rows
     assert (tmp_path / "moves_1_0.001.csv").read_text().count("\n") == 4
-    assert "inside                     3     3       0        0" in table(rows)
+    assert "inside                     3     3       0        0           0" in table(rows)
 
 
 @pytest.mark.parametrize("name", ["lifted", "corner", "sphere", "moving ends", "range of payloads"])
@@ -121,10 +122,44 @@ def test_a_fault_of_the_program_is_a_failure(monkeypatch):
 
 
 def test_what_counts_as_a_failure():
-    def row(duration, possible, problem):
-        return Row(0, "", "inside", 0.1, duration, 0.0, 0.0, possible, problem)
+    def row(duration, possible, problem, impossible=""):
+        return Row(0, "", "inside", 0.1, duration, 0.0, 0.0, possible, problem, impossible)
 
     assert row(1.0, False, "torque").failed
     assert row(0.0, True, "NotConverged").failed
     assert row(0.0, False, "Unreachable").refused
     assert not row(1.0, False, "").failed
+    none = row(0.0, False, "Unreachable", "no path")
+    assert (none.is_impossible, none.refused, none.failed) == (True, False, False)
+    assert told([none, row(1.0, False, "torque"), row(1.0, False, "")]) == [
+        "  failed: move 0 (, inside): torque",
+        "  impossible: move 0 (, inside): no path",
+    ]
+
+
+def test_an_approach_is_possible_unless_a_cylinder_leads_nowhere(monkeypatch):
+    """A slab above the start leaves no way up, and none around it in the cylinder."""
+    monkeypatch.setattr("deltaopt.bench.possible._STEPS", (12,))
+    free = move(1, len(ROBOTS) * list(STRATA).index("approach")).scene
+    assert possibility(free).found
+    x, y, z = free.start
+    blocked = free.model_copy(
+        update={
+            "keep_out": [
+                {"box": {"from": [x - 0.02, y - 1, z - 1], "to": [x - 0.01, y + 1, z + 1]}}
+            ],
+            "approach": {**free.approach.model_dump(), "start": {"height": 0.03, "radius": 0.01}},
+        }
+    )
+    assert "out of the cylinder about the start" in possibility(blocked).against
+
+
+def test_belts_that_can_be_met_and_others(monkeypatch):
+    """One is never in reach slowly enough, one leaves too soon, and one is met; by the default
+    solver instead of Ipopt, which takes ten times as long."""
+    monkeypatch.setattr("deltaopt.bench.met_belts._PLACES", 2)
+    monkeypatch.setattr("deltaopt.bench.met_belts.plan", lambda scene, solver: plan(scene))
+    too_fast, leaving = (of_belt(move(3, number).scene) for number in (373, 377))
+    assert "at none of 2000 places of the belt do the chains close" in too_fast.against
+    assert "motions to 2 places there take 1.41 times as long" in leaving.against
+    assert of_belt(load_scene("problems/moving/belt.yaml")).found
