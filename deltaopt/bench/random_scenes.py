@@ -9,18 +9,19 @@ of the three parallelograms (the platform could tilt, which twelve coordinates c
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import compress, islice
 from math import cos, inf, sin
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.codegen.vectorised import evaluate_rows
-from deltaopt.errors import Infeasible, Unreachable
+from deltaopt.errors import DeltaOptError, Infeasible, Unreachable
 from deltaopt.files.validated_record import Vector3
 from deltaopt.mechanisms.delta.mechanism import AZIMUTHS
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import Robot
-from deltaopt.scene.feasibility import check_feasible
+from deltaopt.scene.feasibility import are_surely_feasible, check_feasible
 from deltaopt.scene.scene import Scene
 
 Array = NDArray[np.float64]
@@ -32,8 +33,9 @@ _BATCH = 4096
 _MOST_BATCHES = 1000
 """Batches in a row without a point in the workspace, before the search for points ends."""
 _MOST_MOVES = 500
-"""Moves in a row that the motors cannot hold, before the search for one that they can ends. It
-takes some seconds; a robot that can hold one move in fifty is given up once in 25 000 moves."""
+"""Moves in a row that are not possible, before points are tried one by one; and then points, before
+the search ends. Where one point in ten is possible, as with narrow ranges of joints, one pair in a
+hundred is; a robot that can be at one point in fifty is given up once in 25 000 moves."""
 
 
 def random_scenes(robot: Robot, payload: float | None, number: int, seed: int) -> Iterator[Scene]:
@@ -43,34 +45,71 @@ def random_scenes(robot: Robot, payload: float | None, number: int, seed: int) -
     Raises Infeasible if hardly any points are in the workspace or hardly any moves are possible.
     """
     rng = np.random.default_rng(seed)
-    model = DeltaModel(robot, payload)
-    points = np.empty((0, 3))
+    points = _random_points(DeltaModel(robot, payload), rng)
     refused = 0
     while number:
+        start, goal = next(points), next(points)
+        scene = Scene(robot=robot, payload=payload, start=start, goal=goal)
+        error = _refusal(scene)
+        if error is None:
+            number, refused = number - 1, 0
+            yield scene
+            continue
+        refused += 1
+        if refused == _MOST_MOVES:
+            points = _possible_points(scene, points, error)
+        if refused == 2 * _MOST_MOVES:
+            raise Infeasible(
+                f"{robot.name}: of {_MOST_MOVES} random moves in a row between possible points "
+                f"none is possible; of the last, {error}"
+            )
+
+
+def _random_points(model: DeltaModel, rng: np.random.Generator) -> Iterator[Vector3]:
+    """Yield points of the workspace; raises Infeasible if hardly any are in it."""
+    points = np.empty((0, 3))
+    while True:
         for _ in range(_MOST_BATCHES):
             if len(points) >= 2:
                 break
             points = np.concatenate([points, points_in_workspace(model, rng)])
         else:
             raise Infeasible(
-                f"{robot.name}: no moves were found, for of {_MOST_BATCHES * _BATCH} random points "
-                "not even two are in the workspace"
+                f"{model.robot.name}: no moves were found, for of {_MOST_BATCHES * _BATCH} random "
+                "points not even two are in the workspace"
             )
-        start, goal = points[:2].tolist()
-        points = points[2:]
-        scene = Scene(robot=robot, payload=payload, start=tuple(start), goal=tuple(goal))
-        try:
-            check_feasible(scene)
-        except (Unreachable, Infeasible) as error:
-            refused += 1
-            if refused == _MOST_MOVES:
-                raise Infeasible(
-                    f"{robot.name}: none of {_MOST_MOVES} random moves in a row is possible; of "
-                    f"the last, {error}"
-                ) from None
-            continue
-        number, refused = number - 1, 0
-        yield scene
+        yield from (_point(each) for each in points[: len(points) // 2 * 2])
+        points = points[len(points) // 2 * 2 :]
+
+
+def _point(coordinates: Array) -> Vector3:
+    x, y, z = coordinates.tolist()
+    return x, y, z
+
+
+def _possible_points(
+    scene: Scene, points: Iterator[Vector3], error: DeltaOptError
+) -> Iterator[Vector3]:
+    """Of some points those at which the robot of a scene can be at rest with room to spare; raises
+    Infeasible where it hardly can anywhere. ``error``: of the last move that was not possible."""
+    while True:
+        some = list(islice(points, _MOST_MOVES))
+        kept = are_surely_feasible(scene, np.array(some))
+        if not kept.any():
+            raise Infeasible(
+                f"{scene.robot.name}: none of {_MOST_MOVES} random moves in a row, and of as many "
+                f"points after them, is possible; of the last, {error}"
+            )
+        yield from compress(some, kept)
+
+
+def _refusal(scene: Scene) -> DeltaOptError | None:
+    """Why a move is not possible; None if nothing speaks against it."""
+    try:
+        check_feasible(scene)
+    except (Unreachable, Infeasible) as error:
+        return error
+    return None
 
 
 def points_in_workspace(

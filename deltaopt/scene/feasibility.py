@@ -8,6 +8,7 @@ from itertools import product
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from deltaopt.codegen.vectorised import Array, RowFunction
 from deltaopt.dynamics.lagrange import Explicit
@@ -242,11 +243,16 @@ def _volumes(scene: Scene, points: Array) -> Array:
 
 def _is_feasible(scene: Scene) -> bool:
     """Whether start and goal pass all checks with room to spare, in one compiled evaluation."""
-    ends = np.array(scene.given_points)
-    back, rows, distances = _ends(scene)
-    there = np.linalg.norm(back - ends, axis=1) <= _SAME_PLACE  # False where not a number
-    held = (np.abs(rows) <= 1).all()
-    return bool(there.all() and held and (distances > _CLEAR).all())
+    return bool(are_surely_feasible(scene, np.array(scene.given_points)).all())
+
+
+def are_surely_feasible(scene: Scene, points: Array) -> NDArray[np.bool]:
+    """Whether the platform can be at rest at points, (N, 3), m, with room to spare, (N,): where it
+    can not, a closer look may find that it just can."""
+    back, rows, distances = _at_rest(scene, points)
+    there = np.linalg.norm(back - points, axis=1) <= _SAME_PLACE  # False where not a number
+    held = (np.abs(rows) <= 1).all(axis=1) & (distances > _CLEAR).all(axis=1)
+    return np.asarray(there & held)
 
 
 def _ends(scene: Scene) -> tuple[Array, ...]:

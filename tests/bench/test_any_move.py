@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from deltaopt.bench.any_move import random_plans
@@ -52,7 +53,20 @@ def test_a_payload_that_no_motor_can_hold(capsys):
     robot = str(PROBLEMS / "robots/orsino.yaml")
     assert main(["bench", "any", robot, "--payload", "1e6"]) == 1
     told = capsys.readouterr().err
-    assert "none of 500 random moves in a row is possible; of the last, start: at rest" in told
+    assert "none of 500 random moves in a row, and of as many points after them, is" in told
+    assert "possible; of the last, start: at rest" in told
+
+
+def test_moves_of_a_robot_that_can_be_in_a_tenth_of_its_workspace(monkeypatch):
+    """One pair of points in a hundred is possible; a hundred in a row that are not end nothing."""
+    monkeypatch.setattr("deltaopt.bench.random_scenes._MOST_MOVES", 100)
+    robot = load_robot(PROBLEMS / "robots/industrial_limited.yaml")
+    moves = list(random_scenes(robot, None, 40, seed=1))
+    assert len(moves) == 40
+    (depth, most), radius = robot.workspace.depth, robot.workspace.radius
+    for x, y, z in (point for each in moves for point in each.given_points):
+        assert depth <= x <= most
+        assert np.hypot(y, z) <= radius
 
 
 def test_a_robot_without_a_workspace(monkeypatch):
