@@ -192,15 +192,14 @@ def room_at_rest(scene: Scene, points: Array) -> Array:
 
     It is the least of three: what is left of a limit as a share of it, the squared distance from a
     serial singularity, and the distance from a parallel one. Negative where the platform cannot be
-    at rest, is not below its elbows, or is beyond a parallel singularity, seen from the start.
+    at rest, or is beyond a parallel singularity, seen from the start.
     """
-    back, rows, distances = _at_rest(scene, points)
-    there = np.linalg.norm(back - points, axis=1) <= _SAME_PLACE  # False where not a number
+    _, rows, distances = _at_rest(scene, points)
     limits = 1 - np.abs(rows).max(axis=1)
     volumes = _volumes(scene, np.vstack([scene.given_points[0], points]))
     beyond = np.sign(volumes[0]) * volumes[1:]
     room = np.minimum(np.minimum(limits, distances.min(axis=1)), beyond)
-    return np.where(there & np.isfinite(room), room, -1.0)
+    return np.where(np.isfinite(room), room, -1.0)
 
 
 def on_one_side(scene: Scene, points: Array) -> bool:

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from deltaopt import plan
+from deltaopt.bench.statics import Statics
 from deltaopt.errors import Infeasible
 from deltaopt.limits.keep_out import KeepOut
 from deltaopt.motion.sure_bounds import signed_distances
+from deltaopt.planning.first_motions.passages import shortest_path
 from deltaopt.scene.feasibility import room_at_rest
 from deltaopt.scene.scene import Scene, load_scene
 from deltaopt.verify.verification import verify
@@ -149,6 +152,23 @@ def test_a_reach_into_a_box():
 def test_ways_that_were_not_found(name):
     """Over a wall along the edge of the workspace, and where no place of a coarse grid is free."""
     planned(load_scene(Path(__file__).parents[1] / "data" / "bodies" / f"{name}.yaml"))
+
+
+@pytest.mark.parametrize("name", ["far_around", "far_around_with_clearance"])
+def test_a_way_far_around(name):
+    """Found by a campaign: walls around which the only way leads far beyond start and goal, where
+    the platform is above a plane through its elbows. Judged by distances and statics of its own."""
+    scene = load_scene(PROBLEMS.parent / "tests" / "data" / "bodies" / f"{name}.yaml")
+    corners = shortest_path(scene)
+    (wall,) = [body.shape for body in scene.keep_out]
+    shares = np.linspace(0.0, 1.0, 101)[:, None]
+    path = np.vstack([a + shares * (b - a) for a, b in pairwise(corners)])
+    np.testing.assert_array_equal(path[[0, -1]], scene.given_points)
+    beyond = np.abs(path - np.array(wall.centre)) - np.array(wall.half)
+    assert np.linalg.norm(np.maximum(beyond, 0), axis=1).min() > scene.least_clearance
+    at = Statics(scene.robot, scene.payload or 0.0).at(path)
+    assert (np.abs(at.torques) < scene.robot.torque_limits).all()
+    assert (at.volumes * at.volumes[0] > 0).all()
 
 
 def test_reasons():

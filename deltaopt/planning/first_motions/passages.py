@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import combinations, product
+from itertools import combinations, pairwise, product
 from math import inf, tau
 
 import numpy as np
@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from deltaopt.limits.constraints import SceneLimits
 from deltaopt.motion.sure_bounds import signed_distances
 from deltaopt.motion.trajectory import Array
+from deltaopt.planning.first_motions.roadmap import path_over_grid, spacing
 from deltaopt.robot.solids import Convex, Polytope, Solid
 from deltaopt.scene.feasibility import room_at_rest
 from deltaopt.scene.scene import Scene, limits_of
@@ -47,6 +48,9 @@ _TRIED = (
 """In turn: the grid, whether places on long edges and between bodies are looked at too, what is to
 spare (m), and how many searches for a shortest path are made. Each search finds that at least one
 line is blocked, or ends; with the finer grid one takes some 20 ms where there is no way."""
+_STEPS = (16, 32)
+"""Of grids over all that the robot reaches, along the reach of a chain, which are looked at where
+none of these leads to the goal. The second takes some 0.1 s."""
 _ROOM = 0.6
 """By what share of the way from start to goal the grid reaches beyond both."""
 _LARGEST = 100.0
@@ -78,13 +82,32 @@ def shortest_path(scene: Scene) -> Array | None:
 
 
 def paths_of_lines(scene: Scene) -> Iterator[Array]:
-    """The same over one set of places after the other, as far as there is one."""
-    ends = np.array(given_points(scene.task))
+    """The same over one set of places after the other, as far as there is one; over all that the
+    robot reaches if there is none between start and goal or not far beyond."""
+    ends, found = np.array(given_points(scene.task)), False
     for grid, between, spare, searches in _TRIED:
         places = _places(scene, ends, grid, between=between)
         path = _path(_Lines.of(scene, spare), ends, places, searches)
         if path is not None:
+            found = True
             yield path
+    far = None if found else _far_around(_Lines.of(scene, _SPARE))
+    if far is not None:
+        yield far
+
+
+def _far_around(lines: _Lines) -> Array | None:
+    """A path over a grid of all that the robot reaches, cut short; None if there is none of clear
+    lines."""
+
+    def room(places: Array) -> Array:
+        return np.where(lines.are_clear_places(places), room_at_rest(lines.without, places), -1.0)
+
+    for steps in _STEPS:
+        path = path_over_grid(lines.without, steps, room)
+        if path is not None and lines.lead_along(path):
+            return lines.cut_short(path)
+    return None
 
 
 def _path(lines: _Lines, ends: Array, others: Array, searches: int) -> Array | None:
@@ -114,8 +137,9 @@ def what_was_searched(scene: Scene) -> str:
     distances = ", ".join(f"{1e3 * each:g}" for each in BESIDE)
     return (
         "neither bends to four sides of each body nor straight lines between places "
-        f"{distances} mm beside its edges, halfway between bodies, and a grid of "
-        f"{' x '.join(map(str, _FINE))} places"
+        f"{distances} mm beside its edges, halfway between bodies, a grid of "
+        f"{' x '.join(map(str, _FINE))} places, and one over all that the robot reaches, "
+        f"{1e3 * spacing(scene, _STEPS[-1]):.3g} mm apart,"
     )
 
 
@@ -140,8 +164,25 @@ class _Lines:
 
     def clear_places(self, places: Array) -> Array:
         """Those that are clear of bodies and where the platform can be held."""
+        return places[self.are_clear_places(places) & self._can_be_held(places)]
+
+    def are_clear_places(self, places: Array) -> Truths:
+        """Which places, (N, 3), are clear of bodies, (N,)."""
         distance, _ = signed_distances(self.scene, places)
-        return places[(distance > self._kept).all(axis=1) & self._can_be_held(places)]
+        return np.asarray((distance > self._kept).all(axis=1))
+
+    def lead_along(self, path: Array) -> bool:
+        """Whether all lines between the corners of a path, (n, 3), are clear."""
+        return all(self.are_clear(a, b[None])[0] for a, b in pairwise(path))
+
+    def cut_short(self, path: Array) -> Array:
+        """A path, (n, 3), from each corner by a clear line to the last that one leads to."""
+        kept, here = [0], 0
+        while here < len(path) - 1:
+            later = np.flatnonzero(self.are_clear(path[here], path[here + 1 :]))
+            here += 1 + int(later[-1]) if len(later) else 1
+            kept.append(here)
+        return np.asarray(path[kept])
 
     def are_clear(self, begin: Array, ends: Array) -> Truths:
         """Whether the lines from a place to others, (N, 3), are clear, (N,)."""
