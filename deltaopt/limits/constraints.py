@@ -6,7 +6,7 @@ last axis of rows is in that order, everywhere.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import pairwise
@@ -344,6 +344,43 @@ class SceneLimits:
     def edge_radii(self) -> Array:
         """Of the rows of ``Constraints.convex`` the radii of the edges of their bounds, m."""
         return np.array(self.constraints.edge_radii(self.numbers)).ravel()
+
+    @cached_property
+    def faces(self) -> tuple[tuple[Array, ...], ...]:
+        """Of each row of ``Constraints.convex`` all numbers, with those of its body replaced by
+        those of one of its faces, for every face, as of ``ConvexLimit.faces``."""
+        return tuple(
+            tuple(self._with_part(part, face) for face in limit.faces(self.numbers[own])[row])
+            for limit, own, row, part in self._convex_rows
+        )
+
+    def opened(self, row: int, faces: Collection[int]) -> Array | None:
+        """All numbers with those of the body of one of these rows replaced as of
+        ``ConvexLimit.opened``."""
+        limit, own, inner, part = self._convex_rows[row]
+        found = limit.opened(self.numbers[own], inner, faces)
+        return None if found is None else self._with_part(part, found)
+
+    @cached_property
+    def _convex_rows(self) -> list[tuple[ConvexLimit, slice, int, slice]]:
+        """Of each of these rows its limit, the place of all its numbers, which of its rows it is,
+        and the place of the numbers of that."""
+        found, begin = list[tuple[ConvexLimit, slice, int, slice]](), 0
+        parts = zip(self.constraints.items, self.constraints.slices, strict=True)
+        for (limit, size), rows in parts:
+            number = rows.stop - rows.start
+            if isinstance(limit, ConvexLimit):
+                each, own = size // number, slice(begin, begin + size)
+                places = (slice(begin + k * each, begin + (k + 1) * each) for k in range(number))
+                found += [(limit, own, k, place) for k, place in enumerate(places)]
+            begin += size
+        return found
+
+    def _with_part(self, place: slice, part: Array) -> Array:
+        """All numbers, some of them replaced."""
+        numbers = self.numbers.copy()
+        numbers[place] = part
+        return numbers
 
     @cached_property
     def bound_exponents(self) -> Array:

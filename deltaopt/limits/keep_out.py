@@ -12,7 +12,7 @@ derivative tells how a motion may slide around. So limits also say how round the
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from math import inf
 from typing import ClassVar
@@ -20,7 +20,7 @@ from typing import ClassVar
 import casadi as ca
 import numpy as np
 
-from deltaopt.limits.limit import SX, Bounds, Described, Instant, Numbers
+from deltaopt.limits.limit import SX, Array, Bounds, Described, Instant, Numbers
 from deltaopt.robot.solids import ALONG_THE_BASE, Convex, Polytope, Solid
 
 SCALE = 0.25
@@ -32,6 +32,13 @@ USUAL_WAY = 0.3
 """The same way, m, where the goal is no given point."""
 _HUGE = 100.0
 """Half the length of a side of a box, m, of which no motion meets an edge."""
+_SIDE = 1e3
+"""Half the length of a side of the box, or of the triangle, that stands for all beyond a face, m:
+no motion comes near its edges, and its rounding error is 1e-13 m."""
+_TRIANGLE = ((0.0, 2.0), (-2.0, -1.0), (2.0, -1.0))
+"""Corners of a triangle about the origin, counter-clockwise."""
+_SAME_PLANE = 1e-9
+"""Of unit normals, and of distances in m: what two planes differ by that are the same."""
 _TINY = 1e-24
 """Stands for a squared distance of 0, m², where a root would have no derivative."""
 OF_SOLID, OF_LIMIT = 17, 3
@@ -74,6 +81,24 @@ class _KeepOut:
         """Radius of the edges of one body, m."""
         raise NotImplementedError
 
+    def faces(self, numbers: Array) -> list[list[Array]]:
+        return [self._faces(own) for own in numbers.reshape(-1, self._size(numbers))]
+
+    def opened(self, numbers: Array, row: int, faces: Collection[int]) -> Array | None:
+        return self._opened(numbers.reshape(-1, self._size(numbers))[row], faces)
+
+    def _size(self, numbers: Array) -> int:
+        """How many of these numbers each body has."""
+        raise NotImplementedError
+
+    def _faces(self, own: Array) -> list[Array]:
+        """The same of one body, of its numbers."""
+        raise NotImplementedError
+
+    def _opened(self, own: Array, faces: Collection[int]) -> Array | None:
+        """The same of one body, of its numbers."""
+        return None
+
     def measure(self, motion: Instant, numbers: SX) -> SX:
         return ca.vertcat(*(self._distance(motion.x, own) for own in self._split(numbers)))
 
@@ -107,8 +132,44 @@ class KeepOut(_KeepOut):
     def _edge(self, own: SX) -> SX:
         return own[16] + where(own[12] > _HUGE, own[12])
 
+    def _size(self, numbers: Array) -> int:
+        return OF_SOLID + OF_LIMIT
+
+    def _faces(self, own: Array) -> list[Array]:
+        return [self._face(own, side) for side in _sides(own)]
+
+    def _face(self, own: Array, side: _Side) -> Array:
+        """All beyond one side of a solid, whose other sides are then far away."""
+        face, (axis, sign) = own.copy(), side
+        face[12 + axis if sign else 14] = _SIDE
+        if sign:
+            face[9:12] += sign * (own[12 + axis] - _SIDE) * own[3 * axis : 3 * axis + 3]
+            face[12:15], face[15] = _SIDE, 0.0
+        return face
+
+    def _opened(self, own: Array, faces: Collection[int]) -> Array | None:
+        sides, wide = _sides(own), own.copy()
+        for axis, sign in (sides[face] for face in faces):
+            if not sign:
+                return None
+            wide[9:12] += sign * _SIDE * own[3 * axis : 3 * axis + 3]
+            wide[12 + axis] += _SIDE
+        return wide
+
     def _distance(self, x: SX, own: SX) -> SX:
         return distance_from_solid(x, own)
+
+
+_Side = tuple[int, int]
+"""Of a solid: an axis and in which direction; a cylinder's curved side has no direction, 0."""
+
+
+def _sides(own: Array) -> list[_Side]:
+    """The sides of a solid that a motion may meet, by its numbers."""
+    is_round = bool(own[15])
+    curved = [(0, 0)] if is_round and own[14] < _HUGE else []
+    axes = (2,) if is_round else (0, 1, 2)
+    return curved + [(i, sign) for i in axes if own[12 + i] < _HUGE for sign in (1, -1)]
 
 
 def bounds_of_distances(each: list[SX]) -> Bounds:
@@ -156,6 +217,27 @@ class KeepOutHull(_KeepOut):
 
     def _split(self, numbers: SX) -> list[SX]:
         return [numbers]
+
+    def _size(self, numbers: Array) -> int:
+        return len(numbers)
+
+    def _faces(self, own: Array) -> list[Array]:
+        corners = own[: 9 * self.triangles].reshape(self.triangles, 3, 3)
+        found, planes = list[Array](), list[Array]()
+        for a, b, c in corners:
+            normal = np.cross(b - a, c - a)
+            normal /= np.linalg.norm(normal)
+            plane = np.append(normal, normal @ a)
+            if any(np.abs(plane - other).max() < _SAME_PLANE for other in planes):
+                continue
+            planes.append(plane)
+            first = (b - a) / np.linalg.norm(b - a)
+            second = np.cross(normal, first)
+            wide = [a + _SIDE * (x * first + y * second) for x, y in _TRIANGLE]
+            face = own.copy()
+            face[: 9 * self.triangles] = np.tile(np.ravel(wide), self.triangles)
+            found.append(face)
+        return found
 
     def _edge(self, own: SX) -> SX:
         return own[9 * self.triangles]

@@ -7,7 +7,7 @@ slowing, charts and verification follow from that and are written once, elsewher
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
@@ -258,6 +258,18 @@ class ConvexLimit(Limit, Protocol):
 
     def edge_radii(self, numbers: SX) -> SX:
         """Least radii of curvature of the places that are at the bound, m, one for each row."""
+        ...
+
+    def faces(self, numbers: Array) -> Sequence[Sequence[Array]]:
+        """For each row the numbers of its faces: of convex bodies without edges, each of which
+        contains the whole body, so that what is clear of one of them is clear of the body. All that
+        is outside of the body is outside of one of them. The numbers of rows follow one another,
+        and are as many for each."""
+        ...
+
+    def opened(self, numbers: Array, row: int, faces: Collection[int]) -> Array | None:
+        """The numbers of the body of a row as if it went on for ever beyond some of its faces, by
+        their indices: without their edges. None where no numbers describe that."""
         ...
 
 

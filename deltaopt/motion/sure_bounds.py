@@ -85,6 +85,15 @@ def signed_distances(scene: Scene, x: Array) -> tuple[Array, Array]:
     return measures, slopes.reshape(len(x), -1, 3)
 
 
+def distances_from_faces(scene: Scene, x: Array, row: int) -> Array:
+    """Distances of places (N, 3), m, from the faces of the body of one of the rows of
+    ``Constraints.convex``, (N, faces), m."""
+    limits = limits_of(scene)
+    measures = _tangents(limits.constraints)
+    each = [measures(x, parameters=numbers)[0][:, row] for numbers in limits.faces[row]]
+    return np.stack(each, axis=1)
+
+
 def _bernstein(position: PiecewisePolynomial) -> Array:
     """Control points of all pieces, (K, 3, d + 1)."""
     coefficients, lengths = position.coefficients, np.diff(position.knots)

@@ -27,7 +27,7 @@ from deltaopt.planning.mesh.mesh_solution import (
     solve_on_mesh,
 )
 from deltaopt.planning.mesh.reversals import with_reversals
-from deltaopt.planning.nlp.phases import first_mesh
+from deltaopt.planning.nlp.phases import FacePhases, first_mesh
 from deltaopt.planning.nlp.problem import FormulatedProblem, Guess
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.robot.model import DeltaModel
@@ -56,6 +56,9 @@ _SOLVER_MARGIN, _LOOSEST_TOLERANCE = 300.0, 1e-4
 """The solver's relative tolerance on a mesh: the gap of the mesh before divided by the first, at
 most the second; a third of the plan's tolerance if that is looser. A tighter one costs iterations,
 a looser one hides the error of the mesh behind the solver's."""
+_LOOSER, _LOOSER_PAST_FACES = 3.0, 30.0
+"""A plan's tolerance over the solver's at its tightest. Where phases meet on edges, the instant at
+which they do so is a flat optimum, in which the solver leaves up to what it is allowed to."""
 _SMALLEST_TARGET = 3e-7
 """Smallest relative time loss that a mesh is refined for. Below it the loss cannot be
 distinguished from what the solver leaves."""
@@ -63,6 +66,9 @@ _MOST_MESHES, _MOST_REPEATS, _MOST_FAILURES = 17, 4, 2
 """Largest numbers of meshes, of solves in a row on the same mesh with limits tightened further, and
 of solves in a row that do not converge. They bound the time of a plan that makes no progress."""
 
+_EDGES_BELOW, _MOST_EDGES = 2e-2, 3
+"""Gap below which a solution shows which edges of bodies it touches, and from how many such meshes
+phases past these are tried."""
 _HOPELESS_GAP, _MOST_CROSSINGS = 0.1, 2
 """Gap above which a mesh solution is looked at for a parallel singularity between its points, and
 how many in a row may pass through one. The first may, on a coarse mesh, and later ones turn back;
@@ -151,6 +157,7 @@ class Refinement:
     iterations: list[Iteration] = field(default_factory=list, init=False)
     _coarse_left: int = field(default=_MOST_DETECTIONS, init=False)
     _fine_left: int = field(default=1, init=False)
+    _edges_left: int = field(default=_MOST_EDGES, init=False)
     _repeats: int = field(default=0, init=False)
     _failures: int = field(default=0, init=False)
     _crossings: int = field(default=0, init=False)
@@ -177,11 +184,14 @@ class Refinement:
                     return resolved
                 target = max(target, gap / _REDUCTION_AFTER_DETECTION)
             mesh = self._finer(last, target / 3**self._failures)
-            scaling = last.tightened(mesh)
+            faces = self._faces(last)
+            mesh = mesh if faces is None else faces.on(mesh)
+            scaling = last.tightened(mesh, faces)
             if self._is_repetition(last, mesh, scaling):
                 self.report(f"{len(last.mesh)} intervals: no finer mesh is known to be worth it")
                 break
-            accuracy = max(self.tolerance / 3, min(gap / _SOLVER_MARGIN, _LOOSEST_TOLERANCE))
+            looser = self.tolerance / (_LOOSER if faces is None else _LOOSER_PAST_FACES)
+            accuracy = max(looser, min(gap / _SOLVER_MARGIN, _LOOSEST_TOLERANCE))
             try:
                 self._solve(mesh, Guess(last.trajectory, near=True, tolerance=accuracy), scaling)
                 self._failures = 0
@@ -190,13 +200,16 @@ class Refinement:
             except (NotConverged, Unreachable, Singular) as error:  # the meshes before remain
                 self.report(f"{len(mesh)} intervals: {error}")
                 self._failures += 1
+                self._edges_left -= faces is not None
         if self.resolver is None or self.iterations[-1].gap >= _DETECTABLE_GAP:
+            return None
+        if self.solutions[-1].faces is not None:  # arcs do not hold limits at edges
             return None
         return self.resolver.from_last(self.solutions[-1])
 
     def certificate(self, chosen: int) -> Certificate | None:
         """The certificate of a mesh solution, by its index; None if it has none."""
-        if self.resolver is None:
+        if self.resolver is None or self.solutions[chosen].faces is not None:
             return None
         return self.resolver.certificate(self.solutions[chosen])
 
@@ -273,6 +286,19 @@ class Refinement:
         contacts = last.contacts
         return with_knots_at(mesh, contacts) if len(contacts) else mesh
 
+    def _faces(self, last: MeshSolution) -> FacePhases | None:
+        """The phases of the next mesh past faces of bodies; None without."""
+        known = last.faces
+        if self._failures or (known is None and self.iterations[-1].gap > _EDGES_BELOW):
+            return known
+        found = last.phases_over_edges() if self._edges_left > 0 else None
+        if known is None:
+            return found
+        if found is None or last.presses_beside_bodies(self.tolerance):
+            self._edges_left -= 1
+            return None
+        return known if found.is_like(known) else found
+
     def _is_repetition(self, last: MeshSolution, mesh: Array, scaling: Scaling) -> bool:
         """Whether the next solve would repeat the last; counts solves on the same mesh."""
         N = len(mesh)
@@ -289,7 +315,7 @@ class Refinement:
         """
         if self.resolver is None or self._failures or self._repeats or gap >= _DETECTABLE_GAP:
             return None
-        if self.solutions[-1].is_softened:
+        if self.solutions[-1].is_softened or self.solutions[-1].faces is not None:
             return None
         if gap < _SHARP_GAP and self._fine_left:
             self._fine_left -= 1

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from deltaopt.errors import NotConverged
 from deltaopt.limits.constraints import Constraints
 from deltaopt.mechanisms.delta.functions import DeltaFunctions
-from deltaopt.motion.trajectory import Motion, PiecewisePolynomial, Trajectory, passes
+from deltaopt.motion.trajectory import Motion, PiecewisePolynomial, Trajectory
 from deltaopt.planning.flat.equations import PointEquations, point_equations
 from deltaopt.planning.flat.interior_point import (
     Boundary,
@@ -176,6 +176,11 @@ class FlatProblem:
         return IPOPT_FINEST if self._interior_point is None else _FINEST
 
     @property
+    def takes_phases(self) -> bool:
+        """Whether its solver finds motions in phases."""
+        return self._interior_point is not None
+
+    @property
     def _motion_size(self) -> int:
         return 6 + 3 * len(self.transcription.nodes)
 
@@ -279,7 +284,7 @@ class FlatProblem:
                 "No_Progress",
                 guess.trajectory,
             )
-        if scaling.scene.task.gates:
+        if scaling.gates:
             raise NotConverged(
                 "motions in phases are planned by the interior-point method alone, which "
                 "does not converge here, or is not compiled",
@@ -297,7 +302,7 @@ class FlatProblem:
         settings: Settings,
     ) -> InteriorPointSolution:
         """Run the interior-point method from a guess."""
-        if scaling.scene.task.gates:
+        if scaling.gates:
             return self._in_phases(method, guess, scaling, parameters, settings)
         knots, T = self._at_knots(guess.trajectory, scaling)
         shares = np.ascontiguousarray(scaling.shares(self.intervals))
@@ -324,7 +329,7 @@ class FlatProblem:
         task, motion = scaling.scene.task, guess.trajectory
         shares = scaling.shares(self.intervals)
         first, last = motion.knots[[0, -1]]
-        instants = np.array([first, *passes(task, motion), last])
+        instants = np.array([first, *scaling.passes(motion), last])
         passed = (instants[1:-1] - first) / motion.duration
         phases = []
         for own, (begin, end), p in zip(
@@ -338,7 +343,7 @@ class FlatProblem:
             knots = scaling.states(motion.position, times, T)
             share = np.ascontiguousarray(shares[own])
             phases.append(Phase(mesh, p, share, knots, T / scaling.time))
-        between = (gate_boundary(gate, scaling, settings.tolerance) for gate in task.gates)
+        between = (gate_boundary(gate, scaling, settings.tolerance) for gate in scaling.gates)
         start, goal = boundary(task.start, scaling), boundary(task.goal, scaling)
         return method.solve(phases, [start, *between, goal], settings)
 

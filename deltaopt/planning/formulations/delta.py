@@ -110,6 +110,10 @@ class DeltaProblem:
     def finest(self) -> int:
         return IPOPT_FINEST
 
+    @property
+    def takes_phases(self) -> bool:
+        return False
+
     def solve(self, guess: Guess, scaling: Scaling, parameters: Array) -> Solved:
         """Find the best motion on this mesh by Ipopt.
 

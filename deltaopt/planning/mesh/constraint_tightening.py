@@ -44,6 +44,8 @@ _SHARPEST = 2e-5
 """Least distance in m that motions are planned at from bodies whose edges neither tool nor
 clearance rounds: edges then have this radius. Less is slower to solve; it costs this distance times
 what a metre of clearance costs, which is told as part of the gap."""
+_FROM_FACES = 1e-9
+"""The same where they are planned past faces: what a solver may leave costs a solve otherwise."""
 _SHARE_OF_ROOM, _LOOKED_AT = 0.9, 4
 """Of the distance from a body that the motion before had in an interval, what it is to have at
 most, and places that are looked at there: a motion may have to begin beside a body."""
@@ -163,6 +165,8 @@ def corner_shares(scaling: Scaling, motion: Trajectory, mesh: Array) -> Array:
     limits, apart = scaling.limits, points_apart(motion, mesh)
     convex = limits.constraints.convex
     wanted = np.maximum(_ROUNDING_OF_CORNERS * apart, _SHARPEST)[:, None] - limits.edge_radii
+    if scaling.faces is not None:  # there phases meet instead
+        wanted = np.where(scaling.faces.rows, _FROM_FACES, wanted)
     room = _least_distances(scaling, motion, mesh) - limits.bounds[0][convex]
     over = np.clip(wanted, 0.0, np.maximum(_SHARE_OF_ROOM * room, 0.0)) / limits.scales[convex]
     return np.maximum(1 - over, _SMALLEST_SHARE_OF_PLACES)

@@ -27,6 +27,7 @@ from deltaopt.planning.mesh.constraint_tightening import (
     points_apart,
     samples_at,
 )
+from deltaopt.planning.mesh.edges import phases_over_edges
 from deltaopt.planning.mesh.error_estimate import (
     FRACTIONS,
     SAFETY_FACTOR,
@@ -34,6 +35,7 @@ from deltaopt.planning.mesh.error_estimate import (
     ErrorEstimate,
     error_estimate,
 )
+from deltaopt.planning.nlp.phases import FacePhases
 from deltaopt.planning.nlp.problem import FormulatedProblem, Guess, Problem, Solved
 from deltaopt.planning.nlp.program import Spent
 from deltaopt.planning.nlp.scaling import Scaling
@@ -49,6 +51,8 @@ estimate can be corrected by what was really gained."""
 _NEARLY_LAST = 5e-3
 """Gap of a motion that cannot be slowed below which the next mesh may be the last. Limits that are
 tightened on coarser meshes lead finer ones astray."""
+_BESIDE_BODIES = 0.2
+"""Of a tolerance: what may be lost beside bodies where phases end on edges."""
 _TOUCHES, _FREE = 0.02, 1e-6
 """Of all that a body costs, what an interval must cost to count as touching it; and what a body
 must cost, as a fraction of the duration per share of its bound."""
@@ -235,19 +239,38 @@ class MeshSolution:
         return np.asarray(np.abs(self.solution.multipliers[:, :, convex]).sum(axis=1))
 
     @property
+    def _pays(self) -> Truths:
+        """In which intervals the motion touches which bodies, (N, rows)."""
+        price = self._price_of_places
+        return np.asarray(price > _TOUCHES * np.maximum(price.sum(axis=0), _FREE))
+
+    def phases_over_edges(self) -> FacePhases | None:
+        """Phases for the next meshes where the motion touches sharp edges of bodies; None if there
+        are none for it."""
+        has_phases = self.problem.takes_phases and not self.scene.task.gates
+        if not (has_phases and self.scene.task.is_at_rest and self.scaling.constraints.has_convex):
+            return None
+        return phases_over_edges(self.scene, self.trajectory, self._pays)
+
+    def presses_beside_bodies(self, tolerance: float) -> bool:
+        """Whether limits that stand for bodies hold the motion where these are not, so that more
+        than a share of the ``tolerance`` of the gap is lost."""
+        lost = self.lost.at_bodies
+        return lost is not None and float(lost.sum()) > _BESIDE_BODIES * tolerance
+
+    @property
     def contacts(self) -> Array:
         """Instants at which the motion touches bodies, as fractions of the duration, (n,)."""
         convex = self.scaling.constraints.convex
         if not convex.any():
             return np.zeros(0)
-        price = self._price_of_places
+        pays = self._pays
         size = self.scaling.constraints.size(self.rows)[:, :, convex]
         begin = np.cumsum(self.mesh) - self.mesh
         times = (begin[:, None] + self.mesh[:, None] * FRACTIONS).ravel()
         found = []
-        for row in range(price.shape[1]):
-            pays = price[:, row] > _TOUCHES * max(float(price[:, row].sum()), _FREE)
-            for first, last in _runs(pays):
+        for row in range(pays.shape[1]):
+            for first, last in _runs(pays[:, row]):
                 samples = slice(first * len(FRACTIONS), last * len(FRACTIONS))
                 found.append(times[samples][size[:, :, row].reshape(-1)[samples].argmax()])
         return np.array(sorted(found))
@@ -296,8 +319,16 @@ class MeshSolution:
         """Lengths of the intervals, fractions of the duration, (N,)."""
         return self.problem.mesh if self.solution.mesh is None else self.solution.mesh
 
-    def tightened(self, mesh: Array) -> Scaling:
+    @property
+    def faces(self) -> FacePhases | None:
+        """The phases past faces of bodies that the motion was found in; None if there are none."""
+        faces = self.scaling.faces
+        return None if faces is None else faces.moved(self.problem.mesh, self.mesh)
+
+    def tightened(self, mesh: Array, faces: FacePhases | None = None) -> Scaling:
         """The scaling with tightened limits for the next mesh, which divides this one.
+
+        ``faces``: phases of the next mesh.
 
         Limits of position are tightened in intervals of any length, for slowing does not help
         them; others in short ones alone, unless slowing does not help these either, or the motion
@@ -318,6 +349,7 @@ class MeshSolution:
             tightened = overshoot.tightened(self.scaling, mesh)
         if self.excess is None:
             return tightened
+        tightened = replace(tightened, faces=faces)
         return self._tightened_at_bodies(tightened, size, shares, mesh)
 
     def _is_held(self, shares: Array) -> bool:
@@ -350,9 +382,12 @@ class MeshSolution:
         assert self.excess is not None
         convex = self.scaling.constraints.convex
         share, points = scaling.shares(len(mesh)).copy(), self.problem.points
-        of_bodies = size[:, :, convex], 1 + self.excess, shares[:, convex]
-        bulge = Bulge.of(self.mesh, points, *of_bodies)
-        rounded = corner_shares(self.scaling, self.trajectory, mesh)
+        highest = 1 + self.excess
+        if scaling.faces is not None:  # the bound may be far from what it bounds beside an edge
+            is_clear = scaling.faces.rows & (self.excess <= 0)
+            highest = np.where(is_clear, size[:, :, convex].max(axis=1), highest)
+        bulge = Bulge.of(self.mesh, points, size[:, :, convex], highest, shares[:, convex])
+        rounded = corner_shares(scaling, self.trajectory, mesh)
         share[:, convex] = np.minimum(bulge.shares(mesh), rounded)
         return replace(scaling, share=share)
 

@@ -1,20 +1,26 @@
-"""Phases: the parts of a motion between via points, or of an approach, each with a mesh and a
-duration of its own."""
+"""Phases: the parts of a motion between via points, of an approach, or past the faces of a body,
+each with a mesh and a duration of its own."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.motion.trajectory import Trajectory, passes
-from deltaopt.scene.task import Task
+from deltaopt.scene.task import Gate, Task
 
 Array = NDArray[np.float64]
+Truths = NDArray[np.bool]
 
 _FEWEST = 4
 """Intervals of a phase on the first mesh at least: fewer cannot speed up and slow down."""
+
+_GIVES_WAY = 0.3
+"""Of an interval in which phases meet: knots that are nearer give way. Very unequal neighbours are
+badly conditioned, and fewer knots are less exact."""
 
 
 def parts(mesh: Array, passed: Array) -> list[slice]:
@@ -34,3 +40,41 @@ def first_mesh(task: Task, motion: Trajectory, intervals: int) -> Array:
     lengths = np.diff([0.0, *passed.tolist(), 1.0])
     counts = np.maximum(np.rint(intervals * lengths), _FEWEST).astype(int)
     return np.repeat(lengths / counts, counts)
+
+
+@dataclass(frozen=True, eq=False)
+class FacePhases:
+    """Phases in each of which a motion keeps clear of one face of every body with sharp edges that
+    it touches, so that edges are where phases meet.
+
+    ``instants``: when they meet, fractions of the duration, (n,). ``gates``: what is given there.
+    ``numbers``: of all limits in each phase, (n + 1, numbers), those of these bodies replaced by
+    those of their faces. ``rows``: which of the rows of ``Constraints.convex`` are these bodies',
+    (rows,).
+    """
+
+    instants: Array
+    gates: tuple[Gate, ...]
+    numbers: Array
+    rows: Truths
+
+    def moved(self, before: Array, after: Array) -> FacePhases:
+        """The same after a solution has changed the lengths of a mesh, (N,) each."""
+        ends = [part.stop - 1 for part in parts(before, self.instants)[:-1]]
+        return replace(self, instants=np.cumsum(after)[ends])
+
+    def is_like(self, other: FacePhases) -> bool:
+        """Whether there are the same phases, whenever they meet."""
+        alike = len(self.gates) == len(other.gates) and np.array_equal(self.rows, other.rows)
+        return alike and bool(np.array_equal(self.numbers, other.numbers))
+
+    def on(self, mesh: Array) -> Array:
+        """A mesh, (N,), with knots where phases meet: knots that are near give way."""
+        knots = np.append(0.0, np.cumsum(mesh))
+        inside = knots[1:-1]
+        for instant in self.instants.tolist():
+            after = int(np.searchsorted(inside, instant))
+            beside = np.concatenate([knots[:1], inside, knots[-1:]])[[after, after + 1]]
+            near = _GIVES_WAY * (beside[1] - beside[0])
+            inside = np.sort(np.append(inside[np.abs(inside - instant) > near], instant))
+        return np.diff(np.concatenate([knots[:1], inside, knots[-1:]]))

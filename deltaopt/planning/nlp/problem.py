@@ -105,6 +105,11 @@ class Problem(Protocol):
         """Number of intervals of the finest mesh that is worth its solver's time."""
         ...
 
+    @property
+    def takes_phases(self) -> bool:
+        """Whether its solver finds motions in phases."""
+        ...
+
     def solve(self, guess: Guess, scaling: Scaling, parameters: Array) -> Solved:
         """Find the best motion on this mesh.
 

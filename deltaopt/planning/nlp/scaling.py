@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from deltaopt.files.validated_record import Vector3
 from deltaopt.limits.constraints import Constraints, SceneLimits
-from deltaopt.motion.trajectory import PiecewisePolynomial
+from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory, passes
+from deltaopt.planning.nlp.phases import FacePhases
 from deltaopt.scene.scene import Scene, limits_of
-from deltaopt.scene.task import MovingPoint, distance, given_points
+from deltaopt.scene.task import Gate, MovingPoint, distance, given_points
 
 Array = NDArray[np.float64]
 
@@ -73,7 +74,8 @@ class Scaling:
     largest that the scene allows. ``share``: the part of
     each limit that a motion may use, one for all or by interval and row, (N, rows). ``kept``:
     indices of the scene's items of limits that are considered; None for all.
-    ``torque_share``: the part of torque limits that it may use at most, everywhere.
+    ``torque_share``: the part of torque limits that it may use at most, everywhere. ``faces``:
+    phases past the faces of bodies with sharp edges; None where there are none.
     """
 
     scene: Scene
@@ -82,6 +84,7 @@ class Scaling:
     torque_share: float = 1.0
     kept: tuple[int, ...] | None = None
     extent: float | None = None
+    faces: FacePhases | None = None
 
     @cached_property
     def limits(self) -> SceneLimits:
@@ -167,16 +170,30 @@ class Scaling:
 
     def parameters_in_phases(self, mechanism: Array) -> list[Array]:
         """The same for each phase of the motion: those of an approach differ."""
-        p, gates = self.parameters(mechanism), self.scene.task.gates
-        found = [p.copy() for _ in range(len(gates) + 1)]
+        p = self.parameters(mechanism)
+        found = [p.copy() for _ in range(len(self.gates) + 1)]
         phased = self.limits.phased
+        units = len(self.vector()) - len(self.limits.numbers)
+        if self.faces is not None:
+            for phase, numbers in zip(found, self.faces.numbers, strict=True):
+                phase[units : units + len(numbers)] = numbers
         if phased is not None:
-            units = len(self.vector()) - len(self.limits.numbers)
             place = slice(phased.numbers.start + units, phased.numbers.stop + units)
             in_phases = phased.limit.numbers_in_phases(p[place])
             for phase, numbers in zip(found, in_phases, strict=True):
                 phase[place] = numbers
         return found
+
+    @property
+    def gates(self) -> tuple[Gate, ...]:
+        """Where the phases of the motion meet."""
+        return self.scene.task.gates if self.faces is None else self.faces.gates
+
+    def passes(self, motion: Trajectory) -> Array:
+        """When a motion passes from phase to phase, (n,), s."""
+        if self.faces is None:
+            return passes(self.scene.task, motion)
+        return np.asarray(motion.knots[0] + motion.duration * self.faces.instants)
 
     def polynomial(self, h: Array, coefficients: Array, T: float) -> PiecewisePolynomial:
         """A position in m over s from its scaled coefficients.

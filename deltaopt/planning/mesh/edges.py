@@ -1,0 +1,179 @@
+"""Motions over sharp edges of bodies, in phases that end where an edge is passed.
+
+At an edge that neither tool nor clearance rounds, the distance from a body has no derivative. A
+solver then finds no way around it unless the motion keeps off, and on every mesh there is another
+best motion, for another point lies on either side of the edge. But a body is what all half-spaces
+beyond its faces have in common: a motion is clear of it as long as it is clear of one face at any
+instant. So where a solution on a mesh touches an edge, it tells which face it is clear of when; and
+with a phase for each, whose duration is free, no kink is left. Wherever one phase meets the next
+the motion is clear of both faces: on the edge, where it touches that.
+
+What is clear of a face is clear of the body, so that a wrong choice of faces costs time alone,
+which the multipliers of limits with room left tell as part of the gap.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deltaopt.limits.constraints import SceneLimits
+from deltaopt.motion.sure_bounds import distances_from_faces
+from deltaopt.motion.trajectory import Array, Trajectory
+from deltaopt.planning.nlp.phases import FacePhases
+from deltaopt.scene.scene import Scene, limits_of
+from deltaopt.scene.task import Gate
+
+Integers = NDArray[np.intp]
+Truths = NDArray[np.bool]
+
+_SHARP = 2e-5
+"""Radius of edges, m, up to which they are sharp."""
+_MOST_PHASES = 8
+"""More say that a body has too many faces for phases of their own."""
+_SHORTEST = 2e-3
+"""Shortest phase, as a fraction of the duration."""
+_SAMPLES = 8
+"""Places of each interval that are looked at."""
+_NEAR_END = 2 * _SAMPLES
+"""Samples from an end of a part to which contacts count as its edge's."""
+_INSIDE = 1e-3
+"""How far from its edges, m, a motion touches a face that it is not on the edge of."""
+_ROUNDING = (1e-6, 1e-4)
+"""How far, m, a motion may be beyond a face and still count as clear of it: a solution that bulges
+over a body between points is as far beyond all faces."""
+_OPEN = Gate((None, None, None))
+
+
+@dataclass(frozen=True)
+class _Part:
+    """A part of a motion, from a sample on, in which it is clear of what some numbers describe, of
+    a row's body. ``on_edge``: whether it begins on an edge that is touched."""
+
+    begin: int
+    numbers: Array
+    on_edge: bool
+
+
+def phases_over_edges(scene: Scene, motion: Trajectory, touching: Truths) -> FacePhases | None:
+    """The phases of a motion that touches sharp edges of bodies; None if it touches none, or if
+    there are no phases for it.
+
+    ``touching``: in which intervals of the motion it touches which of the bodies of
+    ``Constraints.convex``, (N, rows).
+    """
+    limits = limits_of(scene)
+    has_edges = np.array([len(faces) > 1 for faces in limits.faces])
+    rows = touching.any(axis=0) & has_edges & (limits.edge_radii <= _SHARP)
+    if not rows.any():
+        return None
+    times, x = _samples(motion)
+    touches = np.repeat(touching, _SAMPLES, axis=0)
+    parts = dict[int, list[_Part]]()
+    for row in np.flatnonzero(rows).tolist():
+        found = _parts(limits, row, distances_from_faces(scene, x, row), touches[:, row])
+        if len(found) > 1:
+            parts[row] = found
+    changes = [each for found in parts.values() for each in found[1:]]
+    if not changes or len(changes) >= _MOST_PHASES:
+        return None
+    changes.sort(key=lambda each: each.begin)
+    instants = times[[each.begin for each in changes]]
+    if np.diff(np.concatenate([[0.0], instants, [1.0]])).min() < _SHORTEST:
+        return None
+    gates = tuple(
+        _OPEN if each.on_edge else _gate(motion, instant)
+        for each, instant in zip(changes, instants.tolist(), strict=True)
+    )
+    begins = [0, *(each.begin for each in changes)]
+    numbers = np.array([_numbers_at(limits, list(parts.values()), begin) for begin in begins])
+    held = np.isin(np.arange(len(rows)), list(parts))
+    return FacePhases(instants, gates, numbers, held)
+
+
+def _parts(limits: SceneLimits, row: int, distances: Array, touches: Truths) -> list[_Part]:
+    """The parts of a motion by faces of the body of a row that it is clear of; one or none if it
+    touches no edge. ``distances``: from its faces, (N, faces), m. ``touches``: at which samples it
+    touches the body, (N,)."""
+    least = limits.bounds[0][limits.constraints.convex][row]
+    over = distances - least
+    faces = _fewest_changes(over, _ROUNDING[0])
+    faces = _fewest_changes(over, _ROUNDING[1]) if faces is None else faces
+    if faces is None:
+        return []
+    begins = [0, *(np.flatnonzero(np.diff(faces)) + 1).tolist()]
+    on_edge = [k > 0 and bool(touches[max(k - _NEAR_END, 0) : k + _NEAR_END].any()) for k in begins]
+    inside = touches.copy()
+    for k in np.array(begins)[on_edge].tolist():
+        inside[max(k - _NEAR_END, 0) : k + _NEAR_END] = False
+    if not any(on_edge) or (np.sort(over[inside], axis=1)[:, -2] > -_INSIDE).any():
+        return []
+    order = faces[begins].tolist()
+    firsts = [0, *np.flatnonzero(on_edge).tolist(), len(begins)]  # of runs from edge to edge
+    found = list[_Part]()
+    for first, end in pairwise(firsts):
+        beyond = {*order[max(first - 1, 0) : first], *order[end : end + 1]}
+        last = begins[end] if end < len(begins) else len(touches)
+        opened = None
+        if not (inside[begins[first] : last].any() or beyond & set(order[first:end])):
+            opened = limits.opened(row, beyond)
+        if opened is not None:
+            found.append(_Part(begins[first], opened, on_edge[first]))
+            continue
+        found += [
+            _Part(begins[k], limits.faces[row][order[k]], on_edge[k]) for k in range(first, end)
+        ]
+    return found
+
+
+def _numbers_at(limits: SceneLimits, parts: list[list[_Part]], sample: int) -> Array:
+    """The numbers of all limits in the phase that begins at a sample; ``parts``: of each body."""
+    numbers = limits.numbers
+    for each in parts:
+        own = next(part for part in reversed(each) if part.begin <= sample).numbers
+        numbers = np.where(own != limits.numbers, own, numbers)
+    return numbers
+
+
+def _samples(motion: Trajectory) -> tuple[Array, Array]:
+    """Instants, fractions of the duration, (N · ``_SAMPLES``,), and places there, m."""
+    knots = (motion.knots - motion.knots[0]) / motion.duration
+    shares = np.arange(_SAMPLES) / _SAMPLES
+    times = (knots[:-1, None] + np.diff(knots)[:, None] * shares).ravel()
+    return times, motion.position.at(motion.knots[0] + motion.duration * times)
+
+
+def _fewest_changes(distances: Array, rounding: float) -> Integers | None:
+    """Which face a motion is clear of at each sample, (N,), with as few changes as possible, each
+    where it is as far as possible from both; from its distances, (N, faces), m. None where it is
+    clear of no face."""
+    beyond = distances < -rounding
+    order, ends, at = list[int](), list[int](), 0
+    while at < len(distances):
+        left = beyond[at:]
+        reach = np.where(left.any(axis=0), left.argmax(axis=0), len(left))
+        order.append(int(reach.argmax()))
+        if not reach.max():
+            return None
+        at += int(reach.max())
+        ends.append(at)
+    faces, first = np.full(len(distances), order[0]), 0
+    for k, (one, other) in enumerate(pairwise(order)):
+        both = distances[first + 1 : ends[k], [one, other]].min(axis=1)
+        if not len(both):
+            return None
+        first += 1 + int(both.argmax())
+        faces[first:] = other
+    return faces
+
+
+def _gate(motion: Trajectory, instant: float) -> Gate:
+    """What is given where phases meet away from edges: when they meet would be of no account, and a
+    solver would not find it. It is when the coordinate that changes fastest is as it was."""
+    x, v = motion.position.with_rate_at(motion.knots[:1] + motion.duration * instant)
+    fastest = int(np.abs(v[0]).argmax())
+    a, b, c = (float(x[0, i]) if i == fastest else None for i in range(3))
+    return Gate((a, b, c))

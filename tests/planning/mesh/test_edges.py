@@ -1,0 +1,145 @@
+"""Motions over sharp edges of bodies in phases: faces against distances, a wall against Ipopt."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from deltaopt import plan
+from deltaopt.mechanisms.delta.instant import PlatformInstant
+from deltaopt.motion.sure_bounds import distances_from_faces, signed_distances
+from deltaopt.planning.mesh.edges import phases_over_edges
+from deltaopt.robot.model import delta_model
+from deltaopt.scene.scene import Scene, limits_of, load_scene
+from deltaopt.verify.verification import verify
+from tests.oracles.point_motion import End, Instant, Leg, Row, System, fastest
+
+PROBLEMS = Path(__file__).parents[3] / "problems"
+WALL = load_scene(PROBLEMS / "keep_out" / "wall_25_305_25.yaml")
+EDGE = (0.825, 0.13)
+"""Of the wall, where the motion touches it: depth and y."""
+CORNERS = [[0.9, 0.0, 0.0], [1.1, 0.1, 0.0], [1.1, -0.1, 0.05], [1.1, 0.0, 0.1], [0.95, 0.1, 0.1]]
+PLACE = np.array([0.95, 0.1, 0.0])
+BODIES = {
+    "box": {"box": {"from": [0.82, 0.08, -0.11], "to": [0.96, 0.14, 0.11]}},
+    "cylinder": {"cylinder": {"from": [0.9, 0.1, 0.0], "to": [1.1, 0.15, 0.1], "radius": 0.05}},
+    "hull": {"hull": {"points": CORNERS}},
+}
+
+
+@pytest.fixture(scope="module")
+def over_the_wall():
+    return plan(WALL, tolerance=1e-4)
+
+
+def with_body(body: dict, **keys: object) -> Scene:
+    """The scene of the wall with another body instead."""
+    content = WALL.model_dump(exclude_none=True) | {"keep_out": [body]} | keys
+    return Scene.model_validate(content | {"robot": WALL.robot})
+
+
+@pytest.mark.parametrize("name", BODIES)
+def test_outside_of_a_body_is_outside_of_one_of_its_faces(name):
+    """At places about it. Inside its distance is that of the nearest face, and outside no face is
+    farther away than the body."""
+    scene = with_body(BODIES[name])
+    x = PLACE + np.random.default_rng(1).uniform(-0.3, 0.3, (20_000, 3))
+    body, faces = signed_distances(scene, x)[0][:, 0], distances_from_faces(scene, x, 0)
+    assert faces.shape[1] == {"box": 6, "cylinder": 3, "hull": 6}[name]
+    assert (faces.max(axis=1) <= body + 1e-12).all()
+    np.testing.assert_array_equal(faces.max(axis=1) > 1e-9, body > 1e-9)
+    inside = body < -1e-9
+    assert inside.sum() > 100
+    np.testing.assert_allclose(faces.max(axis=1)[inside], body[inside], atol=1e-11)
+
+
+def test_a_body_opened_beyond_a_face_is_what_all_its_other_faces_leave():
+    for name, beyond in (("box", {2}), ("box", {1, 4}), ("cylinder", {1})):
+        scene = with_body(BODIES[name])
+        limits = limits_of(scene)
+        x = PLACE + np.random.default_rng(2).uniform(-0.3, 0.3, (2_000, 3))
+        numbers = limits.opened(0, beyond)
+        assert numbers is not None
+        faces = distances_from_faces(scene, x, 0)
+        left = np.delete(faces, sorted(beyond), axis=1).max(axis=1)
+        np.testing.assert_array_equal(distances(scene, numbers, x) > 1e-9, left > 1e-9)
+    assert limits.opened(0, {0}) is None  # a cylinder's curved side
+    assert limits_of(with_body(BODIES["hull"])).opened(0, {0}) is None
+
+
+def distances(scene: Scene, numbers: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Of places from the body of the first row, with other numbers."""
+    constraints = limits_of(scene).constraints
+    point, own = ca.SX.sym("x", 3), constraints.numbers()
+    function = ca.Function("d", [point, own], [constraints.convex_measures(point, own)])
+    found = function.map(len(x))(x.T, np.repeat(numbers[:, None], len(x), axis=1))
+    return np.asarray(found)[0]
+
+
+def test_the_wall_is_crossed_on_its_edge(over_the_wall):
+    """A knot lies on it to nanometres, and the motion is clear of the wall."""
+    found = over_the_wall
+    assert found.within_tolerance
+    verified = verify(WALL, found.trajectory)
+    assert verified.ok, verified.failures()
+    knots = found.trajectory.position.at(found.trajectory.knots)
+    assert np.linalg.norm(knots[:, :2] - EDGE, axis=1).min() < 1e-8
+    x = found.trajectory.position.at(np.linspace(0.0, found.duration, 100_001))
+    assert signed_distances(WALL, x)[0][:, 0].min() >= -1e-9
+
+
+def test_a_via_point_on_the_edge_without_the_wall_takes_as_long():
+    """The wall's motion passes the middle of the edge, by symmetry, and touches nothing else."""
+    ours = plan(WALL, tolerance=1e-5)
+    through = WALL.model_copy(update={"keep_out": None, "via": [(*EDGE, 0.0)]})
+    theirs = plan(through, tolerance=1e-5)
+    assert ours.within_tolerance
+    assert theirs.within_tolerance
+    assert ours.duration == pytest.approx(theirs.duration, rel=ours.gap + theirs.gap)
+
+
+def test_no_motion_over_the_edge_is_faster_by_ipopt():
+    """In two phases that meet anywhere on the edge, by another transcription on the same mesh, and
+    without the wall beside it: a bound from below."""
+    found = plan(WALL, tolerance=5e-3)
+    knots = found.trajectory.knots
+    x = found.trajectory.position.at(knots)
+    passed = int(np.linalg.norm(x[:, :2] - EDGE, axis=1).argmin())
+    model = delta_model(WALL.robot, WALL.payload)
+    limits = limits_of(WALL)
+    torque, speed = limits.upper("torque"), limits.upper("speed")
+
+    def at(now: Instant) -> PlatformInstant:
+        p = ca.SX(ca.DM(model.parameters))
+        return PlatformInstant(model.functions, now.x, now.v, now.a, p, torque * now.tau)
+
+    def rows(now: Instant) -> list[Row]:
+        rates = at(now).dtheta
+        return [Row(now.tau[k]) for k in range(3)] + [Row(rates[k] / speed[k]) for k in range(3)]
+
+    robot = System(3, 2, lambda now: at(now).force / 100, rows)
+    place, rate = found.trajectory.position.with_rate_at(knots[[0, passed, -1]])
+    ends = []
+    for k, fixed in enumerate(([1, 1, 1], [1, 1, 0], [1, 1, 1])):
+        state = np.array([place[k], rate[k], np.zeros(3)])
+        state[0, :2] = EDGE if k == 1 else state[0, :2]
+        given = np.array([fixed, [k != 1] * 3, [0, 0, 0]], dtype=bool)
+        ends.append(End(state, given, np.zeros(3)))
+    spans = (knots[: passed + 1], knots[passed:])
+    legs = [Leg(np.diff(k) / (k[-1] - k[0]), float(k[-1] - k[0]), np.zeros(1)) for k in spans]
+    theirs = fastest(robot, legs, ends, np.array([0, 1 / 3, 2 / 3, 1]))
+    assert found.meshes[-1].duration == pytest.approx(theirs.sum(), rel=1e-4)
+    assert found.duration / (1 + found.gap) <= theirs.sum()
+
+
+def test_a_motion_that_touches_no_edge_has_no_phases():
+    """Neither one that is clear of the body, nor one that touches rounded edges."""
+    rounded = WALL.model_copy(update={"clearance": 0.002})
+    for scene in (WALL, rounded):
+        found = plan(scene)
+        N = len(found.trajectory.knots) - 1
+        touching = np.zeros((N, 1), bool) if scene is WALL else np.ones((N, 1), bool)
+        assert phases_over_edges(scene, found.trajectory, touching) is None
