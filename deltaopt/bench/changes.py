@@ -10,6 +10,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from deltaopt.bench.random_scenes import singular_volumes
 from deltaopt.files.validated_record import Vector3
 from deltaopt.robot.drive import Friction
 from deltaopt.robot.joints import Joints
@@ -256,6 +257,49 @@ def through_points(scene: Scene, rng: np.random.Generator) -> Scene:
         for share in shares
     )
     return scene.model_copy(update={"via": via})
+
+
+def near_points(scene: Scene, rng: np.random.Generator) -> Scene:
+    """Through spheres about one to three points beside the straight line."""
+    through = through_points(scene, rng).task.via
+    within = rng.uniform(0.01, 0.2, size=len(through)) * _distance(scene)
+    spheres = zip(through, within.tolist(), strict=True)
+    via = [{"at": point.position, "within": radius} for point, radius in spheres]
+    return scene.model_copy(update={"via": via})
+
+
+def beside_a_forearm(scene: Scene, rng: np.random.Generator) -> Scene:
+    """A sphere near a forearm as it is in the middle of the straight line, which arms and forearms
+    keep clear of too."""
+    chain = int(rng.integers(3))
+    elbow, end = _forearm(scene, chain)
+    size = _distance(scene)
+    radius = float(rng.uniform(0.02, 0.1)) * size
+    away = rng.uniform(0.0, 1.5) * radius * _unit(np.cross(end - elbow, rng.normal(size=3)))
+    centre = elbow + rng.uniform(0.2, 0.8) * (end - elbow) + away
+    body = {"sphere": {"centre": centre.tolist(), "radius": radius}}
+    return scene.model_copy(update={"keep_out": [body], "robot_keeps_clear": True})
+
+
+def _forearm(scene: Scene, chain: int) -> tuple[Array, Array]:
+    """Elbow and platform's joint of a chain with the tool's point in the middle of the line, m."""
+    robot, middle = scene.robot, _middle(scene)
+    model = delta_model(robot, scene.payload)
+    angle = float(model.inverse_kinematics(middle[None])[0, 3 + 3 * chain])
+    azimuth = 2 * np.pi / 3 * chain
+    outwards = np.array([0.0, np.cos(azimuth), np.sin(azimuth)])
+    down = np.array([1.0, 0.0, 0.0])
+    reached = np.cos(angle) * outwards - np.sin(angle) * down
+    elbow = robot.base_radius * outwards + robot.upper_arm.length * reached
+    return elbow, middle - robot.tool_offset + robot.platform_radius * outwards
+
+
+def kept_from_tilt(scene: Scene, rng: np.random.Generator) -> Scene:
+    """A distance from the tilt of the platform that the ends have, and little more."""
+    model = delta_model(scene.robot, scene.payload)
+    ends = singular_volumes(model, np.array(scene.given_points))[:, 1]
+    least = float(np.abs(ends).min() * rng.uniform(0.3, 0.95))
+    return scene.model_copy(update={"limits": {"tilt_singularity": least}})
 
 
 def up_and_down(scene: Scene, rng: np.random.Generator) -> Scene:

@@ -55,10 +55,20 @@ class Possibility:
 def possibility(scene: Scene) -> Possibility:
     """Look for a path.
 
-    Nothing is known where an end moves, and past hulls or with a tool of several shapes.
+    Nothing is known where an end moves, and past hulls or with a tool of several shapes. Nor is it
+    where a path is found but links are to keep clear of bodies or the platform from its tilt, or
+    where none is found through the centres of spheres that the motion is to pass.
     """
     if scene.moves_at_ends or not _knows_bodies(scene):
         return Possibility(False)
+    looked = _looked_for(scene)
+    asks_more = scene.robot_keeps_clear or scene.given("tilt_singularity")
+    of_centres = any(point.within for point in scene.task.via)
+    unknown = asks_more if looked.found else of_centres
+    return Possibility(False) if unknown else looked
+
+
+def _looked_for(scene: Scene) -> Possibility:
     free = _Free.of(scene)
     start, goal = scene.given_points
     if scene.path is not None:

@@ -126,13 +126,13 @@ def points_in_workspace(
     serial = evaluate_rows(model.functions.serial_distances, box, parameters=model.parameters)[0]
     closes = (serial > least**2).all(axis=1)
     # The sign is that of the assembly mode: beyond it lies another one, past a singularity.
-    volumes = _volumes(model, box[closes]) * np.array([1.0, -1.0])
+    volumes = singular_volumes(model, box[closes]) * np.array([1.0, -1.0])
     nearest = np.minimum(np.sqrt(serial[closes]).min(axis=1), volumes.min(axis=1))
     kept: Array = box[closes][(nearest > least) & (nearest < most)]
     return kept
 
 
-def _volumes(model: DeltaModel, x: Array) -> Array:
+def singular_volumes(model: DeltaModel, x: Array) -> Array:
     """Return the volumes that the bars' directions and the parallelograms' normals span, (N, 2)."""
     theta = model.inverse_kinematics(x)[:, 3::3]
     robot = model.robot
