@@ -166,6 +166,14 @@ class DeltaModel:
         (distances,) = self._rows.serial_distances(x, parameters=self.parameters)
         return distances[..., 3:]
 
+    def closes(self, x: ArrayLike) -> NDArray[np.bool]:
+        """Whether all chains close, away from serial singularities, with the platform at x, (N,).
+
+        x: (N, 3), m.
+        """
+        (distances,) = self._rows.serial_distances(x, parameters=self.parameters)
+        return np.asarray((distances > 0).all(axis=-1))  # False where not a number
+
     def motion(self, x: ArrayLike, v: ArrayLike, a: ArrayLike) -> tuple[Array, Array, Array]:
         """All coordinates q, q̇, q̈, (N, 12) each, of a motion x, v, a of the platform.
 

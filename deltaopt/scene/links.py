@@ -58,7 +58,7 @@ class LinkGeometry:
 
     @classmethod
     def of(cls, robot: Robot, model: DeltaModel, x: Array) -> LinkGeometry:
-        theta, is_there = np.full_like(x, np.nan), (model.alignments(x) > 0).all(axis=1)
+        theta, is_there = np.full_like(x, np.nan), model.closes(x)
         still = np.zeros_like(x[is_there])
         theta[is_there] = model.motion(x[is_there], still, still)[0][:, 3::3]
         outwards = np.array([[0.0, np.cos(azimuth), np.sin(azimuth)] for azimuth in AZIMUTHS])

@@ -6,9 +6,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from deltaopt.bench.hard_moves import move
 from deltaopt.motion.links import least_rooms, planned_distances
 from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
 from deltaopt.robot.model import delta_model
+from deltaopt.scene.links import LinkGeometry
 from deltaopt.verify.clearance import Parts
 from deltaopt.verify.links import _MovingLinks, sure_robot_clearance
 from tests.limits.test_keep_out import BOX, CYLINDER, PLANE, SPHERE, of_box, of_cylinder
@@ -89,3 +91,14 @@ def test_ends_are_off_uniform_motion_by_less_than_the_verifier_says():
         ends = np.stack(lines(scene, along.position.at(later)), axis=2)
         uniform = links.ends + share * parts.half[:, None, None, None] * links.rates
         assert (np.linalg.norm(ends - uniform, axis=3) <= links.off + 1e-12).all()
+
+
+def test_places_to_which_bars_are_too_short_sideways_have_no_links():
+    """There arm and bars seen from the side may well close."""
+    scene = move(1, 0).scene
+    model = delta_model(scene.robot, scene.payload)
+    far = np.array([[0.3, 0.15, -1.9], [0.3, 3.0, 0.1], scene.start])
+    assert model.closes(far).tolist() == [False, False, True]
+    geometry = LinkGeometry.of(scene.robot, model, far)
+    assert np.isnan(geometry.elbows[:2]).all()
+    assert np.isfinite(geometry.elbows[2]).all()

@@ -155,7 +155,9 @@ class _Lines:
 
     @classmethod
     def of(cls, scene: Scene, spare: float) -> _Lines:
-        without = scene.model_copy(update={"keep_out": None, "clearance": None})
+        without = scene.model_copy(
+            update={"keep_out": None, "clearance": None, "planned_links": ()}
+        )
         return cls(scene, without, limits_of(scene), spare)
 
     @property
