@@ -21,9 +21,10 @@ from deltaopt.robot.model import delta_model
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import REST, EndState, MovingEnds, RestAnywhere, Task
 
-_AT_LEAST = 0.9
+_AT_LEAST = 0.97
 """What a plan takes at least, as a share of the motion on its first mesh alone, which is found in a
-fifth of the time and tells it to a few per cent."""
+fifth of the time. Of 600 moves of five robots it was 0.979 or more; a smaller share has more
+motions planned that are not shorter."""
 _NO_WAY = 1e-11
 """A way that is none, m: of a motion that ends at the new goal already."""
 

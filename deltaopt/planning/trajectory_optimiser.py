@@ -160,7 +160,7 @@ class TrajectoryOptimiser:
         solutions, iterations = refinement.solutions, refinement.iterations
         best, later = _best_of(solutions, iterations), list[Iteration]()
         if moving:
-            later = iterations[best + 1 :]
+            later = iterations[best:]
             solutions = [
                 *solutions[: best + 1],
                 kept(refinement.problem, solutions[best], self.tolerance),

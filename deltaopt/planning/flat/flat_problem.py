@@ -59,10 +59,11 @@ _FAST = InteriorPoint()
 
 FAR = Settings(barrier=0.2, closest=0.3)
 NEAR = Settings(barrier=0.1, closest=0.01)
-ALMOST = Settings(barrier=0.01, closest=0.001)
+ALMOST = Settings(barrier=3e-4, closest=3e-4, iterations=12)
 """Barrier parameter and distance from the bounds where the interior-point method begins, from a
-guess that is far from a solution, near one, or one but for limits that were moved. A larger barrier
-is safer, a smaller one saves iterations."""
+guess that is far from a solution, near one, or one but for limits that were moved, whose
+multipliers are known. A larger barrier is safer, a smaller one saves iterations. From the last one
+three iterations are usual, and after these twelve a motion that keeps its limits will do."""
 _FROM_FAR = (FAR, Settings(barrier=0.5, closest=0.6), Settings(barrier=3.0, closest=0.6))
 _FROM_NEAR = (NEAR, Settings(barrier=3.0, closest=0.6), FAR)
 """Settings to begin with, in order. Where the method does not converge with the first, another
@@ -259,13 +260,14 @@ class FlatProblem:
         """
         method = self._interior_point
         begins = _FROM_NEAR if guess.near else _FROM_FAR
-        for begin in (ALMOST, *begins) if guess.on_same_mesh else begins:
+        for begin in begins if guess.multipliers is None else (ALMOST, *begins):
             if method is None:
                 break
-            settings = replace(begin, tolerance=guess.tolerance)
-            found = self._by_interior_point(method, guess, scaling, parameters, settings)
+            settings = replace(begin, tolerance=guess.tolerance, rows=guess.rows)
+            given = guess if begin is ALMOST else replace(guess, multipliers=None)
+            found = self._by_interior_point(method, given, scaling, parameters, settings)
             if found.solved and len(found.phases) > 1:
-                return self._of_phases(found, scaling, guess.tolerance)
+                return self._of_phases(found, scaling, settings.row_tolerance)
             if found.solved:
                 (phase,) = found.phases
                 return Solved(
@@ -306,7 +308,10 @@ class FlatProblem:
             return self._in_phases(method, guess, scaling, parameters, settings)
         knots, T = self._at_knots(guess.trajectory, scaling)
         shares = np.ascontiguousarray(scaling.shares(self.intervals))
-        phase = Phase(self.mesh, scaling.parameters(parameters), shares, knots, T)
+        p, prices = scaling.parameters(parameters), guess.multipliers
+        phase = Phase(
+            self.mesh, p, shares, knots, T, multipliers=None if prices is None else T * prices
+        )
         task = scaling.scene.task
         if isinstance(task, MovingEnds):
             at_ends = ends(task, scaling)
@@ -327,7 +332,7 @@ class FlatProblem:
         Each phase has a duration of its own; position and velocity are continuous between them.
         """
         task, motion = scaling.scene.task, guess.trajectory
-        shares = scaling.shares(self.intervals)
+        shares, prices = scaling.shares(self.intervals), guess.multipliers
         first, last = motion.knots[[0, -1]]
         instants = np.array([first, *scaling.passes(motion), last])
         passed = (instants[1:-1] - first) / motion.duration
@@ -342,8 +347,10 @@ class FlatProblem:
             times = begin + T * np.concatenate([[0.0], np.cumsum(mesh)])
             knots = scaling.states(motion.position, times, T)
             share = np.ascontiguousarray(shares[own])
-            phases.append(Phase(mesh, p, share, knots, T / scaling.time))
-        between = (gate_boundary(gate, scaling, settings.tolerance) for gate in scaling.gates)
+            total = motion.duration / scaling.time
+            known = None if prices is None else total * prices[own]
+            phases.append(Phase(mesh, p, share, knots, T / scaling.time, multipliers=known))
+        between = (gate_boundary(gate, scaling, settings.row_tolerance) for gate in scaling.gates)
         start, goal = boundary(task.start, scaling), boundary(task.goal, scaling)
         return method.solve(phases, [start, *between, goal], settings)
 

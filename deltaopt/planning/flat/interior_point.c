@@ -338,14 +338,18 @@ static void set_intervals(Problem *P) {
   }
 }
 
-/* A row's copy and multipliers at the guess. */
-static void begin_row(const Problem *P, Group *G, int r, double closest) {
+/* A row's copy and multipliers at the guess; known: those that are given at its points, or NULL. */
+static void begin_row(const Problem *P, Group *G, int r, double closest, const double *known) {
   G->t[r] = G->c[r];
   if (LOWER(r)) G->t[r] = larger(G->t[r], ALL(closest - 1));
   if (UPPER(r)) G->t[r] = smaller(G->t[r], ALL(1 - closest));
   measure(G, r);
   G->upper[r] = P->mu * G->over[r];
   G->lower[r] = P->mu * G->under[r];
+  for (int l = 0; known && l < 4; l++) {
+    if (UPPER(r)) G->upper[r][l] = greater(G->upper[r][l], known[NC * l + r]);
+    if (LOWER(r)) G->lower[r][l] = greater(G->lower[r][l], -known[NC * l + r]);
+  }
   G->y[r] = G->upper[r] - G->lower[r];
   G->dt[r] = G->dupper[r] = G->dlower[r] = ALL(0.0);
   G->bend_upper[r] = G->bend_lower[r] = ALL(0.0);
@@ -400,8 +404,9 @@ static void unpack(const Problem *P, double *knots, double *T) {
   }
 }
 
-/* Weights, rows and multipliers at the guess; 0 where the rows are no numbers. */
-static int begin(Problem *P, const Settings *S) {
+/* Weights, rows and multipliers at the guess; 0 where the rows are no numbers. known: the
+   multipliers of all rows, or NULL. */
+static int begin(Problem *P, const Settings *S, const double *known) {
   double total = 0;
   set_intervals(P);
   P->mu = S->barrier * total_duration(P, P->z) / products(P);
@@ -416,8 +421,9 @@ static int begin(Problem *P, const Settings *S) {
       rows(P, i, G, knots, T, G->c);
       for (int r = 0; r < NC; r++) {
         total += sum(absolute(G->c[r]));
-        begin_row(P, G, r, S->closest);
+        begin_row(P, G, r, S->closest, known);
       }
+      if (known) known += 4 * NC;
     }
   }
   for (int64_t k = 0; k < P->singles; k++) {
@@ -434,7 +440,8 @@ static int begin(Problem *P, const Settings *S) {
 
 /* Whether z is a solution: dz is Newton's step without barrier. A shifted step is the first of
    many along a valley that is nearly flat, and tells a small part of what these gain: as long
-   as there are iterations, it must be as much smaller. */
+   as there are iterations, it must be as much smaller. Where the guess was a solution but for limits
+   that were moved, it is enough in the end that these are kept. */
 static int solved(Problem *P, const Settings *S, double shift) {
   const double T = total_duration(P, P->z), change = fabs(total_duration(P, P->dz)) / T;
   const int is_last = P->report->iterations == S->iterations - 1;
@@ -450,8 +457,8 @@ static int solved(Problem *P, const Settings *S, double shift) {
     R->primal = greater(R->primal, fabs(P->single[k].c - P->single[k].t));
   R->dual = (shift > 0 ? VALLEY : 1.0) * change;
   R->complementarity = P->left / T;
-  const double asked = is_last ? change : R->dual;
-  return greater(R->complementarity, greater(R->primal, asked)) <= S->tolerance;
+  const double asked = !is_last ? R->dual : S->is_warm ? 0.0 : change;
+  return greater(R->complementarity, asked) <= S->tolerance && R->primal <= S->rows;
 }
 
 static void differentiate_all(Problem *P) {
@@ -577,7 +584,8 @@ static Given given_by(int64_t phases, int64_t n, const int64_t *flags, const dou
 /* flags: intervals, given, is_free. rule: fractions, quadrature. numbers: mesh, share, p, state,
    drift, radius. motion: in, a guess; out, the solution: knots of each phase in units of its duration,
    (n + phases) x NB, and the durations. multipliers: out, n x points x NC of the rows, NI of the
-   integral rows, one for each sphere. memory: for this call alone, its contents of no account. */
+   integral rows, one for each sphere; in, those of the rows, per share of what may be used of the
+   limits, if settings say that they are given. memory: for this call alone, its contents of no account. */
 int solve(int64_t phases, const int64_t *flags, const double *rule, const double *numbers,
           double *motion, double *multipliers, const Settings *settings, Report *report,
           void *memory) {
@@ -589,7 +597,7 @@ int solve(int64_t phases, const int64_t *flags, const double *rule, const double
   memset(report, 0, sizeof *report);
   double *T = motion + (P.n + phases) * NB;
   pack(&P, motion, T);
-  const int status = begin(&P, settings) ? iterate(&P, settings) : NOT_A_NUMBER;
+  const int status = begin(&P, settings, settings->is_warm ? multipliers : NULL) ? iterate(&P, settings) : NOT_A_NUMBER;
   unpack(&P, motion, T);
   for (int64_t i = 0; i < P.n; i++)
     for (int j = 0; j < NG; j++)

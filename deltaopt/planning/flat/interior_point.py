@@ -50,15 +50,21 @@ class Settings:
     """When the method starts, and when it stops.
 
     ``tolerance``: it stops when complementarity and the last change of the duration are below
-    this fraction of the duration, and every row is met to it. ``barrier``: complementarity at the
-    start, as a fraction of the duration. ``closest``: at the start no row is closer to its bound
-    than this fraction of the bound. ``iterations``: the most it does.
+    this fraction of the duration, and every row is met to it, or to ``rows``. ``barrier``:
+    complementarity at the start, as a fraction of the duration. ``closest``: at the start no row is
+    closer to its bound than this fraction of the bound. ``iterations``: the most it does.
     """
 
     tolerance: float = 1e-5
     barrier: float = 0.2
     closest: float = 0.3
     iterations: int = 60
+    rows: float | None = None
+
+    @property
+    def row_tolerance(self) -> float:
+        """To which every row is met, as a share of its limit."""
+        return self.tolerance if self.rows is None else self.rows
 
 
 @dataclass(frozen=True)
@@ -117,7 +123,9 @@ class Phase:
     ``mesh``: intervals as fractions of the phase's duration, (N,). ``p``: parameters of the point
     problem. ``share``: of the rows' limits that may be used, (N, rows); infinite: this row has no
     limit there. ``knots``: X, V (and A) in units of the phase's duration, (N + 1, unknowns).
-    ``duration_is_given``: it stays as in the guess.
+    ``duration_is_given``: it stays as in the guess. ``multipliers``: of
+    a solution near the guess, as of `PhaseSolution`, to begin from; None to begin from those that
+    the barrier alone asks for. All phases of a motion have them or none.
     """
 
     mesh: Array
@@ -126,6 +134,7 @@ class Phase:
     knots: Array
     duration: float
     duration_is_given: bool = False
+    multipliers: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -163,10 +172,12 @@ class InteriorPointSolution:
 class _Settings(ctypes.Structure):
     _fields_ = (
         ("tolerance", ctypes.c_double),
+        ("rows", ctypes.c_double),
         ("barrier", ctypes.c_double),
         ("closest", ctypes.c_double),
         ("iterations", ctypes.c_int64),
         ("trace", ctypes.c_void_p),
+        ("is_warm", ctypes.c_int64),
     )
 
 
@@ -200,7 +211,8 @@ _WORKSPACE = _Workspace()
 
 @dataclass(frozen=True)
 class Arguments:
-    """What the compiled method is called with, as ``solve`` in ``interior_point.c`` takes it."""
+    """What the compiled method is called with, as ``solve`` in ``interior_point.c`` takes it.
+    ``is_warm``: whether ``multipliers`` are given to begin from."""
 
     phases: int
     flags: NDArray[np.int64]
@@ -209,6 +221,7 @@ class Arguments:
     motion: Array
     multipliers: Array
     settings: Settings
+    is_warm: bool = False
 
 
 @dataclass(frozen=True)
@@ -252,7 +265,12 @@ class CompiledMethod:
         has_sphere = np.array([boundary.radius > 0 for boundary in boundaries])
         own = rows + self._integrals
         multipliers = np.empty(own + int(has_sphere.sum()))
-        given = Arguments(len(counts), flags, self._rule, numbers, motion, multipliers, settings)
+        known = [_usable(phase) for phase in phases if phase.multipliers is not None]
+        if known:
+            multipliers[:rows] = np.concatenate(known)
+        given = Arguments(
+            len(counts), flags, self._rule, numbers, motion, multipliers, settings, bool(known)
+        )
         status, report = self.run(given)
         of_spheres = np.zeros(len(boundaries))
         of_spheres[has_sphere] = multipliers[own:]
@@ -276,7 +294,13 @@ class CompiledMethod:
         watched = _LOG.isEnabledFor(logging.DEBUG)
         trace = np.zeros((given.settings.iterations + 1, _TRACED)) if watched else None
         settings = _Settings(
-            *vars(given.settings).values(), None if trace is None else trace.ctypes.data
+            tolerance=given.settings.tolerance,
+            rows=given.settings.row_tolerance,
+            barrier=given.settings.barrier,
+            closest=given.settings.closest,
+            iterations=given.settings.iterations,
+            trace=None if trace is None else trace.ctypes.data,
+            is_warm=given.is_warm,
         )
         status = self.code.solve(
             ctypes.c_int64(given.phases),
@@ -313,6 +337,14 @@ class CompiledMethod:
             solutions.append(PhaseSolution(own, duration, rows[first : first + count]))
             first += count
         return tuple(solutions)
+
+
+def _usable(phase: Phase) -> Array:
+    """Multipliers of a guess per share of what may be used of the limits, in one row; 0 where a row
+    has no limit."""
+    assert phase.multipliers is not None
+    share = np.where(np.isfinite(phase.share), phase.share, 0.0)
+    return (phase.multipliers * share[:, None]).ravel()
 
 
 def _log(trace: Array, intervals: int, status: str) -> None:

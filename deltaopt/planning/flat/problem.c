@@ -81,11 +81,13 @@ enum {
 enum { SOLVED, TOO_MANY_ITERATIONS, NO_PROGRESS, SINGULAR, NOT_A_NUMBER };
 
 typedef struct {
-  double tolerance;   /* of complementarity and of T as fractions of T, and of |c - t| */
+  double tolerance;   /* of complementarity and of T as fractions of T */
+  double rows;        /* of |c - t| */
   double barrier;     /* complementarity at first, as a fraction of T */
   double closest;     /* how close t may begin to its limits, as a fraction */
   int64_t iterations; /* at most */
   double *trace;      /* for those who watch, TRACED numbers of each iteration; or NULL */
+  int64_t is_warm;    /* whether multipliers are given with the guess */
 } Settings;
 
 enum { TRACED = 4 };

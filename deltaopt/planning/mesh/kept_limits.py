@@ -22,8 +22,12 @@ KEPT = 1e-10
 """Excess over a limit, as a share of it, that counts as none: a tenth of what verification
 allows."""
 _SOLVER_SHARE, _FINEST = 1e-2, 1e-8
-"""Relative tolerance of these solves, to which rows are met, as a share of the plan's, and the
-smallest. A finer one takes more iterations, a coarser one costs more margin."""
+"""Relative tolerance to which these solves meet rows, as a share of the plan's, and the smallest. A
+finer one takes more iterations, a coarser one costs more margin."""
+_OPTIMAL_SHARE = 1 / 3
+"""Relative tolerance to which they find the least duration, as a share of the plan's: that of the
+mesh before, whose gap tells that of these too. Along a valley that is nearly flat a smaller one is
+never met."""
 _MARGIN = 3.0
 """By which all limits are tightened, in units of that tolerance: what it may leave. It costs as
 much of the duration."""
@@ -60,8 +64,13 @@ def kept(problem: FormulatedProblem, solution: MeshSolution, tolerance: float) -
             pieces[excess.max(axis=1) > KEPT] = _PIECES
         share = np.repeat(np.minimum(share, 1 - _MARGIN * accuracy), pieces, axis=0)
         mesh = np.repeat(last.mesh / pieces, pieces)
-        same = len(mesh) == len(last.mesh)
-        guess = Guess(last.trajectory, near=True, tolerance=accuracy, on_same_mesh=same)
+        guess = Guess(
+            last.trajectory,
+            near=True,
+            tolerance=max(_OPTIMAL_SHARE * tolerance, accuracy),
+            rows=accuracy,
+            multipliers=last.solution.multipliers if len(mesh) == len(last.mesh) else None,
+        )
         scene = last.scene
         scaling = replace(last.scaling, share=share, scene=scene)
         last = solve_on_mesh(problem.on(mesh), scaling, guess, last.trajectory.model, scene)

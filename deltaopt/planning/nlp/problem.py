@@ -53,14 +53,16 @@ class Guess:
 
     ``near``: whether the motion is a solution of a similar problem, such as that on the mesh
     before. ``tolerance``: of the solution, relative to the duration; the solver may be more exact.
-    ``on_same_mesh``: whether it solves the problem on this mesh, but for limits that were moved by
-    a little.
+    ``rows``: to which share of their bounds the limits are met; None for ``tolerance``.
+    ``multipliers``: as of `Solved`, where the motion solves the problem on this very mesh but for
+    limits that were moved by a little; None on another mesh.
     """
 
     trajectory: Trajectory
     near: bool
     tolerance: float
-    on_same_mesh: bool = False
+    rows: float | None = None
+    multipliers: Array | None = None
 
 
 @dataclass(frozen=True)

@@ -631,6 +631,25 @@ def test_a_guess_is_kept():
     np.testing.assert_array_equal(phase.knots, knots)
 
 
+@pytest.mark.parametrize("name", ["power", "two phases"])
+def test_from_its_multipliers_a_moved_limit_is_found_again_sooner(name):
+    """With limits a thousandth lower: the same solution as from the barrier's own multipliers."""
+    before, boundaries = solved(name), boundaries_of(CASES[name])
+    cold, warm = list[Phase](), list[Phase]()
+    for phase, found in zip(phases_of(CASES[name]), before.phases, strict=True):
+        share, known = 0.999 * phase.share, found.multipliers
+        guess = replace(phase, share=share, knots=found.knots, duration=found.duration)
+        cold.append(guess)
+        warm.append(replace(guess, multipliers=known))
+    begin = Settings(tolerance=1e-8, barrier=3e-4, closest=3e-4, iterations=200)
+    again = [method_of(name).solve(each, boundaries, begin) for each in (cold, warm)]
+    exact = method_of(name).solve(cold, boundaries, EXACT)
+    assert all(found.solved for found in (*again, exact))
+    assert again[1].iterations < again[0].iterations
+    durations = [sum(phase.duration for phase in found.phases) for found in (*again, exact)]
+    np.testing.assert_allclose(durations, durations[-1], rtol=1e-7)
+
+
 # What cannot be solved is told
 
 
