@@ -451,7 +451,7 @@ class Planner:
             if search.plans and search.plans[-1].gap <= self._good_gap:
                 break
         if search.plans:
-            return search.best()
+            return _best_known(search)
         none = Infeasible("no simple motion through all given points stays within reach")
         return not_met(scene, len(tried), failures[0]) if failures else none
 
@@ -502,10 +502,7 @@ class Planner:
             attempt = search.from_motion(motion)
             if attempt:
                 self._make(search.with_remedies(attempt), search, report)
-        best = search.best()
-        if not best.within_tolerance and isinstance(scene.objective, Time):
-            # Another that is hardly longer may know better how near it is to the optimum.
-            best = replace(best, gap=min(quicker(best, each).gap for each in search.plans))
+        best = _best_known(search)
         return replace(best, optima=_optima(search), solve_seconds=perf_counter() - begin)
 
     def _past_bodies(self, scene: Scene, report: Progress) -> Plan:
@@ -637,6 +634,15 @@ def _rest_of(motion: Motion) -> PiecewisePolynomial | None:
     if trajectory is None or not trajectory.knots[0] <= t < trajectory.knots[-1]:
         return None
     return trajectory.position.after(t)
+
+
+def _best_known(search: Search[Plan]) -> Plan:
+    """The best plan of a search. Where it misses its tolerance, another that is hardly longer may
+    know better how near it is to the optimum."""
+    best = search.best()
+    if best.within_tolerance or not isinstance(search.scene.objective, Time):
+        return best
+    return replace(best, gap=min(quicker(best, each).gap for each in search.plans))
 
 
 def _optima(search: Search[Plan]) -> tuple[Optimum, ...]:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import deltaopt
-from deltaopt import Belt, Infeasible, SceneError, State, load_scene, plan, verify
+from deltaopt import Belt, Infeasible, Robot, Scene, SceneError, State, load_scene, plan, verify
 from deltaopt.planning.comparisons import straight_lines
 from deltaopt.planning.first_motions.through_gates import through_gates
 from deltaopt.verify.path_distance import off_via_points
@@ -173,6 +173,31 @@ def test_settings_that_do_not_apply_are_refused():
 @pytest.mark.parametrize("name", ["within", "onto_a_belt"])
 def test_shipped_scenes_are_verified(name):
     scene = load_scene(f"problems/via/{name}.yaml")
+    found = plan(scene)
+    assert verify(scene, found.trajectory).failures() == []
+    assert found.within_tolerance
+
+
+def test_a_sphere_whose_centre_is_beyond_a_singularity():
+    """Found by a campaign: nowhere on the way, but somewhere in the sphere, can the robot be."""
+    inside = {"at": (0.1675271, 0.1105516, 0.2000016), "within": 0.0948637}
+    scene = Scene(
+        robot=Robot(
+            name="unequal motors",
+            base_radius=0.15,
+            platform_radius=0.1,
+            upper_arm={"length": 0.3, "mass": 0.8},
+            forearm={"length": 0.55, "mass": 0.3},
+            platform={"mass": 0.4},
+            drive={"torque": (12.0, 30.0, 20.0), "speed": 9.0},
+        ),
+        start=(0.1462398, 0.3336443, 0.1892706),
+        goal=(0.3441271, -0.3138207, 0.2521212),
+        via=[inside, {"at": (0.1600691, -0.1209098, 0.2662515), "within": 0.0258461}],
+    )
+    centre = scene.model_copy(update={"via": [inside["at"]]})
+    with pytest.raises(deltaopt.DeltaOptError):
+        plan(centre)
     found = plan(scene)
     assert verify(scene, found.trajectory).failures() == []
     assert found.within_tolerance
@@ -385,9 +410,9 @@ def test_first_motions_begin_and_end_as_the_task_asks():
     via = [(0.83, -0.06, 0.05), {"at": (0.82, 0.04, 0.03), "within": 0.01}]
     for scene in MOVING.values():
         task, guesses = scene.task, list(through_gates(scene.model_copy(update={"via": via})))
-        # Two splines and one that stops, through two choices of places; from a start that moves
+        # Two splines and one that stops, through three choices of places; from a start that moves
         # all of these again after a stop.
-        assert len(guesses) == (12 if task.start.velocity != (0, 0, 0) else 6)
+        assert len(guesses) == (18 if task.start.velocity != (0, 0, 0) else 9)
         for guess in guesses:
             ends = guess(guess.knots[[0, -1]])
             goal = task.goal.at(guess.duration, (0.0, 0.0, 0.0))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import suppress
+from itertools import product
 from math import isfinite
 
 import numpy as np
@@ -27,6 +28,7 @@ from deltaopt.planning.first_motions.moving_ends import (
 )
 from deltaopt.planning.first_motions.order_of_merit import first_motion
 from deltaopt.robot.model import delta_model
+from deltaopt.scene.feasibility import room_at_rest
 from deltaopt.scene.moving_ends import Belt, End
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import MovingEnds, MovingPoint, ViaPoint, given_goal
@@ -37,6 +39,9 @@ that the solver begins there too."""
 _ONWARDS = 0.1
 """Share of the way to the next point that it makes at least from one place to the next, where
 spheres overlap, and that it leaves."""
+_CUBE = [np.array(each) for each in product((-1.0, 0.0, 1.0), repeat=3) if any(each)]
+_DIRECTIONS = np.array([np.zeros(3), *(each / np.linalg.norm(each) for each in _CUBE)])
+"""To places of a sphere that are looked at for room: its centre, and 26 of a cube's."""
 
 
 def through_gates(scene: Scene) -> Iterator[Trajectory]:
@@ -68,12 +73,23 @@ def through_gates(scene: Scene) -> Iterator[Trajectory]:
 
 def _places(scene: Scene) -> Iterator[Array]:
     """Places of the gates of a scene, (gates, 3), m: for via points with spheres those nearest to
-    where a straight way would pass, and then their centres."""
+    where a straight way would pass, then their centres, and then where there is most room."""
     via = scene.task.via
-    if any(point.within for point in via):
+    spheres = any(point.within for point in via)
+    if spheres:
         yield _nearest_places(scene, via)
     above = [(column.level, column.y, column.z) for column in scene.columns]
     yield np.array([*(point.position for point in via), *above])
+    if spheres:
+        yield np.array([_roomiest_place(scene, point) for point in via])
+
+
+def _roomiest_place(scene: Scene, point: ViaPoint) -> Array:
+    """The place in a sphere where the platform at rest has most room, of some, (3,), m: centre and
+    nearest place may be beyond a singularity."""
+    centre = np.array(point.position)
+    places = centre + _WELL_INSIDE * point.within * _DIRECTIONS
+    return np.asarray(places[room_at_rest(scene, places).argmax()])
 
 
 def _nearest_places(scene: Scene, via: tuple[ViaPoint, ...]) -> Array:
