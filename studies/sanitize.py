@@ -133,21 +133,24 @@ int main(int argc, char **argv) {
 """A program that computes recorded calls again, and prints by how much they differ."""
 
 _METHOD = """
-/* phases and iterations; flags; rule; numbers; guess; tolerance, barrier, closest; status; motion;
-   multipliers */
+/* phases, iterations, whether multipliers are given; flags; rule; numbers; guess; tolerance, rows,
+   barrier, closest; multipliers given; status; motion; multipliers */
 static void compute(const Call *c, double *worst) {
   const int64_t *whole = (const int64_t *)c->array[0], *flags = (const int64_t *)c->array[1];
   int64_t n = 0;
   for (int64_t q = 0; q < whole[0]; q++) n += flags[q];
-  double *motion = copied(c->array[4], 8 * c->count[4]), *multipliers = block(8 * c->count[8]);
-  const Settings settings = {c->array[5][0], c->array[5][1], c->array[5][2], whole[1]};
+  double *motion = copied(c->array[4], 8 * c->count[4]);
+  double *multipliers = copied(c->array[6], 8 * c->count[6]);
+  const Settings settings = {.tolerance = c->array[5][0], .rows = c->array[5][1],
+                             .barrier = c->array[5][2], .closest = c->array[5][3],
+                             .iterations = whole[1], .is_warm = whole[2]};
   Report report;
   void *memory = block(workspace(n, whole[0]));
   const double status = solve(whole[0], flags, c->array[2], c->array[3], motion, multipliers,
                               &settings, &report, memory);
-  compare(&status, c->array[6], 1, worst);
-  if (status == 0) compare(motion, c->array[7], c->count[7], worst);
-  for (int64_t i = 0; status == 0 && i < c->count[8]; i++)
+  compare(&status, c->array[7], 1, worst);
+  if (status == 0) compare(motion, c->array[8], c->count[8], worst);
+  for (int64_t i = 0; status == 0 && i < c->count[9]; i++)
     if (!isfinite(multipliers[i])) *worst = NAN;
   free(memory);
   free(multipliers);
@@ -276,11 +279,12 @@ def recorded(programs: dict[str, Program]) -> Iterator[None]:
 
     def run_recorded(method: CompiledMethod, given: Arguments) -> object:
         guess = given.motion.copy()
+        known = given.multipliers.copy() if given.is_warm else np.zeros_like(given.multipliers)
         result = run(method, given)
         settings = given.settings
-        start = [settings.tolerance, settings.barrier, settings.closest]
-        whole = np.array([given.phases, settings.iterations], dtype=np.int64)
-        arrays = [whole, given.flags, given.rule, given.numbers, guess, np.array(start)]
+        start = [settings.tolerance, settings.row_tolerance, settings.barrier, settings.closest]
+        whole = np.array([given.phases, settings.iterations, given.is_warm], dtype=np.int64)
+        arrays = [whole, given.flags, given.rule, given.numbers, guess, np.array(start), known]
         arrays += [np.array([float(result[0])]), given.motion.copy(), given.multipliers.copy()]
         _add(programs, _method_text(method), "interior-point method", arrays)
         return result

@@ -18,6 +18,7 @@ from deltaopt.errors import Infeasible, NotConverged
 from deltaopt.motion.limit_sensitivity import Multipliers
 from deltaopt.motion.links import least_rooms
 from deltaopt.motion.trajectory import Trajectory
+from deltaopt.scene.bodies import solid_about, sums
 from deltaopt.scene.links import name_of, rooms_at
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import OnPath
@@ -31,9 +32,13 @@ least and at most, for what lies between the points of a mesh, where there is ro
 and goal. What it costs is told as part of the gap; less takes longer to make sure of."""
 _ROUND = 1e-3
 """Least distance of a link's line that is planned, m, where there is room for it: about a sharper
-edge, which neither the link's radius nor clearance rounds, a solver hardly finds its way."""
+edge, which neither the radius of link or body nor clearance rounds, a solver hardly finds its way.
+"""
 _FACTOR = 2.0
 """By how much more than what was missed links are planned farther away next time."""
+_NEARER = 0.1
+"""Share of what they are farther away than they must be that is kept at least, where that costs
+more than the tolerance leaves: much nearer a plan may not be found."""
 _PLANS = 8
 """At most."""
 
@@ -43,6 +48,8 @@ class Planned(Protocol):
 
     @property
     def trajectory(self) -> Trajectory: ...
+    @property
+    def gap(self) -> float: ...
     @property
     def multipliers(self) -> Multipliers | None: ...
 
@@ -62,13 +69,14 @@ def keeping_links_clear(
     """
     at_points = rooms_at(scene, np.array(scene.placed_points)).min(axis=0)
     usual = min(max(_SPARE * tolerance, _LEAST_SPARE), _MOST_SPARE)
+    roundings = [solid_about(body).radius for _, body in sums(scene.keep_out or (), None)]
     spare = dict[tuple[int, int], float]()
     for _ in range(_PLANS):
         found = planned(scene.model_copy(update={"planned_links": _limits(scene, spare)}))
         rooms = least_rooms(scene, found.trajectory)
         too_near = {pair: rooms[pair] for pair in _pairs(rooms < 0)}
         if not too_near:
-            return found, _cost(found.multipliers, list(spare.values()))
+            return _nearer(scene, planned, tolerance, report, found, spare)
         link, body = min(too_near, key=lambda pair: too_near[pair])
         missed = f"{name_of(link)} comes {-1e3 * rooms[link, body]:.3g} mm too near to "
         missed += f"keep_out[{body}]"
@@ -76,7 +84,7 @@ def keeping_links_clear(
             raise Infeasible(f"the path: on it {missed}")
         report(f"once more, for {missed}:")
         for pair in _pairs(rooms < _NEAR):
-            begun = max(usual, _ROUND - _least(scene, pair[0]))
+            begun = max(usual, _ROUND - _least(scene, pair[0]) - roundings[pair[1]])
             farther = _FACTOR * max(-rooms[pair], 0.0)
             wanted = spare[pair] + farther if pair in spare else begun
             spare[pair] = min(wanted, at_points[pair] / 2)
@@ -86,6 +94,31 @@ def keeping_links_clear(
         "No_Progress",
         found.trajectory,
     )
+
+
+def _nearer(
+    scene: Scene,
+    planned: Callable[[Scene], P],
+    tolerance: float,
+    report: Callable[[str], None],
+    found: P,
+    spare: dict[tuple[int, int], float],
+) -> tuple[P, float]:
+    """A plan with all links clear, and what that costs; planned once more nearer to the bodies
+    where the cost leaves the gap above the ``tolerance``, as long as links are clear then."""
+    cost = _cost(found.multipliers, list(spare.values()))
+    while found.gap <= tolerance < found.gap + cost and max(spare.values()) > _LEAST_SPARE:
+        report(f"once more, nearer to bodies: the distance costs {cost:.1e} of the duration:")
+        share = max((tolerance - found.gap) / cost / _FACTOR, _NEARER)
+        spare = {pair: max(share * more, _LEAST_SPARE) for pair, more in spare.items()}
+        try:
+            nearer = planned(scene.model_copy(update={"planned_links": _limits(scene, spare)}))
+        except NotConverged:
+            break
+        if (least_rooms(scene, nearer.trajectory) < 0).any():
+            break
+        found, cost = nearer, _cost(nearer.multipliers, list(spare.values()))
+    return found, cost
 
 
 def _limits(
