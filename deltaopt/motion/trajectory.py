@@ -189,6 +189,11 @@ class Trajectory:
         return self._motion(np.where(outside, times, instants), x, v, a)
 
     @property
+    def shares(self) -> Array:
+        """Lengths of the intervals between knots as fractions of the duration, (N,)."""
+        return np.diff(self.knots) / self.duration
+
+    @property
     def extent(self) -> float:
         """The largest distance of a knot from the first, m: how far the motion goes."""
         x = self.position.coefficients[:, 0]

@@ -13,10 +13,10 @@ from deltaopt.errors import DeltaOptError
 from deltaopt.files.validated_record import Vector3
 from deltaopt.motion.time_scaling import highest_rows
 from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory, moving_on
+from deltaopt.planning.first_motions.around_bodies import is_clear
 from deltaopt.planning.first_motions.moving_ends import end_of, from_rest
 from deltaopt.planning.mesh.kept_limits import KEPT
 from deltaopt.planning.plan import Plan
-from deltaopt.planning.ways import is_clear
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import REST, EndState, MovingEnds, RestAnywhere, Task

@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import islice
-from math import inf
+from math import inf, isfinite
 from time import perf_counter
 from typing import Any
 
@@ -20,6 +20,12 @@ from deltaopt.errors import DeltaOptError, Infeasible, NotConverged
 from deltaopt.files.validated_record import Vector3
 from deltaopt.motion.trajectory import Motion, PiecewisePolynomial, Trajectory
 from deltaopt.planning.belt_places import PlacesOnBelt
+from deltaopt.planning.first_motions.around_bodies import (
+    CLEAR,
+    clear_motions,
+    is_clear,
+    name_of_way,
+)
 from deltaopt.planning.first_motions.belt import not_met
 from deltaopt.planning.first_motions.moving_ends import (
     first_moving_motions,
@@ -50,15 +56,7 @@ from deltaopt.planning.trajectory_optimiser import (
     RESOLVED_BELOW,
     TrajectoryOptimiser,
 )
-from deltaopt.planning.ways import (
-    CLEAR,
-    TakenWay,
-    clear_motions,
-    fastest_moving_way,
-    fastest_way,
-    is_clear,
-    name_of_way,
-)
+from deltaopt.planning.ways import TakenWay, fastest_moving_way, fastest_way
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.moving_ends import Anywhere, End, Start, State
@@ -70,6 +68,9 @@ from deltaopt.settings import MOST, require_positive, require_type, require_whol
 _PATHS = 2
 """How many paths of straight lines are planned along where no mesh finds its way: over few places,
 and over more of them. Each takes a second or two."""
+_IMPROVED, _SHORTER = 4, 1e-4
+"""How many plans at most then begin with the motion found, each with that of the one before; and by
+what share each must be shorter, or else tell a smaller gap."""
 Pair = tuple[Vector3, Vector3]
 """Start and goal, m."""
 
@@ -512,10 +513,12 @@ class Planner:
         Raises Infeasible where there is no way, and NotConverged where none leads to a plan.
         """
         begin, optimiser = perf_counter(), self._optimiser
+        motion: Trajectory | None = None
         try:
             without = {"keep_out": None, "planned_links": ()}
             free = self._search(scene.model_copy(update=without), report)
-            if is_clear(scene, free.trajectory):
+            motion = free.trajectory
+            if is_clear(scene, motion):
                 return replace(free, scene=scene, ways=(TakenWay(CLEAR, free.duration, True),))
         except ENDS_AN_ATTEMPT as error:
             report(str(error))
@@ -529,7 +532,7 @@ class Planner:
 
         way = Attempt(scene, first_motion(scene), self.intervals, optimiser.accuracy)
         try:
-            found, taken = fastest_way(way, planned, optimiser.on_first_mesh)
+            found, taken = fastest_way(way, motion, planned, optimiser.on_first_mesh)
         except NotConverged as error:
             found = self._through_passages(scene, error, report)
             taken = (TakenWay(name_of_way(scene, found.trajectory), found.duration, True),)
@@ -540,8 +543,9 @@ class Planner:
         their corners, or on a path itself.
 
         Through a passage of a few millimetres a solution on a mesh may lead through a wall between
-        two of its points, and never come back. How much faster another motion is, is not known:
-        the gap is infinite. Raises the error where there is no such motion.
+        two of its points, and never come back. Where that is so from the best motion along these
+        lines too, it is not known how much faster another one is: the gap is infinite. Raises the
+        error where there is no motion along them.
         """
         usual = isinstance(scene.objective, Time) and not scene.planned_links and scene.tube is None
         usual = usual and isinstance(self._optimiser.problem_formulation, Flat)
@@ -559,8 +563,37 @@ class Planner:
                 found.append(self._on_path(scene, timed))
         if not found:
             raise error
-        best = min(found, key=lambda plan: plan.duration)
-        return replace(best, scene=scene, gap=inf, certificate=None, multipliers=None)
+        found = [
+            replace(each, scene=scene, gap=inf, certificate=None, multipliers=None)
+            for each in sorted(found, key=_duration)
+        ]
+        improved = (self._improved(scene, each, report) for each in found)
+        known = next((each for each in improved if isfinite(each.gap)), found[0])
+        return min(found[0], known, key=_duration)
+
+    def _improved(self, scene: Scene, found: Plan, report: Progress) -> Plan:
+        """A plan that begins with the motion of another, on the mesh of that, as often as this
+        makes it better; the other one where that is not possible. A mesh whose knots are where
+        bodies are passed closely does not lead through them."""
+        for _ in range(_IMPROVED):
+            report("from that motion, on its mesh:")
+            motion = found.trajectory
+            intervals = len(motion.knots) - 1
+            attempt = Attempt(scene, motion, intervals, self._optimiser.accuracy, is_near=True)
+            try:
+                better = self._optimiser.fastest(replace(attempt, on_its_mesh=True), report)
+            except ENDS_AN_ATTEMPT as error:
+                report(str(error))
+                break
+            shorter = better.duration < (1 - _SHORTER) * found.duration
+            if not shorter and (better.duration > found.duration or better.gap >= found.gap):
+                break
+            if not is_clear(scene, better.trajectory):
+                break
+            found = better
+            if found.gap <= self._good_gap:
+                break
+        return found
 
     def plan_many(
         self,
@@ -597,6 +630,10 @@ class Planner:
             self.resolved_below,
             self.solver,
         )
+
+
+def _duration(plan: Plan) -> float:
+    return plan.duration
 
 
 def _resolvable(found: Plan) -> Plan:

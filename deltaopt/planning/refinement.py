@@ -27,7 +27,7 @@ from deltaopt.planning.mesh.mesh_solution import (
     solve_on_mesh,
 )
 from deltaopt.planning.mesh.reversals import with_reversals
-from deltaopt.planning.nlp.phases import FacePhases, first_mesh
+from deltaopt.planning.nlp.phases import FacePhases
 from deltaopt.planning.nlp.problem import FormulatedProblem, Guess
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.robot.model import DeltaModel
@@ -162,15 +162,14 @@ class Refinement:
     _failures: int = field(default=0, init=False)
     _crossings: int = field(default=0, init=False)
 
-    def from_guess(self, first: Guess, intervals: int) -> ResolvedMotion | None:
-        """Refine from a first guess and a uniform mesh of this many intervals.
+    def from_guess(self, first: Guess, mesh: Array) -> ResolvedMotion | None:
+        """Refine from a first guess and a first mesh, its intervals as fractions of the duration.
 
         Returns the motion with resolved switches; None if they were not resolved: then the
         best of ``solutions`` is the result. Raises NotConverged if the first mesh is not solved,
         CrossesSingularity if solutions keep passing through a parallel singularity, and Slower if
         the motion will take longer than ``most``.
         """
-        mesh = first_mesh(self.scaling.scene.task, first.trajectory, intervals)
         self._solve(mesh, first, first_tightening(self.scaling, first.trajectory, mesh))
         while not self._done:
             last = self.solutions[-1]

@@ -12,7 +12,7 @@ from math import inf
 from typing import Generic, Protocol, TypeVar
 
 from deltaopt.errors import DeltaOptError, NotConverged
-from deltaopt.motion.trajectory import Trajectory
+from deltaopt.motion.trajectory import Array, Trajectory
 from deltaopt.planning.first_motions.order_of_merit import (
     CrossesSingularity,
     intervals_for,
@@ -20,6 +20,7 @@ from deltaopt.planning.first_motions.order_of_merit import (
     is_slow,
     rounds,
 )
+from deltaopt.planning.nlp.phases import first_mesh
 from deltaopt.scene.feasibility import (
     distance_from_parallel,
     limit_room_at_ends,
@@ -64,8 +65,10 @@ class Attempt:
     motion. ``intervals``: of the first mesh. ``accuracy``: relative tolerance of the solver there.
     ``torque_share``: the part of torque limits that meshes may use, so that what is exceeded
     between their points stays below the whole. ``is_near``: whether the first motion is the best
-    one on another mesh. ``softer``: scenes of the first meshes, as of ``Refinement``. ``most``: the
-    duration of a plan that is known, s; the attempt ends where it will not undercut it.
+    one on another mesh. ``on_its_mesh``: whether the first mesh has the knots of the motion, in
+    place of as many equal intervals as are given. ``softer``: scenes of the first meshes, as of
+    ``Refinement``. ``most``: the duration of a plan that is known, s; the attempt ends where it
+    will not undercut it.
     """
 
     scene: Scene
@@ -74,8 +77,16 @@ class Attempt:
     accuracy: float
     torque_share: float = 1.0
     is_near: bool = False
+    on_its_mesh: bool = False
     softer: tuple[Scene, ...] = ()
     most: float = inf
+
+    @property
+    def mesh(self) -> Array:
+        """The intervals of the first mesh as fractions of the duration, (N,)."""
+        if self.on_its_mesh:
+            return self.motion.shares
+        return first_mesh(self.scene.task, self.motion, self.intervals)
 
     def __str__(self) -> str:
         parts = [f"{self.intervals} intervals"]

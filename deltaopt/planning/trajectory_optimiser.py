@@ -122,7 +122,7 @@ class TrajectoryOptimiser:
 
     def on_first_mesh(self, attempt: Attempt) -> Trajectory:
         """The fastest motion on the first mesh alone, which may break limits between its points."""
-        guess = Guess(attempt.motion, near=False, tolerance=self.accuracy)
+        guess = Guess(attempt.motion, attempt.is_near, self.accuracy, is_trial=True)
         moving = isinstance(attempt.scene.task, MovingEnds)
         extent = attempt.motion.extent if moving else None
         scaling = Scaling(attempt.scene, attempt.motion.duration, extent=extent)
@@ -156,7 +156,7 @@ class TrajectoryOptimiser:
             attempt.softer,
             attempt.most,
         )
-        resolved = refinement.from_guess(guess, attempt.intervals)
+        resolved = refinement.from_guess(guess, attempt.mesh)
         solutions, iterations = refinement.solutions, refinement.iterations
         best, later = _best_of(solutions, iterations), list[Iteration]()
         if moving:

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 import deltaopt
 from deltaopt.motion.trajectory import Trajectory
+from deltaopt.planning.first_motions.around_bodies import CLEAR, ways_around
 from deltaopt.planning.first_motions.multistart import first_motions
 from deltaopt.planning.search import Attempt
 from deltaopt.planning.trajectory_optimiser import TrajectoryOptimiser
-from deltaopt.planning.ways import CLEAR, ways_around
 
 Array = NDArray[np.float64]
 

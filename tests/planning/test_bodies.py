@@ -171,6 +171,19 @@ def test_a_way_far_around(name):
     assert (at.volumes * at.volumes[0] > 0).all()
 
 
+@pytest.mark.parametrize(("name", "duration"), [("beside_three", 0.17908), ("below_four", 0.30465)])
+def test_the_way_that_multistart_found(name, duration):
+    """Among twelve random curves, and all ways that these were bent to (studies keep_out ways)."""
+    found = planned(load_scene(Path(__file__).parents[1] / "data" / "bodies" / f"{name}.yaml"))
+    assert found.duration <= 1.002 * duration
+
+
+def test_through_a_window_the_gap_is_known():
+    """It leaves 3 mm beside the tool. Through the corners of a path of lines it took 0.2107 s."""
+    found = planned(load_scene(Path(__file__).parents[1] / "data" / "bodies" / "window.yaml"))
+    assert found.duration < 0.208
+
+
 def test_reasons():
     inside = with_bodies(sphere([0.85, -0.15, 0], 0.05))
     with pytest.raises(Infeasible, match=r"start: at .* the tool overlaps keep_out\[0\], a sphere"):

@@ -14,9 +14,9 @@ import pytest
 
 from deltaopt.cli import main
 from deltaopt.motion.active_limits import AT_LIMIT, active_limits, share_curves
+from deltaopt.planning.first_motions.around_bodies import CLEAR
 from deltaopt.planning.first_motions.initial_motion import baseline
 from deltaopt.planning.planner import plan
-from deltaopt.planning.ways import CLEAR
 from deltaopt.report.page import report, write_report
 from deltaopt.scene.scene import load_scene
 from deltaopt.verify.verification import verify

@@ -279,8 +279,8 @@ class FlatProblem:
                     all_at_points=True,
                     left=found.left,
                 )
-        # Near a solution another mesh succeeds sooner.
-        if method is not None and (self.intervals > _IPOPT_INSTEAD or guess.near):
+        sooner_else = guess.near or guess.is_trial  # on another mesh, or from another motion
+        if method is not None and (self.intervals > _IPOPT_INSTEAD or sooner_else):
             raise NotConverged(
                 f"the interior-point method does not converge on {self.intervals} intervals",
                 "No_Progress",

@@ -56,6 +56,8 @@ class Guess:
     ``rows``: to which share of their bounds the limits are met; None for ``tolerance``.
     ``multipliers``: as of `Solved`, where the motion solves the problem on this very mesh but for
     limits that were moved by a little; None on another mesh.
+    ``is_trial``: whether others are tried beside it, so that what the solver does not find soon is
+    not worth the time of another solver.
     """
 
     trajectory: Trajectory
@@ -63,6 +65,7 @@ class Guess:
     tolerance: float
     rows: float | None = None
     multipliers: Array | None = None
+    is_trial: bool = False
 
 
 @dataclass(frozen=True)

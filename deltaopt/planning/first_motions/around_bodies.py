@@ -1,0 +1,187 @@
+"""Ways past keep-out bodies: first motions on different sides of what is between start and goal.
+
+Outside bounded convex bodies every path can be deformed into every other, so that ways are no
+classes of homotopy: a way is which side of which body the motion passes, in order of time. A local
+optimiser does not move a motion from one side of a body to another. So it begins with bands, which
+pass one body after the other and are drawn tight (``bands``), or, where there are none, with a path
+of straight lines (``passages``), and with bows, which are bent as a whole (``bows``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from deltaopt.errors import DeltaOptError
+from deltaopt.motion.links import least_rooms
+from deltaopt.motion.sure_bounds import rows_not_kept
+from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
+from deltaopt.planning.first_motions.bands import (
+    TENSIONS,
+    Bodies,
+    clear_bands,
+    resampled,
+    sampled,
+)
+from deltaopt.planning.first_motions.bows import bows
+from deltaopt.planning.first_motions.initial_motion import QUINTIC, roughly_fastest
+from deltaopt.planning.first_motions.passages import shortest_path, what_was_searched
+from deltaopt.robot.model import delta_model
+from deltaopt.scene.scene import Scene
+
+_MARGINS, _GENTLE = (0.02, 0.01, 0.003, 0.001, 3e-4, 1e-4), 4
+"""How far bands through passages stay from bodies, as shares of the way from start to goal, one
+after the other until there is room; and how many of the last steps of drawing they get."""
+CLEAR = "clear of all bodies"
+"""The name of a way that comes near none."""
+_SAME = 0.05
+"""Of the way: paths that are nowhere farther apart are the same way."""
+
+
+@dataclass(frozen=True, eq=False)
+class Way:
+    """A first motion that keeps clear of all bodies, and the ``sides`` on which it passes those
+    that it comes near, in order of time: "above keep_out[0]"."""
+
+    motion: Trajectory
+    sides: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        """In words."""
+        return ", ".join(self.sides) or CLEAR
+
+
+def name_of_way(scene: Scene, motion: Trajectory) -> str:
+    """The way that a motion takes past the bodies of a scene, in words."""
+    return Way(motion, Bodies.of(scene).sides(sampled(motion))).name
+
+
+def no_way(scene: Scene) -> str:
+    """A sentence for a scene in which no way past the bodies is found."""
+    return (
+        "start and goal are clear of all bodies, but no way past these is found: "
+        f"{what_was_searched(scene)} lead there"
+    )
+
+
+def ways_around(scene: Scene, first: Trajectory, free: Trajectory | None = None) -> list[Way]:
+    """The ways past the bodies of a scene, the one that is driven fastest first; none if none is
+    found. ``first``: a motion that may run into bodies. ``free``: the fastest one without them, if
+    it is known: ways that are much as it is are fast."""
+    if is_clear(scene, first):
+        return [Way(first, ())]
+    bodies = Bodies.of(scene)
+    bands = clear_bands(bodies, sampled(first))
+    found = list(_drawn_ways(scene, bodies, bands)) or list(_through_passages(scene, bodies))
+    found += _drawn_ways(scene, bodies, bows(bodies, sampled(free or first)))
+    return sorted(found, key=lambda way: way.motion.duration)
+
+
+def _drawn_ways(scene: Scene, bodies: Bodies, paths: Iterable[Array]) -> Iterator[Way]:
+    """The ways along paths (n, 3), m, as far as they can be driven; those that are much the same
+    once."""
+    known = list[Array]()
+    for path in paths:
+        if any(np.abs(path - other).max() < _SAME * bodies.way for other in known):
+            continue
+        known.append(path)
+        motion = _driven(scene, path)
+        if motion is not None:
+            yield Way(motion, bodies.sides(path))
+
+
+def clear_motions(scene: Scene, motions: Iterator[Trajectory], number: int) -> Iterator[Trajectory]:
+    """As many first motions clear of all bodies, from motions that may run into these: all ways
+    around bodies from the first of them, then from the next. A motion that none leads around is
+    given as it is, and each path once."""
+    paths = list[Array]()
+    for motion in motions:
+        for each in [way.motion for way in ways_around(scene, motion)] or [motion]:
+            path = sampled(each)
+            length = float(np.linalg.norm(path[-1] - path[0]))
+            if any(np.abs(path - other).max() < _SAME * length for other in paths):
+                continue
+            paths.append(path)
+            yield each
+            if len(paths) == number:
+                return
+
+
+def _through_passages(scene: Scene, bodies: Bodies) -> Iterator[Way]:
+    """The way along the shortest path of straight lines, rounded as far as bodies allow; with a
+    stop at each of its corners where they do not."""
+    corners = shortest_path(scene)
+    if corners is None:
+        return
+    band = resampled(corners)
+    for margin in _MARGINS:
+        drawn = replace(bodies, margin=margin).drawn(band[None], TENSIONS[-_GENTLE:])[0]
+        motion = _driven(scene, drawn) if bodies.hits(drawn) is None else None
+        if motion is not None:
+            yield Way(motion, bodies.sides(drawn))
+            return
+    motion = _with_stops(scene, corners)
+    if motion is not None:
+        yield Way(motion, bodies.sides(band))
+
+
+def is_clear(scene: Scene, motion: Trajectory) -> bool:
+    """Whether a motion is known to be clear of all bodies, with tool and links as far as these are
+    planned to be, at all instants."""
+    if rows_not_kept(scene, motion.position).any():
+        return False
+    if not scene.planned_links:
+        return True
+    rooms = least_rooms(scene, motion)
+    return all(rooms[link, body] >= 0 for link, body, _ in scene.planned_links)
+
+
+def _driven(scene: Scene, band: Array) -> Trajectory | None:
+    """The motion along a band, as fast as the limits roughly allow; None where it is not possible
+    or not clear of bodies between the samples."""
+    steps = np.diff(band, axis=0)
+    lengths = np.linalg.norm(steps, axis=1)
+    tangents = steps / lengths[:, None]
+    turn = np.linalg.norm(np.diff(tangents, axis=0), axis=1)
+    speeds = _speeds(lengths, 2 * turn / (lengths[1:] + lengths[:-1]))
+    tangent = np.vstack([tangents[:1], tangents[1:] + tangents[:-1], tangents[-1:]])
+    tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
+    t = np.append(0.0, np.cumsum(2 * lengths / (speeds[1:] + speeds[:-1])))
+    position = PiecewisePolynomial.hermite(t, band, tangent * speeds[:, None])
+    model = delta_model(scene.robot, scene.payload)
+    try:
+        if not is_clear(scene, Trajectory(position, model)):
+            return None
+        return roughly_fastest(scene, Trajectory(position, model))
+    except DeltaOptError:
+        return None
+
+
+def _with_stops(scene: Scene, corners: Array) -> Trajectory | None:
+    """The motion along straight lines, at rest at every corner, (n, 3), m; None where it cannot be
+    driven."""
+    model = delta_model(scene.robot, scene.payload)
+    lengths = np.linalg.norm(np.diff(corners, axis=0), axis=1)
+    knots = np.append(0.0, np.cumsum(np.sqrt(lengths)))
+    coefficients = np.zeros((len(lengths), len(QUINTIC), 3))
+    times = np.diff(knots)[:, None] ** np.arange(len(QUINTIC))
+    coefficients[:] = (QUINTIC / times)[:, :, None] * np.diff(corners, axis=0)[:, None]
+    coefficients[:, 0] = corners[:-1]
+    try:
+        return roughly_fastest(scene, Trajectory(PiecewisePolynomial(knots, coefficients), model))
+    except DeltaOptError:
+        return None
+
+
+def _speeds(lengths: Array, curvature: Array) -> Array:
+    """The largest speeds at the samples of a path at which the acceleration, forwards and sideways
+    each, is at most 1, from rest to rest; as if the robot's reach were a ball of accelerations."""
+    squares = np.concatenate([[0.0], 1 / np.maximum(curvature, 1e-9), [0.0]])
+    for k in range(len(lengths)):
+        squares[k + 1] = min(squares[k + 1], squares[k] + 2 * lengths[k])
+    for k in reversed(range(len(lengths))):
+        squares[k] = min(squares[k], squares[k + 1] + 2 * lengths[k])
+    return np.asarray(np.sqrt(squares))

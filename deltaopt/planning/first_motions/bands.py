@@ -1,0 +1,241 @@
+"""Bands past keep-out bodies: paths that bodies push away while they are drawn tight.
+
+Where a path runs into a body it is bent around it, to each of four sides; what it then runs into is
+passed in the same way, and every bent path is drawn tight.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import numpy as np
+
+from deltaopt.limits.constraints import SceneLimits
+from deltaopt.motion.links import planned_distances
+from deltaopt.motion.sure_bounds import signed_distances
+from deltaopt.motion.trajectory import Array, Trajectory
+from deltaopt.scene.links import ROUGH_BISECTIONS, name_of
+from deltaopt.scene.scene import Scene, limits_of
+from deltaopt.scene.task import given_points
+
+_SAMPLES = 64
+"""Pieces of a band. More follow bodies more closely, but are drawn tight more slowly."""
+MARGIN = 0.02
+"""How far bands stay from bodies where there is room, as a share of the way from start to goal:
+a first motion that touches bodies leaves a solver no inside to begin in."""
+_RISE = 0.3
+"""By how much the margin grows with the distance from an end that is nearer to a body than that."""
+TENSIONS = np.geomspace(300.0, 3.0, 16)
+"""Tension of a band over that with which a sample stays where it is, step by step: high ones draw
+it straight between bodies, low ones leave it smooth where these push it."""
+_DEPTH, _WIDTH = 4, 24
+"""How many bodies are passed one after the other, and how many bands are bent in all: each costs
+some 0.1 ms."""
+_FARTHEST = 2.0
+"""Of the way from start to goal, how far a path is bent aside at most."""
+_NEAR = 0.1
+"""Of the way: bodies that a path comes nearer to are named."""
+
+
+@dataclass(frozen=True)
+class Bodies:
+    """The bodies of a scene as functions of the place. ``ends``: start and goal, (2, 3), m, a
+    ``way`` apart, m. ``margin``: how far paths stay from bodies where there is room, a share of
+    the way."""
+
+    scene: Scene
+    limits: SceneLimits
+    ends: Array
+    way: float
+    margin: float = MARGIN
+
+    @classmethod
+    def of(cls, scene: Scene) -> Bodies:
+        ends = np.array(given_points(scene.task))
+        way = float(np.linalg.norm(ends[1] - ends[0]))
+        return cls(scene, limits_of(scene), ends, way)
+
+    def distances(self, x: Array) -> tuple[Array, Array]:
+        """How far the tool's point at places (N, 3), m, is from bodies, and then links that are
+        planned to keep clear of them, (N, rows), and the derivatives by the place, (N, rows, 3)."""
+        distance, slope = signed_distances(self.scene, x)
+        if not self.scene.planned_links:
+            return distance, slope
+        of_links, by_place = planned_distances(self.scene, x, ROUGH_BISECTIONS)
+        out_of_reach = np.isnan(of_links)  # where another limit holds
+        of_links[out_of_reach], by_place[out_of_reach] = np.inf, 0.0
+        return np.hstack([distance, of_links]), np.hstack([slope, by_place])
+
+    @cached_property
+    def at_ends(self) -> Array:
+        """Distances of start and goal from each body, (2, rows), m."""
+        return self.distances(self.ends)[0]
+
+    @cached_property
+    def without(self) -> Scene:
+        """The scene without its bodies."""
+        none = {"keep_out": None, "clearance": None, "planned_links": ()}
+        return self.scene.model_copy(update=none)
+
+    @property
+    def kept(self) -> Array:
+        """The least distance from each body, m, then those of links that are planned to keep clear
+        of one."""
+        of_tool = self.limits.bounds[0][self.limits.constraints.convex]
+        return np.append(of_tool, [each.least for each in self.scene.kept_links])
+
+    def margins(self, x: Array) -> Array:
+        """How far places (…, 3) are to be from bodies, (…, rows): less near an end that is."""
+        margin = self.kept + self.margin * self.way
+        for end, own in zip(self.ends, self.at_ends, strict=True):
+            away = np.linalg.norm(x - end, axis=-1)[..., None]
+            margin = np.minimum(margin, own + _RISE * away)
+        return margin
+
+    def drawn(self, bands: Array, tensions: Array) -> Array:
+        """Bands (W, n, 3) drawn tight by one tension after the other, pushed away by bodies; their
+        ends stay."""
+        for smoothing in map(_smoothing, tensions.tolist()):
+            bands = smoothing @ bands
+            for _ in range(2):
+                inner = bands[:, 1:-1].reshape(-1, 3)
+                distance, slope = self.distances(inner)
+                short = np.maximum(self.margins(inner) - distance, 0.0)
+                worst, which = short.argmax(axis=1), np.arange(len(inner))
+                inner = inner + short[which, worst, None] * slope[which, worst]
+                bands[:, 1:-1] = inner.reshape(len(bands), -1, 3)
+        return bands
+
+    def hits(self, band: Array) -> tuple[int, int, int] | None:
+        """The body that a band runs into first, and between which samples; None if it is clear."""
+        distance, _ = self.distances(band)
+        inside = distance < self.kept
+        inside[[0, -1]] = False
+        if not inside.any():
+            return None
+        first = int(inside.any(axis=1).argmax())
+        body = int((distance[first] - self.kept).argmin())
+        last = first
+        while last + 1 < len(band) and inside[last + 1, body]:
+            last += 1
+        return body, first, last
+
+    def bent(self, band: Array, body: int, first: int, last: int) -> Iterator[Array]:
+        """A band bent around a body that it is inside of from one sample to another, to the four
+        sides of its own direction."""
+        along = band[last + 1] - band[first - 1]
+        for side in sides_of(along):
+            x, shift = band[first : last + 1], 0.0
+            while shift <= _FARTHEST * self.way:
+                distance, slope = self.distances(x + shift * side)
+                short = self.kept[body] + MARGIN * self.way - distance[:, body]
+                if short.max() <= 1e-3 * self.way:
+                    yield _pulled(band, first, last, shift * side)
+                    break
+                gain = np.maximum(slope.reshape(len(x), -1, 3)[:, body] @ side, 0.2)
+                shift += float((np.maximum(short, 0.0) / gain).max())
+
+    def sides(self, band: Array) -> tuple[str, ...]:
+        """On which sides a band passes the bodies that it comes near, in order of time."""
+        distance, slope = self.distances(band)
+        near = distance <= self.kept + _NEAR * self.way
+        near[[0, -1]] = False
+        found = []
+        for row, (index, _) in enumerate(self.scene.obstacles):
+            places = np.flatnonzero(near[:, self._row(row)])
+            if len(places):
+                place = int(places[len(places) // 2])
+                way = _direction(slope[place, self._row(row)])
+                found.append((place, f"{way} keep_out[{index}]"))
+        for row, (link, index, _) in enumerate(self.scene.planned_links, self._row_of_links):
+            places = np.flatnonzero(near[:, row])
+            if len(places):
+                place = int(places[len(places) // 2])
+                found.append((place, f"{name_of(link)} clear of keep_out[{index}]"))
+        return tuple(dict.fromkeys(name for _, name in sorted(found)))
+
+    def _row(self, obstacle: int) -> int:
+        """Which row of the limits is that of an obstacle: unused places have none."""
+        return int(np.flatnonzero(np.isfinite(self.kept))[obstacle])
+
+    @property
+    def _row_of_links(self) -> int:
+        """Which row is the first of links."""
+        return len(self.kept) - len(self.scene.planned_links)
+
+
+def clear_bands(bodies: Bodies, base: Array) -> Iterator[Array]:
+    """Bands that are clear of all bodies, from one that is not."""
+    front, bent = [base], 0
+    for _ in range(_DEPTH):
+        candidates = []
+        for band in front:
+            hit = bodies.hits(band)
+            if hit is not None:
+                candidates += list(bodies.bent(band, *hit))
+        candidates = candidates[: _WIDTH - bent]
+        bent += len(candidates)
+        if not candidates:
+            return
+        front = []
+        for bowed, band in zip(
+            candidates, bodies.drawn(np.array(candidates), TENSIONS), strict=True
+        ):
+            clear = [each for each in (band, bowed) if bodies.hits(each) is None]
+            yield from clear[:1]
+            front += [] if clear else [bowed]
+
+
+@lru_cache(maxsize=64)
+def _smoothing(tension: float) -> Array:
+    """A linear map of the samples of a band, (n, n), that lessens its tension and its bending, and
+    leaves its ends."""
+    n = _SAMPLES + 1
+    second = np.diff(np.eye(n), 2, axis=0)
+    stiffness = np.zeros((n, n))
+    stiffness[1:-1] = tension * (10 * (second.T @ second)[1:-1] - second)
+    return np.asarray(np.linalg.inv(np.eye(n) + stiffness), dtype=float)
+
+
+def sides_of(along: Array) -> Array:
+    """Unit vectors across a direction: up, down and to both sides, as far as these are across."""
+    ahead = along / np.linalg.norm(along)
+    up = np.array([-1.0, 0.0, 0.0]) + ahead[0] * ahead
+    if np.linalg.norm(up) < 1e-3:  # straight up or down
+        up = np.array([0.0, 1.0, 0.0]) - ahead[1] * ahead
+    up /= np.linalg.norm(up)
+    left = np.cross(ahead, up)
+    return np.array([up, left, -left, -up])
+
+
+def _direction(slope: Array) -> str:
+    """A side of a body in words: x points down."""
+    axis = int(np.abs(slope).argmax())
+    if axis == 0:
+        return "above" if slope[0] < 0 else "below"
+    return f"on the {'+' if slope[axis] > 0 else '-'}{'xyz'[axis]} side of"
+
+
+def _pulled(band: Array, first: int, last: int, shift: Array) -> Array:
+    """A band of which the samples from one to another are shifted, and those before and after in
+    proportion."""
+    n = len(band)
+    share = np.ones(n)
+    share[:first] = np.sin(np.pi / 2 * np.arange(first) / first)
+    share[last + 1 :] = np.sin(np.pi / 2 * np.arange(n - last - 2, -1, -1) / (n - 1 - last))
+    return np.asarray(band + share[:, None] * shift)
+
+
+def sampled(motion: Trajectory) -> Array:
+    """Places of a motion at equal distances along its path, (n, 3), m."""
+    u = np.linspace(motion.knots[0], motion.knots[-1], 8 * _SAMPLES + 1)
+    return resampled(motion.position.at(u))
+
+
+def resampled(x: Array, pieces: int = _SAMPLES) -> Array:
+    """Places at equal distances along straight lines between places (N, 3), m."""
+    along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(x, axis=0), axis=1)))
+    wanted = np.linspace(0.0, along[-1], pieces + 1)
+    return np.stack([np.interp(wanted, along, x[:, i]) for i in range(3)], axis=1)

@@ -1,0 +1,62 @@
+"""Bows past bodies: clear by distances written out by hand, and each a way of its own."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+
+from deltaopt.planning.first_motions.bands import Bodies
+from deltaopt.planning.first_motions.bows import bows
+from deltaopt.scene.scene import Scene, load_scene
+
+PROBLEMS = Path(__file__).parents[3] / "problems"
+CROSS = load_scene(PROBLEMS / "paths" / "industrial_25_305_25.yaml").model_copy(
+    update={"path": None}
+)
+START, GOAL = np.array(CROSS.given_points)
+MIDDLE = (START + GOAL) / 2
+SHARES = np.linspace(0.0, 1.0, 401)
+
+
+def with_bodies(*bodies: dict) -> Scene:
+    return Scene.model_validate(
+        CROSS.model_dump(exclude_none=True) | {"robot": CROSS.robot, "keep_out": list(bodies)}
+    )
+
+
+def bows_of_line(scene: Scene) -> list[np.ndarray]:
+    return bows(Bodies.of(scene), START + SHARES[:, None] * (GOAL - START))
+
+
+def finely(path: np.ndarray) -> np.ndarray:
+    along = np.linspace(0.0, 1.0, len(path))
+    return np.stack([np.interp(SHARES, along, path[:, i]) for i in range(3)], axis=1)
+
+
+def test_bows_pass_a_sphere_on_sides_between_which_it_lies():
+    radius = 0.05
+    sphere = {"centre": MIDDLE.tolist(), "radius": radius}
+    found = [finely(path) for path in bows_of_line(with_bodies({"sphere": sphere}))]
+    assert len(found) >= 3  # a plane has two sides of a disc, space has more of a sphere
+    for path in found:
+        np.testing.assert_allclose(path[[0, -1]], [START, GOAL], atol=1e-15)
+        assert np.linalg.norm(path - MIDDLE, axis=1).min() >= radius
+    for one, other in combinations(found, 2):
+        between = one + np.linspace(0.0, 1.0, 101)[:, None, None] * (other - one)
+        assert np.linalg.norm(between - MIDDLE, axis=2).min() < radius
+
+
+def test_bows_pass_a_wall_on_the_side_that_is_open():
+    """It goes down and to both sides out of reach: over it there is one way."""
+    top = START[0] - 0.03
+    wall = {"from": [top, MIDDLE[1] - 0.01, -2.0], "to": [3.0, MIDDLE[1] + 0.01, 2.0]}
+    (path,) = bows_of_line(with_bodies({"box": wall}))
+    x, y, _ = finely(path).T
+    assert (x[np.abs(y - MIDDLE[1]) <= 0.01] < top).all()
+
+
+def test_where_all_sides_are_closed_there_is_no_bow():
+    wall = {"from": [-2.0, MIDDLE[1] - 0.01, -2.0], "to": [3.0, MIDDLE[1] + 0.01, 2.0]}
+    assert bows_of_line(with_bodies({"box": wall})) == []
