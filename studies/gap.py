@@ -128,7 +128,8 @@ def truth_beside(scene: deltaopt.Scene, plan: Trajectory, tolerance: float) -> T
         if tolerance >= min(TOLERANCES) * _TRUER:
             switches = _Once(switches)
     refinement = Refinement(problem, scaling, model, tolerance, switches, _silent)
-    resolved = refinement.from_guess(Guess(plan, near=True, tolerance=1e-5), _FIRST_MESH)
+    uniform = np.full(_FIRST_MESH, 1 / _FIRST_MESH)
+    resolved = refinement.from_guess(Guess(plan, near=True, tolerance=1e-5), uniform)
     if resolved:
         return Truth(resolved.trajectory.duration * resolved.safe_factor, resolved.gap, True)
     iterations = refinement.iterations

@@ -40,7 +40,7 @@ def resolved(scene: Scene) -> ResolvedMotion:
     problem = flat_equations(scene)
     with_switches = resolver(scaling, model, 1e-6, print)
     refinement = Refinement(problem, scaling, model, 1e-6, with_switches, print)
-    found = refinement.from_guess(first_guess(scene, 1e-4), 16)
+    found = refinement.from_guess(first_guess(scene, 1e-4), np.full(16, 1 / 16))
     assert found is not None
     return found
 

@@ -210,7 +210,7 @@ def searched_for(scene: Scene, tolerance: float) -> Refinement:
     switches = resolver(scaling, model, tolerance, print)
     found = Refinement(flat_equations(scene), scaling, model, tolerance, switches, print)
     found._coarse_left = found._fine_left = 0
-    found.from_guess(first_guess(scene, 1e-4), 16)
+    found.from_guess(first_guess(scene, 1e-4), np.full(16, 1 / 16))
     return found
 
 
