@@ -47,7 +47,7 @@ def add_robots(parser: argparse.ArgumentParser, number: int, least: int = 1) -> 
     parser.add_argument("robots", nargs=nargs, type=Path, metavar="ROBOT", help=words)
     parser.add_argument(
         "--number",
-        type=one_or_more,
+        type=number_of_moves,
         default=number,
         metavar="N",
         help=f"moves of each robot (default: {number})",
@@ -126,6 +126,11 @@ def one_or_more(text: str) -> int:
     return _whole(text, 1)
 
 
+def number_of_moves(text: str) -> int:
+    """A whole number from 1 to 999999, for argparse: campaigns are of ten thousand moves."""
+    return _whole(text, 1, digits=6)
+
+
 def two_or_more(text: str) -> int:
     """A whole number from 2 to 9999, for argparse."""
     return _whole(text, 2)
@@ -138,7 +143,9 @@ def seed(text: str) -> int:
     return int(text)
 
 
-def _whole(text: str, least: int) -> int:
-    if not (text.isascii() and text.isdigit() and len(text) < 5 and int(text) >= least):
-        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from {least} to 9999")
+def _whole(text: str, least: int, digits: int = 4) -> int:
+    """The number that a text of so many digits at most stands for."""
+    if not (text.isascii() and text.isdigit() and len(text) <= digits and int(text) >= least):
+        most = 10**digits - 1
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from {least} to {most}")
     return int(text)

@@ -13,6 +13,7 @@ from deltaopt.bench.met_belts import of_belt
 from deltaopt.bench.possible import possibility
 from deltaopt.bench.statics import Statics
 from deltaopt.bench.strata import STRATA
+from deltaopt.cli import main
 from deltaopt.files.kept_rows import read_rows
 from deltaopt.robot.model import delta_model
 
@@ -163,3 +164,18 @@ def test_belts_that_can_be_met_and_others(monkeypatch):
     assert "at none of 2000 places of the belt do the chains close" in too_fast.against
     assert "motions to 2 places there take 1.41 times as long" in leaving.against
     assert of_belt(load_scene("problems/moving/belt.yaml")).found
+
+
+def test_the_command_takes_ten_thousand_moves(monkeypatch, tmp_path, capsys):
+    asked = []
+
+    def recorded(folder, number, *settings):
+        asked.append(number)
+        return []
+
+    monkeypatch.setattr(room, "campaign", recorded)
+    main(["bench", "any", "--number", "10000", "-o", str(tmp_path)])
+    assert asked == [10_000]
+    with pytest.raises(SystemExit):
+        main(["bench", "any", "--number", "1000000"])
+    assert "'1000000' is not a whole number from 1 to 999999" in capsys.readouterr().err
