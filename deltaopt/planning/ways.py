@@ -29,7 +29,7 @@ from deltaopt.scene.scene import Scene
 _MOST_WAYS, _PROMISING = 8, 1.06
 """How many ways past bodies are solved on the first mesh, those that can be driven fastest, and how
 much slower than the fastest of them there a way may be that is planned too. A mesh of 16 intervals
-tells durations to some two per cent."""
+tells three durations in four to 4 %; with 3 % one fastest way more in fifty was missed."""
 _CLOSE = 1.02
 """The same for a mesh of twice as many intervals, over the fastest plan."""
 _FAST, _NOTHING_TO_GAIN = 1.01, 1.003
@@ -85,9 +85,9 @@ def fastest_way(
     """The best plan of all ways past the bodies of a scene, and the ways, first the one taken.
 
     ``attempt``: from a motion that may run into bodies. ``free``: the fastest motion without them,
-    None where that is not known. ``on_first_mesh``: the motion that is best
-    on the first mesh of an attempt; it may raise NotConverged, as may ``planned``. Raises
-    Infeasible where there is no way, and NotConverged where none leads to a plan.
+    None where that is not known. ``on_first_mesh``: the motion that is best on the first mesh of an
+    attempt; it may raise NotConverged, as may ``planned``. Raises Infeasible where there is no way,
+    and NotConverged where none leads to a plan.
     """
     ways = ways_around(attempt.scene, attempt.motion, free)
     if not ways and attempt.scene.planned_links:  # a solver may move links out of bodies
