@@ -135,7 +135,8 @@ class TrajectoryOptimiser:
         The motion of the chosen mesh is slowed until it keeps every limit at all instants.
         """
         begin, scene = perf_counter(), attempt.scene
-        guess = Guess(attempt.motion, attempt.is_near, attempt.accuracy)
+        own = attempt.on_its_mesh
+        guess = Guess(attempt.motion, attempt.is_near, attempt.accuracy, on_its_mesh=own)
         model = delta_model(scene.robot, scene.payload)
         moving = isinstance(scene.task, MovingEnds)
         in_phases = bool(scene.task.gates)

@@ -59,11 +59,13 @@ _FAST = InteriorPoint()
 
 FAR = Settings(barrier=0.2, closest=0.3)
 NEAR = Settings(barrier=0.1, closest=0.01)
+CLOSE = Settings(barrier=0.01, closest=0.001)
 ALMOST = Settings(barrier=3e-4, closest=3e-4, iterations=12)
 """Barrier parameter and distance from the bounds where the interior-point method begins, from a
-guess that is far from a solution, near one, or one but for limits that were moved, whose
-multipliers are known. A larger barrier is safer, a smaller one saves iterations. From the last one
-three iterations are usual, and after these twelve a motion that keeps its limits will do."""
+guess that is far from a solution, near one, one on this very mesh, or one but for limits that were
+moved, whose multipliers are known. A larger barrier is safer, a smaller one saves iterations. From
+the last one three iterations are usual, and after these twelve a motion that keeps its limits will
+do."""
 _FROM_FAR = (FAR, Settings(barrier=0.5, closest=0.6), Settings(barrier=3.0, closest=0.6))
 _FROM_NEAR = (NEAR, Settings(barrier=3.0, closest=0.6), FAR)
 """Settings to begin with, in order. Where the method does not converge with the first, another
@@ -259,8 +261,12 @@ class FlatProblem:
         first motions, if the method does not converge. Raises NotConverged.
         """
         method = self._interior_point
-        begins = _FROM_NEAR if guess.near else _FROM_FAR
-        for begin in begins if guess.multipliers is None else (ALMOST, *begins):
+        begins: tuple[Settings, ...] = _FROM_NEAR if guess.near else _FROM_FAR
+        if guess.multipliers is not None:
+            begins = ALMOST, *begins
+        elif guess.on_its_mesh:
+            begins = CLOSE, *begins
+        for begin in begins:
             if method is None:
                 break
             settings = replace(begin, tolerance=guess.tolerance, rows=guess.rows)

@@ -56,6 +56,8 @@ class Guess:
     ``rows``: to which share of their bounds the limits are met; None for ``tolerance``.
     ``multipliers``: as of `Solved`, where the motion solves the problem on this very mesh but for
     limits that were moved by a little; None on another mesh.
+    ``on_its_mesh``: whether the motion's knots are those of this mesh; through a passage that is
+    narrower than the spacing of knots elsewhere a solution must not go far from it.
     ``is_trial``: whether others are tried beside it, so that what the solver does not find soon is
     not worth the time of another solver.
     """
@@ -65,6 +67,7 @@ class Guess:
     tolerance: float
     rows: float | None = None
     multipliers: Array | None = None
+    on_its_mesh: bool = False
     is_trial: bool = False
 
 
