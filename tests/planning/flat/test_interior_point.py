@@ -165,7 +165,7 @@ def test_both_solvers_agree_with_friction():
     """
     loaded = load_scene(WITH_FRICTION)
     ours = plan(loaded)
-    begun = Attempt(loaded, ours.trajectory, 16, 1e-4)
+    begun = Attempt(loaded, ours.trajectory, 16, 1e-4, on_its_mesh=True)
     theirs = TrajectoryOptimiser(solver=Ipopt()).fastest(begun, lambda _: None)
     assert ours.cost == pytest.approx(theirs.cost, rel=1e-3)
     assert ours.within_tolerance
