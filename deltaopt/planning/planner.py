@@ -58,13 +58,15 @@ from deltaopt.planning.trajectory_optimiser import (
 )
 from deltaopt.planning.ways import TakenWay, fastest_moving_way, fastest_way
 from deltaopt.robot.robot import Robot
-from deltaopt.scene.feasibility import check_feasible
+from deltaopt.scene.feasibility import check_feasible, require_path_on_one_side
 from deltaopt.scene.moving_ends import Anywhere, End, Start, State
 from deltaopt.scene.objective import Objective, Time
 from deltaopt.scene.scene import Limits, Scene, limits_of
 from deltaopt.scene.task import MovingEnds, OnPath, distance
 from deltaopt.settings import MOST, require_positive, require_type, require_whole
 
+_ALONG = 1001
+"""Instants at which a given path whose plan misses its tolerance is looked at for a singularity."""
 _PATHS = 2
 """How many paths of straight lines are planned along where no mesh finds its way: over few places,
 and over more of them. Each takes a second or two."""
@@ -472,6 +474,10 @@ class Planner:
                 raise ValueError(f"{name} is {value}; it has no effect where the path is given")
         begin = perf_counter()
         found = fastest_on_path(scene, task, self.tolerance, report)
+        if found.gap > self.tolerance:  # which no mesh mends where torques grow without bound
+            position = found.trajectory.position
+            first, last = position.knots[[0, -1]].tolist()
+            require_path_on_one_side(scene, position.at(np.linspace(first, last, _ALONG)))
         return replace(self._on_path(scene, found), solve_seconds=perf_counter() - begin)
 
     def _on_path(self, scene: Scene, found: PathMotion) -> Plan:

@@ -222,6 +222,18 @@ def require_ends_on_one_side(scene: Scene) -> None:
         )
 
 
+def require_path_on_one_side(scene: Scene, path: Array) -> None:
+    """Raise Infeasible where places of a given path, (N, 3) in m, lie on different sides of a
+    parallel singularity."""
+    volumes = _volumes(scene, path)
+    beyond = np.flatnonzero(volumes * volumes[0] <= 0)
+    if len(beyond):
+        raise Infeasible(
+            f"the path: at {in_words(path[beyond[0]])} m it leads through a parallel singularity, "
+            "in which the motors do not hold the platform"
+        )
+
+
 def limit_room_at_ends(scene: Scene) -> float:
     """The least share of a limit that rest at start and goal leaves unused."""
     return float(1 - np.abs(_ends(scene)[1]).max())

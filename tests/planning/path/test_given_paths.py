@@ -298,6 +298,24 @@ def test_what_the_path_costs():
     assert free.duration < line.duration < deltaopt.baseline(CROSS).duration
 
 
+def test_a_path_through_a_parallel_singularity_is_refused():
+    """Found by a campaign: without masses and gravity torques are needed for acceleration alone,
+    and between the points of a mesh they grew without bound."""
+    robot = {"base_radius": 0.0, "platform_radius": 0.0, "platform": {"mass": 0.5}, "gravity": 0.0}
+    robot |= {key: {"length": a, "mass": 0.0} for key, a in (("upper_arm", 0.25), ("forearm", 0.6))}
+    scene = Scene(
+        robot=deltaopt.Robot(name="massless", drive={"torque": 15.0, "speed": 15.0}, **robot),
+        payload=1.92,
+        start=(0.411, -0.0376, 0.5279),
+        goal=(0.1815, 0.4304, 0.3174),
+        path={"pick_and_place": {"height": 0.0562, "blend": 0.0281}},
+    )
+    with pytest.raises(
+        deltaopt.Infeasible, match="the path: at .* leads through a parallel singularity"
+    ):
+        deltaopt.plan(scene)
+
+
 def test_settings_of_free_paths_are_refused():
     scene = on(PICK, "line")
     with pytest.raises(ValueError, match="starts is 3; it has no effect"):
