@@ -311,7 +311,7 @@ def test_a_path_through_a_parallel_singularity_is_refused():
         path={"pick_and_place": {"height": 0.0562, "blend": 0.0281}},
     )
     with pytest.raises(
-        deltaopt.Infeasible, match="the path: at .* leads through a parallel singularity"
+        deltaopt.Infeasible, match=r"the path: at .* leads through a parallel singularity"
     ):
         deltaopt.plan(scene)
 
