@@ -22,7 +22,7 @@ import numpy as np
 
 import deltaopt
 from deltaopt.bench.random_scenes import MARGIN, points_in_workspace, random_scenes
-from deltaopt.cli.arguments import one_or_more, seed
+from deltaopt.cli.arguments import large_number, one_or_more, seed
 from deltaopt.codegen.vectorised import RowFunction, evaluate_rows
 from deltaopt.compare.dynamics.tasks import Array
 from deltaopt.errors import DeltaOptError
@@ -327,7 +327,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--moves", type=one_or_more, default=25, metavar="N", help="of each kind (25)"
     )
     parser.add_argument(
-        "--points", type=one_or_more, default=200_000, metavar="N", help="random places (200000)"
+        "--points", type=large_number, default=200_000, metavar="N", help="random places (200000)"
     )
     parser.add_argument("--seed", type=seed, default=1, metavar="N", help="of all (1)")
     add_directory(parser, "tilt")

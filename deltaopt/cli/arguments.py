@@ -47,7 +47,7 @@ def add_robots(parser: argparse.ArgumentParser, number: int, least: int = 1) -> 
     parser.add_argument("robots", nargs=nargs, type=Path, metavar="ROBOT", help=words)
     parser.add_argument(
         "--number",
-        type=number_of_moves,
+        type=large_number,
         default=number,
         metavar="N",
         help=f"moves of each robot (default: {number})",
@@ -126,8 +126,8 @@ def one_or_more(text: str) -> int:
     return _whole(text, 1)
 
 
-def number_of_moves(text: str) -> int:
-    """A whole number from 1 to 999999, for argparse: campaigns are of ten thousand moves."""
+def large_number(text: str) -> int:
+    """A whole number from 1 to 999999, for argparse: of moves or places of a campaign."""
     return _whole(text, 1, digits=6)
 
 

@@ -583,11 +583,16 @@ class Planner:
         bodies are passed closely does not lead through them."""
         for _ in range(_IMPROVED):
             report("from that motion, on its mesh:")
-            motion = found.trajectory
-            intervals = len(motion.knots) - 1
-            attempt = Attempt(scene, motion, intervals, self._optimiser.accuracy, is_near=True)
+            attempt = Attempt(
+                scene,
+                found.trajectory,
+                len(found.trajectory.knots) - 1,
+                self._optimiser.accuracy,
+                is_near=True,
+                on_its_mesh=True,
+            )
             try:
-                better = self._optimiser.fastest(replace(attempt, on_its_mesh=True), report)
+                better = self._optimiser.fastest(attempt, report)
             except ENDS_AN_ATTEMPT as error:
                 report(str(error))
                 break
