@@ -20,6 +20,7 @@ from deltaopt.cli.streams import print_any_text
 from studies import (
     agreement,
     basin,
+    bench,
     benchmarks,
     bodies,
     charts,
@@ -70,6 +71,7 @@ class Study(Command, Protocol):
 STUDIES: dict[str, Study] = {
     "agreement": agreement,
     "basin": basin,
+    "bench": bench,
     "benchmarks": benchmarks,
     "charts": charts,
     "claims": claims,

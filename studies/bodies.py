@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import deltaopt
-from deltaopt.bench.random_scenes import random_scenes
 from deltaopt.scene.feasibility import check_feasible
 from deltaopt.verify.clearance import distance_from
 from deltaopt.verify.verification import verify
+from studies.bench.random_scenes import random_scenes
 from studies.problems import INDUSTRIAL
 
 Array = NDArray[np.float64]

@@ -1,8 +1,8 @@
 """How often the first of the first motions leads to a plan, and how good a straight line is.
 
-Moves of some strata of the campaign (`deltaopt bench any`), each planned: at how many attempts, in
-how many iterations; and by what factor the straight line, driven as fast as its limits roughly
-allow, takes longer than the lower bound for every path.
+Moves of some strata of the campaign (`python -m studies bench any`), each planned: at how many
+attempts, in how many iterations; and by what factor the straight line, driven as fast as its limits
+roughly allow, takes longer than the lower bound for every path.
 """
 
 from __future__ import annotations
@@ -16,8 +16,6 @@ from time import process_time
 
 import numpy as np
 
-from deltaopt.bench.hard_moves import ROBOTS, move
-from deltaopt.bench.strata import STRATA
 from deltaopt.cli.arguments import one_or_more, seed
 from deltaopt.errors import DeltaOptError
 from deltaopt.files.progress_bar import ProgressBar
@@ -26,6 +24,8 @@ from deltaopt.planning.first_motions.initial_motion import detour, line, roughly
 from deltaopt.planning.first_motions.order_of_merit import SLOW
 from deltaopt.planning.planner import plan
 from deltaopt.scene.scene import Scene
+from studies.bench.hard_moves import ROBOTS, move
+from studies.bench.strata import STRATA
 
 HELP = "how often the first attempt leads to a plan, and how good a straight line is"
 OF = ("inside", "edge", "border", "longest inside", "longest edge", "longest border", "weak edge")

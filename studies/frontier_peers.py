@@ -17,7 +17,11 @@ from time import thread_time
 import numpy as np
 
 import deltaopt
-from deltaopt.bench.fixed_paths import (
+from deltaopt.errors import DeltaOptError, MissingPackage
+from deltaopt.motion.trajectory import Array, Trajectory
+from deltaopt.output.controller_c import c_functions
+from deltaopt.scene.scene import Scene
+from studies.bench.fixed_paths import (
     MotorLine,
     Path,
     driven,
@@ -25,11 +29,7 @@ from deltaopt.bench.fixed_paths import (
     straight,
     toppra_speeds,
 )
-from deltaopt.bench.peers import PeerPlan, rockit_plan
-from deltaopt.errors import DeltaOptError, MissingPackage
-from deltaopt.motion.trajectory import Array, Trajectory
-from deltaopt.output.controller_c import c_functions
-from deltaopt.scene.scene import Scene
+from studies.bench.peers import PeerPlan, rockit_plan
 from studies.text_table import table
 
 ARRIVES = 1e-6

@@ -48,7 +48,7 @@ SCENES = (
     "objectives/pick_and_place_gently",
 )
 FORMULATIONS: dict[str, Any] = {
-    "flat": deltaopt.flat,
+    "flat": None,  # the default, which a given path has too
     "multiplier": deltaopt.multiplier,
     "explicit": deltaopt.explicit,
     "virtual_work": deltaopt.virtual_work,

@@ -11,13 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from deltaopt import Robot, Scene, load_robot
-from deltaopt.bench.random_scenes import MARGIN, farthest_apart, points_in_workspace
 from deltaopt.errors import Infeasible, Unreachable
 from deltaopt.files.validated_record import Vector3
 from deltaopt.robot.drive import Drive
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import Forearm, Platform, UpperArm
 from deltaopt.scene.feasibility import check_feasible
+from studies.bench.random_scenes import MARGIN, farthest_apart, points_in_workspace
 from studies.problems import INDUSTRIAL, ORSINO
 
 EDGE = 0.02

@@ -28,7 +28,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 import deltaopt
-from deltaopt.bench.random_scenes import random_scenes
 from deltaopt.errors import DeltaOptError, installed
 from deltaopt.motion.time_scaling import safe_factor
 from deltaopt.planning.path.path_mesh import MeshMotion, PathMesh
@@ -37,6 +36,7 @@ from deltaopt.planning.path.sweep import Speeds
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.scene import limits_of
 from deltaopt.scene.task import OnPath
+from studies.bench.random_scenes import random_scenes
 from studies.plots.given_paths import draw
 from studies.problems import ORSINO, add_robots
 from tests.oracles.path_arcs import two_arcs

@@ -18,13 +18,13 @@ from typing import Any
 import numpy as np
 
 from deltaopt import Limits, Planner, Robot, Scene, load_robot, verify
-from deltaopt.bench.random_scenes import random_scenes
 from deltaopt.cli.arguments import positive
 from deltaopt.errors import DeltaOptError
 from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.limits.constraints import SceneLimits
 from deltaopt.motion.time_scaling import highest_rows
 from deltaopt.scene.scene import limits_of
+from studies.bench.random_scenes import random_scenes
 from studies.problems import INDUSTRIAL, add_robots
 
 HELP = "what each limit and each term of the model costs: processor time and duration of moves"

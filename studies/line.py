@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import deltaopt
-from deltaopt.bench.random_scenes import random_scenes
+from studies.bench.random_scenes import random_scenes
 from studies.problems import PICK_AND_PLACE
 
 Array = NDArray[np.float64]

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import deltaopt
-from deltaopt.bench.random_scenes import random_scenes
 from deltaopt.cli.arguments import load_fastest, one_or_more, seed
 from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.planning.planner import Planner
+from studies.bench.random_scenes import random_scenes
 from studies.problems import PICK_AND_PLACE, PROBLEMS, add_directory
 
 HELP = "hold the lower bound for every path against the durations of plans"

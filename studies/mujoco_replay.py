@@ -18,7 +18,6 @@ from pathlib import Path
 import numpy as np
 
 import deltaopt
-from deltaopt.bench.random_scenes import random_scenes
 from deltaopt.cli.arguments import positive
 from deltaopt.compare.model_terms import MODEL_TERMS
 from deltaopt.motion.trajectory import Array
@@ -26,6 +25,7 @@ from deltaopt.output.mujoco_replay import InMujoco, of_joints
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.task import given_points
+from studies.bench.random_scenes import random_scenes
 from studies.problems import PROBLEMS
 
 HELP = "torques and open-loop replay against MuJoCo"

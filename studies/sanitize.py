@@ -24,7 +24,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import deltaopt
-from deltaopt.bench.random_scenes import random_scenes
 from deltaopt.codegen import dense_solver, vectorised
 from deltaopt.codegen.c_compiler import compiler
 from deltaopt.codegen.vectorised import RowFunction
@@ -34,6 +33,7 @@ from deltaopt.planning.flat.method_source import source
 from deltaopt.planning.path import on_mesh
 from deltaopt.planning.path.on_mesh import MeshCall
 from deltaopt.scene.task import given_points
+from studies.bench.random_scenes import random_scenes
 from studies.problems import INDUSTRIAL, ORSINO
 
 Array = NDArray[np.float64]

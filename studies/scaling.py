@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import deltaopt
-from deltaopt.bench.random_scenes import random_scenes
 from deltaopt.planning.nlp.problem import Guess
+from studies.bench.random_scenes import random_scenes
 from studies.problems import ORSINO, add_robots
 from studies.uniform_mesh import solved_on
 

@@ -21,7 +21,6 @@ import casadi as ca
 import numpy as np
 
 import deltaopt
-from deltaopt.bench.random_scenes import MARGIN, points_in_workspace, random_scenes
 from deltaopt.cli.arguments import large_number, one_or_more, seed
 from deltaopt.codegen.vectorised import RowFunction, evaluate_rows
 from deltaopt.compare.dynamics.tasks import Array
@@ -34,6 +33,7 @@ from deltaopt.robot.robot import Robot
 from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.scene import Scene
 from studies.bar_forces import bar_forces
+from studies.bench.random_scenes import MARGIN, points_in_workspace, random_scenes
 from studies.gap_moves import EDGE
 from studies.problems import PROBLEMS, add_directory
 from studies.text_table import csv, paragraph, table

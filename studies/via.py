@@ -14,10 +14,10 @@ from time import thread_time
 import numpy as np
 
 import deltaopt
-from deltaopt.bench.random_scenes import random_scenes
 from deltaopt.cli.arguments import one_or_more, seed
 from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.scene.task import given_points
+from studies.bench.random_scenes import random_scenes
 from studies.problems import PROBLEMS
 
 HELP = "plan random motions through random via points, exactly and in spheres"

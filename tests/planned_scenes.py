@@ -1,4 +1,4 @@
-"""Scenes as the planner sees them, and the random moves of ``deltaopt bench any``."""
+"""Scenes as the planner sees them, and the random moves of ``python -m studies bench any``."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from deltaopt import load_robot, load_scene
-from deltaopt.bench.random_scenes import random_scenes
 from deltaopt.planning.first_motions.multistart import first_motions
 from deltaopt.planning.flat.flat_problem import Flat, FlatEquations
 from deltaopt.planning.nlp.problem import Guess
@@ -16,6 +15,7 @@ from deltaopt.planning.refinement import Refinement, ResolvedMotion
 from deltaopt.planning.switching.resolver import resolver
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.scene import Scene, limits_of
+from studies.bench.random_scenes import random_scenes
 
 
 def flat_equations(scene: Scene) -> FlatEquations:

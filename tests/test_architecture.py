@@ -39,7 +39,6 @@ ORDER = (
     "planning",
     "verify",
     "output",
-    "bench",
     "compare",
     "plots",
     "report",

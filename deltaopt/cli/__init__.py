@@ -13,7 +13,7 @@ import sys
 from collections.abc import Callable
 from typing import Any, Protocol
 
-from deltaopt.cli import bench, check, compare, completion, export, inverse, new, plan, verify, view
+from deltaopt.cli import check, compare, completion, export, inverse, new, plan, verify, view
 from deltaopt.cli.arguments import WrongUsage
 from deltaopt.cli.streams import discard, flush, print_any_text, say
 from deltaopt.errors import DeltaOptError, SceneError, on_one_line
@@ -52,7 +52,6 @@ COMMANDS: dict[str, Command] = {
     "verify": verify,
     "export": export,
     "view": view,
-    "bench": bench,
     "completion": completion,
 }
 

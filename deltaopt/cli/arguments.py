@@ -38,28 +38,6 @@ def add_scenes(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scenes", nargs="+", type=Path, metavar="SCENE", help="scene files")
 
 
-def add_robots(parser: argparse.ArgumentParser, number: int, least: int = 1) -> None:
-    """Add ROBOT..., and how random moves of them are drawn; ``number``: of moves by default.
-
-    ``least``: of robot files; without any a command brings its own.
-    """
-    nargs, words = ("+", "robot files") if least else ("*", "robot files; none for all kinds")
-    parser.add_argument("robots", nargs=nargs, type=Path, metavar="ROBOT", help=words)
-    parser.add_argument(
-        "--number",
-        type=large_number,
-        default=number,
-        metavar="N",
-        help=f"moves of each robot (default: {number})",
-    )
-    parser.add_argument(
-        "--payload", type=kilograms, default=1.0, metavar="KG", help="payload, kg (default: 1)"
-    )
-    parser.add_argument(
-        "--seed", type=seed, default=1, metavar="N", help="of the random moves (default: 1)"
-    )
-
-
 def add_output(parser: argparse.ArgumentParser) -> None:
     """Add the option -o DIR, the directory to write to."""
     parser.add_argument(

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import deltaopt
-from deltaopt.bench.random_scenes import random_scenes
+from studies.bench.random_scenes import random_scenes
 from studies.keep_out.random_bodies import is_possible, with_bodies
 from tests.oracles.clear_grid import can_be_held
 

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import deltaopt
-from deltaopt.bench.random_scenes import random_scenes
 from deltaopt.scene.feasibility import check_feasible
+from studies.bench.random_scenes import random_scenes
 from tests.oracles.body_distances import tool_distances
 
 Array = NDArray[np.float64]

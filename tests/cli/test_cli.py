@@ -238,19 +238,6 @@ def test_hopeless_scenes(command, changes, code, words, tmp_path, capsys):
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize(
-    ("changes", "code", "words"),
-    [
-        ({"payload": "-1"}, 2, "payload is -1"),
-        ({"payload": "10"}, 1, "the torque of motor 1 is 13 N·m"),
-    ],
-)
-def test_hopeless_scenes_are_not_timed(changes, code, words, tmp_path, capsys):
-    found, sentence = failure(["bench", "start", str(scene_file(tmp_path, **changes))], capsys)
-    assert found == code
-    assert words in sentence
-
-
 @pytest.mark.parametrize("command", ["plan", "check", "inverse"])
 def test_no_such_scene(command, capsys):
     code, sentence = failure([command, "nowhere.yaml"], capsys)
@@ -331,7 +318,6 @@ def test_inverse_in_years(tmp_path, capsys):
         ["plan", "a.yaml", "--start", "1"],
         ["plan", "a.yaml", "--base"],
         ["export", "table", "out/a", "--keep"],
-        ["bench", "any", "a.yaml", "--tol", "1e-3"],
         ["plan", "a.yaml", "--rate", "0"],
         ["plan", "a.yaml", "--rate", "inf"],
         ["plan", "a.yaml", "--tolerance", "-1e-3"],
@@ -340,7 +326,6 @@ def test_inverse_in_years(tmp_path, capsys):
         ["inverse", "a.yaml", "--duration", "nan"],
         ["plan", "a.yaml", "--seed", "-1"],
         ["plan", "a.yaml", "--seed", "1.5"],
-        ["bench", "any", "a.yaml", "--seed", "-1"],
     ],
 )
 def test_wrong_usage_is_exit_2(words, capsys):

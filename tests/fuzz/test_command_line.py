@@ -122,4 +122,4 @@ def test_plans(scene, options, capfd, monkeypatch):
 
 
 def test_every_command_is_among_the_words():
-    assert set(deltaopt.cli.COMMANDS) >= {"plan", "check", "inverse", "compare", "export", "bench"}
+    assert set(deltaopt.cli.COMMANDS) >= {"plan", "check", "inverse", "compare", "export"}

@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 
 import deltaopt
-from deltaopt.bench.hard_moves import move
 from deltaopt.errors import SceneError
 from deltaopt.limits.tube import Tube
 from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
 from deltaopt.planning.plan import Plan
 from deltaopt.scene.scene import Scene, load_scene
 from deltaopt.verify.tube import largest_distance
+from studies.bench.hard_moves import move
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 BENT = load_scene(PROBLEMS / "paths" / "tube.yaml")

@@ -9,11 +9,11 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from deltaopt.bench.random_scenes import random_scenes
 from deltaopt.codegen.vectorised import evaluate_rows
 from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.robot.model import DeltaModel, delta_parameters
 from deltaopt.robot.robot import load_robot
+from studies.bench.random_scenes import random_scenes
 
 ROBOTS = Path(__file__).parents[2] / "problems/robots"
 ORSINO, INDUSTRIAL = (load_robot(ROBOTS / f"{name}.yaml") for name in ("orsino", "industrial"))

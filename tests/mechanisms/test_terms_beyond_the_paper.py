@@ -14,13 +14,13 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from deltaopt.bench.random_scenes import random_scenes
 from deltaopt.codegen.vectorised import evaluate_rows
 from deltaopt.dynamics import Explicit, Kane, Mechanism, Multiplier, VirtualWork
 from deltaopt.dynamics.mechanism import Body, Effort
 from deltaopt.mechanisms.delta.functions import delta_functions
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import Robot, load_robot
+from studies.bench.random_scenes import random_scenes
 
 ROBOTS = Path(__file__).parents[2] / "problems/robots"
 PLAIN = load_robot(ROBOTS / "industrial.yaml")

@@ -6,13 +6,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from deltaopt.bench.hard_moves import move
 from deltaopt.motion.links import least_rooms, planned_distances
 from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.links import LinkGeometry
 from deltaopt.verify.clearance import Parts
 from deltaopt.verify.links import _MovingLinks, sure_robot_clearance
+from studies.bench.hard_moves import move
 from tests.limits.test_keep_out import BOX, CYLINDER, PLANE, SPHERE, of_box, of_cylinder
 from tests.limits.test_links import densely, lines, of_plane, of_sphere, with_bodies
 

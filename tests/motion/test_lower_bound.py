@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from deltaopt.bench.random_scenes import random_scenes
 from deltaopt.errors import DeltaOptError
 from deltaopt.motion.lower_bound import lower_bound
 from deltaopt.planning.planner import Planner, plan
 from deltaopt.robot.model import delta_model
 from deltaopt.robot.robot import Robot, load_robot
 from deltaopt.scene.scene import Limits, Scene, load_scene
+from studies.bench.random_scenes import random_scenes
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 SHIPPED = [PROBLEMS / f"robots/{n}.yaml" for n in ("orsino", "industrial", "hornet_565", "rl5")]

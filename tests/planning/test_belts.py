@@ -15,9 +15,9 @@ from deltaopt import (
     plan,
     verify,
 )
-from deltaopt.bench.hard_moves import move
 from deltaopt.planning.first_motions.belt import Meetings, not_met
 from deltaopt.robot.model import delta_model
+from studies.bench.hard_moves import move
 
 SCENE = load_scene("problems/moving/belt.yaml")
 FASTEST = SCENE.robot.drive.speed

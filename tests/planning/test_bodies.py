@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from deltaopt import plan
-from deltaopt.bench.statics import Statics
 from deltaopt.errors import Infeasible
 from deltaopt.limits.keep_out import KeepOut
 from deltaopt.motion.sure_bounds import signed_distances
@@ -17,6 +16,7 @@ from deltaopt.planning.first_motions.passages import shortest_path
 from deltaopt.scene.feasibility import room_at_rest
 from deltaopt.scene.scene import Scene, load_scene
 from deltaopt.verify.verification import verify
+from studies.bench.statics import Statics
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 CROSS = load_scene(PROBLEMS / "paths" / "industrial_25_305_25.yaml").model_copy(

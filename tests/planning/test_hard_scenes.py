@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from deltaopt import Scene, load_robot, load_scene, plan, verify
-from deltaopt.bench.statics import Statics
 from deltaopt.errors import DeltaOptError, Infeasible, Unreachable
 from deltaopt.planning.first_motions.initial_motion import detour, line, roughly_fastest
 from deltaopt.planning.first_motions.order_of_merit import (
@@ -22,6 +21,7 @@ from deltaopt.planning.first_motions.order_of_merit import (
 )
 from deltaopt.planning.first_motions.roadmap import roadmap_motions
 from deltaopt.scene.feasibility import room_at_rest
+from studies.bench.statics import Statics
 from tests.hard_scenes import hard_scene, planned_and_verified
 
 BEST = {

@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 from deltaopt import Planner, Scene, load_robot, plan, verify
-from deltaopt.bench.random_scenes import random_scenes
 from deltaopt.planning.nlp.problem import Ipopt
 from deltaopt.planning.plan import Plan
 from deltaopt.plots.style import figure
+from studies.bench.random_scenes import random_scenes
 
 ROOT = Path(__file__).parents[2]
 THREADS = 8

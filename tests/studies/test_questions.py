@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import deltaopt
-from deltaopt.bench.random_scenes import random_scenes
 from deltaopt.compare.dynamics.many_digits import ManyDigits
 from deltaopt.compare.dynamics.tasks import TASKS
 from deltaopt.dynamics import Multiplier
@@ -18,6 +17,7 @@ from deltaopt.output.mujoco_replay import InMujoco, of_joints
 from deltaopt.robot.model import DeltaModel
 from studies import driven, multistart, proportions, tilt
 from studies.bar_forces import bar_forces
+from studies.bench.random_scenes import random_scenes
 from studies.gap_moves import INSIDE, move, move_of_random_robot
 from studies.problems import INDUSTRIAL, ORSINO, PROBLEMS
 from studies.stability.families import delta_families

@@ -7,15 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from deltaopt.bench import fixed_paths
-from deltaopt.bench.fixed_paths import driven, fixed_path_comparison, platform_motion, straight
 from deltaopt.errors import MissingPackage
 from deltaopt.planning.planner import Planner
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import load_robot
 from deltaopt.scene.scene import load_scene
+from studies.bench import fixed_paths
+from studies.bench.fixed_paths import driven, fixed_path_comparison, platform_motion, straight
 
-PROBLEMS = Path(__file__).parents[2] / "problems"
+PROBLEMS = Path(__file__).parents[3] / "problems"
 ORSINO = load_robot(PROBLEMS / "robots" / "orsino.yaml")
 PICK = load_scene(PROBLEMS / "pick_and_place.yaml")
 

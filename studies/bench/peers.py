@@ -9,8 +9,6 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from deltaopt.bench.plan_timing import finer
-from deltaopt.bench.random_scenes import random_scenes
 from deltaopt.errors import DeltaOptError, installed
 from deltaopt.motion.trajectory import Array, Trajectory
 from deltaopt.output.controller_c import c_functions
@@ -19,6 +17,8 @@ from deltaopt.planning.planner import Planner
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.scene import Scene
+from studies.bench.plan_timing import finer
+from studies.bench.random_scenes import random_scenes
 
 
 @dataclass(frozen=True)

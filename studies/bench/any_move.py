@@ -8,12 +8,12 @@ from time import perf_counter
 
 import numpy as np
 
-from deltaopt.bench.random_scenes import random_scenes
 from deltaopt.errors import DeltaOptError
 from deltaopt.planning.plan import Plan
 from deltaopt.planning.planner import Planner
 from deltaopt.scene.scene import Scene
 from deltaopt.verify.verification import verify
+from studies.bench.random_scenes import random_scenes
 
 
 @dataclass(frozen=True)

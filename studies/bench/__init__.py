@@ -1,10 +1,12 @@
 """Measure plans on this machine: how fast they are, and how many succeed.
 
-deltaopt bench plan ROBOT...    how long plans take, and where the time goes
-deltaopt bench any ROBOT...     plan and verify random moves: how many succeed
-deltaopt bench any              the same for robots of all kinds, up to the edge of what is possible
-deltaopt bench peers ROBOT...   plans beside those of TOPP-RA, Ruckig and rockit, where installed
-deltaopt bench start SCENE...   from import to a verified plan: cold, warm, without a compiler
+bench plan ROBOT...    how long plans take, and where the time goes
+bench any ROBOT...     plan and verify random moves: how many succeed
+bench any              the same for robots of all kinds, up to the edge of what is possible
+bench peers ROBOT...   plans beside those of TOPP-RA, Ruckig and rockit, where installed
+bench start SCENE...   from import to a verified plan: cold, warm, without a compiler
+
+Without any of these words it is plan, of the two robots of the documented figures.
 """
 
 from __future__ import annotations
@@ -14,30 +16,41 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from deltaopt.bench.any_move import random_plans, summary
-from deltaopt.cli.arguments import add_robots, add_scenes, folder, one_or_more, positive
+from deltaopt.cli.arguments import (
+    add_scenes,
+    folder,
+    kilograms,
+    large_number,
+    one_or_more,
+    positive,
+    seed,
+)
 from deltaopt.errors import MissingPackage
 from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.planning.planner import Planner
 from deltaopt.robot.robot import load_robot
 from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.scene import load_scene
+from studies.bench.any_move import random_plans, summary
+from studies.problems import ROBOTS
 
 HELP = "measure plans on this machine: how fast, how many succeed, beside other programs"
+SMALL = {"number": 2}
 
 Benchmark = Callable[[argparse.Namespace], int]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    benchmarks = parser.add_subparsers(title="benchmarks", metavar="BENCHMARK", required=True)
-    add_robots(_add(benchmarks, "plan", _plan), number=200)
-    _add_any(_add(benchmarks, "any", _any, aliases=["random"]))
-    add_robots(_add(benchmarks, "peers", _peers), number=20)
+    parser.set_defaults(benchmark=_plan, robots=ROBOTS, number=1000, payload=1.0, seed=1)
+    benchmarks = parser.add_subparsers(title="benchmarks", metavar="BENCHMARK")
+    _add_robots(_add(benchmarks, "plan", _plan), number=200)
+    _add_any(_add(benchmarks, "any", _any))
+    _add_robots(_add(benchmarks, "peers", _peers), number=20)
     add_scenes(_add(benchmarks, "start", _start))
 
 
 def _add_any(parser: argparse.ArgumentParser) -> None:
-    add_robots(parser, number=200, least=0)
+    _add_robots(parser, number=200, least=0)
     parser.add_argument(
         "--tolerance",
         type=positive,
@@ -60,6 +73,28 @@ def _add_any(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def _add_robots(parser: argparse.ArgumentParser, number: int, least: int = 1) -> None:
+    """Add ROBOT..., and how random moves of them are drawn; ``number``: of moves by default.
+
+    ``least``: of robot files; without any a command brings its own.
+    """
+    nargs, words = ("+", "robot files") if least else ("*", "robot files; none for all kinds")
+    parser.add_argument("robots", nargs=nargs, type=Path, metavar="ROBOT", help=words)
+    parser.add_argument(
+        "--number",
+        type=large_number,
+        default=number,
+        metavar="N",
+        help=f"moves of each robot (default: {number})",
+    )
+    parser.add_argument(
+        "--payload", type=kilograms, default=1.0, metavar="KG", help="payload, kg (default: 1)"
+    )
+    parser.add_argument(
+        "--seed", type=seed, default=1, metavar="N", help="of the random moves (default: 1)"
+    )
+
+
 def _add(benchmarks: Any, name: str, run: Benchmark, **others: Any) -> argparse.ArgumentParser:
     parser: argparse.ArgumentParser = benchmarks.add_parser(
         name, help=run.__doc__, description=run.__doc__, **others
@@ -74,7 +109,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _plan(arguments: argparse.Namespace) -> int:
     """Measure how long plans take, dense checks included, and where the time goes."""
-    from deltaopt.bench.plan_timing import plan_report, timed_plans
+    from studies.bench.plan_timing import plan_report, timed_plans
 
     good, number = True, arguments.number
     for robot in map(load_robot, arguments.robots):
@@ -112,7 +147,7 @@ def _any(arguments: argparse.Namespace) -> int:
 
 def _campaign(arguments: argparse.Namespace) -> int:
     """Plan and verify moves of robots of all kinds, which bring their own payloads."""
-    from deltaopt.bench.campaign import campaign, table, told
+    from studies.bench.campaign import campaign, table, told
 
     rows = campaign(
         arguments.output,
@@ -132,8 +167,8 @@ def _peers(arguments: argparse.Namespace) -> int:
     """Hold plans against the motions of TOPP-RA on given paths and of Ruckig between motor
     angles, and a quarter of them against rockit's, with Ipopt, of equal optimality gap; what is
     not installed of these is named and left out."""
-    from deltaopt.bench.fixed_paths import fixed_path_comparison
-    from deltaopt.bench.peers import rockit_comparison
+    from studies.bench.fixed_paths import fixed_path_comparison
+    from studies.bench.peers import rockit_comparison
 
     payload, number, seed = arguments.payload, arguments.number, arguments.seed
     for robot in map(load_robot, arguments.robots):
@@ -149,7 +184,7 @@ def _peers(arguments: argparse.Namespace) -> int:
 def _start(arguments: argparse.Namespace) -> int:
     """Measure the processor's time from import to a verified plan, for the first plan and for later
     ones: with nothing compiled yet, with everything compiled, and without a compiler."""
-    from deltaopt.bench.start import CASES
+    from studies.bench.start import CASES
 
     for file in arguments.scenes:
         check_feasible(load_scene(file))  # said here, not by the processes that plan it

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from deltaopt import load_scene, plan
-from deltaopt.bench import campaign as room
-from deltaopt.bench.campaign import Row, campaign, table, told, write_scene
-from deltaopt.bench.hard_moves import ROBOTS, move
-from deltaopt.bench.met_belts import of_belt
-from deltaopt.bench.possible import possibility
-from deltaopt.bench.statics import Statics
-from deltaopt.bench.strata import STRATA
-from deltaopt.cli import main
 from deltaopt.files.kept_rows import read_rows
 from deltaopt.robot.model import delta_model
+from studies.__main__ import main
+from studies.bench import campaign as room
+from studies.bench.campaign import Row, campaign, table, told, write_scene
+from studies.bench.hard_moves import ROBOTS, move
+from studies.bench.met_belts import of_belt
+from studies.bench.possible import possibility
+from studies.bench.statics import Statics
+from studies.bench.strata import STRATA
 
 
 def test_moves_are_of_all_robots_and_strata_and_known_by_their_number():
@@ -46,7 +46,7 @@ def test_statics_of_the_independent_check(stratum, number):
 
 
 def test_a_move_is_possible_unless_the_motors_are_too_weak_between_its_ends(monkeypatch):
-    monkeypatch.setattr("deltaopt.bench.possible._STEPS", (12,))
+    monkeypatch.setattr("studies.bench.possible._STEPS", (12,))
     scene = move(1, 0).scene
     far = {"sphere": {"centre": [10.0, 0.0, 0.0], "radius": 1.0}}
     assert possibility(scene.model_copy(update={"keep_out": [far]})).found
@@ -59,7 +59,7 @@ def test_a_move_is_possible_unless_the_motors_are_too_weak_between_its_ends(monk
 
 @pytest.mark.parametrize("body", ["box", "sphere", "cylinder", "half_space"])
 def test_a_move_is_not_possible_where_a_body_encloses_its_goal(monkeypatch, body):
-    monkeypatch.setattr("deltaopt.bench.possible._STEPS", (12,))
+    monkeypatch.setattr("studies.bench.possible._STEPS", (12,))
     scene = move(1, 0).scene
     goal = np.array(scene.goal)
     way = np.linalg.norm(goal - np.array(scene.start))
@@ -140,7 +140,7 @@ def test_what_counts_as_a_failure():
 
 def test_an_approach_is_possible_unless_a_cylinder_leads_nowhere(monkeypatch):
     """A slab above the start leaves no way up, and none around it in the cylinder."""
-    monkeypatch.setattr("deltaopt.bench.possible._STEPS", (12,))
+    monkeypatch.setattr("studies.bench.possible._STEPS", (12,))
     free = move(1, len(ROBOTS) * list(STRATA).index("approach")).scene
     assert possibility(free).found
     x, y, z = free.start
@@ -158,8 +158,8 @@ def test_an_approach_is_possible_unless_a_cylinder_leads_nowhere(monkeypatch):
 def test_belts_that_can_be_met_and_others(monkeypatch):
     """One is never in reach slowly enough, one leaves too soon, and one is met; by the default
     solver instead of Ipopt, which takes ten times as long."""
-    monkeypatch.setattr("deltaopt.bench.met_belts._PLACES", 2)
-    monkeypatch.setattr("deltaopt.bench.met_belts.plan", lambda scene, solver: plan(scene))
+    monkeypatch.setattr("studies.bench.met_belts._PLACES", 2)
+    monkeypatch.setattr("studies.bench.met_belts.plan", lambda scene, solver: plan(scene))
     too_fast, leaving = (of_belt(move(3, number).scene) for number in (373, 377))
     assert "at none of 2000 places of the belt do the chains close" in too_fast.against
     assert "motions to 2 places there take 1.41 times as long" in leaving.against

@@ -10,7 +10,6 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.bench.random_scenes import singular_volumes
 from deltaopt.files.validated_record import Vector3
 from deltaopt.robot.drive import Friction
 from deltaopt.robot.joints import Joints
@@ -24,6 +23,7 @@ from deltaopt.scene.objective import TimeAndEffort
 from deltaopt.scene.path import Corners, Line, PickAndPlace
 from deltaopt.scene.rotation import Rotation
 from deltaopt.scene.scene import Scene
+from studies.bench.random_scenes import singular_volumes
 
 Array = NDArray[np.float64]
 

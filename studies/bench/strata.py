@@ -8,7 +8,11 @@ from math import inf
 
 import numpy as np
 
-from deltaopt.bench.changes import (
+from deltaopt.files.validated_record import Vector3
+from deltaopt.robot.drive import Drive
+from deltaopt.robot.robot import Elbow, Forearm, Platform, Robot, UpperArm
+from deltaopt.robot.tool import Tool
+from studies.bench.changes import (
     Change,
     all_limits,
     among_bodies,
@@ -46,11 +50,7 @@ from deltaopt.bench.changes import (
     up_and_down,
     with_clearance,
 )
-from deltaopt.bench.random_scenes import MARGIN
-from deltaopt.files.validated_record import Vector3
-from deltaopt.robot.drive import Drive
-from deltaopt.robot.robot import Elbow, Forearm, Platform, Robot, UpperArm
-from deltaopt.robot.tool import Tool
+from studies.bench.random_scenes import MARGIN
 
 _FARTHEST_OF = 40
 """Of so many random points the two that are farthest apart make a longest move."""

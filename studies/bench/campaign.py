@@ -17,10 +17,6 @@ from time import process_time
 
 import numpy as np
 
-from deltaopt.bench.hard_moves import Move, move
-from deltaopt.bench.met_belts import of_belt
-from deltaopt.bench.possible import Possibility, possibility
-from deltaopt.bench.strata import STRATA
 from deltaopt.errors import DeltaOptError
 from deltaopt.files.kept_rows import append_rows, read_rows, rewrite_rows
 from deltaopt.files.yaml_file import write_yaml
@@ -28,6 +24,10 @@ from deltaopt.planning.planner import plan
 from deltaopt.scene.moving_ends import Belt
 from deltaopt.scene.scene import Scene
 from deltaopt.verify.verification import verify
+from studies.bench.hard_moves import Move, move
+from studies.bench.met_belts import of_belt
+from studies.bench.possible import Possibility, possibility
+from studies.bench.strata import STRATA
 
 _THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
 """Variables that say how many threads a process uses for linear algebra."""

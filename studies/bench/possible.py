@@ -15,12 +15,12 @@ from itertools import pairwise, product
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.bench.statics import AtRest, Statics
 from deltaopt.limits.limit import Column
 from deltaopt.robot.robot import Robot
 from deltaopt.robot.tool import Box, Sphere
 from deltaopt.scene.bodies import Body, Cylinder, HalfSpace
 from deltaopt.scene.scene import Scene
+from studies.bench.statics import AtRest, Statics
 
 Array = NDArray[np.float64]
 Truths = NDArray[np.bool]

@@ -16,7 +16,6 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from deltaopt.bench.random_scenes import random_scenes
 from deltaopt.codegen.vectorised import RowFunction
 from deltaopt.errors import DeltaOptError, MissingPackage, installed
 from deltaopt.mechanisms.delta.functions import DeltaFunctions
@@ -26,6 +25,7 @@ from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import given_points
+from studies.bench.random_scenes import random_scenes
 
 Result = TypeVar("Result")
 

@@ -9,8 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from deltaopt.bench.random_scenes import farthest_apart, points_in_workspace
-from deltaopt.bench.strata import RANDOM, STRATA, Points
 from deltaopt.errors import DeltaOptError, Infeasible
 from deltaopt.files.validated_record import Vector3
 from deltaopt.robot.drive import Drive
@@ -18,6 +16,8 @@ from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.robot.robot import Forearm, Platform, Robot, UpperArm
 from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.scene import Scene
+from studies.bench.random_scenes import farthest_apart, points_in_workspace
+from studies.bench.strata import RANDOM, STRATA, Points
 
 _MOST_TRIES = 300
 """Random moves of which none can begin and end at rest before the search for one ends."""

@@ -11,13 +11,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.bench.possible import Possibility
-from deltaopt.bench.statics import Statics
 from deltaopt.errors import DeltaOptError
 from deltaopt.planning.nlp.problem import Ipopt
 from deltaopt.planning.planner import plan
 from deltaopt.scene.moving_ends import Belt, State
 from deltaopt.scene.scene import Scene
+from studies.bench.possible import Possibility
+from studies.bench.statics import Statics
 
 Array = NDArray[np.float64]
 

@@ -1,1 +1,0 @@
-"""How fast and how reliable planning is, measured on this machine."""
