@@ -22,28 +22,30 @@ from deltaopt.compare.dynamics.many_digits import ManyDigits
 from deltaopt.compare.dynamics.samples import PAPER, rounded
 from deltaopt.compare.dynamics.tasks import Array
 from deltaopt.dynamics import (
-    BDF,
-    Adams,
     ClosedForm,
     Explicit,
     Formulation,
-    Gauss,
-    Integrator,
     Multiplier,
-    NoStabilisation,
     NullSpace,
     Partition,
-    Projection,
-    Stabilisation,
-    StabilisedDAE,
     VirtualWork,
-    simulate,
 )
 from deltaopt.dynamics.mechanism import SX, Mechanism
 from deltaopt.errors import IntegrationFailed
 from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.mechanisms.delta.kinematics import inverse_kinematics
 from studies.problems import add_directory
+from studies.simulation import (
+    BDF,
+    Adams,
+    Gauss,
+    Integrator,
+    NoStabilisation,
+    Projection,
+    Stabilisation,
+    StabilisedDAE,
+    simulate,
+)
 from studies.stability.families import Family, Maker, delta_families
 from studies.stability.singularities import lapack_lu
 from studies.text_table import csv, paragraph, table

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from deltaopt.dynamics.exclusive_use import Copies
-from deltaopt.dynamics.simulation import PreciseIntegrator
+from deltaopt.dynamics.precise_integrator import PreciseIntegrator
 from deltaopt.interrupts.requests import (
     Stopped,
     interrupts_not_lost,

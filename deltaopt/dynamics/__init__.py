@@ -9,24 +9,13 @@ from deltaopt.dynamics.constraint_matrix import (
     RankRevealing,
 )
 from deltaopt.dynamics.formulation import Formulation
-from deltaopt.dynamics.integrators import BDF, Adams, Gauss, Integrator, StabilisedDAE, Work
 from deltaopt.dynamics.kane import GeneralSpeeds, Kane
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.dynamics.linear import LeastNorm
 from deltaopt.dynamics.mechanism import Body, Effort, Mechanism
-from deltaopt.dynamics.simulation import Motion, simulate
-from deltaopt.dynamics.stabilisation import (
-    Baumgarte,
-    NoStabilisation,
-    Projection,
-    Stabilisation,
-)
 from deltaopt.dynamics.virtual_work import VirtualWork
 
 __all__ = [
-    "BDF",
-    "Adams",
-    "Baumgarte",
     "Body",
     "ClosedForm",
     "ConstraintMatrix",
@@ -34,23 +23,14 @@ __all__ = [
     "EuclideanMetric",
     "Explicit",
     "Formulation",
-    "Gauss",
     "GeneralSpeeds",
     "InertiaMetric",
-    "Integrator",
     "Kane",
     "LeastNorm",
     "Mechanism",
-    "Motion",
     "Multiplier",
-    "NoStabilisation",
     "NullSpace",
     "Partition",
-    "Projection",
     "RankRevealing",
-    "Stabilisation",
-    "StabilisedDAE",
     "VirtualWork",
-    "Work",
-    "simulate",
 ]

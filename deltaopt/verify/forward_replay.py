@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.dynamics.lagrange import Multiplier
-from deltaopt.dynamics.simulation import PreciseIntegrator
+from deltaopt.dynamics.precise_integrator import PreciseIntegrator
 from deltaopt.mechanisms.delta.functions import DeltaFunctions
 from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory, goal_of
 from deltaopt.robot.model import DeltaModel, delta_model

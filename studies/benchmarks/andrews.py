@@ -10,8 +10,15 @@ import casadi as ca
 import numpy as np
 
 from deltaopt.compare.dynamics.tasks import Array
-from deltaopt.dynamics import Gauss, Multiplier, NoStabilisation, simulate
+from deltaopt.dynamics import (
+    Multiplier,
+)
 from deltaopt.dynamics.mechanism import SX, Body, Effort, Mechanism
+from studies.simulation import (
+    Gauss,
+    NoStabilisation,
+    simulate,
+)
 
 D, DA, E, EA = 28e-3, 115e-4, 2e-2, 1421e-5
 RR, RA, SS, SA, SB, SC, SD = 7e-3, 92e-5, 35e-3, 1874e-5, 1043e-5, 18e-3, 2e-2

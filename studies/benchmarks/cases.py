@@ -9,19 +9,11 @@ import numpy as np
 
 from deltaopt.compare.dynamics.tasks import Array
 from deltaopt.dynamics import (
-    BDF,
-    Adams,
     Explicit,
     Formulation,
-    Integrator,
     LeastNorm,
     Mechanism,
-    Motion,
     Multiplier,
-    NoStabilisation,
-    Projection,
-    Stabilisation,
-    simulate,
 )
 from studies.benchmarks import (
     andrews,
@@ -33,6 +25,16 @@ from studies.benchmarks import (
     slider_crank,
 )
 from studies.benchmarks.references import Published
+from studies.simulation import (
+    BDF,
+    Adams,
+    Integrator,
+    Motion,
+    NoStabilisation,
+    Projection,
+    Stabilisation,
+    simulate,
+)
 
 
 @dataclass(frozen=True)

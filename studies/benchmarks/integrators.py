@@ -14,7 +14,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from deltaopt.compare.dynamics.tasks import Array
-from deltaopt.dynamics import (
+from deltaopt.errors import IntegrationFailed
+from studies.benchmarks.cases import Case, cases
+from studies.simulation import (
     BDF,
     Adams,
     Gauss,
@@ -25,8 +27,6 @@ from deltaopt.dynamics import (
     StabilisedDAE,
     Work,
 )
-from deltaopt.errors import IntegrationFailed
-from studies.benchmarks.cases import Case, cases
 from studies.text_table import csv, paragraph, table
 
 Progress = Callable[[float, str], None]

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from deltaopt.dynamics import Motion, Multiplier
+from deltaopt.dynamics import Multiplier
 from studies.benchmarks import andrews, references
 from studies.benchmarks.cases import Case, cases
 from studies.benchmarks.references import Published
+from studies.simulation import Motion
 from studies.text_table import csv, paragraph, table
 
 Progress = Callable[[float, str], None]

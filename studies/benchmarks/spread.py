@@ -14,22 +14,24 @@ import numpy as np
 
 from deltaopt.compare.dynamics.tasks import Array
 from deltaopt.dynamics import (
-    Adams,
     Explicit,
     Formulation,
-    Gauss,
-    Integrator,
     LeastNorm,
     Multiplier,
-    NoStabilisation,
     NullSpace,
-    Projection,
-    Stabilisation,
-    StabilisedDAE,
 )
 from deltaopt.errors import IntegrationFailed
 from studies.benchmarks import four_bars, slider_crank
 from studies.benchmarks.cases import Case, cases
+from studies.simulation import (
+    Adams,
+    Gauss,
+    Integrator,
+    NoStabilisation,
+    Projection,
+    Stabilisation,
+    StabilisedDAE,
+)
 from studies.text_table import paragraph, table
 
 Progress = Callable[[float, str], None]

@@ -21,12 +21,12 @@ from deltaopt.dynamics.kane import Kane
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.dynamics.linear import LeastNorm
 from deltaopt.dynamics.mechanism import Mechanism
-from deltaopt.dynamics.simulation import simulate
-from deltaopt.dynamics.stabilisation import NoStabilisation, Projection, Stabilisation
 from deltaopt.dynamics.virtual_work import VirtualWork
 from deltaopt.errors import DeltaOptError
 from studies.benchmarks.bricard import bricard, bricard_start
 from studies.benchmarks.four_bars import n_four_bar, n_four_bar_start
+from studies.simulation.simulation import simulate
+from studies.simulation.stabilisation import NoStabilisation, Projection, Stabilisation
 from studies.stability.singularities import lapack_lu
 
 Progress = Callable[[float, str], None]

@@ -17,19 +17,19 @@ import numpy as np
 from deltaopt.compare.dynamics.samples import PAPER
 from deltaopt.compare.dynamics.tasks import Array
 from deltaopt.dynamics.constraint_matrix import ClosedForm
-from deltaopt.dynamics.integrators import Work
 from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.dynamics.mechanism import Mechanism
-from deltaopt.dynamics.simulation import Motion, simulate
-from deltaopt.dynamics.stabilisation import (
+from deltaopt.errors import IntegrationFailed
+from deltaopt.mechanisms.delta.functions import DeltaFunctions
+from deltaopt.mechanisms.delta.mechanism import delta
+from studies.simulation.integrators import Work
+from studies.simulation.simulation import Motion, simulate
+from studies.simulation.stabilisation import (
     Baumgarte,
     NoStabilisation,
     Projection,
     Stabilisation,
 )
-from deltaopt.errors import IntegrationFailed
-from deltaopt.mechanisms.delta.functions import DeltaFunctions
-from deltaopt.mechanisms.delta.mechanism import delta
 
 Progress = Callable[[float, str], None]
 

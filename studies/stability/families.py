@@ -23,7 +23,7 @@ from deltaopt.dynamics.formulation import state
 from deltaopt.dynamics.mechanism import SX, Mechanism
 from deltaopt.mechanisms.delta.mechanism import delta
 from deltaopt.mechanisms.delta.singularities import parallel_margin
-from deltaopt.mechanisms.spherical_pendulum import spherical_pendulum
+from studies.spherical_pendulum import spherical_pendulum
 
 NEWTON_STEPS = 50
 """In double precision, from the family's guess."""

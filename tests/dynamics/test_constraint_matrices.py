@@ -7,7 +7,7 @@ import pytest
 from deltaopt.dynamics import ClosedForm, NullSpace, Partition
 from deltaopt.dynamics.linear import reflect, solve_scalars
 from deltaopt.mechanisms.delta.mechanism import delta
-from deltaopt.mechanisms.spherical_pendulum import spherical_pendulum
+from studies.spherical_pendulum import spherical_pendulum
 from tests import paper_delta as paper
 
 MATRICES = [ClosedForm(), Partition((0, 1, 2)), Partition((3, 6, 9)), NullSpace()]

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.dynamics.simulation import PreciseIntegrator
+from deltaopt.dynamics.precise_integrator import PreciseIntegrator
 from deltaopt.robot.model import DeltaModel
 from deltaopt.scene.scene import Scene, limits_of
 from deltaopt.scene.task import OnPath, given_points

@@ -21,7 +21,6 @@ from deltaopt.dynamics import (
     Partition,
     RankRevealing,
     VirtualWork,
-    simulate,
 )
 from deltaopt.dynamics.linear import singular_directions
 from deltaopt.errors import Singular, Singularity
@@ -30,6 +29,9 @@ from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import load_robot
 from studies.benchmarks.bricard import bricard, bricard_start
 from studies.benchmarks.four_bars import n_four_bar
+from studies.simulation import (
+    simulate,
+)
 from studies.stability import benchmarks, singularities
 from studies.stability.families import Family, Maker, delta_families, pendulum_families
 

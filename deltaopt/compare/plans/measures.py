@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from deltaopt.compare.plans.cases import FRACTIONS, Case, motion_inside
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
-from deltaopt.dynamics.simulation import PreciseIntegrator
+from deltaopt.dynamics.precise_integrator import PreciseIntegrator
 from deltaopt.motion.trajectory import PiecewisePolynomial
 from deltaopt.planning.formulations.collocation import CollocationProblem
 from deltaopt.planning.formulations.scaled_mechanism import ScaledMechanism

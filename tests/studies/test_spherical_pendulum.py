@@ -23,7 +23,7 @@ from deltaopt.dynamics import (
     Partition,
     VirtualWork,
 )
-from deltaopt.mechanisms.spherical_pendulum import spherical_pendulum
+from studies.spherical_pendulum import spherical_pendulum
 from tests import paper_delta
 
 L, MASS, G = 0.7, 1.3, 9.81

@@ -7,20 +7,22 @@ import numpy as np
 import pytest
 
 from deltaopt.dynamics import (
-    BDF,
-    Adams,
     Explicit,
-    Gauss,
     Multiplier,
-    NoStabilisation,
     Partition,
-    StabilisedDAE,
-    simulate,
 )
-from deltaopt.dynamics.integrators import Integrator
 from deltaopt.dynamics.mechanism import SX, Body, Mechanism
 from deltaopt.errors import IntegrationFailed
 from studies.benchmarks import governor, pendulum
+from studies.simulation import (
+    BDF,
+    Adams,
+    Gauss,
+    NoStabilisation,
+    StabilisedDAE,
+    simulate,
+)
+from studies.simulation.integrators import Integrator
 
 TIMES = np.linspace(0, 2, 5)
 

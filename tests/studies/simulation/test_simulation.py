@@ -18,19 +18,19 @@ from deltaopt.dynamics.formulation import Formulation
 from deltaopt.dynamics.kane import Kane
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.dynamics.mechanism import SX, Body, Effort, Mechanism, none
-from deltaopt.dynamics.simulation import Motion, simulate
-from deltaopt.dynamics.stabilisation import (
+from deltaopt.dynamics.virtual_work import VirtualWork
+from deltaopt.errors import Inconsistent, IntegrationFailed
+from deltaopt.mechanisms.delta.mechanism import DeltaParameters, delta
+from studies.simulation.simulation import Motion, simulate
+from studies.simulation.stabilisation import (
     Baumgarte,
     NoStabilisation,
     Projection,
     Stabilisation,
 )
-from deltaopt.dynamics.virtual_work import VirtualWork
-from deltaopt.errors import Inconsistent, IntegrationFailed
-from deltaopt.mechanisms.delta.mechanism import DeltaParameters, delta
-from deltaopt.mechanisms.spherical_pendulum import spherical_pendulum
+from studies.spherical_pendulum import spherical_pendulum
 
-DATA = Path(__file__).parents[1] / "data"
+DATA = Path(__file__).parents[2] / "data"
 
 
 @dataclass(frozen=True)
