@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, redirect_stderr
 from io import StringIO
-from threading import Timer, current_thread, main_thread
+from threading import Lock, Thread, current_thread, main_thread
 from types import FrameType
 from typing import Any
 
@@ -47,6 +47,7 @@ def ignore_requests() -> None:
 def requests_raised() -> Iterator[None]:
     """Inside, a request to stop raises Stopped, also where libraries make another error of it."""
     first: list[tuple[int, float]] = []
+    telling = Lock()
 
     def stop(number: int, frame: FrameType | None) -> None:
         if not first:
@@ -60,9 +61,14 @@ def requests_raised() -> Iterator[None]:
             usual(lost)
         elif first:
             number, _ = first.pop()
-            again = Timer(_AGAIN, _send_to_main_thread, [number])
-            again.daemon = True
-            again.start()
+            with telling:  # what is raised before this function ends is lost too
+                Thread(target=again, args=[number], daemon=True).start()
+
+    def again(number: int) -> None:
+        with telling:
+            pass
+        time.sleep(_AGAIN)
+        _send_to_main_thread(number)
 
     usual = sys.unraisablehook
     with _handled_by(stop):
