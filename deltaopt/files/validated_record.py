@@ -26,7 +26,7 @@ from pydantic import (
 )
 
 from deltaopt.errors import SceneError, shown
-from deltaopt.files.units import WrongUnit
+from deltaopt.files.units import Misread
 from deltaopt.files.yaml_file import place_of
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
@@ -114,7 +114,8 @@ class Record(BaseModel):
         except SceneError as error:  # from a record within this one
             raise error.inside(key=f"{key}{_place_in_list(cls, key, value)}") from None
         except ValidationError as error:
-            raise SceneError(None, key, value, expected, _wrong_unit(value, error)) from None
+            problem, hint = _misread(value, error)
+            raise SceneError(None, key, value, expected + hint, problem) from None
         if _too_large(valid):  # once its unit is taken into account
             raise SceneError(None, key, value, at_most)
         return valid
@@ -180,14 +181,15 @@ def _is_valid(record: type[Record], value: object) -> bool:
     return True
 
 
-def _wrong_unit(value: object, error: ValidationError) -> str:
-    """What is wrong with a value whose unit is wrong; empty if something else is wrong."""
+def _misread(value: object, error: ValidationError) -> tuple[str, str]:
+    """What is wrong with a value that is no such quantity, and what more would be right; both empty
+    if something else is wrong."""
     for detail in error.errors(include_url=False):
         cause = detail.get("ctx", {}).get("error")
-        if isinstance(cause, WrongUnit):
-            which = "which" if value == cause.text else f"of which {cause.text!r}"
-            return f"is {shown(value)}, {which} {cause}"
-    return ""
+        if isinstance(cause, Misread):
+            which = "which" if value == cause.value else f"of which {shown(cause.value)}"
+            return f"is {shown(value)}, {which} {cause.problem}", cause.hint
+    return "", ""
 
 
 def _too_large(value: object) -> bool:

@@ -16,13 +16,14 @@ from dataclasses import dataclass
 from functools import cached_property
 from math import comb
 from pathlib import Path as File
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, model_validator
 
 from deltaopt.errors import SceneError
+from deltaopt.files.units import LENGTH, SPEED, WIDTH
 from deltaopt.files.validated_record import NonNegative, Number, Positive, Record, Vector3
 
 Array = NDArray[np.float64]
@@ -132,7 +133,9 @@ class Path:
 class GivenPath(Record):
     """What all kinds of path have: ``speeds`` along it at start and goal, m/s, 0 for at rest."""
 
-    speeds: tuple[NonNegative, NonNegative] = Field(default=(0.0, 0.0), description=_SPEEDS)
+    speeds: Annotated[tuple[NonNegative, NonNegative], SPEED] = Field(
+        default=(0.0, 0.0), description=_SPEEDS
+    )
 
     @abstractmethod
     def between(self, start: Vector3, goal: Vector3) -> Path:
@@ -162,8 +165,10 @@ class Corners(GivenPath):
     roundings on a leg must not overlap. Without it only three points or more on a line make sense.
     """
 
-    points: tuple[tuple[Number, Number, Number], ...] = Field(description=_POINTS, min_length=1)
-    blend: Positive = Field(description=_BLEND)
+    points: Annotated[tuple[tuple[Number, Number, Number], ...], LENGTH] = Field(
+        description=_POINTS, min_length=1
+    )
+    blend: Annotated[Positive, WIDTH] = Field(description=_BLEND)
 
     def between(self, start: Vector3, goal: Vector3) -> Path:
         corners = np.array([start, *self.points, goal])
@@ -177,8 +182,10 @@ class Corners(GivenPath):
 class PickAndPlace(GivenPath):
     """Up by ``height`` (m) above the higher end, across, and down, corners rounded by ``blend``."""
 
-    height: Positive = Field(description="a height in m above the higher end, greater than 0")
-    blend: Positive = Field(description=_BLEND)
+    height: Annotated[Positive, WIDTH] = Field(
+        description="a height in m above the higher end, greater than 0"
+    )
+    blend: Annotated[Positive, WIDTH] = Field(description=_BLEND)
 
     def between(self, start: Vector3, goal: Vector3) -> Path:
         top = min(start[0], goal[0]) - self.height  # x points down
@@ -199,7 +206,9 @@ class Curve(GivenPath):
     """
 
     s: tuple[Number, ...] = Field(description="increasing parameters, two or more", min_length=2)
-    x: tuple[tuple[Number, Number, Number], ...] = Field(description="a point in m for each s")
+    x: Annotated[tuple[tuple[Number, Number, Number], ...], LENGTH] = Field(
+        description="a point in m for each s"
+    )
     dx: tuple[tuple[Number, Number, Number], ...] = Field(description="dx/ds for each s")
     ddx: tuple[tuple[Number, Number, Number], ...] = Field(description="d²x/ds² for each s")
 
