@@ -122,7 +122,8 @@ class Quantity:
     def _meant(self, number: float) -> str:
         """In which of the units of datasheets a bare number makes sense."""
         for unit in self.datasheets:
-            if abs(self._number(f"{float(number)!r} {unit}")) <= self.most:
+            read = self._number(f"{float(number)!r} {unit}")
+            if isinstance(read, float) and abs(read) <= self.most:
                 return f"; {_in_words(unit)} need a unit: {number:.6g} {_in_words(unit)}"
         return ""
 

@@ -115,6 +115,9 @@ class Workspace(Record):
         if self.depth is not None and self.depth[0] >= self.depth[1]:
             expected = str(type(self).model_fields["depth"].description)
             raise SceneError(None, "depth", self.depth, expected)
+        if self.depth is not None and self.depth[1] <= 0:
+            expected = "depths in m below the base, positive: x points down from its centre"
+            raise SceneError(None, "depth", self.depth, expected)
         return self
 
 

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from deltaopt.errors import SceneError
+from deltaopt.errors import SceneError, in_words
 from deltaopt.files.units import RATIO
 from deltaopt.files.validated_record import Number, Record, Vector3
 from deltaopt.robot.solids import ALONG_THE_BASE, Axes, Convex, Polytope, Solid
@@ -103,6 +103,31 @@ class Body(Record):
         """In words."""
         found = next(name for name in type(self).model_fields if getattr(self, name) is not None)
         return found.replace("_", "-")
+
+    @property
+    def centre(self) -> Vector3:
+        """The middle, of a half-space the point that is given, m."""
+        shape = self.shape
+        if isinstance(shape, HalfSpace):
+            return shape.point
+        if isinstance(shape, Hull):
+            return _vector((np.min(shape.points, axis=0) + np.max(shape.points, axis=0)) / 2)
+        return shape.centre
+
+    @property
+    def in_words(self) -> str:
+        """Its kind, size and place: "box of 140 x 10 x 220 mm about [0.89, 0.085, 0] m"."""
+        shape = self.shape
+        about = f"about {in_words(self.centre)} m"
+        if isinstance(shape, HalfSpace):
+            return f"{self.kind} beyond {in_words(shape.point)} m towards {in_words(shape.normal)}"
+        if isinstance(shape, Sphere):
+            return f"{self.kind} of radius {1e3 * shape.radius:g} mm {about}"
+        if isinstance(shape, Cylinder):
+            size = f"radius {1e3 * shape.radius:g} mm and length {1e3 * shape.length:.6g} mm"
+            return f"{self.kind} of {size} {about}"
+        sides = np.ptp(_corners(shape), axis=0)
+        return f"{self.kind} of {' x '.join(f'{1e3 * side:.6g}' for side in sides)} mm {about}"
 
     @property
     def shape(self) -> Box | Sphere | Cylinder | HalfSpace | Hull:

@@ -313,16 +313,36 @@ def _within(row: ca.SX, lower: bool, upper: bool) -> ca.SX:
 
 def _require_reach(model: DeltaModel, name: str, point: Vector3) -> None:
     """Raise Unreachable if a point is outside the workspace or the industrial assembly mode."""
+    problem = _out_of_reach(model, point)
+    if problem:
+        raise Unreachable(f"{name}: {problem}{perhaps_meant(model, point)}")
+
+
+def _out_of_reach(model: DeltaModel, point: Vector3) -> str:
+    """Why the platform cannot be at a point; empty if it can."""
     try:
         q = model.inverse_kinematics(point)
         back = model.forward_kinematics(q[3::3])
     except Unreachable as error:
-        raise Unreachable(f"{name}: {error}") from None
-    if np.linalg.norm(back - point) > _SAME_PLACE:
-        raise Unreachable(
-            f"{name}: at {in_words(point)} m the platform is not below its elbows, which is "
-            "outside the industrial assembly mode"
-        )
+        return str(error)
+    if np.linalg.norm(back - point) <= _SAME_PLACE:
+        return ""
+    return (
+        f"at {in_words(point)} m the platform is not below its elbows, which is outside the "
+        "industrial assembly mode"
+    )
+
+
+def perhaps_meant(model: DeltaModel, point: Vector3) -> str:
+    """What a point (m) that is out of reach is within it, given with z upward, z downward or x
+    upward; empty if there is no such thing, or the platform can be there."""
+    x, y, z = point
+    if not _out_of_reach(model, point):
+        return ""
+    for meant in ((-z, x, y), (z, x, y), (-x, y, z)):
+        if not _out_of_reach(model, meant):
+            return f"; x points down from the base's centre: {in_words(meant)} is within reach"
+    return ""
 
 
 def _require_rest(model: DeltaModel, scene: Scene, name: str, point: Vector3) -> None:
