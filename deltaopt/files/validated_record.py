@@ -109,6 +109,8 @@ class Record(BaseModel):
         at_most = f"{expected}; numbers of at most {LARGEST:g}"
         if _too_large(value):
             raise SceneError(None, key, value, at_most)
+        if _has_no_order(value):
+            raise SceneError(None, key, value, expected, f"is {shown(value)}, a set without order")
         try:
             valid = validate(value)
         except SceneError as error:  # from a record within this one
@@ -190,6 +192,13 @@ def _misread(value: object, error: ValidationError) -> tuple[str, str]:
             which = "which" if value == cause.value else f"of which {shown(cause.value)}"
             return f"is {shown(value)}, {which} {cause.problem}", cause.hint
     return "", ""
+
+
+def _has_no_order(value: object) -> bool:
+    """Whether a value is a set, or has one in a list: which of its items is x is not known."""
+    if isinstance(value, list | tuple):
+        return any(map(_has_no_order, value))
+    return isinstance(value, set | frozenset)
 
 
 def _too_large(value: object) -> bool:
