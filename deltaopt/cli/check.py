@@ -51,7 +51,7 @@ from deltaopt.robot.catalogue import Reduction, reductions
 from deltaopt.robot.drive import Drive, Friction
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import load_robot
-from deltaopt.scene.feasibility import check_feasible, perhaps_meant
+from deltaopt.scene.feasibility import are_surely_feasible, check_feasible, perhaps_meant
 from deltaopt.scene.objective import Time
 from deltaopt.scene.rotation import Rotation
 from deltaopt.scene.scene import Scene, limits_of, load_scene
@@ -136,9 +136,12 @@ def _verdict(scene: Scene) -> str:
 
 def _bodies(scene: Scene) -> Iterator[tuple[str, str]]:
     """A line on each body: its key, kind, size and place, and whether z up was meant."""
-    model = DeltaModel(scene.robot, scene.payload)
+    alone = scene.model_copy(update={"keep_out": None})
     for index, body in enumerate(scene.keep_out or ()):
-        yield f"keep_out[{index}]", f"{body.in_words}{perhaps_meant(model, body.centre)}"
+        centre = body.shape.centre
+        surely = are_surely_feasible(alone, np.array([centre]))[0]
+        meant = "" if surely else perhaps_meant(alone, centre)
+        yield f"keep_out[{index}]", f"{body.in_words}{meant}"
 
 
 def _as_dict(file: Path, scene: Scene, verdict: str) -> dict[str, object]:

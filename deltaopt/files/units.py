@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from decimal import Decimal
 from functools import lru_cache
 from math import inf, pi
+from sys import float_info
 from typing import Any
 
 from pydantic import GetCoreSchemaHandler
@@ -109,7 +110,7 @@ class Quantity:
         if isinstance(value, list | tuple):
             return tuple(self.in_si(item) for item in value)
         number = self._number(value) if isinstance(value, str) else value
-        if isinstance(number, int | float) and self.most < abs(number) < inf:
+        if isinstance(number, int | float) and self.most < abs(number) <= float_info.max:
             raise self._too_large(value, number)
         return number
 

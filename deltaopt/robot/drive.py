@@ -124,18 +124,13 @@ class Drive(Record):
         parts = {key: cls._valid(key, content.get(key)) for key in ("motor", "brake", "gear")}
         reduced = asdict(at_the_arm(**parts))
         for key, value in reduced.items():
-            cls._require_plausible(key, value)
+            try:
+                cls._valid(key, value)
+            except SceneError as error:  # its parts are plausible
+                problem = f"gives {key} at the arm that {error.problem}"
+                expected = "its numbers in SI units, or with the unit they have in the catalogue"
+                raise SceneError(None, "motor", value, expected, problem) from None
         return {**content, **parts, **reduced}
-
-    @classmethod
-    def _require_plausible(cls, key: str, value: object) -> None:
-        """Raise SceneError where the catalogue makes a number of ``key`` that no arm has."""
-        try:
-            cls._valid(key, value)
-        except SceneError as error:
-            expected = "numbers of a catalogue in SI units, or texts with the unit they have there"
-            problem = f"gives {key} at the arm that {error.problem}"
-            raise SceneError(None, "motor", value, expected, problem) from None
 
     @model_validator(mode="after")
     def _curve_falls(self) -> Self:

@@ -63,6 +63,11 @@ class HalfSpace(Record):
         description="a vector [x, y, z], not zero"
     )
 
+    @property
+    def centre(self) -> Vector3:
+        """The point that is given, m."""
+        return self.point
+
     @model_validator(mode="after")
     def _has_a_direction(self) -> Self:
         if not any(self.normal):
@@ -74,6 +79,11 @@ class Hull(Record):
     """The convex hull of ``points``, m."""
 
     points: tuple[Point, ...] = Field(description=f"four points or more, each {POINT}")
+
+    @property
+    def centre(self) -> Vector3:
+        """The mean of its points, m."""
+        return _vector(np.mean(self.points, axis=0))
 
     @model_validator(mode="after")
     def _has_volume(self) -> Self:
@@ -105,29 +115,13 @@ class Body(Record):
         return found.replace("_", "-")
 
     @property
-    def centre(self) -> Vector3:
-        """The middle, of a half-space the point that is given, m."""
-        shape = self.shape
-        if isinstance(shape, HalfSpace):
-            return shape.point
-        if isinstance(shape, Hull):
-            return _vector((np.min(shape.points, axis=0) + np.max(shape.points, axis=0)) / 2)
-        return shape.centre
-
-    @property
     def in_words(self) -> str:
-        """Its kind, size and place: "box of 140 x 10 x 220 mm about [0.89, 0.085, 0] m"."""
+        """Its kind and what gives its size: "box, from [0, 0, 0], to [1, 1, 1] m"."""
         shape = self.shape
-        about = f"about {in_words(self.centre)} m"
-        if isinstance(shape, HalfSpace):
-            return f"{self.kind} beyond {in_words(shape.point)} m towards {in_words(shape.normal)}"
-        if isinstance(shape, Sphere):
-            return f"{self.kind} of radius {1e3 * shape.radius:g} mm {about}"
-        if isinstance(shape, Cylinder):
-            size = f"radius {1e3 * shape.radius:g} mm and length {1e3 * shape.length:.6g} mm"
-            return f"{self.kind} of {size} {about}"
-        sides = np.ptp(_corners(shape), axis=0)
-        return f"{self.kind} of {' x '.join(f'{1e3 * side:.6g}' for side in sides)} mm {about}"
+        if isinstance(shape, Hull):
+            return f"{self.kind} of {len(shape.points)} points about {in_words(shape.centre)} m"
+        sizes = (f"{k} {in_words(v) if isinstance(v, tuple) else f'{v:g}'}" for k, v in shape)
+        return f"{self.kind}, {', '.join(sizes)} m"
 
     @property
     def shape(self) -> Box | Sphere | Cylinder | HalfSpace | Hull:

@@ -28,6 +28,9 @@ from deltaopt.files.validated_record import NonNegative, Number, Positive, Recor
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
+_Points = Annotated[tuple[tuple[Number, Number, Number], ...], LENGTH]
+_Speeds = Annotated[tuple[NonNegative, NonNegative], SPEED]
+_Width = Annotated[Positive, WIDTH]
 
 EXPECTED = (
     "the word line, {points: [[x, y, z], …] or a CSV file, blend: …} or "
@@ -133,9 +136,7 @@ class Path:
 class GivenPath(Record):
     """What all kinds of path have: ``speeds`` along it at start and goal, m/s, 0 for at rest."""
 
-    speeds: Annotated[tuple[NonNegative, NonNegative], SPEED] = Field(
-        default=(0.0, 0.0), description=_SPEEDS
-    )
+    speeds: _Speeds = Field(default=(0.0, 0.0), description=_SPEEDS)
 
     @abstractmethod
     def between(self, start: Vector3, goal: Vector3) -> Path:
@@ -165,10 +166,8 @@ class Corners(GivenPath):
     roundings on a leg must not overlap. Without it only three points or more on a line make sense.
     """
 
-    points: Annotated[tuple[tuple[Number, Number, Number], ...], LENGTH] = Field(
-        description=_POINTS, min_length=1
-    )
-    blend: Annotated[Positive, WIDTH] = Field(description=_BLEND)
+    points: _Points = Field(description=_POINTS, min_length=1)
+    blend: _Width = Field(description=_BLEND)
 
     def between(self, start: Vector3, goal: Vector3) -> Path:
         corners = np.array([start, *self.points, goal])
@@ -182,10 +181,8 @@ class Corners(GivenPath):
 class PickAndPlace(GivenPath):
     """Up by ``height`` (m) above the higher end, across, and down, corners rounded by ``blend``."""
 
-    height: Annotated[Positive, WIDTH] = Field(
-        description="a height in m above the higher end, greater than 0"
-    )
-    blend: Annotated[Positive, WIDTH] = Field(description=_BLEND)
+    height: _Width = Field(description="a height in m above the higher end, greater than 0")
+    blend: _Width = Field(description=_BLEND)
 
     def between(self, start: Vector3, goal: Vector3) -> Path:
         top = min(start[0], goal[0]) - self.height  # x points down
@@ -206,9 +203,7 @@ class Curve(GivenPath):
     """
 
     s: tuple[Number, ...] = Field(description="increasing parameters, two or more", min_length=2)
-    x: Annotated[tuple[tuple[Number, Number, Number], ...], LENGTH] = Field(
-        description="a point in m for each s"
-    )
+    x: _Points = Field(description="a point in m for each s")
     dx: tuple[tuple[Number, Number, Number], ...] = Field(description="dx/ds for each s")
     ddx: tuple[tuple[Number, Number, Number], ...] = Field(description="d²x/ds² for each s")
 

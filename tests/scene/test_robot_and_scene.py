@@ -409,7 +409,7 @@ def test_a_number_too_large_for_a_float(tmp_path: Path) -> None:
 def test_absurd_numbers_in_the_robot(tmp_path: Path, key: str) -> None:
     error = error_of(write(tmp_path, robot=changed(ROBOT, key, 1e300)))
     assert (error.key, error.value) == (key, 1e300)
-    assert error.expected.endswith("; numbers of at most 1e+12")
+    assert "is plausible; expected " in str(error)
 
 
 @pytest.mark.parametrize(
@@ -419,7 +419,7 @@ def test_absurd_numbers_in_the_robot(tmp_path: Path, key: str) -> None:
 def test_absurd_numbers_in_the_scene(tmp_path: Path, key: str, value: object) -> None:
     error = error_of(write(tmp_path, scene=changed(SCENE, key, value)))
     assert (error.key, error.value) == (key, value)
-    assert error.expected.endswith("; numbers of at most 1e+12")
+    assert "is plausible; expected " in str(error)
 
 
 def test_a_long_value_is_shortened_in_the_message_only(tmp_path: Path) -> None:
