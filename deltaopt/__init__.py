@@ -10,14 +10,16 @@ from deltaopt.dynamics.virtual_work import VirtualWork
 from deltaopt.errors import (
     DeltaOptError,
     Infeasible,
+    MissingPackage,
     NotConverged,
     SceneError,
+    Singular,
     Unreachable,
 )
 from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.files.version import __version__
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.output.saved_plan import SavedPlan, load_plan
+from deltaopt.output.saved_plan import SavedPlan, UnreadablePlan, load_plan
 from deltaopt.planning.comparisons import beside_free_path, timed_line
 from deltaopt.planning.first_motions.initial_motion import baseline
 from deltaopt.planning.flat.flat_problem import Flat
@@ -73,6 +75,7 @@ __all__ = [
     "KnotConstraints",
     "Limits",
     "Line",
+    "MissingPackage",
     "NotConverged",
     "PickAndPlace",
     "PiecewiseAcceleration",
@@ -85,11 +88,13 @@ __all__ = [
     "SavedPlan",
     "Scene",
     "SceneError",
+    "Singular",
     "State",
     "Time",
     "TimeAndEffort",
     "Trajectory",
     "Unreachable",
+    "UnreadablePlan",
     "Verification",
     "__version__",
     "baseline",

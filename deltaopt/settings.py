@@ -16,7 +16,7 @@ memory."""
 
 def require_positive(name: str, value: object) -> None:
     """Raise TypeError unless a setting is a number, ValueError unless it is finite and above 0."""
-    if not isinstance(value, Real):
+    if not isinstance(value, Real) or isinstance(value, bool):
         raise TypeError(f"{name} is {shown(value)}; it must be a number greater than 0")
     if not value > 0:  # type: ignore[operator]  # numbers compare
         raise ValueError(f"{name} is {shown(value)}; it must be greater than 0")
@@ -32,7 +32,7 @@ def require_whole(
 
     ``purpose``: what the least is needed for, in words such as "to stop again".
     """
-    if not isinstance(value, Integral):
+    if not isinstance(value, Integral) or isinstance(value, bool):
         raise TypeError(f"{name} is {shown(value)}; it must be a whole number of at least {least}")
     if value < least:
         needed = f"at least {least} {purpose}".rstrip()

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from deltaopt.errors import DeltaOptError, SceneError
 from deltaopt.files.output_folder import require_writable
-from deltaopt.files.units import Quantity, WrongUnit
+from deltaopt.files.units import MASS, Misread
 from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene, load_scene
 
@@ -94,8 +94,10 @@ def positive(text: str) -> float:
 def kilograms(text: str) -> float:
     """A mass greater than 0 in kg, for argparse: a number, or a text with a unit such as 500 g."""
     try:
-        return positive(str(Quantity("kg").in_si(text)))
-    except (WrongUnit, argparse.ArgumentTypeError):
+        return positive(str(MASS.in_si(text)))
+    except Misread as error:
+        raise argparse.ArgumentTypeError(f"{text!r} {error}") from None
+    except argparse.ArgumentTypeError:
         raise argparse.ArgumentTypeError(f"{text!r} is not a mass greater than 0") from None
 
 

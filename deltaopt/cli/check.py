@@ -1,9 +1,13 @@
 """Check a scene or a robot, and say what of it is modelled and what is not.
 
-Reads the scene and its robot, checks that the platform can be at both ends and that the motors can
-hold it there, lists the limits, and shows the baseline: the straight line by a quintic law (10 u³ -
-15 u⁴ + 6 u⁵ of the line at the share u of the duration), slowed until it keeps the limits, and the
-same line timed optimally.
+The first line says whether the scene can be done, and what that rests on: a motion that keeps all
+limits, the straight line if it does, else one that is planned to within 10 %. Neither is verified,
+which `deltaopt plan` does. What cannot be done is refused in a sentence: the platform cannot be at
+an end or leave it, the motors cannot hold it there. Where no motion is found it is not known.
+
+Then the limits are listed, the bodies to keep out of, and the baseline: the straight line by a
+quintic law (10 u³ - 15 u⁴ + 6 u⁵ of the line at the share u of the duration), slowed until it keeps
+the limits, and the same line timed optimally.
 
 Where the robot names its motor and gear, every step from their catalogues to the arm is printed,
 which of them sets each limit, and what the baseline asks of them. With a robot file that is all.
@@ -12,12 +16,14 @@ With --terms the scene is planned without each term of its robot in turn: what a
 term gains or loses, by how much it exceeds a limit on the robot that has the term, and how far its
 torques miss the goal there in open loop. What does nothing need not be modelled.
 
-Exit code: 0 the scene can be planned; 1 it has no solution; 2 bad input.
+Exit code: 0 the scene can be done; 1 it cannot, or no motion is found; 2 bad input.
 """
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
+from contextlib import suppress
 from math import isfinite
 from pathlib import Path
 
@@ -29,7 +35,7 @@ from deltaopt.cli.arguments import WrongUsage, add_json, add_output, output_dire
 from deltaopt.cli.plan import duty_table
 from deltaopt.cli.streams import present, print_json, print_written
 from deltaopt.codegen.compile import describe
-from deltaopt.errors import DeltaOptError, in_words
+from deltaopt.errors import DeltaOptError, NotConverged, in_words
 from deltaopt.files.output_folder import all_or_none
 from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.files.validated_record import PerMotor, per_motor
@@ -40,11 +46,12 @@ from deltaopt.planning.first_motions.initial_motion import baseline
 from deltaopt.planning.flat.equations import point_equations
 from deltaopt.planning.flat.method_source import source
 from deltaopt.planning.nlp.transcription import LINEAR
+from deltaopt.planning.planner import plan
 from deltaopt.robot.catalogue import Reduction, reductions
 from deltaopt.robot.drive import Drive, Friction
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import load_robot
-from deltaopt.scene.feasibility import check_feasible
+from deltaopt.scene.feasibility import are_surely_feasible, check_feasible, perhaps_meant
 from deltaopt.scene.objective import Time
 from deltaopt.scene.rotation import Rotation
 from deltaopt.scene.scene import Scene, limits_of, load_scene
@@ -57,6 +64,8 @@ HELP = "check a scene or a robot and say what is modelled"
 
 _ORDERS = ("position", "velocity", "acceleration or torque")
 _NEVER = "elasticity, play"
+_ROUGH = 0.1
+"""Tolerance of a plan that shows that there is a motion: a coarse one keeps all limits too."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -91,24 +100,59 @@ def run(arguments: argparse.Namespace) -> int:
         print("\n".join([f"{'robot':<13}{robot.name}", *drive_table(robot.drive)]))
         return 0
     scene = load_scene(arguments.scene)
-    check_feasible(scene)
+    try:
+        verdict = _verdict(scene)
+    except DeltaOptError as error:
+        if not arguments.json:
+            known = "not known" if isinstance(error, NotConverged) else "cannot be done"
+            print(f"{'verdict':<13}{known}", flush=True)
+        raise
     if arguments.json:
-        print_json(_as_dict(arguments.scene, scene))
+        print_json(_as_dict(arguments.scene, scene, verdict))
         return 0
-    for name, text in _description(scene):
+    for name, text in (("verdict", verdict), *_description(scene), *_bodies(scene)):
         print(f"{name:<13}{text}")
     print("\n".join(["", *drive_table(scene.robot.drive), *_duty_of_baseline(scene)]))
     print(f"\n{limits_table(scene)}")
     return 0
 
 
-def _as_dict(file: Path, scene: Scene) -> dict[str, object]:
+def _verdict(scene: Scene) -> str:
+    """That a scene can be done, and what that rests on.
+
+    Raises Unreachable, Singular or Infeasible where it cannot, NotConverged where no motion is
+    found.
+    """
+    check_feasible(scene)
+    if not (
+        scene.via or scene.follows_path or scene.robot_keeps_clear
+    ):  # of which it knows nothing
+        with suppress(DeltaOptError):  # there is no line, or it leads out of a limit
+            duration = baseline(scene).duration
+            return f"can be done: the straight line in {duration:.4g} s keeps all limits"
+    duration = plan(scene, tolerance=_ROUGH).duration
+    return f"can be done: a motion of {duration:.4g} s that was planned keeps all limits"
+
+
+def _bodies(scene: Scene) -> Iterator[tuple[str, str]]:
+    """A line on each body: its key, kind, size and place, and whether z up was meant."""
+    alone = scene.model_copy(update={"keep_out": None})
+    for index, body in enumerate(scene.keep_out or ()):
+        centre = body.shape.centre
+        surely = are_surely_feasible(alone, np.array([centre]))[0]
+        meant = "" if surely else perhaps_meant(alone, centre)
+        yield f"keep_out[{index}]", f"{body.in_words}{meant}"
+
+
+def _as_dict(file: Path, scene: Scene, verdict: str) -> dict[str, object]:
     """What is printed of a scene, for machines."""
     limits = limits_of(scene)
     constraints, (lower, upper) = limits.constraints, limits.bounds
     return {
         "file": str(file),
+        "verdict": verdict,
         "description": dict(_description(scene)),
+        "bodies": dict(_bodies(scene)),
         "limits": [
             {
                 "limit": limit.name,
@@ -277,6 +321,8 @@ def limits_table(scene: Scene) -> str:
 
 def _bounds(lower: Array, upper: Array) -> str:
     """Bounds as text: ± 10, -1 to 1.5, at most 5, at least 0.01; several numbers if they differ."""
+    used = np.isfinite(lower) | np.isfinite(upper)  # rows of fewer bodies than there may be
+    lower, upper = lower[used], upper[used]
     size = [f"{value:g}" for value in dict.fromkeys(np.where(np.isfinite(upper), upper, lower))]
     each = ", ".join(size)
     if np.isfinite(lower).all() and np.isfinite(upper).all():

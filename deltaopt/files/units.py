@@ -2,8 +2,9 @@
 
 A field says what quantity it is by a mark on its type, ``Annotated[Positive, LENGTH]``; the mark
 turns text into a number in SI units, alone or in lists, before anything else looks at it. Bare
-numbers are in SI units and pass as they are. Angles have a dimension of their own here, so that
-"6000 1/min" is no angular speed: read as rad/s it would be wrong by 2π.
+numbers are in SI units. Each quantity has a size that nothing at a Delta robot exceeds: 350 for the
+length of an arm is a number of a datasheet in millimetres. Angles have a dimension of their own
+here, so that "6000 1/min" is no angular speed: read as rad/s it would be wrong by 2π.
 
 Pint, which knows how units combine, is imported when the first unit is met: that takes half a
 second or more, and files without units need not wait for it.
@@ -15,9 +16,12 @@ import re
 from dataclasses import dataclass
 from decimal import Decimal
 from functools import lru_cache
+from math import inf, pi
+from sys import float_info
 from typing import Any
 
-from pydantic import BeforeValidator
+from pydantic import GetCoreSchemaHandler
+from pydantic_core import CoreSchema, core_schema
 
 _DEFINITIONS = """
 micro- = 1e-6 = µ- = μ- = u-
@@ -69,32 +73,60 @@ _LONGEST = 60
 _SUPERSCRIPTS = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 
 
-class WrongUnit(ValueError):
-    """A text ``text`` has no unit of the quantity that is asked for, whose SI unit is ``unit``."""
+class Misread(ValueError):
+    """A ``value`` is no such quantity as is asked for: ``problem`` says why, ``hint`` what to write
+    instead, if that is known."""
 
-    def __init__(self, text: str, unit: str) -> None:
-        super().__init__(text, unit)
-        self.text, self.unit = text, unit
+    def __init__(self, value: object, problem: str, hint: str = "") -> None:
+        super().__init__(value, problem, hint)
+        self.value, self.problem, self.hint = value, problem, hint
 
     def __str__(self) -> str:
-        return f"cannot be converted to {self.unit.replace('**', '^') or 'a number without unit'}"
+        return self.problem
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """A quantity: its SI ``unit``, and ``others`` that count as the same."""
+    """A quantity: its SI ``unit``, and ``others`` that count as the same.
+
+    ``most``: the largest size that one at a Delta robot or in its cell has, in the SI unit.
+    ``datasheets``: units in which its numbers are often given; a larger one is probably in these.
+    """
 
     unit: str
     others: tuple[str, ...] = ()
+    most: float = inf
+    datasheets: tuple[str, ...] = ()
+
+    def __get_pydantic_core_schema__(self, kind: Any, rest: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_before_validator_function(self.in_si, rest(kind))
 
     def in_si(self, value: Any) -> Any:
         """A value with every text in it, alone or in lists, turned into a number in SI units.
 
-        Text that begins with no number stays, for the field's type to refuse. Raises WrongUnit.
+        Text that begins with no number stays, for the field's type to refuse. Raises Misread where
+        a text has another unit, or a number is larger than any such quantity.
         """
         if isinstance(value, list | tuple):
             return tuple(self.in_si(item) for item in value)
-        return self._number(value) if isinstance(value, str) else value
+        number = self._number(value) if isinstance(value, str) else value
+        if isinstance(number, int | float) and self.most < abs(number) <= float_info.max:
+            raise self._too_large(value, number)
+        return number
+
+    def _too_large(self, value: object, number: float) -> Misread:
+        """What is wrong with a value that is a number of this size in the SI unit."""
+        plausible = f"where at most {self.most:.4g} is plausible"
+        problem = f"would be {number:.6g} {_in_words(self.unit)}, {plausible}"
+        return Misread(value, problem, "" if isinstance(value, str) else self._meant(number))
+
+    def _meant(self, number: float) -> str:
+        """In which of the units of datasheets a bare number makes sense."""
+        for unit in self.datasheets:
+            read = self._number(f"{float(number)!r} {unit}")
+            if isinstance(read, float) and abs(read) <= self.most:
+                return f"; {_in_words(unit)} need a unit: {number:.6g} {_in_words(unit)}"
+        return ""
 
     def _number(self, text: str) -> float | str:
         plain = " ".join(text.replace("\N{MINUS SIGN}", "-").split())
@@ -106,7 +138,8 @@ class Quantity:
             return float(number)
         factor = next(filter(None, (_factor(unit, si) for si in (self.unit, *self.others))), None)
         if factor is None:
-            raise WrongUnit(text, self.unit)
+            unit = _in_words(self.unit) or "a number without unit"
+            raise Misread(text, f"cannot be converted to {unit}")
         return float(number * factor)
 
 
@@ -116,7 +149,7 @@ def percentage(value: object) -> float | None:
         return None
     try:
         share = _SHARE.in_si(value)
-    except WrongUnit:
+    except Misread:
         return None
     return share if isinstance(share, float) else None
 
@@ -159,21 +192,33 @@ def _registry() -> Any:
 _SHARE = Quantity("")
 
 
-def _mark(unit: str, *others: str) -> BeforeValidator:
-    return BeforeValidator(Quantity(unit, others).in_si)
+def _in_words(unit: str) -> str:
+    return unit.replace("**", "^")
 
 
-LENGTH = _mark("m")
-MASS = _mark("kg")
-DURATION = _mark("s")
-ANGLE = _mark("rad")
-SPEED = _mark("m/s")
-ANGULAR_SPEED = _mark("rad/s")
-ACCELERATION = _mark("m/s**2")
-ANGULAR_ACCELERATION = _mark("rad/s**2")
-INERTIA = _mark("kg*m**2")
-TORQUE = _mark("N*m")
-VISCOUS_FRICTION = _mark("N*m*s/rad", "N*m*s")
-RATIO = _mark("")
+LENGTH = Quantity("m", (), 10.0, ("mm",))
+WIDTH = Quantity("m", (), 1.0, ("mm",))
+"""How wide a part of a robot, a gap or a rounding is."""
+EXTENT = Quantity("m", (), 100.0, ("mm",))
+"""Where a body ends, which may be drawn far larger than the cell."""
+MASS = Quantity("kg", (), 200.0, ("g",))
+SMALL_MASS = Quantity("kg", (), 20.0, ("g",))
+"""Of pins and the like."""
+DURATION = Quantity("s", (), 60.0, ("ms",))
+ANGLE = Quantity("rad", (), 4 * pi, ("deg",))
+SPEED = Quantity("m/s", (), 100.0, ("mm/s",))
+ANGULAR_SPEED = Quantity("rad/s", (), 700.0, ("deg/s", "rpm"))
+"""Of a gripper or an arm, which may be at a motor's shaft, without a gear."""
+MOTOR_SPEED = Quantity("rad/s", (), 2500.0, ("rpm",))
+ACCELERATION = Quantity("m/s**2", (), 1e4, ("mm/s^2",))
+GRAVITY = Quantity("m/s**2", (), 100.0, ("mm/s^2",))
+ANGULAR_ACCELERATION = Quantity("rad/s**2", (), 1e4, ("deg/s^2",))
+INERTIA = Quantity("kg*m**2", (), 50.0, ("kg*cm^2", "g*cm^2"))
+ROTOR_INERTIA = Quantity("kg*m**2", (), 2.0, ("kg*cm^2", "g*cm^2"))
+"""Of a motor, a brake or a gear at the motor's side."""
+TORQUE = Quantity("N*m", (), 5000.0, ("N*mm",))
+MOTOR_TORQUE = Quantity("N*m", (), 500.0, ("N*mm",))
+VISCOUS_FRICTION = Quantity("N*m*s/rad", ("N*m*s",), 1e4, ("N*mm*s/rad",))
+RATIO = Quantity("")
 """A number without a unit, or in percent."""
-EFFORT_WEIGHT = _mark("1/(N**2*m**2)")
+EFFORT_WEIGHT = Quantity("1/(N**2*m**2)")

@@ -9,7 +9,6 @@ from __future__ import annotations
 import difflib
 from collections.abc import Callable, Generator, Mapping
 from functools import cached_property, lru_cache
-from math import inf
 from pathlib import Path
 from typing import Annotated, Any, Self, get_args, get_origin
 
@@ -26,17 +25,17 @@ from pydantic import (
 )
 
 from deltaopt.errors import SceneError, shown
-from deltaopt.files.units import WrongUnit
+from deltaopt.files.units import Misread
 from deltaopt.files.yaml_file import place_of
-
-Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
-NonNegative = Annotated[Number, Field(ge=0)]
-Positive = Annotated[Number, Field(gt=0)]
-Text = Annotated[str, Field(strict=True, min_length=1)]
 
 LARGEST = 1e12
 """Largest size of a number in a record, in SI units: far beyond any robot, and its square and those
 of its products with others are still numbers."""
+
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-LARGEST, le=LARGEST)]
+NonNegative = Annotated[Number, Field(ge=0)]
+Positive = Annotated[Number, Field(gt=0)]
+Text = Annotated[str, Field(strict=True, min_length=1)]
 
 Vector3 = tuple[float, float, float]
 PerMotor = Positive | tuple[Positive, Positive, Positive]
@@ -106,18 +105,15 @@ class Record(BaseModel):
     def _checked(cls, key: str, value: Any, validate: Callable[[Any], Any]) -> Any:
         """The valid value of a field; raises SceneError, naming its key."""
         expected = str(cls.model_fields[key].description)
-        at_most = f"{expected}; numbers of at most {LARGEST:g}"
-        if _too_large(value):
-            raise SceneError(None, key, value, at_most)
+        if _has_no_order(value):
+            raise SceneError(None, key, value, expected, f"is {shown(value)}, a set without order")
         try:
-            valid = validate(value)
+            return validate(value)
         except SceneError as error:  # from a record within this one
             raise error.inside(key=f"{key}{_place_in_list(cls, key, value)}") from None
         except ValidationError as error:
-            raise SceneError(None, key, value, expected, _wrong_unit(value, error)) from None
-        if _too_large(valid):  # once its unit is taken into account
-            raise SceneError(None, key, value, at_most)
-        return valid
+            problem, hint = _misread(value, error)
+            raise SceneError(None, key, value, expected + hint, problem) from None
 
     @model_validator(mode="before")
     @classmethod
@@ -180,18 +176,19 @@ def _is_valid(record: type[Record], value: object) -> bool:
     return True
 
 
-def _wrong_unit(value: object, error: ValidationError) -> str:
-    """What is wrong with a value whose unit is wrong; empty if something else is wrong."""
+def _misread(value: object, error: ValidationError) -> tuple[str, str]:
+    """What is wrong with a value that is no such quantity, and what more would be right; both empty
+    if something else is wrong."""
     for detail in error.errors(include_url=False):
         cause = detail.get("ctx", {}).get("error")
-        if isinstance(cause, WrongUnit):
-            which = "which" if value == cause.text else f"of which {cause.text!r}"
-            return f"is {shown(value)}, {which} {cause}"
-    return ""
+        if isinstance(cause, Misread):
+            which = "which" if value == cause.value else f"of which {shown(cause.value)}"
+            return f"is {shown(value)}, {which} {cause.problem}", cause.hint
+    return "", ""
 
 
-def _too_large(value: object) -> bool:
-    """Whether a number, or one in a list, is finite and beyond ``LARGEST``."""
+def _has_no_order(value: object) -> bool:
+    """Whether a value is a set, or has one in a list: which of its items is x is not known."""
     if isinstance(value, list | tuple):
-        return any(map(_too_large, value))
-    return isinstance(value, int | float) and LARGEST < abs(value) < inf
+        return any(map(_has_no_order, value))
+    return isinstance(value, set | frozenset)

@@ -25,6 +25,8 @@ _LARGEST = 1_000_000
 _LONGEST = 20_000
 """Most lines of a file, and most signs and values in it: a robot has a hundred, and PyYAML takes a
 second or two for so many."""
+_UNDER_NO_KEY = "expected <block end>, but found '<block mapping start>'"
+"""What PyYAML says of a key that is indented as if it were inside another one."""
 _OPENING = (
     yaml.BlockMappingStartToken,
     yaml.BlockSequenceStartToken,
@@ -111,8 +113,12 @@ def _parsed(text: str) -> object:
 
 def _reason(error: yaml.YAMLError) -> str:
     if isinstance(error, yaml.MarkedYAMLError) and error.problem_mark:
-        mark = error.problem_mark
-        return f"line {mark.line + 1}, column {mark.column + 1}: {error.problem}"
+        mark, problem = error.problem_mark, error.problem
+        if problem == _UNDER_NO_KEY:
+            problem = (
+                "farther right than the lines above; is the # before the key above it removed?"
+            )
+        return f"line {mark.line + 1}, column {mark.column + 1}: {problem}"
     return "it contains a control character"  # PyYAML's only complaint without a mark
 
 

@@ -30,12 +30,23 @@ class PiecewisePolynomial:
     """A piecewise polynomial of time: K polynomials of degree d in m components.
 
     ``knots``: instants where the polynomials meet, increasing, (K + 1,), s. ``coefficients``: of
-    the ascending powers of the time since the interval began, (K, d + 1, m). Only itself is equal
-    to it.
+    the ascending powers of the time since the interval began, (K, d + 1, m). It is equal to one of
+    the same numbers, to the last bit.
     """
 
     knots: Array
     coefficients: Array
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, PiecewisePolynomial) and self._bits == other._bits
+
+    def __hash__(self) -> int:
+        return hash(self._bits)
+
+    @property
+    def _bits(self) -> tuple[object, ...]:
+        """All numbers, and how they are ordered."""
+        return self.coefficients.shape, self.knots.tobytes(), self.coefficients.tobytes()
 
     @classmethod
     def hermite(cls, knots: Array, x: Array, v: Array) -> PiecewisePolynomial:
@@ -127,7 +138,7 @@ class Motion:
     under_way: Trajectory | None = None
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Trajectory:
     """A motion of the platform over time: call it with instants to get a `Motion`.
 
@@ -138,8 +149,8 @@ class Trajectory:
     ``end_velocities``: of the platform before its start and after its end, m/s: at rest there
     unless the ends of the task move.
 
-    A trajectory is equal to itself alone, and can be a key of a dictionary: whether two describe
-    the same motion is a question of accuracy.
+    A trajectory is equal to one of the same numbers, to the last bit, such as its pickled copy, and
+    can be a key of a dictionary: whether others describe the same motion is a question of accuracy.
     """
 
     position: PiecewisePolynomial

@@ -25,6 +25,7 @@ from deltaopt.planning.comparisons import straight_lines
 from deltaopt.planning.first_motions.multistart import Optimum
 from deltaopt.planning.ways import TakenWay
 from deltaopt.scene.scene import Scene
+from deltaopt.settings import require_positive
 from deltaopt.verify.duty import exceeding
 from deltaopt.verify.pontryagin import Extremal, extremal
 from deltaopt.verify.verification import Verification
@@ -304,7 +305,8 @@ def _table(trajectory: Trajectory, rate: float) -> Array:
 
 
 def _require_rows(trajectory: Trajectory, rate: float) -> None:
-    """Raise ValueError if there are more than ``MOST_ROWS`` rows."""
+    """Raise ValueError if there are more than ``MOST_ROWS`` rows, or none at this rate."""
+    require_positive("rate", rate)
     most = highest_rate(trajectory)
     if rate > most:
         raise ValueError(f"rate is {rate:g} Hz; for {MOST_ROWS} rows it may be {most:.6g} at most")

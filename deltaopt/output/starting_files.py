@@ -87,6 +87,13 @@ SCENE_EXTRAS = {
     "limits.acceleration": "120 m/s^2",
     "limits.platform_speed": "5 m/s",
     "limits.specific_force": "80 m/s^2",
+    "limits.parallel_singularity": "0.1",
+    "limits.tilt_singularity": "0.1",
+    "via": "[[780 mm, 0 mm, 30 mm]]",
+    "approach.start.height": "25 mm",
+    "approach.start.radius": "10 mm",
+    "approach.goal.height": "25 mm",
+    "approach.goal.radius": "10 mm",
     "rotation.angle": "90 deg",
     "rotation.speed": "2000 deg/s",
     "rotation.acceleration": "20000 deg/s^2",
@@ -107,7 +114,8 @@ SCENE_EXTRAS = {
 _ABOUT_ROBOTS = """\
 # A Delta robot. Radii of base and platform are from their centre to the joints.
 # Numbers are in SI units (m, kg, s, N, rad) or text with a unit, such as 350 mm or 4500 rpm.
-# A line that begins with # is not read: remove the # to use it. What is not named is not modelled.
+# What stands behind a # is not read: remove the # before a key to use it, of a key within another
+# one both. What is not named is not modelled.
 # The base's frame: x points DOWN, y to motor 1; motors 2 and 3 follow at 120 and 240 degrees.
 # Angles of the arms: 0 is level, positive is up.
 """
@@ -190,15 +198,14 @@ def _lines(
     """The lines of a record's keys, those of records in it indented."""
     for key in keys_of(record):
         place = f"{inside}{key.name}"
-        indent = "  " * inside.count(".")
         is_used = any(each == place or each.startswith(f"{place}.") for each in used)
-        mark = "" if is_used else "# "
+        mark = "  " * inside.count(".") + ("" if is_used else "#")
         if key.inner is None or place in used:
             value = used.get(place) or extras.get(place, "")
-            yield f"{mark}{indent}{key.name}: {value}  # {key.expected}"
+            yield f"{mark}{key.name}: {value}  # {key.expected}"
             continue
         about = f"  # {key.expected}" if place in _BESIDE else ""
-        yield f"{mark}{indent}{key.name}:{about}"
+        yield f"{mark}{key.name}:{about}"
         yield from _lines(key.inner, used, extras, f"{place}.")
 
 

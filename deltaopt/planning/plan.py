@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -27,7 +27,7 @@ from deltaopt.planning.ways import TakenWay
 from deltaopt.scene.scene import Scene
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Plan:
     """A planned motion for a scene. It keeps every limit between the points of its mesh too.
 
@@ -46,7 +46,8 @@ class Plan:
     ``beside_free_path`` has found it. ``multipliers``: of the limits; None where they are not
     known, as of motions that are not the fastest.
 
-    A plan is equal to itself alone, and can be a key of a dictionary.
+    A plan is equal to one of the same motion that was found in the same way, such as its pickled
+    copy, and can be a key of a dictionary.
     """
 
     scene: Scene
@@ -59,13 +60,15 @@ class Plan:
     solve_seconds: float
     gap: float
     tolerance: float
-    meshes: tuple[Iteration, ...] | tuple[CostIteration, ...] | tuple[PathIteration, ...]
-    certificate: Certificate | None
+    meshes: tuple[Iteration, ...] | tuple[CostIteration, ...] | tuple[PathIteration, ...] = field(
+        compare=False
+    )
+    certificate: Certificate | None = field(compare=False)
     resolved: bool = False
-    optima: tuple[Optimum, ...] = ()
-    ways: tuple[TakenWay, ...] = ()
+    optima: tuple[Optimum, ...] = field(default=(), compare=False)
+    ways: tuple[TakenWay, ...] = field(default=(), compare=False)
     free_duration: float | None = None
-    multipliers: Multipliers | None = None
+    multipliers: Multipliers | None = field(default=None, compare=False)
 
     @property
     def duration(self) -> float:

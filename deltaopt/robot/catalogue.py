@@ -21,14 +21,12 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from deltaopt.errors import SceneError
-from deltaopt.files.units import ANGULAR_SPEED, INERTIA, RATIO, TORQUE
+from deltaopt.files.units import MOTOR_SPEED, MOTOR_TORQUE, RATIO, ROTOR_INERTIA, TORQUE
 from deltaopt.files.validated_record import NonNegative, Positive, Record
 
 Curve = tuple[tuple[float, float], ...]
 """Points (speed, torque) of a torque curve, in rad/s and N·m, straight between them."""
-CurvePoints = tuple[
-    tuple[Annotated[NonNegative, ANGULAR_SPEED], Annotated[NonNegative, TORQUE]], ...
-]
+CurvePoints = tuple[tuple[Annotated[NonNegative, MOTOR_SPEED], Annotated[NonNegative, TORQUE]], ...]
 """A torque curve in a record; ``require_torque_curve`` says what makes it one."""
 
 CURVE = (
@@ -64,14 +62,16 @@ class Motor(Record):
     None is not limited, or not modelled.
     """
 
-    peak_torque: Annotated[Positive, TORQUE] = Field(description="a torque in N·m, greater than 0")
-    rated_torque: Annotated[Positive, TORQUE] | None = Field(
+    peak_torque: Annotated[Positive, MOTOR_TORQUE] = Field(
+        description="a torque in N·m, greater than 0"
+    )
+    rated_torque: Annotated[Positive, MOTOR_TORQUE] | None = Field(
         default=None, description="a torque in N·m, greater than 0, at most the peak torque"
     )
-    max_speed: Annotated[Positive, ANGULAR_SPEED] | None = Field(
+    max_speed: Annotated[Positive, MOTOR_SPEED] | None = Field(
         default=None, description="an angular speed in rad/s, greater than 0"
     )
-    inertia: Annotated[NonNegative, INERTIA] | None = Field(
+    inertia: Annotated[NonNegative, ROTOR_INERTIA] | None = Field(
         default=None, description="a moment of inertia in kg·m², at least 0"
     )
     curve: CurvePoints | None = Field(default=None, description=CURVE)
@@ -87,7 +87,7 @@ class Motor(Record):
 class Brake(Record):
     """A holding brake at the motor: ``inertia`` in kg·m²."""
 
-    inertia: Annotated[NonNegative, INERTIA] = Field(
+    inertia: Annotated[NonNegative, ROTOR_INERTIA] = Field(
         description="a moment of inertia in kg·m², at least 0"
     )
 
@@ -105,7 +105,7 @@ class Gear(Record):
     efficiency: Annotated[Positive, Field(le=1), RATIO] = Field(
         default=1.0, description="a number greater than 0 and at most 1"
     )
-    inertia: Annotated[NonNegative, INERTIA] | None = Field(
+    inertia: Annotated[NonNegative, ROTOR_INERTIA] | None = Field(
         default=None, description="a moment of inertia in kg·m² at the motor's side, at least 0"
     )
     peak_torque: Annotated[Positive, TORQUE] | None = Field(
@@ -115,7 +115,7 @@ class Gear(Record):
         default=None,
         description="a torque in N·m at the arm, greater than 0, at most the peak torque",
     )
-    input_speed: Annotated[Positive, ANGULAR_SPEED] | None = Field(
+    input_speed: Annotated[Positive, MOTOR_SPEED] | None = Field(
         default=None, description="an angular speed in rad/s at the motor, greater than 0"
     )
 

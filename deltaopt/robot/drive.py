@@ -23,13 +23,18 @@ from deltaopt.robot.catalogue import (
 
 _REDUCED = ("torque", "speed", "inertia", "torque_curve", "rms_torque")
 """Keys of a drive at the arm that follow from motor, brake and gear."""
+_SIGN_CHANGES_WITHIN = 0.05
+"""Speed of an arm, rad/s, about which Coulomb friction changes its sign: below a hundredth of what
+arms reach, so that a narrower one hardly changes a plan, and wide enough for a reversal, at some
+hundred rad/s², to last half a millisecond, a step of a controller."""
 
 
 class Friction(Record):
     """The friction of a drive at its arm, at speed θ̇: viscous · θ̇ + coulomb · tanh(θ̇ / speed).
 
     ``viscous`` in N·m·s/rad, ``coulomb`` in N·m; None where that part is not modelled. ``speed``:
-    in rad/s, within which Coulomb friction changes its sign; given with ``coulomb`` alone.
+    in rad/s, within which Coulomb friction changes its sign, 0.05 unless it is given; with
+    ``coulomb`` alone.
     """
 
     viscous: Annotated[NonNegative, VISCOUS_FRICTION] | None = Field(
@@ -40,9 +45,17 @@ class Friction(Record):
     )
     speed: Annotated[Positive, ANGULAR_SPEED] | None = Field(
         default=None,
-        description="an angular speed in rad/s, greater than 0, since coulomb is given: within it "
-        "Coulomb friction changes its sign",
+        description="an angular speed in rad/s, greater than 0, within which Coulomb friction "
+        f"changes its sign: {_SIGN_CHANGES_WITHIN:g} unless given",
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _changes_its_sign_within_a_speed(cls, content: Any) -> Any:
+        if not isinstance(content, dict) or content.get("coulomb") is None:
+            return content
+        given = content.get("speed")
+        return {**content, "speed": _SIGN_CHANGES_WITHIN if given is None else given}
 
     @model_validator(mode="after")
     def _parts_fit(self) -> Self:
@@ -51,9 +64,6 @@ class Friction(Record):
             raise SceneError(None, "", None, expected, "names no friction")
         if self.coulomb is None and self.speed is not None:
             raise SceneError(None, "speed", self.speed, "coulomb beside it, which it belongs to")
-        if self.coulomb is not None and self.speed is None:
-            expected = str(type(self).model_fields["speed"].description)
-            raise SceneError(None, "speed", None, expected, "is missing")
         return self
 
 
@@ -112,7 +122,15 @@ class Drive(Record):
                 expected = f"either {key} or motor, since it follows from motor, brake and gear"
                 raise SceneError(None, key, content[key], expected, "is given beside motor")
         parts = {key: cls._valid(key, content.get(key)) for key in ("motor", "brake", "gear")}
-        return {**content, **parts, **asdict(at_the_arm(**parts))}
+        reduced = asdict(at_the_arm(**parts))
+        for key, value in reduced.items():
+            try:
+                cls._valid(key, value)
+            except SceneError as error:  # its parts are plausible
+                problem = f"gives {key} at the arm that {error.problem}"
+                expected = "its numbers in SI units, or with the unit they have in the catalogue"
+                raise SceneError(None, "motor", value, expected, problem) from None
+        return {**content, **parts, **reduced}
 
     @model_validator(mode="after")
     def _curve_falls(self) -> Self:

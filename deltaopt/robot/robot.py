@@ -11,7 +11,7 @@ from typing import Annotated, Self
 from pydantic import Field, model_validator
 
 from deltaopt.errors import SceneError
-from deltaopt.files.units import ACCELERATION, INERTIA, LENGTH, MASS
+from deltaopt.files.units import GRAVITY, INERTIA, LENGTH, MASS, SMALL_MASS, WIDTH
 from deltaopt.files.validated_record import (
     NonNegative,
     Number,
@@ -48,13 +48,13 @@ class UpperArm(Record):
     centre: Annotated[tuple[Number, Number], LENGTH] | None = Field(
         default=None, description="two lengths in m: along the line shaft-elbow, and across it"
     )
-    radius: Annotated[Positive, LENGTH] | None = Field(default=None, description=_RADIUS)
+    radius: Annotated[Positive, WIDTH] | None = Field(default=None, description=_RADIUS)
 
 
 class Elbow(Record):
     """What turns with the arm at its elbow, such as pins, as a point: ``mass`` in kg."""
 
-    mass: Annotated[NonNegative, MASS] = Field(description="a mass in kg, at least 0")
+    mass: Annotated[NonNegative, SMALL_MASS] = Field(description="a mass in kg, at least 0")
 
 
 class Forearm(Record):
@@ -72,7 +72,7 @@ class Forearm(Record):
     inertia: Annotated[tuple[NonNegative, NonNegative, NonNegative], INERTIA] | None = Field(
         default=None, description="three principal moments of inertia in kg·m², each at least 0"
     )
-    radius: Annotated[Positive, LENGTH] | None = Field(default=None, description=_RADIUS)
+    radius: Annotated[Positive, WIDTH] | None = Field(default=None, description=_RADIUS)
 
     @model_validator(mode="after")
     def _inertia_is_of_a_body(self) -> Self:
@@ -91,7 +91,7 @@ class Platform(Record):
     """
 
     mass: Annotated[Positive, MASS] = Field(description="a mass in kg, greater than 0")
-    pins: Annotated[NonNegative, MASS] | None = Field(
+    pins: Annotated[NonNegative, SMALL_MASS] | None = Field(
         default=None, description="a mass in kg for each chain, at least 0"
     )
 
@@ -114,6 +114,9 @@ class Workspace(Record):
     def _is_somewhere(self) -> Self:
         if self.depth is not None and self.depth[0] >= self.depth[1]:
             expected = str(type(self).model_fields["depth"].description)
+            raise SceneError(None, "depth", self.depth, expected)
+        if self.depth is not None and self.depth[1] <= 0:
+            expected = "depths in m below the base, positive: x points down from its centre"
             raise SceneError(None, "depth", self.depth, expected)
         return self
 
@@ -142,7 +145,7 @@ class Robot(Record):
     drive: Drive = Field(
         description="a mapping with the key torque (N·m) and, if speeds are limited, speed (rad/s)"
     )
-    gravity: Annotated[NonNegative | tuple[Number, Number, Number], ACCELERATION] = Field(
+    gravity: Annotated[NonNegative | tuple[Number, Number, Number], GRAVITY] = Field(
         default=9.81,
         description="an acceleration in m/s², at least 0, downward, or a vector [x, y, z]",
     )

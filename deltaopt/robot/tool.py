@@ -8,18 +8,19 @@ import numpy as np
 from pydantic import Field, create_model, model_validator
 
 from deltaopt.errors import SceneError
-from deltaopt.files.units import LENGTH, MASS
+from deltaopt.files.units import EXTENT, LENGTH, MASS, WIDTH
 from deltaopt.files.validated_record import NonNegative, Number, Positive, Record, Vector3
 
 Point = Annotated[tuple[Number, Number, Number], LENGTH]
+Corner = Annotated[tuple[Number, Number, Number], EXTENT]
 POINT = "three coordinates [x, y, z] in m"
 RADIUS = "a length in m, greater than 0"
 _OTHER = "three coordinates [x, y, z] in m, other than from"
 _SHAPES = "one of sphere: {centre, radius}, box: {from, to}, capsule: {from, to, radius}"
 
 _ENDS: dict[str, Any] = {
-    "from": (Point, Field(description=POINT)),  # which cannot be declared: a word of Python
-    "to": (Point, Field(description=_OTHER)),
+    "from": (Corner, Field(description=POINT)),  # which cannot be declared: a word of Python
+    "to": (Corner, Field(description=_OTHER)),
 }
 FromTo: Any = create_model("FromTo", __base__=Record, **_ENDS)
 
@@ -128,7 +129,7 @@ class Tool(Record):
     mass: Annotated[NonNegative, MASS] | None = Field(
         default=None, description="a mass in kg, at least 0"
     )
-    radius: Annotated[Positive, LENGTH] | None = Field(default=None, description=RADIUS)
+    radius: Annotated[Positive, WIDTH] | None = Field(default=None, description=RADIUS)
     shapes: tuple[Shape, ...] | None = Field(
         default=None, description=f"a list of shapes about the tool's point, each {_SHAPES}"
     )

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from deltaopt.files.units import LENGTH
+from deltaopt.files.units import WIDTH
 from deltaopt.files.validated_record import Positive, Record, Vector3
 from deltaopt.limits.limit import Column
 
@@ -16,8 +16,8 @@ EXPECTED = "a mapping with the keys start and goal, each {height, radius} in m"
 class ApproachAtEnd(Record):
     """Within a vertical cylinder of ``radius`` (m) about an end until ``height`` (m) above it."""
 
-    height: Annotated[Positive, LENGTH] = Field(description="a length in m, greater than 0")
-    radius: Annotated[Positive, LENGTH] = Field(description="a length in m, greater than 0")
+    height: Annotated[Positive, WIDTH] = Field(description="a length in m, greater than 0")
+    radius: Annotated[Positive, WIDTH] = Field(description="a length in m, greater than 0")
 
     def column(self, end: Vector3) -> Column:
         """The cylinder about an end, m."""

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from deltaopt.errors import SceneError
+from deltaopt.errors import SceneError, in_words
 from deltaopt.files.units import RATIO
 from deltaopt.files.validated_record import Number, Record, Vector3
 from deltaopt.robot.solids import ALONG_THE_BASE, Axes, Convex, Polytope, Solid
@@ -63,6 +63,11 @@ class HalfSpace(Record):
         description="a vector [x, y, z], not zero"
     )
 
+    @property
+    def centre(self) -> Vector3:
+        """The point that is given, m."""
+        return self.point
+
     @model_validator(mode="after")
     def _has_a_direction(self) -> Self:
         if not any(self.normal):
@@ -74,6 +79,11 @@ class Hull(Record):
     """The convex hull of ``points``, m."""
 
     points: tuple[Point, ...] = Field(description=f"four points or more, each {POINT}")
+
+    @property
+    def centre(self) -> Vector3:
+        """The mean of its points, m."""
+        return _vector(np.mean(self.points, axis=0))
 
     @model_validator(mode="after")
     def _has_volume(self) -> Self:
@@ -103,6 +113,15 @@ class Body(Record):
         """In words."""
         found = next(name for name in type(self).model_fields if getattr(self, name) is not None)
         return found.replace("_", "-")
+
+    @property
+    def in_words(self) -> str:
+        """Its kind and what gives its size: "box, from [0, 0, 0], to [1, 1, 1] m"."""
+        shape = self.shape
+        if isinstance(shape, Hull):
+            return f"{self.kind} of {len(shape.points)} points about {in_words(shape.centre)} m"
+        sizes = (f"{k} {in_words(v) if isinstance(v, tuple) else f'{v:g}'}" for k, v in shape)
+        return f"{self.kind}, {', '.join(sizes)} m"
 
     @property
     def shape(self) -> Box | Sphere | Cylinder | HalfSpace | Hull:

@@ -65,7 +65,7 @@ def check_feasible(scene: Scene) -> None:
         return
     model = delta_model(scene.robot, scene.payload)
     for name, point in (("start", start), ("goal", goal)):
-        _require_reach(model, name, point)
+        _require_reach(scene, model, name, point)
         _require_rest(model, scene, name, point)
         _require_departure(model, name, point)
 
@@ -130,7 +130,7 @@ def _require_exact_passages(scene: Scene, numbered: list[tuple[int, Vector3]]) -
         return
     for number, point in numbered:
         name = f"via {number}"
-        _require_reach(model, name, point)
+        _require_reach(scene, model, name, point)
         for sentence in exceeded(scene, EndState(point), orders=1):
             raise Infeasible(f"{name}: at {in_words(point)} m the {sentence}")
         _require_departure(model, name, point)
@@ -152,7 +152,7 @@ def _check_moving_ends(scene: Scene) -> None:
         there = np.linalg.norm(back - at) <= _SAME_PLACE
         if there and (np.abs(rows) <= 1).all() and distances.min() > _CLEAR:
             continue
-        _require_reach(model, name, end.position)
+        _require_reach(scene, model, name, end.position)
         for sentence in exceeded(scene, end):
             moving = "at rest" if end.velocity == REST else f"at {in_words(end.velocity)} m/s"
             raise Infeasible(f"{name}: {moving} at {in_words(end.position)} m the {sentence}")
@@ -311,18 +311,27 @@ def _within(row: ca.SX, lower: bool, upper: bool) -> ca.SX:
     return ca.fmax(row, 0) if upper else ca.fmin(row, 0)
 
 
-def _require_reach(model: DeltaModel, name: str, point: Vector3) -> None:
+def _require_reach(scene: Scene, model: DeltaModel, name: str, point: Vector3) -> None:
     """Raise Unreachable if a point is outside the workspace or the industrial assembly mode."""
     try:
         q = model.inverse_kinematics(point)
         back = model.forward_kinematics(q[3::3])
     except Unreachable as error:
-        raise Unreachable(f"{name}: {error}") from None
+        raise Unreachable(f"{name}: {error}{perhaps_meant(scene, point)}") from None
     if np.linalg.norm(back - point) > _SAME_PLACE:
         raise Unreachable(
             f"{name}: at {in_words(point)} m the platform is not below its elbows, which is "
-            "outside the industrial assembly mode"
+            f"outside the industrial assembly mode{perhaps_meant(scene, point)}"
         )
+
+
+def perhaps_meant(scene: Scene, point: Vector3) -> str:
+    """What a point (m) out of reach may be that was given with z upward, z downward or x upward."""
+    x, y, z = point
+    places = np.array([(-z, x, y), (z, x, y), (-x, y, z)])
+    fitting = places[are_surely_feasible(scene, places)]
+    meant = (f"; x points down from the base's centre, as in {in_words(p)} m" for p in fitting)
+    return next(meant, "")
 
 
 def _require_rest(model: DeltaModel, scene: Scene, name: str, point: Vector3) -> None:

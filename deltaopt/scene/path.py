@@ -16,17 +16,21 @@ from dataclasses import dataclass
 from functools import cached_property
 from math import comb
 from pathlib import Path as File
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, model_validator
 
 from deltaopt.errors import SceneError
+from deltaopt.files.units import LENGTH, SPEED, WIDTH
 from deltaopt.files.validated_record import NonNegative, Number, Positive, Record, Vector3
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
+_Points = Annotated[tuple[tuple[Number, Number, Number], ...], LENGTH]
+_Speeds = Annotated[tuple[NonNegative, NonNegative], SPEED]
+_Width = Annotated[Positive, WIDTH]
 
 EXPECTED = (
     "the word line, {points: [[x, y, z], …] or a CSV file, blend: …} or "
@@ -132,7 +136,7 @@ class Path:
 class GivenPath(Record):
     """What all kinds of path have: ``speeds`` along it at start and goal, m/s, 0 for at rest."""
 
-    speeds: tuple[NonNegative, NonNegative] = Field(default=(0.0, 0.0), description=_SPEEDS)
+    speeds: _Speeds = Field(default=(0.0, 0.0), description=_SPEEDS)
 
     @abstractmethod
     def between(self, start: Vector3, goal: Vector3) -> Path:
@@ -162,8 +166,8 @@ class Corners(GivenPath):
     roundings on a leg must not overlap. Without it only three points or more on a line make sense.
     """
 
-    points: tuple[tuple[Number, Number, Number], ...] = Field(description=_POINTS, min_length=1)
-    blend: Positive = Field(description=_BLEND)
+    points: _Points = Field(description=_POINTS, min_length=1)
+    blend: _Width = Field(description=_BLEND)
 
     def between(self, start: Vector3, goal: Vector3) -> Path:
         corners = np.array([start, *self.points, goal])
@@ -177,8 +181,8 @@ class Corners(GivenPath):
 class PickAndPlace(GivenPath):
     """Up by ``height`` (m) above the higher end, across, and down, corners rounded by ``blend``."""
 
-    height: Positive = Field(description="a height in m above the higher end, greater than 0")
-    blend: Positive = Field(description=_BLEND)
+    height: _Width = Field(description="a height in m above the higher end, greater than 0")
+    blend: _Width = Field(description=_BLEND)
 
     def between(self, start: Vector3, goal: Vector3) -> Path:
         top = min(start[0], goal[0]) - self.height  # x points down
@@ -199,7 +203,7 @@ class Curve(GivenPath):
     """
 
     s: tuple[Number, ...] = Field(description="increasing parameters, two or more", min_length=2)
-    x: tuple[tuple[Number, Number, Number], ...] = Field(description="a point in m for each s")
+    x: _Points = Field(description="a point in m for each s")
     dx: tuple[tuple[Number, Number, Number], ...] = Field(description="dx/ds for each s")
     ddx: tuple[tuple[Number, Number, Number], ...] = Field(description="d²x/ds² for each s")
 

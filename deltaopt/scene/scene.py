@@ -23,7 +23,7 @@ from pydantic import (
 
 from deltaopt.errors import SceneError, shown
 from deltaopt.files.html_table import html_table
-from deltaopt.files.units import LENGTH, MASS
+from deltaopt.files.units import LENGTH, MASS, WIDTH
 from deltaopt.files.validated_record import NonNegative, Number, Positive, Record, Vector3
 from deltaopt.files.yaml_file import place_of, read_yaml
 from deltaopt.limits.constraints import SceneLimits
@@ -177,12 +177,12 @@ class Scene(Record):
     path: Line | Corners | PickAndPlace | Curve | None = Field(
         default=None, description=EXPECTED_PATH
     )
-    tube: Annotated[Positive, LENGTH] | None = Field(
+    tube: Annotated[Positive, WIDTH] | None = Field(
         default=None, description="a length in m, greater than 0: how far from path the tool may be"
     )
     objective: Objective = Field(default=Time(), description=EXPECTED)
     keep_out: tuple[Body, ...] | None = Field(default=None, description=EXPECTED_BODIES)
-    clearance: Annotated[NonNegative, LENGTH] | None = Field(
+    clearance: Annotated[NonNegative, WIDTH] | None = Field(
         default=None, description="a length in m, at least 0, beyond touching a body"
     )
     robot_keeps_clear: bool | None = Field(
@@ -370,13 +370,14 @@ class Scene(Record):
         """
         if not isinstance(given, list | tuple) or len(given) != 2:
             return {"payload": given, "least_payload": None}
+        problem = ""
         try:
             least, largest = cls._valid("least_payload", given[0]), cls._valid("payload", given[1])
-        except SceneError:
-            least = largest = None
+        except SceneError as error:
+            least, largest, problem = None, None, error.problem
         if least is None or largest is None or least > largest:
             expected = "[least, largest] in kg, the least at least 0 and the largest greater than 0"
-            raise SceneError(None, "payload", given, expected)
+            raise SceneError(None, "payload", given, expected, problem)
         return {"payload": largest, "least_payload": least if least < largest else None}
 
     @model_validator(mode="before")

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.errors import SceneError
+from deltaopt.files.units import LENGTH, Misread
 
 Array = NDArray[np.float64]
 
@@ -34,6 +35,12 @@ def corners_in(file: Path) -> Array:
         found = _of_text(content.decode("ascii", errors="replace"), file)
     if not len(found) or not np.isfinite(found).all():
         raise SceneError(file, "", None, _EXPECTED, "has no triangles")
+    try:
+        LENGTH.in_si(float(np.abs(found).max()))
+    except Misread as error:
+        raise SceneError(
+            file, "", None, f"{_EXPECTED}, not mm", f"has a corner that {error}"
+        ) from None
     return np.asarray(np.unique(found, axis=0))
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from deltaopt.errors import SceneError
-from deltaopt.files.units import LENGTH
+from deltaopt.files.units import LENGTH, WIDTH
 from deltaopt.files.validated_record import Number, Positive, Record, Vector3
 from deltaopt.scene.task import ViaPoint
 
@@ -29,7 +29,7 @@ class Near(Record):
     at: Annotated[tuple[Number, Number, Number], LENGTH] = Field(
         description="three coordinates [x, y, z] in m"
     )
-    within: Annotated[Positive, LENGTH] = Field(description="a length in m, greater than 0")
+    within: Annotated[Positive, WIDTH] = Field(description="a length in m, greater than 0")
 
 
 Via = Vector3 | Near

@@ -298,7 +298,7 @@ class Verification:
     robot_clearance: float | None = None
     robot_overlap: float | None = None
     rotation_left: float | None = None
-    excesses: Mapping[str, Excess] = field(default_factory=dict)
+    excesses: Mapping[str, Excess] = field(default_factory=dict, hash=False)  # no key
     start_distance: float = inf
     goal_distance: float = inf
     path_distance: float | None = None

@@ -14,7 +14,7 @@ import yaml
 
 from deltaopt.errors import SceneError
 from deltaopt.files import units
-from deltaopt.files.units import Quantity, WrongUnit
+from deltaopt.files.units import Misread, Quantity
 from deltaopt.robot.robot import Robot, load_robot
 from deltaopt.scene.scene import Limits, Scene, load_scene
 
@@ -208,7 +208,7 @@ def test_a_decimal_number_is_rounded_once() -> None:
     ],
 )
 def test_what_is_no_such_unit(unit: str, text: str) -> None:
-    with pytest.raises(WrongUnit):
+    with pytest.raises(Misread):
         Quantity(unit).in_si(text)
 
 
@@ -218,7 +218,7 @@ def test_what_is_no_such_unit(unit: str, text: str) -> None:
 def test_what_is_no_quantity_is_left_for_the_field_to_refuse(text: str) -> None:
     try:
         assert Quantity("m").in_si(text) == text
-    except WrongUnit:
+    except Misread:
         assert text == "1e-9999 m"
     assert error_of(IN_SI, "base_radius", text).value == text
 
@@ -252,7 +252,8 @@ def test_what_is_no_quantity_is_left_for_the_field_to_refuse(text: str) -> None:
         (
             "base_radius",
             "1e99 m",
-            "base_radius is '1e99 m'; expected a length in m, at least 0; numbers of at most 1e+12",
+            "base_radius is '1e99 m', which would be 1e+99 m, where at most 10 is plausible; "
+            "expected a length in m, at least 0",
         ),
         (
             "base_radius",

@@ -69,7 +69,7 @@ def test_angles_are_the_models_unless_said_and_that_is_said(plan, tmp_path, caps
     assert "--controller-angles" not in capsys.readouterr().err
     with pytest.raises(SystemExit):
         main([*words, "--payload", "1 m"])
-    assert "'1 m' is not a mass greater than 0" in capsys.readouterr().err
+    assert "'1 m' cannot be converted to kg" in capsys.readouterr().err
 
 
 def test_positions_alone_are_the_motion_they_were_sampled_from(tmp_path):

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import get_args
 
 import pytest
 
 from deltaopt.cli import main
+from deltaopt.errors import DeltaOptError
 from deltaopt.files.validated_record import Record
 from deltaopt.output.starting_files import (
     ROBOT,
@@ -38,7 +40,7 @@ def paths_of(text: str) -> dict[str, int]:
     """The dotted key of each line that has one, commented out or not, and the line's number."""
     found, above = {}, []
     for number, line in enumerate(text.splitlines()):
-        key = re.match(r"(?:# )?((?:  )*)(\w+):", line)
+        key = re.match(r"((?:  )*)#?(\w+):", line)
         if key:
             above = [*above[: len(key[1]) // 2], key[2]]
             found[".".join(above)] = number
@@ -53,7 +55,7 @@ def with_keys(text: str, *paths: str, without: tuple[str, ...] = ()) -> str:
         if path.startswith(without):
             lines[number] = "#"
         elif any(each == path or each.startswith(f"{path}.") for each in paths):
-            lines[number] = lines[number].removeprefix("# ")
+            lines[number] = re.sub(r"^( *)#", r"\1", lines[number])
     return "\n".join(lines)
 
 
@@ -81,8 +83,8 @@ def test_every_key_is_there_with_what_it_means():
     assert {f"limits.{name}" for name in limits.model_fields} <= set(scene)
     for text in (robot_text(), scene_text()):
         for line in text.splitlines():
-            if re.match(r"(# )? *\w+: \S", line):
-                assert re.search(r"  # \w", line), line
+            if re.match(r" *#?\w+: (?! #)", line):
+                assert re.search(r": \S.*  # \w", line), line  # an example, and what it is
 
 
 def test_examples_are_of_keys_that_exist():
@@ -117,7 +119,11 @@ def test_every_example_is_accepted(tmp_path):
     assert load_robot(robot).tool.shapes[0].shape.length == pytest.approx(0.1)
     robot.write_text(robot_text(), encoding="utf-8")
     scene.write_text(
-        with_keys(scene_text(), *SCENE_EXTRAS, without=("duration", "tool.shapes", "tube")),
+        with_keys(
+            scene_text(),
+            *SCENE_EXTRAS,
+            without=("duration", "tool.shapes", "tube", "via", "approach"),
+        ),
         encoding="utf-8",
     )
     assert load_scene(scene).limits.torque == pytest.approx(0.85 * 65.0)
@@ -126,12 +132,51 @@ def test_every_example_is_accepted(tmp_path):
     assert load_scene(scene).path is not None
     assert [body.kind for body in load_scene(scene).keep_out] == ["box"]
     assert (load_scene(scene).clearance, load_scene(scene).robot.tool.radius) == (0.002, 0.03)
-    in_a_tube = with_keys(scene_text(), *SCENE_EXTRAS, without=("duration", *OF_BODIES))
+    beside = ("duration", "via", "approach", *OF_BODIES)
+    in_a_tube = with_keys(scene_text(), *SCENE_EXTRAS, without=beside)
     scene.write_text(in_a_tube, encoding="utf-8")
     assert load_scene(scene).tube == 0.005
     effort = with_keys(scene_text(), "objective", "duration").replace(*EFFORT)
     scene.write_text(effort, encoding="utf-8")
     assert load_scene(scene).objective.given_duration == 0.5
+
+
+def uncommented(text: str) -> Iterator[tuple[str, str]]:
+    """The text with the # before a key removed: before it alone, and before those above it too, and
+    before those inside it too; each with the key."""
+    places, lines = paths_of(text), text.splitlines()
+    for path in (path for path, number in places.items() if re.match(r" *#", lines[number])):
+        above = [each for each in places if path == each or path.startswith(f"{each}.")]
+        inside = [each for each in places if each.startswith(f"{path}.")]
+        for keys in ([path], above, above + inside):
+            changed = list(lines)
+            for number in (places[key] for key in keys):
+                changed[number] = re.sub(r"^( *)#", r"\1", changed[number])
+            yield path, "\n".join(changed)
+
+
+NEEDS_MORE = re.compile(
+    r"beside|is missing; expected|is ''; expected a mapping|is not a known key; expected"
+    r"|each key once|is the # before the key above it removed\?|expected viscous"
+)
+"""What a sentence says that tells what a key needs beside it."""
+
+
+@pytest.mark.parametrize(("name", "text"), [("robot", robot_text()), ("scene", scene_text())])
+def test_any_key_can_be_used_by_removing_its_mark_or_says_what_it_needs(name, text, tmp_path):
+    written(tmp_path)
+    used, refused = set(), []
+    for path, changed in uncommented(text):
+        (tmp_path / f"{name}.yaml").write_text(changed, encoding="utf-8")
+        try:
+            load_scene(tmp_path / "scene.yaml")
+            used.add(path)
+        except DeltaOptError as error:
+            refused.append(str(error))
+    assert [each for each in refused if "\n" in each or not NEEDS_MORE.search(each)] == []
+    alone = {"limits", "approach", "rotation", "keep_out", "path", "via", "elbow", "joints"}
+    assert used >= alone & set(paths_of(text))
+    assert len(used) >= 20
 
 
 def test_nothing_is_overwritten(tmp_path, capsys):

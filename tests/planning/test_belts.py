@@ -41,7 +41,7 @@ def refusal(scene) -> str:
         ((0.85, 0.05, 0.5), (0, 0, 1.0), "which it passes 0 to 0.456 s after the start, do the"),
         ((0.85, 0.05, 0.1), (0, 0, 5.0), "the speed of motor 3 is -10.26 rad/s, where at least"),
         ((0.85, 0.05, 1.0), (0, 0, -20.0), "at none of 240 places of its way within 1.28 m"),
-        ((0.85, 0.05, 0.1), (0, 0, 1e6), "are position and speed within the limits; nearest"),
+        ((0.85, 0.05, 0.1), (0, 0, 100.0), "are position and speed within the limits; nearest"),
     ],
 )
 @pytest.mark.parametrize("via", [None, [(0.82, -0.02, 0.0)]])

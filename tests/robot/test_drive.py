@@ -106,6 +106,13 @@ def test_friction_may_have_one_part(friction) -> None:
     assert given.model_dump(exclude_none=True) == friction
 
 
+def test_coulomb_friction_changes_its_sign_within_a_speed_that_need_not_be_given() -> None:
+    for friction in ({"coulomb": 2.0}, {"coulomb": 2.0, "speed": None}):
+        given = robot(drive={"torque": 10.0, "friction": friction}).drive.friction
+        assert given == Friction(coulomb=2.0, speed=0.05)
+        assert robot(drive={"torque": 10.0, "friction": given.model_dump()}).drive.friction == given
+
+
 # --- as a catalogue gives it --------------------------------------------------------------
 
 
@@ -264,7 +271,6 @@ def test_bad_parts_of_a_drive(key: str, value: object, expected: str) -> None:
         ({}, "friction", "viscous (N·m·s/rad), coulomb (N·m) or both"),
         ({"viscous": -1.0}, "friction.viscous", "at least 0"),
         ({"coulomb": -1.0, "speed": 0.1}, "friction.coulomb", "at least 0"),
-        ({"coulomb": 1.0}, "friction.speed", "since coulomb is given"),
         ({"coulomb": 1.0, "speed": 0.0}, "friction.speed", "greater than 0"),
         ({"viscous": 1.0, "speed": 0.1}, "friction.speed", "coulomb beside it"),
         (3.0, "friction", "keys viscous, coulomb, speed"),

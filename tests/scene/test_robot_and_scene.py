@@ -155,7 +155,7 @@ def test_what_is_absent_is_none_and_gravity_the_earths(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("written", "number"),
-    [("1e-3", 1e-3), ("1.e3", 1e3), ("+.5", 0.5), ("2E0", 2.0), ("010", 10.0), ("3", 3.0)],
+    [("1e-3", 1e-3), ("1.e2", 1e2), ("+.5", 0.5), ("2E0", 2.0), ("010", 10.0), ("3", 3.0)],
 )
 def test_numbers_are_read_as_they_look(tmp_path: Path, written: str, number: float) -> None:
     file = write(tmp_path)
@@ -409,7 +409,7 @@ def test_a_number_too_large_for_a_float(tmp_path: Path) -> None:
 def test_absurd_numbers_in_the_robot(tmp_path: Path, key: str) -> None:
     error = error_of(write(tmp_path, robot=changed(ROBOT, key, 1e300)))
     assert (error.key, error.value) == (key, 1e300)
-    assert error.expected.endswith("; numbers of at most 1e+12")
+    assert "is plausible; expected " in str(error)
 
 
 @pytest.mark.parametrize(
@@ -419,7 +419,7 @@ def test_absurd_numbers_in_the_robot(tmp_path: Path, key: str) -> None:
 def test_absurd_numbers_in_the_scene(tmp_path: Path, key: str, value: object) -> None:
     error = error_of(write(tmp_path, scene=changed(SCENE, key, value)))
     assert (error.key, error.value) == (key, value)
-    assert error.expected.endswith("; numbers of at most 1e+12")
+    assert "is plausible; expected " in str(error)
 
 
 def test_a_long_value_is_shortened_in_the_message_only(tmp_path: Path) -> None:

@@ -122,7 +122,7 @@ def test_friction_on_random_paths():
 
 def test_a_limit_of_acceleration_on_a_line():
     """Strong motors: T = 2 √(L / A)."""
-    strong = PICK.robot.model_copy(update={"drive": {"torque": 1e4}})
+    strong = PICK.robot.model_copy(update={"drive": {"torque": 5e3}})
     scene = on(PICK, "line", robot=strong, limits={"acceleration": 3.0})
     plan = deltaopt.plan(scene, tolerance=1e-4)
     assert plan.duration == pytest.approx(2 * np.sqrt(0.15 / 3.0), rel=1e-6)
@@ -133,7 +133,7 @@ def test_a_limit_of_acceleration_on_a_half_circle():
     the end mirrors the begin."""
     r, A = 0.05, 3.0
     curve = deltaopt.Curve.of(lambda s, order: half_circle(r, s, order), 0.0, np.pi * r)
-    strong = PICK.robot.model_copy(update={"drive": {"torque": 1e4}})
+    strong = PICK.robot.model_copy(update={"drive": {"torque": 5e3}})
     scene = on(
         PICK, curve, robot=strong, limits={"acceleration": A}, start=curve.x[0], goal=curve.x[-1]
     )

@@ -1,0 +1,96 @@
+"""What Python allows and a plan cannot mean; copies of plans; names that docs give."""
+
+from __future__ import annotations
+
+import builtins
+import inspect
+import pickle
+import re
+from pathlib import Path
+
+import pytest
+
+import deltaopt
+
+ROOT = Path(__file__).parents[1]
+SCENE = deltaopt.load_scene(ROOT / "problems/pick_and_place.yaml")
+
+
+@pytest.fixture(scope="module")
+def planned() -> deltaopt.Plan:
+    return deltaopt.plan(SCENE)
+
+
+def test_a_plan_equals_its_copy_and_no_other(planned):
+    copied = pickle.loads(pickle.dumps(planned))
+    assert copied == planned
+    assert copied.trajectory == planned.trajectory
+    assert len({copied, planned, copied.trajectory, planned.trajectory}) == 2
+    other = deltaopt.plan(SCENE.model_copy(update={"payload": 1.0 + 1e-9}))
+    assert other != planned
+    assert other.trajectory != planned.trajectory
+    assert planned.trajectory.slowed(1 + 1e-15) != planned.trajectory
+
+
+def test_a_verification_has_a_hash(planned):
+    found = deltaopt.verify(SCENE, planned.trajectory)
+    again = pickle.loads(pickle.dumps(found))
+    assert again == found
+    assert len({found, again}) == 1
+
+
+@pytest.mark.parametrize("rate", [0, -1.0, float("nan")])
+def test_a_table_has_rows(planned, rate):
+    with pytest.raises(ValueError, match=r"^rate is .*; it must be greater than 0$"):
+        planned.table(rate)
+
+
+@pytest.mark.parametrize("name", ["tolerance", "intervals", "starts", "seed"])
+def test_true_is_no_number(name):
+    with pytest.raises(TypeError, match=f"^{name} is True; it must be a "):
+        deltaopt.plan(SCENE, **{name: True})
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("start", {0.45, -0.05, 0.0}),
+        ("goal", frozenset({0.45, 0.1, 0.0})),
+        ("via", [{0.45, 0.0, 0.01}]),
+        ("via", {(0.45, 0.0, 0.0), (0.45, 0.0, 0.01)}),
+        ("payload", {0.5, 1.0}),
+        ("path", {"points": [{0.45, 0.0, 0.01}], "blend": 0.01}),
+    ],
+)
+def test_a_set_is_no_point(key, value):
+    given = {"robot": SCENE.robot, "start": SCENE.start, "goal": SCENE.goal, key: value}
+    with pytest.raises(deltaopt.SceneError) as caught:
+        deltaopt.Scene(**given)
+    assert caught.value.key.startswith(key)
+
+
+def test_every_name_that_is_written_is_there():
+    """deltaopt.NAME in docs, README, examples and docstrings, but for modules."""
+    files = [ROOT / "README.md", *ROOT.glob("docs/**/*.md"), *ROOT.glob("examples/*")]
+    files += [*ROOT.glob("deltaopt/**/*.py"), *ROOT.glob("studies/**/*.py")]
+    modules = {path.stem for path in (ROOT / "deltaopt").iterdir()}
+    written = {
+        name
+        for file in files
+        if file.suffix in (".md", ".py", ".ipynb")
+        for name in re.findall(r"(?<![\w./-])deltaopt\.([A-Za-z]\w*)", file.read_text("utf-8"))
+    }
+    assert len(written) > 30
+    assert not {name for name in written - modules if not hasattr(deltaopt, name)}
+
+
+def test_every_error_that_a_docstring_names_can_be_caught():
+    named = set()
+    for public in (getattr(deltaopt, name) for name in deltaopt.__all__):
+        inner = vars(public).items() if inspect.isclass(public) else ()
+        methods = [value for name, value in inner if not name.startswith("_")]
+        for each in (public, *(getattr(value, "__func__", value) for value in methods)):
+            for sentence in re.findall(r"[Rr]aises ([^.]*)\.", inspect.getdoc(each) or ""):
+                named |= set(re.findall(r"\b[A-Z]\w+\b", sentence))
+    assert {"Singular", "Infeasible", "ValueError", "UnreadablePlan"} <= named
+    assert not {name for name in named if not hasattr(builtins, name)} - set(deltaopt.__all__)
