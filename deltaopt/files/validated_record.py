@@ -33,6 +33,8 @@ Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 NonNegative = Annotated[Number, Field(ge=0)]
 Positive = Annotated[Number, Field(gt=0)]
 Text = Annotated[str, Field(strict=True, min_length=1)]
+Name = Annotated[str, Field(strict=True, max_length=200, pattern=r"^[^\p{C}\p{Zl}\p{Zp}]+$")]
+"""A line of text without control characters, for terminals, pictures, and comments of programs."""
 
 LARGEST = 1e12
 """Largest size of a number in a record, in SI units: far beyond any robot, and its square and those

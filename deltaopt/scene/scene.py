@@ -56,7 +56,7 @@ from deltaopt.scene.approach import EXPECTED as EXPECTED_APPROACH
 from deltaopt.scene.approach import Approach
 from deltaopt.scene.bodies import EXPECTED as EXPECTED_BODIES
 from deltaopt.scene.bodies import Body, solid_about, sums
-from deltaopt.scene.convex_hull import NoVolume, convex_hull
+from deltaopt.scene.convex_hull import NoHull, convex_hull
 from deltaopt.scene.moving_ends import (
     EXPECTED_GOAL,
     EXPECTED_START,
@@ -591,8 +591,8 @@ def _with_points(scene_file: Path, key: str, body: object) -> object:
     named = f"{key}.hull.file"
     try:
         points = corners_in(scene_file.parent / hull["file"])
-        points = points[np.unique(convex_hull(points))]
-    except NoVolume as error:
+        points = points[np.unique(convex_hull(points, MOST_TRIANGLES))]
+    except NoHull as error:
         place, expected = place_of(scene_file, named), f"an STL file with {error}"
         raise SceneError(scene_file, named, hull["file"], expected, place=place) from None
     except SceneError as error:
