@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from deltaopt.bench.any_move import random_plans, summary
-from deltaopt.cli.arguments import add_robots, add_scenes, folder, one_or_more, positive
+from deltaopt.cli.arguments import add_robots, add_scenes, folder, one_or_more, optimality_gap
 from deltaopt.errors import MissingPackage
 from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.planning.planner import Planner
@@ -40,7 +40,7 @@ def _add_any(parser: argparse.ArgumentParser) -> None:
     add_robots(parser, number=200, least=0)
     parser.add_argument(
         "--tolerance",
-        type=positive,
+        type=optimality_gap,
         default=1e-3,
         metavar="GAP",
         help="of the optimality gap; below 1e-4 by switch resolution (default: 1e-3)",

@@ -24,7 +24,7 @@ _NO_MAPPING = "is a list, or text that is not for this program"
 _DEEPEST = 20
 """Largest depth of nesting: a robot file needs 3, and PyYAML's time and stack limit the depth."""
 _LARGEST = 1
-"""Largest size of a file, MB: a robot has a few hundred bytes, and PyYAML is slow with megabytes."""
+"""Largest size of a file, MB: a robot has a few hundred bytes, and PyYAML is slow with more."""
 _LONGEST = 20_000
 """Most lines of a file, and most signs and values in it: a robot has a hundred, and PyYAML takes a
 second or two for so many."""
