@@ -92,7 +92,7 @@ from deltaopt.scene.task import (
     given_points,
 )
 from deltaopt.scene.via import EXPECTED as EXPECTED_VIA
-from deltaopt.scene.via import Near, content_of_via, require_distinct, via_in, via_point
+from deltaopt.scene.via import MOST_VIA, Near, content_of_via, require_distinct, via_in, via_point
 
 _STANDS_STILL = 1e-9
 """Share of the largest rate of a path's pieces below which it turns back where a piece begins."""
@@ -164,7 +164,7 @@ class Scene(Record):
         description=EXPECTED_GOAL
     )
     via: tuple[Annotated[tuple[Number, Number, Number], LENGTH] | Near, ...] | None = Field(
-        default=None, description=EXPECTED_VIA
+        default=None, max_length=MOST_VIA, description=EXPECTED_VIA
     )
     approach: Approach | None = Field(default=None, description=EXPECTED_APPROACH)
     limits: Limits | None = Field(
@@ -525,10 +525,9 @@ class Scene(Record):
             return self
         if not self.keep_out:
             raise SceneError(None, "keep_out", [], EXPECTED_BODIES, "is empty")
-        solids = [each for each in self.kept_out if not isinstance(each, Polytope)]
-        if len(solids) > MOST_SOLIDS:
+        if len(self.kept_out) > MOST_SOLIDS:
             expected = f"at most {MOST_SOLIDS} pairs of a body and a shape of the tool"
-            raise SceneError(None, "keep_out", len(solids), expected)
+            raise SceneError(None, "keep_out", len(self.kept_out), expected)
         for index, each in self.obstacles:
             if isinstance(each, Polytope) and len(each.triangles) > MOST_TRIANGLES:
                 expected = f"a hull, grown by the tool, of at most {MOST_TRIANGLES} triangles"
