@@ -25,7 +25,7 @@ def require_positive(name: str, value: object, least: float = 0.0) -> None:
         raise ValueError(f"{name} is {shown(value)}; it must be greater than 0")
     if value > float_info.max:  # type: ignore[operator]
         raise ValueError(f"{name} is {shown(value)}; it must be finite")
-    if value < least:  # type: ignore[operator]
+    if value < least:
         raise ValueError(f"{name} is {shown(value)}; it must be at least {least:g}")
 
 
