@@ -20,7 +20,6 @@ _NAMES, _INDEX = re.compile(r"\[\d+\]|[^.\[]+"), re.compile(r"\[\d+\]")
 """Of a dotted key: names of mappings, and places in lists."""
 _WORD = re.compile(r"<<|\w[\w .-]{0,99}")  # the first is YAML's own, for merging
 """What a key may be. Whatever else a file has is not quoted: it may be no robot or scene at all."""
-_NO_MAPPING = "is a list, or text that is not for this program"
 _DEEPEST = 20
 """Largest depth of nesting: a robot file needs 3, and PyYAML's time and stack limit the depth."""
 _LARGEST = 1
@@ -47,7 +46,7 @@ def read_yaml(file: Path) -> dict[str, object]:
     except SceneError as error:
         raise error.inside(file=file) from None
     if not isinstance(content, dict):
-        raise SceneError(file, "", None, "a mapping of keys to values", _NO_MAPPING)
+        raise SceneError(file, "", content, "a mapping of keys to values", "is something else")
     return content
 
 

@@ -23,8 +23,7 @@ from pydantic import Field, model_validator
 from deltaopt.errors import SceneError
 from deltaopt.files.units import RATIO
 from deltaopt.files.validated_record import Number, Record, Vector3
-from deltaopt.limits.keep_out import MOST_TRIANGLES
-from deltaopt.robot.solids import ALONG_THE_BASE, Axes, Convex, Polytope, Solid
+from deltaopt.robot.solids import ALONG_THE_BASE, MOST_TRIANGLES, Axes, Convex, Polytope, Solid
 from deltaopt.robot.tool import (
     POINT,
     Along,

@@ -30,7 +30,6 @@ from deltaopt.limits.constraints import SceneLimits
 from deltaopt.limits.joint_ranges import ArmRange, BallJoint
 from deltaopt.limits.keep_out import (
     MOST_SOLIDS,
-    MOST_TRIANGLES,
     KeepOut,
     hull_limits,
     place_among_rows,
@@ -51,7 +50,7 @@ from deltaopt.limits.tube import MOST_PARTS, Tube, parts_of
 from deltaopt.limits.workspace import Approach as ApproachLimit
 from deltaopt.limits.workspace import WorkspaceDepth, WorkspaceRadius
 from deltaopt.robot.robot import Robot, load_robot
-from deltaopt.robot.solids import Convex, Polytope
+from deltaopt.robot.solids import MOST_TRIANGLES, Convex, Polytope
 from deltaopt.scene.approach import EXPECTED as EXPECTED_APPROACH
 from deltaopt.scene.approach import Approach
 from deltaopt.scene.bodies import EXPECTED as EXPECTED_BODIES
