@@ -322,11 +322,9 @@ def points_in(file: File) -> list[list[float]]:
         if rows and any(character.isalpha() for character in rows[0][0]):
             rows = rows[1:]
         points = [[float(cell) for cell in row] for row in rows]
-    except OSError as error:
-        problem = f"{file} {error.strerror}"
+    except (OSError, ValueError) as error:  # a ValueError quotes the file, which may be any
+        problem = f"{file} {getattr(error, 'strerror', 'has other lines')}"
         raise SceneError(None, "path.points", str(file), expected, problem) from None
-    except ValueError:  # what stands there is not quoted: it may be any file
-        raise SceneError(None, "path.points", str(file), expected) from None
     if not points or any(len(point) != 3 for point in points):
         raise SceneError(None, "path.points", str(file), expected)
     return points
