@@ -9,19 +9,24 @@ from types import UnionType
 
 from deltaopt.errors import shown
 
-MOST = 9999
-"""Most intervals of a first mesh, and most first guesses: beyond, a plan takes hours or all of the
-memory."""
+MOST, MOST_INTERVALS = 9999, 1000
+"""Most first guesses, and most intervals of a first mesh. Hardly a second is taken for each guess,
+which is said, and a tenth of it for each interval by Ipopt: beyond, a plan takes hours."""
+LEAST_TOLERANCE = 1e-9
+"""Least optimality gap that may be asked for: by less a verified motion may exceed its limits."""
 
 
-def require_positive(name: str, value: object) -> None:
-    """Raise TypeError unless a setting is a number, ValueError unless it is finite and above 0."""
+def require_positive(name: str, value: object, least: float = 0.0) -> None:
+    """Raise TypeError unless a setting is a number, ValueError unless it is finite, above 0, and at
+    least as large as the least."""
     if not isinstance(value, Real) or isinstance(value, bool):
         raise TypeError(f"{name} is {shown(value)}; it must be a number greater than 0")
     if not value > 0:  # type: ignore[operator]  # numbers compare
         raise ValueError(f"{name} is {shown(value)}; it must be greater than 0")
     if value > float_info.max:  # type: ignore[operator]
         raise ValueError(f"{name} is {shown(value)}; it must be finite")
+    if value < least:
+        raise ValueError(f"{name} is {shown(value)}; it must be at least {least:g}")
 
 
 def require_whole(

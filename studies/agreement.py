@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 import deltaopt
 from deltaopt import NotConverged, Plan, Scene, forward
-from deltaopt.cli.arguments import load_fastest, two_or_more
+from deltaopt.cli.arguments import first_intervals, load_fastest
 from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.motion.time_scaling import loads_inside
 from deltaopt.planning.flat.constraint_rows import ByOrder
@@ -161,7 +161,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_scenes(parser)
     parser.add_argument(
         "--intervals",
-        type=two_or_more,
+        type=first_intervals,
         default=INTERVALS,
         metavar="N",
         help=f"of the meshes for forward dynamics (default: {INTERVALS})",

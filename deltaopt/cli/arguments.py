@@ -11,6 +11,7 @@ from deltaopt.files.output_folder import require_writable
 from deltaopt.files.units import MASS, Misread
 from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene, load_scene
+from deltaopt.settings import LEAST_TOLERANCE, MOST, MOST_INTERVALS
 
 
 class WrongUsage(DeltaOptError):
@@ -91,6 +92,13 @@ def positive(text: str) -> float:
     return number
 
 
+def optimality_gap(text: str) -> float:
+    """A tolerance of plans, for argparse."""
+    if positive(text) < LEAST_TOLERANCE:
+        raise argparse.ArgumentTypeError(f"{text!r} is less than {LEAST_TOLERANCE:g}")
+    return positive(text)
+
+
 def kilograms(text: str) -> float:
     """A mass greater than 0 in kg, for argparse: a number, or a text with a unit such as 500 g."""
     try:
@@ -103,17 +111,17 @@ def kilograms(text: str) -> float:
 
 def one_or_more(text: str) -> int:
     """A whole number from 1 to 9999, for argparse."""
-    return _whole(text, 1)
+    return _whole(text, 1, MOST)
 
 
 def large_number(text: str) -> int:
     """A whole number from 1 to 999999, for argparse: of moves or places of a campaign."""
-    return _whole(text, 1, digits=6)
+    return _whole(text, 1, 999_999)
 
 
-def two_or_more(text: str) -> int:
-    """A whole number from 2 to 9999, for argparse."""
-    return _whole(text, 2)
+def first_intervals(text: str) -> int:
+    """A number of intervals of a first mesh, for argparse."""
+    return _whole(text, 2, MOST_INTERVALS)
 
 
 def seed(text: str) -> int:
@@ -123,9 +131,9 @@ def seed(text: str) -> int:
     return int(text)
 
 
-def _whole(text: str, least: int, digits: int = 4) -> int:
-    """The number that a text of so many digits at most stands for."""
-    if not (text.isascii() and text.isdigit() and len(text) <= digits and int(text) >= least):
-        most = 10**digits - 1
+def _whole(text: str, least: int, most: int) -> int:
+    """The number that a text stands for."""
+    is_short = text.isascii() and text.isdigit() and len(text) <= len(str(most))
+    if not (is_short and least <= int(text) <= most):
         raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from {least} to {most}")
     return int(text)

@@ -19,13 +19,13 @@ Exit code: 0 written; 1 no table can be made; 2 bad input.
 from __future__ import annotations
 
 import argparse
-import errno
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 from deltaopt.cli.arguments import folder, kilograms, positive
 from deltaopt.cli.streams import present, print_written
+from deltaopt.files.atomic_write import require_replaceable
 from deltaopt.files.output_folder import all_or_none
 from deltaopt.output.cam_tables import CamPieces, Cams, write_cams
 from deltaopt.output.joint_table import (
@@ -211,8 +211,7 @@ def _schema(arguments: argparse.Namespace) -> int:
 
 def _write(file: Path, write: Callable[[Path], object]) -> int:
     """Write one file, whole or not at all, and say so. Raises OSError, which names it."""
-    if file.is_dir():
-        raise IsADirectoryError(errno.EISDIR, "is a directory", str(file))
+    require_replaceable(file)
     before = present(file.parent)
     with all_or_none(file.parent) as folder:
         write(folder / file.name)

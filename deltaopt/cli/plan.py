@@ -28,11 +28,12 @@ from deltaopt.cli.arguments import (
     WrongUsage,
     add_json,
     add_scenes,
+    first_intervals,
     folder,
     one_or_more,
+    optimality_gap,
     positive,
     seed,
-    two_or_more,
 )
 from deltaopt.cli.streams import present, print_json, print_written, say
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
@@ -133,14 +134,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--tolerance",
-        type=positive,
+        type=optimality_gap,
         metavar="GAP",
         help="relative optimality gap: how much longer than the optimum the motion may take, or "
-        "how much more it may cost (default: 1e-3)",
+        "how much more it may cost (default: 1e-3; at least 1e-9)",
     )
     parser.add_argument(
         "--intervals",
-        type=two_or_more,
+        type=first_intervals,
         metavar="N",
         help=f"intervals of the first mesh (default: {Planner.intervals})",
     )

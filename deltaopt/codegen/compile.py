@@ -107,6 +107,10 @@ def _kept(source: str) -> Path:
             raise _NoLibrary(
                 f"{folder} is not yours alone to write to; set {CACHE} to a folder that is"
             )
+        if not _may_hold_programs(folder):
+            raise _NoLibrary(
+                f"{folder} may hold no programs (mounted noexec); set {CACHE} to another folder"
+            )
         for each in found:
             kept = _try(each, source, folder)
             if kept:
@@ -142,6 +146,11 @@ def _safe(folder: Path) -> bool:
         return True
     found = folder.stat()
     return found.st_uid == os.getuid() and not found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+
+
+def _may_hold_programs(folder: Path) -> bool:
+    """Whether the file system of a folder lets its files be run, as far as the system says."""
+    return os.name != "posix" or not os.statvfs(folder).f_flag & getattr(os, "ST_NOEXEC", 0)
 
 
 def _build(found: Compiler, source: str, library: Path) -> bool:

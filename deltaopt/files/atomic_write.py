@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import tempfile
 from collections.abc import Iterator
@@ -14,9 +15,10 @@ def atomic_write(path: Path) -> Iterator[Path]:
     """Give a temporary path beside ``path``, which is renamed to ``path`` at the end.
 
     If an error is raised in between, the temporary file is removed and ``path`` stays as it was.
-    Raises OSError, which names ``path``, if it cannot be written.
+    Raises OSError, which names ``path``, if it cannot be written, or must not be replaced.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
+    require_replaceable(path)
     try:
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=path.suffix)
         os.close(handle)
@@ -30,6 +32,16 @@ def atomic_write(path: Path) -> Iterator[Path]:
             temporary.unlink(missing_ok=True)
     except OSError as error:  # which names a temporary file, or none, as where a disk is full
         raise OSError(error.errno, error.strerror or str(error), str(path)) from error
+
+
+def require_replaceable(path: Path) -> None:
+    """Raise OSError where something has this name that is no file: a link, a pipe or a device is
+    somebody's means to an end, which a file in its place would break."""
+    if path.is_dir():
+        raise IsADirectoryError(errno.EISDIR, "is a directory", str(path))
+    if path.is_symlink() or (path.exists() and not path.is_file()):
+        kind = "a link" if path.is_symlink() else "not a regular file"
+        raise FileExistsError(errno.EEXIST, f"is {kind}, and is not replaced", str(path))
 
 
 def to_disk(file: Path) -> None:

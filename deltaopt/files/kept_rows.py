@@ -8,10 +8,12 @@ from __future__ import annotations
 import csv
 from collections.abc import Callable, Hashable, Iterable
 from dataclasses import asdict, fields
+from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from deltaopt.files.atomic_write import atomic_write
+from deltaopt.files.regular_file import content_of
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -20,6 +22,8 @@ R = TypeVar("R", bound="DataclassInstance")
 """The kind of a row."""
 K = TypeVar("K", bound=Hashable)
 """What a row is known by."""
+_LARGEST = 1000
+"""Size of a file, MB: of millions of rows."""
 
 
 def read_rows(file: Path, kind: type[R]) -> list[R]:
@@ -29,10 +33,9 @@ def read_rows(file: Path, kind: type[R]) -> list[R]:
         return []
     kinds = {each.name: each.type for each in fields(kind)}
     rows = []
-    with file.open(newline="", encoding="utf-8") as lines:
-        for line in csv.DictReader(lines):
-            if None not in line.values() and kinds.keys() <= line.keys():
-                rows.append(kind(**{name: _parsed(kinds[name], line[name]) for name in kinds}))
+    for line in csv.DictReader(StringIO(content_of(file, _LARGEST).decode("utf-8"), newline="")):
+        if None not in line.values() and kinds.keys() <= line.keys():
+            rows.append(kind(**{name: _parsed(kinds[name], line[name]) for name in kinds}))
     return rows
 
 

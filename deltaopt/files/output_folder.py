@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
-from deltaopt.files.atomic_write import default_mode, to_disk
+from deltaopt.files.atomic_write import default_mode, require_replaceable, to_disk
 from deltaopt.interrupts.requests import requests_held
 
 try:
@@ -31,8 +31,10 @@ def all_or_none(directory: Path) -> Iterator[Path]:
     stay. If anything is raised in between, the directory is left as it was, or not made. Processes
     that write to the same directory wait for each other: it holds the files of one of them.
 
-    Raises OSError, which names the file in ``directory``, if it cannot be written.
+    Raises OSError, which names the file in ``directory``, if it cannot be written, or must not be
+    replaced.
     """
+    require_writable(directory)
     with ExitStack() as undo:
         with requests_held():
             hidden = _hidden_folder(directory, undo)
@@ -139,8 +141,7 @@ def _replace(files: list[Path], directory: Path) -> None:
     """
     targets = [directory / file.name for file in files]
     for target in targets:
-        if target.is_dir():
-            raise IsADirectoryError(errno.EISDIR, "is a directory", str(target))
+        require_replaceable(target)
     replaced = files[0].parent / _REPLACED
     replaced.mkdir()
     with ExitStack() as undo:

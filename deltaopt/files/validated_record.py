@@ -28,6 +28,9 @@ from deltaopt.errors import SceneError, shown
 from deltaopt.files.units import Misread
 from deltaopt.files.yaml_file import place_of
 
+Name = Annotated[str, Field(strict=True, max_length=200, pattern=r"^[^\p{C}\p{Zl}\p{Zp}]+$")]
+"""A line of text without control characters, for terminals, pictures, and comments of programs."""
+
 LARGEST = 1e12
 """Largest size of a number in a record, in SI units: far beyond any robot, and its square and those
 of its products with others are still numbers."""

@@ -8,20 +8,22 @@ a sexagesimal number by surprise: ``payload: yes`` is text, which the records th
 from __future__ import annotations
 
 import re
-import stat
 from pathlib import Path
 
 import yaml
 
 from deltaopt.errors import SceneError
+from deltaopt.files.regular_file import content_of
 
 _NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
 _NAMES, _INDEX = re.compile(r"\[\d+\]|[^.\[]+"), re.compile(r"\[\d+\]")
 """Of a dotted key: names of mappings, and places in lists."""
+_WORD = re.compile(r"<<|\w[\w .-]{0,99}")  # the first is YAML's own, for merging
+"""What a key may be. Whatever else a file has is not quoted: it may be no robot or scene at all."""
 _DEEPEST = 20
 """Largest depth of nesting: a robot file needs 3, and PyYAML's time and stack limit the depth."""
-_LARGEST = 1_000_000
-"""Largest size of a file, bytes: a robot has a few hundred, and PyYAML is slow with megabytes."""
+_LARGEST = 1
+"""Largest size of a file, MB: a robot has a few hundred bytes, and PyYAML is slow with more."""
 _LONGEST = 20_000
 """Most lines of a file, and most signs and values in it: a robot has a hundred, and PyYAML takes a
 second or two for so many."""
@@ -46,7 +48,7 @@ def read_yaml(file: Path) -> dict[str, object]:
     except SceneError as error:
         raise error.inside(file=file) from None
     if not isinstance(content, dict):
-        raise SceneError(file, "", content, "a mapping of keys to values")
+        raise SceneError(file, "", content, "a mapping of keys to values", "is something else")
     return content
 
 
@@ -81,23 +83,11 @@ def _inside(node: yaml.Node | None, name: str) -> yaml.Node | None:
 
 def _text(file: Path) -> str:
     try:
-        _refuse_others(file)
-        with file.open("rb") as opened:
-            content = opened.read(_LARGEST + 1)  # a file may grow meanwhile
-        if len(content) > _LARGEST:
-            raise _unusable("is larger than 1 MB")
-        return content.decode("utf-8")  # PyYAML skips a byte order mark
+        return content_of(file, _LARGEST).decode("utf-8")  # PyYAML skips a byte order mark
     except OSError as error:
-        raise _unusable(f"cannot be read ({error.strerror})") from None
+        raise _unusable(str(error.strerror)) from None
     except UnicodeDecodeError as error:
         raise _unusable(f"is not UTF-8 text (byte {error.start})") from None
-
-
-def _refuse_others(file: Path) -> None:
-    """Refuse what is no regular file: opening a pipe would wait for somebody who writes to it."""
-    mode = file.stat().st_mode
-    if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):  # opening a directory is an OSError
-        raise _unusable("is not a regular file")
 
 
 def _parsed(text: str) -> object:
@@ -155,7 +145,7 @@ def _mapping(node: yaml.MappingNode) -> dict[str, object]:
     for key_node, value_node in node.value:
         line = key_node.start_mark.line + 1
         key = key_node.value
-        if not (isinstance(key, str) and key and key.isprintable()):
+        if not (isinstance(key, str) and _WORD.fullmatch(key)):
             raise _unusable(f"has a key that is no word (line {line})")
         try:
             value = _content(value_node)

@@ -21,7 +21,7 @@ import casadi as ca
 import numpy as np
 
 from deltaopt.limits.limit import SX, Array, Bounds, Described, Instant, Numbers
-from deltaopt.robot.solids import ALONG_THE_BASE, Convex, Polytope, Solid
+from deltaopt.robot.solids import ALONG_THE_BASE, MOST_TRIANGLES, Convex, Polytope, Solid
 
 SCALE = 0.25
 """Natural size of distances, as a share of the way from start to goal. It decides how far from
@@ -45,8 +45,8 @@ OF_SOLID, OF_LIMIT = 17, 3
 """Numbers of a solid: axes, centre, half lengths, whether it is round, radius; and of every body:
 the least distance, the scale, and the least distance again, -inf for a place that is not used."""
 PLACES = (1, 2, 4, 8, 16, 32, 64)
-_TRIANGLES = (16, 64)
-MOST_SOLIDS, MOST_TRIANGLES = PLACES[-1], _TRIANGLES[-1]
+_TRIANGLES = (16, MOST_TRIANGLES)
+MOST_SOLIDS = PLACES[-1]
 """In a scene, and of a hull: each size is compiled when it is first met."""
 
 

@@ -19,7 +19,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from deltaopt.errors import on_one_line
 from deltaopt.files.output_folder import all_or_none
 from deltaopt.motion.trajectory import Array, PiecewisePolynomial
 from deltaopt.output.joint_table import JointTable, Quintic
@@ -187,5 +186,5 @@ def _literal(number: np.float64) -> str:
 
 
 def _in_comment(name: str) -> str:
-    """A name that does not end the comment that it stands in."""
-    return on_one_line(name).replace("*)", "* )").replace("(*", "( *")
+    """A name that neither ends the comment that it stands in nor begins another."""
+    return name.replace("*)", "* )").replace("(*", "( *")

@@ -18,7 +18,6 @@ from deltaopt.codegen.simd_c import c_function
 from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.dynamics.mechanism import SX
 from deltaopt.dynamics.virtual_work import VirtualWork
-from deltaopt.errors import on_one_line
 from deltaopt.files.output_folder import all_or_none
 from deltaopt.mechanisms.delta.functions import DeltaFunctions, delta_functions
 from deltaopt.motion.trajectory import Array, Trajectory
@@ -119,8 +118,8 @@ def _joints(robot: Robot) -> str:
 
 
 def _in_comment(name: str) -> str:
-    """A name that does not end the comment that it stands in."""
-    return on_one_line(name).replace("*/", "* /")
+    """A name that neither ends the comment that it stands in nor begins another."""
+    return name.replace("*/", "* /").replace("/*", "/ *")
 
 
 def source(robot: Robot) -> str:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from deltaopt.errors import DeltaOptError, SceneError
+from deltaopt.files.regular_file import content_of
 from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory, moving_on
 from deltaopt.output.plan_files import RATE, frame
 from deltaopt.robot.model import delta_model
@@ -18,8 +19,8 @@ from deltaopt.robot.robot import Robot
 from deltaopt.scene.scene import Scene
 
 RECORD = "plan.json"
-_LARGEST = 100_000_000
-"""Bytes of a plan.json that are read: the finest meshes have some thousand intervals, of 1 kB."""
+_LARGEST = 100
+"""Size of a plan.json, MB: the finest meshes have some thousand intervals, of 1 kB."""
 
 
 class UnreadablePlan(DeltaOptError):
@@ -77,12 +78,12 @@ def load_plan(path: str | Path) -> SavedPlan:
 
 def _read(file: Path) -> dict[str, Any]:
     try:
-        if not file.is_file():
+        if not file.exists():
             raise UnreadablePlan(f"{file}: there is no such file; plan and save one first")
-        if file.stat().st_size > _LARGEST:
-            raise UnreadablePlan(f"{file}: larger than {_LARGEST} bytes, which no plan is")
-        content = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
+        content = json.loads(content_of(file, _LARGEST).decode("utf-8"))
+    except OSError as error:
+        raise UnreadablePlan(f"{file} {error.strerror}") from None
+    except (ValueError, RecursionError) as error:
         raise UnreadablePlan(f"{file}: cannot be read: {error}") from None
     if not isinstance(content, dict):
         raise UnreadablePlan(f"{file}: it is no record of a plan")

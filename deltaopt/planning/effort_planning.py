@@ -55,6 +55,9 @@ _FEWEST_PER_MOVE = 8
 motions may leave the workspace between the points of the mesh."""
 _MOST_TIGHTENINGS = 12
 """How often a mesh is solved with limits tightened further before that counts as failed."""
+_LONGEST = 1000.0
+"""Most durations of the fastest motion that may be given. In nearly all of a longer one the motion
+rests, which meshes of so many intervals do not resolve."""
 _IPOPT_MARGIN = 1 - 2e-8
 """Share of every limit that is used, because Ipopt widens all bounds by 1e-8."""
 
@@ -139,13 +142,19 @@ def minimise_effort(
     limits between the points of the last one. It exceeds the remaining error as long as every
     doubling changes the cost by less than half as much as the one before; it is no bound.
 
-    Raises Infeasible if the given duration is too short; NotConverged or Unreachable if every start
-    fails.
+    Raises Infeasible if the given duration is too short or too long; NotConverged or Unreachable if
+    every start fails.
     """
     shortest, given = fastest.trajectory.duration, scaling.time
     if given * (1 + 2 * fastest.gap) < shortest:
         raise Infeasible(
             f"duration is {given:g} s, but the fastest motion that was found takes {shortest:.6g} s"
+        )
+    if given > _LONGEST * shortest:
+        raise Infeasible(
+            f"duration is {given:g} s, in which the motion would rest for all but about "
+            f"{shortest:.3g} s; expected at most {_LONGEST * shortest:.3g} s, {_LONGEST:g} times "
+            "as long as the fastest motion"
         )
     slowed = _Start(fastest.trajectory.slowed(given / shortest), np.full(intervals, 1 / intervals))
     scaling = replace(scaling, share=_IPOPT_MARGIN)

@@ -27,6 +27,7 @@ from deltaopt.planning.first_motions.around_bodies import (
     name_of_way,
 )
 from deltaopt.planning.first_motions.belt import not_met
+from deltaopt.planning.first_motions.initial_motion import has_time_to_wait
 from deltaopt.planning.first_motions.moving_ends import (
     first_moving_motions,
     from_state_to_state,
@@ -63,7 +64,14 @@ from deltaopt.scene.moving_ends import Anywhere, End, Start, State
 from deltaopt.scene.objective import Objective, Time
 from deltaopt.scene.scene import Limits, Scene, limits_of
 from deltaopt.scene.task import MovingEnds, OnPath, distance
-from deltaopt.settings import MOST, require_positive, require_type, require_whole
+from deltaopt.settings import (
+    LEAST_TOLERANCE,
+    MOST,
+    MOST_INTERVALS,
+    require_positive,
+    require_type,
+    require_whole,
+)
 
 _ALONG = 1001
 """Instants at which a given path whose plan misses its tolerance is looked at for a singularity."""
@@ -109,9 +117,9 @@ def plan(
 ) -> Plan:
     """Plan the best motion of a scene: the fastest, unless the scene has another objective.
 
-    ``tolerance``: relative optimality gap to reach. ``intervals``: number of the first mesh, which
-    is refined where time is lost until the gap is within the tolerance; for tolerances below
-    ``RESOLVED_BELOW`` the instants of switching are resolved.
+    ``tolerance``: relative optimality gap to reach, at least 1e-9. ``intervals``: number of the
+    first mesh, 2 to 1000, which is refined where time is lost until the gap is within the
+    tolerance; below ``RESOLVED_BELOW`` the instants of switching are resolved.
     ``formulation``: of the problem (flat by default, or forward), or of the dynamics: that stands
     for the problem in twelve coordinates, Multiplier by eq. (37) and the others by eq. (39).
     ``transcription``: polynomial degree of the acceleration in an interval.
@@ -162,8 +170,8 @@ class Planner:
     solver: Solver | None = None
 
     def __post_init__(self) -> None:
-        require_positive("tolerance", self.tolerance)
-        require_whole("intervals", self.intervals, 2, "to stop again", MOST)
+        require_positive("tolerance", self.tolerance, LEAST_TOLERANCE)
+        require_whole("intervals", self.intervals, 2, "to stop again", MOST_INTERVALS)
         self._check_types()
         if self.solver and not isinstance(self.solver, self._optimiser.problem_formulation.solvers):
             raise ValueError(
@@ -315,7 +323,7 @@ class Planner:
             scene,
             self.intervals,
             accuracy=self._optimiser.accuracy,
-            tolerance=self._good_gap,
+            tolerance=inf if has_time_to_wait(scene) else self._good_gap,
         )
 
     @property

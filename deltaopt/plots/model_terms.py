@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from deltaopt.plots.colours import COLOURS
-from deltaopt.plots.style import figure, without_box
+from deltaopt.plots.style import figure, verbatim, without_box
 
 _SMALLEST = 0.01
 """Per cent or mm, of which less is written as nothing: plans are found to about as much."""
@@ -32,7 +32,7 @@ def draw_terms(file: Path, title: str, bars: Sequence[TermBar]) -> None:
         ("misses the goal by (mm)", [1e3 * (bar.miss or 0.0) for bar in bars]),
     )
     with figure(file, 7.2, 1.0 + 0.24 * len(bars)) as page:
-        page.suptitle(title, fontsize=9)
+        page.suptitle(verbatim(title), fontsize=9)
         axes = page.subplots(1, 3, sharey=True)
         for panel, (label, values), colour in zip(axes, panels, COLOURS, strict=True):
             panel.barh([bar.name for bar in bars], values, color=colour, height=0.6)

@@ -21,7 +21,7 @@ from deltaopt.output.headline import assumption, title
 from deltaopt.plots.bodies import draw_bodies, draw_via_points
 from deltaopt.plots.colours import BLACK, COLOURS, GREY, LIGHT_GREY
 from deltaopt.plots.robot_view import View, draw_robot, view_of_move
-from deltaopt.plots.style import LARGE, SMALL, figure, motor_curves, without_box
+from deltaopt.plots.style import LARGE, SMALL, figure, motor_curves, verbatim, without_box
 from deltaopt.scene.scene import Scene
 from deltaopt.verify.duty import Duty
 
@@ -69,7 +69,11 @@ def draw(
         if scene.keep_out:
             _clearance(page.add_subplot(grid[-1, :], sharex=torques), scene, trajectory)
             torques.set_xlabel("")
-        told = (fill(_what(scene, trajectory), _LINE), assumption(scene.task), _marks(scene))
+        told = (
+            verbatim(fill(_what(scene, trajectory), _LINE)),
+            assumption(scene.task),
+            _marks(scene),
+        )
         caption = "\n".join(filter(None, told))
         page.supxlabel(caption, fontsize=SMALL, color=GREY)
 

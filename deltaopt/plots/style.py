@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+from warnings import catch_warnings, filterwarnings
 
 import matplotlib as mpl
 from matplotlib.axes import Axes
@@ -61,7 +62,14 @@ def figure(file: Path, width: float, height: float) -> Iterator[Figure]:
     with _DRAWING, mpl.rc_context(_STYLE), atomic_write(file) as temporary:
         drawn = Figure(figsize=(width, height), dpi=_DOTS, layout="constrained")
         yield drawn
-        drawn.savefig(temporary, dpi="figure")
+        with catch_warnings():
+            filterwarnings("ignore", "Glyph")  # no font has all signs of all names
+            drawn.savefig(temporary, dpi="figure")
+
+
+def verbatim(text: str) -> str:
+    """A text that Matplotlib writes as it stands: between two $ it would read formulas."""
+    return text.replace("$", r"\$")
 
 
 def motor_curves(axes: Axes, t: Array, values: Array) -> None:

@@ -13,6 +13,7 @@ from pydantic import Field, model_validator
 from deltaopt.errors import SceneError
 from deltaopt.files.units import GRAVITY, INERTIA, LENGTH, MASS, SMALL_MASS, WIDTH
 from deltaopt.files.validated_record import (
+    Name,
     NonNegative,
     Number,
     PerMotor,
@@ -131,7 +132,7 @@ class Robot(Record):
     Raises SceneError for values that cannot be used.
     """
 
-    name: Text = Field(description="the robot's name")
+    name: Name = Field(description="the robot's name, a line of at most 200 printable characters")
     source: Text | None = Field(default=None, description="a text saying whence the numbers come")
     base_radius: Annotated[NonNegative, LENGTH] = Field(description="a length in m, at least 0")
     platform_radius: Annotated[NonNegative, LENGTH] = Field(description="a length in m, at least 0")

@@ -14,6 +14,8 @@ from deltaopt.files.validated_record import Vector3
 
 Axes = tuple[Vector3, Vector3, Vector3]
 
+MOST_TRIANGLES = 64
+"""Of a polytope: the function of its distance grows with them."""
 ALONG_THE_BASE: Axes = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 

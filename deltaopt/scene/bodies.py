@@ -23,7 +23,7 @@ from pydantic import Field, model_validator
 from deltaopt.errors import SceneError, in_words
 from deltaopt.files.units import RATIO
 from deltaopt.files.validated_record import Number, Record, Vector3
-from deltaopt.robot.solids import ALONG_THE_BASE, Axes, Convex, Polytope, Solid
+from deltaopt.robot.solids import ALONG_THE_BASE, MOST_TRIANGLES, Axes, Convex, Polytope, Solid
 from deltaopt.robot.tool import (
     POINT,
     Along,
@@ -34,7 +34,7 @@ from deltaopt.robot.tool import (
     Tool,
     require_one,
 )
-from deltaopt.scene.convex_hull import NoVolume, convex_hull
+from deltaopt.scene.convex_hull import NoHull, convex_hull
 
 Array = NDArray[np.float64]
 
@@ -88,8 +88,8 @@ class Hull(Record):
     @model_validator(mode="after")
     def _has_volume(self) -> Self:
         try:
-            convex_hull(np.array(self.points, dtype=float).reshape(-1, 3))
-        except NoVolume as error:
+            convex_hull(np.array(self.points, dtype=float).reshape(-1, 3), MOST_TRIANGLES)
+        except NoHull as error:
             raise SceneError(None, "points", len(self.points), str(error)) from None
         return self
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import inf
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,18 +13,20 @@ Index = NDArray[np.intp]
 _FLAT = 1e-9
 """Of the size of the points: what is less above a plane counts as in it, and such points are no
 corners. It is far below a micrometre for what a robot moves around."""
+_IN_SPACE = "points that do not all lie in one plane"
 
 
-class NoVolume(ValueError):
-    """Points that lie in one plane, or are fewer than four."""
-
-    def __init__(self) -> None:
-        super().__init__("points that do not all lie in one plane")
+class NoHull(ValueError):
+    """Points without a convex hull that can be used; the text says which would have one."""
 
 
-def convex_hull(points: Array) -> Index:
+def convex_hull(points: Array, most: float = inf) -> Index:
     """The triangles of the convex hull of points (N, 3), as indices of their corners, (T, 3),
-    counter-clockwise seen from outside. Raises NoVolume."""
+    counter-clockwise seen from outside.
+
+    Raises NoHull for points in one plane, and, after a time linear in their number, where so many
+    triangles are not nearly enough: more than twice ``most``, for they may become fewer again.
+    """
     size = float(np.ptp(points, axis=0).max()) if len(points) else 0.0
     faces = _tetrahedron(points, _FLAT * size)
     while True:
@@ -34,24 +38,26 @@ def convex_hull(points: Array) -> Index:
         if not seen[face]:
             return faces
         faces = np.vstack([faces[~seen], _cone(faces[seen], farthest)])
+        if len(faces) > 2 * most:
+            raise NoHull(f"points whose convex hull has at most {most:g} triangles")
 
 
 def _tetrahedron(points: Array, least: float) -> Index:
     """Four points far from one another, as faces."""
     if len(points) < 4:
-        raise NoVolume
+        raise NoHull(_IN_SPACE)
     a = int(points[:, 0].argmin())
     b = int(((points - points[a]) ** 2).sum(axis=1).argmax())
     along = points[b] - points[a]
     across = np.linalg.norm(np.cross(points - points[a], along), axis=1)
     c = int(across.argmax())
     if across[c] <= least * np.linalg.norm(along):
-        raise NoVolume
+        raise NoHull(_IN_SPACE)
     normal = np.cross(along, points[c] - points[a])
     height = (points - points[a]) @ normal / np.linalg.norm(normal)
     d = int(np.abs(height).argmax())
     if abs(height[d]) <= least:
-        raise NoVolume
+        raise NoHull(_IN_SPACE)
     if height[d] > 0:
         b, c = c, b
     return np.array([(a, b, c), (a, d, b), (b, d, c), (c, d, a)])

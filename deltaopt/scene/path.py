@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, model_validator
 
 from deltaopt.errors import SceneError
+from deltaopt.files.regular_file import content_of
 from deltaopt.files.units import LENGTH, SPEED, WIDTH
 from deltaopt.files.validated_record import NonNegative, Number, Positive, Record, Vector3
 
@@ -45,6 +46,8 @@ at its goal to this, which is rounding."""
 _LIKE_THE_FUNCTION = 1e-12
 """Of its largest coordinate: how closely quintic pieces must follow a given function."""
 _MOST_PIECES = 4096
+_LARGEST_CSV = 1
+"""Largest size of a file of points, MB: some ten thousand."""
 _REVERSED = -1 + 1e-9
 """Cosine of the turn at a corner below which the path goes back: it stands still in the middle of
 the rounding, which must be a knot, for nothing accelerates along the path there."""
@@ -317,13 +320,15 @@ def points_in(file: File) -> list[list[float]]:
     """
     expected = "a CSV file with x, y, z in m on each line"
     try:
-        lines = [line for line in file.read_text(encoding="utf-8-sig").splitlines() if line.strip()]
+        text = content_of(file, _LARGEST_CSV).decode("utf-8-sig")
+        lines = [line for line in text.splitlines() if line.strip()]
         rows = [line.split(",") for line in lines]
         if rows and any(character.isalpha() for character in rows[0][0]):
             rows = rows[1:]
         points = [[float(cell) for cell in row] for row in rows]
-    except (OSError, ValueError) as error:
-        raise SceneError(None, "path.points", str(file), f"{expected} ({error})") from None
+    except (OSError, ValueError) as error:  # a ValueError quotes the file, which may be any
+        problem = f"{file} {getattr(error, 'strerror', 'has other lines')}"
+        raise SceneError(None, "path.points", str(file), expected, problem) from None
     if not points or any(len(point) != 3 for point in points):
         raise SceneError(None, "path.points", str(file), expected)
     return points

@@ -30,7 +30,6 @@ from deltaopt.limits.constraints import SceneLimits
 from deltaopt.limits.joint_ranges import ArmRange, BallJoint
 from deltaopt.limits.keep_out import (
     MOST_SOLIDS,
-    MOST_TRIANGLES,
     KeepOut,
     hull_limits,
     place_among_rows,
@@ -51,12 +50,12 @@ from deltaopt.limits.tube import MOST_PARTS, Tube, parts_of
 from deltaopt.limits.workspace import Approach as ApproachLimit
 from deltaopt.limits.workspace import WorkspaceDepth, WorkspaceRadius
 from deltaopt.robot.robot import Robot, load_robot
-from deltaopt.robot.solids import Convex, Polytope
+from deltaopt.robot.solids import MOST_TRIANGLES, Convex, Polytope
 from deltaopt.scene.approach import EXPECTED as EXPECTED_APPROACH
 from deltaopt.scene.approach import Approach
 from deltaopt.scene.bodies import EXPECTED as EXPECTED_BODIES
 from deltaopt.scene.bodies import Body, solid_about, sums
-from deltaopt.scene.convex_hull import NoVolume, convex_hull
+from deltaopt.scene.convex_hull import NoHull, convex_hull
 from deltaopt.scene.moving_ends import (
     EXPECTED_GOAL,
     EXPECTED_START,
@@ -92,7 +91,7 @@ from deltaopt.scene.task import (
     given_points,
 )
 from deltaopt.scene.via import EXPECTED as EXPECTED_VIA
-from deltaopt.scene.via import Near, content_of_via, require_distinct, via_in, via_point
+from deltaopt.scene.via import MOST_VIA, Near, content_of_via, require_distinct, via_in, via_point
 
 _STANDS_STILL = 1e-9
 """Share of the largest rate of a path's pieces below which it turns back where a piece begins."""
@@ -164,7 +163,7 @@ class Scene(Record):
         description=EXPECTED_GOAL
     )
     via: tuple[Annotated[tuple[Number, Number, Number], LENGTH] | Near, ...] | None = Field(
-        default=None, description=EXPECTED_VIA
+        default=None, max_length=MOST_VIA, description=EXPECTED_VIA
     )
     approach: Approach | None = Field(default=None, description=EXPECTED_APPROACH)
     limits: Limits | None = Field(
@@ -526,10 +525,9 @@ class Scene(Record):
             return self
         if not self.keep_out:
             raise SceneError(None, "keep_out", [], EXPECTED_BODIES, "is empty")
-        solids = [each for each in self.kept_out if not isinstance(each, Polytope)]
-        if len(solids) > MOST_SOLIDS:
+        if len(self.kept_out) > MOST_SOLIDS:
             expected = f"at most {MOST_SOLIDS} pairs of a body and a shape of the tool"
-            raise SceneError(None, "keep_out", len(solids), expected)
+            raise SceneError(None, "keep_out", len(self.kept_out), expected)
         for index, each in self.obstacles:
             if isinstance(each, Polytope) and len(each.triangles) > MOST_TRIANGLES:
                 expected = f"a hull, grown by the tool, of at most {MOST_TRIANGLES} triangles"
@@ -592,8 +590,8 @@ def _with_points(scene_file: Path, key: str, body: object) -> object:
     named = f"{key}.hull.file"
     try:
         points = corners_in(scene_file.parent / hull["file"])
-        points = points[np.unique(convex_hull(points))]
-    except NoVolume as error:
+        points = points[np.unique(convex_hull(points, MOST_TRIANGLES))]
+    except NoHull as error:
         place, expected = place_of(scene_file, named), f"an STL file with {error}"
         raise SceneError(scene_file, named, hull["file"], expected, place=place) from None
     except SceneError as error:

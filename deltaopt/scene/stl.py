@@ -8,12 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.errors import SceneError
+from deltaopt.files.regular_file import content_of
 from deltaopt.files.units import LENGTH, Misread
 
 Array = NDArray[np.float64]
 
 _HEADER, _COUNT = 80, 4
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+_LARGEST = 20
+"""Largest size of a file, MB: of 400,000 triangles, where bodies here have a hundred at most."""
 _EXPECTED = "an STL file, lengths in m"
 
 
@@ -23,10 +26,9 @@ def corners_in(file: Path) -> Array:
     Raises SceneError where it cannot be read.
     """
     try:
-        content = file.read_bytes()
+        content = content_of(file, _LARGEST)
     except OSError as error:
-        problem = f"cannot be read: {error.strerror or error}"
-        raise SceneError(file, "", None, _EXPECTED, problem) from None
+        raise SceneError(file, "", None, _EXPECTED, str(error.strerror)) from None
     body = content[_HEADER + _COUNT :]
     number = int.from_bytes(content[_HEADER : _HEADER + _COUNT], "little")
     if number and len(body) == number * _TRIANGLE.itemsize:

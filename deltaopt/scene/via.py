@@ -14,9 +14,11 @@ from deltaopt.files.units import LENGTH, WIDTH
 from deltaopt.files.validated_record import Number, Positive, Record, Vector3
 from deltaopt.scene.task import ViaPoint
 
+MOST_VIA = 100
+"""Most via points: each adds a phase to the program, and so many take some ten seconds."""
 EXPECTED = (
-    "points in m, passed in this order at any speed: [x, y, z], or {at, within} for any place "
-    "within a distance of one"
+    f"at most {MOST_VIA} points in m, passed in this order at any speed: [x, y, z], or "
+    "{at, within} for any place within a distance of one"
 )
 
 

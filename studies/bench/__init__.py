@@ -22,7 +22,7 @@ from deltaopt.cli.arguments import (
     kilograms,
     large_number,
     one_or_more,
-    positive,
+    optimality_gap,
     seed,
 )
 from deltaopt.errors import MissingPackage
@@ -53,7 +53,7 @@ def _add_any(parser: argparse.ArgumentParser) -> None:
     _add_robots(parser, number=200, least=0)
     parser.add_argument(
         "--tolerance",
-        type=positive,
+        type=optimality_gap,
         default=1e-3,
         metavar="GAP",
         help="of the optimality gap; below 1e-4 by switch resolution (default: 1e-3)",

@@ -49,8 +49,45 @@ def script(path, commands):
 )
 def test_a_damaged_library_is_built_again(damage):
     kept = library(SOURCE)
-    kept.write_bytes(damage(kept.read_bytes()))
+    content = kept.read_bytes()
+    kept.unlink()  # this process has it loaded, and would read what is not there any more
+    kept.write_bytes(damage(content))
     assert answer(library(SOURCE)) == 42
+
+
+UNLOADABLE = """
+import ctypes, hashlib, os, sys
+from deltaopt.codegen.compile import library
+whole = library(sys.argv[1]).read_bytes()
+other_machine = whole[:18] + bytes([whole[18] ^ 0x55]) + whole[19:]
+for content in (whole[: len(whole) // 2], whole[:4096], whole[:-1], whole[:60], other_machine):
+    kept = library(sys.argv[1])
+    kept.unlink()
+    kept.write_bytes(content)
+    kept.with_suffix(".sha256").write_text(hashlib.sha256(content).hexdigest())
+    assert ctypes.CDLL(str(library(sys.argv[1]))).answer() == 42
+kept.unlink()
+os.mkfifo(kept)
+assert ctypes.CDLL(str(library(sys.argv[1]))).answer() == 42
+"""
+
+
+@needs_compiler
+@pytest.mark.skipif(sys.platform != "linux", reason="damages files as Linux has them")
+def test_what_cannot_be_loaded_is_built_again_though_its_hash_is_right():
+    """In a process of its own, which loading what is cut off would end; a pipe would stop it."""
+    subprocess.run([sys.executable, "-c", UNLOADABLE, SOURCE], check=True, timeout=60)
+
+
+@pytest.mark.skipif(not hasattr(os, "ST_NOEXEC"), reason="no such flag")
+def test_a_folder_that_may_hold_no_programs_is_said_to_be_one(folder, monkeypatch, caplog):
+    class Mounted:
+        f_flag = os.ST_NOEXEC
+
+    monkeypatch.setattr(os, "statvfs", lambda path: Mounted)
+    monkeypatch.setattr(Compiler, "compile", lambda *_: pytest.fail("was compiled"))
+    assert library(SOURCE) is None
+    assert f"{folder} may hold no programs (mounted noexec); set {CACHE}" in caplog.text
 
 
 @needs_compiler

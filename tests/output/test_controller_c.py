@@ -61,12 +61,13 @@ def largest_error(folder: Path) -> float:
     return float(re.search(r"largest relative error: (\S+)", ran.stdout)[1])
 
 
-@pytest.mark.parametrize("name", ["*/ int evil; /*", "a\n*/ int evil;", "µ-Delta \u2028 \\"])
+@pytest.mark.parametrize("name", ["*/ int evil; /*", "/* x */ int evil; /*/", "µ-Delta ??/ \\"])
 def test_a_name_does_not_end_the_comment(name, tmp_path):
     header, source, *_ = export_c(ROBOT.model_copy(update={"name": name}), tmp_path)
     for file in header, source:
         text = file.read_text(encoding="utf-8")
         assert "evil" not in text.split("*/")[1]
+        assert "/*" not in text.split("*/")[0][2:]  # which compilers warn of
     text = header.read_text(encoding="utf-8")
     assert text.splitlines()[0].endswith(": kinematics and dynamics. Written by deltaopt.")
 

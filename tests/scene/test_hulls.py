@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from deltaopt.errors import SceneError
-from deltaopt.scene.convex_hull import NoVolume, convex_hull
+from deltaopt.scene.convex_hull import NoHull, convex_hull
 from deltaopt.scene.scene import load_scene
 from deltaopt.scene.stl import corners_in
 from tests.limits.test_keep_out import PROBLEMS
@@ -45,7 +45,7 @@ def test_a_cube_with_points_on_its_sides():
 
 @pytest.mark.parametrize("flat", [CUBE[:3], CUBE * [1, 1, 0], CUBE * [0, 0, 1]])
 def test_points_in_a_plane_have_no_hull(flat):
-    with pytest.raises(NoVolume):
+    with pytest.raises(NoHull):
         convex_hull(flat)
 
 

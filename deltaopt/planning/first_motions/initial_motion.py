@@ -181,6 +181,13 @@ def waiting_motions(scene: Scene, duration: float) -> list[Trajectory]:
     ]
 
 
+def has_time_to_wait(scene: Scene) -> bool:
+    """Whether motions that wait are first guesses, as they are whatever the first motion is: then
+    another first motion leads to the same plan."""
+    given = scene.objective.given_duration
+    return given is not None and bool(waiting_motions(scene, given))
+
+
 def _by_way_of(scene: Scene, depth: float) -> tuple[Trajectory, Trajectory] | None:
     """Unhurried straight lines to a place on the robot's axis and from there to the goal; None
     where the limits do not allow them."""
