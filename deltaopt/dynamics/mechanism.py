@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from math import inf
 
 import casadi as ca
 
@@ -55,18 +56,22 @@ class Most:
         return Most(pushing, braking, self.by_speed + other.by_speed)
 
 
+UNBOUNDED = Most(inf, inf)
+"""Of what does not say how much it can give."""
+
+
 @dataclass(frozen=True)
 class Effort:
     """An active force or torque ``value`` that does the power value · ``rate``.
 
     ``rate`` is the conjugate speed (m/s or rad/s), linear in q̇: for a motor the
     relative angular velocity of the two bodies it turns against each other.
-    ``most``: of what it is beside its motor's control; None where that is not known.
+    ``most``: of what it is beside its motor's control.
     """
 
     value: SX
     rate: SX
-    most: Most | None = None
+    most: Most = UNBOUNDED
 
 
 @dataclass(frozen=True)

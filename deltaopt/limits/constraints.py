@@ -68,12 +68,11 @@ class Constraints:
 
     def rows(self, motion: Instant, numbers: SX) -> SX:
         """All rows at an instant, normalised: lower bounds at -1, upper bounds at 1; (rows,)."""
-        parts = zip(self.limits, self._split(numbers), strict=True)
-        return ca.vertcat(*(limit.rows(motion, own) for limit, own in parts))
+        return ca.vertcat(*(limit.rows(motion, own) for limit, own in self.with_numbers(numbers)))
 
     def measures(self, motion: Instant, numbers: SX) -> SX:
         """What people read, item by item, each in its unit."""
-        parts = zip(self.limits, self._split(numbers), strict=True)
+        parts = self.with_numbers(numbers)
         return ca.vertcat(*(limit.measure(motion, own) for limit, own in parts))
 
     def with_numbers(self, numbers: SX) -> Iterator[tuple[Limit, SX]]:
@@ -99,8 +98,7 @@ class Constraints:
     @cached_property
     def slices(self) -> tuple[slice, ...]:
         """Where the rows of each item are."""
-        any_motion, numbers = _AnyMotion(self.motors), self.numbers()
-        parts = zip(self.limits, self._split(numbers), strict=True)
+        any_motion, parts = _AnyMotion(self.motors), self.with_numbers(self.numbers())
         ends = np.cumsum([0, *(limit.rows(any_motion, own).numel() for limit, own in parts)])
         return tuple(slice(a, b) for a, b in pairwise(ends.tolist()))
 
@@ -118,9 +116,7 @@ class Constraints:
         """Raise ValueError for a limit whose order is not that of what its rows depend on."""
         motion = _AnyMotion(self.motors)
         for limit, own in self.with_numbers(self.numbers()):
-            rows = limit.rows(motion, own)
-            found = [n for n, of in motion.by_order.items() if ca.depends_on(rows, of)]
-            order = max(found, default=0)
+            order = motion.order_of(limit.rows(motion, own))
             if limit.order != order:
                 raise ValueError(
                     f"the limit {limit.name} says order {limit.order}; by what its rows depend on "
@@ -152,8 +148,7 @@ class Constraints:
 
     @property
     def _bounds(self) -> list[Bounds]:
-        parts = zip(self.limits, self._split(self.numbers()), strict=True)
-        return [limit.bounds(own) for limit, own in parts]
+        return [limit.bounds(own) for limit, own in self.with_numbers(self.numbers())]
 
     @cached_property
     def bounds_of_rows(self) -> ca.Function:
@@ -484,11 +479,10 @@ class _AnyMotion:
         torques = self.tau_per_payload, self.tau
         return ca.vertcat(*self._positions, *self._rates, *self._second, *torques)
 
-    @property
-    def by_order(self) -> dict[int, SX]:
-        """What makes a quantity one of velocity (1), or of acceleration or torque (2)."""
-        torques = self.tau_per_payload, self.tau
-        return {1: ca.vertcat(*self._rates), 2: ca.vertcat(*self._second, *torques)}
+    def order_of(self, rows: SX) -> int:
+        """The highest derivative of position that rows depend on; torques are accelerations."""
+        by_order = self._positions, self._rates, [*self._second, self.tau, self.tau_per_payload]
+        return max(n for n in range(3) if n == 0 or ca.depends_on(rows, ca.vertcat(*by_order[n])))
 
     @property
     def seeds(self) -> SX:

@@ -94,9 +94,10 @@ class _Way:
         """None where the model has something that may act without bound, or that is not known."""
         model, limits = delta_model(scene.robot, scene.payload), limits_of(scene)
         ends, p = np.array(given_points(scene.task)), model.numbers
-        pushing, braking, viscous = _most_load(model)
-        if not np.isfinite([pushing, braking, viscous]).all():
+        most = _most_load(model)
+        if not np.isfinite(most).all():
             return None
+        pushing, braking, viscous = most.tolist()
         start, goal = model.inverse_kinematics(ends)[:, 3::3]
         gravity = np.array([_number(each) for each in (p.g, p.g_y, p.g_z)])
         along, across = p.a2 if p.b1 is None else p.b1, _number(p.b2)
@@ -135,25 +136,20 @@ class _Way:
         return self.arm_inertia + arms, self.mass + 3 * np.maximum(both - apart / e, 0.0)
 
 
-def _most_load(model: DeltaModel) -> tuple[float, float, float]:
+def _most_load(model: DeltaModel) -> Array:
     """What can push an arm and brake it beside its motor and gravity, N·m, and brake it with its
-    speed, N·m·s/rad: infinite where a term of the model does not say it, or where the mechanism has
-    more than arms, bars, platform and payload, and what acts on the arms."""
+    speed, N·m·s/rad, (3,): infinite where a term of the model does not say it, or where the
+    mechanism has more than arms, bars, platform and payload, and what acts on the arms."""
     mechanism, p = model.functions.mechanism, model.numbers
     mass = sum((ca.SX(body.mass) for body in mechanism.bodies), ca.SX(0))
-    most = [effort.most for effort in mechanism.efforts if effort.most is not None]
-    if (
-        not len(most) == len(mechanism.efforts) == len(AZIMUTHS)
-        or not mechanism.potential.is_zero()
-    ):
-        return np.inf, np.inf, np.inf
-    each = [ca.vertcat(load.pushing, load.braking, load.by_speed) for load in most]
-    known = ca.Function("known", [mechanism.parameters], [mass, ca.horzcat(*each)])
-    moved, loads = (np.array(found) for found in known(model.parameters))
-    if not np.isclose(moved.item(), p.m1 + _number(p.m2) + 3 * (p.m3 + p.m4), rtol=1e-9):
-        return np.inf, np.inf, np.inf
-    pushing, braking, by_speed = loads.max(axis=1).tolist()
-    return pushing, braking, by_speed
+    most = (effort.most for effort in mechanism.efforts)
+    each = ca.horzcat(*(ca.vertcat(of.pushing, of.braking, of.by_speed) for of in most))
+    function = ca.Function("acting", [mechanism.parameters], [mass, each])
+    moved, acting = (np.array(found) for found in function(model.parameters))
+    expected = p.m1 + _number(p.m2) + 3 * (p.m3 + p.m4)
+    on_arms = acting.shape[1] == len(AZIMUTHS) and mechanism.potential.is_zero()
+    known = on_arms and np.isclose(moved.item(), expected, rtol=1e-9)
+    return np.asarray(acting.max(axis=1) if known else np.full(3, np.inf))
 
 
 def _number(value: object) -> float:

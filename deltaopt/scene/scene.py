@@ -564,11 +564,6 @@ def limits_of(scene: Scene) -> SceneLimits:
     return SceneLimits.of([*LIMITS[:place], *lighter, *LIMITS[place:]], scene)
 
 
-def known_limits() -> tuple[Limit, ...]:
-    """All kinds of limit that a scene may have."""
-    return LIMITS
-
-
 def _without_shares(limits: object, robot: Robot) -> object:
     """The content of the key ``limits``, with shares of the drive's such as "85 %" as numbers."""
     if not isinstance(limits, dict):

@@ -27,7 +27,7 @@ from deltaopt.mechanisms.delta.functions import delta_functions
 from deltaopt.mechanisms.delta.mechanism import DeltaTerms
 from deltaopt.motion.trajectory import Array, Trajectory, goal_of
 from deltaopt.robot.model import delta_model
-from deltaopt.scene.scene import Scene, known_limits, limits_of
+from deltaopt.scene.scene import LIMITS, Scene, limits_of
 from deltaopt.scene.task import EndState, MovingEnds, OnPath
 from deltaopt.verify.clearance import clearance_excess
 from deltaopt.verify.duty import Duty
@@ -427,7 +427,7 @@ class Verification:
 
 def _known_excesses() -> list[str]:
     """Names of the excesses of all limits that a scene may have."""
-    return [key(limit.name) for limit in known_limits() if limit.promised]
+    return [key(limit.name) for limit in LIMITS if limit.promised]
 
 
 def promises(scene: Scene) -> tuple[str, ...]:

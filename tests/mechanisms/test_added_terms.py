@@ -18,7 +18,7 @@ from deltaopt import DeltaModel, Robot, Scene, ipopt, load_robot, plan, verify
 from deltaopt.compare.model_terms import effects_of_terms
 from deltaopt.dynamics.kane import Kane
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
-from deltaopt.dynamics.mechanism import SX, Most
+from deltaopt.dynamics.mechanism import SX, UNBOUNDED, Most
 from deltaopt.dynamics.virtual_work import VirtualWork
 from deltaopt.errors import Inexpressible
 from deltaopt.mechanisms.delta.arm_loads import ArmLoad
@@ -170,7 +170,7 @@ def test_no_lower_bound_with_a_part_that_is_not_known(plant, monkeypatch, part):
         changes = {
             "potential": {"potential": 3.0 * ca.cos(m.q[3])},
             "body": {"bodies": (*m.bodies, replace(m.bodies[0], name="camera"))},
-            "effort": {"efforts": tuple(replace(each, most=None) for each in m.efforts)},
+            "effort": {"efforts": tuple(replace(each, most=UNBOUNDED) for each in m.efforts)},
         }
         return replace(m, **changes[part])
 

@@ -10,12 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from math import inf
 from typing import ClassVar
 
 import casadi as ca
 
-from deltaopt.dynamics.mechanism import SX, Most
+from deltaopt.dynamics.mechanism import SX, UNBOUNDED, Most
 
 Dimension = tuple[int, int, int]
 """Powers of length, mass and time."""
@@ -39,7 +38,7 @@ class ArmLoad:
 
     def most(self) -> Most:
         """The most that it can give to an arm, or take; without bound unless that is stated."""
-        return Most(inf, inf, 0.0)
+        return UNBOUNDED
 
     def layer(self) -> tuple[SX | float, SX | float] | None:
         """The speed within ± of which it changes its sign (rad/s), and half by how much it changes
@@ -69,7 +68,7 @@ class ViscousFriction(ArmLoad):
         return self.viscous * speed
 
     def most(self) -> Most:
-        return Most(0.0, 0.0, self.viscous)
+        return Most(by_speed=self.viscous)
 
 
 @dataclass(frozen=True)
@@ -88,7 +87,7 @@ class CoulombFriction(ArmLoad):
         return self.coulomb * ca.tanh(speed / self.coulomb_speed)
 
     def most(self) -> Most:
-        return Most(0.0, self.coulomb, 0.0)
+        return Most(braking=self.coulomb)
 
     def layer(self) -> tuple[SX | float, SX | float]:
         return self.coulomb_speed, self.coulomb
