@@ -22,7 +22,9 @@ from deltaopt.scene.scene import limits_of
 
 RL5 = load_robot("problems/robots/rl5.yaml")
 HEAVY = RL5.drive.model_copy(update={"inertia": 5.0})
-POWER, DIFFERENCE = 45.0, 30.0
+POWER, DIFFERENCE = 25.0, 30.0
+"""W, and N·m. On the path below a plan for the largest payload alone asks for 11.5 % more power when
+empty."""
 
 
 class Added(Limit):
@@ -140,7 +142,7 @@ def sizes(given: Scene, motion: Trajectory, payload: float) -> tuple[float, floa
 
 
 WAYS = {
-    "on a path": {"path": "line"},
+    "on a path": {"path": "line", "start": (0.8, -0.02, 0.0), "goal": (1.0, 0.02, 0.0)},
     "past a body": {"keep_out": [{"sphere": {"centre": [0.9, 0.0, 0.0], "radius": 0.03}}]},
 }
 
