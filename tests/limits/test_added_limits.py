@@ -23,8 +23,8 @@ from deltaopt.scene.scene import limits_of
 RL5 = load_robot("problems/robots/rl5.yaml")
 HEAVY = RL5.drive.model_copy(update={"inertia": 5.0})
 POWER, DIFFERENCE = 25.0, 30.0
-"""W, and N·m. On the path below a plan for the largest payload alone asks for 11.5 % more power when
-empty."""
+"""W, and N·m. On the path below a plan for the largest payload alone asks for 11.5 % more power
+when the robot is empty."""
 
 
 class Added(Limit):
