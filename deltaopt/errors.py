@@ -164,6 +164,10 @@ class IntegrationFailed(DeltaOptError):
     """The integration of a motion stopped before its end, for instance in a singularity."""
 
 
+class Inexpressible(DeltaOptError):
+    """A robot has something that another program's format, or a study, has no word for."""
+
+
 class MissingPackage(DeltaOptError):
     """An optional package is not installed."""
 

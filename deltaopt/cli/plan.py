@@ -472,7 +472,7 @@ def table(verification: Verification, *, certified: bool = False) -> str:
 def lower_bound_line(bound: float, trajectory: Trajectory) -> str:
     """A line that says what no motion of the scene undercuts, on whatever path: ``bound``, s."""
     if not bound:
-        return "lower bound for every path: none is known where an end moves"
+        return "lower bound for every path: none is known (an end moves, or a term of the robot)"
     share = bound / trajectory.duration
     return f"lower bound for every path: {bound:.6f} s, {share:.2f} of the duration (proven)"
 

@@ -10,11 +10,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
-from deltaopt.errors import DeltaOptError
+from deltaopt.errors import DeltaOptError, Inexpressible
 from deltaopt.files.validated_record import Record
+from deltaopt.mechanisms.delta.arm_loads import FRICTION
 from deltaopt.planning.plan import Plan
 from deltaopt.planning.planner import plan
 from deltaopt.robot.drive import Drive
+from deltaopt.robot.model import delta_model
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.scene import Scene
 from deltaopt.verify.verification import verify
@@ -64,8 +66,12 @@ class TermEffect:
 def effects_of_terms(scene: Scene, report: Progress) -> list[TermEffect]:
     """The effects of all terms of a scene's robot, the largest first.
 
-    Raises DeltaOptError if the scene itself cannot be planned.
+    Raises DeltaOptError if the scene itself cannot be planned, and Inexpressible for a robot with a
+    term that cannot be left out.
     """
+    for load in delta_model(scene.robot, scene.payload).numbers.loads:
+        if not isinstance(load, FRICTION):
+            raise Inexpressible(f"the {load.words} of the robot's arms cannot be left out")
     reference = plan(scene, tolerance=TOLERANCE)
     terms = [(term, term.without(scene.robot)) for term in MODEL_TERMS]
     present = [(term, other) for term, other in terms if other != scene.robot]

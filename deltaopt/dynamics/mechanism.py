@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from math import inf
 
 import casadi as ca
 
@@ -42,15 +43,35 @@ class Body:
 
 
 @dataclass(frozen=True)
+class Most:
+    """The most that an effort can give beside its motor: ``pushing`` along its rate, ``braking``
+    against it, and ``by_speed`` more braking for each unit of that speed; N or N·m."""
+
+    pushing: SX | float = 0.0
+    braking: SX | float = 0.0
+    by_speed: SX | float = 0.0
+
+    def __add__(self, other: Most) -> Most:
+        pushing, braking = self.pushing + other.pushing, self.braking + other.braking
+        return Most(pushing, braking, self.by_speed + other.by_speed)
+
+
+UNBOUNDED = Most(inf, inf)
+"""Of what does not say how much it can give."""
+
+
+@dataclass(frozen=True)
 class Effort:
     """An active force or torque ``value`` that does the power value · ``rate``.
 
     ``rate`` is the conjugate speed (m/s or rad/s), linear in q̇: for a motor the
     relative angular velocity of the two bodies it turns against each other.
+    ``most``: of what it is beside its motor's control.
     """
 
     value: SX
     rate: SX
+    most: Most = UNBOUNDED
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,6 @@ from deltaopt.limits.limit import (
     Limit,
     Numbers,
     PhasedLimit,
-    SlidingLimit,
 )
 
 Array = NDArray[np.float64]
@@ -38,6 +37,9 @@ squares of the latter."""
 MIXED = -1
 """Stands for the exponent of a row that mixes several powers of the speed, or is no power at all:
 τ + μ θ̇, ‖ẍ - g‖², a torque with friction."""
+_TRIED = 8
+"""Motions at random of which it is found how rows change with the speed: more than one, since a
+quantity with a kink, such as |τ₁ - τ₂|, is as smooth as any other on one side of it."""
 
 
 @dataclass(frozen=True)
@@ -66,12 +68,11 @@ class Constraints:
 
     def rows(self, motion: Instant, numbers: SX) -> SX:
         """All rows at an instant, normalised: lower bounds at -1, upper bounds at 1; (rows,)."""
-        parts = zip(self.limits, self._split(numbers), strict=True)
-        return ca.vertcat(*(limit.rows(motion, own) for limit, own in parts))
+        return ca.vertcat(*(limit.rows(motion, own) for limit, own in self.with_numbers(numbers)))
 
     def measures(self, motion: Instant, numbers: SX) -> SX:
         """What people read, item by item, each in its unit."""
-        parts = zip(self.limits, self._split(numbers), strict=True)
+        parts = self.with_numbers(numbers)
         return ca.vertcat(*(limit.measure(motion, own) for limit, own in parts))
 
     def with_numbers(self, numbers: SX) -> Iterator[tuple[Limit, SX]]:
@@ -97,8 +98,7 @@ class Constraints:
     @cached_property
     def slices(self) -> tuple[slice, ...]:
         """Where the rows of each item are."""
-        any_motion, numbers = _AnyMotion(self.motors), self.numbers()
-        parts = zip(self.limits, self._split(numbers), strict=True)
+        any_motion, parts = _AnyMotion(self.motors), self.with_numbers(self.numbers())
         ends = np.cumsum([0, *(limit.rows(any_motion, own).numel() for limit, own in parts)])
         return tuple(slice(a, b) for a, b in pairwise(ends.tolist()))
 
@@ -111,6 +111,17 @@ class Constraints:
     def orders(self) -> Integers:
         """The order of each row, (rows,)."""
         return self._of_rows([limit.order for limit in self.limits], np.intp)
+
+    def require_orders(self) -> None:
+        """Raise ValueError for a limit whose order is not that of what its rows depend on."""
+        motion = _AnyMotion(self.motors)
+        for limit, own in self.with_numbers(self.numbers()):
+            order = motion.order_of(limit.rows(motion, own))
+            if limit.order != order:
+                raise ValueError(
+                    f"the limit {limit.name} says order {limit.order}; by what its rows depend on "
+                    f"it is {order} (0: position, 1: velocity, 2: acceleration or torque)"
+                )
 
     @cached_property
     def sides(self) -> Truths:
@@ -137,8 +148,7 @@ class Constraints:
 
     @property
     def _bounds(self) -> list[Bounds]:
-        parts = zip(self.limits, self._split(self.numbers()), strict=True)
-        return [limit.bounds(own) for limit, own in parts]
+        return [limit.bounds(own) for limit, own in self.with_numbers(self.numbers())]
 
     @cached_property
     def bounds_of_rows(self) -> ca.Function:
@@ -168,7 +178,7 @@ class Constraints:
 
     @cached_property
     def is_control(self) -> Truths:
-        """Rows that are a share of one motor's torque and of nothing else, (rows,)."""
+        """Of each motor the first row that is a share of its torque and nothing else, (rows,)."""
         motion, numbers = _AnyMotion(self.motors), self.numbers()
         rows = self.rows(motion, numbers)
         slope = ca.jacobian(rows, motion.everything)
@@ -176,8 +186,23 @@ class Constraints:
         alone = np.array(
             [slope[i, :].nnz() == by_torque[i, :].nnz() == 1 for i in range(self.number)]
         )
-        linear = np.logical_not(np.array(ca.which_depends(rows, motion.tau, 2, True)))
-        return np.asarray(alone & linear, bool)
+        alone &= self._affine_in_torque
+        first = {int(by_torque[i, :].T.row()[0]): i for i in np.flatnonzero(alone)[::-1].tolist()}
+        return np.isin(np.arange(self.number), list(first.values()))
+
+    @property
+    def _affine_in_torque(self) -> Truths:
+        """Rows that are affine functions of the torques, (rows,)."""
+        motion = _AnyMotion(self.motors)
+        rows = self.rows(motion, self.numbers())
+        return ~np.array(ca.which_depends(rows, motion.tau, 2, True), np.bool)
+
+    @property
+    def holds_between_payloads(self) -> bool:
+        """Whether a motion that keeps all limits with two payloads is known to keep them with every
+        payload between: torques are affine in its mass, so that limits must be convex in them."""
+        convex = self._of_rows([limit.convex_in_torque for limit in self.limits], np.bool)
+        return bool((self._affine_in_torque | (convex & ~self.sides[:, 0])).all())
 
     @cached_property
     def slowing_exponents(self) -> Integers:
@@ -186,18 +211,33 @@ class Constraints:
         A motion k times as slow has rows r₀ + (r - r₀) / kⁿ, with r₀ those at rest at the same
         place: n, found by trying; 0 where slowing changes nothing; ``MIXED`` where no n fits.
         """
-        motion, numbers = _AnyMotion(self.motors), self.numbers()
-        s = SX.sym("s")
-        rows = ca.substitute(self.rows(motion, numbers), motion.everything, motion.slowed(s))
-        f = ca.Function("slowed", [s, motion.seeds, numbers], [rows])
-        rng, found = np.random.default_rng(1), np.full(self.number, MIXED, np.intp)
-        x, p = rng.uniform(0.5, 1.5, motion.seeds.numel()), rng.uniform(0.5, 1.5, self.parameters)
-        still, whole, part = (np.array(f(s, x, p)).ravel() for s in (0.0, 1.0, 0.7))
+        found = np.full(self.number, MIXED, np.intp)
+        still, part, whole = self._slowed([0.0, 0.7, 1.0])
         for n in reversed(_EXPONENTS):
             fits = np.isclose(part - still, 0.7**n * (whole - still), rtol=1e-9, atol=1e-12)
-            found[fits] = n
-        found[np.isclose(whole, still, rtol=0, atol=1e-12)] = 0
+            found[fits.all(axis=0)] = n
+        found[np.isclose(whole, still, rtol=0, atol=1e-12).all(axis=0)] = 0
         return found
+
+    @cached_property
+    def are_polynomials(self) -> bool:
+        """Whether all rows are polynomials of the speed, of the degrees of ``_EXPONENTS`` at most,
+        when a motion is slowed and its torques change as 1/k²: found by trying."""
+        speeds = np.linspace(0.0, 1.0, 2 * max(_EXPONENTS))
+        values = self._slowed(speeds.tolist()).reshape(len(speeds), -1)
+        powers = np.vander(speeds, max(_EXPONENTS) + 1)
+        left = values - powers @ np.linalg.lstsq(powers, values)[0]
+        return bool((np.abs(left) <= 1e-9 * np.maximum(np.abs(values).max(axis=0), 1)).all())
+
+    def _slowed(self, speeds: Sequence[float]) -> Array:
+        """Rows of motions at random at some speeds, (speeds, motions, rows)."""
+        motion, numbers, s = _AnyMotion(self.motors), self.numbers(), SX.sym("s")
+        rows = ca.substitute(self.rows(motion, numbers), motion.everything, motion.slowed(s))
+        f = ca.Function("slowed", [s, motion.seeds, numbers], [rows])
+        rng = np.random.default_rng(1)
+        motions = rng.uniform(-1.5, 1.5, (_TRIED, motion.seeds.numel()))
+        p = rng.uniform(0.5, 1.5, self.parameters)
+        return np.array([[np.array(f(s, x, p)).ravel() for x in motions] for s in speeds])
 
     @cached_property
     def bound_exponents(self) -> ca.Function:
@@ -234,14 +274,12 @@ class Constraints:
     @cached_property
     def slid_along(self) -> Truths:
         """Rows of positions along which the best motion may slide, (rows,)."""
-        return self._of_rows([isinstance(limit, SlidingLimit) for limit in self.limits], np.bool)
+        return self._of_rows([limit.slid_along for limit in self.limits], np.bool)
 
     @cached_property
     def ridged(self) -> Truths:
         """Rows of positions whose size may be largest at a kink, (rows,)."""
-        return self._of_rows(
-            [isinstance(limit, SlidingLimit) and limit.has_ridges for limit in self.limits], np.bool
-        )
+        return self._of_rows([limit.has_ridges for limit in self.limits], np.bool)
 
     @cached_property
     def in_phases(self) -> Truths:
@@ -412,8 +450,14 @@ _KNOWN: dict[Constraints, Constraints] = {}
 
 
 def _shared(constraints: Constraints) -> Constraints:
-    """One object for all that are equal, so that what is derived from it is derived once."""
-    return _KNOWN.setdefault(constraints, constraints)
+    """One object for all that are equal, so that what is derived from it is derived once.
+
+    Raises ValueError for a limit that says another order than that of its rows.
+    """
+    if constraints not in _KNOWN:
+        constraints.require_orders()
+        _KNOWN[constraints] = constraints
+    return _KNOWN[constraints]
 
 
 class _AnyMotion:
@@ -434,6 +478,11 @@ class _AnyMotion:
         """All quantities."""
         torques = self.tau_per_payload, self.tau
         return ca.vertcat(*self._positions, *self._rates, *self._second, *torques)
+
+    def order_of(self, rows: SX) -> int:
+        """The highest derivative of position that rows depend on; torques are accelerations."""
+        by_order = self._positions, self._rates, [*self._second, self.tau, self.tau_per_payload]
+        return max(n for n in range(3) if n == 0 or ca.depends_on(rows, ca.vertcat(*by_order[n])))
 
     @property
     def seeds(self) -> SX:

@@ -9,20 +9,18 @@ from typing import ClassVar
 
 import casadi as ca
 
-from deltaopt.limits.limit import SX, Bounds, Described, Instant, Numbers
+from deltaopt.limits.limit import SX, Bounds, Described, Instant, Limit, Numbers
 
 
 @dataclass(frozen=True)
-class ArmRange:
+class ArmRange(Limit):
     """Least and largest angle of each arm, rad, from the robot's key ``joints.arm``."""
 
     name: ClassVar[str] = "arm angle"
     unit: ClassVar[str] = "rad"
     subject: ClassVar[str] = "motor"
     order: ClassVar[int] = 0
-    key: ClassVar[None] = None
     robot_key: ClassVar[str] = "joints.arm"
-    promised: ClassVar[bool] = True
 
     def items(self, scene: Described) -> Sequence[Numbers]:
         joints = scene.robot.joints
@@ -34,21 +32,16 @@ class ArmRange:
     def measure(self, motion: Instant, numbers: SX) -> SX:
         return motion.theta
 
-    def rows(self, motion: Instant, numbers: SX) -> SX:
-        return self.bounds(numbers).normalised(self.measure(motion, numbers))
-
 
 @dataclass(frozen=True)
-class BallJoint:
+class BallJoint(Limit):
     """Largest angle of the ball joints of each chain, rad, from the robot's key ``joints.ball``."""
 
     name: ClassVar[str] = "ball joint angle"
     unit: ClassVar[str] = "rad"
     subject: ClassVar[str] = "chain"
     order: ClassVar[int] = 0
-    key: ClassVar[None] = None
     robot_key: ClassVar[str] = "joints.ball"
-    promised: ClassVar[bool] = True
 
     def items(self, scene: Described) -> Sequence[Numbers]:
         joints = scene.robot.joints

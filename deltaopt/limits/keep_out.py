@@ -20,7 +20,16 @@ from typing import ClassVar
 import casadi as ca
 import numpy as np
 
-from deltaopt.limits.limit import SX, Array, Bounds, Described, Instant, Numbers
+from deltaopt.limits.limit import (
+    SX,
+    Array,
+    Bounds,
+    ConvexLimit,
+    Described,
+    Instant,
+    Numbers,
+    OwnMeasure,
+)
 from deltaopt.robot.solids import ALONG_THE_BASE, MOST_TRIANGLES, Convex, Polytope, Solid
 
 SCALE = 0.25
@@ -51,16 +60,14 @@ MOST_SOLIDS = PLACES[-1]
 
 
 @dataclass(frozen=True)
-class _KeepOut:
+class _KeepOut(ConvexLimit):
     """What both families of bodies share."""
 
     name: ClassVar[str] = "clearance"
     unit: ClassVar[str] = "m"
     subject: ClassVar[str] = "tool"
     order: ClassVar[int] = 0
-    key: ClassVar[None] = None
-    robot_key: ClassVar[None] = None
-    promised: ClassVar[bool] = True
+    own_measure: ClassVar[OwnMeasure] = OwnMeasure.CLEARANCE
 
     def _split(self, numbers: SX) -> list[SX]:
         """The numbers of each body."""

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from enum import Enum, auto
+from typing import Any, ClassVar, Protocol
 
 import casadi as ca
 import numpy as np
@@ -201,7 +202,15 @@ class Key:
     expected: str
 
 
-class Limit(Protocol):
+class OwnMeasure(Enum):
+    """What verification finds by code of its own, sure between samples, of places of the motion."""
+
+    CLEARANCE = auto()
+    TUBE = auto()
+    LINKS = auto()
+
+
+class Limit:
     """A limit: stateless, so that scenes with the same limits share compiled code.
 
     ``name`` and ``unit``: of its quantity. ``subject``: what has one each, such as a motor.
@@ -210,47 +219,48 @@ class Limit(Protocol):
     ``robot_key``: where the robot's file gives it, for people; None if a scene may give it too.
     ``promised``: whether a verified motion keeps it; otherwise it is a margin that the planner
     keeps for its own sake.
+
+    What holds of few limits is said by those: ``own_measure``: which measure of verification judges
+    it instead of ``measure``. ``slid_along``: whether it is one of position along which the best
+    motion may slide, not touch it at an instant alone, so that room that a mesh leaves there costs
+    time. ``has_ridges``: whether the size of its rows may be largest at a kink, where the nearest
+    of some places changes. ``convex_in_torque``: whether its measure is a convex function of the
+    torques, and has an upper bound alone, where it is not affine in them.
     """
 
-    @property
-    def name(self) -> str: ...
-    @property
-    def unit(self) -> str: ...
-    @property
-    def subject(self) -> str: ...
-    @property
-    def order(self) -> int: ...
-    @property
-    def key(self) -> Key | None: ...
-    @property
-    def robot_key(self) -> str | None: ...
-    @property
-    def promised(self) -> bool: ...
-
-    def __hash__(self) -> int: ...
+    name: ClassVar[str]
+    unit: ClassVar[str]
+    subject: ClassVar[str]
+    order: ClassVar[int]
+    key: ClassVar[Key | None] = None
+    robot_key: ClassVar[str | None] = None
+    promised: ClassVar[bool] = True
+    own_measure: ClassVar[OwnMeasure | None] = None
+    slid_along: ClassVar[bool] = False
+    has_ridges: ClassVar[bool] = False
+    convex_in_torque: ClassVar[bool] = False
 
     def items(self, scene: Described) -> Sequence[Numbers]:
         """The numbers of each of its items in a scene, none where the limit does not exist.
 
         Raises SceneError where the scene contradicts the robot.
         """
-        ...
+        raise NotImplementedError
 
     def bounds(self, numbers: SX) -> Bounds:
         """Of ``measure``."""
-        ...
+        raise NotImplementedError
 
     def measure(self, motion: Instant, numbers: SX) -> SX:
         """The quantity as people read it, in ``unit``."""
-        ...
+        raise NotImplementedError
 
     def rows(self, motion: Instant, numbers: SX) -> SX:
         """The same as smooth rows, normalised: lower bounds at -1, upper bounds at 1."""
-        ...
+        return self.bounds(numbers).normalised(self.measure(motion, numbers))
 
 
-@runtime_checkable
-class ConvexLimit(Limit, Protocol):
+class ConvexLimit(Limit):
     """A limit whose measure is a convex function of the position alone, with lower bounds.
 
     Tangent planes then bound it from below, so that it is known between samples.
@@ -258,61 +268,39 @@ class ConvexLimit(Limit, Protocol):
 
     def edge_radii(self, numbers: SX) -> SX:
         """Least radii of curvature of the places that are at the bound, m, one for each row."""
-        ...
+        raise NotImplementedError
 
     def faces(self, numbers: Array) -> Sequence[Sequence[Array]]:
         """For each row the numbers of its faces: of convex bodies without edges, each of which
         contains the whole body, so that what is clear of one of them is clear of the body. All that
         is outside of the body is outside of one of them. The numbers of rows follow one another,
         and are as many for each."""
-        ...
+        raise NotImplementedError
 
     def opened(self, numbers: Array, row: int, faces: Collection[int]) -> Array | None:
         """The numbers of the body of a row as if it went on for ever beyond some of its faces, by
         their indices: without their edges. None where no numbers describe that."""
-        ...
+        raise NotImplementedError
 
 
-@runtime_checkable
-class SlidingLimit(Limit, Protocol):
-    """A limit of position along which the best motion may slide, not touch it at an instant alone.
-
-    Room that a mesh leaves there costs time. Verification measures it by code of its own.
-    """
-
-    @property
-    def slid_along(self) -> bool: ...
-
-    @property
-    def has_ridges(self) -> bool:
-        """Whether its size may be largest at a kink, where the nearest of some places changes."""
-        ...
-
-
-@runtime_checkable
-class PhasedLimit(Limit, Protocol):
+class PhasedLimit(Limit):
     """A limit of the position whose numbers differ from phase to phase of a motion, and whose rows
     are polynomials of the time where the position is one."""
 
     def numbers_in_phases(self, numbers: Array) -> Sequence[Array]:
         """The numbers in each phase, from those of the scene."""
-        ...
+        raise NotImplementedError
 
     def along(self, position: Sequence[Polynomial], numbers: Array) -> tuple[Polynomial, ...]:
         """The rows of a position, three polynomials in m over s, with numbers of a phase."""
-        ...
+        raise NotImplementedError
 
 
-class MotorLimit:
+class MotorLimit(Limit):
     """A limit of each motor, given by the drive and tightened by a scene."""
 
-    name: str
-    unit: str
-    order: int
-    key: Key
+    key: ClassVar[Key]
     subject = "motor"
-    robot_key = None
-    promised = True
 
     def __eq__(self, other: object) -> bool:
         return type(other) is type(self)
@@ -322,10 +310,6 @@ class MotorLimit:
 
     def of_drive(self, robot: Robot) -> Vector3 | None:
         """What the robot's drives give; None if that is unlimited."""
-        raise NotImplementedError
-
-    def measure(self, motion: Instant, numbers: SX) -> SX:
-        """One quantity for each motor."""
         raise NotImplementedError
 
     def without_shares(self, given: object, robot: Robot) -> object:
@@ -363,9 +347,6 @@ class MotorLimit:
 
     def bounds(self, numbers: SX) -> Bounds:
         return Bounds.symmetric(numbers)
-
-    def rows(self, motion: Instant, numbers: SX) -> SX:
-        return self.bounds(numbers).normalised(self.measure(motion, numbers))
 
 
 def require_tighter(limit: MotorLimit, drive: Vector3, given: PerMotor) -> None:

@@ -32,7 +32,16 @@ from deltaopt.limits.keep_out import (
     root,
     where,
 )
-from deltaopt.limits.limit import SX, Bounds, Described, Instant, KeptLink, Numbers
+from deltaopt.limits.limit import (
+    SX,
+    Bounds,
+    Described,
+    Instant,
+    KeptLink,
+    Limit,
+    Numbers,
+    OwnMeasure,
+)
 from deltaopt.mechanisms.delta.mechanism import AZIMUTHS
 from deltaopt.robot.robot import Robot
 
@@ -48,18 +57,15 @@ side of a body that it is parallel to, and every place is as near."""
 
 
 @dataclass(frozen=True)
-class LinkClearance:
+class LinkClearance(Limit):
     """Least distance of the lines of arms and forearms from bodies, m, for some pairs of both."""
 
     name: ClassVar[str] = "clearance of links"
     unit: ClassVar[str] = "m"
     subject: ClassVar[str] = "arm or forearm"
     order: ClassVar[int] = 0
-    key: ClassVar[None] = None
-    robot_key: ClassVar[None] = None
-    promised: ClassVar[bool] = True
+    own_measure: ClassVar[OwnMeasure] = OwnMeasure.LINKS
     slid_along: ClassVar[bool] = True
-    has_ridges: ClassVar[bool] = False
 
     def items(self, scene: Described) -> Sequence[Numbers]:
         kept = scene.kept_links

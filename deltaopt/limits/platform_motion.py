@@ -14,11 +14,11 @@ import casadi as ca
 
 from deltaopt.files.units import ACCELERATION, SPEED
 from deltaopt.files.validated_record import Positive
-from deltaopt.limits.limit import SX, Bounds, Described, Instant, Key, Numbers
+from deltaopt.limits.limit import SX, Bounds, Described, Instant, Key, Limit, Numbers
 
 
 @dataclass(frozen=True)
-class PlatformSpeed:
+class PlatformSpeed(Limit):
     """Largest speed of the platform in any direction, Euclidean norm, m/s."""
 
     name: ClassVar[str] = "platform speed"
@@ -28,8 +28,6 @@ class PlatformSpeed:
     key: ClassVar[Key] = Key(
         "platform_speed", Annotated[Positive, SPEED], "a speed in m/s, greater than 0"
     )
-    robot_key: ClassVar[None] = None
-    promised: ClassVar[bool] = True
 
     def items(self, scene: Described) -> Sequence[Numbers]:
         given = scene.given(self.key.name)
@@ -46,7 +44,7 @@ class PlatformSpeed:
 
 
 @dataclass(frozen=True)
-class Acceleration:
+class Acceleration(Limit):
     """Largest acceleration of the platform in any direction, Euclidean norm, m/s²."""
 
     name: ClassVar[str] = "acceleration"
@@ -58,8 +56,6 @@ class Acceleration:
         Annotated[Positive, ACCELERATION],
         "an acceleration in m/s², greater than 0",
     )
-    robot_key: ClassVar[None] = None
-    promised: ClassVar[bool] = True
 
     def items(self, scene: Described) -> Sequence[Numbers]:
         given = scene.given(self.key.name)

@@ -28,7 +28,7 @@ import numpy as np
 from deltaopt.errors import DeltaOptError
 from deltaopt.files.units import RATIO
 from deltaopt.files.validated_record import Positive
-from deltaopt.limits.limit import SX, Bounds, Described, Instant, Key, Numbers
+from deltaopt.limits.limit import SX, Bounds, Described, Instant, Key, Limit, Numbers
 from deltaopt.mechanisms.delta.singularities import parallel_margin, tilt_margin
 from deltaopt.robot.model import delta_model
 
@@ -43,15 +43,13 @@ def margin(at_ends: float) -> float:
 
 
 @dataclass(frozen=True)
-class SerialSingularity:
+class SerialSingularity(Limit):
     """Least sin² of the angle between arm and bars of each chain."""
 
     name: ClassVar[str] = "distance to the serial singularity"
     unit: ClassVar[str] = "1"
     subject: ClassVar[str] = "chain"
     order: ClassVar[int] = 0
-    key: ClassVar[None] = None
-    robot_key: ClassVar[None] = None
     promised: ClassVar[bool] = False
 
     def items(self, scene: Described) -> Sequence[Numbers]:
@@ -65,19 +63,14 @@ class SerialSingularity:
     def measure(self, motion: Instant, numbers: SX) -> SX:
         return motion.alignment
 
-    def rows(self, motion: Instant, numbers: SX) -> SX:
-        return self.bounds(numbers).normalised(self.measure(motion, numbers))
 
-
-class _KeptVolume:
+class _KeptVolume(Limit):
     """Least volume that three unit vectors of the chains span, on the side where a motion starts:
     0 in the singularity, below 1."""
 
     unit: ClassVar[str] = "1"
     subject: ClassVar[str] = "robot"
     order: ClassVar[int] = 0
-    robot_key: ClassVar[None] = None
-    promised: ClassVar[bool] = True
     key: ClassVar[Key]
     volume: ClassVar[Callable[[SX], SX]]
 
@@ -97,9 +90,6 @@ class _KeptVolume:
 
     def measure(self, motion: Instant, numbers: SX) -> SX:
         return numbers[1] * type(self).volume(motion.q)
-
-    def rows(self, motion: Instant, numbers: SX) -> SX:
-        return self.bounds(numbers).normalised(self.measure(motion, numbers))
 
 
 def _key(name: str) -> Key:

@@ -16,11 +16,11 @@ import numpy as np
 from deltaopt.errors import SceneError
 from deltaopt.files.units import ACCELERATION
 from deltaopt.files.validated_record import Positive
-from deltaopt.limits.limit import SX, Bounds, Described, Instant, Key, Numbers
+from deltaopt.limits.limit import SX, Bounds, Described, Instant, Key, Limit, Numbers
 
 
 @dataclass(frozen=True)
-class SpecificForce:
+class SpecificForce(Limit):
     """Largest force on the payload over its mass, in any direction, Euclidean norm, m/s²."""
 
     name: ClassVar[str] = "specific force"
@@ -32,8 +32,6 @@ class SpecificForce:
         Annotated[Positive, ACCELERATION],
         "a specific force in m/s², greater than 0",
     )
-    robot_key: ClassVar[None] = None
-    promised: ClassVar[bool] = True
 
     def items(self, scene: Described) -> Sequence[Numbers]:
         """f_max, and the acceleration of gravity in the base frame, 3, all in m/s²."""

@@ -11,16 +11,7 @@ from typing import Annotated
 
 from deltaopt.files.units import TORQUE
 from deltaopt.files.validated_record import PerMotor, Vector3
-from deltaopt.limits.limit import (
-    SX,
-    Bounds,
-    Described,
-    Instant,
-    Key,
-    Limit,
-    MotorLimit,
-    Numbers,
-)
+from deltaopt.limits.limit import SX, Bounds, Described, Instant, Key, Limit, MotorLimit, Numbers
 from deltaopt.robot.robot import Robot
 
 
@@ -38,8 +29,8 @@ class Torque(MotorLimit):
 
 
 @dataclass(frozen=True)
-class WithLeastPayload:
-    """A limit of the torques for the least payload of a range.
+class WithLeastPayload(Limit):
+    """A limit that depends on the torques, for the least payload of a range.
 
     The rows of the limit itself are for the largest. Along a given motion torques are affine in the
     payload's mass: what keeps a limit that is convex in them at both ends of the range keeps it for
@@ -48,33 +39,10 @@ class WithLeastPayload:
 
     limit: Limit
 
-    @property
-    def name(self) -> str:
-        return f"{self.limit.name} with the least payload"
-
-    @property
-    def unit(self) -> str:
-        return self.limit.unit
-
-    @property
-    def subject(self) -> str:
-        return self.limit.subject
-
-    @property
-    def order(self) -> int:
-        return self.limit.order
-
-    @property
-    def key(self) -> None:
-        return None
-
-    @property
-    def robot_key(self) -> str | None:
-        return self.limit.robot_key
-
-    @property
-    def promised(self) -> bool:
-        return self.limit.promised
+    def __post_init__(self) -> None:
+        for name in ("unit", "subject", "order", "robot_key", "promised", "convex_in_torque"):
+            object.__setattr__(self, name, getattr(self.limit, name))
+        object.__setattr__(self, "name", f"{self.limit.name} with the least payload")
 
     def items(self, scene: Described) -> Sequence[Numbers]:
         if scene.least_payload is None or scene.payload is None:

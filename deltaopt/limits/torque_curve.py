@@ -13,11 +13,11 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import ClassVar
 
-from deltaopt.limits.limit import SX, Bounds, Described, Instant, Numbers
+from deltaopt.limits.limit import SX, Bounds, Described, Instant, Limit, Numbers
 
 
 @dataclass(frozen=True)
-class TorqueCurve:
+class TorqueCurve(Limit):
     """Largest torque of each motor by its speed, N·m, from the robot's key ``drive.torque_curve``.
 
     One item for each piece that falls or is below the peak torque: μ in N·m·s/rad and c in N·m.
@@ -27,9 +27,7 @@ class TorqueCurve:
     unit: ClassVar[str] = "N·m"
     subject: ClassVar[str] = "motor"
     order: ClassVar[int] = 2
-    key: ClassVar[None] = None
     robot_key: ClassVar[str] = "drive.torque_curve"
-    promised: ClassVar[bool] = True
 
     def items(self, scene: Described) -> Sequence[Numbers]:
         curve, peak = scene.robot.drive.torque_curve, max(scene.robot.torque_limits)
@@ -41,9 +39,6 @@ class TorqueCurve:
 
     def measure(self, motion: Instant, numbers: SX) -> SX:
         return motion.tau + numbers[0] * motion.dtheta
-
-    def rows(self, motion: Instant, numbers: SX) -> SX:
-        return self.bounds(numbers).normalised(self.measure(motion, numbers))
 
 
 def _line(begin: tuple[float, float], end: tuple[float, float]) -> tuple[float, float]:

@@ -21,7 +21,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.limits.limit import SX, Bounds, Described, Instant, Numbers
+from deltaopt.limits.limit import SX, Bounds, Described, Instant, Limit, Numbers, OwnMeasure
 
 Array = NDArray[np.float64]
 
@@ -48,16 +48,14 @@ _ROUNDING = 1e-10
 
 
 @dataclass(frozen=True)
-class Tube:
+class Tube(Limit):
     """Largest distance of the tool's point from the path of the scene, m: the key ``tube``."""
 
     name: ClassVar[str] = "distance from the path"
     unit: ClassVar[str] = "m"
     subject: ClassVar[str] = "tool"
     order: ClassVar[int] = 0
-    key: ClassVar[None] = None
-    robot_key: ClassVar[None] = None
-    promised: ClassVar[bool] = True
+    own_measure: ClassVar[OwnMeasure] = OwnMeasure.TUBE
     slid_along: ClassVar[bool] = True
     has_ridges: ClassVar[bool] = True
 

@@ -17,7 +17,17 @@ import casadi as ca
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from deltaopt.limits.limit import SX, Array, Bounds, Column, Described, Instant, Numbers
+from deltaopt.limits.limit import (
+    SX,
+    Array,
+    Bounds,
+    Column,
+    Described,
+    Instant,
+    Limit,
+    Numbers,
+    PhasedLimit,
+)
 
 _ANYWHERE = 1e3
 """Radius of a cylinder and depth of a level, m, that no robot reaches: no limit."""
@@ -27,16 +37,14 @@ _FAR_ABOVE = -0.5
 
 
 @dataclass(frozen=True)
-class WorkspaceDepth:
+class WorkspaceDepth(Limit):
     """Least and largest depth of the tool's point below the base, m: ``workspace.depth``."""
 
     name: ClassVar[str] = "workspace depth"
     unit: ClassVar[str] = "m"
     subject: ClassVar[str] = "tool"
     order: ClassVar[int] = 0
-    key: ClassVar[None] = None
     robot_key: ClassVar[str] = "workspace.depth"
-    promised: ClassVar[bool] = True
 
     def items(self, scene: Described) -> Sequence[Numbers]:
         workspace = scene.robot.workspace
@@ -48,21 +56,16 @@ class WorkspaceDepth:
     def measure(self, motion: Instant, numbers: SX) -> SX:
         return motion.x[0]
 
-    def rows(self, motion: Instant, numbers: SX) -> SX:
-        return self.bounds(numbers).normalised(self.measure(motion, numbers))
-
 
 @dataclass(frozen=True)
-class WorkspaceRadius:
+class WorkspaceRadius(Limit):
     """Largest distance of the tool's point from the base's axis, m: ``workspace.radius``."""
 
     name: ClassVar[str] = "workspace radius"
     unit: ClassVar[str] = "m"
     subject: ClassVar[str] = "tool"
     order: ClassVar[int] = 0
-    key: ClassVar[None] = None
     robot_key: ClassVar[str] = "workspace.radius"
-    promised: ClassVar[bool] = True
 
     def items(self, scene: Described) -> Sequence[Numbers]:
         workspace = scene.robot.workspace
@@ -79,7 +82,7 @@ class WorkspaceRadius:
 
 
 @dataclass(frozen=True)
-class Approach:
+class Approach(PhasedLimit):
     """Two rows. The first: the squared distance from the axis over the squared radius, in the outer
     phases. The second: how far below the level the tool is, in the middle phase.
 
@@ -91,9 +94,6 @@ class Approach:
     unit: ClassVar[str] = "1"
     subject: ClassVar[str] = "tool"
     order: ClassVar[int] = 0
-    key: ClassVar[None] = None
-    robot_key: ClassVar[None] = None
-    promised: ClassVar[bool] = True
 
     def items(self, scene: Described) -> Sequence[Numbers]:
         if not scene.columns:

@@ -13,12 +13,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.limits.constraints import SceneLimits
 from deltaopt.mechanisms.delta.mechanism import AZIMUTHS, DeltaParameters
-from deltaopt.robot.model import delta_model
+from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.scene.scene import Scene, limits_of
 from deltaopt.scene.task import given_points
 
@@ -43,13 +44,16 @@ _BISECTIONS = 40
 def lower_bound(scene: Scene) -> float:
     """A duration in s below which no motion from start to goal can be, whatever its path.
 
-    The largest of several bounds, each of them proven. Unless both ends are at rest it is
-    what rotation takes, or 0, which is true and says nothing. Raises Unreachable where an end is.
+    The largest of several bounds, each of them proven. Unless both ends are at rest, and all that
+    acts on the robot says how much it can give, it is what rotation takes, or 0, which is true and
+    says nothing. Raises Unreachable where an end is.
     """
     task = scene.task
     if not task.is_at_rest:
         return scene.least_duration
     way = _Way.of(scene)
+    if way is None:
+        return scene.least_duration
     bounds = (_by_work(way), _by_speed(way), _by_power(way), _by_platform(way))
     return max(scene.least_duration, *bounds)
 
@@ -63,8 +67,9 @@ class _Way:
     length, m. ``mass``: of platform, tool and payload, kg. ``same``, ``opposite``: of the bars of
     one chain, kg: their kinetic energy is at least (``same`` |u + w|² + ``opposite`` |u - w|²) / 2,
     with u and w the velocities of their ends. ``weight``: of what moves with the platform, half of
-    the bars included, (3,), N. ``torque``: the largest torque of each motor and of gravity on its
-    arm, (3,), N·m. ``coulomb``, ``viscous``: friction at the arm. ``speed``: of the arms, (3,),
+    the bars included, (3,), N. ``torque``: the largest torque of each motor, of gravity on its
+    arm and of what else pushes it, (3,), N·m. ``braking``: by how much more an arm can be braked
+    than pushed, N·m, and ``viscous``, with its speed, N·m·s/rad. ``speed``: of the arms, (3,),
     rad/s. ``platform_speed``, ``acceleration``: of the platform, m/s and m/s². What is not limited
     is infinite.
     """
@@ -78,22 +83,27 @@ class _Way:
     opposite: float
     weight: Array
     torque: Array
-    coulomb: float
+    braking: float
     viscous: float
     speed: Array
     platform_speed: float
     acceleration: float
 
     @classmethod
-    def of(cls, scene: Scene) -> _Way:
+    def of(cls, scene: Scene) -> _Way | None:
+        """None where the model has something that may act without bound, or that is not known."""
         model, limits = delta_model(scene.robot, scene.payload), limits_of(scene)
         ends, p = np.array(given_points(scene.task)), model.numbers
+        most = _most_load(model)
+        if not np.isfinite(most).all():
+            return None
+        pushing, braking, viscous = most.tolist()
         start, goal = model.inverse_kinematics(ends)[:, 3::3]
         gravity = np.array([_number(each) for each in (p.g, p.g_y, p.g_z)])
         along, across = p.a2 if p.b1 is None else p.b1, _number(p.b2)
         centre, mass = float(np.hypot(along, across)), float(p.m1) + _number(p.m2)
         moment = float(p.m3) * centre + float(p.m4) * float(p.a2)
-        torque = _upper(limits, "torque", 3) + moment * _in_planes_of_arms(gravity)
+        torque = _upper(limits, "torque", 3) + moment * _in_planes_of_arms(gravity) + pushing
         return cls(
             platform=ends[1] - ends[0],
             arms=np.abs(goal - start),
@@ -104,8 +114,8 @@ class _Way:
             opposite=_opposite_mass(p),
             weight=(mass + 1.5 * float(p.m4)) * gravity,
             torque=torque,
-            coulomb=_number(p.coulomb),
-            viscous=_number(p.viscous),
+            braking=braking - pushing,
+            viscous=viscous,
             speed=_upper(limits, "speed", 3),
             platform_speed=float(_upper(limits, "platform speed", 1)[0]),
             acceleration=float(_upper(limits, "acceleration", 1)[0]),
@@ -124,6 +134,22 @@ class _Way:
         e = (both / apart) ** split if apart else np.ones(len(split))
         arms = np.maximum(both - apart * e, 0.0) * self.arm**2
         return self.arm_inertia + arms, self.mass + 3 * np.maximum(both - apart / e, 0.0)
+
+
+def _most_load(model: DeltaModel) -> Array:
+    """What can push an arm and brake it beside its motor and gravity, N·m, and brake it with its
+    speed, N·m·s/rad, (3,): infinite where a term of the model does not say it, or where the
+    mechanism has more than arms, bars, platform and payload, and what acts on the arms."""
+    mechanism, p = model.functions.mechanism, model.numbers
+    mass = sum((ca.SX(body.mass) for body in mechanism.bodies), ca.SX(0))
+    most = (effort.most for effort in mechanism.efforts)
+    each = ca.horzcat(*(ca.vertcat(of.pushing, of.braking, of.by_speed) for of in most))
+    function = ca.Function("acting", [mechanism.parameters], [mass, each])
+    moved, acting = (np.array(found) for found in function(model.parameters))
+    expected = p.m1 + _number(p.m2) + 3 * (p.m3 + p.m4)
+    on_arms = acting.shape[1] == len(AZIMUTHS) and mechanism.potential.is_zero()
+    known = on_arms and np.isclose(moved.item(), expected, rtol=1e-9)
+    return np.asarray(acting.max(axis=1) if known else np.full(3, np.inf))
 
 
 def _number(value: object) -> float:
@@ -157,7 +183,7 @@ def _by_work(way: _Way) -> float:
     duration is possible below the one at which it is met.
     """
     if not way.viscous:
-        return _work_bound(way, way.torque + way.coulomb)
+        return _work_bound(way, way.torque + way.braking)
     inertia = float(way.inertias(np.zeros(1))[0][0])
     if not inertia and not np.isfinite(way.speed).all():
         return 0.0
@@ -166,7 +192,7 @@ def _by_work(way: _Way) -> float:
     def bound(duration: float) -> float:
         fastest = first * duration / np.sqrt(inertia) if inertia else np.inf
         speed = np.minimum(way.speed, fastest)
-        return _work_bound(way, way.torque + way.coulomb + way.viscous * speed)
+        return _work_bound(way, way.torque + way.braking + way.viscous * speed)
 
     return _first_possible(lambda duration: bound(duration) <= duration, bound(0.0))
 
@@ -233,7 +259,7 @@ def _by_speed(way: _Way) -> float:
     if way.viscous or not inertia.all():
         return float(at_speed.max())
     ramps = np.zeros((len(inertia), len(weights)))
-    for torque in (way.torque, way.torque + way.coulomb):
+    for torque in (way.torque, way.torque + way.braking):
         rate = np.sqrt(np.sum(torque**2) / inertia + np.sum(way.weight**2) / mass)
         ramps += 1 / (rate * np.linalg.norm(weights, axis=1) / np.sqrt(inertia))
     reached = turn > fastest**2 * ramps / 2  # else the speed limit need not be reached
@@ -247,7 +273,7 @@ def _by_power(way: _Way) -> float:
         return 0.0
     _, masses = way.inertias(_SPLITS)
     mass = float(masses.max())
-    friction = way.coulomb + way.viscous * way.speed
+    friction = way.braking + way.viscous * way.speed
     powers = [float(torque @ way.speed) for torque in (way.torque, way.torque + friction)]
     power, weight = max(powers), float(np.linalg.norm(way.weight)) / np.sqrt(mass)
     progress = float(np.linalg.norm(way.platform)) * np.sqrt(mass)

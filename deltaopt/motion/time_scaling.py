@@ -450,29 +450,34 @@ def _mixed(scene: Scene) -> Truths:
     return np.asarray(_exponents(scene) == MIXED)
 
 
-_ANY_V, _ANY_A = np.array([0.3, -0.2, 0.5]), np.array([3.0, 5.0, -2.0])
-"""Any velocity and acceleration, m/s and m/s²."""
-_SQUARES: dict[DeltaTerms, bool] = {}
-"""What is known of models with the same terms."""
-
-
 def _squares(scene: Scene) -> bool:
     """Whether what motion adds to the torques at rest grows with the square of the speed, as it
-    does without friction: tried once for all models with the same terms."""
-    model = delta_model(scene.robot, scene.payload)
-    terms = model.functions.terms
-    if terms not in _SQUARES:
-        x, s = np.tile(scene.task.start.position, (3, 1)), np.array([[0.0], [0.7], [1.0]])
-        still, part, whole = model.inverse_dynamics(x, s * _ANY_V, s**2 * _ANY_A)
-        difference = part - still - s[1] ** 2 * (whole - still)
-        _SQUARES[terms] = bool(np.abs(difference).max() < 1e-6 * np.abs(whole - still).max())
-    return _SQUARES[terms]
+    does where nothing but motors, such as friction, depends on the speed."""
+    return _degree(delta_model(scene.robot, scene.payload).functions.terms) == 0
 
 
 def _has_layers(scene: Scene) -> bool:
-    """Whether torques change within moments where arms turn back, for there is Coulomb friction;
+    """Whether torques may change within moments where arms turn back, as by Coulomb friction;
     otherwise all rows are polynomials of the speed."""
-    return "coulomb" in delta_model(scene.robot, scene.payload).functions.terms.names
+    degree = _degree(delta_model(scene.robot, scene.payload).functions.terms)
+    return degree > _SQUARE or not limits_of(scene).constraints.are_polynomials
+
+
+_SQUARE = 2
+
+
+@lru_cache(maxsize=32)
+def _degree(terms: DeltaTerms) -> float:
+    """The degree of what acts beside motors as a polynomial of the speed: 0; 2 if it is not more;
+    infinite otherwise, and where it is none."""
+    mechanism = delta_functions(terms, Explicit()).mechanism
+    others = ca.SX.zeros(mechanism.controls.numel())
+    values = ca.vertcat(*(effort.value for effort in mechanism.efforts))
+    values = ca.substitute(values, mechanism.controls, others)
+    if not ca.depends_on(values, mechanism.dq):
+        return 0
+    bends = (ca.hessian(value, mechanism.dq)[0] for value in ca.vertsplit(values))
+    return inf if any(ca.depends_on(bend, mechanism.dq) for bend in bends) else _SQUARE
 
 
 def _tails(scene: Scene) -> float:
@@ -525,7 +530,8 @@ def _loads_function(
         v = v * t + x
         x = x * t + c
     functions, rest = delta_functions(terms, Explicit()), ca.SX.zeros(3)
-    numbers, p = constraints.numbers(), ca.SX.sym("p", len(terms.names))
+    numbers, symbols = constraints.numbers(), terms.symbols()
+    p = symbols.vector()
     motion = PlatformInstant(functions, x, v, a, p)
     rows = constraints.rows(motion, numbers)
     at_rest = constraints.rows(PlatformInstant(functions, x, rest, rest, p), numbers)
@@ -534,9 +540,8 @@ def _loads_function(
     demands = _demands(constraints, n, at_rest, rows, slope)
     inputs = [coefficients, t, ca.vertcat(numbers, p)]
     narrow = [motion.alignment]
-    if "coulomb_speed" in terms.names:
-        w = p[terms.names.index("coulomb_speed")]
-        narrow.append(1 + (motion.dtheta / w) ** 2)
+    for layer in filter(None, (load.layer() for load in symbols.loads)):
+        narrow.append(1 + (motion.dtheta / layer[0]) ** 2)
     results = [rows, demands, ca.vertcat(*narrow)]
     return RowFunction(ca.Function("loads", inputs, results, {"cse": True}))
 

@@ -15,8 +15,9 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from deltaopt.errors import Unreachable
+from deltaopt.errors import Inexpressible, Unreachable
 from deltaopt.files.validated_record import Vector3
+from deltaopt.mechanisms.delta.arm_loads import FRICTION
 from deltaopt.mechanisms.delta.mechanism import AZIMUTHS
 from deltaopt.motion.trajectory import Array
 from deltaopt.robot.model import delta_model
@@ -38,9 +39,15 @@ def mjcf(robot: Robot, payload: float | None = None, start: Vector3 | None = Non
     World (X, Y, Z) are the base's (z, y, -x). Joints ``arm1`` to ``arm3`` are the motor angles,
     motors ``motor1`` to ``motor3`` their torques in N·m; site ``tool`` is the tool's point. The
     reference configuration of MuJoCo, all joints at 0, has the tool's point at ``start`` (m, base's
-    frame), by default below the base's centre. Raises Unreachable where that cannot be.
+    frame), by default below the base's centre. Raises Unreachable where that cannot be, and
+    Inexpressible for a term of the robot's model that the format does not have.
     """
     model = delta_model(robot, payload)
+    for load in model.numbers.loads:
+        if not isinstance(load, FRICTION):
+            raise Inexpressible(
+                f"MuJoCo's format has no {load.words} of an arm, which the robot has"
+            )
     place = _below_the_base(robot) if start is None else np.array(start)
     q = model.inverse_kinematics(place)
     centre = place - robot.tool_offset

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.errors import Infeasible, NotConverged
+from deltaopt.limits.limit import OwnMeasure
 from deltaopt.motion.limit_sensitivity import Multipliers
 from deltaopt.motion.links import least_rooms
 from deltaopt.motion.trajectory import Trajectory
@@ -129,11 +130,13 @@ def _limits(
 
 
 def _cost(multipliers: Multipliers | None, spare: list[float]) -> float:
-    """By what share the duration is longer because limits of links, the last of all, are tighter by
-    so much, m; 0 where multipliers are not known."""
+    """By what share the duration is longer because limits of links are tighter by so much, m; 0
+    where multipliers are not known."""
     if multipliers is None or not spare:
         return 0.0
-    rows = multipliers.limits.constraints.slices[-1]
+    constraints = multipliers.limits.constraints
+    parts = zip(constraints.limits, constraints.slices, strict=True)
+    rows = next(own for limit, own in parts if limit.own_measure is OwnMeasure.LINKS)
     growth = multipliers.of_rows()[rows] / multipliers.limits.scales[rows]
     return float(growth[: len(spare)] @ spare)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from deltaopt.mechanisms.delta.arm_loads import FRICTION
+from deltaopt.robot.model import delta_model
 from deltaopt.scene.scene import Scene
 
 _COLLISIONS = "collisions"
@@ -25,7 +27,7 @@ def not_modelled(scene: Scene) -> list[str]:
 def _terms(scene: Scene) -> dict[str, bool]:
     """Every term, and whether the scene's model has it."""
     robot, drive = scene.robot, scene.robot.drive
-    friction, tool = drive.friction, robot.tool
+    tool, loads = robot.tool, delta_model(robot, scene.payload).numbers.loads
     gravity = robot.gravity if isinstance(robot.gravity, tuple) else (robot.gravity,)
     return {
         "masses and inertia of platform, arms and forearms": True,
@@ -35,6 +37,6 @@ def _terms(scene: Scene) -> dict[str, bool]:
         "masses of the pins at the platform": bool(robot.platform.pins),
         "a tool's mass or offset": bool(tool and (tool.mass or tool.offset)),
         "inertia of motors and gears": bool(drive.inertia),
-        "viscous friction": bool(friction and friction.viscous),
-        "Coulomb friction": bool(friction and friction.coulomb),
+        **{kind.words: False for kind in FRICTION},
+        **{load.words: True for load in loads},
     }

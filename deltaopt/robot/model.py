@@ -14,6 +14,7 @@ from deltaopt.dynamics.formulation import Formulation
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.errors import Unreachable, in_words
 from deltaopt.files.validated_record import Vector3
+from deltaopt.mechanisms.delta.arm_loads import ArmLoad, CoulombFriction, ViscousFriction
 from deltaopt.mechanisms.delta.functions import DeltaFunctions, delta_functions
 from deltaopt.mechanisms.delta.mechanism import DeltaParameters
 from deltaopt.robot.drive import Friction
@@ -34,7 +35,6 @@ def delta_parameters(robot: Robot, payload: float | None) -> DeltaParameters:
     only translates.
     """
     bars, gravity = robot.forearm, _components(robot.gravity_vector)
-    friction = robot.drive.friction or Friction(viscous=0.0)
     tool_mass = (robot.tool and robot.tool.mass) or 0.0
     slender = bars.mass * bars.length**2 / 12
     I41, I42, I43 = bars.inertia or (slender, None, slender)
@@ -58,13 +58,21 @@ def delta_parameters(robot: Robot, payload: float | None) -> DeltaParameters:
         g_z=gravity[2],
         b1=arm.along,
         b2=arm.across,
-        viscous=friction.viscous or None,
-        coulomb=friction.coulomb or None,
-        coulomb_speed=friction.speed if friction.coulomb else None,
+        loads=_loads(robot.drive.friction),
         tool_x=offset[0],
         tool_y=offset[1],
         tool_z=offset[2],
     )
+
+
+def _loads(friction: Friction | None) -> tuple[ArmLoad, ...]:
+    """The terms of friction that a drive names."""
+    loads = list[ArmLoad]()
+    if friction and friction.viscous:
+        loads.append(ViscousFriction(friction.viscous))
+    if friction and friction.coulomb and friction.speed:
+        loads.append(CoulombFriction(friction.coulomb, friction.speed))
+    return tuple(loads)
 
 
 @dataclass(frozen=True)

@@ -114,15 +114,14 @@ LIMITS: tuple[Limit, ...] = (
     WorkspaceRadius(),
     ParallelSingularity(),
     TiltSingularity(),
-    WithLeastPayload(Torque()),
-    WithLeastPayload(TorqueCurve()),
     KeepOut(),
     *hull_limits(),
     Tube(),
     ApproachLimit(),
     LinkClearance(),
 )
-"""All kinds of limit, in the order of the constraint rows of a problem."""
+"""All kinds of limit, in the order of the constraint rows of a problem. Before bodies, the rows of
+those that depend on torques stand once more, for the least payload of a range."""
 
 _KEYS: dict[str, Any] = {
     limit.key.name: (limit.key.type | None, Field(default=None, description=limit.key.expected))
@@ -544,8 +543,24 @@ class Scene(Record):
 
 @lru_cache(maxsize=256)
 def limits_of(scene: Scene) -> SceneLimits:
-    """The limits that apply in a scene, with their numbers."""
-    return SceneLimits.of(LIMITS, scene)
+    """The limits that apply in a scene, with their numbers.
+
+    Raises SceneError for a payload that varies where a limit is not known to hold between both ends
+    of its range.
+    """
+    if scene.least_payload is None:
+        return SceneLimits.of(LIMITS, scene)
+    place, lighter = LIMITS.index(KeepOut()), list[Limit]()
+    for limit in LIMITS:
+        constraints = SceneLimits.of([limit], scene).constraints
+        if not constraints.of_torque.any():
+            continue
+        if not constraints.holds_between_payloads:
+            masses, name = [scene.least_payload, scene.payload], limit.name
+            expected = f"one mass, since the limit {name} may be exceeded between two that keep it"
+            raise SceneError(None, "payload", masses, expected)
+        lighter.append(WithLeastPayload(limit))
+    return SceneLimits.of([*LIMITS[:place], *lighter, *LIMITS[place:]], scene)
 
 
 def _without_shares(limits: object, robot: Robot) -> object:

@@ -18,7 +18,7 @@ from math import inf
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.limits.limit import ConvexLimit
+from deltaopt.limits.limit import OwnMeasure
 from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
 from deltaopt.robot.solids import Convex, Polytope, Solid
 from deltaopt.scene.scene import Scene, limits_of
@@ -38,7 +38,7 @@ def clearance_excess(scene: Scene, trajectory: Trajectory) -> Excess | None:
     """By how much the motion comes nearer to a body than the scene allows, m; negative where it
     stays farther away. None if there are no bodies."""
     limits = limits_of(scene).constraints.limits
-    limit = next((each for each in limits if isinstance(each, ConvexLimit)), None)
+    limit = next((each for each in limits if each.own_measure is OwnMeasure.CLEARANCE), None)
     if limit is None:
         return None
     worst: Excess | None = None

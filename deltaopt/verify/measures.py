@@ -19,7 +19,7 @@ import numpy as np
 from deltaopt.codegen.vectorised import RowFunction
 from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.errors import Unreachable
-from deltaopt.limits.limit import Bounds, ConvexLimit, Limit, SlidingLimit
+from deltaopt.limits.limit import Bounds, Limit
 from deltaopt.mechanisms.delta.functions import delta_functions
 from deltaopt.mechanisms.delta.instant import CoordinateInstant
 from deltaopt.mechanisms.delta.mechanism import DeltaTerms
@@ -176,12 +176,12 @@ class MeasuredMotion:
 
     @classmethod
     def of(cls, scene: Scene, trajectory: Trajectory) -> MeasuredMotion:
-        """By the scene's model and limits."""
+        """By the scene's model and those of its limits that verification has no own measure for."""
         model, limits = delta_model(scene.robot, scene.payload), limits_of(scene)
         promised = [
             (item, own)
             for item, own in zip(limits.constraints.items, limits.of_items, strict=True)
-            if item[0].promised and not isinstance(item[0], ConvexLimit | SlidingLimit)
+            if item[0].promised and item[0].own_measure is None
         ]
         items = tuple(item for item, _ in promised)
         function = _function(model.functions.terms, items)

@@ -14,7 +14,7 @@ from math import comb
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.limits.limit import SlidingLimit
+from deltaopt.limits.limit import OwnMeasure
 from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
 from deltaopt.scene.path import Path
 from deltaopt.scene.scene import Scene, limits_of
@@ -37,7 +37,7 @@ def tube_excess(scene: Scene, trajectory: Trajectory) -> Excess | None:
     """By how much the motion leaves the tube of its scene, as a share of the tube; negative where
     it stays inside. None if there is no tube."""
     limits = limits_of(scene).constraints.limits
-    limit = next((each for each in limits if isinstance(each, SlidingLimit)), None)
+    limit = next((each for each in limits if each.own_measure is OwnMeasure.TUBE), None)
     if limit is None or scene.path is None or scene.tube is None:
         return None
     path = scene.path.between(*scene.given_points)

@@ -18,7 +18,7 @@ from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import MovingEnds, distance
 
 _LENGTH, _MASS, _INERTIA = (1, 0, 0), (0, 1, 0), (2, 1, 0)
-_ACCELERATION, _TORQUE = (1, 0, -2), (2, 1, -2)
+_ACCELERATION = (1, 0, -2)
 
 DIMENSIONS: dict[str, tuple[int, int, int]] = {
     **dict.fromkeys(("a1", "a2", "a3", "a4", "b1", "b2"), _LENGTH),
@@ -26,11 +26,8 @@ DIMENSIONS: dict[str, tuple[int, int, int]] = {
     **dict.fromkeys(("m1", "m2", "m3", "m4"), _MASS),
     **dict.fromkeys(("I33", "I41", "I42", "I43"), _INERTIA),
     **dict.fromkeys(("g", "g_y", "g_z"), _ACCELERATION),
-    "viscous": (2, 1, -1),
-    "coulomb": _TORQUE,
-    "coulomb_speed": (0, 0, -1),
 }
-"""Of each parameter of a Delta, by its name: powers of length, mass and time."""
+"""Of each parameter of a Delta but those of loads, by its name: powers of length, mass and time."""
 
 
 def way_of(scene: Scene, trajectory: Trajectory) -> float:
@@ -68,7 +65,9 @@ class Units:
 
     def parameters(self, model: DeltaModel) -> Array:
         """Values of a model's parameters in these units, in their order."""
-        powers = np.array([DIMENSIONS[name] for name in model.functions.terms.names])
+        terms = model.functions.terms
+        of_loads = {name: of for load in terms.loads for name, of in load.dimensions.items()}
+        powers = np.array([(DIMENSIONS | of_loads)[name] for name in terms.names])
         return np.asarray(model.parameters / self._to(powers))
 
     def position(self, position: PiecewisePolynomial) -> PiecewisePolynomial:

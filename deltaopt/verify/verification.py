@@ -8,7 +8,7 @@ is held against is the scene, through models built here from the scene.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache
 from html import escape
@@ -22,11 +22,12 @@ from deltaopt.codegen.vectorised import evaluate_rows
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.errors import Singular, Unreachable
 from deltaopt.files.html_table import html_table
+from deltaopt.limits.limit import OwnMeasure
 from deltaopt.mechanisms.delta.functions import delta_functions
 from deltaopt.mechanisms.delta.mechanism import DeltaTerms
 from deltaopt.motion.trajectory import Array, Trajectory, goal_of
 from deltaopt.robot.model import delta_model
-from deltaopt.scene.scene import LIMITS, Scene
+from deltaopt.scene.scene import LIMITS, Scene, limits_of
 from deltaopt.scene.task import EndState, MovingEnds, OnPath
 from deltaopt.verify.clearance import clearance_excess
 from deltaopt.verify.duty import Duty
@@ -264,6 +265,7 @@ class Verification:
     ``rotation_left``: s, by which the scene's rotation takes longer; None where it has none.
     ``excesses``: of every limit of the scene the largest, by name: ``report.torque_excess`` is
         the value of ``report.excesses["torque_excess"]``, None where the scene has no such limit.
+    ``promised``: names of all measures that the scene asks for. None of them may be missing.
     ``distances``: the least to every kind of singularity; empty where not evaluated.
     ``start_distance``, ``goal_distance``: m, from the scene's points to the motion's ends.
     ``path_distance``: m, of the motion from the scene's path; None where it gives none.
@@ -299,6 +301,7 @@ class Verification:
     robot_overlap: float | None = None
     rotation_left: float | None = None
     excesses: Mapping[str, Excess] = field(default_factory=dict, hash=False)  # no key
+    promised: tuple[str, ...] = ()
     start_distance: float = inf
     goal_distance: float = inf
     path_distance: float | None = None
@@ -326,14 +329,14 @@ class Verification:
         if name.endswith("_excess"):
             if name in self.excesses:
                 return self.excesses[name].value
-            if name in _known_excesses():
+            if name.replace(f"_{_LIGHTER}_", "_") in _known_excesses():
                 return None
         raise AttributeError(f"a verification has no {name}")
 
     @property
     def ok(self) -> bool:
         """Whether the motion passes."""
-        return not self.obstacles and all(check.ok for check in self.checks())
+        return not self.failures()
 
     @property
     def judges_arrival(self) -> bool:
@@ -357,7 +360,9 @@ class Verification:
     def failures(self) -> list[str]:
         """What is wrong with the motion, one sentence each; empty if it passes."""
         failed = [c for c in self.checks() if not c.ok and not (self.obstacles and isinf(c.value))]
+        missing = [name for name in self.promised if getattr(self, name, None) is None]
         sentences = [*self.obstacles, *(check.complaint for check in failed)]
+        sentences += [f"nothing measures its {name.replace('_', ' ')}" for name in missing]
         beyond = any(check in failed for check in self._limit_checks())
         if beyond and self.duration_error is None and self.safe_duration is not None:
             sentences.append(
@@ -395,7 +400,7 @@ class Verification:
                 absent = dict.fromkeys(_known_excesses())
                 present = {name: excess.value for name, excess in self.excesses.items()}
                 content |= {name: _finite(value) for name, value in (absent | present).items()}
-            elif each.name not in ("distances", "duty", "obstacles"):
+            elif each.name not in ("distances", "duty", "obstacles", "promised"):
                 content[each.name] = _finite(getattr(self, each.name))
         content["limits"] = {
             excess.limit: {
@@ -425,6 +430,37 @@ def _known_excesses() -> list[str]:
     return [key(limit.name) for limit in LIMITS if limit.promised]
 
 
+def promises(scene: Scene) -> tuple[str, ...]:
+    """Names of the measures that a scene asks for beside those of every motion: of its limits and
+    of what else stands in it; what stands under a key that is not known here, nothing measures."""
+    limits = [limit for limit in limits_of(scene).constraints.limits if limit.promised]
+    links = any(limit.own_measure is OwnMeasure.LINKS for limit in limits)
+    asked = {
+        "duration_error": scene.objective.given_duration is not None,
+        "robot_overlap": links or bool(scene.robot_keeps_clear and scene.keep_out),
+        "rotation_left": scene.rotation is not None,
+        "path_distance": scene.follows_path,
+        "via_distance": scene.via is not None,
+        "approach_distance": scene.approach is not None,
+    }
+    judged = [key(each.name) for each in limits if each.own_measure is not OwnMeasure.LINKS]
+    unknown = (
+        f"key {name}"
+        for name, rule in type(scene).model_fields.items()
+        if name not in _KEYS and getattr(scene, name) != rule.default
+    )
+    return (*dict.fromkeys(judged), *(name for name in asked if asked[name]), *unknown)
+
+
+_KEYS = {
+    *("robot", "payload", "least_payload", "start", "goal", "via", "approach", "path", "tube"),
+    *("limits", "rotation", "objective", "keep_out", "clearance", "robot_keeps_clear"),
+    "planned_links",
+}
+"""The keys of a scene whose measures are known."""
+_LIGHTER = "with_the_least_payload"
+
+
 def _finite(value: float | None) -> float | None:
     return value if value is not None and isfinite(value) else None
 
@@ -448,6 +484,7 @@ def verify(scene: Scene, trajectory: Trajectory) -> Verification:
         arm=units.length,
         time_unit=units.time,
         excesses=not_measured(scene),
+        promised=promises(scene),
     )
     obstacle = _malformed(trajectory)
     if obstacle:
@@ -493,11 +530,13 @@ def _measures(scene: Scene, trajectory: Trajectory) -> dict[str, Any]:
     safe_duration: float | None = None
     places = (clearance_excess(scene, trajectory), tube_excess(scene, trajectory))
     misplaced = [each for each in places if each is not None]
-    excesses = motion.excesses() | {each.key: each for each in misplaced}
+    excesses = _largest([*motion.excesses().values(), *misplaced])
+    if scene.least_payload is not None:
+        excesses = _largest([*excesses.values(), *_with_least_payload(scene, trajectory, excesses)])
     if not isinstance(scene.task, MovingEnds):
         safe_duration = motion.safe_duration() if _are_kept(misplaced) else inf
     measures = {
-        "excesses": excesses | _with_least_payload(scene, trajectory, motion),
+        "excesses": excesses,
         "distances": motion.distances(),
         "duty": motion.duty(),
         "effort": motion.effort(),
@@ -506,7 +545,7 @@ def _measures(scene: Scene, trajectory: Trajectory) -> dict[str, Any]:
     if given is not None:
         measures["duration_error"] = abs(trajectory.duration - given)
     measures["robot_clearance"] = clearance = robot_clearance(scene, trajectory)
-    if scene.robot_keeps_clear and clearance is not None:
+    if (scene.robot_keeps_clear or scene.planned_links) and clearance is not None:
         sure = sure_robot_clearance(scene, trajectory)
         measures["robot_overlap"] = scene.least_clearance - min(clearance, sure)
     if scene.rotation is not None:
@@ -514,22 +553,24 @@ def _measures(scene: Scene, trajectory: Trajectory) -> dict[str, Any]:
     return measures
 
 
+def _largest(excesses: Iterable[Excess]) -> dict[str, Excess]:
+    """The largest excess of each name."""
+    found = dict[str, Excess]()
+    for each in excesses:
+        if each.key not in found or each.value > found[each.key].value:
+            found[each.key] = each
+    return found
+
+
 def _with_least_payload(
-    scene: Scene, trajectory: Trajectory, measured: MeasuredMotion
-) -> dict[str, Excess]:
-    """The excesses with the least payload of a range, each by the model with that payload or from
-    the torques with the largest one, whichever is larger."""
-    if scene.least_payload is None:
-        return {}
-    beside, found = measured.excesses(), dict[str, Excess]()
+    scene: Scene, trajectory: Trajectory, heavy: Mapping[str, Excess]
+) -> Iterator[Excess]:
+    """The excesses of all limits with the least payload of a range, by the model with that payload;
+    those of torques by names of their own, as the scene's limits have them."""
     light = MeasuredMotion.of(scene.with_least_payload, trajectory).excesses()
     for excess in light.values():
-        name = f"{excess.limit} with the least payload"
-        derived = beside.get(key(name))
-        if derived is not None:
-            own = replace(excess, limit=name)
-            found[own.key] = max(own, derived, key=lambda each: each.value)
-    return found
+        own = replace(excess, limit=f"{excess.limit} {_LIGHTER.replace('_', ' ')}")
+        yield own if own.key in heavy else excess
 
 
 def _are_kept(misplaced: list[Excess]) -> bool:

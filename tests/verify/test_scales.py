@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from deltaopt import Robot, Scene, baseline, plan, verify
+from deltaopt.mechanisms.delta.arm_loads import FRICTION
 from deltaopt.mechanisms.delta.mechanism import DeltaParameters
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.robot.model import delta_model
@@ -65,7 +66,8 @@ USUAL = scaled(1, 1, 1)
 
 
 def test_every_parameter_has_a_dimension():
-    assert set(DIMENSIONS) == {each.name for each in fields(DeltaParameters)}
+    assert set(DIMENSIONS) == {each.name for each in fields(DeltaParameters)} - {"loads"}
+    assert all(set(load.dimensions) == set(load.names()) for load in FRICTION)
 
 
 @pytest.mark.parametrize("scale", SCALES, ids=str)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from deltaopt.errors import Infeasible, Unreachable
-from deltaopt.limits.limit import Bounds
+from deltaopt.limits.limit import Bounds, Limit
 from deltaopt.motion.time_scaling import safe_factor
 from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
 from deltaopt.planning.first_motions.initial_motion import baseline, straight_line
@@ -20,7 +20,6 @@ from deltaopt.robot.model import DeltaModel
 from deltaopt.scene import scene as scenes
 from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.scene import Limits, load_scene
-from deltaopt.verify import verification
 from deltaopt.verify.measures import MeasuredMotion
 from deltaopt.verify.verification import Verification, verify
 
@@ -153,15 +152,13 @@ def test_distances_to_singularities():
 
 
 @dataclass(frozen=True)
-class Acceleration:
+class Acceleration(Limit):
     """A limit that the package does not know: the acceleration of the platform, m/s²."""
 
     name = "platform acceleration"
     unit = "m/s²"
     subject = "platform"
     order = 2
-    key = None
-    promised = True
 
     def items(self, scene):
         return [(10.0,)]
@@ -179,7 +176,6 @@ class Acceleration:
 def test_a_new_limit_is_verified_as_it_is(monkeypatch):
     """Measured, bounded, written and printed; slowing reckons with it; no fit of costates."""
     monkeypatch.setattr(scenes, "LIMITS", (*scenes.LIMITS, Acceleration()))
-    monkeypatch.setattr(verification, "LIMITS", scenes.LIMITS)
     scenes.limits_of.cache_clear()
     try:
         found = verify(SCENE, LINE)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
+from typing import Any
 
 import casadi as ca
 
@@ -18,7 +19,8 @@ def as_printed(mechanism: Mechanism, terms: DeltaParameters) -> Mechanism:
     """Return the Delta ``mechanism`` with the paper's expressions for M, Q̂* and Q; ``terms``: the
     parameters it has."""
     given = {x.name: getattr(mechanism, x.name) for x in fields(Mechanism)}
-    symbols = dict(zip(terms.present(), ca.vertsplit(mechanism.parameters), strict=True))
+    values = ca.vertsplit(mechanism.parameters)
+    symbols: dict[str, Any] = dict(zip(terms.present(), values, strict=True))
     return _Printed(**given, letters=replace(terms, **symbols))
 
 

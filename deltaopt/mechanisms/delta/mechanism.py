@@ -6,13 +6,14 @@ q_{k,1} (arm), q_{k,2} and q_{k,3} (bars of the parallelogram).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from math import cos, pi, sin
 
 import casadi as ca
 
 from deltaopt.dynamics.constraint_matrix import Partition
-from deltaopt.dynamics.mechanism import SX, Body, Effort, Mechanism
+from deltaopt.dynamics.mechanism import SX, Body, Effort, Mechanism, Most
+from deltaopt.mechanisms.delta.arm_loads import ArmLoad
 
 AZIMUTHS = (0.0, 2 * pi / 3, -2 * pi / 3)
 """The azimuths φ_k of the chains, rad."""
@@ -32,9 +33,9 @@ class DeltaParameters:
 
     Beyond the paper: ``b1``, ``b2``: centre of mass of the arm, along the line from shaft to elbow
     and across it, positive where a positive turn moves it, m; None for a₂ and 0. ``g_y``, ``g_z``:
-    horizontal components of gravity, m/s². ``viscous``: friction at the arm, N·m·s/rad;
-    ``coulomb``: N·m, times tanh (θ̇ / ``coulomb_speed``), rad/s. ``tool_x``, ``tool_y``,
-    ``tool_z``: from the platform's centre to the tool's point, m; then x is the tool's point.
+    horizontal components of gravity, m/s². ``loads``: of every arm, with parameters of their own.
+    ``tool_x``, ``tool_y``, ``tool_z``: from the platform's centre to the tool's point, m; then x is
+    the tool's point.
     """
 
     a1: SX | float
@@ -54,9 +55,7 @@ class DeltaParameters:
     g_z: SX | float | None = None
     b1: SX | float | None = None
     b2: SX | float | None = None
-    viscous: SX | float | None = None
-    coulomb: SX | float | None = None
-    coulomb_speed: SX | float | None = None
+    loads: tuple[ArmLoad, ...] = ()
     tool_x: SX | float | None = None
     tool_y: SX | float | None = None
     tool_z: SX | float | None = None
@@ -80,35 +79,46 @@ class DeltaParameters:
         """Position of the platform's centre, 3, m, with the tool's point at x."""
         return x if self.tool is None else x - self.tool
 
-    def friction(self, dtheta: SX) -> SX | None:
-        """Torque that friction takes at an arm's speed, N·m; None if there is none."""
-        parts = []
-        if self.viscous is not None:
-            parts.append(self.viscous * dtheta)
-        if self.coulomb is not None and self.coulomb_speed is not None:
-            parts.append(self.coulomb * ca.tanh(dtheta / self.coulomb_speed))
+    def load(self, angle: SX, speed: SX) -> SX | None:
+        """Torque that is taken at an arm's angle and speed, N·m; None if there is none."""
+        parts = [load.torque(angle, speed) for load in self.loads]
         return sum(parts, SX(0)) if parts else None
+
+    def most_load(self) -> Most:
+        """The most that loads give to an arm and take."""
+        return sum((load.most() for load in self.loads), Most())
 
     def present(self) -> list[str]:
         """Names of the parameters the model has, in the order of ``Mechanism.parameters``."""
-        return [f.name for f in fields(self) if getattr(self, f.name) is not None]
+        return list(self._named())
 
     def terms(self) -> DeltaTerms:
         """The terms of a model with these parameters, which must be numbers."""
-        return DeltaTerms(tuple(self.present()), self.I42 is None and bool(self.I41 == self.I43))
+        slender = self.I42 is None and bool(self.I41 == self.I43)
+        return DeltaTerms(tuple(self.present()), slender, tuple(map(type, self.loads)))
 
     def symbols(self) -> DeltaParameters:
         """The same parameters as free symbols."""
-        return replace(self, **{name: SX.sym(name) for name in self.present()})
+        return DeltaTerms(tuple(self.present()), False, tuple(map(type, self.loads))).symbols()
 
     def values(self) -> list[float]:
         """The values of the parameters the model has."""
-        return [float(getattr(self, name)) for name in self.present()]
+        return [float(value) for value in self._named().values()]
 
     def vector(self) -> SX:
         """The parameters the model has, as a column."""
-        stacked: SX = ca.vertcat(*(SX(getattr(self, name)) for name in self.present()))
+        stacked: SX = ca.vertcat(*map(SX, self._named().values()))
         return stacked
+
+    def _named(self) -> dict[str, SX | float]:
+        """The parameters the model has, by name."""
+        named = dict[str, SX | float]()
+        for name, value in ((each.name, getattr(self, each.name)) for each in fields(self)):
+            if name == "loads":
+                named |= {own: getattr(load, own) for load in value for own in load.names()}
+            elif value is not None:
+                named[name] = value
+        return named
 
 
 _OF_THE_PAPER = {"a1", "a2", "a3", "a4", "m1", "m2", "m3", "m4", "I33", "I41", "I42", "I43", "g"}
@@ -127,14 +137,18 @@ class DeltaTerms:
 
     ``names``: of its parameters, in the order of ``Mechanism.parameters``. ``slender``: whether the
     moments of inertia of the bars are equal about both transverse axes and zero about their own.
+    ``loads``: of the arms.
     """
 
     names: tuple[str, ...]
     slender: bool
+    loads: tuple[type[ArmLoad], ...] = ()
 
     def symbols(self) -> DeltaParameters:
         """The parameters as free symbols."""
-        return DeltaParameters(**{name: SX.sym(name) for name in self.names})
+        of_loads = {name for load in self.loads for name in load.names()}
+        own = {name: SX.sym(name) for name in self.names if name not in of_loads}
+        return DeltaParameters(**own, loads=tuple(load.symbols() for load in self.loads))
 
 
 def delta(parameters: DeltaParameters) -> Mechanism:
@@ -150,8 +164,9 @@ def delta(parameters: DeltaParameters) -> Mechanism:
     for k, azimuth in enumerate(AZIMUTHS):
         qk, dqk = q[3 + 3 * k : 6 + 3 * k], dq[3 + 3 * k : 6 + 3 * k]
         bodies += [_arm(p, k, azimuth, qk, dqk), _bars(p, k, azimuth, qk, dqk)]
-        friction = p.friction(dqk[0])
-        efforts.append(Effort(tau[k] if friction is None else tau[k] - friction, dqk[0]))
+        load = p.load(qk[0], dqk[0])
+        value = tau[k] if load is None else tau[k] - load
+        efforts.append(Effort(value, dqk[0], p.most_load()))
         closures.append(p.platform_at(platform) - _in_base(azimuth, *_tip(p, qk)))
 
     holonomic = ca.vertcat(*closures)  # eq. (50)-(52)

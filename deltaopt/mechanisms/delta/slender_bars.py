@@ -106,8 +106,8 @@ class _Chain:
         alpha, beta = p.m4 / 4 + across, p.m4 / 4 - across
         inertia = p.I33 + self._distance2 * p.m3 + (2 * p.a2) ** 2 * alpha
         u_a = self.u_d * self.a.d + self.u_o * self.a.o
-        friction = p.friction(self.dtheta)
-        moment = tau if friction is None else tau - friction
+        load = p.load(ca.atan2(-self.E_d, self.E_o), self.dtheta)
+        moment = tau if load is None else tau - load
         moment = moment - inertia * self.ddtheta - beta * u_a  # Q*_θ + Q_θ
         dv_E_d = self.u_d * self.ddtheta - self.E_d * self.w2
         dv_E_o = self.u_o * self.ddtheta - self.E_o * self.w2

@@ -217,9 +217,9 @@ def can_be_held(constraints: Constraints) -> bool:
     """Whether the arcs of a switching structure can hold these limits: bounds on each control, and
     for each motor at most one limit of its velocity and one of its position."""
     m = constraints.motors
-    controls = constraints.is_control[constraints.orders == 2]
-    states = (len(constraints.of_order(order)) for order in (0, 1))
-    return bool(controls.all()) and len(controls) == m and set(states) <= {0, m}
+    states = [len(constraints.of_order(order)) for order in (0, 1)]
+    controls = int(constraints.is_control.sum())
+    return controls == m == constraints.number - sum(states) and set(states) <= {0, m}
 
 
 def holdable(constraints: Constraints) -> tuple[int, ...]:

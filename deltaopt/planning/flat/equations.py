@@ -58,9 +58,9 @@ class PointEquations:
         rows = constraints.rows(motion, p.limits)
         rows[np.flatnonzero(constraints.is_control).tolist()] = y[9:12]  # in units of their limits
         saturating, strengths = ca.SX(0, 1), ca.SX(0, 1)
-        if terms.coulomb is not None and terms.coulomb_speed is not None:
-            saturating = motion.dtheta / terms.coulomb_speed
-            strengths = terms.coulomb / p.torque
+        for speed, strength in filter(None, (load.layer() for load in terms.loads)):
+            saturating = ca.vertcat(saturating, motion.dtheta / speed)
+            strengths = ca.vertcat(strengths, strength / p.torque)
         return cls(
             constraints=constraints,
             y=y,

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.motion.trajectory import Trajectory
+from deltaopt.robot.model import delta_model
 from deltaopt.scene.scene import Scene
 
 Array = NDArray[np.float64]
@@ -74,13 +75,15 @@ def _with_friction_speed(scene: Scene, speed: float) -> Scene:
 def with_reversals(mesh: Array, motion: Trajectory, scene: Scene) -> Array:
     """A mesh, (N,), with knots where arms turn back in a motion of a scene, and at both ends.
 
-    The motion is of the mesh before. Without Coulomb friction it is the same mesh.
+    The motion is of the mesh before. It is the same mesh without a load of the arms that changes
+    its sign within a moment, as Coulomb friction does.
     """
-    friction = scene.robot.drive.friction
-    if friction is None or not friction.coulomb or friction.speed is None:
+    layers = (load.layer() for load in delta_model(scene.robot, scene.payload).numbers.loads)
+    speeds = [float(layer[0]) for layer in layers if layer is not None]
+    if not speeds:
         return mesh
     places, rates = _reversals(motion)
-    widths = friction.speed / np.maximum(rates, friction.speed / _LONGEST)
+    widths = min(speeds) / np.maximum(rates, min(speeds) / _LONGEST)
     knots = np.append(np.append(0.0, np.cumsum(mesh)[:-1]), 1.0)
     for i in np.argsort(widths):  # the quickest first: others find knots there
         if widths[i] >= _LONGEST:

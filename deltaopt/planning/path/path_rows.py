@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from deltaopt.codegen.vectorised import RowFunction
 from deltaopt.dynamics.lagrange import Explicit
+from deltaopt.errors import SceneError
 from deltaopt.limits.constraints import Constraints
 from deltaopt.mechanisms.delta.functions import delta_functions
 from deltaopt.mechanisms.delta.instant import PlatformInstant
@@ -102,10 +103,18 @@ class PathRows:
 
     @classmethod
     def of(cls, scene: Scene) -> PathRows:
-        """Those of a scene, without margins that only a planner of free paths keeps."""
+        """Those of a scene, without margins that only a planner of free paths keeps.
+
+        Raises SceneError for a limit that tangents do not bound: one curved in u from below.
+        """
         limits, model = limits_of(scene), delta_model(scene.robot, scene.payload)
         terms, constraints = model.functions.terms, limits.constraints
         curved = _curved(terms, constraints)
+        for row in kept_rows(constraints)[curved].tolist():
+            if constraints.sides[row, 0]:
+                name = constraints.label(row)
+                expected = f"no limit beside it that bounds {name} from below by a curved row"
+                raise SceneError(None, "path", scene.task.description, expected)
         return cls(
             model,
             _function(terms, constraints),
