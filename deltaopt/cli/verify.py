@@ -25,8 +25,8 @@ import numpy as np
 from deltaopt.cli.arguments import WrongUsage, add_json, kilograms
 from deltaopt.cli.plan import duty_table, singularities_table, table
 from deltaopt.cli.streams import print_json, say
-from deltaopt.errors import DeltaOptError, installed
-from deltaopt.output.foreign_table import ANGLES, ForeignTable, read_foreign_table
+from deltaopt.errors import installed
+from deltaopt.output.foreign_table import ANGLES, ForeignTable, UnreadableTable, read_foreign_table
 from deltaopt.output.mujoco_replay import MujocoReplay, replay_in_mujoco
 from deltaopt.output.saved_plan import load_plan
 from deltaopt.planning.trajectory_optimiser import RESOLVED_BELOW
@@ -137,7 +137,7 @@ def _measure(arguments: argparse.Namespace) -> int:
     trajectory.model.inverse_kinematics(ends)  # raises Unreachable
     away = ends[np.linalg.norm(ends - ends[0], axis=1).argmax()]
     if not (away != ends[0]).any():
-        raise DeltaOptError(f"{arguments.motion}: nothing moves in it")
+        raise UnreadableTable(f"{arguments.motion}: nothing moves in it")
     scene = Scene(robot=robot, payload=arguments.payload, start=tuple(ends[0]), goal=tuple(away))
     motion = MeasuredMotion.of(scene, trajectory)
     excesses = list(motion.excesses().values())
@@ -169,6 +169,8 @@ def _measure(arguments: argparse.Namespace) -> int:
 
 def _rows(arguments: argparse.Namespace, joints: Joints) -> ForeignTable:
     rows = read_foreign_table(arguments.motion)
+    if rows.unused:
+        say(f"columns that are not used: {', '.join(rows.unused)}")
     if arguments.controller == "cubic":
         rows = rows.without_accelerations()
     if arguments.controller == "quintic" and rows.accelerations is None:
