@@ -106,8 +106,6 @@ def run(arguments: argparse.Namespace) -> int:
     scene = load_scene(arguments.scene) if arguments.scene else saved.scene
     found = verify(scene, saved.trajectory)
     differences = _differences(arguments.motion, saved, None if arguments.scene else found.ok)
-    if arguments.scene:
-        say(_other_keys(saved.scene, scene))
     replay = replay_in_mujoco(saved.trajectory) if arguments.other else None
     if arguments.json:
         told = {"plan": str(arguments.motion), **found.as_dict(), "differences": differences}
@@ -137,13 +135,6 @@ def _differences(motion: Path, saved: SavedPlan, ok: bool | None) -> list[str]:
         off = table_difference(motion / TABLE, saved.trajectory)
         sentences += [f"{motion / TABLE}: {off}"] if off else []
     return sentences
-
-
-def _other_keys(planned: Scene, given: Scene) -> str:
-    """In which keys the scene that a plan was made for is not the one that is given."""
-    one, other = (each.model_dump(mode="json", exclude_none=True) for each in (planned, given))
-    keys = [key for key in one | other if one.get(key) != other.get(key)]
-    return f"keys that are others in the scene of the plan: {', '.join(keys) or 'none'}"
 
 
 def replay_lines(replay: MujocoReplay, found: Verification) -> list[str]:
