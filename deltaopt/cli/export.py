@@ -34,6 +34,7 @@ from deltaopt.cli.arguments import WrongUsage, folder, kilograms, positive
 from deltaopt.cli.streams import present, print_written
 from deltaopt.errors import DeltaOptError
 from deltaopt.files.output_folder import all_or_none
+from deltaopt.files.units import Quantity, WrongUnit
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.cam_tables import CamPieces, Cams, write_cams
 from deltaopt.output.joint_table import (
@@ -200,11 +201,9 @@ def _rows(text: str) -> Rows:
     """Where a table has rows, for argparse: own-knots, or a time with a unit."""
     if text == "own-knots":
         return OwnKnots()
-    number = text.removesuffix("s").rstrip()
-    scale = {"m": 1e-3, "µ": 1e-6, "u": 1e-6}.get(number[-1:], 1.0)
     try:
-        cycle = float(number.rstrip("mµu")) * scale
-    except ValueError:
+        cycle = positive(str(Quantity("s").in_si(text)))
+    except (WrongUnit, argparse.ArgumentTypeError):
         cycle = 0.0
     if not (text.endswith("s") and 1e-6 <= cycle <= 10):
         expected = "own-knots or a time from 1us to 10s, such as 1ms"
@@ -298,8 +297,8 @@ def _controllers_table(arguments: argparse.Namespace) -> tuple[JointTable, Robot
     found = checked_table(*given)
     if not (found.demand.kept or arguments.anyway):
         kept = table_within_limits(*given)
-        extra = kept.slowed / found.slowed - 1
-        _require_cheap(plan, arguments, found.sentence, extra, lambda: _remedies(kept, *given))
+        if not _may_slow(plan, arguments, kept.slowed / found.slowed - 1):
+            raise _refusal(found.sentence, _remedies(plan.scene, trajectory, kept))
         found = kept
     duration = float(found.table.t[-1] - found.table.t[0])
     slowed = duration / plan.duration
@@ -325,46 +324,34 @@ def _verified(file: Path, arguments: argparse.Namespace) -> tuple[SavedPlan, Tra
         cured = found.safe_duration if beyond <= set(found.excesses) else None
         needed = (cured or inf) / plan.duration
     if needed > slower and not arguments.anyway:
-        asks = f"{file}: {'; '.join(remarks)}"
-        price = [f"--keep-limits ({100 * (needed - 1):.2g} % slower)"]
-        _require_cheap(plan, arguments, asks, needed / slower - 1, lambda: price)
+        if not _may_slow(plan, arguments, needed / slower - 1):
+            price = [f"--keep-limits ({100 * (needed - 1):.2g} % slower)"]
+            raise _refusal(f"{file}: {'; '.join(remarks)}", price if isfinite(needed) else [])
         slower = needed
     return plan, plan.trajectory.slowed(slower), remarks if needed > slower else []
 
 
-def _require_cheap(
-    plan: SavedPlan,
-    arguments: argparse.Namespace,
-    asks: str,
-    extra: float,
-    remedies: Callable[[], list[str]],
-) -> None:
-    """Raise BeyondLimits if slowing a motion by a share ``extra`` does not make it keep its limits,
-    or is not done unasked: by more than ``_UNASKED``, or at all where an end moves."""
-    at_rest = plan.scene.task.is_at_rest
-    if isfinite(extra) and (arguments.keep_limits or (at_rest and extra <= _UNASKED)):
-        return
-    words = [asks, "nothing is written"]
-    if isfinite(extra):
-        words += [f"remedies, the cheapest first: {', '.join(remedies())}"]
-        words += [] if at_rest else [_LATE]
-    raise BeyondLimits("; ".join([*words, "--anyway writes it, with this in the file's head"]))
+def _may_slow(plan: SavedPlan, arguments: argparse.Namespace, extra: float) -> bool:
+    """Whether a motion may be slowed by a share ``extra``, more than 0, to keep its limits: not
+    unasked by more than ``_UNASKED``, nor at all where an end moves."""
+    unasked = _UNASKED if plan.scene.task.is_at_rest else 0.0
+    return isfinite(extra) and (arguments.keep_limits or extra <= unasked)
 
 
-def _remedies(
-    kept: CheckedTable,
-    scene: Scene,
-    trajectory: Trajectory,
-    rows: Rows,
-    interpolation: Interpolation,
-) -> list[str]:
+def _refusal(asks: str, remedies: list[str]) -> BeyondLimits:
+    advice = f"; remedies, the cheapest first: {', '.join(remedies)}" if remedies else ""
+    insist = "--anyway writes it, with this in the file's head"
+    return BeyondLimits(f"{asks}; nothing is written{advice}; {insist}")
+
+
+def _remedies(scene: Scene, trajectory: Trajectory, kept: CheckedTable) -> list[str]:
     """Tables that keep the limits and cost no more than ``kept``, with their prices."""
-    of_plc = interpolation.name == "cam"
-    hows = [how for how in INTERPOLATIONS.values() if (how.name == "cam") == of_plc]
+    of_plc = kept.interpolation.name == "cam"
     found = [
-        table_within_limits(scene, trajectory, each, how)
-        for each in dict.fromkeys((OwnKnots(), rows))
-        for how in hows
+        table_within_limits(scene, trajectory, rows, how)
+        for rows in dict.fromkeys((OwnKnots(), kept.rows))
+        for how in INTERPOLATIONS.values()
+        if (how.name == "cam") == of_plc
     ]
     found = sorted((each for each in found if each.slowed <= kept.slowed), key=lambda e: e.slowed)
     return [
@@ -372,4 +359,4 @@ def _remedies(
         + f"--cycle {each.rows.name} --keep-limits "
         f"({len(each.table.t)} rows, {100 * (each.slowed - 1):.2g} % slower)"
         for each in found
-    ]
+    ] + ([] if scene.task.is_at_rest else [_LATE])

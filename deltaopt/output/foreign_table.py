@@ -7,7 +7,7 @@ smoothest cubic through its rows.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, takewhile
 from pathlib import Path
@@ -21,6 +21,7 @@ from deltaopt.output.joint_table import Cubic, JointTable, Quintic, platform_mot
 from deltaopt.robot.joints import Joints
 from deltaopt.robot.model import DeltaModel
 
+Turn = Callable[[Array], Array]
 ANGLES = ("theta1", "theta2", "theta3")
 POSITION = ("x", "y", "z")
 _RATES = {ANGLES: ("d", "dd"), POSITION: ("v", "a")}
@@ -67,26 +68,20 @@ class ForeignTable:
 
     def in_radians(self, per_radian: float) -> ForeignTable:
         """A table of angles whose unit is 1/per_radian rad."""
-        if self.quantity != ANGLES:
-            return self
-        return replace(
-            self,
-            values=self.values / per_radian,
-            rates=None if self.rates is None else self.rates / per_radian,
-            accelerations=None if self.accelerations is None else self.accelerations / per_radian,
-        )
+        return self._turned(lambda angles: angles / per_radian, lambda rates: rates / per_radian)
 
     def from_controller(self, joints: Joints) -> ForeignTable:
         """A table of a controller's angles in the model's."""
+        return self._turned(joints.angle_from_controller, joints.rate_from_controller)
+
+    def _turned(self, angle: Turn, rate: Turn) -> ForeignTable:
+        """With other angles, if they are angles, and other rates of them."""
         if self.quantity != ANGLES:
             return self
-        turned = joints.rate_from_controller
-        return replace(
-            self,
-            values=joints.angle_from_controller(self.values),
-            rates=None if self.rates is None else turned(self.rates),
-            accelerations=None if self.accelerations is None else turned(self.accelerations),
+        rates, accelerations = (
+            None if each is None else rate(each) for each in (self.rates, self.accelerations)
         )
+        return replace(self, values=angle(self.values), rates=rates, accelerations=accelerations)
 
     def trajectory(self, model: DeltaModel) -> Trajectory:
         """The motion of a robot's tool's point that follows the table.
@@ -106,13 +101,11 @@ class ForeignTable:
         return Trajectory(Quintic()(JointTable(pieces.knots[interval] + since, *motion)), model)
 
     def _pieces(self) -> PiecewisePolynomial:
-        rates = self.rates
-        if rates is None:
-            rates = _spline_rates(self.t, self.values)
-        table = JointTable(self.t, self.values, rates, np.zeros_like(rates))
         if self.accelerations is None:
-            return Cubic()(table)
-        return Quintic()(JointTable(self.t, self.values, rates, self.accelerations))
+            rates = _spline_rates(self.t, self.values) if self.rates is None else self.rates
+            return Cubic()(JointTable(self.t, self.values, rates, np.zeros_like(rates)))
+        assert self.rates is not None
+        return Quintic()(JointTable(self.t, self.values, self.rates, self.accelerations))
 
 
 def read_foreign_table(file: Path) -> ForeignTable:

@@ -195,16 +195,14 @@ def test_a_plan_against_a_scene_of_ones_own(saved, tmp_path, capsys):
     text = (PROBLEMS / "pick_and_place.yaml").read_text(encoding="utf-8")
     text = text.replace("robots/", f"{PROBLEMS}/robots/")
     scene = tmp_path / "scene.yaml"
-    for change, code, keys, words in (
-        (("", ""), 0, "none", ""),
-        (("torque: 10", "torque: 9"), 1, "limits", "torque .* too much|exceed"),
-        (("payload: 1.0", "payload: 1.5"), 1, "payload", "torque"),
-        (("0.10, 0.0]", "0.09, 0.0]"), 1, "goal", "it ends 0.01 m from the scene's goal"),
+    for change, code, words in (
+        (("", ""), 0, "^$"),
+        (("torque: 10", "torque: 9"), 1, "torque of motor 1 exceeds its limit by 11.1"),
+        (("payload: 1.0", "payload: 1.5"), 1, "torque"),
+        (("0.10, 0.0]", "0.09, 0.0]"), 1, "it ends 0.01 m from the scene's goal"),
     ):
         scene.write_text(text.replace(*change), encoding="utf-8")
         assert main(["verify", str(saved[1]), "--scene", str(scene)]) == code
-        said = capsys.readouterr().err
-        assert f"others in the scene of the plan: {keys}\n" in said
-        assert re.search(words, said)
+        assert re.search(words, capsys.readouterr().err)
     table = str(saved[1] / "trajectory.csv")
     assert main(["verify", table, "--robot", str(ORSINO), "--scene", str(scene)]) == 2
