@@ -19,6 +19,8 @@ from deltaopt.cli.streams import discard, flush, print_any_text, say
 from deltaopt.errors import DeltaOptError, SceneError, on_one_line
 from deltaopt.files.version import __version__
 from deltaopt.interrupts.requests import Stopped, ignore_requests, requests_raised
+from deltaopt.output.foreign_table import UnreadableTable
+from deltaopt.output.saved_plan import UnreadablePlan
 
 
 class Parser(argparse.ArgumentParser):
@@ -136,7 +138,7 @@ def exit_code(run: Callable[[], int]) -> int:
                 return run()
             finally:
                 flush()
-    except (SceneError, WrongUsage) as error:
+    except (SceneError, WrongUsage, UnreadablePlan, UnreadableTable) as error:
         return _failed(2, str(error))
     except DeltaOptError as error:
         return _failed(1, str(error))

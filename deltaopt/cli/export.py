@@ -13,7 +13,12 @@ polynomials of its own: cubic ones from angles and speeds, or quintic ones from 
 What that asks of the motors is computed and printed. Rows at the plan's own knots keep its limits
 nearly to the last digit; rows at equal steps hide where torques jump.
 
-Exit code: 0 written; 1 no table can be made; 2 bad input.
+What is written keeps every limit: a motion is slowed by a thousandth at most for that, or nothing
+is written and the remedies are named, each with its price. --keep-limits pays any price, --anyway
+none: what is then beyond a limit stands in the head of the file, as does what verification finds
+wrong with the plan.
+
+Exit code: 0 written; 1 beyond a limit, nothing written; 2 bad input.
 """
 
 from __future__ import annotations
@@ -21,14 +26,19 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 from dataclasses import replace
+from math import inf, isfinite
 from pathlib import Path
 
-from deltaopt.cli.arguments import folder, kilograms, positive
+from deltaopt.cli.arguments import WrongUsage, folder, kilograms, positive
 from deltaopt.cli.streams import present, print_written
+from deltaopt.errors import DeltaOptError
 from deltaopt.files.atomic_write import require_replaceable
 from deltaopt.files.output_folder import all_or_none
+from deltaopt.files.units import Misread, Quantity
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.cam_tables import CamPieces, Cams, write_cams
 from deltaopt.output.joint_table import (
+    CheckedTable,
     Cubic,
     Cycles,
     Interpolation,
@@ -48,7 +58,9 @@ from deltaopt.output.table_files import (
     write_ros2_yaml,
     write_table,
 )
-from deltaopt.robot.robot import load_robot
+from deltaopt.robot.robot import Robot, load_robot
+from deltaopt.scene.scene import Scene
+from deltaopt.verify.verification import verify
 
 HELP = "write a plan for a controller, or a robot's model in C or for MuJoCo"
 
@@ -59,6 +71,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "c", help="delta.h, delta.c and test_delta.c, of a plan plan.h and plan.c too: plain C99"
     )
     c.add_argument("of", type=Path, metavar="ROBOT|PLAN", help="robot file, or folder of a plan")
+    _add_speed(c)
     c.add_argument(
         "-o", "--output", type=folder, default=Path("out/c"), metavar="DIR", help="default: out/c"
     )
@@ -121,8 +134,25 @@ def _add_table(parser: argparse.ArgumentParser, output: Path, kind: str) -> None
         metavar="TIME",
         help='time between rows, such as 1ms; or "own-knots" (default)',
     )
+    _add_speed(parser)
     parser.add_argument(
-        "--keep-limits", action="store_true", help="slow the motion until no limit is exceeded"
+        "-o", "--output", type=folder, default=output, metavar=kind, help=f"default: {output}"
+    )
+
+
+def _add_speed(parser: argparse.ArgumentParser) -> None:
+    """Add how slow a plan is to be, and what to do about limits."""
+    either = parser.add_mutually_exclusive_group()
+    either.add_argument(
+        "--keep-limits",
+        action="store_true",
+        help="slow a plan until no limit is exceeded, however much that takes (default: by a "
+        "thousandth at most, otherwise nothing is written)",
+    )
+    either.add_argument(
+        "--anyway",
+        action="store_true",
+        help="write a plan although it is beyond a limit or not verified; the file's head says so",
     )
     parser.add_argument(
         "--slower",
@@ -130,9 +160,6 @@ def _add_table(parser: argparse.ArgumentParser, output: Path, kind: str) -> None
         default=1.0,
         metavar="FACTOR",
         help="the plan's path so many times as slow, 3 for a first run (default: 1)",
-    )
-    parser.add_argument(
-        "-o", "--output", type=folder, default=output, metavar=kind, help=f"default: {output}"
     )
 
 
@@ -157,17 +184,26 @@ INTERPOLATIONS: dict[str, Interpolation] = {
     each.name: each for each in (Cubic(), Quintic(), CamPieces())
 }
 UNITS = {"rad": RADIANS, "deg": DEGREES}
+_UNASKED = 1e-3
+"""Share by which a motion is slowed without being asked, so that it keeps its limits: as much as a
+plan may be longer than the optimum by default."""
+_LATE = (
+    "an end moves, and slowed the motion meets it too late and too slowly: plan with tighter "
+    "limits instead"
+)
+
+
+class BeyondLimits(DeltaOptError):
+    """A plan, or its table, asks for more than its limits, and nobody has insisted."""
 
 
 def _rows(text: str) -> Rows:
     """Where a table has rows, for argparse: own-knots, or a time with a unit."""
     if text == "own-knots":
         return OwnKnots()
-    number = text.removesuffix("s").rstrip()
-    scale = {"m": 1e-3, "µ": 1e-6, "u": 1e-6}.get(number[-1:], 1.0)
     try:
-        cycle = float(number.rstrip("mµu")) * scale
-    except ValueError:
+        cycle = positive(str(Quantity("s").in_si(text)))
+    except (Misread, argparse.ArgumentTypeError):
         cycle = 0.0
     if not (text.endswith("s") and 1e-6 <= cycle <= 10):
         expected = "own-knots or a time from 1us to 10s, such as 1ms"
@@ -185,7 +221,10 @@ def _c(arguments: argparse.Namespace) -> int:
     folder = arguments.output
     before = present(folder)
     if _is_plan(arguments.of):
-        print_written(export_plan_c(load_plan(arguments.of).trajectory, folder), before)
+        _, trajectory, remarks = _verified(arguments.of, arguments)
+        print_written(export_plan_c(trajectory, folder, remarks), before)
+    elif arguments.keep_limits or arguments.anyway or arguments.slower != 1:
+        raise WrongUsage("--keep-limits, --anyway and --slower are for a PLAN, which moves")
     else:
         print_written(export_c(load_robot(arguments.of), folder), before)
     return 0
@@ -224,23 +263,23 @@ def _write_text(file: Path, text: str) -> None:
 
 
 def _table(arguments: argparse.Namespace) -> int:
-    table, unit = _controllers_table(arguments), UNITS[arguments.unit]
+    (table, _), unit = _controllers_table(arguments), UNITS[arguments.unit]
     return _write(arguments.output, lambda file: write_table(file, table, unit))
 
 
 def _cam(arguments: argparse.Namespace) -> int:
-    plan, folder = _slower_plan(arguments), arguments.output
+    table, robot = _controllers_table(arguments)
+    folder = arguments.output
     before = present(folder)
-    table = of_controller(_checked(plan, arguments), plan.scene.robot)
     cams = Cams.of(table, UNITS[arguments.unit], arguments.master_speed)
     way = f"{cams.master[-1]:.6g} units of the master axis"
     print(f"{len(cams.master)} points of each cam, over {way}")
-    print_written(write_cams(folder, cams, plan.scene.robot.name), before)
+    print_written(write_cams(folder, cams, robot.name), before)
     return 0
 
 
 def _ros2(arguments: argparse.Namespace) -> int:
-    table, joints = _controllers_table(arguments), tuple(arguments.joints)
+    (table, _), joints = _controllers_table(arguments), tuple(arguments.joints)
     output: Path = arguments.output
     if output.suffix in (".yaml", ".yml"):
         return _write(output, lambda file: write_ros2_yaml(file, table, joints))
@@ -249,49 +288,74 @@ def _ros2(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _controllers_table(arguments: argparse.Namespace) -> JointTable:
-    """The table of a saved plan in its controller's angles."""
-    plan = _slower_plan(arguments)
-    return of_controller(_checked(plan, arguments), plan.scene.robot)
-
-
-def _slower_plan(arguments: argparse.Namespace) -> SavedPlan:
-    """The saved plan, so many times as slow as is asked for."""
-    plan = load_plan(arguments.plan)
-    return replace(plan, trajectory=plan.trajectory.slowed(arguments.slower))
-
-
-def _checked(plan: SavedPlan, arguments: argparse.Namespace) -> JointTable:
-    """The table, after saying what its interpolation asks for, and the remedy."""
-    make = table_within_limits if arguments.keep_limits else checked_table
-    found = make(plan.scene, plan.trajectory, arguments.cycle, INTERPOLATIONS[arguments.controller])
-    demand, duration = found.demand, found.table.t[-1] - found.table.t[0]
-    slowed = found.slowed * arguments.slower
+def _controllers_table(arguments: argparse.Namespace) -> tuple[JointTable, Robot]:
+    """The table of a saved plan in its controller's angles, with remarks on what is wrong,
+    after saying what it asks for; and the robot. Raises BeyondLimits."""
+    plan, trajectory, remarks = _verified(arguments.plan, arguments)
+    given = plan.scene, trajectory, arguments.cycle, INTERPOLATIONS[arguments.controller]
+    found = checked_table(*given)
+    if not (found.demand.kept or arguments.anyway):
+        kept = table_within_limits(*given)
+        if not _may_slow(plan, arguments, kept.slowed / found.slowed - 1):
+            raise _refusal(found.sentence, _remedies(plan.scene, trajectory, kept))
+        found = kept
+    duration = float(found.table.t[-1] - found.table.t[0])
+    slowed = duration / plan.duration
     print(f"{len(found.table.t)} rows, {duration:.6g} s, {slowed:.6g} times the plan's duration")
-    most = f"{demand.share:.6g} of what {demand.subject}'s {demand.limit} may be"
-    print(f"{found.interpolation.name} interpolation asks for {most}, at {demand.t:.6g} s")
-    if not plan.scene.task.is_at_rest and slowed != 1:
-        print(
-            "an end moves, and slowed the motion meets it too late and too slowly: plan with "
-            "tighter limits instead"
-        )
-    if not demand.kept:
-        print(_remedy(plan, arguments))
-    return found.table
+    print(found.sentence)
+    if not found.demand.kept:
+        remarks.append(found.sentence)
+    if not plan.scene.task.is_at_rest and abs(slowed - 1) > 1e-12:
+        print(_LATE)
+        remarks.append(_LATE)
+    table = replace(found.table, remarks=tuple(remarks))
+    return of_controller(table, plan.scene.robot), plan.scene.robot
 
 
-def _remedy(plan: SavedPlan, arguments: argparse.Namespace) -> str:
-    """What helps against a table that asks for too much."""
-    kept = table_within_limits(
-        plan.scene, plan.trajectory, arguments.cycle, INTERPOLATIONS[arguments.controller]
-    )
-    slower = (
-        f"--keep-limits slows the plan by {100 * (kept.slowed - 1):.2g} %, and no limit is exceeded"
-    )
-    if isinstance(arguments.cycle, OwnKnots):
-        return f"remedy: {slower}"
-    best = INTERPOLATIONS["cam"] if arguments.controller == "cam" else Quintic()
-    own = checked_table(plan.scene, plan.trajectory, OwnKnots(), best)
-    how = "" if arguments.controller == best.name else f"--controller {best.name} "
-    knots = f"{how}--cycle own-knots asks for {own.demand.share:.6g}"
-    return f"remedy: {knots}, with {len(own.table.t)} rows; or {slower}"
+def _verified(file: Path, arguments: argparse.Namespace) -> tuple[SavedPlan, Trajectory, list[str]]:
+    """A saved plan, its motion so many times as slow as is asked for, and what is wrong with it: of
+    what slowing cures only with --anyway. Raises BeyondLimits."""
+    plan = load_plan(file)
+    found = verify(plan.scene, plan.trajectory)
+    remarks, slower, needed = found.failures(), arguments.slower, 0.0
+    if remarks:
+        beyond = {check.bound.measure for check in found.checks() if not check.ok}
+        cured = found.safe_duration if beyond <= set(found.excesses) else None
+        needed = (cured or inf) / plan.duration
+    if needed > slower and not arguments.anyway:
+        if not _may_slow(plan, arguments, needed / slower - 1):
+            price = [f"--keep-limits ({100 * (needed - 1):.2g} % slower)"]
+            raise _refusal(f"{file}: {'; '.join(remarks)}", price if isfinite(needed) else [])
+        slower = needed
+    return plan, plan.trajectory.slowed(slower), remarks if needed > slower else []
+
+
+def _may_slow(plan: SavedPlan, arguments: argparse.Namespace, extra: float) -> bool:
+    """Whether a motion may be slowed by a share ``extra``, more than 0, to keep its limits: not
+    unasked by more than ``_UNASKED``, nor at all where an end moves."""
+    unasked = _UNASKED if plan.scene.task.is_at_rest else 0.0
+    return isfinite(extra) and (arguments.keep_limits or extra <= unasked)
+
+
+def _refusal(asks: str, remedies: list[str]) -> BeyondLimits:
+    advice = f"; remedies, the cheapest first: {', '.join(remedies)}" if remedies else ""
+    insist = "--anyway writes it, with this in the file's head"
+    return BeyondLimits(f"{asks}; nothing is written{advice}; {insist}")
+
+
+def _remedies(scene: Scene, trajectory: Trajectory, kept: CheckedTable) -> list[str]:
+    """Tables that keep the limits and cost no more than ``kept``, with their prices."""
+    of_plc = kept.interpolation.name == "cam"
+    found = [
+        table_within_limits(scene, trajectory, rows, how)
+        for rows in dict.fromkeys((OwnKnots(), kept.rows))
+        for how in INTERPOLATIONS.values()
+        if (how.name == "cam") == of_plc
+    ]
+    found = sorted((each for each in found if each.slowed <= kept.slowed), key=lambda e: e.slowed)
+    return [
+        ("" if of_plc else f"--controller {each.interpolation.name} ")
+        + f"--cycle {each.rows.name} --keep-limits "
+        f"({len(each.table.t)} rows, {100 * (each.slowed - 1):.2g} % slower)"
+        for each in found
+    ] + ([] if scene.task.is_at_rest else [_LATE])

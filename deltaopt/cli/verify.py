@@ -1,21 +1,24 @@
 """Verify a saved plan again, or measure a table that someone else made.
 
 PLAN is a folder that "deltaopt plan" wrote, or its plan.json: the motion is verified as when it was
-planned. TABLE.csv has a header with t (s) and theta1, theta2, theta3 (rad, or --unit deg) or x, y,
-z (m), at any rate, with rates (dtheta1, vx) and accelerations (ddtheta1, ax) if they are known. It
-is interpolated as a controller does, and measured: limits, duty of the motors, singularities. No
-scene file is needed, only a robot.
+planned, or with --scene against a scene file. What plan.json says, and in a folder trajectory.csv,
+must be as they were written and as the motion is.
+
+TABLE.csv has a header with t (s) and theta1, theta2, theta3 (rad, or --unit deg) or x, y, z (m), at
+any rate, with rates (dtheta1, vx) and accelerations (ddtheta1, ax) if they are known. It is
+interpolated as a controller does, and measured: limits, duty of the motors, singularities. No scene
+file is needed, only a robot.
 
 With --with mujoco a plan's torques, and nothing else, drive the robot in MuJoCo, for ever shorter
 steps: where do they lead, and does that converge to the goal?
 
-Exit code: 0 it keeps every limit, and a plan arrives (in MuJoCo too); 1 not so; 2 bad input.
+Exit code: 0 it keeps every limit, and a plan arrives (in MuJoCo too) and its files agree; 1 not so;
+2 bad input.
 """
 
 from __future__ import annotations
 
 import argparse
-import sys
 from dataclasses import asdict
 from math import pi
 from pathlib import Path
@@ -25,15 +28,21 @@ import numpy as np
 from deltaopt.cli.arguments import WrongUsage, add_json, kilograms
 from deltaopt.cli.plan import duty_table, singularities_table, table
 from deltaopt.cli.streams import print_json, say
-from deltaopt.errors import DeltaOptError, installed
-from deltaopt.output.foreign_table import ANGLES, ForeignTable, read_foreign_table
+from deltaopt.errors import installed
+from deltaopt.output.foreign_table import ANGLES, ForeignTable, UnreadableTable, read_foreign_table
 from deltaopt.output.mujoco_replay import MujocoReplay, replay_in_mujoco
-from deltaopt.output.saved_plan import load_plan
+from deltaopt.output.plan_files import RECORD, TABLE
+from deltaopt.output.saved_plan import (
+    SavedPlan,
+    load_plan,
+    record_differences,
+    table_difference,
+)
 from deltaopt.planning.trajectory_optimiser import RESOLVED_BELOW
 from deltaopt.robot.joints import Joints
 from deltaopt.robot.model import delta_model
 from deltaopt.robot.robot import load_robot
-from deltaopt.scene.scene import Scene
+from deltaopt.scene.scene import Scene, load_scene
 from deltaopt.verify.measures import Excess, MeasuredMotion
 from deltaopt.verify.verification import EXCESS, Verification, verify
 
@@ -45,6 +54,12 @@ _PER_RADIAN = {"rad": 1.0, "deg": 180 / pi}
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "motion", type=Path, metavar="PLAN|TABLE.csv", help="folder of a plan, or a table"
+    )
+    parser.add_argument(
+        "--scene",
+        type=Path,
+        metavar="SCENE",
+        help="hold a plan against this scene file (default: the scene in plan.json)",
     )
     parser.add_argument("--robot", type=Path, metavar="ROBOT", help="robot file of a table")
     parser.add_argument(
@@ -88,10 +103,13 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.other:
         installed("mujoco", "mujoco")
     saved = load_plan(arguments.motion)
-    found = verify(saved.scene, saved.trajectory)
+    scene = load_scene(arguments.scene) if arguments.scene else saved.scene
+    found = verify(scene, saved.trajectory)
+    differences = _differences(arguments.motion, saved, None if arguments.scene else found.ok)
     replay = replay_in_mujoco(saved.trajectory) if arguments.other else None
     if arguments.json:
-        told = {"plan": str(arguments.motion), **found.as_dict()}
+        told = {"plan": str(arguments.motion), **found.as_dict(), "differences": differences}
+        told["ok"] = found.ok and not differences
         print_json(told if replay is None else {**told, "mujoco": _as_dict(replay)})
     else:
         tolerance = saved.record.get("tolerance")
@@ -100,11 +118,23 @@ def run(arguments: argparse.Namespace) -> int:
         if replay is not None:
             print("\n".join(replay_lines(replay, found)))
     for failure in found.failures():
-        print(f"deltaopt: verification failed: {failure}", file=sys.stderr)
+        say(f"deltaopt: verification failed: {failure}")
+    for difference in differences:
+        say(f"deltaopt: {difference}")
     converges = replay is None or replay.converges or not found.judges_arrival
     if not converges:
         say("deltaopt: verification failed: in MuJoCo the torques do not lead to the goal")
-    return 0 if found.ok and converges else 1
+    return 0 if found.ok and converges and not differences else 1
+
+
+def _differences(motion: Path, saved: SavedPlan, ok: bool | None) -> list[str]:
+    """Where a plan's files do not agree with its motion; ``ok``: what its verification gives."""
+    record = motion / RECORD if motion.is_dir() else motion
+    sentences = [f"{record}: {each}" for each in record_differences(saved, ok)]
+    if motion.is_dir():
+        off = table_difference(motion / TABLE, saved.trajectory)
+        sentences += [f"{motion / TABLE}: {off}"] if off else []
+    return sentences
 
 
 def replay_lines(replay: MujocoReplay, found: Verification) -> list[str]:
@@ -126,6 +156,8 @@ def _as_dict(replay: MujocoReplay) -> dict[str, object]:
 
 def _measure(arguments: argparse.Namespace) -> int:
     """Measure a table against the limits of its robot."""
+    if arguments.scene:
+        raise WrongUsage("--scene is for a saved plan; a TABLE.csv needs the robot it is for")
     if arguments.other:
         raise WrongUsage("--with is for a saved plan, which has torques; a TABLE.csv has none")
     if arguments.robot is None:
@@ -137,7 +169,7 @@ def _measure(arguments: argparse.Namespace) -> int:
     trajectory.model.inverse_kinematics(ends)  # raises Unreachable
     away = ends[np.linalg.norm(ends - ends[0], axis=1).argmax()]
     if not (away != ends[0]).any():
-        raise DeltaOptError(f"{arguments.motion}: nothing moves in it")
+        raise UnreadableTable(f"{arguments.motion}: nothing moves in it")
     scene = Scene(robot=robot, payload=arguments.payload, start=tuple(ends[0]), goal=tuple(away))
     motion = MeasuredMotion.of(scene, trajectory)
     excesses = list(motion.excesses().values())
@@ -169,6 +201,8 @@ def _measure(arguments: argparse.Namespace) -> int:
 
 def _rows(arguments: argparse.Namespace, joints: Joints) -> ForeignTable:
     rows = read_foreign_table(arguments.motion)
+    if rows.unused:
+        say(f"columns that are not used: {', '.join(rows.unused)}")
     if arguments.controller == "cubic":
         rows = rows.without_accelerations()
     if arguments.controller == "quintic" and rows.accelerations is None:

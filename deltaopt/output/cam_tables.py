@@ -75,11 +75,13 @@ class Cams:
 
     ``master``: its positions, (N,), in units of its own. ``slaves``: positions of the motors,
     (N, 3), and their first and second derivatives by the master's position, in ``unit``.
+    ``remarks``: as of the table.
     """
 
     master: Array
     slaves: tuple[Array, Array, Array]
     unit: AngleUnit
+    remarks: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, table: JointTable, unit: AngleUnit, speed: float) -> Cams:
@@ -87,7 +89,8 @@ class Cams:
         smooth = without_jumps(table)
         columns = (smooth.theta, smooth.dtheta, smooth.ddtheta)
         values = [unit.per_radian * each / speed**k for k, each in enumerate(columns)]
-        return cls(speed * (smooth.t - smooth.t[0]), (values[0], values[1], values[2]), unit)
+        master = speed * (smooth.t - smooth.t[0])
+        return cls(master, (values[0], values[1], values[2]), unit, table.remarks)
 
     def pieces(self) -> PiecewisePolynomial:
         """The quintic polynomials between the points, of the master's position since each began."""
@@ -109,7 +112,9 @@ def write_cams(directory: Path, cams: Cams, name: str) -> list[Path]:
     }
     with all_or_none(directory) as folder:
         for file, text in texts.items():
-            (folder / file).write_text(text + "\n", encoding="utf-8")
+            comment = "# {}\n" if file.endswith(".csv") else "(* {} *)\n"
+            head = "".join(map(comment.format, cams.remarks))
+            (folder / file).write_text(head + text + "\n", encoding="utf-8")
     return [directory / file for file in texts]
 
 

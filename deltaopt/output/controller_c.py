@@ -6,7 +6,7 @@ does not depend on the robot stands in ``c_templates``.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
 from string import Template
@@ -56,8 +56,11 @@ def export_c(robot: Robot, directory: Path) -> list[Path]:
     return _written(directory, _model_texts(robot) | {"test_delta.c": program(robot)})
 
 
-def export_plan_c(trajectory: Trajectory, directory: Path) -> list[Path]:
-    """Write the same of a trajectory's robot, with plan.h and plan.c: the motion for the player.
+def export_plan_c(
+    trajectory: Trajectory, directory: Path, remarks: Sequence[str] = ()
+) -> list[Path]:
+    """Write the same of a trajectory's robot, with plan.h and plan.c: the motion for the player,
+    after comments with ``remarks``.
 
     ``trajectory``: whose coordinates follow from the platform's position. Raises OSError.
     """
@@ -79,7 +82,9 @@ def export_plan_c(trajectory: Trajectory, directory: Path) -> list[Path]:
         coefficients=",\n".join(map(_listed, position.coefficients.reshape(-1, 3))),
         payload=repr(float(trajectory.model.payload or 0.0)),
     )
-    texts = {"plan.h": header, "plan.c": data, "test_delta.c": program(robot, trajectory)}
+    head = "".join(f"/* {remark} */\n" for remark in remarks)
+    texts = {"plan.h": head + header, "plan.c": head + data}
+    texts["test_delta.c"] = program(robot, trajectory)
     return _written(directory, _model_texts(robot) | texts)
 
 

@@ -7,27 +7,30 @@ smoothest cubic through its rows.
 
 from __future__ import annotations
 
-import csv
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain, takewhile
 from pathlib import Path
 
 import numpy as np
 
-from deltaopt.errors import DeltaOptError, on_one_line
-from deltaopt.files.validated_record import LARGEST
+from deltaopt.errors import DeltaOptError
+from deltaopt.files.csv_table import CsvTable, WrongCsv, read_csv
 from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
 from deltaopt.output.joint_table import Cubic, JointTable, Quintic, platform_motion
 from deltaopt.robot.joints import Joints
 from deltaopt.robot.model import DeltaModel
 
+Turn = Callable[[Array], Array]
 ANGLES = ("theta1", "theta2", "theta3")
 POSITION = ("x", "y", "z")
 _RATES = {ANGLES: ("d", "dd"), POSITION: ("v", "a")}
-_LARGEST = 500_000_000
-"""Bytes of a table: a million rows of every quantity are fewer."""
 _SHORTEST = 1e-12
 """Least time between rows of different times, s: a thousandth of ROS 2's nanosecond. Accelerations
 are divided by its square."""
+_SAME = 1e-5
+"""Share of the way, and of the largest speed, by which rows of one time may differ: digits that a
+table was rounded to, and a tenth of what good robots repeat to."""
 _SPLIT = 4
 """Parts of a piece of motor angles, each of which a quintic piece of the position follows: with so
 many they differ by less than 1e-9 of what a millisecond's piece moves."""
@@ -42,7 +45,7 @@ class ForeignTable:
     """Rows of a motion: times t, (N,), s, and three columns with rates as far as they are known.
 
     ``quantity``: ``ANGLES``, rad, or ``POSITION``, m. ``rates``, ``accelerations``: None where the
-    table has none.
+    table has none. ``unused``: names of columns that nothing here follows from.
     """
 
     quantity: tuple[str, str, str]
@@ -50,6 +53,7 @@ class ForeignTable:
     values: Array
     rates: Array | None
     accelerations: Array | None
+    unused: tuple[str, ...] = ()
 
     @property
     def interpolation(self) -> str:
@@ -64,26 +68,20 @@ class ForeignTable:
 
     def in_radians(self, per_radian: float) -> ForeignTable:
         """A table of angles whose unit is 1/per_radian rad."""
-        if self.quantity != ANGLES:
-            return self
-        return replace(
-            self,
-            values=self.values / per_radian,
-            rates=None if self.rates is None else self.rates / per_radian,
-            accelerations=None if self.accelerations is None else self.accelerations / per_radian,
-        )
+        return self._turned(lambda angles: angles / per_radian, lambda rates: rates / per_radian)
 
     def from_controller(self, joints: Joints) -> ForeignTable:
         """A table of a controller's angles in the model's."""
+        return self._turned(joints.angle_from_controller, joints.rate_from_controller)
+
+    def _turned(self, angle: Turn, rate: Turn) -> ForeignTable:
+        """With other angles, if they are angles, and other rates of them."""
         if self.quantity != ANGLES:
             return self
-        turned = joints.rate_from_controller
-        return replace(
-            self,
-            values=joints.angle_from_controller(self.values),
-            rates=None if self.rates is None else turned(self.rates),
-            accelerations=None if self.accelerations is None else turned(self.accelerations),
+        rates, accelerations = (
+            None if each is None else rate(each) for each in (self.rates, self.accelerations)
         )
+        return replace(self, values=angle(self.values), rates=rates, accelerations=accelerations)
 
     def trajectory(self, model: DeltaModel) -> Trajectory:
         """The motion of a robot's tool's point that follows the table.
@@ -103,13 +101,11 @@ class ForeignTable:
         return Trajectory(Quintic()(JointTable(pieces.knots[interval] + since, *motion)), model)
 
     def _pieces(self) -> PiecewisePolynomial:
-        rates = self.rates
-        if rates is None:
-            rates = _spline_rates(self.t, self.values)
-        table = JointTable(self.t, self.values, rates, np.zeros_like(rates))
         if self.accelerations is None:
-            return Cubic()(table)
-        return Quintic()(JointTable(self.t, self.values, rates, self.accelerations))
+            rates = _spline_rates(self.t, self.values) if self.rates is None else self.rates
+            return Cubic()(JointTable(self.t, self.values, rates, np.zeros_like(rates)))
+        assert self.rates is not None
+        return Quintic()(JointTable(self.t, self.values, self.rates, self.accelerations))
 
 
 def read_foreign_table(file: Path) -> ForeignTable:
@@ -118,84 +114,67 @@ def read_foreign_table(file: Path) -> ForeignTable:
 
     A table with both angles and positions is taken by its angles. Raises UnreadableTable.
     """
-    columns = _columns(file)
-    quantity = next((q for q in (ANGLES, POSITION) if set(q) <= set(columns)), None)
-    if quantity is None or "t" not in columns:
-        raise UnreadableTable(
-            f"{file}: its header has no t with theta1, theta2, theta3 (rad) or x, y, z (m), but "
-            f"{', '.join(map(on_one_line, list(columns)[:8])) or 'nothing'}"
-        )
-    t, values = columns["t"], _three(columns, quantity)
-    if values is None or len(t) < 4:
-        raise UnreadableTable(f"{file}: has {len(t)} rows; a motion has four at least")
-    rates, accelerations = (_three(columns, _names(quantity, p)) for p in _RATES[quantity])
-    if rates is None:
-        accelerations = None
-    _require_times(file, t, jumps=rates is not None)
-    return ForeignTable(quantity, t, values, rates, accelerations)
-
-
-def _require_times(file: Path, t: Array, *, jumps: bool) -> None:
-    """Raise UnreadableTable unless times increase. ``jumps``: whether two may be the same."""
-    steps = np.diff(t)
-    row = int(steps.argmin()) + 2
-    if steps.min() < 0 or (not jumps and steps.min() == 0):
-        raise UnreadableTable(f"{file}: time does not increase from row {row} to row {row + 1}")
-    if t[-1] == t[0]:
-        raise UnreadableTable(f"{file}: time does not increase at all")
-    near = np.flatnonzero((steps > 0) & (steps < _SHORTEST))
-    if len(near):
-        row = int(near[0]) + 2
-        raise UnreadableTable(
-            f"{file}: rows {row} and {row + 1} are less than {_SHORTEST:g} s apart"
-        )
-
-
-def _columns(file: Path) -> dict[str, Array]:
-    """Every column by its name; raises UnreadableTable."""
     try:
-        if not file.is_file():
-            raise UnreadableTable(f"{file}: there is no such file")
-        if file.stat().st_size > _LARGEST:
-            raise UnreadableTable(f"{file}: larger than {_LARGEST} bytes")
-        with file.open(encoding="utf-8", newline="") as lines:
-            header, *rows = [row for row in csv.reader(lines) if row] or [[]]
-    except (OSError, UnicodeDecodeError, csv.Error, ValueError) as error:
-        raise UnreadableTable(f"{file}: cannot be read as CSV: {error}") from None
-    for number, row in enumerate(rows, 2):
-        if len(row) != len(header):
-            raise UnreadableTable(
-                f"{file}: row {number} has {len(row)} columns, the header {len(header)}"
-            )
-    names = [name.strip() for name in header]
-    found = {}
-    for k, name in enumerate(names):
-        try:
-            found[name] = np.array([float(row[k]) for row in rows])
-        except ValueError:
-            continue  # a column of text is nobody's motion
-        if name in _KNOWN and not np.isfinite(found[name]).all():
-            raise UnreadableTable(f"{file}: column {name} has values that are no finite numbers")
-        if name in _KNOWN and (np.abs(found[name]) > LARGEST).any():
-            raise UnreadableTable(f"{file}: column {name} has numbers beyond {LARGEST:g}")
+        return _foreign_table(read_csv(file))
+    except WrongCsv as error:
+        raise UnreadableTable(f"{file}: {error}") from None
+
+
+def _foreign_table(table: CsvTable) -> ForeignTable:
+    """Raises WrongCsv."""
+    header = set(table.names)
+    quantity = next((q for q in (ANGLES, POSITION) if set(q) <= header), None)
+    if quantity is None or "t" not in header:
+        raise WrongCsv(
+            "its header has no t with theta1, theta2, theta3 (rad) or x, y, z (m), but "
+            f"{', '.join(table.names[:8]) or 'nothing'}"
+        )
+    if len(table.rows) < 4:
+        raise WrongCsv(f"has {len(table.rows)} rows; a motion has four at least")
+    parts = [quantity, *(_names(quantity, prefix) for prefix in _RATES[quantity])]
+    parts = list(takewhile(lambda part: not header.isdisjoint(part), parts))
+    values, rates, accelerations = [*map(table.columns, parts), None, None][:3]
+    assert values is not None
+    t = table.columns(["t"])[:, 0]
+    _require_times(t, table.lines, jumps=rates is not None)
+    unused = tuple(name for name in table.names if name and name not in ("t", *chain(*parts)))
+    found = ForeignTable(quantity, t, values, rates, accelerations, unused)
+    _require_one_place(found, table.lines)
     return found
+
+
+def _require_times(t: Array, lines: Sequence[int], *, jumps: bool) -> None:
+    """Raise WrongCsv unless times increase. ``jumps``: whether two may be the same."""
+    steps = np.diff(t)
+    if t[-1] == t[0]:
+        raise WrongCsv("time does not increase at all")
+    for wrong, problem in (
+        (steps < 0 if jumps else steps <= 0, "time does not increase"),
+        ((steps > 0) & (steps < _SHORTEST), f"it is less than {_SHORTEST:g} s"),
+    ):
+        if wrong.any():
+            row = int(wrong.argmax())
+            raise WrongCsv(f"{problem} from line {lines[row]} to line {lines[row + 1]}")
+
+
+def _require_one_place(table: ForeignTable, lines: Sequence[int]) -> None:
+    """Raise WrongCsv where rows of one time differ in more than accelerations, all such jumps of a
+    table taken together: no robot is at two places, or has two speeds, at once."""
+    jumps = np.flatnonzero(np.diff(table.t) == 0)
+    if table.rates is None or not len(jumps):
+        return
+    away = table.values - table.values[0]
+    for what, rows in (("position", away), ("speed", table.rates)):
+        off = np.abs(rows[jumps + 1] - rows[jumps]).max(axis=1)
+        if off.sum() > _SAME * np.abs(rows).max():
+            row = jumps[off.argmax()]
+            which = f"lines {lines[row]} and {lines[row + 1]} have the same time"
+            raise WrongCsv(f"{which}, but {what}s that differ by {off.max():g}")
 
 
 def _names(quantity: tuple[str, str, str], prefix: str) -> tuple[str, str, str]:
     first, second, third = quantity
     return prefix + first, prefix + second, prefix + third
-
-
-_KNOWN = {
-    "t",
-    *(name for quantity in _RATES for p in ("", *_RATES[quantity]) for name in _names(quantity, p)),
-}
-
-
-def _three(columns: dict[str, Array], names: tuple[str, str, str]) -> Array | None:
-    if not set(names) <= set(columns):
-        return None
-    return np.stack([columns[name] for name in names], axis=1)
 
 
 def _spline_rates(t: Array, values: Array) -> Array:

@@ -22,6 +22,9 @@ from deltaopt.scene.scene import Scene
 
 KEPT = 1.0 + 1e-9
 """Largest share of a limit that a table may ask for and keep it: rounding of its interpolation."""
+_SLOWED_TO = 1.0 - 1e-7
+"""The same where a motion is slowed for it: another program's interpolation of the rows, as that of
+``foreign_table``, differs by a tenth of that, and is to keep the limits too."""
 _SAME_ACCELERATION = 1e-9
 """Share of the largest acceleration below which one does not jump at a knot: rounding."""
 _MOST_SLOWINGS = 1000
@@ -66,12 +69,14 @@ class JointTable:
     rad/s².
 
     Where accelerations jump there are two rows of the same time: just before, and just after.
+    ``remarks``: what a reader must know, for the head of a file.
     """
 
     t: Array
     theta: Array
     dtheta: Array
     ddtheta: Array
+    remarks: tuple[str, ...] = ()
 
     @classmethod
     def at_own_knots(cls, trajectory: Trajectory) -> JointTable:
@@ -122,17 +127,28 @@ class Demand:
 class CheckedTable:
     """A table, how it is interpolated, and what that asks for.
 
-    ``slowed``: by which factor the motion was slowed for it, for whole cycles or to keep limits.
+    ``rows``: where it has them. ``slowed``: by which factor the motion was slowed for it, for whole
+    cycles or to keep limits.
     """
 
     table: JointTable
+    rows: Rows
     interpolation: Interpolation
     demand: Demand
     slowed: float
 
+    @property
+    def sentence(self) -> str:
+        """What its interpolation asks for, in words."""
+        most = f"{self.demand.share:.6g} of what {self.demand.subject}'s {self.demand.limit} may be"
+        return f"{self.interpolation.name} interpolation asks for {most}, at {self.demand.t:.6g} s"
+
 
 class Rows(Protocol):
-    """Where a table has its rows."""
+    """Where a table has its rows. ``name``: in words as ``deltaopt export`` takes them."""
+
+    @property
+    def name(self) -> str: ...
 
     def table(self, trajectory: Trajectory) -> JointTable:
         """The table of a motion that fits."""
@@ -148,6 +164,8 @@ class Rows(Protocol):
 class OwnKnots:
     """Rows at the knots of the plan."""
 
+    name: ClassVar[str] = "own-knots"
+
     def table(self, trajectory: Trajectory) -> JointTable:
         return JointTable.at_own_knots(trajectory)
 
@@ -160,6 +178,10 @@ class Cycles:
     """Rows at every ``cycle``, s."""
 
     cycle: float
+
+    @property
+    def name(self) -> str:
+        return f"{1e3 * self.cycle:g}ms"
 
     def table(self, trajectory: Trajectory) -> JointTable:
         return JointTable.at_cycle(trajectory, self.cycle)
@@ -183,13 +205,13 @@ def table_within_limits(
     Torques of acceleration fall with the square of the factor, so that its root is the next guess.
     Raises Infeasible where slowing does not help.
     """
-    least = trajectory.duration
+    least, most = trajectory.duration, KEPT
     for _ in range(_MOST_SLOWINGS):
         found = _at(scene, trajectory, rows, interpolation, least)
-        if found.demand.kept:
+        if found.demand.share <= most:
             return found
-        now = found.slowed * trajectory.duration
-        least = now * min(max(sqrt(found.demand.share), 1 + 1e-9), _SLOWING)
+        now, most = found.slowed * trajectory.duration, _SLOWED_TO
+        least = now * min(max(sqrt(found.demand.share / most**2), 1 + 1e-9), _SLOWING)
     raise Infeasible(f"{found.demand.limit} of {found.demand.subject} is exceeded however slow")
 
 
@@ -202,7 +224,7 @@ def _at(
 ) -> CheckedTable:
     factor = rows.fitting(trajectory.duration, least) / trajectory.duration
     table = rows.table(trajectory if factor == 1 else trajectory.slowed(factor))
-    return CheckedTable(table, interpolation, demand_of(scene, interpolation(table)), factor)
+    return CheckedTable(table, rows, interpolation, demand_of(scene, interpolation(table)), factor)
 
 
 def demand_of(scene: Scene, angles: PiecewisePolynomial) -> Demand:

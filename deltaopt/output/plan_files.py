@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import platform
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
+from hashlib import sha256
 from importlib.metadata import PackageNotFoundError, version
 from importlib.resources import files
 from math import isfinite
@@ -30,6 +31,8 @@ from deltaopt.verify.duty import exceeding
 from deltaopt.verify.pontryagin import Extremal, extremal
 from deltaopt.verify.verification import Verification
 
+TABLE, RECORD = "trajectory.csv", "plan.json"
+"""Names of the files that every plan has."""
 RATE = 1000.0
 """Instants per second in trajectory.csv, Hz: a common rate of position controllers."""
 
@@ -129,8 +132,8 @@ def save(
     Raises OSError, naming the file, if one cannot be written.
     """
     csv, record, picture, curves, page = (
-        "trajectory.csv",
-        "plan.json",
+        TABLE,
+        RECORD,
         "plan.png",
         "limits.png",
         "report.html",
@@ -200,9 +203,17 @@ def write_json(
         "phases": list(solution.phases),
         "motion": _motion(trajectory),
     }
+    content["checksums"] = checksums(content)
     with atomic_write(file) as temporary:
         text = json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False)
         temporary.write_text(text + "\n", encoding="utf-8")
+
+
+def checksums(content: Mapping[str, object]) -> dict[str, str]:
+    """Of each key of plan.json, so that what was changed since can be told; however it is laid out,
+    for numbers are written with all their digits."""
+    texts = {name: json.dumps(value, sort_keys=True) for name, value in content.items()}
+    return {name: sha256(text.encode()).hexdigest()[:16] for name, text in texts.items()}
 
 
 def _motion(trajectory: Trajectory) -> dict[str, object]:
@@ -290,7 +301,8 @@ def frame(trajectory: Trajectory, rate: float = RATE) -> Any:
     """The rows of trajectory.csv, by column: a pandas DataFrame, or a dictionary of arrays, (N,),
     where pandas is not installed. Raises ValueError as ``write_csv``."""
     _require_rows(trajectory, rate)
-    columns = dict(zip(COLUMNS, _table(trajectory, rate).T.copy(), strict=True))
+    rows = rows_at(trajectory, instants(trajectory, rate))
+    columns = dict(zip(COLUMNS, rows.T.copy(), strict=True))
     try:
         from pandas import DataFrame
     except ImportError:
@@ -298,9 +310,9 @@ def frame(trajectory: Trajectory, rate: float = RATE) -> Any:
     return DataFrame(columns)
 
 
-def _table(trajectory: Trajectory, rate: float) -> Array:
-    """All rows of trajectory.csv, (N, len(COLUMNS))."""
-    m = trajectory(instants(trajectory, rate))
+def rows_at(trajectory: Trajectory, times: Array) -> Array:
+    """Rows of trajectory.csv at times (N,), s: (N, len(COLUMNS))."""
+    m = trajectory(times)
     return np.hstack([m.t[:, None], m.x, m.v, m.a, m.theta, m.dtheta, m.ddtheta, m.tau])
 
 
@@ -313,7 +325,7 @@ def _require_rows(trajectory: Trajectory, rate: float) -> None:
 
 
 def _rows(trajectory: Trajectory, rate: float) -> Iterator[str]:
-    for row in _table(trajectory, rate).tolist():
+    for row in rows_at(trajectory, instants(trajectory, rate)).tolist():
         yield ",".join(map(repr, row)) + "\n"
 
 

@@ -10,15 +10,28 @@ from typing import Any
 
 import numpy as np
 
-from deltaopt.errors import DeltaOptError, SceneError
+from deltaopt.errors import DeltaOptError, SceneError, on_one_line, shown
+from deltaopt.files.csv_table import WrongCsv, read_csv
 from deltaopt.files.regular_file import content_of
 from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory, moving_on
-from deltaopt.output.plan_files import RATE, frame
+from deltaopt.output.plan_files import (
+    COLUMNS,
+    FORMAT,
+    RATE,
+    RECORD,
+    checksums,
+    frame,
+    highest_rate,
+    instants,
+    rows_at,
+)
 from deltaopt.robot.model import delta_model
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.scene import Scene
 
-RECORD = "plan.json"
+_SAME = 1e-9
+"""Share of the largest number of its kind by which one in a table may be off: other processors'
+rounding."""
 _LARGEST = 100
 """Size of a plan.json, MB: the finest meshes have some thousand intervals, of 1 kB."""
 
@@ -76,6 +89,60 @@ def load_plan(path: str | Path) -> SavedPlan:
     return SavedPlan(scene, moving_on(scene.task, trajectory), content)
 
 
+def record_differences(saved: SavedPlan, ok: bool | None) -> list[str]:
+    """What in plan.json is not as it was written, or not so in its motion: one sentence each.
+
+    ``ok``: what its verification gives now; None where it was held against another scene.
+    """
+    record, sentences = saved.record, list[str]()
+    if record.get("duration") != saved.duration:
+        given = f"its duration is {shown(record.get('duration'))}"
+        sentences.append(f"{given}, but its motion takes {saved.duration!r} s")
+    judged = record.get("verification")
+    judged = judged.get("ok") if isinstance(judged, dict) else None
+    if ok is not None and judged is not ok:
+        sentences.append(f"it says that ok is {shown(judged)}, and verification now {ok}")
+    written = record.get("checksums")
+    if not isinstance(written, dict):
+        return [*sentences, "it has no checksums, and nothing else tells whether its gap is right"]
+    now = checksums({name: value for name, value in record.items() if name != "checksums"})
+    changed = sorted(name for name in now | written if now.get(name) != written.get(name))
+    if changed:
+        sentences.append(f"changed since it was written: {on_one_line(', '.join(changed))}")
+    return sentences
+
+
+def table_difference(file: Path, trajectory: Trajectory) -> str | None:
+    """Where a trajectory.csv, at whatever rate, is not a motion's: a sentence; None if it is."""
+    try:
+        table = read_csv(file)
+        values = table.columns(COLUMNS)
+    except WrongCsv as error:
+        return str(error)
+    if len(values) < 2:
+        return f"has {len(values)} rows"
+    t = values[:, 0]
+    span = float(t[max(len(t) - 2, 1)] - t[0])  # to the last row but one: whole steps
+    step = float(np.median(np.diff(t)))
+    rate = round(span / step) / span if min(span, step) > 0 else 0.0
+    if not 0 < rate <= 2 * highest_rate(trajectory):
+        return "its time does not increase in equal steps"
+    expected = instants(trajectory, rate)
+    if len(t) != len(expected):
+        return f"has {len(t)} rows; the motion has {len(expected)} at {rate:.6g} Hz"
+    late = np.abs(t - expected) > _SAME * trajectory.duration
+    wanted = rows_at(trajectory, np.where(late, expected, t))  # on which side of a jump t is
+    sizes = np.abs(wanted).max(axis=0)
+    sizes[1:] = np.repeat(sizes[1:].reshape(-1, 3).max(axis=1), 3)
+    off = np.argwhere(np.abs(values - wanted) > _SAME * sizes)
+    if not len(off):
+        return None
+    row, column = off[0].tolist()
+    is_now, was = float(values[row, column]), float(wanted[row, column])
+    where = f"{COLUMNS[column]} is {is_now!r} in line {table.lines[row]}"
+    return f"{where}; the motion has {was!r} there ({len(off)} numbers differ)"
+
+
 def _read(file: Path) -> dict[str, Any]:
     try:
         if not file.exists():
@@ -87,6 +154,10 @@ def _read(file: Path) -> dict[str, Any]:
         raise UnreadablePlan(f"{file}: cannot be read: {error}") from None
     if not isinstance(content, dict):
         raise UnreadablePlan(f"{file}: it is no record of a plan")
+    found = content.get("format")
+    if type(found) is not int or found != FORMAT:
+        problem = f"its format is {shown(found)}" if "format" in content else "it has no format"
+        raise UnreadablePlan(f"{file}: {problem}; this version of deltaopt reads format {FORMAT}")
     return content
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import shutil
 import tempfile
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import pi
 from pathlib import Path
 from typing import Any
@@ -49,24 +49,26 @@ DEGREES = AngleUnit("deg", 180 / pi)
 def of_controller(table: JointTable, robot: Robot) -> JointTable:
     """The same rows in the angles of a robot's controller, rad."""
     joints = robot.joints or Joints()
-    return JointTable(
-        table.t,
-        joints.angle_to_controller(table.theta),
-        joints.rate_to_controller(table.dtheta),
-        joints.rate_to_controller(table.ddtheta),
+    return replace(
+        table,
+        theta=joints.angle_to_controller(table.theta),
+        dtheta=joints.rate_to_controller(table.dtheta),
+        ddtheta=joints.rate_to_controller(table.ddtheta),
     )
 
 
 def write_table(file: Path, table: JointTable, unit: AngleUnit = RADIANS) -> None:
     """Write the rows of a table as CSV with ``COLUMNS``: s, the unit, and the unit by s and s².
 
-    Numbers have so many digits that reading them gives the same doubles.
+    Numbers have so many digits that reading them gives the same doubles. Remarks stand before the
+    header, after a #.
     """
     angles = unit.per_radian * np.hstack([table.theta, table.dtheta, table.ddtheta])
     with (
         atomic_write(file) as temporary,
         temporary.open("w", encoding="utf-8", newline="\n") as out,
     ):
+        out.writelines(f"# {remark}\n" for remark in table.remarks)
         out.write(",".join(COLUMNS) + "\n")
         for row in np.hstack([table.t[:, None], angles]).tolist():
             out.write(",".join(map(repr, row)) + "\n")
@@ -78,7 +80,8 @@ def write_ros2_yaml(file: Path, table: JointTable, names: tuple[str, str, str]) 
     ``names``: of the joints. Times are whole nanoseconds; where accelerations jump, the second of
     two points is a nanosecond later, since times must increase.
     """
-    lines = ["header: {stamp: {sec: 0, nanosec: 0}, frame_id: ''}"]
+    lines = [f"# {remark}" for remark in table.remarks]
+    lines.append("header: {stamp: {sec: 0, nanosec: 0}, frame_id: ''}")
     lines.append(f"joint_names: [{', '.join(_quoted(name) for name in names)}]")
     lines.append("points:")
     for point in _points(table):
@@ -95,7 +98,7 @@ def write_ros2_bag(
     directory: Path, table: JointTable, names: tuple[str, str, str], topic: str
 ) -> list[Path]:
     """Write a table as one JointTrajectory message in a bag (a folder with an MCAP file), without
-    ROS, and return the paths of its files.
+    ROS, and return the paths of its files. Remarks are its custom data.
 
     Raises MissingRosbags if the package rosbags is not installed.
     """
@@ -105,6 +108,8 @@ def write_ros2_bag(
     with tempfile.TemporaryDirectory() as elsewhere, all_or_none(directory) as folder:
         bag, plugin = Path(elsewhere) / directory.name, bags.StoragePlugin.MCAP
         with bags.Writer(bag, version=_BAG_VERSION, storage_plugin=plugin) as writer:
+            for number, remark in enumerate(table.remarks, 1):
+                writer.set_custom_data(f"remark {number}", remark)
             connection = writer.add_connection(topic, MESSAGE, typestore=store)
             writer.write(connection, 0, store.serialize_cdr(message, MESSAGE))
         files = sorted(bag.iterdir())

@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, model_validator
 
 from deltaopt.errors import SceneError
-from deltaopt.files.regular_file import content_of
+from deltaopt.files.csv_table import WrongCsv, read_csv
 from deltaopt.files.units import LENGTH, SPEED, WIDTH
 from deltaopt.files.validated_record import NonNegative, Number, Positive, Record, Vector3
 
@@ -314,23 +314,18 @@ def content_of_path(path: GivenPath) -> object:
 
 
 def points_in(file: File) -> list[list[float]]:
-    """The points of a CSV file, x, y and z in m on each line; a first line of names is skipped.
+    """The points of a CSV file, m: three columns, which a first line may name x, y and z.
 
     Raises SceneError where it has none.
     """
     expected = "a CSV file with x, y, z in m on each line"
     try:
-        text = content_of(file, _LARGEST_CSV).decode("utf-8-sig")
-        lines = [line for line in text.splitlines() if line.strip()]
-        rows = [line.split(",") for line in lines]
-        if rows and any(character.isalpha() for character in rows[0][0]):
-            rows = rows[1:]
-        points = [[float(cell) for cell in row] for row in rows]
-    except (OSError, ValueError) as error:  # a ValueError quotes the file, which may be any
-        problem = f"{file} {getattr(error, 'strerror', 'has other lines')}"
-        raise SceneError(None, "path.points", str(file), expected, problem) from None
-    if not points or any(len(point) != 3 for point in points):
-        raise SceneError(None, "path.points", str(file), expected)
+        table = read_csv(file, _LARGEST_CSV)
+        points: list[list[float]] = table.columns("xyz").tolist()
+        if not points or set(table.names) > set("xyz"):
+            raise WrongCsv("has no points" if not points else "has columns besides x, y, z")
+    except WrongCsv as error:
+        raise SceneError(None, "path.points", str(file), f"{expected} ({error})") from None
     return points
 
 

@@ -157,6 +157,7 @@ def test_plans_as_json(tmp_path, capsys):
     assert main(["verify", str(tmp_path), "--json"]) == 0
     again = json.loads(capsys.readouterr().out)
     assert again.pop("plan") == str(tmp_path)
+    assert again.pop("differences") == []
     assert again == json.loads(json.dumps(verify(scene, saved.trajectory).as_dict()))
 
 

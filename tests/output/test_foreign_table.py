@@ -101,14 +101,92 @@ def test_angles_with_all_rates_are_followed_exactly(tmp_path):
     np.testing.assert_allclose(found(between).tau, line(between).tau, atol=1e-4)
 
 
+@pytest.mark.parametrize("change", ["place", "speed", "creeping"])
+def test_rows_of_one_time_agree_but_for_accelerations(change, plan, tmp_path):
+    """A robot is not 50 mm away, nor 0.4 m/s quicker, within no time, nor by many small steps."""
+    m = plan.trajectory.inside_intervals([0.0, 1.0])
+    t = np.repeat(plan.trajectory.knots, 2)[1:-1]
+    columns = {"t": t}
+    for name in ("x", "v", "a"):
+        axes = zip("xyz", getattr(m, name).T.copy(), strict=True)
+        columns |= {(axis if name == "x" else name + axis): values for axis, values in axes}
+    assert (np.diff(columns["ay"])[1::2] != 0).any()
+    read_foreign_table(write(tmp_path / "good.csv", columns))
+    later = np.arange(len(t)) >= 16
+    if change == "place":
+        columns["y"] += 0.05 * later
+    elif change == "speed":
+        columns["vy"] += 0.4 * later
+    else:
+        columns["y"] += 1e-6 * (np.arange(len(t)) // 2)
+    with pytest.raises(UnreadableTable, match="have the same time, but"):
+        read_foreign_table(write(tmp_path / "bad.csv", columns))
+
+
+PLAIN = "t,x,y,z\n0,0.45,0,0\n0.1,0.45,0.01,0\n0.2,0.45,0.02,0\n0.3,0.45,0.03,0\n"
+EXCEL = {
+    "byte order mark": "\ufeff" + PLAIN,
+    "decimal commas": PLAIN.replace(",", ";").replace(".", ","),
+    "tabs": PLAIN.replace(",", "\t"),
+    "quotes and lines without entries": PLAIN.replace("0.1,", '"0.1",') + ",,,\n\n",
+    "capitals and a remark": "# by hand\n" + PLAIN.replace("t,x", "T,X").replace("\n", "\r\n"),
+}
+
+
+@pytest.mark.parametrize("name", EXCEL)
+def test_a_table_as_spreadsheets_write_it(name, tmp_path):
+    file = tmp_path / "table.csv"
+    file.write_bytes(EXCEL[name].encode())
+    found = read_foreign_table(file)
+    np.testing.assert_array_equal(found.t, [0, 0.1, 0.2, 0.3])
+    np.testing.assert_array_equal(found.values[:, 1], [0, 0.01, 0.02, 0.03])
+    assert found.rates is None
+
+
+def test_columns_that_are_not_used_are_named(tmp_path, capsys):
+    rows = [line + end for line, end in zip(PLAIN.split(), (",tau1", *",,,,"), strict=True)]
+    file = tmp_path / "table.csv"
+    file.write_text("\n".join(rows), encoding="utf-8")
+    main(["verify", str(file), "--robot", str(ORSINO)])
+    assert "columns that are not used: tau1\n" in capsys.readouterr().err
+
+
+HALVES = {
+    "no number in a rate": (",vx,vy,vz", ",0,0,n/a", "vz is 'n/a' in line 2"),
+    "a rate is missing": (",vx,vy", ",0,0", "0 columns vz"),
+    "a column twice": (",y", ",0", "2 columns y"),
+    "the same in a capital": (",X", ",0", "2 columns x"),
+    "digits in groups": (",vx,vy,vz", ",0,0,1_0", "vz is '1_0'"),
+    "a quote left open": (",note", ',"', "cannot be read as CSV|in quotes"),
+}
+
+
+@pytest.mark.parametrize("name", HALVES)
+def test_no_half_of_a_table_is_read(name, tmp_path):
+    names, entries, expected = HALVES[name]
+    header, *rows = PLAIN.splitlines()
+    file = tmp_path / "table.csv"
+    file.write_text("\n".join([header + names, *(row + entries for row in rows)]), encoding="utf-8")
+    with pytest.raises(UnreadableTable, match=expected):
+        read_foreign_table(file)
+
+
+def test_commas_and_points_in_one_table(tmp_path):
+    """1.234 is either a thousand or not; the other numbers do not say which."""
+    text = PLAIN.replace(",", ";").replace("0.01", "0,01")
+    (tmp_path / "table.csv").write_text(text, encoding="utf-8")
+    with pytest.raises(UnreadableTable, match="decimal commas in some numbers"):
+        read_foreign_table(tmp_path / "table.csv")
+
+
 BAD = {
     "nothing": ("", "no t with"),
     "other columns": ("a,b\n1,2\n", "no t with theta1"),
     "short": ("t,x,y,z\n0,1,2,3\n", "has 1 rows"),
-    "backwards": ("t,x,y,z\n0,1,2,3\n1,1,2,3\n0.5,1,2,3\n2,1,2,3\n", "from row 3 to row 4"),
-    "ragged": ("t,x,y,z\n0,1,2,3\n1,1,2\n", "row 3 has 3 columns, the header 4"),
-    "not finite": ("t,x,y,z\n0,1,2,nan\n1,1,2,3\n2,1,2,3\n3,1,2,3\n", "column z"),
-    "no text": ("t,x,y,z\n\x00\n", "row 2|cannot be read"),
+    "backwards": ("t,x,y,z\n0,1,2,3\n1,1,2,3\n0.5,1,2,3\n2,1,2,3\n", "from line 3 to line 4"),
+    "ragged": ("t,x,y,z\n0,1,2,3\n1,1,2\n", "line 3 has 3 columns, the first line 4"),
+    "not finite": ("t,x,y,z\n0,1,2,nan\n1,1,2,3\n2,1,2,3\n3,1,2,3\n", "z is 'nan' in line 2"),
+    "no text": ("t,x,y,z\n\x00\n", "line 2|cannot be read"),
 }
 
 
@@ -134,16 +212,20 @@ def test_a_plan_is_verified_again(plan, tmp_path, capsys):
 
 MOVES = "{t},0.45,0.0,0.0\n0.1,0.45,0.01,0.0\n0.2,0.45,0.02,0.0\n0.3,0.45,0.03,0.0\n"
 TINY = {
-    "steps of 1e-300 s": ("t,x,y,z\n0,0.45,0,0\n" + MOVES.format(t=1e-300), 1, "rows 2 and 3 are"),
-    "the least number": ("t,x,y,z\n0,0.45,0,0\n" + MOVES.format(t=5e-324), 1, "less than 1e-12 s"),
+    "steps of 1e-300 s": (
+        "t,x,y,z\n0,0.45,0,0\n" + MOVES.format(t=1e-300),
+        2,
+        "from line 2 to line 3",
+    ),
+    "the least number": ("t,x,y,z\n0,0.45,0,0\n" + MOVES.format(t=5e-324), 2, "less than 1e-12 s"),
     "all times the same": (
         "t,x,y,z,vx,vy,vz\n" + "1,0.45,0,0,0,0,0\n" * 4,
-        1,
+        2,
         "does not increase at all",
     ),
     "a motion of 1e-300 m": (
         "t,x,y,z\n0,0.45,0,0\n1,0.45,1e-300,0\n2,0.45,0,0\n3,0.45,0,0\n",
-        1,
+        2,
         "nothing moves in it",
     ),
     "a motion of 1e-160 m": (
@@ -182,5 +264,5 @@ def test_a_table_that_does_not_move(tmp_path, capsys):
     t = np.linspace(0, 1, 5)
     columns = {"t": t} | {axis: 0 * t + v for axis, v in zip("xyz", (0.45, 0, 0), strict=True)}
     file = write(tmp_path / "still.csv", columns)
-    assert main(["verify", str(file), "--robot", str(ORSINO)]) == 1
+    assert main(["verify", str(file), "--robot", str(ORSINO)]) == 2
     assert "nothing moves" in capsys.readouterr().err

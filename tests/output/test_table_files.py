@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import csv
-from dataclasses import replace
+import json
+import re
 
 import numpy as np
 import pytest
@@ -37,8 +38,9 @@ def at_controller(theta, *, rate=False):
 def test_csv_in_degrees(saved, tmp_path, capsys):
     file = tmp_path / "table.csv"
     words = ["--controller", "cubic", "--cycle", "2ms", "--unit", "deg", "-o", str(file)]
-    assert main(["export", "table", str(saved), *words]) == 0
+    assert main(["export", "table", str(saved), *words, "--anyway"]) == 0
     with file.open(encoding="utf-8") as lines:
+        assert next(lines).startswith("# cubic interpolation asks for 1.")
         rows = list(csv.DictReader(lines))
     plan = deltaopt.load_plan(saved)
     assert len(rows) == int(np.ceil(plan.duration / 2e-3)) + 1
@@ -49,20 +51,113 @@ def test_csv_in_degrees(saved, tmp_path, capsys):
         found = np.array([[float(row[name + k]) for k in "123"] for row in rows])
         expected = np.rad2deg(at_controller(getattr(motion, name), rate=rate))
         np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
-    said = capsys.readouterr().out
-    assert "cubic interpolation asks for 1." in said
-    assert "remedy: --controller quintic --cycle own-knots" in said
+    assert "cubic interpolation asks for 1." in capsys.readouterr().out
 
 
-def test_a_moving_end_is_not_met_more_slowly_without_a_word(saved, tmp_path, capsys, monkeypatch):
-    scene = deltaopt.load_scene(PROBLEMS / "moving" / "belt.yaml")
-    plan = replace(deltaopt.load_plan(saved), scene=scene)
-    monkeypatch.setattr("deltaopt.cli.export.load_plan", lambda folder: plan)
-    words = ["export", "table", "plan", "-o", str(tmp_path / "table.csv")]
-    assert main(words) == 0
+def table_of(plan, file, *words):
+    return main(["export", "table", str(plan), "-o", str(file), *words])
+
+
+def test_a_moving_end_is_not_met_more_slowly_without_a_word(tmp_path, capsys):
+    scene, folder = deltaopt.load_scene(PROBLEMS / "moving" / "belt.yaml"), tmp_path / "plan"
+    deltaopt.plan(scene).save(folder, chart=False)
+    file = tmp_path / "table.csv"
+    assert table_of(folder, file) == 0
     assert "too slowly" not in capsys.readouterr().out
-    assert main([*words, "--cycle", "1ms"]) == 0
-    assert "meets it too late and too slowly" in capsys.readouterr().out
+    assert table_of(folder, file, "--cycle", "1ms") == 1
+    assert "meets it too late and too slowly" in capsys.readouterr().err
+    assert not file.read_text(encoding="utf-8").startswith("#")
+    assert table_of(folder, file, "--cycle", "1ms", "--keep-limits") == 0
+    assert "meets it too late" in capsys.readouterr().out
+    assert file.read_text(encoding="utf-8").startswith("# an end moves, and slowed")
+
+
+@pytest.mark.parametrize(
+    ("controller", "cycle"),
+    [("cubic", "own-knots"), ("cubic", "1ms"), ("quintic", "own-knots"), ("quintic", "4ms")],
+)
+def test_what_is_written_keeps_the_limits(controller, cycle, saved, tmp_path, capsys):
+    """Read back and measured by verification. What is not written has remedies that do it, and of
+    which none is dearer than slowing this table."""
+    file = tmp_path / "table.csv"
+    words = ["--controller", controller, "--cycle", cycle]
+    code = table_of(saved, file, *words)
+    said = capsys.readouterr().err
+    assert code == ((controller, cycle) != ("quintic", "own-knots"))
+    assert file.exists() == (code == 0)
+    if code:
+        found = re.findall(
+            r"(--controller \S+ --cycle \S+ --keep-limits) \(.*?, (\S+) % slower", said
+        )
+        prices = [float(price) for _, price in found]
+        assert prices == sorted(prices)
+        assert found[0][0] == "--controller quintic --cycle own-knots --keep-limits"
+        assert found[-1][0] == " ".join([*words, "--keep-limits"])
+        words = found[0][0].split()
+        assert table_of(saved, file, *words) == 0
+        duration = np.genfromtxt(file, delimiter=",", names=True)["t"][-1]
+        slower = duration / deltaopt.load_plan(saved).duration - 1
+        assert 100 * slower == pytest.approx(prices[0], rel=0.05)
+    robot = tmp_path / "robot.yaml"
+    scene = deltaopt.load_plan(saved).scene
+    robot.write_text(str(scene.robot.model_dump(mode="json", exclude_none=True)), encoding="utf-8")
+    measured = [str(file), "--robot", str(robot), "--payload", "1", "--controller-angles"]
+    capsys.readouterr()
+    assert main(["verify", *measured, "--controller", words[1]]) == 0
+
+
+@pytest.fixture(scope="module")
+def hurried(saved, tmp_path_factory):
+    """The folder of a plan that takes four fifths of its time; its record does not say so."""
+    content = json.loads((saved / "plan.json").read_text(encoding="utf-8"))
+    motion = content["motion"]
+    motion["knots"] = [0.8 * t for t in motion["knots"]]
+    motion["position"] = [
+        [[x / 0.8**power for x in row] for power, row in enumerate(piece)]
+        for piece in motion["position"]
+    ]
+    folder = tmp_path_factory.mktemp("hurried")
+    (folder / "plan.json").write_text(json.dumps(content), encoding="utf-8")
+    return folder
+
+
+TARGETS = {
+    "table": ("table.csv", "# "),
+    "ros2": ("joints.yaml", "# "),
+    "cam": ("twincat.st", "(* "),
+    "c": ("plan.h", "/* "),
+}
+
+
+@pytest.mark.parametrize("target", TARGETS)
+def test_a_plan_beyond_its_limits_is_for_those_who_insist(target, hurried, tmp_path, capsys):
+    name, comment = TARGETS[target]
+    file = tmp_path / name
+    output = tmp_path if target in ("cam", "c") else file
+    words = ["export", target, str(hurried), "-o", str(output)]
+    assert main(words) == 1
+    said = capsys.readouterr().err
+    assert "exceeds its limit by" in said
+    assert "--keep-limits (25 % slower)" in said
+    assert not list(tmp_path.iterdir())
+    assert main([*words, "--anyway"]) == 0
+    assert file.read_text(encoding="utf-8").startswith(f"{comment}torque of motor ")
+    for enough in ("--keep-limits",), ("--slower", "1.3"), ("--slower", "1.3", "--anyway"):
+        assert main([*words, *enough]) == 0
+        assert "exceeds" not in file.read_text(encoding="utf-8")[:400]
+
+
+def test_a_plan_that_misses_its_goal_is_cured_by_no_slowing(saved, tmp_path, capsys):
+    content = json.loads((saved / "plan.json").read_text(encoding="utf-8"))
+    content["scene"]["goal"][1] -= 0.01
+    plan, file = tmp_path / "plan.json", tmp_path / "table.csv"
+    plan.write_text(json.dumps(content), encoding="utf-8")
+    for words in (), ("--keep-limits",), ("--slower", "3"):
+        assert table_of(plan, file, *words) == 1
+        assert "it ends 0.01 m from the scene's goal" in capsys.readouterr().err
+        assert not file.exists()
+    assert table_of(plan, file, "--anyway") == 0
+    assert "# it ends 0.01 m from the scene's goal" in file.read_text(encoding="utf-8")
 
 
 def test_a_slower_plan_for_a_first_run(saved, tmp_path, capsys):
@@ -75,15 +170,16 @@ def test_a_slower_plan_for_a_first_run(saved, tmp_path, capsys):
         tables.append(np.genfromtxt(file, delimiter=",", names=True))
     plain, slow = tables
     assert "3 times the plan's duration" in capsys.readouterr().out
-    np.testing.assert_allclose(slow["t"], 3 * plain["t"], rtol=1e-12)
+    assert plain["t"][-1] == pytest.approx(deltaopt.load_plan(saved).duration, rel=1e-3)
+    np.testing.assert_allclose(slow["t"], 3 * plain["t"], rtol=1e-3)  # plain: as slow as limits ask
     np.testing.assert_allclose(slow["theta1"], plain["theta1"], rtol=1e-12)
-    np.testing.assert_allclose(3 * slow["dtheta2"], plain["dtheta2"], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(3 * slow["dtheta2"], plain["dtheta2"], rtol=1e-3, atol=1e-9)
 
 
 def test_limits_kept_are_said_without_a_remedy(saved, tmp_path, capsys):
     words = ["--keep-limits", "-o", str(tmp_path / "table.csv")]
     assert main(["export", "table", str(saved), *words]) == 0
-    assert "remedy" not in capsys.readouterr().out
+    assert "remed" not in capsys.readouterr().out
 
 
 def test_ros2_yaml_and_bag_are_the_same_message(saved, tmp_path):
@@ -111,7 +207,7 @@ def test_ros2_yaml_and_bag_are_the_same_message(saved, tmp_path):
     assert (np.diff(times) > 0).all()  # a controller of ROS refuses others
     plan = deltaopt.load_plan(saved)
     assert times[0] == 0
-    assert times[-1] == pytest.approx(1e9 * plan.duration, abs=2)
+    assert times[-1] == pytest.approx(1e9 * plan.duration, rel=1e-4)
     first = at_controller(plan.trajectory(0.0).theta[0])
     np.testing.assert_allclose(content["points"][0]["positions"], first, rtol=1e-12)
 
@@ -125,5 +221,5 @@ def test_a_cycle_that_is_none_is_refused(saved, capsys, cycle):
 
 
 def test_a_folder_without_a_plan(tmp_path, capsys):
-    assert main(["export", "ros2", str(tmp_path)]) == 1
+    assert main(["export", "ros2", str(tmp_path)]) == 2
     assert "no such file" in capsys.readouterr().err

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 
 import deltaopt
 from deltaopt.errors import SceneError
-from deltaopt.scene.path import Corners, Curve, Line, PickAndPlace
+from deltaopt.scene.path import Corners, Curve, Line, PickAndPlace, points_in
 from deltaopt.scene.scene import Scene
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
@@ -89,6 +90,38 @@ def test_points_from_a_file():
     lane = deltaopt.load_scene(PROBLEMS / "paths" / "safe_lane.yaml")
     assert isinstance(lane.path, Corners)
     assert lane.path.points == ((0.42, -0.03, 0.03), (0.42, 0.05, 0.04))
+
+
+POINTS = [[0.42, -0.03, 0.03], [0.42, 0.05, 0.04]]
+LISTS = {
+    "no names": ("0.42,-0.03,0.03\n0.42,0.05,0.04\n", ""),
+    "from a spreadsheet": ("\ufeffX;Y;Z\r\n0,42;-0,03;0,03\r\n0,42;0,05;0,04\r\n;;\r\n", ""),
+    "another order": ("y,z,x\n-0.03,0.03,0.42\n0.05,0.04,0.42\n", ""),
+    "an exponent first": ("42e-2,-0.03,0.03\n0.42,0.05,0.04\n", ""),
+    "no number": ("x,y,z\n0.42,-0.03,0.03\n0.42,n/a,0.04\n", "y is 'n/a' in line 3"),
+    "no number first": ("n/a,-0.03,0.03\n0.42,0.05,0.04\n", "has 0 columns x"),
+    "millimetres": ("x [mm],y [mm],z [mm]\n420,-30,30\n", "has 0 columns x"),
+    "a column twice": ("x,y,z,y\n0.42,-0.03,0.03,1\n", "has 2 columns y"),
+    "four columns": ("0.42,-0.03,0.03,0\n", "has not 3, x, y, z"),
+    "two columns": ("0.42,-0.03\n", "has not 3, x, y, z"),
+    "a column more": ("x,y,z,note\n0.42,-0.03,0.03,first\n", "columns besides"),
+    "names alone": ("x,y,z\n", "has no points"),
+    "nothing": ("", "has no points"),
+    "a decimal comma between commas": ("0,42,-0,03,0,03\n", "has not 3"),
+}
+
+
+@pytest.mark.parametrize("name", LISTS)
+def test_points_as_people_write_them(name, tmp_path):
+    """All of them, or one sentence that says why none."""
+    text, problem = LISTS[name]
+    file = tmp_path / "points.csv"
+    file.write_bytes(text.encode())
+    if not problem:
+        assert points_in(file) == POINTS
+        return
+    with pytest.raises(SceneError, match=re.escape(problem)):
+        points_in(file)
 
 
 @pytest.mark.parametrize(
