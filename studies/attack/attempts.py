@@ -7,15 +7,17 @@ import resource
 import signal
 import sys
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import redirect_stderr, redirect_stdout, suppress
 from dataclasses import dataclass
 from io import StringIO
+from math import ceil
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from pathlib import Path
 from shutil import rmtree
 from tempfile import mkdtemp
+from time import process_time
 
 import numpy as np
 
@@ -23,7 +25,9 @@ from deltaopt.cli import main
 from deltaopt.errors import DeltaOptError
 
 SECONDS = 60
-"""Of the processor, for one attempt; and four times as many by the clock."""
+"""Of the processor, for one attempt."""
+_STARTED = 60
+"""Seconds by the clock in which a process has surely begun, also where many others run."""
 MEMORY = 8 << 30
 """Bytes of addresses."""
 GOOD, WRONG, TRACEBACK, HANG = VERDICTS = ("good", "wrong", "traceback", "hang")
@@ -113,17 +117,23 @@ def command(*words: object) -> Ended:
     return Ended(code if isinstance(code, int) else 2, output.getvalue(), errors.getvalue())
 
 
-def row_of(kinds: dict[str, Kind], kind: str, seed: int, number: int) -> Row:
-    """Make an attempt in a process and a folder of its own, and judge what comes of it."""
+def row_of(
+    kinds: Mapping[str, Kind], kind: str, seed: int, number: int, most: int = SECONDS
+) -> Row:
+    """Make an attempt in a process and a folder of its own, and judge what comes of it.
+
+    ``most``: seconds of the processor for it; four times as many by the clock.
+    """
     context, folder = get_context("forkserver"), Path(mkdtemp(prefix="attack-"))
+    context.set_forkserver_preload(["studies.attack.kinds"])
     receiver, sender = context.Pipe(duplex=False)
     own = (seed, list(kinds).index(kind), number)
-    process = context.Process(target=_judged, args=(kinds[kind], own, folder, sender))
+    process = context.Process(target=_judged, args=(kinds[kind], own, folder, sender, most))
     process.start()
     sender.close()
-    told, verdict, problem, seconds = "", "", "", float(SECONDS)
+    told, verdict, problem, seconds = "", "", "", float(most)
     with suppress(EOFError):
-        while not verdict and receiver.poll(4 * SECONDS):
+        while not verdict and receiver.poll(4 * most + _STARTED):
             told, verdict, problem, seconds = receiver.recv()
     if not verdict:
         with suppress(ProcessLookupError):
@@ -136,16 +146,17 @@ def row_of(kinds: dict[str, Kind], kind: str, seed: int, number: int) -> Row:
     return Row(kind, number, verdict, round(seconds, 2), ascii(told)[1:-1], ascii(problem)[1:-1])
 
 
-def _judged(kind: Kind, own: Sequence[int], folder: Path, sender: Connection) -> None:
+def _judged(kind: Kind, own: Sequence[int], folder: Path, sender: Connection, most: int) -> None:
     """Make an attempt in this process: send what it is, and then what has come of it."""
     os.setsid()
     os.chdir(folder)
-    resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS + 1))
+    most += ceil(process_time())
+    resource.setrlimit(resource.RLIMIT_CPU, (most, most + 1))
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     with open(os.devnull, "w", encoding="utf-8") as nobody:
         sys.stdout = sys.stderr = nobody
         attempt = kind(np.random.default_rng(own))
-        sender.send((attempt.told, "", "", float(SECONDS)))
+        sender.send((attempt.told, "", "", float(most)))
         verdict, problem = _tried(attempt)
     used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
     seconds = sum(each.ru_utime + each.ru_stime for each in used)
@@ -155,10 +166,14 @@ def _judged(kind: Kind, own: Sequence[int], folder: Path, sender: Connection) ->
 def _tried(attempt: Attempt) -> tuple[str, str]:
     try:
         problem = attempt.made()
-    except (DeltaOptError, *attempt.raises) as error:
-        problem = unclear_sentence(str(error))
     except BaseException as error:  # a fault of the program is what is looked for
+        if isinstance(error, (DeltaOptError, *attempt.raises)):
+            return _verdict(unclear_sentence(str(error)))
         place = traceback.extract_tb(error.__traceback__)[-1]
         where = f"{Path(place.filename).name}:{place.lineno}"
         return TRACEBACK, f"{type(error).__name__} in {where}: {error}"
+    return _verdict(problem)
+
+
+def _verdict(problem: str) -> tuple[str, str]:
     return (WRONG, problem) if problem else (GOOD, "")

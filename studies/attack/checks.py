@@ -121,7 +121,8 @@ def faults(scene: Scene, trajectory: Trajectory) -> list[str]:
             found.append(("torque at speed", np.abs(on.tau + slope * on.dtheta) / at_rest))
     speed = np.minimum(robot.speed_limits or np.inf, given.get("speed", np.inf))
     found.append(("speed", np.abs(on.dtheta) / speed))
-    sizes = {"platform_speed": v, "acceleration": a, "specific_force": a - robot.gravity_vector}
+    force = a - np.array(robot.gravity_vector)
+    sizes = {"platform_speed": v, "acceleration": a, "specific_force": force}
     for key, vectors in sizes.items():
         if key in given:
             found.append((key, np.linalg.norm(vectors, axis=1) / given[key]))
@@ -142,8 +143,8 @@ def _misplaced(scene: Scene, t: Array, x: Array, v: Array) -> list[str]:
             away[name] = float(np.linalg.norm(x[i] - at - moved))
             away[f"{name} speed"] = float(np.linalg.norm(v[i] - velocity))
     for point in scene.via or ():
-        at, within = (point, 0.0) if isinstance(point, tuple) else (point.at, point.within)
-        away[f"via {at}"] = float(np.linalg.norm(x - at, axis=1).min()) - within
+        place, within = (point, 0.0) if isinstance(point, tuple) else (point.at, point.within)
+        away[f"via {place}"] = float(np.linalg.norm(x - place, axis=1).min()) - within
     if isinstance(scene.path, Line):
         one, other = np.array(scene.given_points)
         ahead = (other - one) / np.linalg.norm(other - one)
@@ -162,8 +163,9 @@ def table_share(scene: Scene, t: Array, rows: list[Array]) -> float:
         if length < 1e-12:
             continue
         u = np.linspace(0.0, 1.0, 9)
-        matrix = [_powers(np.array([end]), order, k)[0] for end in (0.0, 1.0) for k in range(len(rows))]
-        ends = [rows[k][i + end] * length**k for end in (0, 1) for k in range(len(rows))]
+        both = [(end, k) for end in (0, 1) for k in range(len(rows))]
+        matrix = [_powers(np.array([float(end)]), order, k)[0] for end, k in both]
+        ends = [rows[k][i + end] * length**k for end, k in both]
         solved = np.linalg.solve(np.array(matrix), np.array(ends))
         motion = [_powers(u, order, k) @ solved / length**k for k in range(3)]
         tau = loads(scene.robot, scene.payload or 0.0, *_platform(scene.robot, *motion)).tau

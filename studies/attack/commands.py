@@ -11,6 +11,7 @@ import stat
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from hashlib import sha256
 from pathlib import Path
 
@@ -18,12 +19,25 @@ import deltaopt.cli
 from deltaopt.codegen.compile import CACHE, cache_directory
 from deltaopt.files.yaml_file import write_yaml
 from studies.attack.attempts import Attempt, Generator, Kind, command
-from studies.attack.data_files import planned
-from studies.attack.scene_files import ROBOT, SCENE, at, drawn, places, replaced, written
+from studies.attack.scene_files import SCENE, Content, at, drawn, places, replaced, written
 from studies.interrupts import NOTES, contents, faults_of_files, left_behind, run_until
 from studies.problems import ORSINO, PICK_AND_PLACE
 
-_ODD = ("nan", "inf", "-inf", "-1", "", "abc", "1e999", "0x10", "--", "1,5", "1e-400", "2.5.1", "1 m")
+_ODD = (
+    "nan",
+    "inf",
+    "-inf",
+    "-1",
+    "",
+    "abc",
+    "1e999",
+    "0x10",
+    "--",
+    "1,5",
+    "1e-400",
+    "2.5.1",
+    "1 m",
+)
 _FILES = {"SCENE": PICK_AND_PLACE, "ROBOT": ORSINO, "PLAN": "plan", "FILE": PICK_AND_PLACE}
 
 
@@ -86,7 +100,8 @@ def inputs(rng: Generator) -> Attempt:
         path = Path(name)
         _THINGS[thing](path)
         robot, scene = drawn(rng, [PICK_AND_PLACE])[1:]
-        keys = {"robot": {"robot": name}, "hull": {"keep_out": [{"hull": {"file": name}}]}}
+        keys: dict[str, Content] = {"robot": {"robot": name}}
+        keys["hull"] = {"keep_out": [{"hull": {"file": name}}]}
         keys["path"] = {"path": {"points": name, "blend": 0.01}}
         written(robot, scene)
         write_yaml(SCENE, scene | keys.get(place, {}))
@@ -141,10 +156,8 @@ def outputs(rng: Generator) -> Attempt:
         Path(NOTES).write_text("mine", encoding="utf-8")
         command("plan", PICK_AND_PLACE, "--baseline", "--no-plot", "-o", "plan")
         path = Path(name)
-        try:
+        with suppress(OSError):  # too long a name, or no right to make a device
             _TARGETS[target](Path(path.parts[0]))
-        except OSError:  # too long a name, or no right to make a device
-            pass
         before = [_what(each) for each in (Path(path.parts[0]), Path(NOTES), Path("folder"))]
         ended = command(*_WRITERS[writer], "-o", name)
         after = [_what(each) for each in (Path(path.parts[0]), Path(NOTES), Path("folder"))]
@@ -174,7 +187,7 @@ _MOUNTS = {
 
 
 def caches(rng: Generator) -> Attempt:
-    """A folder for compiled code that is none, or whose files cannot be used: a plan all the same."""
+    """A folder for compiled code that is none, or whose files are no use: a plan all the same."""
     cache, way = Path("cache").absolute(), str(rng.choice(_CACHES))
 
     def made() -> str:

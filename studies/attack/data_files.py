@@ -13,11 +13,10 @@ import numpy as np
 
 import deltaopt
 from deltaopt import Corners
-from deltaopt.files.yaml_file import write_yaml
 from studies.attack.attempts import Attempt, Ended, Generator, Kind, command
 from studies.attack.checks import Array, table_share
-from studies.attack.scene_files import ROBOT, SCENE, at, drawn, places, replaced, written
-from studies.problems import CROSS, ORSINO, PICK_AND_PLACE, PROBLEMS
+from studies.attack.scene_files import SCENE, at, drawn, places, replaced, written
+from studies.problems import CROSS, ORSINO, PICK_AND_PLACE
 
 _TABLE = Path("table.csv")
 _VERIFY = ("verify", _TABLE, "--robot", ORSINO, "--payload", "1")
@@ -66,7 +65,9 @@ _TABLES: dict[str, Callable[[Rows, int, int], str]] = {
     "empty": lambda rows, i, k: _text(replaced(rows, (i, k), "")),
     "nan": lambda rows, i, k: _text(replaced(rows, (i, k), "nan")),
     "error": lambda rows, i, k: _text(replaced(rows, (i, k), "#DIV/0!")),
-    "twice": lambda rows, i, k: _text([[*row, rows[max(n - 1, 0)][k]] for n, row in enumerate(rows)]),
+    "twice": lambda rows, i, k: _text(
+        [[*row, rows[max(n - 1, 0)][k]] for n, row in enumerate(rows)]
+    ),
     "cut": lambda rows, i, k: _text(rows[:i]) + ",".join(rows[i])[: 3 * k + 1],
     "units row": lambda rows, i, k: _text([rows[0], ["s"] + ["rad"] * 9, *rows[1:]]),
     "no header": lambda rows, i, k: _text(rows[1:]),
@@ -90,7 +91,9 @@ def tables(rng: Generator) -> Attempt:
         ended = command(*_VERIFY, "--json")
         if not ended.output:
             return ended.failed() if way in _SAME else ended.unclear(_TABLE.name)
-        return "" if _measured(ended) == right else f"other numbers are measured: {ended.last[:200]}"
+        return (
+            "" if _measured(ended) == right else f"other numbers are measured: {ended.last[:200]}"
+        )
 
     return Attempt(f"{way}, row {i}, column {k}", made)
 
@@ -117,7 +120,9 @@ def teleports(rng: Generator) -> Attempt:
 def solids(rng: Generator) -> Attempt:
     """A body from an STL file: few corners or many, whole or damaged."""
     number = int(rng.choice([4, 100, 500, 3000, 20000, 60000]))
-    way = str(rng.choice(["ascii", "binary", "solid", "cut", "nan", "flat", "count", "words", "same"]))
+    way = str(
+        rng.choice(["ascii", "binary", "solid", "cut", "nan", "flat", "count", "words", "same"])
+    )
     box = bool(rng.integers(2))  # of all corners eight are its own
     corners = rng.normal(size=(max(number // 3, 4), 3, 3))
     corners = np.sign(corners) if box else corners / np.linalg.norm(corners, axis=2, keepdims=True)
@@ -168,7 +173,9 @@ _PATHS: dict[str, Callable[[str, int], str]] = {
 def paths(rng: Generator) -> Attempt:
     """Points of a path from a damaged file: the same points, or a sentence."""
     way, i = str(rng.choice(list(_PATHS))), int(rng.integers(1, 100))
-    points = [[0.43 + 0.001 * k, -0.03 + 0.02 * k, round(rng.uniform(0, 0.02), 4)] for k in range(5)]
+    points = [
+        [0.43 + 0.001 * k, -0.03 + 0.02 * k, round(rng.uniform(0, 0.02), 4)] for k in range(5)
+    ]
 
     def made() -> str:
         text = "".join(f"{x!r},{y!r},{z!r}\n" for x, y, z in points)
@@ -189,7 +196,9 @@ def paths(rng: Generator) -> Attempt:
 def tampered(rng: Generator) -> Attempt:
     """A saved plan in which one number is another, or one file another plan's."""
     size = float(10 ** rng.uniform(-4, 0))
-    way = str(rng.choice(["cell", "rows", "swap", "swap json", "format", "record", "motion", "scene"]))
+    way = str(
+        rng.choice(["cell", "rows", "swap", "swap json", "format", "record", "motion", "scene"])
+    )
     which, order = rng.integers(1000, size=2).tolist()
 
     def made() -> str:
@@ -240,7 +249,10 @@ def exports(rng: Generator) -> Attempt:
     keeps the torques, or is refused, or its head says that it does not."""
     controller = str(rng.choice(["cubic", "quintic"]))
     cycle = str(rng.choice(["own-knots", "1ms", "2ms", "4ms", "8ms"]))
-    slower, target = float(rng.choice([1, 0.8, 0.95, 1.3])), str(rng.choice(["table", "table", "c"]))
+    slower, target = (
+        float(rng.choice([1, 0.8, 0.95, 1.3])),
+        str(rng.choice(["table", "table", "c"])),
+    )
 
     def made() -> str:
         planned()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from studies.attack import commands, data_files, motions, python_calls, scene_files
+from studies.attack import additions, commands, data_files, motions, python_calls, scene_files
 from studies.attack.attempts import Kind
 
 KINDS: dict[str, Kind] = {
@@ -11,6 +11,7 @@ KINDS: dict[str, Kind] = {
     **commands.KINDS,
     **python_calls.KINDS,
     **motions.KINDS,
+    **additions.KINDS,
 }
 COSTLY = frozenset({"own_limits", "own_terms", "caches"})
 """Kinds of which there are fewer attempts."""

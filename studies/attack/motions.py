@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -16,8 +17,8 @@ from studies.problems import INDUSTRIAL, PICK_AND_PLACE, PROBLEMS
 
 _SCENE = deltaopt.load_scene(PICK_AND_PLACE)
 _ROBOT = deltaopt.load_robot(INDUSTRIAL)
-_BEND = 4096.0 * np.array([0, 0, 0, 0, 1, -4, 6, -4, 1])[4:]
-"""u⁴ (1 - u)⁴, grown: its coefficients from the fourth power on; 16 at its middle."""
+_BEND = 256.0 * np.array([1, -4, 6, -4, 1])
+"""(4 u (1 - u))⁴, 1 at its middle: its coefficients from the fourth power on."""
 
 _BAD: dict[str, Callable[[Array, Array], tuple[Any, Any]]] = {
     "zeros": lambda t, c: (t, 0 * c),
@@ -68,7 +69,9 @@ def motions(rng: Generator) -> Attempt:
     return Attempt(f"{way}, of {'coordinates' if twelve else 'position'}", made)
 
 
-def bent(position: PiecewisePolynomial, begin: float, end: float, size: Array) -> PiecewisePolynomial:
+def bent(
+    position: PiecewisePolynomial, begin: float, end: float, size: Array
+) -> PiecewisePolynomial:
     """A position with a bump of a size, (3,), m, between two instants of one piece, s."""
     i = int(position.interval(np.array([begin]))[0])
     at = [position.knots[i], begin, end, position.knots[i + 1]]
@@ -79,20 +82,21 @@ def bent(position: PiecewisePolynomial, begin: float, end: float, size: Array) -
                 np.polynomial.Polynomial([start - at[0], 1.0])
             ).coef
             pieces[j, : len(shifted), k] = shifted
-    powers = (end - begin) ** np.arange(4, 9)
-    pieces[1, 4:9] += (_BEND / 16 / 16 / powers)[:, None] * size
+    powers = np.power(end - begin, np.arange(4, 9))
+    pieces[1, 4:9] += (_BEND / powers)[:, None] * size
     rest = np.pad(
-        position.coefficients, ((0, 0), (0, pieces.shape[1] - position.coefficients.shape[1]), (0, 0))
+        position.coefficients,
+        ((0, 0), (0, pieces.shape[1] - position.coefficients.shape[1]), (0, 0)),
     )
-    kept = np.array([b > a for a, b in zip(at, at[1:], strict=False)])
+    kept = np.array([b > a for a, b in pairwise(at)])
     return PiecewisePolynomial(
         np.concatenate([position.knots[:i], np.array(at)[:-1][kept], position.knots[i + 1 :]]),
         np.concatenate([rest[:i], pieces[kept], rest[i + 1 :]]),
     )
 
 
-_PLANNED = ("pick_and_place", "via/three_points", "moving/belt", "payload/range", "paths/glue_line")
-_PLANNED += ("limits/platform_speed", "limits/specific_force", "keep_out/into_a_box", "hornet/1_kg")
+_PLANNED = ["pick_and_place", "via/three_points", "moving/belt", "payload/range", "paths/glue_line"]
+_PLANNED += ["limits/platform_speed", "limits/specific_force", "keep_out/into_a_box", "hornet/1_kg"]
 
 
 def damaged(rng: Generator) -> Attempt:
@@ -127,9 +131,9 @@ def _from_rest_to_rest(points: list[Array], duration: float, pieces: int) -> Pie
     found: PiecewisePolynomial | None = None
     law = np.polynomial.Polynomial([0, 0, 0, 10, -15, 6])
     u = np.linspace(0, 1, pieces + 1)
-    for one, other in zip(points, points[1:], strict=False):
+    for one, other in pairwise(points):
         of_time = [law(np.polynomial.Polynomial([a, 1 / duration])).coef for a in u[:-1]]
-        coefficients = np.array(of_time)[:, :, None] * (other - one)
+        coefficients = np.array(of_time, dtype=float)[:, :, None] * (other - one)
         coefficients[:, 0] += one
         leg = PiecewisePolynomial(u * duration, coefficients)
         found = found.then(leg) if found else leg
@@ -150,9 +154,10 @@ def strays(rng: Generator) -> Attempt:
         path: Any = "line"
         legs = [start, goal]
         if way == "loop":
-            far = crossing + [0, 0.05, 0]
-            corners = [far, far + [-0.04, 0, 0.03], crossing + [-0.04, 0, -0.03]]
-            end = crossing + 1.0 * (crossing - corners[2])
+            far = crossing + np.array([0, 0.05, 0])
+            aside = np.array([-0.04, 0, 0.03]), np.array([-0.04, 0, -0.03])
+            corners = [far, far + aside[0], crossing + aside[1]]
+            end = crossing - aside[1]
             path = {"points": [each.tolist() for each in corners], "blend": 0.005}
             legs = [start, crossing, end]
         if way == "back":
@@ -196,7 +201,9 @@ _FEATURES: dict[str, Callable[[Array], dict[str, Any]]] = {
     "tool": lambda u: {"tool": {"radius": 0.01 + 0.01 * u[9]}},
     "clearance": lambda u: {"clearance": 0.002 + 0.002 * u[9]},
     "approach": lambda u: {
-        "approach": {end: {"height": 0.02, "radius": 0.004 + 0.002 * u[0]} for end in ("start", "goal")}
+        "approach": {
+            end: {"height": 0.02, "radius": 0.004 + 0.002 * u[0]} for end in ("start", "goal")
+        }
     },
     "line": lambda u: {"path": "line"},
     "tube": lambda u: {"path": "line", "tube": 0.004 + 0.004 * u[1]},

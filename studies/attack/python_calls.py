@@ -16,7 +16,7 @@ import numpy as np
 
 import deltaopt
 from studies.attack.attempts import Attempt, Generator, Kind
-from studies.problems import PICK_AND_PLACE, PROBLEMS
+from studies.problems import LIGHT, PICK_AND_PLACE, PROBLEMS
 
 _PYTHON = (TypeError, ValueError)
 _SCENE = deltaopt.load_scene(PICK_AND_PLACE)
@@ -153,7 +153,7 @@ def calls(rng: Generator) -> Attempt:
             "copy": lambda: _SCENE.model_copy(update={"clearance": [value]}),
         }
         function = list(functions)[which % len(functions)]
-        may = name in ("0", "False") and function in ("seed", "limits") or (
+        may = (name in ("0", "False") and function in ("seed", "limits")) or (
             name == "0" and function not in _ZERO
         )
         found = functions[function]()
@@ -164,8 +164,8 @@ def calls(rng: Generator) -> Attempt:
 
 def copies(rng: Generator) -> Attempt:
     """Values that are copied, pickled, compared, hashed and shown."""
-    names = ("scene", "robot", "plan", "trajectory", "motion", "verification", "model", "belt", "error")
-    what = str(rng.choice(names))
+    names = "scene robot plan trajectory motion verification model belt error"
+    what = str(rng.choice(names.split()))
     how = str(rng.choice(["pickle", "copy", "deepcopy", "hash", "repr", "html", "json"]))
 
     def made() -> str:
@@ -193,7 +193,8 @@ def copies(rng: Generator) -> Attempt:
         if how == "json" and hasattr(value, "model_dump_json"):
             again = type(value).model_validate_json(value.model_dump_json())
             return "" if again == value else "read back it is another"
-        shown = {"hash": hash, "html": lambda each: getattr(each, "_repr_html_", each.__str__)()}
+        shown: dict[str, Callable[[Any], object]] = {"hash": hash}
+        shown["html"] = lambda each: getattr(each, "_repr_html_", each.__str__)()
         return "" if len(str(shown.get(how, repr)(value))) else "nothing is shown"
 
     return Attempt(f"{what}: {how}", made)
@@ -219,7 +220,7 @@ def documented(rng: Generator) -> Attempt:
 
 def threads(rng: Generator) -> Attempt:
     """Plans of several threads at once are those of one, bit by bit."""
-    scenes = [PICK_AND_PLACE, *(PROBLEMS / f"{each}.yaml" for each in ("light_and_fast", "moving/belt"))]
+    scenes = [PICK_AND_PLACE, LIGHT, PROBLEMS / "moving/belt.yaml"]
     chosen = [scenes[i] for i in rng.integers(len(scenes), size=4)]
 
     def planned(file: Path) -> tuple[bytes, bool]:
