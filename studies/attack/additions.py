@@ -89,8 +89,16 @@ class _OnPlace(_OnSum):
         return np.asarray(x[:, 0] - 1.0)
 
 
-class _OfOrderThree(_OnTorque):
+class _OfOrderThree(_OnPower):
     order = 3
+
+
+class _OnSharedTorque(_OnTorque):
+    def measure(self, motion: Instant, numbers: SX) -> SX:
+        return motion.tau + 0.1 * ca.sum1(motion.tau)
+
+    def measured(self, on: Loads, x: Array) -> Array:
+        return np.asarray(on.tau + 0.1 * on.tau.sum(axis=1, keepdims=True))
 
 
 _LIMITS = {
@@ -98,7 +106,8 @@ _LIMITS = {
     "power": (_OnPower(), 900.0),
     "sum": (_OnSum(), 600.0),
     "place": (_OnPlace(), 0.07),
-    "order 3": (_OfOrderThree(), 330.0),
+    "shared": (_OnSharedTorque(), 300.0),
+    "order 3": (_OfOrderThree(), 900.0),
 }
 
 

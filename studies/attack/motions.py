@@ -42,7 +42,7 @@ _BAD: dict[str, Callable[[Array, Array], tuple[Any, Any]]] = {
     "lists": lambda t, c: (t.tolist(), c.tolist()),
     "nan": lambda t, c: (t, np.where(c == c.max(), np.nan, c)),
     "infinite": lambda t, c: (t, np.where(c == c.max(), np.inf, c)),
-    "nan in time": lambda t, c: (np.where(t == t[3], np.nan, t), c),
+    "nan in time": lambda t, c: (np.where(t == t[-1], np.nan, t), c),
     "None": lambda t, c: (None, None),
     "short floats": lambda t, c: (t.astype(np.float16), c.astype(np.float16)),
     "late": lambda t, c: (t + 1e9, c),
@@ -165,11 +165,12 @@ def strays(rng: Generator) -> Attempt:
         scene = deltaopt.Scene(
             robot=_SCENE.robot, start=tuple(start), goal=tuple(legs[-1]), path=path, payload=1.0
         )
-        position = _from_rest_to_rest(legs, 2.0, 1500 if way == "jumps" else pieces)
+        duration, number = (0.25, 500 + 20 * pieces) if way == "jumps" else (2.0, pieces)
+        position = _from_rest_to_rest(legs, duration, number)
         if way == "jumps":
             coefficients = position.coefficients.copy()
-            ramp = np.minimum(np.arange(1500), np.arange(1500)[::-1])
-            coefficients[:, 0, 1] += 0.9e-8 * ramp
+            apart = np.arange(number)
+            coefficients[:, 0, 1] += 0.9e-8 * np.minimum(apart, apart[::-1])
             position = replace(position, coefficients=coefficients)
         if way in ("bump", "piece"):
             i = int(share * pieces)
@@ -184,7 +185,7 @@ def strays(rng: Generator) -> Attempt:
 
 _FEATURES: dict[str, Callable[[Array], dict[str, Any]]] = {
     "wall": lambda u: {
-        "keep_out": [{"box": {"from": [0.83 + 0.02 * u[0], -0.01, -0.3], "to": [1.2, 0.01, 0.3]}}]
+        "keep_out": [{"box": {"from": [0.8 + 0.03 * u[0], -0.01, -0.3], "to": [1.2, 0.01, 0.3]}}]
     },
     "sphere": lambda u: {
         "keep_out": [{"sphere": {"centre": [0.86, 0.02 * u[1], 0.0], "radius": 0.03 + 0.01 * u[0]}}]
