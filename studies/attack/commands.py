@@ -181,7 +181,7 @@ def _what(path: Path) -> tuple[object, ...]:
 _CACHES = ("file", "pipe", "garbage", "anybody's", "noexec", "read only", "loop", "deep", "device")
 _GARBAGE = b"\x7fELF" + bytes(100)
 _MOUNTS = {
-    "noexec": 'mount -t tmpfs -o noexec none "$0" && cp "$1"/*.so "$1"/*.sha256 "$0" && shift && exec "$@"',
+    "noexec": 'mount -t tmpfs -o noexec none "$0" && cp "$1"/*.s* "$0" && shift && exec "$@"',
     "read only": 'mount -t tmpfs -o ro none "$0" && shift && exec "$@"',
 }
 
