@@ -19,6 +19,7 @@ from deltaopt.cli import Command, Parser, add_command, exit_code
 from deltaopt.cli.streams import print_any_text
 from studies import (
     agreement,
+    attack,
     basin,
     bench,
     benchmarks,
@@ -70,6 +71,7 @@ class Study(Command, Protocol):
 
 STUDIES: dict[str, Study] = {
     "agreement": agreement,
+    "attack": attack,
     "basin": basin,
     "bench": bench,
     "benchmarks": benchmarks,
