@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import deltaopt
-from deltaopt.bench.random_scenes import random_scenes
 from studies.__main__ import main
 from studies.attack.attempts import Attempt, Ended, row_of
 from studies.attack.checks import faults, loads, table_share
+from studies.bench.random_scenes import random_scenes
 from studies.problems import PICK_AND_PLACE, PROBLEMS
 
 SCENE = deltaopt.load_scene(PICK_AND_PLACE)
