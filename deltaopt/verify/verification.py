@@ -167,14 +167,14 @@ BOUNDS = (
         "position_jump",
         "m",
         BOUNDARY_DISTANCE,
-        "its position jumps by {:.3g} m at a knot",
+        "its position jumps by {:.3g} m at its knots, all jumps together",
         BOUNDARY_SHARE,
     ),
     Bound(
         "velocity_jump",
         "m/s",
         BOUNDARY_SPEED,
-        "its velocity jumps by {:.3g} m/s at a knot",
+        "its velocity jumps by {:.3g} m/s at its knots, all jumps together",
         BOUNDARY_SHARE,
     ),
     Bound(
@@ -266,13 +266,14 @@ class Verification:
         the value of ``report.excesses["torque_excess"]``, None where the scene has no such limit.
     ``distances``: the least to every kind of singularity; empty where not evaluated.
     ``start_distance``, ``goal_distance``: m, from the scene's points to the motion's ends.
-    ``path_distance``: m, of the motion from the scene's path; None where it gives none.
+    ``path_distance``: m, of the motion from the scene's path, followed from its beginning to its
+        end; None where it gives none.
     ``via_distance``: m, the largest from a via point or the sphere that the scene gives about it,
         passed in the scene's order; None without.
     ``approach_distance``: m, the largest outside the scene's approach; None where it gives none.
     ``start_speed``, ``goal_speed``: m/s, by how much the platform's velocity at the motion's ends
         differs from the scene's, which is zero unless an end moves.
-    ``position_jump``, ``velocity_jump``: m and m/s, the largest at a knot.
+    ``position_jump``, ``velocity_jump``: m and m/s, those at all knots added up.
     ``kinematic_error``: E_K, mean over time of ‖(f, J q̇ + μ)‖, f in units of the upper arm, the
         rest in units of the mean speed, way / duration.
     ``dynamic_error``: E_D, mean over time of ‖q̈ - q̈(q, q̇, τ)‖ in ``Units`` of the motion.
@@ -461,7 +462,7 @@ def _measured(scene: Scene, trajectory: Trajectory, nothing: Verification) -> Ve
     """With every measure that can be evaluated."""
     try:
         measures = _measures(scene, trajectory) | _errors(scene, trajectory)
-        measures |= _ends(scene, trajectory) | _jumps(trajectory)
+        measures |= _ends(scene, trajectory, nothing) | _jumps(trajectory)
         measures |= _optimality(scene, trajectory)
     except (Unreachable, Singular, TooRough) as error:
         return replace(nothing, obstacles=(str(error),))
@@ -551,10 +552,12 @@ def _optimality(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
     return {"hamiltonian_spread": spread, "sign_violation": violation}
 
 
-def _ends(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
+def _ends(scene: Scene, trajectory: Trajectory, nothing: Verification) -> dict[str, float]:
     x, v, _ = trajectory.path_inside([0.0, 1.0])
-    task = scene.task
-    on_path = {} if not isinstance(task, OnPath) else {"path_distance": off_path(task, trajectory)}
+    task, on_path = scene.task, dict[str, float]()
+    if isinstance(task, OnPath):
+        (asked,) = (b.of(nothing).at_most for b in BOUNDS if b.measure == "path_distance")
+        on_path["path_distance"] = off_path(task, trajectory, asked)
     goal = goal_of(task, trajectory)
     if task.via:
         on_path["via_distance"] = off_via_points(task, trajectory)
@@ -569,13 +572,11 @@ def _ends(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
 
 
 def _jumps(trajectory: Trajectory) -> dict[str, float]:
-    """Largest jump of position and velocity between the two sides of a knot."""
+    """All jumps of position and of velocity between the two sides of knots, added up: small ones
+    in one direction lead as far off as a large one."""
     sides = trajectory.path_inside([0.0, 1.0])  # rows: begin, end, begin, end ...
     x, v, _ = (np.linalg.norm(row[2::2] - row[1:-1:2], axis=1) for row in sides)
-    return {
-        "position_jump": float(x.max(initial=0.0)),
-        "velocity_jump": float(v.max(initial=0.0)),
-    }
+    return {"position_jump": float(x.sum()), "velocity_jump": float(v.sum())}
 
 
 def _errors(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
