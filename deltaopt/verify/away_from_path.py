@@ -29,8 +29,8 @@ _KNOWN = 1e-3
 _HALVINGS, _MOST = 40, 400_000
 """Of a piece, and parts that are looked at in all: what is not known then is told as bad as it may
 be."""
-_FIRST = 3
-"""Halvings of each piece to begin with."""
+_FEWEST = 1000
+"""Parts that are looked at in any case, so that a distance within the bound is told too."""
 
 
 class Places(Protocol):
@@ -108,7 +108,7 @@ def largest_distance(
             worst, k = float(told[farthest]), parts.pieces[farthest]
             share = parts.ends[farthest, later[farthest]]
             when = float(knots[k] * (1 - share) + knots[k + 1] * share)
-        if halving < _FIRST:
+        if seen < _FEWEST:
             is_open[:] = True
         if is_last or not is_open.any():
             return worst, when

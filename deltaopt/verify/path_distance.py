@@ -258,7 +258,7 @@ def _closest(path: Path, x: Array, s: Array, least: Array, most: Array) -> tuple
     """The least distances from points (N, 3) that Newton's method finds from places s (N,) between
     others, (N,) each, and where."""
     best, at = np.full(len(x), np.inf), s.copy()
-    moving, s = np.arange(len(x)), s.copy()
+    moving, s, rounding = np.arange(len(x)), s.copy(), 1e-15 * np.abs(path.knots).max()
     for _ in range(_STEPS):
         if not len(moving):
             break
@@ -271,5 +271,5 @@ def _closest(path: Path, x: Array, s: Array, least: Array, most: Array) -> tuple
         step = (away * dp).sum(axis=1) / np.where(bend > 0, bend, np.inf)
         before = s[moving]
         s[moving] = np.clip(before - step, least[moving], most[moving])
-        moving = moving[s[moving] != before]
+        moving = moving[np.abs(s[moving] - before) > rounding]
     return best, at

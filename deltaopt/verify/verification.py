@@ -38,6 +38,7 @@ from deltaopt.verify.pontryagin import NoCostates, extremal
 from deltaopt.verify.resolved_curves import POINTS, WEIGHTS, TooRough
 from deltaopt.verify.tube import tube_excess
 from deltaopt.verify.units import Units, way_of
+from deltaopt.verify.well_formed import malformed
 
 EXCESS = 1e-9
 """Of every limit, as a share of it: above rounding of inverse dynamics, below any meaning of a
@@ -443,17 +444,18 @@ def verify(scene: Scene, trajectory: Trajectory) -> Verification:
         raise TypeError(
             f"trajectory is a {kind}; it must be a Trajectory, such as plan(scene).trajectory"
         )
-    units = Units.of(scene, trajectory)
-    nothing = Verification(
-        trajectory.duration,
-        arm=units.length,
-        time_unit=units.time,
-        excesses=not_measured(scene),
-    )
-    obstacle = _malformed(trajectory)
+    nothing = Verification(inf, excesses=not_measured(scene))
+    obstacle = malformed(trajectory)
     if obstacle:
         return replace(nothing, obstacles=(obstacle,))
-    nothing = replace(nothing, way=way_of(scene, trajectory))
+    units = Units.of(scene, trajectory)
+    nothing = replace(
+        nothing,
+        duration=trajectory.duration,
+        way=way_of(scene, trajectory),
+        arm=units.length,
+        time_unit=units.time,
+    )
     with np.errstate(invalid="ignore", over="ignore"):  # numbers that are none are told
         return _measured(scene, trajectory, nothing)
 
@@ -472,21 +474,6 @@ def _measured(scene: Scene, trajectory: Trajectory, nothing: Verification) -> Ve
     except (NotIntegrated, Unreachable, Singular) as error:
         return replace(measured, obstacles=(str(error),))
     return replace(measured, **vars(followed))
-
-
-def _malformed(trajectory: Trajectory) -> str | None:
-    """Why a trajectory is no function of time; None if it is one."""
-    knots, pieces = trajectory.knots, len(trajectory.knots) - 1
-    if not (np.isfinite(knots).all() and (np.diff(knots) > 0).all()):
-        return "time does not increase from knot to knot"
-    parts = [(trajectory.position, 3)]
-    if trajectory.coordinates is not None:
-        parts.append((trajectory.coordinates, 12))
-    for polynomials, components in parts:
-        shape = polynomials.coefficients.shape
-        if pieces < 1 or len(shape) != 3 or shape[0] != pieces or shape[2] != components:
-            return f"polynomials of shape {shape} where there are {len(knots)} knots"
-    return None
 
 
 def _measures(scene: Scene, trajectory: Trajectory) -> dict[str, Any]:
@@ -593,11 +580,14 @@ def _errors(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
     )
     doubtful = np.logical_not(np.linalg.norm(dynamic, axis=1) <= DYNAMIC_ERROR)
     if doubtful.any():
-        (dynamic[doubtful],) = evaluate_rows(
-            _robust_residuals(model.functions.terms),
-            *(rows[doubtful] for rows in arguments),
-            parameters=parameters,
-        )
+        try:
+            (dynamic[doubtful],) = evaluate_rows(
+                _robust_residuals(model.functions.terms),
+                *(rows[doubtful] for rows in arguments),
+                parameters=parameters,
+            )
+        except RuntimeError:  # what CasADi raises where a matrix is singular
+            raise Unreachable("its coordinates have no solution of the equations of motion") from None
     mean_speed = way_of(scene, trajectory) / trajectory.duration * units.time / units.length
     kinematic[:, 9:] /= mean_speed
     return {
