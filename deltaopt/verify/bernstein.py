@@ -82,7 +82,9 @@ def _to_bernstein(n: int) -> Array:
 @lru_cache(maxsize=64)
 def _to_degree(n: int, m: int) -> Array:
     """From control points of degree n to those of degree m, (m + 1, n + 1)."""
-    weights = [[comb(n, i) * comb(m - n, j - i) for i in range(min(n, j) + 1)] for j in range(m + 1)]
+    weights = [
+        [comb(n, i) * comb(m - n, j - i) for i in range(min(n, j) + 1)] for j in range(m + 1)
+    ]
     padded = [each + [0] * (n + 1 - len(each)) for each in weights]
     return np.array([[w / comb(m, j) for w in each] for j, each in enumerate(padded)])
 

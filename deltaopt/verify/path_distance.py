@@ -14,7 +14,7 @@ from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
 from deltaopt.scene.path import Path
 from deltaopt.scene.task import OnPath, Task
 from deltaopt.verify.away_from_path import from_moving_place, largest_distance
-from deltaopt.verify.bernstein import highest, parts_of
+from deltaopt.verify.bernstein import control_points, highest, parts_of
 
 Index = NDArray[np.intp]
 
@@ -101,7 +101,12 @@ class _FollowedPlaces:
             passed = parts_of(self.path.coefficients[piece], a - self.path.knots[piece], b - a)
             waited = np.linalg.norm(passed - x, axis=2).max(axis=1)
             bound = np.where(b > a, np.maximum(bound, waited), bound)
-        return np.where((first >= on - 1) & (last <= on + 1), bound, np.inf)
+        # No place of the path is farther than the path's middle and the path from there.
+        shares = self.path.over_shares
+        middle = shares[:, 0].mean(axis=0)
+        within = np.linalg.norm(control_points(shares, np.ones(len(shares))) - middle, axis=2)
+        anywhere = np.linalg.norm(points - middle, axis=2).max(axis=1) + within.max()
+        return np.where((first >= on - 1) & (last <= on + 1), bound, anywhere)
 
     def _guess(self, gone: Array) -> Array:
         return np.interp(gone / self.gone[-1], self.ways, self.marks)
@@ -109,9 +114,7 @@ class _FollowedPlaces:
     def _way(self, pieces: Index, fractions: Array) -> Array:
         """How far the motion goes in parts from the beginning of pieces, (N,), m."""
         length = np.diff(self.position.knots)[pieces] * fractions
-        rates = self.rate.inside(
-            np.repeat(pieces, len(_NODES)), (length[:, None] * _NODES).ravel()
-        )
+        rates = self.rate.inside(np.repeat(pieces, len(_NODES)), (length[:, None] * _NODES).ravel())
         return _integrals(rates, length)
 
 

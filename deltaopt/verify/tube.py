@@ -16,7 +16,7 @@ from deltaopt.verify.away_from_path import (
     largest_distance,
     largest_norm,
 )
-from deltaopt.verify.measures import Excess
+from deltaopt.verify.measures import Excess, Known
 from deltaopt.verify.path_distance import nearest_places
 
 
@@ -30,7 +30,8 @@ def tube_excess(scene: Scene, trajectory: Trajectory) -> Excess | None:
     path = scene.path.between(*scene.given_points)
     farthest, t = farthest_from(path, trajectory.position, scene.tube)
     over = farthest - scene.tube
-    return Excess(limit.name, limit.unit, limit.subject, t, over / scene.tube, over)
+    share = over / scene.tube
+    return Excess(limit.name, limit.unit, limit.subject, t, share, over, known=Known.SURE)
 
 
 def farthest_from(path: Path, position: PiecewisePolynomial, asked: float) -> tuple[float, float]:

@@ -32,7 +32,7 @@ from deltaopt.verify.clearance import clearance_excess
 from deltaopt.verify.duty import Duty
 from deltaopt.verify.forward_replay import NotIntegrated, replay
 from deltaopt.verify.links import robot_clearance, sure_robot_clearance
-from deltaopt.verify.measures import Distance, Excess, MeasuredMotion, key, not_measured
+from deltaopt.verify.measures import Distance, Excess, Known, MeasuredMotion, key, not_measured
 from deltaopt.verify.path_distance import off_approach, off_path, off_via_points
 from deltaopt.verify.pontryagin import NoCostates, extremal
 from deltaopt.verify.resolved_curves import POINTS, WEIGHTS, TooRough
@@ -83,10 +83,12 @@ class Bound:
     the duration (s), so that large and small robots are held to the same; of nothing else.
     ``share``: of the distance from start to goal (m) or of the mean speed (m/s), if that is less.
     ``rounding``: of the upper arm (m) or of it in ``Units.time`` (m/s), if that is more.
+    ``known``: what is known of the measure between samples.
     """
 
     measure: str
     unit: str
+    known: Known
     at_most: float
     complaint: str
     share: float = inf
@@ -107,17 +109,31 @@ class Bound:
 
 
 BOUNDS = (
-    Bound("duration_error", "s", DURATION, "it takes {:.3g} s more or less than the scene says"),
+    Bound(
+        "duration_error",
+        "s",
+        Known.EXACT,
+        DURATION,
+        "it takes {:.3g} s more or less than the scene says",
+    ),
     Bound(
         "robot_overlap",
         "m",
+        Known.SURE,
         ROBOT_OVERLAP,
         "an arm or a forearm is up to {:.3g} m too near to a keep-out body, or inside",
     ),
-    Bound("rotation_left", "s", DURATION, "it ends {:.3g} s before the fourth axis has turned"),
+    Bound(
+        "rotation_left",
+        "s",
+        Known.EXACT,
+        DURATION,
+        "it ends {:.3g} s before the fourth axis has turned",
+    ),
     Bound(
         "start_distance",
         "m",
+        Known.EXACT,
         BOUNDARY_DISTANCE,
         "it begins {:.3g} m from the scene's start",
         BOUNDARY_SHARE,
@@ -125,6 +141,7 @@ BOUNDS = (
     Bound(
         "goal_distance",
         "m",
+        Known.EXACT,
         BOUNDARY_DISTANCE,
         "it ends {:.3g} m from the scene's goal",
         BOUNDARY_SHARE,
@@ -132,6 +149,7 @@ BOUNDS = (
     Bound(
         "path_distance",
         "m",
+        Known.SURE,
         BOUNDARY_DISTANCE,
         "it is up to {:.3g} m off the scene's path",
         BOUNDARY_SHARE,
@@ -139,6 +157,7 @@ BOUNDS = (
     Bound(
         "via_distance",
         "m",
+        Known.SURE,
         BOUNDARY_DISTANCE,
         "it misses a via point by {:.3g} m, or passes it out of turn",
         BOUNDARY_SHARE,
@@ -146,6 +165,7 @@ BOUNDS = (
     Bound(
         "approach_distance",
         "m",
+        Known.SURE,
         BOUNDARY_DISTANCE,
         "it is up to {:.3g} m outside the scene's approach",
         BOUNDARY_SHARE,
@@ -153,6 +173,7 @@ BOUNDS = (
     Bound(
         "start_speed",
         "m/s",
+        Known.EXACT,
         BOUNDARY_SPEED,
         "it begins with a velocity {:.3g} m/s off the scene's",
         BOUNDARY_SHARE,
@@ -160,6 +181,7 @@ BOUNDS = (
     Bound(
         "goal_speed",
         "m/s",
+        Known.EXACT,
         BOUNDARY_SPEED,
         "it ends with a velocity {:.3g} m/s off the scene's",
         BOUNDARY_SHARE,
@@ -167,6 +189,7 @@ BOUNDS = (
     Bound(
         "position_jump",
         "m",
+        Known.EXACT,
         BOUNDARY_DISTANCE,
         "its position jumps by {:.3g} m at its knots, all jumps together",
         BOUNDARY_SHARE,
@@ -174,6 +197,7 @@ BOUNDS = (
     Bound(
         "velocity_jump",
         "m/s",
+        Known.EXACT,
         BOUNDARY_SPEED,
         "its velocity jumps by {:.3g} m/s at its knots, all jumps together",
         BOUNDARY_SHARE,
@@ -181,6 +205,7 @@ BOUNDS = (
     Bound(
         "kinematic_error",
         "1",
+        Known.SAMPLED,
         KINEMATIC_ERROR,
         "its coordinates leave the loops open by {:.3g} (of the upper arm and of the mean speed, "
         "on average)",
@@ -188,6 +213,7 @@ BOUNDS = (
     Bound(
         "dynamic_error",
         "1",
+        Known.SAMPLED,
         DYNAMIC_ERROR,
         "its torques give accelerations that differ by {:.3g} from its own (in units of the robot "
         "and the motion, on average)",
@@ -195,6 +221,7 @@ BOUNDS = (
     Bound(
         "defect_distance",
         "m",
+        Known.FOLLOWED,
         DEFECT_DISTANCE,
         "its torques lead {:.3g} m off its path within a piece of it",
         BOUNDARY_SHARE,
@@ -203,6 +230,7 @@ BOUNDS = (
     Bound(
         "defect_speed",
         "m/s",
+        Known.FOLLOWED,
         DEFECT_SPEED,
         "its torques give a speed {:.3g} m/s off its own within a piece of it",
         BOUNDARY_SHARE,
@@ -215,6 +243,7 @@ ARRIVAL_BOUNDS = (
     Bound(
         "arrival_distance",
         "m",
+        Known.FOLLOWED,
         ARRIVAL_DISTANCE,
         "its torques bring the platform to {:.3g} m from the goal",
         ARRIVAL_SHARE,
@@ -222,6 +251,7 @@ ARRIVAL_BOUNDS = (
     Bound(
         "arrival_speed",
         "m/s",
+        Known.FOLLOWED,
         ARRIVAL_SPEED,
         "its torques leave the platform with a velocity {:.3g} m/s off the goal's",
         ARRIVAL_SHARE,
@@ -352,7 +382,7 @@ class Verification:
 
     def _limit_checks(self) -> list[Check]:
         return [
-            Check(Bound(name, "1", EXCESS, excess.sentence), excess.value)
+            Check(Bound(name, "1", excess.known, EXCESS, excess.sentence), excess.value)
             for name, excess in self.excesses.items()
         ]
 
@@ -587,7 +617,9 @@ def _errors(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
                 parameters=parameters,
             )
         except RuntimeError:  # what CasADi raises where a matrix is singular
-            raise Unreachable("its coordinates have no solution of the equations of motion") from None
+            raise Unreachable(
+                "its coordinates have no solution of the equations of motion"
+            ) from None
     mean_speed = way_of(scene, trajectory) / trajectory.duration * units.time / units.length
     kinematic[:, 9:] /= mean_speed
     return {

@@ -25,7 +25,7 @@ def broken_arrays(good: np.ndarray, rng: np.random.Generator) -> Iterator[tuple[
     yield "of complex numbers", good + 1j
     yield "of None", np.full_like(good, None, dtype=object)
     yield "masked", np.ma.masked_array(good)
-    for factor in (1e300, 1e150, 1e20, 1e-20, 1e-150, 1e-300, 1e-320, -1.0):
+    for factor in (1e300, 1e150, 1e20, 1e-20, 1e-150, 1e-300, 1e-320):
         with np.errstate(over="ignore"):
             yield f"times {factor}", good * factor
     for value in (None, 3.0, "x", [], {}, good.tolist(), np.array(None), np.zeros((0, 0, 0))):
@@ -38,8 +38,10 @@ def broken_arrays(good: np.ndarray, rng: np.random.Generator) -> Iterator[tuple[
 
 def same(one: np.ndarray, other: np.ndarray) -> bool:
     """Whether two arrays are the same, but for numbers that are none of a motion."""
-    return one.dtype == other.dtype and one.shape == other.shape and np.allclose(
-        one, other, rtol=0, atol=1e-300
+    return (
+        one.dtype == other.dtype
+        and one.shape == other.shape
+        and np.allclose(one, other, rtol=0, atol=1e-300)
     )
 
 
