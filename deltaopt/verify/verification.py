@@ -35,7 +35,7 @@ from deltaopt.verify.links import robot_clearance, sure_robot_clearance
 from deltaopt.verify.measures import Distance, Excess, Known, MeasuredMotion, key, not_measured
 from deltaopt.verify.path_distance import off_approach, off_path, off_via_points
 from deltaopt.verify.pontryagin import NoCostates, extremal
-from deltaopt.verify.resolved_curves import POINTS, WEIGHTS, TooRough
+from deltaopt.verify.resolved_curves import DEGREE, POINTS, WEIGHTS, TooRough
 from deltaopt.verify.tube import tube_excess
 from deltaopt.verify.units import Units, way_of
 from deltaopt.verify.well_formed import malformed
@@ -599,8 +599,9 @@ def _jumps(trajectory: Trajectory) -> dict[str, float]:
 def _errors(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
     """E_K and E_D of the reported q, q̇, q̈ and τ, by the scene's mechanism."""
     units = Units.of(scene, trajectory)
-    q, dq, ddq = trajectory.coordinates_inside(POINTS)
-    tau = trajectory.model.inverse_dynamics(*trajectory.path_inside(POINTS))
+    samples = _Samples.of(trajectory)
+    q, dq, ddq = trajectory.coordinates_inside(samples.fractions)
+    tau = trajectory.model.inverse_dynamics(*trajectory.path_inside(samples.fractions))
     model = delta_model(scene.robot, scene.payload)
     lengths = np.where(np.arange(12) < 3, units.length, 1.0)  # of the platform; then angles
     motion = [rows * units.time**k / lengths for k, rows in enumerate((q, dq, ddq))]
@@ -623,8 +624,8 @@ def _errors(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
     mean_speed = way_of(scene, trajectory) / trajectory.duration * units.time / units.length
     kinematic[:, 9:] /= mean_speed
     return {
-        "kinematic_error": _mean_over_time(trajectory, kinematic),
-        "dynamic_error": _mean_over_time(trajectory, dynamic),
+        "kinematic_error": samples.mean_over_time(trajectory, kinematic),
+        "dynamic_error": samples.mean_over_time(trajectory, dynamic),
     }
 
 
@@ -652,10 +653,26 @@ def _robust_residuals(terms: DeltaTerms) -> ca.Function:
     return ca.Function("robust_residuals", [q, dq, ddq, tau, p], [ddq - modelled])
 
 
-def _mean_over_time(trajectory: Trajectory, rows: Array) -> float:
-    """(1/T) ∫ ‖row‖ dt of samples at ``POINTS`` of every piece, (K · n, m)."""
-    sizes = np.linalg.norm(rows, axis=1).reshape(-1, len(POINTS))
-    return float(sizes @ WEIGHTS @ np.diff(trajectory.knots)) / trajectory.duration
+@dataclass(frozen=True)
+class _Samples:
+    """Fractions of every piece and their weights in a mean over it, (n,) each."""
+
+    fractions: Array
+    weights: Array
+
+    @classmethod
+    def of(cls, trajectory: Trajectory) -> _Samples:
+        """Twice as many as determine the polynomials of coordinates, if a motion has its own."""
+        own = trajectory.coordinates
+        degree = 0 if own is None else own.coefficients.shape[1] - 1
+        parts = max(1, -(-2 * degree // DEGREE))
+        fractions = ((np.arange(parts)[:, None] + POINTS) / parts).ravel()
+        return cls(fractions, np.tile(WEIGHTS, parts) / parts)
+
+    def mean_over_time(self, trajectory: Trajectory, rows: Array) -> float:
+        """(1/T) ∫ ‖row‖ dt of samples of every piece, (K · n, m)."""
+        sizes = np.linalg.norm(rows, axis=1).reshape(-1, len(self.weights))
+        return float(sizes @ self.weights @ np.diff(trajectory.knots)) / trajectory.duration
 
 
 def _norm(vector: Array) -> float:
