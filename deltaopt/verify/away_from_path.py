@@ -3,13 +3,16 @@
 A rule says which place of the path goes with an instant: the nearest, or the one to which the
 motion has come on its way along the path. Between two instants the place moves evenly. What the
 motion is away from it is a polynomial of time, whose square lies below the largest of its control
-points. Parts of the motion are halved until that says enough: what is reported holds at all
-instants.
+points: of degree n on an interval it is Σ Bᵢ(u) pᵢ with Bernstein's polynomials Bᵢ, which are
+positive and add up to 1 where u is from 0 to 1. Parts of the motion are halved until that says
+enough: what is reported holds at all instants.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
+from math import comb
 from typing import Protocol
 
 import numpy as np
@@ -17,7 +20,6 @@ from numpy.typing import NDArray
 
 from deltaopt.motion.trajectory import Array, PiecewisePolynomial
 from deltaopt.scene.path import Path
-from deltaopt.verify.bernstein import control_points, halves, parts_of, raised, square
 
 Index = NDArray[np.intp]
 
@@ -31,6 +33,8 @@ _HALVINGS, _MOST = 40, 400_000
 be."""
 _FEWEST = 1000
 """Parts that are looked at in any case, so that a distance within the bound is told too."""
+_BISECTIONS = 60
+"""Of an interval in search of the largest value: doubles have no more between its ends."""
 
 
 class Places(Protocol):
@@ -128,3 +132,79 @@ def from_moving_place(path: Path, pieces: Index, points: Array, s: Array) -> Arr
 def largest_norm(points: Array) -> Array:
     """The largest norms, (N,), that polynomials with these control points may have."""
     return np.asarray(np.sqrt(np.maximum(square(points).max(axis=1), 0.0)))
+
+
+def control_points(coefficients: Array, lengths: Array) -> Array:
+    """Of polynomials (N, d + 1, m) in the ascending powers of what is from 0 to ``lengths``, (N,);
+    (N, d + 1, m)."""
+    powers = np.arange(coefficients.shape[1])
+    return np.asarray(
+        _to_bernstein(len(powers) - 1) @ (coefficients * (lengths[:, None] ** powers)[:, :, None])
+    )
+
+
+def parts_of(coefficients: Array, begin: Array, length: Array) -> Array:
+    """Control points, (N, d + 1, m), of polynomials, (N, d + 1, m), from ``begin`` on, (N,)."""
+    n = coefficients.shape[1] - 1
+    shifted = [
+        sum(comb(j, k) * begin[:, None] ** (j - k) * coefficients[:, j] for j in range(k, n + 1))
+        for k in range(n + 1)
+    ]
+    return control_points(np.stack(shifted, axis=1), length)
+
+
+def halves(points: Array) -> tuple[Array, Array]:
+    """Control points of the first and of the second halves, by de Casteljau's method."""
+    first = _to_first_half(points.shape[1] - 1)
+    return first @ points, first[::-1, ::-1] @ points
+
+
+def raised(points: Array, degree: int) -> Array:
+    """Control points of the same polynomials as ones of a higher degree."""
+    return np.asarray(_to_degree(points.shape[1] - 1, degree) @ points)
+
+
+def square(points: Array) -> Array:
+    """Bernstein coefficients of ‖p‖², (N, 2 d + 1), of control points of p, (N, d + 1, m)."""
+    n = points.shape[1] - 1
+    found = np.zeros((len(points), 2 * n + 1))
+    for i in range(n + 1):
+        weights = [comb(n, i) * comb(n, j) / comb(2 * n, i + j) for j in range(n + 1)]
+        products = np.einsum("nc,njc->nj", points[:, i], points)
+        found[:, i : i + n + 1] += np.array(weights) * products
+    return found
+
+
+def highest(points: Array, known: float) -> float:
+    """The largest value of polynomials with these control points, (N, d + 1), or a bound that is
+    higher by ``known`` at most."""
+    reached = -np.inf
+    for _ in range(_BISECTIONS):
+        reached = max(reached, float(points[:, [0, -1]].max()))
+        points = points[points.max(axis=1) > reached + known]
+        if not len(points):
+            return reached + known
+        points = np.concatenate(halves(points[..., None]))[..., 0]
+    return float(points.max())
+
+
+@lru_cache(maxsize=64)
+def _to_bernstein(n: int) -> Array:
+    """From coefficients of powers to control points, (n + 1, n + 1)."""
+    return np.array([[comb(j, k) / comb(n, k) for k in range(n + 1)] for j in range(n + 1)])
+
+
+@lru_cache(maxsize=64)
+def _to_degree(n: int, m: int) -> Array:
+    """From control points of degree n to those of degree m, (m + 1, n + 1)."""
+    weights = [
+        [comb(n, i) * comb(m - n, j - i) for i in range(min(n, j) + 1)] for j in range(m + 1)
+    ]
+    padded = [each + [0] * (n + 1 - len(each)) for each in weights]
+    return np.array([[w / comb(m, j) for w in each] for j, each in enumerate(padded)])
+
+
+@lru_cache(maxsize=64)
+def _to_first_half(n: int) -> Array:
+    """From control points to those of the first half, (n + 1, n + 1)."""
+    return np.array([[comb(j, k) / 2**j for k in range(n + 1)] for j in range(n + 1)])

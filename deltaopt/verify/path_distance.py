@@ -13,8 +13,13 @@ from deltaopt.limits.limit import Column
 from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
 from deltaopt.scene.path import Path
 from deltaopt.scene.task import OnPath, Task
-from deltaopt.verify.away_from_path import from_moving_place, largest_distance
-from deltaopt.verify.bernstein import control_points, highest, parts_of
+from deltaopt.verify.away_from_path import (
+    control_points,
+    from_moving_place,
+    highest,
+    largest_distance,
+    parts_of,
+)
 
 Index = NDArray[np.intp]
 
@@ -82,7 +87,7 @@ class _FollowedPlaces:
         guess = self._guess(self.gone)
         _, s = _closest(self.path, x, guess, np.full(len(x), first), np.full(len(x), last))
         s[0], s[-1] = first, last
-        return np.maximum.accumulate(s)
+        return np.asarray(np.maximum.accumulate(s))
 
     def inside(self, pieces: Index, fractions: Array, x: Array, s: Array) -> Array:
         guess = self._guess(self.gone[pieces] + self._way(pieces, fractions))
@@ -106,10 +111,10 @@ class _FollowedPlaces:
         middle = shares[:, 0].mean(axis=0)
         within = np.linalg.norm(control_points(shares, np.ones(len(shares))) - middle, axis=2)
         anywhere = np.linalg.norm(points - middle, axis=2).max(axis=1) + within.max()
-        return np.where((first >= on - 1) & (last <= on + 1), bound, anywhere)
+        return np.asarray(np.where((first >= on - 1) & (last <= on + 1), bound, anywhere))
 
     def _guess(self, gone: Array) -> Array:
-        return np.interp(gone / self.gone[-1], self.ways, self.marks)
+        return np.asarray(np.interp(gone / self.gone[-1], self.ways, self.marks))
 
     def _way(self, pieces: Index, fractions: Array) -> Array:
         """How far the motion goes in parts from the beginning of pieces, (N,), m."""
@@ -212,7 +217,8 @@ def _least_depth(pieces: Pieces) -> float:
 
 def _largest(curve: Polynomial, begin: float, end: float) -> float:
     """The largest value of a polynomial between two times, s, at all instants."""
-    points = parts_of(curve.coef[None, :, None], np.array([begin]), np.array([end - begin]))
+    coefficients = np.asarray(curve.coef, np.float64)[None, :, None]
+    points = parts_of(coefficients, np.array([begin]), np.array([end - begin]))
     return highest(points[..., 0], _ROUNDING * float(np.abs(points).max()))
 
 

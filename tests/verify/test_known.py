@@ -1,4 +1,4 @@
-"""What each measure knows between samples, beside the page that says so, and spikes that show it."""
+"""What each measure knows between samples, beside the page that says so, and spikes to show it."""
 
 from __future__ import annotations
 
