@@ -50,6 +50,8 @@ _TRIES = 30
 """Of random numbers of a scene, until changing one leaves a scene."""
 _PLACES = 4001
 """Of a given path, joined by straight lines, from which a motion's distance is taken."""
+_LOOP = deltaopt.Corners(points=((0.88, 0.1, 0.0), (0.88, 0.1, 0.1), (0.88, 0.0, 0.1)), blend=0.01)
+"""Of a path that comes back to where it was at a right angle, m."""
 _SHIPPED = 3
 """Every third motion is that of a shipped scene, the others are of random moves."""
 
@@ -74,16 +76,20 @@ class Damaged:
 def case(number: int, first: int) -> tuple[str, Scene]:
     """The kind and the scene of a motion."""
     if number % _SHIPPED == 0:
-        files = _shipped()
-        file = files[number // _SHIPPED % len(files)]
-        return file.parent.name, deltaopt.load_scene(file)
+        scenes = _shipped()
+        return scenes[number // _SHIPPED % len(scenes)]
     found = move(first, number)
     return found.stratum, found.scene
 
 
 @cache
-def _shipped() -> tuple[Path, ...]:
-    return tuple(file for file in sorted(PROBLEMS.rglob("*.yaml")) if file.parent.name != "robots")
+def _shipped() -> list[tuple[str, Scene]]:
+    """Of all folders, and one whose path crosses itself."""
+    files = [file for file in sorted(PROBLEMS.rglob("*.yaml")) if file.parent.name != "robots"]
+    scenes = [(file.parent.name, deltaopt.load_scene(file)) for file in files]
+    given = deltaopt.load_scene(PROBLEMS / "paths" / "industrial_25_305_25.yaml")
+    changes = {"start": (0.88, -0.1, 0.0), "goal": (0.88, 0.0, -0.1), "path": _LOOP}
+    return [*scenes, ("crossing", given.model_copy(update=changes))]
 
 
 Damage = Callable[[Scene, Trajectory, np.random.Generator], tuple[Scene, Trajectory]]

@@ -125,7 +125,8 @@ class _FollowedPlaces:
 
 def _integrals(rates: Array, lengths: Array) -> Array:
     """Lengths of ways, (N,), of rates at ``_NODES`` of intervals of these lengths."""
-    return np.linalg.norm(rates, axis=1).reshape(-1, len(_NODES)) @ _WEIGHTS * lengths
+    speeds = np.linalg.norm(rates, axis=1).reshape(-1, len(_NODES))
+    return np.asarray(speeds @ _WEIGHTS * lengths)
 
 
 def _summed(lengths: Array) -> Array:
