@@ -16,7 +16,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
 from math import comb
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -331,6 +330,9 @@ def run(arguments: argparse.Namespace) -> int:
     for name in ("none", *DAMAGES):
         counts = Counter(row.verdict for row in rows if row.damage == name)
         print(f"{name:12s}" + "".join(f"{counts[each]:10d}" for each in verdicts))
+    total = Counter(row.verdict for row in rows)
+    beyond = total["found"] + total["missed"]
+    print(f"{total['found']} of {beyond} damages beyond a bound are found")
     wrong = [row for row in rows if row.verdict in ("missed", "refused")]
     for row in wrong:
         print(
