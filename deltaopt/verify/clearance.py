@@ -22,7 +22,7 @@ from deltaopt.limits.limit import OwnMeasure
 from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
 from deltaopt.robot.solids import Convex, Polytope, Solid
 from deltaopt.scene.scene import Scene, limits_of
-from deltaopt.verify.measures import Excess
+from deltaopt.verify.measures import Excess, Known
 
 ENOUGH = 5e-10
 """m below what is asked for, at which a part is not halved any more: half of what verification
@@ -47,7 +47,9 @@ def clearance_excess(scene: Scene, trajectory: Trajectory) -> Excess | None:
         over = scene.least_clearance - least
         subject = f"{limit.subject} from keep_out[{index}]"
         if worst is None or over > worst.value:
-            worst = Excess(limit.name, limit.unit, subject, t, over, over, falls_below=True)
+            worst = Excess(
+                limit.name, limit.unit, subject, t, over, over, falls_below=True, known=Known.SURE
+            )
     return worst
 
 

@@ -118,14 +118,14 @@ class _Torques:
         away = state - self._state(self.goal)
         return self._distance(away), self._speed(away)
 
-    def defects(self, counts: list[int]) -> tuple[float, float]:
+    def defects(self, counts: list[float]) -> tuple[float, float]:
         """The largest defect of a piece, m and m/s; ``counts``: pieces of each interval."""
         powers = self.position.coefficients.shape[1]
         most = max(_FEWEST_PIECES * powers, _MOST_PIECES // len(counts))
         distances, speeds = [0.0], [0.0]
         for interval, count in enumerate(counts):
             length = (self.position.knots[interval + 1] - self.position.knots[interval]) / count
-            followed = np.unique(np.linspace(0, count - 1, min(count, most)).round())
+            followed = np.unique(np.linspace(0, count - 1, int(min(count, most))).round())
             begins = self._reported(interval, length * followed)
             ends = self._reported(interval, length * (followed + 1))
             for k, begin, end in zip(followed.tolist(), begins, ends, strict=True):
@@ -169,7 +169,7 @@ def _norm(vector: Array) -> float:
     return float(np.linalg.norm(vector))
 
 
-def _pieces(scene: Scene, trajectory: Trajectory, units: Units) -> tuple[list[int], float]:
+def _pieces(scene: Scene, trajectory: Trajectory, units: Units) -> tuple[list[float], float]:
     """How many pieces each interval is integrated in, and the amplification of the whole motion.
 
     Both by M = ∂(v, a)/∂(x, v), the torques being given functions of time, taken as constant on a
@@ -190,7 +190,7 @@ def _pieces(scene: Scene, trajectory: Trajectory, units: Units) -> tuple[list[in
         logarithm += growth + float(more)
     logarithm += float(np.log(np.linalg.norm(transition, 2)))
     counts = np.maximum(np.ceil(lengths * stretches.highest(rates)), 1.0)
-    return counts.astype(int).tolist(), float(np.exp(min(logarithm, 700.0)))
+    return counts.tolist(), float(np.exp(min(logarithm, 700.0)))
 
 
 @dataclass(frozen=True)

@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
 from deltaopt.limits.limit import Column
-from deltaopt.motion.trajectory import Array, Trajectory
+from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
 from deltaopt.scene.path import Path
 from deltaopt.scene.task import OnPath, Task
+from deltaopt.verify.away_from_path import (
+    control_points,
+    from_moving_place,
+    highest,
+    largest_distance,
+    parts_of,
+)
 
 Index = NDArray[np.intp]
 
@@ -23,16 +31,106 @@ _AT_ONCE = 1_000_000
 """Distances that are compared at once, in 8 MB."""
 _REAL = 1e-6
 """Imaginary part of a root, in lengths of its interval, that may be rounding of a double root."""
+_ROUNDING = 1e-13
+"""Of the largest control point of a polynomial: to which its largest value is known."""
 _AS_NEAR = 1e-10
 """By how much a place must be nearer, m, to count instead of an earlier one: less is rounding."""
-_FRACTIONS = np.linspace(0.0, 1.0, 8)
-"""Of every interval, where the motion is looked at."""
+_NODES, _WEIGHTS = (each / 2 for each in np.polynomial.legendre.leggauss(24))
+_NODES = _NODES + 0.5
+"""Fractions of an interval, and weights, for the length of a way."""
 
 
-def off_path(task: OnPath, trajectory: Trajectory) -> float:
-    """The largest distance of the motion from the path of a task, m."""
-    x, _, _ = trajectory.path_inside(_FRACTIONS)
-    return float(nearest_places(task.path, x)[1].max())
+def off_path(task: OnPath, trajectory: Trajectory, asked: float) -> float:
+    """The largest distance, m, of the motion from the path of a task, followed from its beginning
+    to its end and never back: that of an instant where all of it is known to keep what is asked for
+    (m), and otherwise a bound."""
+    position = trajectory.position
+    return largest_distance(_FollowedPlaces.of(task.path, position), position, asked)[0]
+
+
+@dataclass(frozen=True)
+class _FollowedPlaces:
+    """The places of a path that a motion comes to on its way along it, in their order.
+
+    The motion has gone as far as the path is long up to there, whatever crosses itself or turns
+    back; near that place the nearest one is looked for. Whatever places are taken, if they go on
+    from the beginning to the end, the largest distance from them is no less than Fréchet's.
+
+    ``marks``: parameters of the path, and ``ways``: how long it is up to there, as shares of its
+    length, (M,) each. ``gone``: how far the motion has gone until each knot, as shares, (K + 1,).
+    """
+
+    path: Path
+    position: PiecewisePolynomial
+    rate: PiecewisePolynomial
+    marks: Array
+    ways: Array
+    gone: Array
+
+    @classmethod
+    def of(cls, path: Path, position: PiecewisePolynomial) -> _FollowedPlaces:
+        """Of a path and a motion that is to follow it."""
+        pieces = np.repeat(np.arange(len(path.knots) - 1), _IN_PIECE)
+        length = np.diff(path.knots)[pieces] / _IN_PIECE
+        since = length * np.tile(np.arange(_IN_PIECE), len(path.knots) - 1)
+        places = np.repeat(pieces, len(_NODES))
+        rates = path.inside(places, (since[:, None] + length[:, None] * _NODES).ravel(), 1)
+        ways = _summed(_integrals(rates, length))
+        marks = np.append(path.knots[pieces] + since, path.knots[-1])
+        rate, lengths = position.derivative(), np.diff(position.knots)
+        followed = cls(path, position, rate, marks, ways / ways[-1], np.zeros(0))
+        gone = _summed(followed._way(np.arange(len(lengths)), np.ones(len(lengths))))
+        return replace(followed, gone=gone)
+
+    def at_knots(self) -> Array:
+        x, (first, last) = self.position.at(self.position.knots), self.path.knots[[0, -1]]
+        guess = self._guess(self.gone)
+        _, s = _closest(self.path, x, guess, np.full(len(x), first), np.full(len(x), last))
+        s[0], s[-1] = first, last
+        return np.asarray(np.maximum.accumulate(s))
+
+    def inside(self, pieces: Index, fractions: Array, x: Array, s: Array) -> Array:
+        guess = self._guess(self.gone[pieces] + self._way(pieces, fractions))
+        return _closest(self.path, x, np.clip(guess, *s.T), *s.T)[1]
+
+    def bound(self, points: Array, s: Array) -> Array:
+        first, on, last = (self.path.piece(each) for each in (s[:, 0], s.mean(axis=1), s[:, 1]))
+        begin, end = self.path.knots[on], self.path.knots[on + 1]
+        moving = np.clip(s, begin[:, None], end[:, None])
+        bound = from_moving_place(self.path, on, points, moving)
+        # At both ends the motion waits until the place has passed what is on other pieces.
+        for piece, a, b, x in (
+            (np.maximum(on - 1, 0), s[:, 0], moving[:, 0], points[:, :1]),
+            (np.minimum(on + 1, len(self.path.knots) - 2), moving[:, 1], s[:, 1], points[:, -1:]),
+        ):
+            passed = parts_of(self.path.coefficients[piece], a - self.path.knots[piece], b - a)
+            waited = np.linalg.norm(passed - x, axis=2).max(axis=1)
+            bound = np.where(b > a, np.maximum(bound, waited), bound)
+        # No place of the path is farther than the path's middle and the path from there.
+        shares = self.path.over_shares
+        middle = shares[:, 0].mean(axis=0)
+        within = np.linalg.norm(control_points(shares, np.ones(len(shares))) - middle, axis=2)
+        anywhere = np.linalg.norm(points - middle, axis=2).max(axis=1) + within.max()
+        return np.asarray(np.where((first >= on - 1) & (last <= on + 1), bound, anywhere))
+
+    def _guess(self, gone: Array) -> Array:
+        return np.asarray(np.interp(gone / self.gone[-1], self.ways, self.marks))
+
+    def _way(self, pieces: Index, fractions: Array) -> Array:
+        """How far the motion goes in parts from the beginning of pieces, (N,), m."""
+        length = np.diff(self.position.knots)[pieces] * fractions
+        rates = self.rate.inside(np.repeat(pieces, len(_NODES)), (length[:, None] * _NODES).ravel())
+        return _integrals(rates, length)
+
+
+def _integrals(rates: Array, lengths: Array) -> Array:
+    """Lengths of ways, (N,), of rates at ``_NODES`` of intervals of these lengths."""
+    speeds = np.linalg.norm(rates, axis=1).reshape(-1, len(_NODES))
+    return np.asarray(speeds @ _WEIGHTS * lengths)
+
+
+def _summed(lengths: Array) -> Array:
+    return np.append(0.0, np.cumsum(lengths))
 
 
 def off_via_points(task: Task, trajectory: Trajectory) -> float:
@@ -119,11 +217,10 @@ def _least_depth(pieces: Pieces) -> float:
 
 
 def _largest(curve: Polynomial, begin: float, end: float) -> float:
-    """The largest value of a polynomial between two times, s."""
-    roots = curve.deriv().roots()
-    inside = roots.real[np.abs(roots.imag) < _REAL * max(end - begin, _REAL)]
-    at = np.array([begin, end, *inside[(inside > begin) & (inside < end)]])
-    return float(curve(at).max())
+    """The largest value of a polynomial between two times, s, at all instants."""
+    coefficients = np.asarray(curve.coef, np.float64)[None, :, None]
+    points = parts_of(coefficients, np.array([begin]), np.array([end - begin]))
+    return highest(points[..., 0], _ROUNDING * float(np.abs(points).max()))
 
 
 def nearest_places(path: Path, x: Array) -> tuple[Array, Array]:
@@ -171,7 +268,7 @@ def _closest(path: Path, x: Array, s: Array, least: Array, most: Array) -> tuple
     """The least distances from points (N, 3) that Newton's method finds from places s (N,) between
     others, (N,) each, and where."""
     best, at = np.full(len(x), np.inf), s.copy()
-    moving, s = np.arange(len(x)), s.copy()
+    moving, s, rounding = np.arange(len(x)), s.copy(), 1e-15 * np.abs(path.knots).max()
     for _ in range(_STEPS):
         if not len(moving):
             break
@@ -184,5 +281,5 @@ def _closest(path: Path, x: Array, s: Array, least: Array, most: Array) -> tuple
         step = (away * dp).sum(axis=1) / np.where(bend > 0, bend, np.inf)
         before = s[moving]
         s[moving] = np.clip(before - step, least[moving], most[moving])
-        moving = moving[s[moving] != before]
+        moving = moving[np.abs(s[moving] - before) > rounding]
     return best, at

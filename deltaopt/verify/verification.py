@@ -33,12 +33,13 @@ from deltaopt.verify.clearance import clearance_excess
 from deltaopt.verify.duty import Duty
 from deltaopt.verify.forward_replay import NotIntegrated, replay
 from deltaopt.verify.links import robot_clearance, sure_robot_clearance
-from deltaopt.verify.measures import Distance, Excess, MeasuredMotion, key, not_measured
+from deltaopt.verify.measures import Distance, Excess, Known, MeasuredMotion, key, not_measured
 from deltaopt.verify.path_distance import off_approach, off_path, off_via_points
 from deltaopt.verify.pontryagin import NoCostates, extremal
-from deltaopt.verify.resolved_curves import POINTS, WEIGHTS, TooRough
+from deltaopt.verify.resolved_curves import DEGREE, POINTS, WEIGHTS, TooRough
 from deltaopt.verify.tube import tube_excess
 from deltaopt.verify.units import Units, way_of
+from deltaopt.verify.well_formed import malformed
 
 EXCESS = 1e-9
 """Of every limit, as a share of it: above rounding of inverse dynamics, below any meaning of a
@@ -83,10 +84,12 @@ class Bound:
     the duration (s), so that large and small robots are held to the same; of nothing else.
     ``share``: of the distance from start to goal (m) or of the mean speed (m/s), if that is less.
     ``rounding``: of the upper arm (m) or of it in ``Units.time`` (m/s), if that is more.
+    ``known``: what is known of the measure between samples.
     """
 
     measure: str
     unit: str
+    known: Known
     at_most: float
     complaint: str
     share: float = inf
@@ -107,17 +110,31 @@ class Bound:
 
 
 BOUNDS = (
-    Bound("duration_error", "s", DURATION, "it takes {:.3g} s more or less than the scene says"),
+    Bound(
+        "duration_error",
+        "s",
+        Known.EXACT,
+        DURATION,
+        "it takes {:.3g} s more or less than the scene says",
+    ),
     Bound(
         "robot_overlap",
         "m",
+        Known.SURE,
         ROBOT_OVERLAP,
         "an arm or a forearm is up to {:.3g} m too near to a keep-out body, or inside",
     ),
-    Bound("rotation_left", "s", DURATION, "it ends {:.3g} s before the fourth axis has turned"),
+    Bound(
+        "rotation_left",
+        "s",
+        Known.EXACT,
+        DURATION,
+        "it ends {:.3g} s before the fourth axis has turned",
+    ),
     Bound(
         "start_distance",
         "m",
+        Known.EXACT,
         BOUNDARY_DISTANCE,
         "it begins {:.3g} m from the scene's start",
         BOUNDARY_SHARE,
@@ -125,6 +142,7 @@ BOUNDS = (
     Bound(
         "goal_distance",
         "m",
+        Known.EXACT,
         BOUNDARY_DISTANCE,
         "it ends {:.3g} m from the scene's goal",
         BOUNDARY_SHARE,
@@ -132,6 +150,7 @@ BOUNDS = (
     Bound(
         "path_distance",
         "m",
+        Known.SURE,
         BOUNDARY_DISTANCE,
         "it is up to {:.3g} m off the scene's path",
         BOUNDARY_SHARE,
@@ -139,6 +158,7 @@ BOUNDS = (
     Bound(
         "via_distance",
         "m",
+        Known.SURE,
         BOUNDARY_DISTANCE,
         "it misses a via point by {:.3g} m, or passes it out of turn",
         BOUNDARY_SHARE,
@@ -146,6 +166,7 @@ BOUNDS = (
     Bound(
         "approach_distance",
         "m",
+        Known.SURE,
         BOUNDARY_DISTANCE,
         "it is up to {:.3g} m outside the scene's approach",
         BOUNDARY_SHARE,
@@ -153,6 +174,7 @@ BOUNDS = (
     Bound(
         "start_speed",
         "m/s",
+        Known.EXACT,
         BOUNDARY_SPEED,
         "it begins with a velocity {:.3g} m/s off the scene's",
         BOUNDARY_SHARE,
@@ -160,6 +182,7 @@ BOUNDS = (
     Bound(
         "goal_speed",
         "m/s",
+        Known.EXACT,
         BOUNDARY_SPEED,
         "it ends with a velocity {:.3g} m/s off the scene's",
         BOUNDARY_SHARE,
@@ -167,20 +190,23 @@ BOUNDS = (
     Bound(
         "position_jump",
         "m",
+        Known.EXACT,
         BOUNDARY_DISTANCE,
-        "its position jumps by {:.3g} m at a knot",
+        "its position jumps by {:.3g} m at its knots, all jumps together",
         BOUNDARY_SHARE,
     ),
     Bound(
         "velocity_jump",
         "m/s",
+        Known.EXACT,
         BOUNDARY_SPEED,
-        "its velocity jumps by {:.3g} m/s at a knot",
+        "its velocity jumps by {:.3g} m/s at its knots, all jumps together",
         BOUNDARY_SHARE,
     ),
     Bound(
         "kinematic_error",
         "1",
+        Known.SAMPLED,
         KINEMATIC_ERROR,
         "its coordinates leave the loops open by {:.3g} (of the upper arm and of the mean speed, "
         "on average)",
@@ -188,6 +214,7 @@ BOUNDS = (
     Bound(
         "dynamic_error",
         "1",
+        Known.SAMPLED,
         DYNAMIC_ERROR,
         "its torques give accelerations that differ by {:.3g} from its own (in units of the robot "
         "and the motion, on average)",
@@ -195,6 +222,7 @@ BOUNDS = (
     Bound(
         "defect_distance",
         "m",
+        Known.FOLLOWED,
         DEFECT_DISTANCE,
         "its torques lead {:.3g} m off its path within a piece of it",
         BOUNDARY_SHARE,
@@ -203,6 +231,7 @@ BOUNDS = (
     Bound(
         "defect_speed",
         "m/s",
+        Known.FOLLOWED,
         DEFECT_SPEED,
         "its torques give a speed {:.3g} m/s off its own within a piece of it",
         BOUNDARY_SHARE,
@@ -215,6 +244,7 @@ ARRIVAL_BOUNDS = (
     Bound(
         "arrival_distance",
         "m",
+        Known.FOLLOWED,
         ARRIVAL_DISTANCE,
         "its torques bring the platform to {:.3g} m from the goal",
         ARRIVAL_SHARE,
@@ -222,6 +252,7 @@ ARRIVAL_BOUNDS = (
     Bound(
         "arrival_speed",
         "m/s",
+        Known.FOLLOWED,
         ARRIVAL_SPEED,
         "its torques leave the platform with a velocity {:.3g} m/s off the goal's",
         ARRIVAL_SHARE,
@@ -268,13 +299,14 @@ class Verification:
     ``promised``: names of all measures that the scene asks for. None of them may be missing.
     ``distances``: the least to every kind of singularity; empty where not evaluated.
     ``start_distance``, ``goal_distance``: m, from the scene's points to the motion's ends.
-    ``path_distance``: m, of the motion from the scene's path; None where it gives none.
+    ``path_distance``: m, of the motion from the scene's path, followed from its beginning to its
+        end; None where it gives none.
     ``via_distance``: m, the largest from a via point or the sphere that the scene gives about it,
         passed in the scene's order; None without.
     ``approach_distance``: m, the largest outside the scene's approach; None where it gives none.
     ``start_speed``, ``goal_speed``: m/s, by how much the platform's velocity at the motion's ends
         differs from the scene's, which is zero unless an end moves.
-    ``position_jump``, ``velocity_jump``: m and m/s, the largest at a knot.
+    ``position_jump``, ``velocity_jump``: m and m/s, those at all knots added up.
     ``kinematic_error``: E_K, mean over time of ‖(f, J q̇ + μ)‖, f in units of the upper arm, the
         rest in units of the mean speed, way / duration.
     ``dynamic_error``: E_D, mean over time of ‖q̈ - q̈(q, q̇, τ)‖ in ``Units`` of the motion.
@@ -353,7 +385,7 @@ class Verification:
 
     def _limit_checks(self) -> list[Check]:
         return [
-            Check(Bound(name, "1", EXCESS, excess.sentence), excess.value)
+            Check(Bound(name, "1", excess.known, EXCESS, excess.sentence), excess.value)
             for name, excess in self.excesses.items()
         ]
 
@@ -478,18 +510,18 @@ def verify(scene: Scene, trajectory: Trajectory) -> Verification:
         raise TypeError(
             f"trajectory is a {kind}; it must be a Trajectory, such as plan(scene).trajectory"
         )
-    units = Units.of(scene, trajectory)
-    nothing = Verification(
-        trajectory.duration,
-        arm=units.length,
-        time_unit=units.time,
-        excesses=not_measured(scene),
-        promised=promises(scene),
-    )
-    obstacle = _malformed(trajectory)
+    nothing = Verification(inf, excesses=not_measured(scene), promised=promises(scene))
+    obstacle = malformed(trajectory)
     if obstacle:
         return replace(nothing, obstacles=(obstacle,))
-    nothing = replace(nothing, way=way_of(scene, trajectory))
+    units = Units.of(scene, trajectory)
+    nothing = replace(
+        nothing,
+        duration=trajectory.duration,
+        way=way_of(scene, trajectory),
+        arm=units.length,
+        time_unit=units.time,
+    )
     with np.errstate(invalid="ignore", over="ignore"):  # numbers that are none are told
         return _measured(scene, trajectory, nothing)
 
@@ -498,7 +530,7 @@ def _measured(scene: Scene, trajectory: Trajectory, nothing: Verification) -> Ve
     """With every measure that can be evaluated."""
     try:
         measures = _measures(scene, trajectory) | _errors(scene, trajectory)
-        measures |= _ends(scene, trajectory) | _jumps(trajectory)
+        measures |= _ends(scene, trajectory, nothing) | _jumps(trajectory)
         measures |= _optimality(scene, trajectory)
     except (Unreachable, Singular, TooRough) as error:
         return replace(nothing, obstacles=(str(error),))
@@ -508,21 +540,6 @@ def _measured(scene: Scene, trajectory: Trajectory, nothing: Verification) -> Ve
     except (NotIntegrated, Unreachable, Singular) as error:
         return replace(measured, obstacles=(str(error),))
     return replace(measured, **vars(followed))
-
-
-def _malformed(trajectory: Trajectory) -> str | None:
-    """Why a trajectory is no function of time; None if it is one."""
-    knots, pieces = trajectory.knots, len(trajectory.knots) - 1
-    if not (np.isfinite(knots).all() and (np.diff(knots) > 0).all()):
-        return "time does not increase from knot to knot"
-    parts = [(trajectory.position, 3)]
-    if trajectory.coordinates is not None:
-        parts.append((trajectory.coordinates, 12))
-    for polynomials, components in parts:
-        shape = polynomials.coefficients.shape
-        if pieces < 1 or len(shape) != 3 or shape[0] != pieces or shape[2] != components:
-            return f"polynomials of shape {shape} where there are {len(knots)} knots"
-    return None
 
 
 def _measures(scene: Scene, trajectory: Trajectory) -> dict[str, Any]:
@@ -592,10 +609,12 @@ def _optimality(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
     return {"hamiltonian_spread": spread, "sign_violation": violation}
 
 
-def _ends(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
+def _ends(scene: Scene, trajectory: Trajectory, nothing: Verification) -> dict[str, float]:
     x, v, _ = trajectory.path_inside([0.0, 1.0])
-    task = scene.task
-    on_path = {} if not isinstance(task, OnPath) else {"path_distance": off_path(task, trajectory)}
+    task, on_path = scene.task, dict[str, float]()
+    if isinstance(task, OnPath):
+        (asked,) = (b.of(nothing).at_most for b in BOUNDS if b.measure == "path_distance")
+        on_path["path_distance"] = off_path(task, trajectory, asked)
     goal = goal_of(task, trajectory)
     if task.via:
         on_path["via_distance"] = off_via_points(task, trajectory)
@@ -610,20 +629,19 @@ def _ends(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
 
 
 def _jumps(trajectory: Trajectory) -> dict[str, float]:
-    """Largest jump of position and velocity between the two sides of a knot."""
+    """All jumps of position and of velocity between the two sides of knots, added up: small ones
+    in one direction lead as far off as a large one."""
     sides = trajectory.path_inside([0.0, 1.0])  # rows: begin, end, begin, end ...
     x, v, _ = (np.linalg.norm(row[2::2] - row[1:-1:2], axis=1) for row in sides)
-    return {
-        "position_jump": float(x.max(initial=0.0)),
-        "velocity_jump": float(v.max(initial=0.0)),
-    }
+    return {"position_jump": float(x.sum()), "velocity_jump": float(v.sum())}
 
 
 def _errors(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
     """E_K and E_D of the reported q, q̇, q̈ and τ, by the scene's mechanism."""
     units = Units.of(scene, trajectory)
-    q, dq, ddq = trajectory.coordinates_inside(POINTS)
-    tau = trajectory.model.inverse_dynamics(*trajectory.path_inside(POINTS))
+    samples = _Samples.of(trajectory)
+    q, dq, ddq = trajectory.coordinates_inside(samples.fractions)
+    tau = trajectory.model.inverse_dynamics(*trajectory.path_inside(samples.fractions))
     model = delta_model(scene.robot, scene.payload)
     lengths = np.where(np.arange(12) < 3, units.length, 1.0)  # of the platform; then angles
     motion = [rows * units.time**k / lengths for k, rows in enumerate((q, dq, ddq))]
@@ -633,16 +651,21 @@ def _errors(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
     )
     doubtful = np.logical_not(np.linalg.norm(dynamic, axis=1) <= DYNAMIC_ERROR)
     if doubtful.any():
-        (dynamic[doubtful],) = evaluate_rows(
-            _robust_residuals(model.functions.terms),
-            *(rows[doubtful] for rows in arguments),
-            parameters=parameters,
-        )
+        try:
+            (dynamic[doubtful],) = evaluate_rows(
+                _robust_residuals(model.functions.terms),
+                *(rows[doubtful] for rows in arguments),
+                parameters=parameters,
+            )
+        except RuntimeError:  # what CasADi raises where a matrix is singular
+            raise Unreachable(
+                "its coordinates have no solution of the equations of motion"
+            ) from None
     mean_speed = way_of(scene, trajectory) / trajectory.duration * units.time / units.length
     kinematic[:, 9:] /= mean_speed
     return {
-        "kinematic_error": _mean_over_time(trajectory, kinematic),
-        "dynamic_error": _mean_over_time(trajectory, dynamic),
+        "kinematic_error": samples.mean_over_time(trajectory, kinematic),
+        "dynamic_error": samples.mean_over_time(trajectory, dynamic),
     }
 
 
@@ -670,10 +693,26 @@ def _robust_residuals(terms: DeltaTerms) -> ca.Function:
     return ca.Function("robust_residuals", [q, dq, ddq, tau, p], [ddq - modelled])
 
 
-def _mean_over_time(trajectory: Trajectory, rows: Array) -> float:
-    """(1/T) ∫ ‖row‖ dt of samples at ``POINTS`` of every piece, (K · n, m)."""
-    sizes = np.linalg.norm(rows, axis=1).reshape(-1, len(POINTS))
-    return float(sizes @ WEIGHTS @ np.diff(trajectory.knots)) / trajectory.duration
+@dataclass(frozen=True)
+class _Samples:
+    """Fractions of every piece and their weights in a mean over it, (n,) each."""
+
+    fractions: Array
+    weights: Array
+
+    @classmethod
+    def of(cls, trajectory: Trajectory) -> _Samples:
+        """Twice as many as determine the polynomials of coordinates, if a motion has its own."""
+        own = trajectory.coordinates
+        degree = 0 if own is None else own.coefficients.shape[1] - 1
+        parts = max(1, -(-2 * degree // DEGREE))
+        fractions = ((np.arange(parts)[:, None] + POINTS) / parts).ravel()
+        return cls(fractions, np.tile(WEIGHTS, parts) / parts)
+
+    def mean_over_time(self, trajectory: Trajectory, rows: Array) -> float:
+        """(1/T) ∫ ‖row‖ dt of samples of every piece, (K · n, m)."""
+        sizes = np.linalg.norm(rows, axis=1).reshape(-1, len(self.weights))
+        return float(sizes @ self.weights @ np.diff(trajectory.knots)) / trajectory.duration
 
 
 def _norm(vector: Array) -> float:

@@ -17,7 +17,7 @@ from deltaopt.limits.tube import Tube
 from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
 from deltaopt.planning.plan import Plan
 from deltaopt.scene.scene import Scene, load_scene
-from deltaopt.verify.tube import largest_distance
+from deltaopt.verify.tube import farthest_from
 from studies.bench.hard_moves import move
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
@@ -121,7 +121,7 @@ def test_verification_sees_a_nanometre():
         coefficients[:, 0] += [STRAIGHT.tube + beyond, 0.0, 0.0]
         position = PiecewisePolynomial(straight.knots, coefficients)
         path = STRAIGHT.path.between(*STRAIGHT.given_points)
-        farthest, _ = largest_distance(path, position, STRAIGHT.tube)
+        farthest, _ = farthest_from(path, position, STRAIGHT.tube)
         assert farthest == pytest.approx(STRAIGHT.tube + beyond, abs=1e-13)
         report = deltaopt.verify(STRAIGHT, Trajectory(position, straight.model))
         excess = report.excesses["distance_from_the_path_excess"]

@@ -24,6 +24,7 @@ SAYS = {
     "bodies": "2 of 2 planned, 2 verified",
     "conventions": "conventions.png",
     "cycle": "| industrial | line across |",
+    "damage": "3 of 3 damages beyond a bound are found",
     "driven": "Past arm and bars in line at ε = 0.01, 1 µm cost in right-hand",
     "frontier": "Within 0.01: the default takes",
     "frozen": "cases agree to 1e-09",

@@ -108,14 +108,14 @@ def test_a_path_that_is_a_micrometre_off(name, seed):
     """As a whole, or one piece of it."""
     rng, good = np.random.default_rng(seed), planned(name)
     position, off = good.position, 1e-6 * direction(rng)
-    for piece in (slice(None), int(rng.integers(len(position.knots) - 1))):
+    for piece, jumps in ((slice(None), 1), (int(rng.integers(1, len(position.knots) - 2)), 2)):
         coefficients = position.coefficients.copy()
         coefficients[piece, 0] += off
         bad = replace(good, position=replace(position, coefficients=coefficients))
         found = verify(SCENES[name], bad)
         assert not found.ok
         largest = max(found.start_distance, found.goal_distance, found.position_jump)
-        assert largest == pytest.approx(1e-6, rel=1e-6)
+        assert largest == pytest.approx(jumps * 1e-6, rel=1e-6)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
