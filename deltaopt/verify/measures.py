@@ -24,6 +24,7 @@ from deltaopt.mechanisms.delta.functions import delta_functions
 from deltaopt.mechanisms.delta.instant import CoordinateInstant
 from deltaopt.mechanisms.delta.mechanism import DeltaTerms
 from deltaopt.mechanisms.delta.singularities import DISTANCES
+from deltaopt.motion.extrema import first_highest
 from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
 from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.scene.scene import Scene, limits_of
@@ -223,10 +224,12 @@ class MeasuredMotion:
     def excesses(self) -> dict[str, Excess]:
         """The largest of each limit, by its name among measures."""
         peaks, found = self._peaks, dict[str, Excess]()
+        sides: dict[str, list[int]] = {}
         for i, side in enumerate(self.sides):
-            excess = side.excess(self._time(peaks, i), float(peaks.values[i]))
-            if excess.key not in found or excess.value > found[excess.key].value:
-                found[excess.key] = excess
+            sides.setdefault(key(side.limit.name), []).append(i)
+        for name, own in sides.items():
+            i = own[first_highest(peaks.values[own])]
+            found[name] = self.sides[i].excess(self._time(peaks, i), float(peaks.values[i]))
         return found
 
     def distances(self) -> tuple[Distance, ...]:
@@ -234,7 +237,7 @@ class MeasuredMotion:
         peaks, place, found = self._peaks, len(self.sides), []
         for kind in DISTANCES:
             number = 3 if kind.per_chain else 1
-            nearest = place + int(peaks.values[place : place + number].argmax())
+            nearest = place + first_highest(peaks.values[place : place + number])
             subject = f"chain {nearest - place + 1}" if kind.per_chain else "robot"
             least, t = -float(peaks.values[nearest]), self._time(peaks, nearest)
             found.append(Distance(kind.name, kind.formula, least, subject, t))
