@@ -20,8 +20,6 @@ _ROUNDS = 2  # of refinement, each by _ZOOM: the place of a peak is known to (1/
 _ZOOM = 8.0
 _NEAR = 1e-9
 """Share of the highest value by which a sample is taken to be nearer to it: rounding."""
-_TIED = 1e-9
-"""By which values may differ by rounding, shares of a limit: as second differences of a table."""
 _NARROW = 4.0
 """Steps between samples: a valley with a lesser half-width is looked into by itself. More is looked
 into for nothing, less leaves peaks in it to the parabola through samples that miss them."""
@@ -59,15 +57,6 @@ class Peaks:
         self.values = np.where(better, values, self.values)
         self.intervals = np.where(better, intervals, self.intervals)
         self.fractions = np.where(better, fractions, self.fractions)
-
-
-def first_highest(values: Array) -> int:
-    """The first of the values, (n,), that are the highest but for rounding.
-
-    By symmetry two motors may be asked for the same: which of them is named must not depend on the
-    last digit, which differs between processors.
-    """
-    return int(np.argmax(values >= values.max() - _TIED))
 
 
 def enough(intervals: int, fewest: int) -> int:

@@ -14,7 +14,8 @@ from typing import ClassVar, Protocol
 import numpy as np
 
 from deltaopt.errors import Infeasible
-from deltaopt.motion.extrema import Index, everywhere, first_highest, peaks, sample_fractions
+from deltaopt.limits.limit import first_highest
+from deltaopt.motion.extrema import Index, everywhere, peaks, sample_fractions
 from deltaopt.motion.limit_curves import LimitShares
 from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
 from deltaopt.robot.model import DeltaModel

@@ -19,12 +19,11 @@ import numpy as np
 from deltaopt.codegen.vectorised import RowFunction
 from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.errors import Unreachable
-from deltaopt.limits.limit import Bounds, ConvexLimit, Limit, SlidingLimit
+from deltaopt.limits.limit import Bounds, ConvexLimit, Limit, SlidingLimit, first_highest
 from deltaopt.mechanisms.delta.functions import delta_functions
 from deltaopt.mechanisms.delta.instant import CoordinateInstant
 from deltaopt.mechanisms.delta.mechanism import DeltaTerms
 from deltaopt.mechanisms.delta.singularities import DISTANCES
-from deltaopt.motion.extrema import first_highest
 from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
 from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.scene.scene import Scene, limits_of

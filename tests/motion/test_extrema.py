@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from deltaopt.errors import Unreachable
+from deltaopt.limits.limit import first_highest
 from deltaopt.motion.extrema import (
     everywhere,
-    first_highest,
     narrow_valleys,
     peaks,
     ridges,
