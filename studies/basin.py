@@ -30,7 +30,7 @@ BENDS = (0.25, 0.5, 1.0, 2.0)
 """Largest detours, as shares of the way."""
 FACTORS = (0.1, 0.3, 3.0, 10.0)
 """Of the duration."""
-SMALL = {"number": 1, "bends": (0.5,), "factors": (), "chosen": ("flat", "forward")}
+SMALL = {"number": 1, "bends": (0.5,), "factors": (), "chosen": ("flat",)}
 INTERVALS = 20
 SAME = 1e-4
 """Relative difference of durations up to which two motions count as one."""

@@ -21,7 +21,7 @@ from studies.problems import INDUSTRIAL
 
 Array = NDArray[np.float64]
 HELP = "random scenes with keep-out bodies: clearances, times, refusals"
-SMALL = {"number": 2}
+SMALL = {"number": 1}
 _SAMPLES = 20_000
 """Places of a motion at which its clearance is measured."""
 _SIZES = (0.05, 0.25)

@@ -28,7 +28,7 @@ from studies.bench.random_scenes import random_scenes
 from studies.problems import INDUSTRIAL, add_robots
 
 HELP = "what each limit and each term of the model costs: processor time and duration of moves"
-SMALL = {"robots": (INDUSTRIAL,), "moves": 1, "tolerances": (1e-3,), "of": ("limits",)}
+SMALL = {"robots": (INDUSTRIAL,), "moves": 1, "tolerances": (1e-3,), "only": ("workspace radius",)}
 _RUNS, _LONG = 3, 0.2
 """Of each plan; the least processor time counts. Once is enough for plans of so many seconds."""
 _AT_LIMIT = 0.999
@@ -183,6 +183,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--tolerances", type=positive, nargs="+", default=[1e-3, 1e-6], help="of the gap"
     )
     parser.add_argument("--of", nargs="+", choices=CASES, default=list(CASES))
+    parser.add_argument("--only", nargs="+", metavar="NAME", help="limits or terms, by their names")
     parser.add_argument("--seed", type=int, default=1)
 
 
@@ -192,7 +193,8 @@ def run(arguments: argparse.Namespace) -> int:
         for tolerance in arguments.tolerances:
             print(f"{robot.name}, gap {tolerance:g}\n{HEADER}", flush=True)
             for case in (each for kind in arguments.of for each in CASES[kind](robot)):
-                _print_case(robot, case, tolerance, arguments)
+                if not arguments.only or case.name in arguments.only:
+                    _print_case(robot, case, tolerance, arguments)
             print()
     return 0
 

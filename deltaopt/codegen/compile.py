@@ -25,7 +25,7 @@ from pathlib import Path
 import casadi as ca
 import platformdirs
 
-from deltaopt.codegen.c_compiler import EXTRA, FLAGS, Compiler, compilers
+from deltaopt.codegen.c_compiler import EXTRA, Compiler, compilers
 from deltaopt.codegen.library_file import intact, put
 from deltaopt.codegen.prebuilt import FOLDER, carried, level_of
 
@@ -127,7 +127,7 @@ def _try(found: Compiler, source: str, folder: Path) -> Path | None:
     if found in _HANGING:
         return None
     try:
-        content = "\0".join([source, found.command, *found.arguments, found.identity, *FLAGS])
+        content = "\0".join([source, found.command, *found.arguments, found.identity, *found.flags])
         kept = folder / f"{hashlib.sha256(content.encode()).hexdigest()[:32]}.so"
         if intact(kept):
             return kept
@@ -159,7 +159,7 @@ def _build(found: Compiler, source: str, library: Path) -> bool:
     with tempfile.TemporaryDirectory(dir=library.parent, prefix=_BUILDING) as folder:
         text, built = Path(folder) / "a.c", Path(folder) / "a.so"
         text.write_text(source)
-        if not found.compile(text, built, slow=_say_compiling):
+        if not found.compile(text, built, found.flags, slow=_say_compiling):
             return False
         put(built, library)
     return True

@@ -13,34 +13,16 @@ import os
 import tempfile
 from collections.abc import Collection
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
-from deltaopt.codegen.c_compiler import PORTABLE_FLAGS, X86, Compiler
+from deltaopt.codegen.c_compiler import FLAGS, LEVELS, Compiler, Level
 from deltaopt.codegen.library_file import intact, put
 from deltaopt.errors import DeltaOptError
 
 FOLDER = Path(__file__).with_name("prebuilt")
 """Where a wheel has its libraries; an installation from a clone has none."""
 
-
-@dataclass(frozen=True)
-class Level:
-    """Processors that run the same libraries.
-
-    ``flags``: of the compiler. ``features``: what a processor must have, by GCC's names.
-    """
-
-    name: str
-    flags: tuple[str, ...] = ()
-    features: tuple[str, ...] = ()
-
-
-BASELINE = Level("baseline")
-LEVELS = (Level("avx2", ("-mavx2", "-mfma"), ("avx2", "fma")), BASELINE) if X86 else (BASELINE,)
-"""Levels of this family of processors, the fastest first. A plan takes as long at the first as if
-compiled for the very processor, and twice as long at the last (docs/installation.md)."""
 
 _PROBE = "runs_here"
 """Name of the library, and of its function, that says whether this processor has a level."""
@@ -107,7 +89,7 @@ def _compile(text: str, library: Path, flags: tuple[str, ...], compiler: Compile
     with tempfile.TemporaryDirectory(dir=library.parent) as scratch:
         source, built = Path(scratch) / "a.c", Path(scratch) / "a.so"
         source.write_text(text)
-        if not compiler.compile(source, built, (*PORTABLE_FLAGS, *flags)):
+        if not compiler.compile(source, built, (*FLAGS, *flags)):
             raise DeltaOptError(f"{compiler.command} does not compile {library.name}")
         put(built, library)
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from math import inf
+from math import dist, hypot, inf
 from typing import ClassVar
 
 import casadi as ca
@@ -233,12 +233,12 @@ class KeepOutHull(_KeepOut):
         found, planes = list[Array](), list[Array]()
         for a, b, c in corners:
             normal = np.cross(b - a, c - a)
-            normal /= np.linalg.norm(normal)
-            plane = np.append(normal, normal @ a)
+            normal /= hypot(*normal)
+            plane = np.append(normal, (normal * a).sum())
             if any(np.abs(plane - other).max() < _SAME_PLANE for other in planes):
                 continue
             planes.append(plane)
-            first = (b - a) / np.linalg.norm(b - a)
+            first = (b - a) / dist(a, b)
             second = np.cross(normal, first)
             wide = [a + _SIDE * (x * first + y * second) for x, y in _TRIANGLE]
             face = own.copy()
@@ -280,7 +280,7 @@ def kept_from(scene: Described, least: float) -> Numbers:
     """What follows the numbers of a body: the least distance (m), the scale, and the least distance
     again, -inf where there is none."""
     points = scene.placed_points
-    way = float(np.linalg.norm(np.subtract(points[-1], points[0]))) or USUAL_WAY
+    way = dist(points[-1], points[0]) or USUAL_WAY
     return max(least, 0.0), SCALE * way, least
 
 

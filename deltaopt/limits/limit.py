@@ -27,6 +27,8 @@ SX = ca.SX
 Array = NDArray[np.float64]
 Numbers = tuple[float, ...]
 """The numbers of one item of a limit, in the order of its parameters."""
+_TIED = 1e-9
+"""By which values may differ by rounding, shares of a limit: as second differences of a table."""
 
 
 class Instant(Protocol):
@@ -355,3 +357,12 @@ def require_tighter(limit: MotorLimit, drive: Vector3, given: PerMotor) -> None:
         most = f"{drive[0]:g}" if len(set(drive)) == 1 else ", ".join(f"{d:g}" for d in drive)
         expected = f"at most what the drive gives, {most} {limit.unit}"
         raise SceneError(None, f"limits.{limit.key.name}", given, expected)
+
+
+def first_highest(values: Array) -> int:
+    """The first of the values, (n,), that are the highest but for rounding.
+
+    By symmetry two motors may be asked for the same: which of them is named must not depend on the
+    last digit, which differs between processors.
+    """
+    return int(np.argmax(values >= values.max() - _TIED))

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import hypot
 from typing import Annotated, ClassVar
 
 import casadi as ca
-import numpy as np
 
 from deltaopt.errors import SceneError
 from deltaopt.files.units import ACCELERATION
@@ -39,7 +39,7 @@ class SpecificForce(Limit):
         if given is None:
             return []
         gravity = scene.robot.gravity_vector
-        at_rest = float(np.linalg.norm(gravity))
+        at_rest = hypot(*gravity)
         if given <= at_rest:
             least = f"more than {at_rest:g} m/s², the specific force at rest"
             raise SceneError(None, f"limits.{self.key.name}", given, least)

@@ -23,7 +23,7 @@ _DEGREE = 4
 _ALLOWED = 1e-13
 """Excess that counts as none: rounding of a root, of quantities of the order of one."""
 _NODES = np.linspace(0.0, 1.0, _DEGREE + 1)
-_TO_POWERS = np.linalg.inv(np.vander(_NODES, increasing=True))
+_TO_POWERS = np.round(3 * np.linalg.inv(np.vander(_NODES, increasing=True))) / 3  # as they are
 """Coefficients of a polynomial from its values at these shares of the largest speed."""
 _ROUNDED = 1 - np.array([0.0, 1e-15, 1e-14, 1e-13, 1e-12, 1e-10, 1e-8])
 """Shares of a root that are tried: the root itself may be unsafe by rounding."""
@@ -41,11 +41,13 @@ as shares of the interval: ever closer to it, since it is nearly right once the 
 def largest_by_roots(excesses: Excesses, most: float) -> float | None:
     """The largest safe speed, no more than ``most``, of excesses that are polynomials of the speed
     of degree 4 at most: ``most`` or one of their roots. None if there is none."""
-    fitted = _TO_POWERS @ excesses(most * _NODES)
+    fitted = np.einsum("pn,nc->pc", _TO_POWERS, excesses(most * _NODES))
     coefficients = np.asarray(fitted[:, np.logical_not(_never_positive(np.asarray(fitted)))], float)
     candidates = np.outer(np.append(1.0, _roots(coefficients)), _ROUNDED).ravel()
-    powers = candidates[:, None] ** np.arange(_DEGREE + 1)
-    safe = candidates[(powers @ coefficients <= _ALLOWED).all(axis=1)]
+    values: Array = np.zeros((len(candidates), coefficients.shape[1]))
+    for coefficient in coefficients[::-1]:  # Horner
+        values = values * candidates[:, None] + coefficient
+    safe = candidates[(values <= _ALLOWED).all(axis=1)]
     return most * float(safe.max()) if len(safe) else None
 
 

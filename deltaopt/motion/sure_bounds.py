@@ -98,7 +98,7 @@ def _bernstein(position: PiecewisePolynomial) -> Array:
     """Control points of all pieces, (K, 3, d + 1)."""
     coefficients, lengths = position.coefficients, np.diff(position.knots)
     degree = coefficients.shape[1] - 1
-    powers = lengths[:, None] ** np.arange(degree + 1)
+    powers = np.vander(lengths, degree + 1, increasing=True)
     scaled = (powers[:, :, None] * coefficients).transpose(0, 2, 1)
     return np.asarray(scaled @ _to_bernstein(degree).T)
 

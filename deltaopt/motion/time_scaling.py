@@ -310,7 +310,7 @@ class _Instants:
     def excesses(self, speeds: Array) -> Array:
         """By how much rows that slowing changes exceed their bounds at these speeds, (S,): (S, …)
         for all instants and sides."""
-        powers = np.repeat(speeds[:, None] ** np.arange(3), 3, axis=1)
+        powers = np.repeat(np.vander(speeds, 3, increasing=True), 3, axis=1)
         slowed = (powers[:, None] * self.taylor).reshape(-1, 9)
         rows = self.evaluate.of_polynomials(slowed).rows
         lower, upper = self.sides

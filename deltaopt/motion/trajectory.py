@@ -64,10 +64,8 @@ class PiecewisePolynomial:
 
     def slowed(self, factor: float) -> PiecewisePolynomial:
         """The same values ``factor`` times as slow: its duration grows by that factor."""
-        powers = np.arange(self.coefficients.shape[1])
-        return PiecewisePolynomial(
-            self.knots * factor, self.coefficients / factor ** powers[:, None]
-        )
+        powers = np.vander([factor], self.coefficients.shape[1], increasing=True).T
+        return PiecewisePolynomial(self.knots * factor, self.coefficients / powers)
 
     def at(self, t: Array) -> Array:
         """Values, (N, m), at times (N,) between the first knot and the last."""

@@ -14,6 +14,7 @@ from typing import ClassVar, Protocol
 import numpy as np
 
 from deltaopt.errors import Infeasible
+from deltaopt.limits.limit import first_highest
 from deltaopt.motion.extrema import Index, everywhere, peaks, sample_fractions
 from deltaopt.motion.limit_curves import LimitShares
 from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
@@ -243,7 +244,7 @@ def demand_of(scene: Scene, angles: PiecewisePolynomial) -> Demand:
 
     fractions = sample_fractions(len(lengths))
     highest = peaks(shares, fractions, shares(*everywhere(len(lengths), fractions)))
-    worst = int(np.argmax(highest.values))
+    worst = first_highest(highest.values)
     piece = int(highest.intervals[worst])
     t = float(angles.knots[piece] + highest.fractions[worst] * lengths[piece])
     return Demand(float(highest.values[worst]), *limits.named[worst], t)

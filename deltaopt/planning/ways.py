@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from math import dist
 from typing import Protocol, TypeVar
 
 import numpy as np
@@ -208,7 +209,7 @@ def _is_same(one: Trajectory, other: Trajectory) -> bool:
     first, second = (
         motion.position.at(motion.knots[0] + motion.duration * shares) for motion in (one, other)
     )
-    way = float(np.linalg.norm(first[-1] - first[0]))
+    way = dist(first[-1], first[0])
     return float(np.abs(first - second).max()) < _SAME_MOTION * way
 
 

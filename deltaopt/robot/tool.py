@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from math import dist
 from typing import Annotated, Any, Self
 
-import numpy as np
 from pydantic import Field, create_model, model_validator
 
 from deltaopt.errors import SceneError
@@ -81,7 +81,7 @@ class Along(FromTo):  # type: ignore[misc]  # made by pydantic
     @property
     def length(self) -> float:
         """Of the line, m."""
-        return float(np.linalg.norm(np.subtract(*self.ends)))
+        return dist(*self.ends)
 
 
 class Capsule(Along):

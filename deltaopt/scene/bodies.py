@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import product
+from math import hypot
 from typing import Annotated, Self
 
 import numpy as np
@@ -200,7 +201,7 @@ def _sum(
         along = _axis(body)
         if isinstance(shape, Box) or np.linalg.norm(np.cross(along, spread[0])) > _PARALLEL:
             raise _NoClosedForm
-        return _upright(body, moved, float(np.linalg.norm(spread[0]))).grown(radius)
+        return _upright(body, moved, hypot(*spread[0])).grown(radius)
     if isinstance(body, Box) and all(np.count_nonzero(side) <= 1 for side in spread):
         half = np.array(body.half) + np.abs(spread).sum(axis=0)
         return Solid(ALONG_THE_BASE, _plus(body.centre, moved), _vector(half), False, radius)
@@ -220,7 +221,7 @@ def _alone(
     if isinstance(body, Cylinder):
         return _upright(body, moved, 0.0)
     if isinstance(body, HalfSpace):
-        normal = np.array(body.normal) / np.linalg.norm(body.normal)
+        normal = np.array(body.normal) / hypot(*body.normal)
         middle = np.array(body.point) + np.array(moved) + (_LARGE - reach) * normal
         return Solid(_axes_with(normal), _vector(middle), (_LARGE, _LARGE, _LARGE), False, 0.0)
     return _polytope(np.array(body.points) + np.array(moved), 0.0)
@@ -258,13 +259,13 @@ def _half_sides(shape: Box | Capsule) -> Array:
 def _ends(spread: Array) -> Array:
     """All corners of a box or both ends of a line, from its half sides, (corners, 3)."""
     signs = np.array(list(product((-1.0, 1.0), repeat=len(spread))))
-    return np.asarray(signs @ spread)
+    return np.asarray((signs[:, :, None] * spread).sum(axis=1))
 
 
 def _reach(body: HalfSpace, spread: Array) -> float:
     """How far a box or a line reaches towards a half-space, m."""
-    normal = np.array(body.normal) / np.linalg.norm(body.normal)
-    return float(np.abs(spread @ normal).sum())
+    normal = np.array(body.normal) / hypot(*body.normal)
+    return float(np.abs((spread * normal).sum(axis=1)).sum())
 
 
 def _corners(body: Box | Hull) -> Array:
@@ -276,14 +277,14 @@ def _corners(body: Box | Hull) -> Array:
 def _axis(body: Along) -> Array:
     one, other = body.ends
     along = np.subtract(other, one)
-    return np.asarray(along / np.linalg.norm(along))
+    return np.asarray(along / hypot(*along))
 
 
 def _axes_with(third: Array) -> Axes:
     """Orthogonal unit vectors of which this is the third; those of the base where it is one."""
     first = np.eye(3)[np.argmin(np.abs(third))]
     second = np.cross(third, first)
-    second = second / np.linalg.norm(second)
+    second = second / hypot(*second)
     return _vector(np.cross(second, third)), _vector(second), _vector(third)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import lru_cache
 from itertools import product
+from math import dist
 
 import casadi as ca
 import numpy as np
@@ -55,7 +56,7 @@ def check_feasible(scene: Scene) -> None:
     if scene.moves_at_ends:
         return _check_moving_ends(scene)
     start, goal = scene.given_points
-    way = float(np.linalg.norm(np.subtract(goal, start)))
+    way = dist(goal, start)
     if way < _SHORTEST_MOVE and not scene.via:
         raise Infeasible(
             f"start and goal are {way:.1e} m apart, which coordinates in double precision "

@@ -87,7 +87,7 @@ class Path:
 
     def with_derivatives(self, pieces: Index, since: Array) -> tuple[Array, Array, Array]:
         """p, dp/ds and d²p/ds², (N, 3) each, in given pieces at s since they began, (N,)."""
-        powers = since[:, None] ** np.arange(self.coefficients.shape[1])
+        powers = np.vander(since, self.coefficients.shape[1], increasing=True)
         values = np.einsum("np,npc->nc", powers, self.stacked[pieces])
         return values[:, :3], values[:, 3:6], values[:, 6:]
 
@@ -111,8 +111,8 @@ class Path:
     def over_shares(self) -> Array:
         """Coefficients of the ascending powers of shares, from 0 to 1, of each piece,
         (K, d + 1, 3)."""
-        powers = np.arange(self.coefficients.shape[1])
-        return np.asarray(self.coefficients * (np.diff(self.knots)[:, None] ** powers)[:, :, None])
+        powers = np.vander(np.diff(self.knots), self.coefficients.shape[1], increasing=True)
+        return np.asarray(self.coefficients * powers[:, :, None])
 
     @property
     def ends(self) -> Array:
@@ -398,7 +398,8 @@ def _hermite(s: Array, x: Array, dx: Array, ddx: Array) -> Path:
     c0, c1, c2 = x[:-1], dx[:-1], ddx[:-1] / 2
     value = x[1:] - c0 - h * (c1 + h * c2)
     rate, bend = h * (dx[1:] - c1 - 2 * h * c2), h**2 * (ddx[1:] - 2 * c2)
-    c3 = (10 * value - 4 * rate + bend / 2) / h**3
-    c4 = (-15 * value + 7 * rate - bend) / h**4
-    c5 = (6 * value - 3 * rate + bend / 2) / h**5
+    cubed, fourth, fifth = np.vander(np.diff(s), 6, increasing=True).T[3:, :, None]
+    c3 = (10 * value - 4 * rate + bend / 2) / cubed
+    c4 = (-15 * value + 7 * rate - bend) / fourth
+    c5 = (6 * value - 3 * rate + bend / 2) / fifth
     return Path(s, np.stack([c0, c1, c2, c3, c4, c5], axis=1))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import dist
 from typing import ClassVar, Protocol
 
 import numpy as np
@@ -292,4 +293,4 @@ def ends_in_words(task: Task) -> str:
 def distance(task: Task) -> float:
     """The straight distance from start to goal, m. Raises Infeasible as ``given_points`` does."""
     start, goal = given_points(task)
-    return float(np.linalg.norm(np.subtract(goal, start)))
+    return dist(goal, start)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
+from math import dist
 from typing import Annotated, Any
 
-import numpy as np
 from pydantic import Field
 
 from deltaopt.errors import SceneError
@@ -86,7 +86,7 @@ def require_distinct(via: Sequence[ViaPoint], start: Vector3, goal: Vector3 | No
 
 
 def _distance(one: ViaPoint, other: ViaPoint) -> float:
-    return float(np.linalg.norm(np.subtract(one.position, other.position)))
+    return dist(one.position, other.position)
 
 
 def _of(point: ViaPoint) -> Via:

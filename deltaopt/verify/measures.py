@@ -20,7 +20,7 @@ import numpy as np
 from deltaopt.codegen.vectorised import RowFunction
 from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.errors import Unreachable
-from deltaopt.limits.limit import Bounds, Limit
+from deltaopt.limits.limit import Bounds, Limit, first_highest
 from deltaopt.mechanisms.delta.functions import delta_functions
 from deltaopt.mechanisms.delta.instant import CoordinateInstant
 from deltaopt.mechanisms.delta.mechanism import DeltaTerms
@@ -241,10 +241,12 @@ class MeasuredMotion:
     def excesses(self) -> dict[str, Excess]:
         """The largest of each limit, by its name among measures."""
         peaks, found = self._peaks, dict[str, Excess]()
+        sides: dict[str, list[int]] = {}
         for i, side in enumerate(self.sides):
-            excess = side.excess(self._time(peaks, i), float(peaks.values[i]))
-            if excess.key not in found or excess.value > found[excess.key].value:
-                found[excess.key] = excess
+            sides.setdefault(key(side.limit.name), []).append(i)
+        for name, own in sides.items():
+            i = own[first_highest(peaks.values[own])]
+            found[name] = self.sides[i].excess(self._time(peaks, i), float(peaks.values[i]))
         return found
 
     def distances(self) -> tuple[Distance, ...]:
@@ -252,7 +254,7 @@ class MeasuredMotion:
         peaks, place, found = self._peaks, len(self.sides), []
         for kind in DISTANCES:
             number = 3 if kind.per_chain else 1
-            nearest = place + int(peaks.values[place : place + number].argmax())
+            nearest = place + first_highest(peaks.values[place : place + number])
             subject = f"chain {nearest - place + 1}" if kind.per_chain else "robot"
             least, t = -float(peaks.values[nearest]), self._time(peaks, nearest)
             found.append(Distance(kind.name, kind.formula, least, subject, t))

@@ -14,9 +14,9 @@ import pytest
 
 from deltaopt.codegen import compile as compiling
 from deltaopt.codegen import prebuilt
-from deltaopt.codegen.c_compiler import X86, Compiler, compiler
+from deltaopt.codegen.c_compiler import BASELINE, LEVELS, Compiler, Level, compiler
 from deltaopt.codegen.compile import CACHE, describe, library, recording
-from deltaopt.codegen.prebuilt import BASELINE, LEVELS, Level, carried, level_of, prebuild
+from deltaopt.codegen.prebuilt import carried, level_of, prebuild
 from deltaopt.codegen.vectorised import RowFunction
 from deltaopt.errors import DeltaOptError
 
@@ -68,10 +68,10 @@ def test_a_damaged_library_of_the_wheel_is_not_loaded(wheel, content):
 
 
 def test_the_fastest_level_that_runs_here_is_taken(tmp_path, monkeypatch):
-    none_has = Level("newest", (), ("avx5124fmaps",) if X86 else ())
+    none_has = Level("newest", (), ("avx5124fmaps",) if len(LEVELS) > 1 else ())
     monkeypatch.setattr(prebuilt, "LEVELS", (none_has, BASELINE))
     prebuild([SOURCE], tmp_path, compiler())
-    if X86:
+    if len(LEVELS) > 1:
         assert level_of(tmp_path) == BASELINE
     for folder in tmp_path.iterdir():
         for probe in folder.glob("runs_here.*"):
@@ -123,7 +123,7 @@ def test_a_wheel_carries_the_method_that_plans_a_shipped_scene():
         "asked = sources(scene)\n"
         "print(default_method(scene) in asked, sum(' rows(' in text for text in asked))\n"
     )
-    path = os.pathsep.join([str(ROOT), str(ROOT / "build_backend")])
+    path = os.pathsep.join([str(ROOT), str(ROOT / ".ci")])
     environment = {**os.environ, "PYTHONPATH": path}
     command = [sys.executable, "-c", script]
     ran = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)

@@ -9,7 +9,14 @@ import numpy as np
 import pytest
 
 from deltaopt.errors import Unreachable
-from deltaopt.motion.extrema import everywhere, narrow_valleys, peaks, ridges, sample_fractions
+from deltaopt.limits.limit import first_highest
+from deltaopt.motion.extrema import (
+    everywhere,
+    narrow_valleys,
+    peaks,
+    ridges,
+    sample_fractions,
+)
 from deltaopt.motion.time_scaling import highest_rows, safe_factor
 from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
 from deltaopt.planning.first_motions.initial_motion import baseline
@@ -26,6 +33,15 @@ LINE = baseline(SCENE)
 
 def scene_with(**changes: object):
     return SCENE.model_copy(update=changes)
+
+
+@pytest.mark.parametrize(
+    ("values", "named"),
+    [([0.2, 1.5, 1.5 + 1e-12], 1), ([0.2, 1.5, 1.5 + 1e-6], 2), ([-inf, -inf], 0), ([0.0, inf], 1)],
+)
+def test_of_equal_values_the_first_is_named(values, named):
+    """Two motors that are asked for the same by symmetry, but for rounding."""
+    assert first_highest(np.array(values)) == named
 
 
 def test_peaks_between_samples():

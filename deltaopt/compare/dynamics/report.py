@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from textwrap import fill
 
-from deltaopt.codegen.c_compiler import FLAGS
+from deltaopt.codegen.c_compiler import compiler
 from deltaopt.compare.dynamics.study import Row, Study
 
 _SAME = "the same cost indeed"
@@ -54,19 +54,18 @@ def csv(study: Study) -> str:
 def notes(study: Study) -> str:
     """Say how the numbers came about."""
     floor = ", ".join(f"{value:.1e} ({task})" for task, value in study.floor.items())
+    found = compiler() if any(row.compiled for row in study.rows) else None
     machine = (
-        ""
-        if any(row.compiled for row in study.rows)
-        else " No C compiler was found, so nothing was compiled."
+        f"{' '.join(found.flags)}; LAPACK cannot be generated as C."
+        if found
+        else "nothing, for no C compiler was found."
     )
     return fill(
         f"{study.states} random states of the paper's Delta, median of {study.rounds} rounds in"
         " which every model runs in turn; ratios are to L_E in closed form in the same round."
         " In the interpreter a solver called at run time is machine code, what is written out in"
-        " scalars is not. Multipliers are not computed. Compiled: "
-        f"{' '.join(FLAGS)};"
-        " LAPACK cannot be generated as C."
-        f"{machine} Operations: elementary ones, a linear system solved at run time (sparse QR,"
+        f" scalars is not. Multipliers are not computed. Compiled: {machine}"
+        " Operations: elementary ones, a linear system solved at run time (sparse QR,"
         " LAPACK LU) counted as a dense LU, 2/3 n³ + 2 n². Partition: independent coordinates"
         f" {', '.join(str(i + 1) for i in study.independent)} of 1 to 12, pivoted once. Error:"
         f" relative, against {study.digits} digits; rounding of the state alone makes {floor}.",

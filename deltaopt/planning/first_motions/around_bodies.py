@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from math import dist
 
 import numpy as np
 
@@ -34,6 +35,9 @@ from deltaopt.scene.scene import Scene
 _MARGINS, _GENTLE = (0.02, 0.01, 0.003, 0.001, 3e-4, 1e-4), 4
 """How far bands through passages stay from bodies, as shares of the way from start to goal, one
 after the other until there is room; and how many of the last steps of drawing they get."""
+_DIGITS = 9
+"""Decimals of a band's places, m, so that a plan begins with the same bits whatever the processor:
+how BLAS adds, and so the last bits of a band that was drawn tight, differ between them."""
 CLEAR = "clear of all bodies"
 """The name of a way that comes near none."""
 _SAME = 0.05
@@ -101,7 +105,7 @@ def clear_motions(scene: Scene, motions: Iterator[Trajectory], number: int) -> I
     for motion in motions:
         for each in [way.motion for way in ways_around(scene, motion)] or [motion]:
             path = sampled(each)
-            length = float(np.linalg.norm(path[-1] - path[0]))
+            length = dist(path[-1], path[0])
             if any(np.abs(path - other).max() < _SAME * length for other in paths):
                 continue
             paths.append(path)
@@ -142,6 +146,7 @@ def is_clear(scene: Scene, motion: Trajectory) -> bool:
 def _driven(scene: Scene, band: Array) -> Trajectory | None:
     """The motion along a band, as fast as the limits roughly allow; None where it is not possible
     or not clear of bodies between the samples."""
+    band = np.concatenate([band[:1], np.round(band[1:-1], _DIGITS), band[-1:]])
     steps = np.diff(band, axis=0)
     lengths = np.linalg.norm(steps, axis=1)
     tangents = steps / lengths[:, None]
@@ -167,7 +172,7 @@ def _with_stops(scene: Scene, corners: Array) -> Trajectory | None:
     lengths = np.linalg.norm(np.diff(corners, axis=0), axis=1)
     knots = np.append(0.0, np.cumsum(np.sqrt(lengths)))
     coefficients = np.zeros((len(lengths), len(QUINTIC), 3))
-    times = np.diff(knots)[:, None] ** np.arange(len(QUINTIC))
+    times = np.vander(np.diff(knots), len(QUINTIC), increasing=True)
     coefficients[:] = (QUINTIC / times)[:, :, None] * np.diff(corners, axis=0)[:, None]
     coefficients[:, 0] = corners[:-1]
     try:

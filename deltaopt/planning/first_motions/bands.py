@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from math import dist, hypot
 
 import numpy as np
 
@@ -54,7 +55,7 @@ class Bodies:
     @classmethod
     def of(cls, scene: Scene) -> Bodies:
         ends = np.array(given_points(scene.task))
-        way = float(np.linalg.norm(ends[1] - ends[0]))
+        way = dist(ends[1], ends[0])
         return cls(scene, limits_of(scene), ends, way)
 
     def distances(self, x: Array) -> tuple[Array, Array]:
@@ -196,16 +197,21 @@ def _smoothing(tension: float) -> Array:
     second = np.diff(np.eye(n), 2, axis=0)
     stiffness = np.zeros((n, n))
     stiffness[1:-1] = tension * (10 * (second.T @ second)[1:-1] - second)
-    return np.asarray(np.linalg.inv(np.eye(n) + stiffness), dtype=float)
+    rows = np.hstack([np.eye(n) + stiffness, np.eye(n)])
+    for k in range(n):  # Gauss and Jordan's elimination: the same bits on every processor
+        pivot = rows[k] / rows[k, k]
+        rows -= rows[:, k, None] * pivot
+        rows[k] = pivot
+    return np.asarray(rows[:, n:])
 
 
 def sides_of(along: Array) -> Array:
     """Unit vectors across a direction: up, down and to both sides, as far as these are across."""
-    ahead = along / np.linalg.norm(along)
+    ahead = along / hypot(*along)
     up = np.array([-1.0, 0.0, 0.0]) + ahead[0] * ahead
-    if np.linalg.norm(up) < 1e-3:  # straight up or down
+    if hypot(*up) < 1e-3:  # straight up or down
         up = np.array([0.0, 1.0, 0.0]) - ahead[1] * ahead
-    up /= np.linalg.norm(up)
+    up /= hypot(*up)
     left = np.cross(ahead, up)
     return np.array([up, left, -left, -up])
 

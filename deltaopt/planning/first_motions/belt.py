@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from math import hypot
 
 import numpy as np
 from numpy.typing import NDArray
@@ -132,15 +133,15 @@ def _reach(scene: Scene) -> float:
     """A distance from the base's centre that the tool's point never exceeds, m."""
     robot = scene.robot
     lengths = robot.base_radius, robot.upper_arm.length, robot.forearm.length, robot.platform_radius
-    return float(sum(lengths) + np.linalg.norm(robot.tool_offset))
+    return sum(lengths) + hypot(*robot.tool_offset)
 
 
 def _times_within(goal: MovingPoint, radius: float) -> Array:
     """Instants from 0 on at which a goal on a belt is within a radius (m) of the base's centre,
     (N,), s."""
     x, v = np.array(goal.position), np.array(goal.velocity)
-    square, along = float(v @ v), float(x @ v)
-    left = along**2 - square * (float(x @ x) - radius**2)
+    square, along = float((v * v).sum()), float((x * v).sum())
+    left = along**2 - square * (float((x * x).sum()) - radius**2)
     if left <= 0 or -along + left**0.5 <= 0:
         return np.zeros(0)
     begin, end = max((-along - left**0.5) / square, 0.0), (-along + left**0.5) / square

@@ -255,4 +255,5 @@ def _coefficients(states: States, durations: Array) -> Array:
     way, gain = x1 - x0 - T * v0, T * (v1 - v0)
     zero = np.zeros_like(x0)
     cube, fourth, fifth = 10 * way - 4 * gain, -15 * way + 7 * gain, 6 * way - 3 * gain
-    return np.stack([x0, v0, zero, cube / T**3, fourth / T**4, fifth / T**5], axis=1)
+    coefficients = np.stack([x0, T * v0, zero, cube, fourth, fifth], axis=1)
+    return np.asarray(coefficients / np.vander(durations, 6, increasing=True)[:, :, None])

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
+from math import dist, hypot
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,7 +50,7 @@ def _cubics(scene: Scene, seed: int) -> Iterator[Trajectory]:
     way = goal - start
     thirds = start + np.outer([1 / 3, 2 / 3], way)
     while True:
-        away = _SPREAD * np.linalg.norm(way) * rng.standard_normal((2, 3))
+        away = _SPREAD * hypot(*way) * rng.standard_normal((2, 3))
         yield curve_between(scene, *(thirds + away))
 
 
@@ -89,6 +90,6 @@ def distinct(found: Sequence[tuple[Trajectory, float, float]], length: float) ->
 
 
 def _same(one: Optimum, other: Optimum, length: float) -> bool:
-    apart = float(np.linalg.norm(np.subtract(one.halfway, other.halfway)))
+    apart = dist(one.halfway, other.halfway)
     difference = abs(one.cost / other.cost - 1)
     return difference <= one.gap + other.gap and apart <= _SAME_PATH * length

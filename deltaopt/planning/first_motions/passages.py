@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations, pairwise, product
-from math import inf, tau
+from math import dist, hypot, inf, tau
 
 import numpy as np
 from numpy.typing import NDArray
@@ -219,7 +219,7 @@ def _least(distance: Array, onwards: Array, so_far: Array) -> Array:
 def _places(scene: Scene, ends: Array, numbers: tuple[int, ...], *, between: bool) -> Array:
     """Places beside all bodies and of a grid, (N, 3), m; ``between``: all along edges and in the
     planes between bodies too. ``numbers``: of the grid's places along x, y and z."""
-    margin = _ROOM * float(np.linalg.norm(ends[1] - ends[0]))
+    margin = _ROOM * dist(ends[1], ends[0])
     low, high = ends.min(axis=0) - margin, ends.max(axis=0) + margin
     axes = [np.linspace(a, b, n) for a, b, n in zip(low, high, numbers, strict=True)]
     grid = np.array(list(product(*axes)))
@@ -270,7 +270,7 @@ def _planes_between(scene: Scene, line: Array) -> list[_Plane]:
     limits = limits_of(scene)
     kept = limits.bounds[0][limits.constraints.convex]
     used = np.flatnonzero(np.isfinite(kept))
-    widest = _WIDEST * float(np.linalg.norm(line[-1] - line[0]))
+    widest = _WIDEST * dist(line[-1], line[0])
     planes = list[_Plane]()
     for one, other in combinations(used.tolist(), 2):
         begin = end = line
@@ -325,7 +325,7 @@ def _around_polytope(triangles: Array, off: float, line: Array) -> Array:
 def _outwards(normals: list[Array]) -> Array:
     """The unit vector between some normals."""
     total = np.sum(normals, axis=0)
-    return np.asarray(total / np.linalg.norm(total))
+    return np.asarray(total / hypot(*total))
 
 
 def _around(body: Solid, off: float, line: Array) -> Array:

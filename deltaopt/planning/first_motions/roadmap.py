@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from itertools import product
-from math import inf
+from math import dist, inf
 
 import numpy as np
 from numpy.polynomial.polynomial import polyder, polyval
@@ -185,7 +185,7 @@ class _Grid:
             )
             if room <= 0:
                 return inf
-            return float(cost[other] + np.linalg.norm(here - self.points[other]) * _weight(room))
+            return float(cost[other] + dist(here, self.points[other]) * _weight(room))
 
         return min(known, key=through)
 

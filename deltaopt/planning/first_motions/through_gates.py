@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import suppress
 from itertools import product
-from math import isfinite
+from math import hypot, isfinite
 
 import numpy as np
 
@@ -40,7 +40,7 @@ _ONWARDS = 0.1
 """Share of the way to the next point that it makes at least from one place to the next, where
 spheres overlap, and that it leaves."""
 _CUBE = [np.array(each) for each in product((-1.0, 0.0, 1.0), repeat=3) if any(each)]
-_DIRECTIONS = np.array([np.zeros(3), *(each / np.linalg.norm(each) for each in _CUBE)])
+_DIRECTIONS = np.array([np.zeros(3), *(each / hypot(*each) for each in _CUBE)])
 """To places of a sphere that are looked at for room: its centre, and 26 of a cube's."""
 
 
@@ -99,9 +99,9 @@ def _nearest_places(scene: Scene, via: tuple[ViaPoint, ...]) -> Array:
     for point, after in zip(via, later, strict=True):
         centre, before = np.array(point.position), places[-1]
         way = np.array(after) - before
-        share = float((centre - before) @ way) / max(float(way @ way), 1e-300)
+        share = float(((centre - before) * way).sum() / max((way**2).sum(), 1e-300))
         away = before + min(max(share, _ONWARDS), 1 - _ONWARDS) * way - centre
-        distance, most = float(np.linalg.norm(away)), _WELL_INSIDE * point.within
+        distance, most = hypot(*away), _WELL_INSIDE * point.within
         places.append(centre + away * min(1.0, most / max(distance, 1e-300)))
     return np.array(places[1:])
 
@@ -147,11 +147,15 @@ def _spline(points: Array, lengths: Array, first: Array, last: Array) -> Piecewi
     secant = np.diff(points, axis=0) / lengths[:, None]
     v = np.vstack([first, np.zeros((len(points) - 2, 3)), last])
     before, after = 1 / lengths[:-1], 1 / lengths[1:]
-    A = np.diag(2 * (before + after)) + np.diag(before[1:], -1) + np.diag(after[:-1], 1)
+    diagonal = 2 * (before + after)
     b = 3 * (before[:, None] * secant[:-1] + after[:, None] * secant[1:])
     b[0] -= before[0] * v[0]
-    b[-1] -= after[-1] * v[-1]
-    v[1:-1] = np.linalg.solve(A, b)
+    for i in range(1, len(b)):  # Gauss's elimination of a tridiagonal system
+        share = before[i] / diagonal[i - 1]
+        diagonal[i] -= share * after[i - 1]
+        b[i] -= share * b[i - 1]
+    for i in reversed(range(len(b))):
+        v[i + 1] = (b[i] - after[i] * v[i + 2]) / diagonal[i]
     return PiecewisePolynomial.hermite(np.append(0.0, np.cumsum(lengths)), points, v)
 
 

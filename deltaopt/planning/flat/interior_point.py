@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.codegen.compile import library
+from deltaopt.codegen.dense_solver import solve
 from deltaopt.codegen.simd_c import LANES
 from deltaopt.planning.flat.method_source import source
 from deltaopt.planning.flat.point_problem import PointProblem
@@ -321,8 +322,9 @@ class CompiledMethod:
     def _rule(self) -> Array:
         """The points of an interval, and the weights that integrate their polynomial."""
         points = np.array(self.points)
-        order = np.arange(len(points))
-        weights = np.linalg.solve(points ** order[:, None], 1 / (order + 1))
+        integrals = 1 / np.arange(1, len(points) + 1)
+        weights = solve(np.vander(points, increasing=True).T, integrals)
+        assert weights is not None  # points differ
         return np.concatenate([points, weights])
 
     def _by_phase(

@@ -261,7 +261,7 @@ class CollocationProblem:
         units = units_at(self.equations.system, ends.p)
         T = z[-1] * units.time
         coefficients = self.variables.coefficients(z) * units.q[list(self.equations.coordinates)]
-        coefficients /= T ** np.arange(coefficients.shape[1])[:, None]
+        coefficients /= np.vander([T], coefficients.shape[1], increasing=True).T
         return PiecewisePolynomial(T * self.variables.knots, coefficients)
 
     def torques(self, z: Array, ends: BoundaryValues) -> Array:

@@ -203,7 +203,7 @@ class Scaling:
         """
         coefficients = self.length * coefficients
         coefficients[:, 0] += self.origin
-        coefficients /= T ** np.arange(coefficients.shape[1])[:, None]
+        coefficients /= np.vander([T], coefficients.shape[1], increasing=True).T
         return PiecewisePolynomial(T * np.concatenate([[0.0], np.cumsum(h)]), coefficients)
 
     def states(self, position: PiecewisePolynomial, times: Array, T: float) -> Array:

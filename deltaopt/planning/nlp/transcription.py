@@ -97,7 +97,7 @@ class PiecewiseAcceleration:
         powers: Array = np.stack([p.coef for p in self._lagrange])  # (node, power)
         i = np.arange(self.degree + 1)
         integrated = powers.T @ A / ((i + 1) * (i + 2))[:, None]
-        integrated /= eta[:, None, None] ** i[:, None]
+        integrated /= np.vander(eta, self.degree + 1, increasing=True)[:, :, None]
         return np.concatenate([X[:, None], V[:, None], integrated], axis=1)
 
 

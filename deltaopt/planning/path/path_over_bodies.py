@@ -6,6 +6,8 @@ what a motion on a free path past bodies is compared with, for the straight line
 
 from __future__ import annotations
 
+from math import dist
+
 import numpy as np
 
 from deltaopt.motion.sure_bounds import signed_distances
@@ -35,7 +37,7 @@ def rounded_path_over(scene: Scene) -> PickAndPlace | None:
     if scene.keep_out is None or scene.path is not None or not isinstance(scene.task, RestToRest):
         return None
     start, goal = map(np.array, given_points(scene.task))
-    widest = float(np.linalg.norm((goal - start)[1:])) / 2
+    widest = dist(goal[1:], start[1:]) / 2
     heights = [height for height in _HEIGHTS.tolist() if height < widest]
     clear = next((i for i, height in enumerate(heights) if _is_clear(scene, height)), None)
     if clear is None:

@@ -1,9 +1,10 @@
-"""Compile the C of the default model into a folder, for a wheel: ``python default_model.py DIR``.
+"""Compile the C of the default model into a folder, for a wheel: ``default_model.py DIR``.
 
 Lengths, masses and limits are data: what is compiled for one robot serves every robot with the same
 terms. So a move is planned and verified for each usual choice of terms, by CasADi's interpreter,
 and the C of which machine code is asked for meanwhile is what a wheel carries. Bars with moments of
-inertia of their own, which no shipped robot has, are left out: their C takes a compiler minutes.
+inertia of their own, which no shipped robot has, are left out: their C takes a compiler minutes. A
+wheel carries what lies in ``deltaopt/codegen/prebuilt`` when it is built (``.ci/wheel``).
 """
 
 from __future__ import annotations
