@@ -204,7 +204,7 @@ EXTENT = Quantity("m", (), 100.0, ("mm",))
 MASS = Quantity("kg", (), 200.0, ("g",))
 SMALL_MASS = Quantity("kg", (), 20.0, ("g",))
 """Of pins and the like."""
-DURATION = Quantity("s", (), 60.0, ("ms",))
+DURATION = Quantity("s", (), 1e3, ("ms",))
 ANGLE = Quantity("rad", (), 4 * pi, ("deg",))
 SPEED = Quantity("m/s", (), 100.0, ("mm/s",))
 ANGULAR_SPEED = Quantity("rad/s", (), 700.0, ("deg/s", "rpm"))

@@ -57,7 +57,7 @@ class Plan:
     intervals: int
     status: str
     iterations: int
-    solve_seconds: float
+    solve_seconds: float = field(compare=False)
     gap: float
     tolerance: float
     meshes: tuple[Iteration, ...] | tuple[CostIteration, ...] | tuple[PathIteration, ...] = field(

@@ -58,7 +58,11 @@ def _options(
 
 def options(rng: Generator) -> Attempt:
     """An option with a value that is none."""
-    found = [each for each in _options(deltaopt.cli.command_line()) if each[1].dest != "output"]
+    found = [
+        each
+        for each in _options(deltaopt.cli.command_line())
+        if each[1].dest not in ("output", "directory")
+    ]
     words, action, files = found[rng.integers(len(found))]
     option, odd = action.option_strings[-1], str(rng.choice(_ODD))
     given = [*words, *files, option, odd]

@@ -71,8 +71,9 @@ def test_factors_that_make_no_sense(factor):
         LINE.slowed(factor)
 
 
-def test_a_trajectory_is_equal_to_itself():
-    again = baseline(SCENE)
-    assert {LINE: "line", again: "again"}[LINE] == "line"
-    assert again != LINE
-    assert again.position != LINE.position
+def test_trajectories_are_equal_bit_by_bit():
+    again, other = baseline(SCENE), LINE.slowed(1 + 1e-15)
+    assert {LINE: "line", other: "other"}[again] == "line"
+    assert again.position == LINE.position
+    assert other != LINE
+    assert other.position != LINE.position

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -269,10 +269,10 @@ def test_settings_as_numpy_has_them(picked):
     assert found.duration == picked.duration
 
 
-def test_a_plan_is_equal_to_itself(picked):
-    again = plan(PICK)
-    assert picked == picked
-    assert (picked == again, picked.trajectory == again.trajectory) == (False, False)
+def test_plans_of_a_scene_are_equal(picked):
+    again, other = plan(PICK), replace(picked, trajectory=picked.trajectory.slowed(1.1))
+    assert (picked == again, picked.trajectory == again.trajectory) == (True, True)
+    assert picked != other
     assert {picked: 1, picked.trajectory: 2, picked.trajectory.position: 3}[picked] == 1
 
 

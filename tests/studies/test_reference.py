@@ -19,7 +19,7 @@ def test_page_is_what_the_command_prints(name):
 
 @pytest.mark.parametrize(("text", "name"), [(robot_text, "robot"), (scene_text, "scene")])
 def test_every_key_of_a_starting_file_has_a_row(text, name):
-    keys = re.findall(r"^(?:# )?\s*(\w+):(?= )", text(), re.M)
+    keys = re.findall(r"^\s*#?(\w+):(?= )", text(), re.M)
     page = pages()[f"{name}-keys.md"] + pages()["drive-keys.md"]
     assert len(keys) > 10
     for key in keys:

@@ -80,7 +80,7 @@ def test_a_given_path_is_possible_where_it_is_reachable_and_can_be_held():
     line = move(1, len(ROBOTS) * list(STRATA).index("line")).scene
     assert possibility(line).found
     x, y, z = line.start
-    beyond = line.model_copy(update={"goal": (x + 10, y, z)})
+    beyond = line.model_copy(update={"goal": (x + 5, y, z)})
     assert not possibility(beyond).found
 
 
