@@ -56,7 +56,8 @@ class Way:
 
 def name_of_way(scene: Scene, motion: Trajectory) -> str:
     """The way that a motion takes past the bodies of a scene, in words."""
-    return Way(motion, Bodies.of(scene).sides(sampled(motion))).name
+    path = sampled(motion)
+    return Way(motion, Bodies.between(scene, path[[0, -1]]).sides(path)).name
 
 
 def no_way(scene: Scene) -> str:
