@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from deltaopt.bench.possible import Possibility
 from deltaopt.bench.statics import Statics
-from deltaopt.errors import DeltaOptError
+from deltaopt.errors import NO_PLAN
 from deltaopt.planning.nlp.problem import Ipopt
 from deltaopt.planning.planner import plan
 from deltaopt.scene.moving_ends import Belt, State
@@ -49,7 +49,7 @@ def of_belt(scene: Scene) -> Possibility:
         state = State(at=tuple(at.tolist()), velocity=goal.belt)
         try:
             found = plan(scene.model_copy(update={"goal": state}), solver=Ipopt())
-        except DeltaOptError:
+        except NO_PLAN:
             least = 0.0  # whether it can be reached in time is not known
             continue
         if found.duration <= time:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import islice
@@ -16,7 +15,7 @@ import numpy as np
 
 from deltaopt.dynamics.formulation import Projected
 from deltaopt.dynamics.lagrange import Multiplier
-from deltaopt.errors import DeltaOptError, Infeasible
+from deltaopt.errors import ENDS_AN_ATTEMPT, NO_PLAN, DeltaOptError, Infeasible, if_possible
 from deltaopt.files.validated_record import Vector3
 from deltaopt.motion.trajectory import Motion, PiecewisePolynomial, Trajectory
 from deltaopt.planning.belt_places import PlacesOnBelt
@@ -50,7 +49,7 @@ from deltaopt.planning.path.path_planning import NAME as ON_PATH
 from deltaopt.planning.path.path_planning import PathMotion, fastest_on_path
 from deltaopt.planning.plan import Plan, quicker
 from deltaopt.planning.refinement import Progress
-from deltaopt.planning.search import ENDS_AN_ATTEMPT, FINER, Attempt, Search
+from deltaopt.planning.search import FINER, Attempt, Search
 from deltaopt.planning.trajectory_optimiser import RESOLVED_BELOW, TrajectoryOptimiser
 from deltaopt.planning.ways import NEARLY, TakenWay, fastest_way
 from deltaopt.robot.robot import Robot
@@ -399,12 +398,13 @@ class Planner:
         """The duration of the motion on the first mesh of a scene from rest to rest, as if there
         were neither bodies nor via points, s; 0 where none is found."""
         scene = scene.model_copy(update={"keep_out": None, "planned_links": (), "via": None})
-        try:
+
+        def on_first_mesh() -> float:
             motion, accuracy = first_motion(scene), self._optimiser.accuracy
             attempt = Attempt(scene, motion, self.intervals, accuracy)
             return self._optimiser.on_first_mesh(attempt).duration
-        except DeltaOptError:
-            return 0.0
+
+        return if_possible(NO_PLAN, on_first_mesh) or 0.0
 
     def _moving_past_bodies(self, scene: Scene, report: Progress) -> Plan | None:
         """The best plan of the ways past keep-out bodies where an end moves; None where none is in
@@ -565,10 +565,9 @@ class Planner:
         for corners in islice(paths_of_lines(scene), _PATHS) if usual else ():
             report("near the corners of a path of straight lines:")
             for gates in (near_corners(scene, corners), through_corners(scene, corners)):
-                with suppress(DeltaOptError):
-                    through = self.plan_scene(gates, progress=report)
-                    if is_clear(scene, through.trajectory):
-                        found.append(through)
+                through = if_possible(NO_PLAN, self.plan_scene, gates, progress=report)
+                if through is not None and is_clear(scene, through.trajectory):
+                    found.append(through)
             timed = fastest_along(scene, corners, self.tolerance)
             if timed is not None:
                 report(f"on that path: {timed.trajectory.duration:.6g} s")

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from math import inf
 from typing import Generic, Protocol, TypeVar
 
-from deltaopt.errors import DeltaOptError, NotConverged, Singular, Unreachable
+from deltaopt.errors import DeltaOptError, NotConverged
 from deltaopt.motion.trajectory import Array, Trajectory
 from deltaopt.planning.first_motions.order_of_merit import (
     CrossesSingularity,
@@ -51,8 +51,6 @@ be a poor local minimum. Hardly any random move is the first, and one in a hundr
 usual are thirty iterations. Fewer would make more plans take three times as long in vain."""
 _SECOND_LOOKS = 2
 """How many attempts more are then made. More of them find little for what they cost."""
-ENDS_AN_ATTEMPT = (NotConverged, Unreachable, Singular)
-"""What may go wrong with an iterate: it ends the attempt from one first motion, not the plan."""
 
 
 class HeldByMotion(NotConverged):

@@ -12,7 +12,7 @@ import numpy as np
 
 from deltaopt.dynamics.formulation import Projected
 from deltaopt.dynamics.lagrange import Multiplier
-from deltaopt.errors import NotConverged
+from deltaopt.errors import ENDS_AN_ATTEMPT, NotConverged
 from deltaopt.limits.constraints import Constraints
 from deltaopt.mechanisms.delta.functions import DeltaFunctions
 from deltaopt.motion.limit_sensitivity import MeshMultipliers
@@ -52,7 +52,7 @@ from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import LINEAR, PiecewiseAcceleration
 from deltaopt.planning.plan import Plan, quicker
 from deltaopt.planning.refinement import Progress, Refinement, Resolver
-from deltaopt.planning.search import ENDS_AN_ATTEMPT, Attempt, HeldByMotion
+from deltaopt.planning.search import Attempt, HeldByMotion
 from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.scene.feasibility import serial_distances_at_ends
 from deltaopt.scene.objective import Effort, Time

@@ -12,7 +12,7 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
-from deltaopt.errors import DeltaOptError, Infeasible
+from deltaopt.errors import ENDS_AN_ATTEMPT, DeltaOptError, Infeasible, if_possible
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.around_bodies import (
     Way,
@@ -22,7 +22,7 @@ from deltaopt.planning.first_motions.around_bodies import (
 )
 from deltaopt.planning.near_bodies import near, past_these, with_those_hit
 from deltaopt.planning.refinement import Slower
-from deltaopt.planning.search import ENDS_AN_ATTEMPT, Attempt
+from deltaopt.planning.search import Attempt
 from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene
 
@@ -188,9 +188,8 @@ def _improved(
 ) -> Attempt:
     """An attempt from the motion that is best on its first mesh, where that is found, past all
     bodies that it runs into; ``scene``: with all bodies."""
-    try:
-        motion = on_first_mesh(attempt)
-    except ENDS_AN_ATTEMPT:
+    motion = if_possible(ENDS_AN_ATTEMPT, on_first_mesh, attempt)
+    if motion is None:
         return attempt
     more = with_those_hit(scene, attempt.scene, motion.position)
     if more is not None:
