@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import logging
+from collections.abc import Callable, Iterable, Sequence
 from enum import Enum
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -152,6 +153,10 @@ class NotConverged(DeltaOptError):
         return str(self.args[0])
 
 
+class EndMoves(DeltaOptError):
+    """What is for motions from rest at one point to rest at another was asked of another one."""
+
+
 class DependentConstraints(DeltaOptError):
     """Some constraints of a mechanism follow from others, so that multipliers are not unique."""
 
@@ -162,6 +167,32 @@ class Inconsistent(DeltaOptError):
 
 class IntegrationFailed(DeltaOptError):
     """The integration of a motion stopped before its end, for instance in a singularity."""
+
+
+RULED_OUT = (Unreachable, Singular, Infeasible)
+"""What rules a motion out: where it leads, or a limit."""
+ENDS_AN_ATTEMPT = (NotConverged, Unreachable, Singular)
+"""What may go wrong with an iterate: it ends the attempt from one first motion, not the plan."""
+NO_PLAN = (NotConverged, *RULED_OUT)
+"""What is raised where no plan is found for what was asked."""
+_LOG = logging.getLogger("deltaopt.planning")
+Parameters = ParamSpec("Parameters")
+Result = TypeVar("Result")
+
+
+def if_possible(
+    expected: tuple[type[DeltaOptError], ...],
+    make: Callable[Parameters, Result],
+    *arguments: Parameters.args,
+    **options: Parameters.kwargs,
+) -> Result | None:
+    """What ``make`` returns for these arguments; None where it raises an error that is ``expected``
+    of one possibility among several, which is told with ``--verbose``. Others it lets through."""
+    try:
+        return make(*arguments, **options)
+    except expected as error:
+        _LOG.debug("set aside: %s", error)
+        return None
 
 
 class Inexpressible(DeltaOptError):

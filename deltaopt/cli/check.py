@@ -35,7 +35,7 @@ from deltaopt.cli.arguments import WrongUsage, add_json, add_output, output_dire
 from deltaopt.cli.plan import duty_table
 from deltaopt.cli.streams import present, print_json, print_written
 from deltaopt.codegen.compile import describe
-from deltaopt.errors import DeltaOptError, NotConverged, in_words
+from deltaopt.errors import RULED_OUT, DeltaOptError, EndMoves, NotConverged, in_words
 from deltaopt.files.output_folder import all_or_none
 from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.files.validated_record import PerMotor, per_motor
@@ -257,7 +257,7 @@ def _duty_of_baseline(scene: Scene) -> list[str]:
         return []
     try:
         duty = MeasuredMotion.of(scene, baseline(scene)).duty()
-    except DeltaOptError:
+    except (EndMoves, *RULED_OUT):
         return []  # the description says why there is no baseline
     return ["", "the baseline:", *duty_table(duty)]
 

@@ -135,6 +135,7 @@ def _try(found: Compiler, source: str, folder: Path) -> Path | None:
             _LOG.warning("%s is damaged and is compiled again", kept)
         return kept if _build(found, source, kept) and intact(kept) else None
     except subprocess.TimeoutExpired:
+        _LOG.warning("%s does not end and is not run again", found.command)
         _HANGING.add(found)
         return None
 

@@ -25,7 +25,7 @@ from typing import Annotated, ClassVar
 import casadi as ca
 import numpy as np
 
-from deltaopt.errors import DeltaOptError
+from deltaopt.errors import Unreachable
 from deltaopt.files.units import RATIO
 from deltaopt.files.validated_record import Positive
 from deltaopt.limits.limit import SX, Bounds, Described, Instant, Key, Limit, Numbers
@@ -81,7 +81,7 @@ class _KeptVolume(Limit):
             return []
         try:
             q = delta_model(scene.robot, scene.payload).inverse_kinematics(scene.placed_points[0])
-        except DeltaOptError:
+        except Unreachable:
             return [(given, 1.0)]  # what is wrong with the start is told when it is planned
         return [(given, 1.0 if float(ca.DM(type(self).volume(SX(ca.DM(q))))) > 0 else -1.0)]
 

@@ -56,9 +56,8 @@ class PlacesOnBelt:
 
     def motions(self) -> Iterator[Trajectory]:
         """The motion that waits and then meets the belt as soon as possible, if there is one."""
-        try:
-            times = Meetings.of(self.scene, self.goal).require_any().durations
-        except Infeasible:
+        times = Meetings.of(self.scene, self.goal).durations
+        if not len(times):
             return
         late, found = 0.0, None
         for i in np.linspace(0, len(times) - 1, min(_PLACES, len(times))).round().astype(int):

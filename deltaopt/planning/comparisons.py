@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import replace
 
-from deltaopt.errors import DeltaOptError
+from deltaopt.errors import NO_PLAN, if_possible
 from deltaopt.planning.first_motions.initial_motion import baseline
 from deltaopt.planning.path.path_over_bodies import rounded_path_over
 from deltaopt.planning.plan import Plan
@@ -31,8 +30,9 @@ def timed_line(scene: Scene, tolerance: float = 1e-3) -> Plan:
 def straight_lines(scene: Scene) -> dict[str, float]:
     """Durations, s, of the straight line from start to goal, by how it is timed, and past bodies of
     the rounded path over them: what a plan is compared with, whatever its objective. Those that no
-    motion can have are left out, and all where there are via points, which they do not pass."""
-    if scene.via:
+    motion can have are left out, and all where there are via points, which they do not pass, or an
+    end moves."""
+    if scene.via or scene.moves_at_ends:
         return {}
     timed: dict[str, Callable[[Scene], float]] = {
         "line, quintic law": lambda scene: baseline(scene).duration,
@@ -47,8 +47,9 @@ def straight_lines(scene: Scene) -> dict[str, float]:
     scene = scene.model_copy(update={"objective": Time()})
     found = {}
     for name, duration in timed.items():
-        with suppress(DeltaOptError):
-            found[name] = duration(scene)
+        known = if_possible(NO_PLAN, duration, scene)
+        if known is not None:
+            found[name] = known
     return found
 
 

@@ -21,7 +21,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.errors import DeltaOptError, Infeasible, NotConverged, Unreachable
+from deltaopt.errors import ENDS_AN_ATTEMPT, Infeasible, NotConverged, Unreachable, if_possible
 from deltaopt.motion.effort import cost as cost_of
 from deltaopt.motion.sure_bounds import sure_excess
 from deltaopt.motion.time_scaling import highest_rows, loads_inside
@@ -163,6 +163,7 @@ def minimise_effort(
         try:
             return _settled(problem, scaling, start, tolerance, report)
         except (NotConverged, Unreachable) as error:
+            report(str(error))
             failure = error
     assert failure is not None
     if given >= shortest:
@@ -193,11 +194,11 @@ def _starts(
         return [slowed]
     model, found = slowed.guess.model, list[tuple[float, _Start]]()
     for start in (slowed, *(_Start(each, _waiting_mesh(each, intervals)) for each in waiting)):
-        try:
-            raw = _solved(problem, start.mesh, scaling, start.guess, model, near=False)
-        except DeltaOptError:  # not converged, or out of the workspace between the points
-            continue
-        found.append((raw.cost, replace(start, guess=raw.trajectory)))
+        raw = if_possible(
+            ENDS_AN_ATTEMPT, _solved, problem, start.mesh, scaling, start.guess, model, near=False
+        )
+        if raw is not None:
+            found.append((raw.cost, replace(start, guess=raw.trajectory)))
     found.sort(key=lambda each: each[0])
     return [start for _, start in found] or [slowed]
 
@@ -254,9 +255,10 @@ def _on_meshes(
     before, first, mesh = np.inf, start.guess, start.mesh
     guess, model = first, first.model
     while not meshes or len(mesh) <= MOST_INTERVALS:
-        try:
-            raw = _solved(problem, mesh, scaling, guess, model, near=bool(meshes))
-        except NotConverged:  # from the mesh before Ipopt may fail if hardly any time is to spare
+        raw = if_possible(
+            (NotConverged,), _solved, problem, mesh, scaling, guess, model, near=bool(meshes)
+        )
+        if raw is None:  # from the mesh before Ipopt may fail if hardly any time is to spare
             raw = _solved(problem, mesh, scaling, first, model, near=False)
         safe = _within_limits(problem, mesh, scaling, raw, model)
         gap = abs(before / raw.cost - 1) + abs(safe.cost / raw.cost - 1)

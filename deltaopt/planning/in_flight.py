@@ -9,7 +9,7 @@ from time import perf_counter
 
 import numpy as np
 
-from deltaopt.errors import DeltaOptError
+from deltaopt.errors import NO_PLAN, if_possible
 from deltaopt.files.validated_record import Vector3
 from deltaopt.motion.time_scaling import highest_rows
 from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory, moving_on
@@ -55,11 +55,8 @@ def finished_first(
         return None
     if found is not None and found.duration <= left + _AT_LEAST * roughly(rest):
         return None
-    try:
-        then = planned(rest)
-    except DeltaOptError:
-        return None
-    if found is not None and found.duration <= left + then.duration:
+    then = if_possible(NO_PLAN, planned, rest)
+    if then is None or (found is not None and found.duration <= left + then.duration):
         return None
     position, model = under_way.then(then.trajectory.position), then.trajectory.model
     trajectory = moving_on(scene.task, Trajectory(position, model))

@@ -14,7 +14,7 @@ from typing import Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.errors import Infeasible, NotConverged
+from deltaopt.errors import Infeasible, NotConverged, if_possible
 from deltaopt.limits.limit import OwnMeasure
 from deltaopt.motion.limit_sensitivity import Multipliers
 from deltaopt.motion.links import least_rooms
@@ -112,11 +112,9 @@ def _nearer(
         report(f"once more, nearer to bodies: the distance costs {cost:.1e} of the duration:")
         share = max((tolerance - found.gap) / cost / _FACTOR, _NEARER)
         spare = {pair: max(share * more, _LEAST_SPARE) for pair, more in spare.items()}
-        try:
-            nearer = planned(scene.model_copy(update={"planned_links": _limits(scene, spare)}))
-        except NotConverged:
-            break
-        if (least_rooms(scene, nearer.trajectory) < 0).any():
+        limited = scene.model_copy(update={"planned_links": _limits(scene, spare)})
+        nearer = if_possible((NotConverged,), planned, limited)
+        if nearer is None or (least_rooms(scene, nearer.trajectory) < 0).any():
             break
         found, cost = nearer, _cost(nearer.multipliers, list(spare.values()))
     return found, cost

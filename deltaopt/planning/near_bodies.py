@@ -15,7 +15,6 @@ from deltaopt.limits.constraints import SceneLimits
 from deltaopt.motion.sure_bounds import rows_not_kept, signed_distances
 from deltaopt.motion.trajectory import Array, PiecewisePolynomial
 from deltaopt.scene.scene import Scene, limits_of
-from deltaopt.scene.task import distance
 
 _NEAR = 0.05
 """Of the way from start to goal: motions are planned past bodies that a first motion comes nearer
@@ -31,7 +30,8 @@ def near(scene: Scene, position: PiecewisePolynomial) -> Bodies:
     """The bodies that a motion comes near, by samples."""
     x = position.at(np.linspace(position.knots[0], position.knots[-1], _SAMPLES))
     distances, _ = signed_distances(scene, x)
-    kept = _kept(limits_of(scene)) + _NEAR * distance(scene.task)
+    way = float(np.linalg.norm(x[-1] - x[0]))
+    kept = _kept(limits_of(scene)) + _NEAR * way
     return _of_rows(scene, np.asarray((distances <= kept).any(axis=0)))
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import islice
@@ -16,7 +15,7 @@ import numpy as np
 
 from deltaopt.dynamics.formulation import Projected
 from deltaopt.dynamics.lagrange import Multiplier
-from deltaopt.errors import DeltaOptError, Infeasible, NotConverged
+from deltaopt.errors import ENDS_AN_ATTEMPT, NO_PLAN, DeltaOptError, Infeasible, if_possible
 from deltaopt.files.validated_record import Vector3
 from deltaopt.motion.trajectory import Motion, PiecewisePolynomial, Trajectory
 from deltaopt.planning.belt_places import PlacesOnBelt
@@ -52,12 +51,8 @@ from deltaopt.planning.path.path_planning import PathMotion, fastest_on_path
 from deltaopt.planning.plan import Plan, quicker
 from deltaopt.planning.refinement import Progress
 from deltaopt.planning.search import FINER, Attempt, Search
-from deltaopt.planning.trajectory_optimiser import (
-    ENDS_AN_ATTEMPT,
-    RESOLVED_BELOW,
-    TrajectoryOptimiser,
-)
-from deltaopt.planning.ways import TakenWay, fastest_moving_way, fastest_way
+from deltaopt.planning.trajectory_optimiser import RESOLVED_BELOW, TrajectoryOptimiser
+from deltaopt.planning.ways import NEARLY, TakenWay, fastest_way
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.feasibility import check_feasible, require_path_on_one_side
 from deltaopt.scene.moving_ends import Anywhere, End, Start, State
@@ -411,28 +406,45 @@ class Planner:
         """The duration of the motion on the first mesh of a scene from rest to rest, as if there
         were neither bodies nor via points, s; 0 where none is found."""
         scene = scene.model_copy(update={"keep_out": None, "planned_links": (), "via": None})
-        try:
+
+        def on_first_mesh() -> float:
             motion, accuracy = first_motion(scene), self._optimiser.accuracy
             attempt = Attempt(scene, motion, self.intervals, accuracy)
             return self._optimiser.on_first_mesh(attempt).duration
-        except DeltaOptError:
-            return 0.0
+
+        return if_possible(NO_PLAN, on_first_mesh) or 0.0
 
     def _moving_past_bodies(self, scene: Scene, report: Progress) -> Plan | None:
         """The best plan of the ways past keep-out bodies where an end moves; None where none is in
         the way, or none leads to a plan."""
         first = from_state_to_state(scene) if limits_of(scene).constraints.has_convex else None
-        if first is None or scene.via or is_clear(scene, first):
+        if first is None or is_clear(scene, first):
             return None
-        begin, optimiser = perf_counter(), self._optimiser
-        attempt = Attempt(scene, first, self.intervals, optimiser.accuracy)
-        found = fastest_moving_way(
-            attempt, lambda way: optimiser.fastest(way, report), optimiser.on_first_mesh
-        )
-        if found is None:
+        begin = perf_counter()
+        try:
+            found, taken = self._fastest_way(scene, first, None, self._good_gap, report)
+        except (Infeasible, *ENDS_AN_ATTEMPT) as error:  # other first motions may lead to a plan
+            report(str(error))
             return None
-        spent = perf_counter() - begin
-        return replace(found[0], scene=scene, ways=found[1], solve_seconds=spent)
+        return replace(found, scene=scene, ways=taken, solve_seconds=perf_counter() - begin)
+
+    def _fastest_way(
+        self,
+        scene: Scene,
+        first: Trajectory,
+        free: Trajectory | None,
+        enough: float,
+        report: Progress,
+    ) -> tuple[Plan, tuple[TakenWay, ...]]:
+        """As ``fastest_way``, from a first motion."""
+
+        def planned(attempt: Attempt) -> Plan:
+            search = self._new_search(attempt.scene)
+            self._make(search.with_remedies(attempt), search, report)
+            return search.best()
+
+        way = Attempt(scene, first, self.intervals, self._optimiser.accuracy)
+        return fastest_way(way, free, planned, self._optimiser.on_first_mesh, enough)
 
     def _first_found(
         self, scene: Scene, motions: Iterator[Trajectory], report: Progress
@@ -526,7 +538,7 @@ class Planner:
 
         Raises Infeasible where there is no way, and NotConverged where none leads to a plan.
         """
-        begin, optimiser = perf_counter(), self._optimiser
+        begin = perf_counter()
         motion: Trajectory | None = None
         try:
             without = {"keep_out": None, "planned_links": ()}
@@ -539,20 +551,14 @@ class Planner:
         if scene.tube is not None:  # no way around a body but in it
             return self._search(scene, report)
 
-        def planned(attempt: Attempt) -> Plan:
-            search = self._new_search(attempt.scene)
-            self._make(search.with_remedies(attempt), search, report)
-            return search.best()
-
-        way = Attempt(scene, first_motion(scene), self.intervals, optimiser.accuracy)
         try:
-            found, taken = fastest_way(way, motion, planned, optimiser.on_first_mesh)
-        except NotConverged as error:
+            found, taken = self._fastest_way(scene, first_motion(scene), motion, NEARLY, report)
+        except ENDS_AN_ATTEMPT as error:
             found = self._through_passages(scene, error, report)
             taken = (TakenWay(name_of_way(scene, found.trajectory), found.duration, True),)
         return replace(found, scene=scene, ways=taken, solve_seconds=perf_counter() - begin)
 
-    def _through_passages(self, scene: Scene, error: NotConverged, report: Progress) -> Plan:
+    def _through_passages(self, scene: Scene, error: DeltaOptError, report: Progress) -> Plan:
         """Plan along short paths of straight lines past bodies, where no mesh finds its way: near
         their corners, or on a path itself.
 
@@ -567,10 +573,9 @@ class Planner:
         for corners in islice(paths_of_lines(scene), _PATHS) if usual else ():
             report("near the corners of a path of straight lines:")
             for gates in (near_corners(scene, corners), through_corners(scene, corners)):
-                with suppress(DeltaOptError):
-                    through = self.plan_scene(gates, progress=report)
-                    if is_clear(scene, through.trajectory):
-                        found.append(through)
+                through = if_possible(NO_PLAN, self.plan_scene, gates, progress=report)
+                if through is not None and is_clear(scene, through.trajectory):
+                    found.append(through)
             timed = fastest_along(scene, corners, self.tolerance)
             if timed is not None:
                 report(f"on that path: {timed.trajectory.duration:.6g} s")

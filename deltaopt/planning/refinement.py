@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.errors import NotConverged, Singular, Unreachable
+from deltaopt.errors import ENDS_AN_ATTEMPT, NotConverged
 from deltaopt.motion.certificate import Certificate
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.order_of_merit import CrossesSingularity, crosses_singularity
@@ -196,7 +196,7 @@ class Refinement:
                 self._failures = 0
             except (CrossesSingularity, Slower):
                 raise
-            except (NotConverged, Unreachable, Singular) as error:  # the meshes before remain
+            except ENDS_AN_ATTEMPT as error:  # the meshes before remain
                 self.report(f"{len(mesh)} intervals: {error}")
                 self._failures += 1
                 self._edges_left -= faces is not None

@@ -12,7 +12,7 @@ import numpy as np
 
 from deltaopt.dynamics.formulation import Projected
 from deltaopt.dynamics.lagrange import Multiplier
-from deltaopt.errors import NotConverged, Singular, Unreachable
+from deltaopt.errors import ENDS_AN_ATTEMPT, NotConverged
 from deltaopt.limits.constraints import Constraints
 from deltaopt.mechanisms.delta.functions import DeltaFunctions
 from deltaopt.motion.limit_sensitivity import MeshMultipliers
@@ -73,8 +73,6 @@ their start and goal do. Ends that are closer ask for a larger allowance for rou
 _FIRST_MESH_TOLERANCE = 1e-4
 """Tightest relative tolerance of the solver on the first mesh. Any tighter is wasted, for the
 discretisation error of a coarse mesh is far larger."""
-ENDS_AN_ATTEMPT = (NotConverged, Unreachable, Singular)
-"""What may go wrong with an iterate: it ends the attempt from one first motion, not the plan."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +93,8 @@ class TrajectoryOptimiser:
         """Plan from one first guess; once more from other meshes if the gap was missed."""
         if not isinstance(attempt.scene.objective, Time):
             return self._plan_effort(attempt, report)
-        softer = softer_scenes(attempt.scene, attempt.motion) if self._is_compiled else ()
+        can_be_softer = self._is_compiled and attempt.scene.task.is_at_rest
+        softer = softer_scenes(attempt.scene, attempt.motion) if can_be_softer else ()
         found = self.fastest(replace(attempt, softer=softer), report)
         if softer and not found.within_tolerance:
             report("once more, without knots where arms turn back:")

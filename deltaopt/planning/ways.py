@@ -13,7 +13,7 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
-from deltaopt.errors import DeltaOptError, Infeasible, NotConverged, Singular, Unreachable
+from deltaopt.errors import ENDS_AN_ATTEMPT, DeltaOptError, Infeasible, if_possible
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.around_bodies import (
     Way,
@@ -39,9 +39,9 @@ mesh, or as it is planned, is the last that is looked at."""
 _FINER = (1, 2, 4)
 """By what factors the first mesh is made finer until a plan past bodies succeeds: between the
 points of a coarse mesh a motion may lead through a thin body."""
-_NEARLY = 1e-2
-"""Gap above which a plan that misses its tolerance is far from an optimum, so that another one is
-made from a finer first mesh."""
+NEARLY = 1e-2
+"""Gap above which a plan from rest to rest that misses its tolerance is far from an optimum, so
+that another one is made from a finer first mesh."""
 _SAME_MOTION, _COMPARED = 0.02, 33
 """Of the way: motions on the first mesh that are nowhere farther apart at the same share of their
 durations, at so many instants, are the same motion, to what a first mesh is solved to."""
@@ -74,7 +74,7 @@ class Planned(Protocol):
 
 P = TypeVar("P", bound=Planned)
 Planning = Callable[[Attempt], P]
-"""Plans from an attempt. Raises NotConverged."""
+"""Plans from an attempt. Raises an error that ends an attempt."""
 
 
 def fastest_way(
@@ -82,34 +82,47 @@ def fastest_way(
     free: Trajectory | None,
     planned: Planning[P],
     on_first_mesh: Callable[[Attempt], Trajectory],
+    enough: float = NEARLY,
 ) -> tuple[P, tuple[TakenWay, ...]]:
     """The best plan of all ways past the bodies of a scene, and the ways, first the one taken.
 
     ``attempt``: from a motion that may run into bodies. ``free``: the fastest motion without them,
     None where that is not known. ``on_first_mesh``: the motion that is best on the first mesh of an
-    attempt; it may raise NotConverged, as may ``planned``. Raises Infeasible where there is no way,
-    and NotConverged where none leads to a plan.
+    attempt; it may raise an error that ends an attempt, as may ``planned``. ``enough``: above this
+    gap a plan is made again from a finer mesh. Raises Infeasible where there is no way, and such an
+    error where none leads to a plan.
     """
-    ways = ways_around(attempt.scene, attempt.motion, free)
-    if not ways and attempt.scene.planned_links:  # a solver may move links out of bodies
+    resting = _at_rest(attempt)
+    ways = ways_around(resting, attempt.motion, free)
+    if not ways and resting.planned_links:  # a solver may move links out of bodies
         ways = [Way(attempt.motion, ())]
     if not ways:
-        raise Infeasible(no_way(attempt.scene))
+        raise Infeasible(no_way(resting))
     least = 0.0 if free is None else free.duration
-    failures, found = list[NotConverged](), list[tuple[P, tuple[TakenWay, ...]]]()
+    failures, found = list[DeltaOptError](), list[tuple[P, tuple[TakenWay, ...]]]()
     for factor in _FINER:
         finer = replace(attempt, intervals=factor * attempt.intervals)
         try:
             found.append(_best_of(ways[:_MOST_WAYS], finer, planned, on_first_mesh, least))
-        except NotConverged as error:
+        except ENDS_AN_ATTEMPT as error:
             failures.append(error)
             continue
         best, taken = min(found, key=lambda one: one[0].cost)
-        if best.within_tolerance or best.gap <= _NEARLY or len(found) > 1:
+        if best.within_tolerance or best.gap <= enough or len(found) > 1:
             return best, taken
     if found:
         return found[0]
     raise failures[0]
+
+
+def _at_rest(attempt: Attempt) -> Scene:
+    """The scene of an attempt, from rest to rest between the ends of its motion where an end moves:
+    ways then begin and end as a solver is asked to change it, but pass bodies."""
+    scene, position = attempt.scene, attempt.motion.position
+    if scene.task.is_at_rest:
+        return scene
+    begin, end = (tuple(x) for x in position.at(position.knots[[0, -1]]).tolist())
+    return scene.model_copy(update={"start": begin, "goal": end})
 
 
 def _best_of(
@@ -129,7 +142,7 @@ def _best_of(
             break
     order = _distinct(attempts)
     most = _PROMISING * attempts[order[0]].motion.duration
-    plans, failures = dict[int, P](), list[NotConverged]()
+    plans, failures = dict[int, P](), list[DeltaOptError]()
     durations = {i: attempts[i].motion.duration for i in order if attempts[i].is_near}
     for which in order:
         trial = attempts[which]
@@ -151,7 +164,7 @@ def _best_of(
             plans[which] = _past_all(scene, trial, planned)
         except Slower as error:
             durations[which] = error.duration
-        except NotConverged as error:
+        except ENDS_AN_ATTEMPT as error:
             failures.append(error)
     if not plans:
         raise failures[0]
@@ -176,9 +189,8 @@ def _improved(
 ) -> Attempt:
     """An attempt from the motion that is best on its first mesh, where that is found, past all
     bodies that it runs into; ``scene``: with all bodies."""
-    try:
-        motion = on_first_mesh(attempt)
-    except (NotConverged, Unreachable, Singular):
+    motion = if_possible(ENDS_AN_ATTEMPT, on_first_mesh, attempt)
+    if motion is None:
         return attempt
     more = with_those_hit(scene, attempt.scene, motion.position)
     if more is not None:
@@ -211,19 +223,3 @@ def _is_same(one: Trajectory, other: Trajectory) -> bool:
     )
     way = dist(first[-1], first[0])
     return float(np.abs(first - second).max()) < _SAME_MOTION * way
-
-
-def fastest_moving_way(
-    attempt: Attempt, planned: Planning[P], on_first_mesh: Callable[[Attempt], Trajectory]
-) -> tuple[P, tuple[TakenWay, ...]] | None:
-    """As ``fastest_way`` where an end moves: ways from rest to rest between the ends of the motion
-    of the attempt begin and end as a solver is asked to change it, but pass bodies. None where
-    there are none or none leads to a plan."""
-    scene, position = attempt.scene, attempt.motion.position
-    begin, end = (tuple(x) for x in position.at(position.knots[[0, -1]]).tolist())
-    try:
-        at_rest = scene.model_copy(update={"start": begin, "goal": end, "via": None})
-        ways = ways_around(at_rest, attempt.motion)
-        return _best_of(ways[:_MOST_WAYS], attempt, planned, on_first_mesh) if ways else None
-    except DeltaOptError:  # an end may be too near to a body to be at rest there
-        return None

@@ -8,7 +8,7 @@ from typing import ClassVar, Protocol
 
 import numpy as np
 
-from deltaopt.errors import Infeasible, in_words
+from deltaopt.errors import EndMoves, in_words
 from deltaopt.files.validated_record import Vector3
 from deltaopt.scene.path import GivenPath, Path
 
@@ -264,11 +264,11 @@ def _through(via: tuple[ViaPoint, ...]) -> str:
 def given_points(task: Task) -> tuple[Vector3, Vector3]:
     """Start and goal, m, of a motion that is at rest at both, or on a given path.
 
-    Raises Infeasible for others: methods that slow a motion, or compare it with a straight line
+    Raises EndMoves for others: methods that slow a motion, or compare it with a straight line
     from rest to rest, have nothing to say of them.
     """
     if isinstance(task, MovingEnds) or not isinstance(task.goal, EndState):
-        raise Infeasible(
+        raise EndMoves(
             "an end of the motion moves or is not given; this is for motions from rest at one "
             "point to rest at another"
         )
@@ -276,9 +276,9 @@ def given_points(task: Task) -> tuple[Vector3, Vector3]:
 
 
 def given_goal(task: Task) -> EndState | MovingPoint:
-    """The goal of a task, a point or one that moves. Raises Infeasible for rest anywhere."""
+    """The goal of a task, a point or one that moves. Raises EndMoves for rest anywhere."""
     if isinstance(task.goal, RestAnywhere):
-        raise Infeasible("the goal is rest anywhere; this is for motions to a place")
+        raise EndMoves("the goal is rest anywhere; this is for motions to a place")
     return task.goal
 
 
@@ -291,6 +291,6 @@ def ends_in_words(task: Task) -> str:
 
 
 def distance(task: Task) -> float:
-    """The straight distance from start to goal, m. Raises Infeasible as ``given_points`` does."""
+    """The straight distance from start to goal, m. Raises EndMoves as ``given_points`` does."""
     start, goal = given_points(task)
     return dist(goal, start)

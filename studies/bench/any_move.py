@@ -8,7 +8,7 @@ from time import perf_counter
 
 import numpy as np
 
-from deltaopt.errors import DeltaOptError
+from deltaopt.errors import NO_PLAN, DeltaOptError
 from deltaopt.planning.plan import Plan
 from deltaopt.planning.planner import Planner
 from deltaopt.scene.scene import Scene
@@ -87,7 +87,7 @@ def _on_meshes(planner: Planner, plan: Plan) -> MeshComparison | None:
     meshes = replace(planner, resolved_below=0.0)
     try:
         other = meshes.plan(plan.scene.start, plan.scene.goal)
-    except DeltaOptError:
+    except NO_PLAN:
         return None
     return MeshComparison(plan.duration / other.duration - 1, plan.gap + other.gap)
 

@@ -17,7 +17,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from deltaopt.codegen.vectorised import RowFunction
-from deltaopt.errors import DeltaOptError, MissingPackage, installed
+from deltaopt.errors import MissingPackage, Singular, Unreachable, installed
 from deltaopt.mechanisms.delta.functions import DeltaFunctions
 from deltaopt.motion.trajectory import Array, Trajectory
 from deltaopt.planning.planner import Planner
@@ -200,7 +200,7 @@ class MotorLine:
             x = model.forward_kinematics(theta)
             v, a = platform_motion(model, x, rates, accelerations)
             torque = model.inverse_dynamics(x, v, a)
-        except DeltaOptError:
+        except (Unreachable, Singular):
             return False
         return bool((np.abs(torque) <= np.array(self.scene.robot.torque_limits)).all())
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from deltaopt.errors import DeltaOptError, Infeasible
+from deltaopt.errors import RULED_OUT, Infeasible, SceneError
 from deltaopt.files.validated_record import Vector3
 from deltaopt.robot.drive import Drive
 from deltaopt.robot.model import DeltaModel, delta_model
@@ -91,7 +91,7 @@ def move(seed: int, number: int) -> Move:
             scene = Scene(robot=robot, payload=payload, start=ends[0], goal=ends[1])
             scene = stratum.change(scene, rng)
             check_feasible(scene)
-        except DeltaOptError:
+        except (SceneError, *RULED_OUT):
             continue
         if not _path_stays_in_workspace(scene):
             continue

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.errors import DeltaOptError
+from deltaopt.errors import NO_PLAN
 from deltaopt.planning.nlp.problem import Ipopt
 from deltaopt.planning.planner import plan
 from deltaopt.scene.moving_ends import Belt, State
@@ -49,7 +49,7 @@ def of_belt(scene: Scene) -> Possibility:
         state = State(at=tuple(at.tolist()), velocity=goal.belt)
         try:
             found = plan(scene.model_copy(update={"goal": state}), solver=Ipopt())
-        except DeltaOptError:
+        except NO_PLAN:
             least = 0.0  # whether it can be reached in time is not known
             continue
         if found.duration <= time:

@@ -9,7 +9,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from deltaopt.errors import DeltaOptError, installed
+from deltaopt.errors import RULED_OUT, installed
 from deltaopt.motion.trajectory import Array, Trajectory
 from deltaopt.output.controller_c import c_functions
 from deltaopt.planning.first_motions.initial_motion import baseline
@@ -90,7 +90,7 @@ def rockit_comparison(robot: Robot, payload: float, number: int, seed: int) -> s
     for scene in random_scenes(robot, payload, number, seed):
         try:
             line = baseline(scene)
-        except DeltaOptError:
+        except RULED_OUT:
             blocked += 1
             continue
         planner.plan(scene.start, scene.goal)

@@ -8,7 +8,7 @@ from time import perf_counter, thread_time
 
 import numpy as np
 
-from deltaopt.errors import DeltaOptError
+from deltaopt.errors import NO_PLAN
 from deltaopt.planning.plan import Plan
 from deltaopt.planning.planner import Planner
 from deltaopt.scene.scene import Scene
@@ -72,7 +72,7 @@ def _timed(planner: Planner, scene: Scene) -> tuple[Timed, Plan | None]:
     wall, processor = perf_counter(), thread_time()
     try:
         plan = planner.plan(scene.start, scene.goal)
-    except DeltaOptError:
+    except NO_PLAN:
         spent = perf_counter() - wall, thread_time() - processor
         return Timed(*spent, np.nan, np.nan, np.nan), None
     wall, processor = perf_counter() - wall, thread_time() - processor
@@ -94,7 +94,7 @@ def _true_gap(plan: Plan, reference: Planner | None) -> float:
         return np.nan
     try:
         best = reference.plan(plan.scene.start, plan.scene.goal)
-    except DeltaOptError:
+    except NO_PLAN:
         return np.nan
     return plan.duration / (best.duration * (1 - best.gap)) - 1
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import pytest
 
 from deltaopt import SceneError, load_scene, plan, verify
+from deltaopt.scene.moving_ends import end_in
 from deltaopt.scene.scene import Scene
 from studies.problems import PROBLEMS
 
@@ -27,6 +28,13 @@ FEATURES: dict[str, dict] = {
     "effort": {"objective": "effort", "duration": 0.3},
     "rotation": {"rotation": {"angle": 3.0, "speed": 30.0, "acceleration": 400.0}},
 }
+CELL = [
+    {"box": {"from": [0.842, -1.0, 0.0], "to": [0.982, 1.0, 0.005]}},
+    {"box": {"from": [0.842, -0.068, 0.182], "to": [0.982, 0.068, 0.185]}},
+    {"box": {"from": [0.842, -0.068, 0.315], "to": [0.982, 0.068, 0.318]}},
+    {"half_space": {"point": [0.882, 0.0, 0.0], "normal": [1.0, 0.0, 0.0]}},
+]
+"""A wall of 40 mm, two sides of a box as high, and what they stand on, with a part 30 mm high."""
 
 
 def together(*names: str) -> Scene:
@@ -45,17 +53,47 @@ def test_bodies_beside(beside):
     assert found.within_tolerance
 
 
-def test_a_belt_at_rest_past_bodies_is_a_fixed_goal():
-    """Ways past bodies are looked for where ends move, too."""
-    at_rest, scene = plan(together("bodies")), together("bodies")
-    still = {"at": list(scene.goal), "belt": [0.0, 0.0, 0.0]}
-    found = plan(scene.model_copy(update={"goal": still}))
-    assert found.duration == pytest.approx(at_rest.duration, rel=2e-3)
-    assert found.ways[0].name == at_rest.ways[0].name
+MOVING = ("start state", "goal state", "belt")
+
+
+@pytest.mark.parametrize("moving", MOVING)
+def test_ways_past_bodies_where_an_end_moves(moving):
+    found = plan(together("bodies", moving))
+    assert [way.name for way in found.ways] == ["above keep_out[0]"]
     assert found.ways[0].duration == found.duration
 
 
-MOVING = ("start state", "goal state", "belt")
+def test_a_belt_that_hardly_moves_past_bodies_is_a_fixed_goal():
+    at_rest, scene = plan(together("bodies")), together("bodies")
+    slow = {"at": list(scene.goal), "belt": [0.0, 0.0, 1e-4]}
+    found = plan(scene.model_copy(update={"goal": end_in("goal", slow)}))
+    assert found.duration == pytest.approx(at_rest.duration, rel=2e-3)
+    assert found.ways[0].name == at_rest.ways[0].name
+
+
+def test_a_belt_that_moves_behind_a_thin_wall_is_met():
+    """From quintics between the ends, which lead through the wall, no mesh leads out of it."""
+    wall = [{"box": {"from": [0.7177, -0.0264, -0.5], "to": [1.5, -0.0201, 0.5]}}]
+    goal = {"at": [0.85, 0.1905, 0.0698], "belt": [-0.2319, -0.314, 0.798]}
+    ends = {"start": [0.85, -0.1905, -0.0476], "goal": goal}
+    scene = Scene.model_validate(PLAIN | {"robot": ROBOT, "keep_out": wall} | ends)
+    found = plan(scene)
+    assert found.within_tolerance
+    assert verify(scene, found.trajectory).failures() == []
+
+
+def test_neighbours_on_a_belt_over_a_wall_into_a_box_have_neighbouring_plans():
+    """Taken from a belt, without ways one of these places led over the wall by a detour."""
+    durations = []
+    for y in (-0.1442, -0.1441, 0.1102):
+        taken = {"start": {"at": [0.85, y, -0.12], "velocity": [0.0, 0.3, 0.0]}}
+        content = PLAIN | {"goal": [0.85, 0.02, 0.25], "payload": 0.1} | taken
+        found = plan(Scene.model_validate(content | {"robot": ROBOT, "keep_out": CELL}))
+        assert found.within_tolerance
+        assert len(found.ways) >= 1
+        durations.append(found.duration)
+    assert durations[0] == pytest.approx(durations[1], rel=2e-3)
+    assert durations[2] == pytest.approx(durations[0], rel=0.05)
 
 
 @pytest.mark.parametrize(

@@ -39,6 +39,7 @@ SAYS = {
     "models": "For torques",
     "mujoco": "planned with terms left out, steps of 500 µs",
     "multistart": "Of 1 moves inside 2 first guesses make faster",
+    "mutations": "test_jumping_velocity",
     "objectives": "least effort ∫ τᵀτ dt in",
     "open_loop": "nothing: up to",
     "processors": "| OpenBLAS for Haswell |",

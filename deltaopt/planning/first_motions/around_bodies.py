@@ -15,7 +15,7 @@ from math import dist
 
 import numpy as np
 
-from deltaopt.errors import DeltaOptError
+from deltaopt.errors import RULED_OUT, if_possible
 from deltaopt.motion.links import least_rooms
 from deltaopt.motion.sure_bounds import rows_not_kept
 from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
@@ -60,7 +60,8 @@ class Way:
 
 def name_of_way(scene: Scene, motion: Trajectory) -> str:
     """The way that a motion takes past the bodies of a scene, in words."""
-    return Way(motion, Bodies.of(scene).sides(sampled(motion))).name
+    path = sampled(motion)
+    return Way(motion, Bodies.between(scene, path[[0, -1]]).sides(path)).name
 
 
 def no_way(scene: Scene) -> str:
@@ -156,13 +157,10 @@ def _driven(scene: Scene, band: Array) -> Trajectory | None:
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     t = np.append(0.0, np.cumsum(2 * lengths / (speeds[1:] + speeds[:-1])))
     position = PiecewisePolynomial.hermite(t, band, tangent * speeds[:, None])
-    model = delta_model(scene.robot, scene.payload)
-    try:
-        if not is_clear(scene, Trajectory(position, model)):
-            return None
-        return roughly_fastest(scene, Trajectory(position, model))
-    except DeltaOptError:
+    motion = Trajectory(position, delta_model(scene.robot, scene.payload))
+    if not is_clear(scene, motion):
         return None
+    return if_possible(RULED_OUT, roughly_fastest, scene, motion)
 
 
 def _with_stops(scene: Scene, corners: Array) -> Trajectory | None:
@@ -175,10 +173,8 @@ def _with_stops(scene: Scene, corners: Array) -> Trajectory | None:
     times = np.vander(np.diff(knots), len(QUINTIC), increasing=True)
     coefficients[:] = (QUINTIC / times)[:, :, None] * np.diff(corners, axis=0)[:, None]
     coefficients[:, 0] = corners[:-1]
-    try:
-        return roughly_fastest(scene, Trajectory(PiecewisePolynomial(knots, coefficients), model))
-    except DeltaOptError:
-        return None
+    motion = Trajectory(PiecewisePolynomial(knots, coefficients), model)
+    return if_possible(RULED_OUT, roughly_fastest, scene, motion)
 
 
 def _speeds(lengths: Array, curvature: Array) -> Array:

@@ -54,7 +54,12 @@ class Bodies:
 
     @classmethod
     def of(cls, scene: Scene) -> Bodies:
-        ends = np.array(given_points(scene.task))
+        """From rest to rest."""
+        return cls.between(scene, np.array(given_points(scene.task)))
+
+    @classmethod
+    def between(cls, scene: Scene, ends: Array) -> Bodies:
+        """Between two places, (2, 3), m, as of a motion whose ends move."""
         way = dist(ends[1], ends[0])
         return cls(scene, limits_of(scene), ends, way)
 

@@ -13,7 +13,7 @@ from numpy.polynomial.polynomial import polyder, polymul, polyval
 
 from deltaopt.codegen.vectorised import RowFunction
 from deltaopt.dynamics.lagrange import Explicit
-from deltaopt.errors import DeltaOptError, Infeasible, Unreachable
+from deltaopt.errors import RULED_OUT, Infeasible, Unreachable, if_possible
 from deltaopt.files.validated_record import Vector3
 from deltaopt.mechanisms.delta.functions import delta_functions
 from deltaopt.mechanisms.delta.mechanism import DeltaTerms
@@ -94,10 +94,9 @@ def detour(scene: Scene) -> Trajectory:
 def drivable(scene: Scene, curves: Iterator[Trajectory]) -> Iterator[Trajectory]:
     """Those of the curves that stay in the workspace, each as fast as the limits allow."""
     for curve in curves:
-        try:
-            yield _fastest(scene, curve, "the curve")
-        except DeltaOptError:
-            continue
+        motion = if_possible(RULED_OUT, _fastest, scene, curve, "the curve")
+        if motion is not None:
+            yield motion
 
 
 def _parabolas(scene: Scene) -> Iterator[Trajectory]:
@@ -197,11 +196,10 @@ def _by_way_of(scene: Scene, depth: float) -> tuple[Trajectory, Trajectory] | No
         straight_line(model, start, tuple(place), 1.0),
         straight_line(model, tuple(place), goal, 1.0),
     )
-    try:
-        there, onwards = (roughly_fastest(scene, line).slowed(_UNHURRIED) for line in lines)
-    except DeltaOptError:
+    there, onwards = (if_possible(RULED_OUT, roughly_fastest, scene, line) for line in lines)
+    if there is None or onwards is None:
         return None
-    return there, onwards
+    return there.slowed(_UNHURRIED), onwards.slowed(_UNHURRIED)
 
 
 def _holding_effort(way: tuple[Trajectory, Trajectory]) -> float:

@@ -8,12 +8,11 @@ least.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from math import ceil
 
 import numpy as np
 
-from deltaopt.errors import DeltaOptError
+from deltaopt.errors import RULED_OUT, if_possible
 from deltaopt.files.validated_record import Vector3
 from deltaopt.motion.time_scaling import sizes_at
 from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
@@ -162,13 +161,17 @@ def _onwards(scene: Scene, before: PiecewisePolynomial) -> Iterator[Trajectory]:
     if isinstance(scene.task.goal, RestAnywhere):
         yield Trajectory(before, delta_model(scene.robot, scene.payload))
         return
-    with suppress(DeltaOptError):
-        rest = from_rest(scene, end_of(before))
-        later = (
-            from_state_to_state(rest) if isinstance(rest.task, MovingEnds) else first_motion(rest)
-        )
-        if later is not None:
-            yield Trajectory(before.then(later.position), later.model)
+    later = if_possible(RULED_OUT, first_between, from_rest(scene, end_of(before)))
+    if later is not None:
+        yield Trajectory(before.then(later.position), later.model)
+
+
+def first_between(scene: Scene) -> Trajectory | None:
+    """A first motion between two points, or states; None if none stays within reach.
+
+    Raises Unreachable or Infeasible where none can be driven, or a belt cannot be met.
+    """
+    return from_state_to_state(scene) if scene.moves_at_ends else first_motion(scene)
 
 
 def _with_run_up(scene: Scene, stop: Trajectory | None) -> Iterator[Trajectory]:
@@ -181,10 +184,10 @@ def _with_run_up(scene: Scene, stop: Trajectory | None) -> Iterator[Trajectory]:
     if run_up is None:
         return
     begin = scene.task.start.position if stop is None else end_of(stop.position)
-    with suppress(DeltaOptError):
-        between = {"start": begin, "goal": _place(run_up.position.at(run_up.knots[:1])[0])}
-        position = first_motion(scene.model_copy(update=between)).position
-        position = position if stop is None else stop.position.then(position)
+    between = {"start": begin, "goal": _place(run_up.position.at(run_up.knots[:1])[0])}
+    there = if_possible(RULED_OUT, first_motion, scene.model_copy(update=between))
+    if there is not None:
+        position = there.position if stop is None else stop.position.then(there.position)
         yield Trajectory(position.then(run_up.position), run_up.model)
 
 

@@ -12,7 +12,7 @@ from itertools import chain, islice
 
 import numpy as np
 
-from deltaopt.errors import DeltaOptError, NotConverged, Unreachable
+from deltaopt.errors import RULED_OUT, NotConverged, Unreachable, if_possible
 from deltaopt.motion.lower_bound import lower_bound
 from deltaopt.motion.time_scaling import sizes_at
 from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
@@ -109,14 +109,14 @@ def _lines_and_curves(scene: Scene) -> Iterator[Trajectory]:
     order of their duration."""
     slow, ahead = list[Trajectory](), [line, joint_line]
     while ahead:
-        motion = _possible(scene, ahead.pop(0))
+        motion = if_possible(RULED_OUT, _driven, scene, ahead.pop(0))
         if motion is None:
             continue
         if not is_slow(scene, motion.duration, SLOW):
             yield motion
             break
         slow.append(motion)
-    others = [_possible(scene, simple) for simple in (*ahead, detour)]
+    others = [if_possible(RULED_OUT, _driven, scene, simple) for simple in (*ahead, detour)]
     possible = slow + [motion for motion in others if motion is not None]
     yield from sorted(possible, key=lambda motion: motion.duration)
 
@@ -131,14 +131,11 @@ def _over_a_grid(scene: Scene) -> Iterator[Trajectory]:
             return
 
 
-def _possible(scene: Scene, make: Callable[[Scene], Trajectory]) -> Trajectory | None:
-    """A motion as fast as the limits roughly allow; None if it is not possible."""
-    try:
-        made = make(scene)
-        found = made if make is detour else roughly_fastest(scene, made)
-        return None if make is not line and crosses_singularity(scene, found) else found
-    except DeltaOptError:
-        return None
+def _driven(scene: Scene, make: Callable[[Scene], Trajectory]) -> Trajectory | None:
+    """A motion as fast as the limits roughly allow; None if it leads through a singularity."""
+    made = make(scene)
+    found = made if make is detour else roughly_fastest(scene, made)
+    return None if make is not line and crosses_singularity(scene, found) else found
 
 
 def is_slow(scene: Scene, duration: float, times: float) -> bool:

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.polynomial.polynomial import polyder, polyval
 from numpy.typing import NDArray
 
-from deltaopt.errors import DeltaOptError
+from deltaopt.errors import RULED_OUT, if_possible
 from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
 from deltaopt.planning.first_motions.initial_motion import QUINTIC, roughly_fastest
 from deltaopt.robot.model import delta_model
@@ -208,10 +208,10 @@ def _driven(scene: Scene, path: Array) -> Iterator[Trajectory]:
     share = np.linspace(0, along[-1], _SAMPLES + 1)
     dense = np.stack([np.interp(share, along, path[:, i]) for i in range(3)], axis=1)
     for width in _ROUNDINGS:
-        try:
-            yield roughly_fastest(scene, _motion(scene, _rounded(dense, width)))
-        except DeltaOptError:
-            continue
+        rounded = _motion(scene, _rounded(dense, width))
+        motion = if_possible(RULED_OUT, roughly_fastest, scene, rounded)
+        if motion is not None:
+            yield motion
 
 
 def _rounded(path: Array, width: int) -> Array:

@@ -8,25 +8,23 @@ the end; otherwise it is as fast as the limits roughly allow.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import suppress
 from itertools import product
 from math import hypot, isfinite
 
 import numpy as np
 
-from deltaopt.errors import DeltaOptError
+from deltaopt.errors import RULED_OUT, if_possible
 from deltaopt.files.validated_record import Vector3
 from deltaopt.motion.time_scaling import rough_factor
 from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
 from deltaopt.planning.first_motions.belt import Meetings
 from deltaopt.planning.first_motions.moving_ends import (
     end_of,
+    first_between,
     from_rest,
-    from_state_to_state,
     shortest_to_goal,
     stopping,
 )
-from deltaopt.planning.first_motions.order_of_merit import first_motion
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.feasibility import room_at_rest
 from deltaopt.scene.moving_ends import Belt, End
@@ -56,19 +54,19 @@ def through_gates(scene: Scene) -> Iterator[Trajectory]:
         Meetings.of(scene, scene.task.goal).require_any()
     for places in ways:
         for power in (0.5, 1.0):
-            with suppress(DeltaOptError):
-                spline = _moving_spline if moving else _spline_at_rest
-                found = spline(scene, places, power)
-                if found is not None:
-                    yield found
+            spline = _moving_spline if moving else _spline_at_rest
+            found = if_possible(RULED_OUT, spline, scene, places, power)
+            if found is not None:
+                yield found
     for places in ways:
-        with suppress(DeltaOptError):
-            yield from _stopping_at_each(scene, places)
+        found = if_possible(RULED_OUT, _stopping_at_each, scene, places)
+        if found is not None:
+            yield found
     stop = stopping(scene) if moving else None
     if stop is not None:
-        with suppress(DeltaOptError):
-            for onwards in through_gates(_after(scene, stop)):
-                yield _then(stop, onwards)
+        onwards = through_gates(_after(scene, stop))
+        while (later := if_possible(RULED_OUT, next, onwards, None)) is not None:
+            yield _then(stop, later)
 
 
 def _places(scene: Scene) -> Iterator[Array]:
@@ -172,27 +170,21 @@ def _moved(goal: End, since: float) -> End:
     return Belt(at=tuple(np.add(goal.at, np.multiply(since, goal.belt)).tolist()), belt=goal.belt)
 
 
-def _stopping_at_each(scene: Scene, places: Array) -> Iterator[Trajectory]:
-    """The motion that stops at each of the places in turn, if there is one."""
+def _stopping_at_each(scene: Scene, places: Array) -> Trajectory | None:
+    """The motion that stops at each of the places in turn; None if there is none."""
     stops: list[Vector3] = [(x, y, z) for x, y, z in places.tolist()]
     ends = zip([scene.start, *stops], [*stops, scene.goal], strict=True)
     whole: Trajectory | None = None
     for start, goal in ends:
         now = _moved(goal, 0.0 if whole is None else whole.duration)
-        leg = _leg(scene.model_copy(update={"start": start, "goal": now, **_ALONE}))
+        leg = first_between(scene.model_copy(update={"start": start, "goal": now, **_ALONE}))
         if leg is None:
-            return
+            return None
         whole = leg if whole is None else _then(whole, leg)
-    if whole is not None:
-        yield whole
+    return whole
 
 
 _ALONE = {"via": None, "approach": None}
-
-
-def _leg(scene: Scene) -> Trajectory | None:
-    """A first motion between two points, or states."""
-    return from_state_to_state(scene) if scene.moves_at_ends else first_motion(scene)
 
 
 def _then(one: Trajectory, other: Trajectory) -> Trajectory:

@@ -3,11 +3,9 @@ on them but for rounded corners."""
 
 from __future__ import annotations
 
-from contextlib import suppress
-
 import numpy as np
 
-from deltaopt.errors import DeltaOptError
+from deltaopt.errors import RULED_OUT, if_possible
 from deltaopt.motion.sure_bounds import signed_distances, sure_excess
 from deltaopt.motion.trajectory import Array
 from deltaopt.planning.path.path_planning import PathMotion, fastest_on_path
@@ -48,11 +46,12 @@ def fastest_along(scene: Scene, corners: Array, tolerance: float) -> PathMotion 
     shortest = float(np.linalg.norm(np.diff(corners, axis=0), axis=1).min())
     inner = tuple((x, y, z) for x, y, z in corners[1:-1].tolist())
     for share in _BLENDS if inner else ():
-        with suppress(DeltaOptError):
-            path = Corners(points=inner, blend=share * shortest)
-            alone = scene.model_copy(update={"path": path, "keep_out": None, "clearance": None})
-            assert isinstance(alone.task, OnPath)
-            found = fastest_on_path(alone, alone.task, tolerance, lambda _: None)
-            if sure_excess(scene, found.trajectory.position).max() <= 0:
-                return found
+        path = Corners(points=inner, blend=share * shortest)
+        alone = scene.model_copy(update={"path": path, "keep_out": None, "clearance": None})
+        assert isinstance(alone.task, OnPath)
+        found = if_possible(
+            RULED_OUT, fastest_on_path, alone, alone.task, tolerance, lambda _: None
+        )
+        if found is not None and sure_excess(scene, found.trajectory.position).max() <= 0:
+            return found
     return None

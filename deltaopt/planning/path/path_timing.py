@@ -112,7 +112,8 @@ class PathTiming:
         for _ in range(_MOST_MOTIONS):
             try:
                 found = self._on(mesh, self._tangency(mesh, before, earlier))
-            except Infeasible:  # perhaps on this mesh only
+            except Infeasible as error:  # perhaps on this mesh only
+                self.report(f"{len(mesh.h)} cells: {error}")
                 failures += 1
                 if failures > _MOST_FAILURES:
                     raise
@@ -139,6 +140,7 @@ class PathTiming:
             try:
                 return self._on(mesh, Tangency(guess, guess)).motion
             except Infeasible as error:
+                self.report(f"{cells} cells: {error}")
                 obstacle = error
         raise obstacle
 
@@ -166,7 +168,8 @@ class PathTiming:
             before = found.motion
             try:
                 found = self._on(mesh, tangency, by[:, self.rows.owners])
-            except Infeasible:  # what is left costs duration instead
+            except Infeasible as error:  # what is left costs duration instead
+                self.report(f"with limits tightened: {error}")
                 break
         cost = max(found.motion.duration / raw.motion.duration - 1, 0.0)
         loss = _SAFETY * (float(raw.losses.sum()) + cost)

@@ -1,0 +1,145 @@
+"""Errors that are caught and passed over: what is expected is told, and nothing else is caught.
+
+A handler that raises again translates an error, and is none of these.
+"""
+
+from __future__ import annotations
+
+import ast
+import logging
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from deltaopt import load_scene
+from deltaopt.errors import EndMoves, Unreachable
+from deltaopt.planning import comparisons
+from deltaopt.planning.first_motions import (
+    around_bodies,
+    initial_motion,
+    moving_ends,
+    order_of_merit,
+    roadmap,
+    through_gates,
+)
+from deltaopt.planning.path import path_along
+from deltaopt.planning.planner import Planner
+
+PACKAGE = Path(__file__).parents[1] / "deltaopt"
+EVERY = {"DeltaOptError", "Exception", "BaseException", None}
+WHOLE_RESULTS = {
+    "bench/any_move.py": 1,
+    "bench/campaign.py": 3,
+    "cli/__init__.py": 1,
+    "cli/check.py": 1,
+    "cli/plan.py": 1,
+    "compare/model_terms.py": 1,
+    "planning/planner.py": 1,
+}
+"""How many handlers of a file catch every error: each writes it into a result or a report."""
+
+
+def catching_every(file: Path) -> int:
+    """How many handlers of a file go on after whatever error of ours, or any."""
+    found = 0
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        caught: list[ast.expr | None] = []
+        if isinstance(node, ast.ExceptHandler) and not isinstance(node.body[-1], ast.Raise):
+            caught = [*node.type.elts] if isinstance(node.type, ast.Tuple) else [node.type]
+        elif isinstance(node, ast.Call) and ast.unparse(node.func) in ("suppress", "if_possible"):
+            caught = [*node.args]
+        names = {None if each is None else ast.unparse(each) for each in caught}
+        found += bool(names & EVERY)
+    return found
+
+
+def test_no_other_place_goes_on_after_every_error():
+    counted = {str(f.relative_to(PACKAGE)): catching_every(f) for f in PACKAGE.rglob("*.py")}
+    assert {name: number for name, number in counted.items() if number} == WHOLE_RESULTS
+
+
+MOVE = load_scene("problems/pick_and_place.yaml")
+LINE = initial_motion.line(MOVE)
+BAND = np.linspace(MOVE.start, MOVE.goal, 65)
+PASSED = load_scene("problems/moving/passed_state.yaml")
+VIA = load_scene("problems/via/three_points.yaml")
+ONTO_A_BELT = load_scene("problems/via/onto_a_belt.yaml")
+WALL = load_scene("problems/keep_out/wall_25_305_25.yaml")
+CORNERS = np.array([WALL.start, (0.75, 0.0, 0.0), WALL.goal])
+PLACES = {
+    "a curve": (initial_motion, "_fastest", lambda: list(initial_motion.drivable(MOVE, [LINE]))),
+    "a wait": (
+        initial_motion,
+        "roughly_fastest",
+        lambda: initial_motion._by_way_of(MOVE, 0.5) or [],
+    ),
+    "a band": (around_bodies, "roughly_fastest", lambda: around_bodies._driven(MOVE, BAND) or []),
+    "stops": (
+        around_bodies,
+        "roughly_fastest",
+        lambda: around_bodies._with_stops(MOVE, BAND[::32]) or [],
+    ),
+    "lines": (
+        order_of_merit,
+        "roughly_fastest",
+        lambda: list(order_of_merit._lines_and_curves(MOVE))[1:],
+    ),
+    "a grid": (roadmap, "roughly_fastest", lambda: list(roadmap._driven(MOVE, BAND))),
+    "onwards": (
+        moving_ends,
+        "first_between",
+        lambda: list(moving_ends._onwards(PASSED, LINE.position)),
+    ),
+    "a run-up": (moving_ends, "first_motion", lambda: list(moving_ends._with_run_up(PASSED, None))),
+    "splines": (
+        through_gates,
+        "_spline_at_rest",
+        lambda: list(through_gates.through_gates(VIA))[1:],
+    ),
+    "legs": (
+        through_gates,
+        "first_between",
+        lambda: [
+            m for m in through_gates.through_gates(VIA) if m.position.coefficients.shape[1] > 4
+        ],
+    ),
+    "a path of lines": (
+        path_along,
+        "fastest_on_path",
+        lambda: path_along.fastest_along(WALL, CORNERS, 1e-3) or [],
+    ),
+    "comparisons": (comparisons, "baseline", lambda: list(comparisons.straight_lines(MOVE))[1:]),
+    "a rough duration": (
+        Planner,
+        "_optimiser",
+        lambda: [each for each in [Planner(MOVE.robot)._roughly(MOVE)] if each],
+    ),
+}
+"""Where one possibility of several may be ruled out: what makes it there, and what is found."""
+
+
+@pytest.mark.parametrize("name", PLACES)
+def test_what_is_ruled_out_is_passed_over_and_told(name, monkeypatch, caplog):
+    place, made, found = PLACES[name]
+
+    def ruled_out(*_, **__):
+        raise Unreachable("the point is on the moon")
+
+    monkeypatch.setattr(place, made, property(ruled_out) if place is Planner else ruled_out)
+    with caplog.at_level(logging.DEBUG, logger="deltaopt.planning"):
+        assert list(found()) == []
+    assert "set aside: the point is on the moon" in caplog.messages
+
+
+@pytest.mark.parametrize("name", PLACES)
+def test_what_nobody_expects_is_not_passed_over(name, monkeypatch):
+    """As a distance that was asked of ends that move once was."""
+    place, made, found = PLACES[name]
+
+    def unexpected(*_, **__):
+        raise EndMoves("an end of the motion moves")
+
+    monkeypatch.setattr(place, made, property(unexpected) if place is Planner else unexpected)
+    with pytest.raises(EndMoves):
+        list(found())
