@@ -23,7 +23,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator
-from contextlib import suppress
 from math import isfinite
 from pathlib import Path
 
@@ -35,7 +34,15 @@ from deltaopt.cli.arguments import WrongUsage, add_json, add_output, output_dire
 from deltaopt.cli.plan import duty_table
 from deltaopt.cli.streams import present, print_json, print_written
 from deltaopt.codegen.compile import describe
-from deltaopt.errors import RULED_OUT, DeltaOptError, EndMoves, NotConverged, in_words
+from deltaopt.errors import (
+    NO_PLAN,
+    RULED_OUT,
+    DeltaOptError,
+    EndMoves,
+    NotConverged,
+    if_possible,
+    in_words,
+)
 from deltaopt.files.output_folder import all_or_none
 from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.files.validated_record import PerMotor, per_motor
@@ -102,7 +109,7 @@ def run(arguments: argparse.Namespace) -> int:
     scene = load_scene(arguments.scene)
     try:
         verdict = _verdict(scene)
-    except DeltaOptError as error:
+    except NO_PLAN as error:
         if not arguments.json:
             known = "not known" if isinstance(error, NotConverged) else "cannot be done"
             print(f"{'verdict':<13}{known}", flush=True)
@@ -124,12 +131,11 @@ def _verdict(scene: Scene) -> str:
     found.
     """
     check_feasible(scene)
-    if not (
-        scene.via or scene.follows_path or scene.robot_keeps_clear
-    ):  # of which it knows nothing
-        with suppress(DeltaOptError):  # there is no line, or it leads out of a limit
-            duration = baseline(scene).duration
-            return f"can be done: the straight line in {duration:.4g} s keeps all limits"
+    tells_nothing = scene.via or scene.follows_path or scene.robot_keeps_clear
+    if not tells_nothing:
+        line = if_possible(RULED_OUT, baseline, scene)
+        if line is not None:
+            return f"can be done: the straight line in {line.duration:.4g} s keeps all limits"
     duration = plan(scene, tolerance=_ROUGH).duration
     return f"can be done: a motion of {duration:.4g} s that was planned keeps all limits"
 

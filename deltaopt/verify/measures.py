@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from enum import Enum
+from enum import StrEnum
 from functools import cached_property, lru_cache
 from math import inf
 from typing import NoReturn
@@ -47,7 +47,7 @@ _SLOWEST = 1e-6
 Items = tuple[tuple[Limit, int], ...]
 
 
-class Known(Enum):
+class Known(StrEnum):
     """What a measure knows of the motion between the places at which it is evaluated."""
 
     EXACT = "exact"

@@ -38,6 +38,8 @@ after the other until there is room; and how many of the last steps of drawing t
 _DIGITS = 9
 """Decimals of a band's places, m, so that a plan begins with the same bits whatever the processor:
 how BLAS adds, and so the last bits of a band that was drawn tight, differ between them."""
+_COINCIDE = 1e-6
+"""Of the way from start to goal: places of a band that are nearer to each other are one."""
 CLEAR = "clear of all bodies"
 """The name of a way that comes near none."""
 _SAME = 0.05
@@ -148,6 +150,7 @@ def _driven(scene: Scene, band: Array) -> Trajectory | None:
     """The motion along a band, as fast as the limits roughly allow; None where it is not possible
     or not clear of bodies between the samples."""
     band = np.concatenate([band[:1], np.round(band[1:-1], _DIGITS), band[-1:]])
+    band = _without_spikes(band)
     steps = np.diff(band, axis=0)
     lengths = np.linalg.norm(steps, axis=1)
     tangents = steps / lengths[:, None]
@@ -161,6 +164,27 @@ def _driven(scene: Scene, band: Array) -> Trajectory | None:
     if not is_clear(scene, motion):
         return None
     return if_possible(RULED_OUT, roughly_fastest, scene, motion)
+
+
+def _without_spikes(band: Array) -> Array:
+    """The band without places that all but coincide with another, and without those at which it
+    turns right back: rounding would decide the direction there. Both of its ends stay."""
+    least = _COINCIDE * dist(band[0], band[-1])
+    kept = [band[0]]
+    for place in band[1:]:
+        while len(kept) > 1 and (
+            dist(place, kept[-1]) <= least or _turns_back(kept[-2], kept[-1], place)
+        ):
+            kept.pop()
+        if dist(place, kept[-1]) > least:
+            kept.append(place)
+    return np.array(kept)
+
+
+def _turns_back(before: Array, place: Array, after: Array) -> bool:
+    """Whether the straight lines to and from a place are within a tenth of opposite."""
+    arriving, leaving = place - before, after - place
+    return float((arriving * leaving).sum()) < -0.995 * dist(place, before) * dist(after, place)
 
 
 def _with_stops(scene: Scene, corners: Array) -> Trajectory | None:
