@@ -8,9 +8,11 @@ import pickle
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import deltaopt
+from deltaopt.cli import main
 
 ROOT = Path(__file__).parents[1]
 SCENE = deltaopt.load_scene(ROOT / "problems/pick_and_place.yaml")
@@ -49,6 +51,26 @@ def test_a_table_has_rows(planned, rate):
 def test_true_is_no_number(name):
     with pytest.raises(TypeError, match=f"^{name} is True; it must be a "):
         deltaopt.plan(SCENE, **{name: True})
+
+
+@pytest.mark.parametrize(
+    "mask", [np.array([True, False, False]), np.ma.array([0.45, 0.0, 0.0], mask=[1, 0, 0])]
+)
+def test_a_mask_is_no_point(mask):
+    model = deltaopt.DeltaModel(SCENE.robot)
+    with pytest.raises(TypeError, match="not a mask"):
+        model.inverse_kinematics(mask)
+
+
+@pytest.mark.parametrize(("robot", "payload"), [("orsino", 1.0), (SCENE.robot, float("nan"))])
+def test_a_model_has_a_robot_and_a_mass(robot, payload):
+    with pytest.raises((TypeError, ValueError), match=r"^(robot|payload) is .*; it must be "):
+        deltaopt.DeltaModel(robot, payload)
+
+
+def test_a_complaint_is_one_line_whatever_a_file_is_named(tmp_path, capsys):
+    assert main(["export", "table", str(tmp_path / "a\nb\x1b[31m")]) == 2
+    assert re.fullmatch(r"deltaopt: .*a\\nb\\x1b\[31m.*\n", capsys.readouterr().err)
 
 
 @pytest.mark.parametrize(

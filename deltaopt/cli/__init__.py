@@ -157,5 +157,6 @@ def exit_code(run: Callable[[], int]) -> int:
 
 
 def _failed(code: int, sentence: str) -> int:
-    say(f"deltaopt: {sentence}")
+    letters = (letter if letter.isprintable() else repr(letter)[1:-1] for letter in sentence)
+    say(f"deltaopt: {''.join(letters)}")  # on one line, whatever a file is named
     return code

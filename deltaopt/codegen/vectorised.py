@@ -45,9 +45,9 @@ class RowFunction:
 
     def with_failures(self, *arguments: ArrayLike, parameters: Array) -> Checked:
         """The results, and at which points a guard is negative or NaN."""
-        if self._code is not None and _shapes(arguments) == self._single:
+        if self._code is not None and _shapes_of_floats(arguments) == self._single:
             return self._one(arguments, parameters)
-        rows = [np.asarray(a, dtype=float) for a in arguments]
+        rows = [_numbers(a) for a in arguments]
         shapes = [r.shape for r in rows]
         number = _number(shapes, self._single)
         if self._code is None:
@@ -171,12 +171,9 @@ class _Memory:
         return failures
 
 
-def _shapes(arguments: Sequence[ArrayLike]) -> list[tuple[int, ...]] | None:
-    """The shapes of arrays; None if something else is among them."""
-    try:
-        return [a.shape for a in arguments]  # type: ignore[union-attr]
-    except AttributeError:
-        return None
+def _shapes_of_floats(arguments: Sequence[ArrayLike]) -> list[tuple[int, ...] | None]:
+    """The shapes of plain arrays of floats; None for everything else."""
+    return [a.shape if type(a) is np.ndarray and a.dtype == float else None for a in arguments]
 
 
 def _description(
@@ -209,6 +206,14 @@ def _number(shapes: list[tuple[int, ...]], single: list[tuple[int, ...]]) -> int
     return lengths.pop() if lengths else 1
 
 
+def _numbers(argument: ArrayLike) -> Array:
+    """An argument as an array of floats. Raises TypeError for a mask and what is masked: numbers
+    would be made of what says where there are some."""
+    if isinstance(argument, np.ma.MaskedArray) or np.asarray(argument).dtype == np.bool:
+        raise TypeError("arrays of numbers are needed, not a mask or masked ones")
+    return np.asarray(argument, dtype=float)
+
+
 def evaluate_rows(
     function: ca.Function, *arguments: ArrayLike, parameters: Array
 ) -> tuple[Array, ...]:
@@ -217,7 +222,7 @@ def evaluate_rows(
     Arrays (N, i) give arrays (N, o), single points (i,) single results (o,); both can be mixed.
     Raises ValueError for arrays of other shapes.
     """
-    rows = [np.asarray(a, dtype=float) for a in arguments]
+    rows = [_numbers(a) for a in arguments]
     n = _number([r.shape for r in rows], [(function.size1_in(i),) for i in range(len(rows))])
     if n == 0:
         return tuple(np.zeros((0, function.size1_out(i))) for i in range(function.n_out()))

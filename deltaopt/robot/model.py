@@ -21,6 +21,7 @@ from deltaopt.robot.drive import Friction
 from deltaopt.robot.guarded_functions import GuardedFunctions, guarded_functions
 from deltaopt.robot.robot import Robot
 from deltaopt.robot.singular_points import DoubtfulPoints, rows_at, still
+from deltaopt.settings import require_positive, require_type
 
 Array = NDArray[np.float64]
 
@@ -120,6 +121,12 @@ class DeltaModel:
     robot: Robot
     payload: float | None = None
     formulation: Formulation = field(default_factory=Explicit)
+
+    def __post_init__(self) -> None:
+        """Raise TypeError or ValueError for a robot that is none, and no mass."""
+        require_type("robot", self.robot, Robot, "a Robot, such as load_robot returns")
+        if self.payload:
+            require_positive("payload", self.payload)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the arguments alone: other processes derive the functions themselves."""
