@@ -7,6 +7,8 @@ from numbers import Integral, Real
 from sys import float_info
 from types import UnionType
 
+import numpy as np
+
 from deltaopt.errors import shown
 
 MOST, MOST_INTERVALS = 9999, 1000
@@ -53,3 +55,8 @@ def require_type(name: str, value: object, kind: type | UnionType, expected: str
     """
     if isinstance(value, type) or not isinstance(value, kind):
         raise TypeError(f"{name} is {shown(value)}; it must be {expected}")
+
+
+def holds_numbers(values: object) -> bool:
+    """Whether an array has real numbers, and all of them: no mask, none masked or complex."""
+    return not isinstance(values, np.ma.MaskedArray) and np.asarray(values).dtype.kind not in "bc"

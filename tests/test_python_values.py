@@ -54,12 +54,19 @@ def test_true_is_no_number(name):
 
 
 @pytest.mark.parametrize(
-    "mask", [np.array([True, False, False]), np.ma.array([0.45, 0.0, 0.0], mask=[1, 0, 0])]
+    "point",
+    [
+        np.array([True, False, False]),
+        np.ma.array([0.45, 0.0, 0.0], mask=[1, 0, 0]),
+        np.array([0.45 + 0.1j, 0.0, 0.0]),
+    ],
 )
-def test_a_mask_is_no_point(mask):
+def test_what_is_no_array_of_real_numbers_is_no_point(point):
     model = deltaopt.DeltaModel(SCENE.robot)
-    with pytest.raises(TypeError, match="not a mask"):
-        model.inverse_kinematics(mask)
+    with pytest.raises(TypeError, match="real numbers are needed, not a mask"):
+        model.inverse_kinematics(point)
+    with pytest.raises(deltaopt.SceneError, match=r"^goal is .*, not all real numbers"):
+        SCENE.model_copy(update={"goal": point})
 
 
 @pytest.mark.parametrize(("robot", "payload"), [("orsino", 1.0), (SCENE.robot, float("nan"))])

@@ -133,7 +133,7 @@ def _verdict(scene: Scene) -> str:
     check_feasible(scene)
     tells_nothing = scene.via or scene.follows_path or scene.robot_keeps_clear
     if not tells_nothing:
-        line = if_possible(RULED_OUT, baseline, scene)
+        line = if_possible((EndMoves, *RULED_OUT), baseline, scene)
         if line is not None:
             return f"can be done: the straight line in {line.duration:.4g} s keeps all limits"
     duration = plan(scene, tolerance=_ROUGH).duration

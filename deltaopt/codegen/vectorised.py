@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from deltaopt.codegen.compile import library
 from deltaopt.codegen.simd_c import LANES, VECTOR, c_function
+from deltaopt.settings import holds_numbers
 
 Array = NDArray[np.float64]
 Checked = tuple[tuple[Array, ...], NDArray[np.bool] | None]
@@ -207,10 +208,10 @@ def _number(shapes: list[tuple[int, ...]], single: list[tuple[int, ...]]) -> int
 
 
 def _numbers(argument: ArrayLike) -> Array:
-    """An argument as an array of floats. Raises TypeError for a mask and what is masked: numbers
-    would be made of what says where there are some."""
-    if isinstance(argument, np.ma.MaskedArray) or np.asarray(argument).dtype == np.bool:
-        raise TypeError("arrays of numbers are needed, not a mask or masked ones")
+    """An argument as an array of floats. Raises TypeError where that would make other numbers of
+    it, as of a mask."""
+    if not holds_numbers(argument):
+        raise TypeError("arrays of real numbers are needed, not a mask, masked or complex ones")
     return np.asarray(argument, dtype=float)
 
 

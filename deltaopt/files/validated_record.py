@@ -12,6 +12,7 @@ from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Annotated, Any, Self, get_args, get_origin
 
+import numpy as np
 from pydantic import (
     BaseModel,
     ConfigDict,
@@ -27,6 +28,7 @@ from pydantic import (
 from deltaopt.errors import SceneError, shown
 from deltaopt.files.units import Misread
 from deltaopt.files.yaml_file import place_of
+from deltaopt.settings import holds_numbers
 
 Name = Annotated[str, Field(strict=True, max_length=200, pattern=r"^[^\p{C}\p{Zl}\p{Zp}]+$")]
 """A line of text without control characters, for terminals, pictures, and comments of programs."""
@@ -108,8 +110,9 @@ class Record(BaseModel):
     def _checked(cls, key: str, value: Any, validate: Callable[[Any], Any]) -> Any:
         """The valid value of a field; raises SceneError, naming its key."""
         expected = str(cls.model_fields[key].description)
-        if _has_no_order(value):
-            raise SceneError(None, key, value, expected, f"is {shown(value)}, a set without order")
+        what = _misleads(value)
+        if what:
+            raise SceneError(None, key, value, expected, f"is {shown(value)}, {what}")
         try:
             return validate(value)
         except SceneError as error:  # from a record within this one
@@ -190,8 +193,11 @@ def _misread(value: object, error: ValidationError) -> tuple[str, str]:
     return "", ""
 
 
-def _has_no_order(value: object) -> bool:
-    """Whether a value is a set, or has one in a list: which of its items is x is not known."""
+def _misleads(value: object) -> str:
+    """What a value is, alone or in a list, of which numbers could be made that nobody meant."""
     if isinstance(value, list | tuple):
-        return any(map(_has_no_order, value))
-    return isinstance(value, set | frozenset)
+        return next(filter(None, map(_misleads, value)), "")
+    if isinstance(value, set | frozenset):
+        return "a set without order"
+    is_of_numpy = isinstance(value, np.ndarray | np.generic)
+    return "" if not is_of_numpy or holds_numbers(value) else "not all real numbers"

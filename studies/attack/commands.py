@@ -242,7 +242,7 @@ def signals(rng: Generator) -> Attempt:
             return ""  # Python had not come to deltaopt's own handlers yet
         problems = [*faults_of_files(folder, before)] if what != "report" else []
         problems += left_behind(folder)
-        said = [line for line in ended.errors if "intervals" not in line]
+        said = [line for line in ended.errors if line.startswith("deltaopt:")]
         if ended.code not in (0, 128 + number, -number) or len(said) > 1:
             problems.append(f"exit code {ended.code}: {' / '.join(said[-3:])}")
         return "; ".join(problems)

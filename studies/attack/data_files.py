@@ -161,7 +161,7 @@ _PATHS: dict[str, Callable[[str, int], str]] = {
     "n/a": lambda text, i: text.replace("\n", ",\n", 1) if i % 2 else text.replace("0.4", "n/a", 1),
     "two": lambda text, i: text.replace(",", " ", 1),
     "four": lambda text, i: text.replace("\n", ",0.1\n"),
-    "cut": lambda text, i: text[: -(i % 12) - 2],
+    "cut": lambda text, i: text[: text.rstrip().rfind(",") - i % 6],
     "blank": lambda text, i: text.replace("\n", "\n\n"),
     "nothing": lambda text, i: "\n" * (i % 3),
     "long": lambda text, i: "".join(f"0.44,{-0.05 + n * 1e-6:.9f},0.01\n" for n in range(1, 9000)),

@@ -87,3 +87,9 @@ def test_a_body_and_a_workspace_of_another_frame_are_told_so(capsys, tmp_path):
     assert f"{body}; x points down from the base's centre, as in [0.85, 0.1, 0.3] m" in lines
     with pytest.raises(SceneError, match="x points down from its centre"):
         Robot.model_validate({**INDUSTRIAL.model_dump(), "workspace": {"depth": [-1.0, -0.5]}})
+
+
+@pytest.mark.parametrize("name", ["belt", "passed_state"])
+def test_a_scene_whose_end_moves_is_planned(name, capsys):
+    assert main(["check", f"problems/moving/{name}.yaml"]) == 0
+    assert capsys.readouterr().out.startswith("verdict      can be done: a motion of ")
