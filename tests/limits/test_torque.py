@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -14,6 +16,7 @@ from deltaopt.limits.torque_curve import TorqueCurve
 from deltaopt.mechanisms.delta.functions import delta_functions
 from deltaopt.mechanisms.delta.instant import CoordinateInstant, PlatformInstant
 from deltaopt.robot.model import delta_model
+from deltaopt.verify.measures import MeasuredMotion
 
 RANGE = load_scene("problems/payload/range.yaml")
 RL5 = load_robot("problems/robots/rl5.yaml")
@@ -82,6 +85,21 @@ def test_the_heaviest_alone_would_not_do(down):
     scaled = verify(DOWN, heavy.trajectory)
     assert not scaled.ok
     assert down.duration < scaled.safe_duration
+
+
+def test_verification_measures_the_least_payload_by_a_model_of_its_own(down, monkeypatch):
+    """Also where torques that are derived from those of the largest payload tell nothing."""
+    fast, measured = down.trajectory.slowed(0.95), MeasuredMotion.excesses
+
+    def blind(motion):
+        own = measured(motion)
+        if motion.scene.least_payload is None:
+            return own
+        return {name: replace(each, value=-1.0) for name, each in own.items()}
+
+    monkeypatch.setattr(MeasuredMotion, "excesses", blind)
+    told = verify(DOWN, fast).torque_with_the_least_payload_excess
+    assert told == pytest.approx(largest_share(GEARED, fast, 0.0, 40.0) - 1, rel=1e-2)
 
 
 def test_torques_are_affine_in_the_mass(down):

@@ -48,3 +48,10 @@ def test_an_arm_in_a_body_is_told_and_fails_only_where_that_is_asked_for(motion)
     assert told.ok, told.failures()
     (sentence,) = verify(with_bodies(BESIDE_AN_ARM, robot_keeps_clear=True), line).failures()
     assert sentence.startswith("an arm or a forearm is up to ")
+
+
+def test_an_arm_in_a_body_that_samples_do_not_see_is_told(motion, monkeypatch):
+    _, line = motion
+    monkeypatch.setattr("deltaopt.verify.verification.robot_clearance", lambda *_: 1.0)
+    (sentence,) = verify(with_bodies(BESIDE_AN_ARM, robot_keeps_clear=True), line).failures()
+    assert sentence.startswith("an arm or a forearm is up to ")
