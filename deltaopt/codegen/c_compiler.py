@@ -31,7 +31,7 @@ FLAGS = (
 """Flags of the compiler for any processor. Vectors are written explicitly where they are faster
 (``simd_c``), so the compiler's own vectorisation of straight-line code, which was slower, is off.
 The next two change no result; they let square roots be inlined. The last rounds a product and a sum
-together where the processor can, which saves 2 to 10 % of a plan; it is GCC's default."""
+together where the processor can; it is GCC's default."""
 
 
 @dataclass(frozen=True)
