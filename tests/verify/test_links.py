@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from importlib import import_module
+
 import numpy as np
 import pytest
 
@@ -52,6 +54,7 @@ def test_an_arm_in_a_body_is_told_and_fails_only_where_that_is_asked_for(motion)
 
 def test_an_arm_in_a_body_that_samples_do_not_see_is_told(motion, monkeypatch):
     _, line = motion
-    monkeypatch.setattr("deltaopt.verify.verification.robot_clearance", lambda *_: 1.0)
+    verification = import_module("deltaopt.verify.verification")
+    monkeypatch.setattr(verification, "robot_clearance", lambda *_: 1.0)
     (sentence,) = verify(with_bodies(BESIDE_AN_ARM, robot_keeps_clear=True), line).failures()
     assert sentence.startswith("an arm or a forearm is up to ")
