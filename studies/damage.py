@@ -23,10 +23,11 @@ from numpy.typing import NDArray
 
 import deltaopt
 from deltaopt.cli.arguments import one_or_more, seed
+from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.files.kept_rows import kept_rows
 from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.motion.limit_curves import limit_curves
-from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory, goal_of
+from deltaopt.motion.trajectory import Trajectory, goal_of
 from deltaopt.robot.model import DeltaModel
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import OnPath

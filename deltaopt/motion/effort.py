@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from deltaopt.curves.nodes import gauss
 from deltaopt.motion.extrema import enough
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.robot.model import delta_model
@@ -20,11 +21,11 @@ def effort(scene: Scene, trajectory: Trajectory) -> float:
     Raises Unreachable where the motion leaves the workspace.
     """
     points = enough(len(trajectory.knots) - 1, _FEWEST)
-    nodes, weights = np.polynomial.legendre.leggauss(points)
-    path = trajectory.path_inside((nodes + 1) / 2)
+    nodes, weights = gauss(points)
+    path = trajectory.path_inside(nodes)
     torque = delta_model(scene.robot, scene.payload).inverse_dynamics(*path)
     squares = (torque**2).sum(axis=1).reshape(-1, points)
-    return float(np.diff(trajectory.knots) / 2 @ (squares @ weights))
+    return float(np.diff(trajectory.knots) @ (squares @ weights))
 
 
 def cost(scene: Scene, trajectory: Trajectory) -> float:

@@ -10,13 +10,14 @@ import casadi as ca
 import numpy as np
 
 from deltaopt.codegen.vectorised import RowFunction
+from deltaopt.curves.piecewise import Array
 from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.limits.constraints import Constraints
 from deltaopt.limits.limit import Limit
 from deltaopt.mechanisms.delta.functions import delta_functions
 from deltaopt.mechanisms.delta.instant import PlatformInstant
 from deltaopt.mechanisms.delta.mechanism import DeltaTerms
-from deltaopt.motion.trajectory import Array, Trajectory
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.scene.scene import Scene, limits_of
 

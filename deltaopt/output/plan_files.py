@@ -15,13 +15,14 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.files.atomic_write import atomic_write
 from deltaopt.files.output_folder import all_or_none
 from deltaopt.motion.active_limits import active_limits
 from deltaopt.motion.certificate import MET, Certificate
 from deltaopt.motion.effort import cost
 from deltaopt.motion.limit_sensitivity import LimitSensitivity, as_dicts
-from deltaopt.motion.trajectory import Array, Trajectory
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.comparisons import straight_lines
 from deltaopt.planning.first_motions.multistart import Optimum
 from deltaopt.planning.ways import TakenWay

@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.errors import DeltaOptError
 from deltaopt.files.atomic_write import atomic_write
 from deltaopt.files.output_folder import all_or_none
-from deltaopt.motion.trajectory import Array
 from deltaopt.output.joint_table import JointTable
 from deltaopt.robot.joints import Joints
 from deltaopt.robot.robot import Robot

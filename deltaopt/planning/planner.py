@@ -13,11 +13,12 @@ from typing import Any
 
 import numpy as np
 
+from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.dynamics.formulation import Projected
 from deltaopt.dynamics.lagrange import Multiplier
 from deltaopt.errors import ENDS_AN_ATTEMPT, NO_PLAN, DeltaOptError, Infeasible, if_possible
 from deltaopt.files.validated_record import Vector3
-from deltaopt.motion.trajectory import Motion, PiecewisePolynomial, Trajectory
+from deltaopt.motion.trajectory import Motion, Trajectory
 from deltaopt.planning.belt_places import PlacesOnBelt
 from deltaopt.planning.first_motions.around_bodies import (
     CLEAR,

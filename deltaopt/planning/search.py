@@ -11,8 +11,9 @@ from dataclasses import dataclass, field, replace
 from math import inf
 from typing import Generic, Protocol, TypeVar
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.errors import DeltaOptError, NotConverged
-from deltaopt.motion.trajectory import Array, Trajectory
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.order_of_merit import (
     CrossesSingularity,
     intervals_for,

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from deltaopt.codegen.vectorised import Array
+from deltaopt.curves.halving import nearest_on_lines
+from deltaopt.curves.piecewise import Array
 from deltaopt.mechanisms.delta.mechanism import AZIMUTHS
 from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.robot.robot import Robot
@@ -105,14 +106,8 @@ def nearest(
 ) -> tuple[Array, Array, Array]:
     """At which shares of lines, from 0 to 1, they are nearest to a body, (N, lines), how far they
     are there, m, and in which direction that grows, (N, lines, 3)."""
-    way, low, high = end - begin, np.zeros(begin.shape[:2]), np.ones(begin.shape[:2])
-    for _ in range(bisections):
-        middle = (low + high) / 2
-        _, normal = _distance(body, begin + middle[..., None] * way)
-        recedes = (normal * way).sum(axis=2) > 0
-        low, high = np.where(recedes, low, middle), np.where(recedes, middle, high)
-    share = (low + high) / 2
-    return share, *_distance(body, begin + share[..., None] * way)
+    share = nearest_on_lines(lambda x: _distance(body, x)[1], begin, end - begin, bisections)
+    return share, *_distance(body, begin + share[..., None] * (end - begin))
 
 
 def _distance(body: Solid, x: Array) -> tuple[Array, Array]:

@@ -12,14 +12,12 @@ is reported holds at all instants.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from math import inf
-
 import numpy as np
-from numpy.typing import NDArray
 
+from deltaopt.curves.halving import Parts, surely_largest
+from deltaopt.curves.piecewise import Array, PiecewisePolynomial
 from deltaopt.limits.limit import OwnMeasure
-from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.robot.solids import Convex, Polytope, Solid
 from deltaopt.scene.scene import Scene, limits_of
 from deltaopt.verify.measures import Excess, Known
@@ -30,7 +28,7 @@ allows."""
 HALVINGS, MOST = 30, 400_000
 """Of a piece, and parts that are looked at in all: what is not known then is told as bad as it may
 be."""
-_FIRST = 8
+FIRST = 8
 """Parts of each piece to begin with."""
 
 
@@ -59,72 +57,31 @@ def least_clearance(body: Convex, path: PiecewisePolynomial, asked: float) -> tu
     It is that of an instant where all of the motion is known to keep what is asked for (m), and
     otherwise a bound that no instant falls below.
     """
-    parts, seen = Parts.of(path), 0
-    least, when = inf, float(path.knots[0])
-    worst, where = inf, when
-    for halving in range(HALVINGS + 1):
-        distance, bound = parts.distance_and_bound(body)
-        nearest, lowest = int(distance.argmin()), int(bound.argmin())
-        if distance[nearest] < least:
-            least, when = float(distance[nearest]), float(parts.instants[nearest])
-        seen += len(bound)
-        open_ = bound < asked - ENOUGH
-        if halving == HALVINGS or seen > MOST:
-            if open_.any():
-                worst, where = float(bound[lowest]), float(parts.instants[lowest])
-            break
-        told = distance < asked - ENOUGH  # known to be too near: how near is told by its samples
-        parts = parts.halved(open_ & ~(told & (distance - bound < ENOUGH)))
-        if not len(parts.half):
-            break
-    return (least, when) if least <= worst else (worst, where)
+    largest = largest_accelerations(path)
+
+    def nearness(parts: Parts) -> tuple[Array, Array, Array]:
+        distance, normal = distance_from(body, parts.at())
+        towards = np.abs((normal * parts.at(1)).sum(axis=1))
+        off = largest[parts.piece] * parts.half**2 / 2
+        bound = distance - towards * parts.half - off
+        return -distance[:, None], parts.middles, -bound[:, None]
+
+    found = surely_largest(
+        Parts.of(path, FIRST),
+        nearness,
+        ENOUGH - asked,
+        known=lambda too_near: too_near + ENOUGH,
+        halvings=HALVINGS,
+        most=MOST,
+    )
+    return -found.value, found.where
 
 
-@dataclass(frozen=True)
-class Parts:
-    """Parts of a motion about instants: piece, time in it, half of the part's duration, (N,)."""
-
-    path: PiecewisePolynomial
-    rate: PiecewisePolynomial
-    largest: Array
-    piece: NDArray[np.intp]
-    since: Array
-    half: Array
-
-    @classmethod
-    def of(cls, path: PiecewisePolynomial) -> Parts:
-        lengths, rate = np.diff(path.knots), path.derivative()
-        pieces = np.repeat(np.arange(len(lengths)), _FIRST)
-        half = lengths[pieces] / (2 * _FIRST)
-        since = half * (2 * np.tile(np.arange(_FIRST), len(lengths)) + 1)
-        sizes = np.linalg.norm(rate.derivative().coefficients, axis=2)
-        largest = (sizes * lengths[:, None] ** np.arange(sizes.shape[1])).sum(axis=1)
-        return cls(path, rate, largest, pieces, since, half)
-
-    @property
-    def instants(self) -> Array:
-        """The middle of each, s."""
-        return np.asarray(self.path.knots[self.piece] + self.since)
-
-    def distance_and_bound(self, body: Convex) -> tuple[Array, Array]:
-        """The distance from a body in the middle of each, and what it is at least in all of it."""
-        x = self.path.inside(self.piece, self.since)
-        distance, normal = distance_from(body, x)
-        towards = np.abs((normal * self.rate.inside(self.piece, self.since)).sum(axis=1))
-        off = self.largest[self.piece] * self.half**2 / 2
-        return distance, distance - towards * self.half - off
-
-    def halved(self, which: NDArray[np.bool]) -> Parts:
-        """Both halves of some of them."""
-        piece, since, half = self.piece[which], self.since[which], self.half[which] / 2
-        return Parts(
-            self.path,
-            self.rate,
-            self.largest,
-            np.tile(piece, 2),
-            np.concatenate([since - half, since + half]),
-            np.tile(half, 2),
-        )
+def largest_accelerations(path: PiecewisePolynomial) -> Array:
+    """What the norm of the second derivative is at most in each piece, (K,)."""
+    sizes = np.linalg.norm(path.derivative().derivative().coefficients, axis=2)
+    lengths = np.diff(path.knots)[:, None]
+    return np.asarray((sizes * lengths ** np.arange(sizes.shape[1])).sum(axis=1))
 
 
 def distance_from(body: Convex, x: Array) -> tuple[Array, Array]:

@@ -20,10 +20,11 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import Array, PiecewisePolynomial
 from deltaopt.dynamics.lagrange import Multiplier
 from deltaopt.dynamics.precise_integrator import PreciseIntegrator
 from deltaopt.mechanisms.delta.functions import DeltaFunctions
-from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory, goal_of
+from deltaopt.motion.trajectory import Trajectory, goal_of
 from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import EndState
@@ -148,8 +149,7 @@ class _Torques:
     def _reported(self, interval: int, since: Array) -> Array:
         """Reported position and velocity at times since an interval began, (N, 6)."""
         own = np.full(len(since), interval)
-        x, v = (p.inside(own, since) for p in (self.position, self.position.derivative()))
-        return np.hstack([x, v])
+        return np.hstack([self.position.inside(own, since, order) for order in range(2)])
 
     def _state(self, end: EndState) -> Array:
         """Position and velocity of an end of the task."""

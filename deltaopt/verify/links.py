@@ -1,8 +1,8 @@
 """How near arms and forearms come to keep-out bodies along a motion.
 
 Arms and pairs of bars are capsules about lines, of the radii that the robot's file gives, if any.
-The distance from a convex body is a convex function along a line, whose least value golden sections
-find. So much is told of every motion, by samples.
+The distance from a convex body is a convex function along a line, whose least value bisection
+finds. So much is told of every motion, by samples.
 
 Where a scene asks links to keep clear, all instants count. In the middle of a part of the motion,
 the plane at the body's place that is nearest to a line divides both. Within h of it an end of the
@@ -23,22 +23,28 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from deltaopt.curves.halving import Parts, nearest_on_lines, surely_largest
+from deltaopt.curves.piecewise import Array
 from deltaopt.mechanisms.delta.mechanism import AZIMUTHS
-from deltaopt.motion.trajectory import Array, Trajectory
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import Robot
 from deltaopt.robot.solids import Convex
 from deltaopt.scene.bodies import sums
 from deltaopt.scene.scene import Scene
-from deltaopt.verify.clearance import ENOUGH, HALVINGS, MOST, Parts, distance_from
+from deltaopt.verify.clearance import (
+    ENOUGH,
+    FIRST,
+    HALVINGS,
+    MOST,
+    distance_from,
+    largest_accelerations,
+)
 
 _FRACTIONS = np.linspace(0.0, 1.0, 5)
 """Of every interval, where the robot is looked at."""
-_SECTIONS = 32
-"""Of a line: a place is then known to 2e-7 of it."""
 _BISECTIONS = 44
-"""The same, to 1e-13 of it."""
-_GOLDEN = (5**0.5 - 1) / 2
+"""Of a line: a place is then known to 1e-13 of it."""
 
 
 def robot_clearance(scene: Scene, trajectory: Trajectory) -> float | None:
@@ -49,33 +55,33 @@ def robot_clearance(scene: Scene, trajectory: Trajectory) -> float | None:
     motion = trajectory.inside_intervals(_FRACTIONS)
     begins, ends = _lines(scene.robot, motion.x, motion.theta)
     radii = np.repeat(_radii(scene.robot), len(motion.x))
-    return min(float((_least(b, begins, ends) - radii).min()) for b in _bodies(scene))
+    of_bodies = (_nearest(body, begins, ends - begins)[1] for body in _bodies(scene))
+    return min(float((distance - radii).min()) for distance in of_bodies)
 
 
 def sure_robot_clearance(scene: Scene, trajectory: Trajectory) -> float:
-    """The same at all instants: the least distance where the motion is known to keep what the scene
-    asks for, and otherwise a bound that no instant falls below, m."""
-    least, worst, seen = np.inf, np.inf, 0
-    parts, bodies = Parts.of(trajectory.position), _bodies(scene)
-    radii, asked = _radii(scene.robot), scene.least_clearance
-    for halving in range(HALVINGS + 1):
-        links = _MovingLinks.of(scene.robot, trajectory.model, parts)
-        open_ = np.zeros(len(parts.half), np.bool)
-        for body in bodies:
-            distance, bound = (each - radii for each in links.distance_and_bound(body))
-            least = min(least, float(distance.min()))
-            too_near = distance < asked - ENOUGH  # how near is told by these samples
-            own = (bound < asked - ENOUGH) & ~too_near
-            open_ |= own.any(axis=1)
-            if own.any():
-                worst = min(worst, float(bound[own].min()))
-        seen += len(bodies) * len(parts.half)
-        if not open_.any():
-            return least
-        if halving == HALVINGS or seen > MOST:
-            break
-        parts, worst = parts.halved(open_), np.inf
-    return min(least, worst)
+    """The least distance at all instants, m: where the motion is known to keep what the scene asks
+    for that of an instant, and otherwise a bound that no instant falls below."""
+    bodies, radii = _bodies(scene), _radii(scene.robot)
+    largest = largest_accelerations(trajectory.position)
+
+    def nearness(parts: Parts) -> tuple[Array, Array, Array]:
+        links = _MovingLinks.of(scene.robot, trajectory.model, parts, largest[parts.piece])
+        found = [links.distance_and_bound(body) for body in bodies]
+        distance, bound = (
+            np.concatenate([each - radii for each in of], axis=1) for of in zip(*found, strict=True)
+        )
+        return -distance, parts.middles, -bound
+
+    found = surely_largest(
+        Parts.of(trajectory.position, FIRST),
+        nearness,
+        ENOUGH - scene.least_clearance,
+        known=lambda too_near: np.full_like(too_near, np.inf),  # by an instant
+        halvings=HALVINGS,
+        most=MOST // len(bodies),
+    )
+    return -found.value
 
 
 def _bodies(scene: Scene) -> list[Convex]:
@@ -99,8 +105,9 @@ class _MovingLinks:
     half: Array
 
     @classmethod
-    def of(cls, robot: Robot, model: DeltaModel, parts: Parts) -> _MovingLinks:
-        x, v = (each.inside(parts.piece, parts.since) for each in (parts.path, parts.rate))
+    def of(cls, robot: Robot, model: DeltaModel, parts: Parts, largest: Array) -> _MovingLinks:
+        """``largest``: what the platform's acceleration is at most in each part, (N,), m/s²."""
+        x, v = parts.at(), parts.at(1)
         q, dq, _ = model.motion(x, v, np.zeros_like(x))
         theta, dtheta, number = q[:, 3::3], dq[:, 3::3], len(x)
         begins, ends = (each.reshape(6, number, 3) for each in _lines(robot, x, theta))
@@ -111,9 +118,8 @@ class _MovingLinks:
         ahead = np.moveaxis(ahead, 0, 1)
         elbow_rates = robot.upper_arm.length * dtheta[..., None] * ahead
         pin_rates = np.broadcast_to(v[:, None], elbow_rates.shape)
-        largest = parts.largest[parts.piece][:, None]
-        of_elbow = _off(robot, bars, ahead, elbow_rates, pin_rates, dtheta, largest, h)
-        of_pin = np.broadcast_to(largest * h**2 / 2, of_elbow.shape)
+        of_elbow = _off(robot, bars, ahead, elbow_rates, pin_rates, dtheta, largest[:, None], h)
+        of_pin = np.broadcast_to(largest[:, None] * h**2 / 2, of_elbow.shape)
         still = np.zeros_like(elbow_rates)
         return cls(
             np.stack([begins, ends], axis=2).transpose(1, 0, 2, 3),
@@ -126,8 +132,7 @@ class _MovingLinks:
         """How far the lines are from a body in the middles of the parts, and at least in all of
         them, (N, 6) each, m."""
         begin, way = self.ends[:, :, 0].reshape(-1, 3), np.diff(self.ends, axis=2).reshape(-1, 3)
-        share = _nearest_share(body, begin, way)
-        distance, normal = distance_from(body, begin + share[:, None] * way)
+        share, distance, normal = _nearest(body, begin, way)
         rise = (normal * way).sum(axis=1)
         level = np.stack([distance - share * rise, distance + (1 - share) * rise], axis=1)
         level = level.reshape(*self.ends.shape[:2], 2)
@@ -180,28 +185,8 @@ def _lines(robot: Robot, x: Array, theta: Array) -> tuple[Array, Array]:
     return np.vstack(begins), np.vstack(ends)
 
 
-def _nearest_share(body: Convex, begin: Array, way: Array) -> Array:
-    """At which shares of lines they are nearest to a body, (N,): there the distance turns."""
-    low, high = np.zeros(len(begin)), np.ones(len(begin))
-    for _ in range(_BISECTIONS):
-        middle = (low + high) / 2
-        _, normal = distance_from(body, begin + middle[:, None] * way)
-        grows = (normal * way).sum(axis=1) > 0
-        low, high = np.where(grows, low, middle), np.where(grows, middle, high)
-    return np.asarray((low + high) / 2)
-
-
-def _least(body: Convex, begins: Array, ends: Array) -> Array:
-    """The least distance of each line from a body, (N,), m."""
-
-    def at(share: Array) -> Array:
-        distance, _ = distance_from(body, begins + share[:, None] * (ends - begins))
-        return distance
-
-    low, high = np.zeros(len(begins)), np.ones(len(begins))
-    for _ in range(_SECTIONS):
-        width = _GOLDEN * (high - low)
-        one, other = high - width, low + width
-        nearer = at(one) < at(other)
-        low, high = np.where(nearer, low, one), np.where(nearer, other, high)
-    return at((low + high) / 2)
+def _nearest(body: Convex, begin: Array, way: Array) -> tuple[Array, Array, Array]:
+    """At which shares of lines they are nearest to a body, (N,), the distances there, (N,), m, and
+    the directions in which these grow, (N, 3)."""
+    share = nearest_on_lines(lambda x: distance_from(body, x)[1], begin, way, _BISECTIONS)
+    return share, *distance_from(body, begin + share[:, None] * way)

@@ -18,6 +18,7 @@ import casadi as ca
 import numpy as np
 
 from deltaopt.codegen.vectorised import RowFunction
+from deltaopt.curves.piecewise import Array, Index, PiecewisePolynomial
 from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.errors import Unreachable
 from deltaopt.limits.limit import Bounds, Limit, first_highest
@@ -25,11 +26,11 @@ from deltaopt.mechanisms.delta.functions import delta_functions
 from deltaopt.mechanisms.delta.instant import CoordinateInstant
 from deltaopt.mechanisms.delta.mechanism import DeltaTerms
 from deltaopt.mechanisms.delta.singularities import DISTANCES
-from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.scene.scene import Scene, limits_of
 from deltaopt.verify.duty import Duty, duty
-from deltaopt.verify.resolved_curves import DEGREE, Cells, Index, Peaks, ResolvedCurves
+from deltaopt.verify.resolved_curves import DEGREE, Cells, Peaks, ResolvedCurves
 
 RESOLVED = 1e-10
 """To so much of the larger of its limit and itself a measure is known between samples: a tenth of
@@ -143,32 +144,32 @@ class _Curves:
     """
 
     model: DeltaModel
-    path: tuple[PiecewisePolynomial, PiecewisePolynomial, PiecewisePolynomial]
+    path: PiecewisePolynomial
     function: RowFunction
     parameters: Array
     speed: float = 1.0
 
     def __call__(self, pieces: Index, fractions: Array) -> Array:
-        knots = self.path[0].knots
+        knots = self.path.knots
         return self._at(pieces, (knots[pieces + 1] - knots[pieces]) * fractions, self.speed)
 
     def motors(self, pieces: Index, fractions: Array) -> Array:
         """Speeds (rad/s), accelerations (rad/s²) and torques (N·m) of the motors, (N, 9)."""
-        since = np.diff(self.path[0].knots)[pieces] * fractions
-        x, v, a = (each.inside(pieces, since) for each in self.path)
+        since = np.diff(self.path.knots)[pieces] * fractions
         values: Array
-        _, values = self.function(x, v, a, parameters=self.parameters)
+        motion = self.path.with_derivatives(pieces, since)
+        _, values = self.function(*motion, parameters=self.parameters)
         return values
 
     def at_speeds(self, pieces: Index, fractions: Array, speeds: Array) -> Array:
         """The same at the instants (N,) of the motion at each of these speeds, (S, N, columns)."""
-        knots, n = self.path[0].knots, len(speeds)
+        knots, n = self.path.knots, len(speeds)
         since = (knots[pieces + 1] - knots[pieces]) * fractions
         rate = np.repeat(speeds, len(pieces))[:, None]
         return self._at(np.tile(pieces, n), np.tile(since, n), rate).reshape(n, len(pieces), -1)
 
     def _at(self, pieces: Index, since: Array, speed: float | Array) -> Array:
-        x, v, a = (each.inside(pieces, since) for each in self.path)
+        x, v, a = self.path.with_derivatives(pieces, since)
         values: Array
         values, _ = self.function(x, speed * v, speed**2 * a, parameters=self.parameters)
         if not np.isfinite(values).all():
@@ -204,11 +205,9 @@ class MeasuredMotion:
         items = tuple(item for item, _ in promised)
         function = _function(model.functions.terms, items)
         numbers = [own for _, own in promised]
-        position = trajectory.position
-        velocity = position.derivative()
         curves = _Curves(
             model=model,
-            path=(position, velocity, velocity.derivative()),
+            path=trajectory.position,
             function=function,
             parameters=np.concatenate([*numbers, model.parameters]),
         )

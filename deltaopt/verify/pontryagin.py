@@ -29,13 +29,14 @@ from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
 from deltaopt.codegen.vectorised import RowFunction
+from deltaopt.curves.piecewise import Array
 from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.errors import DeltaOptError
 from deltaopt.limits.constraints import Constraints
 from deltaopt.mechanisms.delta.functions import delta_functions
 from deltaopt.mechanisms.delta.instant import PlatformInstant
 from deltaopt.mechanisms.delta.mechanism import DeltaTerms
-from deltaopt.motion.trajectory import Array, Trajectory
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.scene import Scene, limits_of
 from deltaopt.verify.units import way_of

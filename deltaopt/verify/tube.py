@@ -6,16 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from deltaopt.curves.bernstein import largest_norm
+from deltaopt.curves.piecewise import Array, Index, PiecewisePolynomial
 from deltaopt.limits.limit import OwnMeasure
-from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.scene.path import Path
 from deltaopt.scene.scene import Scene, limits_of
-from deltaopt.verify.away_from_path import (
-    Index,
-    from_moving_place,
-    largest_distance,
-    largest_norm,
-)
+from deltaopt.verify.away_from_path import from_moving_place, largest_distance
 from deltaopt.verify.measures import Excess, Known
 from deltaopt.verify.path_distance import nearest_places
 
@@ -55,7 +52,7 @@ class _NearestPlaces:
         return nearest_places(self.path, x)[0]
 
     def bound(self, points: Array, s: Array) -> Array:
-        on = self.path.piece(s.mean(axis=1))
+        on = self.path.interval(s.mean(axis=1))
         begin, end = self.path.knots[on, None], self.path.knots[on + 1, None]
         bound = from_moving_place(self.path, on, points, np.clip(s, begin, end))
         # Where the nearest place leaps from one side of a bend to the other, one that stays is

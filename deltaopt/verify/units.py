@@ -12,7 +12,8 @@ from math import hypot, sqrt
 
 import numpy as np
 
-from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
+from deltaopt.curves.piecewise import Array, PiecewisePolynomial
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import MovingEnds, distance

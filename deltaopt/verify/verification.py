@@ -19,13 +19,14 @@ import casadi as ca
 import numpy as np
 
 from deltaopt.codegen.vectorised import evaluate_rows
+from deltaopt.curves.piecewise import Array
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.errors import Singular, Unreachable
 from deltaopt.files.html_table import html_table
 from deltaopt.limits.limit import OwnMeasure
 from deltaopt.mechanisms.delta.functions import delta_functions
 from deltaopt.mechanisms.delta.mechanism import DeltaTerms
-from deltaopt.motion.trajectory import Array, Trajectory, goal_of
+from deltaopt.motion.trajectory import Trajectory, goal_of
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.scene import LIMITS, Scene, limits_of
 from deltaopt.scene.task import EndState, MovingEnds, OnPath

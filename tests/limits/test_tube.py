@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 
 import deltaopt
+from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.errors import SceneError
 from deltaopt.limits.tube import Tube
-from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.plan import Plan
 from deltaopt.scene.scene import Scene, load_scene
 from deltaopt.verify.tube import farthest_from

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 import deltaopt
-from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
+from deltaopt.curves.piecewise import PiecewisePolynomial
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.verify.measures import Known
 from deltaopt.verify.path_distance import off_approach, off_path
 from deltaopt.verify.tube import farthest_from

@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from deltaopt import Limits, Scene, baseline, load_scene, plan, verify
-from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
+from deltaopt.curves.piecewise import PiecewisePolynomial
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.initial_motion import straight_line
 from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.verify.verification import DYNAMIC_ERROR

@@ -15,10 +15,11 @@ from math import dist
 
 import numpy as np
 
+from deltaopt.curves.piecewise import Array, PiecewisePolynomial
 from deltaopt.errors import RULED_OUT, if_possible
 from deltaopt.motion.links import least_rooms
 from deltaopt.motion.sure_bounds import rows_not_kept
-from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.bands import (
     TENSIONS,
     Bodies,

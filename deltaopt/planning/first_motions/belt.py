@@ -9,9 +9,9 @@ from math import hypot
 import numpy as np
 from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.errors import DeltaOptError, Infeasible, NotConverged, in_words
 from deltaopt.motion.time_scaling import sizes_at
-from deltaopt.motion.trajectory import Array
 from deltaopt.scene.feasibility import exceeded
 from deltaopt.scene.scene import Scene, limits_of
 from deltaopt.scene.task import REST, EndState, MovingPoint, RestAnywhere

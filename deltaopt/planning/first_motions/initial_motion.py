@@ -12,13 +12,14 @@ import numpy as np
 from numpy.polynomial.polynomial import polyder, polymul, polyval
 
 from deltaopt.codegen.vectorised import RowFunction
+from deltaopt.curves.piecewise import Array, PiecewisePolynomial
 from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.errors import RULED_OUT, Infeasible, Unreachable, if_possible
 from deltaopt.files.validated_record import Vector3
 from deltaopt.mechanisms.delta.functions import delta_functions
 from deltaopt.mechanisms.delta.mechanism import DeltaTerms
 from deltaopt.motion.time_scaling import needed_slowing, rough_factor
-from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.scene import Scene

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.codegen.vectorised import RowFunction
+from deltaopt.curves.piecewise import Array, Index
 from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.errors import SceneError
 from deltaopt.limits.constraints import Constraints
@@ -29,7 +30,7 @@ from deltaopt.mechanisms.delta.functions import delta_functions
 from deltaopt.mechanisms.delta.instant import PlatformInstant
 from deltaopt.mechanisms.delta.mechanism import DeltaTerms
 from deltaopt.robot.model import DeltaModel, delta_model
-from deltaopt.scene.path import Array, Index, Path
+from deltaopt.scene.path import Path
 from deltaopt.scene.scene import Scene, limits_of
 
 Truths = NDArray[np.bool]
