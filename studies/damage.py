@@ -31,7 +31,7 @@ from deltaopt.motion.trajectory import Trajectory, goal_of
 from deltaopt.robot.model import DeltaModel
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import OnPath
-from deltaopt.verify.verification import BOUNDS
+from deltaopt.verify.bounds import BOUNDS
 from studies.bench.hard_moves import move
 from studies.problems import PROBLEMS, add_directory
 
@@ -213,8 +213,8 @@ def ratios(scene: Scene, bad: Trajectory) -> dict[str, float]:
         modelled = model.inverse_dynamics(x, v, a)
     except (deltaopt.Unreachable, deltaopt.DeltaOptError):
         return {"reach": np.inf}
-    measured = deltaopt.Verification(bad.duration, way=_way(scene, bad), arm=_arm(scene))
-    allowed = {bound.measure: bound.of(measured).at_most for bound in BOUNDS}
+    sizes = _arm(scene), _way(scene, bad), bad.duration, np.inf
+    allowed = {bound.measure: bound.of(*sizes).at_most for bound in BOUNDS}
     task, goal = scene.task, goal_of(scene.task, bad)
     ends = np.array([bad.position.at(bad.knots[[0]])[0], bad.position.at(bad.knots[[-1]])[0]])
     jumps = bad.path_inside([0.0, 1.0])

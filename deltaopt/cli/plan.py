@@ -73,9 +73,10 @@ from deltaopt.planning.trajectory_optimiser import RESOLVED_BELOW
 from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene, load_scene
+from deltaopt.verify.bounds import Check
 from deltaopt.verify.duty import Duty, exceeding
 from deltaopt.verify.measures import Distance
-from deltaopt.verify.verification import Check, Verification, verify
+from deltaopt.verify.verification import Verification, verify
 
 FORMULATIONS: dict[str, Callable[[LoopClosure], ProblemFormulation]] = {
     "flat": lambda closure: Flat(),

@@ -43,8 +43,9 @@ from deltaopt.robot.joints import Joints
 from deltaopt.robot.model import delta_model
 from deltaopt.robot.robot import load_robot
 from deltaopt.scene.scene import Scene, load_scene
+from deltaopt.verify.bounds import EXCESS
 from deltaopt.verify.measures import Excess, MeasuredMotion
-from deltaopt.verify.verification import EXCESS, Verification, verify
+from deltaopt.verify.verification import Verification, verify
 
 HELP = "verify a saved plan, or measure a table of motor angles"
 

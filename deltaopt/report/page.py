@@ -29,8 +29,9 @@ from deltaopt.report.modelled import modelled, not_modelled
 from deltaopt.report.moving_robot import drawing
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import MovingEnds, ends_in_words
+from deltaopt.verify.bounds import Check
 from deltaopt.verify.duty import Duty, exceeding
-from deltaopt.verify.verification import Check, Verification
+from deltaopt.verify.verification import Verification
 
 
 class Compared(Protocol):

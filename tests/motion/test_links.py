@@ -12,8 +12,12 @@ from deltaopt.motion.links import least_rooms, planned_distances
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.links import LinkGeometry
-from deltaopt.verify.clearance import FIRST, largest_accelerations
-from deltaopt.verify.links import _MovingLinks, sure_robot_clearance
+from deltaopt.verify.clearance import (
+    FIRST,
+    _MovingLinks,
+    largest_accelerations,
+    sure_robot_clearance,
+)
 from studies.bench.hard_moves import move
 from tests.limits.test_keep_out import BOX, CYLINDER, PLANE, SPHERE, of_box, of_cylinder
 from tests.limits.test_links import densely, lines, of_plane, of_sphere, with_bodies

@@ -9,7 +9,7 @@ import pytest
 
 from deltaopt.motion.sure_bounds import signed_distances
 from deltaopt.planning.first_motions.initial_motion import curve_between, roughly_fastest
-from deltaopt.verify.links import _lines, robot_clearance
+from deltaopt.verify.clearance import _lines, robot_clearance
 from deltaopt.verify.verification import verify
 from tests.limits.test_keep_out import with_bodies
 
