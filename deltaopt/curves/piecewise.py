@@ -13,6 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
+QUINTIC = np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0])
+"""Coefficients of the share of a way at u = t / duration, ascending powers: at rest and without
+acceleration at both ends."""
+
 
 @dataclass(frozen=True, eq=False)
 class PiecewisePolynomial:
@@ -103,6 +107,12 @@ class PiecewisePolynomial:
         """The piece of each parameter, (N,); at a knot the piece that begins there, if any."""
         last = len(self.knots) - 2
         return np.clip(np.searchsorted(self.knots, t, side="right") - 1, 0, last)
+
+    def everywhere(self, fractions: ArrayLike) -> tuple[Index, Array]:
+        """Places at fractions, (n,), of every piece: the piece, and what the parameter has grown by
+        since it began, (K · n,) each."""
+        lengths, shares = np.diff(self.knots), np.asarray(fractions, dtype=float)
+        return np.repeat(np.arange(len(lengths)), len(shares)), (lengths[:, None] * shares).ravel()
 
     def inside(self, intervals: Index, since: Array, order: int = 0) -> Array:
         """Values or derivatives of an order, (N, m), in given pieces, (N,), at what the parameter

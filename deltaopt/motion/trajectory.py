@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from deltaopt.curves.piecewise import Array, PiecewisePolynomial
 from deltaopt.files.validated_record import Vector3
@@ -124,14 +124,14 @@ class Trajectory:
         At the fractions 0 and 1 it is that inside the interval, so that both sides of a jump
         at a knot are given.
         """
-        intervals, since = _inside(self.position, fractions)
+        intervals, since = self.position.everywhere(fractions)
         moving = self.position.with_derivatives(intervals, since)
         return self._motion(self.knots[intervals] + since, *moving)
 
     def path_inside(self, fractions: ArrayLike) -> tuple[Array, Array, Array]:
         """Position, velocity and acceleration of the platform at fractions of every interval, (K ·
         len(fractions), 3) each, m, m/s, m/s², without inverse kinematics and dynamics."""
-        return self.position.with_derivatives(*_inside(self.position, fractions))
+        return self.position.with_derivatives(*self.position.everywhere(fractions))
 
     def coordinates_inside(self, fractions: ArrayLike) -> tuple[Array, Array, Array]:
         """All coordinates q, q̇, q̈ at fractions of every interval, (K · len(fractions), 12) each.
@@ -140,7 +140,7 @@ class Trajectory:
         """
         if self.coordinates is None:
             return self.model.motion(*self.path_inside(fractions))
-        return self.coordinates.with_derivatives(*_inside(self.position, fractions))
+        return self.coordinates.with_derivatives(*self.position.everywhere(fractions))
 
     def slowed(self, factor: float) -> Trajectory:
         """The same path, uniformly ``factor`` times as slow; torques change accordingly.
@@ -217,10 +217,3 @@ def goal_of(task: Task, trajectory: Trajectory) -> EndState:
 def ends_of(task: Task, trajectory: Trajectory) -> Array:
     """Where a task asks a motion to begin and to end, (2, 3), m."""
     return np.array([task.start.position, goal_of(task, trajectory).position])
-
-
-def _inside(position: PiecewisePolynomial, fractions: ArrayLike) -> tuple[NDArray[np.intp], Array]:
-    """Fractions of every interval as the interval and the time since it began, s."""
-    fractions, lengths = np.asarray(fractions, dtype=float), np.diff(position.knots)
-    intervals = np.repeat(np.arange(len(lengths)), len(fractions))
-    return intervals, (lengths[:, None] * fractions).ravel()

@@ -49,7 +49,7 @@ def kept_from_bodies(scene: Scene) -> Array:
 @dataclass(frozen=True)
 class LinkGeometry:
     """Where elbows and pins are with the tool's point at N places, (N, 3, 3), m, and in which
-    directions elbows move, unit vectors ``ahead``, (N, 3, 3). NaN out of reach."""
+    directions elbows move, unit vectors ``ahead``, (N, 3, 3)."""
 
     shafts: Array
     elbows: Array
@@ -59,9 +59,15 @@ class LinkGeometry:
 
     @classmethod
     def of(cls, robot: Robot, model: DeltaModel, x: Array) -> LinkGeometry:
+        """With the tool's point at places x, (N, 3), m. NaN out of reach."""
         theta, is_there = np.full_like(x, np.nan), model.closes(x)
         still = np.zeros_like(x[is_there])
         theta[is_there] = model.motion(x[is_there], still, still)[0][:, 3::3]
+        return cls.at_angles(robot, x, theta)
+
+    @classmethod
+    def at_angles(cls, robot: Robot, x: Array, theta: Array) -> LinkGeometry:
+        """With the tool's point at places x, m, and arms at angles θ, rad, (N, 3) each."""
         outwards = np.array([[0.0, np.cos(azimuth), np.sin(azimuth)] for azimuth in AZIMUTHS])
         down = np.array([1.0, 0.0, 0.0])
         shafts = np.broadcast_to(robot.base_radius * outwards, (len(x), 3, 3))

@@ -35,12 +35,12 @@ import numpy as np
 from deltaopt.curves.halving import Parts, nearest_on_lines, surely_largest
 from deltaopt.curves.piecewise import Array, PiecewisePolynomial
 from deltaopt.limits.limit import OwnMeasure
-from deltaopt.mechanisms.delta.mechanism import AZIMUTHS
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import Robot
 from deltaopt.robot.solids import Convex, Polytope, Solid
 from deltaopt.scene.bodies import sums
+from deltaopt.scene.links import LINKS, LinkGeometry, each_link
 from deltaopt.scene.scene import Scene, limits_of
 from deltaopt.verify.measures import Excess, Known
 
@@ -181,10 +181,9 @@ def robot_clearance(scene: Scene, trajectory: Trajectory) -> float | None:
     if scene.keep_out is None:
         return None
     motion = trajectory.inside_intervals(_FRACTIONS)
-    begins, ends = _lines(scene.robot, motion.x, motion.theta)
-    radii = np.repeat(_radii(scene.robot), len(motion.x))
-    of_bodies = (_nearest(body, begins, ends - begins)[1] for body in _bodies(scene))
-    return min(float((distance - radii).min()) for distance in of_bodies)
+    begin, end = LinkGeometry.at_angles(scene.robot, motion.x, motion.theta).links
+    of_bodies = (_nearest(body, begin, end - begin)[1] for body in _bodies(scene))
+    return min(float((distance - _radii(scene.robot)).min()) for distance in of_bodies)
 
 
 def sure_robot_clearance(scene: Scene, trajectory: Trajectory) -> float:
@@ -218,7 +217,7 @@ def _bodies(scene: Scene) -> list[Convex]:
 
 def _radii(robot: Robot) -> Array:
     """Of the capsules of all links, (6,), m."""
-    return np.array([robot.upper_arm.radius or 0.0, robot.forearm.radius or 0.0] * len(AZIMUTHS))
+    return np.array([robot.link_radius(link) for link in range(LINKS)])
 
 
 @dataclass(frozen=True)
@@ -237,36 +236,28 @@ class _MovingLinks:
         """``largest``: what the platform's acceleration is at most in each part, (N,), m/s²."""
         x, v = parts.at(), parts.at(1)
         q, dq, _ = model.motion(x, v, np.zeros_like(x))
-        theta, dtheta, number = q[:, 3::3], dq[:, 3::3], len(x)
-        begins, ends = (each.reshape(6, number, 3) for each in _lines(robot, x, theta))
-        arm, h = ends[0::2] - begins[0::2], parts.half[:, None]
-        outwards = np.array([[0.0, np.cos(angle), np.sin(angle)] for angle in AZIMUTHS])[:, None]
-        ahead = np.cross(arm, np.cross(outwards, [1.0, 0.0, 0.0])) / robot.upper_arm.length
-        bars = np.moveaxis(ends[1::2] - begins[1::2], 0, 1)
-        ahead = np.moveaxis(ahead, 0, 1)
+        geometry, dtheta = LinkGeometry.at_angles(robot, x, q[:, 3::3]), dq[:, 3::3]
+        bars, ahead = geometry.pins - geometry.elbows, geometry.ahead
         elbow_rates = robot.upper_arm.length * dtheta[..., None] * ahead
         pin_rates = np.broadcast_to(v[:, None], elbow_rates.shape)
-        of_elbow = _off(robot, bars, ahead, elbow_rates, pin_rates, dtheta, largest[:, None], h)
-        of_pin = np.broadcast_to(largest[:, None] * h**2 / 2, of_elbow.shape)
+        bend, h = largest[:, None], parts.half[:, None]
+        of_elbow = _off(robot, bars, ahead, elbow_rates, pin_rates, dtheta, bend, h)
+        of_pin = np.broadcast_to(bend * h**2 / 2, of_elbow.shape)
         still = np.zeros_like(elbow_rates)
-        return cls(
-            np.stack([begins, ends], axis=2).transpose(1, 0, 2, 3),
-            _by_link((still, elbow_rates), (elbow_rates, pin_rates)),
-            _by_link((still[..., 0], of_elbow), (of_elbow, of_pin)),
-            parts.half,
-        )
+        moving = each_link(still, elbow_rates), each_link(elbow_rates, pin_rates)
+        bent = each_link(still[..., 0], of_elbow), each_link(of_elbow, of_pin)
+        ends, rates, off = (np.stack(both, axis=2) for both in (geometry.links, moving, bent))
+        return cls(ends, rates, off, parts.half)
 
     def distance_and_bound(self, body: Convex) -> tuple[Array, Array]:
         """How far the lines are from a body in the middles of the parts, and at least in all of
         them, (N, 6) each, m."""
-        begin, way = self.ends[:, :, 0].reshape(-1, 3), np.diff(self.ends, axis=2).reshape(-1, 3)
+        begin, way = self.ends[:, :, 0], self.ends[:, :, 1] - self.ends[:, :, 0]
         share, distance, normal = _nearest(body, begin, way)
-        rise = (normal * way).sum(axis=1)
-        level = np.stack([distance - share * rise, distance + (1 - share) * rise], axis=1)
-        level = level.reshape(*self.ends.shape[:2], 2)
-        normal = normal.reshape(*self.ends.shape[:2], 3)
+        rise = (normal * way).sum(axis=2)
+        level = np.stack([distance - share * rise, distance + (1 - share) * rise], axis=2)
         towards = np.abs(np.einsum("nlc,nlec->nle", normal, self.rates)) * self.half[:, None, None]
-        return distance.reshape(level.shape[:2]), (level - towards - self.off).min(axis=2)
+        return distance, (level - towards - self.off).min(axis=2)
 
 
 def _off(
@@ -291,30 +282,13 @@ def _off(
     return np.where(m >= lever / 2, L * dtheta**2 * h**2 / 2 + G / (2 * m), np.inf)
 
 
-def _by_link(of_arm: tuple[Array, Array], of_forearm: tuple[Array, Array]) -> Array:
-    """What both ends of arms and of forearms have, (N, 3, …) each, as (N, 6, 2, …)."""
-    arm, forearm = np.stack(of_arm, axis=2), np.stack(of_forearm, axis=2)
-    both = np.stack([arm, forearm], axis=2)
-    return both.reshape(len(both), 6, *both.shape[3:])
-
-
-def _lines(robot: Robot, x: Array, theta: Array) -> tuple[Array, Array]:
-    """Where the lines of all arms and forearms begin and end at N instants, (6 N, 3) each, m."""
-    centre = x - np.array(robot.tool_offset)
-    begins, ends = [], []
-    for k, azimuth in enumerate(AZIMUTHS):
-        outwards = np.array([0.0, np.cos(azimuth), np.sin(azimuth)])
-        shaft = np.broadcast_to(robot.base_radius * outwards, x.shape)
-        along = np.cos(theta[:, k, None]) * outwards
-        along[:, 0] -= np.sin(theta[:, k])
-        elbow = shaft + robot.upper_arm.length * along
-        begins += [shaft, elbow]
-        ends += [elbow, centre + robot.platform_radius * outwards]
-    return np.vstack(begins), np.vstack(ends)
-
-
 def _nearest(body: Convex, begin: Array, way: Array) -> tuple[Array, Array, Array]:
-    """At which shares of lines they are nearest to a body, (N,), the distances there, (N,), m, and
-    the directions in which these grow, (N, 3)."""
-    share = nearest_on_lines(lambda x: distance_from(body, x)[1], begin, way, _BISECTIONS)
-    return share, *distance_from(body, begin + share[:, None] * way)
+    """At which shares of lines they are nearest to a body, (N, 6), the distances there, (N, 6), m,
+    and the directions in which these grow, (N, 6, 3)."""
+
+    def distances(x: Array) -> tuple[Array, Array]:
+        distance, normal = distance_from(body, x.reshape(-1, 3))
+        return distance.reshape(x.shape[:-1]), normal.reshape(x.shape)
+
+    share = nearest_on_lines(lambda x: distances(x)[1], begin, way, _BISECTIONS)
+    return share, *distances(begin + share[..., None] * way)

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.curves.piecewise import PiecewisePolynomial
+from deltaopt.curves.piecewise import QUINTIC, PiecewisePolynomial
 from deltaopt.dynamics.mechanism import SX
 from deltaopt.mechanisms.five_bar import FiveBarParameters, five_bar, inverse_kinematics
 from deltaopt.planning.first_motions.order_of_merit import first_motion
@@ -130,10 +130,7 @@ class Case:
 def motion_inside(position: PiecewisePolynomial, fractions: Array) -> tuple[Array, Array, Array]:
     """Return a polynomial and its two derivatives at fractions of its intervals, each
     (N · len(fractions), m)."""
-    lengths = np.diff(position.knots)
-    intervals = np.repeat(np.arange(len(lengths)), len(fractions))
-    since = (lengths[:, None] * fractions).ravel()
-    return position.with_derivatives(intervals, since)
+    return position.with_derivatives(*position.everywhere(fractions))
 
 
 def delta_case(name: str, scene: Scene) -> Case:
@@ -172,7 +169,7 @@ class FiveBarTask:
         start, goal = np.array(self.start), np.array(self.goal)
         distance = float(np.linalg.norm(goal - start))
         system = self._system()
-        line = np.outer([0, 0, 0, 10, -15, 6], goal - start)
+        line = np.outer(QUINTIC, goal - start)
         line[0] += start
         unit_time = PiecewisePolynomial(np.array([0.0, 1.0]), line[None]).slowed(0.05)
         task = BoundaryValues(np.array([distance, 1.0, self.torque, self.opening]), start, goal)

@@ -15,7 +15,7 @@ from math import dist
 
 import numpy as np
 
-from deltaopt.curves.piecewise import Array, PiecewisePolynomial
+from deltaopt.curves.piecewise import QUINTIC, Array, PiecewisePolynomial
 from deltaopt.errors import RULED_OUT, if_possible
 from deltaopt.motion.links import least_rooms
 from deltaopt.motion.sure_bounds import rows_not_kept
@@ -28,7 +28,7 @@ from deltaopt.planning.first_motions.bands import (
     sampled,
 )
 from deltaopt.planning.first_motions.bows import bows
-from deltaopt.planning.first_motions.initial_motion import QUINTIC, roughly_fastest
+from deltaopt.planning.first_motions.initial_motion import roughly_fastest
 from deltaopt.planning.first_motions.passages import shortest_path, what_was_searched
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.scene import Scene
