@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+import deltaopt
 from deltaopt.scene.scene import LIMITS
 
 ROOT = Path(__file__).parents[1]
@@ -19,6 +20,7 @@ MODULES = {
 
 ORDER = (
     "errors",
+    "later",
     "interrupts",
     "settings",
     "files",
@@ -37,6 +39,7 @@ ORDER = (
     "planning.path",
     "planning.first_motions",
     "planning",
+    "methods",
     "verify",
     "output",
     "compare",
@@ -74,15 +77,6 @@ ONLY_IN = {
     "pydantic": {"files", "robot", "scene"},
     "pint": {"files"},
 }
-CONVENIENCES = {
-    ("deltaopt.planning.plan", "deltaopt.output.plan_files"),
-    ("deltaopt.planning.plan", "deltaopt.plots.limits"),
-    ("deltaopt.planning.plan", "deltaopt.verify.verification"),
-    ("deltaopt.output.plan_files", "deltaopt.plots.limits"),
-    ("deltaopt.output.plan_files", "deltaopt.plots.plan"),
-    ("deltaopt.output.plan_files", "deltaopt.report.page"),
-}
-"""Plan.save and Plan.plot hand over to what lies to their right, once they are called."""
 
 
 def place(module: str) -> str:
@@ -132,7 +126,7 @@ def test_rooms_are_small():
 @pytest.mark.parametrize("module", INSIDE)
 def test_imports_come_from_the_left(module):
     for name in ours(module):
-        if place(name) != place(module) and (module, name) not in CONVENIENCES:
+        if place(name) != place(module):
             assert rank(name) < rank(module), f"{module} imports {name}"
 
 
@@ -188,25 +182,75 @@ def test_verification_names_no_limit():
 
 
 def test_no_cycles():
-    """Between modules of one place; between places the order forbids them, conveniences aside."""
+    """Not even of imports in functions or for types alone."""
     done: set[str] = set()
 
     def visit(module: str, path: tuple[str, ...]) -> None:
         assert module not in path, " -> ".join([*path, module])
         if module not in done:
             for name in ours(module) & set(MODULES):
-                if (module, name) not in CONVENIENCES:
-                    visit(name, (*path, module))
+                visit(name, (*path, module))
             done.add(module)
 
     for module in INSIDE:
         visit(module, ())
 
 
-def test_command_line_starts_without_charts():
-    """--help must be quick: matplotlib is imported when something is drawn."""
-    code = "import sys, deltaopt.cli; print('matplotlib' in sys.modules)"
+@pytest.mark.parametrize("module", INSIDE)
+def test_the_door_is_for_others(module):
+    """It names all rooms: to go through it would be a circle. A plan alone asks it for names."""
+    assert "deltaopt" not in imports(module)
+    assert "deltaopt.later" not in imports(module) or module == "deltaopt.planning.plan"
+
+
+def test_type_checkers_are_told_what_is_loaded_on_first_use():
+    tree = ast.parse(MODULES["deltaopt"].read_text(encoding="utf-8"))
+    (told,) = (node for node in tree.body if isinstance(node, ast.If))
+    places = {
+        alias.asname: str(node.module)
+        for node in told.body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    assert sorted(places) == deltaopt.__all__
+    assert places.items() <= deltaopt.later.PLACES.items()
+
+
+def loaded_by(code: str) -> set[str]:
+    """The modules that a program has loaded at its end."""
     run = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, check=True
+        [sys.executable, "-c", f"import sys; {code}; print(*sys.modules, file=sys.stderr)"],
+        capture_output=True,
+        text=True,
+        cwd=ROOT,
+        check=True,
     )
-    assert run.stdout.strip() == "False"
+    return set(run.stderr.split())
+
+
+LARGE = {"numpy", "casadi", "pydantic", "pint", "matplotlib"}
+
+
+@pytest.mark.parametrize(
+    ("code", "most"),
+    [
+        ("import deltaopt", 6),
+        ("from deltaopt.cli import command_line; command_line(()).print_help()", 15),
+    ],
+)
+def test_what_is_not_needed_is_not_loaded(code, most):
+    """``import deltaopt`` and ``deltaopt --help`` take no longer than Python itself."""
+    found = loaded_by(code)
+    assert not found & LARGE
+    assert len({name for name in found if name.split(".")[0] == "deltaopt"}) <= most
+
+
+def test_commands_start_without_charts():
+    """matplotlib is imported when something is drawn."""
+    assert "matplotlib" not in loaded_by("from deltaopt.cli import command_line; command_line()")
+
+
+def test_a_function_is_not_hidden_by_the_room_of_its_name():
+    """Python names a package in its parent when it is first imported."""
+    code = "import deltaopt.verify.verification; assert callable(deltaopt.verify)"
+    assert "deltaopt.verify.verification" in loaded_by(code)

@@ -6,7 +6,7 @@ import argparse
 from math import isfinite
 from pathlib import Path
 
-from deltaopt.errors import DeltaOptError, SceneError
+from deltaopt.errors import SceneError, Unusable
 from deltaopt.files.output_folder import require_writable
 from deltaopt.files.units import MASS, Misread
 from deltaopt.scene.objective import Time
@@ -14,7 +14,7 @@ from deltaopt.scene.scene import Scene, load_scene
 from deltaopt.settings import LEAST_TOLERANCE, MOST, MOST_INTERVALS
 
 
-class WrongUsage(DeltaOptError):
+class WrongUsage(Unusable):
     """An argument contradicts another one or asks for what no file can hold."""
 
 

@@ -30,10 +30,9 @@ from math import inf, isfinite
 from pathlib import Path
 
 from deltaopt.cli.arguments import WrongUsage, folder, kilograms, positive
-from deltaopt.cli.streams import present, print_written
+from deltaopt.cli.streams import new_files, present, print_written
 from deltaopt.errors import DeltaOptError
 from deltaopt.files.atomic_write import require_replaceable
-from deltaopt.files.output_folder import all_or_none
 from deltaopt.files.units import Misread, Quantity
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.cam_tables import CamPieces, Cams, write_cams
@@ -61,8 +60,6 @@ from deltaopt.output.table_files import (
 from deltaopt.robot.robot import Robot, load_robot
 from deltaopt.scene.scene import Scene
 from deltaopt.verify.verification import verify
-
-HELP = "write a plan for a controller, or a robot's model in C or for MuJoCo"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -251,10 +248,8 @@ def _schema(arguments: argparse.Namespace) -> int:
 def _write(file: Path, write: Callable[[Path], object]) -> int:
     """Write one file, whole or not at all, and say so. Raises OSError, which names it."""
     require_replaceable(file)
-    before = present(file.parent)
-    with all_or_none(file.parent) as folder:
+    with new_files(file.parent, file.name) as folder:
         write(folder / file.name)
-    print_written([file], before)
     return 0
 
 

@@ -23,8 +23,7 @@ from deltaopt.cli.arguments import (
     output_directory,
     positive,
 )
-from deltaopt.cli.streams import present, print_written
-from deltaopt.files.output_folder import all_or_none
+from deltaopt.cli.streams import new_files
 from deltaopt.motion.limit_curves import limit_curves
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.plan_files import MOST_ROWS, RATE, write_csv
@@ -33,8 +32,6 @@ from deltaopt.robot.model import DeltaModel
 from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.scene import Scene, load_scene
 from deltaopt.scene.task import given_points
-
-HELP = "compute the torques along a straight line (the paper's Figs. 4 and 5)"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -66,12 +63,10 @@ def run(arguments: argparse.Namespace) -> int:
     print(_table(trajectory))
     print(_against_limits(scene, trajectory))
     csv, motion, torques = ("inverse.csv", "motion.png", "torques.png")
-    before = present(directory)
-    with all_or_none(directory) as folder:
+    with new_files(directory, csv, motion, torques) as folder:
         write_csv(folder / csv, trajectory)
         draw_motion(folder / motion, trajectory)
         draw_torques(folder / torques, trajectory)
-    print_written([directory / name for name in (csv, motion, torques)], before)
     return 0
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from deltaopt.errors import DeltaOptError
+from deltaopt.errors import Unusable
 from deltaopt.files.csv_table import CsvTable, WrongCsv, read_csv
 from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
 from deltaopt.output.joint_table import Cubic, JointTable, Quintic, platform_motion
@@ -36,7 +36,7 @@ _SPLIT = 4
 many they differ by less than 1e-9 of what a millisecond's piece moves."""
 
 
-class UnreadableTable(DeltaOptError):
+class UnreadableTable(Unusable):
     """A CSV file is no table of a motion."""
 
 

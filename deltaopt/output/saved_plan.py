@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from deltaopt.errors import DeltaOptError, SceneError, on_one_line, shown
+from deltaopt.errors import SceneError, Unusable, on_one_line, shown
 from deltaopt.files.csv_table import WrongCsv, read_csv
 from deltaopt.files.regular_file import content_of
 from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory, moving_on
@@ -36,7 +36,7 @@ _LARGEST = 100
 """Size of a plan.json, MB: the finest meshes have some thousand intervals, of 1 kB."""
 
 
-class UnreadablePlan(DeltaOptError):
+class UnreadablePlan(Unusable):
     """A folder or file does not hold a plan as ``Plan.save`` writes it."""
 
 

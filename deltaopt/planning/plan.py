@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from deltaopt.files.html_table import html_table
+from deltaopt.later import loaded
 from deltaopt.motion.active_limits import active_limits
 from deltaopt.motion.certificate import Certificate
 from deltaopt.motion.effort import cost as cost_of
@@ -23,8 +24,17 @@ from deltaopt.planning.effort_planning import CostIteration
 from deltaopt.planning.first_motions.multistart import Optimum
 from deltaopt.planning.mesh.mesh_solution import Iteration
 from deltaopt.planning.path.path_timing import PathIteration
-from deltaopt.planning.ways import TakenWay
 from deltaopt.scene.scene import Scene
+
+
+@dataclass(frozen=True)
+class TakenWay:
+    """A way past bodies in words, and how long it takes, s. ``is_planned``: to the tolerance that
+    was asked for; otherwise on the first mesh alone, about."""
+
+    name: str
+    duration: float
+    is_planned: bool
 
 
 @dataclass(frozen=True)
@@ -118,21 +128,10 @@ class Plan:
         limits.png is, every limit over time. ``report``: whether report.html is written, a page on
         which the robot moves. Returns the paths of what was written.
         """
-        # Imported here: a convenience of later rooms, on which planning does not depend.
-        from deltaopt.output.plan_files import save
-        from deltaopt.verify.verification import verify
-
-        found = verify(self.scene, self.trajectory)
-        return save(
-            Path(directory),
-            self.scene,
-            self.trajectory,
-            found,
-            self,
-            chart=chart,
-            limits=limits,
-            report=report,
+        written: list[Path] = loaded("save_plan")(
+            self, directory, chart=chart, limits=limits, report=report
         )
+        return written
 
     def table(self, rate: float = 1000.0) -> Any:
         """The motion at ``rate`` (Hz) and at its last instant, with the columns of trajectory.csv.
@@ -140,9 +139,7 @@ class Plan:
         A pandas DataFrame if pandas is installed, otherwise a dictionary of arrays, which other
         libraries take as well.
         """
-        from deltaopt.output.plan_files import frame  # of a later room
-
-        return frame(self.trajectory, rate)
+        return loaded("frame")(self.trajectory, rate)
 
     def plot(self, axes: Any = None, *, limit: str = "torque") -> Any:
         """Draw a limited quantity over time with its bounds, and return the axes.
@@ -150,9 +147,7 @@ class Plan:
         ``axes``: matplotlib's, one's own; None for new ones. ``limit``: its name, as
         ``deltaopt check`` lists them. Raises ValueError if the scene has no such limit.
         """
-        from deltaopt.plots.limits import plot_limit  # slow to import, and of a later room
-
-        return plot_limit(self.scene, self.trajectory, limit, axes)
+        return loaded("plot_limit")(self.scene, self.trajectory, limit, axes)
 
     def _repr_html_(self) -> str:
         """What was found as a table, for notebooks."""

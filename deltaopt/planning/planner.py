@@ -48,11 +48,11 @@ from deltaopt.planning.path.path_along import (
 )
 from deltaopt.planning.path.path_planning import NAME as ON_PATH
 from deltaopt.planning.path.path_planning import PathMotion, fastest_on_path
-from deltaopt.planning.plan import Plan, quicker
+from deltaopt.planning.plan import Plan, TakenWay, quicker
 from deltaopt.planning.refinement import Progress
 from deltaopt.planning.search import FINER, Attempt, Search
 from deltaopt.planning.trajectory_optimiser import RESOLVED_BELOW, TrajectoryOptimiser
-from deltaopt.planning.ways import NEARLY, TakenWay, fastest_way
+from deltaopt.planning.ways import NEARLY, fastest_way
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.feasibility import check_feasible, require_path_on_one_side
 from deltaopt.scene.moving_ends import Anywhere, End, Start, State

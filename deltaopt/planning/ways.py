@@ -7,7 +7,7 @@ what is fast there is planned.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import dist
 from typing import Protocol, TypeVar
 
@@ -22,6 +22,7 @@ from deltaopt.planning.first_motions.around_bodies import (
     ways_around,
 )
 from deltaopt.planning.near_bodies import near, past_these, with_those_hit
+from deltaopt.planning.plan import TakenWay
 from deltaopt.planning.refinement import Slower
 from deltaopt.planning.search import Attempt
 from deltaopt.scene.objective import Time
@@ -45,16 +46,6 @@ that another one is made from a finer first mesh."""
 _SAME_MOTION, _COMPARED = 0.02, 33
 """Of the way: motions on the first mesh that are nowhere farther apart at the same share of their
 durations, at so many instants, are the same motion, to what a first mesh is solved to."""
-
-
-@dataclass(frozen=True)
-class TakenWay:
-    """A way past bodies in words, and how long it takes, s. ``is_planned``: to the tolerance that
-    was asked for; otherwise on the first mesh alone, about."""
-
-    name: str
-    duration: float
-    is_planned: bool
 
 
 class Planned(Protocol):

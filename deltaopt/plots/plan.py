@@ -17,7 +17,7 @@ from matplotlib.patheffects import Normal, Stroke
 from deltaopt.motion.limit_curves import limit_curves
 from deltaopt.motion.sure_bounds import signed_distances
 from deltaopt.motion.trajectory import Array, Trajectory, ends_of
-from deltaopt.output.headline import assumption, title
+from deltaopt.output.facts import assumption, title
 from deltaopt.plots.bodies import draw_bodies, draw_via_points
 from deltaopt.plots.colours import BLACK, COLOURS, GREY, LIGHT_GREY
 from deltaopt.plots.robot_view import View, draw_robot, view_of_move

@@ -11,11 +11,10 @@ import pytest
 
 import deltaopt.cli.plan
 from deltaopt.cli import COMMANDS, main
-from deltaopt.output.plan_files import COLUMNS, instants, save, write_csv
+from deltaopt.output.plan_files import COLUMNS, instants, write_csv
 from deltaopt.planning.first_motions.initial_motion import baseline
 from deltaopt.planning.plan import Plan
 from deltaopt.scene.scene import load_scene
-from deltaopt.verify.verification import verify
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 SCENE_FILE = PROBLEMS / "pick_and_place.yaml"
@@ -130,7 +129,7 @@ def test_plan_made_by_hand(tmp_path):
     plan = Plan(
         SCENE, line, "L_E, flat", "test", 40, "solved", 7, 0.5, float("inf"), 1e-3, (), None
     )
-    save(tmp_path / "new" / "folder", SCENE, line, verify(SCENE, line), plan, rate=50)
+    plan.save(tmp_path / "new" / "folder")
     content = json.loads((tmp_path / "new/folder/plan.json").read_text(encoding="utf-8"))
     assert (content["formulation"], content["intervals"]) == ("L_E, flat", 40)
     assert content["gap"] is None

@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 
 import deltaopt
-from deltaopt.cli.plan import duty_table, table
 from deltaopt.motion.effort import effort
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.output.plan_files import caption
+from deltaopt.output.in_words import duty_table, table
 from deltaopt.planning.first_motions.initial_motion import baseline
+from deltaopt.plots.limits import caption
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.scene import Scene, load_scene
 from deltaopt.verify.duty import Duty, MotorDuty, exceeding
