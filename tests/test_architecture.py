@@ -31,6 +31,7 @@ ORDER = (
     "limits",
     "scene",
     "motion",
+    "planning.plan",
     "planning.nlp",
     "planning.flat",
     "planning.formulations",

@@ -10,8 +10,7 @@ from deltaopt.motion.active_limits import ActiveLimit, active_limits
 from deltaopt.motion.certificate import Certificate
 from deltaopt.motion.limit_sensitivity import LimitSensitivity, limits_in_words
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.planning.first_motions.multistart import Optimum
-from deltaopt.planning.plan import Plan, TakenWay
+from deltaopt.planning.plan import Optimum, Plan, TakenWay
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import MovingEnds, Task
 from deltaopt.verify.duty import Duty, exceeding

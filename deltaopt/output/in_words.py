@@ -6,8 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from deltaopt.motion.certificate import MET
 from deltaopt.output.facts import Facts, StraightLine, measures, motor_facts, work
-from deltaopt.planning.first_motions.multistart import Optimum
-from deltaopt.planning.plan import Plan
+from deltaopt.planning.plan import Optimum, Plan
 from deltaopt.planning.trajectory_optimiser import RESOLVED_BELOW
 from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene

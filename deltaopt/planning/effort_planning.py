@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from math import isinf
 from typing import Protocol
 
 import numpy as np
@@ -29,9 +28,9 @@ from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.initial_motion import waiting_motions
 from deltaopt.planning.nlp.cost import FASTEST, Cost
 from deltaopt.planning.nlp.problem import FormulatedProblem, Guess, Solved
-from deltaopt.planning.nlp.program import Spent
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import QUADRATIC
+from deltaopt.planning.plan import CostIteration, Spent
 from deltaopt.robot.model import DeltaModel
 from deltaopt.scene.objective import Effort, Objective, Time, TimeAndEffort
 from deltaopt.scene.scene import Scene
@@ -77,30 +76,6 @@ def cost_to_minimise(objective: Objective, scaling: Scaling) -> Cost:
 def scaling_to_duration(scene: Scene, shortest: float) -> Scaling:
     """The units of a scene's variables; of time the given duration, or else ``shortest`` (s)."""
     return Scaling(scene, scene.objective.given_duration or shortest)
-
-
-@dataclass(frozen=True)
-class CostIteration:
-    """The record of one mesh.
-
-    ``duration`` (s) and ``cost`` (in ``unit``): of its motion, within all limits. ``gap``:
-    estimated relative excess of the cost over the least possible. ``spent``: seconds.
-    """
-
-    intervals: int
-    iterations: int
-    duration: float
-    cost: float
-    unit: str
-    gap: float
-    spent: Spent
-
-    def __str__(self) -> str:
-        gap = "no mesh to compare it with yet" if isinf(self.gap) else f"gap {self.gap:.1e}"
-        return (
-            f"{self.intervals} intervals, {self.iterations} iterations: {self.cost:.6g} "
-            f"{self.unit}, {gap}"
-        )
 
 
 @dataclass(frozen=True)

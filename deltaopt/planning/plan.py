@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from math import isinf
 from pathlib import Path
 from typing import Any
 
@@ -20,11 +21,100 @@ from deltaopt.motion.limit_sensitivity import (
 )
 from deltaopt.motion.lower_bound import lower_bound
 from deltaopt.motion.trajectory import Trajectory, phase_durations
-from deltaopt.planning.effort_planning import CostIteration
-from deltaopt.planning.first_motions.multistart import Optimum
-from deltaopt.planning.mesh.mesh_solution import Iteration
-from deltaopt.planning.path.path_timing import PathIteration
 from deltaopt.scene.scene import Scene
+
+
+@dataclass(frozen=True)
+class Spent:
+    """Wall time in s: ``evaluation`` of constraint rows and their derivatives, and ``algebra``, the
+    linear systems (with Ipopt all the rest)."""
+
+    evaluation: float
+    algebra: float
+
+    def __add__(self, other: Spent) -> Spent:
+        return Spent(self.evaluation + other.evaluation, self.algebra + other.algebra)
+
+
+@dataclass(frozen=True)
+class Iteration:
+    """The record of one mesh.
+
+    ``iterations``: of the solver. ``duration``: of its solution, s. ``safe_duration``: of the same
+    motion slowed until it keeps every limit, s. ``gap``: estimated relative excess of the safe
+    duration over the shortest possible. ``spent``: seconds.
+    """
+
+    intervals: int
+    iterations: int
+    duration: float
+    safe_duration: float
+    gap: float
+    spent: Spent
+
+    def __str__(self) -> str:
+        solved = f"{self.intervals} intervals, {self.iterations} iterations:"
+        if isinf(self.safe_duration):
+            return f"{solved} no safe duration, a limit is exceeded that slowing does not help"
+        return f"{solved} {self.safe_duration:.6f} s, at most {self.gap:.1e} above the optimum"
+
+
+@dataclass(frozen=True)
+class CostIteration:
+    """The record of one mesh.
+
+    ``duration`` (s) and ``cost`` (in ``unit``): of its motion, within all limits. ``gap``:
+    estimated relative excess of the cost over the least possible. ``spent``: seconds.
+    """
+
+    intervals: int
+    iterations: int
+    duration: float
+    cost: float
+    unit: str
+    gap: float
+    spent: Spent
+
+    def __str__(self) -> str:
+        gap = "no mesh to compare it with yet" if isinf(self.gap) else f"gap {self.gap:.1e}"
+        return (
+            f"{self.intervals} intervals, {self.iterations} iterations: {self.cost:.6g} "
+            f"{self.unit}, {gap}"
+        )
+
+
+@dataclass(frozen=True)
+class PathIteration:
+    """The record of one mesh of a path: ``duration``, s; estimated ``loss``, of the duration;
+    largest ``excess`` of a limit between nodes, of the limit; seconds ``spent`` on rows and on
+    sweeps."""
+
+    intervals: int
+    duration: float
+    loss: float
+    excess: float
+    spent: Spent
+
+    def __str__(self) -> str:
+        return (
+            f"{self.intervals} intervals: {self.duration:.6f} s, known to {self.loss:.1e}, limits "
+            f"exceeded by {max(self.excess, 0.0):.1e} between points"
+        )
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """A local minimum that a plan from several first guesses found.
+
+    ``duration``: s. ``cost``: in the objective's unit. ``halfway``: the platform's position at half
+    time, m. ``gap``: optimality gap. ``starts``: how many of the first guesses led there.
+    """
+
+    duration: float
+    cost: float
+    halfway: tuple[float, float, float]
+    gap: float
+    starts: int
 
 
 @dataclass(frozen=True)

@@ -32,7 +32,7 @@ from deltaopt.planning.first_motions.moving_ends import (
     from_state_to_state,
     intervals_after_waiting,
 )
-from deltaopt.planning.first_motions.multistart import Optimum, distinct, first_motions
+from deltaopt.planning.first_motions.multistart import distinct, first_motions
 from deltaopt.planning.first_motions.order_of_merit import first_motion, intervals_for
 from deltaopt.planning.first_motions.passages import paths_of_lines
 from deltaopt.planning.first_motions.through_gates import through_gates
@@ -48,7 +48,7 @@ from deltaopt.planning.path.path_along import (
 )
 from deltaopt.planning.path.path_planning import NAME as ON_PATH
 from deltaopt.planning.path.path_planning import PathMotion, fastest_on_path
-from deltaopt.planning.plan import Plan, TakenWay, quicker
+from deltaopt.planning.plan import Optimum, Plan, TakenWay, quicker
 from deltaopt.planning.refinement import Progress
 from deltaopt.planning.search import FINER, Attempt, Search
 from deltaopt.planning.trajectory_optimiser import RESOLVED_BELOW, TrajectoryOptimiser

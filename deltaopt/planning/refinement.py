@@ -21,7 +21,6 @@ from deltaopt.planning.first_motions.order_of_merit import CrossesSingularity, c
 from deltaopt.planning.mesh.constraint_tightening import first_tightening
 from deltaopt.planning.mesh.error_estimate import refined, with_knots_at
 from deltaopt.planning.mesh.mesh_solution import (
-    Iteration,
     MeshSolution,
     iteration_of,
     solve_on_mesh,
@@ -30,6 +29,7 @@ from deltaopt.planning.mesh.reversals import with_reversals
 from deltaopt.planning.nlp.phases import FacePhases
 from deltaopt.planning.nlp.problem import FormulatedProblem, Guess
 from deltaopt.planning.nlp.scaling import Scaling
+from deltaopt.planning.plan import Iteration
 from deltaopt.robot.model import DeltaModel
 from deltaopt.scene.scene import Scene
 

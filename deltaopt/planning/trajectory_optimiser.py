@@ -33,7 +33,6 @@ from deltaopt.planning.flat.flat_problem import Flat
 from deltaopt.planning.formulations.choice import problem_formulation
 from deltaopt.planning.mesh.kept_limits import kept
 from deltaopt.planning.mesh.mesh_solution import (
-    Iteration,
     MeshSolution,
     gap_of,
     iteration_of,
@@ -50,7 +49,7 @@ from deltaopt.planning.nlp.problem import (
 )
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import LINEAR, PiecewiseAcceleration
-from deltaopt.planning.plan import Plan, quicker
+from deltaopt.planning.plan import Iteration, Plan, quicker
 from deltaopt.planning.refinement import Progress, Refinement, Resolver
 from deltaopt.planning.search import Attempt, HeldByMotion
 from deltaopt.robot.model import DeltaModel, delta_model

@@ -17,8 +17,7 @@ from deltaopt.motion.active_limits import AT_LIMIT, active_limits, share_curves
 from deltaopt.output.facts import Facts, StraightLine
 from deltaopt.planning.first_motions.around_bodies import CLEAR
 from deltaopt.planning.first_motions.initial_motion import baseline
-from deltaopt.planning.first_motions.multistart import Optimum
-from deltaopt.planning.plan import TakenWay
+from deltaopt.planning.plan import Optimum, TakenWay
 from deltaopt.planning.planner import plan
 from deltaopt.report.page import report, write_report
 from deltaopt.scene.scene import load_scene

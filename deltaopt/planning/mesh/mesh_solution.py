@@ -37,8 +37,8 @@ from deltaopt.planning.mesh.error_estimate import (
 )
 from deltaopt.planning.nlp.phases import FacePhases
 from deltaopt.planning.nlp.problem import FormulatedProblem, Guess, Problem, Solved
-from deltaopt.planning.nlp.program import Spent
 from deltaopt.planning.nlp.scaling import Scaling
+from deltaopt.planning.plan import Iteration
 from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.scene.scene import Scene
 
@@ -56,29 +56,6 @@ _BESIDE_BODIES = 0.2
 _TOUCHES, _FREE = 0.02, 1e-6
 """Of all that a body costs, what an interval must cost to count as touching it; and what a body
 must cost, as a fraction of the duration per share of its bound."""
-
-
-@dataclass(frozen=True)
-class Iteration:
-    """The record of one mesh.
-
-    ``iterations``: of the solver. ``duration``: of its solution, s. ``safe_duration``: of the same
-    motion slowed until it keeps every limit, s. ``gap``: estimated relative excess of the safe
-    duration over the shortest possible. ``spent``: seconds.
-    """
-
-    intervals: int
-    iterations: int
-    duration: float
-    safe_duration: float
-    gap: float
-    spent: Spent
-
-    def __str__(self) -> str:
-        solved = f"{self.intervals} intervals, {self.iterations} iterations:"
-        if isinf(self.safe_duration):
-            return f"{solved} no safe duration, a limit is exceeded that slowing does not help"
-        return f"{solved} {self.safe_duration:.6f} s, at most {self.gap:.1e} above the optimum"
 
 
 def solve_on_mesh(

@@ -12,9 +12,9 @@ from deltaopt.limits.constraints import Constraints
 from deltaopt.mechanisms.delta.functions import DeltaFunctions
 from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
 from deltaopt.planning.nlp.cost import Cost
-from deltaopt.planning.nlp.program import Spent
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
+from deltaopt.planning.plan import Spent
 
 Array = NDArray[np.float64]
 

@@ -16,7 +16,6 @@ import numpy as np
 
 from deltaopt.codegen.compile import library
 from deltaopt.codegen.vectorised import RowFunction
-from deltaopt.planning.nlp.program import Spent
 from deltaopt.planning.path.path_mesh import (
     LONGEST,
     SERIES,
@@ -26,6 +25,7 @@ from deltaopt.planning.path.path_mesh import (
 )
 from deltaopt.planning.path.path_rows import RESTING, AffineRows, PathRows, State
 from deltaopt.planning.path.sweep import FASTEST, Speeds, Unattainable, swept
+from deltaopt.planning.plan import Spent
 from deltaopt.scene.path import Array
 
 INSIDE = np.array([0.2, 0.5, 0.8])

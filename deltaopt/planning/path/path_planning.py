@@ -14,7 +14,8 @@ from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.path.path_mesh import MeshMotion
 from deltaopt.planning.path.path_multipliers import PathMultipliers
 from deltaopt.planning.path.path_rows import PathRows
-from deltaopt.planning.path.path_timing import PathIteration, PathTiming, TimedPath
+from deltaopt.planning.path.path_timing import PathTiming, TimedPath
+from deltaopt.planning.plan import PathIteration
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.scene import Scene, limits_of
 from deltaopt.scene.task import OnPath

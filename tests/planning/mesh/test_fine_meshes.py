@@ -13,12 +13,11 @@ from deltaopt.planning.flat.constraint_rows import ByOrder
 from deltaopt.planning.mesh.constraint_tightening import Overshoot
 from deltaopt.planning.mesh.error_estimate import FRACTIONS, TIGHTENED, ErrorEstimate, refined
 from deltaopt.planning.mesh.mesh_costates import certify_mesh, costates, hamiltonian_on_mesh
-from deltaopt.planning.mesh.mesh_solution import Iteration, gap_of, solve_on_mesh
+from deltaopt.planning.mesh.mesh_solution import gap_of, solve_on_mesh
 from deltaopt.planning.nlp.problem import Guess, Ipopt
-from deltaopt.planning.nlp.program import Spent
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import LINEAR
-from deltaopt.planning.plan import quicker
+from deltaopt.planning.plan import Iteration, Spent, quicker
 from deltaopt.planning.planner import Planner
 from deltaopt.planning.refinement import Refinement
 from deltaopt.planning.switching.detection import SHARP, detect_structure
