@@ -29,7 +29,7 @@ from dataclasses import replace
 from math import inf, isfinite
 from pathlib import Path
 
-from deltaopt.cli.arguments import WrongUsage, folder, kilograms, positive
+from deltaopt.cli.arguments import WrongUsage, add_output, kilograms, positive
 from deltaopt.cli.streams import new_files, present, print_written
 from deltaopt.errors import DeltaOptError
 from deltaopt.files.atomic_write import require_replaceable
@@ -69,14 +69,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     c.add_argument("of", type=Path, metavar="ROBOT|PLAN", help="robot file, or folder of a plan")
     _add_speed(c)
-    c.add_argument(
-        "-o", "--output", type=folder, default=Path("out/c"), metavar="DIR", help="default: out/c"
-    )
+    add_output(c, Path("out/c"))
     c.set_defaults(target=_c)
     mjcf = targets.add_parser("mjcf", help="one file in MuJoCo's format, without Coulomb friction")
     mjcf.add_argument("robot", type=Path, metavar="ROBOT", help="robot file")
     mjcf.add_argument("--payload", type=kilograms, metavar="KG", help="at the tool (default: none)")
-    _add_file(mjcf, Path("out/robot.xml"))
+    add_output(mjcf, Path("out/robot.xml"), "FILE")
     mjcf.set_defaults(target=_mjcf)
     table = targets.add_parser("table", help="a CSV file of motor angles over time")
     _add_table(table, Path("out/table.csv"), "FILE")
@@ -111,14 +109,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     ros2.set_defaults(target=_ros2)
 
     schema = targets.add_parser("schema", help="the JSON schema of plan.json")
-    _add_file(schema, Path("out/plan.schema.json"))
+    add_output(schema, Path("out/plan.schema.json"), "FILE")
     schema.set_defaults(target=_schema)
-
-
-def _add_file(parser: argparse.ArgumentParser, output: Path) -> None:
-    parser.add_argument(
-        "-o", "--output", type=Path, default=output, metavar="FILE", help=f"default: {output}"
-    )
 
 
 def _add_table(parser: argparse.ArgumentParser, output: Path, kind: str) -> None:
@@ -132,9 +124,7 @@ def _add_table(parser: argparse.ArgumentParser, output: Path, kind: str) -> None
         help='time between rows, such as 1ms; or "own-knots" (default)',
     )
     _add_speed(parser)
-    parser.add_argument(
-        "-o", "--output", type=folder, default=output, metavar=kind, help=f"default: {output}"
-    )
+    add_output(parser, output, kind)
 
 
 def _add_speed(parser: argparse.ArgumentParser) -> None:

@@ -26,7 +26,7 @@ from deltaopt.cli.arguments import (
 from deltaopt.cli.streams import new_files
 from deltaopt.motion.limit_curves import limit_curves
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.output.plan_files import MOST_ROWS, RATE, write_csv
+from deltaopt.output.plan_files import MOST_ROWS, RATE, write_motion
 from deltaopt.planning.first_motions.initial_motion import straight_line
 from deltaopt.robot.model import DeltaModel
 from deltaopt.scene.feasibility import check_feasible
@@ -64,7 +64,7 @@ def run(arguments: argparse.Namespace) -> int:
     print(_against_limits(scene, trajectory))
     csv, motion, torques = ("inverse.csv", "motion.png", "torques.png")
     with new_files(directory, csv, motion, torques) as folder:
-        write_csv(folder / csv, trajectory)
+        write_motion(folder / csv, trajectory)
         draw_motion(folder / motion, trajectory)
         draw_torques(folder / torques, trajectory)
     return 0

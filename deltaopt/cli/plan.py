@@ -27,9 +27,9 @@ from pathlib import Path
 from deltaopt.cli.arguments import (
     WrongUsage,
     add_json,
+    add_output,
     add_scenes,
     first_intervals,
-    folder,
     one_or_more,
     optimality_gap,
     positive,
@@ -92,13 +92,10 @@ PLANNING = (
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_scenes(parser)
-    parser.add_argument(
-        "-o",
-        "--output",
-        type=folder,
-        metavar="DIR",
-        help="directory to write to, made if need be; of several scenes the one that theirs are in "
-        "(default: out/ and the scene's name, and baseline/ in it with --baseline)",
+    add_output(
+        parser,
+        words="directory to write to, made if need be; of several scenes the one that theirs are "
+        "in (default: out/ and the scene's name, and baseline/ in it with --baseline)",
     )
     parser.add_argument("--no-plot", action="store_true", help="draw no plan.png, which is faster")
     parser.add_argument(

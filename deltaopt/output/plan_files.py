@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import platform
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import fields
 from hashlib import sha256
 from importlib.metadata import PackageNotFoundError, version
@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from deltaopt.files.atomic_write import atomic_write
+from deltaopt.files.csv_table import write_csv
 from deltaopt.motion.effort import cost
 from deltaopt.motion.limit_sensitivity import as_dicts
 from deltaopt.motion.trajectory import Array, Trajectory
@@ -43,19 +44,11 @@ COLUMNS = (
 )
 
 
-def write_csv(file: Path, trajectory: Trajectory, rate: float = RATE) -> None:
-    """Write the motion at ``rate`` (Hz) and at its last instant, one row each.
-
-    Numbers have so many digits that reading them gives the same doubles. Raises ValueError if there
-    are more than ``MOST_ROWS`` rows.
-    """
+def write_motion(file: Path, trajectory: Trajectory, rate: float = RATE) -> None:
+    """Write a motion at ``rate`` (Hz) and at its last instant as CSV, one row each. Raises
+    ValueError if there are more than ``MOST_ROWS`` rows."""
     _require_rows(trajectory, rate)
-    with (
-        atomic_write(file) as temporary,
-        temporary.open("w", encoding="utf-8", newline="\n") as out,
-    ):
-        out.write(",".join(COLUMNS) + "\n")
-        out.writelines(_rows(trajectory, rate))
+    write_csv(file, COLUMNS, rows_at(trajectory, instants(trajectory, rate)).tolist())
 
 
 def content(facts: Facts) -> dict[str, object]:
@@ -133,7 +126,7 @@ def instants(trajectory: Trajectory, rate: float) -> Array:
 
 def frame(trajectory: Trajectory, rate: float = RATE) -> Any:
     """The rows of trajectory.csv, by column: a pandas DataFrame, or a dictionary of arrays, (N,),
-    where pandas is not installed. Raises ValueError as ``write_csv``."""
+    where pandas is not installed. Raises ValueError as ``write_motion``."""
     _require_rows(trajectory, rate)
     rows = rows_at(trajectory, instants(trajectory, rate))
     columns = dict(zip(COLUMNS, rows.T.copy(), strict=True))
@@ -156,11 +149,6 @@ def _require_rows(trajectory: Trajectory, rate: float) -> None:
     most = highest_rate(trajectory)
     if rate > most:
         raise ValueError(f"rate is {rate:g} Hz; for {MOST_ROWS} rows it may be {most:.6g} at most")
-
-
-def _rows(trajectory: Trajectory, rate: float) -> Iterator[str]:
-    for row in rows_at(trajectory, instants(trajectory, rate)).tolist():
-        yield ",".join(map(repr, row)) + "\n"
 
 
 def _finite(value: object) -> object:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from deltaopt.files.output_folder import all_or_none
 from deltaopt.output.facts import Facts, facts
-from deltaopt.output.plan_files import RATE, RECORD, TABLE, write_csv, write_json
+from deltaopt.output.plan_files import RATE, RECORD, TABLE, write_json, write_motion
 from deltaopt.planning.comparisons import straight_lines
 from deltaopt.planning.plan import Plan
 
@@ -42,7 +42,7 @@ def save(
     """
     written = [TABLE, RECORD]
     with all_or_none(directory) as folder:
-        write_csv(folder / TABLE, facts.trajectory, rate)
+        write_motion(folder / TABLE, facts.trajectory, rate)
         write_json(folder / RECORD, facts)
         if chart:
             from deltaopt.plots.plan import draw  # slow to import

@@ -11,7 +11,7 @@ import pytest
 
 import deltaopt.cli.plan
 from deltaopt.cli import COMMANDS, main
-from deltaopt.output.plan_files import COLUMNS, instants, write_csv
+from deltaopt.output.plan_files import COLUMNS, instants, write_motion
 from deltaopt.planning.first_motions.initial_motion import baseline
 from deltaopt.planning.plan import Plan
 from deltaopt.scene.scene import load_scene
@@ -112,13 +112,14 @@ def test_failing_writer_leaves_the_old_file_whole(tmp_path, monkeypatch):
     file = tmp_path / "trajectory.csv"
     file.write_text("old", encoding="utf-8")
 
-    def broken(*_):
-        yield "half a row"
-        raise RuntimeError
+    class Broken:
+        def tolist(self):
+            yield [0.0, 1.0]
+            raise RuntimeError
 
-    monkeypatch.setattr("deltaopt.output.plan_files._rows", broken)
+    monkeypatch.setattr("deltaopt.output.plan_files.rows_at", lambda *_: Broken())
     with pytest.raises(RuntimeError):
-        write_csv(file, baseline(SCENE))
+        write_motion(file, baseline(SCENE))
     assert file.read_text(encoding="utf-8") == "old"
     assert names(tmp_path) == ["trajectory.csv"]
 
@@ -298,7 +299,7 @@ def test_too_many_rows(limits, rate, duration, tmp_path, capsys):
 
 def test_csv_of_too_many_rows(tmp_path):
     with pytest.raises(ValueError, match=r"^rate is 1e\+09 Hz; for 1000000 rows it may be"):
-        write_csv(tmp_path / "a.csv", baseline(SCENE), rate=1e9)
+        write_motion(tmp_path / "a.csv", baseline(SCENE), rate=1e9)
 
 
 def test_inverse_in_years(tmp_path, capsys):
