@@ -32,8 +32,8 @@ from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import LINEAR
 from deltaopt.planning.refinement import Refinement, ResolvedMotion, Resolver
 from deltaopt.planning.switching.resolver import resolver
-from deltaopt.planning.trajectory_optimiser import RESOLVED_BELOW
 from deltaopt.robot.model import delta_model
+from deltaopt.settings import RESOLVED_BELOW
 from studies.gap_moves import Move, move
 from studies.problems import add_directory
 

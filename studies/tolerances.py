@@ -20,7 +20,7 @@ from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.motion.time_scaling import safe_factor
 from deltaopt.planning.first_motions.order_of_merit import first_motion
 from deltaopt.planning.nlp.problem import Guess
-from deltaopt.planning.trajectory_optimiser import RESOLVED_BELOW
+from deltaopt.settings import RESOLVED_BELOW
 from studies.problems import PICK_AND_PLACE, add_directory, add_scenes, add_tolerances
 from studies.uniform_mesh import motion_of, solved_on
 

@@ -43,6 +43,7 @@ from deltaopt.errors import (
     in_words,
 )
 from deltaopt.files.progress_bar import ProgressBar
+from deltaopt.files.text_table import text_table
 from deltaopt.files.validated_record import PerMotor, per_motor
 from deltaopt.files.yaml_file import read_yaml
 from deltaopt.mechanisms.delta.mechanism import DeltaParameters
@@ -175,17 +176,16 @@ def _as_dict(file: Path, scene: Scene, verdict: str) -> dict[str, object]:
 def _terms(arguments: argparse.Namespace) -> int:
     """Rank the terms of a scene's robot, in a table and a chart."""
     from deltaopt.compare.model_terms import effects_of_terms, terms_table
-    from deltaopt.plots.model_terms import TermBar, draw_terms
+    from deltaopt.plots.model_terms import draw_terms
 
     scene = load_scene(arguments.scene)
     check_feasible(scene)
     directory, chart = output_directory(arguments), "terms.png"
     effects = effects_of_terms(scene, ProgressBar())
     print("\n".join(terms_table(effects)))
-    bars = [TermBar(e.term.name, e.shorter, e.excess, e.miss) for e in effects if not e.problem]
     with new_files(directory, chart) as folder:
         title = f"{scene.robot.name}: planned without a term, run with all"
-        draw_terms(folder / chart, title, bars)
+        draw_terms(folder / chart, title, effects)
     return 0
 
 
@@ -315,9 +315,7 @@ def limits_table(scene: Scene) -> str:
                 "" if limit.promised else "a margin of the planner's, not verified",
             )
         )
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    lines = ("  ".join(f"{cell:<{w}}" for cell, w in zip(row, widths, strict=True)) for row in rows)
-    return "\n".join(line.rstrip() for line in lines)
+    return "\n".join(text_table(rows))
 
 
 def _bounds(lower: Array, upper: Array) -> str:

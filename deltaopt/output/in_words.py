@@ -7,9 +7,9 @@ from collections.abc import Iterator, Sequence
 from deltaopt.motion.certificate import MET
 from deltaopt.output.facts import Facts, StraightLine, measures, motor_facts, work
 from deltaopt.planning.plan import Optimum, Plan
-from deltaopt.planning.trajectory_optimiser import RESOLVED_BELOW
 from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene
+from deltaopt.settings import RESOLVED_BELOW
 from deltaopt.verify.duty import Duty
 from deltaopt.verify.measures import Distance
 from deltaopt.verify.verification import Verification

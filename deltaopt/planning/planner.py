@@ -51,7 +51,7 @@ from deltaopt.planning.path.path_planning import PathMotion, fastest_on_path
 from deltaopt.planning.plan import Optimum, Plan, TakenWay, quicker
 from deltaopt.planning.refinement import Progress
 from deltaopt.planning.search import FINER, Attempt, Search
-from deltaopt.planning.trajectory_optimiser import RESOLVED_BELOW, TrajectoryOptimiser
+from deltaopt.planning.trajectory_optimiser import TrajectoryOptimiser
 from deltaopt.planning.ways import NEARLY, fastest_way
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.feasibility import check_feasible, require_path_on_one_side
@@ -63,6 +63,7 @@ from deltaopt.settings import (
     LEAST_TOLERANCE,
     MOST,
     MOST_INTERVALS,
+    RESOLVED_BELOW,
     require_positive,
     require_type,
     require_whole,

@@ -57,11 +57,8 @@ from deltaopt.scene.feasibility import serial_distances_at_ends
 from deltaopt.scene.objective import Effort, Time
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import MovingEnds
+from deltaopt.settings import RESOLVED_BELOW
 
-RESOLVED_BELOW = 1e-4
-"""Tolerance of the optimality gap below which the instants of switching become unknowns of their
-own. It trades the cost of switch resolution against that of fine meshes, which grows steeply as
-the tolerance falls."""
 _RETRY_HALVES = 3
 """A plan that misses a tolerance below ``RESOLVED_BELOW`` is made once more from a first mesh of
 3/2 as many intervals. Which switching structure is detected and which intervals are split depends
