@@ -132,11 +132,18 @@ del globals()["verify"]  # in which the function is to be found
 
 
 def __getattr__(name: str) -> Any:
-    """A public name, which is found without this from then on."""
-    if name not in __all__:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    globals()[name] = found = loaded(name)
-    return found
+    """A public name, or a room such as ``deltaopt.errors``: found without this from then on."""
+    if name in __all__:
+        globals()[name] = found = loaded(name)
+        return found
+    room = f"{__name__}.{name}"
+    try:
+        if not name.startswith("_"):
+            return import_module(room)
+    except ModuleNotFoundError as error:
+        if error.name != room:
+            raise
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:

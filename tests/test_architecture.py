@@ -251,6 +251,13 @@ def test_commands_start_without_charts():
     assert "matplotlib" not in loaded_by("from deltaopt.cli import command_line; command_line()")
 
 
+def test_rooms_are_found_from_the_door():
+    code = "import deltaopt; assert issubclass(deltaopt.Infeasible, deltaopt.errors.DeltaOptError)"
+    assert "deltaopt.planning.planner" not in loaded_by(code)
+    with pytest.raises(AttributeError, match="'deltaopt' has no attribute 'nothing'"):
+        deltaopt.nothing  # noqa: B018  # what is asked for is the error
+
+
 def test_a_function_is_not_hidden_by_the_room_of_its_name():
     """Python names a package in its parent when it is first imported."""
     code = "import deltaopt.verify.verification; assert callable(deltaopt.verify)"
