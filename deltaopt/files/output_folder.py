@@ -49,7 +49,8 @@ def all_or_none(directory: Path) -> Iterator[Path]:
 
 
 def write_texts(directory: Path, texts: Mapping[str, str]) -> list[Path]:
-    """Write files with these names and texts, as of ``all_or_none``, and return their paths."""
+    """Write files with these names and texts into a directory, made if need be: all of them appear
+    there at once, or none. Returns their paths. Raises OSError, naming the file."""
     with all_or_none(directory) as folder:
         for name, text in texts.items():
             (folder / name).write_text(text, encoding="utf-8")

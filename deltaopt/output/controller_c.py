@@ -59,7 +59,7 @@ def export_c(robot: Robot, directory: Path) -> list[Path]:
 def export_plan_c(
     trajectory: Trajectory, directory: Path, remarks: Sequence[str] = ()
 ) -> list[Path]:
-    """Write the same of a trajectory's robot, with plan.h and plan.c: the motion for the player,
+    """Write the C code of a trajectory's robot, with plan.h and plan.c: the motion for the player,
     after comments with ``remarks``.
 
     ``trajectory``: whose coordinates follow from the platform's position. Raises OSError.

@@ -63,7 +63,7 @@ class ForeignTable:
         return "cubic" if self.accelerations is None else "quintic"
 
     def without_accelerations(self) -> ForeignTable:
-        """The same for a controller that does not use accelerations."""
+        """The table as a controller takes it that does not use accelerations."""
         return replace(self, accelerations=None)
 
     def in_radians(self, per_radian: float) -> ForeignTable:

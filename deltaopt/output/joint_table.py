@@ -201,7 +201,7 @@ def checked_table(
 def table_within_limits(
     scene: Scene, trajectory: Trajectory, rows: Rows, interpolation: Interpolation
 ) -> CheckedTable:
-    """The same, slowed further until its interpolation keeps every limit.
+    """The table of a motion that is slowed until the table's interpolation keeps every limit.
 
     Torques of acceleration fall with the square of the factor, so that its root is the next guess.
     Raises Infeasible where slowing does not help.

@@ -57,7 +57,8 @@ class SavedPlan:
         return self.trajectory.duration
 
     def table(self, rate: float = RATE) -> Any:
-        """The motion at ``rate`` (Hz), as of ``Plan.table``."""
+        """The motion at ``rate`` (Hz) and at its last instant, with the columns of trajectory.csv: a
+        pandas DataFrame if pandas is installed, otherwise a dictionary of arrays."""
         return frame(self.trajectory, rate)
 
 

@@ -45,7 +45,7 @@ DEGREES = AngleUnit("deg", 180 / pi)
 
 
 def of_controller(table: JointTable, robot: Robot) -> JointTable:
-    """The same rows in the angles of a robot's controller, rad."""
+    """A table of the model's angles in those of a robot's controller, rad."""
     joints = robot.joints or Joints()
     return replace(
         table,

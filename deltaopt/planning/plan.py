@@ -38,7 +38,7 @@ class Spent:
 
 @dataclass(frozen=True)
 class Iteration:
-    """The record of one mesh.
+    """The record of one mesh on which a fastest motion was sought.
 
     ``iterations``: of the solver. ``duration``: of its solution, s. ``safe_duration``: of the same
     motion slowed until it keeps every limit, s. ``gap``: estimated relative excess of the safe
@@ -61,7 +61,7 @@ class Iteration:
 
 @dataclass(frozen=True)
 class CostIteration:
-    """The record of one mesh.
+    """The record of one mesh on which a motion of least cost was sought.
 
     ``duration`` (s) and ``cost`` (in ``unit``): of its motion, within all limits. ``gap``:
     estimated relative excess of the cost over the least possible. ``spent``: seconds.
