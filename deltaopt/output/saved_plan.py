@@ -57,7 +57,7 @@ class SavedPlan:
         return self.trajectory.duration
 
     def table(self, rate: float = RATE) -> Any:
-        """The motion at ``rate`` (Hz) and at its last instant, with the columns of trajectory.csv: a
+        """The motion at ``rate`` (Hz) and at its last instant, with trajectory.csv's columns: a
         pandas DataFrame if pandas is installed, otherwise a dictionary of arrays."""
         return frame(self.trajectory, rate)
 
