@@ -30,9 +30,10 @@ from math import inf, isfinite
 from pathlib import Path
 
 from deltaopt.cli.arguments import WrongUsage, add_output, kilograms, positive
-from deltaopt.cli.streams import new_files, present, print_written
+from deltaopt.cli.streams import present, print_written
 from deltaopt.errors import DeltaOptError
 from deltaopt.files.atomic_write import require_replaceable
+from deltaopt.files.output_folder import all_or_none
 from deltaopt.files.units import Misread, Quantity
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.cam_tables import CamPieces, Cams, write_cams
@@ -199,22 +200,21 @@ def _rows(text: str) -> Rows:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    return int(arguments.target(arguments))
+    output: Path = arguments.output
+    before = present(output) or present(output.parent)
+    print_written(arguments.target(arguments), before)
+    return 0
 
 
-def _c(arguments: argparse.Namespace) -> int:
+def _c(arguments: argparse.Namespace) -> list[Path]:
     from deltaopt.output.controller_c import export_c, export_plan_c
 
-    folder = arguments.output
-    before = present(folder)
     if _is_plan(arguments.of):
         _, trajectory, remarks = _verified(arguments.of, arguments)
-        print_written(export_plan_c(trajectory, folder, remarks), before)
-    elif arguments.keep_limits or arguments.anyway or arguments.slower != 1:
+        return export_plan_c(trajectory, arguments.output, remarks)
+    if arguments.keep_limits or arguments.anyway or arguments.slower != 1:
         raise WrongUsage("--keep-limits, --anyway and --slower are for a PLAN, which moves")
-    else:
-        print_written(export_c(load_robot(arguments.of), folder), before)
-    return 0
+    return export_c(load_robot(arguments.of), arguments.output)
 
 
 def _is_plan(file: Path) -> bool:
@@ -222,55 +222,49 @@ def _is_plan(file: Path) -> bool:
     return file.is_dir() or file.suffix == ".json"
 
 
-def _mjcf(arguments: argparse.Namespace) -> int:
+def _mjcf(arguments: argparse.Namespace) -> list[Path]:
     from deltaopt.output.mjcf import mjcf
 
-    text = mjcf(load_robot(arguments.robot), arguments.payload)
-    return _write(arguments.output, lambda file: _write_text(file, text))
+    return _text(arguments, mjcf(load_robot(arguments.robot), arguments.payload))
 
 
-def _schema(arguments: argparse.Namespace) -> int:
+def _schema(arguments: argparse.Namespace) -> list[Path]:
     from deltaopt.output.plan_files import schema
 
-    return _write(arguments.output, lambda file: _write_text(file, schema()))
+    return _text(arguments, schema())
 
 
-def _write(file: Path, write: Callable[[Path], object]) -> int:
-    """Write one file, whole or not at all, and say so. Raises OSError, which names it."""
-    require_replaceable(file)
-    with new_files(file.parent, file.name) as folder:
-        write(folder / file.name)
-    return 0
+def _text(arguments: argparse.Namespace, text: str) -> list[Path]:
+    return _one(arguments.output, lambda file: file.write_text(text, encoding="utf-8"))
 
 
-def _write_text(file: Path, text: str) -> None:
-    file.write_text(text, encoding="utf-8")
-
-
-def _table(arguments: argparse.Namespace) -> int:
+def _table(arguments: argparse.Namespace) -> list[Path]:
     (table, _), unit = _controllers_table(arguments), UNITS[arguments.unit]
-    return _write(arguments.output, lambda file: write_table(file, table, unit))
+    return _one(arguments.output, lambda file: write_table(file, table, unit))
 
 
-def _cam(arguments: argparse.Namespace) -> int:
+def _one(file: Path, write: Callable[[Path], object]) -> list[Path]:
+    """Write one file, whole or not at all. Raises OSError, which names it."""
+    require_replaceable(file)
+    with all_or_none(file.parent) as folder:
+        write(folder / file.name)
+    return [file]
+
+
+def _cam(arguments: argparse.Namespace) -> list[Path]:
     table, robot = _controllers_table(arguments)
-    folder = arguments.output
-    before = present(folder)
     cams = Cams.of(table, UNITS[arguments.unit], arguments.master_speed)
     way = f"{cams.master[-1]:.6g} units of the master axis"
     print(f"{len(cams.master)} points of each cam, over {way}")
-    print_written(write_cams(folder, cams, robot.name), before)
-    return 0
+    return write_cams(arguments.output, cams, robot.name)
 
 
-def _ros2(arguments: argparse.Namespace) -> int:
+def _ros2(arguments: argparse.Namespace) -> list[Path]:
     (table, _), joints = _controllers_table(arguments), tuple(arguments.joints)
     output: Path = arguments.output
     if output.suffix in (".yaml", ".yml"):
-        return _write(output, lambda file: write_ros2_yaml(file, table, joints))
-    before = present(output)
-    print_written(write_ros2_bag(output, table, joints, arguments.topic), before)
-    return 0
+        return _one(output, lambda file: write_ros2_yaml(file, table, joints))
+    return write_ros2_bag(output, table, joints, arguments.topic)
 
 
 def _controllers_table(arguments: argparse.Namespace) -> tuple[JointTable, Robot]:
