@@ -16,7 +16,6 @@ from typing import Any, Protocol, cast
 
 from deltaopt.cli.streams import discard, flush, print_any_text, say
 from deltaopt.errors import DeltaOptError, Unusable, on_one_line
-from deltaopt.files.version import __version__
 from deltaopt.interrupts.requests import Stopped, ignore_requests, requests_raised
 
 
@@ -26,6 +25,19 @@ class Parser(argparse.ArgumentParser):
 
     def __init__(self, *arguments: Any, **settings: Any) -> None:
         super().__init__(*arguments, **{"allow_abbrev": False, **settings})
+
+
+class _Version(argparse.Action):
+    """Says the version, which is looked up for this alone: that takes as long as all else."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(nargs=0, **settings)
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        from deltaopt.files.version import __version__
+
+        print(f"deltaopt {__version__}")
+        parser.exit()
 
 
 class Command(Protocol):
@@ -108,7 +120,7 @@ def command_line(named: Container[str] = frozenset(COMMANDS)) -> argparse.Argume
         prog="deltaopt",
         description="Minimum-time motions of Delta robots under torque limits, verified.",
     )
-    parser.add_argument("--version", action="version", version=f"deltaopt {__version__}")
+    parser.add_argument("--version", action=_Version, help="show program's version number and exit")
     parser.set_defaults(command_line=command_line)  # for the command that describes it to a shell
     subparsers = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
     for name, words in COMMANDS.items():
