@@ -24,7 +24,7 @@ from deltaopt.motion.limit_sensitivity import LimitSensitivity, as_dicts
 from deltaopt.motion.trajectory import Array, Trajectory
 from deltaopt.planning.comparisons import straight_lines
 from deltaopt.planning.first_motions.multistart import Optimum
-from deltaopt.planning.ways import TakenWay
+from deltaopt.planning.plan import TakenWay
 from deltaopt.scene.scene import Scene
 from deltaopt.settings import require_positive
 from deltaopt.verify.duty import exceeding

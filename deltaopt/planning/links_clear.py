@@ -9,7 +9,6 @@ until all links are clear.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +17,7 @@ from deltaopt.errors import Infeasible, NotConverged, if_possible
 from deltaopt.limits.limit import OwnMeasure
 from deltaopt.motion.limit_sensitivity import Multipliers
 from deltaopt.motion.links import least_rooms
-from deltaopt.motion.trajectory import Trajectory
+from deltaopt.planning.plan import Plan
 from deltaopt.scene.bodies import solid_about, sums
 from deltaopt.scene.links import name_of, rooms_at
 from deltaopt.scene.scene import Scene
@@ -44,23 +43,9 @@ _PLANS = 8
 """At most."""
 
 
-class Planned(Protocol):
-    """A plan, as far as it is looked at here."""
-
-    @property
-    def trajectory(self) -> Trajectory: ...
-    @property
-    def gap(self) -> float: ...
-    @property
-    def multipliers(self) -> Multipliers | None: ...
-
-
-P = TypeVar("P", bound=Planned)
-
-
 def keeping_links_clear(
-    scene: Scene, planned: Callable[[Scene], P], tolerance: float, report: Callable[[str], None]
-) -> tuple[P, float]:
+    scene: Scene, planned: Callable[[Scene], Plan], tolerance: float, report: Callable[[str], None]
+) -> tuple[Plan, float]:
     """The plan of a scene whose links all keep clear of all bodies, and what it costs that they are
     planned farther away than they must be, as a share of the duration, as far as that is known.
 
@@ -99,12 +84,12 @@ def keeping_links_clear(
 
 def _nearer(
     scene: Scene,
-    planned: Callable[[Scene], P],
+    planned: Callable[[Scene], Plan],
     tolerance: float,
     report: Callable[[str], None],
-    found: P,
+    found: Plan,
     spare: dict[tuple[int, int], float],
-) -> tuple[P, float]:
+) -> tuple[Plan, float]:
     """A plan with all links clear, and what that costs; planned once more nearer to the bodies
     where the cost leaves the gap above the ``tolerance``, as long as links are clear then."""
     cost = _cost(found.multipliers, list(spare.values()))

@@ -21,10 +21,20 @@ from deltaopt.motion.lower_bound import lower_bound
 from deltaopt.motion.trajectory import Trajectory, phase_durations
 from deltaopt.planning.effort_planning import CostIteration
 from deltaopt.planning.first_motions.multistart import Optimum
+from deltaopt.planning.journal import Entry
 from deltaopt.planning.mesh.mesh_solution import Iteration
 from deltaopt.planning.path.path_timing import PathIteration
-from deltaopt.planning.ways import TakenWay
 from deltaopt.scene.scene import Scene
+
+
+@dataclass(frozen=True)
+class TakenWay:
+    """A way past bodies in words, and how long it takes, s. ``is_planned``: to the tolerance that
+    was asked for; otherwise on the first mesh alone, about."""
+
+    name: str
+    duration: float
+    is_planned: bool
 
 
 @dataclass(frozen=True)
@@ -42,6 +52,7 @@ class Plan:
     ``optima``: the distinct local minima that several first guesses led to, best first; empty
     where one was enough.
     ``ways``: the ways past keep-out bodies that were found, first the one that is taken.
+    ``journal``: what was attempted on the way to it, in order.
     ``free_duration``: where the scene gives a path, the duration (s) of the plan without it, if
     ``beside_free_path`` has found it. ``multipliers``: of the limits; None where they are not
     known, as of motions that are not the fastest.
@@ -67,6 +78,7 @@ class Plan:
     resolved: bool = False
     optima: tuple[Optimum, ...] = field(default=(), compare=False)
     ways: tuple[TakenWay, ...] = field(default=(), compare=False)
+    journal: tuple[Entry, ...] = field(default=(), compare=False)
     free_duration: float | None = None
     multipliers: Multipliers | None = field(default=None, compare=False)
 

@@ -18,6 +18,7 @@ from deltaopt.errors import ENDS_AN_ATTEMPT, NotConverged
 from deltaopt.motion.certificate import Certificate
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.order_of_merit import CrossesSingularity, crosses_singularity
+from deltaopt.planning.journal import Progress
 from deltaopt.planning.mesh.constraint_tightening import first_tightening
 from deltaopt.planning.mesh.error_estimate import refined, with_knots_at
 from deltaopt.planning.mesh.mesh_solution import (
@@ -34,7 +35,6 @@ from deltaopt.robot.model import DeltaModel
 from deltaopt.scene.scene import Scene
 
 Array = NDArray[np.float64]
-Progress = Callable[[str], None]
 
 _DETECTABLE_GAP, _MOST_DETECTIONS = 2e-3, 3
 """Gap below which a mesh solution shows which limit is active when, and from how many such meshes

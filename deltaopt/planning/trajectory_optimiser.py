@@ -12,12 +12,13 @@ import numpy as np
 
 from deltaopt.dynamics.formulation import Projected
 from deltaopt.dynamics.lagrange import Multiplier
-from deltaopt.errors import ENDS_AN_ATTEMPT, NotConverged
+from deltaopt.errors import NotConverged
 from deltaopt.limits.constraints import Constraints
 from deltaopt.mechanisms.delta.functions import DeltaFunctions
 from deltaopt.motion.limit_sensitivity import MeshMultipliers
 from deltaopt.motion.time_scaling import safe_factor
 from deltaopt.motion.trajectory import Trajectory, moving_on
+from deltaopt.planning.attempts import Attempt
 from deltaopt.planning.effort_planning import (
     SMOOTH,
     cost_to_minimise,
@@ -31,6 +32,7 @@ from deltaopt.planning.first_motions.order_of_merit import (
 )
 from deltaopt.planning.flat.flat_problem import Flat
 from deltaopt.planning.formulations.choice import problem_formulation
+from deltaopt.planning.journal import Progress
 from deltaopt.planning.mesh.kept_limits import kept
 from deltaopt.planning.mesh.mesh_solution import (
     Iteration,
@@ -50,9 +52,8 @@ from deltaopt.planning.nlp.problem import (
 )
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import LINEAR, PiecewiseAcceleration
-from deltaopt.planning.plan import Plan, quicker
-from deltaopt.planning.refinement import Progress, Refinement, Resolver
-from deltaopt.planning.search import Attempt, HeldByMotion
+from deltaopt.planning.plan import Plan
+from deltaopt.planning.refinement import Refinement, Resolver
 from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.scene.feasibility import serial_distances_at_ends
 from deltaopt.scene.objective import Effort, Time
@@ -63,16 +64,16 @@ RESOLVED_BELOW = 1e-4
 """Tolerance of the optimality gap below which the instants of switching become unknowns of their
 own. It trades the cost of switch resolution against that of fine meshes, which grows steeply as
 the tolerance falls."""
-_RETRY_HALVES = 3
-"""A plan that misses a tolerance below ``RESOLVED_BELOW`` is made once more from a first mesh of
-3/2 as many intervals. Which switching structure is detected and which intervals are split depends
-on the first mesh, so another one may succeed; it costs as much time again."""
 _KEPT_DISTANCE = 1e-2
 """Squared distance to the serial singularities, sin² or cos² of an angle, that motions keep if
 their start and goal do. Ends that are closer ask for a larger allowance for rounding."""
 _FIRST_MESH_TOLERANCE = 1e-4
 """Tightest relative tolerance of the solver on the first mesh. Any tighter is wasted, for the
 discretisation error of a coarse mesh is far larger."""
+
+
+class HeldByMotion(NotConverged):
+    """Somewhere the motion found needs its speed to keep a limit that is exceeded at rest."""
 
 
 @dataclass(frozen=True)
@@ -90,28 +91,17 @@ class TrajectoryOptimiser:
     solver: Solver | None = None
 
     def plan(self, attempt: Attempt, report: Progress) -> Plan:
-        """Plan from one first guess; once more from other meshes if the gap was missed."""
-        if not isinstance(attempt.scene.objective, Time):
-            return self._plan_effort(attempt, report)
-        can_be_softer = self._is_compiled and attempt.scene.task.is_at_rest
-        softer = softer_scenes(attempt.scene, attempt.motion) if can_be_softer else ()
-        found = self.fastest(replace(attempt, softer=softer), report)
-        if softer and not found.within_tolerance:
-            report("once more, without knots where arms turn back:")
-            found = self._better(found, attempt, report)
-        if found.within_tolerance or self.tolerance >= self.resolved_below:
-            return found
-        other = replace(attempt, intervals=_RETRY_HALVES * attempt.intervals // 2)
-        report(f"once more, from {other.intervals} intervals:")
-        return self._better(found, other, report)
+        """Plan the best motion from one first guess and one first mesh."""
+        if isinstance(attempt.scene.objective, Time):
+            return self.fastest(attempt, report)
+        return self._plan_effort(attempt, report)
 
-    def _better(self, found: Plan, attempt: Attempt, report: Progress) -> Plan:
-        """The shorter of a plan and another one, if there is another."""
-        try:
-            return quicker(found, self.fastest(attempt, report))
-        except ENDS_AN_ATTEMPT as error:
-            report(str(error))
-            return found
+    def softer(self, attempt: Attempt) -> tuple[Scene, ...]:
+        """The scenes of the first meshes of an attempt, whose friction is softer; none where that
+        does not help."""
+        task = attempt.scene.task
+        helps = attempt.may_be_softer and self._is_compiled and task.is_at_rest and not task.gates
+        return softer_scenes(attempt.scene, attempt.motion) if helps else ()
 
     @property
     def _is_compiled(self) -> bool:
@@ -153,7 +143,7 @@ class TrajectoryOptimiser:
             self.tolerance,
             None if moving or in_phases else self._resolver(scaling, model, report),
             report,
-            attempt.softer,
+            self.softer(attempt),
             attempt.most,
         )
         resolved = refinement.from_guess(guess, attempt.mesh)

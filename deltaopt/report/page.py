@@ -23,7 +23,7 @@ from deltaopt.motion.limit_sensitivity import LimitSensitivity, limits_in_words
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.headline import title
 from deltaopt.planning.first_motions.around_bodies import CLEAR
-from deltaopt.planning.ways import TakenWay
+from deltaopt.planning.plan import TakenWay
 from deltaopt.plots.colours import COLOURS, OF_LIMITS
 from deltaopt.report.modelled import modelled, not_modelled
 from deltaopt.report.moving_robot import drawing

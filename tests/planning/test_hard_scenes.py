@@ -75,7 +75,7 @@ def test_after_an_ordinary_plan_nothing_else_is_tried(monkeypatch):
     easy = load_scene("problems/pick_and_place.yaml")
     usual = plan(easy)
     assert usual.optima == ()
-    monkeypatch.setattr("deltaopt.planning.search._LABORIOUS", usual.iterations - 1)
+    monkeypatch.setattr("deltaopt.planning.attempts._LABORIOUS", usual.iterations - 1)
     again = plan(easy)
     assert [each.starts for each in again.optima] == [3]  # there is no other minimum
     assert again.duration == pytest.approx(usual.duration, rel=usual.gap)

@@ -9,10 +9,10 @@ import pytest
 
 from deltaopt import load_scene, plan
 from deltaopt.motion.sure_bounds import rows_not_kept, sure_excess
+from deltaopt.planning.attempts import Attempt
 from deltaopt.planning.first_motions.order_of_merit import first_motion
 from deltaopt.planning.near_bodies import near, past_these, run_into, with_those_hit
 from deltaopt.planning.refinement import Slower
-from deltaopt.planning.search import Attempt
 from deltaopt.planning.trajectory_optimiser import TrajectoryOptimiser
 from deltaopt.scene.scene import Scene
 from deltaopt.verify.verification import verify

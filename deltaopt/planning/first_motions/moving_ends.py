@@ -18,6 +18,7 @@ from deltaopt.motion.time_scaling import sizes_at
 from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
 from deltaopt.planning.first_motions.belt import Meetings
 from deltaopt.planning.first_motions.order_of_merit import first_motion
+from deltaopt.planning.first_motions.proposal import Proposal
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import REST, EndState, MovingEnds, MovingPoint, RestAnywhere
@@ -43,9 +44,7 @@ Family = Callable[[Array], tuple[Array, Array]]
 time since a piece began, (n, pieces, powers, 3), m, and their lengths, (n, pieces), s."""
 
 
-def first_moving_motions(
-    scene: Scene, under_way: PiecewisePolynomial | None
-) -> Iterator[Trajectory]:
+def first_moving_motions(scene: Scene, under_way: PiecewisePolynomial | None) -> Iterator[Proposal]:
     """First guesses, the best first: a quintic; the motion under way to its end and on from there
     to the goal, where one is under way; a stop, and on from there; a stop, from rest to rest to
     where a run-up to the goal begins, and that.
@@ -56,14 +55,18 @@ def first_moving_motions(
     assert isinstance(task, MovingEnds)
     direct = from_state_to_state(scene)
     if direct is not None:
-        yield direct
-    yield from _waiting(scene)
+        yield Proposal("a quintic", direct)
+    for motion in _waiting(scene):
+        yield Proposal("waiting for the belt, then a quintic", motion)
     if under_way is not None:
-        yield from _onwards(scene, under_way)
+        for motion in _onwards(scene, under_way):
+            yield Proposal("the motion under way, and on from its end", motion)
     stop = stopping(scene)
     if stop is not None:
-        yield from _onwards(scene, stop.position)
-    yield from _with_run_up(scene, None if task.start.velocity == REST else stop)
+        for motion in _onwards(scene, stop.position):
+            yield Proposal("a stop, and on from there", motion)
+    for motion in _with_run_up(scene, None if task.start.velocity == REST else stop):
+        yield Proposal("a run-up to the goal", motion)
 
 
 def stopping(scene: Scene) -> Trajectory | None:
