@@ -253,9 +253,12 @@ def until_good(
     so_far: Outcomes, first: FirstMeshes, proposals: Iterator[Proposal]
 ) -> Iterator[Attempt]:
     """What to attempt next in phases or where an end moves, until a plan is good enough: all first
-    motions on the coarsest mesh on which they stay in the workspace, then on finer ones."""
+    motions on the coarsest mesh on which they stay in the workspace, then on finer ones. A motion
+    that two sources propose, as a quintic to rest and a stop, is attempted once."""
     tried = list[Attempt]()
     for proposal in proposals:
+        if any(proposal.motion.position == attempt.motion.position for attempt in tried):
+            continue
         tried.append(first.attempt_after_waiting(so_far.scene, proposal))
         yield tried[-1]
         if so_far.is_good:

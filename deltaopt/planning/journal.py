@@ -13,6 +13,16 @@ every plan takes, and three times what any scene of the frozen campaign does."""
 
 
 @dataclass(frozen=True)
+class Note:
+    """What was decided between two attempts: a ``text``."""
+
+    text: str
+
+    def __str__(self) -> str:
+        return self.text
+
+
+@dataclass(frozen=True)
 class Entry:
     """One attempt to plan.
 
@@ -40,12 +50,13 @@ class Journal:
     """
 
     tell: Progress
-    entries: list[Entry] = field(default_factory=list)
+    entries: list[Entry | Note] = field(default_factory=list)
     solves: int = 0
     _begun: tuple[str, str, int] | None = None
 
     def note(self, text: str) -> None:
         """Tell a decision, such as why something is attempted once more."""
+        self.entries.append(Note(text))
         self.tell(text)
 
     def begin(self, proposal: str, begun: str) -> None:

@@ -21,7 +21,7 @@ from deltaopt.motion.lower_bound import lower_bound
 from deltaopt.motion.trajectory import Trajectory, phase_durations
 from deltaopt.planning.effort_planning import CostIteration
 from deltaopt.planning.first_motions.multistart import Optimum
-from deltaopt.planning.journal import Entry
+from deltaopt.planning.journal import Entry, Note
 from deltaopt.planning.mesh.mesh_solution import Iteration
 from deltaopt.planning.path.path_timing import PathIteration
 from deltaopt.scene.scene import Scene
@@ -52,7 +52,7 @@ class Plan:
     ``optima``: the distinct local minima that several first guesses led to, best first; empty
     where one was enough.
     ``ways``: the ways past keep-out bodies that were found, first the one that is taken.
-    ``journal``: what was attempted on the way to it, in order.
+    ``journal``: what was attempted and decided on the way to it, in order.
     ``free_duration``: where the scene gives a path, the duration (s) of the plan without it, if
     ``beside_free_path`` has found it. ``multipliers``: of the limits; None where they are not
     known, as of motions that are not the fastest.
@@ -78,7 +78,7 @@ class Plan:
     resolved: bool = False
     optima: tuple[Optimum, ...] = field(default=(), compare=False)
     ways: tuple[TakenWay, ...] = field(default=(), compare=False)
-    journal: tuple[Entry, ...] = field(default=(), compare=False)
+    journal: tuple[Entry | Note, ...] = field(default=(), compare=False)
     free_duration: float | None = None
     multipliers: Multipliers | None = field(default=None, compare=False)
 
