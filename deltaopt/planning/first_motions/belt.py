@@ -110,18 +110,17 @@ class Meetings:
 
 
 def not_met(scene: Scene, tried: int, error: DeltaOptError) -> DeltaOptError:
-    """The error of first motions, ``tried`` in vain, in words of the goal if that moves."""
+    """The error of attempts, so many ``tried`` in vain, in words of the goal if that moves."""
     goal = scene.task.goal
     if isinstance(goal, RestAnywhere) or goal.velocity == REST:
         return error
-    motions = "one first motion" if tried == 1 else f"{tried} first motions"
+    attempts = "one attempt was made" if tried == 1 else f"{tried} attempts were made"
     place = f"passes {goal.description}, a point that stands still"
     if isinstance(goal, MovingPoint):
         allowed = Meetings.of(scene, goal).in_words
         place = f"meets {goal.description}, which positions and speeds allow {allowed}"
     told = NotConverged(
-        f"no motion was found that {place}; tried from {motions}, and none that keeps all limits "
-        "was reached",
+        f"no motion was found that {place}; {attempts}, and none led to one that keeps all limits",
         getattr(error, "status", "No_Start"),
         getattr(error, "iterate", None),
     )
