@@ -68,7 +68,7 @@ def test_a_state_that_is_not_reached_is_told_in_words_of_its_own():
     passed, error = load_scene("problems/moving/passed_state.yaml"), NotConverged("x", "y", None)
     assert str(not_met(passed, 1, error)) == (
         "no motion was found that passes [0.85, 0.1, -0.05] m at [-0.3, 1, 0] m/s, a point that "
-        "stands still; 2 attempts were made, and none led to one that keeps all limits"
+        "stands still; one attempt was made, and none led to one that keeps all limits"
     )
     assert not_met(load_scene("problems/moving/stop.yaml"), 1, error) is error
     assert "a point that stands still, passed at a velocity" in passed.task.description
