@@ -28,6 +28,7 @@ ORDER = (
     "robot",
     "limits",
     "scene",
+    "problem",
     "motion",
     "planning.nlp",
     "planning.flat",
@@ -63,6 +64,7 @@ VERIFY_MAY_IMPORT = {
     "deltaopt.robot",
     "deltaopt.limits",
     "deltaopt.scene",
+    "deltaopt.problem",
     "deltaopt.verify",
     "deltaopt.motion.trajectory",
 }

@@ -70,6 +70,7 @@ from deltaopt.planning.nlp.transcription import TRANSCRIPTIONS
 from deltaopt.planning.plan import Plan
 from deltaopt.planning.planner import Planner, plan
 from deltaopt.planning.trajectory_optimiser import RESOLVED_BELOW
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene, load_scene
@@ -281,7 +282,7 @@ def _plan(
     trajectory, solution = _solve(scene, formulation, arguments)
     _require_rows(trajectory, arguments.rate)
     verification = verify(scene, trajectory)
-    active = active_limits(scene, trajectory)
+    active = active_limits(problem_of(scene), trajectory)
     before = present(directory)
     files = save(
         directory,

@@ -25,6 +25,7 @@ from deltaopt.motion.trajectory import Array, Trajectory
 from deltaopt.planning.comparisons import straight_lines
 from deltaopt.planning.first_motions.multistart import Optimum
 from deltaopt.planning.plan import TakenWay
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.scene import Scene
 from deltaopt.settings import require_positive
 from deltaopt.verify.duty import exceeding
@@ -190,12 +191,14 @@ def write_json(
     content = {
         "format": FORMAT,
         "duration": trajectory.duration,
-        "cost": {"value": cost(scene, trajectory), "unit": scene.objective.unit},
+        "cost": {"value": cost(problem_of(scene), trajectory), "unit": scene.objective.unit},
         **{name: _finite(value) for name, value in found.items()},
         "certificate": _certificate(solution.certificate),
         "optima": [_optimum(each) for each in solution.optima],
         "ways": [way_content(each) for each in solution.ways],
-        "active_limits": as_dicts(active_limits(scene, trajectory), solution.sensitivities),
+        "active_limits": as_dicts(
+            active_limits(problem_of(scene), trajectory), solution.sensitivities
+        ),
         "verification": verification.as_dict(),
         "versions": {"python": platform.python_version()}
         | {name: _version(name) for name in ("deltaopt", "casadi", "numpy")},

@@ -24,6 +24,8 @@ from deltaopt.planning.first_motions.order_of_merit import (
 from deltaopt.planning.first_motions.proposal import Proposal
 from deltaopt.planning.nlp.phases import first_mesh
 from deltaopt.planning.plan import Plan, quicker
+from deltaopt.problem.of_scene import problem_of
+from deltaopt.problem.problem import Problem
 from deltaopt.scene.feasibility import distance_from_parallel
 from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene
@@ -81,7 +83,12 @@ class Attempt:
         """The intervals of the first mesh as fractions of the duration, (N,)."""
         if self.on_its_mesh:
             return self.motion.shares
-        return first_mesh(self.scene.task, self.motion, self.intervals)
+        return first_mesh(self.problem, self.motion, self.intervals)
+
+    @property
+    def problem(self) -> Problem:
+        """The problem that its scene states."""
+        return problem_of(self.scene)
 
     def __str__(self) -> str:
         """Its settings in words, without the proposal."""

@@ -24,6 +24,7 @@ from deltaopt.planning.first_motions.multistart import Optimum
 from deltaopt.planning.journal import Entry, Note
 from deltaopt.planning.mesh.mesh_solution import Iteration
 from deltaopt.planning.path.path_timing import PathIteration
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.scene import Scene
 
 
@@ -91,12 +92,12 @@ class Plan:
     def phases(self) -> tuple[float, ...]:
         """Durations, s, from each given point to the next: start, via points or where an approach
         ends upwards, goal."""
-        return phase_durations(self.scene.task, self.trajectory)
+        return phase_durations(problem_of(self.scene), self.trajectory)
 
     @property
     def cost(self) -> float:
         """Value of the scene's objective: s for time, N²m²s for effort."""
-        return cost_of(self.scene, self.trajectory)
+        return cost_of(problem_of(self.scene), self.trajectory)
 
     @cached_property
     def lower_bound(self) -> float:
@@ -169,7 +170,7 @@ class Plan:
     def _repr_html_(self) -> str:
         """What was found as a table, for notebooks."""
         unit = self.scene.objective.unit
-        active = active_limits(self.scene, self.trajectory)
+        active = active_limits(problem_of(self.scene), self.trajectory)
         return html_table(
             (),
             [

@@ -18,6 +18,7 @@ from deltaopt.motion.trajectory import Array, Trajectory, ends_of
 from deltaopt.plots.bodies import draw_bodies
 from deltaopt.plots.colours import COLOURS, GREY
 from deltaopt.plots.style import figure, motor_curves, without_box
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.scene import Scene
 from deltaopt.verify.pontryagin import Extremal
 
@@ -43,9 +44,9 @@ def draw_limits(
     steps = max(2, _SAMPLES // (len(trajectory.knots) - 1))
     inside = np.linspace(0, 1, steps)  # 0 and 1: both sides of a jump at a knot
     motion = trajectory.inside_intervals(inside)
-    curves = list(limit_curves(scene, trajectory, inside))
+    curves = list(limit_curves(problem_of(scene), trajectory, inside))
     begin, end = trajectory.knots[[0, -1]]
-    ends = ends_of(scene.task, trajectory)
+    ends = ends_of(problem_of(scene), trajectory)
     ticks = trajectory(np.linspace(begin, end, _TICKS + 1)[1:-1]).x
     panels = max(2, len(curves))
     rows = panels + (extremal is not None)
@@ -82,7 +83,7 @@ def plot_limit(scene: Scene, trajectory: Trajectory, limit: str, axes: Axes | No
     Raises ValueError if the scene has no limit of this name.
     """
     inside = np.linspace(0, 1, max(2, _SAMPLES // (len(trajectory.knots) - 1)))
-    found = {each.limit.name: each for each in limit_curves(scene, trajectory, inside)}
+    found = {each.limit.name: each for each in limit_curves(problem_of(scene), trajectory, inside)}
     if limit not in found:
         raise ValueError(f"limit is {limit!r}; the scene has {', '.join(found)}")
     drawn = Figure(layout="constrained").add_subplot() if axes is None else axes

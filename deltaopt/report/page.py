@@ -25,6 +25,7 @@ from deltaopt.output.headline import title
 from deltaopt.planning.first_motions.around_bodies import CLEAR
 from deltaopt.planning.plan import TakenWay
 from deltaopt.plots.colours import COLOURS, OF_LIMITS
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.report.modelled import modelled, not_modelled
 from deltaopt.report.moving_robot import drawing
 from deltaopt.scene.scene import Scene
@@ -71,7 +72,7 @@ def report(
     compared: Compared | None = None,
 ) -> str:
     """The text of the page; see ``write_report``."""
-    active = active_limits(scene, trajectory)
+    active = active_limits(problem_of(scene), trajectory)
     data = drawing(scene, trajectory, active) | {
         "motor_colours": COLOURS,
         "limit_colours": OF_LIMITS,

@@ -20,6 +20,7 @@ from deltaopt.planning.first_motions.order_of_merit import (
     intervals_for,
 )
 from deltaopt.planning.first_motions.roadmap import roadmap_motions
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.feasibility import room_at_rest
 from studies.bench.statics import Statics
 from tests.hard_scenes import hard_scene, planned_and_verified
@@ -91,7 +92,7 @@ def test_a_path_over_the_grid_where_no_simple_curve_leads():
     durations = [motion.duration for motion in motions]
     assert durations == sorted(durations)
     best = motions[0]
-    assert not crosses_singularity(weak, best)
+    assert not crosses_singularity(problem_of(weak), best)
     points = best(np.linspace(0, best.duration, 301)).x
     np.testing.assert_allclose(points[[0, -1]], [weak.start, weak.goal], atol=1e-12)
     assert room_at_rest(weak, points).min() > 0

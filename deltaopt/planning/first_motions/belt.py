@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from deltaopt.errors import DeltaOptError, Infeasible, NotConverged, in_words
 from deltaopt.motion.time_scaling import sizes_at
 from deltaopt.motion.trajectory import Array
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.feasibility import exceeded
 from deltaopt.scene.scene import Scene, limits_of
 from deltaopt.scene.task import REST, EndState, MovingPoint, RestAnywhere
@@ -48,7 +49,7 @@ class Meetings:
         since = times - times[0]
         line = np.array([[goal.at(times[0], goal.position).position, goal.velocity]])
         fractions = since / since[-1]
-        sizes = sizes_at(scene, line, since[-1:], fractions)[0]
+        sizes = sizes_at(problem_of(scene), line, since[-1:], fractions)[0]
         return cls(scene, goal, near, times, sizes[:, limits_of(scene).constraints.orders < 2])
 
     @cached_property

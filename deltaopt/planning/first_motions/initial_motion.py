@@ -19,6 +19,7 @@ from deltaopt.mechanisms.delta.functions import delta_functions
 from deltaopt.mechanisms.delta.mechanism import DeltaTerms
 from deltaopt.motion.time_scaling import needed_slowing, rough_factor
 from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.scene import Scene
@@ -227,7 +228,9 @@ def line(scene: Scene) -> Trajectory:
 
 def roughly_fastest(scene: Scene, trajectory: Trajectory) -> Trajectory:
     """The motion slowed or sped up uniformly until it just keeps the limits at samples."""
-    return _sped(trajectory, lambda motion: rough_factor(scene, motion), "it cannot be driven")
+    return _sped(
+        trajectory, lambda motion: rough_factor(problem_of(scene), motion), "it cannot be driven"
+    )
 
 
 def _fastest(scene: Scene, trajectory: Trajectory, name: str) -> Trajectory:
@@ -235,7 +238,9 @@ def _fastest(scene: Scene, trajectory: Trajectory, name: str) -> Trajectory:
 
     def factor(motion: Trajectory) -> float:
         try:
-            needed = needed_slowing(scene, motion, scene.least_duration / motion.duration)
+            needed = needed_slowing(
+                problem_of(scene), motion, scene.least_duration / motion.duration
+            )
         except Unreachable as error:
             raise Unreachable(f"{name}: {error}") from None
         if not needed.keeps_places:

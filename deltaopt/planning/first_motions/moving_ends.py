@@ -19,6 +19,7 @@ from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
 from deltaopt.planning.first_motions.belt import Meetings
 from deltaopt.planning.first_motions.order_of_merit import first_motion
 from deltaopt.planning.first_motions.proposal import Proposal
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import REST, EndState, MovingEnds, MovingPoint, RestAnywhere
@@ -244,7 +245,7 @@ def _best(scene: Scene, family: Family, durations: Array) -> float | None:
     """The best of some durations (s), increasing."""
     coefficients, lengths = family(durations)
     pieces = coefficients.reshape(-1, *coefficients.shape[2:])
-    sizes = sizes_at(scene, pieces, lengths.ravel(), _SAMPLES)
+    sizes = sizes_at(problem_of(scene), pieces, lengths.ravel(), _SAMPLES)
     highest = sizes.reshape(len(durations), -1).max(axis=1)
     if not np.isfinite(highest).any():
         return None

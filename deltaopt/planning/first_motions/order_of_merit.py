@@ -26,6 +26,8 @@ from deltaopt.planning.first_motions.initial_motion import (
 from deltaopt.planning.first_motions.proposal import Proposal
 from deltaopt.planning.first_motions.roadmap import STEPS, roadmap_motions, spacing
 from deltaopt.planning.path.path_planning import fastest_on_path
+from deltaopt.problem.of_scene import problem_of
+from deltaopt.problem.problem import Problem
 from deltaopt.scene.feasibility import on_one_side, require_ends_on_one_side
 from deltaopt.scene.scene import Scene, limits_of
 from deltaopt.scene.task import OnPath, distance
@@ -132,7 +134,11 @@ def _lines_and_curves(scene: Scene) -> Iterator[Proposal]:
 def _over_a_grid(scene: Scene) -> Iterator[Proposal]:
     """Motions on the path of the coarsest grid that has one."""
     for steps in STEPS:
-        ways = (m for m in roadmap_motions(scene, steps) if not crosses_singularity(scene, m))
+        ways = (
+            m
+            for m in roadmap_motions(scene, steps)
+            if not crosses_singularity(problem_of(scene), m)
+        )
         motions = list(islice(ways, _OF_A_GRID))
         if motions:
             yield from (Proposal("a path over a grid", motion) for motion in motions)
@@ -148,7 +154,7 @@ def _driven(scene: Scene, name: str, make: Callable[[Scene], Trajectory]) -> Pro
         return made if make is detour else roughly_fastest(scene, made)
 
     found = if_possible(RULED_OUT, driven)
-    if found is None or (make is not line and crosses_singularity(scene, found)):
+    if found is None or (make is not line and crosses_singularity(problem_of(scene), found)):
         return None
     return Proposal(name, found)
 
@@ -190,7 +196,7 @@ def intervals_in_tube(scene: Scene, motion: Trajectory, intervals: int) -> int:
     for factor in (1, 2, 4):
         knots = np.linspace(motion.knots[0], motion.knots[-1], factor * intervals + 1)
         cubics = PiecewisePolynomial.hermite(knots, *motion.position.with_rate_at(knots))
-        sizes = sizes_at(scene, cubics.coefficients, np.diff(knots), _TRIED)
+        sizes = sizes_at(problem_of(scene), cubics.coefficients, np.diff(knots), _TRIED)
         if sizes[:, :, rows].max() <= 1:
             return factor * intervals
     return _FINEST * intervals
@@ -207,12 +213,11 @@ class CrossesSingularity(NotConverged):
     """The motion found passes through a parallel singularity, which no torques allow."""
 
 
-def crosses_singularity(scene: Scene, motion: Trajectory) -> bool:
+def crosses_singularity(problem: Problem, motion: Trajectory) -> bool:
     """Whether a motion passes through a parallel singularity, as far as samples show."""
     one = len(motion.knots) == 2
-    return not on_one_side(
-        scene, _points(motion.position, _TRIED_IN_ONE if one else _TRIED_IN_MANY)
-    )
+    points = _points(motion.position, _TRIED_IN_ONE if one else _TRIED_IN_MANY)
+    return not on_one_side(problem.model, np.vstack([problem.start.position, points]))
 
 
 def _points(position: PiecewisePolynomial, fractions: Array) -> Array:

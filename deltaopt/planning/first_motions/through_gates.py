@@ -26,6 +26,7 @@ from deltaopt.planning.first_motions.moving_ends import (
     stopping,
 )
 from deltaopt.planning.first_motions.proposal import Proposal
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.feasibility import room_at_rest
 from deltaopt.scene.moving_ends import Belt, End
@@ -111,7 +112,7 @@ def _spline_at_rest(scene: Scene, places: Array, power: float) -> Trajectory | N
     points, rest = np.array([start, *places, goal]), np.zeros(3)
     position = _spline(points, _lengths(points, power), rest, rest)
     spline = Trajectory(position, delta_model(scene.robot, scene.payload))
-    factor = rough_factor(scene, spline)
+    factor = rough_factor(problem_of(scene), spline)
     return spline.slowed(factor) if isfinite(factor) else None
 
 

@@ -32,6 +32,7 @@ from deltaopt.planning.switching.structure import (
     SwitchingStructure,
     changed,
 )
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import DeltaModel
 from deltaopt.scene.task import RestToRest
 from tests.oracles.arcs import ArcProblem
@@ -70,7 +71,7 @@ def cross():
     """industrial_cross: its rows and parameters; velocities are limited."""
     scene = load_scene("problems/industrial_cross.yaml")
     model = DeltaModel(scene.robot, scene.payload)
-    scaling = Scaling(scene, 0.15)
+    scaling = Scaling(problem_of(scene), 0.15)
     rows = constraint_rows(point_equations(model.functions, scaling.constraints))
     return scene, model, scaling, rows, scaling.parameters(model.parameters)
 
@@ -131,7 +132,7 @@ def test_newton_and_ipopt_find_the_same_switches():
     )
     guess = plan(scene, tolerance=1e-3).trajectory
     model = guess.model
-    scaling = Scaling(scene, 0.15)
+    scaling = Scaling(problem_of(scene), 0.15)
     equations = point_equations(model.functions, scaling.constraints)
     rows, mesh = ConstraintRows(equations), ArcMesh.of(arcs, 8)
     conditions = OptimalityConditions.of(rows, arcs, mesh, scaling, model.parameters)
