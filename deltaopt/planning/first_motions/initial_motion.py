@@ -44,6 +44,8 @@ _JOINT_LINE_INTERVALS = 32
 _FAR_OFF = 1e3
 """Factor by which a motion may be slowed or sped up at once: it costs six digits of the torques
 that accelerate."""
+_UNRESOLVED = 1e-20
+"""Factor below which the torques that accelerate a motion of a second are lost in rounding."""
 _MOST_SPEEDS = 10
 """Each brings a motion nearer to its fastest by seven orders of magnitude."""
 
@@ -265,6 +267,8 @@ def _sped(
         factor = factor_of(trajectory)
         if isinf(factor):
             raise Infeasible(obstacle)
+        if factor < _UNRESOLVED:
+            raise Infeasible("the way is so short that double precision does not resolve it")
         trajectory = trajectory.slowed(factor)
         if 1 / _FAR_OFF < factor < _FAR_OFF:
             break

@@ -64,7 +64,7 @@ def test_a_share_of_the_limits_is_that_of_weaker_motors():
     problem, guess = flat_equations(CROSS).on(mesh), first_guess(CROSS, 1e-9)
     dynamic = scaling.constraints.orders > 0
     shared = replace(scaling, share=np.where(dynamic, 0.8, 1.0)[None].repeat(12, axis=0))
-    weaker = Scaling(limited(CROSS, 0.8), scaling.time)
+    weaker = Scaling(problem_of(limited(CROSS, 0.8)), scaling.time)
     one, other = (problem.solve(guess, s, model.parameters) for s in (shared, weaker))
     assert one.position.knots[-1] == pytest.approx(other.position.knots[-1], rel=1e-8)
     ours, theirs = one.multipliers[..., dynamic], other.multipliers[..., dynamic]

@@ -34,7 +34,7 @@ def motion() -> Trajectory:
 
 def test_knots_lie_on_both_sides_of_every_reversal(motion):
     """Within 3 w of rest are two knots before and two after: rest is found by bisection."""
-    mesh = with_reversals(np.full(16, 1 / 16), motion, DRIVE)
+    mesh = with_reversals(np.full(16, 1 / 16), motion, problem_of(DRIVE))
     assert mesh.sum() == pytest.approx(1.0, abs=1e-14)
     assert mesh.min() >= 1e-4 - 1e-15
     knots = np.cumsum(mesh)[:-1] * motion.duration
@@ -63,13 +63,13 @@ def test_knots_lie_on_both_sides_of_every_reversal(motion):
 
 def test_the_knots_of_the_mesh_stay(motion):
     mesh = np.full(16, 1 / 16)
-    knots = np.cumsum(with_reversals(mesh, motion, DRIVE))
+    knots = np.cumsum(with_reversals(mesh, motion, problem_of(DRIVE)))
     assert all(np.abs(knots - knot).min() < 1e-12 for knot in np.cumsum(mesh))
 
 
 def test_without_coulomb_friction_nothing_is_done(motion):
     scene, mesh = changed(coulomb=None, speed=None), np.full(16, 1 / 16)
-    assert with_reversals(mesh, motion, scene) is mesh
+    assert with_reversals(mesh, motion, problem_of(scene)) is mesh
     assert softer_problems(problem_of(scene), motion) == ()
 
 
