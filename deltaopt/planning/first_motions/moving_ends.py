@@ -8,7 +8,7 @@ least.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from math import ceil
+from math import ceil, dist
 
 import numpy as np
 
@@ -35,6 +35,8 @@ _SOONEST, _LEAST_WAIT = 3, 1e-3
 the least wait as a share of the motion then."""
 _MOST = 100
 """By which factor a mesh may be finer for a motion that waits first. A finer one takes seconds."""
+_RESOLVED = 1e-11
+"""A way that is none, m: of a motion that ends at the goal but for rounding."""
 _NEARLY = 1.2
 """Excess over its limits with which a guess is good enough: the optimum bends away from it."""
 
@@ -161,8 +163,12 @@ def end_of(position: PiecewisePolynomial) -> Vector3:
 
 
 def _onwards(scene: Scene, before: PiecewisePolynomial) -> Iterator[Trajectory]:
-    """A motion that comes to rest, and one from there to the scene's goal, if there is one."""
-    if isinstance(scene.task.goal, RestAnywhere):
+    """A motion that comes to rest, and one from there to the scene's goal, if it is elsewhere."""
+    goal = scene.task.goal
+    there = isinstance(goal, EndState) and goal.velocity == REST
+    if isinstance(goal, RestAnywhere) or (
+        there and dist(end_of(before), goal.position) < _RESOLVED
+    ):
         yield Trajectory(before, delta_model(scene.robot, scene.payload))
         return
     later = if_possible(RULED_OUT, first_between, from_rest(scene, end_of(before)))
