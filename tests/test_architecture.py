@@ -138,6 +138,30 @@ def test_imports_come_from_the_left(module):
             assert rank(name) < rank(module), f"{module} imports {name}"
 
 
+KNOW_THE_PROBLEM_ALONE = (
+    "problem.boundary",
+    "problem.problem",
+    "motion",
+    "planning.nlp",
+    "planning.flat",
+    "planning.formulations",
+    "planning.mesh",
+    "planning.switching",
+    "planning.refinement",
+)
+"""Solvers, meshes, slowing and gaps read the problem, never a scene, a key or a task."""
+OF_A_SCENE = {"deltaopt.motion.lower_bound", "deltaopt.motion.links"}
+"""Facts of a scene's geometry, of whatever motion."""
+
+
+@pytest.mark.parametrize("module", INSIDE)
+def test_what_solves_knows_no_scene(module):
+    inner = module.removeprefix("deltaopt.")
+    if module not in OF_A_SCENE and any(_inside(inner, room) for room in KNOW_THE_PROBLEM_ALONE):
+        seen = {name for name in ours(module) if place(name) == "scene"}
+        assert not seen | (ours(module) & {"deltaopt.problem.of_scene"}), module
+
+
 @pytest.mark.parametrize("module", INSIDE)
 def test_imports_are_allowed_here(module):
     for name in imports(module):
