@@ -198,7 +198,7 @@ def if_possible(
     **options: Parameters.kwargs,
 ) -> Result | None:
     """What ``make`` returns for these arguments; None where it raises an error that is ``expected``
-    of one possibility among several, which is told with ``--verbose``. Others it lets through."""
+    of one possibility among several, which is told with ``-vv``. Others it lets through."""
     try:
         return make(*arguments, **options)
     except expected as error:

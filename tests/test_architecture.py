@@ -30,7 +30,9 @@ ORDER = (
     "robot",
     "limits",
     "scene",
+    "problem",
     "motion",
+    "planning.journal",
     "planning.plan",
     "planning.nlp",
     "planning.flat",
@@ -50,7 +52,7 @@ ORDER = (
 )
 """Rooms from left to right. A module imports from its own room and from rooms to its left."""
 
-MOST_FILES = 13
+MOST_FILES = 16
 """In a room: more than about a dozen, and nobody knows what is in it."""
 
 MAY_IMPORT = {
@@ -67,6 +69,7 @@ VERIFY_MAY_IMPORT = {
     "deltaopt.robot",
     "deltaopt.limits",
     "deltaopt.scene",
+    "deltaopt.problem",
     "deltaopt.verify",
     "deltaopt.motion.trajectory",
 }
@@ -129,6 +132,30 @@ def test_imports_come_from_the_left(module):
     for name in ours(module):
         if place(name) != place(module):
             assert rank(name) < rank(module), f"{module} imports {name}"
+
+
+KNOW_THE_PROBLEM_ALONE = (
+    "problem.boundary",
+    "problem.problem",
+    "motion",
+    "planning.nlp",
+    "planning.flat",
+    "planning.formulations",
+    "planning.mesh",
+    "planning.switching",
+    "planning.refinement",
+)
+"""Solvers, meshes, slowing and gaps read the problem, never a scene, a key or a task."""
+OF_A_SCENE = {"deltaopt.motion.lower_bound", "deltaopt.motion.links"}
+"""Facts of a scene's geometry, of whatever motion."""
+
+
+@pytest.mark.parametrize("module", INSIDE)
+def test_what_solves_knows_no_scene(module):
+    inner = module.removeprefix("deltaopt.")
+    if module not in OF_A_SCENE and any(_inside(inner, room) for room in KNOW_THE_PROBLEM_ALONE):
+        seen = {name for name in ours(module) if place(name) == "scene"}
+        assert not seen | (ours(module) & {"deltaopt.problem.of_scene"}), module
 
 
 @pytest.mark.parametrize("module", INSIDE)

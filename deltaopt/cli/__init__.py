@@ -68,7 +68,7 @@ COMMANDS = {
 
 class _OneLine(logging.Handler):
     """Writes to stderr what the package says: warnings, and to people at a terminal what is done
-    that takes them seconds; with --verbose the solver's iterations too."""
+    that takes them seconds; with -vv the solver's iterations too."""
 
     def emit(self, record: logging.LogRecord) -> None:
         if record.levelno == logging.DEBUG:

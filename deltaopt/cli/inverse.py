@@ -28,6 +28,7 @@ from deltaopt.motion.limit_curves import limit_curves
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.plan_files import MOST_ROWS, RATE, write_motion
 from deltaopt.planning.first_motions.initial_motion import straight_line
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import DeltaModel
 from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.scene import Scene, load_scene
@@ -85,7 +86,7 @@ def _against_limits(scene: Scene, trajectory: Trajectory) -> str:
     """Lines that say how near the motion comes to each limit, and when."""
     steps = np.linspace(0.0, 1.0, 2001)
     lines = []
-    for curves in limit_curves(scene, trajectory, steps):
+    for curves in limit_curves(problem_of(scene), trajectory, steps):
         share = curves.of_bounds
         instant, row = np.unravel_index(int(np.nanargmax(share)), share.shape)
         which = f" of {curves.limit.subject} {row + 1}" if share.shape[1] > 1 else ""

@@ -106,7 +106,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_json(parser)
     parser.add_argument(
-        "-v", "--verbose", action="store_true", help="print every iteration of the solver to stderr"
+        "-v",
+        "--verbose",
+        action="count",
+        default=0,
+        help="print to stderr what was attempted and what came of it; twice: and every iteration "
+        "of the solver",
     )
     parser.add_argument(
         "--baseline",
@@ -168,7 +173,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    if arguments.verbose:
+    if arguments.verbose > 1:
         with _solver_heard():
             return _run(arguments)
     return _run(arguments)
@@ -348,5 +353,7 @@ def _solve(
         seed=1 if arguments.seed is None else arguments.seed,
         progress=lambda text: print(text, file=sys.stderr, flush=True),
     )
+    if arguments.verbose:
+        print("what was attempted:", *found.journal, sep="\n  ", file=sys.stderr)
     found = beside_free_path(found)
     return found.trajectory, found

@@ -11,6 +11,7 @@ from deltaopt.motion.certificate import Certificate
 from deltaopt.motion.limit_sensitivity import LimitSensitivity, limits_in_words
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.plan import Optimum, Plan, TakenWay
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import MovingEnds, Task
 from deltaopt.verify.duty import Duty, exceeding
@@ -88,7 +89,7 @@ class Facts:
     @cached_property
     def active(self) -> tuple[ActiveLimit, ...]:
         """The limits that the motion is at, those of most time first."""
-        return active_limits(self.scene, self.trajectory)
+        return active_limits(problem_of(self.scene), self.trajectory)
 
     @cached_property
     def limits(self) -> list[str]:

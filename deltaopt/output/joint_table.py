@@ -18,6 +18,7 @@ from deltaopt.limits.limit import first_highest
 from deltaopt.motion.extrema import Index, everywhere, peaks, sample_fractions
 from deltaopt.motion.limit_curves import LimitShares
 from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import DeltaModel
 from deltaopt.scene.scene import Scene
 
@@ -233,7 +234,7 @@ def demand_of(scene: Scene, angles: PiecewisePolynomial) -> Demand:
 
     Raises Unreachable or Singular where the robot cannot follow.
     """
-    limits, speeds = LimitShares.of(scene), angles.derivative()
+    limits, speeds = LimitShares.of(problem_of(scene)), angles.derivative()
     lengths = np.diff(angles.knots)
     path = (angles, speeds, speeds.derivative())
 

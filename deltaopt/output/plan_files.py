@@ -22,6 +22,7 @@ from deltaopt.motion.limit_sensitivity import as_dicts
 from deltaopt.motion.trajectory import Array, Trajectory
 from deltaopt.output.facts import Facts, StraightLine
 from deltaopt.planning.plan import TakenWay
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.settings import require_positive
 
 TABLE, RECORD = "trajectory.csv", "plan.json"
@@ -56,7 +57,10 @@ def content(facts: Facts) -> dict[str, object]:
     found = facts.found
     return {
         "duration": facts.trajectory.duration,
-        "cost": {"value": cost(facts.scene, facts.trajectory), "unit": facts.scene.objective.unit},
+        "cost": {
+            "value": cost(problem_of(facts.scene), facts.trajectory),
+            "unit": facts.scene.objective.unit,
+        },
         **{each.name: _finite(getattr(found, each.name)) for each in fields(StraightLine)},
         "certificate": found.certificate and vars(found.certificate),
         "optima": [

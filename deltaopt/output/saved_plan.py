@@ -25,6 +25,7 @@ from deltaopt.output.plan_files import (
     instants,
     rows_at,
 )
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import delta_model
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.scene import Scene
@@ -87,7 +88,7 @@ def load_plan(path: str | Path) -> SavedPlan:
         raise UnreadablePlan(f"{file}: {problem}") from None
     except (TypeError, ValueError, AttributeError, OverflowError) as error:
         raise UnreadablePlan(f"{file}: its motion cannot be used: {error}") from None
-    return SavedPlan(scene, moving_on(scene.task, trajectory), content)
+    return SavedPlan(scene, moving_on(problem_of(scene), trajectory), content)
 
 
 def record_differences(saved: SavedPlan, ok: bool | None) -> list[str]:

@@ -21,6 +21,8 @@ from deltaopt.motion.limit_sensitivity import (
 )
 from deltaopt.motion.lower_bound import lower_bound
 from deltaopt.motion.trajectory import Trajectory, phase_durations
+from deltaopt.planning.journal import Entry, Note
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.scene import Scene
 
 
@@ -142,6 +144,7 @@ class Plan:
     ``optima``: the distinct local minima that several first guesses led to, best first; empty
     where one was enough.
     ``ways``: the ways past keep-out bodies that were found, first the one that is taken.
+    ``journal``: what was attempted and decided on the way to it, in order.
     ``free_duration``: where the scene gives a path, the duration (s) of the plan without it, if
     ``beside_free_path`` has found it. ``multipliers``: of the limits; None where they are not
     known, as of motions that are not the fastest.
@@ -167,6 +170,7 @@ class Plan:
     resolved: bool = False
     optima: tuple[Optimum, ...] = field(default=(), compare=False)
     ways: tuple[TakenWay, ...] = field(default=(), compare=False)
+    journal: tuple[Entry | Note, ...] = field(default=(), compare=False)
     free_duration: float | None = None
     multipliers: Multipliers | None = field(default=None, compare=False)
 
@@ -179,12 +183,12 @@ class Plan:
     def phases(self) -> tuple[float, ...]:
         """Durations, s, from each given point to the next: start, via points or where an approach
         ends upwards, goal."""
-        return phase_durations(self.scene.task, self.trajectory)
+        return phase_durations(problem_of(self.scene), self.trajectory)
 
     @property
     def cost(self) -> float:
         """Value of the scene's objective: s for time, N²m²s for effort."""
-        return cost_of(self.scene, self.trajectory)
+        return cost_of(problem_of(self.scene), self.trajectory)
 
     @cached_property
     def lower_bound(self) -> float:
@@ -242,7 +246,7 @@ class Plan:
     def _repr_html_(self) -> str:
         """What was found as a table, for notebooks."""
         unit = self.scene.objective.unit
-        active = active_limits(self.scene, self.trajectory)
+        active = active_limits(problem_of(self.scene), self.trajectory)
         return html_table(
             (),
             [

@@ -20,6 +20,7 @@ from deltaopt.output.facts import Facts, work
 from deltaopt.plots.bodies import draw_bodies
 from deltaopt.plots.colours import COLOURS, GREY
 from deltaopt.plots.style import figure, motor_curves, without_box
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.scene import Scene
 from deltaopt.verify.duty import exceeding
 from deltaopt.verify.pontryagin import Extremal, extremal
@@ -41,9 +42,9 @@ def draw_limits(file: Path, facts: Facts) -> None:
     steps = max(2, _SAMPLES // (len(trajectory.knots) - 1))
     inside = np.linspace(0, 1, steps)  # 0 and 1: both sides of a jump at a knot
     motion = trajectory.inside_intervals(inside)
-    curves = list(limit_curves(scene, trajectory, inside))
+    curves = list(limit_curves(problem_of(scene), trajectory, inside))
     begin, end = trajectory.knots[[0, -1]]
-    ends = ends_of(scene.task, trajectory)
+    ends = ends_of(problem_of(scene), trajectory)
     ticks = trajectory(np.linspace(begin, end, _TICKS + 1)[1:-1]).x
     panels = max(2, len(curves))
     rows = panels + (costates is not None)
@@ -110,7 +111,7 @@ def plot_limit(scene: Scene, trajectory: Trajectory, limit: str, axes: Axes | No
     Raises ValueError if the scene has no limit of this name.
     """
     inside = np.linspace(0, 1, max(2, _SAMPLES // (len(trajectory.knots) - 1)))
-    found = {each.limit.name: each for each in limit_curves(scene, trajectory, inside)}
+    found = {each.limit.name: each for each in limit_curves(problem_of(scene), trajectory, inside)}
     if limit not in found:
         raise ValueError(f"limit is {limit!r}; the scene has {', '.join(found)}")
     drawn = Figure(layout="constrained").add_subplot() if axes is None else axes

@@ -197,26 +197,28 @@ def room_at_rest(scene: Scene, points: Array) -> Array:
     """
     _, rows, distances = _at_rest(scene, points)
     limits = 1 - np.abs(rows).max(axis=1)
-    volumes = _volumes(scene, np.vstack([scene.given_points[0], points]))
+    model = delta_model(scene.robot, scene.payload)
+    volumes = _volumes(model, np.vstack([scene.given_points[0], points]))
     beyond = np.sign(volumes[0]) * volumes[1:]
     room = np.minimum(np.minimum(limits, distances.min(axis=1)), beyond)
     return np.where(np.isfinite(room), room, -1.0)
 
 
-def on_one_side(scene: Scene, points: Array) -> bool:
-    """Whether no parallel singularity lies between the start and any of the points, (N, 3) in m.
+def on_one_side(model: DeltaModel, points: Array) -> bool:
+    """Whether no parallel singularity lies between the first and any of the points, (N, 3) in m.
 
     In one, finite torques do not hold the platform: a motion through it exceeds every torque limit,
     however few instants show that.
     """
-    volumes = _volumes(scene, np.vstack([scene.given_points[0], points]))
+    volumes = _volumes(model, points)
     return bool((volumes[0] * volumes > 0).all())
 
 
 def require_ends_on_one_side(scene: Scene) -> None:
     """Raise Infeasible where a parallel singularity lies between start and goal, on every path: the
     volume of the bars' directions, which is zero in one, has another sign at the goal."""
-    if not on_one_side(scene, np.array(scene.given_points)):
+    model = delta_model(scene.robot, scene.payload)
+    if not on_one_side(model, np.array(scene.given_points)):
         raise Infeasible(
             "start and goal are on different sides of a parallel singularity, in which the motors "
             "do not hold the platform: every path between them leads through one"
@@ -226,7 +228,7 @@ def require_ends_on_one_side(scene: Scene) -> None:
 def require_path_on_one_side(scene: Scene, path: Array) -> None:
     """Raise Infeasible where places of a given path, (N, 3) in m, lie on different sides of a
     parallel singularity."""
-    volumes = _volumes(scene, path)
+    volumes = _volumes(delta_model(scene.robot, scene.payload), path)
     beyond = np.flatnonzero(volumes * volumes[0] <= 0)
     if len(beyond):
         raise Infeasible(
@@ -242,12 +244,12 @@ def limit_room_at_ends(scene: Scene) -> float:
 
 def distance_from_parallel(scene: Scene) -> float:
     """The lesser distance of start and goal from a parallel singularity, without unit."""
-    return float(np.abs(_volumes(scene, np.array(scene.given_points))).min())
-
-
-def _volumes(scene: Scene, points: Array) -> Array:
-    """Distances from a parallel singularity at points (N, 3), m, with a sign, (N,)."""
     model = delta_model(scene.robot, scene.payload)
+    return float(np.abs(_volumes(model, np.array(scene.given_points))).min())
+
+
+def _volumes(model: DeltaModel, points: Array) -> Array:
+    """Distances from a parallel singularity at points (N, 3), m, with a sign, (N,)."""
     parallel = _parallel_function(model.functions.terms)
     (found,) = parallel(points, parameters=model.parameters)
     return np.asarray(found[:, 0])

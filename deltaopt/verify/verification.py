@@ -26,6 +26,7 @@ from deltaopt.limits.limit import OwnMeasure
 from deltaopt.mechanisms.delta.functions import delta_functions
 from deltaopt.mechanisms.delta.mechanism import DeltaTerms
 from deltaopt.motion.trajectory import Array, Trajectory, goal_of
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.scene import LIMITS, Scene, limits_of
 from deltaopt.scene.task import EndState, MovingEnds, OnPath
@@ -615,7 +616,7 @@ def _ends(scene: Scene, trajectory: Trajectory, nothing: Verification) -> dict[s
     if isinstance(task, OnPath):
         (asked,) = (b.of(nothing).at_most for b in BOUNDS if b.measure == "path_distance")
         on_path["path_distance"] = off_path(task, trajectory, asked)
-    goal = goal_of(task, trajectory)
+    goal = goal_of(problem_of(scene), trajectory)
     if task.via:
         on_path["via_distance"] = off_via_points(task, trajectory)
     if scene.columns:

@@ -19,6 +19,7 @@ from deltaopt.planning.first_motions.around_bodies import CLEAR
 from deltaopt.planning.first_motions.initial_motion import baseline
 from deltaopt.planning.plan import Optimum, TakenWay
 from deltaopt.planning.planner import plan
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.report.page import report, write_report
 from deltaopt.scene.scene import load_scene
 from deltaopt.verify.verification import verify
@@ -76,7 +77,7 @@ def embedded(page: str) -> dict:
 def test_signed_shares_of_torques_are_torques_over_their_limit(planned):
     trajectory = planned[0].trajectory
     inside = np.linspace(0, 1, 7)
-    curves = share_curves(SCENE, trajectory, inside)
+    curves = share_curves(problem_of(SCENE), trajectory, inside)
     assert [(c.limit, c.subject) for c in curves] == [("torque", f"motor {k}") for k in (1, 2, 3)]
     tau = trajectory.inside_intervals(inside).tau
     np.testing.assert_allclose(np.array([c.values for c in curves]).T, tau / 10.0, atol=1e-12)
@@ -86,7 +87,7 @@ def test_time_at_limits_is_that_of_dense_samples(planned):
     trajectory = planned[0].trajectory
     t = np.linspace(0, trajectory.duration, 200_001)[1:-1]
     at = np.abs(trajectory(t).tau / 10.0) >= AT_LIMIT
-    found = {each.subject: each for each in active_limits(SCENE, trajectory)}
+    found = {each.subject: each for each in active_limits(problem_of(SCENE), trajectory)}
     for k in range(3):
         each = found[f"motor {k + 1}"]
         assert each.share == pytest.approx(at[:, k].mean(), abs=2e-3)
@@ -100,7 +101,7 @@ def test_time_at_limits_is_that_of_dense_samples(planned):
 
 
 def test_a_slow_motion_is_at_no_limit():
-    assert active_limits(SCENE, baseline(SCENE).slowed(2.0)) == ()
+    assert active_limits(problem_of(SCENE), baseline(SCENE).slowed(2.0)) == ()
     text = report(of_line(SCENE, baseline(SCENE).slowed(2.0)))
     assert "No limit is reached for a noticeable part of the time." in text
 
@@ -413,7 +414,7 @@ def test_charts_are_linked_to_the_time(browser, planned, page):
     assert opened.frame() == 400
     spans = opened.page.locator(".span")
     assert spans.count() == sum(
-        len(each.spans) for each in active_limits(SCENE, planned[0].trajectory)
+        len(each.spans) for each in active_limits(problem_of(SCENE), planned[0].trajectory)
     )
     opened.page.close()
 

@@ -9,6 +9,7 @@ import pytest
 
 from deltaopt.motion.sure_bounds import signed_distances
 from deltaopt.planning.first_motions.initial_motion import curve_between, roughly_fastest
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.verify.links import _lines, robot_clearance
 from deltaopt.verify.verification import verify
 from tests.limits.test_keep_out import with_bodies
@@ -37,7 +38,7 @@ def test_the_least_distance_is_that_of_dense_samples(motion):
     begins, ends = _lines(scene.robot, found.x, found.theta)
     share = np.linspace(0, 1, 2001)[:, None, None]
     places = (begins + share * (ends - begins)).reshape(-1, 3)
-    expected = signed_distances(scene, places)[0].min()
+    expected = signed_distances(problem_of(scene), places)[0].min()
     assert robot_clearance(scene, line) == pytest.approx(expected, abs=2e-4)
     assert robot_clearance(scene, line) <= expected + 1e-12
 
