@@ -4,113 +4,147 @@ from deltaopt.interrupts.imports import end_at_once_if_command
 
 end_at_once_if_command()
 
-from deltaopt.dynamics.kane import Kane
-from deltaopt.dynamics.lagrange import Explicit, Multiplier
-from deltaopt.dynamics.virtual_work import VirtualWork
-from deltaopt.errors import (
-    DeltaOptError,
-    Infeasible,
-    MissingPackage,
-    NotConverged,
-    SceneError,
-    Singular,
-    Unreachable,
-)
-from deltaopt.files.progress_bar import ProgressBar
-from deltaopt.files.version import __version__
-from deltaopt.motion.trajectory import Trajectory
-from deltaopt.output.saved_plan import SavedPlan, UnreadablePlan, load_plan
-from deltaopt.planning.comparisons import beside_free_path, timed_line
-from deltaopt.planning.first_motions.initial_motion import baseline
-from deltaopt.planning.flat.flat_problem import Flat
-from deltaopt.planning.formulations.choice import Forward, Redundant
-from deltaopt.planning.formulations.loop_closure import (
-    AccelerationLevel,
-    Baumgarte,
-    KnotConstraints,
-    Projection,
-)
-from deltaopt.planning.nlp.problem import InteriorPoint, Ipopt
-from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
-from deltaopt.planning.plan import Plan
-from deltaopt.planning.planner import Planner, plan
-from deltaopt.robot.model import DeltaModel
-from deltaopt.robot.robot import Robot, load_robot
-from deltaopt.scene.moving_ends import Anywhere, Belt, State
-from deltaopt.scene.objective import Effort, Time, TimeAndEffort
-from deltaopt.scene.path import Corners, Curve, Line, PickAndPlace
-from deltaopt.scene.scene import Limits, Scene, load_scene
-from deltaopt.verify.verification import Verification, verify
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
-explicit = Explicit()
-"""Dynamics by model L_E, eq. (39): Lagrange without multipliers."""
-multiplier = Multiplier()
-"""Dynamics by model L_I, eq. (37): Lagrange with multipliers."""
-virtual_work = VirtualWork()
-"""Dynamics by the Principle of Virtual Work, eq. (23)."""
-kane = Kane()
-"""Dynamics by Kane's equations, eq. (49)."""
-flat = Flat()
-"""The flat formulation of a plan: the platform's motion and the torques are the unknowns."""
-interior_point = InteriorPoint()
-"""deltaopt's own interior-point method in compiled C, the default of the flat formulation."""
-ipopt = Ipopt()
-"""The general solver Ipopt, which solves all formulations."""
-forward = Forward()
-"""The forward formulation of a plan: torques are controls, forward dynamics is collocated."""
+from deltaopt.later import PLACES, loaded
 
-__all__ = [
-    "AccelerationLevel",
-    "Anywhere",
-    "Baumgarte",
-    "Belt",
-    "Corners",
-    "Curve",
-    "DeltaModel",
-    "DeltaOptError",
-    "Effort",
-    "Infeasible",
-    "InteriorPoint",
-    "Ipopt",
-    "KnotConstraints",
-    "Limits",
-    "Line",
-    "MissingPackage",
-    "NotConverged",
-    "PickAndPlace",
-    "PiecewiseAcceleration",
-    "Plan",
-    "Planner",
-    "ProgressBar",
-    "Projection",
-    "Redundant",
-    "Robot",
-    "SavedPlan",
-    "Scene",
-    "SceneError",
-    "Singular",
-    "State",
-    "Time",
-    "TimeAndEffort",
-    "Trajectory",
-    "Unreachable",
-    "UnreadablePlan",
-    "Verification",
-    "__version__",
-    "baseline",
-    "beside_free_path",
-    "explicit",
-    "flat",
-    "forward",
-    "interior_point",
-    "ipopt",
-    "kane",
-    "load_plan",
-    "load_robot",
-    "load_scene",
-    "multiplier",
-    "plan",
-    "timed_line",
-    "verify",
-    "virtual_work",
-]
+if TYPE_CHECKING:
+    from deltaopt.errors import (
+        DeltaOptError as DeltaOptError,
+        Infeasible as Infeasible,
+        MissingPackage as MissingPackage,
+        NotConverged as NotConverged,
+        SceneError as SceneError,
+        Singular as Singular,
+        Unreachable as Unreachable,
+    )
+    from deltaopt.files.progress_bar import ProgressBar as ProgressBar
+    from deltaopt.files.version import __version__ as __version__
+    from deltaopt.methods import (
+        explicit as explicit,
+        flat as flat,
+        forward as forward,
+        interior_point as interior_point,
+        ipopt as ipopt,
+        kane as kane,
+        multiplier as multiplier,
+        virtual_work as virtual_work,
+    )
+    from deltaopt.motion.trajectory import Trajectory as Trajectory
+    from deltaopt.output.saved_plan import (
+        SavedPlan as SavedPlan,
+        UnreadablePlan as UnreadablePlan,
+        load_plan as load_plan,
+    )
+    from deltaopt.planning.comparisons import (
+        beside_free_path as beside_free_path,
+        timed_line as timed_line,
+    )
+    from deltaopt.planning.first_motions.initial_motion import baseline as baseline
+    from deltaopt.planning.formulations.choice import Redundant as Redundant
+    from deltaopt.planning.formulations.loop_closure import (
+        AccelerationLevel as AccelerationLevel,
+        Baumgarte as Baumgarte,
+        KnotConstraints as KnotConstraints,
+        Projection as Projection,
+    )
+    from deltaopt.planning.nlp.problem import InteriorPoint as InteriorPoint, Ipopt as Ipopt
+    from deltaopt.planning.nlp.transcription import PiecewiseAcceleration as PiecewiseAcceleration
+    from deltaopt.planning.plan import Plan as Plan
+    from deltaopt.planning.planner import Planner as Planner, plan as plan
+    from deltaopt.robot.model import DeltaModel as DeltaModel
+    from deltaopt.robot.robot import Robot as Robot, load_robot as load_robot
+    from deltaopt.scene.moving_ends import Anywhere as Anywhere, Belt as Belt, State as State
+    from deltaopt.scene.objective import (
+        Effort as Effort,
+        Time as Time,
+        TimeAndEffort as TimeAndEffort,
+    )
+    from deltaopt.scene.path import (
+        Corners as Corners,
+        Curve as Curve,
+        Line as Line,
+        PickAndPlace as PickAndPlace,
+    )
+    from deltaopt.scene.scene import Limits as Limits, Scene as Scene, load_scene as load_scene
+    from deltaopt.verify.verification import Verification as Verification, verify as verify
+
+_PUBLIC = {
+    "deltaopt.errors": (
+        "DeltaOptError",
+        "Infeasible",
+        "MissingPackage",
+        "NotConverged",
+        "SceneError",
+        "Singular",
+        "Unreachable",
+    ),
+    "deltaopt.files.progress_bar": ("ProgressBar",),
+    "deltaopt.files.version": ("__version__",),
+    "deltaopt.methods": (
+        "explicit",
+        "flat",
+        "forward",
+        "interior_point",
+        "ipopt",
+        "kane",
+        "multiplier",
+        "virtual_work",
+    ),
+    "deltaopt.motion.trajectory": ("Trajectory",),
+    "deltaopt.output.saved_plan": ("SavedPlan", "UnreadablePlan", "load_plan"),
+    "deltaopt.planning.comparisons": ("beside_free_path", "timed_line"),
+    "deltaopt.planning.first_motions.initial_motion": ("baseline",),
+    "deltaopt.planning.formulations.choice": ("Redundant",),
+    "deltaopt.planning.formulations.loop_closure": (
+        "AccelerationLevel",
+        "Baumgarte",
+        "KnotConstraints",
+        "Projection",
+    ),
+    "deltaopt.planning.nlp.problem": ("InteriorPoint", "Ipopt"),
+    "deltaopt.planning.nlp.transcription": ("PiecewiseAcceleration",),
+    "deltaopt.planning.plan": ("Plan",),
+    "deltaopt.planning.planner": ("Planner", "plan"),
+    "deltaopt.robot.model": ("DeltaModel",),
+    "deltaopt.robot.robot": ("Robot", "load_robot"),
+    "deltaopt.scene.moving_ends": ("Anywhere", "Belt", "State"),
+    "deltaopt.scene.objective": ("Effort", "Time", "TimeAndEffort"),
+    "deltaopt.scene.path": ("Corners", "Curve", "Line", "PickAndPlace"),
+    "deltaopt.scene.scene": ("Limits", "Scene", "load_scene"),
+    "deltaopt.verify.verification": ("Verification", "verify"),
+}
+"""Public names by their module, which is read when one of them is first used: ``import deltaopt``
+takes no longer than Python itself. The imports above say the same to type checkers."""
+_METHODS = {
+    "save_plan": "deltaopt.report.plan_folder",
+    "frame": "deltaopt.output.plan_files",
+    "plot_limit": "deltaopt.plots.limits",
+}
+"""What a plan offers that is the work of other rooms."""
+
+PLACES |= {name: module for module, names in _PUBLIC.items() for name in names} | _METHODS
+__all__ = sorted(name for names in _PUBLIC.values() for name in names)
+
+import_module("deltaopt.verify")  # now, for Python then names the room in this one's namespace
+del globals()["verify"]  # in which the function is to be found
+
+
+def __getattr__(name: str) -> Any:
+    """A public name, or a room such as ``deltaopt.errors``: found without this from then on."""
+    if name in __all__:
+        globals()[name] = found = loaded(name)
+        return found
+    room = f"{__name__}.{name}"
+    try:
+        if not name.startswith("_"):
+            return import_module(room)
+    except ModuleNotFoundError as error:
+        if error.name != room:
+            raise
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -7,17 +7,22 @@ from collections.abc import Callable, Iterable, Sequence
 from enum import Enum
 from importlib import import_module
 from pathlib import Path
-from typing import Any, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
-import numpy as np
-from numpy.typing import NDArray
+if TYPE_CHECKING:  # the command line says what is wrong with its words before numbers are needed
+    import numpy as np
+    from numpy.typing import NDArray
 
 
 class DeltaOptError(Exception):
     """The base class of all errors that deltaopt raises on purpose."""
 
 
-class SceneError(DeltaOptError):
+class Unusable(DeltaOptError):
+    """What was given, a file or an argument, cannot be used as it is."""
+
+
+class SceneError(Unusable):
     """A scene or a robot has a value that cannot be used.
 
     ``file``: Path, or None for a record made in Python. ``key``: dotted, such as
@@ -87,10 +92,16 @@ class Unreachable(DeltaOptError):
 
     def __init__(self, message: str, points: Sequence[int] | NDArray[np.intp] = ()) -> None:
         super().__init__(message, points)  # as passed: copies and pickles
-        self.points = np.asarray(points, dtype=np.intp)
+        self.points = _indices(points)
 
     def __str__(self) -> str:
         return str(self.args[0])
+
+
+def _indices(points: Sequence[int] | NDArray[np.intp]) -> NDArray[np.intp]:
+    import numpy as np
+
+    return np.asarray(points, dtype=np.intp)
 
 
 class Singularity(Enum):
@@ -125,7 +136,7 @@ class Singular(DeltaOptError):
         points: Sequence[int] | NDArray[np.intp] = (),
     ) -> None:
         super().__init__(kind, chain, margin, place, points)  # as passed: copies and pickles
-        self.points = np.asarray(points, dtype=np.intp)
+        self.points = _indices(points)
         self.kind, self.chain, self.margin, self.place = kind, chain, margin, place
 
     def __str__(self) -> str:
@@ -187,7 +198,7 @@ def if_possible(
     **options: Parameters.kwargs,
 ) -> Result | None:
     """What ``make`` returns for these arguments; None where it raises an error that is ``expected``
-    of one possibility among several, which is told with ``--verbose``. Others it lets through."""
+    of one possibility among several, which is told with ``-vv``. Others it lets through."""
     try:
         return make(*arguments, **options)
     except expected as error:

@@ -16,6 +16,10 @@ MOST, MOST_INTERVALS = 9999, 1000
 which is said, and a tenth of it for each interval by Ipopt: beyond, a plan takes hours."""
 LEAST_TOLERANCE = 1e-9
 """Least optimality gap that may be asked for: by less a verified motion may exceed its limits."""
+RESOLVED_BELOW = 1e-4
+"""Tolerance of the optimality gap below which the instants of switching become unknowns of their
+own. It trades the cost of switch resolution against that of fine meshes, which grows steeply as
+the tolerance falls."""
 
 
 def require_positive(name: str, value: object, least: float = 0.0) -> None:

@@ -15,7 +15,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import Protocol
 
-from deltaopt.cli import Command, Parser, add_command, exit_code
+from deltaopt.cli import Command, Parser, describe, exit_code
 from deltaopt.cli.streams import print_any_text
 from studies import (
     agreement,
@@ -64,7 +64,10 @@ from studies.charts import copy_charts
 
 
 class Study(Command, Protocol):
-    """A module of this folder: a command whose arguments have the documented sizes as defaults."""
+    """A module of this folder: a command whose arguments have the documented sizes as defaults.
+    ``HELP`` is its line in ``--help``."""
+
+    HELP: str
 
     @property
     def SMALL(self) -> Mapping[str, object]:
@@ -164,8 +167,11 @@ def _parser(*, small: bool) -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     subparsers = parser.add_subparsers(title="studies", metavar="NAME", dest="study", required=True)
-    parsers = [(add_command(subparsers, name, study), study) for name, study in STUDIES.items()]
+    parsers = [
+        (subparsers.add_parser(name, help=study.HELP), study) for name, study in STUDIES.items()
+    ]
     for subparser, study in parsers:
+        describe(subparser, study)
         subparser.set_defaults(**(study.SMALL if small else {}))
     every = subparsers.add_parser("all", help="run all of them in turn")
     every.add_argument("--after", choices=list(STUDIES), metavar="NAME", help="begin behind it")

@@ -30,6 +30,7 @@ from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import QUADRATIC
 from deltaopt.planning.switching.detection import detect_structure
 from deltaopt.planning.switching.structure import SwitchingStructure
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.scene import limits_of
 from studies.problems import LIGHT, add_scenes
 from tests.oracles.arcs import ArcProblem
@@ -103,7 +104,7 @@ def agreement(scene: Scene, intervals: int, progress: Callable[[int], None]) -> 
 def _structure(found: Plan) -> SwitchingStructure:
     """Detect from the motion itself which limits hold when, and disturb the lengths of the arcs."""
     scene, motion = found.scene, found.trajectory
-    rows = loads_inside(scene, motion, FRACTIONS).rows
+    rows = loads_inside(problem_of(scene), motion, FRACTIONS).rows
     by_interval = rows.reshape(-1, len(FRACTIONS), rows.shape[1])
     of_order = ByOrder.of(limits_of(scene).constraints, by_interval)._replace(position=None)
     detected = detect_structure(np.diff(motion.knots) / found.duration, of_order)
@@ -114,7 +115,7 @@ def _structure(found: Plan) -> SwitchingStructure:
 
 
 def _by_arcs(found: Plan, structure: SwitchingStructure, degree: int) -> float:
-    model, scaling = found.trajectory.model, Scaling(found.scene, found.duration)
+    model, scaling = found.trajectory.model, Scaling(problem_of(found.scene), found.duration)
     equations = point_equations(model.functions, scaling.constraints)
     problem = ArcProblem(equations, structure, degree)
     guess = problem.pack(found.trajectory, scaling)
@@ -125,7 +126,7 @@ def _by_arcs(found: Plan, structure: SwitchingStructure, degree: int) -> float:
 
 def _forward(found: Plan, mesh: Array) -> float:
     """Return the duration on a mesh, not slowed: limits hold at its points only."""
-    model, scaling = found.trajectory.model, Scaling(found.scene, found.duration)
+    model, scaling = found.trajectory.model, Scaling(problem_of(found.scene), found.duration)
     equations = forward.of(model.functions, QUADRATIC, scaling.constraints, FASTEST)
     start = Guess(found.trajectory.slowed(_SLOWER), near=False, tolerance=1e-8)
     # the duration alone

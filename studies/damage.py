@@ -28,6 +28,7 @@ from deltaopt.files.kept_rows import kept_rows
 from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.motion.limit_curves import limit_curves
 from deltaopt.motion.trajectory import Trajectory, goal_of
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import DeltaModel
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import OnPath
@@ -215,7 +216,7 @@ def ratios(scene: Scene, bad: Trajectory) -> dict[str, float]:
         return {"reach": np.inf}
     sizes = _arm(scene), _way(scene, bad), bad.duration, np.inf
     allowed = {bound.measure: bound.of(*sizes).at_most for bound in BOUNDS}
-    task, goal = scene.task, goal_of(scene.task, bad)
+    task, goal = scene.task, goal_of(problem_of(scene), bad)
     ends = np.array([bad.position.at(bad.knots[[0]])[0], bad.position.at(bad.knots[[-1]])[0]])
     jumps = bad.path_inside([0.0, 1.0])
     at_jumps = [np.linalg.norm(each[2::2] - each[1:-1:2], axis=1).sum() for each in jumps[:2]]
@@ -242,7 +243,7 @@ def _excesses(scene: Scene, bad: Trajectory) -> dict[str, float]:
     found = dict[str, float]()
     scenes = [scene] if scene.least_payload is None else [scene, scene.with_least_payload]
     for each in scenes:
-        for curves in limit_curves(each, bad, _FRACTIONS):
+        for curves in limit_curves(problem_of(each), bad, _FRACTIONS):
             with np.errstate(invalid="ignore"):
                 both = np.isfinite(curves.lower) & np.isfinite(curves.upper)
                 half = (curves.upper - curves.lower) / 2
@@ -271,7 +272,9 @@ def _off_path(task: OnPath, x: Array) -> float:
 
 def _way(scene: Scene, bad: Trajectory) -> float:
     return float(
-        np.linalg.norm(goal_of(scene.task, bad).position - np.array(scene.task.start.position))
+        np.linalg.norm(
+            goal_of(problem_of(scene), bad).position - np.array(scene.task.start.position)
+        )
     )
 
 

@@ -32,8 +32,9 @@ from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import LINEAR
 from deltaopt.planning.refinement import Refinement, ResolvedMotion, Resolver
 from deltaopt.planning.switching.resolver import resolver
-from deltaopt.planning.trajectory_optimiser import RESOLVED_BELOW
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import delta_model
+from deltaopt.settings import RESOLVED_BELOW
 from studies.gap_moves import Move, move
 from studies.problems import add_directory
 
@@ -120,14 +121,17 @@ class _Once:
 
 def truth_beside(scene: deltaopt.Scene, plan: Trajectory, tolerance: float) -> Truth:
     """Refine a plan to a tolerance, from a uniform mesh. Raises NotConverged."""
-    model, scaling = delta_model(scene.robot, scene.payload), Scaling(scene, plan.duration)
+    model, scaling = (
+        delta_model(scene.robot, scene.payload),
+        Scaling(problem_of(scene), plan.duration),
+    )
     problem = deltaopt.flat.of(model.functions, LINEAR, scaling.constraints)
     switches: Resolver | None = None
     if tolerance < RESOLVED_BELOW:
         switches = resolver(scaling, model, tolerance, _silent)
         if tolerance >= min(TOLERANCES) * _TRUER:
             switches = _Once(switches)
-    refinement = Refinement(problem, scaling, model, tolerance, switches, _silent)
+    refinement = Refinement(problem, scaling, tolerance, switches, _silent)
     uniform = np.full(_FIRST_MESH, 1 / _FIRST_MESH)
     resolved = refinement.from_guess(Guess(plan, near=True, tolerance=1e-5), uniform)
     if resolved:

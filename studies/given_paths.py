@@ -33,6 +33,7 @@ from deltaopt.motion.time_scaling import safe_factor
 from deltaopt.planning.path.path_mesh import MeshMotion, PathMesh
 from deltaopt.planning.path.path_rows import PathRows
 from deltaopt.planning.path.sweep import Speeds
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.scene import limits_of
 from deltaopt.scene.task import OnPath
@@ -172,7 +173,7 @@ def toppra_outcomes(
             gap = motion.duration / best - 1
             standing = Outcome(gap, seconds, np.nan, len(mesh.h), len(mesh.h))
         trajectory = deltaopt.Trajectory(motion.position, model)
-        safe = trajectory.duration * safe_factor(scene, trajectory)
+        safe = trajectory.duration * safe_factor(problem_of(scene), trajectory)
         slowed = Outcome(safe / best - 1, seconds, np.nan, len(mesh.h), len(mesh.h))
         if slowed.gap <= tolerance:
             break

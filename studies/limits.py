@@ -23,6 +23,7 @@ from deltaopt.errors import DeltaOptError
 from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.limits.constraints import SceneLimits
 from deltaopt.motion.time_scaling import highest_rows
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.scene import limits_of
 from studies.bench.random_scenes import random_scenes
 from studies.problems import INDUSTRIAL, add_robots
@@ -151,7 +152,10 @@ def _timed(plan: Callable[[], Any]) -> tuple[Any, float]:
 
 def _reaches(scene: Scene, trajectory: Any, before: SceneLimits) -> bool:
     """Whether a motion reaches a limit that the scene has and others had not."""
-    constraints, highest = limits_of(scene).constraints, highest_rows(scene, trajectory).values
+    constraints, highest = (
+        limits_of(scene).constraints,
+        highest_rows(problem_of(scene), trajectory).values,
+    )
     parts = zip(constraints.items, constraints.slices, strict=True)
     new = [rows for item, rows in parts if item not in before.constraints.items]
     return any((highest[rows] > _AT_LIMIT).any() for rows in new)

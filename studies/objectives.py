@@ -17,6 +17,7 @@ from deltaopt.cli.arguments import positive
 from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.motion.effort import effort
 from deltaopt.planning.nlp.transcription import TRANSCRIPTIONS
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.objective import Objective
 from deltaopt.verify.pontryagin import extremal
 from studies.problems import CROSS, PICK_AND_PLACE, add_scenes
@@ -67,7 +68,7 @@ def objectives_study(
         for name, transcription in TRANSCRIPTIONS.items():
             trials.append(_trial(other, name, transcription))
             progress(len(trials))
-    total = effort(scene, fastest.trajectory)
+    total = effort(problem_of(scene), fastest.trajectory)
     return ObjectivesStudy(fastest.duration, total, tuple(trials))
 
 
@@ -105,8 +106,9 @@ def table(name: str, study: ObjectivesStudy) -> str:
             rows.append(f"{begin}did not converge")
             continue
         found = trial.plan
+        total = effort(problem_of(found.scene), found.trajectory)
         rows.append(
-            f"{begin}{found.duration:>9.5f}{effort(found.scene, found.trajectory):>9.4g}"
+            f"{begin}{found.duration:>9.5f}{total:>9.4g}"
             f"{found.intervals:>10}{found.gap:>9.0e}{trial.residual:>10.0e}{trial.seconds:>9.2f}"
         )
     return "\n".join(rows)

@@ -20,7 +20,8 @@ from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.motion.time_scaling import safe_factor
 from deltaopt.planning.first_motions.order_of_merit import first_motion
 from deltaopt.planning.nlp.problem import Guess
-from deltaopt.planning.trajectory_optimiser import RESOLVED_BELOW
+from deltaopt.problem.of_scene import problem_of
+from deltaopt.settings import RESOLVED_BELOW
 from studies.problems import PICK_AND_PLACE, add_directory, add_scenes, add_tolerances
 from studies.uniform_mesh import motion_of, solved_on
 
@@ -110,7 +111,7 @@ def _on_uniform_mesh(scene: Scene, intervals: int) -> Cost:
     begin = process_time()
     start = Guess(first_motion(scene), near=False, tolerance=_SOLVED)
     trajectory = motion_of(solved_on(scene, intervals, start), start)
-    duration = trajectory.duration * safe_factor(scene, trajectory)
+    duration = trajectory.duration * safe_factor(problem_of(scene), trajectory)
     return Cost(MESHES, float("nan"), intervals, process_time() - begin, duration)
 
 

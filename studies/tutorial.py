@@ -28,6 +28,7 @@ from deltaopt.output.joint_table import (
 )
 from deltaopt.output.starting_files import write_starting_files
 from deltaopt.planning.comparisons import straight_lines
+from deltaopt.problem.of_scene import problem_of
 from studies.problems import add_directory
 
 HELP = "draw the pictures of the tutorial, and print its numbers"
@@ -92,7 +93,7 @@ def run(arguments: argparse.Namespace) -> int:
     duty = deltaopt.verify(scene, plan.trajectory).duty
     draw(directory / "tutorial_plan.png", scene, plan.trajectory, straight_lines(scene), duty)
 
-    efforts = {0.0: effort(scene, plan.trajectory)}
+    efforts = {0.0: effort(problem_of(scene), plan.trajectory)}
     for share in arguments.extra:
         objective = deltaopt.Effort(duration=(1 + share) * plan.duration)
         efforts[share] = deltaopt.plan(scene.model_copy(update={"objective": objective})).cost

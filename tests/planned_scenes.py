@@ -13,6 +13,7 @@ from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import LINEAR
 from deltaopt.planning.refinement import Refinement, ResolvedMotion
 from deltaopt.planning.switching.resolver import resolver
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.scene import Scene, limits_of
 from studies.bench.random_scenes import random_scenes
@@ -26,7 +27,7 @@ def flat_equations(scene: Scene) -> FlatEquations:
 
 def scaling_of(scene: Scene) -> Scaling:
     """In units of its first motion."""
-    return Scaling(scene, next(first_motions(scene, 1, 1)).duration)
+    return Scaling(problem_of(scene), next(first_motions(scene, 1, 1)).duration)
 
 
 def first_guess(scene: Scene, tolerance: float) -> Guess:
@@ -39,7 +40,7 @@ def resolved(scene: Scene) -> ResolvedMotion:
     model, scaling = delta_model(scene.robot, scene.payload), scaling_of(scene)
     problem = flat_equations(scene)
     with_switches = resolver(scaling, model, 1e-6, print)
-    refinement = Refinement(problem, scaling, model, 1e-6, with_switches, print)
+    refinement = Refinement(problem, scaling, 1e-6, with_switches, print)
     found = refinement.from_guess(first_guess(scene, 1e-4), np.full(16, 1 / 16))
     assert found is not None
     return found

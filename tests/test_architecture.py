@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+import deltaopt
 from deltaopt.scene.scene import LIMITS
 
 ROOT = Path(__file__).parents[1]
@@ -21,6 +22,7 @@ MODULES = {
 ORDER = (
     "curves",
     "errors",
+    "later",
     "interrupts",
     "settings",
     "files",
@@ -30,7 +32,10 @@ ORDER = (
     "robot",
     "limits",
     "scene",
+    "problem",
     "motion",
+    "planning.journal",
+    "planning.plan",
     "planning.nlp",
     "planning.flat",
     "planning.formulations",
@@ -39,6 +44,7 @@ ORDER = (
     "planning.path",
     "planning.first_motions",
     "planning",
+    "methods",
     "verify",
     "output",
     "compare",
@@ -48,7 +54,7 @@ ORDER = (
 )
 """Rooms from left to right. A module imports from its own room and from rooms to its left."""
 
-MOST_FILES = 13
+MOST_FILES = 17
 """In a room: more than about a dozen, and nobody knows what is in it."""
 LISTS_OF_VALUES = {"limits"}
 """Rooms in which each file is one more value of a kind: they are as long as they need to be."""
@@ -83,6 +89,7 @@ VERIFY_MAY_IMPORT = {
     "deltaopt.robot",
     "deltaopt.limits",
     "deltaopt.scene",
+    "deltaopt.problem",
     "deltaopt.verify",
     "deltaopt.motion.trajectory",
 }
@@ -94,15 +101,6 @@ ONLY_IN = {
     "pydantic": {"files", "robot", "scene"},
     "pint": {"files"},
 }
-CONVENIENCES = {
-    ("deltaopt.planning.plan", "deltaopt.output.plan_files"),
-    ("deltaopt.planning.plan", "deltaopt.plots.limits"),
-    ("deltaopt.planning.plan", "deltaopt.verify.verification"),
-    ("deltaopt.output.plan_files", "deltaopt.plots.limits"),
-    ("deltaopt.output.plan_files", "deltaopt.plots.plan"),
-    ("deltaopt.output.plan_files", "deltaopt.report.page"),
-}
-"""Plan.save and Plan.plot hand over to what lies to their right, once they are called."""
 
 
 def place(module: str) -> str:
@@ -162,8 +160,32 @@ def test_files_are_short():
 @pytest.mark.parametrize("module", INSIDE)
 def test_imports_come_from_the_left(module):
     for name in ours(module):
-        if place(name) != place(module) and (module, name) not in CONVENIENCES:
+        if place(name) != place(module):
             assert rank(name) < rank(module), f"{module} imports {name}"
+
+
+KNOW_THE_PROBLEM_ALONE = (
+    "problem.boundary",
+    "problem.problem",
+    "motion",
+    "planning.nlp",
+    "planning.flat",
+    "planning.formulations",
+    "planning.mesh",
+    "planning.switching",
+    "planning.refinement",
+)
+"""Solvers, meshes, slowing and gaps read the problem, never a scene, a key or a task."""
+OF_A_SCENE = {"deltaopt.motion.lower_bound", "deltaopt.motion.links"}
+"""Facts of a scene's geometry, of whatever motion."""
+
+
+@pytest.mark.parametrize("module", INSIDE)
+def test_what_solves_knows_no_scene(module):
+    inner = module.removeprefix("deltaopt.")
+    if module not in OF_A_SCENE and any(_inside(inner, room) for room in KNOW_THE_PROBLEM_ALONE):
+        seen = {name for name in ours(module) if place(name) == "scene"}
+        assert not seen | (ours(module) & {"deltaopt.problem.of_scene"}), module
 
 
 @pytest.mark.parametrize("module", INSIDE)
@@ -233,25 +255,82 @@ def test_verification_names_no_limit():
 
 
 def test_no_cycles():
-    """Between modules of one place; between places the order forbids them, conveniences aside."""
+    """Not even of imports in functions or for types alone."""
     done: set[str] = set()
 
     def visit(module: str, path: tuple[str, ...]) -> None:
         assert module not in path, " -> ".join([*path, module])
         if module not in done:
             for name in ours(module) & set(MODULES):
-                if (module, name) not in CONVENIENCES:
-                    visit(name, (*path, module))
+                visit(name, (*path, module))
             done.add(module)
 
     for module in INSIDE:
         visit(module, ())
 
 
-def test_command_line_starts_without_charts():
-    """--help must be quick: matplotlib is imported when something is drawn."""
-    code = "import sys, deltaopt.cli; print('matplotlib' in sys.modules)"
+@pytest.mark.parametrize("module", INSIDE)
+def test_the_door_is_for_others(module):
+    """It names all rooms: to go through it would be a circle. A plan alone asks it for names."""
+    assert "deltaopt" not in imports(module)
+    assert "deltaopt.later" not in imports(module) or module == "deltaopt.planning.plan"
+
+
+def test_type_checkers_are_told_what_is_loaded_on_first_use():
+    tree = ast.parse(MODULES["deltaopt"].read_text(encoding="utf-8"))
+    (told,) = (node for node in tree.body if isinstance(node, ast.If))
+    places = {
+        alias.asname: str(node.module)
+        for node in told.body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    assert sorted(places) == deltaopt.__all__
+    assert places.items() <= deltaopt.later.PLACES.items()
+
+
+def loaded_by(code: str) -> set[str]:
+    """The modules that a program has loaded at its end."""
     run = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, check=True
+        [sys.executable, "-c", f"import sys; {code}; print(*sys.modules, file=sys.stderr)"],
+        capture_output=True,
+        text=True,
+        cwd=ROOT,
+        check=True,
     )
-    assert run.stdout.strip() == "False"
+    return set(run.stderr.split())
+
+
+LARGE = {"numpy", "casadi", "pydantic", "pint", "matplotlib"}
+
+
+@pytest.mark.parametrize(
+    ("code", "most"),
+    [
+        ("import deltaopt", 6),
+        ("from deltaopt.cli import command_line; command_line(()).print_help()", 15),
+    ],
+)
+def test_what_is_not_needed_is_not_loaded(code, most):
+    """``import deltaopt`` and ``deltaopt --help`` take no longer than Python itself."""
+    found = loaded_by(code)
+    assert not found & LARGE
+    assert len({name for name in found if name.split(".")[0] == "deltaopt"}) <= most
+
+
+def test_commands_start_without_charts():
+    """matplotlib is imported when something is drawn."""
+    assert "matplotlib" not in loaded_by("from deltaopt.cli import command_line; command_line()")
+
+
+def test_rooms_are_found_from_the_door():
+    code = "import deltaopt; assert issubclass(deltaopt.Infeasible, deltaopt.errors.DeltaOptError)"
+    assert "deltaopt.planning.planner" not in loaded_by(code)
+    with pytest.raises(AttributeError, match="'deltaopt' has no attribute 'nothing'"):
+        deltaopt.nothing  # noqa: B018  # what is asked for is the error
+
+
+def test_a_function_is_not_hidden_by_the_room_of_its_name():
+    """Python names a package in its parent when it is first imported."""
+    code = "import deltaopt.verify.verification; assert callable(deltaopt.verify)"
+    assert "deltaopt.verify.verification" in loaded_by(code)

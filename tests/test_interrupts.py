@@ -158,13 +158,13 @@ class Finder:
             os.kill(os.getpid(), signal.SIGINT)
 sys.meta_path.insert(0, Finder())
 sys.argv = {argv!r}
-import deltaopt
 """
 
 
 @pytest.mark.parametrize("module", ["deltaopt.dynamics", "casadi", "numpy", "pydantic"])
 def test_ctrl_c_during_the_imports_of_the_command(module):
     code = IMPORTING.format(module=module, argv=["/usr/bin/deltaopt", "plan"])
+    code += "from deltaopt.cli import main; main()"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert (run.returncode, run.stdout, run.stderr) == (130, "", "deltaopt: stopped\n")
 
@@ -172,6 +172,7 @@ def test_ctrl_c_during_the_imports_of_the_command(module):
 def test_ctrl_c_during_the_imports_of_another_program():
     """Which has its own way with it."""
     code = IMPORTING.format(module="casadi", argv=["their_program.py"])
+    code += "import deltaopt; deltaopt.plan"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert run.returncode == -signal.SIGINT
     assert "KeyboardInterrupt" in run.stderr

@@ -23,8 +23,10 @@ from deltaopt.planning.first_motions import (
     roadmap,
     through_gates,
 )
+from deltaopt.planning.journal import Journal
 from deltaopt.planning.path import path_along
-from deltaopt.planning.planner import Planner
+from deltaopt.planning.run import Run
+from deltaopt.planning.trajectory_optimiser import TrajectoryOptimiser
 
 PACKAGE = Path(__file__).parents[1] / "deltaopt"
 EVERY = {"DeltaOptError", "Exception", "BaseException", None}
@@ -59,6 +61,7 @@ def test_no_other_place_goes_on_after_every_error():
 
 MOVE = load_scene("problems/pick_and_place.yaml")
 LINE = initial_motion.line(MOVE)
+RUN = Run(TrajectoryOptimiser(), Journal(lambda _: None))
 BAND = np.linspace(MOVE.start, MOVE.goal, 65)
 PASSED = load_scene("problems/moving/passed_state.yaml")
 VIA = load_scene("problems/via/three_points.yaml")
@@ -99,7 +102,7 @@ PLACES = {
         through_gates,
         "first_between",
         lambda: [
-            m for m in through_gates.through_gates(VIA) if m.position.coefficients.shape[1] > 4
+            m for _, m in through_gates.through_gates(VIA) if m.position.coefficients.shape[1] > 4
         ],
     ),
     "a path of lines": (
@@ -109,9 +112,9 @@ PLACES = {
     ),
     "comparisons": (comparisons, "baseline", lambda: list(comparisons.straight_lines(MOVE))[1:]),
     "a rough duration": (
-        Planner,
-        "_optimiser",
-        lambda: [each for each in [Planner(MOVE.robot)._roughly(MOVE)] if each],
+        TrajectoryOptimiser,
+        "on_first_mesh",
+        lambda: [each for each in [RUN._roughly(MOVE)] if each],
     ),
 }
 """Where one possibility of several may be ruled out: what makes it there, and what is found."""
@@ -124,7 +127,7 @@ def test_what_is_ruled_out_is_passed_over_and_told(name, monkeypatch, caplog):
     def ruled_out(*_, **__):
         raise Unreachable("the point is on the moon")
 
-    monkeypatch.setattr(place, made, property(ruled_out) if place is Planner else ruled_out)
+    monkeypatch.setattr(place, made, ruled_out)
     with caplog.at_level(logging.DEBUG, logger="deltaopt.planning"):
         assert list(found()) == []
     assert "set aside: the point is on the moon" in caplog.messages
@@ -138,6 +141,6 @@ def test_what_nobody_expects_is_not_passed_over(name, monkeypatch):
     def unexpected(*_, **__):
         raise EndMoves("an end of the motion moves")
 
-    monkeypatch.setattr(place, made, property(unexpected) if place is Planner else unexpected)
+    monkeypatch.setattr(place, made, unexpected)
     with pytest.raises(EndMoves):
         list(found())

@@ -10,17 +10,13 @@ import argparse
 import logging
 import os
 import sys
-from collections.abc import Callable
-from typing import Any, Protocol
+from collections.abc import Callable, Container
+from importlib import import_module
+from typing import Any, Protocol, cast
 
-from deltaopt.cli import check, compare, completion, export, inverse, new, plan, verify, view
-from deltaopt.cli.arguments import WrongUsage
 from deltaopt.cli.streams import discard, flush, print_any_text, say
-from deltaopt.errors import DeltaOptError, SceneError, on_one_line
-from deltaopt.files.version import __version__
+from deltaopt.errors import DeltaOptError, Unusable, on_one_line
 from deltaopt.interrupts.requests import Stopped, ignore_requests, requests_raised
-from deltaopt.output.foreign_table import UnreadableTable
-from deltaopt.output.saved_plan import UnreadablePlan
 
 
 class Parser(argparse.ArgumentParser):
@@ -31,10 +27,21 @@ class Parser(argparse.ArgumentParser):
         super().__init__(*arguments, **{"allow_abbrev": False, **settings})
 
 
-class Command(Protocol):
-    """A subcommand, which is a module of this folder. ``HELP`` is its line in ``--help``."""
+class _Version(argparse.Action):
+    """Says the version, which is looked up for this alone: that takes as long as all else."""
 
-    HELP: str
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(nargs=0, **settings)
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        from deltaopt.files.version import __version__
+
+        print(f"deltaopt {__version__}")
+        parser.exit()
+
+
+class Command(Protocol):
+    """A subcommand: a module of this folder."""
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare its arguments."""
@@ -45,22 +52,23 @@ class Command(Protocol):
         ...
 
 
-COMMANDS: dict[str, Command] = {
-    "new": new,
-    "plan": plan,
-    "check": check,
-    "inverse": inverse,
-    "compare": compare,
-    "verify": verify,
-    "export": export,
-    "view": view,
-    "completion": completion,
+COMMANDS = {
+    "new": "write a commented robot file and scene file to start from",
+    "plan": "find the best motion of a scene, the fastest as a rule, and verify it",
+    "check": "check a scene or a robot and say what is modelled",
+    "inverse": "compute the torques along a straight line (the paper's Figs. 4 and 5)",
+    "compare": "compare formulations, of the dynamics or of plans, as tables and charts",
+    "verify": "verify a saved plan, or measure a table of motor angles",
+    "export": "write a plan for a controller, or a robot's model in C or for MuJoCo",
+    "view": "look at a saved plan in a browser, in three dimensions",
+    "completion": "print a script with which a shell completes commands, options and files",
 }
+"""The modules of the commands, each with its line in ``--help``. One is read when it is named."""
 
 
 class _OneLine(logging.Handler):
     """Writes to stderr what the package says: warnings, and to people at a terminal what is done
-    that takes them seconds; with --verbose the solver's iterations too."""
+    that takes them seconds; with -vv the solver's iterations too."""
 
     def emit(self, record: logging.LogRecord) -> None:
         if record.levelno == logging.DEBUG:
@@ -83,17 +91,22 @@ def main(argv: list[str] | None = None) -> int:
     ``--help`` and for arguments that are none.
     """
     if argv is not None:
-        return exit_code(lambda: _run(argv))
+        return _run(argv)
     print_any_text()
     try:
-        return exit_code(lambda: _run(sys.argv[1:]))
+        return _run(sys.argv[1:])
     finally:
         ignore_requests()
 
 
 def _run(argv: list[str]) -> int:
     _say_what_is_logged()
-    parser = command_line()
+    parser = command_line(argv)  # reads modules: requests to stop are heeded afterwards
+    return exit_code(lambda: _parsed(parser, argv))
+
+
+def _parsed(parser: argparse.ArgumentParser, argv: list[str]) -> int:
+    """Run what the arguments ask for."""
     if not argv:
         parser.print_help()
         return 0
@@ -101,33 +114,28 @@ def _run(argv: list[str]) -> int:
     return int(arguments.run(arguments))
 
 
-def command_line() -> argparse.ArgumentParser:
-    """The parser of all commands."""
+def command_line(named: Container[str] = frozenset(COMMANDS)) -> argparse.ArgumentParser:
+    """The parser of all commands; arguments are known of those that are ``named``."""
     parser = Parser(
         prog="deltaopt",
         description="Minimum-time motions of Delta robots under torque limits, verified.",
     )
-    parser.add_argument("--version", action="version", version=f"deltaopt {__version__}")
-    parser.set_defaults(command_line=parser)  # for the command that describes it to a shell
+    parser.add_argument("--version", action=_Version, help="show program's version number and exit")
+    parser.set_defaults(command_line=command_line)  # for the command that describes it to a shell
     subparsers = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for name, command in COMMANDS.items():
-        add_command(subparsers, name, command)
+    for name, words in COMMANDS.items():
+        subparser = subparsers.add_parser(name, help=words)
+        if name in named:
+            describe(subparser, cast(Command, import_module(f"deltaopt.cli.{name}")))
     return parser
 
 
-def add_command(
-    subparsers: argparse._SubParsersAction[Parser], name: str, command: Command
-) -> argparse.ArgumentParser:
-    """Add the parser of a command, whose ``run`` the parsed arguments then carry."""
-    parser = subparsers.add_parser(
-        name,
-        help=command.HELP,
-        description=command.__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+def describe(parser: argparse.ArgumentParser, command: Command) -> None:
+    """Declare the arguments of a command, whose ``run`` the parsed ones then carry."""
+    parser.description = command.__doc__
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
     command.add_arguments(parser)
     parser.set_defaults(run=command.run)
-    return parser
 
 
 def exit_code(run: Callable[[], int]) -> int:
@@ -138,7 +146,7 @@ def exit_code(run: Callable[[], int]) -> int:
                 return run()
             finally:
                 flush()
-    except (SceneError, WrongUsage, UnreadablePlan, UnreadableTable) as error:
+    except Unusable as error:
         return _failed(2, str(error))
     except DeltaOptError as error:
         return _failed(1, str(error))

@@ -6,7 +6,7 @@ import argparse
 from math import isfinite
 from pathlib import Path
 
-from deltaopt.errors import DeltaOptError, SceneError
+from deltaopt.errors import SceneError, Unusable
 from deltaopt.files.output_folder import require_writable
 from deltaopt.files.units import MASS, Misread
 from deltaopt.scene.objective import Time
@@ -14,7 +14,7 @@ from deltaopt.scene.scene import Scene, load_scene
 from deltaopt.settings import LEAST_TOLERANCE, MOST, MOST_INTERVALS
 
 
-class WrongUsage(DeltaOptError):
+class WrongUsage(Unusable):
     """An argument contradicts another one or asks for what no file can hold."""
 
 
@@ -39,15 +39,16 @@ def add_scenes(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scenes", nargs="+", type=Path, metavar="SCENE", help="scene files")
 
 
-def add_output(parser: argparse.ArgumentParser) -> None:
-    """Add the option -o DIR, the directory to write to."""
-    parser.add_argument(
-        "-o",
-        "--output",
-        type=folder,
-        metavar="DIR",
-        help="directory to write to, made if need be (default: out/ and the scene's name)",
-    )
+def add_output(
+    parser: argparse.ArgumentParser,
+    default: Path | None = None,
+    kind: str = "DIR",
+    words: str = "directory to write to, made if need be (default: out/ and the scene's name)",
+) -> None:
+    """Add the option -o, what to write to: a ``kind`` of thing, in these words if there is no
+    single default."""
+    said = words if default is None else f"default: {default}"
+    parser.add_argument("-o", "--output", type=folder, default=default, metavar=kind, help=said)
 
 
 def load_fastest(file: Path) -> Scene:

@@ -31,8 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.cli.arguments import WrongUsage, add_json, add_output, output_directory
-from deltaopt.cli.plan import duty_table
-from deltaopt.cli.streams import present, print_json, print_written
+from deltaopt.cli.streams import new_files, print_json
 from deltaopt.codegen.compile import describe
 from deltaopt.errors import (
     NO_PLAN,
@@ -43,11 +42,12 @@ from deltaopt.errors import (
     if_possible,
     in_words,
 )
-from deltaopt.files.output_folder import all_or_none
 from deltaopt.files.progress_bar import ProgressBar
+from deltaopt.files.text_table import text_table
 from deltaopt.files.validated_record import PerMotor, per_motor
 from deltaopt.files.yaml_file import read_yaml
 from deltaopt.mechanisms.delta.mechanism import DeltaParameters
+from deltaopt.output.in_words import duty_table
 from deltaopt.planning.comparisons import timed_line
 from deltaopt.planning.first_motions.initial_motion import baseline
 from deltaopt.planning.flat.equations import point_equations
@@ -66,8 +66,6 @@ from deltaopt.scene.task import MovingEnds, Task, distance, ends_in_words
 from deltaopt.verify.measures import MeasuredMotion
 
 Array = NDArray[np.float64]
-
-HELP = "check a scene or a robot and say what is modelled"
 
 _ORDERS = ("position", "velocity", "acceleration or torque")
 _NEVER = "elasticity, play"
@@ -178,19 +176,16 @@ def _as_dict(file: Path, scene: Scene, verdict: str) -> dict[str, object]:
 def _terms(arguments: argparse.Namespace) -> int:
     """Rank the terms of a scene's robot, in a table and a chart."""
     from deltaopt.compare.model_terms import effects_of_terms, terms_table
-    from deltaopt.plots.model_terms import TermBar, draw_terms
+    from deltaopt.plots.model_terms import draw_terms
 
     scene = load_scene(arguments.scene)
     check_feasible(scene)
     directory, chart = output_directory(arguments), "terms.png"
     effects = effects_of_terms(scene, ProgressBar())
     print("\n".join(terms_table(effects)))
-    bars = [TermBar(e.term.name, e.shorter, e.excess, e.miss) for e in effects if not e.problem]
-    before = present(directory)
-    with all_or_none(directory) as folder:
+    with new_files(directory, chart) as folder:
         title = f"{scene.robot.name}: planned without a term, run with all"
-        draw_terms(folder / chart, title, bars)
-    print_written([directory / chart], before)
+        draw_terms(folder / chart, title, effects)
     return 0
 
 
@@ -320,9 +315,7 @@ def limits_table(scene: Scene) -> str:
                 "" if limit.promised else "a margin of the planner's, not verified",
             )
         )
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    lines = ("  ".join(f"{cell:<{w}}" for cell, w in zip(row, widths, strict=True)) for row in rows)
-    return "\n".join(line.rstrip() for line in lines)
+    return "\n".join(text_table(rows))
 
 
 def _bounds(lower: Array, upper: Array) -> str:

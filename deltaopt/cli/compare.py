@@ -13,11 +13,10 @@ import argparse
 from pathlib import Path
 
 from deltaopt.cli.arguments import WrongUsage, folder, load_fastest, one_or_more
-from deltaopt.cli.streams import present, print_written
-from deltaopt.files.output_folder import all_or_none, require_writable
+from deltaopt.cli.streams import new_files
+from deltaopt.files.output_folder import require_writable
 from deltaopt.files.progress_bar import ProgressBar
 
-HELP = "compare formulations, of the dynamics or of plans, as tables and charts"
 FIVE_BAR = "five-bar"
 SUFFIXES = (".yaml", ".yml")
 
@@ -61,15 +60,12 @@ def _plans(arguments: argparse.Namespace) -> int:
     directory = arguments.directory or Path("out/compare_plans")
     require_writable(directory)
     study = compare_plans(cases, progress=ProgressBar())
-    before = present(directory)
-    with all_or_none(directory) as folder:
+    with new_files(directory, "plans.csv", *(f"{case.name}.png" for case in cases)) as folder:
         (folder / "plans.csv").write_text(csv(study), encoding="utf-8", newline="\n")
         for case in cases:
             draw(study, case.name, folder / f"{case.name}.png")
-    print(tables(study), verdict(study), sep="\n\n")
-    print(f"\n{study.seconds:.0f} s in all")
-    names = ["plans.csv", *(f"{case.name}.png" for case in cases)]
-    print_written([directory / name for name in names], before)
+        print(tables(study), verdict(study), sep="\n\n")
+        print(f"\n{study.seconds:.0f} s in all")
     return 0
 
 
@@ -83,11 +79,9 @@ def _dynamics(arguments: argparse.Namespace) -> int:
     directory = arguments.directory or Path("out/compare_dynamics")
     require_writable(directory)
     study = compare_dynamics(arguments.states, arguments.rounds, compiler(), progress=ProgressBar())
-    before = present(directory)
-    with all_or_none(directory) as folder:
+    with new_files(directory, "dynamics.csv", "dynamics.png") as folder:
         (folder / "dynamics.csv").write_text(csv(study), encoding="utf-8", newline="\n")
         draw(study, folder / "dynamics.png")
-    print(table(study), notes(study), verdict(study), sep="\n\n")
-    print()
-    print_written([directory / name for name in ("dynamics.csv", "dynamics.png")], before)
+        print(table(study), notes(study), verdict(study), sep="\n\n")
+        print()
     return 0

@@ -25,7 +25,6 @@ from pathlib import Path
 from deltaopt.cli.arguments import folder
 from deltaopt.errors import installed
 
-HELP = "print a script with which a shell completes commands, options and files"
 SHELLS = ("bash", "zsh", "fish")
 
 
@@ -35,10 +34,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     shtab = installed("shtab", "completion")
-    for action in _actions(arguments.command_line):
+    parser = arguments.command_line()
+    for action in _actions(parser):
         if action.type in (Path, folder):
             action.complete = shtab.FILE  # type: ignore[attr-defined]
-    print(shtab.complete(arguments.command_line, shell=arguments.shell))
+    print(shtab.complete(parser, shell=arguments.shell))
     return 0
 
 

@@ -29,7 +29,7 @@ from dataclasses import replace
 from math import inf, isfinite
 from pathlib import Path
 
-from deltaopt.cli.arguments import WrongUsage, folder, kilograms, positive
+from deltaopt.cli.arguments import WrongUsage, add_output, kilograms, positive
 from deltaopt.cli.streams import present, print_written
 from deltaopt.errors import DeltaOptError
 from deltaopt.files.atomic_write import require_replaceable
@@ -62,8 +62,6 @@ from deltaopt.robot.robot import Robot, load_robot
 from deltaopt.scene.scene import Scene
 from deltaopt.verify.verification import verify
 
-HELP = "write a plan for a controller, or a robot's model in C or for MuJoCo"
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     targets = parser.add_subparsers(title="targets", metavar="TARGET", required=True)
@@ -72,14 +70,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     c.add_argument("of", type=Path, metavar="ROBOT|PLAN", help="robot file, or folder of a plan")
     _add_speed(c)
-    c.add_argument(
-        "-o", "--output", type=folder, default=Path("out/c"), metavar="DIR", help="default: out/c"
-    )
+    add_output(c, Path("out/c"))
     c.set_defaults(target=_c)
     mjcf = targets.add_parser("mjcf", help="one file in MuJoCo's format, without Coulomb friction")
     mjcf.add_argument("robot", type=Path, metavar="ROBOT", help="robot file")
     mjcf.add_argument("--payload", type=kilograms, metavar="KG", help="at the tool (default: none)")
-    _add_file(mjcf, Path("out/robot.xml"))
+    add_output(mjcf, Path("out/robot.xml"), "FILE")
     mjcf.set_defaults(target=_mjcf)
     table = targets.add_parser("table", help="a CSV file of motor angles over time")
     _add_table(table, Path("out/table.csv"), "FILE")
@@ -114,14 +110,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     ros2.set_defaults(target=_ros2)
 
     schema = targets.add_parser("schema", help="the JSON schema of plan.json")
-    _add_file(schema, Path("out/plan.schema.json"))
+    add_output(schema, Path("out/plan.schema.json"), "FILE")
     schema.set_defaults(target=_schema)
-
-
-def _add_file(parser: argparse.ArgumentParser, output: Path) -> None:
-    parser.add_argument(
-        "-o", "--output", type=Path, default=output, metavar="FILE", help=f"default: {output}"
-    )
 
 
 def _add_table(parser: argparse.ArgumentParser, output: Path, kind: str) -> None:
@@ -135,9 +125,7 @@ def _add_table(parser: argparse.ArgumentParser, output: Path, kind: str) -> None
         help='time between rows, such as 1ms; or "own-knots" (default)',
     )
     _add_speed(parser)
-    parser.add_argument(
-        "-o", "--output", type=folder, default=output, metavar=kind, help=f"default: {output}"
-    )
+    add_output(parser, output, kind)
 
 
 def _add_speed(parser: argparse.ArgumentParser) -> None:
@@ -212,22 +200,21 @@ def _rows(text: str) -> Rows:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    return int(arguments.target(arguments))
+    output: Path = arguments.output
+    before = present(output) or present(output.parent)
+    print_written(arguments.target(arguments), before)
+    return 0
 
 
-def _c(arguments: argparse.Namespace) -> int:
+def _c(arguments: argparse.Namespace) -> list[Path]:
     from deltaopt.output.controller_c import export_c, export_plan_c
 
-    folder = arguments.output
-    before = present(folder)
     if _is_plan(arguments.of):
         _, trajectory, remarks = _verified(arguments.of, arguments)
-        print_written(export_plan_c(trajectory, folder, remarks), before)
-    elif arguments.keep_limits or arguments.anyway or arguments.slower != 1:
+        return export_plan_c(trajectory, arguments.output, remarks)
+    if arguments.keep_limits or arguments.anyway or arguments.slower != 1:
         raise WrongUsage("--keep-limits, --anyway and --slower are for a PLAN, which moves")
-    else:
-        print_written(export_c(load_robot(arguments.of), folder), before)
-    return 0
+    return export_c(load_robot(arguments.of), arguments.output)
 
 
 def _is_plan(file: Path) -> bool:
@@ -235,57 +222,49 @@ def _is_plan(file: Path) -> bool:
     return file.is_dir() or file.suffix == ".json"
 
 
-def _mjcf(arguments: argparse.Namespace) -> int:
+def _mjcf(arguments: argparse.Namespace) -> list[Path]:
     from deltaopt.output.mjcf import mjcf
 
-    text = mjcf(load_robot(arguments.robot), arguments.payload)
-    return _write(arguments.output, lambda file: _write_text(file, text))
+    return _text(arguments, mjcf(load_robot(arguments.robot), arguments.payload))
 
 
-def _schema(arguments: argparse.Namespace) -> int:
+def _schema(arguments: argparse.Namespace) -> list[Path]:
     from deltaopt.output.plan_files import schema
 
-    return _write(arguments.output, lambda file: _write_text(file, schema()))
+    return _text(arguments, schema())
 
 
-def _write(file: Path, write: Callable[[Path], object]) -> int:
-    """Write one file, whole or not at all, and say so. Raises OSError, which names it."""
+def _text(arguments: argparse.Namespace, text: str) -> list[Path]:
+    return _one(arguments.output, lambda file: file.write_text(text, encoding="utf-8"))
+
+
+def _table(arguments: argparse.Namespace) -> list[Path]:
+    (table, _), unit = _controllers_table(arguments), UNITS[arguments.unit]
+    return _one(arguments.output, lambda file: write_table(file, table, unit))
+
+
+def _one(file: Path, write: Callable[[Path], object]) -> list[Path]:
+    """Write one file, whole or not at all. Raises OSError, which names it."""
     require_replaceable(file)
-    before = present(file.parent)
     with all_or_none(file.parent) as folder:
         write(folder / file.name)
-    print_written([file], before)
-    return 0
+    return [file]
 
 
-def _write_text(file: Path, text: str) -> None:
-    file.write_text(text, encoding="utf-8")
-
-
-def _table(arguments: argparse.Namespace) -> int:
-    (table, _), unit = _controllers_table(arguments), UNITS[arguments.unit]
-    return _write(arguments.output, lambda file: write_table(file, table, unit))
-
-
-def _cam(arguments: argparse.Namespace) -> int:
+def _cam(arguments: argparse.Namespace) -> list[Path]:
     table, robot = _controllers_table(arguments)
-    folder = arguments.output
-    before = present(folder)
     cams = Cams.of(table, UNITS[arguments.unit], arguments.master_speed)
     way = f"{cams.master[-1]:.6g} units of the master axis"
     print(f"{len(cams.master)} points of each cam, over {way}")
-    print_written(write_cams(folder, cams, robot.name), before)
-    return 0
+    return write_cams(arguments.output, cams, robot.name)
 
 
-def _ros2(arguments: argparse.Namespace) -> int:
+def _ros2(arguments: argparse.Namespace) -> list[Path]:
     (table, _), joints = _controllers_table(arguments), tuple(arguments.joints)
     output: Path = arguments.output
     if output.suffix in (".yaml", ".yml"):
-        return _write(output, lambda file: write_ros2_yaml(file, table, joints))
-    before = present(output)
-    print_written(write_ros2_bag(output, table, joints, arguments.topic), before)
-    return 0
+        return _one(output, lambda file: write_ros2_yaml(file, table, joints))
+    return write_ros2_bag(output, table, joints, arguments.topic)
 
 
 def _controllers_table(arguments: argparse.Namespace) -> tuple[JointTable, Robot]:

@@ -23,18 +23,16 @@ from deltaopt.cli.arguments import (
     output_directory,
     positive,
 )
-from deltaopt.cli.streams import present, print_written
-from deltaopt.files.output_folder import all_or_none
+from deltaopt.cli.streams import new_files
 from deltaopt.motion.limit_curves import limit_curves
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.output.plan_files import MOST_ROWS, RATE, write_csv
+from deltaopt.output.plan_files import MOST_ROWS, RATE, write_motion
 from deltaopt.planning.first_motions.initial_motion import straight_line
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import DeltaModel
 from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.scene import Scene, load_scene
 from deltaopt.scene.task import given_points
-
-HELP = "compute the torques along a straight line (the paper's Figs. 4 and 5)"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -66,12 +64,10 @@ def run(arguments: argparse.Namespace) -> int:
     print(_table(trajectory))
     print(_against_limits(scene, trajectory))
     csv, motion, torques = ("inverse.csv", "motion.png", "torques.png")
-    before = present(directory)
-    with all_or_none(directory) as folder:
-        write_csv(folder / csv, trajectory)
+    with new_files(directory, csv, motion, torques) as folder:
+        write_motion(folder / csv, trajectory)
         draw_motion(folder / motion, trajectory)
         draw_torques(folder / torques, trajectory)
-    print_written([directory / name for name in (csv, motion, torques)], before)
     return 0
 
 
@@ -90,7 +86,7 @@ def _against_limits(scene: Scene, trajectory: Trajectory) -> str:
     """Lines that say how near the motion comes to each limit, and when."""
     steps = np.linspace(0.0, 1.0, 2001)
     lines = []
-    for curves in limit_curves(scene, trajectory, steps):
+    for curves in limit_curves(problem_of(scene), trajectory, steps):
         share = curves.of_bounds
         instant, row = np.unravel_index(int(np.nanargmax(share)), share.shape)
         which = f" of {curves.limit.subject} {row + 1}" if share.shape[1] > 1 else ""

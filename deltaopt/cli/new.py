@@ -14,8 +14,6 @@ from deltaopt.cli.arguments import folder
 from deltaopt.cli.streams import print_written
 from deltaopt.output.starting_files import write_starting_files
 
-HELP = "write a commented robot file and scene file to start from"
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("directory", type=folder, metavar="DIR", help="folder for both files")

@@ -7,10 +7,12 @@ import json
 import os
 import sys
 import unicodedata
-from collections.abc import Container, Iterable, Mapping
-from contextlib import suppress
+from collections.abc import Container, Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TextIO
+
+from deltaopt.files.output_folder import all_or_none
 
 _IN_WORDS = {
     "·": ".",
@@ -82,6 +84,25 @@ def say(sentence: str) -> None:
 def print_json(content: Mapping[str, object]) -> None:
     """Print one JSON object, in one line, to standard output; all its numbers must be finite."""
     print(json.dumps(content, ensure_ascii=True, allow_nan=False), flush=True)
+
+
+def say_failures(failures: Iterable[str]) -> int:
+    """Say what verification finds wrong, and return the exit code: 1 if anything is."""
+    code = 0
+    for failure in failures:
+        say(f"deltaopt: verification failed: {failure}")
+        code = 1
+    return code
+
+
+@contextmanager
+def new_files(directory: Path, *names: str) -> Iterator[Path]:
+    """A folder for files of these names, which then appear in a directory, all or none, and are
+    told."""
+    before = present(directory)
+    with all_or_none(directory) as folder:
+        yield folder
+    print_written([directory / name for name in names], before)
 
 
 def present(directory: Path) -> set[Path]:

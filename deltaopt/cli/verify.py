@@ -26,10 +26,10 @@ from pathlib import Path
 import numpy as np
 
 from deltaopt.cli.arguments import WrongUsage, add_json, kilograms
-from deltaopt.cli.plan import duty_table, singularities_table, table
-from deltaopt.cli.streams import print_json, say
+from deltaopt.cli.streams import print_json, say, say_failures
 from deltaopt.errors import installed
 from deltaopt.output.foreign_table import ANGLES, ForeignTable, UnreadableTable, read_foreign_table
+from deltaopt.output.in_words import duty_table, singularities_table, table
 from deltaopt.output.mujoco_replay import MujocoReplay, replay_in_mujoco
 from deltaopt.output.plan_files import RECORD, TABLE
 from deltaopt.output.saved_plan import (
@@ -38,7 +38,6 @@ from deltaopt.output.saved_plan import (
     record_differences,
     table_difference,
 )
-from deltaopt.planning.trajectory_optimiser import RESOLVED_BELOW
 from deltaopt.robot.joints import Joints
 from deltaopt.robot.model import delta_model
 from deltaopt.robot.robot import load_robot
@@ -46,8 +45,6 @@ from deltaopt.scene.scene import Scene, load_scene
 from deltaopt.verify.bounds import EXCESS
 from deltaopt.verify.measures import Excess, MeasuredMotion
 from deltaopt.verify.verification import Verification, verify
-
-HELP = "verify a saved plan, or measure a table of motor angles"
 
 _PER_RADIAN = {"rad": 1.0, "deg": 180 / pi}
 
@@ -113,19 +110,15 @@ def run(arguments: argparse.Namespace) -> int:
         told["ok"] = found.ok and not differences
         print_json(told if replay is None else {**told, "mujoco": _as_dict(replay)})
     else:
-        tolerance = saved.record.get("tolerance")
-        certified = isinstance(tolerance, float) and tolerance <= RESOLVED_BELOW
-        print(table(found, certified=certified))
+        print(table(found, asked_for=saved.record.get("tolerance")))
         if replay is not None:
             print("\n".join(replay_lines(replay, found)))
-    for failure in found.failures():
-        say(f"deltaopt: verification failed: {failure}")
+    code = say_failures(found.failures())
     for difference in differences:
         say(f"deltaopt: {difference}")
-    converges = replay is None or replay.converges or not found.judges_arrival
-    if not converges:
-        say("deltaopt: verification failed: in MuJoCo the torques do not lead to the goal")
-    return 0 if found.ok and converges and not differences else 1
+    if replay is not None and found.judges_arrival and not replay.converges:
+        code = say_failures(["in MuJoCo the torques do not lead to the goal"])
+    return max(code, bool(differences))
 
 
 def _differences(motion: Path, saved: SavedPlan, ok: bool | None) -> list[str]:

@@ -16,7 +16,6 @@ from deltaopt.cli.arguments import one_or_more
 from deltaopt.errors import installed
 from deltaopt.output.saved_plan import load_plan
 
-HELP = "look at a saved plan in a browser, in three dimensions"
 _FRAME = 1 / 30
 """Seconds between pictures while the motion plays."""
 

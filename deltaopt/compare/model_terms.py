@@ -7,10 +7,11 @@ take the platform in open loop. A term that changes none of this need not be mod
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from deltaopt.errors import DeltaOptError, Inexpressible
+from deltaopt.files.text_table import text_table
 from deltaopt.files.validated_record import Record
 from deltaopt.mechanisms.delta.arm_loads import FRICTION
 from deltaopt.planning.plan import Plan
@@ -163,7 +164,7 @@ MODEL_TERMS = (
 """Every term of a robot file that has mass, inertia, weight or friction."""
 
 
-def terms_table(effects: list[TermEffect]) -> Iterator[str]:
+def terms_table(effects: list[TermEffect]) -> list[str]:
     """The lines of a table of effects, for people."""
     rows = [("left out", "instead", "plan shorter by", "limit exceeded by", "misses the goal by")]
     for effect in effects:
@@ -173,6 +174,4 @@ def terms_table(effects: list[TermEffect]) -> Iterator[str]:
             continue
         miss = "-" if effect.miss is None else f"{1e3 * effect.miss:.3g} mm"
         rows.append((name, instead, f"{effect.shorter:.2%}", f"{effect.excess:.2%}", miss))
-    widths = [max(len(row[i]) for row in rows) for i in range(5)]
-    for row in rows:
-        yield "  ".join(f"{cell:<{w}}" for cell, w in zip(row, widths, strict=True)).rstrip()
+    return text_table(rows)

@@ -8,7 +8,7 @@ passed over. What could be read in two ways is refused.
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from math import isnan, nan
@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.errors import on_one_line, shown
+from deltaopt.files.atomic_write import atomic_write
 from deltaopt.files.regular_file import content_of
 from deltaopt.files.validated_record import LARGEST
 
@@ -61,6 +62,20 @@ class CsvTable:
                     what = f"{names[k]} is {shown(row[place])} in line {line}"
                     raise WrongCsv(f"{what}; a number of at most {LARGEST:g} is needed")
         return values
+
+
+def write_csv(
+    file: Path, names: Sequence[str], rows: Iterable[Sequence[float]], remarks: Sequence[str] = ()
+) -> None:
+    """Write rows of numbers below a header of names, with so many digits that reading them gives
+    the same doubles; remarks stand before the header, after a #. The file is whole or not there."""
+    with (
+        atomic_write(file) as temporary,
+        temporary.open("w", encoding="utf-8", newline="\n") as out,
+    ):
+        out.writelines(f"# {remark}\n" for remark in remarks)
+        out.write(",".join(names) + "\n")
+        out.writelines(",".join(map(repr, row)) + "\n" for row in rows)
 
 
 def read_csv(file: Path, megabytes: int = _LARGEST_FILE) -> CsvTable:

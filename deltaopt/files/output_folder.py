@@ -6,7 +6,7 @@ import errno
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
@@ -46,6 +46,15 @@ def all_or_none(directory: Path) -> Iterator[Path]:
                 _appear(hidden, directory)
         except OSError as error:
             raise _named_as_in(directory, error, hidden) from error
+
+
+def write_texts(directory: Path, texts: Mapping[str, str]) -> list[Path]:
+    """Write files with these names and texts into a directory, made if need be: all of them appear
+    there at once, or none. Returns their paths. Raises OSError, naming the file."""
+    with all_or_none(directory) as folder:
+        for name, text in texts.items():
+            (folder / name).write_text(text, encoding="utf-8")
+    return [directory / name for name in texts]
 
 
 def require_writable(directory: Path) -> None:

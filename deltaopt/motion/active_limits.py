@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from deltaopt.curves.piecewise import Array
 from deltaopt.motion.limit_curves import LimitCurves, limit_curves
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.scene.scene import Scene
+from deltaopt.problem.problem import Problem
 
 AT_LIMIT = 0.99
 """Share of a bound from which a quantity counts as being at it. A plan of the default tolerance
@@ -71,14 +71,14 @@ class ActiveLimit:
         return f"{what} is at its limit {100 * self.share:.0f} % of the time"
 
 
-def share_curves(scene: Scene, trajectory: Trajectory, fractions: Array) -> list[ShareCurve]:
+def share_curves(problem: Problem, trajectory: Trajectory, fractions: Array) -> list[ShareCurve]:
     """The curves of all limits that a motion must keep, at fractions of every interval.
 
     Where a limit has several items for one subject, the curve is that of the item that is nearest
     to its bound at each instant.
     """
     found: dict[tuple[str, str], Array] = {}
-    for curves in limit_curves(scene, trajectory, fractions):
+    for curves in limit_curves(problem, trajectory, fractions):
         for subject, values in _each(curves):
             name = (curves.limit.name, subject)
             before = found.get(name, np.zeros(len(values)))
@@ -86,7 +86,7 @@ def share_curves(scene: Scene, trajectory: Trajectory, fractions: Array) -> list
     return [ShareCurve(limit, subject, values) for (limit, subject), values in found.items()]
 
 
-def active_limits(scene: Scene, trajectory: Trajectory) -> tuple[ActiveLimit, ...]:
+def active_limits(problem: Problem, trajectory: Trajectory) -> tuple[ActiveLimit, ...]:
     """The limits that a motion is at for some of its time, those of most time first."""
     cells = (np.arange(_STEPS) + 0.5) / _STEPS
     edges = np.arange(_STEPS + 1) / _STEPS
@@ -94,7 +94,7 @@ def active_limits(scene: Scene, trajectory: Trajectory) -> tuple[ActiveLimit, ..
     begins = trajectory.knots[:-1, None] + lengths[:, None] * edges[:-1]
     ends = np.append(begins.ravel()[1:], trajectory.knots[-1])
     found = []
-    for curve in share_curves(scene, trajectory, cells):
+    for curve in share_curves(problem, trajectory, cells):
         at = np.where(np.abs(curve.values) >= AT_LIMIT, np.sign(curve.values), 0.0)
         spans = tuple(_spans(at, begins.ravel(), ends))
         if spans:

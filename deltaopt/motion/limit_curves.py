@@ -18,8 +18,8 @@ from deltaopt.mechanisms.delta.functions import delta_functions
 from deltaopt.mechanisms.delta.instant import PlatformInstant
 from deltaopt.mechanisms.delta.mechanism import DeltaTerms
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.robot.model import DeltaModel, delta_model
-from deltaopt.scene.scene import Scene, limits_of
+from deltaopt.problem.problem import Problem
+from deltaopt.robot.model import DeltaModel
 
 
 @dataclass(frozen=True)
@@ -46,12 +46,14 @@ class LimitCurves:
             return np.where(both, np.abs(self.values - middle) / half, of_one)
 
 
-def limit_curves(scene: Scene, trajectory: Trajectory, fractions: Array) -> Iterator[LimitCurves]:
+def limit_curves(
+    problem: Problem, trajectory: Trajectory, fractions: Array
+) -> Iterator[LimitCurves]:
     """The curves of all limits that a motion must keep, at fractions of every interval.
 
     Margins that only the planner keeps are left out.
     """
-    model, limits = delta_model(scene.robot, scene.payload), limits_of(scene)
+    model, limits = problem.model, problem.limits
     function = _measures(model.functions.terms, limits.constraints)
     path = trajectory.path_inside(fractions)
     parameters = np.concatenate([limits.numbers, model.parameters])
@@ -80,9 +82,9 @@ class LimitShares:
     named: tuple[tuple[str, str], ...]
 
     @classmethod
-    def of(cls, scene: Scene) -> LimitShares:
+    def of(cls, problem: Problem) -> LimitShares:
         """Of the limits that a motion must keep, without margins that only the planner keeps."""
-        model, limits = delta_model(scene.robot, scene.payload), limits_of(scene)
+        model, limits = problem.model, problem.limits
         function, named = _shares(model.functions.terms, limits.constraints)
         return cls(model, function, np.concatenate([limits.numbers, model.parameters]), named)
 

@@ -21,7 +21,7 @@ from deltaopt.curves.bernstein import control_points_of, halves, middles
 from deltaopt.curves.halving import Truths, halve_until_known
 from deltaopt.curves.piecewise import Array, PiecewisePolynomial
 from deltaopt.limits.constraints import Constraints
-from deltaopt.scene.scene import Scene, limits_of
+from deltaopt.problem.problem import Problem
 
 Integers = NDArray[np.intp]
 
@@ -36,23 +36,25 @@ _CELLS = 100_000
 ever shorter ones."""
 
 
-def sure_excess(scene: Scene, position: PiecewisePolynomial) -> Array:
+def sure_excess(problem: Problem, position: PiecewisePolynomial) -> Array:
     """By how much, at most, each row of ``Constraints.convex`` is beyond its bound in each
     interval, (K, rows), as shares of the rows' natural sizes; negative where it keeps its bound."""
-    return _excess(scene, position, np.arange(len(position.coefficients)), _KNOWN)
+    return _excess(problem, position, np.arange(len(position.coefficients)), _KNOWN)
 
 
-def rows_not_kept(scene: Scene, position: PiecewisePolynomial) -> Truths:
+def rows_not_kept(problem: Problem, position: PiecewisePolynomial) -> Truths:
     """Which rows of ``Constraints.convex`` a motion is not known to keep at all instants, (rows,).
     By how much is of no account, so that this is known sooner."""
     everywhere = np.zeros(len(position.coefficients), dtype=np.intp)
-    return np.asarray(_excess(scene, position, everywhere, _ANY)[0] > 0)
+    return np.asarray(_excess(problem, position, everywhere, _ANY)[0] > 0)
 
 
-def _excess(scene: Scene, position: PiecewisePolynomial, groups: Integers, known: float) -> Array:
+def _excess(
+    problem: Problem, position: PiecewisePolynomial, groups: Integers, known: float
+) -> Array:
     """The largest excess in each of some groups of pieces, (groups, rows); ``groups``: to which
     each piece belongs. ``known``: share to which it is known where it is positive."""
-    limits = limits_of(scene)
+    limits = problem.limits
     rows = limits.constraints.convex
     bound, scale = limits.bounds[0][rows], limits.scales[rows]
     most = np.full((groups[-1] + 1, len(bound)), -np.inf)
@@ -60,7 +62,7 @@ def _excess(scene: Scene, position: PiecewisePolynomial, groups: Integers, known
 
     def unknown(pieces: _Pieces, is_last: bool) -> Truths:
         middle = middles(pieces.points)
-        distance, slope = signed_distances(scene, middle)
+        distance, slope = signed_distances(problem, middle)
         away = pieces.points - middle[:, None]
         lowest = distance + (slope @ away.swapaxes(1, 2)).min(axis=2)
         below, beyond = (bound - lowest) / scale, (bound - distance) / scale
@@ -89,18 +91,18 @@ class _Pieces:
         return _Pieces(np.concatenate(halves(self.points[which])), np.tile(self.groups[which], 2))
 
 
-def signed_distances(scene: Scene, x: Array) -> tuple[Array, Array]:
+def signed_distances(problem: Problem, x: Array) -> tuple[Array, Array]:
     """Measures of the rows of ``Constraints.convex`` at places (N, 3), m, (N, rows), and their
     derivatives by the place, (N, rows, 3)."""
-    limits = limits_of(scene)
+    limits = problem.limits
     measures, slopes = _tangents(limits.constraints)(x, parameters=limits.numbers)
     return measures, slopes.reshape(len(x), -1, 3)
 
 
-def distances_from_faces(scene: Scene, x: Array, row: int) -> Array:
+def distances_from_faces(problem: Problem, x: Array, row: int) -> Array:
     """Distances of places (N, 3), m, from the faces of the body of one of the rows of
     ``Constraints.convex``, (N, faces), m."""
-    limits = limits_of(scene)
+    limits = problem.limits
     measures = _tangents(limits.constraints)
     each = [measures(x, parameters=numbers)[0][:, row] for numbers in limits.faces[row]]
     return np.stack(each, axis=1)

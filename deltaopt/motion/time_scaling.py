@@ -48,8 +48,8 @@ from deltaopt.motion.extrema import (
 from deltaopt.motion.safe_speeds import largest_by_roots, largest_by_trying
 from deltaopt.motion.sure_bounds import sure_excess
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.robot.model import DeltaModel, delta_model
-from deltaopt.scene.scene import Scene, limits_of
+from deltaopt.problem.problem import Problem
+from deltaopt.robot.model import DeltaModel
 
 Integers = NDArray[np.intp]
 Truths = NDArray[np.bool]
@@ -143,36 +143,36 @@ class NeededSlowing:
 
 
 def safe_factor(
-    scene: Scene, trajectory: Trajectory, at_least: float = 1.0, sampled: Loads | None = None
+    problem: Problem, trajectory: Trajectory, at_least: float = 1.0, sampled: Loads | None = None
 ) -> float:
     """The smallest factor k ≥ ``at_least`` by which slowing the motion keeps its limits.
 
     Infinite where no k does, such as where gravity alone exceeds a torque limit or a limit of
     position is exceeded. ``sampled``: as of ``needed_slowing``.
     """
-    needed = needed_slowing(scene, trajectory, at_least, sampled)
+    needed = needed_slowing(problem, trajectory, at_least, sampled)
     return needed.factor if needed.keeps_places else inf
 
 
 def needed_slowing(
-    scene: Scene, trajectory: Trajectory, at_least: float = 1.0, sampled: Loads | None = None
+    problem: Problem, trajectory: Trajectory, at_least: float = 1.0, sampled: Loads | None = None
 ) -> NeededSlowing:
     """By what factor k ≥ ``at_least`` the motion has to be slowed, at all instants.
 
     ``sampled``: ``loads_inside`` of ``sample_fractions``, where these are known already.
     """
     intervals = len(trajectory.knots) - 1
-    along, fractions = _loads_along(scene, trajectory), sample_fractions(intervals)
+    along, fractions = _loads_along(problem, trajectory), sample_fractions(intervals)
     known = sampled or along(*everywhere(intervals, fractions))
-    constraints = limits_of(scene).constraints
+    constraints = problem.limits.constraints
     places = max(
-        surely_misplaced(scene, trajectory), _over_ridges(constraints, along, fractions, known)
+        surely_misplaced(problem, trajectory), _over_ridges(constraints, along, fractions, known)
     )
-    if not _mixed(scene).any():
+    if not _mixed(problem).any():
         highest = _highest(along, lambda loads: loads.demands, fractions, known).values
         return known.needed(highest, at_least).beside(places)
 
-    tails = _tails(scene)
+    tails = _tails(problem)
 
     def size(loads: Loads) -> Array:
         return constraints.size(loads.rows)
@@ -180,7 +180,7 @@ def needed_slowing(
     def looked_at(speed: float, closely: bool) -> Peaks:
         slowed, loads = along, known
         if speed != 1:
-            slowed = _loads_along(scene, trajectory.slowed(1 / speed))
+            slowed = _loads_along(problem, trajectory.slowed(1 / speed))
             loads = slowed(*everywhere(intervals, fractions))
         if closely:
             return _highest(slowed, size, fractions, loads, tails)
@@ -188,7 +188,7 @@ def needed_slowing(
         highest.see(*everywhere(intervals, fractions), size(loads))
         return highest
 
-    factor, last = _factor_by_exchange(scene, trajectory, at_least, looked_at)
+    factor, last = _factor_by_exchange(problem, trajectory, at_least, looked_at)
     sampled_places = last.values[_sampled_places(constraints)]
     needed_at_samples = NeededSlowing(factor, float(sampled_places.max(initial=0.0)) - 1)
     return needed_at_samples.beside(places)
@@ -212,13 +212,13 @@ def _over_ridges(
     return float(ridges(lambda *at: size(along(*at)), fractions, size(sampled)).max()) - 1
 
 
-def surely_misplaced(scene: Scene, trajectory: Trajectory) -> float:
+def surely_misplaced(problem: Problem, trajectory: Trajectory) -> float:
     """By how much a motion exceeds limits of its position that are known to be convex, at most, or
     those of its approach, as ``NeededSlowing.misplaced``; -1 without such limits."""
-    approach = approach_excess(scene, trajectory)
-    if not limits_of(scene).constraints.has_convex:
+    approach = approach_excess(problem, trajectory)
+    if not problem.limits.constraints.has_convex:
         return approach
-    return max(approach, float(sure_excess(scene, trajectory.position).max()))
+    return max(approach, float(sure_excess(problem, trajectory.position).max()))
 
 
 def _sampled_places(constraints: Constraints) -> Truths:
@@ -232,19 +232,19 @@ this speed, and where they are."""
 
 
 def _factor_by_exchange(
-    scene: Scene, trajectory: Trajectory, at_least: float, looked_at: Look
+    problem: Problem, trajectory: Trajectory, at_least: float, looked_at: Look
 ) -> tuple[float, Peaks]:
     """The smallest safe factor where rows have mixed powers, and the last look.
 
     Samples come first: what lies between them changes the speed little. Where arms turn back under
     friction it changes it more, so that this is looked at from the beginning.
     """
-    changes = _exponents(scene) != 0
-    has_layers = _has_layers(scene)
+    changes = _exponents(problem) != 0
+    has_layers = _has_layers(problem)
     largest = largest_by_trying if has_layers else largest_by_roots
     closely = has_layers and at_least > 0
     speed, highest = _where_to_begin(at_least, looked_at, changes, closely)
-    instants = _Instants.none(scene, trajectory)
+    instants = _Instants.none(problem, trajectory)
     for _ in range(_EXCHANGES):
         beyond = changes & ~(highest.values <= 1 + _SAFE)
         if closely and not beyond.any():
@@ -295,9 +295,9 @@ class _Instants:
     taylor: Array
 
     @classmethod
-    def none(cls, scene: Scene, trajectory: Trajectory) -> _Instants:
-        sides = limits_of(scene).constraints.sides & (_exponents(scene) != 0)[:, None]
-        evaluate = _Evaluation.of(scene, trajectory)
+    def none(cls, problem: Problem, trajectory: Trajectory) -> _Instants:
+        sides = problem.limits.constraints.sides & (_exponents(problem) != 0)[:, None]
+        evaluate = _Evaluation.of(problem, trajectory)
         return cls(trajectory.position, evaluate, sides.T, np.zeros((0, 9)))
 
     def joined_by(self, intervals: Index, fractions: Array) -> _Instants:
@@ -318,12 +318,12 @@ class _Instants:
         return np.asarray(both.reshape(len(speeds), -1))
 
 
-def highest_rows(scene: Scene, trajectory: Trajectory) -> Peaks:
+def highest_rows(problem: Problem, trajectory: Trajectory) -> Peaks:
     """How near each constraint row comes to its bounds, 1 at a bound, between samples too."""
-    intervals, size = len(trajectory.knots) - 1, limits_of(scene).constraints.size
-    along, fractions = _loads_along(scene, trajectory), sample_fractions(intervals)
+    intervals, size = len(trajectory.knots) - 1, problem.limits.constraints.size
+    along, fractions = _loads_along(problem, trajectory), sample_fractions(intervals)
     sampled = along(*everywhere(intervals, fractions))
-    return _highest(along, lambda loads: size(loads.rows), fractions, sampled, _tails(scene))
+    return _highest(along, lambda loads: size(loads.rows), fractions, sampled, _tails(problem))
 
 
 def _highest(
@@ -349,16 +349,16 @@ def _highest(
     return highest
 
 
-def loads_inside(scene: Scene, trajectory: Trajectory, fractions: Array) -> Loads:
+def loads_inside(problem: Problem, trajectory: Trajectory, fractions: Array) -> Loads:
     """Loads at these fractions, (n,), of every interval, 0 and 1 from inside of it: N = K · n.
 
     Raises Unreachable or Singular where the motion has none.
     """
-    along = _loads_along(scene, trajectory)
+    along = _loads_along(problem, trajectory)
     return along(*everywhere(len(trajectory.knots) - 1, fractions))
 
 
-def sizes_at(scene: Scene, coefficients: Array, lengths: Array, fractions: Array) -> Array:
+def sizes_at(problem: Problem, coefficients: Array, lengths: Array, fractions: Array) -> Array:
     """How near rows are to the nearer of their bounds, 1 at a bound, of polynomials at fractions of
     their lengths in s: (n, fractions, rows); not a number out of reach.
 
@@ -366,23 +366,23 @@ def sizes_at(scene: Scene, coefficients: Array, lengths: Array, fractions: Array
     """
     knots = np.append(0.0, np.cumsum(lengths))
     pieces = PiecewisePolynomial(knots, coefficients)
-    model = delta_model(scene.robot, scene.payload)
-    loads = _Evaluation.of(scene, Trajectory(pieces, model))(*everywhere(len(lengths), fractions))
-    sizes = limits_of(scene).constraints.size(loads.rows)
+    model = problem.model
+    loads = _Evaluation.of(problem, Trajectory(pieces, model))(*everywhere(len(lengths), fractions))
+    sizes = problem.limits.constraints.size(loads.rows)
     return sizes.reshape(len(lengths), len(fractions), -1)
 
 
-def rough_factor(scene: Scene, trajectory: Trajectory) -> float:
+def rough_factor(problem: Problem, trajectory: Trajectory) -> float:
     """The smallest safe factor of any size by samples, limits of position left out; infinite too
     where the motion has no torques."""
     intervals = len(trajectory.knots) - 1
     where = everywhere(intervals, sample_fractions(intervals))
-    if not _mixed(scene).any():
-        loads = _Evaluation.of(scene, trajectory)(*where)
+    if not _mixed(problem).any():
+        loads = _Evaluation.of(problem, trajectory)(*where)
         return loads.needed(loads.demands.max(axis=0), at_least=0.0).factor
     factor = 1.0
     for _ in range(_ROUGH_ROUNDS):  # what mixed powers ask for is right close to the limits alone
-        loads = _Evaluation.of(scene, trajectory.slowed(factor))(*where)
+        loads = _Evaluation.of(problem, trajectory.slowed(factor))(*where)
         change = loads.needed(loads.demands.max(axis=0), at_least=0.0).factor
         factor *= min(max(change, 1 / _MOST_CHANGE), _MOST_CHANGE)
         if abs(change - 1) < _ROUGH:
@@ -403,12 +403,12 @@ class _Evaluation:
     placed: int
 
     @classmethod
-    def of(cls, scene: Scene, trajectory: Trajectory) -> _Evaluation:
-        model, limits = delta_model(scene.robot, scene.payload), limits_of(scene)
+    def of(cls, problem: Problem, trajectory: Trajectory) -> _Evaluation:
+        model, limits = problem.model, problem.limits
         coefficients = _padded(trajectory.position.coefficients)
         powers = coefficients.shape[1] // 3
         terms, constraints = model.functions.terms, limits.constraints
-        squares = _squares(scene)
+        squares = _squares(problem)
         return cls(
             model,
             coefficients,
@@ -441,26 +441,26 @@ def exponents(constraints: Constraints, squares: bool) -> Integers:
     return found if squares else np.where(constraints.of_torque, MIXED, found)
 
 
-def _exponents(scene: Scene) -> Integers:
-    return exponents(limits_of(scene).constraints, _squares(scene))
+def _exponents(problem: Problem) -> Integers:
+    return exponents(problem.limits.constraints, _squares(problem))
 
 
-def _mixed(scene: Scene) -> Truths:
+def _mixed(problem: Problem) -> Truths:
     """Which rows of a scene mix powers of the speed, (rows,)."""
-    return np.asarray(_exponents(scene) == MIXED)
+    return np.asarray(_exponents(problem) == MIXED)
 
 
-def _squares(scene: Scene) -> bool:
+def _squares(problem: Problem) -> bool:
     """Whether what motion adds to the torques at rest grows with the square of the speed, as it
     does where nothing but motors, such as friction, depends on the speed."""
-    return _degree(delta_model(scene.robot, scene.payload).functions.terms) == 0
+    return _degree(problem.model.functions.terms) == 0
 
 
-def _has_layers(scene: Scene) -> bool:
+def _has_layers(problem: Problem) -> bool:
     """Whether torques may change within moments where arms turn back, as by Coulomb friction;
     otherwise all rows are polynomials of the speed."""
-    degree = _degree(delta_model(scene.robot, scene.payload).functions.terms)
-    return degree > _SQUARE or not limits_of(scene).constraints.are_polynomials
+    degree = _degree(problem.model.functions.terms)
+    return degree > _SQUARE or not problem.limits.constraints.are_polynomials
 
 
 _SQUARE = 2
@@ -480,14 +480,14 @@ def _degree(terms: DeltaTerms) -> float:
     return inf if any(ca.depends_on(bend, mechanism.dq) for bend in bends) else _SQUARE
 
 
-def _tails(scene: Scene) -> float:
+def _tails(problem: Problem) -> float:
     """``tails`` of the valleys of ``Loads.narrow``."""
-    return _TAILS if _has_layers(scene) else 0.0
+    return _TAILS if _has_layers(problem) else 0.0
 
 
-def _loads_along(scene: Scene, trajectory: Trajectory) -> Callable[[Index, Array], Loads]:
+def _loads_along(problem: Problem, trajectory: Trajectory) -> Callable[[Index, Array], Loads]:
     """The loads at (interval (N,), fraction of it (N,)), or an error that says why not."""
-    evaluate = _Evaluation.of(scene, trajectory)
+    evaluate = _Evaluation.of(problem, trajectory)
 
     def along(intervals: Index, fractions: Array) -> Loads:
         loads = evaluate(intervals, fractions)

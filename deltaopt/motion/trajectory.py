@@ -10,8 +10,9 @@ from numpy.typing import ArrayLike
 
 from deltaopt.curves.piecewise import Array, PiecewisePolynomial
 from deltaopt.files.validated_record import Vector3
+from deltaopt.problem.boundary import REST, Boundary
+from deltaopt.problem.problem import Problem
 from deltaopt.robot.model import DeltaModel
-from deltaopt.scene.task import REST, EndState, RestToRest, Task
 
 _ROUNDING = 1e-12
 """Share of the duration by which an instant may be outside the motion and is still its end: sums of
@@ -173,25 +174,27 @@ def _divided(velocity: Vector3, factor: float) -> Vector3:
     return x / factor, y / factor, z / factor
 
 
-def moving_on(task: Task, trajectory: Trajectory) -> Trajectory:
-    """A motion that solves a task, which outside its duration moves on as its ends do."""
-    velocities = task.start.velocity, goal_of(task, trajectory).velocity
+def moving_on(problem: Problem, trajectory: Trajectory) -> Trajectory:
+    """A motion that solves a problem, which outside its duration moves on as its ends do."""
+    velocities = problem.start.velocity, goal_of(problem, trajectory).velocity
     return replace(trajectory, end_velocities=velocities)
 
 
-def passes(task: Task, trajectory: Trajectory) -> Array:
-    """When a motion passes from phase to phase of its task, (n,), s: at the knots that are nearest
+def passes(problem: Problem, trajectory: Trajectory) -> Array:
+    """When a motion passes from phase to phase, (n,), s: at the knots that are nearest
     to via points, also where these are centres of spheres, in their order, neither the first nor
     the last; with an approach at the first knot as high as it asks for at the start, and the last
     as high as it asks for at the goal."""
     x = trajectory.position.coefficients[:, 0]
-    if isinstance(task, RestToRest) and task.levels:
-        up, down = (np.flatnonzero(x[1:, 0] <= level + _AS_HIGH) + 1 for level in task.levels)
+    gates = problem.gates
+    if any(any(gate.free) for gate in gates):
+        levels = (gate.position[0] for gate in gates)
+        up, down = (np.flatnonzero(x[1:, 0] <= level + _AS_HIGH) + 1 for level in levels)
         first, last = (up[0], down[-1]) if len(up) and len(down) else (len(x), len(x))
         return trajectory.knots[[first, min(max(last, first + 1), len(x))]]
     knots, found, first = trajectory.knots, list[float](), 1
-    for number, point in enumerate(task.via):
-        left = len(task.via) - number - 1  # that need a knot each
+    for number, point in enumerate(gates):
+        left = len(gates) - number - 1  # that need a knot each
         away = np.linalg.norm(x[first : len(x) - left] - point.position, axis=1)
         first += int(away.argmin())
         found.append(float(knots[first]))
@@ -199,21 +202,21 @@ def passes(task: Task, trajectory: Trajectory) -> Array:
     return np.array(found)
 
 
-def phase_durations(task: Task, trajectory: Trajectory) -> tuple[float, ...]:
+def phase_durations(problem: Problem, trajectory: Trajectory) -> tuple[float, ...]:
     """Durations of the phases of a motion, s: from each given point to the next, which are its
     start, via points or where an approach ends upwards, and its goal."""
     begin, end = trajectory.knots[[0, -1]].tolist()
-    at = [begin, *passes(task, trajectory).tolist(), end]
+    at = [begin, *passes(problem, trajectory).tolist(), end]
     return tuple(b - a for a, b in pairwise(at))
 
 
-def goal_of(task: Task, trajectory: Trajectory) -> EndState:
-    """The state that a task asks for at the end of a motion: on a belt it depends on the motion's
-    duration, and at rest anywhere it is where the motion ends."""
+def goal_of(problem: Problem, trajectory: Trajectory) -> Boundary:
+    """The state that a motion is to end in: on a belt it depends on the motion's duration, and at
+    rest anywhere it is where the motion ends."""
     x, y, z = trajectory.position.at(trajectory.knots[-1:])[0].tolist()
-    return task.goal.at(trajectory.duration, (x, y, z))
+    return problem.goal.at(trajectory.duration, (x, y, z))
 
 
-def ends_of(task: Task, trajectory: Trajectory) -> Array:
-    """Where a task asks a motion to begin and to end, (2, 3), m."""
-    return np.array([task.start.position, goal_of(task, trajectory).position])
+def ends_of(problem: Problem, trajectory: Trajectory) -> Array:
+    """Where a problem asks a motion to begin and to end, (2, 3), m."""
+    return np.array([problem.start.position, goal_of(problem, trajectory).position])

@@ -20,7 +20,7 @@ from typing import ClassVar
 import numpy as np
 
 from deltaopt.curves.piecewise import Array, PiecewisePolynomial
-from deltaopt.files.output_folder import all_or_none
+from deltaopt.files.output_folder import write_texts
 from deltaopt.output.joint_table import JointTable, Quintic
 from deltaopt.output.table_files import AngleUnit
 
@@ -104,18 +104,17 @@ def write_cams(directory: Path, cams: Cams, name: str) -> list[Path]:
     the points as structured text. All of them appear there at once, or none; returns their paths.
     Raises OSError, naming the file, if one cannot be written.
     """
-    texts = {
-        POINTS: "\n".join(_points(cams)),
-        PIECES: "\n".join(_pieces(cams)),
-        TWINCAT: "\n".join(_twincat(cams, _in_comment(name))),
-        CODESYS: "\n".join(_codesys(cams, _in_comment(name))),
+    lines = {
+        POINTS: _points(cams),
+        PIECES: _pieces(cams),
+        TWINCAT: _twincat(cams, _in_comment(name)),
+        CODESYS: _codesys(cams, _in_comment(name)),
     }
-    with all_or_none(directory) as folder:
-        for file, text in texts.items():
-            comment = "# {}\n" if file.endswith(".csv") else "(* {} *)\n"
-            head = "".join(map(comment.format, cams.remarks))
-            (folder / file).write_text(head + text + "\n", encoding="utf-8")
-    return [directory / file for file in texts]
+    texts = {}
+    for file, own in lines.items():
+        comment = "# {}" if file.endswith(".csv") else "(* {} *)"
+        texts[file] = "\n".join([*map(comment.format, cams.remarks), *own]) + "\n"
+    return write_texts(directory, texts)
 
 
 def _points(cams: Cams) -> Iterator[str]:

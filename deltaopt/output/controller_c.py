@@ -6,7 +6,7 @@ does not depend on the robot stands in ``c_templates``.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
 from string import Template
@@ -19,7 +19,7 @@ from deltaopt.curves.piecewise import Array
 from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.dynamics.mechanism import SX
 from deltaopt.dynamics.virtual_work import VirtualWork
-from deltaopt.files.output_folder import all_or_none
+from deltaopt.files.output_folder import write_texts
 from deltaopt.mechanisms.delta.functions import DeltaFunctions, delta_functions
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.robot.joints import Joints
@@ -54,13 +54,13 @@ def export_c(robot: Robot, directory: Path) -> list[Path]:
     Returns their paths. All of them appear there at once, or none. Raises OSError, naming the file,
     if one cannot be written.
     """
-    return _written(directory, _model_texts(robot) | {"test_delta.c": program(robot)})
+    return write_texts(directory, _model_texts(robot) | {"test_delta.c": program(robot)})
 
 
 def export_plan_c(
     trajectory: Trajectory, directory: Path, remarks: Sequence[str] = ()
 ) -> list[Path]:
-    """Write the same of a trajectory's robot, with plan.h and plan.c: the motion for the player,
+    """Write the C code of a trajectory's robot, with plan.h and plan.c: the motion for the player,
     after comments with ``remarks``.
 
     ``trajectory``: whose coordinates follow from the platform's position. Raises OSError.
@@ -86,19 +86,12 @@ def export_plan_c(
     head = "".join(f"/* {remark} */\n" for remark in remarks)
     texts = {"plan.h": head + header, "plan.c": head + data}
     texts["test_delta.c"] = program(robot, trajectory)
-    return _written(directory, _model_texts(robot) | texts)
+    return write_texts(directory, _model_texts(robot) | texts)
 
 
 def _model_texts(robot: Robot) -> dict[str, str]:
     header = _filled("delta.h", name=_in_comment(robot.name), joints=_joints(robot))
     return {"delta.h": header, "delta.c": source(robot)}
-
-
-def _written(directory: Path, texts: Mapping[str, str]) -> list[Path]:
-    with all_or_none(directory) as folder:
-        for name, text in texts.items():
-            (folder / name).write_text(text, encoding="utf-8")
-    return [directory / name for name in texts]
 
 
 def _filled(file: str, **values: object) -> str:

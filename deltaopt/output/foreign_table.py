@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from deltaopt.curves.piecewise import Array, PiecewisePolynomial
-from deltaopt.errors import DeltaOptError
+from deltaopt.errors import Unusable
 from deltaopt.files.csv_table import CsvTable, WrongCsv, read_csv
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.joint_table import Cubic, JointTable, Quintic, platform_motion
@@ -37,7 +37,7 @@ _SPLIT = 4
 many they differ by less than 1e-9 of what a millisecond's piece moves."""
 
 
-class UnreadableTable(DeltaOptError):
+class UnreadableTable(Unusable):
     """A CSV file is no table of a motion."""
 
 
@@ -64,7 +64,7 @@ class ForeignTable:
         return "cubic" if self.accelerations is None else "quintic"
 
     def without_accelerations(self) -> ForeignTable:
-        """The same for a controller that does not use accelerations."""
+        """The table as a controller takes it that does not use accelerations."""
         return replace(self, accelerations=None)
 
     def in_radians(self, per_radian: float) -> ForeignTable:

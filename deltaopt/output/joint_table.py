@@ -19,6 +19,7 @@ from deltaopt.limits.limit import first_highest
 from deltaopt.motion.extrema import Index, everywhere, peaks, sample_fractions
 from deltaopt.motion.limit_curves import LimitShares
 from deltaopt.motion.trajectory import Trajectory
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import DeltaModel
 from deltaopt.scene.scene import Scene
 
@@ -202,7 +203,7 @@ def checked_table(
 def table_within_limits(
     scene: Scene, trajectory: Trajectory, rows: Rows, interpolation: Interpolation
 ) -> CheckedTable:
-    """The same, slowed further until its interpolation keeps every limit.
+    """The table of a motion that is slowed until the table's interpolation keeps every limit.
 
     Torques of acceleration fall with the square of the factor, so that its root is the next guess.
     Raises Infeasible where slowing does not help.
@@ -234,7 +235,7 @@ def demand_of(scene: Scene, angles: PiecewisePolynomial) -> Demand:
 
     Raises Unreachable or Singular where the robot cannot follow.
     """
-    limits, lengths = LimitShares.of(scene), np.diff(angles.knots)
+    limits, lengths = LimitShares.of(problem_of(scene)), np.diff(angles.knots)
 
     def shares(pieces: Index, fractions: Array) -> Array:
         motion = angles.with_derivatives(pieces, fractions * lengths[pieces])

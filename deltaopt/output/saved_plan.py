@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from deltaopt.curves.piecewise import PiecewisePolynomial
-from deltaopt.errors import DeltaOptError, SceneError, on_one_line, shown
+from deltaopt.errors import SceneError, Unusable, on_one_line, shown
 from deltaopt.files.csv_table import WrongCsv, read_csv
 from deltaopt.files.regular_file import content_of
 from deltaopt.motion.trajectory import Trajectory, moving_on
@@ -26,6 +26,7 @@ from deltaopt.output.plan_files import (
     instants,
     rows_at,
 )
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import delta_model
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.scene import Scene
@@ -37,7 +38,7 @@ _LARGEST = 100
 """Size of a plan.json, MB: the finest meshes have some thousand intervals, of 1 kB."""
 
 
-class UnreadablePlan(DeltaOptError):
+class UnreadablePlan(Unusable):
     """A folder or file does not hold a plan as ``Plan.save`` writes it."""
 
 
@@ -58,7 +59,8 @@ class SavedPlan:
         return self.trajectory.duration
 
     def table(self, rate: float = RATE) -> Any:
-        """The motion at ``rate`` (Hz), as of ``Plan.table``."""
+        """The motion at ``rate`` (Hz) and at its last instant, with trajectory.csv's columns: a
+        pandas DataFrame if pandas is installed, otherwise a dictionary of arrays."""
         return frame(self.trajectory, rate)
 
 
@@ -87,7 +89,7 @@ def load_plan(path: str | Path) -> SavedPlan:
         raise UnreadablePlan(f"{file}: {problem}") from None
     except (TypeError, ValueError, AttributeError, OverflowError) as error:
         raise UnreadablePlan(f"{file}: its motion cannot be used: {error}") from None
-    return SavedPlan(scene, moving_on(scene.task, trajectory), content)
+    return SavedPlan(scene, moving_on(problem_of(scene), trajectory), content)
 
 
 def record_differences(saved: SavedPlan, ok: bool | None) -> list[str]:

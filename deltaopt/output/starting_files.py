@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, get_args, get_origin
 
 from deltaopt.errors import DeltaOptError
-from deltaopt.files.output_folder import all_or_none
+from deltaopt.files.output_folder import write_texts
 from deltaopt.files.validated_record import Record
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.objective import EXPECTED_DURATION
@@ -150,10 +150,7 @@ def write_starting_files(directory: Path) -> list[Path]:
             raise FilesExist(
                 f"{directory / name} exists and is not overwritten; name another folder"
             )
-    with all_or_none(directory) as folder:
-        for name, text in texts.items():
-            (folder / name).write_text(text, encoding="utf-8")
-    return [directory / name for name in texts]
+    return write_texts(directory, texts)
 
 
 def robot_text() -> str:

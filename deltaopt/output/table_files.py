@@ -9,6 +9,7 @@ import shutil
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from importlib import import_module
 from math import pi
 from pathlib import Path
 from typing import Any
@@ -16,8 +17,9 @@ from typing import Any
 import numpy as np
 
 from deltaopt.curves.piecewise import Array
-from deltaopt.errors import DeltaOptError
+from deltaopt.errors import installed
 from deltaopt.files.atomic_write import atomic_write
+from deltaopt.files.csv_table import write_csv
 from deltaopt.files.output_folder import all_or_none
 from deltaopt.output.joint_table import JointTable
 from deltaopt.robot.joints import Joints
@@ -28,10 +30,6 @@ MESSAGE = "trajectory_msgs/msg/JointTrajectory"
 _NANO = 1_000_000_000
 _BAG_VERSION = 9
 """Of the bag's metadata, as ROS 2 Humble and later read it."""
-
-
-class MissingRosbags(DeltaOptError):
-    """Bags are written by the package rosbags, which only an extra installs."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +45,7 @@ DEGREES = AngleUnit("deg", 180 / pi)
 
 
 def of_controller(table: JointTable, robot: Robot) -> JointTable:
-    """The same rows in the angles of a robot's controller, rad."""
+    """A table of the model's angles in those of a robot's controller, rad."""
     joints = robot.joints or Joints()
     return replace(
         table,
@@ -58,20 +56,10 @@ def of_controller(table: JointTable, robot: Robot) -> JointTable:
 
 
 def write_table(file: Path, table: JointTable, unit: AngleUnit = RADIANS) -> None:
-    """Write the rows of a table as CSV with ``COLUMNS``: s, the unit, and the unit by s and s².
-
-    Numbers have so many digits that reading them gives the same doubles. Remarks stand before the
-    header, after a #.
-    """
+    """Write the rows of a table as CSV with ``COLUMNS``: s, the unit, and the unit by s and s²."""
     angles = unit.per_radian * np.hstack([table.theta, table.dtheta, table.ddtheta])
-    with (
-        atomic_write(file) as temporary,
-        temporary.open("w", encoding="utf-8", newline="\n") as out,
-    ):
-        out.writelines(f"# {remark}\n" for remark in table.remarks)
-        out.write(",".join(COLUMNS) + "\n")
-        for row in np.hstack([table.t[:, None], angles]).tolist():
-            out.write(",".join(map(repr, row)) + "\n")
+    rows = np.hstack([table.t[:, None], angles]).tolist()
+    write_csv(file, COLUMNS, rows, table.remarks)
 
 
 def write_ros2_yaml(file: Path, table: JointTable, names: tuple[str, str, str]) -> None:
@@ -100,9 +88,10 @@ def write_ros2_bag(
     """Write a table as one JointTrajectory message in a bag (a folder with an MCAP file), without
     ROS, and return the paths of its files. Remarks are its custom data.
 
-    Raises MissingRosbags if the package rosbags is not installed.
+    Raises MissingPackage if the package rosbags is not installed.
     """
-    bags, typing = _rosbags()
+    installed("rosbags", "ros2")
+    bags, typing = import_module("rosbags.rosbag2"), import_module("rosbags.typesys")
     store = typing.get_typestore(typing.Stores.ROS2_HUMBLE)
     message = _message(store.types, table, names)
     with tempfile.TemporaryDirectory() as elsewhere, all_or_none(directory) as folder:
@@ -155,12 +144,3 @@ def _points(table: JointTable) -> Iterator[_Point]:
 
 def _quoted(name: str) -> str:
     return "'" + name.replace("'", "''") + "'"
-
-
-def _rosbags() -> tuple[Any, Any]:
-    """The modules that write bags and that know message types."""
-    try:
-        from rosbags import rosbag2, typesys
-    except ImportError:
-        raise MissingRosbags("rosbags is not installed: pip install 'deltaopt[ros2]'") from None
-    return rosbag2, typesys

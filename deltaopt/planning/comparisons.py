@@ -54,7 +54,7 @@ def straight_lines(scene: Scene) -> dict[str, float]:
 
 
 def beside_free_path(found: Plan) -> Plan:
-    """The same plan with its ``free_duration``: what the given path costs.
+    """A plan with its ``free_duration``: what the given path costs.
 
     It is planned now, to the same tolerance. The plan is returned as it is where its path is
     free already or in a tube, or where it begins or ends at a speed. Raises NotConverged where

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from math import isinf
 from typing import Protocol
 
 import numpy as np
@@ -28,10 +27,11 @@ from deltaopt.motion.time_scaling import highest_rows, loads_inside
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.initial_motion import waiting_motions
 from deltaopt.planning.nlp.cost import FASTEST, Cost
-from deltaopt.planning.nlp.problem import FormulatedProblem, Guess, Solved
-from deltaopt.planning.nlp.program import Spent
+from deltaopt.planning.nlp.problem import Formulated, Guess, Solved
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import QUADRATIC
+from deltaopt.planning.plan import CostIteration, Spent
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import DeltaModel
 from deltaopt.scene.objective import Effort, Objective, Time, TimeAndEffort
 from deltaopt.scene.scene import Scene
@@ -76,31 +76,7 @@ def cost_to_minimise(objective: Objective, scaling: Scaling) -> Cost:
 
 def scaling_to_duration(scene: Scene, shortest: float) -> Scaling:
     """The units of a scene's variables; of time the given duration, or else ``shortest`` (s)."""
-    return Scaling(scene, scene.objective.given_duration or shortest)
-
-
-@dataclass(frozen=True)
-class CostIteration:
-    """The record of one mesh.
-
-    ``duration`` (s) and ``cost`` (in ``unit``): of its motion, within all limits. ``gap``:
-    estimated relative excess of the cost over the least possible. ``spent``: seconds.
-    """
-
-    intervals: int
-    iterations: int
-    duration: float
-    cost: float
-    unit: str
-    gap: float
-    spent: Spent
-
-    def __str__(self) -> str:
-        gap = "no mesh to compare it with yet" if isinf(self.gap) else f"gap {self.gap:.1e}"
-        return (
-            f"{self.intervals} intervals, {self.iterations} iterations: {self.cost:.6g} "
-            f"{self.unit}, {gap}"
-        )
+    return Scaling(problem_of(scene), scene.objective.given_duration or shortest)
 
 
 @dataclass(frozen=True)
@@ -123,7 +99,8 @@ class FastestMotion(Protocol):
 
 
 def minimise_effort(
-    problem: FormulatedProblem,
+    scene: Scene,
+    problem: Formulated,
     fastest: FastestMotion,
     intervals: int,
     tolerance: float,
@@ -159,7 +136,7 @@ def minimise_effort(
     slowed = _Start(fastest.trajectory.slowed(given / shortest), np.full(intervals, 1 / intervals))
     scaling = replace(scaling, share=_IPOPT_MARGIN)
     failure: NotConverged | Unreachable | None = None
-    for start in _starts(problem, scaling, slowed, intervals):
+    for start in _starts(scene, problem, scaling, slowed, intervals):
         try:
             return _settled(problem, scaling, start, tolerance, report)
         except (NotConverged, Unreachable) as error:
@@ -183,13 +160,13 @@ class _Start:
 
 
 def _starts(
-    problem: FormulatedProblem, scaling: Scaling, slowed: _Start, intervals: int
+    scene: Scene, problem: Formulated, scaling: Scaling, slowed: _Start, intervals: int
 ) -> list[_Start]:
     """Where to start from: the slowed motion alone if there is no time to wait; else what is found
     from it and from motions that wait, the least cost first."""
     waiting: list[Trajectory] = []
-    if scaling.scene.objective.given_duration is not None:
-        waiting = waiting_motions(scaling.scene, scaling.time)
+    if scaling.problem.objective.duration is not None:
+        waiting = waiting_motions(scene, scaling.time)
     if not waiting:
         return [slowed]
     model, found = slowed.guess.model, list[tuple[float, _Start]]()
@@ -223,7 +200,7 @@ def _waiting_mesh(motion: Trajectory, intervals: int) -> Array:
 
 
 def _settled(
-    problem: FormulatedProblem,
+    problem: Formulated,
     scaling: Scaling,
     start: _Start,
     tolerance: float,
@@ -247,9 +224,7 @@ def _settled(
     return found
 
 
-def _on_meshes(
-    problem: FormulatedProblem, scaling: Scaling, start: _Start
-) -> Iterator[EffortResult]:
+def _on_meshes(problem: Formulated, scaling: Scaling, start: _Start) -> Iterator[EffortResult]:
     """The results on a first mesh and on meshes of twice as many intervals each, lazily."""
     meshes: list[CostIteration] = []
     before, first, mesh = np.inf, start.guess, start.mesh
@@ -277,7 +252,7 @@ class _OnMesh:
 
 
 def _solved(
-    problem: FormulatedProblem,
+    problem: Formulated,
     mesh: Array,
     scaling: Scaling,
     guess: Trajectory,
@@ -288,12 +263,12 @@ def _solved(
     start = Guess(guess, near=near, tolerance=1e-8)
     solution = problem.on(mesh).solve(start, scaling, model.parameters)
     trajectory = Trajectory(solution.position, model, solution.coordinates)
-    cost = cost_of(scaling.scene, trajectory)
+    cost = cost_of(scaling.problem, trajectory)
     return _OnMesh(solution, trajectory, cost, solution.iterations, solution.spent)
 
 
 def _within_limits(
-    problem: FormulatedProblem, mesh: Array, scaling: Scaling, found: _OnMesh, model: DeltaModel
+    problem: Formulated, mesh: Array, scaling: Scaling, found: _OnMesh, model: DeltaModel
 ) -> _OnMesh:
     """Solve the mesh again with tighter limits where they are exceeded, until all are kept.
 
@@ -337,15 +312,15 @@ def _excesses(scaling: Scaling, trajectory: Trajectory) -> Array:
     tightened.
     """
     constraints = scaling.constraints
-    sizes = constraints.size(loads_inside(scaling.scene, trajectory, _FRACTIONS).rows)
+    sizes = constraints.size(loads_inside(scaling.problem, trajectory, _FRACTIONS).rows)
     sizes = sizes.reshape(-1, len(_FRACTIONS), constraints.number).max(axis=1)
-    highest = highest_rows(scaling.scene, trajectory)
+    highest = highest_rows(scaling.problem, trajectory)
     at = highest.intervals, np.arange(constraints.number)
     sizes[at] = np.maximum(sizes[at], highest.values)
     velocity = constraints.of_order(1)
     sizes[:, velocity] = highest.values[velocity].max(initial=0.0)
     if constraints.has_convex:
-        sizes[:, constraints.convex] = 1 + sure_excess(scaling.scene, trajectory.position)
+        sizes[:, constraints.convex] = 1 + sure_excess(scaling.problem, trajectory.position)
     sizes[:, (constraints.orders == 0) & ~constraints.of_place] = 0.0
     return np.asarray(np.maximum(sizes - 1, 0.0))
 
@@ -356,7 +331,7 @@ def _iteration(found: _OnMesh, intervals: int, scaling: Scaling, gap: float) -> 
         found.iterations,
         found.trajectory.duration,
         found.cost,
-        scaling.scene.objective.unit,
+        scaling.problem.objective.unit,
         gap,
         found.spent,
     )

@@ -18,6 +18,7 @@ from deltaopt.planning.first_motions.around_bodies import is_clear
 from deltaopt.planning.first_motions.moving_ends import end_of, from_rest
 from deltaopt.planning.mesh.kept_limits import KEPT
 from deltaopt.planning.plan import Plan
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import REST, EndState, MovingEnds, RestAnywhere, Task
@@ -60,7 +61,7 @@ def finished_first(
     if then is None or (found is not None and found.duration <= left + then.duration):
         return None
     position, model = under_way.then(then.trajectory.position), then.trajectory.model
-    trajectory = moving_on(scene.task, Trajectory(position, model))
+    trajectory = moving_on(problem_of(scene), Trajectory(position, model))
     if not _is_kept(scene, trajectory):
         return None
     return replace(
@@ -89,7 +90,7 @@ def _is_goal(task: Task, end: Vector3) -> bool:
 def _finished(scene: Scene, under_way: PiecewisePolynomial, tolerance: float) -> Plan | None:
     """The motion under way to its end, where that is the goal; None if it breaks a limit."""
     motion = Trajectory(under_way, delta_model(scene.robot, scene.payload))
-    trajectory = moving_on(scene.task, motion)
+    trajectory = moving_on(problem_of(scene), motion)
     if not _is_kept(scene, trajectory):
         return None
     return Plan(
@@ -111,5 +112,5 @@ def _finished(scene: Scene, under_way: PiecewisePolynomial, tolerance: float) ->
 def _is_kept(scene: Scene, trajectory: Trajectory) -> bool:
     """Whether a motion keeps the limits of a scene and is clear of its bodies, which the motion
     under way need not have been planned for."""
-    highest = highest_rows(scene, trajectory).values.max()
+    highest = highest_rows(problem_of(scene), trajectory).values.max()
     return bool(highest <= 1 + KEPT) and is_clear(scene, trajectory)

@@ -9,7 +9,6 @@ until all links are clear.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +17,8 @@ from deltaopt.errors import Infeasible, NotConverged, if_possible
 from deltaopt.limits.limit import OwnMeasure
 from deltaopt.motion.limit_sensitivity import Multipliers
 from deltaopt.motion.links import least_rooms
-from deltaopt.motion.trajectory import Trajectory
+from deltaopt.planning.plan import Plan
+from deltaopt.planning.relaxation import until_nothing_is_missed
 from deltaopt.scene.bodies import solid_about, sums
 from deltaopt.scene.links import name_of, rooms_at
 from deltaopt.scene.scene import Scene
@@ -43,24 +43,14 @@ more than the tolerance leaves: much nearer a plan may not be found."""
 _PLANS = 8
 """At most."""
 
-
-class Planned(Protocol):
-    """A plan, as far as it is looked at here."""
-
-    @property
-    def trajectory(self) -> Trajectory: ...
-    @property
-    def gap(self) -> float: ...
-    @property
-    def multipliers(self) -> Multipliers | None: ...
-
-
-P = TypeVar("P", bound=Planned)
+Spare = dict[tuple[int, int], float]
+"""By how much, m, the lines of links are planned farther from bodies than they must be, by the
+indices of link and body."""
 
 
 def keeping_links_clear(
-    scene: Scene, planned: Callable[[Scene], P], tolerance: float, report: Callable[[str], None]
-) -> tuple[P, float]:
+    scene: Scene, planned: Callable[[Scene], Plan], tolerance: float, report: Callable[[str], None]
+) -> tuple[Plan, float]:
     """The plan of a scene whose links all keep clear of all bodies, and what it costs that they are
     planned farther away than they must be, as a share of the duration, as far as that is known.
 
@@ -71,40 +61,50 @@ def keeping_links_clear(
     at_points = rooms_at(scene, np.array(scene.placed_points)).min(axis=0)
     usual = min(max(_SPARE * tolerance, _LEAST_SPARE), _MOST_SPARE)
     roundings = [solid_about(body).radius for _, body in sums(scene.keep_out or (), None)]
-    spare = dict[tuple[int, int], float]()
-    for _ in range(_PLANS):
-        found = planned(scene.model_copy(update={"planned_links": _limits(scene, spare)}))
+    plans = 0
+
+    def with_missed(spare: Spare, found: Plan) -> Spare | None:
+        nonlocal plans
+        plans += 1
         rooms = least_rooms(scene, found.trajectory)
         too_near = {pair: rooms[pair] for pair in _pairs(rooms < 0)}
         if not too_near:
-            return _nearer(scene, planned, tolerance, report, found, spare)
+            return None
         link, body = min(too_near, key=lambda pair: too_near[pair])
         missed = f"{name_of(link)} comes {-1e3 * rooms[link, body]:.3g} mm too near to "
         missed += f"keep_out[{body}]"
         if isinstance(scene.task, OnPath):
             raise Infeasible(f"the path: on it {missed}")
+        if plans == _PLANS:
+            raise NotConverged(
+                f"arms and forearms are not clear of all bodies after {_PLANS} plans: {missed}",
+                "No_Progress",
+                found.trajectory,
+            )
         report(f"once more, for {missed}:")
+        more = dict(spare)
         for pair in _pairs(rooms < _NEAR):
             begun = max(usual, _ROUND - _least(scene, pair[0]) - roundings[pair[1]])
             farther = _FACTOR * max(-rooms[pair], 0.0)
             wanted = spare[pair] + farther if pair in spare else begun
-            spare[pair] = min(wanted, at_points[pair] / 2)
-        spare = dict(sorted(spare.items()))
-    raise NotConverged(
-        f"arms and forearms are not clear of all bodies after {_PLANS} plans: {missed}",
-        "No_Progress",
-        found.trajectory,
-    )
+            more[pair] = min(wanted, at_points[pair] / 2)
+        return dict(sorted(more.items()))
+
+    def solve(spare: Spare) -> Plan:
+        return planned(scene.model_copy(update={"planned_links": _limits(scene, spare)}))
+
+    spare, found = until_nothing_is_missed(solve, with_missed, Spare())
+    return _nearer(scene, planned, tolerance, report, found, spare)
 
 
 def _nearer(
     scene: Scene,
-    planned: Callable[[Scene], P],
+    planned: Callable[[Scene], Plan],
     tolerance: float,
     report: Callable[[str], None],
-    found: P,
-    spare: dict[tuple[int, int], float],
-) -> tuple[P, float]:
+    found: Plan,
+    spare: Spare,
+) -> tuple[Plan, float]:
     """A plan with all links clear, and what that costs; planned once more nearer to the bodies
     where the cost leaves the gap above the ``tolerance``, as long as links are clear then."""
     cost = _cost(found.multipliers, list(spare.values()))
@@ -120,9 +120,7 @@ def _nearer(
     return found, cost
 
 
-def _limits(
-    scene: Scene, spare: dict[tuple[int, int], float]
-) -> tuple[tuple[int, int, float], ...]:
+def _limits(scene: Scene, spare: Spare) -> tuple[tuple[int, int, float], ...]:
     """What is planned for pairs of a link and a body: the least distance of the link's line, m."""
     return tuple((link, body, _least(scene, link) + more) for (link, body), more in spare.items())
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from deltaopt.curves.piecewise import Array, PiecewisePolynomial
 from deltaopt.limits.constraints import SceneLimits
 from deltaopt.motion.sure_bounds import rows_not_kept, signed_distances
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.scene import Scene, limits_of
 
 _NEAR = 0.05
@@ -29,7 +30,7 @@ Bodies = frozenset[int]
 def near(scene: Scene, position: PiecewisePolynomial) -> Bodies:
     """The bodies that a motion comes near, by samples."""
     x = position.at(np.linspace(position.knots[0], position.knots[-1], _SAMPLES))
-    distances, _ = signed_distances(scene, x)
+    distances, _ = signed_distances(problem_of(scene), x)
     way = float(np.linalg.norm(x[-1] - x[0]))
     kept = _kept(limits_of(scene)) + _NEAR * way
     return _of_rows(scene, np.asarray((distances <= kept).any(axis=0)))
@@ -37,7 +38,7 @@ def near(scene: Scene, position: PiecewisePolynomial) -> Bodies:
 
 def run_into(scene: Scene, position: PiecewisePolynomial) -> Bodies:
     """The bodies that a motion is not known to be clear of at all instants."""
-    return _of_rows(scene, rows_not_kept(scene, position))
+    return _of_rows(scene, rows_not_kept(problem_of(scene), position))
 
 
 def with_those_hit(scene: Scene, part: Scene, position: PiecewisePolynomial) -> Scene | None:

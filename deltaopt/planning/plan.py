@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from math import isinf
 from pathlib import Path
 from typing import Any
 
 from deltaopt.files.html_table import html_table
+from deltaopt.later import loaded
 from deltaopt.motion.active_limits import active_limits
 from deltaopt.motion.certificate import Certificate
 from deltaopt.motion.effort import cost as cost_of
@@ -19,12 +21,112 @@ from deltaopt.motion.limit_sensitivity import (
 )
 from deltaopt.motion.lower_bound import lower_bound
 from deltaopt.motion.trajectory import Trajectory, phase_durations
-from deltaopt.planning.effort_planning import CostIteration
-from deltaopt.planning.first_motions.multistart import Optimum
-from deltaopt.planning.mesh.mesh_solution import Iteration
-from deltaopt.planning.path.path_timing import PathIteration
-from deltaopt.planning.ways import TakenWay
+from deltaopt.planning.journal import Entry, Note
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.scene import Scene
+
+
+@dataclass(frozen=True)
+class Spent:
+    """Wall time in s: ``evaluation`` of constraint rows and their derivatives, and ``algebra``, the
+    linear systems (with Ipopt all the rest)."""
+
+    evaluation: float
+    algebra: float
+
+    def __add__(self, other: Spent) -> Spent:
+        return Spent(self.evaluation + other.evaluation, self.algebra + other.algebra)
+
+
+@dataclass(frozen=True)
+class Iteration:
+    """The record of one mesh on which a fastest motion was sought.
+
+    ``iterations``: of the solver. ``duration``: of its solution, s. ``safe_duration``: of the same
+    motion slowed until it keeps every limit, s. ``gap``: estimated relative excess of the safe
+    duration over the shortest possible. ``spent``: seconds.
+    """
+
+    intervals: int
+    iterations: int
+    duration: float
+    safe_duration: float
+    gap: float
+    spent: Spent
+
+    def __str__(self) -> str:
+        solved = f"{self.intervals} intervals, {self.iterations} iterations:"
+        if isinf(self.safe_duration):
+            return f"{solved} no safe duration, a limit is exceeded that slowing does not help"
+        return f"{solved} {self.safe_duration:.6f} s, at most {self.gap:.1e} above the optimum"
+
+
+@dataclass(frozen=True)
+class CostIteration:
+    """The record of one mesh on which a motion of least cost was sought.
+
+    ``duration`` (s) and ``cost`` (in ``unit``): of its motion, within all limits. ``gap``:
+    estimated relative excess of the cost over the least possible. ``spent``: seconds.
+    """
+
+    intervals: int
+    iterations: int
+    duration: float
+    cost: float
+    unit: str
+    gap: float
+    spent: Spent
+
+    def __str__(self) -> str:
+        gap = "no mesh to compare it with yet" if isinf(self.gap) else f"gap {self.gap:.1e}"
+        return (
+            f"{self.intervals} intervals, {self.iterations} iterations: {self.cost:.6g} "
+            f"{self.unit}, {gap}"
+        )
+
+
+@dataclass(frozen=True)
+class PathIteration:
+    """The record of one mesh of a path: ``duration``, s; estimated ``loss``, of the duration;
+    largest ``excess`` of a limit between nodes, of the limit; seconds ``spent`` on rows and on
+    sweeps."""
+
+    intervals: int
+    duration: float
+    loss: float
+    excess: float
+    spent: Spent
+
+    def __str__(self) -> str:
+        return (
+            f"{self.intervals} intervals: {self.duration:.6f} s, known to {self.loss:.1e}, limits "
+            f"exceeded by {max(self.excess, 0.0):.1e} between points"
+        )
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """A local minimum that a plan from several first guesses found.
+
+    ``duration``: s. ``cost``: in the objective's unit. ``halfway``: the platform's position at half
+    time, m. ``gap``: optimality gap. ``starts``: how many of the first guesses led there.
+    """
+
+    duration: float
+    cost: float
+    halfway: tuple[float, float, float]
+    gap: float
+    starts: int
+
+
+@dataclass(frozen=True)
+class TakenWay:
+    """A way past bodies in words, and how long it takes, s. ``is_planned``: to the tolerance that
+    was asked for; otherwise on the first mesh alone, about."""
+
+    name: str
+    duration: float
+    is_planned: bool
 
 
 @dataclass(frozen=True)
@@ -42,6 +144,7 @@ class Plan:
     ``optima``: the distinct local minima that several first guesses led to, best first; empty
     where one was enough.
     ``ways``: the ways past keep-out bodies that were found, first the one that is taken.
+    ``journal``: what was attempted and decided on the way to it, in order.
     ``free_duration``: where the scene gives a path, the duration (s) of the plan without it, if
     ``beside_free_path`` has found it. ``multipliers``: of the limits; None where they are not
     known, as of motions that are not the fastest.
@@ -67,6 +170,7 @@ class Plan:
     resolved: bool = False
     optima: tuple[Optimum, ...] = field(default=(), compare=False)
     ways: tuple[TakenWay, ...] = field(default=(), compare=False)
+    journal: tuple[Entry | Note, ...] = field(default=(), compare=False)
     free_duration: float | None = None
     multipliers: Multipliers | None = field(default=None, compare=False)
 
@@ -79,12 +183,12 @@ class Plan:
     def phases(self) -> tuple[float, ...]:
         """Durations, s, from each given point to the next: start, via points or where an approach
         ends upwards, goal."""
-        return phase_durations(self.scene.task, self.trajectory)
+        return phase_durations(problem_of(self.scene), self.trajectory)
 
     @property
     def cost(self) -> float:
         """Value of the scene's objective: s for time, N²m²s for effort."""
-        return cost_of(self.scene, self.trajectory)
+        return cost_of(problem_of(self.scene), self.trajectory)
 
     @cached_property
     def lower_bound(self) -> float:
@@ -118,21 +222,10 @@ class Plan:
         limits.png is, every limit over time. ``report``: whether report.html is written, a page on
         which the robot moves. Returns the paths of what was written.
         """
-        # Imported here: a convenience of later rooms, on which planning does not depend.
-        from deltaopt.output.plan_files import save
-        from deltaopt.verify.verification import verify
-
-        found = verify(self.scene, self.trajectory)
-        return save(
-            Path(directory),
-            self.scene,
-            self.trajectory,
-            found,
-            self,
-            chart=chart,
-            limits=limits,
-            report=report,
+        written: list[Path] = loaded("save_plan")(
+            self, directory, chart=chart, limits=limits, report=report
         )
+        return written
 
     def table(self, rate: float = 1000.0) -> Any:
         """The motion at ``rate`` (Hz) and at its last instant, with the columns of trajectory.csv.
@@ -140,9 +233,7 @@ class Plan:
         A pandas DataFrame if pandas is installed, otherwise a dictionary of arrays, which other
         libraries take as well.
         """
-        from deltaopt.output.plan_files import frame  # of a later room
-
-        return frame(self.trajectory, rate)
+        return loaded("frame")(self.trajectory, rate)
 
     def plot(self, axes: Any = None, *, limit: str = "torque") -> Any:
         """Draw a limited quantity over time with its bounds, and return the axes.
@@ -150,14 +241,12 @@ class Plan:
         ``axes``: matplotlib's, one's own; None for new ones. ``limit``: its name, as
         ``deltaopt check`` lists them. Raises ValueError if the scene has no such limit.
         """
-        from deltaopt.plots.limits import plot_limit  # slow to import, and of a later room
-
-        return plot_limit(self.scene, self.trajectory, limit, axes)
+        return loaded("plot_limit")(self.scene, self.trajectory, limit, axes)
 
     def _repr_html_(self) -> str:
         """What was found as a table, for notebooks."""
         unit = self.scene.objective.unit
-        active = active_limits(self.scene, self.trajectory)
+        active = active_limits(problem_of(self.scene), self.trajectory)
         return html_table(
             (),
             [

@@ -18,23 +18,22 @@ from deltaopt.errors import ENDS_AN_ATTEMPT, NotConverged
 from deltaopt.motion.certificate import Certificate
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.order_of_merit import CrossesSingularity, crosses_singularity
+from deltaopt.planning.journal import Progress
 from deltaopt.planning.mesh.constraint_tightening import first_tightening
 from deltaopt.planning.mesh.error_estimate import refined, with_knots_at
 from deltaopt.planning.mesh.mesh_solution import (
-    Iteration,
     MeshSolution,
     iteration_of,
     solve_on_mesh,
 )
 from deltaopt.planning.mesh.reversals import with_reversals
 from deltaopt.planning.nlp.phases import FacePhases
-from deltaopt.planning.nlp.problem import FormulatedProblem, Guess
+from deltaopt.planning.nlp.problem import Formulated, Guess
 from deltaopt.planning.nlp.scaling import Scaling
-from deltaopt.robot.model import DeltaModel
-from deltaopt.scene.scene import Scene
+from deltaopt.planning.plan import Iteration
+from deltaopt.problem.problem import Problem
 
 Array = NDArray[np.float64]
-Progress = Callable[[str], None]
 
 _DETECTABLE_GAP, _MOST_DETECTIONS = 2e-3, 3
 """Gap below which a mesh solution shows which limit is active when, and from how many such meshes
@@ -139,19 +138,18 @@ class Refinement:
 
     ``tolerance``: relative optimality gap to reach. ``resolver``: resolves the instants of
     switching; None if they are not to be resolved. ``report``: is called with a line of text after
-    every mesh. ``softer``: the scenes of the first meshes, whose friction is softer; if there are
+    every mesh. ``softer``: the problems of the first meshes, whose friction is softer; if there are
     any, knots are put at reversals on those that follow. ``most``: duration (s) of a motion that is
     known; where no estimate lets hope for less, refinement ends. ``solutions`` and ``iterations``:
     of the meshes so far, one each.
     """
 
-    problem: FormulatedProblem
+    program: Formulated
     scaling: Scaling
-    model: DeltaModel
     tolerance: float
     resolver: Resolver | None
     report: Progress
-    softer: tuple[Scene, ...] = ()
+    softer: tuple[Problem, ...] = ()
     most: float = inf
     solutions: list[MeshSolution] = field(default_factory=list, init=False)
     iterations: list[Iteration] = field(default_factory=list, init=False)
@@ -226,18 +224,18 @@ class Refinement:
         return small and isfinite(last.safe_duration) and not self.solutions[-1].is_softened
 
     @property
-    def _scene(self) -> Scene:
-        """The scene of the next mesh: on the first ones with softer friction."""
+    def _problem(self) -> Problem:
+        """The problem of the next mesh: on the first ones with softer friction."""
         solved = len(self.solutions)
-        return self.softer[solved] if solved < len(self.softer) else self.scaling.scene
+        return self.softer[solved] if solved < len(self.softer) else self.scaling.problem
 
     def _solve(self, mesh: Array, guess: Guess, scaling: Scaling) -> None:
-        if scaling.scene is not self._scene:
-            scaling = replace(scaling, scene=self._scene)
-        problem, scene = self.problem.on(mesh), self.scaling.scene
-        self.solutions.append(solve_on_mesh(problem, scaling, guess, self.model, scene))
+        if scaling.problem is not self._problem:
+            scaling = replace(scaling, problem=self._problem)
+        program, problem = self.program.on(mesh), self.scaling.problem
+        self.solutions.append(solve_on_mesh(program, scaling, guess, problem))
         self.iterations.append(iteration_of(self.solutions))
-        if self._within_tolerance and self.scaling.scene.task.is_at_rest:
+        if self._within_tolerance and self.scaling.problem.is_at_rest:
             # So far limits were checked at samples: now at all instants.
             self.solutions[-1] = self.solutions[-1].exact()
             self.iterations[-1] = iteration_of(self.solutions)
@@ -256,7 +254,7 @@ class Refinement:
         last = self.solutions[-1]
         if self.iterations[-1].gap <= _HOPELESS_GAP:
             return  # torques that grow without bound would have raised the gap
-        crosses = crosses_singularity(last.scene, last.trajectory)
+        crosses = crosses_singularity(last.problem, last.trajectory)
         self._crossings = self._crossings + 1 if crosses else 0
         if self._crossings >= _MOST_CROSSINGS:
             raise CrossesSingularity(
@@ -280,8 +278,8 @@ class Refinement:
             lost = replace(lost, unused=np.zeros_like(lost.unused))
         mesh = refined(last.mesh, lost, target)
         if len(self.solutions) >= len(self.softer) > 0:  # softer friction needs no such knots
-            mesh = with_reversals(mesh, last.trajectory, self.scaling.scene)
-        mesh = mesh if len(mesh) <= last.problem.finest else last.mesh
+            mesh = with_reversals(mesh, last.trajectory, self.scaling.problem)
+        mesh = mesh if len(mesh) <= last.program.finest else last.mesh
         contacts = last.contacts
         return with_knots_at(mesh, contacts) if len(contacts) else mesh
 

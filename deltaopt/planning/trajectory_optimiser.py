@@ -12,12 +12,13 @@ import numpy as np
 
 from deltaopt.dynamics.formulation import Projected
 from deltaopt.dynamics.lagrange import Multiplier
-from deltaopt.errors import ENDS_AN_ATTEMPT, NotConverged
+from deltaopt.errors import NotConverged
 from deltaopt.limits.constraints import Constraints
 from deltaopt.mechanisms.delta.functions import DeltaFunctions
 from deltaopt.motion.limit_sensitivity import MeshMultipliers
 from deltaopt.motion.time_scaling import safe_factor
 from deltaopt.motion.trajectory import Trajectory, moving_on
+from deltaopt.planning.attempts import Attempt
 from deltaopt.planning.effort_planning import (
     SMOOTH,
     cost_to_minimise,
@@ -31,18 +32,18 @@ from deltaopt.planning.first_motions.order_of_merit import (
 )
 from deltaopt.planning.flat.flat_problem import Flat
 from deltaopt.planning.formulations.choice import problem_formulation
+from deltaopt.planning.journal import Progress
 from deltaopt.planning.mesh.kept_limits import kept
 from deltaopt.planning.mesh.mesh_solution import (
-    Iteration,
     MeshSolution,
     gap_of,
     iteration_of,
     motion_on_first_mesh,
 )
-from deltaopt.planning.mesh.reversals import softer_scenes
+from deltaopt.planning.mesh.reversals import softer_problems
 from deltaopt.planning.nlp.cost import FASTEST, Cost
 from deltaopt.planning.nlp.problem import (
-    FormulatedProblem,
+    Formulated,
     Guess,
     InteriorPoint,
     ProblemFormulation,
@@ -50,29 +51,25 @@ from deltaopt.planning.nlp.problem import (
 )
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import LINEAR, PiecewiseAcceleration
-from deltaopt.planning.plan import Plan, quicker
-from deltaopt.planning.refinement import Progress, Refinement, Resolver
-from deltaopt.planning.search import Attempt, HeldByMotion
-from deltaopt.robot.model import DeltaModel, delta_model
+from deltaopt.planning.plan import Iteration, Plan
+from deltaopt.planning.refinement import Refinement, Resolver
+from deltaopt.problem.of_scene import problem_of
+from deltaopt.problem.problem import Problem
 from deltaopt.scene.feasibility import serial_distances_at_ends
 from deltaopt.scene.objective import Effort, Time
 from deltaopt.scene.scene import Scene
-from deltaopt.scene.task import MovingEnds
+from deltaopt.settings import RESOLVED_BELOW
 
-RESOLVED_BELOW = 1e-4
-"""Tolerance of the optimality gap below which the instants of switching become unknowns of their
-own. It trades the cost of switch resolution against that of fine meshes, which grows steeply as
-the tolerance falls."""
-_RETRY_HALVES = 3
-"""A plan that misses a tolerance below ``RESOLVED_BELOW`` is made once more from a first mesh of
-3/2 as many intervals. Which switching structure is detected and which intervals are split depends
-on the first mesh, so another one may succeed; it costs as much time again."""
 _KEPT_DISTANCE = 1e-2
 """Squared distance to the serial singularities, sin² or cos² of an angle, that motions keep if
 their start and goal do. Ends that are closer ask for a larger allowance for rounding."""
 _FIRST_MESH_TOLERANCE = 1e-4
 """Tightest relative tolerance of the solver on the first mesh. Any tighter is wasted, for the
 discretisation error of a coarse mesh is far larger."""
+
+
+class HeldByMotion(NotConverged):
+    """Somewhere the motion found needs its speed to keep a limit that is exceeded at rest."""
 
 
 @dataclass(frozen=True)
@@ -90,28 +87,18 @@ class TrajectoryOptimiser:
     solver: Solver | None = None
 
     def plan(self, attempt: Attempt, report: Progress) -> Plan:
-        """Plan from one first guess; once more from other meshes if the gap was missed."""
-        if not isinstance(attempt.scene.objective, Time):
-            return self._plan_effort(attempt, report)
-        can_be_softer = self._is_compiled and attempt.scene.task.is_at_rest
-        softer = softer_scenes(attempt.scene, attempt.motion) if can_be_softer else ()
-        found = self.fastest(replace(attempt, softer=softer), report)
-        if softer and not found.within_tolerance:
-            report("once more, without knots where arms turn back:")
-            found = self._better(found, attempt, report)
-        if found.within_tolerance or self.tolerance >= self.resolved_below:
-            return found
-        other = replace(attempt, intervals=_RETRY_HALVES * attempt.intervals // 2)
-        report(f"once more, from {other.intervals} intervals:")
-        return self._better(found, other, report)
+        """Plan the best motion from one first guess and one first mesh."""
+        if isinstance(attempt.scene.objective, Time):
+            return self.fastest(attempt, report)
+        return self._plan_effort(attempt, report)
 
-    def _better(self, found: Plan, attempt: Attempt, report: Progress) -> Plan:
-        """The shorter of a plan and another one, if there is another."""
-        try:
-            return quicker(found, self.fastest(attempt, report))
-        except ENDS_AN_ATTEMPT as error:
-            report(str(error))
-            return found
+    def softer(self, attempt: Attempt) -> tuple[Problem, ...]:
+        """The problems of the first meshes of an attempt, whose friction is softer; none where that
+        does not help."""
+        problem = attempt.problem
+        at_rest = problem.is_at_rest and not problem.gates
+        helps = attempt.may_be_softer and self._is_compiled and at_rest
+        return softer_problems(problem, attempt.motion) if helps else ()
 
     @property
     def _is_compiled(self) -> bool:
@@ -122,38 +109,34 @@ class TrajectoryOptimiser:
     def on_first_mesh(self, attempt: Attempt) -> Trajectory:
         """The fastest motion on the first mesh alone, which may break limits between its points."""
         guess = Guess(attempt.motion, attempt.is_near, self.accuracy, is_trial=True)
-        moving = isinstance(attempt.scene.task, MovingEnds)
-        extent = attempt.motion.extent if moving else None
-        scaling = Scaling(attempt.scene, attempt.motion.duration, extent=extent)
-        problem = self._problem(attempt.motion.model, scaling, FASTEST)
-        return motion_on_first_mesh(problem, scaling, guess, attempt.intervals)
+        extent = None if attempt.problem.is_at_rest else attempt.motion.extent
+        scaling = Scaling(attempt.problem, attempt.motion.duration, extent=extent)
+        program = self._program(scaling, FASTEST)
+        return motion_on_first_mesh(program, scaling, guess, attempt.intervals)
 
     def fastest(self, attempt: Attempt, report: Progress) -> Plan:
         """Plan the fastest motion from one first guess and one first mesh.
 
         The motion of the chosen mesh is slowed until it keeps every limit at all instants.
         """
-        begin, scene = perf_counter(), attempt.scene
+        begin, scene, problem = perf_counter(), attempt.scene, attempt.problem
         own = attempt.on_its_mesh
         guess = Guess(attempt.motion, attempt.is_near, attempt.accuracy, on_its_mesh=own)
-        model = delta_model(scene.robot, scene.payload)
-        moving = isinstance(scene.task, MovingEnds)
-        in_phases = bool(scene.task.gates)
+        moving, in_phases = not problem.is_at_rest, bool(problem.gates)
         extent = guess.trajectory.extent if moving or in_phases else None
         scaling = Scaling(
-            scene,
+            problem,
             guess.trajectory.duration,
             extent=extent,
             torque_share=attempt.torque_share,
         )
         refinement = Refinement(
-            self._problem(model, scaling, FASTEST),
+            self._program(scaling, FASTEST),
             scaling,
-            model,
             self.tolerance,
-            None if moving or in_phases else self._resolver(scaling, model, report),
+            None if moving or in_phases else self._resolver(scaling, report),
             report,
-            attempt.softer,
+            self.softer(attempt),
             attempt.most,
         )
         resolved = refinement.from_guess(guess, attempt.mesh)
@@ -163,7 +146,7 @@ class TrajectoryOptimiser:
             later = iterations[best:]
             solutions = [
                 *solutions[: best + 1],
-                kept(refinement.problem, solutions[best], self.tolerance),
+                kept(refinement.program, solutions[best], self.tolerance),
             ]
             iterations = [*iterations[: best + 1], iteration_of(solutions)]
             best += 1
@@ -179,21 +162,21 @@ class TrajectoryOptimiser:
                 chosen.status,
                 chosen.trajectory,
             )
-        _require_one_side(scene, chosen.trajectory, chosen.status)
+        _require_one_side(problem, chosen.trajectory, chosen.status)
         trajectory = (
-            moving_on(scene.task, chosen.trajectory)
+            moving_on(problem, chosen.trajectory)
             if moving
             else _safe(scene, chosen.trajectory, chosen.safe_factor, chosen.status)
         )
         gap = resolved.gap if resolved else gap_of([*iterations, *later], best)
-        if scene.rotation:  # nothing is faster than what it takes
-            gap = min(gap, max(0.0, trajectory.duration / scene.least_duration - 1))
+        if problem.least_duration:  # nothing is faster
+            gap = min(gap, max(0.0, trajectory.duration / problem.least_duration - 1))
         spent = sum(each.iterations for each in iterations)
         return Plan(
             scene=scene,
             trajectory=trajectory,
             formulation=self.problem_formulation.name,
-            transcription=resolved.name if resolved else self._transcription(scene).name,
+            transcription=resolved.name if resolved else self._transcription(attempt.problem).name,
             intervals=len(chosen.trajectory.knots) - 1,
             status=chosen.status,
             iterations=spent + (resolved.iterations if resolved else 0),
@@ -206,7 +189,7 @@ class TrajectoryOptimiser:
             multipliers=_multipliers(solutions[-1] if resolved else solutions[best]),
         )
 
-    def _resolver(self, scaling: Scaling, model: DeltaModel, report: Progress) -> Resolver | None:
+    def _resolver(self, scaling: Scaling, report: Progress) -> Resolver | None:
         """The method that resolves switches; None if the tolerance does not ask for it.
 
         It is imported here, so that plans to usual tolerances start faster.
@@ -215,7 +198,7 @@ class TrajectoryOptimiser:
             return None
         from deltaopt.planning.switching.resolver import resolver
 
-        return resolver(scaling, model, self.tolerance, report)
+        return resolver(scaling, scaling.problem.model, self.tolerance, report)
 
     def _plan_effort(self, attempt: Attempt, report: Progress) -> Plan:
         """Plan for an objective that contains effort, starting from the fastest motion."""
@@ -223,18 +206,20 @@ class TrajectoryOptimiser:
         fastest = self._before_effort(attempt)
         scaling = scaling_to_duration(scene, fastest.duration)
         cost = cost_to_minimise(scene.objective, scaling)
-        problem = self._problem(fastest.trajectory.model, scaling, cost)
-        found = minimise_effort(problem, fastest, self.intervals, self.tolerance, scaling, report)
+        program = self._program(scaling, cost)
+        found = minimise_effort(
+            scene, program, fastest, self.intervals, self.tolerance, scaling, report
+        )
         if found.trajectory.duration < scene.least_duration and not scene.objective.given_duration:
             report(f"once more, in the {scene.least_duration:.6g} s that rotation takes:")
             longer = scene.model_copy(update={"objective": Effort(duration=scene.least_duration)})
             return replace(self._plan_effort(replace(attempt, scene=longer), report), scene=scene)
-        _require_one_side(scene, found.trajectory, found.solution.status)
+        _require_one_side(attempt.problem, found.trajectory, found.solution.status)
         return Plan(
             scene=scene,
             trajectory=found.trajectory,
             formulation=self.problem_formulation.name,
-            transcription=self._transcription(scene).name,
+            transcription=self._transcription(attempt.problem).name,
             intervals=len(found.trajectory.knots) - 1,
             status=found.solution.status,
             iterations=sum(each.iterations for each in found.meshes),
@@ -252,12 +237,12 @@ class TrajectoryOptimiser:
         intervals = intervals_for(attempt.motion, quick.intervals) or attempt.intervals
         return quick.plan(replace(attempt, scene=quickly, intervals=intervals), lambda _: None)
 
-    def _problem(self, model: DeltaModel, scaling: Scaling, cost: Cost) -> FormulatedProblem:
-        """The problem, built once in a process for all models with the same terms and limits."""
-        return _problem(
+    def _program(self, scaling: Scaling, cost: Cost) -> Formulated:
+        """The program, built once in a process for all problems with the same terms and limits."""
+        return _program(
             self.problem_formulation,
-            model.functions,
-            self._transcription(scaling.scene),
+            scaling.problem.model.functions,
+            self._transcription(scaling.problem),
             scaling.constraints,
             cost,
             self._solver,
@@ -277,8 +262,8 @@ class TrajectoryOptimiser:
         """The solver that was asked for, or else the fastest that the formulation has."""
         return self.solver or self.problem_formulation.solvers[0]()
 
-    def _transcription(self, scene: Scene) -> PiecewiseAcceleration:
-        usual = LINEAR if isinstance(scene.objective, Time) else SMOOTH
+    def _transcription(self, problem: Problem) -> PiecewiseAcceleration:
+        usual = SMOOTH if problem.objective.effort else LINEAR
         return self.transcription or usual
 
 
@@ -297,7 +282,9 @@ def _safe(scene: Scene, trajectory: Trajectory, factor: float, status: str) -> T
     slowed = trajectory.slowed(factor * _rounding_factor(scene))
     if slowed.duration >= scene.least_duration:
         return slowed
-    waiting = safe_factor(scene, trajectory, at_least=scene.least_duration / trajectory.duration)
+    waiting = safe_factor(
+        problem_of(scene), trajectory, at_least=scene.least_duration / trajectory.duration
+    )
     if isinf(waiting):
         raise NotConverged(
             f"the motion takes {slowed.duration:.6g} s, less than rotation does, and slowed until "
@@ -318,9 +305,9 @@ def _rounding_factor(scene: Scene) -> float:
     return 1 + float(np.finfo(float).eps) / least
 
 
-def _require_one_side(scene: Scene, trajectory: Trajectory, status: str) -> None:
+def _require_one_side(problem: Problem, trajectory: Trajectory, status: str) -> None:
     """Raise CrossesSingularity where a motion passes through a parallel singularity."""
-    if crosses_singularity(scene, trajectory):
+    if crosses_singularity(problem, trajectory):
         raise CrossesSingularity(
             "the motion found passes through a parallel singularity, which no torques allow",
             status,
@@ -345,12 +332,12 @@ def _multipliers(found: MeshSolution) -> MeshMultipliers | None:
 
 
 @lru_cache(maxsize=32)
-def _problem(
+def _program(
     formulation: ProblemFormulation,
     functions: DeltaFunctions,
     transcription: PiecewiseAcceleration,
     constraints: Constraints,
     cost: Cost,
     solver: Solver,
-) -> FormulatedProblem:
+) -> Formulated:
     return formulation.of(functions, transcription, constraints, cost, solver)

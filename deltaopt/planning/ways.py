@@ -7,14 +7,14 @@ what is fast there is planned.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import dist
-from typing import Protocol, TypeVar
 
 import numpy as np
 
 from deltaopt.errors import ENDS_AN_ATTEMPT, DeltaOptError, Infeasible, if_possible
 from deltaopt.motion.trajectory import Trajectory
+from deltaopt.planning.attempts import Attempt
 from deltaopt.planning.first_motions.around_bodies import (
     Way,
     name_of_way,
@@ -22,8 +22,9 @@ from deltaopt.planning.first_motions.around_bodies import (
     ways_around,
 )
 from deltaopt.planning.near_bodies import near, past_these, with_those_hit
+from deltaopt.planning.plan import Plan, TakenWay
 from deltaopt.planning.refinement import Slower
-from deltaopt.planning.search import Attempt
+from deltaopt.planning.relaxation import until_nothing_is_missed
 from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene
 
@@ -47,43 +48,17 @@ _SAME_MOTION, _COMPARED = 0.02, 33
 durations, at so many instants, are the same motion, to what a first mesh is solved to."""
 
 
-@dataclass(frozen=True)
-class TakenWay:
-    """A way past bodies in words, and how long it takes, s. ``is_planned``: to the tolerance that
-    was asked for; otherwise on the first mesh alone, about."""
-
-    name: str
-    duration: float
-    is_planned: bool
-
-
-class Planned(Protocol):
-    """A plan, as far as the choice among ways asks for it."""
-
-    @property
-    def duration(self) -> float: ...
-    @property
-    def cost(self) -> float: ...
-    @property
-    def gap(self) -> float: ...
-    @property
-    def within_tolerance(self) -> bool: ...
-    @property
-    def trajectory(self) -> Trajectory: ...
-
-
-P = TypeVar("P", bound=Planned)
-Planning = Callable[[Attempt], P]
+Planning = Callable[[Attempt], Plan]
 """Plans from an attempt. Raises an error that ends an attempt."""
 
 
 def fastest_way(
     attempt: Attempt,
     free: Trajectory | None,
-    planned: Planning[P],
+    planned: Planning,
     on_first_mesh: Callable[[Attempt], Trajectory],
     enough: float = NEARLY,
-) -> tuple[P, tuple[TakenWay, ...]]:
+) -> tuple[Plan, tuple[TakenWay, ...]]:
     """The best plan of all ways past the bodies of a scene, and the ways, first the one taken.
 
     ``attempt``: from a motion that may run into bodies. ``free``: the fastest motion without them,
@@ -99,7 +74,7 @@ def fastest_way(
     if not ways:
         raise Infeasible(no_way(resting))
     least = 0.0 if free is None else free.duration
-    failures, found = list[DeltaOptError](), list[tuple[P, tuple[TakenWay, ...]]]()
+    failures, found = list[DeltaOptError](), list[tuple[Plan, tuple[TakenWay, ...]]]()
     for factor in _FINER:
         finer = replace(attempt, intervals=factor * attempt.intervals)
         try:
@@ -128,10 +103,10 @@ def _at_rest(attempt: Attempt) -> Scene:
 def _best_of(
     ways: list[Way],
     attempt: Attempt,
-    planned: Planning[P],
+    planned: Planning,
     on_first_mesh: Callable[[Attempt], Trajectory],
     least: float = 0.0,
-) -> tuple[P, tuple[TakenWay, ...]]:
+) -> tuple[Plan, tuple[TakenWay, ...]]:
     """The same for some ways on one first mesh: those that are fast there are planned."""
     scene, attempts = attempt.scene, list[Attempt]()
     for way in ways:
@@ -142,7 +117,7 @@ def _best_of(
             break
     order = _distinct(attempts)
     most = _PROMISING * attempts[order[0]].motion.duration
-    plans, failures = dict[int, P](), list[DeltaOptError]()
+    plans, failures = dict[int, Plan](), list[DeltaOptError]()
     durations = {i: attempts[i].motion.duration for i in order if attempts[i].is_near}
     for which in order:
         trial = attempts[which]
@@ -181,7 +156,8 @@ def _best_of(
 def _along(way: Way, attempt: Attempt) -> Attempt:
     """An attempt from the motion of a way, past the bodies that this comes near."""
     bodies = near(attempt.scene, way.motion.position)
-    return replace(attempt, scene=past_these(attempt.scene, bodies), motion=way.motion)
+    scene = past_these(attempt.scene, bodies)
+    return replace(attempt, scene=scene, motion=way.motion, proposal=f"the way {way.name}")
 
 
 def _improved(
@@ -189,20 +165,35 @@ def _improved(
 ) -> Attempt:
     """An attempt from the motion that is best on its first mesh, where that is found, past all
     bodies that it runs into; ``scene``: with all bodies."""
-    motion = if_possible(ENDS_AN_ATTEMPT, on_first_mesh, attempt)
-    if motion is None:
-        return attempt
-    more = with_those_hit(scene, attempt.scene, motion.position)
-    if more is not None:
-        return _improved(scene, replace(attempt, scene=more), on_first_mesh)
-    return replace(attempt, motion=motion, is_near=True)
+
+    def solved(attempt: Attempt) -> Trajectory | None:
+        return if_possible(ENDS_AN_ATTEMPT, on_first_mesh, attempt)
+
+    past, motion = until_nothing_is_missed(solved, _with_bodies_hit(scene), attempt)
+    return past if motion is None else replace(past, motion=motion, is_near=True)
 
 
-def _past_all(scene: Scene, attempt: Attempt, planned: Planning[P]) -> P:
+def _past_all(scene: Scene, attempt: Attempt, planned: Planning) -> Plan:
     """A plan from an attempt, past all bodies that it runs into; ``scene``: with all bodies."""
-    plan = planned(attempt)
-    more = with_those_hit(scene, attempt.scene, plan.trajectory.position)
-    return plan if more is None else _past_all(scene, replace(attempt, scene=more), planned)
+
+    def solved(attempt: Attempt) -> Trajectory:
+        plans.append(planned(attempt))
+        return plans[-1].trajectory
+
+    plans = list[Plan]()
+    until_nothing_is_missed(solved, _with_bodies_hit(scene), attempt)
+    return plans[-1]
+
+
+def _with_bodies_hit(scene: Scene) -> Callable[[Attempt, Trajectory | None], Attempt | None]:
+    """Of an attempt past some bodies of a scene and its motion: the attempt past those besides that
+    this runs into; None if there are none."""
+
+    def with_missed(attempt: Attempt, motion: Trajectory | None) -> Attempt | None:
+        more = None if motion is None else with_those_hit(scene, attempt.scene, motion.position)
+        return None if more is None else replace(attempt, scene=more)
+
+    return with_missed
 
 
 def _distinct(attempts: list[Attempt]) -> list[int]:

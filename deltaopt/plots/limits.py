@@ -14,13 +14,18 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from deltaopt.curves.piecewise import Array
+from deltaopt.motion.certificate import MET
 from deltaopt.motion.limit_curves import LimitCurves, limit_curves
 from deltaopt.motion.trajectory import Trajectory, ends_of
+from deltaopt.output.facts import Facts, work
 from deltaopt.plots.bodies import draw_bodies
 from deltaopt.plots.colours import COLOURS, GREY
 from deltaopt.plots.style import figure, motor_curves, without_box
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.scene import Scene
-from deltaopt.verify.pontryagin import Extremal
+from deltaopt.verify.duty import exceeding
+from deltaopt.verify.pontryagin import Extremal, extremal
+from deltaopt.verify.verification import Verification
 
 _TICKS = 10
 """Parts of equal time that dots divide the path into."""
@@ -30,27 +35,21 @@ _SAMPLES = 2000
 """Samples of each curve over all intervals, about the pixels of a panel's width."""
 
 
-def draw_limits(
-    file: Path,
-    scene: Scene,
-    trajectory: Trajectory,
-    extremal: Extremal | None = None,
-    caption: str = "",
-) -> None:
-    """Draw a motion for a scene into a file, with switching functions if they are given.
-
-    ``caption``: lines to write below it. The format follows the file's suffix: png, pdf or svg.
-    """
+def draw_limits(file: Path, facts: Facts) -> None:
+    """Draw a motion for a scene into a file, with switching functions where it meets Pontryagin's
+    condition. The format follows the file's suffix: png, pdf or svg."""
+    scene, trajectory = facts.scene, facts.trajectory
+    costates, told = _costates(facts), caption(facts.verification)
     steps = max(2, _SAMPLES // (len(trajectory.knots) - 1))
     inside = np.linspace(0, 1, steps)  # 0 and 1: both sides of a jump at a knot
     motion = trajectory.inside_intervals(inside)
-    curves = list(limit_curves(scene, trajectory, inside))
+    curves = list(limit_curves(problem_of(scene), trajectory, inside))
     begin, end = trajectory.knots[[0, -1]]
-    ends = ends_of(scene.task, trajectory)
+    ends = ends_of(problem_of(scene), trajectory)
     ticks = trajectory(np.linspace(begin, end, _TICKS + 1)[1:-1]).x
     panels = max(2, len(curves))
-    rows = panels + (extremal is not None)
-    with figure(file, 7.0, 2.05 * rows + 0.15 * len(caption.splitlines())) as page:
+    rows = panels + (costates is not None)
+    with figure(file, 7.0, 2.05 * rows + 0.15 * len(told.splitlines())) as page:
         grid = page.add_gridspec(rows, 2, width_ratios=[1.7, 1])
         left = [page.add_subplot(grid[0, 0])]
         left += [page.add_subplot(grid[i, 0], sharex=left[0]) for i in range(1, panels)]
@@ -69,12 +68,42 @@ def draw_limits(
         above.set_ylabel("$z$ (mm)")
         _path(above, ends, motion.x, ticks, along=2)
         draw_bodies(above, scene, lambda points: 1e3 * points[:, [1, 2]])
-        if extremal is not None:
+        if costates is not None:
             switching = page.add_subplot(grid[panels, 0], sharex=left[0])
-            _switching(switching, extremal)
-            _hamiltonian(page.add_subplot(grid[panels, 1]), extremal)
+            _switching(switching, costates)
+            _hamiltonian(page.add_subplot(grid[panels, 1]), costates)
         _legend(page, left[0], side)
-        page.supxlabel(caption, fontsize=7)
+        page.supxlabel(told, fontsize=7)
+
+
+def _costates(facts: Facts) -> Extremal | None:
+    """Costates and switching functions for the chart; None if Pontryagin's condition is not met."""
+    spread = facts.verification.hamiltonian_spread
+    violation = facts.verification.sign_violation
+    if spread is None or violation is None or max(spread, violation) > MET:
+        return None
+    return extremal(facts.scene, facts.trajectory)
+
+
+def caption(verification: Verification) -> str:
+    """What the chart's lines do not show of a motion: duty of the motors, nearest singularity."""
+    duty, lines = verification.duty, []
+    if duty is not None:
+        rms = ", ".join(f"{each.rms_torque:.4g}" for each in duty.motors)
+        rated = ", ".join(f"{torque:g}" for torque in dict.fromkeys(duty.rated_torque or ()))
+        above = f", {exceeding(duty.above_rated)}" if any(duty.above_rated or ()) else ""
+        done, absorbed = work(duty)
+        lines.append(
+            f"RMS torque {rms} N·m"
+            + (f" (rated {rated}{above})" if rated else "")
+            + f"; work done {done:.4g} J, absorbed {absorbed:.4g} J; peak power "
+            f"{duty.peak_power:.4g} W; largest speed "
+            f"{max(each.largest_speed for each in duty.motors):.4g} rad/s"
+        )
+    if verification.distances:
+        least = "; ".join(f"{each.name} {each.least:.2g}" for each in verification.distances)
+        lines.append(f"least distance to singularities: {least}")
+    return "\n".join(lines)
 
 
 def plot_limit(scene: Scene, trajectory: Trajectory, limit: str, axes: Axes | None) -> Axes:
@@ -83,7 +112,7 @@ def plot_limit(scene: Scene, trajectory: Trajectory, limit: str, axes: Axes | No
     Raises ValueError if the scene has no limit of this name.
     """
     inside = np.linspace(0, 1, max(2, _SAMPLES // (len(trajectory.knots) - 1)))
-    found = {each.limit.name: each for each in limit_curves(scene, trajectory, inside)}
+    found = {each.limit.name: each for each in limit_curves(problem_of(scene), trajectory, inside)}
     if limit not in found:
         raise ValueError(f"limit is {limit!r}; the scene has {', '.join(found)}")
     drawn = Figure(layout="constrained").add_subplot() if axes is None else axes

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
+from deltaopt.compare.model_terms import TermEffect
 from deltaopt.plots.colours import COLOURS
 from deltaopt.plots.style import figure, verbatim, without_box
 
@@ -13,19 +13,9 @@ _SMALLEST = 0.01
 """Per cent or mm, of which less is written as nothing: plans are found to about as much."""
 
 
-@dataclass(frozen=True)
-class TermBar:
-    """A term by name, and what happens without it: ``shorter`` and ``excess`` as shares, the
-    ``miss`` in m or None."""
-
-    name: str
-    shorter: float
-    excess: float
-    miss: float | None
-
-
-def draw_terms(file: Path, title: str, bars: Sequence[TermBar]) -> None:
-    """Draw three bars for each term, the first on top."""
+def draw_terms(file: Path, title: str, effects: Sequence[TermEffect]) -> None:
+    """Draw three bars for each term without which there is a plan, the first on top."""
+    bars = [effect for effect in effects if not effect.problem]
     panels = (
         ("plan shorter by (%)", [100 * bar.shorter for bar in bars]),
         ("limit exceeded by (%)", [100 * bar.excess for bar in bars]),
@@ -35,7 +25,7 @@ def draw_terms(file: Path, title: str, bars: Sequence[TermBar]) -> None:
         page.suptitle(verbatim(title), fontsize=9)
         axes = page.subplots(1, 3, sharey=True)
         for panel, (label, values), colour in zip(axes, panels, COLOURS, strict=True):
-            panel.barh([bar.name for bar in bars], values, color=colour, height=0.6)
+            panel.barh([bar.term.name for bar in bars], values, color=colour, height=0.6)
             panel.set_xlabel(label)
             panel.axvline(0.0, color="0.2", linewidth=0.6)
             panel.margins(x=0.2)

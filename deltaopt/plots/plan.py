@@ -18,11 +18,12 @@ from deltaopt.curves.piecewise import Array
 from deltaopt.motion.limit_curves import limit_curves
 from deltaopt.motion.sure_bounds import signed_distances
 from deltaopt.motion.trajectory import Trajectory, ends_of
-from deltaopt.output.headline import assumption, title
+from deltaopt.output.facts import assumption, title
 from deltaopt.plots.bodies import draw_bodies, draw_via_points
 from deltaopt.plots.colours import BLACK, COLOURS, GREY, LIGHT_GREY
 from deltaopt.plots.robot_view import View, draw_robot, view_of_move
 from deltaopt.plots.style import LARGE, SMALL, figure, motor_curves, verbatim, without_box
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.scene import Scene
 from deltaopt.verify.duty import Duty
 
@@ -106,7 +107,7 @@ def _marks(scene: Scene) -> str:
 
 def _what(scene: Scene, trajectory: Trajectory) -> str:
     """The robot, the distance, the load and the objective."""
-    start, goal = ends_of(scene.task, trajectory)
+    start, goal = ends_of(problem_of(scene), trajectory)
     way = float(np.linalg.norm(goal - start))
     load = f" {scene.payload_in_words}" if scene.payload else ""
     return f"{scene.robot.name}: {1e3 * way:.3g} mm{load}, {scene.objective}"
@@ -119,7 +120,7 @@ def _instants(trajectory: Trajectory) -> Array:
 
 def _robot(axes: Axes, scene: Scene, trajectory: Trajectory) -> None:
     """Draw the robot at some instants, the later the darker, and the path of its tool."""
-    view = view_of_move(*ends_of(scene.task, trajectory))
+    view = view_of_move(*ends_of(problem_of(scene), trajectory))
     motion = trajectory(_instants(trajectory))
     strengths = np.linspace(_FAINTEST, 1, _INSTANTS) ** 1.5
     for x, theta, strength in zip(motion.x, motion.theta, strengths, strict=True):
@@ -133,7 +134,7 @@ def _robot(axes: Axes, scene: Scene, trajectory: Trajectory) -> None:
 def _lines(axes: Axes, scene: Scene, trajectory: Trajectory, view: View) -> None:
     """Draw the straight line from start to goal, the path, and where it begins and ends."""
     begin, end = trajectory.knots[[0, -1]]
-    ends = view(ends_of(scene.task, trajectory))
+    ends = view(ends_of(problem_of(scene), trajectory))
     path = view(trajectory(np.linspace(begin, end, _SAMPLES)).x)
     above: dict[str, Any] = {"color": BLACK, "zorder": 4}
     halo = [Stroke(linewidth=3.0, foreground="white"), Normal()]
@@ -147,7 +148,7 @@ def _lines(axes: Axes, scene: Scene, trajectory: Trajectory, view: View) -> None
 def _path(axes: Axes, scene: Scene, trajectory: Trajectory, side: _Side) -> None:
     """Draw the path alone, along the move to the right, mm: from the side, where up is up, or from
     above."""
-    start, goal = ends_of(scene.task, trajectory)
+    start, goal = ends_of(problem_of(scene), trajectory)
     view = View(view_of_move(start, goal, aside=0.0).turn, side.tilt)
 
     def place(points: Array) -> Array:
@@ -173,7 +174,9 @@ def _torques(axes: Axes, scene: Scene, trajectory: Trajectory, duty: Duty | None
     """Draw each motor's torque over time in percent of its limit."""
     inside = np.linspace(0, 1, max(2, _SAMPLES // (len(trajectory.knots) - 1)))
     t = 1e3 * (trajectory.inside_intervals(inside).t - trajectory.knots[0])
-    curves = next(c for c in limit_curves(scene, trajectory, inside) if c.limit.name == _TORQUE)
+    curves = next(
+        c for c in limit_curves(problem_of(scene), trajectory, inside) if c.limit.name == _TORQUE
+    )
     motor_curves(axes, t, 100 * curves.values / curves.upper)
     if duty is not None:
         _name_rms(axes, duty, curves.upper)
@@ -196,7 +199,7 @@ def _clearance(axes: Axes, scene: Scene, trajectory: Trajectory) -> None:
     for, mm."""
     begin, end = trajectory.knots[[0, -1]]
     t = np.linspace(begin, end, _SAMPLES)
-    distances, _ = signed_distances(scene, trajectory(t).x)
+    distances, _ = signed_distances(problem_of(scene), trajectory(t).x)
     asked = 1e3 * scene.least_clearance
     axes.axhline(asked, color=BLACK, linewidth=1.0, linestyle=":")
     axes.plot(1e3 * (t - begin), 1e3 * distances.min(axis=1), color=BLACK)

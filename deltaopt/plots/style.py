@@ -20,7 +20,7 @@ from deltaopt.files.atomic_write import atomic_write
 from deltaopt.plots.colours import COLOURS
 
 STROKES = ("-", (0, (5, 1.5)), (0, (5, 1.5, 1, 1.5)))
-"""The same distinction in print without colour."""
+"""Of the curves of the motors, which are told apart in print without colour too."""
 LARGE, SMALL = 14, 7
 """Sizes of a picture's title and of remarks, points; all else has 9."""
 

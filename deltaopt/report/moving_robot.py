@@ -12,6 +12,7 @@ from deltaopt.mechanisms.delta.mechanism import AZIMUTHS
 from deltaopt.motion.active_limits import ActiveLimit, share_curves
 from deltaopt.motion.trajectory import Trajectory, ends_of
 from deltaopt.output.body_outlines import corners_of, edges_of
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.scene import Scene
 
@@ -31,7 +32,7 @@ def drawing(
 ) -> dict[str, object]:
     """Everything the script draws: the robot's shape, its frames, curves of limits, bands."""
     begin, end = trajectory.knots[[0, -1]]
-    start, goal = ends_of(scene.task, trajectory).tolist()
+    start, goal = ends_of(problem_of(scene), trajectory).tolist()
     frames = trajectory(np.linspace(begin, end, FRAMES + 1))
     intervals = len(trajectory.knots) - 1
     steps = min(_MOST_PER_INTERVAL, max(2, -(-_SAMPLES // intervals)))
@@ -54,7 +55,7 @@ def drawing(
             "t": _rounded(t - begin, 7),
             "of": [
                 {"limit": each.limit, "subject": each.subject, "values": _rounded(each.values, 4)}
-                for each in share_curves(scene, trajectory, inside)
+                for each in share_curves(problem_of(scene), trajectory, inside)
             ],
         },
         "active": [

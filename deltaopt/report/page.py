@@ -14,83 +14,45 @@ from html import escape
 from importlib.resources import files
 from math import isfinite
 from pathlib import Path
-from typing import Protocol
 
 from deltaopt.files.atomic_write import atomic_write
 from deltaopt.files.html_table import html_table
-from deltaopt.motion.active_limits import ActiveLimit, active_limits
-from deltaopt.motion.limit_sensitivity import LimitSensitivity, limits_in_words
-from deltaopt.motion.trajectory import Trajectory
-from deltaopt.output.headline import title
+from deltaopt.output.facts import Facts, StraightLine, measures, motor_facts, title, work
 from deltaopt.planning.first_motions.around_bodies import CLEAR
-from deltaopt.planning.ways import TakenWay
+from deltaopt.planning.plan import Plan, TakenWay
 from deltaopt.plots.colours import COLOURS, OF_LIMITS
 from deltaopt.report.modelled import modelled, not_modelled
 from deltaopt.report.moving_robot import drawing
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import MovingEnds, ends_in_words
-from deltaopt.verify.bounds import Check
-from deltaopt.verify.duty import Duty, exceeding
+from deltaopt.verify.duty import Duty
 from deltaopt.verify.verification import Verification
 
 
-class Compared(Protocol):
-    """What a motion was compared with: ``ways`` past bodies and local ``optima``, itself first."""
-
-    @property
-    def ways(self) -> Sequence[TakenWay]: ...
-    @property
-    def optima(self) -> Sequence[object]: ...
-
-
-def write_report(
-    file: Path,
-    scene: Scene,
-    trajectory: Trajectory,
-    verification: Verification,
-    gap: float | None = None,
-    sensitivities: Sequence[LimitSensitivity] = (),
-    compared: Compared | None = None,
-) -> None:
-    """Write the page of a motion. ``gap``: of a plan, estimated; None if it was not optimised.
-    ``sensitivities``: of its duration to limits, as far as they are known. ``compared``: what other
-    motions it was compared with, if any.
-
-    Raises OSError if the file cannot be written.
-    """
+def write_report(file: Path, facts: Facts) -> None:
+    """Write the page of a motion. Raises OSError if the file cannot be written."""
     with atomic_write(file) as temporary:
-        text = report(scene, trajectory, verification, gap, sensitivities, compared)
-        temporary.write_text(text, encoding="utf-8")
+        temporary.write_text(report(facts), encoding="utf-8")
 
 
-def report(
-    scene: Scene,
-    trajectory: Trajectory,
-    verification: Verification,
-    gap: float | None = None,
-    sensitivities: Sequence[LimitSensitivity] = (),
-    compared: Compared | None = None,
-) -> str:
-    """The text of the page; see ``write_report``."""
-    active = active_limits(scene, trajectory)
-    data = drawing(scene, trajectory, active) | {
+def report(facts: Facts) -> str:
+    """The text of the page."""
+    scene, trajectory, verification = facts.scene, facts.trajectory, facts.verification
+    data = drawing(scene, trajectory, facts.active) | {
         "motor_colours": COLOURS,
         "limit_colours": OF_LIMITS,
     }
+    duty = "" if verification.duty is None else _duty(verification.duty)
+    terms = _list(modelled(scene)) + "<p>Not modelled:</p>" + _list(not_modelled(scene))
     parts = [
-        _head(scene, trajectory, verification, gap, compared),
+        _head(facts),
         _figures(scene),
-        _section("Ways past the bodies", "" if compared is None else _ways(compared.ways)),
-        _section("What limits the motion", _list(_limits(active, sensitivities))),
+        _section("Ways past the bodies", _ways(facts.found.ways)),
+        _section("What limits the motion", _list(_limits(facts))),
         _section("Verification", _verification(verification)),
-        _section(
-            "Duty of the motors", "" if verification.duty is None else _duty(verification.duty)
-        ),
+        _section("Duty of the motors", duty),
         _section("Distance to singularities", _singularities(verification)),
-        _section(
-            "What is modelled",
-            _list(modelled(scene)) + "<p>Not modelled:</p>" + _list(not_modelled(scene)),
-        ),
+        _section("What is modelled", terms),
     ]
     return f"""<!DOCTYPE html>
 <html lang="en">
@@ -116,10 +78,9 @@ def report(
 """
 
 
-def _limits(active: Iterable[ActiveLimit], sensitivities: Iterable[LimitSensitivity]) -> list[str]:
+def _limits(facts: Facts) -> list[str]:
     """A sentence for every limit that matters."""
-    told = limits_in_words(active, sensitivities)
-    return [text[0].upper() + text[1:] + "." for text in told] or [
+    return [text[0].upper() + text[1:] + "." for text in facts.limits] or [
         "No limit is reached for a noticeable part of the time."
     ]
 
@@ -128,13 +89,9 @@ _PICKS = """ The picks per minute
 count the way there and one as long back, and no time for gripping."""
 
 
-def _head(
-    scene: Scene,
-    trajectory: Trajectory,
-    verification: Verification,
-    gap: float | None,
-    compared: Compared | None,
-) -> str:
+def _head(facts: Facts) -> str:
+    scene, trajectory, verification = facts.scene, facts.trajectory, facts.verification
+    gap = facts.found.gap
     payload = scene.payload_in_words
     way = f"{1e3 * verification.way:.4g} mm"
     picks = "" if isinstance(scene.task, MovingEnds) else _PICKS
@@ -145,7 +102,7 @@ def _head(
         else f"Estimated to be at most {_percent(gap)} above the best for its objective, "
         f"{scene.objective}, "
         + (
-            f"among motions near it. {_other_ways(compared)}"
+            f"among motions near it. {_other_ways(facts.found)}"
             if not scene.follows_path
             else "on the path that the scene gives."
         )
@@ -165,12 +122,12 @@ def _head(
 """
 
 
-def _other_ways(compared: Compared | None) -> str:
+def _other_ways(found: Plan | StraightLine) -> str:
     """With which motions that lead another way it was compared."""
-    ways, optima = (0, 0) if compared is None else (len(compared.ways), len(compared.optima))
+    ways, optima = len(found.ways), len(found.optima)
     if ways > 1:
         return f"It was compared with {_counted(ways - 1, 'other way')} past the bodies."
-    if ways == 1 and compared is not None and compared.ways[0].name == CLEAR:
+    if ways == 1 and found.ways[0].name == CLEAR:
         return "It keeps clear of all bodies without a detour."
     if ways == 1:
         return "No other way past the bodies was found."
@@ -255,61 +212,32 @@ def _verification(verification: Verification) -> str:
         "Each measure is held against what it may be at most. Excesses are shares of a limit: "
         "negative or zero means that it is kept."
     )
-    rows = [_check(check) for check in verification.checks()]
+    rows = [
+        (
+            each.name,
+            f"{each.value:.1e}" if isfinite(each.value) else "not evaluated",
+            f"{each.at_most:.0e}",
+            each.unit,
+            "ok" if each.ok else "failed",
+        )
+        for each in measures(verification)
+    ]
     return f"<p>{intro}</p>" + _table(("measure", "value", "at most", "unit", ""), rows)
 
 
-def _check(check: Check) -> tuple[str, ...]:
-    name = check.bound.measure.replace("_", " ")
-    value = f"{check.value:.1e}" if isfinite(check.value) else "not evaluated"
-    return (
-        name,
-        value,
-        f"{check.bound.at_most:.0e}",
-        check.bound.unit,
-        ("ok" if check.ok else "failed"),
-    )
-
-
 def _duty(duty: Duty) -> str:
-    motors = duty.motors
-    rows: list[tuple[str, str, Sequence[float | None]]] = [
-        ("RMS torque", "N·m", [each.rms_torque for each in motors]),
-        ("rated torque", "N·m", duty.rated_torque or ()),
-        ("RMS torque at the motor", "N·m", [each.motor_rms_torque for each in motors]),
-        ("cubic mean of the gear's torque", "N·m", [each.gear_torque for each in motors]),
-        ("nominal torque of the gear", "N·m", [duty.nominal_torque] * 3),
-        ("work done", "J", [each.work_done for each in motors]),
-        ("work absorbed", "J", [each.work_absorbed for each in motors]),
-        ("peak power", "W", [each.peak_power for each in motors]),
-        ("largest speed", "rad/s", [each.largest_speed for each in motors]),
+    rows = [
+        (each.name, *(f"{value:.4g}" for value in each.values), each.unit, each.above)
+        for each in motor_facts(duty)
     ]
-    marks = {
-        "rated torque": exceeding(duty.above_rated),
-        "nominal torque of the gear": exceeding(duty.above_nominal),
-    }
-    table = [
-        (
-            name,
-            *(f"{value:.4g}" for value in values if value is not None),
-            unit,
-            marks.get(name, ""),
-        )
-        for name, unit, values in rows
-        if any(value is not None for value in values)
-    ]
-    done, absorbed = (
-        sum(getattr(each, name) for each in motors) for name in ("work_done", "work_absorbed")
-    )
+    done, absorbed = work(duty)
     together = (
         f"All motors together: peak power {duty.peak_power:.4g} W, work done {done:.4g} J, "
         f"absorbed {absorbed:.4g} J: {done - absorbed:.3g} J net and at most {done:.4g} J if "
         "braking returns nothing."
     )
-    return (
-        _table(("at the arm", "motor 1", "motor 2", "motor 3", "unit", ""), table)
-        + f"<p>{escape(together)}</p>"
-    )
+    head = ("at the arm", "motor 1", "motor 2", "motor 3", "unit", "")
+    return _table(head, rows) + f"<p>{escape(together)}</p>"
 
 
 def _singularities(verification: Verification) -> str:

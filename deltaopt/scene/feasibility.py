@@ -19,9 +19,9 @@ from deltaopt.limits.constraints import Constraints
 from deltaopt.mechanisms.delta.functions import delta_functions
 from deltaopt.mechanisms.delta.instant import CoordinateInstant
 from deltaopt.mechanisms.delta.mechanism import DeltaTerms
-from deltaopt.mechanisms.delta.singularities import parallel_margin
 from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.scene.links import name_of, rooms_at
+from deltaopt.scene.parallel_singularity import volumes_at
 from deltaopt.scene.scene import Scene, limits_of
 from deltaopt.scene.task import REST, EndState, ViaPoint
 
@@ -197,60 +197,16 @@ def room_at_rest(scene: Scene, points: Array) -> Array:
     """
     _, rows, distances = _at_rest(scene, points)
     limits = 1 - np.abs(rows).max(axis=1)
-    volumes = _volumes(scene, np.vstack([scene.given_points[0], points]))
+    model = delta_model(scene.robot, scene.payload)
+    volumes = volumes_at(model, np.vstack([scene.given_points[0], points]))
     beyond = np.sign(volumes[0]) * volumes[1:]
     room = np.minimum(np.minimum(limits, distances.min(axis=1)), beyond)
     return np.where(np.isfinite(room), room, -1.0)
 
 
-def on_one_side(scene: Scene, points: Array) -> bool:
-    """Whether no parallel singularity lies between the start and any of the points, (N, 3) in m.
-
-    In one, finite torques do not hold the platform: a motion through it exceeds every torque limit,
-    however few instants show that.
-    """
-    volumes = _volumes(scene, np.vstack([scene.given_points[0], points]))
-    return bool((volumes[0] * volumes > 0).all())
-
-
-def require_ends_on_one_side(scene: Scene) -> None:
-    """Raise Infeasible where a parallel singularity lies between start and goal, on every path: the
-    volume of the bars' directions, which is zero in one, has another sign at the goal."""
-    if not on_one_side(scene, np.array(scene.given_points)):
-        raise Infeasible(
-            "start and goal are on different sides of a parallel singularity, in which the motors "
-            "do not hold the platform: every path between them leads through one"
-        )
-
-
-def require_path_on_one_side(scene: Scene, path: Array) -> None:
-    """Raise Infeasible where places of a given path, (N, 3) in m, lie on different sides of a
-    parallel singularity."""
-    volumes = _volumes(scene, path)
-    beyond = np.flatnonzero(volumes * volumes[0] <= 0)
-    if len(beyond):
-        raise Infeasible(
-            f"the path: at {in_words(path[beyond[0]])} m it leads through a parallel singularity, "
-            "in which the motors do not hold the platform"
-        )
-
-
 def limit_room_at_ends(scene: Scene) -> float:
     """The least share of a limit that rest at start and goal leaves unused."""
     return float(1 - np.abs(_ends(scene)[1]).max())
-
-
-def distance_from_parallel(scene: Scene) -> float:
-    """The lesser distance of start and goal from a parallel singularity, without unit."""
-    return float(np.abs(_volumes(scene, np.array(scene.given_points))).min())
-
-
-def _volumes(scene: Scene, points: Array) -> Array:
-    """Distances from a parallel singularity at points (N, 3), m, with a sign, (N,)."""
-    model = delta_model(scene.robot, scene.payload)
-    parallel = _parallel_function(model.functions.terms)
-    (found,) = parallel(points, parameters=model.parameters)
-    return np.asarray(found[:, 0])
 
 
 def _is_feasible(scene: Scene) -> bool:
@@ -295,14 +251,6 @@ def _rest_function(terms: DeltaTerms, constraints: Constraints) -> RowFunction:
     results = [back, ca.vertcat(*within), functions.serial_distances(x, p)]
     inputs = [x, ca.vertcat(numbers, p)]
     return RowFunction(ca.Function("rest", inputs, results, {"cse": True}))
-
-
-@lru_cache(maxsize=32)
-def _parallel_function(terms: DeltaTerms) -> RowFunction:
-    """(x, p) -> distance from a parallel singularity, with a sign."""
-    x, p = ca.SX.sym("x", 3), ca.SX.sym("p", len(terms.names))
-    q = delta_functions(terms, Explicit()).inverse_kinematics(x, p)
-    return RowFunction(ca.Function("parallel", [x, p], [parallel_margin(q)], {"cse": True}))
 
 
 def _within(row: ca.SX, lower: bool, upper: bool) -> ca.SX:

@@ -25,6 +25,8 @@ from deltaopt.dynamics.lagrange import Multiplier
 from deltaopt.dynamics.precise_integrator import PreciseIntegrator
 from deltaopt.mechanisms.delta.functions import DeltaFunctions
 from deltaopt.motion.trajectory import Trajectory, goal_of
+from deltaopt.problem.boundary import Boundary
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import EndState
@@ -96,7 +98,7 @@ class _Torques:
     ``position`` and ``p`` are in ``units``; arguments and results too, unless it is said."""
 
     start: EndState
-    goal: EndState
+    goal: Boundary
     units: Units
     position: PiecewisePolynomial
     step: PreciseIntegrator
@@ -108,7 +110,7 @@ class _Torques:
         powers = position.coefficients.shape[1]
         step = _step(model.functions, trajectory.model.functions, powers)
         p = np.concatenate([units.parameters(model), units.parameters(trajectory.model)])
-        goal = goal_of(scene.task, trajectory)
+        goal = goal_of(problem_of(scene), trajectory)
         return cls(scene.task.start, goal, units, units.position(position), step, p)
 
     def arrival(self) -> tuple[float, float]:
@@ -151,7 +153,7 @@ class _Torques:
         own = np.full(len(since), interval)
         return np.hstack([self.position.inside(own, since, order) for order in range(2)])
 
-    def _state(self, end: EndState) -> Array:
+    def _state(self, end: EndState | Boundary) -> Array:
         """Position and velocity of an end of the task."""
         x, v = np.array(end.position), np.array(end.velocity)
         return np.concatenate([x, v * self.units.time]) / self.units.length

@@ -21,6 +21,7 @@ from deltaopt.errors import Singular, Unreachable
 from deltaopt.files.html_table import html_table
 from deltaopt.limits.limit import OwnMeasure
 from deltaopt.motion.trajectory import Trajectory, goal_of
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.scene import LIMITS, Scene, limits_of
 from deltaopt.scene.task import EndState, MovingEnds, OnPath
 from deltaopt.verify.bounds import ARRIVAL_BOUNDS, BOUNDS, EXCESS, Check, check_of
@@ -368,7 +369,7 @@ def _ends(scene: Scene, trajectory: Trajectory, nothing: Verification) -> dict[s
     if isinstance(task, OnPath):
         asked = next(each for each in BOUNDS if each.measure == "path_distance")
         on_path["path_distance"] = off_path(task, trajectory, asked.of(*nothing.sizes).at_most)
-    goal = goal_of(task, trajectory)
+    goal = goal_of(problem_of(scene), trajectory)
     if task.via:
         on_path["via_distance"] = off_via_points(task, trajectory)
     if scene.columns:

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 import deltaopt
 from deltaopt.motion.trajectory import Trajectory
+from deltaopt.planning.attempts import Attempt
 from deltaopt.planning.first_motions.around_bodies import CLEAR, ways_around
 from deltaopt.planning.first_motions.multistart import first_motions
-from deltaopt.planning.search import Attempt
 from deltaopt.planning.trajectory_optimiser import TrajectoryOptimiser
 
 Array = NDArray[np.float64]

@@ -11,11 +11,10 @@ import pytest
 
 import deltaopt.cli.plan
 from deltaopt.cli import COMMANDS, main
-from deltaopt.output.plan_files import COLUMNS, instants, save, write_csv
+from deltaopt.output.plan_files import COLUMNS, instants, write_motion
 from deltaopt.planning.first_motions.initial_motion import baseline
 from deltaopt.planning.plan import Plan
 from deltaopt.scene.scene import load_scene
-from deltaopt.verify.verification import verify
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 SCENE_FILE = PROBLEMS / "pick_and_place.yaml"
@@ -113,13 +112,14 @@ def test_failing_writer_leaves_the_old_file_whole(tmp_path, monkeypatch):
     file = tmp_path / "trajectory.csv"
     file.write_text("old", encoding="utf-8")
 
-    def broken(*_):
-        yield "half a row"
-        raise RuntimeError
+    class Broken:
+        def tolist(self):
+            yield [0.0, 1.0]
+            raise RuntimeError
 
-    monkeypatch.setattr("deltaopt.output.plan_files._rows", broken)
+    monkeypatch.setattr("deltaopt.output.plan_files.rows_at", lambda *_: Broken())
     with pytest.raises(RuntimeError):
-        write_csv(file, baseline(SCENE))
+        write_motion(file, baseline(SCENE))
     assert file.read_text(encoding="utf-8") == "old"
     assert names(tmp_path) == ["trajectory.csv"]
 
@@ -130,7 +130,7 @@ def test_plan_made_by_hand(tmp_path):
     plan = Plan(
         SCENE, line, "L_E, flat", "test", 40, "solved", 7, 0.5, float("inf"), 1e-3, (), None
     )
-    save(tmp_path / "new" / "folder", SCENE, line, verify(SCENE, line), plan, rate=50)
+    plan.save(tmp_path / "new" / "folder")
     content = json.loads((tmp_path / "new/folder/plan.json").read_text(encoding="utf-8"))
     assert (content["formulation"], content["intervals"]) == ("L_E, flat", 40)
     assert content["gap"] is None
@@ -299,7 +299,7 @@ def test_too_many_rows(limits, rate, duration, tmp_path, capsys):
 
 def test_csv_of_too_many_rows(tmp_path):
     with pytest.raises(ValueError, match=r"^rate is 1e\+09 Hz; for 1000000 rows it may be"):
-        write_csv(tmp_path / "a.csv", baseline(SCENE), rate=1e9)
+        write_motion(tmp_path / "a.csv", baseline(SCENE), rate=1e9)
 
 
 def test_inverse_in_years(tmp_path, capsys):

@@ -11,7 +11,7 @@ import pytest
 
 import deltaopt
 from deltaopt.cli import main
-from deltaopt.cli.plan import table
+from deltaopt.output.in_words import table
 from deltaopt.output.saved_plan import load_plan
 from deltaopt.planning.first_motions.initial_motion import baseline
 from deltaopt.scene.scene import load_scene
@@ -195,7 +195,19 @@ def test_pontryagins_condition_is_told_where_it_was_asked_for():
     line = baseline(load_scene(SCENE_FILE))
     found = verify(load_scene(SCENE_FILE), line)
     assert "Pontryagin" not in table(found)
-    assert "not met" in table(found, certified=True)
+    assert "not met" in table(found, asked_for=1e-9)
+
+
+def test_the_journal_of_a_hard_scene_is_told_if_asked_for(tmp_path, capsys):
+    """Ways past bodies: each with what came of it, and the one that is taken among them."""
+    wall = "problems/keep_out/wall_25_305_25.yaml"
+    assert plan(wall, "-o", tmp_path) == 0
+    assert "what was attempted" not in capsys.readouterr().err
+    assert plan(wall, "-v", "-o", tmp_path) == 0
+    journal = capsys.readouterr().err.split("what was attempted:")[1]
+    assert "a straight line, " in journal
+    assert "the way above keep_out[0], " in journal
+    assert f"{load_plan(tmp_path).duration:.6g} s, gap " in journal
 
 
 @pytest.mark.parametrize("solver", ["interior-point", "ipopt"])
@@ -205,7 +217,7 @@ def test_every_iteration_is_told_if_asked_for(solver, tmp_path, capsys, caplog):
     assert "complementarity" not in (quiet := capsys.readouterr()).err
     assert "infeasibility" not in quiet.err
     first = load_plan(tmp_path)
-    assert plan(*words, "-v") == 0
+    assert plan(*words, "-vv") == 0
     assert load_plan(tmp_path).trajectory.knots.tolist() == first.trajectory.knots.tolist()
     told = [line.split() for line in capsys.readouterr().err.splitlines()]
     iterations = [words for words in told if words and words[0].isdigit() and len(words) >= 5]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from deltaopt.cli.plan import singularities_table, table
+from deltaopt.output.in_words import singularities_table, table
 from deltaopt.verify.measures import Distance, Excess
 from deltaopt.verify.verification import Verification
 

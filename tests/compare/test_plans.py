@@ -23,6 +23,7 @@ from deltaopt.planning.formulations.equations import flat_equations
 from deltaopt.planning.nlp.program import PointFunction
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 from deltaopt.plots.plans import KEPT, best_of_each, draw
+from deltaopt.problem.of_scene import problem_of
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 
@@ -86,7 +87,7 @@ def test_safe_duration_is_that_of_verification():
     model = deltaopt.DeltaModel(scene.robot, scene.payload)
     c = delta_case("cross", scene)
     faster = c.guess.slowed(0.8)
-    expected = safe_factor(scene, Trajectory(faster, model))
+    expected = safe_factor(problem_of(scene), Trajectory(faster, model))
     assert c.safe_factor(faster) == pytest.approx(expected, rel=1e-4)
 
 

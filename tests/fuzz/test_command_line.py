@@ -51,7 +51,7 @@ def ended(words: list[str], capfd, seconds: float = 20) -> tuple[int, str]:
 def test_any_words(command, rest, capfd, monkeypatch):
     """Parsed only: what the words ask for may take long."""
     for name in COMMANDS:
-        monkeypatch.setattr(COMMANDS[name], "run", lambda arguments: 0)
+        monkeypatch.setattr(f"deltaopt.cli.{name}.run", lambda arguments: 0)
     ended([command, *rest], capfd)
 
 

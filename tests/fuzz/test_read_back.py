@@ -14,8 +14,9 @@ from hypothesis import strategies as st
 import deltaopt
 from deltaopt.cli import main
 from deltaopt.motion.lower_bound import lower_bound
+from deltaopt.output.facts import Facts, StraightLine
 from deltaopt.output.foreign_table import read_foreign_table
-from deltaopt.output.plan_files import StraightLine, write_csv, write_json
+from deltaopt.output.plan_files import write_json, write_motion
 from deltaopt.output.saved_plan import load_plan
 from deltaopt.verify.verification import verify
 from tests.fuzz.inputs import PROBLEMS, SCENE, fewer, limited, numbers, result_or_sentence, trees
@@ -27,8 +28,8 @@ ROBOT = str(PROBLEMS / "robots/orsino.yaml")
 def folder(tmp_path_factory) -> Path:
     found, line = tmp_path_factory.mktemp("plans"), deltaopt.baseline(SCENE)
     found_how = StraightLine(lower_bound(SCENE))
-    write_json(found / "good.json", SCENE, line, verify(SCENE, line), found_how)
-    write_csv(found / "good.csv", line, rate=50)
+    write_json(found / "good.json", Facts(SCENE, line, found_how, verify(SCENE, line)))
+    write_motion(found / "good.csv", line, rate=50)
     return found
 
 

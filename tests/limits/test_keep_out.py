@@ -13,6 +13,7 @@ from deltaopt.errors import SceneError
 from deltaopt.limits.keep_out import KeepOut, KeepOutHull
 from deltaopt.limits.limit import ConvexLimit
 from deltaopt.motion.sure_bounds import signed_distances
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.scene import LIMITS, Scene, limits_of, load_scene
 from deltaopt.verify.clearance import distance_from
 
@@ -76,7 +77,7 @@ def test_a_million_distances(radius):
     """From each of the four kinds of solid, from 250 000 places."""
     scene = with_bodies(*BODIES, tool=radius and {"radius": radius})
     x = places(250_000)
-    found, slope = signed_distances(scene, x)
+    found, slope = signed_distances(problem_of(scene), x)
     assert found.shape == (len(x), 4)
     for column, formula in zip(found.T, FORMULAS, strict=True):
         np.testing.assert_allclose(column, formula(x) - (radius or 0), rtol=0, atol=3e-12)
@@ -86,9 +87,11 @@ def test_a_million_distances(radius):
 
 def test_the_slope_is_that_of_the_distance():
     scene, x, h = with_bodies(*BODIES, HULL, tool={"radius": 0.01}), places(500), 1e-6
-    _, slope = signed_distances(scene, x)
+    _, slope = signed_distances(problem_of(scene), x)
     steps = h * np.eye(3)
-    ends = [[signed_distances(scene, x + s * step)[0] for s in (1, -1)] for step in steps]
+    ends = [
+        [signed_distances(problem_of(scene), x + s * step)[0] for s in (1, -1)] for step in steps
+    ]
     numeric = np.stack([(up - down) / (2 * h) for up, down in ends], axis=2)
     smooth = np.abs(numeric - slope).max(axis=2) < 1e-4
     assert smooth.mean() > 0.999  # not beside a plane where the nearest face changes inside
@@ -140,7 +143,7 @@ def test_distances_from_sums(name):
         radius = given.get("radius", 0.0)
     vertices = (corners[:, None] - tool).reshape(-1, 3)
     x = places(20, seed=5)
-    found, _ = signed_distances(scene, x)
+    found, _ = signed_distances(problem_of(scene), x)
     expected = by_directions(vertices, x) - radius
     assert found.shape == (20, 1)
     np.testing.assert_allclose(found[:, 0], expected, atol=2e-6)
@@ -167,8 +170,8 @@ def test_distances_of_the_tools_own_places(body, shape):
     else:
         tool = ends[0] + share[:, None] * (ends[1] - ends[0])
     for point in places(12, seed=2):
-        found = float(signed_distances(scene, point[None])[0][0, 0])
-        nearest = signed_distances(alone, point + tool)[0].min() - radius
+        found = float(signed_distances(problem_of(scene), point[None])[0][0, 0])
+        nearest = signed_distances(problem_of(alone), point + tool)[0].min() - radius
         if nearest > 0.01:
             assert nearest - 3e-5 <= found <= nearest + 1e-11
             compared += 1
@@ -185,7 +188,7 @@ def test_verification_measures_distances_of_its_own():
     """By nearest points; the same numbers."""
     scene = with_bodies(*BODIES, HULL, tool={"radius": 0.01})
     x = places(3000, seed=7)
-    found, slope = signed_distances(scene, x)
+    found, slope = signed_distances(problem_of(scene), x)
     for column, own, (_, body) in zip(found.T, slope.swapaxes(0, 1), scene.obstacles, strict=True):
         distance, normal = distance_from(body, x)
         np.testing.assert_allclose(distance, column, atol=3e-12)

@@ -14,6 +14,7 @@ from deltaopt.limits.torque_curve import TorqueCurve
 from deltaopt.motion.limit_curves import limit_curves
 from deltaopt.motion.time_scaling import safe_factor
 from deltaopt.planning.first_motions.initial_motion import straight_line
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import delta_model
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.feasibility import check_feasible
@@ -202,7 +203,7 @@ def test_a_line_beyond_a_limit_of_position_is_no_matter_of_speed():
     """The straight line between two points of a ring leaves it; no slowing changes that."""
     scene = changed(PICK, workspace={"depth": [0.449, 0.6]})
     line = straight_line(delta_model(scene.robot, 1.0), (0.45, -0.05, 0), (0.44, 0.1, 0), 1.0)
-    assert safe_factor(scene, line) == np.inf
+    assert safe_factor(problem_of(scene), line) == np.inf
     found = deltaopt.verify(scene, line)
     assert found.workspace_depth_excess > 0.1
     assert any("slowing it down does not help" in each for each in found.failures())
@@ -233,17 +234,17 @@ def test_safe_factor_against_every_speed(friction):
     line = straight_line(delta_model(scene.robot, 1.0), scene.start, scene.goal, 0.1)
 
     def keeps(speed: float) -> bool:
-        curves = limit_curves(scene, line.slowed(1 / speed), np.linspace(0, 1, 801))
+        curves = limit_curves(problem_of(scene), line.slowed(1 / speed), np.linspace(0, 1, 801))
         return all(((c.lower <= c.values) & (c.values <= c.upper)).all() for c in curves)
 
     speeds = np.linspace(0.2, 1.0, 401)
     expected = max(speed for speed in speeds if keeps(speed))
-    factor = safe_factor(scene, line)
+    factor = safe_factor(problem_of(scene), line)
     assert expected <= 1 / factor + 1e-6
     assert 1 / factor < expected + 2.1e-3
     assert deltaopt.verify(scene, line.slowed(factor)).torque_at_speed_excess < 1e-9
-    assert safe_factor(scene, line, at_least=0.0) == pytest.approx(factor, rel=1e-9)
-    assert safe_factor(scene, line.slowed(factor)) == pytest.approx(1.0, rel=1e-9)
+    assert safe_factor(problem_of(scene), line, at_least=0.0) == pytest.approx(factor, rel=1e-9)
+    assert safe_factor(problem_of(scene), line.slowed(factor)) == pytest.approx(1.0, rel=1e-9)
 
 
 # A fourth axis

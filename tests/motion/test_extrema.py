@@ -22,6 +22,7 @@ from deltaopt.motion.time_scaling import highest_rows, safe_factor
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.initial_motion import baseline
 from deltaopt.planning.planner import plan
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.drive import Friction
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.scene import Limits, Scene, load_scene
@@ -157,13 +158,13 @@ def test_safe_factor_is_the_smallest(limits):
         found = MeasuredMotion.of(scene, slowed).excesses()
         excess = max(each.value for each in found.values())
         low, high = (low, middle) if excess <= 1e-13 else (middle, high)
-    assert safe_factor(scene, fast, at_least=0) == pytest.approx(high, rel=1e-9)
-    assert safe_factor(scene, fast.slowed(2 * high)) == 1
+    assert safe_factor(problem_of(scene), fast, at_least=0) == pytest.approx(high, rel=1e-9)
+    assert safe_factor(problem_of(scene), fast.slowed(2 * high)) == 1
 
 
 def test_safe_factor_is_infinite_where_gravity_alone_is_too_much():
     weak = scene_with(limits=Limits(torque=1.4))
-    assert safe_factor(weak, LINE) == inf
+    assert safe_factor(problem_of(weak), LINE) == inf
 
 
 def test_motion_may_help_against_gravity():
@@ -174,8 +175,8 @@ def test_motion_may_help_against_gravity():
     falling = Trajectory(drop, LINE.model)
     scene = scene_with(limits=Limits(torque=1.5))
     assert MeasuredMotion.of(scene, falling).excesses()["torque_excess"].value < 0
-    assert safe_factor(scene, falling) == 1
-    assert safe_factor(scene, falling, at_least=10) == inf
+    assert safe_factor(problem_of(scene), falling) == 1
+    assert safe_factor(problem_of(scene), falling, at_least=10) == inf
 
 
 def test_torques_peak_where_an_arm_turns_back_under_friction():
@@ -193,7 +194,7 @@ def test_torques_peak_where_an_arm_turns_back_under_friction():
     scene = Scene(robot=robot, payload=0.7, start=start, goal=goal)
     position = plan(scene.model_copy(update={"robot": softer}), tolerance=1e-2).trajectory.position
     trajectory = Trajectory(position, delta_model(robot, 0.7))
-    peaks_of_rows = highest_rows(scene, trajectory).values[:3]
+    peaks_of_rows = highest_rows(problem_of(scene), trajectory).values[:3]
 
     def largest(samples: int):
         count = samples // (len(trajectory.knots) - 1)

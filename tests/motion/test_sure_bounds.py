@@ -9,6 +9,7 @@ from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.motion.sure_bounds import signed_distances, sure_excess
 from deltaopt.motion.time_scaling import needed_slowing
 from deltaopt.planning.first_motions.initial_motion import curve_between
+from deltaopt.problem.of_scene import problem_of
 from tests.limits.test_keep_out import BODIES, HULL, SPHERE, with_bodies
 
 SCALE = 0.25 * 0.15
@@ -30,11 +31,11 @@ def test_the_bound_holds_and_is_close(degree):
     that is what is said."""
     rng, scene = np.random.default_rng(degree), with_bodies(*BODIES, HULL)
     motion = random_motion(rng, 40, degree)
-    found = sure_excess(scene, motion) * SCALE
+    found = sure_excess(problem_of(scene), motion) * SCALE
     share = np.linspace(0, 1, 2001)
     pieces = np.repeat(np.arange(40), len(share))
     x = motion.inside(pieces, np.diff(motion.knots)[pieces] * np.tile(share, 40))
-    least = signed_distances(scene, x)[0].reshape(40, len(share), -1).min(axis=1)
+    least = signed_distances(problem_of(scene), x)[0].reshape(40, len(share), -1).min(axis=1)
     assert (found >= -least - 1e-12).all()
     assert ((found <= 0) == (least >= 0)).mean() > 0.99  # but for grazes that samples miss
     inside = least < 0
@@ -46,8 +47,10 @@ def test_slowing_does_not_help():
     """A line through the middle of a sphere is as far inside of it as its radius, at any speed."""
     scene = with_bodies(SPHERE, goal=[0.45, 0.12, 0.01], start=[0.45, -0.05, 0.01])
     line = curve_between(scene)
-    assert sure_excess(scene, line.position).max() * 0.25 * 0.17 == pytest.approx(0.03, rel=0.1)
-    needed = needed_slowing(scene, line)
+    assert sure_excess(problem_of(scene), line.position).max() * 0.25 * 0.17 == pytest.approx(
+        0.03, rel=0.1
+    )
+    needed = needed_slowing(problem_of(scene), line)
     assert not needed.keeps_places
     assert needed.misplaced > 0.5
 
@@ -61,7 +64,7 @@ def test_a_graze_is_told_from_a_touch(gap):
     coefficients = np.zeros((1, 3, 3))
     coefficients[0, :, 0] = [0.5 - gap - 4 * top**2, 8 * top, -4]
     motion = PiecewisePolynomial(np.array([0.0, 1.0]), coefficients)
-    excess = float(sure_excess(scene, motion).max()) * SCALE
+    excess = float(sure_excess(problem_of(scene), motion).max()) * SCALE
     assert (excess <= 0) == (gap > 0)
     if gap < 0:
         assert -gap <= excess <= -1.11 * gap

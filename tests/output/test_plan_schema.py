@@ -13,7 +13,8 @@ import pytest
 import deltaopt
 from deltaopt.cli import main
 from deltaopt.motion.lower_bound import lower_bound
-from deltaopt.output.plan_files import StraightLine, schema, write_json
+from deltaopt.output.facts import Facts, StraightLine
+from deltaopt.output.plan_files import schema, write_json
 from studies.problems import PROBLEMS
 
 SCHEMA = json.loads(schema())
@@ -125,7 +126,8 @@ def test_lines_of_scenes_with_every_limit(tmp_path):
         scene = deltaopt.load_scene(file)
         line = deltaopt.baseline(scene)
         found = deltaopt.verify(scene, line)
-        write_json(tmp_path / "plan.json", scene, line, found, StraightLine(lower_bound(scene)))
+        told = Facts(scene, line, StraightLine(lower_bound(scene)), found)
+        write_json(tmp_path / "plan.json", told)
         assert faults(saved(tmp_path / "plan.json"), SCHEMA) == [], file
 
 

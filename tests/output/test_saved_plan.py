@@ -10,7 +10,7 @@ import pytest
 
 import deltaopt
 from deltaopt.cli import main
-from deltaopt.output.plan_files import write_csv
+from deltaopt.output.plan_files import write_motion
 from deltaopt.output.saved_plan import UnreadablePlan, record_differences, table_difference
 from studies.problems import ORSINO, PROBLEMS
 
@@ -169,7 +169,7 @@ def test_trajectory_csv_is_the_motion_at_any_rate(saved, tmp_path):
     knots = trajectory.knots
     rates = [1e-3, 1 / trajectory.duration, 10 / trajectory.duration, *1 / knots[1:6], 333.3, 2e4]
     for rate in rates:
-        write_csv(file, trajectory, rate)
+        write_motion(file, trajectory, rate)
         assert table_difference(file, trajectory) is None
     text = file.read_text(encoding="utf-8").replace(",", ";").replace(".", ",")
     file.write_text("\ufeff" + text, encoding="utf-8")
@@ -182,7 +182,7 @@ def test_a_folder_with_files_of_two_plans(saved, tmp_path, capsys):
     assert capsys.readouterr().err == ""
     for name in ("plan.json", "trajectory.csv"):
         (tmp_path / name).write_bytes((folder / name).read_bytes())
-    write_csv(tmp_path / "trajectory.csv", deltaopt.baseline(plan.scene))
+    write_motion(tmp_path / "trajectory.csv", deltaopt.baseline(plan.scene))
     assert main(["verify", str(tmp_path), "--json"]) == 1
     told = json.loads(capsys.readouterr().out)
     assert not told["ok"]

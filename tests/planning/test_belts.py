@@ -59,7 +59,7 @@ def test_a_belt_that_leaves_too_soon_ends_in_a_sentence_on_when_it_can_be_met():
         plan(scene.model_copy(update={"via": [(0.8, 0.0, 0.0)]}))
     said = str(error.value)
     assert "which positions and speeds allow from 0 to 0.0754 s after the start" in said
-    assert "tried from 2 first motions, and none that keeps all limits was reached" in said
+    assert "4 attempts were made, and none led to one that keeps all limits" in said
     assert isinstance(error.value.__cause__, DeltaOptError)
 
 
@@ -68,7 +68,7 @@ def test_a_state_that_is_not_reached_is_told_in_words_of_its_own():
     passed, error = load_scene("problems/moving/passed_state.yaml"), NotConverged("x", "y", None)
     assert str(not_met(passed, 1, error)) == (
         "no motion was found that passes [0.85, 0.1, -0.05] m at [-0.3, 1, 0] m/s, a point that "
-        "stands still; tried from one first motion, and none that keeps all limits was reached"
+        "stands still; one attempt was made, and none led to one that keeps all limits"
     )
     assert not_met(load_scene("problems/moving/stop.yaml"), 1, error) is error
     assert "a point that stands still, passed at a velocity" in passed.task.description

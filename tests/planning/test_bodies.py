@@ -13,6 +13,7 @@ from deltaopt.errors import Infeasible
 from deltaopt.limits.keep_out import KeepOut
 from deltaopt.motion.sure_bounds import signed_distances
 from deltaopt.planning.first_motions.passages import shortest_path
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.feasibility import room_at_rest
 from deltaopt.scene.scene import Scene, load_scene
 from deltaopt.verify.verification import verify
@@ -46,7 +47,7 @@ def planned(scene: Scene) -> object:
     assert verified.ok, verified.failures()
     assert found.within_tolerance
     t = np.linspace(0, found.duration, 20_001)
-    distances, _ = signed_distances(scene, found.trajectory.position.at(t))
+    distances, _ = signed_distances(problem_of(scene), found.trajectory.position.at(t))
     used = len(scene.obstacles)
     assert distances[:, :used].min() >= scene.least_clearance - 1e-9
     return found

@@ -20,6 +20,7 @@ from deltaopt.planning.first_motions.order_of_merit import (
     intervals_for,
 )
 from deltaopt.planning.first_motions.roadmap import roadmap_motions
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.feasibility import room_at_rest
 from studies.bench.statics import Statics
 from tests.hard_scenes import hard_scene, planned_and_verified
@@ -75,7 +76,7 @@ def test_after_an_ordinary_plan_nothing_else_is_tried(monkeypatch):
     easy = load_scene("problems/pick_and_place.yaml")
     usual = plan(easy)
     assert usual.optima == ()
-    monkeypatch.setattr("deltaopt.planning.search._LABORIOUS", usual.iterations - 1)
+    monkeypatch.setattr("deltaopt.planning.attempts._LABORIOUS", usual.iterations - 1)
     again = plan(easy)
     assert [each.starts for each in again.optima] == [3]  # there is no other minimum
     assert again.duration == pytest.approx(usual.duration, rel=usual.gap)
@@ -91,7 +92,7 @@ def test_a_path_over_the_grid_where_no_simple_curve_leads():
     durations = [motion.duration for motion in motions]
     assert durations == sorted(durations)
     best = motions[0]
-    assert not crosses_singularity(weak, best)
+    assert not crosses_singularity(problem_of(weak), best)
     points = best(np.linspace(0, best.duration, 301)).x
     np.testing.assert_allclose(points[[0, -1]], [weak.start, weak.goal], atol=1e-12)
     assert room_at_rest(weak, points).min() > 0

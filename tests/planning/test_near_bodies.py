@@ -9,11 +9,12 @@ import pytest
 
 from deltaopt import load_scene, plan
 from deltaopt.motion.sure_bounds import rows_not_kept, sure_excess
+from deltaopt.planning.attempts import Attempt
 from deltaopt.planning.first_motions.order_of_merit import first_motion
 from deltaopt.planning.near_bodies import near, past_these, run_into, with_those_hit
 from deltaopt.planning.refinement import Slower
-from deltaopt.planning.search import Attempt
 from deltaopt.planning.trajectory_optimiser import TrajectoryOptimiser
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.scene import Scene
 from deltaopt.verify.verification import verify
 
@@ -74,8 +75,8 @@ def test_whether_is_known_as_how_much_is():
         centre = np.array([0.85, 0.0, 0.0]) + rng.uniform(-0.3, 0.3, 3)
         sphere = {"centre": centre.tolist(), "radius": 0.12}
         scene = with_far({"sphere": sphere})
-        kept = sure_excess(scene, LINE.position).max(axis=0) <= 0
-        np.testing.assert_array_equal(rows_not_kept(scene, LINE.position), ~kept)
+        kept = sure_excess(problem_of(scene), LINE.position).max(axis=0) <= 0
+        np.testing.assert_array_equal(rows_not_kept(problem_of(scene), LINE.position), ~kept)
 
 
 def test_a_way_that_is_slower_than_a_known_plan_is_given_up():

@@ -23,6 +23,7 @@ from deltaopt.planning.nlp.cost import Cost
 from deltaopt.planning.nlp.problem import Guess
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 from deltaopt.planning.switching.detection import detect_structure
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.objective import Effort, TimeAndEffort
 from deltaopt.scene.scene import limits_of
 from tests.oracles.arcs import ArcProblem
@@ -145,7 +146,7 @@ def test_plans_are_verified_and_settled(scene):
     report = verify(scene, found.trajectory)
     assert report.ok, report.failures()
     assert report.torque_excess <= 0
-    assert found.cost == pytest.approx(cost(scene, found.trajectory), rel=1e-15)
+    assert found.cost == pytest.approx(cost(problem_of(scene), found.trajectory), rel=1e-15)
     finer = plan(scene, tolerance=1e-4, intervals=32)
     assert abs(found.cost / finer.cost - 1) <= found.gap
 
@@ -180,8 +181,8 @@ def test_a_long_motion_waits_where_little_torque_holds_it(payload, duration):
     found = long(payload, duration)
     assert found.within_tolerance
     assert found.duration == pytest.approx(duration, rel=1e-14)
-    assert found.cost == pytest.approx(effort(found.scene, found.trajectory), rel=1e-15)
-    highest = highest_rows(found.scene, found.trajectory)
+    assert found.cost == pytest.approx(effort(problem_of(found.scene), found.trajectory), rel=1e-15)
+    highest = highest_rows(problem_of(found.scene), found.trajectory)
     of_torque = limits_of(found.scene).constraints.is_control
     assert highest.values[of_torque].max() <= 1
     torque = found.trajectory(duration * np.linspace(0.3, 0.7, 400)).tau
@@ -202,7 +203,7 @@ def test_a_long_motion_on_another_mesh(payload):
     problem = Flat().of(model.functions, SMOOTH, scaling.constraints, least)
     guess = Guess(found.trajectory, near=True, tolerance=1e-8)
     solved = problem.on(np.full(192, 1 / 192)).solve(guess, scaling, model.parameters)
-    again = effort(found.scene, Trajectory(solved.position, model))
+    again = effort(problem_of(found.scene), Trajectory(solved.position, model))
     assert abs(again / found.cost - 1) <= 2e-4
 
 
@@ -210,7 +211,7 @@ def test_nothing_needs_less_effort():
     """Neither the straight line nor the fastest motion slowed down, in the same time."""
     fastest = plan(PICK)
     others = [deltaopt.baseline(GENTLY), fastest.trajectory.slowed(0.28 / fastest.duration)]
-    assert all(effort(GENTLY, other) > 1.1 * planned(GENTLY).cost for other in others)
+    assert all(effort(problem_of(GENTLY), other) > 1.1 * planned(GENTLY).cost for other in others)
 
 
 @pytest.mark.parametrize(
@@ -231,7 +232,7 @@ def test_without_weight_on_effort_it_is_the_fastest():
     assert fastest.duration < light.duration < heavy.duration
     assert light.duration == pytest.approx(fastest.duration, rel=1e-3)
     for found in (heavy, light):  # better in its own objective than the other is
-        assert found.cost < cost(found.scene, fastest.trajectory)
+        assert found.cost < cost(problem_of(found.scene), fastest.trajectory)
 
 
 def test_only_the_ratio_of_the_weights_counts():

@@ -81,8 +81,8 @@ def test_a_gap_that_is_not_reached_is_told(monkeypatch):
     assert not found.within_tolerance
     assert found.gap > 1e-7
     assert found.meshes[-1].intervals <= 20
-    assert told[-2] == str(found.meshes[-1])
-    assert "no finer mesh" in told[-1]
+    assert any(str(found.meshes[-1]) in line for line in told)
+    assert "no finer mesh" in told[-2]
 
 
 # What must not change it

@@ -409,7 +409,10 @@ def test_parts_before_and_after_a_via_point_are_fastest_motions_from_and_to_its_
 def test_first_motions_begin_and_end_as_the_task_asks():
     via = [(0.83, -0.06, 0.05), {"at": (0.82, 0.04, 0.03), "within": 0.01}]
     for scene in MOVING.values():
-        task, guesses = scene.task, list(through_gates(scene.model_copy(update={"via": via})))
+        task, guesses = (
+            scene.task,
+            [proposal.motion for proposal in through_gates(scene.model_copy(update={"via": via}))],
+        )
         # Two splines and one that stops, through three choices of places; from a start that moves
         # all of these again after a stop.
         assert len(guesses) == (18 if task.start.velocity != (0, 0, 0) else 9)

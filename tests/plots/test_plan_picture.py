@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon
 
 import deltaopt
-from deltaopt.output.headline import headline
+from deltaopt.output.facts import headline
 from deltaopt.planning.comparisons import straight_lines
 from deltaopt.plots import plan as chart
 from deltaopt.plots.robot_view import View, chains, view_of_move

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 import shutil
-from dataclasses import dataclass
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -14,9 +14,12 @@ import pytest
 
 from deltaopt.cli import main
 from deltaopt.motion.active_limits import AT_LIMIT, active_limits, share_curves
+from deltaopt.output.facts import Facts, StraightLine
 from deltaopt.planning.first_motions.around_bodies import CLEAR
 from deltaopt.planning.first_motions.initial_motion import baseline
+from deltaopt.planning.plan import Optimum, TakenWay
 from deltaopt.planning.planner import plan
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.report.page import report, write_report
 from deltaopt.scene.scene import load_scene
 from deltaopt.verify.verification import verify
@@ -45,6 +48,11 @@ class Text(HTMLParser):
         return " ".join(" ".join(self.words).split())
 
 
+def of_line(scene, line) -> Facts:
+    """What is told of a straight line."""
+    return Facts(scene, line, StraightLine(0.0), verify(scene, line))
+
+
 @pytest.fixture(scope="module")
 def planned():
     found = plan(SCENE)
@@ -55,7 +63,7 @@ def planned():
 def page(planned, tmp_path_factory) -> Path:
     found, verification = planned
     file = tmp_path_factory.mktemp("report") / "report.html"
-    write_report(file, SCENE, found.trajectory, verification, found.gap)
+    write_report(file, Facts(SCENE, found.trajectory, found, verification))
     return file
 
 
@@ -69,7 +77,7 @@ def embedded(page: str) -> dict:
 def test_signed_shares_of_torques_are_torques_over_their_limit(planned):
     trajectory = planned[0].trajectory
     inside = np.linspace(0, 1, 7)
-    curves = share_curves(SCENE, trajectory, inside)
+    curves = share_curves(problem_of(SCENE), trajectory, inside)
     assert [(c.limit, c.subject) for c in curves] == [("torque", f"motor {k}") for k in (1, 2, 3)]
     tau = trajectory.inside_intervals(inside).tau
     np.testing.assert_allclose(np.array([c.values for c in curves]).T, tau / 10.0, atol=1e-12)
@@ -79,7 +87,7 @@ def test_time_at_limits_is_that_of_dense_samples(planned):
     trajectory = planned[0].trajectory
     t = np.linspace(0, trajectory.duration, 200_001)[1:-1]
     at = np.abs(trajectory(t).tau / 10.0) >= AT_LIMIT
-    found = {each.subject: each for each in active_limits(SCENE, trajectory)}
+    found = {each.subject: each for each in active_limits(problem_of(SCENE), trajectory)}
     for k in range(3):
         each = found[f"motor {k + 1}"]
         assert each.share == pytest.approx(at[:, k].mean(), abs=2e-3)
@@ -93,8 +101,8 @@ def test_time_at_limits_is_that_of_dense_samples(planned):
 
 
 def test_a_slow_motion_is_at_no_limit():
-    assert active_limits(SCENE, baseline(SCENE).slowed(2.0)) == ()
-    text = report(SCENE, slow := baseline(SCENE).slowed(2.0), verify(SCENE, slow))
+    assert active_limits(problem_of(SCENE), baseline(SCENE).slowed(2.0)) == ()
+    text = report(of_line(SCENE, baseline(SCENE).slowed(2.0)))
     assert "No limit is reached for a noticeable part of the time." in text
 
 
@@ -133,8 +141,7 @@ def test_nothing_reads_like_a_failure_when_all_is_well(page):
 
 
 def test_a_failed_verification_is_told():
-    fast = baseline(SCENE).slowed(0.99)
-    text = str(Text(report(SCENE, fast, verify(SCENE, fast))))
+    text = str(Text(report(of_line(SCENE, baseline(SCENE).slowed(0.99)))))
     assert "Verification failed: torque of motor 1 exceeds its limit" in text
 
 
@@ -142,7 +149,7 @@ def test_names_cannot_write_html(planned):
     robot = SCENE.robot.model_copy(update={"name": TRICK})
     scene = SCENE.model_copy(update={"robot": robot})
     found, verification = planned
-    text = report(scene, found.trajectory, verification, found.gap)
+    text = report(Facts(scene, found.trajectory, found, verification))
     tags = [tag for tag, _ in Text(text).tags]
     assert "img" not in tags
     assert tags.count("script") == 2
@@ -179,53 +186,41 @@ BODIES = [
 NARROW = load_scene(PROBLEMS / "via" / "within.yaml").model_copy(update={"keep_out": BODIES})
 
 
-@dataclass(frozen=True)
-class Other:
-    name: str
-    duration: float
-    is_planned: bool
-
-
-@dataclass(frozen=True)
-class Compared:
-    ways: tuple[Other, ...] = ()
-    optima: tuple[float, ...] = ()
-
-
-OVER, UNDER = Other("above keep_out[0]", 0.1234567, True), Other("below keep_out[0]", 0.2, False)
+OVER = TakenWay("above keep_out[0]", 0.1234567, True)
+UNDER = TakenWay("below keep_out[0]", 0.2, False)
+OPTIMUM = Optimum(0.1, 0.1, (0.45, 0.0, 0.0), 1e-4, 1)
 
 
 @pytest.mark.parametrize(
-    ("compared", "says"),
+    ("ways", "optima", "says"),
     [
-        (None, "Motions that lead another way were not compared."),
-        (Compared(), "Motions that lead another way were not compared."),
-        (Compared((OVER, UNDER)), "It was compared with one other way past the bodies."),
-        (Compared((OVER, UNDER, UNDER)), "It was compared with 2 other ways past the bodies."),
-        (Compared((OVER,)), "No other way past the bodies was found."),
-        (Compared((Other(CLEAR, 0.1, True),)), "It keeps clear of all bodies without a detour."),
-        (Compared((), (0.1, 0.2)), "It was compared with one other local optimum."),
+        ((), (), "Motions that lead another way were not compared."),
+        ((OVER, UNDER), (), "It was compared with one other way past the bodies."),
+        ((OVER, UNDER, UNDER), (), "It was compared with 2 other ways past the bodies."),
+        ((OVER,), (), "No other way past the bodies was found."),
+        ((TakenWay(CLEAR, 0.1, True),), (), "It keeps clear of all bodies without a detour."),
+        ((), (OPTIMUM, OPTIMUM), "It was compared with one other local optimum."),
     ],
 )
-def test_it_says_with_what_it_was_compared(planned, compared, says):
+def test_it_says_with_what_it_was_compared(planned, ways, optima, says):
     found, verification = planned
-    text = str(Text(report(SCENE, found.trajectory, verification, found.gap, (), compared)))
+    found = replace(found, ways=ways, optima=optima)
+    text = str(Text(report(Facts(SCENE, found.trajectory, found, verification))))
     assert says in text
     assert ("not compared" in text) == ("not compared" in says)
-    several = compared is not None and len(compared.ways) > 1
+    several = len(ways) > 1
     assert ("Ways past the bodies" in text) == several
     if several:
         assert "above keep_out[0] 0.1235 s taken below keep_out[0] about 0.200 s" in text
 
 
 def test_bodies_are_told_and_collisions_with_others_are_not_modelled(planned):
-    line = baseline(NARROW)
-    text = str(Text(report(NARROW, line, verify(NARROW, line))))
+    text = str(Text(report(of_line(NARROW, baseline(NARROW)))))
     assert "Bodies are grey" in text
     assert "Diamonds are via points" in text
     assert "collisions with anything but the bodies of the scene" in text
     found, verification = planned
-    plain = str(Text(report(SCENE, found.trajectory, verification, found.gap)))
+    plain = str(Text(report(Facts(SCENE, found.trajectory, found, verification))))
     assert "Bodies are grey" not in plain
     assert "Diamonds" not in plain
 
@@ -307,8 +302,8 @@ def test_the_robot_is_drawn_where_it_is(browser, planned, page):
 @pytest.fixture(scope="module")
 def narrow(tmp_path_factory) -> Path:
     """The page of a motion past bodies of all kinds, with via points."""
-    file, line = tmp_path_factory.mktemp("narrow") / "report.html", baseline(NARROW)
-    write_report(file, NARROW, line, verify(NARROW, line))
+    file = tmp_path_factory.mktemp("narrow") / "report.html"
+    write_report(file, of_line(NARROW, baseline(NARROW)))
     return file
 
 
@@ -419,7 +414,7 @@ def test_charts_are_linked_to_the_time(browser, planned, page):
     assert opened.frame() == 400
     spans = opened.page.locator(".span")
     assert spans.count() == sum(
-        len(each.spans) for each in active_limits(SCENE, planned[0].trajectory)
+        len(each.spans) for each in active_limits(problem_of(SCENE), planned[0].trajectory)
     )
     opened.page.close()
 
@@ -442,7 +437,7 @@ def test_a_name_stays_a_name(browser, planned, tmp_path):
     robot = SCENE.robot.model_copy(update={"name": TRICK})
     found, verification = planned
     scene = SCENE.model_copy(update={"robot": robot})
-    write_report(tmp_path / "r.html", scene, found.trajectory, verification, found.gap)
+    write_report(tmp_path / "r.html", Facts(scene, found.trajectory, found, verification))
     opened = Opened(browser, tmp_path / "r.html")
     assert TRICK in opened.page.title()
     assert opened.page.locator(".robot").inner_text() == TRICK

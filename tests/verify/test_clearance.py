@@ -8,6 +8,7 @@ import pytest
 from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.motion.sure_bounds import signed_distances
 from deltaopt.planning.first_motions.initial_motion import curve_between, roughly_fastest
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.verify.clearance import clearance_excess, least_clearance
 from deltaopt.verify.verification import verify
 from tests.limits.test_keep_out import BODIES, HULL, SPHERE, with_bodies
@@ -20,7 +21,7 @@ def test_no_dense_sample_is_nearer(index):
     (_, body), motion = scene.obstacles[index], random_motion(np.random.default_rng(8), 6, 3)
     found, t = least_clearance(body, motion, asked=-1.0)
     dense = np.linspace(*motion.knots[[0, -1]], 100_001)
-    least = signed_distances(scene, motion.at(dense))[0][:, index].min()
+    least = signed_distances(problem_of(scene), motion.at(dense))[0][:, index].min()
     asked, _ = least_clearance(body, motion, asked=float(least) + 1e-3)
     assert asked <= least + 1e-10
     assert asked >= least - 1e-5

@@ -13,11 +13,12 @@ import numpy as np
 import pytest
 
 import deltaopt
-from deltaopt.cli.plan import duty_table, table
 from deltaopt.motion.effort import effort
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.output.plan_files import caption
+from deltaopt.output.in_words import duty_table, table
 from deltaopt.planning.first_motions.initial_motion import baseline
+from deltaopt.plots.limits import caption
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.scene import Scene, load_scene
 from deltaopt.verify.duty import Duty, MotorDuty, exceeding
@@ -110,7 +111,9 @@ def test_duty_of_every_motor_by_dense_samples(motion):
 def test_the_squares_of_rms_torques_are_the_effort(motion):
     scene, trajectory = motion
     squares = sum(each.rms_torque**2 for each in measured(scene, trajectory).motors)
-    assert squares * trajectory.duration == pytest.approx(effort(scene, trajectory), rel=1e-10)
+    assert squares * trajectory.duration == pytest.approx(
+        effort(problem_of(scene), trajectory), rel=1e-10
+    )
 
 
 def test_friction_takes_the_rest_of_the_work():

@@ -9,6 +9,7 @@ import pytest
 
 from deltaopt.motion.sure_bounds import signed_distances
 from deltaopt.planning.first_motions.initial_motion import curve_between, roughly_fastest
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.links import LinkGeometry
 from deltaopt.verify.clearance import robot_clearance
 from deltaopt.verify.verification import verify
@@ -38,7 +39,7 @@ def test_the_least_distance_is_that_of_dense_samples(motion):
     begins, ends = LinkGeometry.at_angles(scene.robot, found.x, found.theta).links
     share = np.linspace(0, 1, 2001)[:, None, None, None]
     places = (begins + share * (ends - begins)).reshape(-1, 3)
-    expected = signed_distances(scene, places)[0].min()
+    expected = signed_distances(problem_of(scene), places)[0].min()
     assert robot_clearance(scene, line) == pytest.approx(expected, abs=2e-4)
     assert robot_clearance(scene, line) <= expected + 1e-12
 

@@ -10,8 +10,9 @@ import pytest
 from matplotlib.image import imread
 
 import deltaopt
-from deltaopt import Limits, load_scene, plan, verify
+from deltaopt import Limits, load_scene, plan
 from deltaopt.motion.certificate import MET
+from deltaopt.output.facts import facts
 from deltaopt.output.plan_files import write_json
 from deltaopt.verify.pontryagin import extremal
 from tests import planned_scenes
@@ -118,7 +119,7 @@ def test_files_carry_it(tmp_path):
 def test_plan_json_tells_the_objective_and_the_optima(tmp_path):
     found = plan(GENTLY, tolerance=1e-2, starts=2)
     file = tmp_path / "plan.json"
-    write_json(file, GENTLY, found.trajectory, verify(GENTLY, found.trajectory), found)
+    write_json(file, facts(found))
     record = json.loads(file.read_text())
     assert record["cost"] == {"value": pytest.approx(found.cost, rel=1e-12), "unit": "N²m²s"}
     assert record["verification"]["effort"] == pytest.approx(found.cost, rel=1e-12)

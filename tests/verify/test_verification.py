@@ -17,6 +17,7 @@ from deltaopt.limits.limit import Bounds, Limit
 from deltaopt.motion.time_scaling import safe_factor
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.initial_motion import baseline, straight_line
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import DeltaModel
 from deltaopt.scene import scene as scenes
 from deltaopt.scene.feasibility import check_feasible
@@ -109,7 +110,9 @@ def test_safe_duration_agrees_with_the_planner():
     for scene in (SCENE, INDUSTRIAL, scene_with(limits=Limits(torque=(9.0, 4.0, 10.0)))):
         fast = baseline(scene).slowed(0.3)
         found = MeasuredMotion.of(scene, fast).safe_duration()
-        assert found == pytest.approx(fast.duration * safe_factor(scene, fast), rel=1e-11)
+        assert found == pytest.approx(
+            fast.duration * safe_factor(problem_of(scene), fast), rel=1e-11
+        )
 
 
 def test_safe_duration_is_infinite_where_gravity_alone_is_too_much():

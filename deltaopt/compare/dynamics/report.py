@@ -6,6 +6,7 @@ from textwrap import fill
 
 from deltaopt.codegen.c_compiler import compiler
 from deltaopt.compare.dynamics.study import Row, Study
+from deltaopt.files.text_table import text_table
 
 _SAME = "the same cost indeed"
 _NOT_SAME = "the equations are the same, the expressions for them are not"
@@ -40,8 +41,7 @@ COLUMNS = (
 def table(study: Study) -> str:
     """Return the table in aligned columns, a blank line between tasks."""
     cells = [HEADER, *(_cells(row) for row in study.rows)]
-    widths = [max(len(row[i]) for row in cells) for i in range(len(HEADER))]
-    lines = [_line(row, widths) for row in cells]
+    lines = text_table(cells, words=4)
     first = sum(row.task == study.rows[0].task for row in study.rows)
     return "\n".join([lines[0], "", *lines[1 : first + 1], "", *lines[first + 1 :]])
 
@@ -256,13 +256,3 @@ def _values(row: Row) -> list[str]:
         repr(row.median_error),
         repr(row.largest_error),
     ]
-
-
-def _line(cells: tuple[str, ...], widths: list[int]) -> str:
-    """Words to the left, numbers to the right."""
-    words = 4
-    aligned = [
-        cell.ljust(width) if i < words else cell.rjust(width)
-        for i, (cell, width) in enumerate(zip(cells, widths, strict=True))
-    ]
-    return "  ".join(aligned).rstrip()

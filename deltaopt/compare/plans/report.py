@@ -11,6 +11,7 @@ import numpy as np
 
 from deltaopt.compare.plans.measures import Quality
 from deltaopt.compare.plans.study import PlanStudy, Row
+from deltaopt.files.text_table import text_table
 from deltaopt.planning.nlp.transcription import LINEAR
 
 QUALITIES = tuple(f.name for f in fields(Quality))
@@ -328,9 +329,7 @@ def _table(study: PlanStudy, case: str) -> str:
         uniform = i + 1 < len(rows) and rows[i + 1].refined and not row.refined
         if uniform or last or row.failure:
             cells.append(_cells(row, slow.get(_key(row))))
-    widths = [max(len(line[i]) for line in cells) for i in range(len(HEADER))]
-    lines = [head, _agreement(study, case), "", *(_line(line, widths) for line in cells)]
-    return "\n".join(lines)
+    return "\n".join([head, _agreement(study, case), "", *text_table(cells, WORDS)])
 
 
 def _key(row: Row) -> tuple[str, int, bool]:
@@ -361,14 +360,6 @@ def _cells(row: Row, slow: Row | None) -> tuple[str, ...]:
         f"{q.dynamic_error:.0e}",
         f"{q.arrival_distance:.0e}",
     )
-
-
-def _line(cells: tuple[str, ...], widths: list[int]) -> str:
-    aligned = [
-        cell.ljust(width) if i < WORDS else cell.rjust(width)
-        for i, (cell, width) in enumerate(zip(cells, widths, strict=True))
-    ]
-    return "  ".join(aligned).rstrip()
 
 
 def _csv_line(row: Row) -> str:

@@ -30,6 +30,7 @@ from deltaopt.planning.first_motions.bands import (
 from deltaopt.planning.first_motions.bows import bows
 from deltaopt.planning.first_motions.initial_motion import roughly_fastest
 from deltaopt.planning.first_motions.passages import shortest_path, what_was_searched
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.scene import Scene
 
@@ -139,7 +140,7 @@ def _through_passages(scene: Scene, bodies: Bodies) -> Iterator[Way]:
 def is_clear(scene: Scene, motion: Trajectory) -> bool:
     """Whether a motion is known to be clear of all bodies, with tool and links as far as these are
     planned to be, at all instants."""
-    if rows_not_kept(scene, motion.position).any():
+    if rows_not_kept(problem_of(scene), motion.position).any():
         return False
     if not scene.planned_links:
         return True

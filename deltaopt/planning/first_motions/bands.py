@@ -18,6 +18,7 @@ from deltaopt.limits.constraints import SceneLimits
 from deltaopt.motion.links import planned_distances
 from deltaopt.motion.sure_bounds import signed_distances
 from deltaopt.motion.trajectory import Trajectory
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.links import ROUGH_BISECTIONS, name_of
 from deltaopt.scene.scene import Scene, limits_of
 from deltaopt.scene.task import given_points
@@ -67,7 +68,7 @@ class Bodies:
     def distances(self, x: Array) -> tuple[Array, Array]:
         """How far the tool's point at places (N, 3), m, is from bodies, and then links that are
         planned to keep clear of them, (N, rows), and the derivatives by the place, (N, rows, 3)."""
-        distance, slope = signed_distances(self.scene, x)
+        distance, slope = signed_distances(problem_of(self.scene), x)
         if not self.scene.planned_links:
             return distance, slope
         of_links, by_place = planned_distances(self.scene, x, ROUGH_BISECTIONS)

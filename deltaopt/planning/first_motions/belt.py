@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from deltaopt.curves.piecewise import Array
 from deltaopt.errors import DeltaOptError, Infeasible, NotConverged, in_words
 from deltaopt.motion.time_scaling import sizes_at
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.feasibility import exceeded
 from deltaopt.scene.scene import Scene, limits_of
 from deltaopt.scene.task import REST, EndState, MovingPoint, RestAnywhere
@@ -48,7 +49,7 @@ class Meetings:
         since = times - times[0]
         line = np.array([[goal.at(times[0], goal.position).position, goal.velocity]])
         fractions = since / since[-1]
-        sizes = sizes_at(scene, line, since[-1:], fractions)[0]
+        sizes = sizes_at(problem_of(scene), line, since[-1:], fractions)[0]
         return cls(scene, goal, near, times, sizes[:, limits_of(scene).constraints.orders < 2])
 
     @cached_property
@@ -110,18 +111,17 @@ class Meetings:
 
 
 def not_met(scene: Scene, tried: int, error: DeltaOptError) -> DeltaOptError:
-    """The error of first motions, ``tried`` in vain, in words of the goal if that moves."""
+    """The error of attempts, so many ``tried`` in vain, in words of the goal if that moves."""
     goal = scene.task.goal
     if isinstance(goal, RestAnywhere) or goal.velocity == REST:
         return error
-    motions = "one first motion" if tried == 1 else f"{tried} first motions"
+    attempts = "one attempt was made" if tried == 1 else f"{tried} attempts were made"
     place = f"passes {goal.description}, a point that stands still"
     if isinstance(goal, MovingPoint):
         allowed = Meetings.of(scene, goal).in_words
         place = f"meets {goal.description}, which positions and speeds allow {allowed}"
     told = NotConverged(
-        f"no motion was found that {place}; tried from {motions}, and none that keeps all limits "
-        "was reached",
+        f"no motion was found that {place}; {attempts}, and none led to one that keeps all limits",
         getattr(error, "status", "No_Start"),
         getattr(error, "iterate", None),
     )

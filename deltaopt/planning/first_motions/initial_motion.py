@@ -20,6 +20,7 @@ from deltaopt.mechanisms.delta.functions import delta_functions
 from deltaopt.mechanisms.delta.mechanism import DeltaTerms
 from deltaopt.motion.time_scaling import needed_slowing, rough_factor
 from deltaopt.motion.trajectory import Trajectory
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.scene import Scene
@@ -41,6 +42,8 @@ _JOINT_LINE_INTERVALS = 32
 _FAR_OFF = 1e3
 """Factor by which a motion may be slowed or sped up at once: it costs six digits of the torques
 that accelerate."""
+_UNRESOLVED = 1e-20
+"""Factor below which the torques that accelerate a motion of a second are lost in rounding."""
 _MOST_SPEEDS = 10
 """Each brings a motion nearer to its fastest by seven orders of magnitude."""
 
@@ -225,7 +228,9 @@ def line(scene: Scene) -> Trajectory:
 
 def roughly_fastest(scene: Scene, trajectory: Trajectory) -> Trajectory:
     """The motion slowed or sped up uniformly until it just keeps the limits at samples."""
-    return _sped(trajectory, lambda motion: rough_factor(scene, motion), "it cannot be driven")
+    return _sped(
+        trajectory, lambda motion: rough_factor(problem_of(scene), motion), "it cannot be driven"
+    )
 
 
 def _fastest(scene: Scene, trajectory: Trajectory, name: str) -> Trajectory:
@@ -233,7 +238,9 @@ def _fastest(scene: Scene, trajectory: Trajectory, name: str) -> Trajectory:
 
     def factor(motion: Trajectory) -> float:
         try:
-            needed = needed_slowing(scene, motion, scene.least_duration / motion.duration)
+            needed = needed_slowing(
+                problem_of(scene), motion, scene.least_duration / motion.duration
+            )
         except Unreachable as error:
             raise Unreachable(f"{name}: {error}") from None
         if not needed.keeps_places:
@@ -258,6 +265,8 @@ def _sped(
         factor = factor_of(trajectory)
         if isinf(factor):
             raise Infeasible(obstacle)
+        if factor < _UNRESOLVED:
+            raise Infeasible("the way is so short that double precision does not resolve it")
         trajectory = trajectory.slowed(factor)
         if 1 / _FAR_OFF < factor < _FAR_OFF:
             break

@@ -8,7 +8,7 @@ least.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from math import ceil
+from math import ceil, dist
 
 import numpy as np
 
@@ -19,6 +19,8 @@ from deltaopt.motion.time_scaling import sizes_at
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.belt import Meetings
 from deltaopt.planning.first_motions.order_of_merit import first_motion
+from deltaopt.planning.first_motions.proposal import Proposal
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import REST, EndState, MovingEnds, MovingPoint, RestAnywhere
@@ -34,6 +36,8 @@ _SOONEST, _LEAST_WAIT = 3, 1e-3
 the least wait as a share of the motion then."""
 _MOST = 100
 """By which factor a mesh may be finer for a motion that waits first. A finer one takes seconds."""
+_RESOLVED = 1e-11
+"""A way that is none, m: of a motion that ends at the goal but for rounding."""
 _NEARLY = 1.2
 """Excess over its limits with which a guess is good enough: the optimum bends away from it."""
 
@@ -44,9 +48,7 @@ Family = Callable[[Array], tuple[Array, Array]]
 time since a piece began, (n, pieces, powers, 3), m, and their lengths, (n, pieces), s."""
 
 
-def first_moving_motions(
-    scene: Scene, under_way: PiecewisePolynomial | None
-) -> Iterator[Trajectory]:
+def first_moving_motions(scene: Scene, under_way: PiecewisePolynomial | None) -> Iterator[Proposal]:
     """First guesses, the best first: a quintic; the motion under way to its end and on from there
     to the goal, where one is under way; a stop, and on from there; a stop, from rest to rest to
     where a run-up to the goal begins, and that.
@@ -57,14 +59,18 @@ def first_moving_motions(
     assert isinstance(task, MovingEnds)
     direct = from_state_to_state(scene)
     if direct is not None:
-        yield direct
-    yield from _waiting(scene)
+        yield Proposal("a quintic", direct)
+    for motion in _waiting(scene):
+        yield Proposal("waiting for the belt, then a quintic", motion)
     if under_way is not None:
-        yield from _onwards(scene, under_way)
+        for motion in _onwards(scene, under_way):
+            yield Proposal("the motion under way, and on from its end", motion)
     stop = stopping(scene)
     if stop is not None:
-        yield from _onwards(scene, stop.position)
-    yield from _with_run_up(scene, None if task.start.velocity == REST else stop)
+        for motion in _onwards(scene, stop.position):
+            yield Proposal("a stop, and on from there", motion)
+    for motion in _with_run_up(scene, None if task.start.velocity == REST else stop):
+        yield Proposal("a run-up to the goal", motion)
 
 
 def stopping(scene: Scene) -> Trajectory | None:
@@ -158,8 +164,12 @@ def end_of(position: PiecewisePolynomial) -> Vector3:
 
 
 def _onwards(scene: Scene, before: PiecewisePolynomial) -> Iterator[Trajectory]:
-    """A motion that comes to rest, and one from there to the scene's goal, if there is one."""
-    if isinstance(scene.task.goal, RestAnywhere):
+    """A motion that comes to rest, and one from there to the scene's goal, if it is elsewhere."""
+    goal = scene.task.goal
+    there = isinstance(goal, EndState) and goal.velocity == REST
+    if isinstance(goal, RestAnywhere) or (
+        there and dist(end_of(before), goal.position) < _RESOLVED
+    ):
         yield Trajectory(before, delta_model(scene.robot, scene.payload))
         return
     later = if_possible(RULED_OUT, first_between, from_rest(scene, end_of(before)))
@@ -242,7 +252,7 @@ def _best(scene: Scene, family: Family, durations: Array) -> float | None:
     """The best of some durations (s), increasing."""
     coefficients, lengths = family(durations)
     pieces = coefficients.reshape(-1, *coefficients.shape[2:])
-    sizes = sizes_at(scene, pieces, lengths.ravel(), _SAMPLES)
+    sizes = sizes_at(problem_of(scene), pieces, lengths.ravel(), _SAMPLES)
     highest = sizes.reshape(len(durations), -1).max(axis=1)
     if not np.isfinite(highest).any():
         return None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import islice
 from math import dist, hypot
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.initial_motion import curve_between, drivable
 from deltaopt.planning.first_motions.order_of_merit import in_order_of_merit
+from deltaopt.planning.plan import Optimum
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import given_points
 
@@ -52,21 +53,6 @@ def _cubics(scene: Scene, seed: int) -> Iterator[Trajectory]:
     while True:
         away = _SPREAD * hypot(*way) * rng.standard_normal((2, 3))
         yield curve_between(scene, *(thirds + away))
-
-
-@dataclass(frozen=True)
-class Optimum:
-    """A local minimum that a plan from several first guesses found.
-
-    ``duration``: s. ``cost``: in the objective's unit. ``halfway``: the platform's position at half
-    time, m. ``gap``: optimality gap. ``starts``: how many of the first guesses led there.
-    """
-
-    duration: float
-    cost: float
-    halfway: tuple[float, float, float]
-    gap: float
-    starts: int
 
 
 def distinct(found: Sequence[tuple[Trajectory, float, float]], length: float) -> list[Optimum]:

@@ -24,9 +24,12 @@ from deltaopt.planning.first_motions.initial_motion import (
     line,
     roughly_fastest,
 )
+from deltaopt.planning.first_motions.proposal import Proposal
 from deltaopt.planning.first_motions.roadmap import STEPS, roadmap_motions, spacing
 from deltaopt.planning.path.path_planning import fastest_on_path
-from deltaopt.scene.feasibility import on_one_side, require_ends_on_one_side
+from deltaopt.problem.of_scene import problem_of
+from deltaopt.problem.problem import Problem
+from deltaopt.scene.parallel_singularity import on_one_side, require_ends_on_one_side
 from deltaopt.scene.scene import Scene, limits_of
 from deltaopt.scene.task import OnPath, distance
 
@@ -63,10 +66,10 @@ def in_order_of_merit(scene: Scene) -> Iterator[Trajectory]:
 
     Raises Unreachable if there is none, with what was searched, and at which resolution.
     """
-    return chain.from_iterable(rounds(scene))
+    return (proposal.motion for proposal in chain.from_iterable(rounds(scene)))
 
 
-def rounds(scene: Scene) -> Iterator[Iterator[Trajectory]]:
+def rounds(scene: Scene) -> Iterator[Iterator[Proposal]]:
     """First motions in order of merit, in two rounds: lines and curves, then paths over a grid.
 
     The second takes longer, and is better where the workspace is narrow. Raises Unreachable after
@@ -74,9 +77,9 @@ def rounds(scene: Scene) -> Iterator[Iterator[Trajectory]]:
     leads through a parallel singularity.
     """
     if scene.tube is not None:
-        yield iter([timed_axis(scene)])
+        yield iter([Proposal("the tube's axis", timed_axis(scene))])
         return
-    found: list[Trajectory] = []
+    found: list[Proposal] = []
     yield _noted(_lines_and_curves(scene), found)
     require_ends_on_one_side(scene)
     yield _noted(_over_a_grid(scene), found)
@@ -98,45 +101,63 @@ def timed_axis(scene: Scene) -> Trajectory:
     return fastest_on_path(on_path, task, _OF_AXIS, lambda _: None).trajectory
 
 
-def _noted(motions: Iterator[Trajectory], found: list[Trajectory]) -> Iterator[Trajectory]:
-    """The motions, each of which is added to a list before it is given away."""
-    for motion in motions:
-        found.append(motion)
-        yield motion
+def _noted(proposals: Iterator[Proposal], found: list[Proposal]) -> Iterator[Proposal]:
+    """The proposals, each of which is added to a list before it is given away."""
+    for proposal in proposals:
+        found.append(proposal)
+        yield proposal
 
 
-def _lines_and_curves(scene: Scene) -> Iterator[Trajectory]:
+_SIMPLE: tuple[tuple[str, Callable[[Scene], Trajectory]], ...] = (
+    ("a straight line", line),
+    ("a straight line of the motor angles", joint_line),
+    ("the best curve", detour),
+)
+
+
+def _lines_and_curves(scene: Scene) -> Iterator[Proposal]:
     """A line that is not slow, and then slow lines, lines not looked at yet and the best curve, in
     order of their duration."""
-    slow, ahead = list[Trajectory](), [line, joint_line]
-    while ahead:
-        motion = if_possible(RULED_OUT, _driven, scene, ahead.pop(0))
-        if motion is None:
+    slow, ahead = list[Proposal](), list(_SIMPLE)
+    while len(ahead) > 1:
+        proposal = _driven(scene, *ahead.pop(0))
+        if proposal is None:
             continue
-        if not is_slow(scene, motion.duration, SLOW):
-            yield motion
+        if not is_slow(scene, proposal.motion.duration, SLOW):
+            yield proposal
             break
-        slow.append(motion)
-    others = [if_possible(RULED_OUT, _driven, scene, simple) for simple in (*ahead, detour)]
-    possible = slow + [motion for motion in others if motion is not None]
-    yield from sorted(possible, key=lambda motion: motion.duration)
+        slow.append(proposal)
+    others = [_driven(scene, *simple) for simple in ahead]
+    possible = slow + [proposal for proposal in others if proposal is not None]
+    yield from sorted(possible, key=lambda proposal: proposal.motion.duration)
 
 
-def _over_a_grid(scene: Scene) -> Iterator[Trajectory]:
+def _over_a_grid(scene: Scene) -> Iterator[Proposal]:
     """Motions on the path of the coarsest grid that has one."""
     for steps in STEPS:
-        ways = (m for m in roadmap_motions(scene, steps) if not crosses_singularity(scene, m))
+        ways = (
+            m
+            for m in roadmap_motions(scene, steps)
+            if not crosses_singularity(problem_of(scene), m)
+        )
         motions = list(islice(ways, _OF_A_GRID))
         if motions:
-            yield from motions
+            yield from (Proposal("a path over a grid", motion) for motion in motions)
             return
 
 
-def _driven(scene: Scene, make: Callable[[Scene], Trajectory]) -> Trajectory | None:
-    """A motion as fast as the limits roughly allow; None if it leads through a singularity."""
-    made = make(scene)
-    found = made if make is detour else roughly_fastest(scene, made)
-    return None if make is not line and crosses_singularity(scene, found) else found
+def _driven(scene: Scene, name: str, make: Callable[[Scene], Trajectory]) -> Proposal | None:
+    """A motion as fast as the limits roughly allow; None if they rule it out, or it leads through a
+    singularity."""
+
+    def driven() -> Trajectory:
+        made = make(scene)
+        return made if make is detour else roughly_fastest(scene, made)
+
+    found = if_possible(RULED_OUT, driven)
+    if found is None or (make is not line and crosses_singularity(problem_of(scene), found)):
+        return None
+    return Proposal(name, found)
 
 
 def is_slow(scene: Scene, duration: float, times: float) -> bool:
@@ -176,7 +197,7 @@ def intervals_in_tube(scene: Scene, motion: Trajectory, intervals: int) -> int:
     for factor in (1, 2, 4):
         knots = np.linspace(motion.knots[0], motion.knots[-1], factor * intervals + 1)
         cubics = PiecewisePolynomial.hermite(knots, *motion.position.with_rate_at(knots))
-        sizes = sizes_at(scene, cubics.coefficients, np.diff(knots), _TRIED)
+        sizes = sizes_at(problem_of(scene), cubics.coefficients, np.diff(knots), _TRIED)
         if sizes[:, :, rows].max() <= 1:
             return factor * intervals
     return _FINEST * intervals
@@ -193,12 +214,11 @@ class CrossesSingularity(NotConverged):
     """The motion found passes through a parallel singularity, which no torques allow."""
 
 
-def crosses_singularity(scene: Scene, motion: Trajectory) -> bool:
+def crosses_singularity(problem: Problem, motion: Trajectory) -> bool:
     """Whether a motion passes through a parallel singularity, as far as samples show."""
     one = len(motion.knots) == 2
-    return not on_one_side(
-        scene, _points(motion.position, _TRIED_IN_ONE if one else _TRIED_IN_MANY)
-    )
+    points = _points(motion.position, _TRIED_IN_ONE if one else _TRIED_IN_MANY)
+    return not on_one_side(problem.model, np.vstack([problem.start.position, points]))
 
 
 def _points(position: PiecewisePolynomial, fractions: Array) -> Array:

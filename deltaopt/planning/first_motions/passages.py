@@ -24,6 +24,7 @@ from deltaopt.curves.piecewise import Array
 from deltaopt.limits.constraints import SceneLimits
 from deltaopt.motion.sure_bounds import signed_distances
 from deltaopt.planning.first_motions.roadmap import path_over_grid, spacing
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.solids import Convex, Polytope, Solid
 from deltaopt.scene.feasibility import room_at_rest
 from deltaopt.scene.scene import Scene, limits_of
@@ -170,7 +171,7 @@ class _Lines:
 
     def are_clear_places(self, places: Array) -> Truths:
         """Which places, (N, 3), are clear of bodies, (N,)."""
-        distance, _ = signed_distances(self.scene, places)
+        distance, _ = signed_distances(problem_of(self.scene), places)
         return np.asarray((distance > self._kept).all(axis=1))
 
     def lead_along(self, path: Array) -> bool:
@@ -191,7 +192,7 @@ class _Lines:
         way = ends - begin
         x = begin + _BETWEEN[:, None] * way[:, None]
         flat = x.reshape(-1, 3)
-        distance, slope = signed_distances(self.scene, flat)
+        distance, slope = signed_distances(problem_of(self.scene), flat)
         distance = distance.reshape(len(ends), len(_BETWEEN), -1)
         slope = slope.reshape(*distance.shape, 3)
         rate = np.einsum("nsrc,nc->nsr", slope, way)
@@ -287,7 +288,7 @@ def _planes_between(scene: Scene, line: Array) -> list[_Plane]:
 
 def _projected(scene: Scene, x: Array, row: int) -> Array:
     """The nearest places of a body, grown by the tool, to places (N, 3), m."""
-    distance, slope = signed_distances(scene, x)
+    distance, slope = signed_distances(problem_of(scene), x)
     return np.asarray(x - np.maximum(distance[:, row, None], 0.0) * slope[:, row])
 
 

@@ -26,6 +26,8 @@ from deltaopt.planning.first_motions.moving_ends import (
     shortest_to_goal,
     stopping,
 )
+from deltaopt.planning.first_motions.proposal import Proposal
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.feasibility import room_at_rest
 from deltaopt.scene.moving_ends import Belt, End
@@ -43,7 +45,7 @@ _DIRECTIONS = np.array([np.zeros(3), *(each / hypot(*each) for each in _CUBE)])
 """To places of a sphere that are looked at for room: its centre, and 26 of a cube's."""
 
 
-def through_gates(scene: Scene) -> Iterator[Trajectory]:
+def through_gates(scene: Scene) -> Iterator[Proposal]:
     """First guesses, the best first: splines through all points, motions from point to point that
     stop at each, and from a start that moves a stop and what leads on from there. Knots are at the
     points: places of via points, or those straight above start and goal where an approach ends.
@@ -58,16 +60,16 @@ def through_gates(scene: Scene) -> Iterator[Trajectory]:
             spline = _moving_spline if moving else _spline_at_rest
             found = if_possible(RULED_OUT, spline, scene, places, power)
             if found is not None:
-                yield found
+                yield Proposal("a spline through all points", found)
     for places in ways:
         found = if_possible(RULED_OUT, _stopping_at_each, scene, places)
         if found is not None:
-            yield found
+            yield Proposal("a motion that stops at each point", found)
     stop = stopping(scene) if moving else None
     if stop is not None:
         onwards = through_gates(_after(scene, stop))
         while (later := if_possible(RULED_OUT, next, onwards, None)) is not None:
-            yield _then(stop, later)
+            yield Proposal(f"a stop, then {later.name}", _then(stop, later.motion))
 
 
 def _places(scene: Scene) -> Iterator[Array]:
@@ -111,7 +113,7 @@ def _spline_at_rest(scene: Scene, places: Array, power: float) -> Trajectory | N
     points, rest = np.array([start, *places, goal]), np.zeros(3)
     position = _spline(points, _lengths(points, power), rest, rest)
     spline = Trajectory(position, delta_model(scene.robot, scene.payload))
-    factor = rough_factor(scene, spline)
+    factor = rough_factor(problem_of(scene), spline)
     return spline.slowed(factor) if isfinite(factor) else None
 
 

@@ -51,7 +51,7 @@ from deltaopt.planning.nlp.program import (
 )
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
-from deltaopt.scene.task import Gate, Goal, MovingEnds, MovingPoint, RestAnywhere
+from deltaopt.problem.boundary import Boundary as Asked
 
 Array = NDArray[np.float64]
 
@@ -80,32 +80,20 @@ _FINEST = 4000
 proportional to the number."""
 
 
-def boundary(end: Goal, scaling: Scaling) -> Boundary:
-    """What a task asks for at an end, in scaled units."""
-    if isinstance(end, RestAnywhere):
-        rest = Boundary.at_rest(np.zeros(3))
-        free = rest.free.copy()
-        free[0] = True
-        return Boundary(rest.state, free, rest.drift)
-    place, velocity = scaling.place(end.position), scaling.velocity(end.velocity)
-    if isinstance(end, MovingPoint):
-        return Boundary.met(place, velocity)
-    rest = Boundary.at_rest(place)
-    return Boundary(np.array([place, velocity]), rest.free, rest.drift)
+def boundary(asked: Asked, scaling: Scaling, accuracy: float = 0.0) -> Boundary:
+    """A boundary of the problem in scaled units. A sphere is smaller by the share to which the
+    solver meets its rows, its ``accuracy``, so that it is not left."""
+    in_sphere = asked.within > 0
+    free = np.array([[each or in_sphere for each in asked.free], [asked.is_passed] * 3])
+    place = scaling.place(asked.position)
+    state = np.array([np.where(asked.free, 0.0, place), scaling.velocity(asked.velocity)])
+    radius = asked.within / scaling.length * (1 - accuracy)
+    return Boundary(state, free, scaling.velocity(asked.belt), radius)
 
 
-def gate_boundary(gate: Gate, scaling: Scaling, accuracy: float) -> Boundary:
-    """What a task asks for where two phases meet, in scaled units. A sphere is smaller by the share
-    to which the solver meets its rows, so that it is not left."""
-    place = scaling.place(gate.place)
-    if not gate.within:
-        return Boundary.passed(place)
-    return Boundary.in_sphere(place, gate.within / scaling.length * (1 - accuracy))
-
-
-def ends(task: MovingEnds, scaling: Scaling) -> Ends:
-    """The boundaries of a motion whose ends move."""
-    return boundary(task.start, scaling), boundary(task.goal, scaling)
+def ends(scaling: Scaling) -> Ends:
+    """Where the motion begins and ends, in scaled units."""
+    return boundary(scaling.problem.start, scaling), boundary(scaling.problem.goal, scaling)
 
 
 @dataclass(frozen=True)
@@ -233,12 +221,8 @@ class FlatProblem:
 
     def _program_for(self, scaling: Scaling) -> Program:
         """The nonlinear program for Ipopt of a scene: one of its own where an end moves."""
-        task = scaling.scene.task
-        return (
-            self.program_with({}, ends(task, scaling))
-            if isinstance(task, MovingEnds)
-            else self.program
-        )
+        at_rest = scaling.problem.is_at_rest
+        return self.program if at_rest else self.program_with({}, ends(scaling))
 
     def _running_cost(self) -> RunningCost | None:
         """The running cost ∫ r dt by Lobatto's rule at the nodes of every interval, if any."""
@@ -319,12 +303,7 @@ class FlatProblem:
         phase = Phase(
             self.mesh, p, shares, knots, T, multipliers=None if prices is None else T * prices
         )
-        task = scaling.scene.task
-        if isinstance(task, MovingEnds):
-            at_ends = ends(task, scaling)
-        else:
-            at_ends = Boundary.at_rest(knots[0, :3]), Boundary.at_rest(knots[-1, :3])
-        return method.solve([phase], at_ends, settings)
+        return method.solve([phase], ends(scaling), settings)
 
     def _in_phases(
         self,
@@ -338,7 +317,7 @@ class FlatProblem:
 
         Each phase has a duration of its own; position and velocity are continuous between them.
         """
-        task, motion = scaling.scene.task, guess.trajectory
+        motion = guess.trajectory
         shares, prices = scaling.shares(self.intervals), guess.multipliers
         first, last = motion.knots[[0, -1]]
         instants = np.array([first, *scaling.passes(motion), last])
@@ -357,8 +336,8 @@ class FlatProblem:
             total = motion.duration / scaling.time
             known = None if prices is None else total * prices[own]
             phases.append(Phase(mesh, p, share, knots, T / scaling.time, multipliers=known))
-        between = (gate_boundary(gate, scaling, settings.row_tolerance) for gate in scaling.gates)
-        start, goal = boundary(task.start, scaling), boundary(task.goal, scaling)
+        between = (boundary(gate, scaling, settings.row_tolerance) for gate in scaling.gates)
+        start, goal = ends(scaling)
         return method.solve(phases, [start, *between, goal], settings)
 
     def _of_phases(self, found: InteriorPointSolution, scaling: Scaling, accuracy: float) -> Solved:
@@ -483,16 +462,11 @@ class FlatProblem:
         filled = np.broadcast_to(torques, shape).reshape(self.intervals, -1)
         upper[:-7].reshape(self.intervals, self._block)[:, self._motion_size :] = filled
         lower = -upper
-        task = scaling.scene.task
-        if isinstance(task, MovingEnds):
-            for where, end in zip((slice(0, 6), slice(-7, -1)), ends(task, scaling), strict=True):
-                by_rows = np.repeat([end.drift.any(), end.state[1].any()], 3)
-                free = end.free.ravel() | by_rows
-                lower[where] = np.where(free, -np.inf, end.state.ravel())
-                upper[where] = np.where(free, np.inf, end.state.ravel())
-        else:
-            lower[:6] = upper[:6] = scaling.at_start
-            lower[-7:-1] = upper[-7:-1] = scaling.at_goal
+        for where, end in zip((slice(0, 6), slice(-7, -1)), ends(scaling), strict=True):
+            by_rows = np.repeat([end.drift.any(), end.state[1].any()], 3)
+            free = end.free.ravel() | by_rows
+            lower[where] = np.where(free, -np.inf, end.state.ravel())
+            upper[where] = np.where(free, np.inf, end.state.ravel())
         lower[-1] = 1e-3
         if self.cost.duration_is_given:
             lower[-1] = upper[-1] = 1.0

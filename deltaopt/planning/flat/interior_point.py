@@ -26,7 +26,7 @@ from deltaopt.codegen.dense_solver import solve
 from deltaopt.codegen.simd_c import LANES
 from deltaopt.planning.flat.method_source import source
 from deltaopt.planning.flat.point_problem import PointProblem
-from deltaopt.planning.nlp.program import Spent
+from deltaopt.planning.plan import Spent
 
 Array = NDArray[np.float64]
 

@@ -24,7 +24,6 @@ from deltaopt.planning.nlp.cost import Cost
 from deltaopt.planning.nlp.problem import IPOPT_FINEST, Guess, Solved
 from deltaopt.planning.nlp.scaling import Parameters, Scaling
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
-from deltaopt.scene.task import given_points
 
 Array = NDArray[np.float64]
 
@@ -73,10 +72,8 @@ def _limit_rows(constraints: Constraints, parameters: Parameters) -> LimitRows:
 
 def boundary_values(scaling: Scaling, parameters: Array) -> BoundaryValues:
     """The boundary values of a scene; ``parameters``: values of the mechanism's."""
-    task = scaling.scene.task
-    p = scaling.parameters(parameters)
-    start, goal = given_points(task)
-    return BoundaryValues(p, np.array(start), np.array(goal))
+    p, problem = scaling.parameters(parameters), scaling.problem
+    return BoundaryValues(p, np.array(problem.start.position), np.array(problem.goal.position))
 
 
 @dataclass(frozen=True)

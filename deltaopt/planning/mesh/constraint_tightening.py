@@ -178,7 +178,7 @@ def _least_distances(scaling: Scaling, motion: Trajectory, mesh: Array) -> Array
     begin, fractions = np.cumsum(mesh) - mesh, np.linspace(0.0, 1.0, _LOOKED_AT)
     shares = (begin[:, None] + mesh[:, None] * fractions).ravel()
     x = motion.position.at(motion.knots[0] + motion.duration * np.minimum(shares, 1.0))
-    distances, _ = signed_distances(scaling.scene, x)
+    distances, _ = signed_distances(scaling.problem, x)
     return np.asarray(distances.reshape(len(mesh), _LOOKED_AT, -1).min(axis=1))
 
 

@@ -25,8 +25,8 @@ from deltaopt.limits.constraints import SceneLimits
 from deltaopt.motion.sure_bounds import distances_from_faces
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.nlp.phases import FacePhases
-from deltaopt.scene.scene import Scene, limits_of
-from deltaopt.scene.task import Gate
+from deltaopt.problem.boundary import Boundary
+from deltaopt.problem.problem import Problem
 
 Integers = NDArray[np.intp]
 Truths = NDArray[np.bool]
@@ -46,7 +46,7 @@ _INSIDE = 1e-3
 _ROUNDING = (1e-6, 1e-4)
 """How far, m, a motion may be beyond a face and still count as clear of it: a solution that bulges
 over a body between points is as far beyond all faces."""
-_OPEN = Gate((None, None, None))
+_OPEN = Boundary.passed((None, None, None))
 
 
 @dataclass(frozen=True)
@@ -59,14 +59,14 @@ class _Part:
     on_edge: bool
 
 
-def phases_over_edges(scene: Scene, motion: Trajectory, touching: Truths) -> FacePhases | None:
+def phases_over_edges(problem: Problem, motion: Trajectory, touching: Truths) -> FacePhases | None:
     """The phases of a motion that touches sharp edges of bodies; None if it touches none, or if
     there are no phases for it.
 
     ``touching``: in which intervals of the motion it touches which of the bodies of
     ``Constraints.convex``, (N, rows).
     """
-    limits = limits_of(scene)
+    limits = problem.limits
     has_edges = np.array([len(faces) > 1 for faces in limits.faces])
     rows = touching.any(axis=0) & has_edges & (limits.edge_radii <= _SHARP)
     if not rows.any():
@@ -75,7 +75,7 @@ def phases_over_edges(scene: Scene, motion: Trajectory, touching: Truths) -> Fac
     touches = np.repeat(touching, _SAMPLES, axis=0)
     parts = dict[int, list[_Part]]()
     for row in np.flatnonzero(rows).tolist():
-        found = _parts(limits, row, distances_from_faces(scene, x, row), touches[:, row])
+        found = _parts(limits, row, distances_from_faces(problem, x, row), touches[:, row])
         if len(found) > 1:
             parts[row] = found
     changes = [each for found in parts.values() for each in found[1:]]
@@ -171,10 +171,10 @@ def _fewest_changes(distances: Array, rounding: float) -> Integers | None:
     return faces
 
 
-def _gate(motion: Trajectory, instant: float) -> Gate:
+def _gate(motion: Trajectory, instant: float) -> Boundary:
     """What is given where phases meet away from edges: when they meet would be of no account, and a
     solver would not find it. It is when the coordinate that changes fastest is as it was."""
     x, v = motion.position.with_rate_at(motion.knots[:1] + motion.duration * instant)
     fastest = int(np.abs(v[0]).argmax())
     a, b, c = (float(x[0, i]) if i == fastest else None for i in range(3))
-    return Gate((a, b, c))
+    return Boundary.passed((a, b, c))

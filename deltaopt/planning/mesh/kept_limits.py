@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from deltaopt.errors import NotConverged
 from deltaopt.motion.time_scaling import highest_rows
 from deltaopt.planning.mesh.mesh_solution import MeshSolution, solve_on_mesh
-from deltaopt.planning.nlp.problem import FormulatedProblem, Guess
+from deltaopt.planning.nlp.problem import Formulated, Guess
 
 Array = NDArray[np.float64]
 
@@ -40,17 +40,17 @@ _PATIENCE, _PIECES = 4, 3
 a start that is at a limit of speed itself tightening does not help, but a shorter interval does."""
 
 
-def kept(problem: FormulatedProblem, solution: MeshSolution, tolerance: float) -> MeshSolution:
+def kept(program: Formulated, solution: MeshSolution, tolerance: float) -> MeshSolution:
     """A solution near another whose motion keeps all limits at all instants.
 
-    ``problem``: whose solution on a mesh it is. ``tolerance``: gap that the plan asks for. Raises
+    ``program``: whose solution on a mesh it is. ``tolerance``: gap that the plan asks for. Raises
     NotConverged where tightening does not lead to such a motion.
     """
     last, accuracy = solution, max(_SOLVER_SHARE * tolerance, _FINEST)
     for attempt in range(1, _MOST + 1):
         excess = _sampled_excess(last)
         if excess.max() <= KEPT:
-            peaks = highest_rows(last.scene, last.trajectory)
+            peaks = highest_rows(last.problem, last.trajectory)
             if peaks.values.max() <= 1 + KEPT:
                 return last.as_it_is(peaks.values)
             rows = np.arange(excess.shape[1])
@@ -71,9 +71,8 @@ def kept(problem: FormulatedProblem, solution: MeshSolution, tolerance: float) -
             rows=accuracy,
             multipliers=last.solution.multipliers if len(mesh) == len(last.mesh) else None,
         )
-        scene = last.scene
-        scaling = replace(last.scaling, share=share, scene=scene)
-        last = solve_on_mesh(problem.on(mesh), scaling, guess, last.trajectory.model, scene)
+        scaling = replace(last.scaling, share=share, problem=last.problem)
+        last = solve_on_mesh(program.on(mesh), scaling, guess, last.problem)
     raise NotConverged(
         "limits that are exceeded between the points of the mesh, where slowing is no remedy, are "
         f"still exceeded by {excess.max():.1e} after they were tightened {_MOST} times",

@@ -62,7 +62,7 @@ def hamiltonian_on_mesh(
     It is -1 all along an optimal motion. ``over``: as of ``costates``.
     """
     motion, scaling = found.trajectory, found.scaling
-    weights = _hermite(found.mesh, found.problem.points)
+    weights = _hermite(found.mesh, found.program.points)
     states = scaling.states(motion.position, motion.knots, motion.duration)
     states = states.reshape(len(states), 2, -1)
     knots = np.concatenate([states[:-1], states[1:]], axis=1)  # of both ends, (N, 4, m)

@@ -36,11 +36,10 @@ from deltaopt.planning.mesh.error_estimate import (
     error_estimate,
 )
 from deltaopt.planning.nlp.phases import FacePhases
-from deltaopt.planning.nlp.problem import FormulatedProblem, Guess, Problem, Solved
-from deltaopt.planning.nlp.program import Spent
+from deltaopt.planning.nlp.problem import Formulated, Guess, Program, Solved
 from deltaopt.planning.nlp.scaling import Scaling
-from deltaopt.robot.model import DeltaModel, delta_model
-from deltaopt.scene.scene import Scene
+from deltaopt.planning.plan import Iteration
+from deltaopt.problem.problem import Problem
 
 Array = NDArray[np.float64]
 Truths = NDArray[np.bool]
@@ -58,52 +57,28 @@ _TOUCHES, _FREE = 0.02, 1e-6
 must cost, as a fraction of the duration per share of its bound."""
 
 
-@dataclass(frozen=True)
-class Iteration:
-    """The record of one mesh.
-
-    ``iterations``: of the solver. ``duration``: of its solution, s. ``safe_duration``: of the same
-    motion slowed until it keeps every limit, s. ``gap``: estimated relative excess of the safe
-    duration over the shortest possible. ``spent``: seconds.
-    """
-
-    intervals: int
-    iterations: int
-    duration: float
-    safe_duration: float
-    gap: float
-    spent: Spent
-
-    def __str__(self) -> str:
-        solved = f"{self.intervals} intervals, {self.iterations} iterations:"
-        if isinf(self.safe_duration):
-            return f"{solved} no safe duration, a limit is exceeded that slowing does not help"
-        return f"{solved} {self.safe_duration:.6f} s, at most {self.gap:.1e} above the optimum"
-
-
 def solve_on_mesh(
-    problem: Problem, scaling: Scaling, guess: Guess, model: DeltaModel, scene: Scene
+    program: Program, scaling: Scaling, guess: Guess, problem: Problem
 ) -> MeshSolution:
-    """Solve a problem on its mesh, and estimate the lost time and the excess over the limits.
+    """Solve a program on its mesh, and estimate the lost time and the excess over the limits.
 
-    ``scaling``: of the scene that is solved. ``model``, ``scene``: of the scene that was asked for.
-    Raises NotConverged.
+    ``scaling``: of the problem that is solved. ``problem``: the one that was asked for. Raises
+    NotConverged.
     """
-    own = model if scaling.scene is scene else delta_model(scaling.scene.robot, model.payload)
-    solution = problem.solve(guess, scaling, own.parameters)
-    trajectory = Trajectory(solution.position, model, solution.coordinates)
-    loads = loads_inside(scaling.scene, trajectory, FRACTIONS)
+    solution = program.solve(guess, scaling, scaling.problem.model.parameters)
+    trajectory = Trajectory(solution.position, problem.model, solution.coordinates)
+    loads = loads_inside(scaling.problem, trajectory, FRACTIONS)
     slowing, needed = _needed(loads, scaling)
-    mesh = problem.mesh if solution.mesh is None else solution.mesh
+    mesh = program.mesh if solution.mesh is None else solution.mesh
     lost = _lost(mesh, solution, loads, slowing, scaling.constraints)
     unused = lost.total
-    if scaling.scene is not scene:
-        real = loads_inside(scene, trajectory, FRACTIONS)
+    if scaling.problem is not problem:
+        real = loads_inside(problem, trajectory, FRACTIONS)
         slowing, needed = _needed(real, scaling)
         unused = _lost(mesh, solution, real, slowing, scaling.constraints).total
     has_arrived = solution.left <= guess.tolerance
     found = MeshSolution(
-        problem, solution, trajectory, loads, lost, unused, needed, scaling, scene, has_arrived
+        program, solution, trajectory, loads, lost, unused, needed, scaling, problem, has_arrived
     )
     if scaling.constraints.slid_along.any():
         found = found.with_price_of_sliding()
@@ -125,12 +100,12 @@ def _lost(
 
 
 def motion_on_first_mesh(
-    problem: FormulatedProblem, scaling: Scaling, guess: Guess, intervals: int
+    program: Formulated, scaling: Scaling, guess: Guess, intervals: int
 ) -> Trajectory:
-    """The motion alone that solves a problem on a mesh of equal intervals. Raises NotConverged."""
+    """The motion alone that solves a program on a mesh of equal intervals. Raises NotConverged."""
     mesh, model = np.full(intervals, 1 / intervals), guess.trajectory.model
     tightened = first_tightening(scaling, guess.trajectory, mesh)
-    found = problem.on(mesh).solve(guess, tightened, model.parameters)
+    found = program.on(mesh).solve(guess, tightened, model.parameters)
     return Trajectory(found.position, model, found.coordinates)
 
 
@@ -140,7 +115,7 @@ def _needed(loads: Loads, scaling: Scaling) -> tuple[Array, NeededSlowing]:
     Where an end moves, a motion cannot be slowed: then these say by how much limits are exceeded,
     and stand for the time that tightening them will cost.
     """
-    if scaling.scene.task.is_at_rest:
+    if scaling.problem.is_at_rest:
         demands = loads.highest_demands(len(FRACTIONS))
         return loads.slowing(demands), loads.needed(demands.max(axis=0))
     sizes = scaling.constraints.size(_by_interval(loads.rows)).max(axis=1)
@@ -174,16 +149,16 @@ def _by_interval(rows: Array) -> Array:
 class MeshSolution:
     """A problem solved on one mesh; its motion is not slowed yet.
 
-    ``scene``: the one that was asked for. ``scaling``: units and tightened limits of the scene that
+    ``problem``: the one that was asked for. ``scaling``: units and tightened limits of the one that
     was solved, whose friction is softer on the first meshes. ``loads``: constraint rows of the
     latter at ``FRACTIONS`` of the intervals. ``lost``: its estimated loss of time. ``unused``: the
-    same in ``scene``, without what slowing costs. ``needed``: by which factor the motion must be
-    slowed to keep every limit of ``scene``; of all instants if ``is_exact``, otherwise of samples.
+    same in ``problem``, without what slowing costs. ``needed``: by which factor the motion must be
+    slowed to keep every limit of ``problem``; of all instants if ``is_exact``, else of samples.
     ``excess``: as of ``sure_excess``; None without such limits. ``has_arrived``: whether the solver
     left no more than was asked for.
     """
 
-    problem: Problem
+    program: Program
     solution: Solved
     trajectory: Trajectory
     loads: Loads
@@ -191,7 +166,7 @@ class MeshSolution:
     unused: float
     needed: NeededSlowing
     scaling: Scaling
-    scene: Scene
+    problem: Problem
     has_arrived: bool
     is_exact: bool = False
     excess: Array | None = None
@@ -204,10 +179,10 @@ class MeshSolution:
         instant. Around an edge whose radius is less than the points are apart it might come nearer
         at the points as well.
         """
-        excess = sure_excess(self.scene, self.trajectory.position)
+        excess = sure_excess(self.problem, self.trajectory.position)
         constraints, limits = self.scaling.constraints, self.scaling.limits
         size = constraints.size(self.rows)[:, :, constraints.convex]
-        bulge = Bulge.of(self.mesh, self.problem.points, size, size.max(axis=1), np.inf).over
+        bulge = Bulge.of(self.mesh, self.program.points, size, size.max(axis=1), np.inf).over
         apart = points_apart(self.trajectory, self.mesh)[:, None]
         sharp = apart / np.maximum(limits.edge_radii, apart)
         left = np.maximum(1 - size.max(axis=1), 0.0) + bulge * sharp
@@ -219,7 +194,7 @@ class MeshSolution:
     def with_price_of_sliding(self) -> MeshSolution:
         """The same with what it costs that limits that motions slide along were not used up: the
         multiplier at each point times what is left there."""
-        rows, at_points = self.scaling.constraints.slid_along, samples_at(self.problem.points)
+        rows, at_points = self.scaling.constraints.slid_along, samples_at(self.program.points)
         size = self.scaling.constraints.size(self.rows)[:, at_points][:, :, rows]
         price = np.abs(self.solution.multipliers[:, :, rows])
         return self._with_unused((price * np.maximum(1 - size, 0.0)).sum(axis=(1, 2)))
@@ -247,10 +222,10 @@ class MeshSolution:
     def phases_over_edges(self) -> FacePhases | None:
         """Phases for the next meshes where the motion touches sharp edges of bodies; None if there
         are none for it."""
-        has_phases = self.problem.takes_phases and not self.scene.task.gates
-        if not (has_phases and self.scene.task.is_at_rest and self.scaling.constraints.has_convex):
+        has_phases = self.program.takes_phases and not self.problem.gates
+        if not (has_phases and self.problem.is_at_rest and self.scaling.constraints.has_convex):
             return None
-        return phases_over_edges(self.scene, self.trajectory, self._pays)
+        return phases_over_edges(self.problem, self.trajectory, self._pays)
 
     def presses_beside_bodies(self, tolerance: float) -> bool:
         """Whether limits that stand for bodies hold the motion where these are not, so that more
@@ -300,30 +275,30 @@ class MeshSolution:
         rows, phased = _by_interval(self.loads.rows), self.scaling.limits.phased
         if phased is not None:
             rows = rows.copy()
-            rows[:, :, phased.rows] = approach_rows(self.scene, self.trajectory, FRACTIONS)
+            rows[:, :, phased.rows] = approach_rows(self.problem, self.trajectory, FRACTIONS)
         return rows
 
     @property
     def is_softened(self) -> bool:
-        """Whether the scene that was solved has softer friction than the one asked for."""
-        return self.scaling.scene is not self.scene
+        """Whether the problem that was solved has softer friction than the one asked for."""
+        return self.scaling.problem is not self.problem
 
     @property
     def own_gap(self) -> float:
-        """Estimated optimality gap of the motion in the scene that was solved."""
+        """Estimated optimality gap of the motion in the problem that was solved."""
         left = self.lost.total + self.solution.left
         return float(self.lost.exceeded.max()) + SAFETY_FACTOR * left
 
     @property
     def mesh(self) -> Array:
         """Lengths of the intervals, fractions of the duration, (N,)."""
-        return self.problem.mesh if self.solution.mesh is None else self.solution.mesh
+        return self.program.mesh if self.solution.mesh is None else self.solution.mesh
 
     @property
     def faces(self) -> FacePhases | None:
         """The phases past faces of bodies that the motion was found in; None if there are none."""
         faces = self.scaling.faces
-        return None if faces is None else faces.moved(self.problem.mesh, self.mesh)
+        return None if faces is None else faces.moved(self.program.mesh, self.mesh)
 
     def tightened(self, mesh: Array, faces: FacePhases | None = None) -> Scaling:
         """The scaling with tightened limits for the next mesh, which divides this one.
@@ -338,13 +313,13 @@ class MeshSolution:
         constraints = self.scaling.constraints
         places, others = constraints.of_place & ~constraints.convex, time_costing_rows(constraints)
         shares, size = self.scaling.shares(len(self.mesh)), constraints.size(self.rows)
-        cannot_slow = not self.scene.task.is_at_rest and self.own_gap < _NEARLY_LAST
+        cannot_slow = not self.problem.is_at_rest and self.own_gap < _NEARLY_LAST
         soon = cannot_slow or self._is_held(shares[:, others])
         anywhere = places | others if soon else places
         tightenable = anywhere if mesh.min() > TIGHTENED else places | others
         tightened = self.scaling.untightened
         if tightenable.any():
-            points, seen = self.problem.points, self._with_missed(size, places)
+            points, seen = self.program.points, self._with_missed(size, places)
             overshoot = Overshoot.of(self.mesh, points, seen, tightenable, anywhere, shares)
             tightened = overshoot.tightened(self.scaling, mesh)
         if self.excess is None:
@@ -368,7 +343,7 @@ class MeshSolution:
         missed = self.needed.misplaced
         if not self.is_exact or missed <= 0 or size[:, :, places].max(initial=0.0) > 1:
             return size
-        between = np.setdiff1d(np.arange(len(FRACTIONS)), samples_at(self.problem.points))
+        between = np.setdiff1d(np.arange(len(FRACTIONS)), samples_at(self.program.points))
         seen = size.copy()
         raised = np.ix_(np.arange(len(size)), between, np.flatnonzero(places))
         seen[raised] += missed + self.solution.left
@@ -381,7 +356,7 @@ class MeshSolution:
         the motion bulges over them; ``size`` and ``shares``: of all rows on this mesh."""
         assert self.excess is not None
         convex = self.scaling.constraints.convex
-        share, points = scaling.shares(len(mesh)).copy(), self.problem.points
+        share, points = scaling.shares(len(mesh)).copy(), self.program.points
         highest = 1 + self.excess
         if scaling.faces is not None:  # the bound may be far from what it bounds beside an edge
             is_clear = scaling.faces.rows & (self.excess <= 0)
@@ -412,7 +387,7 @@ class MeshSolution:
             return self
         as_sampled = len(sample_fractions(len(self.mesh))) == len(FRACTIONS)
         known = self.loads if as_sampled and not self.is_softened else None
-        needed = needed_slowing(self.scene, self.trajectory, sampled=known)
+        needed = needed_slowing(self.problem, self.trajectory, sampled=known)
         return replace(self, needed=needed, is_exact=True)
 
 

@@ -18,8 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.robot.model import delta_model
-from deltaopt.scene.scene import Scene
+from deltaopt.problem.problem import Problem
 
 Array = NDArray[np.float64]
 
@@ -45,13 +44,13 @@ _AT_REST = 1e-6
 """Share of the largest speed of an arm below which it is at rest, but for rounding."""
 
 
-def softer_scenes(scene: Scene, motion: Trajectory) -> tuple[Scene, ...]:
+def softer_problems(problem: Problem, motion: Trajectory) -> tuple[Problem, ...]:
     """The same scene with softer Coulomb friction, the softest first, for the first meshes.
 
     ``motion``: a first guess, whose speeds say what is soft. None without Coulomb friction, or
     where it is that soft already.
     """
-    friction = scene.robot.drive.friction
+    friction = problem.model.robot.drive.friction
     if friction is None or not friction.coulomb or friction.speed is None:
         return ()
     _, speeds, _ = motion.coordinates_inside(_SAMPLES)
@@ -60,25 +59,24 @@ def softer_scenes(scene: Scene, motion: Trajectory) -> tuple[Scene, ...]:
         return ()
     shares = np.arange(_SOFT_MESHES) / _SOFT_MESHES
     softer = softest * (friction.speed / softest) ** shares
-    return tuple(_with_friction_speed(scene, speed) for speed in softer.tolist())
+    return tuple(_with_friction_speed(problem, speed) for speed in softer.tolist())
 
 
-def _with_friction_speed(scene: Scene, speed: float) -> Scene:
-    drive = scene.robot.drive
+def _with_friction_speed(problem: Problem, speed: float) -> Problem:
+    drive = problem.model.robot.drive
     assert drive.friction is not None
     friction = drive.friction.model_copy(update={"speed": speed})
     drive = drive.model_copy(update={"friction": friction})
-    robot = scene.robot.model_copy(update={"drive": drive})
-    return scene.model_copy(update={"robot": robot})
+    return problem.of(problem.model.robot.model_copy(update={"drive": drive}))
 
 
-def with_reversals(mesh: Array, motion: Trajectory, scene: Scene) -> Array:
+def with_reversals(mesh: Array, motion: Trajectory, problem: Problem) -> Array:
     """A mesh, (N,), with knots where arms turn back in a motion of a scene, and at both ends.
 
     The motion is of the mesh before. It is the same mesh without a load of the arms that changes
     its sign within a moment, as Coulomb friction does.
     """
-    layers = (load.layer() for load in delta_model(scene.robot, scene.payload).numbers.loads)
+    layers = (load.layer() for load in problem.model.numbers.loads)
     speeds = [float(layer[0]) for layer in layers if layer is not None]
     if not speeds:
         return mesh

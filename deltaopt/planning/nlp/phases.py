@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.motion.trajectory import Trajectory, passes
-from deltaopt.scene.task import Gate, Task
+from deltaopt.problem.boundary import Boundary
+from deltaopt.problem.problem import Problem
 
 Array = NDArray[np.float64]
 Truths = NDArray[np.bool]
@@ -31,12 +32,12 @@ def parts(mesh: Array, passed: Array) -> list[slice]:
     return [slice(a, b) for a, b in pairwise([0, *ends, len(mesh)])]
 
 
-def first_mesh(task: Task, motion: Trajectory, intervals: int) -> Array:
+def first_mesh(problem: Problem, motion: Trajectory, intervals: int) -> Array:
     """A mesh of about so many intervals, (N,), fractions of the duration: uniform or, where there
     are phases, in each phase of a first motion."""
-    if not task.gates:
+    if not problem.gates:
         return np.full(intervals, 1 / intervals)
-    passed = (passes(task, motion) - motion.knots[0]) / motion.duration
+    passed = (passes(problem, motion) - motion.knots[0]) / motion.duration
     lengths = np.diff([0.0, *passed.tolist(), 1.0])
     counts = np.maximum(np.rint(intervals * lengths), _FEWEST).astype(int)
     return np.repeat(lengths / counts, counts)
@@ -54,7 +55,7 @@ class FacePhases:
     """
 
     instants: Array
-    gates: tuple[Gate, ...]
+    gates: tuple[Boundary, ...]
     numbers: Array
     rows: Truths
 

@@ -13,9 +13,9 @@ from deltaopt.limits.constraints import Constraints
 from deltaopt.mechanisms.delta.functions import DeltaFunctions
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.nlp.cost import Cost
-from deltaopt.planning.nlp.program import Spent
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
+from deltaopt.planning.plan import Spent
 
 Array = NDArray[np.float64]
 
@@ -96,8 +96,8 @@ class Solved:
     mesh: Array | None = None
 
 
-class Problem(Protocol):
-    """A problem on a mesh, which can be solved for many scenes of a robot."""
+class Program(Protocol):
+    """A nonlinear program on a mesh, which can be solved for many problems of a robot."""
 
     @property
     def mesh(self) -> Array:
@@ -127,11 +127,11 @@ class Problem(Protocol):
         ...
 
 
-class FormulatedProblem(Protocol):
+class Formulated(Protocol):
     """A formulation's equations for a mechanism and its limits, differentiated once."""
 
-    def on(self, mesh: Array) -> Problem:
-        """The problem on a mesh of interval lengths, (N,), fractions of the duration."""
+    def on(self, mesh: Array) -> Program:
+        """The program on a mesh of interval lengths, (N,), fractions of the duration."""
         ...
 
 
@@ -161,7 +161,7 @@ class ProblemFormulation(Protocol):
         constraints: Constraints,
         cost: Cost,
         solver: Solver,
-    ) -> FormulatedProblem:
+    ) -> Formulated:
         """Its equations for a mechanism under limits.
 
         ``cost``: what is minimised; the rate of its running part is τᵀτ, N²m².

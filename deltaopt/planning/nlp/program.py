@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from deltaopt.codegen.compile import compiled
 from deltaopt.errors import NotConverged
 from deltaopt.interrupts.requests import interrupts_not_lost
+from deltaopt.planning.plan import Spent
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.intp]
@@ -188,18 +189,6 @@ class RunningCost:
 
     points: Points
     weights: Array
-
-
-@dataclass(frozen=True)
-class Spent:
-    """Wall time in s: ``evaluation`` of constraint rows and their derivatives, and ``algebra``, the
-    linear systems (with Ipopt all the rest)."""
-
-    evaluation: float
-    algebra: float
-
-    def __add__(self, other: Spent) -> Spent:
-        return Spent(self.evaluation + other.evaluation, self.algebra + other.algebra)
 
 
 @dataclass(frozen=True)

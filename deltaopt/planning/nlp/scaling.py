@@ -15,8 +15,8 @@ from deltaopt.files.validated_record import Vector3
 from deltaopt.limits.constraints import Constraints, SceneLimits
 from deltaopt.motion.trajectory import Trajectory, passes
 from deltaopt.planning.nlp.phases import FacePhases
-from deltaopt.scene.scene import Scene, limits_of
-from deltaopt.scene.task import Gate, MovingPoint, distance, given_points
+from deltaopt.problem.boundary import Boundary
+from deltaopt.problem.problem import Problem
 
 Array = NDArray[np.float64]
 
@@ -68,7 +68,7 @@ class Parameters:
 
 @dataclass(frozen=True)
 class Scaling:
-    """The units of a scene's scaled variables, and its limits.
+    """The units of a problem's scaled variables, and its limits.
 
     Positions are measured from the start in units of the distance from start to goal, or of
     ``extent`` (m) where an end moves; time in units of ``time`` (s), torques in units of the
@@ -79,7 +79,7 @@ class Scaling:
     phases past the faces of bodies with sharp edges; None where there are none.
     """
 
-    scene: Scene
+    problem: Problem
     time: float
     share: Array | float = UNTIGHTENED
     torque_share: float = 1.0
@@ -90,7 +90,7 @@ class Scaling:
     @cached_property
     def limits(self) -> SceneLimits:
         """The limits that are considered, with their numbers."""
-        limits = limits_of(self.scene)
+        limits = self.problem.limits
         return limits if self.kept is None else limits.only(self.kept)
 
     @property
@@ -101,13 +101,13 @@ class Scaling:
     @cached_property
     def origin(self) -> Array:
         """Start of the motion or, if it ends on a belt, its goal at the time 0, (3,), m."""
-        start, goal = self.scene.task.start, self.scene.task.goal
-        return np.array((goal if isinstance(goal, MovingPoint) else start).position)
+        start, goal = self.problem.start, self.problem.goal
+        return np.array((goal if goal.moves else start).position)
 
     @cached_property
     def length(self) -> float:
         """Distance from start to goal or, where these move, how far the first guess goes, m."""
-        return distance(self.scene.task) if self.extent is None else self.extent
+        return self.problem.distance if self.extent is None else self.extent
 
     @cached_property
     def torque(self) -> Array:
@@ -117,12 +117,12 @@ class Scaling:
     @cached_property
     def at_start(self) -> Array:
         """Scaled position and velocity at a start at rest, (6,)."""
-        return self._at_rest(given_points(self.scene.task)[0])
+        return self._at_rest(self.problem.start.position)
 
     @cached_property
     def at_goal(self) -> Array:
         """Scaled position and velocity at a goal at rest, (6,)."""
-        return self._at_rest(given_points(self.scene.task)[1])
+        return self._at_rest(self.problem.goal.position)
 
     def _at_rest(self, point: Vector3) -> Array:
         place = self.place(point)
@@ -186,14 +186,14 @@ class Scaling:
         return found
 
     @property
-    def gates(self) -> tuple[Gate, ...]:
+    def gates(self) -> tuple[Boundary, ...]:
         """Where the phases of the motion meet."""
-        return self.scene.task.gates if self.faces is None else self.faces.gates
+        return self.problem.gates if self.faces is None else self.faces.gates
 
     def passes(self, motion: Trajectory) -> Array:
         """When a motion passes from phase to phase, (n,), s."""
         if self.faces is None:
-            return passes(self.scene.task, motion)
+            return passes(self.problem, motion)
         return np.asarray(motion.knots[0] + motion.duration * self.faces.instants)
 
     def polynomial(self, h: Array, coefficients: Array, T: float) -> PiecewisePolynomial:

@@ -9,6 +9,7 @@ from deltaopt.curves.piecewise import Array
 from deltaopt.errors import RULED_OUT, if_possible
 from deltaopt.motion.sure_bounds import signed_distances, sure_excess
 from deltaopt.planning.path.path_planning import PathMotion, fastest_on_path
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.path import Corners
 from deltaopt.scene.scene import Scene, limits_of
 from deltaopt.scene.task import OnPath
@@ -26,7 +27,7 @@ def near_corners(scene: Scene, corners: Array) -> Scene:
     """The scene with via points at all corners but its ends, (n, 3), m, each as wide as bodies
     leave room."""
     limits = limits_of(scene)
-    distances, _ = signed_distances(scene, corners[1:-1])
+    distances, _ = signed_distances(problem_of(scene), corners[1:-1])
     room = _OF_ROOM * (distances - limits.bounds[0][limits.constraints.convex]).min(axis=1)
     via = [
         {"at": place, "within": within} if within > _NEAREST else place
@@ -52,6 +53,9 @@ def fastest_along(scene: Scene, corners: Array, tolerance: float) -> PathMotion 
         found = if_possible(
             RULED_OUT, fastest_on_path, alone, alone.task, tolerance, lambda _: None
         )
-        if found is not None and sure_excess(scene, found.trajectory.position).max() <= 0:
+        if (
+            found is not None
+            and sure_excess(problem_of(scene), found.trajectory.position).max() <= 0
+        ):
             return found
     return None

@@ -12,6 +12,7 @@ import numpy as np
 
 from deltaopt.curves.halving import bisected_number
 from deltaopt.motion.sure_bounds import signed_distances
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.path import PickAndPlace
 from deltaopt.scene.scene import Scene, limits_of
 from deltaopt.scene.task import RestToRest, given_points
@@ -57,6 +58,6 @@ def _is_clear(scene: Scene, height: float) -> bool:
     """Whether samples of the path of a height (m) keep the scene's clearance."""
     path = _path(height).between(*given_points(scene.task))
     limits, (begin, end) = limits_of(scene), path.knots[[0, -1]].tolist()
-    distance, _ = signed_distances(scene, path(np.linspace(begin, end, _SAMPLES)))
+    distance, _ = signed_distances(problem_of(scene), path(np.linspace(begin, end, _SAMPLES)))
     kept = limits.bounds[0][limits.constraints.convex]
     return bool((distance >= kept + _SPARE).all())

@@ -14,7 +14,9 @@ from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.path.path_mesh import MeshMotion
 from deltaopt.planning.path.path_multipliers import PathMultipliers
 from deltaopt.planning.path.path_rows import PathRows
-from deltaopt.planning.path.path_timing import PathIteration, PathTiming, TimedPath
+from deltaopt.planning.path.path_timing import PathTiming, TimedPath
+from deltaopt.planning.plan import PathIteration
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.scene import Scene, limits_of
 from deltaopt.scene.task import OnPath
@@ -73,7 +75,7 @@ def fastest_on_path(
 def _waiting(scene: Scene, task: OnPath, trajectory: Trajectory) -> Trajectory:
     """A motion slowed until a fourth axis has turned. Raises Infeasible where it cannot be."""
     least = scene.least_duration
-    factor = safe_factor(scene, trajectory, at_least=least / trajectory.duration)
+    factor = safe_factor(problem_of(scene), trajectory, at_least=least / trajectory.duration)
     if isinf(factor) or task.speeds != (0.0, 0.0):
         raise Infeasible(
             f"the path takes {trajectory.duration:.6g} s, less than rotation does, and cannot be "
@@ -89,7 +91,7 @@ def _slowed(scene: Scene, timing: PathTiming) -> tuple[Trajectory, float, TimedP
     for share in _SHARES:
         found = timing.fastest(share)
         trajectory = _trajectory(scene, found.motion)
-        factor = safe_factor(scene, trajectory) * _ROUNDING
+        factor = safe_factor(problem_of(scene), trajectory) * _ROUNDING
         if isinf(factor):
             _require_positions(scene, trajectory)
             raise Infeasible("the path: somewhere on it a limit is exceeded at rest")
@@ -112,7 +114,7 @@ def _held(scene: Scene, timing: PathTiming) -> tuple[Trajectory, float, TimedPat
     for _ in range(_MOST_MARGINS):
         found = timing.fastest(_SHARES[0], margin)
         trajectory = _trajectory(scene, found.motion)
-        factor = safe_factor(scene, trajectory)
+        factor = safe_factor(problem_of(scene), trajectory)
         if factor <= 1 + _KEPT:
             return trajectory, found.loss, found
         margin = max(2 * margin, 4 * (factor - 1))
@@ -133,7 +135,7 @@ def _require_positions(scene: Scene, trajectory: Trajectory) -> None:
     positions = np.flatnonzero((constraints.orders == 0) & promised)
     if not len(positions):
         return
-    highest = highest_rows(scene, trajectory).values[positions]
+    highest = highest_rows(problem_of(scene), trajectory).values[positions]
     worst = int(highest.argmax())
     if highest[worst] > 1 + _TOUCHED:
         label = constraints.label(int(positions[worst]))

@@ -15,11 +15,11 @@ import numpy as np
 
 from deltaopt.curves.piecewise import Array
 from deltaopt.errors import Infeasible, in_words
-from deltaopt.planning.nlp.program import Spent
 from deltaopt.planning.path.on_mesh import OnMesh, Tangency, fastest_on_mesh
 from deltaopt.planning.path.path_mesh import MeshMotion, PathMesh
 from deltaopt.planning.path.path_rows import PathRows
 from deltaopt.planning.path.sweep import Unattainable
+from deltaopt.planning.plan import PathIteration
 from deltaopt.scene.path import Path
 
 _FIRST, _EVEN = (24, 96, 384), 40
@@ -44,25 +44,6 @@ _MOST_MOTIONS, _MOST_TIGHTENED, _MOST_FAILURES = 40, 8, 2
 _MOST_CELLS = 20_000
 _CHANGE = 0.1
 """Share of the tolerance by which the duration may still change when tangents are taken anew."""
-
-
-@dataclass(frozen=True)
-class PathIteration:
-    """The record of one mesh of a path: ``duration``, s; estimated ``loss``, of the duration;
-    largest ``excess`` of a limit between nodes, of the limit; seconds ``spent`` on rows and on
-    sweeps."""
-
-    intervals: int
-    duration: float
-    loss: float
-    excess: float
-    spent: Spent
-
-    def __str__(self) -> str:
-        return (
-            f"{self.intervals} intervals: {self.duration:.6f} s, known to {self.loss:.1e}, limits "
-            f"exceeded by {max(self.excess, 0.0):.1e} between points"
-        )
 
 
 @dataclass(frozen=True)

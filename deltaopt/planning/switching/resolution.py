@@ -200,7 +200,7 @@ class _Task:
         lost, excess = residuals.to_be_gained, residuals.excess
         if max(excess, lost, residuals.unused) > self.tolerance:
             return None
-        factor = safe_factor(self.scaling.scene, trajectory)
+        factor = safe_factor(self.scaling.problem, trajectory)
         gap = factor - 1 + residuals.unused + lost
         uneven = spread(KKTSystem(residuals.conditions, residuals.point).hamiltonian)
         if gap > self.tolerance or uneven > CERTIFIED:

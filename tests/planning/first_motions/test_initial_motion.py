@@ -11,6 +11,7 @@ from deltaopt.errors import Infeasible, Unreachable
 from deltaopt.motion.time_scaling import highest_rows
 from deltaopt.planning.first_motions.initial_motion import baseline, straight_line
 from deltaopt.planning.first_motions.order_of_merit import first_motion
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import load_robot
 from deltaopt.scene.feasibility import check_feasible
@@ -92,7 +93,7 @@ def test_duration_touches_the_limit(scene):
     tau = line(np.linspace(0, line.duration, 8_001)).tau
     most = (np.abs(tau) / limits_of(scene).upper("torque")).max()
     assert 1 - 1e-6 < most <= 1 + 1e-12
-    assert highest_rows(scene, line.slowed(0.999)).values.max() - 1 > 1e-3
+    assert highest_rows(problem_of(scene), line.slowed(0.999)).values.max() - 1 > 1e-3
 
 
 def test_starts_and_ends_at_rest():

@@ -13,6 +13,7 @@ from deltaopt.motion.time_scaling import safe_factor
 from deltaopt.planning.first_motions.initial_motion import baseline, curve_between, drivable
 from deltaopt.planning.first_motions.multistart import distinct, first_motions
 from deltaopt.planning.first_motions.order_of_merit import first_motion, in_order_of_merit
+from deltaopt.problem.of_scene import problem_of
 
 FILE = Path(__file__).parents[3] / "problems/pick_and_place.yaml"
 SCENE = load_scene(FILE)
@@ -26,7 +27,7 @@ def test_first_motions_begin_with_the_usual_one_and_keep_limits():
         ends = motion([0.0, motion.duration])
         np.testing.assert_allclose(ends.x, [SCENE.start, SCENE.goal], atol=1e-9)
         np.testing.assert_allclose(ends.v, 0, atol=1e-9)
-        assert safe_factor(SCENE, motion) < 1 + 1e-9
+        assert safe_factor(problem_of(SCENE), motion) < 1 + 1e-9
 
 
 def test_first_motions_are_seeded():

@@ -28,6 +28,7 @@ from deltaopt.planning.nlp.problem import InteriorPoint, Ipopt
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 from deltaopt.planning.plan import Plan
 from deltaopt.planning.planner import Planner, plan
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import load_robot
 from deltaopt.scene.scene import limits_of, load_scene
@@ -198,7 +199,7 @@ def planned() -> Plan:
 def test_another_payload_builds_nothing(monkeypatch):
     planner = Planner(ORSINO, 1.0)
     light = planner.plan(PICK.start, PICK.goal, payload=0.5)
-    assert safe_factor(light.scene, light.trajectory) <= 1 + 1e-9
+    assert safe_factor(problem_of(light.scene), light.trajectory) <= 1 + 1e-9
     monkeypatch.setattr(Flat, "of", lambda *_, **__: pytest.fail("built again"))
     monkeypatch.setattr(interior_point, "library", lambda _: pytest.fail("compiled again"))
     monkeypatch.setattr(
@@ -207,7 +208,7 @@ def test_another_payload_builds_nothing(monkeypatch):
     heavy = planner.plan(PICK.start, PICK.goal, payload=1.5)
     assert light.duration < heavy.duration
     assert heavy.scene.payload == 1.5
-    assert safe_factor(heavy.scene, heavy.trajectory) <= 1 + 1e-9
+    assert safe_factor(problem_of(heavy.scene), heavy.trajectory) <= 1 + 1e-9
 
 
 def test_models_of_the_same_terms_share_their_functions():

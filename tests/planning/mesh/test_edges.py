@@ -12,6 +12,7 @@ from deltaopt import plan
 from deltaopt.mechanisms.delta.instant import PlatformInstant
 from deltaopt.motion.sure_bounds import distances_from_faces, signed_distances
 from deltaopt.planning.mesh.edges import phases_over_edges
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.scene import Scene, limits_of, load_scene
 from deltaopt.verify.verification import verify
@@ -47,7 +48,10 @@ def test_outside_of_a_body_is_outside_of_one_of_its_faces(name):
     farther away than the body."""
     scene = with_body(BODIES[name])
     x = PLACE + np.random.default_rng(1).uniform(-0.3, 0.3, (20_000, 3))
-    body, faces = signed_distances(scene, x)[0][:, 0], distances_from_faces(scene, x, 0)
+    body, faces = (
+        signed_distances(problem_of(scene), x)[0][:, 0],
+        distances_from_faces(problem_of(scene), x, 0),
+    )
     assert faces.shape[1] == {"box": 6, "cylinder": 3, "hull": 6}[name]
     assert (faces.max(axis=1) <= body + 1e-12).all()
     np.testing.assert_array_equal(faces.max(axis=1) > 1e-9, body > 1e-9)
@@ -63,7 +67,7 @@ def test_a_body_opened_beyond_a_face_is_what_all_its_other_faces_leave():
         x = PLACE + np.random.default_rng(2).uniform(-0.3, 0.3, (2_000, 3))
         numbers = limits.opened(0, beyond)
         assert numbers is not None
-        faces = distances_from_faces(scene, x, 0)
+        faces = distances_from_faces(problem_of(scene), x, 0)
         left = np.delete(faces, sorted(beyond), axis=1).max(axis=1)
         np.testing.assert_array_equal(distances(scene, numbers, x) > 1e-9, left > 1e-9)
     assert limits.opened(0, {0}) is None  # a cylinder's curved side
@@ -88,7 +92,7 @@ def test_the_wall_is_crossed_on_its_edge(over_the_wall):
     knots = found.trajectory.position.at(found.trajectory.knots)
     assert np.linalg.norm(knots[:, :2] - EDGE, axis=1).min() < 1e-8
     x = found.trajectory.position.at(np.linspace(0.0, found.duration, 100_001))
-    assert signed_distances(WALL, x)[0][:, 0].min() >= -1e-9
+    assert signed_distances(problem_of(WALL), x)[0][:, 0].min() >= -1e-9
 
 
 def test_a_via_point_on_the_edge_without_the_wall_takes_as_long():
@@ -142,4 +146,4 @@ def test_a_motion_that_touches_no_edge_has_no_phases():
         found = plan(scene)
         N = len(found.trajectory.knots) - 1
         touching = np.zeros((N, 1), bool) if scene is WALL else np.ones((N, 1), bool)
-        assert phases_over_edges(scene, found.trajectory, touching) is None
+        assert phases_over_edges(problem_of(scene), found.trajectory, touching) is None

@@ -13,17 +13,17 @@ from deltaopt.planning.flat.constraint_rows import ByOrder
 from deltaopt.planning.mesh.constraint_tightening import Overshoot
 from deltaopt.planning.mesh.error_estimate import FRACTIONS, TIGHTENED, ErrorEstimate, refined
 from deltaopt.planning.mesh.mesh_costates import certify_mesh, costates, hamiltonian_on_mesh
-from deltaopt.planning.mesh.mesh_solution import Iteration, gap_of, solve_on_mesh
+from deltaopt.planning.mesh.mesh_solution import gap_of, solve_on_mesh
 from deltaopt.planning.nlp.problem import Guess, Ipopt
-from deltaopt.planning.nlp.program import Spent
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import LINEAR
-from deltaopt.planning.plan import quicker
+from deltaopt.planning.plan import Iteration, Spent, quicker
 from deltaopt.planning.planner import Planner
 from deltaopt.planning.refinement import Refinement
 from deltaopt.planning.switching.detection import SHARP, detect_structure
 from deltaopt.planning.switching.resolver import resolver
 from deltaopt.planning.switching.structure import ActiveLimits
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.scene import Limits, Scene, limits_of
 from tests.planned_scenes import (
@@ -63,7 +63,7 @@ def test_a_share_of_the_limits_is_that_of_weaker_motors():
     problem, guess = flat_equations(CROSS).on(mesh), first_guess(CROSS, 1e-9)
     dynamic = scaling.constraints.orders > 0
     shared = replace(scaling, share=np.where(dynamic, 0.8, 1.0)[None].repeat(12, axis=0))
-    weaker = Scaling(limited(CROSS, 0.8), scaling.time)
+    weaker = Scaling(problem_of(limited(CROSS, 0.8)), scaling.time)
     one, other = (problem.solve(guess, s, model.parameters) for s in (shared, weaker))
     assert one.position.knots[-1] == pytest.approx(other.position.knots[-1], rel=1e-8)
     ours, theirs = one.multipliers[..., dynamic], other.multipliers[..., dynamic]
@@ -181,17 +181,13 @@ def scaling():
 @machine_code
 def test_tightening_cures_what_slowing_pays_for():
     """On one mesh: the excess falls tenfold, and the duration hardly rises."""
-    model, scaling, mesh = (
-        delta_model(CROSS.robot, CROSS.payload),
-        scaling_of(CROSS),
-        np.full(400, 1 / 400),
-    )
+    scaling, mesh = scaling_of(CROSS), np.full(400, 1 / 400)
     problem = flat_equations(CROSS).on(mesh)
-    plain = solve_on_mesh(problem, scaling, first_guess(CROSS, 1e-7), model, CROSS)
+    plain = solve_on_mesh(problem, scaling, first_guess(CROSS, 1e-7), problem_of(CROSS))
     tighter = plain
     for _ in range(3):
         guess = Guess(tighter.trajectory, near=True, tolerance=1e-7)
-        tighter = solve_on_mesh(problem, tighter.tightened(mesh), guess, model, CROSS)
+        tighter = solve_on_mesh(problem, tighter.tightened(mesh), guess, problem_of(CROSS))
     assert plain.safe_factor > 1 + 1e-5
     assert tighter.safe_factor - 1 < 0.1 * (plain.safe_factor - 1)
     assert (
@@ -208,7 +204,7 @@ def searched_for(scene: Scene, tolerance: float) -> Refinement:
     """On meshes alone, from a coarse one to a fine one."""
     model, scaling = delta_model(scene.robot, scene.payload), scaling_of(scene)
     switches = resolver(scaling, model, tolerance, print)
-    found = Refinement(flat_equations(scene), scaling, model, tolerance, switches, print)
+    found = Refinement(flat_equations(scene), scaling, tolerance, switches, print)
     found._coarse_left = found._fine_left = 0
     found.from_guess(first_guess(scene, 1e-4), np.full(16, 1 / 16))
     return found

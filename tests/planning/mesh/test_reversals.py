@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.planning.mesh.reversals import softer_scenes, with_reversals
+from deltaopt.planning.mesh.reversals import softer_problems, with_reversals
 from deltaopt.planning.planner import Planner
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.scene import Scene, load_scene
 from deltaopt.verify.verification import verify
 
@@ -33,7 +34,7 @@ def motion() -> Trajectory:
 
 def test_knots_lie_on_both_sides_of_every_reversal(motion):
     """Within 3 w of rest are two knots before and two after: rest is found by bisection."""
-    mesh = with_reversals(np.full(16, 1 / 16), motion, DRIVE)
+    mesh = with_reversals(np.full(16, 1 / 16), motion, problem_of(DRIVE))
     assert mesh.sum() == pytest.approx(1.0, abs=1e-14)
     assert mesh.min() >= 1e-4 - 1e-15
     knots = np.cumsum(mesh)[:-1] * motion.duration
@@ -62,24 +63,26 @@ def test_knots_lie_on_both_sides_of_every_reversal(motion):
 
 def test_the_knots_of_the_mesh_stay(motion):
     mesh = np.full(16, 1 / 16)
-    knots = np.cumsum(with_reversals(mesh, motion, DRIVE))
+    knots = np.cumsum(with_reversals(mesh, motion, problem_of(DRIVE)))
     assert all(np.abs(knots - knot).min() < 1e-12 for knot in np.cumsum(mesh))
 
 
 def test_without_coulomb_friction_nothing_is_done(motion):
     scene, mesh = changed(coulomb=None, speed=None), np.full(16, 1 / 16)
-    assert with_reversals(mesh, motion, scene) is mesh
-    assert softer_scenes(scene, motion) == ()
+    assert with_reversals(mesh, motion, problem_of(scene)) is mesh
+    assert softer_problems(problem_of(scene), motion) == ()
 
 
 def test_friction_is_softer_on_the_first_meshes(motion):
     """By equal factors from an eighth of the largest speed; not if it is as soft already."""
     times = np.linspace(0.0, motion.duration, 5000)
     fastest = float(np.abs(motion(times).dtheta).max())
-    speeds = [scene.robot.drive.friction.speed for scene in softer_scenes(DRIVE, motion)]
+    speeds = [
+        each.model.robot.drive.friction.speed for each in softer_problems(problem_of(DRIVE), motion)
+    ]
     assert speeds[0] == pytest.approx(fastest / 8, rel=1e-2)
     assert speeds[1] == pytest.approx(np.sqrt(speeds[0] * FRICTION.speed), rel=1e-12)
-    assert softer_scenes(changed(speed=fastest), motion) == ()
+    assert softer_problems(problem_of(changed(speed=fastest)), motion) == ()
 
 
 def test_a_plan_is_of_the_friction_that_was_asked_for():

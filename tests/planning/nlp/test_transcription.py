@@ -13,6 +13,7 @@ from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.flat.flat_problem import Flat
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import DeltaModel
 from deltaopt.scene.scene import limits_of, load_scene
 
@@ -101,7 +102,7 @@ def test_pack_and_unpack_are_inverse(degree):
         .of(model.functions, PiecewiseAcceleration(degree), limits_of(SCENE).constraints)
         .on(MESH)
     )
-    scaling, motion = Scaling(SCENE, 0.2), cubic(model, 0.4)
+    scaling, motion = Scaling(problem_of(SCENE), 0.2), cubic(model, 0.4)
     z = problem.pack(motion, scaling)
     assert len(z) == problem.n_variables
     back = Trajectory(problem.unpack(z, scaling), model)
@@ -117,7 +118,7 @@ def test_packed_motion_is_within_its_bounds():
     problem = (
         Flat().of(model.functions, PiecewiseAcceleration(), limits_of(SCENE).constraints).on(MESH)
     )
-    scaling = Scaling(SCENE, 0.2)
+    scaling = Scaling(problem_of(SCENE), 0.2)
     z = problem.pack(cubic(model, 0.05), scaling)  # torques far over their limits are cut
     lower, upper = problem.bounds(scaling)
     assert (lower - 1e-12 <= z).all()

@@ -14,6 +14,7 @@ from deltaopt.planning.path import on_mesh, sweep
 from deltaopt.planning.path.path_mesh import PathMesh
 from deltaopt.planning.path.path_rows import PathRows
 from deltaopt.planning.plan import Plan
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.scene import Scene
 from studies.given_paths import random_paths
 from tests.oracles.path_arcs import two_arcs
@@ -32,7 +33,7 @@ def on(scene: Scene, path: object, **changes: object) -> Scene:
 
 def excess(plan: Plan) -> float:
     fractions = sample_fractions(len(plan.trajectory.knots) - 1)
-    curves = limit_curves(plan.scene, plan.trajectory, fractions)
+    curves = limit_curves(problem_of(plan.scene), plan.trajectory, fractions)
     return max(float(np.nanmax(np.abs(each.of_bounds))) - 1 for each in curves)
 
 

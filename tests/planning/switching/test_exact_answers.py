@@ -26,7 +26,8 @@ from deltaopt.planning.mesh.error_estimate import FRACTIONS, ErrorEstimate, erro
 from deltaopt.planning.nlp.scaling import Parameters, Scaling
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 from deltaopt.planning.switching.detection import detect_structure
-from deltaopt.scene.task import RestToRest
+from deltaopt.problem.boundary import Boundary
+from deltaopt.problem.problem import Problem
 from tests.oracles.arcs import ArcProblem
 from tests.oracles.certify import certify, hamiltonian
 
@@ -40,13 +41,6 @@ class UnitMass:
 
     def inverse_dynamics(self, x, v, a):
         return a
-
-
-@dataclass(frozen=True)
-class LineScaling(Scaling):
-    """Scaling with limits of its own."""
-
-    limits: SceneLimits = None  # type: ignore[assignment]
 
 
 @dataclass(frozen=True)
@@ -73,8 +67,8 @@ class Line:
     @property
     def scaling(self) -> Scaling:
         """In a unit of time that is none of the answers."""
-        scene = SimpleNamespace(task=RestToRest((0.0, 0.0, 0.0), (self.d, 0.0, 0.0)))
-        return LineScaling(scene, 1.3 * self.duration, limits=self.limits)
+        ends = Boundary((0.0, 0.0, 0.0)), Boundary((self.d, 0.0, 0.0))
+        return Scaling(Problem(None, self.limits, ends), 1.3 * self.duration)
 
     @property
     def limits(self) -> SceneLimits:

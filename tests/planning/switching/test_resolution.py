@@ -16,6 +16,7 @@ from deltaopt.planning.nlp.program import IpoptSolution
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.planner import Planner
 from deltaopt.planning.switching.detection import detect_structure
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.verify.pontryagin import extremal
 from tests.oracles.arcs import ArcProblem
 from tests.oracles.certify import certify, hamiltonian
@@ -64,8 +65,8 @@ def test_ipopt_finds_the_same_duration(resolved):
     """By the same arcs as a nonlinear program, its torques variables: nothing of Newton's method
     on the conditions of optimality; and from lengths that are a little off."""
     _, scene, found = resolved
-    scaling = Scaling(scene, found.duration)
-    rows = loads_inside(scene, found.trajectory, FRACTIONS).rows
+    scaling = Scaling(problem_of(scene), found.duration)
+    rows = loads_inside(problem_of(scene), found.trajectory, FRACTIONS).rows
     by_interval = rows.reshape(-1, len(FRACTIONS), rows.shape[1])
     of_order = ByOrder.of(scaling.constraints, by_interval)._replace(position=None)
     structure = detect_structure(np.diff(found.trajectory.knots) / found.duration, of_order)
@@ -152,7 +153,7 @@ def _solved(scene) -> tuple[ArcProblem, IpoptSolution, np.ndarray]:
     rows = ByOrder((motion.tau / np.array(scene.robot.torque_limits)).reshape(-1, 25, 3))
     mesh = np.diff(found.trajectory.knots) / found.duration
     model = found.trajectory.model
-    scaling = Scaling(scene, 0.15)
+    scaling = Scaling(problem_of(scene), 0.15)
     problem = ArcProblem(
         point_equations(model.functions, scaling.constraints), detect_structure(mesh, rows), 6
     )

@@ -33,15 +33,16 @@ from deltaopt.planning.switching.structure import (
     SwitchingStructure,
     changed,
 )
+from deltaopt.problem.boundary import Boundary
+from deltaopt.problem.of_scene import problem_of
+from deltaopt.problem.problem import Problem
 from deltaopt.robot.model import DeltaModel
-from deltaopt.scene.task import RestToRest
 from tests.oracles.arcs import ArcProblem
 from tests.planned_scenes import random_move
 from tests.planning.switching.test_exact_answers import (
     LINES,
     UNEVEN,
     Line,
-    LineScaling,
     UnitMass,
 )
 
@@ -71,7 +72,7 @@ def cross():
     """industrial_cross: its rows and parameters; velocities are limited."""
     scene = load_scene("problems/industrial_cross.yaml")
     model = DeltaModel(scene.robot, scene.payload)
-    scaling = Scaling(scene, 0.15)
+    scaling = Scaling(problem_of(scene), 0.15)
     rows = constraint_rows(point_equations(model.functions, scaling.constraints))
     return scene, model, scaling, rows, scaling.parameters(model.parameters)
 
@@ -132,7 +133,7 @@ def test_newton_and_ipopt_find_the_same_switches():
     )
     guess = plan(scene, tolerance=1e-3).trajectory
     model = guess.model
-    scaling = Scaling(scene, 0.15)
+    scaling = Scaling(problem_of(scene), 0.15)
     equations = point_equations(model.functions, scaling.constraints)
     rows, mesh = ConstraintRows(equations), ArcMesh.of(arcs, 8)
     conditions = OptimalityConditions.of(rows, arcs, mesh, scaling, model.parameters)
@@ -169,9 +170,9 @@ def test_one_motor_with_one_coordinate():
     """The same line without the two idle axes: nothing in the method is made for three motors."""
     line = Line(0.7, 3.0, 0.9)
     constraints = Constraints(((Torque(), 1), (Speed(), 1)), motors=1)
-    scene = SimpleNamespace(task=RestToRest((0.0,), (line.d,)))
     limits = SceneLimits(constraints, np.array([line.u, line.v]))
-    scaling = LineScaling(scene, 1.3 * line.duration, limits=limits)
+    ends = Boundary((0.0,)), Boundary((line.d,))
+    scaling = Scaling(Problem(None, limits, ends), 1.3 * line.duration)
     y, p = ca.SX.sym("y", 5), _one_coordinate(constraints)
     time = p.time * y[4]
     speed, acceleration = p.length * y[1] / time, p.length * y[2] / time**2

@@ -8,7 +8,6 @@ x is the velocity of a unit mass, u its force, the place where it ends is free.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from types import SimpleNamespace
 
 import casadi as ca
 import numpy as np
@@ -21,20 +20,21 @@ from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.flat.constraint_rows import ByOrder
 from deltaopt.planning.flat.equations import PointEquations
 from deltaopt.planning.nlp.cost import Cost
-from deltaopt.planning.nlp.scaling import Parameters
+from deltaopt.planning.nlp.scaling import Parameters, Scaling
 from deltaopt.planning.switching.detection import detect_structure
 from deltaopt.planning.switching.structure import SwitchingStructure
-from deltaopt.scene.task import RestToRest
+from deltaopt.problem.boundary import Boundary
+from deltaopt.problem.problem import Problem
 from tests.oracles.arcs import ArcProblem
 from tests.oracles.certify import certify
-from tests.planning.switching.test_exact_answers import LineScaling, UnitMass
+from tests.planning.switching.test_exact_answers import UnitMass
 
 T, SWITCHES, LEAST = 2.0, [1.0, 1.5], 3 / 8
 COST = Cost(time=0.0, running=1.0, duration_is_given=True)
 
 
 @dataclass(frozen=True)
-class Turnpike(LineScaling):
+class Turnpike(Scaling):
     """Along the first axis; the others rest. The unit of velocity is 1 / T."""
 
     @property
@@ -50,8 +50,7 @@ LIMITS = SceneLimits(Constraints(((Torque(), 3),)), np.ones(3))
 
 
 def scaling() -> Turnpike:
-    scene = SimpleNamespace(task=RestToRest((0, 0, 0), (1, 0, 0)))
-    return Turnpike(scene, T, limits=LIMITS)
+    return Turnpike(Problem(None, LIMITS, (Boundary((0, 0, 0)), Boundary((1, 0, 0)))), T)
 
 
 def equations() -> PointEquations:

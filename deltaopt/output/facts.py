@@ -1,0 +1,179 @@
+"""The facts of a motion, collected once: terminal, JSON, pictures and page tell them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+from deltaopt.motion.active_limits import ActiveLimit, active_limits
+from deltaopt.motion.certificate import Certificate
+from deltaopt.motion.limit_sensitivity import LimitSensitivity, limits_in_words
+from deltaopt.motion.trajectory import Trajectory
+from deltaopt.planning.plan import Optimum, Plan, TakenWay
+from deltaopt.problem.of_scene import problem_of
+from deltaopt.scene.scene import Scene
+from deltaopt.scene.task import MovingEnds, Task
+from deltaopt.verify.duty import Duty, exceeding
+from deltaopt.verify.verification import Verification, verify
+
+ASSUMPTION = "a pick is there and back; gripping and letting go take no time"
+"""What the number of picks supposes."""
+
+
+@dataclass(frozen=True)
+class StraightLine:
+    """How a baseline was found: without a solver. ``lower_bound``: for every path, s."""
+
+    lower_bound: float
+    formulation: str | None = None
+    transcription: str = "straight line"
+    intervals: int = 1
+    status: str = "closed form"
+    iterations: int = 0
+    solve_seconds: float = 0.0
+    gap: float | None = None
+    tolerance: float | None = None
+    certificate: Certificate | None = None
+    optima: Sequence[Optimum] = ()
+    ways: Sequence[TakenWay] = ()
+    phases: Sequence[float] = ()
+    free_duration: float | None = None
+
+    @property
+    def sensitivities(self) -> Sequence[LimitSensitivity]:
+        """None: there is no optimum that they would be of."""
+        return ()
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A measure of verification beside the most that it may be, in its ``unit``. ``value``:
+    infinite where it could not be evaluated."""
+
+    name: str
+    value: float
+    at_most: float
+    unit: str
+    ok: bool
+
+
+@dataclass(frozen=True)
+class MotorFact:
+    """What a motion asks of each motor, or what a motor is rated for: numbers in a ``unit``.
+
+    ``rating``: whether it is what the quantity before it may be in the long run. ``above``: the
+    motors that are above it, in words.
+    """
+
+    name: str
+    unit: str
+    values: tuple[float, ...]
+    rating: bool = False
+    above: str = ""
+
+
+@dataclass(frozen=True)
+class Facts:
+    """All that is told of a motion for a scene.
+
+    ``found``: how: a plan, or the straight line that it is compared with. ``verification``: its
+    measures.
+    """
+
+    scene: Scene
+    trajectory: Trajectory
+    found: Plan | StraightLine
+    verification: Verification
+
+    @cached_property
+    def active(self) -> tuple[ActiveLimit, ...]:
+        """The limits that the motion is at, those of most time first."""
+        return active_limits(problem_of(self.scene), self.trajectory)
+
+    @cached_property
+    def limits(self) -> list[str]:
+        """A sentence on each limit that matters: which motor's what, how much of the time, and what
+        more of it would save."""
+        return limits_in_words(self.active, self.found.sensitivities)
+
+
+def facts(plan: Plan) -> Facts:
+    """The facts of a plan, which is verified now."""
+    return Facts(plan.scene, plan.trajectory, plan, verify(plan.scene, plan.trajectory))
+
+
+def measures(verification: Verification) -> list[Measure]:
+    """All measures that have a bound in a scene, limits first."""
+    return [
+        Measure(
+            check.bound.measure.replace("_", " "),
+            check.value,
+            check.bound.at_most,
+            check.bound.unit,
+            check.ok,
+        )
+        for check in verification.checks()
+    ]
+
+
+def motor_facts(duty: Duty) -> list[MotorFact]:
+    """What is known of each motor's duty at its arm, each rating after what it is of."""
+    gear = duty.nominal_torque
+
+    def each(name: str, unit: str, field: str) -> MotorFact:
+        values = (getattr(motor, field) for motor in duty.motors)
+        return MotorFact(name, unit, tuple(value for value in values if value is not None))
+
+    told = [
+        each("RMS torque", "N·m", "rms_torque"),
+        MotorFact(
+            "rated torque", "N·m", duty.rated_torque or (), True, exceeding(duty.above_rated)
+        ),
+        each("RMS torque at the motor", "N·m", "motor_rms_torque"),
+        each("cubic mean of the gear's torque", "N·m", "gear_torque"),
+        MotorFact(
+            "nominal torque of the gear",
+            "N·m",
+            () if gear is None else (gear,) * 3,
+            True,
+            exceeding(duty.above_nominal),
+        ),
+        each("work done", "J", "work_done"),
+        each("work absorbed", "J", "work_absorbed"),
+        each("peak power", "W", "peak_power"),
+        each("largest speed", "rad/s", "largest_speed"),
+    ]
+    return [fact for fact in told if fact.values]
+
+
+def work(duty: Duty) -> tuple[float, float]:
+    """The work that all motors do and that they absorb, J."""
+    done = sum(motor.work_done for motor in duty.motors)
+    return done, sum(motor.work_absorbed for motor in duty.motors)
+
+
+def headline(duration: float) -> str:
+    """A duration in s, and how many picks a minute it permits at most."""
+    return f"{_seconds(duration)}, {picks_per_minute(duration)} picks per minute"
+
+
+def title(task: Task, duration: float) -> str:
+    """The headline; the duration alone of a motion that cannot be driven there and back, because
+    an end moves."""
+    return _seconds(duration) if isinstance(task, MovingEnds) else headline(duration)
+
+
+def assumption(task: Task) -> str:
+    """What the title supposes; empty where it counts no picks."""
+    return "" if isinstance(task, MovingEnds) else ASSUMPTION
+
+
+def _seconds(duration: float) -> str:
+    return f"{duration:.3f} s" if duration >= 0.1 else f"{duration:.3g} s"
+
+
+def picks_per_minute(duration: float) -> str:
+    """60 s over twice the duration in s: there and back."""
+    rate = 30 / duration
+    return f"{rate:.0f}" if rate >= 10 else f"{rate:.2g}"

@@ -1,0 +1,297 @@
+"""Attempts to plan: what is attempted, in which order, what came of it, and what is done then.
+
+An attempt is an optimisation from one first motion on one first mesh. What goes wrong in it ends
+it alone. Sources propose attempts one after the other, and see what came of those before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from itertools import islice
+from math import inf
+
+from deltaopt.curves.piecewise import Array
+from deltaopt.errors import DeltaOptError, NotConverged
+from deltaopt.motion.trajectory import Trajectory
+from deltaopt.planning.first_motions.moving_ends import intervals_after_waiting
+from deltaopt.planning.first_motions.multistart import distinct
+from deltaopt.planning.first_motions.order_of_merit import (
+    intervals_for,
+    intervals_in_tube,
+    is_slow,
+    rounds,
+)
+from deltaopt.planning.first_motions.proposal import Proposal
+from deltaopt.planning.nlp.phases import first_mesh
+from deltaopt.planning.plan import Optimum, Plan, quicker
+from deltaopt.problem.of_scene import problem_of
+from deltaopt.problem.problem import Problem
+from deltaopt.scene.objective import Time
+from deltaopt.scene.parallel_singularity import distance_from_parallel
+from deltaopt.scene.scene import Scene
+from deltaopt.scene.task import distance
+
+_KEPT_VOLUME = 0.01
+"""Distance from the parallel singularity that plans are then kept at, unless an end is nearer: more
+costs time where the best motion comes close, less brings torques that peak between points."""
+_KEPT_AWAY = 2
+"""From how many of the first motions of a round it is tried again at that distance where nothing
+else succeeded: iterates may lose their way in the singularity, whatever the first motion."""
+_NEARLY = 1e-2
+"""Gap below which a plan that misses its tolerance is near an optimum: then finer meshes may bring
+it there, and paths over a grid, which take long, will not."""
+_FINER, _TRIED_FINER = (2, 4), 3
+"""How many times finer first meshes are tried where nothing else succeeded, and from how many of
+the best first motions. Of motions in phases or with moving ends the first of these alone, from all
+of them: finer ones take minutes where there is no such motion."""
+_LONG, _LABORIOUS = 4.0, 400
+"""A plan that takes more than so many times the lower bound, or took more iterations than this, may
+be a poor local minimum. Hardly any random move is the first, and one in a hundred the second:
+usual are thirty iterations. Fewer would make more plans take three times as long in vain."""
+_SECOND_LOOKS = 2
+"""How many attempts more are then made. More of them find little for what they cost."""
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """What an attempt to plan begins with.
+
+    ``scene``: the scene, perhaps with more limits than were asked for. ``motion``: the first
+    motion. ``intervals``: of the first mesh. ``accuracy``: relative tolerance of the solver there.
+    ``proposal``: what the first motion is, in words.
+    ``torque_share``: the part of torque limits that meshes may use, so that what is exceeded
+    between their points stays below the whole. ``is_near``: whether the first motion is the best
+    one on another mesh. ``on_its_mesh``: whether the first mesh has the knots of the motion, in
+    place of as many equal intervals as are given. ``may_be_softer``: whether the first meshes may
+    have softer friction. ``most``: the duration of a plan that is known, s; the attempt ends where
+    it will not undercut it.
+    """
+
+    scene: Scene
+    motion: Trajectory
+    intervals: int
+    accuracy: float
+    proposal: str = "a first motion"
+    torque_share: float = 1.0
+    is_near: bool = False
+    on_its_mesh: bool = False
+    may_be_softer: bool = True
+    most: float = inf
+
+    @property
+    def mesh(self) -> Array:
+        """The intervals of the first mesh as fractions of the duration, (N,)."""
+        if self.on_its_mesh:
+            return self.motion.shares
+        return first_mesh(self.problem, self.motion, self.intervals)
+
+    @property
+    def problem(self) -> Problem:
+        """The problem that its scene states."""
+        return problem_of(self.scene)
+
+    def __str__(self) -> str:
+        """Its settings in words, without the proposal."""
+        parts = [f"{self.motion.duration:.4g} s", f"{self.intervals} intervals"]
+        given = self.scene.given("parallel_singularity")
+        if given:
+            parts.append(f"at a distance of {given:.2g} from the parallel singularity")
+        if self.torque_share < 1:
+            parts.append(f"with {self.torque_share:.2%} of the torques")
+        return ", ".join(parts)
+
+    @property
+    def away(self) -> Attempt | None:
+        """The attempt with motions kept at a distance from the parallel singularity; None if they
+        are already."""
+        if self.scene.given("parallel_singularity"):
+            return None
+        margin = min(_KEPT_VOLUME, distance_from_parallel(self.scene) / 2)
+        limits = self.scene.limits
+        given = {} if limits is None else limits.model_dump(exclude_none=True)
+        limited = {"limits": {"parallel_singularity": margin, **given}}
+        return replace(self, scene=self.scene.model_copy(update=limited))
+
+
+@dataclass(frozen=True)
+class FirstMeshes:
+    """How first motions become attempts: the number of ``intervals`` of the coarsest first mesh,
+    and the relative tolerance of the solver there, its ``accuracy``."""
+
+    intervals: int
+    accuracy: float
+
+    def attempt(self, scene: Scene, proposal: Proposal) -> Attempt | None:
+        """An attempt from a first motion; None if no mesh keeps it in the workspace."""
+        motion = proposal.motion
+        intervals = intervals_for(motion, self.intervals)
+        if intervals and scene.tube is not None:
+            intervals = intervals_in_tube(scene, motion, intervals)
+        return self._of(scene, proposal, intervals) if intervals else None
+
+    def attempt_after_waiting(self, scene: Scene, proposal: Proposal) -> Attempt:
+        """An attempt from a first motion that may wait at its start."""
+        intervals = intervals_after_waiting(proposal.motion, self.intervals)
+        intervals = intervals_for(proposal.motion, intervals) or intervals
+        return self._of(scene, proposal, intervals)
+
+    def _of(self, scene: Scene, proposal: Proposal, intervals: int) -> Attempt:
+        return Attempt(scene, proposal.motion, intervals, self.accuracy, proposal.name)
+
+
+@dataclass
+class Outcomes:
+    """What came of attempts to plan a scene.
+
+    ``enough``: the gap at which a plan is good enough. ``plans``: what attempts led to.
+    ``failures``: why others led to none.
+    """
+
+    scene: Scene
+    enough: float
+    plans: list[Plan] = field(default_factory=list)
+    failures: list[DeltaOptError] = field(default_factory=list)
+
+    def add(self, outcome: Plan | DeltaOptError) -> None:
+        """An attempt led to a plan or failed."""
+        if isinstance(outcome, Plan):
+            self.plans.append(replace(outcome, scene=self.scene))
+        else:
+            self.failures.append(outcome)
+
+    @property
+    def tried(self) -> int:
+        """How many attempts were made."""
+        return len(self.plans) + len(self.failures)
+
+    @property
+    def is_good(self) -> bool:
+        """Whether a plan is good enough."""
+        return any(plan.gap <= self.enough for plan in self.plans)
+
+    @property
+    def is_near(self) -> bool:
+        """Whether a plan is near an optimum."""
+        return any(plan.gap <= _NEARLY for plan in self.plans)
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether the best plan may be a poor local minimum."""
+        if not isinstance(self.scene.objective, Time) or self.scene.tube is not None:
+            return False  # in a tube there is one first motion
+        best = self.best()
+        return best.iterations > _LABORIOUS or is_slow(self.scene, best.duration, _LONG)
+
+    def best(self) -> Plan:
+        """The plan of least cost, with all distinct optima where several attempts were made.
+
+        Raises NotConverged if there is none.
+        """
+        if self.plans:
+            found = min(self.plans, key=lambda plan: plan.cost)
+            return found if self.tried == 1 else replace(found, optima=self._optima())
+        first = self.failures[0] if self.failures else None
+        if self.tried == 1 and first is not None:
+            raise first
+        status, iterate = getattr(first, "status", "No_Start"), getattr(first, "iterate", None)
+        raise NotConverged(
+            f"none of {self.tried} attempts led to a plan, from a straight line of the platform, "
+            "one in the motor angles, curves, and paths over a grid, as far as these are possible; "
+            f"of the first: {first}",
+            status,
+            iterate,
+        )
+
+    def best_known(self) -> Plan:
+        """The best plan. Where it misses its tolerance, another that is hardly longer may know
+        better how near it is to the optimum."""
+        best = self.best()
+        if best.within_tolerance or not isinstance(self.scene.objective, Time):
+            return best
+        return replace(best, gap=min(quicker(best, each).gap for each in self.plans))
+
+    def _optima(self) -> tuple[Optimum, ...]:
+        """The distinct local minima that were found, best first."""
+        if not self.scene.task.is_at_rest:
+            return ()
+        found = [(each.trajectory, each.cost, each.gap) for each in self.plans]
+        return tuple(distinct(found, distance(self.scene.task)))
+
+
+def by_merit(so_far: Outcomes, first: FirstMeshes) -> Iterator[Attempt]:
+    """What to attempt next from rest to rest, until a plan is good enough.
+
+    First every motion on the coarsest mesh on which it stays in the workspace, lines and curves
+    before paths over a grid, then the best of them on finer meshes. Where a plan that is good
+    enough may be a poor local minimum, some of those that follow are tried too. Raises Unreachable
+    if there is no first motion.
+    """
+    more: int | None = None
+    for attempt in _in_order(so_far, first):
+        yield attempt
+        if more is None and so_far.is_good:
+            more = _SECOND_LOOKS if so_far.is_doubtful else 0
+        elif more:
+            more -= 1
+        if more == 0:
+            return
+
+
+def _in_order(so_far: Outcomes, first: FirstMeshes) -> Iterator[Attempt]:
+    possible: list[Attempt] = []
+    for proposals in rounds(so_far.scene):
+        if so_far.is_near:
+            break
+        begun = len(possible)
+        for proposal in proposals:
+            attempt = first.attempt(so_far.scene, proposal)
+            if attempt:
+                possible.append(attempt)
+                yield attempt
+        if not so_far.plans:
+            away = (attempt.away for attempt in possible[begun : begun + _KEPT_AWAY])
+            yield from (attempt for attempt in away if attempt)
+    possible.sort(key=lambda attempt: attempt.motion.duration)
+    for factor in _FINER:
+        yield from finer(possible[:_TRIED_FINER], factor)
+
+
+def until_good(
+    so_far: Outcomes, first: FirstMeshes, proposals: Iterator[Proposal]
+) -> Iterator[Attempt]:
+    """What to attempt next in phases or where an end moves, until a plan is good enough: all first
+    motions on the coarsest mesh on which they stay in the workspace, then on finer ones. A motion
+    that two sources propose, as a quintic to rest and a stop, is attempted once."""
+    tried = list[Attempt]()
+    for proposal in proposals:
+        if any(proposal.motion.position == attempt.motion.position for attempt in tried):
+            continue
+        tried.append(first.attempt_after_waiting(so_far.scene, proposal))
+        yield tried[-1]
+        if so_far.is_good:
+            return
+    for attempt in finer(tried, _FINER[0]):
+        yield attempt
+        if so_far.is_good:
+            return
+
+
+def all_of(
+    so_far: Outcomes, first: FirstMeshes, proposals: Iterator[Proposal]
+) -> Iterator[Attempt]:
+    """Attempts from every first motion, whatever comes of them."""
+    attempts = (first.attempt(so_far.scene, proposal) for proposal in proposals)
+    yield from (attempt for attempt in attempts if attempt)
+
+
+def finer(attempts: Iterable[Attempt], factor: int) -> Iterator[Attempt]:
+    """Attempts on finer first meshes."""
+    for attempt in attempts:
+        yield replace(attempt, intervals=factor * attempt.intervals)
+
+
+def numbered(motions: Iterator[Trajectory], number: int) -> Iterator[Proposal]:
+    """At most so many motions as proposals that are told by their number."""
+    for which, motion in enumerate(islice(motions, number), 1):
+        yield Proposal(f"start {which}", motion)

@@ -1,0 +1,14 @@
+"""Proposals: first motions with words for what they are."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from deltaopt.motion.trajectory import Trajectory
+
+
+class Proposal(NamedTuple):
+    """A first ``motion``, and its ``name``: a noun phrase, such as "a straight line"."""
+
+    name: str
+    motion: Trajectory

@@ -1,0 +1,395 @@
+"""One run of the planner: attempts from first motions, in one loop, until a plan is good enough.
+
+What is attempted depends on the kind of scene alone; how attempts are made, remedied and told does
+not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import islice
+from math import inf, isfinite
+
+from deltaopt.curves.piecewise import PiecewisePolynomial
+from deltaopt.errors import ENDS_AN_ATTEMPT, NO_PLAN, DeltaOptError, Infeasible, if_possible
+from deltaopt.motion.trajectory import Trajectory
+from deltaopt.planning.attempts import (
+    Attempt,
+    FirstMeshes,
+    Outcomes,
+    all_of,
+    by_merit,
+    numbered,
+    until_good,
+)
+from deltaopt.planning.belt_places import PlacesOnBelt
+from deltaopt.planning.first_motions.around_bodies import (
+    CLEAR,
+    clear_motions,
+    is_clear,
+    name_of_way,
+)
+from deltaopt.planning.first_motions.belt import not_met
+from deltaopt.planning.first_motions.initial_motion import has_time_to_wait
+from deltaopt.planning.first_motions.moving_ends import first_moving_motions, from_state_to_state
+from deltaopt.planning.first_motions.multistart import first_motions
+from deltaopt.planning.first_motions.order_of_merit import first_motion
+from deltaopt.planning.first_motions.passages import paths_of_lines
+from deltaopt.planning.first_motions.proposal import Proposal
+from deltaopt.planning.first_motions.through_gates import through_gates
+from deltaopt.planning.flat.flat_problem import Flat
+from deltaopt.planning.in_flight import finished_first
+from deltaopt.planning.journal import Journal
+from deltaopt.planning.links_clear import keeping_links_clear
+from deltaopt.planning.on_path import plan_of, planned_on_path
+from deltaopt.planning.path.path_along import fastest_along, near_corners, through_corners
+from deltaopt.planning.plan import Plan, TakenWay, quicker
+from deltaopt.planning.remedies import REMEDIES, better
+from deltaopt.planning.trajectory_optimiser import TrajectoryOptimiser
+from deltaopt.planning.ways import NEARLY, fastest_way
+from deltaopt.scene.feasibility import check_feasible
+from deltaopt.scene.objective import Time
+from deltaopt.scene.scene import Scene, limits_of
+from deltaopt.scene.task import MovingEnds, OnPath
+
+_PATHS = 2
+"""How many paths of straight lines are planned along where no mesh finds its way: over few places,
+and over more of them. Each takes a second or two."""
+_IMPROVED, _SHORTER = 4, 1e-4
+"""How many plans at most then begin with the motion found, each with that of the one before; and by
+what share each must be shorter, or else tell a smaller gap."""
+_USUAL, _ANOTHER_WAY_ABOVE = 1e-3, 3e-3
+"""Tolerances of at least the first are to be met, or planning starts again from another first
+motion. Where a tighter one is missed it does so above the second: smaller gaps are not the first
+motion's fault, and planning again seldom changes them."""
+_SHORTEST_WAY = 1e-11
+"""Least way of a motion with moving ends, m: a hundred thousand times the rounding of coordinates.
+Of a shorter one, as 1e-7 s before the end of another, verification cannot tell speeds."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """Plans one scene.
+
+    ``optimiser``: what plans from one first motion. ``journal``: what was attempted so far.
+    """
+
+    optimiser: TrajectoryOptimiser
+    journal: Journal
+
+    def plan(
+        self,
+        scene: Scene,
+        under_way: PiecewisePolynomial | None = None,
+        starts: int = 1,
+        seed: int = 1,
+    ) -> Plan:
+        """The best plan of a scene.
+
+        ``under_way``: what would follow the start, if that is known. ``starts``, ``seed``: number
+        of first guesses, and for random ones. Raises what rules a plan out, and NotConverged.
+        """
+        check_feasible(scene)
+        if not (scene.robot_keeps_clear and scene.keep_out):
+            return self._plan_by_limits(scene, under_way, starts, seed)
+        found, lost = keeping_links_clear(
+            scene,
+            lambda limited: self._plan_by_limits(limited, under_way, starts, seed),
+            self.optimiser.tolerance,
+            self.journal.note,
+        )
+        return replace(found, scene=scene, gap=found.gap + lost)
+
+    def _plan_by_limits(
+        self, scene: Scene, under_way: PiecewisePolynomial | None, starts: int, seed: int
+    ) -> Plan:
+        """Plan a scene that is feasible, of arms and forearms with those alone clear of bodies that
+        are planned to be."""
+        task = scene.task
+        if isinstance(task, OnPath):
+            return planned_on_path(scene, task, self.optimiser.tolerance, self.journal.mesh)
+        if isinstance(task, MovingEnds):
+            return _resolvable(self._plan_moving(scene, under_way))
+        if task.gates:
+            return _resolvable(_or_raise(self._until_good(scene, through_gates(scene))))
+        past_bodies = limits_of(scene).constraints.has_convex
+        if starts > 1:
+            return self._from_starts(scene, starts, seed)
+        return self._past_bodies(scene) if past_bodies else self._by_merit(scene)
+
+    # The loop
+
+    def make(self, attempts: Iterator[Attempt], so_far: Outcomes) -> None:
+        """Make all attempts of a source, which sees what came of those before."""
+        for attempt in attempts:
+            so_far.add(self.remedied(attempt))
+            if self.journal.is_spent:
+                self.journal.note(f"no more attempts after {self.journal.solves} meshes")
+                return
+
+    def remedied(self, attempt: Attempt) -> Plan | DeltaOptError:
+        """What comes of an attempt and of the remedies that may help after it: the best plan, or
+        the first error."""
+        first = outcome = self.made(attempt)
+        for remedy in REMEDIES:
+            if not remedy.helps(self.optimiser, attempt, outcome):
+                continue
+            for changed in remedy.changed(attempt):
+                attempt, outcome = changed, better(outcome, self.made(changed))
+                if not remedy.helps(self.optimiser, attempt, outcome):
+                    break
+        return outcome if isinstance(outcome, Plan) else first
+
+    def made(self, attempt: Attempt) -> Plan | DeltaOptError:
+        """What comes of an attempt alone."""
+        self.journal.begin(attempt.proposal, str(attempt))
+        try:
+            found = self.optimiser.plan(attempt, self.journal.mesh)
+        except ENDS_AN_ATTEMPT as error:
+            self.journal.end(str(error))
+            return error
+        self.journal.end(f"{found.duration:.6g} s, gap {found.gap:.1e}", found.duration)
+        return found
+
+    def on_first_mesh(self, attempt: Attempt) -> Trajectory:
+        """The motion that is best on the first mesh of an attempt. Raises what ends an attempt."""
+        self.journal.begin(attempt.proposal, f"{attempt}, the first mesh alone")
+        try:
+            found = self.optimiser.on_first_mesh(attempt)
+        except ENDS_AN_ATTEMPT as error:
+            self.journal.end(str(error))
+            raise
+        self.journal.mesh(f"{found.duration:.6g} s")
+        self.journal.end(f"about {found.duration:.4g} s", found.duration)
+        return found
+
+    @property
+    def _good_gap(self) -> float:
+        """Gap up to which a plan is good enough; above it planning starts again from another first
+        motion."""
+        tolerance = self.optimiser.tolerance
+        return tolerance if tolerance >= _USUAL else _ANOTHER_WAY_ABOVE
+
+    @property
+    def _first(self) -> FirstMeshes:
+        return FirstMeshes(self.optimiser.intervals, self.optimiser.accuracy)
+
+    def _outcomes(self, scene: Scene) -> Outcomes:
+        return Outcomes(scene, inf if has_time_to_wait(scene) else self._good_gap)
+
+    # Sources of first motions, by the kind of scene
+
+    def _by_merit(self, scene: Scene) -> Plan:
+        """From first motions in order of merit. Raises Unreachable if there is none, NotConverged
+        if none leads to a plan."""
+        so_far = self._outcomes(scene)
+        self.make(by_merit(so_far, self._first), so_far)
+        return so_far.best()
+
+    def _until_good(self, scene: Scene, proposals: Iterator[Proposal]) -> Plan | DeltaOptError:
+        """From first motions in phases or where an end moves: the best plan, or the first error."""
+        so_far = Outcomes(scene, self._good_gap)
+        self.make(until_good(so_far, self._first, proposals), so_far)
+        if so_far.plans:
+            return so_far.best_known()
+        none = Infeasible("no simple motion through all given points stays within reach")
+        return not_met(scene, so_far.tried, so_far.failures[0]) if so_far.failures else none
+
+    def _from_starts(self, scene: Scene, starts: int, seed: int) -> Plan:
+        """From so many first motions, with all local minima. Raises the first error if none leads
+        to a plan."""
+        motions, so_far = first_motions(scene, starts, seed), self._outcomes(scene)
+        if limits_of(scene).constraints.has_convex:
+            motions = clear_motions(scene, motions, starts)
+        self.make(all_of(so_far, self._first, numbered(motions, starts)), so_far)
+        return so_far.best_known()
+
+    def _from(self, attempt: Attempt) -> Plan:
+        """From one attempt. Raises what ends it."""
+        so_far = Outcomes(attempt.scene, self._good_gap)
+        self.make(iter([attempt]), so_far)
+        return so_far.best()
+
+    def _plan_moving(self, scene: Scene, under_way: PiecewisePolynomial | None) -> Plan:
+        """Plan the fastest motion where an end moves, from the first guess that leads to one."""
+        if scene.task.gates:
+            found = self._until_good(scene, through_gates(scene))
+        else:
+            found = self._moving_past_bodies(scene) or self._until_good(
+                scene, first_moving_motions(scene, under_way)
+            )
+        found = self._onto_belt(scene, found)
+        if under_way is None:
+            return _or_raise(found)
+        finished = finished_first(
+            scene,
+            under_way,
+            found if isinstance(found, Plan) else None,
+            self.optimiser.tolerance,
+            planned=lambda rest: self._plan_by_limits(rest, None, 1, 1),
+            roughly=self._roughly,
+        )
+        return _or_raise(finished or found)
+
+    def _onto_belt(self, scene: Scene, found: Plan | DeltaOptError) -> Plan | DeltaOptError:
+        """What was ``found``, if it is good enough or no goal on a belt is met from rest; otherwise
+        the better of it and a plan by way of places that the belt passes."""
+        if isinstance(found, Plan) and found.gap <= self._good_gap:
+            return found
+
+        def planned(passed: Scene) -> Plan | DeltaOptError:
+            return self._until_good(passed, first_moving_motions(passed, None))
+
+        places = PlacesOnBelt.of(scene, planned)
+        if places is None:
+            return found
+        self.journal.note("once more, by way of places that the belt passes:")
+        waiting = (Proposal("waiting, then to a place on the belt", m) for m in places.motions())
+        other = self._until_good(scene, waiting)
+        if isinstance(found, Plan):
+            return quicker(found, other) if isinstance(other, Plan) else found
+        return other if isinstance(other, Plan) else places.told(found)
+
+    def _roughly(self, scene: Scene) -> float:
+        """The duration of the motion on the first mesh of a scene from rest to rest, as if there
+        were neither bodies nor via points, s; 0 where none is found."""
+        scene = scene.model_copy(update={"keep_out": None, "planned_links": (), "via": None})
+
+        def on_first_mesh() -> float:
+            first = self._first
+            attempt = Attempt(scene, first_motion(scene), first.intervals, first.accuracy)
+            return self.on_first_mesh(attempt).duration
+
+        return if_possible(NO_PLAN, on_first_mesh) or 0.0
+
+    # Past bodies
+
+    def _past_bodies(self, scene: Scene) -> Plan:
+        """Plan past keep-out bodies: as if there were none, where that motion is clear of all;
+        otherwise the best plan of the ways that are found, with all of these.
+
+        Raises Infeasible where there is no way, and NotConverged where none leads to a plan.
+        """
+        motion: Trajectory | None = None
+        try:
+            without = {"keep_out": None, "planned_links": ()}
+            free = self._by_merit(scene.model_copy(update=without))
+            motion = free.trajectory
+            if is_clear(scene, motion):
+                return replace(free, scene=scene, ways=(TakenWay(CLEAR, free.duration, True),))
+            self.journal.note("that motion runs into bodies; ways past them:")
+        except ENDS_AN_ATTEMPT as error:
+            self.journal.note(str(error))
+        if scene.tube is not None:  # no way around a body but in it
+            return self._by_merit(scene)
+
+        try:
+            found, taken = self._fastest_way(scene, first_motion(scene), motion, NEARLY)
+        except ENDS_AN_ATTEMPT as error:
+            found = self._through_passages(scene, error)
+            taken = (TakenWay(name_of_way(scene, found.trajectory), found.duration, True),)
+        return replace(found, scene=scene, ways=taken)
+
+    def _moving_past_bodies(self, scene: Scene) -> Plan | None:
+        """The best plan of the ways past keep-out bodies where an end moves; None where none is in
+        the way, or none leads to a plan."""
+        first = from_state_to_state(scene) if limits_of(scene).constraints.has_convex else None
+        if first is None or is_clear(scene, first):
+            return None
+        try:
+            found, taken = self._fastest_way(scene, first, None, self._good_gap)
+        except (Infeasible, *ENDS_AN_ATTEMPT) as error:  # other first motions may lead to a plan
+            self.journal.note(str(error))
+            return None
+        return replace(found, scene=scene, ways=taken)
+
+    def _fastest_way(
+        self, scene: Scene, first: Trajectory, free: Trajectory | None, enough: float
+    ) -> tuple[Plan, tuple[TakenWay, ...]]:
+        """The best plan of all ways past bodies from a first motion, and the ways."""
+        way = Attempt(scene, first, self._first.intervals, self._first.accuracy)
+        return fastest_way(way, free, self._from, self.on_first_mesh, enough)
+
+    def _through_passages(self, scene: Scene, error: DeltaOptError) -> Plan:
+        """Plan along short paths of straight lines past bodies, where no mesh finds its way: near
+        their corners, or on a path itself.
+
+        Through a passage of a few millimetres a solution on a mesh may lead through a wall between
+        two of its points, and never come back. Where that is so from the best motion along these
+        lines too, it is not known how much faster another one is: the gap is infinite. Raises the
+        error where there is no motion along them.
+        """
+        usual = isinstance(scene.objective, Time) and not scene.planned_links and scene.tube is None
+        usual = usual and isinstance(self.optimiser.problem_formulation, Flat)
+        found = list[Plan]()
+        for corners in islice(paths_of_lines(scene), _PATHS) if usual else ():
+            self.journal.note("near the corners of a path of straight lines:")
+            for gates in (near_corners(scene, corners), through_corners(scene, corners)):
+                through = if_possible(NO_PLAN, self.plan, gates)
+                if through is not None and is_clear(scene, through.trajectory):
+                    found.append(through)
+            timed = fastest_along(scene, corners, self.optimiser.tolerance)
+            if timed is not None:
+                self.journal.note(f"on that path: {timed.trajectory.duration:.6g} s")
+                found.append(plan_of(scene, timed, self.optimiser.tolerance))
+        if not found:
+            raise error
+        found = [
+            replace(each, scene=scene, gap=inf, certificate=None, multipliers=None)
+            for each in sorted(found, key=_duration)
+        ]
+        improved = (self._improved(scene, each) for each in found)
+        known = next((each for each in improved if isfinite(each.gap)), found[0])
+        return min(found[0], known, key=_duration)
+
+    def _improved(self, scene: Scene, found: Plan) -> Plan:
+        """A plan that begins with the motion of another, on the mesh of that, as often as this
+        makes it better; the other one where that is not possible. A mesh whose knots are where
+        bodies are passed closely does not lead through them."""
+        for _ in range(_IMPROVED):
+            better = self.made(
+                Attempt(
+                    scene,
+                    found.trajectory,
+                    len(found.trajectory.knots) - 1,
+                    self.optimiser.accuracy,
+                    "that motion, on its mesh",
+                    is_near=True,
+                    on_its_mesh=True,
+                    may_be_softer=False,
+                )
+            )
+            if not isinstance(better, Plan):
+                break
+            shorter = better.duration < (1 - _SHORTER) * found.duration
+            if not shorter and (better.duration > found.duration or better.gap >= found.gap):
+                break
+            if not is_clear(scene, better.trajectory):
+                break
+            found = better
+            if found.gap <= self._good_gap:
+                break
+        return found
+
+
+def _duration(plan: Plan) -> float:
+    return plan.duration
+
+
+def _resolvable(found: Plan) -> Plan:
+    """The plan itself; raises Infeasible where its motion is too short for double precision."""
+    way = found.trajectory.extent
+    if way < _SHORTEST_WAY:
+        raise Infeasible(
+            f"the motion is {way:.1e} m long, which coordinates in double precision cannot "
+            f"resolve; at least {_SHORTEST_WAY:g} m are needed"
+        )
+    return found
+
+
+def _or_raise(found: Plan | DeltaOptError) -> Plan:
+    """The plan that is found; raises the error that is found instead of one."""
+    if isinstance(found, Plan):
+        return found
+    raise found

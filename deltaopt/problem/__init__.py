@@ -1,0 +1,1 @@
+"""What is optimised: a scene is compiled into a problem, once."""

@@ -1,0 +1,43 @@
+"""From a scene to the problem that it states: the one place that knows both."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+from deltaopt.problem.boundary import Boundary
+from deltaopt.problem.problem import Objective, Problem
+from deltaopt.robot.model import delta_model
+from deltaopt.scene.scene import Scene, limits_of
+from deltaopt.scene.task import EndState, Goal, MovingPoint, Task
+
+
+@lru_cache(maxsize=256)
+def problem_of(scene: Scene) -> Problem:
+    """The problem that a scene states.
+
+    Raises SceneError for a payload that varies where a limit is not known to hold between both ends
+    of its range.
+    """
+    by_time, by_effort = scene.objective.weights
+    return Problem(
+        model=delta_model(scene.robot, scene.payload),
+        limits=limits_of(scene),
+        boundaries=boundaries_of(scene.task),
+        objective=Objective(by_time, by_effort, scene.objective.given_duration),
+        least_duration=scene.least_duration,
+    )
+
+
+def boundaries_of(task: Task) -> tuple[Boundary, ...]:
+    """What a task asks for at its start, where its phases meet, and at its goal."""
+    start, goal = task.start, task.goal
+    gates = (Boundary.passed(gate.place, gate.within) for gate in task.gates)
+    return Boundary(start.position, start.velocity), *gates, _boundary(goal)
+
+
+def _boundary(goal: Goal) -> Boundary:
+    if isinstance(goal, MovingPoint):
+        return Boundary.met(goal.position, goal.velocity)
+    if isinstance(goal, EndState):
+        return Boundary(goal.position, goal.velocity)
+    return Boundary.rest_anywhere()

@@ -1,0 +1,80 @@
+"""A problem: what is optimised, whatever scene it comes from.
+
+Solvers, meshes, slowing and gaps know the problem, and no scene, key or task.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import dist
+
+from deltaopt.limits.constraints import SceneLimits
+from deltaopt.problem.boundary import Boundary
+from deltaopt.robot.model import DeltaModel, delta_model
+from deltaopt.robot.robot import Robot
+
+
+@dataclass(frozen=True)
+class Objective:
+    """What is least: ``time`` · T + ``effort`` · ∫ τᵀτ dt, the weight ``effort`` in 1/(N²m²), or
+    the effort alone in a given ``duration``, s."""
+
+    time: float = 1.0
+    effort: float = 0.0
+    duration: float | None = None
+
+    @property
+    def unit(self) -> str:
+        """Of the cost: that of the effort where it is least alone, otherwise that of time."""
+        return "s" if self.time else "N²m²s"
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """What is optimised: a motion in phases between boundaries, under limits, at least cost.
+
+    ``model``: of the robot with its payload. ``limits``: quantities of the motion with their
+    bounds. ``boundaries``: one more than there are phases. ``objective``: what is least.
+    ``least_duration``: that the motion takes at least, s, whatever its limits are.
+    """
+
+    model: DeltaModel
+    limits: SceneLimits
+    boundaries: tuple[Boundary, ...]
+    objective: Objective = Objective()
+    least_duration: float = 0.0
+
+    @property
+    def start(self) -> Boundary:
+        """Where the motion begins."""
+        return self.boundaries[0]
+
+    @property
+    def goal(self) -> Boundary:
+        """Where it ends."""
+        return self.boundaries[-1]
+
+    @property
+    def gates(self) -> tuple[Boundary, ...]:
+        """Where its phases meet."""
+        return self.boundaries[1:-1]
+
+    @property
+    def is_at_rest(self) -> bool:
+        """Whether the motion is at rest at both ends, at places that are known, so that slowed
+        uniformly it still solves the problem."""
+        return self.start.is_rest_at_a_point and self.goal.is_rest_at_a_point
+
+    @property
+    def distance(self) -> float:
+        """The straight distance from start to goal, m, where both are known."""
+        return dist(self.goal.position, self.start.position)
+
+    def of(self, robot: Robot) -> Problem:
+        """The problem of another robot of the same size with the same limits."""
+        return replace(self, model=delta_model(robot, self.model.payload))
+
+    def only(self, kept: tuple[int, ...]) -> Problem:
+        """The problem with some of its items of limits alone, by their indices."""
+        limits = self.limits.only(kept)
+        return self if limits is self.limits else replace(self, limits=limits)

@@ -1,0 +1,56 @@
+"""What is told of a plan at a terminal, to machines, in files and on a page is the same."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+from html import unescape
+from math import inf
+from pathlib import Path
+
+import pytest
+
+import deltaopt
+from deltaopt.cli import main
+from deltaopt.output.facts import Facts
+from deltaopt.output.plan_files import content
+
+PROBLEMS = Path(__file__).parents[2] / "problems"
+FILE = str(PROBLEMS / "industrial_drive.yaml")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    return tmp_path_factory.mktemp("told")
+
+
+def test_all_tell_the_same(folder, capsys):
+    assert main(["plan", FILE, "-o", str(folder), "--no-plot", "--report"]) == 0
+    said = capsys.readouterr().out
+    assert main(["plan", FILE, "-o", str(folder), "--no-plot", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    record = json.loads((folder / "plan.json").read_text(encoding="utf-8"))
+    page = unescape((folder / "report.html").read_text(encoding="utf-8"))
+    shared = ("duration", "gap", "tolerance", "ways", "active_limits", "verification")
+    assert {name: told[name] for name in shared} == {name: record[name] for name in shared}
+    duration, gap = record["duration"], record["gap"]
+    assert f"duration {duration:.6f} s" in said
+    assert f"<h1>{duration:.3f} s" in page
+    assert f"at most {gap:.1e} longer" in said
+    assert f"at most {100 * gap:.2g} % above" in page
+    sentences = re.findall(r"^  (.* is at its limit .*)$", said, re.M)
+    assert sentences
+    for sentence, active in zip(sentences, record["active_limits"], strict=False):
+        assert f"{100 * active['share_of_time']:.0f} % of the time" in sentence
+        assert f"{sentence[0].upper()}{sentence[1:]}." in page
+    for motor in record["verification"]["duty"]["motors"]:
+        assert f"{motor['rms_torque']:>10.4g}" in said
+        assert f"<td>{motor['rms_torque']:.4g}</td>" in page
+
+
+def test_a_gap_that_is_not_known_is_null():
+    scene = deltaopt.load_scene(PROBLEMS / "pick_and_place.yaml")
+    plan = replace(deltaopt.plan(scene), gap=inf)
+    found = content(Facts(scene, plan.trajectory, plan, deltaopt.verify(scene, plan.trajectory)))
+    assert json.loads(json.dumps(found, allow_nan=False))["gap"] is None
