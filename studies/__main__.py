@@ -8,6 +8,7 @@ on behind the last that was done, and --into docs copies each chart as soon as i
 from __future__ import annotations
 
 import argparse
+import shutil
 import sys
 import traceback
 from collections.abc import Mapping
@@ -18,25 +19,19 @@ from typing import Protocol
 from deltaopt.cli import Command, Parser, describe, exit_code
 from deltaopt.cli.streams import print_any_text
 from studies import (
-    agreement,
     attack,
-    basin,
     bench,
-    benchmarks,
     bodies,
-    charts,
-    claims,
     conventions,
     cycle,
     damage,
-    driven,
+    edge,
     first_motions,
     frontier,
     frozen,
     gap,
     given_paths,
     interruptions,
-    interrupts,
     inverse,
     keep_out,
     limits,
@@ -47,20 +42,17 @@ from studies import (
     multistart,
     mutations,
     objectives,
-    open_loop,
     processors,
     proportions,
     reference,
     sanitize,
-    scaling,
-    stability,
     tables,
-    tilt,
-    tolerances,
     tutorial,
     via,
 )
-from studies.charts import copy_charts
+from studies.problems import PROBLEMS
+
+DOCS = PROBLEMS.parent / "docs"
 
 
 class Study(Command, Protocol):
@@ -76,25 +68,19 @@ class Study(Command, Protocol):
 
 
 STUDIES: dict[str, Study] = {
-    "agreement": agreement,
     "attack": attack,
-    "basin": basin,
     "bench": bench,
-    "benchmarks": benchmarks,
-    "charts": charts,
-    "claims": claims,
     "bodies": bodies,
     "conventions": conventions,
     "cycle": cycle,
     "damage": damage,
-    "driven": driven,
+    "edge": edge,
     "first_motions": first_motions,
     "frontier": frontier,
     "frozen": frozen,
     "gap": gap,
     "given_paths": given_paths,
     "interruptions": interruptions,
-    "interrupts": interrupts,
     "inverse": inverse,
     "keep_out": keep_out,
     "limits": limits,
@@ -105,16 +91,11 @@ STUDIES: dict[str, Study] = {
     "multistart": multistart,
     "mutations": mutations,
     "objectives": objectives,
-    "open_loop": open_loop,
     "processors": processors,
     "proportions": proportions,
     "reference": reference,
     "sanitize": sanitize,
-    "scaling": scaling,
-    "stability": stability,
     "tables": tables,
-    "tilt": tilt,
-    "tolerances": tolerances,
     "tutorial": tutorial,
     "via": via,
 }
@@ -142,12 +123,18 @@ def _all(parser: argparse.ArgumentParser, names: list[str], arguments: argparse.
         print(f"\n=== {name} ===", flush=True)
         begin = perf_counter()
         code = _unattended(parser.parse_args([name]))
-        copied = copy_charts(name, arguments.into) if arguments.into and code == 0 else []
+        copied = _copied(name, arguments.into) if arguments.into and code == 0 else []
         drawn = "".join(f", {file}" for file in copied)
         told.append(f"{name}: {perf_counter() - begin:.0f} s, exit code {code}{drawn}")
         worst = max(worst, code)
     print("", *told, sep="\n")
     return worst
+
+
+def _copied(study: str, into: Path) -> list[Path]:
+    """Copy the pictures of docs/ that a study has drawn; return the copies."""
+    drawn = sorted((Path("out") / study).glob("*.png"))
+    return [Path(shutil.copy(file, into)) for file in drawn if (DOCS / file.name).exists()]
 
 
 def _unattended(arguments: argparse.Namespace) -> int:

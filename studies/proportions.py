@@ -30,8 +30,8 @@ from deltaopt.mechanisms.delta.mechanism import MOTOR_ANGLES, DeltaTerms, delta
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.robot.model import DeltaModel, delta_parameters
 from studies.gap_moves import Move, move_of_random_robot
+from studies.models.singularities import Functions
 from studies.problems import add_directory
-from studies.stability.singularities import Functions
 from studies.text_table import paragraph, table
 
 HELP = "robots of random proportions: accuracy of the models, success of plans"

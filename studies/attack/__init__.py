@@ -28,7 +28,7 @@ from studies.problems import add_directory
 from studies.text_table import table
 
 HELP = "hostile input of many kinds: nothing wrong, no traceback, no hang"
-SMALL = {"number": 2, "kinds": ("values", "texts", "units", "options")}
+SMALL = {"number": 2, "kinds": ("motions",)}
 _CHEAPER = 3
 """How many times fewer attempts there are of kinds that compile or plan much."""
 

@@ -19,7 +19,6 @@ from deltaopt.mechanisms.delta.mechanism import DeltaParameters, delta
 from deltaopt.scene.scene import LIMITS
 from studies.attack.attempts import Attempt, Generator, Kind
 from studies.attack.checks import Array, Loads, loads, sampled
-from studies.attack.scene_files import Content
 from studies.problems import ORSINO, PROBLEMS
 
 _STRENGTH, _AT_REST, _WAY = 4e4, -0.138, 0.138
@@ -122,7 +121,7 @@ def own_limits(rng: Generator) -> Attempt:
         for module in ("deltaopt.scene.scene", "deltaopt.verify.verification"):
             vars(import_module(module))["LIMITS"] = (*LIMITS, limit)
         robot = deltaopt.load_robot(PROBLEMS / "robots" / "rl5.yaml")
-        ends: Content = {"start": (1.0, -y, 0.0), "goal": (1.0, y, 0.0)}
+        ends: dict[str, Any] = {"start": (1.0, -y, 0.0), "goal": (1.0, y, 0.0)}
         scene = deltaopt.Scene(robot=robot, **ends | {"payload": (0.0, heaviest)})
         try:
             plan = deltaopt.plan(scene)

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from studies.attack import additions, commands, data_files, motions, python_calls, scene_files
+from studies.attack import additions, exports, motions
 from studies.attack.attempts import Kind
 
 KINDS: dict[str, Kind] = {
-    **scene_files.KINDS,
-    **data_files.KINDS,
-    **commands.KINDS,
-    **python_calls.KINDS,
     **motions.KINDS,
+    **exports.KINDS,
     **additions.KINDS,
 }
-COSTLY = frozenset({"own_limits", "own_terms", "caches"})
+COSTLY = frozenset({"own_limits", "own_terms"})
 """Kinds of which there are fewer attempts."""

@@ -2,7 +2,7 @@
 
 Torques and accelerations of the paper's Delta from a regular state to 1e-12 before its two kinds of
 singularity, against fifty digits; operations, counted, and nanoseconds, interpreted and compiled.
-Draws models.png, writes models.csv.
+Draws which_model.png, writes models.csv.
 """
 
 from __future__ import annotations
@@ -42,5 +42,5 @@ def run(arguments: argparse.Namespace) -> int:
     print(table_of(found), condition_table(found), verdict(found), sep="\n\n")
     with atomic_write(a.directory / "models.csv") as temporary:
         temporary.write_text(csv_of(found), encoding="utf-8")
-    draw(found, a.directory / "models.png")
+    draw(found, a.directory / "which_model.png")
     return 0

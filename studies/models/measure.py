@@ -20,8 +20,8 @@ from deltaopt.compare.dynamics.timing import Run, interleaved
 from deltaopt.dynamics.constraint_matrix import Partition
 from deltaopt.dynamics.mechanism import Mechanism
 from deltaopt.mechanisms.delta.mechanism import delta
-from studies.stability import singularities as s
-from studies.stability.families import delta_families
+from studies.models import singularities as s
+from studies.models.families import delta_families
 from studies.text_table import csv, paragraph, table
 
 FAMILIES = {"stretched": "arm and bars in line", "coplanar": "bars in one plane"}

@@ -103,14 +103,14 @@ def test_rows_are_kept(tmp_path, capsys):
     lines = file.read_text(encoding="utf-8").splitlines()
     with file.open(encoding="utf-8", newline="") as opened:
         made = list(csv.DictReader(opened))
-    file.write_text("\n".join(lines[:5]) + "\n", encoding="utf-8")
+    file.write_text("\n".join(lines[:2]) + "\n", encoding="utf-8")
     assert main(words) == 0
     with file.open(encoding="utf-8", newline="") as opened:
         again = {(row["kind"], row["number"]): row["told"] for row in csv.DictReader(opened)}
     assert again == {(row["kind"], row["number"]): row["told"] for row in made}
     capsys.readouterr()
-    assert main(["attack", "--only", "units:1", "--seed", "3"]) == 0
-    assert next(row["told"] for row in made if row["number"] == "1" and row["kind"] == "units") in (
-        capsys.readouterr().out
-    )
-    assert main(["attack", "--only", "units"]) == 2
+    assert main(["attack", "--only", "motions:1", "--seed", "3"]) == 0
+    assert next(
+        row["told"] for row in made if row["number"] == "1" and row["kind"] == "motions"
+    ) in (capsys.readouterr().out)
+    assert main(["attack", "--only", "motions"]) == 2

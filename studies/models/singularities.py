@@ -16,33 +16,19 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from deltaopt.compare.dynamics.many_digits import ManyDigits, Matrix
 from deltaopt.compare.dynamics.samples import rounded
 from deltaopt.compare.dynamics.tasks import Array, ForwardDynamics, InverseDynamics, Task
 from deltaopt.dynamics.constraint_matrix import ClosedForm, NullSpace, Partition
 from deltaopt.dynamics.formulation import Formulation
-from deltaopt.dynamics.kane import Kane
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.dynamics.mechanism import Mechanism
 from deltaopt.dynamics.virtual_work import VirtualWork
-from studies.stability.families import (
-    Family,
-    Maker,
-    Motion,
-    delta_families,
-    pendulum_families,
-)
-
-Progress = Callable[[float, str], None]
+from studies.models.families import Family, Maker, Motion
 
 DISTANCES = (*(10.0**-k for k in range(1, 15)), 0.0)
 """ε, at last the singularity itself."""
-SLOPE_ERRORS = (1e-14, 1e-1)
-"""Errors between which a slope is fitted."""
-LOST = 1e-9
-"""Relative error from which on a method counts as failed."""
 
 
 @dataclass(frozen=True)
@@ -73,58 +59,17 @@ class Method:
 
 
 METHODS = (
-    *(
-        Method(model, variant, of)
-        for model, kind in (("K, virtual work", VirtualWork), ("K, Kane", Kane), ("L_E", Explicit))
-        for variant, of in (
-            ("closed form", lambda J0, J, kind=kind: kind(ClosedForm())),
-            ("partition", lambda J0, J, kind=kind: kind(Partition.pivoted(J0))),
-            ("partition there", lambda J0, J, kind=kind: kind(Partition.pivoted(J))),
-            ("null space", lambda J0, J, kind=kind: kind(NullSpace())),
-        )
-    ),
+    Method("L_E", "closed form", lambda J0, J: Explicit(ClosedForm())),
+    Method("K, virtual work", "partition", lambda J0, J: VirtualWork(Partition.pivoted(J0))),
+    Method("L_E", "null space", lambda J0, J: Explicit(NullSpace())),
     Method("L_I", "sparse QR", lambda J0, J: Multiplier()),
     Method("L_I", "LAPACK LU", lambda J0, J: Multiplier(lapack_lu)),
 )
-"""Each formulation with each constraint matrix or linear solver."""
 
 
 def lapack_lu(A: ca.MX, b: ca.MX) -> ca.MX:
     """Return x with A x = b, by LU with partial pivoting."""
     return ca.solve(A, b, "lapacklu")
-
-
-@dataclass(frozen=True)
-class Curve:
-    """Relative ``errors`` at the ``DISTANCES``; not a number where nothing was returned."""
-
-    family: str
-    problem: str
-    model: str
-    variant: str
-    errors: Array
-
-    @property
-    def slope(self) -> float:
-        """Return the power of ε that the error follows; NaN where it never grows beyond
-        rounding."""
-        e = np.array(DISTANCES)
-        low, high = SLOPE_ERRORS
-        fit = (e > 0) & (self.errors > low) & (self.errors < high)
-        if fit.sum() < 3 or np.ptp(np.log10(self.errors[fit])) < 1:
-            return float("nan")
-        return float(np.polyfit(np.log(e[fit]), np.log(self.errors[fit]), 1)[0])
-
-    @property
-    def lost_at(self) -> float:
-        """Return the largest ε at which the error exceeds ``LOST`` or there is no result; NaN if
-        none."""
-        return _first(~(self.errors <= LOST))
-
-    @property
-    def silent_at(self) -> float:
-        """Return the largest ε at which there is no result; NaN if there is always one."""
-        return _first(np.isnan(self.errors))
 
 
 @dataclass(frozen=True)
@@ -134,57 +79,6 @@ class Conditions:
     family: str
     matrix: str
     numbers: Array
-
-
-@dataclass(frozen=True)
-class Singularities:
-    """All curves. ``floors``: what rounding the state alone makes, as curves of no method."""
-
-    families: list[Family]
-    curves: list[Curve]
-    floors: list[Curve]
-    conditions: list[Conditions]
-    digits: int
-
-    def curve(self, family: str, problem: str, model: str, variant: str) -> Curve:
-        wanted = (family, problem, model, variant)
-        found = [*self.curves, *self.floors]
-        return next(c for c in found if (c.family, c.problem, c.model, c.variant) == wanted)
-
-
-def measure(
-    progress: Progress = lambda done, what: None, motions: int = 3, digits: int = 50
-) -> Singularities:
-    """Measure all methods at all problems on the way into every singularity; errors are the
-    median over so many random ``motions`` at each state."""
-    exact, groups = ManyDigits(digits), (delta_families(), pendulum_families())
-    families = []
-    for group in groups:
-        functions = Functions(group[0].mechanism)
-        families += [(family, functions) for family in group]
-    curves, floors, conditions = [], [], []
-    for i, (family, functions) in enumerate(families):
-        progress(i / len(families), f"{family.name}: states in {digits} digits")
-        states = States.make(family, functions, exact, motions)
-        for j, problem in enumerate(PROBLEMS):
-            progress((i + (j + 1) / 4) / len(families), f"{family.name}: {problem.title}")
-            truth = Truth.of(states, problem, exact)
-            floors.append(
-                Curve(family.name, problem.name, "state", "rounding", truth.conditioning())
-            )
-            curves += [
-                Curve(
-                    family.name,
-                    problem.name,
-                    method.model,
-                    method.variant,
-                    truth.errors(states, problem, method),
-                )
-                for method in METHODS
-            ]
-        conditions += list(condition_numbers(states))
-    progress(1.0, "done")
-    return Singularities([f for f, _ in families], curves, floors, conditions, digits)
 
 
 class Functions:
@@ -348,7 +242,3 @@ def condition(A: Array) -> float:
     """Return the largest over the smallest singular value; infinite for a matrix that does not
     exist."""
     return float(np.linalg.cond(A)) if np.isfinite(A).all() else float("inf")
-
-
-def _first(failed: NDArray[np.bool]) -> float:
-    return DISTANCES[int(np.argmax(failed))] if failed.any() else float("nan")

@@ -5,6 +5,7 @@ Each must end in a plan that the verifier passes, or in an error that names the 
 
 from __future__ import annotations
 
+import argparse
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -13,8 +14,10 @@ from math import nan
 
 import numpy as np
 
+from deltaopt.cli.arguments import one_or_more
 from deltaopt.compare.dynamics.tasks import Array
 from deltaopt.errors import DeltaOptError
+from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.files.validated_record import Vector3
 from deltaopt.planning.planner import plan
 from deltaopt.robot.drive import Drive
@@ -22,7 +25,10 @@ from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import Forearm, Platform, Robot, UpperArm
 from deltaopt.scene.scene import Scene
 from deltaopt.verify.verification import verify
+from studies.text_table import paragraph, table
 
+HELP = "scenes where a planner may fail: a verified plan, or an error that names the cause"
+SMALL = {"every": 12}
 Progress = Callable[[float, str], None]
 
 TOLERANCE = 1e-2
@@ -267,3 +273,43 @@ def attempt(case: Case) -> Outcome:
         error="",
         sentence="; ".join(found.failures()),
     )
+
+
+def edge_table(study: Edge) -> str:
+    """Tabulate all scenes, errors by their kind."""
+    rows: list[tuple[str, ...]] = [("edge", "scene", "seconds", "duration, s", "gap", "")]
+    for o in study.outcomes:
+        numbers = ("-", "-") if o.error else (f"{o.duration:.4g}", f"{o.gap:.0e}")
+        end = o.error or ("verified" if o.verified else "WRONG")
+        rows.append((o.family, o.name, f"{o.seconds:.1f}", *numbers, end))
+    return table(rows)
+
+
+def verdict(study: Edge) -> str:
+    """Say how many ended how, and what fell short of the tolerance."""
+    plans = [o for o in study.outcomes if o.verified]
+    refused = [o for o in study.outcomes if o.error]
+    kinds = sorted({o.error for o in refused})
+    counts = ", ".join(f"{sum(o.error == kind for o in refused)} {kind}" for kind in kinds)
+    short = [f"{o.family}: {o.name}, gap {o.gap:.2f}" for o in plans if o.gap > TOLERANCE]
+    slowest = max(study.outcomes, key=lambda o: o.seconds)
+    return paragraph(
+        f"Of {len(study.outcomes)} scenes at the edge {len(plans)} end in a plan that the verifier"
+        f" passes and {len(refused)} in an error that names the cause ({counts});"
+        f" {sum(not o.safe for o in study.outcomes)} end in anything else.",
+        f"The longest takes {slowest.seconds:.0f} s ({slowest.family}: {slowest.name}).",
+        f"Of the plans {len(short)} miss the tolerance of {TOLERANCE:g} and say so:"
+        f" {'; '.join(short) or 'none'}.",
+    )
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--every", type=one_or_more, default=1, metavar="N", help="plan each N-th scene only (1)"
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    found = measure(ProgressBar(), arguments.every)
+    print(edge_table(found), verdict(found), sep="\n\n")
+    return int(not all(outcome.safe for outcome in found.outcomes))

@@ -1,9 +1,8 @@
-"""Where methods fail: slopes, singular states, redundant constraints, what the model refuses."""
+"""Where methods fail: singular states, redundant constraints, what the model refuses."""
 
 from __future__ import annotations
 
 import pickle
-from dataclasses import replace
 from pathlib import Path
 
 import casadi as ca
@@ -27,13 +26,9 @@ from deltaopt.errors import Singular, Singularity
 from deltaopt.mechanisms.delta.mechanism import MOTOR_ANGLES, delta
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import load_robot
-from studies.benchmarks.bricard import bricard, bricard_start
-from studies.benchmarks.four_bars import n_four_bar
-from studies.simulation import (
-    simulate,
-)
-from studies.stability import benchmarks, singularities
-from studies.stability.families import Family, Maker, delta_families, pendulum_families
+from studies.models import singularities
+from studies.models.families import Family, Maker, delta_families, pendulum_families
+from tests.dynamics.bricard import bricard, bricard_start
 
 FAMILIES = {f.name: f for f in [*delta_families(), *pendulum_families()]}
 EXACT = ManyDigits(50)
@@ -99,17 +94,6 @@ def test_closed_form_loses_digits_in_proportion_and_null_space_none(moving: bool
 @pytest.mark.parametrize("name", ["stretched", "sideways"])
 def test_motor_angles_keep_torques_at_serial_singularities(name: str, distance: float) -> None:
     assert error(VirtualWork(MOTOR_ANGLES), FAMILIES[name], distance, moving=True) < 1e-13
-
-
-def test_slopes_are_fitted_where_errors_grow() -> None:
-    distances = np.array(singularities.DISTANCES)
-    errors = np.where(distances > 0, 1e-15 / np.maximum(distances, 1e-30) ** 2, np.nan)
-    curve = singularities.Curve("f", "p", "m", "v", errors)
-    assert curve.slope == pytest.approx(-2)
-    assert curve.lost_at == 1e-4
-    assert curve.silent_at == 0.0
-    flat = replace(curve, errors=np.full(distances.shape, 1e-16))
-    assert np.isnan([flat.slope, flat.lost_at, flat.silent_at]).all()
 
 
 # What the model refuses, and what it still answers
@@ -254,55 +238,29 @@ def test_redundant_constraints_are_refused_by_matrices_that_need_full_rank(
         matrix.function(bricard())
 
 
-@pytest.mark.parametrize("formulation", [Explicit(RankRevealing(1)), Multiplier(LeastNorm(1e-8))])
-def test_bricard_keeps_its_energy(formulation: Explicit | Multiplier) -> None:
-    times = np.linspace(0, 0.5, 11)
-    motion = simulate(bricard(), formulation, *bricard_start(), times, tolerance=1e-8)
-    assert np.abs(motion.energy - motion.energy[0]).max() < 1e-5
-    assert np.abs(motion.position_drift).max() < 1e-14
-    assert np.abs(motion.q[-1] - motion.q[0]).max() > 0.2
-
-
-def four_bars_as_a_pendulum(times: np.ndarray) -> np.ndarray:
-    """Angle of the cranks from upright: 3 θ̈ = 3.5 g sin θ, three cranks, two couplers."""
-    x = ca.SX.sym("x", 2)
-    ode = {"x": x, "ode": ca.vertcat(x[1], 3.5 * 9.81 * ca.sin(x[0]) / 3)}
-    flow = ca.integrator("p", "rk", ode, 0.0, list(times[1:]), {"number_of_finite_elements": 4000})
-    return np.concatenate([[0.0], flow(x0=[0.0, 1.0])["xf"].full()[0]])
-
-
-@pytest.mark.parametrize("way", [benchmarks.WAYS[3], benchmarks.WAYS[-1]], ids=["K", "L_I"])
-def test_four_bars_pass_their_singularities_as_a_parallelogram(way: benchmarks.Way) -> None:
-    """Through the aligned position (θ = π/2) and back up again, on the right branch."""
-    b = benchmarks.benchmarks()[0]
-    times = np.linspace(0, 3.0, 61)
-    motion = simulate(
-        n_four_bar(),
-        way.formulation(b, np.zeros((5, 6)) + np.eye(5, 6)),
-        b.q0,
-        b.dq0,
-        times,
-        tolerance=1e-10,
+def test_formulations_for_redundant_constraints_keep_energy_and_constraints() -> None:
+    """On the way that both accelerations begin: f stays zero, and work is that of gravity alone."""
+    m, (q, _) = bricard(), bricard_start()
+    free = np.linalg.svd(ca.Function("J", [m.q], [ca.densify(m.J)])(q).full())[2][-1]
+    found = []
+    for formulation in (Explicit(RankRevealing(1)), Multiplier(LeastNorm(1e-8))):
+        accelerations = formulation.forward_dynamics(m)(0.0, q, 2 * free, [], [])
+        found.append(np.array(accelerations[0].full()).ravel())
+    np.testing.assert_allclose(found[0], found[1], atol=1e-9)
+    state = [m.q, m.dq, m.ddq]
+    rate = ca.Function("rate", state, [m.J @ m.ddq + m.J_bias])(q, 2 * free, found[0]).full()
+    assert np.abs(rate).max() < 1e-9
+    power = sum(
+        body.mass
+        * ca.dot(
+            ca.jtimes(body.position, m.q, m.dq),
+            ca.jtimes(ca.jtimes(body.position, m.q, m.dq), m.q, m.dq)
+            + ca.jtimes(body.position, m.q, m.ddq)
+            - m.gravity,
+        )
+        for body in m.bodies
     )
-    theta = four_bars_as_a_pendulum(times)
-    assert theta[-1] > 5  # past both aligned positions
-    expected = np.column_stack([np.sin(theta), np.cos(theta)])
-    for i in range(3):
-        np.testing.assert_allclose(motion.q[:, 2 * i : 2 * i + 2] - [i, 0], expected, atol=1e-5)
-    assert np.abs(motion.energy - motion.energy[0]).max() < b.bound / 1e4
-
-
-def test_attempts_become_phrases() -> None:
-    four, _, ring = benchmarks.benchmarks()
-    ways = {(w.model, w.variant): w for w in benchmarks.WAYS}
-    good = benchmarks.attempt(four, ways["L_E", "null space"], 0.2)
-    assert good.failure == ""
-    assert good.largest < 1e-6
-    assert "cannot be built" in benchmarks.attempt(four, ways["L_E", "closed form"], 0.2).failure
-    assert "stops: " in benchmarks.attempt(ring, ways["L_I", "sparse QR"], 0.1).failure
-    strict = replace(four, bound=1e-18)
-    failure = benchmarks.attempt(strict, ways["L_E", "null space"], 0.2).failure
-    assert "off by more than 1e-18 J from t = 0.0" in failure
+    assert abs(float(ca.Function("power", state, [power])(q, 2 * free, found[0]))) < 1e-9
 
 
 def test_task_space_torques_lose_digits_with_the_square_of_the_distance(model: DeltaModel) -> None:

@@ -1,4 +1,6 @@
-"""A04, Bricard's mechanism: a ring of six revolute joints that Grübler's formula says is rigid.
+"""Bricard's mechanism: a ring of six revolute joints that Grübler's formula says is rigid.
+
+A04 of the IFToMM library of computational benchmark problems.
 
 Natural coordinates: points and, where axes are not parallel, unit vectors along them.
 """
@@ -11,8 +13,7 @@ import casadi as ca
 import numpy as np
 
 from deltaopt.compare.dynamics.tasks import Array
-from deltaopt.dynamics.mechanism import SX, Mechanism
-from studies.benchmarks.four_bars import thin_rods, unit_length
+from deltaopt.dynamics.mechanism import SX, Body, Mechanism
 
 
 def bricard() -> Mechanism:
@@ -46,3 +47,17 @@ def bricard_start() -> tuple[Array, Array]:
     points = [(1, 0, 0), (1, -1, 0), (1, -1, 1), (0, -1, 1)]
     axes = [(0, 0, 1), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
     return np.ravel([*points, *axes]).astype(float), np.zeros(24)
+
+
+def unit_length(vector: SX) -> SX:
+    """Return what is zero if the vector has length 1."""
+    return (ca.sumsqr(vector) - 1) / 2
+
+
+def thin_rods(rods: list[tuple[SX, SX]]) -> tuple[Body, ...]:
+    """Return rods of 1 kg between two points each: m/6 at each end and 2 m/3 at the middle."""
+    return tuple(
+        Body(f"rod {i}", mass, place)
+        for i, (start, end) in enumerate(rods)
+        for mass, place in ((1 / 6, start), (2 / 3, (start + end) / 2), (1 / 6, end))
+    )
