@@ -19,7 +19,7 @@ from deltaopt.cli.arguments import load_fastest, one_or_more, seed
 from deltaopt.compare.dynamics.tasks import Array
 from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.robot.model import DeltaModel
+from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import given_points
 from studies.problems import PICK_AND_PLACE, PROBLEMS
@@ -102,7 +102,8 @@ def measure(
 def _of(name: str, scene: Scene, number: int, first: int, steps: int) -> list[Arrival]:
     trajectory = deltaopt.plan(scene).trajectory
     start, goal = given_points(scene.task)
-    model, way = trajectory.model, float(np.linalg.norm(np.subtract(goal, start)))
+    model = delta_model(scene.robot, scene.payload)
+    way = float(np.linalg.norm(np.subtract(goal, start)))
     random = np.random.default_rng(first)
     scales = 1 + random.uniform(-TORQUE, TORQUE, (number, 3))
 
@@ -116,7 +117,7 @@ def _of(name: str, scene: Scene, number: int, first: int, steps: int) -> list[Ar
         (f"table of {1e3 * TABLE:g} ms, held", model, _table(trajectory, linear=False)),
     ]
     if scene.payload:
-        other = (DeltaModel(scene.robot, scene.payload * k) for k in (1 + PAYLOAD, 1 - PAYLOAD))
+        other = (delta_model(scene.robot, scene.payload * k) for k in (1 + PAYLOAD, 1 - PAYLOAD))
         heavier, lighter = other
         cases.insert(2, (f"payload {PAYLOAD:.0%} heavier", heavier, exact))
         cases.insert(3, (f"payload {PAYLOAD:.0%} lighter", lighter, exact))

@@ -28,7 +28,7 @@ from deltaopt.errors import DeltaOptError
 from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.mechanisms.delta.singularities import parallel_margin, tilt_margin
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.robot.model import DeltaModel
+from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.scene import Scene
@@ -185,8 +185,9 @@ def passage_of(name: str, stratum: str, scene: Scene) -> Passage | None:
 def _along(motion: Trajectory) -> tuple[Array, Array]:
     """Distances from tilting, N, and forces of the bars, N × 3 × 2, N, along a motion."""
     instant = motion(np.linspace(0, motion.duration, INSTANTS))
-    tilt = distances(motion.model, instant.x)[:, 1]
-    return tilt, bar_forces(motion.model, instant.x, instant.v, instant.a)
+    model = delta_model(motion.model.robot, PAYLOAD)
+    tilt = distances(model, instant.x)[:, 1]
+    return tilt, bar_forces(model, instant.x, instant.v, instant.a)
 
 
 def approach_of(name: str, robot: Robot, rng: np.random.Generator) -> Approach:

@@ -26,7 +26,6 @@ from numpy.typing import NDArray
 
 from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
 from deltaopt.robot.model import DeltaModel, delta_model
-from deltaopt.robot.robot import Robot
 from deltaopt.robot.solids import Solid
 from deltaopt.scene.links import (
     BISECTIONS,
@@ -62,7 +61,7 @@ def least_rooms(scene: Scene, motion: Trajectory, enough: float = 0.0) -> Array:
     least = np.full((LINKS, len(bodies)), np.inf)
     parts, seen = _Parts.of(motion.position), 0
     for halving in range(_HALVINGS + 1):
-        lines = _lines(scene.robot, motion.model, parts)
+        lines = _lines(delta_model(scene.robot, motion.model.payload), parts)
         open_parts = np.zeros(len(parts.half), np.bool)
         for b, body in enumerate(bodies):
             now, bound = lines.rooms(body, kept)  # (parts, 6) each
@@ -84,7 +83,7 @@ def planned_distances(scene: Scene, x: Array, bisections: int = BISECTIONS) -> t
     """How far the lines of ``Scene.kept_links`` are from bodies with the tool's point at places
     (N, 3), m, (N, pairs), and the derivatives of that by the place, (N, pairs, 3). NaN out of
     reach. ``bisections``: of each line, for its nearest place."""
-    geometry = LinkGeometry.of(scene.robot, delta_model(scene.robot, scene.payload), x)
+    geometry = LinkGeometry.of(delta_model(scene.robot, scene.payload), x)
     distances = np.zeros((len(x), len(scene.kept_links)))
     slopes = np.zeros((*distances.shape, 3))
     begin, end = geometry.links
@@ -157,12 +156,13 @@ class _Lines:
         return distance - kept, bound - kept
 
 
-def _lines(robot: Robot, model: DeltaModel, parts: _Parts) -> _Lines:
+def _lines(model: DeltaModel, parts: _Parts) -> _Lines:
     """The lines of all links in the middles of parts, and what their ends do in these."""
+    robot = model.robot
     rate = parts.position.derivative()
     second = rate.derivative()
     x, v = (each.inside(parts.piece, parts.since) for each in (parts.position, rate))
-    geometry = LinkGeometry.of(robot, model, x)
+    geometry = LinkGeometry.of(model, x)
     speed, bend = parts.largest(rate)[:, None], parts.largest(second)[:, None]
     lever, half = np.abs(geometry.levers), parts.half[:, None]
     arm, forearm = robot.upper_arm.length, robot.forearm.length

@@ -25,8 +25,8 @@ import numpy as np
 
 from deltaopt.mechanisms.delta.mechanism import AZIMUTHS
 from deltaopt.motion.trajectory import Array, Trajectory
-from deltaopt.robot.model import DeltaModel
-from deltaopt.robot.robot import Robot
+from deltaopt.robot.machine import Model
+from deltaopt.robot.robot import Robot, as_delta
 from deltaopt.robot.solids import Convex
 from deltaopt.scene.bodies import sums
 from deltaopt.scene.scene import Scene
@@ -44,11 +44,12 @@ _GOLDEN = (5**0.5 - 1) / 2
 def robot_clearance(scene: Scene, trajectory: Trajectory) -> float | None:
     """The least distance of arms and forearms from the bodies of a scene, m, negative inside of
     one, by samples; None if there are no bodies."""
-    if scene.keep_out is None:
+    if scene.keep_out is None or not scene.robot.has_links:
         return None
+    robot = as_delta(scene.robot)
     motion = trajectory.inside_intervals(_FRACTIONS)
-    begins, ends = _lines(scene.robot, motion.x, motion.theta)
-    radii = np.repeat(_radii(scene.robot), len(motion.x))
+    begins, ends = _lines(robot, motion.x, motion.theta)
+    radii = np.repeat(_radii(robot), len(motion.x))
     return min(float((_least(b, begins, ends) - radii).min()) for b in _bodies(scene))
 
 
@@ -57,9 +58,10 @@ def sure_robot_clearance(scene: Scene, trajectory: Trajectory) -> float:
     asks for, and otherwise a bound that no instant falls below, m."""
     least, worst, seen = np.inf, np.inf, 0
     parts, bodies = Parts.of(trajectory.position), _bodies(scene)
-    radii, asked = _radii(scene.robot), scene.least_clearance
+    robot = as_delta(scene.robot)
+    radii, asked = _radii(robot), scene.least_clearance
     for halving in range(HALVINGS + 1):
-        links = _MovingLinks.of(scene.robot, trajectory.model, parts)
+        links = _MovingLinks.of(robot, trajectory.model, parts)
         open_ = np.zeros(len(parts.half), np.bool)
         for body in bodies:
             distance, bound = (each - radii for each in links.distance_and_bound(body))
@@ -99,7 +101,7 @@ class _MovingLinks:
     half: Array
 
     @classmethod
-    def of(cls, robot: Robot, model: DeltaModel, parts: Parts) -> _MovingLinks:
+    def of(cls, robot: Robot, model: Model, parts: Parts) -> _MovingLinks:
         x, v = (each.inside(parts.piece, parts.since) for each in (parts.path, parts.rate))
         q, dq, _ = model.motion(x, v, np.zeros_like(x))
         theta, dtheta, number = q[:, 3::3], dq[:, 3::3], len(x)

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 import deltaopt
+from deltaopt.robot.model import delta_model
 from studies.attack.attempts import Attempt, Generator, Kind
 from studies.problems import LIGHT, PICK_AND_PLACE, PROBLEMS
 
@@ -62,7 +63,7 @@ _POINTS: dict[str, object] = {
 
 def _takers(value: Any) -> dict[str, Callable[[], object]]:
     """What takes a point."""
-    model, goal = deltaopt.DeltaModel(_SCENE.robot, 1.0), (0.45, 0.1, 0.0)
+    model, goal = delta_model(_SCENE.robot, 1.0), (0.45, 0.1, 0.0)
     return {
         "Scene(start)": lambda: deltaopt.Scene(robot=_SCENE.robot, start=value, goal=goal),
         "Scene(goal)": lambda: deltaopt.Scene(robot=_SCENE.robot, start=goal, goal=value),
@@ -126,7 +127,8 @@ def calls(rng: Generator) -> Attempt:
     def made() -> str:
         line = deltaopt.baseline(_SCENE)
         saved = deltaopt.SavedPlan(_SCENE, line, {})
-        robot, planner = _SCENE.robot, deltaopt.Planner(_SCENE.robot, 1.0)
+        robot = delta_model(_SCENE.robot, 1.0).robot
+        planner = deltaopt.Planner(robot, 1.0)
         functions: dict[str, Callable[[], object]] = {
             "table": lambda: saved.table(value),
             "tolerance": lambda: deltaopt.plan(_SCENE, tolerance=value),

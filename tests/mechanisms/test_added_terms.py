@@ -97,7 +97,7 @@ def plant(monkeypatch):
         monkeypatch.setattr(robot_model, "delta_parameters", parameters)
 
     def forget() -> None:
-        for each in (robot_model.delta_model, lower_bound, limits_of):
+        for each in (robot_model.model_of, lower_bound, limits_of):
             each.cache_clear()
 
     forget()
@@ -199,7 +199,7 @@ def test_slowing_reckons_with_it(plant):
     """Torques at rest are the spring's too, and with drag they are no polynomial of the speed."""
     for load in (Spring(STIFFNESS), Drag(0.05)):
         plant(load)
-        robot_model.delta_model.cache_clear()
+        robot_model.model_of.cache_clear()
         motion = baseline(scene(robot=ORSINO)).slowed(0.7)
         motion = replace(motion, model=robot_model.delta_model(robot(), 1.0))
         factor = safe_factor(scene(), motion)

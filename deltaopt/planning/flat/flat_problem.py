@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from deltaopt.errors import NotConverged
 from deltaopt.limits.constraints import Constraints
-from deltaopt.mechanisms.delta.functions import DeltaFunctions
+from deltaopt.mechanisms.functions import Functions
 from deltaopt.motion.trajectory import Motion, PiecewisePolynomial, Trajectory
 from deltaopt.planning.flat.equations import PointEquations, point_equations
 from deltaopt.planning.flat.interior_point import (
@@ -108,7 +108,7 @@ class Flat:
 
     def of(
         self,
-        functions: DeltaFunctions,
+        functions: Functions,
         transcription: PiecewiseAcceleration,
         constraints: Constraints,
         cost: Cost = FASTEST,

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.limits.constraints import Constraints
-from deltaopt.mechanisms.delta.functions import DeltaFunctions
+from deltaopt.mechanisms.functions import Functions
 from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
 from deltaopt.planning.nlp.cost import Cost
 from deltaopt.planning.nlp.scaling import Scaling
@@ -155,7 +155,7 @@ class ProblemFormulation(Protocol):
 
     def of(
         self,
-        functions: DeltaFunctions,
+        functions: Functions,
         transcription: PiecewiseAcceleration,
         constraints: Constraints,
         cost: Cost,
