@@ -16,9 +16,9 @@ import numpy as np
 
 from deltaopt.cli.arguments import load_fastest, one_or_more, seed
 from deltaopt.compare.dynamics.tasks import Array
+from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.errors import DeltaOptError
 from deltaopt.files.progress_bar import ProgressBar
-from deltaopt.motion.trajectory import PiecewisePolynomial
 from deltaopt.planning.formulations.collocation import FAR, CollocationProblem
 from deltaopt.planning.nlp.program import Program
 from studies.problems import PICK_AND_PLACE

@@ -23,16 +23,17 @@ from numpy.typing import NDArray
 
 import deltaopt
 from deltaopt.cli.arguments import one_or_more, seed
+from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.files.kept_rows import kept_rows
 from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.motion.limit_curves import limit_curves
-from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory, goal_of
+from deltaopt.motion.trajectory import Trajectory, goal_of
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import as_delta
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import OnPath
-from deltaopt.verify.verification import BOUNDS
+from deltaopt.verify.bounds import BOUNDS
 from studies.bench.hard_moves import move
 from studies.problems import PROBLEMS, add_directory
 
@@ -214,8 +215,8 @@ def ratios(scene: Scene, bad: Trajectory) -> dict[str, float]:
         modelled = model.inverse_dynamics(x, v, a)
     except (deltaopt.Unreachable, deltaopt.DeltaOptError):
         return {"reach": np.inf}
-    measured = deltaopt.Verification(bad.duration, way=_way(scene, bad), arm=_arm(scene))
-    allowed = {bound.measure: bound.of(measured).at_most for bound in BOUNDS}
+    sizes = _arm(scene), _way(scene, bad), bad.duration, np.inf
+    allowed = {bound.measure: bound.of(*sizes).at_most for bound in BOUNDS}
     task, goal = scene.task, goal_of(problem_of(scene), bad)
     ends = np.array([bad.position.at(bad.knots[[0]])[0], bad.position.at(bad.knots[[-1]])[0]])
     jumps = bad.path_inside([0.0, 1.0])

@@ -17,8 +17,9 @@ from time import thread_time
 import numpy as np
 
 import deltaopt
+from deltaopt.curves.piecewise import Array
 from deltaopt.errors import DeltaOptError, MissingPackage
-from deltaopt.motion.trajectory import Array, Trajectory
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.controller_c import c_functions
 from deltaopt.robot.robot import as_delta
 from deltaopt.scene.scene import Scene

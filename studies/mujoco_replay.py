@@ -20,7 +20,7 @@ import numpy as np
 import deltaopt
 from deltaopt.cli.arguments import positive
 from deltaopt.compare.model_terms import MODEL_TERMS
-from deltaopt.motion.trajectory import Array
+from deltaopt.curves.piecewise import Array
 from deltaopt.output.mujoco_replay import InMujoco, of_joints
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import Robot, as_delta

@@ -13,9 +13,9 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 import deltaopt
+from deltaopt.curves.piecewise import Array
 from deltaopt.files.validated_record import per_motor
 from deltaopt.motion.effort import effort
-from deltaopt.motion.trajectory import Array
 from deltaopt.output.joint_table import (
     Cubic,
     Cycles,

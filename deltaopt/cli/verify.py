@@ -42,8 +42,9 @@ from deltaopt.robot.joints import Joints
 from deltaopt.robot.model import delta_model
 from deltaopt.robot.robot import load_robot
 from deltaopt.scene.scene import Scene, load_scene
+from deltaopt.verify.bounds import EXCESS
 from deltaopt.verify.measures import Excess, MeasuredMotion
-from deltaopt.verify.verification import EXCESS, Verification, verify
+from deltaopt.verify.verification import Verification, verify
 
 _PER_RADIAN = {"rad": 1.0, "deg": 180 / pi}
 

@@ -14,16 +14,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import comb
 from typing import ClassVar
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import Array, shifted
 from deltaopt.limits.limit import SX, Bounds, Described, Instant, Limit, Numbers, OwnMeasure
-
-Array = NDArray[np.float64]
 
 _PARTS = 8
 """Of a rounding: with fewer Newton's method needs more steps, more take longer to compare."""
@@ -94,13 +91,7 @@ def parts_of(pieces: Array) -> list[Array]:
 
 def _part(whole: Array, which: int, of: int) -> Array:
     """One of so many equal parts of a polynomial over shares from 0 to 1."""
-    begin, length = which / of, 1 / of
-    return np.array(
-        [
-            length**k * sum(comb(j, k) * begin ** (j - k) * whole[j] for j in range(k, len(whole)))
-            for k in range(len(whole))
-        ]
-    )
+    return shifted(whole, which / of) / float(of) ** np.arange(len(whole))[:, None]
 
 
 def _of_part(part: Array, is_first: bool, is_last: bool) -> Numbers:

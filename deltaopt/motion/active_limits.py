@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.motion.limit_curves import LimitCurves, limit_curves
-from deltaopt.motion.trajectory import Array, Trajectory
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.problem.problem import Problem
 
 AT_LIMIT = 0.99

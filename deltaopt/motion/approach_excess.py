@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from deltaopt.motion.trajectory import Array, Trajectory, passes
+from deltaopt.curves.piecewise import Array
+from deltaopt.curves.roots import real_roots
+from deltaopt.motion.trajectory import Trajectory, passes
 from deltaopt.problem.problem import Problem
-
-_REAL = 1e-6
-"""Imaginary part of a root, in lengths of its interval, that may be rounding of a double root."""
 
 
 def approach_rows(problem: Problem, trajectory: Trajectory, fractions: Array) -> Array:
@@ -31,8 +30,7 @@ def approach_excess(problem: Problem, trajectory: Trajectory) -> float:
     worst = 0.0
     for length, rows in _rows(problem, trajectory):
         for row in rows:
-            roots = row.deriv().roots()
-            inside = np.clip(roots.real[np.abs(roots.imag) < _REAL * length], 0.0, length)
+            inside = real_roots(row.deriv(), 0.0, length)
             worst = max(worst, float(row(np.array([0.0, length, *inside])).max()))
     return worst - 1
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from deltaopt.curves.nodes import gauss
 from deltaopt.motion.extrema import enough
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.problem.problem import Problem
@@ -19,11 +20,11 @@ def effort(problem: Problem, trajectory: Trajectory) -> float:
     Raises Unreachable where the motion leaves the workspace.
     """
     points = enough(len(trajectory.knots) - 1, _FEWEST)
-    nodes, weights = np.polynomial.legendre.leggauss(points)
-    path = trajectory.path_inside((nodes + 1) / 2)
+    nodes, weights = gauss(points)
+    path = trajectory.path_inside(nodes)
     torque = problem.model.inverse_dynamics(*path)
     squares = (torque**2).sum(axis=1).reshape(-1, points)
-    return float(np.diff(trajectory.knots) / 2 @ (squares @ weights))
+    return float(np.diff(trajectory.knots) @ (squares @ weights))
 
 
 def cost(problem: Problem, trajectory: Trajectory) -> float:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.motion.trajectory import Array
+from deltaopt.curves.piecewise import Array
 
 Index = NDArray[np.intp]
 Curves = Callable[[Index, Array], Array]

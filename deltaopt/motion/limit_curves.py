@@ -10,11 +10,12 @@ import casadi as ca
 import numpy as np
 
 from deltaopt.codegen.vectorised import RowFunction
+from deltaopt.curves.piecewise import Array
 from deltaopt.limits.constraints import Constraints
 from deltaopt.limits.limit import Limit
 from deltaopt.mechanisms.functions import Functions
 from deltaopt.mechanisms.instant import PlatformInstant
-from deltaopt.motion.trajectory import Array, Trajectory
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.problem.problem import Problem
 from deltaopt.robot.machine import Model
 

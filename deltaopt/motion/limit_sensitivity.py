@@ -20,9 +20,9 @@ from typing import Protocol
 
 import numpy as np
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.limits.constraints import SceneLimits
 from deltaopt.motion.active_limits import ActiveLimit
-from deltaopt.motion.trajectory import Array
 
 MORE = 0.1
 """Share by which words raise a limit: as much as the next size of a motor or gear may well give."""

@@ -22,9 +22,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
+from deltaopt.curves.halving import Parts, Truths, halve_until_known
+from deltaopt.curves.piecewise import Array
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.robot.solids import Solid
 from deltaopt.scene.links import (
@@ -37,8 +38,6 @@ from deltaopt.scene.links import (
     nearest,
 )
 from deltaopt.scene.scene import Scene
-
-Index = NDArray[np.intp]
 
 _FIRST = 4
 """Parts of each piece of a motion to begin with."""
@@ -56,26 +55,23 @@ def least_rooms(scene: Scene, motion: Trajectory, enough: float = 0.0) -> Array:
     More than ``enough`` (m) it is a bound that may be far too low, less it is what is seen at the
     worst of many instants, and NaN where the motion is out of reach.
     """
-    bodies = bodies_of(scene)
-    kept = kept_from_bodies(scene)
+    bodies, kept = bodies_of(scene), kept_from_bodies(scene)
     least = np.full((LINKS, len(bodies)), np.inf)
-    parts, seen = _Parts.of(motion.position), 0
-    for halving in range(_HALVINGS + 1):
+
+    def unknown(parts: Parts, is_last: bool) -> Truths:
         lines = _lines(delta_model(scene.robot, motion.model.payload), parts)
-        open_parts = np.zeros(len(parts.half), np.bool)
+        is_open = np.zeros(len(parts), np.bool)
         for b, body in enumerate(bodies):
             now, bound = lines.rooms(body, kept)  # (parts, 6) each
             is_too_near, below = ~(now >= enough), np.minimum(now, bound)
-            is_known = is_too_near | (below >= enough)
-            if halving == _HALVINGS or seen > _MOST:
-                is_known[:] = True
+            is_known = is_too_near | (below >= enough) | is_last
             own = np.where(is_known, np.where(is_too_near, now, below), np.inf).min(axis=0)
             least[:, b] = np.minimum(least[:, b], own)
-            open_parts |= ~is_known.all(axis=1)
-        seen += len(bodies) * len(parts.half)
-        if not open_parts.any():
-            break
-        parts = parts.halved(open_parts)
+            is_open |= ~is_known.all(axis=1)
+        return is_open
+
+    most = _MOST // max(1, len(bodies))
+    halve_until_known(Parts.of(motion.position, _FIRST), unknown, _HALVINGS, most)
     return least
 
 
@@ -93,39 +89,6 @@ def planned_distances(scene: Scene, x: Array, bisections: int = BISECTIONS) -> t
         distances[:, k] = distance[:, 0]
         slopes[:, k] = geometry.slope(kept.link, share[:, 0], normal[:, 0])
     return distances, slopes
-
-
-@dataclass(frozen=True)
-class _Parts:
-    """Parts of a motion about instants: piece, time in it, half of the part's duration, (N,), s."""
-
-    position: PiecewisePolynomial
-    piece: Index
-    since: Array
-    half: Array
-
-    @classmethod
-    def of(cls, position: PiecewisePolynomial) -> _Parts:
-        lengths = np.diff(position.knots)
-        piece = np.repeat(np.arange(len(lengths)), _FIRST)
-        half = lengths[piece] / (2 * _FIRST)
-        since = half * (2 * np.tile(np.arange(_FIRST), len(lengths)) + 1)
-        return cls(position, piece, since, half)
-
-    def halved(self, which: NDArray[np.bool]) -> _Parts:
-        """Both halves of some of them."""
-        piece, since, half = self.piece[which], self.since[which], self.half[which] / 2
-        both = np.concatenate([since - half, since + half])
-        return _Parts(self.position, np.tile(piece, 2), both, np.tile(half, 2))
-
-    def largest(self, rate: PiecewisePolynomial) -> Array:
-        """What the norm of a derivative of the position is at most in each part, by its Taylor
-        series about the middle."""
-        found, share = np.zeros(len(self.half)), np.ones(len(self.half))
-        for order in range(1, rate.coefficients.shape[1] + 1):
-            found += share * np.linalg.norm(rate.inside(self.piece, self.since), axis=1)
-            share, rate = share * self.half / order, rate.derivative()
-        return found
 
 
 @dataclass(frozen=True)
@@ -156,14 +119,11 @@ class _Lines:
         return distance - kept, bound - kept
 
 
-def _lines(model: DeltaModel, parts: _Parts) -> _Lines:
+def _lines(model: DeltaModel, parts: Parts) -> _Lines:
     """The lines of all links in the middles of parts, and what their ends do in these."""
     robot = model.robot
-    rate = parts.position.derivative()
-    second = rate.derivative()
-    x, v = (each.inside(parts.piece, parts.since) for each in (parts.position, rate))
-    geometry = LinkGeometry.of(model, x)
-    speed, bend = parts.largest(rate)[:, None], parts.largest(second)[:, None]
+    v, geometry = parts.at(1), LinkGeometry.of(model, parts.at())
+    speed, bend = parts.largest(1)[:, None], parts.largest(2)[:, None]
     lever, half = np.abs(geometry.levers), parts.half[:, None]
     arm, forearm = robot.upper_arm.length, robot.forearm.length
     of_elbows = _elbow_bends(lever, speed, bend, half, arm, forearm)

@@ -16,6 +16,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from deltaopt.curves.halving import bisected_number
 from deltaopt.limits.constraints import SceneLimits
 from deltaopt.robot.model import model_of
 from deltaopt.scene.scene import Scene, limits_of
@@ -261,8 +262,4 @@ def _by_platform(way: _Way) -> float:
 def _first_possible(possible: Callable[[float], bool], upper: float) -> float:
     """The largest duration known to be too short: below it none is ``possible``, as none is below
     one that is not. ``upper``: a duration that is possible, s."""
-    low, high = 0.0, upper
-    for _ in range(_BISECTIONS):
-        middle = (low + high) / 2
-        low, high = (low, middle) if possible(middle) else (middle, high)
-    return low
+    return bisected_number(possible, 0.0, upper, _BISECTIONS)[0]

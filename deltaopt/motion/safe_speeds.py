@@ -9,12 +9,13 @@ intersected, and the largest is taken.
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from deltaopt.curves.bernstein import to_bernstein
+from deltaopt.curves.piecewise import Array
+
 Excesses = Callable[[Array], Array]
 """Speeds (S,) -> excesses (S, n), positive where a bound is exceeded."""
 
@@ -67,15 +68,10 @@ def _roots(coefficients: Array) -> Array:
     return np.asarray(1 / real[real > 1])
 
 
-_TO_BERNSTEIN = np.array(
-    [[comb(i, k) / comb(_DEGREE, k) for k in range(_DEGREE + 1)] for i in range(_DEGREE + 1)]
-)
-
-
 def _never_positive(coefficients: Array) -> NDArray[np.bool]:
     """Which polynomials, (powers, n), are not positive on [0, 1] because none of the coefficients
     of their Bernstein form is, whose convex hull they stay in: (n,)."""
-    return np.asarray((_TO_BERNSTEIN @ coefficients <= 0).all(axis=0))
+    return np.asarray((to_bernstein(_DEGREE) @ coefficients <= 0).all(axis=0))
 
 
 def largest_by_trying(excesses: Excesses, most: float) -> float | None:

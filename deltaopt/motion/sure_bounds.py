@@ -9,20 +9,21 @@ says enough. So a limit that is kept is known to be kept at all instants, not at
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import lru_cache
-from math import comb
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.codegen.vectorised import RowFunction
+from deltaopt.curves.bernstein import control_points_of, halves, middles
+from deltaopt.curves.halving import Truths, halve_until_known
+from deltaopt.curves.piecewise import Array, PiecewisePolynomial
 from deltaopt.limits.constraints import Constraints
-from deltaopt.motion.trajectory import Array, PiecewisePolynomial
 from deltaopt.problem.problem import Problem
 
 Integers = NDArray[np.intp]
-Truths = NDArray[np.bool]
 
 _HALVINGS = 24
 """At most: a ten-millionth of an interval is some nanoseconds. What is not known then is taken to
@@ -30,9 +31,9 @@ be as bad as the bound says."""
 _KNOWN, _ANY = 0.1, 1e300
 """Share of an excess to which it is known, for it is cured by tightening a limit a quarter more;
 and where no more is asked than whether there is one."""
-_CELLS = 20000
-"""Pieces that are looked at together at most: a motion that slides along a body for long is bound
-by ever shorter ones."""
+_CELLS = 100_000
+"""Pieces that are looked at in all at most: a motion that slides along a body for long is bound by
+ever shorter ones."""
 
 
 def sure_excess(problem: Problem, position: PiecewisePolynomial) -> Array:
@@ -58,25 +59,36 @@ def _excess(
     bound, scale = limits.bounds[0][rows], limits.scales[rows]
     most = np.full((groups[-1] + 1, len(bound)), -np.inf)
     least = most.copy()
-    points = _bernstein(position)
-    for halving in range(_HALVINGS + 1):
-        middle = points @ _middle(points.shape[2] - 1)
+
+    def unknown(pieces: _Pieces, is_last: bool) -> Truths:
+        middle = middles(pieces.points)
         distance, slope = signed_distances(problem, middle)
-        away = points - middle[:, :, None]
-        lowest = distance + (slope @ away).min(axis=2)
+        away = pieces.points - middle[:, None]
+        lowest = distance + (slope @ away.swapaxes(1, 2)).min(axis=2)
         below, beyond = (bound - lowest) / scale, (bound - distance) / scale
-        np.maximum.at(least, groups, beyond)
-        reached = least[groups]
-        enough = (1 + known) * np.maximum(reached, 0.0)
-        is_known = below <= enough
-        if halving == _HALVINGS or len(points) > _CELLS:
-            is_known[:] = True
-        np.maximum.at(most, groups, np.where(is_known, below, beyond))
-        left = ~is_known.all(axis=1)
-        if not left.any():
-            break
-        points, groups = _halved(points[left]), np.tile(groups[left], 2)
+        np.maximum.at(least, pieces.groups, beyond)
+        enough = (1 + known) * np.maximum(least[pieces.groups], 0.0)
+        is_known = (below <= enough) | is_last
+        np.maximum.at(most, pieces.groups, np.where(is_known, below, beyond))
+        return np.asarray(~is_known.all(axis=1))
+
+    halve_until_known(_Pieces(control_points_of(position), groups), unknown, _HALVINGS, _CELLS)
     return most
+
+
+@dataclass(frozen=True)
+class _Pieces:
+    """Pieces of a motion: control points, (N, d + 1, 3), and the group of each, (N,)."""
+
+    points: Array
+    groups: Integers
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def halved(self, which: Truths) -> _Pieces:
+        """First halves of some of them, then second ones."""
+        return _Pieces(np.concatenate(halves(self.points[which])), np.tile(self.groups[which], 2))
 
 
 def signed_distances(problem: Problem, x: Array) -> tuple[Array, Array]:
@@ -94,44 +106,6 @@ def distances_from_faces(problem: Problem, x: Array, row: int) -> Array:
     measures = _tangents(limits.constraints)
     each = [measures(x, parameters=numbers)[0][:, row] for numbers in limits.faces[row]]
     return np.stack(each, axis=1)
-
-
-def _bernstein(position: PiecewisePolynomial) -> Array:
-    """Control points of all pieces, (K, 3, d + 1)."""
-    coefficients, lengths = position.coefficients, np.diff(position.knots)
-    degree = coefficients.shape[1] - 1
-    powers = np.vander(lengths, degree + 1, increasing=True)
-    scaled = (powers[:, :, None] * coefficients).transpose(0, 2, 1)
-    return np.asarray(scaled @ _to_bernstein(degree).T)
-
-
-@lru_cache(maxsize=32)
-def _to_bernstein(degree: int) -> Array:
-    """From coefficients of powers to those of Bernstein's polynomials."""
-    n = degree
-    return np.array([[comb(j, p) / comb(n, p) for p in range(n + 1)] for j in range(n + 1)])
-
-
-@lru_cache(maxsize=32)
-def _middle(degree: int) -> Array:
-    """Weights of control points in the middle of a piece, (d + 1,)."""
-    return np.array([comb(degree, j) for j in range(degree + 1)]) / 2.0**degree
-
-
-@lru_cache(maxsize=32)
-def _to_halves(degree: int) -> Array:
-    """From control points of a piece to those of its first and of its second half, by de
-    Casteljau's method, (2, d + 1, d + 1)."""
-    first = np.zeros((degree + 1, degree + 1))
-    for j in range(degree + 1):
-        first[: j + 1, j] = _middle(j)
-    return np.stack([first, first[::-1, ::-1]])
-
-
-def _halved(points: Array) -> Array:
-    """Control points of the first halves of all pieces, then of the second halves."""
-    halves = points @ _to_halves(points.shape[2] - 1)[:, None]
-    return halves.reshape(-1, *points.shape[1:])
 
 
 @lru_cache(maxsize=32)

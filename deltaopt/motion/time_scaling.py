@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.codegen.vectorised import RowFunction
+from deltaopt.curves.piecewise import Array, PiecewisePolynomial
 from deltaopt.errors import Unreachable
 from deltaopt.limits.constraints import MIXED, Constraints
 from deltaopt.mechanisms.functions import Functions
@@ -44,7 +45,7 @@ from deltaopt.motion.extrema import (
 )
 from deltaopt.motion.safe_speeds import largest_by_roots, largest_by_trying
 from deltaopt.motion.sure_bounds import sure_excess
-from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.problem.problem import Problem
 from deltaopt.robot.machine import Model
 
@@ -299,10 +300,9 @@ class _Instants:
 
     def joined_by(self, intervals: Index, fractions: Array) -> _Instants:
         """These and more, given by interval and fraction of it, (n,) each."""
-        since, position = self.evaluate.lengths[intervals] * fractions, self.position
-        x, v = position.inside(intervals, since), position.derivative()
-        a = v.derivative().inside(intervals, since)
-        added = np.hstack([x, v.inside(intervals, since), a / 2])
+        since = self.evaluate.lengths[intervals] * fractions
+        x, v, a = self.position.with_derivatives(intervals, since)
+        added = np.hstack([x, v, a / 2])
         return replace(self, taylor=np.concatenate([self.taylor, added]))
 
     def excesses(self, speeds: Array) -> Array:
@@ -509,9 +509,7 @@ def _explain(
     model: Model, position: PiecewisePolynomial, intervals: Index, since: Array
 ) -> NoReturn:
     """Raise what is the matter with a motion that has no torques."""
-    velocity = position.derivative()
-    polynomials = (position, velocity, velocity.derivative())
-    model.inverse_dynamics(*(q.inside(intervals, since) for q in polynomials))
+    model.inverse_dynamics(*position.with_derivatives(intervals, since))
     raise Unreachable("the motion passes a singular position")
 
 

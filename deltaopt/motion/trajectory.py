@@ -6,14 +6,13 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from deltaopt.curves.piecewise import Array, PiecewisePolynomial
 from deltaopt.files.validated_record import Vector3
 from deltaopt.problem.boundary import REST, Boundary
 from deltaopt.problem.problem import Problem
 from deltaopt.robot.machine import Model
-
-Array = NDArray[np.float64]
 
 _ROUNDING = 1e-12
 """Share of the duration by which an instant may be outside the motion and is still its end: sums of
@@ -24,96 +23,6 @@ _AS_HIGH = 1e-9
 _LARGEST_FACTOR = 1e30
 """By which a motion can be slowed: its fifth power, by which coefficients are divided, is still a
 number."""
-
-
-@dataclass(frozen=True, eq=False)
-class PiecewisePolynomial:
-    """A piecewise polynomial of time: K polynomials of degree d in m components.
-
-    ``knots``: instants where the polynomials meet, increasing, (K + 1,), s. ``coefficients``: of
-    the ascending powers of the time since the interval began, (K, d + 1, m). It is equal to one of
-    the same numbers, to the last bit.
-    """
-
-    knots: Array
-    coefficients: Array
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, PiecewisePolynomial) and self._bits == other._bits
-
-    def __hash__(self) -> int:
-        return hash(self._bits)
-
-    @property
-    def _bits(self) -> tuple[object, ...]:
-        """All numbers, and how they are ordered."""
-        return self.coefficients.shape, self.knots.tobytes(), self.coefficients.tobytes()
-
-    @classmethod
-    def hermite(cls, knots: Array, x: Array, v: Array) -> PiecewisePolynomial:
-        """The cubics with given values x and derivatives v at the knots, (K + 1, m) each."""
-        h = np.diff(knots)[:, None]
-        secant = np.diff(x, axis=0) / h
-        square = (3 * secant - 2 * v[:-1] - v[1:]) / h
-        cube = (v[:-1] + v[1:] - 2 * secant) / h**2
-        return cls(knots, np.stack([x[:-1], v[:-1], square, cube], axis=1))
-
-    def derivative(self) -> PiecewisePolynomial:
-        """The derivative by time, a piecewise polynomial of one degree less."""
-        powers = np.arange(1, self.coefficients.shape[1])
-        return replace(self, coefficients=self.coefficients[:, 1:] * powers[:, None])
-
-    def slowed(self, factor: float) -> PiecewisePolynomial:
-        """The same values ``factor`` times as slow: its duration grows by that factor."""
-        powers = np.vander([factor], self.coefficients.shape[1], increasing=True).T
-        return PiecewisePolynomial(self.knots * factor, self.coefficients / powers)
-
-    def at(self, t: Array) -> Array:
-        """Values, (N, m), at times (N,) between the first knot and the last."""
-        intervals = self.interval(t)
-        return self.inside(intervals, t - self.knots[intervals])
-
-    def with_rate_at(self, t: Array) -> tuple[Array, Array]:
-        """Values and their derivatives by time, (N, m) each, at times (N,), s."""
-        intervals = self.interval(t)
-        since = (t - self.knots[intervals])[:, None]
-        values = rates = np.zeros((len(t), self.coefficients.shape[2]))
-        for power in reversed(range(self.coefficients.shape[1])):  # Horner, differentiated
-            rates = rates * since + values
-            values = values * since + self.coefficients[intervals, power]
-        return values, rates
-
-    def after(self, t: float) -> PiecewisePolynomial:
-        """What follows an instant ``t`` (s) between the first knot and the last, from the time 0
-        on."""
-        first = int(self.interval(np.array([t]))[0])
-        coefficients, derivative, factorial = self.coefficients[first:].copy(), self, 1.0
-        for power in range(coefficients.shape[1]):
-            coefficients[0, power] = derivative.at(np.array([t]))[0] / factorial
-            derivative, factorial = derivative.derivative(), factorial * (power + 1)
-        return PiecewisePolynomial(np.append(0.0, self.knots[first + 1 :] - t), coefficients)
-
-    def then(self, other: PiecewisePolynomial) -> PiecewisePolynomial:
-        """This and after it another, whose own knots count from its beginning."""
-        powers = max(self.coefficients.shape[1], other.coefficients.shape[1])
-        both = [
-            np.pad(each.coefficients, ((0, 0), (0, powers - each.coefficients.shape[1]), (0, 0)))
-            for each in (self, other)
-        ]
-        later = self.knots[-1] + (other.knots[1:] - other.knots[0])
-        return PiecewisePolynomial(np.append(self.knots, later), np.concatenate(both))
-
-    def interval(self, t: Array) -> NDArray[np.intp]:
-        """The interval of each time, (N,); at a knot the interval that begins there, if any."""
-        last = len(self.knots) - 2
-        return np.clip(np.searchsorted(self.knots, t, side="right") - 1, 0, last)
-
-    def inside(self, intervals: NDArray[np.intp], since: Array) -> Array:
-        """Values, (N, m), in given intervals, (N,), at times ``since`` they began, (N,), s."""
-        values = np.zeros((len(since), self.coefficients.shape[2]))
-        for power in reversed(range(self.coefficients.shape[1])):  # Horner
-            values = values * since[:, None] + self.coefficients[intervals, power]
-        return values
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,7 +99,7 @@ class Trajectory:
         outside = np.abs(times - instants) > _ROUNDING * self.duration
         intervals = self.position.interval(instants)
         since = instants - self.knots[intervals]
-        x, v, a = _with_derivatives(self.position, intervals, since)
+        x, v, a = self.position.with_derivatives(intervals, since)
         v[outside] = a[outside] = 0.0
         for velocity, beyond in zip(self.end_velocities, (times < begin, times > end), strict=True):
             if velocity != REST:  # it moves on
@@ -216,14 +125,14 @@ class Trajectory:
         At the fractions 0 and 1 it is that inside the interval, so that both sides of a jump
         at a knot are given.
         """
-        intervals, since = _inside(self.position, fractions)
-        moving = _with_derivatives(self.position, intervals, since)
+        intervals, since = self.position.everywhere(fractions)
+        moving = self.position.with_derivatives(intervals, since)
         return self._motion(self.knots[intervals] + since, *moving)
 
     def path_inside(self, fractions: ArrayLike) -> tuple[Array, Array, Array]:
         """Position, velocity and acceleration of the platform at fractions of every interval, (K ·
         len(fractions), 3) each, m, m/s, m/s², without inverse kinematics and dynamics."""
-        return _with_derivatives(self.position, *_inside(self.position, fractions))
+        return self.position.with_derivatives(*self.position.everywhere(fractions))
 
     def coordinates_inside(self, fractions: ArrayLike) -> tuple[Array, Array, Array]:
         """All coordinates q, q̇, q̈ at fractions of every interval, (K · len(fractions), 12) each.
@@ -232,7 +141,7 @@ class Trajectory:
         """
         if self.coordinates is None:
             return self.model.motion(*self.path_inside(fractions))
-        return _with_derivatives(self.coordinates, *_inside(self.position, fractions))
+        return self.coordinates.with_derivatives(*self.position.everywhere(fractions))
 
     def slowed(self, factor: float) -> Trajectory:
         """The same path, uniformly ``factor`` times as slow; torques change accordingly.
@@ -311,19 +220,3 @@ def goal_of(problem: Problem, trajectory: Trajectory) -> Boundary:
 def ends_of(problem: Problem, trajectory: Trajectory) -> Array:
     """Where a problem asks a motion to begin and to end, (2, 3), m."""
     return np.array([problem.start.position, goal_of(problem, trajectory).position])
-
-
-def _inside(position: PiecewisePolynomial, fractions: ArrayLike) -> tuple[NDArray[np.intp], Array]:
-    """Fractions of every interval as the interval and the time since it began, s."""
-    fractions, lengths = np.asarray(fractions, dtype=float), np.diff(position.knots)
-    intervals = np.repeat(np.arange(len(lengths)), len(fractions))
-    return intervals, (lengths[:, None] * fractions).ravel()
-
-
-def _with_derivatives(
-    of: PiecewisePolynomial, intervals: NDArray[np.intp], since: Array
-) -> tuple[Array, Array, Array]:
-    """Values and their first two derivatives by time, (N, m) each."""
-    rate = of.derivative()
-    values, rates, second = (q.inside(intervals, since) for q in (of, rate, rate.derivative()))
-    return values, rates, second

@@ -19,8 +19,8 @@ from typing import ClassVar
 
 import numpy as np
 
+from deltaopt.curves.piecewise import Array, PiecewisePolynomial
 from deltaopt.files.output_folder import write_texts
-from deltaopt.motion.trajectory import Array, PiecewisePolynomial
 from deltaopt.output.joint_table import JointTable, Quintic
 from deltaopt.output.table_files import AngleUnit
 

@@ -15,12 +15,13 @@ import casadi as ca
 import numpy as np
 
 from deltaopt.codegen.simd_c import c_function
+from deltaopt.curves.piecewise import Array
 from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.dynamics.mechanism import SX
 from deltaopt.dynamics.virtual_work import VirtualWork
 from deltaopt.files.output_folder import write_texts
 from deltaopt.mechanisms.delta.functions import DeltaFunctions, delta_functions
-from deltaopt.motion.trajectory import Array, Trajectory
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.robot.joints import Joints
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import Robot, as_delta

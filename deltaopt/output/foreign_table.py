@@ -14,9 +14,10 @@ from pathlib import Path
 
 import numpy as np
 
+from deltaopt.curves.piecewise import Array, PiecewisePolynomial
 from deltaopt.errors import Unusable
 from deltaopt.files.csv_table import CsvTable, WrongCsv, read_csv
-from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.joint_table import Cubic, JointTable, Quintic, platform_motion
 from deltaopt.robot.joints import Joints
 from deltaopt.robot.model import DeltaModel
@@ -95,9 +96,7 @@ class ForeignTable:
         lengths = np.diff(pieces.knots)
         interval = np.repeat(np.arange(len(lengths)), 2 * _SPLIT)
         since = (lengths[:, None] * np.repeat(u, 2)[1:-1]).ravel()
-        speed = pieces.derivative()
-        angles = (each.inside(interval, since) for each in (pieces, speed, speed.derivative()))
-        motion = platform_motion(model, *angles)
+        motion = platform_motion(model, *pieces.with_derivatives(interval, since))
         return Trajectory(Quintic()(JointTable(pieces.knots[interval] + since, *motion)), model)
 
     def _pieces(self) -> PiecewisePolynomial:

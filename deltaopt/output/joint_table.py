@@ -13,11 +13,12 @@ from typing import ClassVar, Protocol
 
 import numpy as np
 
+from deltaopt.curves.piecewise import Array, PiecewisePolynomial, hermite_pieces
 from deltaopt.errors import Infeasible
 from deltaopt.limits.limit import first_highest
 from deltaopt.motion.extrema import Index, everywhere, peaks, sample_fractions
 from deltaopt.motion.limit_curves import LimitShares
-from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.machine import Model
 from deltaopt.scene.scene import Scene
@@ -52,7 +53,7 @@ class Cubic:
     name: ClassVar[str] = "cubic"
 
     def __call__(self, table: JointTable) -> PiecewisePolynomial:
-        return _pieces(table, _CUBIC, (table.theta, table.dtheta))
+        return _pieces(table, (table.theta, table.dtheta))
 
 
 @dataclass(frozen=True)
@@ -62,7 +63,7 @@ class Quintic:
     name: ClassVar[str] = "quintic"
 
     def __call__(self, table: JointTable) -> PiecewisePolynomial:
-        return _pieces(table, _QUINTIC, (table.theta, table.dtheta, table.ddtheta))
+        return _pieces(table, (table.theta, table.dtheta, table.ddtheta))
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,14 +235,11 @@ def demand_of(scene: Scene, angles: PiecewisePolynomial) -> Demand:
 
     Raises Unreachable or Singular where the robot cannot follow.
     """
-    limits, speeds = LimitShares.of(problem_of(scene)), angles.derivative()
-    lengths = np.diff(angles.knots)
-    path = (angles, speeds, speeds.derivative())
+    limits, lengths = LimitShares.of(problem_of(scene)), np.diff(angles.knots)
 
     def shares(pieces: Index, fractions: Array) -> Array:
-        since = fractions * lengths[pieces]
-        motion = platform_motion(limits.model, *(p.inside(pieces, since) for p in path))
-        return limits(*motion)
+        motion = angles.with_derivatives(pieces, fractions * lengths[pieces])
+        return limits(*platform_motion(limits.model, *motion))
 
     fractions = sample_fractions(len(lengths))
     highest = peaks(shares, fractions, shares(*everywhere(len(lengths), fractions)))
@@ -269,31 +267,10 @@ def platform_motion(
     return x, v, a
 
 
-def _pieces(table: JointTable, basis: Array, columns: tuple[Array, ...]) -> PiecewisePolynomial:
+def _pieces(table: JointTable, columns: tuple[Array, ...]) -> PiecewisePolynomial:
     """Hermite pieces between rows of different times, from values and derivatives at both ends."""
     lengths = np.diff(table.t)
-    begin = np.flatnonzero(lengths > 0)
-    h = lengths[begin, None]
-    ends = np.stack(
-        [column[begin] * h**k for k, column in enumerate(columns)]
-        + [column[begin + 1] * h**k for k, column in enumerate(columns)],
-        axis=1,
-    )
-    coefficients = np.einsum("pe,kem->kpm", basis, ends)
-    coefficients /= h[:, None, :] ** np.arange(len(basis))[None, :, None]
-    return PiecewisePolynomial(np.append(table.t[begin], table.t[-1]), coefficients)
-
-
-def _hermite_basis(derivatives: int) -> Array:
-    """Coefficients of powers of u, (2 d, 2 d), from d values and derivatives at u = 0, then 1."""
-    number = 2 * derivatives
-    conditions = np.zeros((number, number))
-    for k in range(derivatives):
-        for power in range(k, number):
-            slope = float(np.prod(np.arange(power - k + 1, power + 1)))
-            conditions[k, power] = slope if power == k else 0.0
-            conditions[derivatives + k, power] = slope
-    return np.asarray(np.linalg.inv(conditions))
-
-
-_CUBIC, _QUINTIC = _hermite_basis(2), _hermite_basis(3)
+    first = np.flatnonzero(lengths > 0)
+    begin, end = ([column[rows] for column in columns] for rows in (first, first + 1))
+    coefficients = hermite_pieces(lengths[first], begin, end)
+    return PiecewisePolynomial(np.append(table.t[first], table.t[-1]), coefficients)

@@ -15,11 +15,11 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.errors import Inexpressible, Unreachable
 from deltaopt.files.validated_record import Vector3
 from deltaopt.mechanisms.delta.arm_loads import FRICTION
 from deltaopt.mechanisms.delta.mechanism import AZIMUTHS
-from deltaopt.motion.trajectory import Array
 from deltaopt.robot.model import delta_model
 from deltaopt.robot.robot import Robot
 

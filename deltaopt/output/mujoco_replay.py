@@ -16,9 +16,10 @@ from typing import Any
 
 import numpy as np
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.errors import installed
 from deltaopt.files.validated_record import Vector3
-from deltaopt.motion.trajectory import Array, Trajectory
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.mjcf import mjcf
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import Robot, as_delta

@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.errors import SceneError, Unusable, on_one_line, shown
 from deltaopt.files.csv_table import WrongCsv, read_csv
 from deltaopt.files.regular_file import content_of
-from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory, moving_on
+from deltaopt.motion.trajectory import Trajectory, moving_on
 from deltaopt.output.plan_files import (
     COLUMNS,
     FORMAT,

@@ -16,11 +16,11 @@ from typing import Any
 
 import numpy as np
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.errors import installed
 from deltaopt.files.atomic_write import atomic_write
 from deltaopt.files.csv_table import write_csv
 from deltaopt.files.output_folder import all_or_none
-from deltaopt.motion.trajectory import Array
 from deltaopt.output.joint_table import JointTable
 from deltaopt.robot.joints import Joints
 from deltaopt.robot.robot import Robot

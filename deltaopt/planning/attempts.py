@@ -11,8 +11,9 @@ from dataclasses import dataclass, field, replace
 from itertools import islice
 from math import inf
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.errors import DeltaOptError, NotConverged
-from deltaopt.motion.trajectory import Array, Trajectory
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.moving_ends import intervals_after_waiting
 from deltaopt.planning.first_motions.multistart import distinct
 from deltaopt.planning.first_motions.order_of_merit import (
@@ -26,8 +27,8 @@ from deltaopt.planning.nlp.phases import first_mesh
 from deltaopt.planning.plan import Optimum, Plan, quicker
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.problem.problem import Problem
-from deltaopt.scene.feasibility import distance_from_parallel
 from deltaopt.scene.objective import Time
+from deltaopt.scene.parallel_singularity import distance_from_parallel
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import distance
 

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.errors import DeltaOptError, Infeasible, NotConverged
-from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.belt import Meetings
 from deltaopt.planning.plan import Plan
 from deltaopt.robot.model import model_of

@@ -11,9 +11,9 @@ from collections.abc import Collection
 import numpy as np
 from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import Array, PiecewisePolynomial
 from deltaopt.limits.constraints import SceneLimits
 from deltaopt.motion.sure_bounds import rows_not_kept, signed_distances
-from deltaopt.motion.trajectory import Array, PiecewisePolynomial
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.scene import Scene, limits_of
 

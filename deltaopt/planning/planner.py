@@ -11,11 +11,12 @@ from typing import Any
 
 import numpy as np
 
+from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.dynamics.formulation import Projected
 from deltaopt.dynamics.lagrange import Multiplier
 from deltaopt.errors import DeltaOptError
 from deltaopt.files.validated_record import Vector3
-from deltaopt.motion.trajectory import Motion, PiecewisePolynomial
+from deltaopt.motion.trajectory import Motion
 from deltaopt.planning.flat.flat_problem import Flat
 from deltaopt.planning.journal import Journal, Progress
 from deltaopt.planning.nlp.problem import ProblemFormulation, Solver

@@ -8,10 +8,11 @@ from dataclasses import dataclass, replace
 from deltaopt.errors import DeltaOptError
 from deltaopt.planning.attempts import Attempt
 from deltaopt.planning.first_motions.order_of_merit import CrossesSingularity
-from deltaopt.planning.plan import Plan
+from deltaopt.planning.plan import Plan, quicker
 from deltaopt.planning.trajectory_optimiser import HeldByMotion, TrajectoryOptimiser
-from deltaopt.scene.feasibility import limit_room_at_ends, require_ends_on_one_side
+from deltaopt.scene.feasibility import limit_room_at_ends
 from deltaopt.scene.objective import Time
+from deltaopt.scene.parallel_singularity import require_ends_on_one_side
 
 _TORQUE_KEPT = (3e-4, 1e-3, 1e-2)
 """Parts of the torque limits that meshes leave unused where gravity takes almost all of them
@@ -89,3 +90,10 @@ REMEDIES = (
     Remedy(_is_unresolved, _from_another_mesh),
 )
 """In this order: where one led to a plan, those after it may make it better."""
+
+
+def better(one: Outcome, other: Outcome) -> Outcome:
+    """The shorter of two plans, the only one, or the later error."""
+    if isinstance(one, Plan) and isinstance(other, Plan):
+        return quicker(one, other)
+    return one if isinstance(one, Plan) else other

@@ -10,12 +10,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import islice
 from math import inf, isfinite
-from time import perf_counter
 
-import numpy as np
-
+from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.errors import ENDS_AN_ATTEMPT, NO_PLAN, DeltaOptError, Infeasible, if_possible
-from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.attempts import (
     Attempt,
     FirstMeshes,
@@ -44,20 +42,17 @@ from deltaopt.planning.flat.flat_problem import Flat
 from deltaopt.planning.in_flight import finished_first
 from deltaopt.planning.journal import Journal
 from deltaopt.planning.links_clear import keeping_links_clear
+from deltaopt.planning.on_path import plan_of, planned_on_path
 from deltaopt.planning.path.path_along import fastest_along, near_corners, through_corners
-from deltaopt.planning.path.path_planning import NAME as ON_PATH
-from deltaopt.planning.path.path_planning import PathMotion, fastest_on_path
 from deltaopt.planning.plan import Plan, TakenWay, quicker
-from deltaopt.planning.remedies import REMEDIES
+from deltaopt.planning.remedies import REMEDIES, better
 from deltaopt.planning.trajectory_optimiser import TrajectoryOptimiser
 from deltaopt.planning.ways import NEARLY, fastest_way
-from deltaopt.scene.feasibility import check_feasible, require_path_on_one_side
+from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene, limits_of
 from deltaopt.scene.task import MovingEnds, OnPath
 
-_ALONG = 1001
-"""Instants at which a given path whose plan misses its tolerance is looked at for a singularity."""
 _PATHS = 2
 """How many paths of straight lines are planned along where no mesh finds its way: over few places,
 and over more of them. Each takes a second or two."""
@@ -113,7 +108,7 @@ class Run:
         are planned to be."""
         task = scene.task
         if isinstance(task, OnPath):
-            return self._plan_on_path(scene, task)
+            return planned_on_path(scene, task, self.optimiser.tolerance, self.journal.mesh)
         if isinstance(task, MovingEnds):
             return _resolvable(self._plan_moving(scene, under_way))
         if task.gates:
@@ -141,7 +136,7 @@ class Run:
             if not remedy.helps(self.optimiser, attempt, outcome):
                 continue
             for changed in remedy.changed(attempt):
-                attempt, outcome = changed, _better(outcome, self.made(changed))
+                attempt, outcome = changed, better(outcome, self.made(changed))
                 if not remedy.helps(self.optimiser, attempt, outcome):
                     break
         return outcome if isinstance(outcome, Plan) else first
@@ -337,7 +332,7 @@ class Run:
             timed = fastest_along(scene, corners, self.optimiser.tolerance)
             if timed is not None:
                 self.journal.note(f"on that path: {timed.trajectory.duration:.6g} s")
-                found.append(self._on_path(scene, timed))
+                found.append(plan_of(scene, timed, self.optimiser.tolerance))
         if not found:
             raise error
         found = [
@@ -377,46 +372,9 @@ class Run:
                 break
         return found
 
-    # On a path
-
-    def _plan_on_path(self, scene: Scene, task: OnPath) -> Plan:
-        """Plan the fastest motion on the path that a scene gives: there is one, and no guess."""
-        begin = perf_counter()
-        found = fastest_on_path(scene, task, self.optimiser.tolerance, self.journal.mesh)
-        if found.gap > self.optimiser.tolerance:  # no mesh mends torques that grow without bound
-            position = found.trajectory.position
-            first, last = position.knots[[0, -1]].tolist()
-            require_path_on_one_side(scene, position.at(np.linspace(first, last, _ALONG)))
-        return replace(self._on_path(scene, found), solve_seconds=perf_counter() - begin)
-
-    def _on_path(self, scene: Scene, found: PathMotion) -> Plan:
-        """The plan of a motion on a path."""
-        return Plan(
-            scene=scene,
-            trajectory=found.trajectory,
-            formulation="path",
-            transcription=ON_PATH,
-            intervals=len(found.trajectory.knots) - 1,
-            status="Swept",
-            iterations=len(found.iterations),
-            solve_seconds=0.0,
-            gap=found.gap,
-            tolerance=self.optimiser.tolerance,
-            meshes=found.iterations,
-            certificate=None,
-            multipliers=found.multipliers,
-        )
-
 
 def _duration(plan: Plan) -> float:
     return plan.duration
-
-
-def _better(one: Plan | DeltaOptError, other: Plan | DeltaOptError) -> Plan | DeltaOptError:
-    """The shorter of two plans, the only one, or the later error."""
-    if isinstance(one, Plan) and isinstance(other, Plan):
-        return quicker(one, other)
-    return one if isinstance(one, Plan) else other
 
 
 def _resolvable(found: Plan) -> Plan:

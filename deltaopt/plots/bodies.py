@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Polygon
 
-from deltaopt.motion.trajectory import Array
+from deltaopt.curves.piecewise import Array
 from deltaopt.output.body_outlines import corners_of
 from deltaopt.plots.colours import BLACK, GREY, LIGHT_GREY
 from deltaopt.scene.bodies import Body

@@ -13,9 +13,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.motion.certificate import MET
 from deltaopt.motion.limit_curves import LimitCurves, limit_curves
-from deltaopt.motion.trajectory import Array, Trajectory, ends_of
+from deltaopt.motion.trajectory import Trajectory, ends_of
 from deltaopt.output.facts import Facts, work
 from deltaopt.plots.bodies import draw_bodies
 from deltaopt.plots.colours import COLOURS, GREY

@@ -14,9 +14,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patheffects import Normal, Stroke
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.motion.limit_curves import limit_curves
 from deltaopt.motion.sure_bounds import signed_distances
-from deltaopt.motion.trajectory import Array, Trajectory, ends_of
+from deltaopt.motion.trajectory import Trajectory, ends_of
 from deltaopt.output.facts import assumption, title
 from deltaopt.plots.bodies import draw_bodies, draw_via_points
 from deltaopt.plots.colours import BLACK, COLOURS, GREY, LIGHT_GREY

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.mechanisms.delta.mechanism import AZIMUTHS
-from deltaopt.motion.trajectory import Array
 from deltaopt.plots.colours import COLOURS
 from deltaopt.robot.robot import Robot
 

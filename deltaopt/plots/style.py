@@ -15,8 +15,8 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.files.atomic_write import atomic_write
-from deltaopt.motion.trajectory import Array
 from deltaopt.plots.colours import COLOURS
 
 STROKES = ("-", (0, (5, 1.5)), (0, (5, 1.5, 1, 1.5)))

@@ -7,9 +7,10 @@ from math import cos, sin
 
 import numpy as np
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.mechanisms.delta.mechanism import AZIMUTHS
 from deltaopt.motion.active_limits import ActiveLimit, share_curves
-from deltaopt.motion.trajectory import Array, Trajectory, ends_of
+from deltaopt.motion.trajectory import Trajectory, ends_of
 from deltaopt.output.body_outlines import corners_of, edges_of
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.robot import Robot, as_delta

@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.errors import installed
-from deltaopt.motion.trajectory import Array, Trajectory
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.plots.colours import BLACK, COLOURS, GREY
 from deltaopt.plots.robot_view import chains
 from deltaopt.robot.robot import Robot

@@ -20,6 +20,7 @@ from deltaopt.mechanisms.instant import CoordinateInstant
 from deltaopt.robot.machine import Model
 from deltaopt.robot.model import model_of
 from deltaopt.scene.links import name_of, rooms_at
+from deltaopt.scene.parallel_singularity import volumes_at
 from deltaopt.scene.scene import Scene, limits_of
 from deltaopt.scene.task import REST, EndState, ViaPoint
 
@@ -195,61 +196,15 @@ def room_at_rest(scene: Scene, points: Array) -> Array:
     _, rows, distances = _at_rest(scene, points)
     limits = 1 - np.abs(rows).max(axis=1)
     model = model_of(scene.robot, scene.payload)
-    volumes = _volumes(model, np.vstack([scene.given_points[0], points]))
+    volumes = volumes_at(model, np.vstack([scene.given_points[0], points]))
     beyond = np.sign(volumes[0]) * volumes[1:]
     room = np.minimum(np.minimum(limits, distances.min(axis=1)), beyond)
     return np.where(np.isfinite(room), room, -1.0)
 
 
-def on_one_side(model: Model, points: Array) -> bool:
-    """Whether no parallel singularity lies between the first and any of the points, (N, 3) in m.
-
-    In one, finite torques do not hold the platform: a motion through it exceeds every torque limit,
-    however few instants show that.
-    """
-    volumes = _volumes(model, points)
-    return bool((volumes[0] * volumes > 0).all())
-
-
-def require_ends_on_one_side(scene: Scene) -> None:
-    """Raise Infeasible where a parallel singularity lies between start and goal, on every path: the
-    volume of the bars' directions, which is zero in one, has another sign at the goal."""
-    model = model_of(scene.robot, scene.payload)
-    if not on_one_side(model, np.array(scene.given_points)):
-        raise Infeasible(
-            "start and goal are on different sides of a parallel singularity, in which the motors "
-            "do not hold the platform: every path between them leads through one"
-        )
-
-
-def require_path_on_one_side(scene: Scene, path: Array) -> None:
-    """Raise Infeasible where places of a given path, (N, 3) in m, lie on different sides of a
-    parallel singularity."""
-    volumes = _volumes(model_of(scene.robot, scene.payload), path)
-    beyond = np.flatnonzero(volumes * volumes[0] <= 0)
-    if len(beyond):
-        raise Infeasible(
-            f"the path: at {in_words(path[beyond[0]])} m it leads through a parallel singularity, "
-            "in which the motors do not hold the platform"
-        )
-
-
 def limit_room_at_ends(scene: Scene) -> float:
     """The least share of a limit that rest at start and goal leaves unused."""
     return float(1 - np.abs(_ends(scene)[1]).max())
-
-
-def distance_from_parallel(scene: Scene) -> float:
-    """The lesser distance of start and goal from a parallel singularity, without unit."""
-    model = model_of(scene.robot, scene.payload)
-    return float(np.abs(_volumes(model, np.array(scene.given_points))).min())
-
-
-def _volumes(model: Model, points: Array) -> Array:
-    """Distances from a parallel singularity at points (N, 3), m, with a sign, (N,)."""
-    parallel = _parallel_function(model.functions)
-    (found,) = parallel(points, parameters=model.parameters)
-    return np.asarray(found[:, 0])
 
 
 def _is_feasible(scene: Scene) -> bool:
@@ -294,15 +249,6 @@ def _rest_function(functions: Functions, constraints: Constraints) -> RowFunctio
     results = [back, ca.vertcat(*within), functions.serial_distances(x, p)]
     inputs = [x, ca.vertcat(numbers, p)]
     return RowFunction(ca.Function("rest", inputs, results, {"cse": True}))
-
-
-@lru_cache(maxsize=32)
-def _parallel_function(functions: Functions) -> RowFunction:
-    """(x, p) -> distance from a parallel singularity, with a sign."""
-    x, p = ca.SX.sym("x", 3), functions.symbols()
-    q = functions.inverse_kinematics(x, p)
-    margin = functions.parallel_margin(q)
-    return RowFunction(ca.Function("parallel", [x, p], [margin], {"cse": True}))
 
 
 def _within(row: ca.SX, lower: bool, upper: bool) -> ca.SX:

@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from deltaopt.codegen.vectorised import Array
+from deltaopt.curves.halving import nearest_on_lines
+from deltaopt.curves.piecewise import Array
 from deltaopt.mechanisms.delta.mechanism import AZIMUTHS
 from deltaopt.robot.model import DeltaModel, delta_model
-from deltaopt.robot.robot import as_delta
+from deltaopt.robot.robot import Robot, as_delta
 from deltaopt.robot.solids import Solid
 from deltaopt.scene.bodies import solid_about, sums
 from deltaopt.scene.scene import Scene
@@ -48,7 +49,7 @@ def kept_from_bodies(scene: Scene) -> Array:
 @dataclass(frozen=True)
 class LinkGeometry:
     """Where elbows and pins are with the tool's point at N places, (N, 3, 3), m, and in which
-    directions elbows move, unit vectors ``ahead``, (N, 3, 3). NaN out of reach."""
+    directions elbows move, unit vectors ``ahead``, (N, 3, 3)."""
 
     shafts: Array
     elbows: Array
@@ -58,10 +59,15 @@ class LinkGeometry:
 
     @classmethod
     def of(cls, model: DeltaModel, x: Array) -> LinkGeometry:
-        robot = model.robot
+        """With the tool's point at places x, (N, 3), m. NaN out of reach."""
         theta, is_there = np.full_like(x, np.nan), model.closes(x)
         still = np.zeros_like(x[is_there])
         theta[is_there] = model.motion(x[is_there], still, still)[0][:, 3::3]
+        return cls.at_angles(model.robot, x, theta)
+
+    @classmethod
+    def at_angles(cls, robot: Robot, x: Array, theta: Array) -> LinkGeometry:
+        """With the tool's point at places x, m, and arms at angles θ, rad, (N, 3) each."""
         outwards = np.array([[0.0, np.cos(azimuth), np.sin(azimuth)] for azimuth in AZIMUTHS])
         down = np.array([1.0, 0.0, 0.0])
         shafts = np.broadcast_to(robot.base_radius * outwards, (len(x), 3, 3))
@@ -106,14 +112,8 @@ def nearest(
 ) -> tuple[Array, Array, Array]:
     """At which shares of lines, from 0 to 1, they are nearest to a body, (N, lines), how far they
     are there, m, and in which direction that grows, (N, lines, 3)."""
-    way, low, high = end - begin, np.zeros(begin.shape[:2]), np.ones(begin.shape[:2])
-    for _ in range(bisections):
-        middle = (low + high) / 2
-        _, normal = _distance(body, begin + middle[..., None] * way)
-        recedes = (normal * way).sum(axis=2) > 0
-        low, high = np.where(recedes, low, middle), np.where(recedes, middle, high)
-    share = (low + high) / 2
-    return share, *_distance(body, begin + share[..., None] * way)
+    share = nearest_on_lines(lambda x: _distance(body, x)[1], begin, end - begin, bisections)
+    return share, *_distance(body, begin + share[..., None] * (end - begin))
 
 
 def _distance(body: Solid, x: Array) -> tuple[Array, Array]:

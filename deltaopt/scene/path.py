@@ -14,21 +14,20 @@ from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from math import comb
 from pathlib import Path as File
 from typing import Annotated, Any, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 
+from deltaopt.curves.nodes import gauss
+from deltaopt.curves.piecewise import Array, Index, PiecewisePolynomial, shifted
 from deltaopt.errors import SceneError
 from deltaopt.files.csv_table import WrongCsv, read_csv
 from deltaopt.files.units import LENGTH, SPEED, WIDTH
 from deltaopt.files.validated_record import NonNegative, Number, Positive, Record, Vector3
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 _Points = Annotated[tuple[tuple[Number, Number, Number], ...], LENGTH]
 _Speeds = Annotated[tuple[NonNegative, NonNegative], SPEED]
 _Width = Annotated[Positive, WIDTH]
@@ -54,36 +53,16 @@ the rounding, which must be a knot, for nothing accelerates along the path there
 
 
 @dataclass(frozen=True, eq=False)
-class Path:
-    """A curve p(s), (3,), m, made of K polynomials of degree d in its parameter s.
+class Path(PiecewisePolynomial):
+    """A curve p(s), (3,), m, made of polynomials in its parameter s.
 
-    ``knots``: where polynomials meet, increasing, (K + 1,). ``coefficients``: of the ascending
-    powers of s since the piece began, (K, d + 1, 3). The unit of s is free: m if s is the length.
+    The unit of s is free: m if s is the length.
     """
-
-    knots: Array
-    coefficients: Array
 
     def __call__(self, s: ArrayLike, order: int = 0) -> Array:
         """p or its derivative of an order, (N, 3), at parameters s, (N,); at a knot where the
         derivative jumps it is that of the piece that begins there, if any."""
-        places = np.atleast_1d(np.asarray(s, dtype=float))
-        pieces = self.piece(places)
-        return self.inside(pieces, places - self.knots[pieces], order)
-
-    def piece(self, s: Array) -> Index:
-        """The piece of each parameter, (N,); at a knot the piece that begins there, if any."""
-        found = np.searchsorted(self.knots, s, side="right") - 1
-        return np.clip(found, 0, len(self.knots) - 2)
-
-    def inside(self, pieces: Index, since: Array, order: int = 0) -> Array:
-        """p or its derivative of an order, (N, 3), in given pieces at s since they began, (N,)."""
-        coefficients = self._derivatives[order] if order < len(self._derivatives) else None
-        values = np.zeros((len(since), 3))
-        if coefficients is not None:
-            for power in reversed(range(coefficients.shape[1])):  # Horner
-                values = values * since[:, None] + coefficients[pieces, power]
-        return values
+        return self.at(s, order)
 
     def with_derivatives(self, pieces: Index, since: Array) -> tuple[Array, Array, Array]:
         """p, dp/ds and d²p/ds², (N, 3) each, in given pieces at s since they began, (N,)."""
@@ -98,14 +77,6 @@ class Path:
         for order, own in enumerate(self._derivatives[:3]):
             stacked[:, : own.shape[1], 3 * order : 3 * order + 3] = own
         return stacked
-
-    @cached_property
-    def _derivatives(self) -> list[Array]:
-        """Coefficients of p and of all its derivatives that are not zero."""
-        found = [self.coefficients]
-        while found[-1].shape[1] > 1:
-            found.append(found[-1][:, 1:] * np.arange(1, found[-1].shape[1])[:, None])
-        return found
 
     @property
     def over_shares(self) -> Array:
@@ -127,13 +98,9 @@ class Path:
     @cached_property
     def length(self) -> float:
         """Its length, m, to about 1e-9 of it."""
-        nodes, weights = np.polynomial.legendre.leggauss(12)
-        shares = (nodes + 1) / 2
-        pieces = np.repeat(np.arange(len(self.knots) - 1), len(shares))
-        lengths = np.diff(self.knots)
-        since = (lengths[:, None] * shares).ravel()
-        rates = np.linalg.norm(self.inside(pieces, since, 1), axis=1).reshape(-1, len(shares))
-        return float((rates @ weights / 2) @ lengths)
+        shares, weights = gauss(12)
+        rates = np.linalg.norm(self.inside(*self.everywhere(shares), 1), axis=1)
+        return float((rates.reshape(-1, len(shares)) @ weights) @ np.diff(self.knots))
 
 
 class GivenPath(Record):
@@ -254,7 +221,9 @@ class Curve(GivenPath):
         while True:
             x, dx, ddx = (np.asarray(function(s, order), dtype=float) for order in range(3))
             middles = (s[:-1] + s[1:]) / 2
-            away = _hermite(s, x, dx, ddx)(middles) - np.asarray(function(middles, 0), dtype=float)
+            away = Path.hermite(s, x, dx, ddx).at(middles) - np.asarray(
+                function(middles, 0), dtype=float
+            )
             rough = np.linalg.norm(away, axis=1) > _LIKE_THE_FUNCTION * np.abs(x).max()
             if not rough.any():
                 arrays = {"s": s, "x": x, "dx": dx, "ddx": ddx}
@@ -270,9 +239,8 @@ class Curve(GivenPath):
             s = np.sort(np.concatenate([s, middles[rough]]))
 
     def between(self, start: Vector3, goal: Vector3) -> Path:
-        path = _hermite(
-            *(np.array(each, dtype=float) for each in (self.s, self.x, self.dx, self.ddx))
-        )
+        numbers = (np.array(each, dtype=float) for each in (self.s, self.x, self.dx, self.ddx))
+        path = Path.hermite(*numbers)
         for key, end, found in (("start", start, self.x[0]), ("goal", goal, self.x[-1])):
             if np.linalg.norm(np.subtract(end, found)) > _SAME_PLACE * path.length:
                 raise SceneError(None, key, end, f"where the curve of path has it, {list(found)} m")
@@ -368,11 +336,7 @@ def _through(corners: Array, blends: list[float]) -> Path:
     def halve() -> None:
         """Cut the last piece in the middle."""
         half, whole = steps.pop() / 2, pieces.pop()
-        later = [
-            sum(comb(j, k) * whole[j] * half ** (j - k) for j in range(k, len(whole)))
-            for k in range(len(whole))
-        ]
-        pieces.extend([whole, np.array(later)])
+        pieces.extend([whole, shifted(whole, half)])
         steps.extend([half, half])
 
     before = 0.0
@@ -390,16 +354,3 @@ def _through(corners: Array, blends: list[float]) -> Path:
     coefficients = np.array(pieces)
     straight = not coefficients[:, 2:].any()
     return Path(knots, coefficients[:, :2] if straight else coefficients)
-
-
-def _hermite(s: Array, x: Array, dx: Array, ddx: Array) -> Path:
-    """Quintic pieces with these values and derivatives at parameters s, (N,); (N, 3) each."""
-    h = np.diff(s)[:, None]
-    c0, c1, c2 = x[:-1], dx[:-1], ddx[:-1] / 2
-    value = x[1:] - c0 - h * (c1 + h * c2)
-    rate, bend = h * (dx[1:] - c1 - 2 * h * c2), h**2 * (ddx[1:] - 2 * c2)
-    cubed, fourth, fifth = np.vander(np.diff(s), 6, increasing=True).T[3:, :, None]
-    c3 = (10 * value - 4 * rate + bend / 2) / cubed
-    c4 = (-15 * value + 7 * rate - bend) / fourth
-    c5 = (6 * value - 3 * rate + bend / 2) / fifth
-    return Path(s, np.stack([c0, c1, c2, c3, c4, c5], axis=1))

@@ -1,4 +1,4 @@
-"""The least clearance of a motion from keep-out bodies, by its own distances and its own bound.
+"""The least clearance of a motion from keep-out bodies, by its own distances and its own bounds.
 
 The nearest point of a body is found by projection, and the distance is that to it. A distance from
 a convex body is at least what its tangent plane says, and a motion is at most A h²/2 off its
@@ -8,19 +8,39 @@ tangent within h of an instant, where ‖ẍ‖ ≤ A. So within h of an instant
 
 n the direction from the nearest point. Parts of the motion are halved until that says enough: what
 is reported holds at all instants.
+
+Arms and pairs of bars are capsules about lines, of the radii that the robot's file gives, if any.
+The distance from a convex body is a convex function along a line, whose least value bisection
+finds. How near links come is told of every motion, by samples.
+
+Where a scene asks links to keep clear, all instants count. In the middle of a part of the motion,
+the plane at the body's place that is nearest to a line divides both. Within h of it an end of the
+line is off where it would be at constant velocity: pins, at w, by A h²/2 at most, ‖ẅ‖ ≤ A. An elbow
+is at e(θ) on a circle of radius L, ‖w - e(θ)‖ = l. If the arm went on at constant speed, D = w - e
+would miss the length by
+
+    | ‖D‖² - l² | ≤ (max ‖Ḋ‖² + max ‖D‖ max ‖D̈‖) h² = G,
+
+for it has no error and no rate in the middle. Where (w - e)·e′ is at least m in the part, e′ the
+unit vector in which the elbow moves, the arm is off by G / (2 L m) at most, and so the elbow by
+L θ̇² h²/2 + G / (2 m).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import inf
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deltaopt.curves.halving import Parts, nearest_on_lines, surely_largest
+from deltaopt.curves.piecewise import Array, PiecewisePolynomial
 from deltaopt.limits.limit import OwnMeasure
-from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
+from deltaopt.motion.trajectory import Trajectory
+from deltaopt.robot.machine import Model
+from deltaopt.robot.robot import Robot, as_delta
 from deltaopt.robot.solids import Convex, Polytope, Solid
+from deltaopt.scene.bodies import sums
+from deltaopt.scene.links import LINKS, LinkGeometry, each_link
 from deltaopt.scene.scene import Scene, limits_of
 from deltaopt.verify.measures import Excess, Known
 
@@ -30,7 +50,7 @@ allows."""
 HALVINGS, MOST = 30, 400_000
 """Of a piece, and parts that are looked at in all: what is not known then is told as bad as it may
 be."""
-_FIRST = 8
+FIRST = 8
 """Parts of each piece to begin with."""
 
 
@@ -59,72 +79,31 @@ def least_clearance(body: Convex, path: PiecewisePolynomial, asked: float) -> tu
     It is that of an instant where all of the motion is known to keep what is asked for (m), and
     otherwise a bound that no instant falls below.
     """
-    parts, seen = Parts.of(path), 0
-    least, when = inf, float(path.knots[0])
-    worst, where = inf, when
-    for halving in range(HALVINGS + 1):
-        distance, bound = parts.distance_and_bound(body)
-        nearest, lowest = int(distance.argmin()), int(bound.argmin())
-        if distance[nearest] < least:
-            least, when = float(distance[nearest]), float(parts.instants[nearest])
-        seen += len(bound)
-        open_ = bound < asked - ENOUGH
-        if halving == HALVINGS or seen > MOST:
-            if open_.any():
-                worst, where = float(bound[lowest]), float(parts.instants[lowest])
-            break
-        told = distance < asked - ENOUGH  # known to be too near: how near is told by its samples
-        parts = parts.halved(open_ & ~(told & (distance - bound < ENOUGH)))
-        if not len(parts.half):
-            break
-    return (least, when) if least <= worst else (worst, where)
+    largest = largest_accelerations(path)
+
+    def nearness(parts: Parts) -> tuple[Array, Array, Array]:
+        distance, normal = distance_from(body, parts.at())
+        towards = np.abs((normal * parts.at(1)).sum(axis=1))
+        off = largest[parts.piece] * parts.half**2 / 2
+        bound = distance - towards * parts.half - off
+        return -distance[:, None], parts.middles, -bound[:, None]
+
+    found = surely_largest(
+        Parts.of(path, FIRST),
+        nearness,
+        ENOUGH - asked,
+        known=lambda too_near: too_near + ENOUGH,
+        halvings=HALVINGS,
+        most=MOST,
+    )
+    return -found.value, found.where
 
 
-@dataclass(frozen=True)
-class Parts:
-    """Parts of a motion about instants: piece, time in it, half of the part's duration, (N,)."""
-
-    path: PiecewisePolynomial
-    rate: PiecewisePolynomial
-    largest: Array
-    piece: NDArray[np.intp]
-    since: Array
-    half: Array
-
-    @classmethod
-    def of(cls, path: PiecewisePolynomial) -> Parts:
-        lengths, rate = np.diff(path.knots), path.derivative()
-        pieces = np.repeat(np.arange(len(lengths)), _FIRST)
-        half = lengths[pieces] / (2 * _FIRST)
-        since = half * (2 * np.tile(np.arange(_FIRST), len(lengths)) + 1)
-        sizes = np.linalg.norm(rate.derivative().coefficients, axis=2)
-        largest = (sizes * lengths[:, None] ** np.arange(sizes.shape[1])).sum(axis=1)
-        return cls(path, rate, largest, pieces, since, half)
-
-    @property
-    def instants(self) -> Array:
-        """The middle of each, s."""
-        return np.asarray(self.path.knots[self.piece] + self.since)
-
-    def distance_and_bound(self, body: Convex) -> tuple[Array, Array]:
-        """The distance from a body in the middle of each, and what it is at least in all of it."""
-        x = self.path.inside(self.piece, self.since)
-        distance, normal = distance_from(body, x)
-        towards = np.abs((normal * self.rate.inside(self.piece, self.since)).sum(axis=1))
-        off = self.largest[self.piece] * self.half**2 / 2
-        return distance, distance - towards * self.half - off
-
-    def halved(self, which: NDArray[np.bool]) -> Parts:
-        """Both halves of some of them."""
-        piece, since, half = self.piece[which], self.since[which], self.half[which] / 2
-        return Parts(
-            self.path,
-            self.rate,
-            self.largest,
-            np.tile(piece, 2),
-            np.concatenate([since - half, since + half]),
-            np.tile(half, 2),
-        )
+def largest_accelerations(path: PiecewisePolynomial) -> Array:
+    """What the norm of the second derivative is at most in each piece, (K,)."""
+    sizes = np.linalg.norm(path.derivative().derivative().coefficients, axis=2)
+    lengths = np.diff(path.knots)[:, None]
+    return np.asarray((sizes * lengths ** np.arange(sizes.shape[1])).sum(axis=1))
 
 
 def distance_from(body: Convex, x: Array) -> tuple[Array, Array]:
@@ -188,3 +167,130 @@ def _nearest_place(triangles: Array, normals: Array, height: Array, x: Array) ->
     share = np.clip(((x - corners) * edges).sum(axis=2) / (edges**2).sum(axis=2), 0.0, 1.0)
     places = np.concatenate([foot[on_face], (corners + share[:, :, None] * edges).reshape(-1, 3)])
     return np.asarray(places[((places - x) ** 2).sum(axis=1).argmin()])
+
+
+_FRACTIONS = np.linspace(0.0, 1.0, 5)
+"""Of every interval, where the robot is looked at."""
+_BISECTIONS = 44
+"""Of a line: a place is then known to 1e-13 of it."""
+
+
+def robot_clearance(scene: Scene, trajectory: Trajectory) -> float | None:
+    """The least distance of arms and forearms from the bodies of a scene, m, negative inside of
+    one, by samples; None if there are no bodies."""
+    if scene.keep_out is None or not scene.robot.has_links:
+        return None
+    robot = as_delta(scene.robot)
+    motion = trajectory.inside_intervals(_FRACTIONS)
+    begin, end = LinkGeometry.at_angles(robot, motion.x, motion.theta).links
+    of_bodies = (_nearest(body, begin, end - begin)[1] for body in _bodies(scene))
+    return min(float((distance - _radii(robot)).min()) for distance in of_bodies)
+
+
+def sure_robot_clearance(scene: Scene, trajectory: Trajectory) -> float:
+    """The least distance at all instants, m: where the motion is known to keep what the scene asks
+    for that of an instant, and otherwise a bound that no instant falls below."""
+    robot = as_delta(scene.robot)
+    bodies, radii = _bodies(scene), _radii(robot)
+    largest = largest_accelerations(trajectory.position)
+
+    def nearness(parts: Parts) -> tuple[Array, Array, Array]:
+        links = _MovingLinks.of(robot, trajectory.model, parts, largest[parts.piece])
+        found = [links.distance_and_bound(body) for body in bodies]
+        distance, bound = (
+            np.concatenate([each - radii for each in of], axis=1) for of in zip(*found, strict=True)
+        )
+        return -distance, parts.middles, -bound
+
+    found = surely_largest(
+        Parts.of(trajectory.position, FIRST),
+        nearness,
+        ENOUGH - scene.least_clearance,
+        known=lambda too_near: np.full_like(too_near, np.inf),  # by an instant
+        halvings=HALVINGS,
+        most=MOST // len(bodies),
+    )
+    return -found.value
+
+
+def _bodies(scene: Scene) -> list[Convex]:
+    return [body for _, body in sums(scene.keep_out or (), None)]
+
+
+def _radii(robot: Robot) -> Array:
+    """Of the capsules of all links, (6,), m."""
+    return np.array([robot.link_radius(link) for link in range(LINKS)])
+
+
+@dataclass(frozen=True)
+class _MovingLinks:
+    """The lines of all links in the middles of N parts of a motion: their ends, (N, 6, 2, 3), m,
+    how fast these move, m/s, and by how much they are ``off`` uniform motion within the parts at
+    most, (N, 6, 2), m; infinite where that is not known. ``half``: of the parts' durations, s."""
+
+    ends: Array
+    rates: Array
+    off: Array
+    half: Array
+
+    @classmethod
+    def of(cls, robot: Robot, model: Model, parts: Parts, largest: Array) -> _MovingLinks:
+        """``largest``: what the platform's acceleration is at most in each part, (N,), m/s²."""
+        x, v = parts.at(), parts.at(1)
+        q, dq, _ = model.motion(x, v, np.zeros_like(x))
+        geometry, dtheta = LinkGeometry.at_angles(robot, x, q[:, 3::3]), dq[:, 3::3]
+        bars, ahead = geometry.pins - geometry.elbows, geometry.ahead
+        elbow_rates = robot.upper_arm.length * dtheta[..., None] * ahead
+        pin_rates = np.broadcast_to(v[:, None], elbow_rates.shape)
+        bend, h = largest[:, None], parts.half[:, None]
+        of_elbow = _off(robot, bars, ahead, elbow_rates, pin_rates, dtheta, bend, h)
+        of_pin = np.broadcast_to(bend * h**2 / 2, of_elbow.shape)
+        still = np.zeros_like(elbow_rates)
+        moving = each_link(still, elbow_rates), each_link(elbow_rates, pin_rates)
+        bent = each_link(still[..., 0], of_elbow), each_link(of_elbow, of_pin)
+        ends, rates, off = (np.stack(both, axis=2) for both in (geometry.links, moving, bent))
+        return cls(ends, rates, off, parts.half)
+
+    def distance_and_bound(self, body: Convex) -> tuple[Array, Array]:
+        """How far the lines are from a body in the middles of the parts, and at least in all of
+        them, (N, 6) each, m."""
+        begin, way = self.ends[:, :, 0], self.ends[:, :, 1] - self.ends[:, :, 0]
+        share, distance, normal = _nearest(body, begin, way)
+        rise = (normal * way).sum(axis=2)
+        level = np.stack([distance - share * rise, distance + (1 - share) * rise], axis=2)
+        towards = np.abs(np.einsum("nlc,nlec->nle", normal, self.rates)) * self.half[:, None, None]
+        return distance, (level - towards - self.off).min(axis=2)
+
+
+def _off(
+    robot: Robot,
+    bars: Array,
+    ahead: Array,
+    elbow_rates: Array,
+    pin_rates: Array,
+    dtheta: Array,
+    largest: Array,
+    h: Array,
+) -> Array:
+    """By how much elbows are off uniform motion within h of the middle at most, (N, 3), m."""
+    L, length, speed = robot.upper_arm.length, robot.forearm.length, np.abs(dtheta)
+    bend = largest + L * dtheta**2
+    fastest = np.linalg.norm(pin_rates - elbow_rates, axis=2) + bend * h
+    G = (fastest**2 + (length + fastest * h) * bend) * h**2
+    lever = np.abs((bars * ahead).sum(axis=2))
+    turned = speed * h + G / (L * lever)
+    moved = (np.linalg.norm(pin_rates, axis=2) + largest * h) * h
+    m = lever - moved - L * turned - (length + moved + L * turned) * turned
+    return np.where(m >= lever / 2, L * dtheta**2 * h**2 / 2 + G / (2 * m), np.inf)
+
+
+def _nearest(body: Convex, begin: Array, way: Array) -> tuple[Array, Array, Array]:
+    """At which shares of lines they are nearest to a body, (N, 6), the distances there, (N, 6), m,
+    and the directions in which these grow, (N, 6, 3)."""
+
+    def distances(x: Array) -> tuple[Array, Array]:
+        distance, normal = distance_from(body, x.reshape(-1, 3))
+        return distance.reshape(x.shape[:-1]), normal.reshape(x.shape)
+
+    share = nearest_on_lines(lambda x: distances(x)[1], begin, way, _BISECTIONS)
+    return share, *distances(begin + share[..., None] * way)

@@ -11,10 +11,11 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
+from deltaopt.curves.piecewise import Array, Index
 from deltaopt.files.validated_record import Vector3
 from deltaopt.robot.catalogue import gain
 from deltaopt.robot.machine import Machine
-from deltaopt.verify.resolved_curves import WEIGHTS, Array, Cells, Curves, Index, ResolvedCurves
+from deltaopt.verify.resolved_curves import WEIGHTS, Cells, Curves, ResolvedCurves
 
 _POWER, _TOTAL, _SPEED = slice(0, 3), 3, slice(4, 7)
 _TORQUE, _PASSED = slice(7, 10), slice(10, 13)

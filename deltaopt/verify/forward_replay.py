@@ -20,9 +20,10 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import Array, PiecewisePolynomial
 from deltaopt.dynamics.precise_integrator import PreciseIntegrator
 from deltaopt.mechanisms.functions import Functions
-from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory, goal_of
+from deltaopt.motion.trajectory import Trajectory, goal_of
 from deltaopt.problem.boundary import Boundary
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import model_of
@@ -150,8 +151,7 @@ class _Torques:
     def _reported(self, interval: int, since: Array) -> Array:
         """Reported position and velocity at times since an interval began, (N, 6)."""
         own = np.full(len(since), interval)
-        x, v = (p.inside(own, since) for p in (self.position, self.position.derivative()))
-        return np.hstack([x, v])
+        return np.hstack([self.position.inside(own, since, order) for order in range(2)])
 
     def _state(self, end: EndState | Boundary) -> Array:
         """Position and velocity of an end of the task."""

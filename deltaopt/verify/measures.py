@@ -18,16 +18,17 @@ import casadi as ca
 import numpy as np
 
 from deltaopt.codegen.vectorised import RowFunction
+from deltaopt.curves.piecewise import Array, Index, PiecewisePolynomial
 from deltaopt.errors import Unreachable
 from deltaopt.limits.limit import Bounds, Limit, first_highest
 from deltaopt.mechanisms.functions import Functions
 from deltaopt.mechanisms.instant import CoordinateInstant
-from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.robot.machine import Machine, Model
 from deltaopt.robot.model import model_of
 from deltaopt.scene.scene import Scene, limits_of
 from deltaopt.verify.duty import Duty, duty
-from deltaopt.verify.resolved_curves import DEGREE, Cells, Index, Peaks, ResolvedCurves
+from deltaopt.verify.resolved_curves import DEGREE, Cells, Peaks, ResolvedCurves
 
 RESOLVED = 1e-10
 """To so much of the larger of its limit and itself a measure is known between samples: a tenth of
@@ -141,32 +142,33 @@ class _Curves:
     """
 
     model: Model
-    path: tuple[PiecewisePolynomial, PiecewisePolynomial, PiecewisePolynomial]
+    path: PiecewisePolynomial
     function: RowFunction
     parameters: Array
     speed: float = 1.0
 
     def __call__(self, pieces: Index, fractions: Array) -> Array:
-        knots = self.path[0].knots
-        return self._at(pieces, (knots[pieces + 1] - knots[pieces]) * fractions, self.speed)
+        return self._at(pieces, self._since(pieces, fractions), self.speed)
 
     def motors(self, pieces: Index, fractions: Array) -> Array:
         """Speeds (rad/s), accelerations (rad/s²) and torques (N·m) of the motors, (N, 9)."""
-        since = np.diff(self.path[0].knots)[pieces] * fractions
-        x, v, a = (each.inside(pieces, since) for each in self.path)
         values: Array
-        _, values = self.function(x, v, a, parameters=self.parameters)
+        motion = self.path.with_derivatives(pieces, self._since(pieces, fractions))
+        _, values = self.function(*motion, parameters=self.parameters)
         return values
 
     def at_speeds(self, pieces: Index, fractions: Array, speeds: Array) -> Array:
         """The same at the instants (N,) of the motion at each of these speeds, (S, N, columns)."""
-        knots, n = self.path[0].knots, len(speeds)
-        since = (knots[pieces + 1] - knots[pieces]) * fractions
+        since, n = self._since(pieces, fractions), len(speeds)
         rate = np.repeat(speeds, len(pieces))[:, None]
         return self._at(np.tile(pieces, n), np.tile(since, n), rate).reshape(n, len(pieces), -1)
 
+    def _since(self, pieces: Index, fractions: Array) -> Array:
+        """Times since pieces began, s."""
+        return np.asarray(np.diff(self.path.knots)[pieces] * fractions)
+
     def _at(self, pieces: Index, since: Array, speed: float | Array) -> Array:
-        x, v, a = (each.inside(pieces, since) for each in self.path)
+        x, v, a = self.path.with_derivatives(pieces, since)
         values: Array
         values, _ = self.function(x, speed * v, speed**2 * a, parameters=self.parameters)
         if not np.isfinite(values).all():
@@ -200,17 +202,15 @@ class MeasuredMotion:
             if item[0].promised and item[0].own_measure is None
         ]
         items = tuple(item for item, _ in promised)
-        function = _function(model.functions, items)
+        function, rows = _function(model.functions, items)
         numbers = [own for _, own in promised]
-        position = trajectory.position
-        velocity = position.derivative()
         curves = _Curves(
             model=model,
-            path=(position, velocity, velocity.derivative()),
+            path=trajectory.position,
             function=function,
             parameters=np.concatenate([*numbers, model.parameters]),
         )
-        return cls(scene, trajectory, curves, _sides(model.functions, items, numbers))
+        return cls(scene, trajectory, curves, _sides(items, numbers, rows))
 
     @cached_property
     def resolved(self) -> ResolvedCurves:
@@ -352,45 +352,38 @@ def not_measured(scene: Scene) -> dict[str, Excess]:
 
 
 @lru_cache(maxsize=32)
-def _function(functions: Functions, items: Items) -> RowFunction:
-    """(x, v, a, numbers of the limits and p) -> the columns of ``_Curves``; θ̇, θ̈ and τ."""
+def _function(functions: Functions, items: Items) -> tuple[RowFunction, tuple[int, ...]]:
+    """(x, v, a, numbers of the limits and p) -> the columns of ``_Curves``; θ̇, θ̈ and τ. And how
+    many quantities each item measures."""
     x, v, a, p = *(ca.SX.sym(name, 3) for name in "xva"), functions.symbols()
     motion = CoordinateInstant.general(functions, x, v, a, p)
     numbers = [ca.SX.sym(f"numbers{i}", size) for i, (_, size) in enumerate(items)]
-    columns = [
-        beyond
-        for (limit, _), own in zip(items, numbers, strict=True)
-        for beyond in limit.bounds(own).beyond(limit.measure(motion, own))
-    ]
+    columns, rows = list[ca.SX](), list[int]()
+    for (limit, _), own in zip(items, numbers, strict=True):
+        measure = limit.measure(motion, own)
+        columns += limit.bounds(own).beyond(measure)
+        rows.append(measure.numel())
     columns += [-kind.of(motion.q) for kind in functions.distances]
     columns += [motion.dtheta, ca.sumsqr(motion.tau)]
     inputs = [x, v, a, ca.vertcat(*numbers, p)]
     motors = ca.vertcat(motion.dtheta, motion.ddtheta, motion.tau)
     outputs = [ca.densify(ca.vertcat(*columns)), ca.densify(motors)]
-    return RowFunction(ca.Function("measures", inputs, outputs, {"cse": True}))
+    function = RowFunction(ca.Function("measures", inputs, outputs, {"cse": True}))
+    return function, tuple(rows)
 
 
-@lru_cache(maxsize=32)
-def _rows(functions: Functions, items: Items) -> tuple[int, ...]:
-    """How many quantities each item measures."""
-    x, v, a, p = *(ca.SX.sym(name, 3) for name in "xva"), functions.symbols()
-    motion = CoordinateInstant.general(functions, x, v, a, p)
-    return tuple(limit.measure(motion, ca.SX.sym("numbers", size)).numel() for limit, size in items)
-
-
-def _sides(functions: Functions, items: Items, numbers: Sequence[Array]) -> tuple[_Side, ...]:
+def _sides(items: Items, numbers: Sequence[Array], rows_of: Sequence[int]) -> tuple[_Side, ...]:
     """What each excess is of, in the order of columns."""
     sides: list[_Side] = []
-    for (limit, _), own, rows in zip(items, numbers, _rows(functions, items), strict=True):
+    for (limit, _), own, rows in zip(items, numbers, rows_of, strict=True):
         bounds = limit.bounds(ca.SX(ca.DM(own)))
         scales = np.broadcast_to(np.array(ca.DM(bounds.scale)).ravel(), rows)
         mirrored = _mirrored(bounds)
         for bound, falls_below in ((bounds.upper, False), (bounds.lower, not mirrored)):
             if bound is not None:
-                sides += [
-                    _Side(limit, _named(limit, i, rows), float(scales[i]), falls_below)
-                    for i in range(rows)
-                ]
+                for row, scale in enumerate(scales.tolist(), 1):
+                    subject = f"{limit.subject} {row}" if rows > 1 else limit.subject
+                    sides.append(_Side(limit, subject, scale, falls_below))
     return tuple(sides)
 
 
@@ -400,7 +393,3 @@ def _mirrored(bounds: Bounds) -> bool:
         return False
     lower, upper = (np.array(ca.DM(each)) for each in (bounds.lower, bounds.upper))
     return bool((lower == -upper).all())
-
-
-def _named(limit: Limit, row: int, rows: int) -> str:
-    return f"{limit.subject} {row + 1}" if rows > 1 else limit.subject

@@ -1,4 +1,4 @@
-"""How far a motion is from the path, the via points or the approach that its scene gives."""
+"""How far a motion is from the path, the tube, the via points or the approach of its scene."""
 
 from __future__ import annotations
 
@@ -7,21 +7,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.polynomial import Polynomial
-from numpy.typing import NDArray
 
-from deltaopt.limits.limit import Column
-from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
+from deltaopt.curves.bernstein import control_points_of, largest_norm, parts_of
+from deltaopt.curves.nodes import gauss
+from deltaopt.curves.piecewise import Array, Index, PiecewisePolynomial
+from deltaopt.curves.roots import real_roots, sure_largest
+from deltaopt.limits.limit import Column, OwnMeasure
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.scene.path import Path
+from deltaopt.scene.scene import Scene, limits_of
 from deltaopt.scene.task import OnPath, Task
-from deltaopt.verify.away_from_path import (
-    control_points,
-    from_moving_place,
-    highest,
-    largest_distance,
-    parts_of,
-)
-
-Index = NDArray[np.intp]
+from deltaopt.verify.away_from_path import from_moving_place, largest_distance
+from deltaopt.verify.measures import Excess, Known
 
 _IN_PIECE = 64
 """Places of every piece of the path among which the nearest is looked for first."""
@@ -29,14 +26,9 @@ _STEPS = 50
 """Of Newton's method from there: where the path turns back it gains only a digit in three steps."""
 _AT_ONCE = 1_000_000
 """Distances that are compared at once, in 8 MB."""
-_REAL = 1e-6
-"""Imaginary part of a root, in lengths of its interval, that may be rounding of a double root."""
-_ROUNDING = 1e-13
-"""Of the largest control point of a polynomial: to which its largest value is known."""
 _AS_NEAR = 1e-10
 """By how much a place must be nearer, m, to count instead of an earlier one: less is rounding."""
-_NODES, _WEIGHTS = (each / 2 for each in np.polynomial.legendre.leggauss(24))
-_NODES = _NODES + 0.5
+_NODES, _WEIGHTS = gauss(24)
 """Fractions of an interval, and weights, for the length of a way."""
 
 
@@ -62,7 +54,6 @@ class _FollowedPlaces:
 
     path: Path
     position: PiecewisePolynomial
-    rate: PiecewisePolynomial
     marks: Array
     ways: Array
     gone: Array
@@ -77,8 +68,8 @@ class _FollowedPlaces:
         rates = path.inside(places, (since[:, None] + length[:, None] * _NODES).ravel(), 1)
         ways = _summed(_integrals(rates, length))
         marks = np.append(path.knots[pieces] + since, path.knots[-1])
-        rate, lengths = position.derivative(), np.diff(position.knots)
-        followed = cls(path, position, rate, marks, ways / ways[-1], np.zeros(0))
+        lengths = np.diff(position.knots)
+        followed = cls(path, position, marks, ways / ways[-1], np.zeros(0))
         gone = _summed(followed._way(np.arange(len(lengths)), np.ones(len(lengths))))
         return replace(followed, gone=gone)
 
@@ -94,7 +85,7 @@ class _FollowedPlaces:
         return _closest(self.path, x, np.clip(guess, *s.T), *s.T)[1]
 
     def bound(self, points: Array, s: Array) -> Array:
-        first, on, last = (self.path.piece(each) for each in (s[:, 0], s.mean(axis=1), s[:, 1]))
+        first, on, last = (self.path.interval(each) for each in (s[:, 0], s.mean(axis=1), s[:, 1]))
         begin, end = self.path.knots[on], self.path.knots[on + 1]
         moving = np.clip(s, begin[:, None], end[:, None])
         bound = from_moving_place(self.path, on, points, moving)
@@ -107,9 +98,8 @@ class _FollowedPlaces:
             waited = np.linalg.norm(passed - x, axis=2).max(axis=1)
             bound = np.where(b > a, np.maximum(bound, waited), bound)
         # No place of the path is farther than the path's middle and the path from there.
-        shares = self.path.over_shares
-        middle = shares[:, 0].mean(axis=0)
-        within = np.linalg.norm(control_points(shares, np.ones(len(shares))) - middle, axis=2)
+        middle = self.path.coefficients[:, 0].mean(axis=0)
+        within = np.linalg.norm(control_points_of(self.path) - middle, axis=2)
         anywhere = np.linalg.norm(points - middle, axis=2).max(axis=1) + within.max()
         return np.asarray(np.where((first >= on - 1) & (last <= on + 1), bound, anywhere))
 
@@ -119,8 +109,8 @@ class _FollowedPlaces:
     def _way(self, pieces: Index, fractions: Array) -> Array:
         """How far the motion goes in parts from the beginning of pieces, (N,), m."""
         length = np.diff(self.position.knots)[pieces] * fractions
-        rates = self.rate.inside(np.repeat(pieces, len(_NODES)), (length[:, None] * _NODES).ravel())
-        return _integrals(rates, length)
+        since = (length[:, None] * _NODES).ravel()
+        return _integrals(self.position.inside(np.repeat(pieces, len(_NODES)), since, 1), length)
 
 
 def _integrals(rates: Array, lengths: Array) -> Array:
@@ -150,12 +140,10 @@ def off_via_points(task: Task, trajectory: Trajectory) -> float:
             away[0] -= point.position
             squares = [Polynomial(each) ** 2 for each in away.T]
             square = squares[0] + squares[1] + squares[2]
-            begin = since if k == interval else 0.0
-            roots = square.deriv().roots()
-            if point.within:
-                roots = np.append(roots, (square - point.within**2).roots())
-            inside = roots.real[(np.abs(roots.imag) < _REAL * lengths[k])]
-            for s in sorted([begin, lengths[k], *inside[(inside > begin) & (inside < lengths[k])]]):
+            begin, end = (since if k == interval else 0.0), float(lengths[k])
+            curves = [square.deriv(), *([square - point.within**2] if point.within else [])]
+            roots = [s for each in curves for s in real_roots(each, begin, end, end).tolist()]
+            for s in sorted([begin, end, *roots]):
                 missed = max(float(np.sqrt(max(square(s), 0.0))) - point.within, 0.0)
                 if missed < best[0] - _AS_NEAR:
                     best = missed, k, float(s)
@@ -186,10 +174,10 @@ def off_approach(columns: tuple[Column, Column], trajectory: Trajectory) -> floa
         ends = [np.clip(t if k == j else length * (k < j), 0, length) for j, t in (up, down)]
         for column, begin, end in ((start, 0.0, ends[0]), (goal, ends[1], length)):
             square = (y - column.y) ** 2 + (z - column.z) ** 2
-            away = _largest(square, begin, end) ** 0.5 if begin < end else 0.0
+            away = sure_largest(square, begin, end) ** 0.5 if begin < end else 0.0
             worst = max(worst, away - column.radius)
         if ends[0] < ends[1]:
-            worst = max(worst, _largest(x - low, ends[0], ends[1]))
+            worst = max(worst, sure_largest(x - low, ends[0], ends[1]))
     return worst
 
 
@@ -202,9 +190,7 @@ def _high(pieces: Pieces, level: float, last: bool) -> Iterator[tuple[int, float
     first or last time since it began, s."""
     for k, (length, c) in enumerate(pieces):
         below = Polynomial(c[:, 0]) - level - _AS_NEAR
-        roots = below.roots()
-        inside = roots.real[(np.abs(roots.imag) < _REAL * length) & (roots.real > 0)]
-        times = sorted([0.0, *inside[inside < length].tolist(), length], reverse=last)
+        times = sorted([0.0, *real_roots(below, 0.0, length), length], reverse=last)
         # A root itself may be below by rounding: within a thousandth of what counts as high.
         high = [t for t in times if below(t) <= 1e-3 * _AS_NEAR]
         if high:
@@ -213,14 +199,7 @@ def _high(pieces: Pieces, level: float, last: bool) -> Iterator[tuple[int, float
 
 def _least_depth(pieces: Pieces) -> float:
     """The depth of the highest place of a motion, m."""
-    return -max(_largest(-Polynomial(c[:, 0]), 0.0, length) for length, c in pieces)
-
-
-def _largest(curve: Polynomial, begin: float, end: float) -> float:
-    """The largest value of a polynomial between two times, s, at all instants."""
-    coefficients = np.asarray(curve.coef, np.float64)[None, :, None]
-    points = parts_of(coefficients, np.array([begin]), np.array([end - begin]))
-    return highest(points[..., 0], _ROUNDING * float(np.abs(points).max()))
+    return -max(sure_largest(-Polynomial(c[:, 0]), 0.0, length) for length, c in pieces)
 
 
 def nearest_places(path: Path, x: Array) -> tuple[Array, Array]:
@@ -283,3 +262,48 @@ def _closest(path: Path, x: Array, s: Array, least: Array, most: Array) -> tuple
         s[moving] = np.clip(before - step, least[moving], most[moving])
         moving = moving[np.abs(s[moving] - before) > rounding]
     return best, at
+
+
+def tube_excess(scene: Scene, trajectory: Trajectory) -> Excess | None:
+    """By how much the motion leaves the tube of its scene, as a share of the tube; negative where
+    it stays inside. None if there is no tube."""
+    limits = limits_of(scene).constraints.limits
+    limit = next((each for each in limits if each.own_measure is OwnMeasure.TUBE), None)
+    if limit is None or scene.path is None or scene.tube is None:
+        return None
+    path = scene.path.between(*scene.given_points)
+    farthest, t = farthest_from(path, trajectory.position, scene.tube)
+    over = farthest - scene.tube
+    share = over / scene.tube
+    return Excess(limit.name, limit.unit, limit.subject, t, share, over, known=Known.SURE)
+
+
+def farthest_from(path: Path, position: PiecewisePolynomial, asked: float) -> tuple[float, float]:
+    """The largest distance (m) of a motion from a path, and when (s): that of an instant where all
+    of the motion is known to keep what is asked for (m), and otherwise a bound that no instant
+    exceeds."""
+    return largest_distance(_NearestPlaces(path, position), position, asked)
+
+
+@dataclass(frozen=True)
+class _NearestPlaces:
+    """The places of a path that are nearest to a motion."""
+
+    path: Path
+    position: PiecewisePolynomial
+
+    def at_knots(self) -> Array:
+        return nearest_places(self.path, self.position.at(self.position.knots))[0]
+
+    def inside(self, pieces: Index, fractions: Array, x: Array, s: Array) -> Array:
+        return nearest_places(self.path, x)[0]
+
+    def bound(self, points: Array, s: Array) -> Array:
+        on = self.path.interval(s.mean(axis=1))
+        begin, end = self.path.knots[on, None], self.path.knots[on + 1, None]
+        bound = from_moving_place(self.path, on, points, np.clip(s, begin, end))
+        # Where the nearest place leaps from one side of a bend to the other, one that stays is
+        # nearer.
+        for place in s.T:
+            bound = np.minimum(bound, largest_norm(points - self.path(place)[:, None]))
+        return bound

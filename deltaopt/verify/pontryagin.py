@@ -25,15 +25,16 @@ from functools import lru_cache
 
 import casadi as ca
 import numpy as np
-from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
 from deltaopt.codegen.vectorised import RowFunction
+from deltaopt.curves.nodes import collocation
+from deltaopt.curves.piecewise import Array
 from deltaopt.errors import DeltaOptError
 from deltaopt.limits.constraints import Constraints
 from deltaopt.mechanisms.functions import Functions
 from deltaopt.mechanisms.instant import PlatformInstant
-from deltaopt.motion.trajectory import Array, Trajectory
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.robot.model import model_of
 from deltaopt.scene.scene import Scene, limits_of
 from deltaopt.verify.units import way_of
@@ -202,7 +203,7 @@ class _Fit:
     def of(cls, scene: Scene, trajectory: Trajectory) -> _Fit:
         model, limits = model_of(scene.robot, scene.payload), limits_of(scene)
         rows = _Rows.of(limits.constraints)
-        states, fractions = len(rows.first) + len(rows.second), gauss().fractions
+        states, fractions = len(rows.first) + len(rows.second), collocation(_STAGES).fractions
         x, v, a = trajectory.path_inside(fractions)
         T, D = trajectory.duration, way_of(scene, trajectory)
         K, c = len(trajectory.knots) - 1, len(fractions)
@@ -228,7 +229,7 @@ class _Fit:
         share_slopes = by_motion[:, :, :3, :6] + by_motion[:, :, :3, 6:] @ slopes
         time, effort = scene.objective.weights
         rate = time + effort * (torque**2).sum(axis=2)
-        mean = float(lengths @ (rate[:, 1:-1] @ gauss().weights)) / T
+        mean = float(lengths @ (rate[:, 1:-1] @ collocation(_STAGES).weights)) / T
         by_share = 2 * effort / mean * (limit * torque)[..., None, :]  # ∂r/∂u, a row
         return cls(
             scene=scene,
@@ -293,7 +294,7 @@ class _Fit:
         number = 6 + sum(len(jump) for jump in self.jumps.values())
         now, place = np.zeros((6, number + 1)), 6
         now[:, :6] = np.eye(6)
-        p = np.empty((len(self.h), len(gauss().fractions), 6, number + 1))
+        p = np.empty((len(self.h), len(collocation(_STAGES).fractions), 6, number + 1))
         for i in range(len(self.h)):
             for direction in self.jumps.get(i, ()):
                 now = now.copy()
@@ -308,7 +309,7 @@ class _Fit:
     def _responses(self) -> tuple[Array, Array]:
         """p inside an interval and at its end by p at its beginning, (K, c - 1, 6, 6), and by
         the rate alone, (K, c - 1, 6): Gauss's collocation of the adjoint equation."""
-        by_gauss, K = gauss(), len(self.h)
+        by_gauss, K = collocation(_STAGES), len(self.h)
         M = np.zeros((K, _STAGES, 6, 6))  # ṗ = M p + g
         M[..., :, 3:] = -self.slopes[:, 1:-1].transpose(0, 1, 3, 2)
         M[..., 3:, :3] -= np.eye(3)
@@ -382,24 +383,3 @@ def _jumps(rows: _Rows, at_limit: Truths, touched: Truths, by_state: Array) -> d
         gradients = (state,) if state < ones else (state, state + len(rows.second))
         jumps.setdefault(i, []).extend(by_state[i, row] for row in gradients)
     return {i: np.array(each) for i, each in jumps.items()}
-
-
-@dataclass(frozen=True)
-class Gauss:
-    """Butcher's ``a`` and ``weights``; ``fractions``: the beginning, the nodes, the end."""
-
-    a: Array
-    weights: Array
-    fractions: Array
-
-
-@lru_cache(maxsize=1)
-def gauss() -> Gauss:
-    """Of eight stages, order 16."""
-    nodes = (np.polynomial.legendre.leggauss(_STAGES)[0] + 1) / 2
-    a, weights = np.empty((_STAGES, _STAGES)), np.empty(_STAGES)
-    for j, node in enumerate(nodes):
-        others = Polynomial.fromroots(np.delete(nodes, j))
-        integral = (others / others(node)).integ()
-        a[:, j], weights[j] = integral(nodes), integral(1.0)
-    return Gauss(a, weights, np.concatenate([[0.0], nodes, [1.0]]))

@@ -20,10 +20,9 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import Array, Index
 from deltaopt.errors import DeltaOptError
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 Curves = Callable[[Index, Array], Array]
 """(piece (N,), fraction of it (N,)) -> values (N, c) of c curves, smooth in a piece."""
 Tolerance = Callable[[Array], Array]

@@ -12,8 +12,9 @@ from math import hypot, sqrt
 
 import numpy as np
 
+from deltaopt.curves.piecewise import Array, PiecewisePolynomial
 from deltaopt.mechanisms.functions import Functions
-from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.robot.machine import Model
 from deltaopt.robot.model import model_of
 from deltaopt.scene.scene import Scene

@@ -10,273 +10,31 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
-from functools import lru_cache
 from html import escape
 from math import inf, isfinite, isinf
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
-from deltaopt.codegen.vectorised import evaluate_rows
-from deltaopt.dynamics.lagrange import Explicit, Multiplier
+from deltaopt.curves.piecewise import Array
 from deltaopt.errors import Singular, Unreachable
 from deltaopt.files.html_table import html_table
 from deltaopt.limits.limit import OwnMeasure
-from deltaopt.mechanisms.functions import Functions
-from deltaopt.motion.trajectory import Array, Trajectory, goal_of
+from deltaopt.motion.trajectory import Trajectory, goal_of
 from deltaopt.problem.of_scene import problem_of
-from deltaopt.robot.model import model_of
 from deltaopt.scene.scene import LIMITS, Scene, limits_of
 from deltaopt.scene.task import EndState, MovingEnds, OnPath
-from deltaopt.verify.clearance import clearance_excess
+from deltaopt.verify.bounds import ARRIVAL_BOUNDS, BOUNDS, EXCESS, Check, check_of
+from deltaopt.verify.clearance import clearance_excess, robot_clearance, sure_robot_clearance
 from deltaopt.verify.duty import Duty
 from deltaopt.verify.forward_replay import NotIntegrated, replay
-from deltaopt.verify.links import robot_clearance, sure_robot_clearance
-from deltaopt.verify.measures import Distance, Excess, Known, MeasuredMotion, key, not_measured
-from deltaopt.verify.path_distance import off_approach, off_path, off_via_points
+from deltaopt.verify.measures import Distance, Excess, MeasuredMotion, key, not_measured
+from deltaopt.verify.model_errors import model_errors
+from deltaopt.verify.path_distance import off_approach, off_path, off_via_points, tube_excess
 from deltaopt.verify.pontryagin import NoCostates, extremal
-from deltaopt.verify.resolved_curves import DEGREE, POINTS, WEIGHTS, TooRough
-from deltaopt.verify.tube import tube_excess
+from deltaopt.verify.resolved_curves import TooRough
 from deltaopt.verify.units import Units, way_of
 from deltaopt.verify.well_formed import malformed
-
-EXCESS = 1e-9
-"""Of every limit, as a share of it: above rounding of inverse dynamics, below any meaning of a
-limit."""
-DURATION = 1e-10
-"""Of a duration that the scene gives."""
-BOUNDARY_DISTANCE = 1e-7
-"""Of the upper arm, also for jumps: encoders see a millionth; an NLP solved to 1e-8 leaves less."""
-BOUNDARY_SPEED = 3e-7
-"""Upper arms in the duration of the motion, also for jumps: less than a nanometre within a
-controller's millisecond."""
-ROBOT_OVERLAP = 2e-9
-"""Of the upper arm, by which a link may be too near to a body: rounding, and what bounds leave."""
-KINEMATIC_ERROR = 1e-9
-"""Of the upper arm and of the mean speed: rounding of the closed-form kinematics leaves 1e-15."""
-DYNAMIC_ERROR = 1e-9
-"""In units of the arm and of ``Units.time``, in which accelerations are 1 to 100: rounding leaves
-1e-14."""
-DEFECT_DISTANCE = 1e-7
-"""Of the upper arm, after a piece of the motion: integration leaves 1e-12."""
-DEFECT_SPEED = 5e-5
-"""Upper arms in the duration of the motion, after a piece of it: a ten-thousandth of the speed."""
-DEFECT_ROUNDING = 1e-13
-"""Of the upper arm, and of it in ``Units.time``: to which the integration is known. It is more than
-the shares of a way of nanometres or of a motion of years."""
-ARRIVAL_DISTANCE = 1e-5
-"""Of the upper arm, some micrometres, the most the project promises: good robots repeat to 1e-4 m.
-"""
-ARRIVAL_SPEED = 5e-4
-"""Upper arms in the duration of the motion."""
-BOUNDARY_SHARE = 1e-3
-"""Of the way, and of its mean speed: a motion of a micrometre is held to less than one."""
-ARRIVAL_SHARE = 1e-2
-"""The same for where the torques lead."""
-
-
-@dataclass(frozen=True)
-class Bound:
-    """The most a measure may be, and what to say of a value that is more.
-
-    ``at_most``: of the upper arm's length (m), of that length in the motion's duration (m/s), or of
-    the duration (s), so that large and small robots are held to the same; of nothing else.
-    ``share``: of the distance from start to goal (m) or of the mean speed (m/s), if that is less.
-    ``rounding``: of the upper arm (m) or of it in ``Units.time`` (m/s), if that is more.
-    ``known``: what is known of the measure between samples.
-    """
-
-    measure: str
-    unit: str
-    known: Known
-    at_most: float
-    complaint: str
-    share: float = inf
-    rounding: float = 0.0
-
-    def of(self, measured: Verification) -> Bound:
-        """The bound of a measured motion in the measure's unit."""
-        arm, way, duration = measured.arm, measured.way, measured.duration
-        rate, own_rate = (1 / t if t > 0 else inf for t in (duration, measured.time_unit))
-        units = {"s": duration, "m": arm, "m/s": arm * rate}
-        own = {"m": way, "m/s": way * rate}
-        known = {"m": arm, "m/s": arm * own_rate}
-        at_most = self.at_most * units.get(self.unit, 1.0)
-        if self.unit in own:
-            at_most = min(at_most, self.share * own[self.unit])
-            at_most = max(at_most, self.rounding * known[self.unit])
-        return replace(self, at_most=at_most)
-
-
-BOUNDS = (
-    Bound(
-        "duration_error",
-        "s",
-        Known.EXACT,
-        DURATION,
-        "it takes {:.3g} s more or less than the scene says",
-    ),
-    Bound(
-        "robot_overlap",
-        "m",
-        Known.SURE,
-        ROBOT_OVERLAP,
-        "an arm or a forearm is up to {:.3g} m too near to a keep-out body, or inside",
-    ),
-    Bound(
-        "rotation_left",
-        "s",
-        Known.EXACT,
-        DURATION,
-        "it ends {:.3g} s before the fourth axis has turned",
-    ),
-    Bound(
-        "start_distance",
-        "m",
-        Known.EXACT,
-        BOUNDARY_DISTANCE,
-        "it begins {:.3g} m from the scene's start",
-        BOUNDARY_SHARE,
-    ),
-    Bound(
-        "goal_distance",
-        "m",
-        Known.EXACT,
-        BOUNDARY_DISTANCE,
-        "it ends {:.3g} m from the scene's goal",
-        BOUNDARY_SHARE,
-    ),
-    Bound(
-        "path_distance",
-        "m",
-        Known.SURE,
-        BOUNDARY_DISTANCE,
-        "it is up to {:.3g} m off the scene's path",
-        BOUNDARY_SHARE,
-    ),
-    Bound(
-        "via_distance",
-        "m",
-        Known.SURE,
-        BOUNDARY_DISTANCE,
-        "it misses a via point by {:.3g} m, or passes it out of turn",
-        BOUNDARY_SHARE,
-    ),
-    Bound(
-        "approach_distance",
-        "m",
-        Known.SURE,
-        BOUNDARY_DISTANCE,
-        "it is up to {:.3g} m outside the scene's approach",
-        BOUNDARY_SHARE,
-    ),
-    Bound(
-        "start_speed",
-        "m/s",
-        Known.EXACT,
-        BOUNDARY_SPEED,
-        "it begins with a velocity {:.3g} m/s off the scene's",
-        BOUNDARY_SHARE,
-    ),
-    Bound(
-        "goal_speed",
-        "m/s",
-        Known.EXACT,
-        BOUNDARY_SPEED,
-        "it ends with a velocity {:.3g} m/s off the scene's",
-        BOUNDARY_SHARE,
-    ),
-    Bound(
-        "position_jump",
-        "m",
-        Known.EXACT,
-        BOUNDARY_DISTANCE,
-        "its position jumps by {:.3g} m at its knots, all jumps together",
-        BOUNDARY_SHARE,
-    ),
-    Bound(
-        "velocity_jump",
-        "m/s",
-        Known.EXACT,
-        BOUNDARY_SPEED,
-        "its velocity jumps by {:.3g} m/s at its knots, all jumps together",
-        BOUNDARY_SHARE,
-    ),
-    Bound(
-        "kinematic_error",
-        "1",
-        Known.SAMPLED,
-        KINEMATIC_ERROR,
-        "its coordinates leave the loops open by {:.3g} (of the upper arm and of the mean speed, "
-        "on average)",
-    ),
-    Bound(
-        "dynamic_error",
-        "1",
-        Known.SAMPLED,
-        DYNAMIC_ERROR,
-        "its torques give accelerations that differ by {:.3g} from its own (in units of the robot "
-        "and the motion, on average)",
-    ),
-    Bound(
-        "defect_distance",
-        "m",
-        Known.FOLLOWED,
-        DEFECT_DISTANCE,
-        "its torques lead {:.3g} m off its path within a piece of it",
-        BOUNDARY_SHARE,
-        DEFECT_ROUNDING,
-    ),
-    Bound(
-        "defect_speed",
-        "m/s",
-        Known.FOLLOWED,
-        DEFECT_SPEED,
-        "its torques give a speed {:.3g} m/s off its own within a piece of it",
-        BOUNDARY_SHARE,
-        DEFECT_ROUNDING,
-    ),
-)
-"""Of everything but limits, whose excesses are measures of their own, each at most ``EXCESS``."""
-
-ARRIVAL_BOUNDS = (
-    Bound(
-        "arrival_distance",
-        "m",
-        Known.FOLLOWED,
-        ARRIVAL_DISTANCE,
-        "its torques bring the platform to {:.3g} m from the goal",
-        ARRIVAL_SHARE,
-    ),
-    Bound(
-        "arrival_speed",
-        "m/s",
-        Known.FOLLOWED,
-        ARRIVAL_SPEED,
-        "its torques leave the platform with a velocity {:.3g} m/s off the goal's",
-        ARRIVAL_SHARE,
-    ),
-)
-"""Of the arrival, unless a motion is so long that rounding decides where it ends."""
-
-
-@dataclass(frozen=True)
-class Check:
-    """One measure of a motion beside its bound."""
-
-    bound: Bound
-    value: float
-
-    @property
-    def ok(self) -> bool:
-        """Whether the measure is within its bound; what is not a number is not."""
-        return bool(self.value <= self.bound.at_most < inf)
-
-    @property
-    def complaint(self) -> str:
-        """The sentence for a value that is out of bounds."""
-        return self.bound.complaint.format(self.value)
 
 
 @dataclass(frozen=True)
@@ -375,19 +133,21 @@ class Verification:
         """Whether the arrival has a bound: not in a long motion, where rounding decides it."""
         return self.defect_distance is None
 
+    @property
+    def sizes(self) -> tuple[float, float, float, float]:
+        """What bounds are shares of: arm and way, m, duration and time unit, s."""
+        return self.arm, self.way, self.duration, self.time_unit
+
     def checks(self) -> list[Check]:
         """All measures that have a bound in this scene, limits first."""
         bounds = BOUNDS + (ARRIVAL_BOUNDS if self.judges_arrival else ())
         values = [(bound, getattr(self, bound.measure)) for bound in bounds]
         return self._limit_checks() + [
-            Check(bound.of(self), value) for bound, value in values if value is not None
+            Check(bound.of(*self.sizes), value) for bound, value in values if value is not None
         ]
 
     def _limit_checks(self) -> list[Check]:
-        return [
-            Check(Bound(name, "1", excess.known, EXCESS, excess.sentence), excess.value)
-            for name, excess in self.excesses.items()
-        ]
+        return [check_of(excess) for excess in self.excesses.values()]
 
     def failures(self) -> list[str]:
         """What is wrong with the motion, one sentence each; empty if it passes."""
@@ -522,14 +282,13 @@ def verify(scene: Scene, trajectory: Trajectory) -> Verification:
         arm=units.length,
         time_unit=units.time,
     )
-    with np.errstate(invalid="ignore", over="ignore"):  # numbers that are none are told
-        return _measured(scene, trajectory, nothing)
+    return _measured(scene, trajectory, nothing)
 
 
 def _measured(scene: Scene, trajectory: Trajectory, nothing: Verification) -> Verification:
     """With every measure that can be evaluated."""
     try:
-        measures = _measures(scene, trajectory) | _errors(scene, trajectory)
+        measures = _measures(scene, trajectory) | model_errors(scene, trajectory)
         measures |= _ends(scene, trajectory, nothing) | _jumps(trajectory)
         measures |= _optimality(scene, trajectory)
     except (Unreachable, Singular, TooRough) as error:
@@ -551,7 +310,8 @@ def _measures(scene: Scene, trajectory: Trajectory) -> dict[str, Any]:
     if scene.least_payload is not None:
         excesses = _largest([*excesses.values(), *_with_least_payload(scene, trajectory, excesses)])
     if not isinstance(scene.task, MovingEnds):
-        safe_duration = motion.safe_duration() if _are_kept(misplaced) else inf
+        is_in_place = all(each.value <= EXCESS for each in misplaced)  # slowing changes no place
+        safe_duration = motion.safe_duration() if is_in_place else inf
     measures = {
         "excesses": excesses,
         "distances": motion.distances(),
@@ -590,12 +350,6 @@ def _with_least_payload(
         yield own if own.key in heavy else excess
 
 
-def _are_kept(misplaced: list[Excess]) -> bool:
-    """Whether a motion keeps clear of bodies and stays in its tube, which slowing it does not
-    change."""
-    return all(each.value <= EXCESS for each in misplaced)
-
-
 def _optimality(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
     """How well Pontryagin's condition is met, which is that of a free path between given states."""
     task = scene.task
@@ -613,8 +367,8 @@ def _ends(scene: Scene, trajectory: Trajectory, nothing: Verification) -> dict[s
     x, v, _ = trajectory.path_inside([0.0, 1.0])
     task, on_path = scene.task, dict[str, float]()
     if isinstance(task, OnPath):
-        (asked,) = (b.of(nothing).at_most for b in BOUNDS if b.measure == "path_distance")
-        on_path["path_distance"] = off_path(task, trajectory, asked)
+        asked = next(each for each in BOUNDS if each.measure == "path_distance")
+        on_path["path_distance"] = off_path(task, trajectory, asked.of(*nothing.sizes).at_most)
     goal = goal_of(problem_of(scene), trajectory)
     if task.via:
         on_path["via_distance"] = off_via_points(task, trajectory)
@@ -634,84 +388,6 @@ def _jumps(trajectory: Trajectory) -> dict[str, float]:
     sides = trajectory.path_inside([0.0, 1.0])  # rows: begin, end, begin, end ...
     x, v, _ = (np.linalg.norm(row[2::2] - row[1:-1:2], axis=1) for row in sides)
     return {"position_jump": float(x.sum()), "velocity_jump": float(v.sum())}
-
-
-def _errors(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
-    """E_K and E_D of the reported q, q̇, q̈ and τ, by the scene's mechanism."""
-    units = Units.of(scene, trajectory)
-    samples = _Samples.of(trajectory)
-    q, dq, ddq = trajectory.coordinates_inside(samples.fractions)
-    tau = trajectory.model.inverse_dynamics(*trajectory.path_inside(samples.fractions))
-    model = model_of(scene.robot, scene.payload)
-    functions = model.functions
-    lengths = units.coordinates(functions)
-    motion = [rows * units.time**k / lengths for k, rows in enumerate((q, dq, ddq))]
-    arguments, parameters = [*motion, tau / units.torque(functions)], units.parameters(model)
-    kinematic, dynamic = evaluate_rows(_residuals(functions), *arguments, parameters=parameters)
-    doubtful = np.logical_not(np.linalg.norm(dynamic, axis=1) <= DYNAMIC_ERROR)
-    if doubtful.any():
-        try:
-            (dynamic[doubtful],) = evaluate_rows(
-                _robust_residuals(functions),
-                *(rows[doubtful] for rows in arguments),
-                parameters=parameters,
-            )
-        except RuntimeError:  # what CasADi raises where a matrix is singular
-            raise Unreachable(
-                "its coordinates have no solution of the equations of motion"
-            ) from None
-    mean_speed = way_of(scene, trajectory) / trajectory.duration * units.time / units.length
-    kinematic[:, functions.mechanism.holonomic.numel() :] /= mean_speed
-    return {
-        "kinematic_error": samples.mean_over_time(trajectory, kinematic),
-        "dynamic_error": samples.mean_over_time(trajectory, dynamic),
-    }
-
-
-@lru_cache(maxsize=16)
-def _residuals(functions: Functions) -> ca.Function:
-    """(q, q̇, q̈, τ, p) -> (f, J q̇ + μ), q̈ - q̈(q, q̇, τ)."""
-    m = functions.mechanism
-    closure = ca.Function("closure", [m.q, m.dq, m.parameters], [m.holonomic, m.constraint_rate])
-    forward = Explicit().forward_dynamics(m)
-    q, dq, ddq = (ca.MX.sym(name, m.q.numel()) for name in ("q", "dq", "ddq"))
-    tau, p = ca.MX.sym("tau", 3), ca.MX.sym("p", functions.symbols().numel())
-    modelled, _ = forward(0, q, dq, tau, p)
-    kinematic = ca.vertcat(*closure(q, dq, p))
-    return ca.Function("residuals", [q, dq, ddq, tau, p], [kinematic, ddq - modelled]).expand()
-
-
-@lru_cache(maxsize=16)
-def _robust_residuals(functions: Functions) -> ca.Function:
-    """(q, q̇, q̈, τ, p) -> q̈ - q̈(q, q̇, τ) by eq. (37): slower, and accurate near serial
-    singularities too, where eq. (39) is exact to rounding over the squared distance alone."""
-    m = functions.mechanism
-    q, dq, ddq = (ca.MX.sym(name, m.q.numel()) for name in ("q", "dq", "ddq"))
-    tau, p = ca.MX.sym("tau", 3), ca.MX.sym("p", functions.symbols().numel())
-    modelled, _ = Multiplier().forward_dynamics(m)(0, q, dq, tau, p)
-    return ca.Function("robust_residuals", [q, dq, ddq, tau, p], [ddq - modelled])
-
-
-@dataclass(frozen=True)
-class _Samples:
-    """Fractions of every piece and their weights in a mean over it, (n,) each."""
-
-    fractions: Array
-    weights: Array
-
-    @classmethod
-    def of(cls, trajectory: Trajectory) -> _Samples:
-        """Twice as many as determine the polynomials of coordinates, if a motion has its own."""
-        own = trajectory.coordinates
-        degree = 0 if own is None else own.coefficients.shape[1] - 1
-        parts = max(1, -(-2 * degree // DEGREE))
-        fractions = ((np.arange(parts)[:, None] + POINTS) / parts).ravel()
-        return cls(fractions, np.tile(WEIGHTS, parts) / parts)
-
-    def mean_over_time(self, trajectory: Trajectory, rows: Array) -> float:
-        """(1/T) ∫ ‖row‖ dt of samples of every piece, (K · n, m)."""
-        sizes = np.linalg.norm(rows, axis=1).reshape(-1, len(self.weights))
-        return float(sizes @ self.weights @ np.diff(trajectory.knots)) / trajectory.duration
 
 
 def _norm(vector: Array) -> float:

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
+from deltaopt.curves.piecewise import PiecewisePolynomial
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.robot.machine import Model
 
 SHORTEST, LONGEST = 1e-50, 1e50

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 import deltaopt
-from deltaopt.motion.trajectory import PiecewisePolynomial
+from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.robot.model import delta_model
 from studies.attack.attempts import Attempt, Generator, Kind
 from studies.attack.checks import Array, faults

@@ -18,9 +18,10 @@ from deltaopt.robot.model import delta_model
 from deltaopt.robot.robot import as_delta
 from deltaopt.robot.tool import Tool
 from deltaopt.scene.approach import Approach, ApproachAtEnd
-from deltaopt.scene.feasibility import check_feasible, distance_from_parallel
+from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.moving_ends import Anywhere, Belt, State
 from deltaopt.scene.objective import TimeAndEffort
+from deltaopt.scene.parallel_singularity import distance_from_parallel
 from deltaopt.scene.path import Corners, Line, PickAndPlace
 from deltaopt.scene.rotation import Rotation
 from deltaopt.scene.scene import Scene

@@ -17,9 +17,10 @@ from typing import Any, TypeVar
 import numpy as np
 
 from deltaopt.codegen.vectorised import RowFunction
+from deltaopt.curves.piecewise import Array
 from deltaopt.errors import MissingPackage, Singular, Unreachable, installed
 from deltaopt.mechanisms.delta.functions import DeltaFunctions
-from deltaopt.motion.trajectory import Array, Trajectory
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.planner import Planner
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import Robot, as_delta

@@ -9,8 +9,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.errors import RULED_OUT, installed
-from deltaopt.motion.trajectory import Array, Trajectory
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.controller_c import c_functions
 from deltaopt.planning.first_motions.initial_motion import baseline
 from deltaopt.planning.planner import Planner

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.mechanisms.delta.mechanism import AZIMUTHS
-from deltaopt.motion.trajectory import Array
 from deltaopt.plots.colours import BLACK, COLOURS, GREY
 from deltaopt.plots.robot_view import View, chains, draw_robot
 from deltaopt.plots.style import figure

@@ -8,8 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import deltaopt
+from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.files.validated_record import Record
-from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.robot.robot import Drive, Forearm, Platform, Robot, UpperArm
 from tests.fuzz.inputs import SCENE, fewer, limited, numbers, objects, result_or_sentence
 

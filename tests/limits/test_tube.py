@@ -12,12 +12,13 @@ import numpy as np
 import pytest
 
 import deltaopt
+from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.errors import SceneError
 from deltaopt.limits.tube import Tube
-from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.plan import Plan
 from deltaopt.scene.scene import Scene, load_scene
-from deltaopt.verify.tube import farthest_from
+from deltaopt.verify.path_distance import farthest_from
 from studies.bench.hard_moves import move
 
 PROBLEMS = Path(__file__).parents[2] / "problems"

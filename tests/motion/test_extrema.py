@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.errors import Unreachable
 from deltaopt.limits.limit import first_highest
 from deltaopt.motion.extrema import (
@@ -18,7 +19,7 @@ from deltaopt.motion.extrema import (
     sample_fractions,
 )
 from deltaopt.motion.time_scaling import highest_rows, safe_factor
-from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.initial_motion import baseline
 from deltaopt.planning.planner import plan
 from deltaopt.problem.of_scene import problem_of

@@ -6,12 +6,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from deltaopt.curves.halving import Parts
+from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.motion.links import least_rooms, planned_distances
-from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.links import LinkGeometry
-from deltaopt.verify.clearance import Parts
-from deltaopt.verify.links import _MovingLinks, sure_robot_clearance
+from deltaopt.verify.clearance import (
+    FIRST,
+    _MovingLinks,
+    largest_accelerations,
+    sure_robot_clearance,
+)
 from studies.bench.hard_moves import move
 from tests.limits.test_keep_out import BOX, CYLINDER, PLANE, SPHERE, of_box, of_cylinder
 from tests.limits.test_links import densely, lines, of_plane, of_sphere, with_bodies
@@ -83,11 +89,12 @@ def test_slopes_are_those_of_differences():
 def test_ends_are_off_uniform_motion_by_less_than_the_verifier_says():
     scene = with_bodies(BOX)
     along = motion(scene, 2)
-    parts = Parts.of(along.position)
-    links = _MovingLinks.of(scene.robot, along.model, parts)
+    parts = Parts.of(along.position, FIRST)
+    largest = largest_accelerations(along.position)[parts.piece]
+    links = _MovingLinks.of(scene.robot, along.model, parts, largest)
     assert np.isfinite(links.off).all()
     for share in (-1.0, 0.5, 1.0):
-        later = parts.instants + share * parts.half
+        later = parts.middles + share * parts.half
         ends = np.stack(lines(scene, along.position.at(later)), axis=2)
         uniform = links.ends + share * parts.half[:, None, None, None] * links.rates
         assert (np.linalg.norm(ends - uniform, axis=3) <= links.off + 1e-12).all()

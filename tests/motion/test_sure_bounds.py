@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.motion.sure_bounds import signed_distances, sure_excess
 from deltaopt.motion.time_scaling import needed_slowing
-from deltaopt.motion.trajectory import PiecewisePolynomial
 from deltaopt.planning.first_motions.initial_motion import curve_between
 from deltaopt.problem.of_scene import problem_of
 from tests.limits.test_keep_out import BODIES, HULL, SPHERE, with_bodies

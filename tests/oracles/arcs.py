@@ -22,7 +22,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
+from deltaopt.curves.piecewise import PiecewisePolynomial
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.flat.equations import PointEquations
 from deltaopt.planning.nlp.cost import FASTEST, Cost
 from deltaopt.planning.nlp.program import (

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.codegen.vectorised import RowFunction
+from deltaopt.curves.nodes import collocation
 from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.dynamics.linear import solve_affine
 from deltaopt.errors import NotConverged
@@ -30,7 +31,6 @@ from deltaopt.planning.switching.structure import SwitchingStructure
 from deltaopt.robot.model import DeltaModel
 from deltaopt.scene.scene import Scene, limits_of
 from deltaopt.scene.task import given_points
-from deltaopt.verify.pontryagin import gauss
 
 Array = NDArray[np.float64]
 
@@ -161,7 +161,7 @@ class _Shooting:
         value = self.active.value[a] * limits_of(self.scene).upper("torque")
         steps = int(np.ceil(_STEPS * self.structure.lengths[a]))
         acceleration = _acceleration(self.model.functions.terms, self._at_rest(a))
-        h, g = (length / steps)[:, None, None], gauss()
+        h, g = (length / steps)[:, None, None], collocation(8)
         for _ in range(steps):
             A = np.zeros((len(x), len(g.weights), 3))
             for _ in range(_SWEEPS):

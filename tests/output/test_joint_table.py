@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 import deltaopt
+from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.errors import Infeasible
-from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.joint_table import (
     Cubic,
     Cycles,

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
+from deltaopt.curves.piecewise import PiecewisePolynomial
+from deltaopt.motion.trajectory import Trajectory
 
 NUMBERS = (np.nan, np.inf, -np.inf, 1e300, -1e150, 1e30, 5e-324, 0.0, -1.0)
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from deltaopt import baseline, load_scene, verify
-from deltaopt.motion.trajectory import PiecewisePolynomial
+from deltaopt.curves.piecewise import PiecewisePolynomial
 from tests.verify.broken_trajectories import broken
 
 SCENES = ("pick_and_place", "paths/glue_line")

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.motion.sure_bounds import signed_distances
-from deltaopt.motion.trajectory import PiecewisePolynomial
 from deltaopt.planning.first_motions.initial_motion import curve_between, roughly_fastest
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.verify.clearance import clearance_excess, least_clearance

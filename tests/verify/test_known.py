@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 import deltaopt
-from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
+from deltaopt.curves.piecewise import PiecewisePolynomial
+from deltaopt.motion.trajectory import Trajectory
+from deltaopt.verify.bounds import ARRIVAL_BOUNDS, BOUNDS
 from deltaopt.verify.measures import Known
-from deltaopt.verify.path_distance import off_approach, off_path
-from deltaopt.verify.tube import farthest_from
-from deltaopt.verify.verification import ARRIVAL_BOUNDS, BOUNDS
+from deltaopt.verify.path_distance import farthest_from, off_approach, off_path
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 PAGE = Path(__file__).parents[2] / "docs/verification.md"

@@ -10,7 +10,8 @@ import pytest
 from deltaopt.motion.sure_bounds import signed_distances
 from deltaopt.planning.first_motions.initial_motion import curve_between, roughly_fastest
 from deltaopt.problem.of_scene import problem_of
-from deltaopt.verify.links import _lines, robot_clearance
+from deltaopt.scene.links import LinkGeometry
+from deltaopt.verify.clearance import robot_clearance
 from deltaopt.verify.verification import verify
 from tests.limits.test_keep_out import with_bodies
 
@@ -26,17 +27,17 @@ def motion():
 def test_lines_are_as_long_as_the_links(motion):
     scene, line = motion
     found = line.inside_intervals(np.linspace(0, 1, 7))
-    begins, ends = _lines(scene.robot, found.x, found.theta)
-    lengths = np.linalg.norm(ends - begins, axis=1).reshape(3, 2, -1)
-    np.testing.assert_allclose(lengths[:, 0], scene.robot.upper_arm.length, rtol=1e-12)
-    np.testing.assert_allclose(lengths[:, 1], scene.robot.forearm.length, rtol=1e-9)
+    begins, ends = LinkGeometry.at_angles(scene.robot, found.x, found.theta).links
+    lengths = np.linalg.norm(ends - begins, axis=2)
+    np.testing.assert_allclose(lengths[:, 0::2], scene.robot.upper_arm.length, rtol=1e-12)
+    np.testing.assert_allclose(lengths[:, 1::2], scene.robot.forearm.length, rtol=1e-9)
 
 
 def test_the_least_distance_is_that_of_dense_samples(motion):
     scene, line = motion
     found = line.inside_intervals(np.linspace(0, 1, 5))
-    begins, ends = _lines(scene.robot, found.x, found.theta)
-    share = np.linspace(0, 1, 2001)[:, None, None]
+    begins, ends = LinkGeometry.at_angles(scene.robot, found.x, found.theta).links
+    share = np.linspace(0, 1, 2001)[:, None, None, None]
     places = (begins + share * (ends - begins)).reshape(-1, 3)
     expected = signed_distances(problem_of(scene), places)[0].min()
     assert robot_clearance(scene, line) == pytest.approx(expected, abs=2e-4)

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import deltaopt
-from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
+from deltaopt.curves.piecewise import PiecewisePolynomial
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.verify.path_distance import nearest_places, off_path
 
 PROBLEMS = Path(__file__).parents[2] / "problems"

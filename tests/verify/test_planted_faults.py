@@ -12,10 +12,11 @@ import numpy as np
 import pytest
 
 from deltaopt import Limits, Scene, baseline, load_scene, plan, verify
-from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
+from deltaopt.curves.piecewise import PiecewisePolynomial
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.initial_motion import straight_line
 from deltaopt.robot.model import DeltaModel, delta_model
-from deltaopt.verify.verification import DYNAMIC_ERROR
+from deltaopt.verify.bounds import DYNAMIC_ERROR
 from tests.hard_scenes import hard_scene, planned_and_verified
 
 PROBLEMS = Path(__file__).parents[2] / "problems"

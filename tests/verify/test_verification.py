@@ -11,10 +11,11 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.errors import Infeasible, Unreachable
 from deltaopt.limits.limit import Bounds, Limit
 from deltaopt.motion.time_scaling import safe_factor
-from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.initial_motion import baseline, straight_line
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import DeltaModel

@@ -10,9 +10,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import QUINTIC, PiecewisePolynomial
 from deltaopt.dynamics.mechanism import SX
 from deltaopt.mechanisms.five_bar import FiveBarParameters, five_bar, inverse_kinematics
-from deltaopt.motion.trajectory import PiecewisePolynomial
 from deltaopt.planning.first_motions.order_of_merit import first_motion
 from deltaopt.planning.flat.constraint_rows import ByOrder
 from deltaopt.planning.formulations.delta import boundary_values, scaled_delta
@@ -131,12 +131,7 @@ class Case:
 def motion_inside(position: PiecewisePolynomial, fractions: Array) -> tuple[Array, Array, Array]:
     """Return a polynomial and its two derivatives at fractions of its intervals, each
     (N · len(fractions), m)."""
-    velocity = position.derivative()
-    lengths = np.diff(position.knots)
-    intervals = np.repeat(np.arange(len(lengths)), len(fractions))
-    since = (lengths[:, None] * fractions).ravel()
-    x, v, a = (p.inside(intervals, since) for p in (position, velocity, velocity.derivative()))
-    return x, v, a
+    return position.with_derivatives(*position.everywhere(fractions))
 
 
 def delta_case(name: str, scene: Scene) -> Case:
@@ -175,7 +170,7 @@ class FiveBarTask:
         start, goal = np.array(self.start), np.array(self.goal)
         distance = float(np.linalg.norm(goal - start))
         system = self._system()
-        line = np.outer([0, 0, 0, 10, -15, 6], goal - start)
+        line = np.outer(QUINTIC, goal - start)
         line[0] += start
         unit_time = PiecewisePolynomial(np.array([0.0, 1.0]), line[None]).slowed(0.05)
         task = BoundaryValues(np.array([distance, 1.0, self.torque, self.opening]), start, goal)

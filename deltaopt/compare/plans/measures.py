@@ -14,13 +14,13 @@ from math import inf, isfinite
 
 import casadi as ca
 import numpy as np
-from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
 from deltaopt.compare.plans.cases import FRACTIONS, Case, motion_inside
+from deltaopt.curves.nodes import lagrange
+from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.dynamics.precise_integrator import PreciseIntegrator
-from deltaopt.motion.trajectory import PiecewisePolynomial
 from deltaopt.planning.formulations.collocation import CollocationProblem
 from deltaopt.planning.formulations.scaled_mechanism import ScaledMechanism
 from deltaopt.planning.nlp.program import IpoptSolution, Program
@@ -154,11 +154,7 @@ def _between(nodes: Array, values: Array, c: Array) -> Array:
 
 def _powers(nodes: Array) -> Array:
     """Coefficients of Lagrange's polynomials, (node, power)."""
-    rows = []
-    for j, node in enumerate(nodes):
-        product = Polynomial.fromroots(np.delete(nodes, j))
-        rows.append((product / product(node)).coef)
-    return np.stack(rows)
+    return np.stack([each.coef for each in lagrange(nodes)])
 
 
 def _mean(knots: Array, rows: Array) -> float:

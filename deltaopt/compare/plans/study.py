@@ -20,8 +20,8 @@ from deltaopt.compare.plans.cases import Case, Reference
 from deltaopt.compare.plans.interpreted import interpreted
 from deltaopt.compare.plans.knots_at_switches import at_switches
 from deltaopt.compare.plans.measures import Meter, Quality, active_rank
+from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.errors import NotConverged
-from deltaopt.motion.trajectory import PiecewisePolynomial
 from deltaopt.planning.formulations.collocation import FAR, NEAR, CollocationProblem, Equations
 from deltaopt.planning.formulations.equations import (
     explicit_equations,

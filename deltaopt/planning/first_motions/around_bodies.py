@@ -15,10 +15,11 @@ from math import dist
 
 import numpy as np
 
+from deltaopt.curves.piecewise import QUINTIC, Array, PiecewisePolynomial
 from deltaopt.errors import RULED_OUT, if_possible
 from deltaopt.motion.links import least_rooms
 from deltaopt.motion.sure_bounds import rows_not_kept
-from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.bands import (
     TENSIONS,
     Bodies,
@@ -27,7 +28,7 @@ from deltaopt.planning.first_motions.bands import (
     sampled,
 )
 from deltaopt.planning.first_motions.bows import bows
-from deltaopt.planning.first_motions.initial_motion import QUINTIC, roughly_fastest
+from deltaopt.planning.first_motions.initial_motion import roughly_fastest
 from deltaopt.planning.first_motions.passages import shortest_path, what_was_searched
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import model_of

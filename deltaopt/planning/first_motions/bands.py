@@ -13,10 +13,11 @@ from math import dist, hypot
 
 import numpy as np
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.limits.constraints import SceneLimits
 from deltaopt.motion.links import planned_distances
 from deltaopt.motion.sure_bounds import signed_distances
-from deltaopt.motion.trajectory import Array, Trajectory
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.links import ROUGH_BISECTIONS, name_of
 from deltaopt.scene.scene import Scene, limits_of

@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.motion.trajectory import Array
+from deltaopt.curves.piecewise import Array
 from deltaopt.planning.first_motions.bands import Bodies, resampled, sides_of
 from deltaopt.scene.feasibility import room_at_rest
 

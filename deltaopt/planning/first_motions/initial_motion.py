@@ -12,11 +12,12 @@ import numpy as np
 from numpy.polynomial.polynomial import polyder, polymul, polyval
 
 from deltaopt.codegen.vectorised import RowFunction
+from deltaopt.curves.piecewise import QUINTIC, Array, PiecewisePolynomial
 from deltaopt.errors import RULED_OUT, Infeasible, Unreachable, if_possible
 from deltaopt.files.validated_record import Vector3
 from deltaopt.mechanisms.functions import Functions
 from deltaopt.motion.time_scaling import needed_slowing, rough_factor
-from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.machine import Model
 from deltaopt.robot.model import model_of
@@ -24,9 +25,6 @@ from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import given_points
 from deltaopt.settings import require_type
 
-QUINTIC = np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0])
-"""Coefficients of the share of the path at u = t / duration, ascending powers: at rest and without
-acceleration at both ends."""
 _PULLS = (0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0)
 """How far the control point of a parabola lies from the line's midpoint towards the middle of the
 workspace, as a share of that way. Chosen by hand to cover small and large detours."""

@@ -12,10 +12,11 @@ from math import ceil, dist
 
 import numpy as np
 
+from deltaopt.curves.piecewise import Array, PiecewisePolynomial, quintic_rest
 from deltaopt.errors import RULED_OUT, if_possible
 from deltaopt.files.validated_record import Vector3
 from deltaopt.motion.time_scaling import sizes_at
-from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.belt import Meetings
 from deltaopt.planning.first_motions.order_of_merit import first_motion
 from deltaopt.planning.first_motions.proposal import Proposal
@@ -266,7 +267,6 @@ def _coefficients(states: States, durations: Array) -> Array:
     v0, v1 = (np.array([pair[i].velocity for pair in both]) for i in (0, 1))
     T = durations[:, None]
     way, gain = x1 - x0 - T * v0, T * (v1 - v0)
-    zero = np.zeros_like(x0)
-    cube, fourth, fifth = 10 * way - 4 * gain, -15 * way + 7 * gain, 6 * way - 3 * gain
-    coefficients = np.stack([x0, T * v0, zero, cube, fourth, fifth], axis=1)
+    within = [x0, T * v0, np.zeros_like(x0), *quintic_rest(way, gain)]
+    coefficients = np.stack(within, axis=1)
     return np.asarray(coefficients / np.vander(durations, 6, increasing=True)[:, :, None])

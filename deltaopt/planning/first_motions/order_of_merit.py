@@ -12,10 +12,11 @@ from itertools import chain, islice
 
 import numpy as np
 
+from deltaopt.curves.piecewise import Array, PiecewisePolynomial
 from deltaopt.errors import RULED_OUT, NotConverged, Unreachable, if_possible
 from deltaopt.motion.lower_bound import lower_bound
 from deltaopt.motion.time_scaling import sizes_at
-from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.initial_motion import (
     PARABOLAS_AND_CUBICS,
     detour,
@@ -28,7 +29,7 @@ from deltaopt.planning.first_motions.roadmap import STEPS, roadmap_motions, spac
 from deltaopt.planning.path.path_planning import fastest_on_path
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.problem.problem import Problem
-from deltaopt.scene.feasibility import on_one_side, require_ends_on_one_side
+from deltaopt.scene.parallel_singularity import on_one_side, require_ends_on_one_side
 from deltaopt.scene.scene import Scene, limits_of
 from deltaopt.scene.task import OnPath, distance
 

@@ -20,9 +20,9 @@ from math import dist, hypot, inf, tau
 import numpy as np
 from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.limits.constraints import SceneLimits
 from deltaopt.motion.sure_bounds import signed_distances
-from deltaopt.motion.trajectory import Array
 from deltaopt.planning.first_motions.roadmap import path_over_grid, spacing
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.solids import Convex, Polytope, Solid

@@ -19,9 +19,10 @@ import numpy as np
 from numpy.polynomial.polynomial import polyder, polyval
 from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import QUINTIC, PiecewisePolynomial
 from deltaopt.errors import RULED_OUT, if_possible
-from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
-from deltaopt.planning.first_motions.initial_motion import QUINTIC, roughly_fastest
+from deltaopt.motion.trajectory import Trajectory
+from deltaopt.planning.first_motions.initial_motion import roughly_fastest
 from deltaopt.robot.model import model_of
 from deltaopt.scene.feasibility import room_at_rest
 from deltaopt.scene.scene import Scene

@@ -13,10 +13,11 @@ from math import hypot, isfinite
 
 import numpy as np
 
+from deltaopt.curves.piecewise import Array, PiecewisePolynomial
 from deltaopt.errors import RULED_OUT, if_possible
 from deltaopt.files.validated_record import Vector3
 from deltaopt.motion.time_scaling import rough_factor
-from deltaopt.motion.trajectory import Array, PiecewisePolynomial, Trajectory
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.belt import Meetings
 from deltaopt.planning.first_motions.moving_ends import (
     end_of,

@@ -24,10 +24,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.errors import NotConverged
 from deltaopt.limits.constraints import Constraints
 from deltaopt.mechanisms.functions import Functions
-from deltaopt.motion.trajectory import Motion, PiecewisePolynomial, Trajectory
+from deltaopt.motion.trajectory import Motion, Trajectory
 from deltaopt.planning.flat.equations import PointEquations, point_equations
 from deltaopt.planning.flat.interior_point import (
     Boundary,

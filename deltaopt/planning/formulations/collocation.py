@@ -20,8 +20,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.dynamics.mechanism import SX
-from deltaopt.motion.trajectory import PiecewisePolynomial
 from deltaopt.planning.formulations.loop_closure import LoopClosure
 from deltaopt.planning.formulations.scaled_mechanism import BoundaryValues, ScaledMechanism
 from deltaopt.planning.nlp.cost import FASTEST, Cost
@@ -381,9 +381,7 @@ class _GuessedMotion:
         return self.system.rows(self.system.inverse_dynamics, *self._xi(fractions), p=self.p)
 
     def _xi(self, fractions: Array) -> list[Array]:
-        velocity = self.position.derivative()
-        parts = (self.position, velocity, velocity.derivative())
-        return [part.at(fractions * self.duration) for part in parts]
+        return [self.position.at(fractions * self.duration, order) for order in range(3)]
 
 
 def _inside(v: Variables, c: Array) -> Array:

@@ -8,11 +8,11 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.dynamics.mechanism import SX
 from deltaopt.limits.constraints import Constraints
 from deltaopt.mechanisms.functions import Functions
 from deltaopt.mechanisms.instant import CoordinateInstant
-from deltaopt.motion.trajectory import PiecewisePolynomial
 from deltaopt.planning.formulations.collocation import FAR, NEAR, CollocationProblem, Equations
 from deltaopt.planning.formulations.scaled_mechanism import (
     BoundaryValues,

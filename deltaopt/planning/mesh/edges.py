@@ -20,9 +20,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.limits.constraints import SceneLimits
 from deltaopt.motion.sure_bounds import distances_from_faces
-from deltaopt.motion.trajectory import Array, Trajectory
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.nlp.phases import FacePhases
 from deltaopt.problem.boundary import Boundary
 from deltaopt.problem.problem import Problem

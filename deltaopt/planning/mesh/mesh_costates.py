@@ -22,6 +22,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import PiecewisePolynomial, hermite_pieces
 from deltaopt.motion.certificate import Certificate, spread
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.flat.constraint_rows import ConstraintRows
@@ -108,25 +109,12 @@ def _fading_shifts(knots: Array, begins: bool) -> Array:
 
 def _hermite(mesh: Array, points: Array) -> Array:
     """Weights of (X, V) at both knots of an interval in X, V and A inside, (3, 4, N, points)."""
-    s, e = points, mesh[:, None]
-    one = np.ones_like(e)
-    return np.array(
-        [
-            [
-                (1 - 3 * s**2 + 2 * s**3) * one,
-                e * (s - 2 * s**2 + s**3),
-                (3 * s**2 - 2 * s**3) * one,
-                e * (s**3 - s**2),
-            ],
-            [
-                6 * (s**2 - s) / e,
-                (1 - 4 * s + 3 * s**2) * one,
-                6 * (s - s**2) / e,
-                (3 * s**2 - 2 * s) * one,
-            ],
-            [(12 * s - 6) / e**2, (6 * s - 4) / e, (6 - 12 * s) / e**2, (6 * s - 2) / e],
-        ]
-    )
+    units = [np.tile(unit, (len(mesh), 1)) for unit in np.eye(4)]
+    coefficients = hermite_pieces(mesh, units[:2], units[2:])
+    curve = PiecewisePolynomial(np.append(0.0, np.cumsum(mesh)), coefficients)
+    pieces, since = np.repeat(np.arange(len(mesh)), len(points)), np.outer(mesh, points).ravel()
+    weights = np.array(curve.with_derivatives(pieces, since))
+    return weights.reshape(3, len(mesh), len(points), 4).transpose(0, 3, 1, 2)
 
 
 def _jacobian(

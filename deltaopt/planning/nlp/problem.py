@@ -8,9 +8,10 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.limits.constraints import Constraints
 from deltaopt.mechanisms.functions import Functions
-from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.nlp.cost import Cost
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration

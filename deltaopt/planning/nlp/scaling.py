@@ -10,9 +10,10 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.files.validated_record import Vector3
 from deltaopt.limits.constraints import Constraints, SceneLimits
-from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory, passes
+from deltaopt.motion.trajectory import Trajectory, passes
 from deltaopt.planning.nlp.phases import FacePhases
 from deltaopt.problem.boundary import Boundary
 from deltaopt.problem.problem import Problem

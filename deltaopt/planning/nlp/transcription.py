@@ -21,6 +21,8 @@ import numpy as np
 from numpy.polynomial import Legendre, Polynomial
 from numpy.typing import ArrayLike, NDArray
 
+from deltaopt.curves.nodes import lagrange
+
 Array = NDArray[np.float64]
 
 
@@ -66,11 +68,7 @@ class PiecewiseAcceleration:
 
     @cached_property
     def _lagrange(self) -> list[Polynomial]:
-        polynomials = []
-        for j, node in enumerate(self.nodes):
-            product = Polynomial.fromroots(np.delete(self.nodes, j))
-            polynomials.append(product / product(node))
-        return polynomials
+        return lagrange(self.nodes)
 
     def weights(self, c: ArrayLike, eta: ArrayLike) -> tuple[Array, Array, Array]:
         """Weights of (X_i, V_i, A_i0 … A_id) in X, V and A at fractions c of intervals η.

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.planning.path.path_rows import AffineRows
-from deltaopt.scene.path import Array
 
 _LARGE, _VANISHING, _ROUNDING, _STEPS = 1e30, 1e-13, 1e-12, 60
 _LOSING, _STEEPEST = 0.1, 50.0

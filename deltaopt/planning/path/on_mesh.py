@@ -16,6 +16,7 @@ import numpy as np
 
 from deltaopt.codegen.compile import library
 from deltaopt.codegen.vectorised import RowFunction
+from deltaopt.curves.piecewise import Array
 from deltaopt.planning.path.path_mesh import (
     LONGEST,
     SERIES,
@@ -26,7 +27,6 @@ from deltaopt.planning.path.path_mesh import (
 from deltaopt.planning.path.path_rows import RESTING, AffineRows, PathRows, State
 from deltaopt.planning.path.sweep import FASTEST, Speeds, Unattainable, swept
 from deltaopt.planning.plan import Spent
-from deltaopt.scene.path import Array
 
 INSIDE = np.array([0.2, 0.5, 0.8])
 """Fractions of a cell where rows are looked at between its ends."""

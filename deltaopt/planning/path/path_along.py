@@ -5,9 +5,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.errors import RULED_OUT, if_possible
 from deltaopt.motion.sure_bounds import signed_distances, sure_excess
-from deltaopt.motion.trajectory import Array
 from deltaopt.planning.path.path_planning import PathMotion, fastest_on_path
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.path import Corners

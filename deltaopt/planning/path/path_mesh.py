@@ -9,10 +9,10 @@ from math import pi
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.motion.trajectory import PiecewisePolynomial
+from deltaopt.curves.piecewise import Array, Index, PiecewisePolynomial, quintic_rest, shifted
 from deltaopt.planning.path.path_rows import Places
 from deltaopt.planning.path.sweep import Speeds
-from deltaopt.scene.path import Array, Index, Path
+from deltaopt.scene.path import Path
 
 Truths = NDArray[np.bool]
 
@@ -60,7 +60,7 @@ class PathMesh:
     @cached_property
     def pieces(self) -> Index:
         """The piece of the path that each cell is in, (N,)."""
-        return self.path.piece((self.nodes[1:] + self.nodes[:-1]) / 2)
+        return self.path.interval((self.nodes[1:] + self.nodes[:-1]) / 2)
 
     @cached_property
     def begins(self) -> Array:
@@ -150,15 +150,8 @@ class MeshMotion:
         v0, v1, a0, a1 = rate[:-1] * T, rate[1:] * T, u0 * T**2, u1 * T**2
         change = self.mesh.h - v0 - a0 / 2
         speed, bend = v1 - v0 - a0, a1 - a0
-        within = np.array(
-            [
-                v0,
-                a0 / 2,
-                10 * change - 4 * speed + bend / 2,
-                -15 * change + 7 * speed - bend,
-                6 * change - 3 * speed + bend / 2,
-            ]
-        )  # of powers 1 to 5 of the share of the cell's time
+        # Of powers 1 to 5 of the share of the cell's time.
+        within = np.array([v0, a0 / 2, *quintic_rest(change, speed, bend)])
         coefficients = _composed(self._taylor, within)
         scales = np.multiply.accumulate(np.broadcast_to(1 / T, (len(coefficients) - 1, len(T))))
         coefficients[1:] *= scales[:, None]
@@ -168,14 +161,8 @@ class MeshMotion:
     @property
     def _taylor(self) -> Array:
         """The path's Taylor coefficients where each cell begins, (d + 1, 3, N)."""
-        shifted = np.ascontiguousarray(
-            self.mesh.path.coefficients.transpose(1, 2, 0)[..., self.mesh.pieces]
-        )
-        since, degree = self.mesh.begins, len(shifted) - 1
-        for k in range(degree):  # Horner's scheme again and again
-            for j in reversed(range(k, degree)):
-                shifted[j] += since * shifted[j + 1]
-        return shifted
+        own = self.mesh.path.coefficients.transpose(1, 2, 0)[..., self.mesh.pieces]
+        return shifted(np.ascontiguousarray(own), self.mesh.begins)
 
 
 def _durations(h: Array, speeds: Speeds) -> tuple[Array, Truths]:

@@ -13,12 +13,12 @@ from math import log
 
 import numpy as np
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.limits.constraints import SceneLimits
 from deltaopt.planning.path.on_mesh import OnMesh, tangents_on
 from deltaopt.planning.path.path_mesh import MeshMotion
 from deltaopt.planning.path.path_rows import AffineRows, PathRows, kept_rows
 from deltaopt.planning.path.sweep import Unattainable, swept
-from deltaopt.scene.path import Array
 
 _STEP = 1e-4
 """Share of a bound by which it is moved to and fro: its cube is what the difference of both

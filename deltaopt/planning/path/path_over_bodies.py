@@ -10,6 +10,7 @@ from math import dist
 
 import numpy as np
 
+from deltaopt.curves.halving import bisected_number
 from deltaopt.motion.sure_bounds import signed_distances
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.path import PickAndPlace
@@ -46,10 +47,7 @@ def rounded_path_over(scene: Scene) -> PickAndPlace | None:
     if clear == 0 and _is_clear(scene, _STRAIGHT):
         return None
     low, high = heights[clear - 1] if clear else _STRAIGHT, heights[clear]
-    for _ in range(_HALVINGS):
-        middle = (low + high) / 2
-        low, high = (low, middle) if _is_clear(scene, middle) else (middle, high)
-    return _path(high)
+    return _path(bisected_number(lambda height: _is_clear(scene, height), low, high, _HALVINGS)[1])
 
 
 def _path(height: float) -> PickAndPlace:

@@ -22,13 +22,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.codegen.vectorised import RowFunction
+from deltaopt.curves.piecewise import Array, Index
 from deltaopt.errors import SceneError
 from deltaopt.limits.constraints import Constraints
 from deltaopt.mechanisms.functions import Functions
 from deltaopt.mechanisms.instant import PlatformInstant
 from deltaopt.robot.machine import Model
 from deltaopt.robot.model import model_of
-from deltaopt.scene.path import Array, Index, Path
+from deltaopt.scene.path import Path
 from deltaopt.scene.scene import Scene, limits_of
 
 Truths = NDArray[np.bool]

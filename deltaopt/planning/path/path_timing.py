@@ -13,13 +13,14 @@ from functools import cached_property
 
 import numpy as np
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.errors import Infeasible, in_words
 from deltaopt.planning.path.on_mesh import OnMesh, Tangency, fastest_on_mesh
 from deltaopt.planning.path.path_mesh import MeshMotion, PathMesh
 from deltaopt.planning.path.path_rows import PathRows
 from deltaopt.planning.path.sweep import Unattainable
 from deltaopt.planning.plan import PathIteration
-from deltaopt.scene.path import Array, Path
+from deltaopt.scene.path import Path
 
 _FIRST, _EVEN = (24, 96, 384), 40
 """Cells of the first mesh, of others where it has no motion, and of the second, which are of equal

@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 
 from deltaopt.codegen.compile import library
+from deltaopt.curves.piecewise import Array
 from deltaopt.errors import Infeasible
 from deltaopt.planning.path.interpreted_sweep import interpreted
 from deltaopt.planning.path.path_rows import AffineRows
-from deltaopt.scene.path import Array
 
 FASTEST = 1e6
 """The largest b where no row bounds it, in the units of the sweep, in which motions have b of about

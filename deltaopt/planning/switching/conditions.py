@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.motion.trajectory import PiecewisePolynomial
+from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.planning.flat.constraint_rows import ConstraintRows, StateRows
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.switching.arc_mesh import DENSE, ArcMesh

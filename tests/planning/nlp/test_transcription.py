@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
 
-from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
+from deltaopt.curves.piecewise import PiecewisePolynomial
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.flat.flat_problem import Flat
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration

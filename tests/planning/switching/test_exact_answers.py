@@ -14,10 +14,11 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.limits.constraints import Constraints, SceneLimits
 from deltaopt.limits.speed import Speed
 from deltaopt.limits.torque import Torque
-from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.flat.constraint_rows import ByOrder
 from deltaopt.planning.flat.equations import PointEquations
 from deltaopt.planning.flat.flat_problem import FlatEquations

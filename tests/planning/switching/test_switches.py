@@ -11,10 +11,11 @@ import pytest
 
 from deltaopt import load_scene, plan, verify
 from deltaopt.codegen.dense_solver import solve
+from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.limits.constraints import Constraints, SceneLimits
 from deltaopt.limits.speed import Speed
 from deltaopt.limits.torque import Torque
-from deltaopt.motion.trajectory import PiecewisePolynomial, Trajectory
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.flat.constraint_rows import ConstraintRows, constraint_rows
 from deltaopt.planning.flat.equations import PointEquations, point_equations
 from deltaopt.planning.nlp.scaling import Parameters, Scaling

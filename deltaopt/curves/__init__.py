@@ -1,0 +1,1 @@
+"""Pure mathematics of curves: piecewise polynomials, Bernstein's form, bisection."""

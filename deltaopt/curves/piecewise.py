@@ -1,0 +1,177 @@
+"""Curves made of polynomials, and the polynomials that meet given values and derivatives."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+QUINTIC = np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0])
+"""Coefficients of the share of a way at u = t / duration, ascending powers: at rest and without
+acceleration at both ends."""
+
+
+@dataclass(frozen=True, eq=False)
+class PiecewisePolynomial:
+    """K polynomials of degree d of one parameter, often time, in m components.
+
+    ``knots``: parameters where the polynomials meet, increasing, (K + 1,). ``coefficients``: of the
+    ascending powers of the parameter since the piece began, (K, d + 1, m). It is equal to one of
+    the same numbers, to the last bit.
+    """
+
+    knots: Array
+    coefficients: Array
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, PiecewisePolynomial) and self._bits == other._bits
+
+    def __hash__(self) -> int:
+        return hash(self._bits)
+
+    @property
+    def _bits(self) -> tuple[object, ...]:
+        """All numbers, and how they are ordered."""
+        return self.coefficients.shape, self.knots.tobytes(), self.coefficients.tobytes()
+
+    @classmethod
+    def hermite(cls, knots: Array, x: Array, v: Array, a: Array | None = None) -> Self:
+        """Through values x with derivatives v, and second ones a if they are given, at the knots,
+        (K + 1, m) each: cubics, or quintics."""
+        columns = [each for each in (x, v, a) if each is not None]
+        begin, end = [each[:-1] for each in columns], [each[1:] for each in columns]
+        return cls(knots, hermite_pieces(np.diff(knots), begin, end))
+
+    @cached_property
+    def _derivatives(self) -> list[Array]:
+        """Coefficients of the values and of all derivatives that are not zero everywhere."""
+        found = [self.coefficients]
+        while found[-1].shape[1] > 1:
+            found.append(found[-1][:, 1:] * np.arange(1, found[-1].shape[1])[:, None])
+        return found
+
+    def derivative(self) -> PiecewisePolynomial:
+        """The derivative by the parameter, a piecewise polynomial of one degree less."""
+        powers = np.arange(1, self.coefficients.shape[1])
+        return replace(self, coefficients=self.coefficients[:, 1:] * powers[:, None])
+
+    def slowed(self, factor: float) -> PiecewisePolynomial:
+        """The same values ``factor`` times as slow: its duration grows by that factor."""
+        powers = np.vander([factor], self.coefficients.shape[1], increasing=True).T
+        return PiecewisePolynomial(self.knots * factor, self.coefficients / powers)
+
+    def at(self, t: ArrayLike, order: int = 0) -> Array:
+        """Values or derivatives of an order, (N, m), at parameters (N,) between the first knot and
+        the last; at a knot those of the piece that begins there, if any."""
+        places = np.atleast_1d(np.asarray(t, dtype=float))
+        pieces = self.interval(places)
+        return self.inside(pieces, places - self.knots[pieces], order)
+
+    def with_rate_at(self, t: Array) -> tuple[Array, Array]:
+        """Values and their derivatives, (N, m) each, at parameters (N,)."""
+        intervals = self.interval(t)
+        since = (t - self.knots[intervals])[:, None]
+        values = rates = np.zeros((len(t), self.coefficients.shape[2]))
+        for power in reversed(range(self.coefficients.shape[1])):  # Horner, differentiated
+            rates = rates * since + values
+            values = values * since + self.coefficients[intervals, power]
+        return values, rates
+
+    def after(self, t: float) -> PiecewisePolynomial:
+        """What follows a parameter ``t`` between the first knot and the last, from 0 on."""
+        first = int(self.interval(np.array([t]))[0])
+        coefficients, factorial = self.coefficients[first:].copy(), 1.0
+        for power in range(coefficients.shape[1]):
+            coefficients[0, power] = self.at(t, power)[0] / factorial
+            factorial *= power + 1
+        return PiecewisePolynomial(np.append(0.0, self.knots[first + 1 :] - t), coefficients)
+
+    def then(self, other: PiecewisePolynomial) -> PiecewisePolynomial:
+        """This and after it another, whose own knots count from its beginning."""
+        powers = max(self.coefficients.shape[1], other.coefficients.shape[1])
+        both = [
+            np.pad(each.coefficients, ((0, 0), (0, powers - each.coefficients.shape[1]), (0, 0)))
+            for each in (self, other)
+        ]
+        later = self.knots[-1] + (other.knots[1:] - other.knots[0])
+        return PiecewisePolynomial(np.append(self.knots, later), np.concatenate(both))
+
+    def interval(self, t: Array) -> Index:
+        """The piece of each parameter, (N,); at a knot the piece that begins there, if any."""
+        last = len(self.knots) - 2
+        return np.clip(np.searchsorted(self.knots, t, side="right") - 1, 0, last)
+
+    def everywhere(self, fractions: ArrayLike) -> tuple[Index, Array]:
+        """Places at fractions, (n,), of every piece: the piece, and what the parameter has grown by
+        since it began, (K · n,) each."""
+        lengths, shares = np.diff(self.knots), np.asarray(fractions, dtype=float)
+        return np.repeat(np.arange(len(lengths)), len(shares)), (lengths[:, None] * shares).ravel()
+
+    def inside(self, intervals: Index, since: Array, order: int = 0) -> Array:
+        """Values or derivatives of an order, (N, m), in given pieces, (N,), at what the parameter
+        has grown by since they began, (N,)."""
+        values = np.zeros((len(since), self.coefficients.shape[2]))
+        if order < len(self._derivatives):
+            coefficients = self._derivatives[order]
+            for power in reversed(range(coefficients.shape[1])):  # Horner
+                values = values * since[:, None] + coefficients[intervals, power]
+        return values
+
+    def with_derivatives(self, intervals: Index, since: Array) -> tuple[Array, Array, Array]:
+        """Values and their first two derivatives, (N, m) each, in given pieces, (N,), at what the
+        parameter has grown by since they began, (N,)."""
+        x, v, a = (self.inside(intervals, since, order) for order in range(3))
+        return x, v, a
+
+
+def hermite_pieces(lengths: Array, begin: Sequence[Array], end: Sequence[Array]) -> Array:
+    """Coefficients of polynomials with given values and derivatives at both ends, (K, d + 1, m).
+
+    ``lengths``: of the pieces, (K,). ``begin``, ``end``: values and derivatives, for cubics, and
+    second derivatives, for quintics, (K, m) each.
+    """
+    h = lengths[:, None]
+    if len(begin) == 2:
+        (x0, v0), (x1, v1) = begin, end
+        secant = (x1 - x0) / h
+        square = (3 * secant - 2 * v0 - v1) / h
+        return np.stack([x0, v0, square, (v0 + v1 - 2 * secant) / h**2], axis=1)
+    (x0, v0, a0), (x1, v1, a1) = begin, end
+    half = a0 / 2
+    value, rate = x1 - x0 - h * (v0 + h * half), h * (v1 - v0 - 2 * h * half)
+    rest = quintic_rest(value, rate, h**2 * (a1 - 2 * half))
+    powers = np.vander(lengths, 6, increasing=True).T[3:, :, None]
+    higher = [each / power for each, power in zip(rest, powers, strict=True)]
+    return np.stack([x0, v0, half, *higher], axis=1)
+
+
+def quintic_rest(
+    value: Array, rate: Array, bend: Array | float = 0.0
+) -> tuple[Array, Array, Array]:
+    """Coefficients of u³, u⁴ and u⁵ of the quintic that is zero with its first two derivatives at
+    u = 0, and has this value, rate and second derivative at u = 1."""
+    return (
+        10 * value - 4 * rate + bend / 2,
+        -15 * value + 7 * rate - bend,
+        6 * value - 3 * rate + bend / 2,
+    )
+
+
+def shifted(coefficients: Array, by: Array | float) -> Array:
+    """Coefficients of p(u + by) from those of p(u), by Horner's scheme again and again.
+
+    ``coefficients``: of ascending powers along the first axis, (d + 1, …). ``by``: a number or an
+    array that goes with one power.
+    """
+    found = np.array(coefficients, dtype=float)
+    for k in range(len(found) - 1):
+        for j in reversed(range(k, len(found) - 1)):
+            found[j] += by * found[j + 1]
+    return found

@@ -1,0 +1,99 @@
+"""Whether the coordinates and torques that a motion reports are those of the scene's robot."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+
+from deltaopt.codegen.vectorised import evaluate_rows
+from deltaopt.curves.piecewise import Array
+from deltaopt.dynamics.lagrange import Explicit, Multiplier
+from deltaopt.errors import Unreachable
+from deltaopt.mechanisms.functions import Functions
+from deltaopt.motion.trajectory import Trajectory
+from deltaopt.robot.model import model_of
+from deltaopt.scene.scene import Scene
+from deltaopt.verify.bounds import DYNAMIC_ERROR
+from deltaopt.verify.resolved_curves import DEGREE, POINTS, WEIGHTS
+from deltaopt.verify.units import Units, way_of
+
+
+def model_errors(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
+    """E_K and E_D of the reported q, q̇, q̈ and τ, by the scene's mechanism."""
+    units = Units.of(scene, trajectory)
+    samples = _Samples.of(trajectory)
+    q, dq, ddq = trajectory.coordinates_inside(samples.fractions)
+    tau = trajectory.model.inverse_dynamics(*trajectory.path_inside(samples.fractions))
+    model = model_of(scene.robot, scene.payload)
+    functions = model.functions
+    lengths = units.coordinates(functions)
+    motion = [rows * units.time**k / lengths for k, rows in enumerate((q, dq, ddq))]
+    arguments, parameters = [*motion, tau / units.torque(functions)], units.parameters(model)
+    kinematic, dynamic = evaluate_rows(_residuals(functions), *arguments, parameters=parameters)
+    doubtful = np.logical_not(np.linalg.norm(dynamic, axis=1) <= DYNAMIC_ERROR)
+    if doubtful.any():
+        try:
+            (dynamic[doubtful],) = evaluate_rows(
+                _robust_residuals(functions),
+                *(rows[doubtful] for rows in arguments),
+                parameters=parameters,
+            )
+        except RuntimeError:  # what CasADi raises where a matrix is singular
+            raise Unreachable(
+                "its coordinates have no solution of the equations of motion"
+            ) from None
+    mean_speed = way_of(scene, trajectory) / trajectory.duration * units.time / units.length
+    kinematic[:, functions.mechanism.holonomic.numel() :] /= mean_speed
+    return {
+        "kinematic_error": samples.mean_over_time(trajectory, kinematic),
+        "dynamic_error": samples.mean_over_time(trajectory, dynamic),
+    }
+
+
+@lru_cache(maxsize=16)
+def _residuals(functions: Functions) -> ca.Function:
+    """(q, q̇, q̈, τ, p) -> (f, J q̇ + μ), q̈ - q̈(q, q̇, τ)."""
+    m = functions.mechanism
+    closure = ca.Function("closure", [m.q, m.dq, m.parameters], [m.holonomic, m.constraint_rate])
+    forward = Explicit().forward_dynamics(m)
+    q, dq, ddq = (ca.MX.sym(name, m.q.numel()) for name in ("q", "dq", "ddq"))
+    tau, p = ca.MX.sym("tau", 3), ca.MX.sym("p", functions.symbols().numel())
+    modelled, _ = forward(0, q, dq, tau, p)
+    kinematic = ca.vertcat(*closure(q, dq, p))
+    return ca.Function("residuals", [q, dq, ddq, tau, p], [kinematic, ddq - modelled]).expand()
+
+
+@lru_cache(maxsize=16)
+def _robust_residuals(functions: Functions) -> ca.Function:
+    """(q, q̇, q̈, τ, p) -> q̈ - q̈(q, q̇, τ) by eq. (37): slower, and accurate near serial
+    singularities too, where eq. (39) is exact to rounding over the squared distance alone."""
+    m = functions.mechanism
+    q, dq, ddq = (ca.MX.sym(name, m.q.numel()) for name in ("q", "dq", "ddq"))
+    tau, p = ca.MX.sym("tau", 3), ca.MX.sym("p", functions.symbols().numel())
+    modelled, _ = Multiplier().forward_dynamics(m)(0, q, dq, tau, p)
+    return ca.Function("robust_residuals", [q, dq, ddq, tau, p], [ddq - modelled])
+
+
+@dataclass(frozen=True)
+class _Samples:
+    """Fractions of every piece and their weights in a mean over it, (n,) each."""
+
+    fractions: Array
+    weights: Array
+
+    @classmethod
+    def of(cls, trajectory: Trajectory) -> _Samples:
+        """Twice as many as determine the polynomials of coordinates, if a motion has its own."""
+        own = trajectory.coordinates
+        degree = 0 if own is None else own.coefficients.shape[1] - 1
+        parts = max(1, -(-2 * degree // DEGREE))
+        fractions = ((np.arange(parts)[:, None] + POINTS) / parts).ravel()
+        return cls(fractions, np.tile(WEIGHTS, parts) / parts)
+
+    def mean_over_time(self, trajectory: Trajectory, rows: Array) -> float:
+        """(1/T) ∫ ‖row‖ dt of samples of every piece, (K · n, m)."""
+        sizes = np.linalg.norm(rows, axis=1).reshape(-1, len(self.weights))
+        return float(sizes @ self.weights @ np.diff(trajectory.knots)) / trajectory.duration
