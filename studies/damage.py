@@ -30,6 +30,7 @@ from deltaopt.motion.limit_curves import limit_curves
 from deltaopt.motion.trajectory import Trajectory, goal_of
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import DeltaModel
+from deltaopt.robot.robot import as_delta
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import OnPath
 from deltaopt.verify.bounds import BOUNDS
@@ -208,7 +209,7 @@ def ratios(scene: Scene, bad: Trajectory) -> dict[str, float]:
     where the robot cannot follow."""
     try:
         found = _excesses(scene, bad)
-        model = DeltaModel(scene.robot, scene.payload, deltaopt.virtual_work)
+        model = DeltaModel(as_delta(scene.robot), scene.payload, deltaopt.virtual_work)
         x, v, a = bad.path_inside(_FRACTIONS)
         reported = bad.model.inverse_dynamics(x, v, a)
         modelled = model.inverse_dynamics(x, v, a)
@@ -279,7 +280,7 @@ def _way(scene: Scene, bad: Trajectory) -> float:
 
 
 def _arm(scene: Scene) -> float:
-    return float(scene.robot.upper_arm.length)
+    return float(as_delta(scene.robot).upper_arm.length)
 
 
 def damaged(number: int, first: int) -> Damaged:

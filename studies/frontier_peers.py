@@ -21,6 +21,7 @@ from deltaopt.curves.piecewise import Array
 from deltaopt.errors import DeltaOptError, MissingPackage
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.controller_c import c_functions
+from deltaopt.robot.robot import as_delta
 from deltaopt.scene.scene import Scene
 from studies.bench.fixed_paths import (
     MotorLine,
@@ -94,7 +95,7 @@ def rockit(scene: Scene, best: Trajectory, intervals: int) -> tuple[float, float
 
 def miss(scene: Scene, found: PeerPlan) -> float:
     """Return where rockit's torques lead the platform: its distance from the goal, m."""
-    forward, payload = c_functions(scene.robot)[-1], scene.payload or 0.0
+    forward, payload = c_functions(as_delta(scene.robot))[-1], scene.payload or 0.0
 
     def rate(state: Array, torque: Array) -> Array:
         x, v = np.split(state, 2)

@@ -88,7 +88,7 @@ def case(kind: str, number: int, first: int) -> Case:
         scene = scene.model_copy(update={"limits": limits})
         return Case(scene, share, _then(scene, other))
     scene = scene_of(robot, first, 5 * (number // 4) + number % 4)
-    others = (_then(scene, other) for other in random_scenes(scene.robot, None, _GOALS, own))
+    others = (_then(scene, other) for other in random_scenes(robot, None, _GOALS, own))
     return Case(scene, share, next(filter(is_possible, others)))
 
 

@@ -16,6 +16,7 @@ import deltaopt
 from deltaopt.cli.arguments import load_fastest, one_or_more, seed
 from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.planning.planner import Planner
+from deltaopt.robot.robot import as_delta
 from studies.bench.random_scenes import random_scenes
 from studies.problems import PICK_AND_PLACE, PROBLEMS, add_directory
 
@@ -35,7 +36,7 @@ def ratio(plan: deltaopt.Plan) -> float:
 def random_ratios(planner: Planner, number: int, first: int) -> NDArray[np.float64]:
     """The ratios of so many random moves of a planner's robot; ``first``: the seed."""
     progress, found = ProgressBar().counting(number, planner.robot.name), []
-    for scene in random_scenes(planner.robot, planner.payload, number, first):
+    for scene in random_scenes(as_delta(planner.robot), planner.payload, number, first):
         found.append(ratio(planner.plan(scene.start, scene.goal)))
         progress(len(found))
     return np.array(found)

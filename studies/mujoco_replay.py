@@ -23,7 +23,7 @@ from deltaopt.compare.model_terms import MODEL_TERMS
 from deltaopt.curves.piecewise import Array
 from deltaopt.output.mujoco_replay import InMujoco, of_joints
 from deltaopt.robot.model import DeltaModel
-from deltaopt.robot.robot import Robot
+from deltaopt.robot.robot import Robot, as_delta
 from deltaopt.scene.task import given_points
 from studies.bench.random_scenes import random_scenes
 from studies.problems import PROBLEMS
@@ -96,7 +96,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     scene = deltaopt.load_scene(arguments.scene)
-    robot = scene.robot
+    robot = as_delta(scene.robot)
     difference = torque_difference(robot, scene.payload or 0.0, arguments.states)
     print(f"{robot.name}: torques of {arguments.states} motions differ by {difference:.1e}")
     simple = scene.model_copy(update={"robot": without_terms(robot)})

@@ -29,6 +29,7 @@ from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.mechanisms.delta.mechanism import MOTOR_ANGLES, DeltaTerms, delta
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.robot.model import DeltaModel, delta_parameters
+from deltaopt.robot.robot import as_delta
 from studies.gap_moves import Move, move_of_random_robot
 from studies.models.singularities import Functions
 from studies.problems import add_directory
@@ -90,7 +91,7 @@ class Row:
 
 def row_of(each: Move, exact: ManyDigits) -> Row:
     """Plan, verify, and evaluate the models."""
-    robot, payload = each.scene.robot, each.scene.payload or 0.0
+    robot, payload = as_delta(each.scene.robot), each.scene.payload or 0.0
     begin, failure, motion = thread_time(), "", None
     gap, verified = np.nan, False
     try:

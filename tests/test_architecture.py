@@ -95,6 +95,14 @@ VERIFY_MAY_IMPORT = {
 }
 """What verification may share with planning: pure mathematics, the model, what limits and scenes
 say, and the trajectory, which is data. Peaks, time scaling and effort it computes by itself."""
+KNOW_THE_DELTA = {
+    "limits.links",
+    "scene.links",
+    "planning.links_clear",
+    "verify.clearance",
+}
+"""Modules between a robot and a verified plan that know arms and forearms: all else knows a
+`Machine`, so that other robots are planned too. ``scene.scene`` reads files of Deltas."""
 ONLY_IN = {
     "matplotlib": {"plots"},
     "yaml": {"files"},
@@ -186,6 +194,14 @@ def test_what_solves_knows_no_scene(module):
     if module not in OF_A_SCENE and any(_inside(inner, room) for room in KNOW_THE_PROBLEM_ALONE):
         seen = {name for name in ours(module) if place(name) == "scene"}
         assert not seen | (ours(module) & {"deltaopt.problem.of_scene"}), module
+
+
+def test_few_modules_of_planning_know_the_delta():
+    rooms = ("limits", "scene", "problem", "motion", "planning", "verify")
+    others = {m for m in INSIDE if place(m).split(".")[0] in rooms}
+    known = {"deltaopt.robot.robot", *(m for m in INSIDE if ".mechanisms.delta" in m)}
+    found = {module.removeprefix("deltaopt.") for module in others if imports(module) & known}
+    assert found == KNOW_THE_DELTA | {"scene.scene"}
 
 
 @pytest.mark.parametrize("module", INSIDE)

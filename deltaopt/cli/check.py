@@ -56,7 +56,7 @@ from deltaopt.planning.nlp.transcription import LINEAR
 from deltaopt.planning.planner import plan
 from deltaopt.robot.catalogue import Reduction, reductions
 from deltaopt.robot.drive import Drive, Friction
-from deltaopt.robot.model import DeltaModel
+from deltaopt.robot.model import delta_model
 from deltaopt.robot.robot import load_robot
 from deltaopt.scene.feasibility import are_surely_feasible, check_feasible, perhaps_meant
 from deltaopt.scene.objective import Time
@@ -265,7 +265,7 @@ def _duty_of_baseline(scene: Scene) -> list[str]:
 
 def _description(scene: Scene) -> list[tuple[str, str]]:
     """The lines of the description, each a name and a text."""
-    model, task = DeltaModel(scene.robot, scene.payload), scene.task
+    model, task = delta_model(scene.robot, scene.payload), scene.task
     mechanism, parameters = model.functions.mechanism, model.numbers
     coordinates, constraints = mechanism.q.numel(), mechanism.mu.numel()
     return [
@@ -293,7 +293,7 @@ def _task(task: Task) -> str:
 
 def default_method(scene: Scene) -> str:
     """C source of the method that plans a scene by default."""
-    functions = DeltaModel(scene.robot, scene.payload).functions
+    functions = delta_model(scene.robot, scene.payload).functions
     equations = point_equations(functions, limits_of(scene).constraints)
     return source(equations.point_problem, len(LINEAR.points))
 

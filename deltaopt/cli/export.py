@@ -58,7 +58,7 @@ from deltaopt.output.table_files import (
     write_ros2_yaml,
     write_table,
 )
-from deltaopt.robot.robot import Robot, load_robot
+from deltaopt.robot.robot import Robot, as_delta, load_robot
 from deltaopt.scene.scene import Scene
 from deltaopt.verify.verification import verify
 
@@ -288,7 +288,8 @@ def _controllers_table(arguments: argparse.Namespace) -> tuple[JointTable, Robot
         print(_LATE)
         remarks.append(_LATE)
     table = replace(found.table, remarks=tuple(remarks))
-    return of_controller(table, plan.scene.robot), plan.scene.robot
+    robot = as_delta(plan.scene.robot)
+    return of_controller(table, robot), robot
 
 
 def _verified(file: Path, arguments: argparse.Namespace) -> tuple[SavedPlan, Trajectory, list[str]]:

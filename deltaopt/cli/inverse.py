@@ -29,7 +29,7 @@ from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.plan_files import MOST_ROWS, RATE, write_motion
 from deltaopt.planning.first_motions.initial_motion import straight_line
 from deltaopt.problem.of_scene import problem_of
-from deltaopt.robot.model import DeltaModel
+from deltaopt.robot.model import delta_model
 from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.scene import Scene, load_scene
 from deltaopt.scene.task import given_points
@@ -59,7 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
     scene = load_scene(arguments.scene)
     check_feasible(scene)
     directory = output_directory(arguments)
-    model = DeltaModel(scene.robot, scene.payload)
+    model = delta_model(scene.robot, scene.payload)
     trajectory = straight_line(model, *given_points(scene.task), arguments.duration)
     print(_table(trajectory))
     print(_against_limits(scene, trajectory))

@@ -15,6 +15,7 @@ from time import sleep
 from deltaopt.cli.arguments import one_or_more
 from deltaopt.errors import installed
 from deltaopt.output.saved_plan import load_plan
+from deltaopt.robot.robot import as_delta
 
 _FRAME = 1 / 30
 """Seconds between pictures while the motion plays."""
@@ -36,7 +37,7 @@ def run(arguments: argparse.Namespace) -> int:
     from deltaopt.report.viewer import Viewer  # slow to import
 
     plan = load_plan(arguments.plan)
-    viewer = Viewer.of(plan.scene.robot, plan.trajectory, arguments.port)
+    viewer = Viewer.of(as_delta(plan.scene.robot), plan.trajectory, arguments.port)
     print(f"http://localhost:{viewer.server.get_port()} (Ctrl-C ends it)", flush=True)
     try:
         for seconds in repeat(_FRAME):

@@ -18,7 +18,7 @@ from deltaopt.planning.plan import Plan
 from deltaopt.planning.planner import plan
 from deltaopt.robot.drive import Drive
 from deltaopt.robot.model import delta_model
-from deltaopt.robot.robot import Robot
+from deltaopt.robot.robot import Robot, as_delta
 from deltaopt.scene.scene import Scene
 from deltaopt.verify.verification import verify
 
@@ -74,7 +74,7 @@ def effects_of_terms(scene: Scene, report: Progress) -> list[TermEffect]:
         if not isinstance(load, FRICTION):
             raise Inexpressible(f"the {load.words} of the robot's arms cannot be left out")
     reference = plan(scene, tolerance=TOLERANCE)
-    terms = [(term, term.without(scene.robot)) for term in MODEL_TERMS]
+    terms = [(term, term.without(as_delta(scene.robot))) for term in MODEL_TERMS]
     present = [(term, other) for term, other in terms if other != scene.robot]
     found = []
     for done, (term, other) in enumerate(present):

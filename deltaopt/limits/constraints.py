@@ -465,11 +465,11 @@ class _AnyMotion:
 
     def __init__(self, motors: int) -> None:
         self.x, self.v, self.a = (SX.sym(name, 3) for name in ("x", "v", "a"))
-        self.q, self.dq, self.ddq = (SX.sym(name, 12) for name in ("q", "dq", "ddq"))
         self.theta, self.dtheta, self.ddtheta, self.tau, self._holding = (
             SX.sym(name, motors) for name in ("theta", "dtheta", "ddtheta", "tau", "holding")
         )
         self.alignment, self.tilt = SX.sym("alignment", motors), SX.sym("tilt", motors)
+        self.parallel_margin, self.tilt_margin = SX.sym("parallel"), SX.sym("tilted")
         self.tau_per_payload = SX.sym("tau_per_payload", motors)
         self._holding_per_payload = SX.sym("holding_per_payload", motors)
 
@@ -501,12 +501,13 @@ class _AnyMotion:
 
     @property
     def _positions(self) -> list[SX]:
-        return [self.x, self.q, self.theta, self.alignment, self.tilt]
+        chains = self.x, self.theta, self.alignment, self.tilt
+        return [*chains, self.parallel_margin, self.tilt_margin]
 
     @property
     def _rates(self) -> list[SX]:
-        return [self.v, self.dq, self.dtheta]
+        return [self.v, self.dtheta]
 
     @property
     def _second(self) -> list[SX]:
-        return [self.a, self.ddq, self.ddtheta]
+        return [self.a, self.ddtheta]

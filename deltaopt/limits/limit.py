@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from deltaopt.errors import SceneError
 from deltaopt.files.units import percentage
 from deltaopt.files.validated_record import PerMotor, Vector3, per_motor
-from deltaopt.robot.robot import Robot
+from deltaopt.robot.machine import Machine
 from deltaopt.robot.solids import Convex, Solid
 
 SX = ca.SX
@@ -34,12 +34,14 @@ _TIED = 1e-9
 class Instant(Protocol):
     """A motion at one instant, as CasADi expressions of one model.
 
-    The platform's position ``x``, velocity ``v`` and acceleration ``a`` (3; m, m/s, m/s²); all
-    coordinates ``q`` (12; m and rad), their rates ``dq`` and ``ddq``; motor angles ``theta`` (rad)
-    and their rates ``dtheta`` and ``ddtheta``; motor torques ``tau`` (N·m), one for each motor;
-    ``alignment``, sin² (q_{k,1} - q_{k,2}) of each chain, 0 in its serial singularity; ``tilt``,
-    sin q_{k,3} of each chain, how far its bars lean out of the plane of its arm;
-    ``tau_per_payload``, by how much the torques grow with the payload's mass (N·m/kg).
+    The platform's position ``x``, velocity ``v`` and acceleration ``a`` (3; m, m/s, m/s²); motor
+    angles ``theta`` (rad) and their rates ``dtheta`` and ``ddtheta``; motor torques ``tau`` (N·m),
+    one for each motor; of linear drives positions (m) and forces (N). ``alignment``, sin² (q_{k,1}
+    - q_{k,2}) of each chain, 0 in its serial singularity; ``tilt``, sin q_{k,3} of each chain, how
+    far its bars lean out of the plane of its arm;
+    ``parallel_margin`` and ``tilt_margin``, volumes that are 0 in the parallel singularity and
+    where the platform can tilt; ``tau_per_payload``, by how much the torques grow with the
+    payload's mass (N·m/kg).
     """
 
     @property
@@ -48,12 +50,6 @@ class Instant(Protocol):
     def v(self) -> SX: ...
     @property
     def a(self) -> SX: ...
-    @property
-    def q(self) -> SX: ...
-    @property
-    def dq(self) -> SX: ...
-    @property
-    def ddq(self) -> SX: ...
     @property
     def theta(self) -> SX: ...
     @property
@@ -68,6 +64,10 @@ class Instant(Protocol):
     def alignment(self) -> SX: ...
     @property
     def tilt(self) -> SX: ...
+    @property
+    def parallel_margin(self) -> SX: ...
+    @property
+    def tilt_margin(self) -> SX: ...
 
 
 class Described(Protocol):
@@ -76,7 +76,7 @@ class Described(Protocol):
     known of start, goal and the way (m), bodies, and its own key."""
 
     @property
-    def robot(self) -> Robot: ...
+    def robot(self) -> Machine: ...
     @property
     def payload(self) -> float | None: ...
     @property
@@ -310,11 +310,11 @@ class MotorLimit(Limit):
     def __hash__(self) -> int:
         return hash(type(self))
 
-    def of_drive(self, robot: Robot) -> Vector3 | None:
+    def of_drive(self, robot: Machine) -> Vector3 | None:
         """What the robot's drives give; None if that is unlimited."""
         raise NotImplementedError
 
-    def without_shares(self, given: object, robot: Robot) -> object:
+    def without_shares(self, given: object, robot: Machine) -> object:
         """What a scene gives, with shares of the drive's limit such as "85 %" as numbers.
 
         Raises SceneError for a share that is not above 0 and at most 100 %, or of no limit.
@@ -344,18 +344,18 @@ class MotorLimit(Limit):
         if given is None:
             return [] if drive is None else [drive]
         if drive is not None:
-            require_tighter(self, drive, given)
+            require_tighter(self, scene.robot, drive, given)
         return [per_motor(given)]
 
     def bounds(self, numbers: SX) -> Bounds:
         return Bounds.symmetric(numbers)
 
 
-def require_tighter(limit: MotorLimit, drive: Vector3, given: PerMotor) -> None:
+def require_tighter(limit: MotorLimit, robot: Machine, drive: Vector3, given: PerMotor) -> None:
     """Raise a SceneError where a scene allows more than the drive gives."""
     if any(ours > its for ours, its in zip(per_motor(given), drive, strict=True)):
         most = f"{drive[0]:g}" if len(set(drive)) == 1 else ", ".join(f"{d:g}" for d in drive)
-        expected = f"at most what the drive gives, {most} {limit.unit}"
+        expected = f"at most what the drive gives, {most} {robot.unit(limit.unit)}"
         raise SceneError(None, f"limits.{limit.key.name}", given, expected)
 
 

@@ -43,7 +43,7 @@ from deltaopt.limits.limit import (
     OwnMeasure,
 )
 from deltaopt.mechanisms.delta.mechanism import AZIMUTHS
-from deltaopt.robot.robot import Robot
+from deltaopt.robot.robot import Robot, as_delta
 
 _OF_LINE = 12
 """Numbers of a link's line: which motor turns its arm (3), outwards from the base's axis (2),
@@ -78,7 +78,7 @@ class LinkClearance(Limit):
                 number
                 for each in filled
                 for number in (
-                    *_of_line(scene.robot, each.link),
+                    *_of_line(as_delta(scene.robot), each.link),
                     *numbers_of_solid(each.body),
                     *kept_from(scene, each.least),
                 )

@@ -18,9 +18,9 @@ without bound. Motor torques do not show it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Literal
 
 import casadi as ca
 import numpy as np
@@ -29,8 +29,7 @@ from deltaopt.errors import Unreachable
 from deltaopt.files.units import RATIO
 from deltaopt.files.validated_record import Positive
 from deltaopt.limits.limit import SX, Bounds, Described, Instant, Key, Limit, Numbers
-from deltaopt.mechanisms.delta.singularities import parallel_margin, tilt_margin
-from deltaopt.robot.model import delta_model
+from deltaopt.robot.model import model_of
 
 USUAL_MARGIN = 0.1**2
 """Six degrees from folded or stretched: more keeps motions away from what is fast, less brings
@@ -53,7 +52,7 @@ class SerialSingularity(Limit):
     promised: ClassVar[bool] = False
 
     def items(self, scene: Described) -> Sequence[Numbers]:
-        model = delta_model(scene.robot, scene.payload)
+        model = model_of(scene.robot, scene.payload)
         alignments = model.alignments(np.array(scene.placed_points))
         return [(margin(float(alignments.min())),)]
 
@@ -72,7 +71,7 @@ class _KeptVolume(Limit):
     subject: ClassVar[str] = "robot"
     order: ClassVar[int] = 0
     key: ClassVar[Key]
-    volume: ClassVar[Callable[[SX], SX]]
+    volume: ClassVar[Literal["parallel_margin", "tilt_margin"]]
 
     def items(self, scene: Described) -> Sequence[Numbers]:
         """The margin, and the sign of the volume at the start."""
@@ -80,16 +79,19 @@ class _KeptVolume(Limit):
         if given is None:
             return []
         try:
-            q = delta_model(scene.robot, scene.payload).inverse_kinematics(scene.placed_points[0])
+            model = model_of(scene.robot, scene.payload)
+            q = model.inverse_kinematics(scene.placed_points[0])
         except Unreachable:
             return [(given, 1.0)]  # what is wrong with the start is told when it is planned
-        return [(given, 1.0 if float(ca.DM(type(self).volume(SX(ca.DM(q))))) > 0 else -1.0)]
+        volume = getattr(model.functions, self.volume)(SX(ca.DM(q)))
+        return [(given, 1.0 if float(ca.DM(volume)) > 0 else -1.0)]
 
     def bounds(self, numbers: SX) -> Bounds:
         return Bounds.at_least(numbers[0], 1.0, out_of_reach=True)
 
     def measure(self, motion: Instant, numbers: SX) -> SX:
-        return numbers[1] * type(self).volume(motion.q)
+        volume: SX = getattr(motion, self.volume)
+        return numbers[1] * volume
 
 
 def _key(name: str) -> Key:
@@ -104,7 +106,7 @@ class ParallelSingularity(_KeptVolume):
 
     name: ClassVar[str] = "distance to the parallel singularity"
     key: ClassVar[Key] = _key("parallel_singularity")
-    volume: ClassVar[Callable[[SX], SX]] = staticmethod(parallel_margin)
+    volume: ClassVar[Literal["parallel_margin", "tilt_margin"]] = "parallel_margin"
 
 
 @dataclass(frozen=True)
@@ -113,4 +115,4 @@ class TiltSingularity(_KeptVolume):
 
     name: ClassVar[str] = "distance to the tilt of the platform"
     key: ClassVar[Key] = _key("tilt_singularity")
-    volume: ClassVar[Callable[[SX], SX]] = staticmethod(tilt_margin)
+    volume: ClassVar[Literal["parallel_margin", "tilt_margin"]] = "tilt_margin"

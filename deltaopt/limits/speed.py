@@ -7,7 +7,7 @@ from typing import Annotated
 from deltaopt.files.units import ANGULAR_SPEED
 from deltaopt.files.validated_record import PerMotor, Vector3
 from deltaopt.limits.limit import SX, Instant, Key, MotorLimit
-from deltaopt.robot.robot import Robot
+from deltaopt.robot.machine import Machine
 
 
 class Speed(MotorLimit):
@@ -20,7 +20,7 @@ class Speed(MotorLimit):
         "one angular speed in rad/s, greater than 0, or three",
     )
 
-    def of_drive(self, robot: Robot) -> Vector3 | None:
+    def of_drive(self, robot: Machine) -> Vector3 | None:
         return robot.speed_limits
 
     def measure(self, motion: Instant, numbers: SX) -> SX:

@@ -12,7 +12,7 @@ from typing import Annotated
 from deltaopt.files.units import TORQUE
 from deltaopt.files.validated_record import PerMotor, Vector3
 from deltaopt.limits.limit import SX, Bounds, Described, Instant, Key, Limit, MotorLimit, Numbers
-from deltaopt.robot.robot import Robot
+from deltaopt.robot.machine import Machine
 
 
 class Torque(MotorLimit):
@@ -21,7 +21,7 @@ class Torque(MotorLimit):
     name, unit, order = "torque", "N·m", 2
     key = Key("torque", Annotated[PerMotor, TORQUE], "one torque in N·m, greater than 0, or three")
 
-    def of_drive(self, robot: Robot) -> Vector3:
+    def of_drive(self, robot: Machine) -> Vector3:
         return robot.torque_limits
 
     def measure(self, motion: Instant, numbers: SX) -> SX:

@@ -11,15 +11,13 @@ import numpy as np
 
 from deltaopt.codegen.vectorised import RowFunction
 from deltaopt.curves.piecewise import Array
-from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.limits.constraints import Constraints
 from deltaopt.limits.limit import Limit
-from deltaopt.mechanisms.delta.functions import delta_functions
-from deltaopt.mechanisms.delta.instant import PlatformInstant
-from deltaopt.mechanisms.delta.mechanism import DeltaTerms
+from deltaopt.mechanisms.functions import Functions
+from deltaopt.mechanisms.instant import PlatformInstant
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.problem.problem import Problem
-from deltaopt.robot.model import DeltaModel
+from deltaopt.robot.machine import Model
 
 
 @dataclass(frozen=True)
@@ -54,7 +52,7 @@ def limit_curves(
     Margins that only the planner keeps are left out.
     """
     model, limits = problem.model, problem.limits
-    function = _measures(model.functions.terms, limits.constraints)
+    function = _measures(model.functions, limits.constraints)
     path = trajectory.path_inside(fractions)
     parameters = np.concatenate([limits.numbers, model.parameters])
     (values,) = function(*path, parameters=parameters)
@@ -76,7 +74,7 @@ class LimitShares:
     each column, such as ("torque", "motor 2").
     """
 
-    model: DeltaModel
+    model: Model
     function: RowFunction
     parameters: Array
     named: tuple[tuple[str, str], ...]
@@ -85,7 +83,7 @@ class LimitShares:
     def of(cls, problem: Problem) -> LimitShares:
         """Of the limits that a motion must keep, without margins that only the planner keeps."""
         model, limits = problem.model, problem.limits
-        function, named = _shares(model.functions.terms, limits.constraints)
+        function, named = _shares(model.functions, limits.constraints)
         return cls(model, function, np.concatenate([limits.numbers, model.parameters]), named)
 
     def __call__(self, x: Array, v: Array, a: Array) -> Array:
@@ -96,12 +94,12 @@ class LimitShares:
 
 @lru_cache(maxsize=16)
 def _shares(
-    terms: DeltaTerms, constraints: Constraints
+    functions: Functions, constraints: Constraints
 ) -> tuple[RowFunction, tuple[tuple[str, str], ...]]:
     """(x, v, a, numbers of the limits and p) -> the shares; and what each is of."""
     x, v, a = (ca.SX.sym(name, 3) for name in "xva")
-    numbers, p = constraints.numbers(), ca.SX.sym("p", len(terms.names))
-    motion = PlatformInstant(delta_functions(terms, Explicit()), x, v, a, p)
+    numbers, p = constraints.numbers(), functions.symbols()
+    motion = PlatformInstant(functions, x, v, a, p)
     columns, named = [], list[tuple[str, str]]()
     for limit, own in constraints.with_numbers(numbers):
         if not limit.promised:
@@ -120,11 +118,11 @@ def _shares(
 
 
 @lru_cache(maxsize=16)
-def _measures(terms: DeltaTerms, constraints: Constraints) -> RowFunction:
+def _measures(functions: Functions, constraints: Constraints) -> RowFunction:
     """(x, v, a, numbers of the limits and p) -> the quantities of all limits, compiled."""
     x, v, a = (ca.SX.sym(name, 3) for name in "xva")
-    numbers, p = constraints.numbers(), ca.SX.sym("p", len(terms.names))
-    motion = PlatformInstant(delta_functions(terms, Explicit()), x, v, a, p)
+    numbers, p = constraints.numbers(), functions.symbols()
+    motion = PlatformInstant(functions, x, v, a, p)
     inputs = [x, v, a, ca.vertcat(numbers, p)]
     measures = constraints.measures(motion, numbers)
     return RowFunction(ca.Function("measures", inputs, [measures], {"cse": True}))

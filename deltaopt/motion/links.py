@@ -27,7 +27,6 @@ from deltaopt.curves.halving import Parts, Truths, halve_until_known
 from deltaopt.curves.piecewise import Array
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.robot.model import DeltaModel, delta_model
-from deltaopt.robot.robot import Robot
 from deltaopt.robot.solids import Solid
 from deltaopt.scene.links import (
     BISECTIONS,
@@ -60,7 +59,7 @@ def least_rooms(scene: Scene, motion: Trajectory, enough: float = 0.0) -> Array:
     least = np.full((LINKS, len(bodies)), np.inf)
 
     def unknown(parts: Parts, is_last: bool) -> Truths:
-        lines = _lines(scene.robot, motion.model, parts)
+        lines = _lines(delta_model(scene.robot, motion.model.payload), parts)
         is_open = np.zeros(len(parts), np.bool)
         for b, body in enumerate(bodies):
             now, bound = lines.rooms(body, kept)  # (parts, 6) each
@@ -80,7 +79,7 @@ def planned_distances(scene: Scene, x: Array, bisections: int = BISECTIONS) -> t
     """How far the lines of ``Scene.kept_links`` are from bodies with the tool's point at places
     (N, 3), m, (N, pairs), and the derivatives of that by the place, (N, pairs, 3). NaN out of
     reach. ``bisections``: of each line, for its nearest place."""
-    geometry = LinkGeometry.of(scene.robot, delta_model(scene.robot, scene.payload), x)
+    geometry = LinkGeometry.of(delta_model(scene.robot, scene.payload), x)
     distances = np.zeros((len(x), len(scene.kept_links)))
     slopes = np.zeros((*distances.shape, 3))
     begin, end = geometry.links
@@ -120,9 +119,10 @@ class _Lines:
         return distance - kept, bound - kept
 
 
-def _lines(robot: Robot, model: DeltaModel, parts: Parts) -> _Lines:
+def _lines(model: DeltaModel, parts: Parts) -> _Lines:
     """The lines of all links in the middles of parts, and what their ends do in these."""
-    v, geometry = parts.at(1), LinkGeometry.of(robot, model, parts.at())
+    robot = model.robot
+    v, geometry = parts.at(1), LinkGeometry.of(model, parts.at())
     speed, bend = parts.largest(1)[:, None], parts.largest(2)[:, None]
     lever, half = np.abs(geometry.levers), parts.half[:, None]
     arm, forearm = robot.upper_arm.length, robot.forearm.length

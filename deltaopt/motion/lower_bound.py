@@ -13,14 +13,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.curves.halving import bisected_number
 from deltaopt.limits.constraints import SceneLimits
-from deltaopt.mechanisms.delta.mechanism import AZIMUTHS, DeltaParameters
-from deltaopt.robot.model import DeltaModel, delta_model
+from deltaopt.robot.model import model_of
 from deltaopt.scene.scene import Scene, limits_of
 from deltaopt.scene.task import given_points
 
@@ -93,30 +91,24 @@ class _Way:
     @classmethod
     def of(cls, scene: Scene) -> _Way | None:
         """None where the model has something that may act without bound, or that is not known."""
-        model, limits = delta_model(scene.robot, scene.payload), limits_of(scene)
-        ends, p = np.array(given_points(scene.task)), model.numbers
-        most = _most_load(model)
-        if not np.isfinite(most).all():
+        model, limits = model_of(scene.robot, scene.payload), limits_of(scene)
+        energies, ends = model.energies, np.array(given_points(scene.task))
+        if energies is None:
             return None
-        pushing, braking, viscous = most.tolist()
-        start, goal = model.inverse_kinematics(ends)[:, 3::3]
-        gravity = np.array([_number(each) for each in (p.g, p.g_y, p.g_z)])
-        along, across = p.a2 if p.b1 is None else p.b1, _number(p.b2)
-        centre, mass = float(np.hypot(along, across)), float(p.m1) + _number(p.m2)
-        moment = float(p.m3) * centre + float(p.m4) * float(p.a2)
-        torque = _upper(limits, "torque", 3) + moment * _in_planes_of_arms(gravity) + pushing
+        start, goal = model.inverse_kinematics(ends)[:, model.functions.motors]
+        gravity = np.array(scene.robot.gravity_vector)
         return cls(
             platform=ends[1] - ends[0],
             arms=np.abs(goal - start),
-            arm_inertia=float(p.I33) + float(p.m3) * centre**2,
-            arm=2 * float(p.a2),
-            mass=mass,
-            same=float(p.m4) / 4,
-            opposite=_opposite_mass(p),
-            weight=(mass + 1.5 * float(p.m4)) * gravity,
-            torque=torque,
-            braking=braking - pushing,
-            viscous=viscous,
+            arm_inertia=energies.arm_inertia,
+            arm=energies.arm,
+            mass=energies.mass,
+            same=energies.same,
+            opposite=energies.opposite,
+            weight=(energies.mass + energies.bars / 2) * gravity,
+            torque=_upper(limits, "torque", 3) + energies.gravity + energies.pushing,
+            braking=energies.braking - energies.pushing,
+            viscous=energies.viscous,
             speed=_upper(limits, "speed", 3),
             platform_speed=float(_upper(limits, "platform speed", 1)[0]),
             acceleration=float(_upper(limits, "acceleration", 1)[0]),
@@ -135,39 +127,6 @@ class _Way:
         e = (both / apart) ** split if apart else np.ones(len(split))
         arms = np.maximum(both - apart * e, 0.0) * self.arm**2
         return self.arm_inertia + arms, self.mass + 3 * np.maximum(both - apart / e, 0.0)
-
-
-def _most_load(model: DeltaModel) -> Array:
-    """What can push an arm and brake it beside its motor and gravity, N·m, and brake it with its
-    speed, N·m·s/rad, (3,): infinite where a term of the model does not say it, or where the
-    mechanism has more than arms, bars, platform and payload, and what acts on the arms."""
-    mechanism, p = model.functions.mechanism, model.numbers
-    mass = sum((ca.SX(body.mass) for body in mechanism.bodies), ca.SX(0))
-    most = (effort.most for effort in mechanism.efforts)
-    each = ca.horzcat(*(ca.vertcat(of.pushing, of.braking, of.by_speed) for of in most))
-    function = ca.Function("acting", [mechanism.parameters], [mass, each])
-    moved, acting = (np.array(found) for found in function(model.parameters))
-    expected = p.m1 + _number(p.m2) + 3 * (p.m3 + p.m4)
-    on_arms = acting.shape[1] == len(AZIMUTHS) and mechanism.potential.is_zero()
-    known = on_arms and np.isclose(moved.item(), expected, rtol=1e-9)
-    return np.asarray(acting.max(axis=1) if known else np.full(3, np.inf))
-
-
-def _number(value: object) -> float:
-    """A parameter of the model, 0 if it is absent."""
-    return 0.0 if value is None else float(value)  # type: ignore[arg-type]
-
-
-def _opposite_mass(p: DeltaParameters) -> float:
-    """I / (2 a₃)², kg, with I the lesser transverse moment of inertia of the bars: the energy of
-    their rotation is at least half of that times |u - w|²."""
-    return min(float(p.I41), float(p.I43)) / (2 * float(p.a3)) ** 2
-
-
-def _in_planes_of_arms(gravity: Array) -> Array:
-    """The component of gravity in the plane that each arm turns in, (3,), m/s²."""
-    sideways = np.array([[0.0, -np.sin(azimuth), np.cos(azimuth)] for azimuth in AZIMUTHS])
-    return np.asarray(np.sqrt(np.maximum(gravity @ gravity - (sideways @ gravity) ** 2, 0.0)))
 
 
 def _upper(limits: SceneLimits, name: str, number: int) -> Array:

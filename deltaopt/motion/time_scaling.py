@@ -29,12 +29,10 @@ from numpy.typing import NDArray
 
 from deltaopt.codegen.vectorised import RowFunction
 from deltaopt.curves.piecewise import Array, PiecewisePolynomial
-from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.errors import Unreachable
 from deltaopt.limits.constraints import MIXED, Constraints
-from deltaopt.mechanisms.delta.functions import DeltaFunctions, delta_functions
-from deltaopt.mechanisms.delta.instant import PlatformInstant
-from deltaopt.mechanisms.delta.mechanism import DeltaTerms
+from deltaopt.mechanisms.functions import Functions
+from deltaopt.mechanisms.instant import PlatformInstant
 from deltaopt.motion.approach_excess import approach_excess
 from deltaopt.motion.extrema import (
     Index,
@@ -49,7 +47,7 @@ from deltaopt.motion.safe_speeds import largest_by_roots, largest_by_trying
 from deltaopt.motion.sure_bounds import sure_excess
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.problem.problem import Problem
-from deltaopt.robot.model import DeltaModel
+from deltaopt.robot.machine import Model
 
 Integers = NDArray[np.intp]
 Truths = NDArray[np.bool]
@@ -394,7 +392,7 @@ def rough_factor(problem: Problem, trajectory: Trajectory) -> float:
 class _Evaluation:
     """Loads at (interval (N,), fraction of it (N,)); not a number where there are none."""
 
-    model: DeltaModel
+    model: Model
     coefficients: Array
     lengths: Array
     function: RowFunction
@@ -407,13 +405,13 @@ class _Evaluation:
         model, limits = problem.model, problem.limits
         coefficients = _padded(trajectory.position.coefficients)
         powers = coefficients.shape[1] // 3
-        terms, constraints = model.functions.terms, limits.constraints
+        functions, constraints = model.functions, limits.constraints
         squares = _squares(problem)
         return cls(
             model,
             coefficients,
             np.diff(trajectory.knots),
-            _loads_function(terms, constraints, powers, squares),
+            _loads_function(functions, constraints, powers, squares),
             np.concatenate([limits.numbers, model.parameters]),
             int(np.count_nonzero(exponents(constraints, squares))),
             int(np.count_nonzero(_sampled_places(constraints))),
@@ -453,13 +451,13 @@ def _mixed(problem: Problem) -> Truths:
 def _squares(problem: Problem) -> bool:
     """Whether what motion adds to the torques at rest grows with the square of the speed, as it
     does where nothing but motors, such as friction, depends on the speed."""
-    return _degree(problem.model.functions.terms) == 0
+    return _degree(problem.model.functions) == 0
 
 
 def _has_layers(problem: Problem) -> bool:
     """Whether torques may change within moments where arms turn back, as by Coulomb friction;
     otherwise all rows are polynomials of the speed."""
-    degree = _degree(problem.model.functions.terms)
+    degree = _degree(problem.model.functions)
     return degree > _SQUARE or not problem.limits.constraints.are_polynomials
 
 
@@ -467,10 +465,10 @@ _SQUARE = 2
 
 
 @lru_cache(maxsize=32)
-def _degree(terms: DeltaTerms) -> float:
+def _degree(functions: Functions) -> float:
     """The degree of what acts beside motors as a polynomial of the speed: 0; 2 if it is not more;
     infinite otherwise, and where it is none."""
-    mechanism = delta_functions(terms, Explicit()).mechanism
+    mechanism = functions.mechanism
     others = ca.SX.zeros(mechanism.controls.numel())
     values = ca.vertcat(*(effort.value for effort in mechanism.efforts))
     values = ca.substitute(values, mechanism.controls, others)
@@ -508,7 +506,7 @@ def _padded(coefficients: Array) -> Array:
 
 
 def _explain(
-    model: DeltaModel, position: PiecewisePolynomial, intervals: Index, since: Array
+    model: Model, position: PiecewisePolynomial, intervals: Index, since: Array
 ) -> NoReturn:
     """Raise what is the matter with a motion that has no torques."""
     model.inverse_dynamics(*position.with_derivatives(intervals, since))
@@ -517,7 +515,7 @@ def _explain(
 
 @lru_cache(maxsize=32)
 def _loads_function(
-    terms: DeltaTerms, constraints: Constraints, powers: int, squares: bool
+    functions: Functions, constraints: Constraints, powers: int, squares: bool
 ) -> RowFunction:
     """(coefficients 3 · powers, time since the interval began, numbers of the limits and p) ->
     the arrays of ``Loads``."""
@@ -527,9 +525,8 @@ def _loads_function(
         a = a * t + 2 * v
         v = v * t + x
         x = x * t + c
-    functions, rest = delta_functions(terms, Explicit()), ca.SX.zeros(3)
-    numbers, symbols = constraints.numbers(), terms.symbols()
-    p = symbols.vector()
+    rest = ca.SX.zeros(3)
+    numbers, p = constraints.numbers(), functions.symbols()
     motion = PlatformInstant(functions, x, v, a, p)
     rows = constraints.rows(motion, numbers)
     at_rest = constraints.rows(PlatformInstant(functions, x, rest, rest, p), numbers)
@@ -538,14 +535,14 @@ def _loads_function(
     demands = _demands(constraints, n, at_rest, rows, slope)
     inputs = [coefficients, t, ca.vertcat(numbers, p)]
     narrow = [motion.alignment]
-    for layer in filter(None, (load.layer() for load in symbols.loads)):
-        narrow.append(1 + (motion.dtheta / layer[0]) ** 2)
+    for speed, _ in functions.layers(p):
+        narrow.append(1 + (motion.dtheta / speed) ** 2)
     results = [rows, demands, ca.vertcat(*narrow)]
     return RowFunction(ca.Function("loads", inputs, results, {"cse": True}))
 
 
 def _slope(
-    functions: DeltaFunctions, constraints: Constraints, numbers: ca.SX, p: ca.SX
+    functions: Functions, constraints: Constraints, numbers: ca.SX, p: ca.SX
 ) -> Callable[[ca.SX, ca.SX, ca.SX], ca.SX]:
     """(x, v, a) -> the derivatives of all rows by the speed of the motion, at its own speed."""
     x, v, a = (ca.SX.sym(name, 3) for name in "xva")

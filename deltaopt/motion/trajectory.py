@@ -12,7 +12,7 @@ from deltaopt.curves.piecewise import Array, PiecewisePolynomial
 from deltaopt.files.validated_record import Vector3
 from deltaopt.problem.boundary import REST, Boundary
 from deltaopt.problem.problem import Problem
-from deltaopt.robot.model import DeltaModel
+from deltaopt.robot.machine import Model
 
 _ROUNDING = 1e-12
 """Share of the duration by which an instant may be outside the motion and is still its end: sums of
@@ -62,7 +62,7 @@ class Trajectory:
     """
 
     position: PiecewisePolynomial
-    model: DeltaModel
+    model: Model
     coordinates: PiecewisePolynomial | None = None
     end_velocities: tuple[Vector3, Vector3] = (REST, REST)
 
@@ -165,7 +165,7 @@ class Trajectory:
     def _motion(self, t: Array, x: Array, v: Array, a: Array) -> Motion:
         q, dq, ddq = self.model.motion(x, v, a)
         tau = self.model.inverse_dynamics(x, v, a)
-        motors = slice(3, None, 3)  # q_{1,1}, q_{2,1}, q_{3,1}
+        motors = self.model.functions.motors
         return Motion(t, x, v, a, q[:, motors], dq[:, motors], ddq[:, motors], tau, self)
 
 

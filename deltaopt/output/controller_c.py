@@ -24,7 +24,7 @@ from deltaopt.mechanisms.delta.functions import DeltaFunctions, delta_functions
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.robot.joints import Joints
 from deltaopt.robot.model import DeltaModel
-from deltaopt.robot.robot import Robot
+from deltaopt.robot.robot import Robot, as_delta
 
 FUNCTIONS = ("sin", "cos", "sqrt", "atan2")
 """All that the exported code needs of the C library."""
@@ -65,7 +65,7 @@ def export_plan_c(
 
     ``trajectory``: whose coordinates follow from the platform's position. Raises OSError.
     """
-    robot, position = trajectory.model.robot, trajectory.position
+    robot, position = as_delta(trajectory.model.robot), trajectory.position
     pieces, powers, _ = position.coefficients.shape
     header = _filled(
         "plan.h",

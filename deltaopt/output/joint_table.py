@@ -20,7 +20,7 @@ from deltaopt.motion.extrema import Index, everywhere, peaks, sample_fractions
 from deltaopt.motion.limit_curves import LimitShares
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.problem.of_scene import problem_of
-from deltaopt.robot.model import DeltaModel
+from deltaopt.robot.machine import Model
 from deltaopt.scene.scene import Scene
 
 KEPT = 1.0 + 1e-9
@@ -250,7 +250,7 @@ def demand_of(scene: Scene, angles: PiecewisePolynomial) -> Demand:
 
 
 def platform_motion(
-    model: DeltaModel, theta: Array, dtheta: Array, ddtheta: Array
+    model: Model, theta: Array, dtheta: Array, ddtheta: Array
 ) -> tuple[Array, Array, Array]:
     """Position, velocity and acceleration of the tool's point, (N, 3) each, for a motion of the
     motors, (N, 3) each: θ̇ = G v and θ̈ = G a + h (v) are solved for v and a.
@@ -258,10 +258,11 @@ def platform_motion(
     Raises Unreachable, and Singular in a singularity.
     """
     x, rest = model.forward_kinematics(theta), np.zeros_like(theta)
+    motors = model.functions.motors
     columns = [model.motion(x, np.tile(unit, (len(x), 1)), rest)[1] for unit in np.eye(3)]
-    G = np.stack([column[:, 3::3] for column in columns], axis=2)
+    G = np.stack([column[:, motors] for column in columns], axis=2)
     v = np.asarray(np.linalg.solve(G, dtheta[..., None])[..., 0], dtype=np.float64)
-    h = model.motion(x, v, rest)[2][:, 3::3]
+    h = model.motion(x, v, rest)[2][:, motors]
     a = np.asarray(np.linalg.solve(G, (ddtheta - h)[..., None])[..., 0], dtype=np.float64)
     return x, v, a
 

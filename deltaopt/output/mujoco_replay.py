@@ -22,7 +22,7 @@ from deltaopt.files.validated_record import Vector3
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.mjcf import mjcf
 from deltaopt.robot.model import DeltaModel
-from deltaopt.robot.robot import Robot
+from deltaopt.robot.robot import Robot, as_delta
 
 STEPS = (2000, 4000, 8000)
 """Numbers of steps of a replay. More take longer, about a second for 4,000, and miss by less."""
@@ -142,7 +142,7 @@ def replay_in_mujoco(trajectory: Trajectory, counts: Sequence[int] | None = None
     """
     model = trajectory.model
     x, y, z = trajectory.path_inside([0.0])[0][0].tolist()
-    there = InMujoco.of(model.robot, model.payload, (x, y, z))
+    there = InMujoco.of(as_delta(model.robot), model.payload, (x, y, z))
     counts = counts or STEPS
     misses = tuple(there.miss(trajectory, count) for count in counts)
     return MujocoReplay(tuple(trajectory.duration / count for count in counts), misses)

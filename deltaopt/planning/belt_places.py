@@ -17,7 +17,7 @@ from deltaopt.errors import DeltaOptError, Infeasible, NotConverged
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.belt import Meetings
 from deltaopt.planning.plan import Plan
-from deltaopt.robot.model import delta_model
+from deltaopt.robot.model import model_of
 from deltaopt.scene.moving_ends import State
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import REST, MovingPoint
@@ -106,5 +106,5 @@ class PlacesOnBelt:
         start = np.zeros((1, *moving.coefficients.shape[1:]))
         start[0, 0] = self.scene.task.start.position
         still = PiecewisePolynomial(np.array([0.0, wait]), start)
-        model = delta_model(self.scene.robot, self.scene.payload)
+        model = model_of(self.scene.robot, self.scene.payload)
         return Trajectory(still.then(moving), model)

@@ -32,7 +32,7 @@ from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import QUADRATIC
 from deltaopt.planning.plan import CostIteration, Spent
 from deltaopt.problem.of_scene import problem_of
-from deltaopt.robot.model import DeltaModel
+from deltaopt.robot.machine import Model
 from deltaopt.scene.objective import Effort, Objective, Time, TimeAndEffort
 from deltaopt.scene.scene import Scene
 
@@ -256,7 +256,7 @@ def _solved(
     mesh: Array,
     scaling: Scaling,
     guess: Trajectory,
-    model: DeltaModel,
+    model: Model,
     *,
     near: bool,
 ) -> _OnMesh:
@@ -268,7 +268,7 @@ def _solved(
 
 
 def _within_limits(
-    problem: Formulated, mesh: Array, scaling: Scaling, found: _OnMesh, model: DeltaModel
+    problem: Formulated, mesh: Array, scaling: Scaling, found: _OnMesh, model: Model
 ) -> _OnMesh:
     """Solve the mesh again with tighter limits where they are exceeded, until all are kept.
 

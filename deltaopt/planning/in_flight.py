@@ -19,7 +19,7 @@ from deltaopt.planning.first_motions.moving_ends import end_of, from_rest
 from deltaopt.planning.mesh.kept_limits import KEPT
 from deltaopt.planning.plan import Plan
 from deltaopt.problem.of_scene import problem_of
-from deltaopt.robot.model import delta_model
+from deltaopt.robot.model import model_of
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import REST, EndState, MovingEnds, RestAnywhere, Task
 
@@ -89,7 +89,7 @@ def _is_goal(task: Task, end: Vector3) -> bool:
 
 def _finished(scene: Scene, under_way: PiecewisePolynomial, tolerance: float) -> Plan | None:
     """The motion under way to its end, where that is the goal; None if it breaks a limit."""
-    motion = Trajectory(under_way, delta_model(scene.robot, scene.payload))
+    motion = Trajectory(under_way, model_of(scene.robot, scene.payload))
     trajectory = moving_on(problem_of(scene), motion)
     if not _is_kept(scene, trajectory):
         return None

@@ -19,6 +19,7 @@ from deltaopt.motion.limit_sensitivity import Multipliers
 from deltaopt.motion.links import least_rooms
 from deltaopt.planning.plan import Plan
 from deltaopt.planning.relaxation import until_nothing_is_missed
+from deltaopt.robot.robot import as_delta
 from deltaopt.scene.bodies import solid_about, sums
 from deltaopt.scene.links import name_of, rooms_at
 from deltaopt.scene.scene import Scene
@@ -139,7 +140,7 @@ def _cost(multipliers: Multipliers | None, spare: list[float]) -> float:
 
 def _least(scene: Scene, link: int) -> float:
     """The distance of a link's line that is asked for, m."""
-    return scene.robot.link_radius(link) + scene.least_clearance
+    return as_delta(scene.robot).link_radius(link) + scene.least_clearance
 
 
 def _pairs(which: NDArray[np.bool]) -> list[tuple[int, int]]:

@@ -24,7 +24,7 @@ from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 from deltaopt.planning.plan import Plan
 from deltaopt.planning.run import Run
 from deltaopt.planning.trajectory_optimiser import TrajectoryOptimiser
-from deltaopt.robot.robot import Robot
+from deltaopt.robot.machine import Machine
 from deltaopt.scene.moving_ends import Anywhere, End, Start, State
 from deltaopt.scene.objective import Objective, Time
 from deltaopt.scene.scene import Limits, Scene
@@ -107,7 +107,7 @@ class Planner:
     Raises ValueError or TypeError for settings that make no sense.
     """
 
-    robot: Robot
+    robot: Machine
     payload: float | None = None
     limits: Limits | None = None
     tolerance: float = 1e-3

@@ -14,7 +14,7 @@ from deltaopt.dynamics.formulation import Projected
 from deltaopt.dynamics.lagrange import Multiplier
 from deltaopt.errors import NotConverged
 from deltaopt.limits.constraints import Constraints
-from deltaopt.mechanisms.delta.functions import DeltaFunctions
+from deltaopt.mechanisms.functions import Functions
 from deltaopt.motion.limit_sensitivity import MeshMultipliers
 from deltaopt.motion.time_scaling import safe_factor
 from deltaopt.motion.trajectory import Trajectory, moving_on
@@ -334,7 +334,7 @@ def _multipliers(found: MeshSolution) -> MeshMultipliers | None:
 @lru_cache(maxsize=32)
 def _program(
     formulation: ProblemFormulation,
-    functions: DeltaFunctions,
+    functions: Functions,
     transcription: PiecewiseAcceleration,
     constraints: Constraints,
     cost: Cost,

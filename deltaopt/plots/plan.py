@@ -24,6 +24,7 @@ from deltaopt.plots.colours import BLACK, COLOURS, GREY, LIGHT_GREY
 from deltaopt.plots.robot_view import View, draw_robot, view_of_move
 from deltaopt.plots.style import LARGE, SMALL, figure, motor_curves, verbatim, without_box
 from deltaopt.problem.of_scene import problem_of
+from deltaopt.robot.robot import as_delta
 from deltaopt.scene.scene import Scene
 from deltaopt.verify.duty import Duty
 
@@ -124,7 +125,7 @@ def _robot(axes: Axes, scene: Scene, trajectory: Trajectory) -> None:
     motion = trajectory(_instants(trajectory))
     strengths = np.linspace(_FAINTEST, 1, _INSTANTS) ** 1.5
     for x, theta, strength in zip(motion.x, motion.theta, strengths, strict=True):
-        draw_robot(axes, scene.robot, x, theta, view, strength=float(strength))
+        draw_robot(axes, as_delta(scene.robot), x, theta, view, strength=float(strength))
     _lines(axes, scene, trajectory, view)
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_axis_off()

@@ -6,7 +6,7 @@ from functools import lru_cache
 
 from deltaopt.problem.boundary import Boundary
 from deltaopt.problem.problem import Objective, Problem
-from deltaopt.robot.model import delta_model
+from deltaopt.robot.model import model_of
 from deltaopt.scene.scene import Scene, limits_of
 from deltaopt.scene.task import EndState, Goal, MovingPoint, Task
 
@@ -20,7 +20,7 @@ def problem_of(scene: Scene) -> Problem:
     """
     by_time, by_effort = scene.objective.weights
     return Problem(
-        model=delta_model(scene.robot, scene.payload),
+        model=model_of(scene.robot, scene.payload),
         limits=limits_of(scene),
         boundaries=boundaries_of(scene.task),
         objective=Objective(by_time, by_effort, scene.objective.given_duration),

@@ -10,8 +10,8 @@ from math import dist
 
 from deltaopt.limits.constraints import SceneLimits
 from deltaopt.problem.boundary import Boundary
-from deltaopt.robot.model import DeltaModel, delta_model
-from deltaopt.robot.robot import Robot
+from deltaopt.robot.machine import Machine, Model
+from deltaopt.robot.model import model_of
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Problem:
     ``least_duration``: that the motion takes at least, s, whatever its limits are.
     """
 
-    model: DeltaModel
+    model: Model
     limits: SceneLimits
     boundaries: tuple[Boundary, ...]
     objective: Objective = Objective()
@@ -70,9 +70,9 @@ class Problem:
         """The straight distance from start to goal, m, where both are known."""
         return dist(self.goal.position, self.start.position)
 
-    def of(self, robot: Robot) -> Problem:
+    def of(self, robot: Machine) -> Problem:
         """The problem of another robot of the same size with the same limits."""
-        return replace(self, model=delta_model(robot, self.model.payload))
+        return replace(self, model=model_of(robot, self.model.payload))
 
     def only(self, kept: tuple[int, ...]) -> Problem:
         """The problem with some of its items of limits alone, by their indices."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from deltaopt.mechanisms.delta.arm_loads import FRICTION
 from deltaopt.robot.model import delta_model
+from deltaopt.robot.robot import as_delta
 from deltaopt.scene.scene import Scene
 
 _COLLISIONS = "collisions"
@@ -26,7 +27,7 @@ def not_modelled(scene: Scene) -> list[str]:
 
 def _terms(scene: Scene) -> dict[str, bool]:
     """Every term, and whether the scene's model has it."""
-    robot, drive = scene.robot, scene.robot.drive
+    robot, drive = as_delta(scene.robot), scene.robot.drive
     tool, loads = robot.tool, delta_model(robot, scene.payload).numbers.loads
     gravity = robot.gravity if isinstance(robot.gravity, tuple) else (robot.gravity,)
     return {

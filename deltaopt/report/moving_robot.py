@@ -13,7 +13,7 @@ from deltaopt.motion.active_limits import ActiveLimit, share_curves
 from deltaopt.motion.trajectory import Trajectory, ends_of
 from deltaopt.output.body_outlines import corners_of, edges_of
 from deltaopt.problem.of_scene import problem_of
-from deltaopt.robot.robot import Robot
+from deltaopt.robot.robot import Robot, as_delta
 from deltaopt.scene.scene import Scene
 
 FRAMES = 400
@@ -41,7 +41,7 @@ def drawing(
     t = (trajectory.knots[:-1, None] + lengths[:, None] * inside).ravel()
     return {
         "duration": trajectory.duration,
-        "robot": shape(scene.robot),
+        "robot": shape(as_delta(scene.robot)),
         "start": start,
         "goal": goal,
         "via": [{"at": list(each.position), "within": each.within} for each in scene.task.via],
@@ -75,7 +75,7 @@ def bodies(scene: Scene) -> list[dict[str, object]]:
     """The keep-out bodies, lengths in m: of a sphere its ``centre`` and ``radius``; of others the
     ``corners`` of which they are the convex hull, none for a half-space, and ``edges``, lines."""
     found: list[dict[str, object]] = []
-    reach = _DISC * (scene.robot.upper_arm.length + scene.robot.forearm.length)
+    reach = _DISC * scene.robot.reach
     about = np.array(scene.task.start.position)
     for index, body in enumerate(scene.keep_out or ()):
         name = f"keep_out[{index}], a {body.kind}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, singledispatch
 from typing import Any
 
 import numpy as np
@@ -18,8 +18,10 @@ from deltaopt.mechanisms.delta.arm_loads import ArmLoad, CoulombFriction, Viscou
 from deltaopt.mechanisms.delta.functions import DeltaFunctions, delta_functions
 from deltaopt.mechanisms.delta.mechanism import DeltaParameters
 from deltaopt.robot.drive import Friction
+from deltaopt.robot.energies import DIMENSIONS, delta_energies
 from deltaopt.robot.guarded_functions import GuardedFunctions, guarded_functions
-from deltaopt.robot.robot import Robot
+from deltaopt.robot.machine import Energies, Machine, Model
+from deltaopt.robot.robot import Robot, as_delta
 from deltaopt.robot.singular_points import DoubtfulPoints, rows_at, still
 from deltaopt.settings import require_positive, require_type
 
@@ -110,7 +112,7 @@ def _components(vector: Vector3) -> tuple[float | None, float | None, float | No
 
 
 @dataclass(frozen=True)
-class DeltaModel:
+class DeltaModel(Model):
     """Kinematics and dynamics of a robot with a payload (kg; None for none).
 
     ``formulation``: of the dynamics, eq. (39) by default. Arguments and results are arrays of N
@@ -141,6 +143,34 @@ class DeltaModel:
     def parameters(self) -> Array:
         """Values of the mechanism's parameters p, in the order of ``Mechanism.parameters``."""
         return np.asarray(self.numbers.values())
+
+    @cached_property
+    def dimensions(self) -> Array:
+        """Powers of length, mass and time of each parameter, (parameters, 3)."""
+        terms = self.functions.terms
+        of_loads = {name: of for load in terms.loads for name, of in load.dimensions.items()}
+        return np.array([(DIMENSIONS | of_loads)[name] for name in terms.names])
+
+    @property
+    def mass(self) -> float:
+        """The mass of all bodies of a kind, kg."""
+        p = self.numbers
+        return float(p.m1 + (p.m2 or 0.0) + p.m3 + p.m4)
+
+    @property
+    def energies(self) -> Energies | None:
+        """None where a term of the model may act without bound, or moves what is not known."""
+        return delta_energies(self.functions.mechanism, self.numbers)
+
+    @property
+    def layers(self) -> tuple[float, ...]:
+        """The speeds of arms within ± of which friction changes its sign, rad/s."""
+        found = (load.layer() for load in self.numbers.loads)
+        return tuple(float(layer[0]) for layer in found if layer is not None)
+
+    def with_multipliers(self) -> DeltaModel:
+        """The same by eq. (37), model L_I."""
+        return DeltaModel(self.robot, self.payload, Multiplier())
 
     @cached_property
     def numbers(self) -> DeltaParameters:
@@ -308,7 +338,30 @@ class DeltaModel:
         return "the arms and bars are in a singular position there"
 
 
+@singledispatch
+def new_model(robot: Machine, payload: float | None) -> Model:
+    """The model of a robot with a payload (kg; None for none) by eq. (39).
+
+    A robot that is no Delta registers its own: ``new_model.register``. Raises TypeError for one
+    that has none.
+    """
+    raise TypeError(f"{robot.name} is a {type(robot).__name__}, of which there is no model")
+
+
+new_model.register(Robot, DeltaModel)
+
+
 @lru_cache(maxsize=64)
-def delta_model(robot: Robot, payload: float | None) -> DeltaModel:
+def model_of(robot: Machine, payload: float | None) -> Model:
     """The model of a robot with a payload (kg) by eq. (39), made once in a process."""
-    return DeltaModel(robot, payload)
+    return new_model(robot, payload)
+
+
+def delta_model(robot: Machine, payload: float | None) -> DeltaModel:
+    """The model of a Delta, for what knows no other robot, such as another program's format.
+
+    Raises SceneError for another robot.
+    """
+    model = model_of(as_delta(robot), payload)
+    assert isinstance(model, DeltaModel)
+    return model

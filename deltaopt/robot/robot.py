@@ -5,9 +5,12 @@ A quantity that is None is absent from the model, except an inertia: then the li
 
 from __future__ import annotations
 
+from math import hypot
 from pathlib import Path
 from typing import Annotated, Self
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from deltaopt.errors import SceneError
@@ -16,16 +19,15 @@ from deltaopt.files.validated_record import (
     Name,
     NonNegative,
     Number,
-    PerMotor,
     Positive,
     Record,
     Text,
     Vector3,
-    per_motor,
 )
 from deltaopt.files.yaml_file import read_yaml
 from deltaopt.robot.drive import Drive
 from deltaopt.robot.joints import Joints
+from deltaopt.robot.machine import Machine, Workspace
 from deltaopt.robot.tool import Tool
 
 _RADIUS = "a length in m, greater than 0: how far it reaches from its middle line"
@@ -97,32 +99,7 @@ class Platform(Record):
     )
 
 
-class Workspace(Record):
-    """Where the tool's point may be: ``depth`` [least, largest] below the base, ``radius``, in m.
-
-    ``depth`` is along the base's axis, our x; ``radius`` is the largest distance from that axis.
-    None where there is no such limit.
-    """
-
-    depth: Annotated[tuple[Number, Number], LENGTH] | None = Field(
-        default=None, description="two coordinates [least, largest] in m, the first the lesser"
-    )
-    radius: Annotated[Positive, LENGTH] | None = Field(
-        default=None, description="a length in m, greater than 0"
-    )
-
-    @model_validator(mode="after")
-    def _is_somewhere(self) -> Self:
-        if self.depth is not None and self.depth[0] >= self.depth[1]:
-            expected = str(type(self).model_fields["depth"].description)
-            raise SceneError(None, "depth", self.depth, expected)
-        if self.depth is not None and self.depth[1] <= 0:
-            expected = "depths in m below the base, positive: x points down from its centre"
-            raise SceneError(None, "depth", self.depth, expected)
-        return self
-
-
-class Robot(Record):
+class Robot(Machine):
     """A Delta robot as its file describes it.
 
     ``base_radius``: a₁, from the base's centre to the motors' axes, m. ``platform_radius``: a₄,
@@ -162,33 +139,55 @@ class Robot(Record):
         """Acceleration of gravity in the base's frame, m/s²."""
         return self.gravity if isinstance(self.gravity, tuple) else (self.gravity, 0.0, 0.0)
 
-    @property
-    def tool_offset(self) -> Vector3:
-        """From the platform's centre to the tool's point, m."""
-        return (self.tool and self.tool.offset) or (0.0, 0.0, 0.0)
-
     def link_radius(self, link: int) -> float:
         """How far a link reaches from its line, m: 0 for arm 1, 1 for forearm 1, and so on."""
         part = self.forearm if link % 2 else self.upper_arm
         return part.radius or 0.0
 
     @property
-    def torque_limits(self) -> Vector3:
-        """The largest torque of each motor at its arm, N·m."""
-        return per_motor(self.drive.torque)
+    def has_links(self) -> bool:
+        """Arms and forearms are known as capsules."""
+        return True
 
     @property
-    def speed_limits(self) -> Vector3 | None:
-        """The largest speed of each arm, rad/s; None if the drives have no speed limit."""
-        speed, curve = self.drive.speed, self.drive.torque_curve
-        if curve is None:
-            return None if speed is None else per_motor(speed)
-        return per_motor(curve[-1][0]) if speed is None else _least(speed, curve[-1][0])
+    def size(self) -> float:
+        """The length of an upper arm, m."""
+        return self.upper_arm.length
 
     @property
-    def rms_torque(self) -> Vector3 | None:
-        """The rated torque of each motor at its arm, N·m, for the RMS; None if not named."""
-        return None if self.drive.rms_torque is None else per_motor(self.drive.rms_torque)
+    def lever(self) -> float:
+        """The length of an upper arm, m: how far an elbow moves for a radian."""
+        return self.upper_arm.length
+
+    @property
+    def reach(self) -> float:
+        """The length of a stretched chain, m."""
+        return self.upper_arm.length + self.forearm.length
+
+    @property
+    def farthest(self) -> float:
+        """A distance from the base's centre that the tool's point never exceeds, m."""
+        chain = self.base_radius, self.upper_arm.length, self.forearm.length, self.platform_radius
+        return sum(chain) + hypot(*self.tool_offset)
+
+    @property
+    def width(self) -> float:
+        """How far the motors' axes are farther out than the forearms at the platform, m."""
+        return abs(self.base_radius - self.platform_radius)
+
+    @property
+    def platform_mass(self) -> float:
+        """Of the platform, without pins, tool and payload, kg."""
+        return self.platform.mass
+
+    def on_axis(self, depth: float) -> NDArray[np.float64]:
+        """The tool's point, (3,), m, with the platform on the robot's axis, at a depth from 0
+        (chains folded) to 1 (stretched)."""
+        arm, bars = self.upper_arm.length, self.forearm.length
+        offset = self.base_radius - self.platform_radius
+        lengths = (max(reach**2 - offset**2, 0) ** 0.5 for reach in (bars - arm, bars + arm))
+        folded, stretched = lengths
+        return np.array([folded + depth * (stretched - folded), 0.0, 0.0]) + self.tool_offset
 
     @model_validator(mode="after")
     def _loops_can_close(self) -> Self:
@@ -211,10 +210,15 @@ class Robot(Record):
         return self
 
 
-def _least(speed: PerMotor, end_of_curve: float) -> Vector3:
-    """The lesser of two speeds for each motor."""
-    first, second, third = (min(each, end_of_curve) for each in per_motor(speed))
-    return first, second, third
+def as_delta(robot: Machine) -> Robot:
+    """The robot itself, for what knows Deltas alone, such as their links and their files.
+
+    Raises SceneError for another robot.
+    """
+    if not isinstance(robot, Robot):
+        expected = "a Delta robot, the only one that this is known for"
+        raise SceneError(None, "robot", robot.name, expected)
+    return robot
 
 
 def load_robot(path: str | Path) -> Robot:

@@ -12,14 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.codegen.vectorised import Array, RowFunction
-from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.errors import Infeasible, Singular, Unreachable, in_words
 from deltaopt.files.validated_record import Vector3
 from deltaopt.limits.constraints import Constraints
-from deltaopt.mechanisms.delta.functions import delta_functions
-from deltaopt.mechanisms.delta.instant import CoordinateInstant
-from deltaopt.mechanisms.delta.mechanism import DeltaTerms
-from deltaopt.robot.model import DeltaModel, delta_model
+from deltaopt.mechanisms.functions import Functions
+from deltaopt.mechanisms.instant import CoordinateInstant
+from deltaopt.robot.machine import Model
+from deltaopt.robot.model import model_of
 from deltaopt.scene.links import name_of, rooms_at
 from deltaopt.scene.parallel_singularity import volumes_at
 from deltaopt.scene.scene import Scene, limits_of
@@ -64,7 +63,7 @@ def check_feasible(scene: Scene) -> None:
         )
     if _is_feasible(scene):
         return
-    model = delta_model(scene.robot, scene.payload)
+    model = model_of(scene.robot, scene.payload)
     for name, point in (("start", start), ("goal", goal)):
         _require_reach(scene, model, name, point)
         _require_rest(model, scene, name, point)
@@ -118,9 +117,9 @@ def _require_exact_passages(scene: Scene, numbered: list[tuple[int, Vector3]]) -
     """Raise Unreachable, Singular or Infeasible if the platform cannot be at one of some points on
     its way, each with its number among the via points."""
     points = [point for _, point in numbered]
-    model, limits = delta_model(scene.robot, scene.payload), limits_of(scene)
+    model, limits = model_of(scene.robot, scene.payload), limits_of(scene)
     states = np.pad(np.array(points), ((0, 0), (0, 3)))
-    back, rows, distances = _state_function(model.functions.terms, limits.constraints)(
+    back, rows, distances = _state_function(model.functions, limits.constraints)(
         states, parameters=np.concatenate([limits.numbers, model.parameters])
     )
     for number, point in numbered:
@@ -139,8 +138,8 @@ def _require_exact_passages(scene: Scene, numbered: list[tuple[int, Vector3]]) -
 
 def _check_moving_ends(scene: Scene) -> None:
     """``check_feasible`` for a motion that begins or ends moving."""
-    model, limits = delta_model(scene.robot, scene.payload), limits_of(scene)
-    of, (start, goal) = (model.functions.terms, limits.constraints), scene.ends
+    model, limits = model_of(scene.robot, scene.payload), limits_of(scene)
+    of, (start, goal) = (model.functions, limits.constraints), scene.ends
     known = [("goal", goal)] if isinstance(goal, EndState) else []
     for name, end in [("start", start), *known]:
         numbers = np.concatenate([limits.numbers, model.parameters])
@@ -161,13 +160,12 @@ def _check_moving_ends(scene: Scene) -> None:
 
 
 @lru_cache(maxsize=32)
-def _state_function(terms: DeltaTerms, constraints: Constraints) -> RowFunction:
+def _state_function(functions: Functions, constraints: Constraints) -> RowFunction:
     """(x and v, numbers of the limits and p) -> as ``_rest_function`` for a platform that moves,
     with the rows of positions and speeds alone."""
-    functions = delta_functions(terms, Explicit())
     state, p, numbers = (
         ca.SX.sym("state", 6),
-        ca.SX.sym("p", len(terms.names)),
+        functions.symbols(),
         constraints.numbers(),
     )
     x, v = state[:3], state[3:]
@@ -197,7 +195,7 @@ def room_at_rest(scene: Scene, points: Array) -> Array:
     """
     _, rows, distances = _at_rest(scene, points)
     limits = 1 - np.abs(rows).max(axis=1)
-    model = delta_model(scene.robot, scene.payload)
+    model = model_of(scene.robot, scene.payload)
     volumes = volumes_at(model, np.vstack([scene.given_points[0], points]))
     beyond = np.sign(volumes[0]) * volumes[1:]
     room = np.minimum(np.minimum(limits, distances.min(axis=1)), beyond)
@@ -230,20 +228,20 @@ def _ends(scene: Scene) -> tuple[Array, ...]:
 
 def _at_rest(scene: Scene, points: Array) -> tuple[Array, ...]:
     """The results of ``_rest_function`` at points, (N, 3)."""
-    model, limits = delta_model(scene.robot, scene.payload), limits_of(scene)
-    rest = _rest_function(model.functions.terms, limits.constraints)
+    model, limits = model_of(scene.robot, scene.payload), limits_of(scene)
+    rest = _rest_function(model.functions, limits.constraints)
     return rest(points, parameters=np.concatenate([limits.numbers, model.parameters]))
 
 
 @lru_cache(maxsize=32)
-def _rest_function(terms: DeltaTerms, constraints: Constraints) -> RowFunction:
+def _rest_function(functions: Functions, constraints: Constraints) -> RowFunction:
     """(x, numbers of the limits and p) -> three results for the platform at rest at x:
 
     the position by forward kinematics of its motor angles, m (3); the constraint rows, within ±1
     if all limits are kept; squared distances from serial singularities (6).
     """
-    functions, rest = delta_functions(terms, Explicit()), ca.SX.zeros(3)
-    x, p, numbers = ca.SX.sym("x", 3), ca.SX.sym("p", len(terms.names)), constraints.numbers()
+    rest = ca.SX.zeros(3)
+    x, p, numbers = ca.SX.sym("x", 3), functions.symbols(), constraints.numbers()
     motion = CoordinateInstant.general(functions, x, rest, rest, p)
     back = functions.forward_kinematics(motion.theta, p)
     rows = constraints.rows(motion, numbers)
@@ -260,11 +258,11 @@ def _within(row: ca.SX, lower: bool, upper: bool) -> ca.SX:
     return ca.fmax(row, 0) if upper else ca.fmin(row, 0)
 
 
-def _require_reach(scene: Scene, model: DeltaModel, name: str, point: Vector3) -> None:
+def _require_reach(scene: Scene, model: Model, name: str, point: Vector3) -> None:
     """Raise Unreachable if a point is outside the workspace or the industrial assembly mode."""
     try:
         q = model.inverse_kinematics(point)
-        back = model.forward_kinematics(q[3::3])
+        back = model.forward_kinematics(q[model.functions.motors])
     except Unreachable as error:
         raise Unreachable(f"{name}: {error}{perhaps_meant(scene, point)}") from None
     if np.linalg.norm(back - point) > _SAME_PLACE:
@@ -283,7 +281,7 @@ def perhaps_meant(scene: Scene, point: Vector3) -> str:
     return next(meant, "")
 
 
-def _require_rest(model: DeltaModel, scene: Scene, name: str, point: Vector3) -> None:
+def _require_rest(model: Model, scene: Scene, name: str, point: Vector3) -> None:
     """Raise Infeasible if a limit is exceeded at rest at a point, for instance by gravity."""
     try:
         model.inverse_dynamics(point, np.zeros(3), np.zeros(3))
@@ -319,7 +317,7 @@ def exceeded(scene: Scene, end: EndState, orders: int = 3) -> Iterator[str]:
 
     ``orders``: of limits that count, below this one.
     """
-    model, limits = delta_model(scene.robot, scene.payload), limits_of(scene)
+    model, limits = model_of(scene.robot, scene.payload), limits_of(scene)
     constraints, row_orders = limits.constraints, limits.constraints.orders
     given = end.position, end.velocity, model.parameters, limits.numbers
     x, v, p, numbers = (ca.SX(ca.DM(each)) for each in given)
@@ -333,13 +331,14 @@ def exceeded(scene: Scene, end: EndState, orders: int = 3) -> Iterator[str]:
             limit = constraints.limits[constraints.item_of(row)[0]]
             beyond, bound = ("at most", upper) if value > upper else ("at least", lower)
             by = f" by {limit.robot_key}" if limit.robot_key else ""
+            unit = scene.robot.unit(limit.unit)
             yield (
-                f"{constraints.label(row)} is {value:.4g} {limit.unit}, where {beyond} {bound:g} "
-                f"{limit.unit} is allowed{by}"
+                f"{constraints.label(row)} is {value:.4g} {unit}, where {beyond} {bound:g} "
+                f"{unit} is allowed{by}"
             )
 
 
-def _require_departure(model: DeltaModel, name: str, point: Vector3) -> None:
+def _require_departure(model: Model, name: str, point: Vector3) -> None:
     """Raise Singular if a point is in a serial singularity, where the platform's motion does not
     determine that of the chains."""
     try:

@@ -10,7 +10,7 @@ from deltaopt.curves.halving import nearest_on_lines
 from deltaopt.curves.piecewise import Array
 from deltaopt.mechanisms.delta.mechanism import AZIMUTHS
 from deltaopt.robot.model import DeltaModel, delta_model
-from deltaopt.robot.robot import Robot
+from deltaopt.robot.robot import Robot, as_delta
 from deltaopt.robot.solids import Solid
 from deltaopt.scene.bodies import solid_about, sums
 from deltaopt.scene.scene import Scene
@@ -35,14 +35,14 @@ def rooms_at(scene: Scene, points: Array) -> Array:
     """By how much more than its radius and the scene's clearance each link stays away from each
     body, with the tool's point at points (N, 3), m: (N, 6, bodies). NaN out of reach."""
     bodies = bodies_of(scene)
-    geometry = LinkGeometry.of(scene.robot, delta_model(scene.robot, scene.payload), points)
+    geometry = LinkGeometry.of(delta_model(scene.robot, scene.payload), points)
     found = [nearest(body, *geometry.links)[1] - kept_from_bodies(scene) for body in bodies]
     return np.stack(found, axis=2)
 
 
 def kept_from_bodies(scene: Scene) -> Array:
     """How far the line of each link is to be from bodies, (6,), m."""
-    radii = np.array([scene.robot.link_radius(k) for k in range(LINKS)])
+    radii = np.array([as_delta(scene.robot).link_radius(k) for k in range(LINKS)])
     return np.asarray(radii + scene.least_clearance)
 
 
@@ -58,12 +58,12 @@ class LinkGeometry:
     forearm: float
 
     @classmethod
-    def of(cls, robot: Robot, model: DeltaModel, x: Array) -> LinkGeometry:
+    def of(cls, model: DeltaModel, x: Array) -> LinkGeometry:
         """With the tool's point at places x, (N, 3), m. NaN out of reach."""
         theta, is_there = np.full_like(x, np.nan), model.closes(x)
         still = np.zeros_like(x[is_there])
         theta[is_there] = model.motion(x[is_there], still, still)[0][:, 3::3]
-        return cls.at_angles(robot, x, theta)
+        return cls.at_angles(model.robot, x, theta)
 
     @classmethod
     def at_angles(cls, robot: Robot, x: Array, theta: Array) -> LinkGeometry:

@@ -9,16 +9,14 @@ import numpy as np
 
 from deltaopt.codegen.vectorised import RowFunction
 from deltaopt.curves.piecewise import Array
-from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.errors import Infeasible, in_words
-from deltaopt.mechanisms.delta.functions import delta_functions
-from deltaopt.mechanisms.delta.mechanism import DeltaTerms
-from deltaopt.mechanisms.delta.singularities import parallel_margin
-from deltaopt.robot.model import DeltaModel, delta_model
+from deltaopt.mechanisms.functions import Functions
+from deltaopt.robot.machine import Model
+from deltaopt.robot.model import model_of
 from deltaopt.scene.scene import Scene
 
 
-def on_one_side(model: DeltaModel, points: Array) -> bool:
+def on_one_side(model: Model, points: Array) -> bool:
     """Whether no parallel singularity lies between the first and any of the points, (N, 3) in m.
 
     In one, finite torques do not hold the platform: a motion through it exceeds every torque limit,
@@ -31,7 +29,7 @@ def on_one_side(model: DeltaModel, points: Array) -> bool:
 def require_ends_on_one_side(scene: Scene) -> None:
     """Raise Infeasible where a parallel singularity lies between start and goal, on every path: the
     volume of the bars' directions, which is zero in one, has another sign at the goal."""
-    model = delta_model(scene.robot, scene.payload)
+    model = model_of(scene.robot, scene.payload)
     if not on_one_side(model, np.array(scene.given_points)):
         raise Infeasible(
             "start and goal are on different sides of a parallel singularity, in which the motors "
@@ -42,7 +40,7 @@ def require_ends_on_one_side(scene: Scene) -> None:
 def require_path_on_one_side(scene: Scene, path: Array) -> None:
     """Raise Infeasible where places of a given path, (N, 3) in m, lie on different sides of a
     parallel singularity."""
-    volumes = volumes_at(delta_model(scene.robot, scene.payload), path)
+    volumes = volumes_at(model_of(scene.robot, scene.payload), path)
     beyond = np.flatnonzero(volumes * volumes[0] <= 0)
     if len(beyond):
         raise Infeasible(
@@ -53,20 +51,20 @@ def require_path_on_one_side(scene: Scene, path: Array) -> None:
 
 def distance_from_parallel(scene: Scene) -> float:
     """The lesser distance of start and goal from a parallel singularity, without unit."""
-    model = delta_model(scene.robot, scene.payload)
+    model = model_of(scene.robot, scene.payload)
     return float(np.abs(volumes_at(model, np.array(scene.given_points))).min())
 
 
-def volumes_at(model: DeltaModel, points: Array) -> Array:
+def volumes_at(model: Model, points: Array) -> Array:
     """Distances from a parallel singularity at points (N, 3), m, with a sign, (N,)."""
-    parallel = _parallel_function(model.functions.terms)
+    parallel = _parallel_function(model.functions)
     (found,) = parallel(points, parameters=model.parameters)
     return np.asarray(found[:, 0])
 
 
 @lru_cache(maxsize=32)
-def _parallel_function(terms: DeltaTerms) -> RowFunction:
+def _parallel_function(functions: Functions) -> RowFunction:
     """(x, p) -> distance from a parallel singularity, with a sign."""
-    x, p = ca.SX.sym("x", 3), ca.SX.sym("p", len(terms.names))
-    q = delta_functions(terms, Explicit()).inverse_kinematics(x, p)
-    return RowFunction(ca.Function("parallel", [x, p], [parallel_margin(q)], {"cse": True}))
+    x, p = ca.SX.sym("x", 3), functions.symbols()
+    margin = functions.parallel_margin(functions.inverse_kinematics(x, p))
+    return RowFunction(ca.Function("parallel", [x, p], [margin], {"cse": True}))

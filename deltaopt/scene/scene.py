@@ -14,7 +14,9 @@ from typing import Annotated, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import (
+    BeforeValidator,
     Field,
+    SerializeAsAny,
     SerializerFunctionWrapHandler,
     create_model,
     model_serializer,
@@ -49,6 +51,7 @@ from deltaopt.limits.torque_curve import TorqueCurve
 from deltaopt.limits.tube import MOST_PARTS, Tube, parts_of
 from deltaopt.limits.workspace import Approach as ApproachLimit
 from deltaopt.limits.workspace import WorkspaceDepth, WorkspaceRadius
+from deltaopt.robot.machine import Machine
 from deltaopt.robot.robot import Robot, load_robot
 from deltaopt.robot.solids import MOST_TRIANGLES, Convex, Polytope
 from deltaopt.scene.approach import EXPECTED as EXPECTED_APPROACH
@@ -135,6 +138,14 @@ class Limits(_Keys):  # type: ignore[misc]  # its fields are the keys of LIMITS
     """The limits of a scene by key; they may be tighter than those of the robot's drive."""
 
 
+def _robot_of(content: Any) -> Any:
+    """A robot of any kind as it is; the content of a Delta's file as a Delta."""
+    return content if isinstance(content, Machine) else Robot.model_validate(content)
+
+
+AnyRobot = Annotated[SerializeAsAny[Machine], BeforeValidator(_robot_of)]
+
+
 class Scene(Record):
     """A motion to plan: the tool's point from rest at ``start`` to rest at ``goal``.
 
@@ -148,7 +159,7 @@ class Scene(Record):
     whole: it is then that of ``robot``. Raises SceneError for values that cannot be used.
     """
 
-    robot: Robot = Field(description=_ROBOT_FILE)
+    robot: AnyRobot = Field(description=_ROBOT_FILE)
     payload: Annotated[Positive, MASS] | None = Field(
         default=None, description="a mass in kg, greater than 0, or [least, largest]"
     )
@@ -315,7 +326,7 @@ class Scene(Record):
     @model_validator(mode="before")
     @classmethod
     def _replace_tool(cls, content: Any) -> Any:
-        if not isinstance(content, dict) or not isinstance(content.get("robot"), Robot):
+        if not isinstance(content, dict) or not isinstance(content.get("robot"), Machine):
             return content
         rest = {key: value for key, value in content.items() if key != "tool"}
         if "tool" in content:
@@ -534,6 +545,13 @@ class Scene(Record):
         return self
 
     @model_validator(mode="after")
+    def _links_are_known(self) -> Self:
+        if self.robot_keeps_clear and not self.robot.has_links:
+            expected = "false, for the links of this robot are not known"
+            raise SceneError(None, "robot_keeps_clear", True, expected)
+        return self
+
+    @model_validator(mode="after")
     def _limits_tighten_the_drive(self) -> Self:
         for limit in LIMITS:
             if limit.key:
@@ -563,7 +581,7 @@ def limits_of(scene: Scene) -> SceneLimits:
     return SceneLimits.of([*LIMITS[:place], *lighter, *LIMITS[place:]], scene)
 
 
-def _without_shares(limits: object, robot: Robot) -> object:
+def _without_shares(limits: object, robot: Machine) -> object:
     """The content of the key ``limits``, with shares of the drive's such as "85 %" as numbers."""
     if not isinstance(limits, dict):
         return limits

@@ -36,8 +36,8 @@ from deltaopt.curves.halving import Parts, nearest_on_lines, surely_largest
 from deltaopt.curves.piecewise import Array, PiecewisePolynomial
 from deltaopt.limits.limit import OwnMeasure
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.robot.model import DeltaModel
-from deltaopt.robot.robot import Robot
+from deltaopt.robot.machine import Model
+from deltaopt.robot.robot import Robot, as_delta
 from deltaopt.robot.solids import Convex, Polytope, Solid
 from deltaopt.scene.bodies import sums
 from deltaopt.scene.links import LINKS, LinkGeometry, each_link
@@ -178,22 +178,24 @@ _BISECTIONS = 44
 def robot_clearance(scene: Scene, trajectory: Trajectory) -> float | None:
     """The least distance of arms and forearms from the bodies of a scene, m, negative inside of
     one, by samples; None if there are no bodies."""
-    if scene.keep_out is None:
+    if scene.keep_out is None or not scene.robot.has_links:
         return None
+    robot = as_delta(scene.robot)
     motion = trajectory.inside_intervals(_FRACTIONS)
-    begin, end = LinkGeometry.at_angles(scene.robot, motion.x, motion.theta).links
+    begin, end = LinkGeometry.at_angles(robot, motion.x, motion.theta).links
     of_bodies = (_nearest(body, begin, end - begin)[1] for body in _bodies(scene))
-    return min(float((distance - _radii(scene.robot)).min()) for distance in of_bodies)
+    return min(float((distance - _radii(robot)).min()) for distance in of_bodies)
 
 
 def sure_robot_clearance(scene: Scene, trajectory: Trajectory) -> float:
     """The least distance at all instants, m: where the motion is known to keep what the scene asks
     for that of an instant, and otherwise a bound that no instant falls below."""
-    bodies, radii = _bodies(scene), _radii(scene.robot)
+    robot = as_delta(scene.robot)
+    bodies, radii = _bodies(scene), _radii(robot)
     largest = largest_accelerations(trajectory.position)
 
     def nearness(parts: Parts) -> tuple[Array, Array, Array]:
-        links = _MovingLinks.of(scene.robot, trajectory.model, parts, largest[parts.piece])
+        links = _MovingLinks.of(robot, trajectory.model, parts, largest[parts.piece])
         found = [links.distance_and_bound(body) for body in bodies]
         distance, bound = (
             np.concatenate([each - radii for each in of], axis=1) for of in zip(*found, strict=True)
@@ -232,7 +234,7 @@ class _MovingLinks:
     half: Array
 
     @classmethod
-    def of(cls, robot: Robot, model: DeltaModel, parts: Parts, largest: Array) -> _MovingLinks:
+    def of(cls, robot: Robot, model: Model, parts: Parts, largest: Array) -> _MovingLinks:
         """``largest``: what the platform's acceleration is at most in each part, (N,), m/s²."""
         x, v = parts.at(), parts.at(1)
         q, dq, _ = model.motion(x, v, np.zeros_like(x))

@@ -14,7 +14,7 @@ import numpy as np
 from deltaopt.curves.piecewise import Array, Index
 from deltaopt.files.validated_record import Vector3
 from deltaopt.robot.catalogue import gain
-from deltaopt.robot.robot import Robot
+from deltaopt.robot.machine import Machine
 from deltaopt.verify.resolved_curves import WEIGHTS, Cells, Curves, ResolvedCurves
 
 _POWER, _TOTAL, _SPEED = slice(0, 3), 3, slice(4, 7)
@@ -94,7 +94,7 @@ class Duty:
         return asdict(self) | above
 
 
-def duty(motors: Curves, cells: Cells, lengths: Array, robot: Robot) -> Duty:
+def duty(motors: Curves, cells: Cells, lengths: Array, robot: Machine) -> Duty:
     """The duty of a motion.
 
     ``motors``: θ̇, θ̈ and τ of the motors, (N, 9), at (piece (N,), fraction of it (N,)).

@@ -21,13 +21,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.curves.piecewise import Array, PiecewisePolynomial
-from deltaopt.dynamics.lagrange import Multiplier
 from deltaopt.dynamics.precise_integrator import PreciseIntegrator
-from deltaopt.mechanisms.delta.functions import DeltaFunctions
+from deltaopt.mechanisms.functions import Functions
 from deltaopt.motion.trajectory import Trajectory, goal_of
 from deltaopt.problem.boundary import Boundary
 from deltaopt.problem.of_scene import problem_of
-from deltaopt.robot.model import DeltaModel, delta_model
+from deltaopt.robot.model import model_of
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import EndState
 from deltaopt.verify.units import Units
@@ -106,7 +105,8 @@ class _Torques:
 
     @classmethod
     def of(cls, scene: Scene, trajectory: Trajectory, units: Units) -> _Torques:
-        model, position = DeltaModel(scene.robot, scene.payload, Multiplier()), trajectory.position
+        model = model_of(scene.robot, scene.payload).with_multipliers()
+        position = trajectory.position
         powers = position.coefficients.shape[1]
         step = _step(model.functions, trajectory.model.functions, powers)
         p = np.concatenate([units.parameters(model), units.parameters(trajectory.model)])
@@ -258,11 +258,11 @@ def _normalised(matrices: Array) -> tuple[Array, Array]:
 
 def _linearised(scene: Scene, trajectory: Trajectory, units: Units, stretches: _Stretches) -> Array:
     """M in the middle of every stretch in these units, (S, 6, 6)."""
-    model, knots = delta_model(scene.robot, scene.payload), trajectory.knots
+    model, knots = model_of(scene.robot, scene.payload), trajectory.knots
     since = np.diff(knots)[stretches.interval] * stretches.fraction
     motion = trajectory(knots[stretches.interval] + since)
     x, v = motion.x / units.length, motion.v * units.time / units.length
-    tau = motion.tau / units.torque
+    tau = motion.tau / units.torque(model.functions)
     by_state = _by_state(model.functions)(x.T, v.T, tau.T, units.parameters(model))
     M = np.zeros((len(motion.x), 6, 6))
     M[:, :3, 3:] = np.eye(3)
@@ -271,17 +271,17 @@ def _linearised(scene: Scene, trajectory: Trajectory, units: Units, stretches: _
 
 
 @lru_cache(maxsize=16)
-def _by_state(functions: DeltaFunctions) -> ca.Function:
+def _by_state(functions: Functions) -> ca.Function:
     """(x, v, τ, p) -> ∂a/∂(x, v), 3 × 6: in scalars, which are evaluated five times as fast."""
     x, v, tau = (ca.SX.sym(name, 3) for name in ("x", "v", "tau"))
-    p = ca.SX.sym("p", len(functions.terms.names))
+    p = functions.symbols()
     a = functions.forward_dynamics(x, v, tau, p)
     derivatives = ca.horzcat(ca.jacobian(a, x), ca.jacobian(a, v))
     return ca.Function("by_state", [x, v, tau, p], [derivatives], {"cse": True})
 
 
 @lru_cache(maxsize=16)
-def _step(model: DeltaFunctions, reported: DeltaFunctions, powers: int) -> PreciseIntegrator:
+def _step(model: Functions, reported: Functions, powers: int) -> PreciseIntegrator:
     """Integrator of the state (x, v) through a piece of an interval, built once for robots alike.
 
     Its parameters: coefficients of the reported position (powers × 3); when the piece begins,
@@ -290,18 +290,18 @@ def _step(model: DeltaFunctions, reported: DeltaFunctions, powers: int) -> Preci
     u, state = ca.MX.sym("u"), ca.MX.sym("state", 6)  # u: fraction of the piece
     coefficients = ca.MX.sym("coefficients", 3, powers)
     begin, length = ca.MX.sym("begin"), ca.MX.sym("length")
-    p = ca.MX.sym("p", len(model.terms.names))
-    p_reported = ca.MX.sym("p_reported", len(reported.terms.names))
+    p = ca.MX.sym("p", model.symbols().numel())
+    p_reported = ca.MX.sym("p_reported", reported.symbols().numel())
     tau = _reported_torque(reported, powers)(begin + u * length, coefficients, p_reported)
     a = model.forward_dynamics(state[:3], state[3:], tau, p)
     parameters = ca.vertcat(ca.vec(coefficients), begin, length, p, p_reported)
     return PreciseIntegrator(u, state, ca.vertcat(state[3:], a), length, parameters)
 
 
-def _reported_torque(model: DeltaFunctions, powers: int) -> ca.Function:
+def _reported_torque(model: Functions, powers: int) -> ca.Function:
     """(time since the interval began, coefficients 3 × powers, p) -> τ (3)."""
     t, coefficients = ca.MX.sym("t"), ca.MX.sym("coefficients", 3, powers)
-    p = ca.MX.sym("p", len(model.terms.names))
+    p = ca.MX.sym("p", model.symbols().numel())
     x = ca.MX.zeros(3)
     for power in reversed(range(powers)):  # Horner
         x = x * t + coefficients[:, power]

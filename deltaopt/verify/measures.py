@@ -19,15 +19,13 @@ import numpy as np
 
 from deltaopt.codegen.vectorised import RowFunction
 from deltaopt.curves.piecewise import Array, Index, PiecewisePolynomial
-from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.errors import Unreachable
 from deltaopt.limits.limit import Bounds, Limit, first_highest
-from deltaopt.mechanisms.delta.functions import delta_functions
-from deltaopt.mechanisms.delta.instant import CoordinateInstant
-from deltaopt.mechanisms.delta.mechanism import DeltaTerms
-from deltaopt.mechanisms.delta.singularities import DISTANCES
+from deltaopt.mechanisms.functions import Functions
+from deltaopt.mechanisms.instant import CoordinateInstant
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.robot.model import DeltaModel, delta_model
+from deltaopt.robot.machine import Machine, Model
+from deltaopt.robot.model import model_of
 from deltaopt.scene.scene import Scene, limits_of
 from deltaopt.verify.duty import Duty, duty
 from deltaopt.verify.resolved_curves import DEGREE, Cells, Peaks, ResolvedCurves
@@ -127,9 +125,9 @@ class _Side:
     scale: float
     falls_below: bool
 
-    def excess(self, t: float, value: float) -> Excess:
+    def excess(self, t: float, value: float, robot: Machine) -> Excess:
         """At an instant."""
-        name, unit = self.limit.name, self.limit.unit
+        name, unit = self.limit.name, robot.unit(self.limit.unit)
         amount = value * self.scale
         return Excess(name, unit, self.subject, t, value, amount, self.falls_below)
 
@@ -143,7 +141,7 @@ class _Curves:
     motors' speeds (rad/s); τᵀτ (N²m²). Raises Unreachable or Singular where there are none.
     """
 
-    model: DeltaModel
+    model: Model
     path: PiecewisePolynomial
     function: RowFunction
     parameters: Array
@@ -197,14 +195,14 @@ class MeasuredMotion:
     @classmethod
     def of(cls, scene: Scene, trajectory: Trajectory) -> MeasuredMotion:
         """By the scene's model and those of its limits that verification has no own measure for."""
-        model, limits = delta_model(scene.robot, scene.payload), limits_of(scene)
+        model, limits = model_of(scene.robot, scene.payload), limits_of(scene)
         promised = [
             (item, own)
             for item, own in zip(limits.constraints.items, limits.of_items, strict=True)
             if item[0].promised and item[0].own_measure is None
         ]
         items = tuple(item for item, _ in promised)
-        function, rows = _function(model.functions.terms, items)
+        function, rows = _function(model.functions, items)
         numbers = [own for _, own in promised]
         curves = _Curves(
             model=model,
@@ -240,19 +238,19 @@ class MeasuredMotion:
 
     def excesses(self) -> dict[str, Excess]:
         """The largest of each limit, by its name among measures."""
-        peaks, found = self._peaks, dict[str, Excess]()
+        peaks, found, robot = self._peaks, dict[str, Excess](), self.scene.robot
         sides: dict[str, list[int]] = {}
         for i, side in enumerate(self.sides):
             sides.setdefault(key(side.limit.name), []).append(i)
         for name, own in sides.items():
             i = own[first_highest(peaks.values[own])]
-            found[name] = self.sides[i].excess(self._time(peaks, i), float(peaks.values[i]))
+            found[name] = self.sides[i].excess(self._time(peaks, i), float(peaks.values[i]), robot)
         return found
 
     def distances(self) -> tuple[Distance, ...]:
         """The least to each kind of singularity."""
         peaks, place, found = self._peaks, len(self.sides), []
-        for kind in DISTANCES:
+        for kind in self.curves.model.functions.distances:
             number = 3 if kind.per_chain else 1
             nearest = place + first_highest(peaks.values[place : place + number])
             subject = f"chain {nearest - place + 1}" if kind.per_chain else "robot"
@@ -324,7 +322,8 @@ class MeasuredMotion:
     @property
     def _nearness(self) -> int:
         """Columns before the motors' speeds: excesses and distances."""
-        return len(self.sides) + sum(3 if kind.per_chain else 1 for kind in DISTANCES)
+        kinds = self.curves.model.functions.distances
+        return len(self.sides) + sum(3 if kind.per_chain else 1 for kind in kinds)
 
     @cached_property
     def _peaks(self) -> Peaks:
@@ -348,22 +347,23 @@ class MeasuredMotion:
 def not_measured(scene: Scene) -> dict[str, Excess]:
     """Of a motion that has no measures: infinite ones."""
     limits = [limit for limit in limits_of(scene).constraints.limits if limit.promised]
-    return {key(limit.name): Excess(limit.name, limit.unit, limit.subject) for limit in limits}
+    excesses = (Excess(each.name, scene.robot.unit(each.unit), each.subject) for each in limits)
+    return {each.key: each for each in excesses}
 
 
 @lru_cache(maxsize=32)
-def _function(terms: DeltaTerms, items: Items) -> tuple[RowFunction, tuple[int, ...]]:
+def _function(functions: Functions, items: Items) -> tuple[RowFunction, tuple[int, ...]]:
     """(x, v, a, numbers of the limits and p) -> the columns of ``_Curves``; θ̇, θ̈ and τ. And how
     many quantities each item measures."""
-    x, v, a, p = *(ca.SX.sym(name, 3) for name in "xva"), ca.SX.sym("p", len(terms.names))
-    motion = CoordinateInstant.general(delta_functions(terms, Explicit()), x, v, a, p)
+    x, v, a, p = *(ca.SX.sym(name, 3) for name in "xva"), functions.symbols()
+    motion = CoordinateInstant.general(functions, x, v, a, p)
     numbers = [ca.SX.sym(f"numbers{i}", size) for i, (_, size) in enumerate(items)]
     columns, rows = list[ca.SX](), list[int]()
     for (limit, _), own in zip(items, numbers, strict=True):
         measure = limit.measure(motion, own)
         columns += limit.bounds(own).beyond(measure)
         rows.append(measure.numel())
-    columns += [-kind.of(motion.q) for kind in DISTANCES]
+    columns += [-kind.of(motion.q) for kind in functions.distances]
     columns += [motion.dtheta, ca.sumsqr(motion.tau)]
     inputs = [x, v, a, ca.vertcat(*numbers, p)]
     motors = ca.vertcat(motion.dtheta, motion.ddtheta, motion.tau)

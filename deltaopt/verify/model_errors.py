@@ -12,10 +12,9 @@ from deltaopt.codegen.vectorised import evaluate_rows
 from deltaopt.curves.piecewise import Array
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.errors import Unreachable
-from deltaopt.mechanisms.delta.functions import delta_functions
-from deltaopt.mechanisms.delta.mechanism import DeltaTerms
+from deltaopt.mechanisms.functions import Functions
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.robot.model import delta_model
+from deltaopt.robot.model import model_of
 from deltaopt.scene.scene import Scene
 from deltaopt.verify.bounds import DYNAMIC_ERROR
 from deltaopt.verify.resolved_curves import DEGREE, POINTS, WEIGHTS
@@ -28,18 +27,17 @@ def model_errors(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
     samples = _Samples.of(trajectory)
     q, dq, ddq = trajectory.coordinates_inside(samples.fractions)
     tau = trajectory.model.inverse_dynamics(*trajectory.path_inside(samples.fractions))
-    model = delta_model(scene.robot, scene.payload)
-    lengths = np.where(np.arange(12) < 3, units.length, 1.0)  # of the platform; then angles
+    model = model_of(scene.robot, scene.payload)
+    functions = model.functions
+    lengths = units.coordinates(functions)
     motion = [rows * units.time**k / lengths for k, rows in enumerate((q, dq, ddq))]
-    arguments, parameters = [*motion, tau / units.torque], units.parameters(model)
-    kinematic, dynamic = evaluate_rows(
-        _residuals(model.functions.terms), *arguments, parameters=parameters
-    )
+    arguments, parameters = [*motion, tau / units.torque(functions)], units.parameters(model)
+    kinematic, dynamic = evaluate_rows(_residuals(functions), *arguments, parameters=parameters)
     doubtful = np.logical_not(np.linalg.norm(dynamic, axis=1) <= DYNAMIC_ERROR)
     if doubtful.any():
         try:
             (dynamic[doubtful],) = evaluate_rows(
-                _robust_residuals(model.functions.terms),
+                _robust_residuals(functions),
                 *(rows[doubtful] for rows in arguments),
                 parameters=parameters,
             )
@@ -48,7 +46,7 @@ def model_errors(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
                 "its coordinates have no solution of the equations of motion"
             ) from None
     mean_speed = way_of(scene, trajectory) / trajectory.duration * units.time / units.length
-    kinematic[:, 9:] /= mean_speed
+    kinematic[:, functions.mechanism.holonomic.numel() :] /= mean_speed
     return {
         "kinematic_error": samples.mean_over_time(trajectory, kinematic),
         "dynamic_error": samples.mean_over_time(trajectory, dynamic),
@@ -56,25 +54,25 @@ def model_errors(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
 
 
 @lru_cache(maxsize=16)
-def _residuals(terms: DeltaTerms) -> ca.Function:
-    """(q, q̇, q̈, τ, p) -> (f, J q̇ + μ) (18), q̈ - q̈(q, q̇, τ) (12)."""
-    m = delta_functions(terms, Explicit()).mechanism
+def _residuals(functions: Functions) -> ca.Function:
+    """(q, q̇, q̈, τ, p) -> (f, J q̇ + μ), q̈ - q̈(q, q̇, τ)."""
+    m = functions.mechanism
     closure = ca.Function("closure", [m.q, m.dq, m.parameters], [m.holonomic, m.constraint_rate])
     forward = Explicit().forward_dynamics(m)
-    q, dq, ddq = (ca.MX.sym(name, 12) for name in ("q", "dq", "ddq"))
-    tau, p = ca.MX.sym("tau", 3), ca.MX.sym("p", len(terms.names))
+    q, dq, ddq = (ca.MX.sym(name, m.q.numel()) for name in ("q", "dq", "ddq"))
+    tau, p = ca.MX.sym("tau", 3), ca.MX.sym("p", functions.symbols().numel())
     modelled, _ = forward(0, q, dq, tau, p)
     kinematic = ca.vertcat(*closure(q, dq, p))
     return ca.Function("residuals", [q, dq, ddq, tau, p], [kinematic, ddq - modelled]).expand()
 
 
 @lru_cache(maxsize=16)
-def _robust_residuals(terms: DeltaTerms) -> ca.Function:
-    """(q, q̇, q̈, τ, p) -> q̈ - q̈(q, q̇, τ) (12) by eq. (37): slower, and accurate near serial
+def _robust_residuals(functions: Functions) -> ca.Function:
+    """(q, q̇, q̈, τ, p) -> q̈ - q̈(q, q̇, τ) by eq. (37): slower, and accurate near serial
     singularities too, where eq. (39) is exact to rounding over the squared distance alone."""
-    m = delta_functions(terms, Explicit()).mechanism
-    q, dq, ddq = (ca.MX.sym(name, 12) for name in ("q", "dq", "ddq"))
-    tau, p = ca.MX.sym("tau", 3), ca.MX.sym("p", len(terms.names))
+    m = functions.mechanism
+    q, dq, ddq = (ca.MX.sym(name, m.q.numel()) for name in ("q", "dq", "ddq"))
+    tau, p = ca.MX.sym("tau", 3), ca.MX.sym("p", functions.symbols().numel())
     modelled, _ = Multiplier().forward_dynamics(m)(0, q, dq, tau, p)
     return ca.Function("robust_residuals", [q, dq, ddq, tau, p], [ddq - modelled])
 

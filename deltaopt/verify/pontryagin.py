@@ -30,14 +30,12 @@ from numpy.typing import NDArray
 from deltaopt.codegen.vectorised import RowFunction
 from deltaopt.curves.nodes import collocation
 from deltaopt.curves.piecewise import Array
-from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.errors import DeltaOptError
 from deltaopt.limits.constraints import Constraints
-from deltaopt.mechanisms.delta.functions import delta_functions
-from deltaopt.mechanisms.delta.instant import PlatformInstant
-from deltaopt.mechanisms.delta.mechanism import DeltaTerms
+from deltaopt.mechanisms.functions import Functions
+from deltaopt.mechanisms.instant import PlatformInstant
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.robot.model import delta_model
+from deltaopt.robot.model import model_of
 from deltaopt.scene.scene import Scene, limits_of
 from deltaopt.verify.units import way_of
 
@@ -136,14 +134,14 @@ class _Rows:
 
 
 @lru_cache(maxsize=8)
-def _held_and_reached(terms: DeltaTerms, constraints: Constraints) -> RowFunction:
+def _held_and_reached(functions: Functions, constraints: Constraints) -> RowFunction:
     """(x, v, a, numbers of the limits and p) -> what may be held along an interval: the controls'
     rows, the first derivatives of ``first``, the second ones of ``second``; its derivatives by x,
     v, a; what may be reached at an instant: ``first``, ``second`` and the first derivatives of
     ``second``; their derivatives by x, v; the torques and their limits (3 each, N·m)."""
-    rows, functions = _Rows.of(constraints), delta_functions(terms, Explicit())
+    rows = _Rows.of(constraints)
     x, v, a = (ca.SX.sym(name, 3) for name in "xva")
-    numbers, p = constraints.numbers(), ca.SX.sym("p", len(terms.names))
+    numbers, p = constraints.numbers(), functions.symbols()
     motion = PlatformInstant(functions, x, v, a, p)
     all_rows = constraints.rows(motion, numbers)
     control, first, second = (
@@ -203,13 +201,13 @@ class _Fit:
 
     @classmethod
     def of(cls, scene: Scene, trajectory: Trajectory) -> _Fit:
-        model, limits = delta_model(scene.robot, scene.payload), limits_of(scene)
+        model, limits = model_of(scene.robot, scene.payload), limits_of(scene)
         rows = _Rows.of(limits.constraints)
         states, fractions = len(rows.first) + len(rows.second), collocation(_STAGES).fractions
         x, v, a = trajectory.path_inside(fractions)
         T, D = trajectory.duration, way_of(scene, trajectory)
         K, c = len(trajectory.knots) - 1, len(fractions)
-        results = _held_and_reached(model.functions.terms, limits.constraints)(
+        results = _held_and_reached(model.functions, limits.constraints)(
             x, v, a, parameters=np.concatenate([limits.numbers, model.parameters])
         )
         reached_shape = states + len(rows.second)

@@ -13,22 +13,12 @@ from math import hypot, sqrt
 import numpy as np
 
 from deltaopt.curves.piecewise import Array, PiecewisePolynomial
+from deltaopt.mechanisms.functions import Functions
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.robot.model import DeltaModel, delta_model
+from deltaopt.robot.machine import Model
+from deltaopt.robot.model import model_of
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import MovingEnds, distance
-
-_LENGTH, _MASS, _INERTIA = (1, 0, 0), (0, 1, 0), (2, 1, 0)
-_ACCELERATION = (1, 0, -2)
-
-DIMENSIONS: dict[str, tuple[int, int, int]] = {
-    **dict.fromkeys(("a1", "a2", "a3", "a4", "b1", "b2"), _LENGTH),
-    **dict.fromkeys(("tool_x", "tool_y", "tool_z"), _LENGTH),
-    **dict.fromkeys(("m1", "m2", "m3", "m4"), _MASS),
-    **dict.fromkeys(("I33", "I41", "I42", "I43"), _INERTIA),
-    **dict.fromkeys(("g", "g_y", "g_z"), _ACCELERATION),
-}
-"""Of each parameter of a Delta but those of loads, by its name: powers of length, mass and time."""
 
 
 def way_of(scene: Scene, trajectory: Trajectory) -> float:
@@ -49,27 +39,27 @@ class Units:
 
     @classmethod
     def of(cls, scene: Scene, trajectory: Trajectory) -> Units:
-        """The length of the upper arm, the mass of all bodies of a kind, and the duration or, if
-        that is less, the time in which gravity moves the length of the arm from rest, about."""
-        numbers = delta_model(scene.robot, scene.payload).numbers
-        length, time = scene.robot.upper_arm.length, trajectory.duration
-        masses = (numbers.m1, numbers.m2 or 0.0, numbers.m3, numbers.m4)
-        gravity = hypot(*(g or 0.0 for g in (numbers.g, numbers.g_y, numbers.g_z)))
+        """The robot's own length, the mass of all bodies of a kind, and the duration or, if that
+        is less, the time in which gravity moves that length from rest, about."""
+        mass = model_of(scene.robot, scene.payload).mass
+        length, time = scene.robot.size, trajectory.duration
+        gravity = hypot(*scene.robot.gravity_vector)
         if gravity:
             time = min(time, sqrt(length / gravity))
-        return cls(length, float(sum(masses)), time)
+        return cls(length, mass, time)
 
-    @property
-    def torque(self) -> float:
-        """The unit of torque, N·m."""
-        return self.mass * (self.length / self.time) ** 2
+    def coordinates(self, functions: Functions) -> Array:
+        """The units of all coordinates, (n,): lengths; angles have none."""
+        return np.where(functions.lengths, self.length, 1.0)
 
-    def parameters(self, model: DeltaModel) -> Array:
+    def torque(self, functions: Functions) -> float:
+        """The unit of what actuators exert, N·m or N: of energy over that of their positions."""
+        own = float(self.coordinates(functions)[functions.motors][0])
+        return self.mass * (self.length / self.time) ** 2 / own
+
+    def parameters(self, model: Model) -> Array:
         """Values of a model's parameters in these units, in their order."""
-        terms = model.functions.terms
-        of_loads = {name: of for load in terms.loads for name, of in load.dimensions.items()}
-        powers = np.array([(DIMENSIONS | of_loads)[name] for name in terms.names])
-        return np.asarray(model.parameters / self._to(powers))
+        return np.asarray(model.parameters / self._to(model.dimensions))
 
     def position(self, position: PiecewisePolynomial) -> PiecewisePolynomial:
         """A position (m over s) in these units."""

@@ -9,18 +9,18 @@ import numpy as np
 
 from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.robot.model import DeltaModel
+from deltaopt.robot.machine import Model
 
 SHORTEST, LONGEST = 1e-50, 1e50
 """Durations, s, whose powers are numbers too."""
-_COMPONENTS = {"position": 3, "coordinates": 12}
 
 
 def malformed(trajectory: Trajectory) -> str | None:
     """Why a trajectory is no function of time, in a sentence; None if it is one."""
-    if not isinstance(trajectory.model, DeltaModel):
-        return f"its model is a {_kind(trajectory.model)}; a DeltaModel is needed"
-    parts = {name: getattr(trajectory, name) for name in _COMPONENTS}
+    if not isinstance(trajectory.model, Model):
+        return f"its model is a {_kind(trajectory.model)}; a Model is needed"
+    components = {"position": 3, "coordinates": len(trajectory.model.functions.lengths)}
+    parts = {name: getattr(trajectory, name) for name in components}
     if parts["coordinates"] is None:
         del parts["coordinates"]
     for name, polynomials in parts.items():
@@ -33,7 +33,7 @@ def malformed(trajectory: Trajectory) -> str | None:
             if array.ndim != dimensions:
                 return f"{what} of its {name} have {array.ndim} dimensions, not {dimensions}"
         number, shape = len(polynomials.knots), polynomials.coefficients.shape
-        if number < 2 or shape[0] != number - 1 or shape[1] < 1 or shape[2] != _COMPONENTS[name]:
+        if number < 2 or shape[0] != number - 1 or shape[1] < 1 or shape[2] != components[name]:
             return f"polynomials of shape {shape} where there are {number} knots"
         if not np.array_equal(polynomials.knots, trajectory.position.knots):
             return "its coordinates have other knots than its position"

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt import Belt, Line, Robot, Scene, State, Trajectory
+from deltaopt.robot.robot import as_delta
 from tests.oracles.body_distances import tool_distances
 
 Array = NDArray[np.float64]
@@ -108,7 +109,7 @@ def sampled(trajectory: Trajectory) -> tuple[Array, Array, Array, Array]:
 def faults(scene: Scene, trajectory: Trajectory) -> list[str]:
     """What is wrong with a motion that is to solve a scene, in words."""
     t, x, v, a = sampled(trajectory)
-    robot, limits, found = scene.robot, scene.limits, []
+    robot, limits, found = as_delta(scene.robot), scene.limits, []
     given = limits.model_dump(exclude_none=True) if limits else {}
     masses = [each for each in (scene.payload, scene.least_payload) if each is not None] or [0.0]
     for mass in masses:
@@ -168,7 +169,8 @@ def table_share(scene: Scene, t: Array, rows: list[Array]) -> float:
         ends = [rows[k][i + end] * length**k for end, k in both]
         solved = np.linalg.solve(np.array(matrix), np.array(ends))
         motion = [_powers(u, order, k) @ solved / length**k for k in range(3)]
-        tau = loads(scene.robot, scene.payload or 0.0, *_platform(scene.robot, *motion)).tau
+        robot = as_delta(scene.robot)
+        tau = loads(robot, scene.payload or 0.0, *_platform(robot, *motion)).tau
         most = max(most, float((np.abs(tau) / scene.robot.torque_limits).max()))
     return most
 

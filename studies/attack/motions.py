@@ -11,6 +11,7 @@ import numpy as np
 
 import deltaopt
 from deltaopt.curves.piecewise import PiecewisePolynomial
+from deltaopt.robot.model import delta_model
 from studies.attack.attempts import Attempt, Generator, Kind
 from studies.attack.checks import Array, faults
 from studies.problems import INDUSTRIAL, PICK_AND_PLACE, PROBLEMS
@@ -177,7 +178,7 @@ def strays(rng: Generator) -> Attempt:
             begin, end = position.knots[i : i + 2]
             end = end if way == "piece" else begin + width * (end - begin)
             position = bent(position, begin, end, size * np.array([1.0, 0.0, 0.0]))
-        motion = deltaopt.Trajectory(position, deltaopt.DeltaModel(_SCENE.robot, 1.0))
+        motion = deltaopt.Trajectory(position, delta_model(_SCENE.robot, 1.0))
         return "ok" if deltaopt.verify(scene, motion).ok else ""
 
     return Attempt(f"{way}: {size:.2e} m, {width:.2e}, at {share:.3f}, {pieces} pieces", made)

@@ -11,6 +11,7 @@ import numpy as np
 from deltaopt.errors import NO_PLAN, DeltaOptError
 from deltaopt.planning.plan import Plan
 from deltaopt.planning.planner import Planner
+from deltaopt.robot.robot import as_delta
 from deltaopt.scene.scene import Scene
 from deltaopt.verify.verification import verify
 from studies.bench.random_scenes import random_scenes
@@ -53,7 +54,7 @@ def random_plans(
     """Plan and verify random moves of a planner's robot, and plan those whose switches are
     resolved on meshes alone too; ``progress`` is called after each with how many are done."""
     outcomes = []
-    for scene in random_scenes(planner.robot, planner.payload, number, seed):
+    for scene in random_scenes(as_delta(planner.robot), planner.payload, number, seed):
         outcomes.append(_outcome(planner, scene))
         progress(len(outcomes))
     return outcomes

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from deltaopt.files.validated_record import Vector3
 from deltaopt.robot.drive import Friction
 from deltaopt.robot.joints import Joints
+from deltaopt.robot.machine import Workspace
 from deltaopt.robot.model import delta_model
-from deltaopt.robot.robot import Workspace
+from deltaopt.robot.robot import as_delta
 from deltaopt.robot.tool import Tool
 from deltaopt.scene.approach import Approach, ApproachAtEnd
 from deltaopt.scene.feasibility import check_feasible
@@ -85,7 +86,7 @@ def short(least: float, most: float) -> Change:
     """A goal near the start: away by powers of ten of the upper arm's length, between these."""
 
     def change(scene: Scene, rng: np.random.Generator) -> Scene:
-        size = 10 ** rng.uniform(least, most) * scene.robot.upper_arm.length
+        size = 10 ** rng.uniform(least, most) * as_delta(scene.robot).upper_arm.length
         goal = np.array(scene.given_points[0]) + size * rng.normal(size=3)
         return scene.model_copy(update={"goal": tuple(goal.tolist())})
 
@@ -111,8 +112,8 @@ def friction(scene: Scene, rng: np.random.Generator) -> Scene:
 
 
 def heavy_rotors(scene: Scene, rng: np.random.Generator) -> Scene:
-    length = scene.robot.upper_arm.length
-    return with_drive(inertia=scene.robot.platform.mass * length**2)(scene, rng)
+    length = as_delta(scene.robot).upper_arm.length
+    return with_drive(inertia=as_delta(scene.robot).platform.mass * length**2)(scene, rng)
 
 
 def limited(**of: float | str) -> Change:
@@ -155,7 +156,7 @@ def joint_ranges(scene: Scene, rng: np.random.Generator) -> Scene:
 def in_a_workspace(scene: Scene, rng: np.random.Generator) -> Scene:
     """A cylinder that the ends are in, and little more."""
     points = np.array(scene.given_points)
-    spare = rng.uniform(0.001, 0.2, size=2) * scene.robot.upper_arm.length
+    spare = rng.uniform(0.001, 0.2, size=2) * as_delta(scene.robot).upper_arm.length
     depth = float(points[:, 0].min() - spare[0]), float(points[:, 0].max() + spare[0])
     radius = float(np.hypot(points[:, 1], points[:, 2]).max() + spare[1])
     workspace = Workspace(depth=depth, radius=radius)
@@ -238,7 +239,7 @@ def _passed(scene: Scene, at: Vector3, share: float, rng: np.random.Generator) -
 
 
 def range_of_payloads(scene: Scene, rng: np.random.Generator) -> Scene:
-    largest = scene.payload or scene.robot.platform.mass
+    largest = scene.payload or as_delta(scene.robot).platform.mass
     return scene.model_copy(update={"payload": [largest * rng.uniform(0.0, 0.9), largest]})
 
 
@@ -284,7 +285,7 @@ def beside_a_forearm(scene: Scene, rng: np.random.Generator) -> Scene:
 
 def _forearm(scene: Scene, chain: int) -> tuple[Array, Array]:
     """Elbow and platform's joint of a chain with the tool's point in the middle of the line, m."""
-    robot, middle = scene.robot, _middle(scene)
+    robot, middle = as_delta(scene.robot), _middle(scene)
     model = delta_model(robot, scene.payload)
     angle = float(model.inverse_kinematics(middle[None])[0, 3 + 3 * chain])
     azimuth = 2 * np.pi / 3 * chain
@@ -372,8 +373,8 @@ def little_effort(scene: Scene, rng: np.random.Generator) -> Scene:
 
 def _usual_speed(scene: Scene) -> float:
     """m/s: what the motors bring the platform to on the straight line, about."""
-    force = sum(scene.robot.torque_limits) / scene.robot.upper_arm.length
-    mass = scene.robot.platform.mass + (scene.payload or 0.0)
+    force = sum(as_delta(scene.robot).torque_limits) / as_delta(scene.robot).upper_arm.length
+    mass = as_delta(scene.robot).platform.mass + (scene.payload or 0.0)
     return float(np.sqrt(_distance(scene) * force / mass))
 
 

@@ -23,7 +23,7 @@ from deltaopt.mechanisms.delta.functions import DeltaFunctions
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.planner import Planner
 from deltaopt.robot.model import DeltaModel
-from deltaopt.robot.robot import Robot
+from deltaopt.robot.robot import Robot, as_delta
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import given_points
 from studies.bench.random_scenes import random_scenes
@@ -150,7 +150,7 @@ def _limits(toppra: Any, scene: Scene) -> Any:
 def _along(scene: Scene, derivatives: tuple[Array, ...]) -> tuple[Array, Array]:
     """Return torques and motor speeds at the points of a path, (3 n, 3) each: at rest, with d²s/dt²
     of 1 alone, and with ds/dt of 1 alone."""
-    model = DeltaModel(scene.robot, scene.payload)
+    model = DeltaModel(as_delta(scene.robot), scene.payload)
     x, dx, ddx = derivatives
     rest = np.zeros_like(x)
     states = np.vstack([x, x, x]), np.vstack([rest, rest, dx]), np.vstack([rest, dx, ddx])
@@ -178,7 +178,7 @@ class MotorLine:
         """Return Ruckig's motion at this acceleration of every motor (rad/s²), jerk unlimited."""
         ruckig = installed("ruckig", "bench")
         request = ruckig.InputParameter(3)
-        model = DeltaModel(self.scene.robot, self.scene.payload)
+        model = DeltaModel(as_delta(self.scene.robot), self.scene.payload)
         ends = model.inverse_kinematics(given_points(self.scene.task))[:, 3::3]
         request.current_position, request.target_position = ends.tolist()
         request.max_velocity = list(self.scene.robot.speed_limits or 3 * [1e3])
@@ -196,7 +196,7 @@ class MotorLine:
         found = self.trajectory(acceleration)
         samples = [found.at_time(t) for t in found.duration * _SAMPLES]
         theta, rates, accelerations = (np.array(part) for part in zip(*samples, strict=True))
-        model = DeltaModel(self.scene.robot, self.scene.payload)
+        model = DeltaModel(as_delta(self.scene.robot), self.scene.payload)
         try:
             x = model.forward_kinematics(theta)
             v, a = platform_motion(model, x, rates, accelerations)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from deltaopt.errors import NO_PLAN
 from deltaopt.planning.nlp.problem import Ipopt
 from deltaopt.planning.planner import plan
+from deltaopt.robot.robot import as_delta
 from deltaopt.scene.moving_ends import Belt, State
 from deltaopt.scene.scene import Scene
 from studies.bench.possible import Possibility
@@ -66,7 +67,7 @@ def of_belt(scene: Scene) -> Possibility:
 
 def _times(scene: Scene, goal: Belt) -> Array:
     """When the platform may be on the belt as far as kinematics tells, s, of ``_SAMPLES``."""
-    robot = scene.robot
+    robot = as_delta(scene.robot)
     statics, at, velocity = Statics(robot, 0.0), np.array(goal.at), np.array(goal.belt)
     reach = (
         robot.base_radius

@@ -16,7 +16,7 @@ from deltaopt.output.controller_c import c_functions
 from deltaopt.planning.first_motions.initial_motion import baseline
 from deltaopt.planning.planner import Planner
 from deltaopt.robot.model import DeltaModel
-from deltaopt.robot.robot import Robot
+from deltaopt.robot.robot import Robot, as_delta
 from deltaopt.scene.scene import Scene
 from studies.bench.plan_timing import finer
 from studies.bench.random_scenes import random_scenes
@@ -38,8 +38,8 @@ def rockit_plan(scene: Scene, guess: Trajectory, intervals: int) -> PeerPlan:
     """Plan a scene by rockit's multiple shooting with Ipopt, torques constant in an interval,
     starting from the motion ``guess``."""
     rockit = installed("rockit", "bench")
-    model = DeltaModel(scene.robot, scene.payload)
-    forward = c_functions(scene.robot)[-1]
+    model = DeltaModel(as_delta(scene.robot), scene.payload)
+    forward = c_functions(as_delta(scene.robot))[-1]
     problem = rockit.Ocp(T=rockit.FreeTime(guess.duration))
     x, v, tau = problem.state(3), problem.state(3), problem.control(3)
     limit = np.array(scene.robot.torque_limits)

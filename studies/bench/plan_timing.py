@@ -11,6 +11,7 @@ import numpy as np
 from deltaopt.errors import NO_PLAN
 from deltaopt.planning.plan import Plan
 from deltaopt.planning.planner import Planner
+from deltaopt.robot.robot import as_delta
 from deltaopt.scene.scene import Scene
 from deltaopt.verify.verification import verify
 from studies.bench.random_scenes import random_scenes
@@ -54,7 +55,7 @@ def timed_plans(
 
     Nothing else runs between plans: it would empty the processor's caches.
     """
-    scenes = list(random_scenes(planner.robot, planner.payload, number, seed))
+    scenes = list(random_scenes(as_delta(planner.robot), planner.payload, number, seed))
     _timed(planner, scenes[0])  # what is built once is built now
     plans: list[tuple[Timed, Plan | None]] = []
     for scene in scenes:

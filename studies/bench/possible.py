@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.limits.limit import Column
-from deltaopt.robot.robot import Robot
+from deltaopt.robot.robot import Robot, as_delta
 from deltaopt.robot.tool import Box, Sphere
 from deltaopt.scene.bodies import Body, Cylinder, HalfSpace
 from deltaopt.scene.scene import Scene
@@ -81,7 +81,7 @@ def _looked_for(scene: Scene) -> Possibility:
     places = [np.array(point) for point in (start, *between, goal)]
 
     def connected(steps: int) -> bool:
-        grid = _grid(scene.robot, steps)
+        grid = _grid(as_delta(scene.robot), steps)
         return all(_connected(one, other, grid, free) for one, other in pairwise(places))
 
     return _over_grids(connected)
@@ -112,7 +112,9 @@ def _approach(scene: Scene, free: Free) -> Possibility:
         return np.asarray(free(points) & (points[..., 0] <= level))
 
     one, other = (top[len(top) // 2] for top in tops)
-    return _over_grids(lambda steps: _connected(one, other, _grid(scene.robot, steps), above))
+    return _over_grids(
+        lambda steps: _connected(one, other, _grid(as_delta(scene.robot), steps), above)
+    )
 
 
 def _top_of(column: Column, end: Array, free: Free) -> Array:
@@ -151,7 +153,7 @@ class _Free:
     @classmethod
     def of(cls, scene: Scene) -> _Free:
         loads = {scene.payload or 0.0, scene.with_least_payload.payload or 0.0}
-        statics = tuple(Statics(scene.robot, load) for load in loads)
+        statics = tuple(Statics(as_delta(scene.robot), load) for load in loads)
         limit = scene.given("torque")
         torque = np.minimum(scene.robot.torque_limits, np.inf if limit is None else limit)
         start = np.array(scene.given_points[:1])

@@ -11,7 +11,7 @@ from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.limits.constraints import Constraints, SceneLimits
 from deltaopt.limits.limit import Bounds
 from deltaopt.mechanisms.delta.functions import delta_functions
-from deltaopt.mechanisms.delta.instant import CoordinateInstant, PlatformInstant
+from deltaopt.mechanisms.instant import CoordinateInstant, PlatformInstant
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.scene import LIMITS, limits_of
 

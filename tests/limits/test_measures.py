@@ -13,7 +13,7 @@ import pytest
 from deltaopt import load_robot
 from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.mechanisms.delta.functions import delta_functions
-from deltaopt.mechanisms.delta.instant import CoordinateInstant, PlatformInstant
+from deltaopt.mechanisms.instant import CoordinateInstant, PlatformInstant
 from deltaopt.robot.model import delta_model
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.scene import LIMITS, Scene

@@ -14,7 +14,7 @@ from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.errors import SceneError
 from deltaopt.limits.platform_motion import Acceleration
 from deltaopt.mechanisms.delta.functions import delta_functions
-from deltaopt.mechanisms.delta.instant import CoordinateInstant, PlatformInstant
+from deltaopt.mechanisms.instant import CoordinateInstant, PlatformInstant
 from deltaopt.robot.model import delta_model
 
 PICK = deltaopt.load_scene("problems/pick_and_place.yaml")

@@ -11,6 +11,7 @@ import pytest
 from deltaopt import load_scene, plan, verify
 from deltaopt.limits.singularities import ParallelSingularity, TiltSingularity
 from deltaopt.mechanisms.delta.mechanism import AZIMUTHS
+from deltaopt.mechanisms.instant import CoordinateInstant
 from deltaopt.robot.model import delta_model
 
 SCENE = load_scene(Path(__file__).parents[2] / "problems/limits/parallel_singularity.yaml")
@@ -43,17 +44,21 @@ def volume_of_normals(scene, x):
     return np.linalg.det(normals / np.linalg.norm(normals, axis=2, keepdims=True))
 
 
+def any_motion(scene):
+    """An instant whose coordinates are symbols."""
+    symbols = [ca.SX.sym(name, 12) for name in ("q", "dq", "ddq")]
+    functions = delta_model(scene.robot, None).functions
+    return CoordinateInstant(functions, *symbols, ca.SX.sym("tau", 3))
+
+
 def test_measure_of_tilt_is_the_volume_of_the_normals():
     ((margin, side),) = TiltSingularity().items(TILTING)
     assert margin == 0.08
     x = np.array([[0.25, 0.1, 0.35], TILTING.goal, TILTING.start])
 
-    class Motion:
-        q = ca.SX.sym("q", 12)
-
-    measure = ca.Function(
-        "measure", [Motion.q], [TiltSingularity().measure(Motion(), ca.SX([margin, side]))]
-    )
+    motion = any_motion(TILTING)
+    measured = TiltSingularity().measure(motion, ca.SX([margin, side]))
+    measure = ca.Function("measure", [motion.q], [measured])
     q = delta_model(TILTING.robot, None).inverse_kinematics(x)
     found = np.array(measure.map(len(x))(q.T)).ravel()
     np.testing.assert_allclose(np.abs(found), np.abs(volume_of_normals(TILTING, x)), rtol=1e-9)
@@ -78,12 +83,9 @@ def test_measure_is_the_volume_of_the_bars():
     assert margin == 0.2
     x = np.array([[0.85, 0.1, 0.05], [0.6, -0.2, 0.1], SCENE.start])
 
-    class Motion:
-        q = ca.SX.sym("q", 12)
-
-    measure = ca.Function(
-        "measure", [Motion.q], [ParallelSingularity().measure(Motion(), ca.SX([margin, side]))]
-    )
+    motion = any_motion(SCENE)
+    measured = ParallelSingularity().measure(motion, ca.SX([margin, side]))
+    measure = ca.Function("measure", [motion.q], [measured])
     q = delta_model(SCENE.robot, None).inverse_kinematics(x)
     found = np.array(measure.map(len(x))(q.T)).ravel()
     np.testing.assert_allclose(found, side * volume(SCENE, x), rtol=1e-12)

@@ -14,7 +14,7 @@ from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.limits.torque import Torque, WithLeastPayload
 from deltaopt.limits.torque_curve import TorqueCurve
 from deltaopt.mechanisms.delta.functions import delta_functions
-from deltaopt.mechanisms.delta.instant import CoordinateInstant, PlatformInstant
+from deltaopt.mechanisms.instant import CoordinateInstant, PlatformInstant
 from deltaopt.robot.model import delta_model
 from deltaopt.verify.measures import MeasuredMotion
 

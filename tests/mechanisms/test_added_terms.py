@@ -29,6 +29,7 @@ from deltaopt.output.mjcf import mjcf
 from deltaopt.planning.first_motions.initial_motion import baseline
 from deltaopt.planning.flat.equations import point_equations
 from deltaopt.planning.mesh.reversals import with_reversals
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.report.modelled import modelled, not_modelled
 from deltaopt.scene.scene import limits_of
 
@@ -97,7 +98,7 @@ def plant(monkeypatch):
         monkeypatch.setattr(robot_model, "delta_parameters", parameters)
 
     def forget() -> None:
-        for each in (robot_model.delta_model, lower_bound, limits_of):
+        for each in (robot_model.model_of, lower_bound, limits_of, problem_of):
             each.cache_clear()
 
     forget()
@@ -199,10 +200,11 @@ def test_slowing_reckons_with_it(plant):
     """Torques at rest are the spring's too, and with drag they are no polynomial of the speed."""
     for load in (Spring(STIFFNESS), Drag(0.05)):
         plant(load)
-        robot_model.delta_model.cache_clear()
+        robot_model.model_of.cache_clear()
+        problem_of.cache_clear()
         motion = baseline(scene(robot=ORSINO)).slowed(0.7)
         motion = replace(motion, model=robot_model.delta_model(robot(), 1.0))
-        factor = safe_factor(scene(), motion)
+        factor = safe_factor(problem_of(scene()), motion)
         assert 1 < factor < 2
         highest = np.abs(motion.slowed(factor).inside_intervals(np.linspace(0, 1, 2000)).tau).max()
         assert highest == pytest.approx(10.0, rel=1e-5)
@@ -217,8 +219,8 @@ def test_a_sharp_layer_is_met(plant):
     mesh = np.full(8, 1 / 8)
     ends = {"start": (0.45, 0.0, -0.1), "goal": (0.45, 0.03, 0.1)}  # an arm turns back between
     motion = baseline(scene(robot=ORSINO, **ends))
-    assert len(with_reversals(mesh, motion, scene())) > len(mesh)
-    assert len(with_reversals(mesh, motion, scene(robot=ORSINO))) == len(mesh)
+    assert len(with_reversals(mesh, motion, problem_of(scene()))) > len(mesh)
+    assert len(with_reversals(mesh, motion, problem_of(scene(robot=ORSINO)))) == len(mesh)
 
 
 def test_told_or_refused(plant):

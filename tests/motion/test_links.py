@@ -106,6 +106,6 @@ def test_places_to_which_bars_are_too_short_sideways_have_no_links():
     model = delta_model(scene.robot, scene.payload)
     far = np.array([[0.3, 0.15, -1.9], [0.3, 3.0, 0.1], scene.start])
     assert model.closes(far).tolist() == [False, False, True]
-    geometry = LinkGeometry.of(scene.robot, model, far)
+    geometry = LinkGeometry.of(model, far)
     assert np.isnan(geometry.elbows[:2]).all()
     assert np.isfinite(geometry.elbows[2]).all()

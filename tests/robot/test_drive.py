@@ -12,7 +12,8 @@ import pytest
 from deltaopt.errors import SceneError
 from deltaopt.robot.drive import Drive, Friction
 from deltaopt.robot.joints import Joints
-from deltaopt.robot.robot import Robot, Workspace
+from deltaopt.robot.machine import Workspace
+from deltaopt.robot.robot import Robot
 
 ROBOT = {
     "name": "test robot",

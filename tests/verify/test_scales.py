@@ -13,8 +13,8 @@ from deltaopt import Robot, Scene, baseline, plan, verify
 from deltaopt.mechanisms.delta.arm_loads import FRICTION
 from deltaopt.mechanisms.delta.mechanism import DeltaParameters
 from deltaopt.motion.trajectory import Trajectory
+from deltaopt.robot.energies import DIMENSIONS
 from deltaopt.robot.model import delta_model
-from deltaopt.verify.units import DIMENSIONS
 from deltaopt.verify.verification import Verification
 
 SCALES = [

@@ -26,7 +26,7 @@ from deltaopt.planning.mesh.error_estimate import ErrorEstimate, error_estimate
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.planner import plan
 from deltaopt.problem.of_scene import problem_of
-from deltaopt.robot.model import DeltaModel
+from deltaopt.robot.model import delta_model
 from deltaopt.scene.scene import Scene
 
 Array = NDArray[np.float64]
@@ -136,7 +136,7 @@ def motion_inside(position: PiecewisePolynomial, fractions: Array) -> tuple[Arra
 
 def delta_case(name: str, scene: Scene) -> Case:
     """Return a scene, from its baseline."""
-    model, guess = DeltaModel(scene.robot, scene.payload), first_motion(scene)
+    model, guess = delta_model(scene.robot, scene.payload), first_motion(scene)
     scaling = Scaling(problem_of(scene), guess.duration)
     return Case(
         name,

@@ -1,20 +1,16 @@
-"""The Delta's kinematics and dynamics as CasADi functions of the platform's motion.
-
-The independent coordinates ξ of eq. (55) are the platform's position, so that q̇ = C v and q̈ = C a -
-P J̇ q̇. The parameters p stay an argument: one function serves every robot with the same terms.
-"""
+"""The Delta's kinematics and dynamics as CasADi functions of the platform's motion."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import ClassVar
 
 import casadi as ca
 
-from deltaopt.dynamics.constraint_matrix import ClosedForm
 from deltaopt.dynamics.formulation import Formulation
 from deltaopt.dynamics.lagrange import Explicit
-from deltaopt.dynamics.linear import solve_affine
 from deltaopt.dynamics.mechanism import SX, Mechanism
 from deltaopt.mechanisms.delta.kinematics import (
     forward_kinematics,
@@ -24,15 +20,18 @@ from deltaopt.mechanisms.delta.kinematics import (
 )
 from deltaopt.mechanisms.delta.mechanism import DeltaTerms, delta
 from deltaopt.mechanisms.delta.singularities import (
+    DISTANCES,
     alignment_margins,
     parallel_margin,
     sideways_margins,
+    tilt_margin,
 )
 from deltaopt.mechanisms.delta.slender_bars import angle_free_equations, chain_forces
+from deltaopt.mechanisms.functions import Functions, SingularityDistance
 
 
-@dataclass(frozen=True)
-class DeltaFunctions:
+@dataclass(frozen=True, eq=False)
+class DeltaFunctions(Functions):
     """The functions of all Deltas with the same terms, in a formulation of the dynamics.
 
     Their arguments are x, v, a: position, velocity and acceleration of the platform, 3 each, m,
@@ -41,6 +40,49 @@ class DeltaFunctions:
 
     terms: DeltaTerms
     formulation: Formulation
+    motors: ClassVar[slice] = slice(3, None, 3)
+    lengths: ClassVar[tuple[bool, ...]] = (True,) * 3 + (False,) * 9
+    distances: ClassVar[Sequence[SingularityDistance]] = DISTANCES
+
+    def symbols(self) -> SX:
+        """The parameters p as free symbols, in the order of ``terms``."""
+        return self.terms.symbols().vector()
+
+    @property
+    def payload(self) -> int | None:
+        """Which of the parameters is the payload's mass; None without payload."""
+        return self.terms.names.index("m2") if "m2" in self.terms.names else None
+
+    def lever(self, p: SX) -> SX:
+        """The length of an arm, m."""
+        return 2 * p[self.terms.names.index("a2")]
+
+    def layers(self, p: SX) -> Sequence[tuple[SX, SX]]:
+        """Speeds (rad/s) and half heights (N·m) of what changes its sign at reversals."""
+        symbols = self.terms.symbols()
+        found = filter(None, (load.layer() for load in symbols.loads))
+        layers = [(SX(speed), SX(strength)) for speed, strength in found]
+        if not layers:
+            return ()
+        f = ca.Function("layers", [symbols.vector()], [each for both in layers for each in both])
+        values = f.call([p])
+        return tuple(zip(values[::2], values[1::2], strict=True))
+
+    def alignments(self, q: SX) -> SX:
+        """sin² (q_{k,1} - q_{k,2}), 3: zero where arm and bars are in line."""
+        return ca.sin(q[3::3] - q[4::3]) ** 2
+
+    def tilts(self, q: SX) -> SX:
+        """sin q_{k,3}, 3: how far the bars lean out of the plane of their arm."""
+        return ca.sin(q[5::3])
+
+    def parallel_margin(self, q: SX) -> SX:
+        """The volume that unit vectors along the three bars span."""
+        return parallel_margin(q)
+
+    def tilt_margin(self, q: SX) -> SX:
+        """The volume that the unit normals of the three parallelograms span."""
+        return tilt_margin(q)
 
     @cached_property
     def mechanism(self) -> Mechanism:
@@ -82,24 +124,6 @@ class DeltaFunctions:
         return ca.Function("margins", [q], [margins])
 
     @cached_property
-    def velocity(self) -> ca.Function:
-        """(x, v, p) -> q, q̇, 12 each."""
-        x, v, p = self._platform("x", "v")
-        q = self.inverse_kinematics(x, p)
-        C, _ = ClosedForm().function(self.mechanism)(0, q, p)
-        return ca.Function("velocity", [x, v, p], [q, C @ v]).expand()
-
-    @cached_property
-    def motion(self) -> ca.Function:
-        """(x, v, a, p) -> q, q̇, q̈, 12 each."""
-        m = self.mechanism
-        x, v, a, p = self._platform("x", "v", "a")
-        q, dq = self.velocity(x, v, p)
-        C, P = ClosedForm().function(m)(0, q, p)
-        bias = ca.Function("bias", [m.q, m.dq, m.parameters], [m.J_bias])(q, dq, p)
-        return ca.Function("motion", [x, v, a, p], [q, dq, C @ a - P @ bias]).expand()
-
-    @cached_property
     def explicit_equations(self) -> ca.Function:
         """(x, v, a, tau, p) -> Cᵀ (Q* + Q), alignment, θ̇, θ̈, 3 each.
 
@@ -112,15 +136,9 @@ class DeltaFunctions:
         if self.terms.slender:
             results: tuple[SX, ...] = angle_free_equations(terms, x, v, a, tau)
         else:
-            results = self._general_equations(x, v, a, tau, terms.vector())
+            results = self.general_equations(x, v, a, tau, terms.vector())
         inputs = [x, v, a, tau, terms.vector()]
         return ca.Function("explicit_equations", inputs, list(results))
-
-    @cached_property
-    def explicit_torques(self) -> ca.Function:
-        """(x, v, a, p) -> τ, 3, N·m, the solution of ``explicit_equations`` for the torques."""
-        x, v, a, tau, p, force = self._affine_equations()
-        return ca.Function("explicit_torques", [x, v, a, p], [solve_affine(force, tau)])
 
     @cached_property
     def explicit_multipliers(self) -> ca.Function:
@@ -143,44 +161,6 @@ class DeltaFunctions:
         rates = self.explicit_equations(x, v, a, SX.zeros(3), p)[2]
         loads = [self.explicit_torques(x, v, a, p), rates]
         return ca.Function("explicit_loads", [x, v, a, p], loads, {"cse": True})
-
-    @cached_property
-    def explicit_acceleration(self) -> ca.Function:
-        """(x, v, tau, p) -> a, 3, the solution of ``explicit_equations`` for the acceleration."""
-        x, v, a, tau, p, force = self._affine_equations()
-        return ca.Function("explicit_acceleration", [x, v, tau, p], [solve_affine(force, a)])
-
-    def _affine_equations(self) -> tuple[SX, ...]:
-        """Symbols x, v, a, tau, p, and eq. (39), which is affine in τ and in a."""
-        x = [SX.sym(name, 3) for name in ("x", "v", "a", "tau")]
-        p = self.terms.symbols().vector()
-        return *x, p, self.explicit_equations(*x, p)[0]
-
-    def _general_equations(self, x: SX, v: SX, a: SX, tau: SX, p: SX) -> tuple[SX, ...]:
-        """The results of ``explicit_equations`` by the general derivation in twelve coordinates."""
-        q, dq, ddq = self.motion(x, v, a, p)
-        force = Explicit().residual(self.mechanism).expand()(0, q, dq, ddq, tau, p)
-        return force, self.serial_distances(x, p)[3:], dq[3::3], ddq[3::3]
-
-    @cached_property
-    def inverse_dynamics(self) -> ca.Function:
-        """(x, v, a, p) -> τ, 3, λ, 9, in this formulation."""
-        x, v, a, p = self._platform("x", "v", "a")
-        inverse = self.formulation.inverse_dynamics(self.mechanism)
-        tau, lam = inverse(0, *self.motion(x, v, a, p), p)
-        return ca.Function("inverse_dynamics", [x, v, a, p], [tau, lam])
-
-    @cached_property
-    def forward_dynamics(self) -> ca.Function:
-        """(x, v, tau, p) -> a, 3, in this formulation."""
-        x, v, tau, p = self._platform("x", "v", "tau")
-        forward = self.formulation.forward_dynamics(self.mechanism)
-        ddq, _ = forward(0, *self.velocity(x, v, p), tau, p)
-        return ca.Function("forward_dynamics", [x, v, tau, p], [ddq[:3]])
-
-    def _platform(self, *names: str) -> list[ca.MX]:
-        p = ca.MX.sym("p", len(self.terms.names))
-        return [*(ca.MX.sym(name, 3) for name in names), p]
 
 
 @lru_cache(maxsize=64)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from math import cos, sin
 
 import casadi as ca
 
 from deltaopt.dynamics.mechanism import SX
 from deltaopt.mechanisms.delta.mechanism import AZIMUTHS
+from deltaopt.mechanisms.functions import SingularityDistance
 
 
 def sideways_margins(q: SX) -> SX:
@@ -58,21 +58,6 @@ def _bar(azimuth: float, angles: SX) -> SX:
 def _normal(azimuth: float, angle: SX) -> SX:
     """Unit normal of a parallelogram, across its bars and its axis at the elbow, of q_{k,2}."""
     return ca.vertcat(ca.cos(angle), cos(azimuth) * ca.sin(angle), sin(azimuth) * ca.sin(angle))
-
-
-@dataclass(frozen=True)
-class SingularityDistance:
-    """A distance without unit of a position from a kind of singularity: 0 in it and 1 at best.
-
-    ``name``: of the singularity. ``formula``: of the distance, for people. ``per_chain``: whether
-    every chain has a distance of its own. ``of``: makes the distance, 3 or 1, an expression of the
-    twelve coordinates.
-    """
-
-    name: str
-    formula: str
-    per_chain: bool
-    of: Callable[[SX], SX]
 
 
 def _squared(margins: Callable[[SX], SX]) -> Callable[[SX], SX]:

@@ -31,7 +31,7 @@ from deltaopt.planning.first_motions.bows import bows
 from deltaopt.planning.first_motions.initial_motion import roughly_fastest
 from deltaopt.planning.first_motions.passages import shortest_path, what_was_searched
 from deltaopt.problem.of_scene import problem_of
-from deltaopt.robot.model import delta_model
+from deltaopt.robot.model import model_of
 from deltaopt.scene.scene import Scene
 
 _MARGINS, _GENTLE = (0.02, 0.01, 0.003, 0.001, 3e-4, 1e-4), 4
@@ -162,7 +162,7 @@ def _driven(scene: Scene, band: Array) -> Trajectory | None:
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     t = np.append(0.0, np.cumsum(2 * lengths / (speeds[1:] + speeds[:-1])))
     position = PiecewisePolynomial.hermite(t, band, tangent * speeds[:, None])
-    motion = Trajectory(position, delta_model(scene.robot, scene.payload))
+    motion = Trajectory(position, model_of(scene.robot, scene.payload))
     if not is_clear(scene, motion):
         return None
     return if_possible(RULED_OUT, roughly_fastest, scene, motion)
@@ -192,7 +192,7 @@ def _turns_back(before: Array, place: Array, after: Array) -> bool:
 def _with_stops(scene: Scene, corners: Array) -> Trajectory | None:
     """The motion along straight lines, at rest at every corner, (n, 3), m; None where it cannot be
     driven."""
-    model = delta_model(scene.robot, scene.payload)
+    model = model_of(scene.robot, scene.payload)
     lengths = np.linalg.norm(np.diff(corners, axis=0), axis=1)
     knots = np.append(0.0, np.cumsum(np.sqrt(lengths)))
     coefficients = np.zeros((len(lengths), len(QUINTIC), 3))

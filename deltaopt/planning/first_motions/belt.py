@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from math import hypot
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +41,7 @@ class Meetings:
     @classmethod
     def of(cls, scene: Scene, goal: MovingPoint) -> Meetings:
         """Where the belt is from the motion's start on and while it is near the robot."""
-        near = _reach(scene)
+        near = scene.robot.farthest
         times = _times_within(goal, near)
         if not len(times):
             return cls(scene, goal, near, times, np.zeros((0, 1)))
@@ -127,13 +126,6 @@ def not_met(scene: Scene, tried: int, error: DeltaOptError) -> DeltaOptError:
     )
     told.__cause__ = error
     return told
-
-
-def _reach(scene: Scene) -> float:
-    """A distance from the base's centre that the tool's point never exceeds, m."""
-    robot = scene.robot
-    lengths = robot.base_radius, robot.upper_arm.length, robot.forearm.length, robot.platform_radius
-    return sum(lengths) + hypot(*robot.tool_offset)
 
 
 def _times_within(goal: MovingPoint, radius: float) -> Array:

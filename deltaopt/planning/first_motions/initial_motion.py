@@ -13,16 +13,14 @@ from numpy.polynomial.polynomial import polyder, polymul, polyval
 
 from deltaopt.codegen.vectorised import RowFunction
 from deltaopt.curves.piecewise import QUINTIC, Array, PiecewisePolynomial
-from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.errors import RULED_OUT, Infeasible, Unreachable, if_possible
 from deltaopt.files.validated_record import Vector3
-from deltaopt.mechanisms.delta.functions import delta_functions
-from deltaopt.mechanisms.delta.mechanism import DeltaTerms
+from deltaopt.mechanisms.functions import Functions
 from deltaopt.motion.time_scaling import needed_slowing, rough_factor
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.problem.of_scene import problem_of
-from deltaopt.robot.model import DeltaModel, delta_model
-from deltaopt.robot.robot import Robot
+from deltaopt.robot.machine import Model
+from deltaopt.robot.model import model_of
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import given_points
 from deltaopt.settings import require_type
@@ -48,7 +46,7 @@ _MOST_SPEEDS = 10
 """Each brings a motion nearer to its fastest by seven orders of magnitude."""
 
 
-def straight_line(model: DeltaModel, start: Vector3, goal: Vector3, duration: float) -> Trajectory:
+def straight_line(model: Model, start: Vector3, goal: Vector3, duration: float) -> Trajectory:
     """The motion on the straight line from ``start`` to ``goal`` (m) in ``duration`` (s).
 
     It has covered 10 u³ - 15 u⁴ + 6 u⁵ of the line at u = t / duration: at rest and without
@@ -105,7 +103,7 @@ def _parabolas(scene: Scene) -> Iterator[Trajectory]:
     start, goal = given_points(scene.task)
     halfway = (np.array(start) + goal) / 2
     for pull in _PULLS:
-        corner = halfway + pull * (_middle(scene.robot, 0.5) - halfway)
+        corner = halfway + pull * (scene.robot.on_axis(0.5) - halfway)
         yield curve_between(scene, corner)
 
 
@@ -121,7 +119,7 @@ def _cubics(scene: Scene) -> Iterator[Trajectory]:
     """
     start, goal = (np.array(point) for point in given_points(scene.task))
     for depth, leave, arrive in product((0.5, 0.6, 0.7, 0.8), (0.5, 1.0, 1.3), (0.5, 1.0, 1.3)):
-        middle = _middle(scene.robot, depth)
+        middle = scene.robot.on_axis(depth)
         yield curve_between(
             scene, start + leave * (middle - start), goal + arrive * (middle - goal)
         )
@@ -132,13 +130,13 @@ def joint_line(scene: Scene) -> Trajectory:
 
     Raises Unreachable where the loops cannot close.
     """
-    model = delta_model(scene.robot, scene.payload)
+    model = model_of(scene.robot, scene.payload)
     u = np.linspace(0.0, 1.0, _JOINT_LINE_INTERVALS + 1)
     start, goal = given_points(scene.task)
     ends = np.tile([*start, *goal], (len(u), 1))
     share = np.asarray(polyval(u, QUINTIC), dtype=float)[:, None]
     rate = np.asarray(polyval(u, polyder(QUINTIC)), dtype=float)[:, None]
-    function = _joint_line_function(model.functions.terms)
+    function = _joint_line_function(model.functions)
     x, v = function(ends, share, rate, parameters=model.parameters)
     if not np.isfinite(x).all():
         raise Unreachable("motor angles straight from start to goal: the bars do not meet")
@@ -147,12 +145,12 @@ def joint_line(scene: Scene) -> Trajectory:
 
 
 @lru_cache(maxsize=16)
-def _joint_line_function(terms: DeltaTerms) -> RowFunction:
+def _joint_line_function(functions: Functions) -> RowFunction:
     """(start and goal, share of the line in motor angles, its rate, p) -> x, v of the platform."""
-    functions = delta_functions(terms, Explicit())
     ends, share, rate = ca.SX.sym("ends", 6), ca.SX.sym("share"), ca.SX.sym("rate")
-    p = ca.SX.sym("p", len(terms.names))
-    first, last = (functions.inverse_kinematics(end, p)[3::3] for end in (ends[:3], ends[3:]))
+    p = functions.symbols()
+    both = (functions.inverse_kinematics(end, p) for end in (ends[:3], ends[3:]))
+    first, last = (q[functions.motors] for q in both)
     x = functions.forward_kinematics((1 - share) * first + share * last, p)
     v = ca.jtimes(x, share, rate)
     inputs = [ends, share, rate, p]
@@ -191,7 +189,7 @@ def has_time_to_wait(scene: Scene) -> bool:
 def _by_way_of(scene: Scene, depth: float) -> tuple[Trajectory, Trajectory] | None:
     """Unhurried straight lines to a place on the robot's axis and from there to the goal; None
     where the limits do not allow them."""
-    model, place = delta_model(scene.robot, scene.payload), _middle(scene.robot, depth)
+    model, place = model_of(scene.robot, scene.payload), scene.robot.on_axis(depth)
     start, goal = given_points(scene.task)
     lines = (
         straight_line(model, start, tuple(place), 1.0),
@@ -222,7 +220,7 @@ def _with_wait(there: Trajectory, onwards: Trajectory, duration: float) -> Traje
 
 def line(scene: Scene) -> Trajectory:
     """The motion on the straight line from start to goal in 1 s."""
-    model = delta_model(scene.robot, scene.payload)
+    model = model_of(scene.robot, scene.payload)
     return straight_line(model, *given_points(scene.task), 1.0)
 
 
@@ -283,18 +281,9 @@ def curve_between(scene: Scene, *control: Array) -> Trajectory:
     for k in range(n + 1):
         coefficients[: len(power)] += np.outer(power, comb(n, k) * np.diff(points, k, axis=0)[0])
         power = polymul(power, QUINTIC)
-    return _one_piece(delta_model(scene.robot, scene.payload), coefficients)
+    return _one_piece(model_of(scene.robot, scene.payload), coefficients)
 
 
-def _one_piece(model: DeltaModel, coefficients: Array) -> Trajectory:
+def _one_piece(model: Model, coefficients: Array) -> Trajectory:
     """A motion of a single polynomial in 1 s, from its coefficients (powers, 3)."""
     return Trajectory(PiecewisePolynomial(np.array([0.0, 1.0]), coefficients[None]), model)
-
-
-def _middle(robot: Robot, depth: float) -> Array:
-    """The tool's point, (3,), m, with the platform on the robot's axis, at a depth from 0 (chains
-    folded) to 1 (stretched)."""
-    arm, bars = robot.upper_arm.length, robot.forearm.length
-    offset = robot.base_radius - robot.platform_radius
-    folded, stretched = (max(reach**2 - offset**2, 0) ** 0.5 for reach in (bars - arm, bars + arm))
-    return np.array([folded + depth * (stretched - folded), 0.0, 0.0]) + robot.tool_offset

@@ -21,7 +21,7 @@ from deltaopt.planning.first_motions.belt import Meetings
 from deltaopt.planning.first_motions.order_of_merit import first_motion
 from deltaopt.planning.first_motions.proposal import Proposal
 from deltaopt.problem.of_scene import problem_of
-from deltaopt.robot.model import delta_model
+from deltaopt.robot.model import model_of
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import REST, EndState, MovingEnds, MovingPoint, RestAnywhere
 
@@ -170,7 +170,7 @@ def _onwards(scene: Scene, before: PiecewisePolynomial) -> Iterator[Trajectory]:
     if isinstance(goal, RestAnywhere) or (
         there and dist(end_of(before), goal.position) < _RESOLVED
     ):
-        yield Trajectory(before, delta_model(scene.robot, scene.payload))
+        yield Trajectory(before, model_of(scene.robot, scene.payload))
         return
     later = if_possible(RULED_OUT, first_between, from_rest(scene, end_of(before)))
     if later is not None:
@@ -245,7 +245,7 @@ def shortest_of(scene: Scene, family: Family, durations: Array = _COARSE) -> Tra
     coefficients, lengths = family(np.array([best]))
     knots = np.append(0.0, np.cumsum(lengths[0]))
     position = PiecewisePolynomial(knots, coefficients[0])
-    return Trajectory(position, delta_model(scene.robot, scene.payload))
+    return Trajectory(position, model_of(scene.robot, scene.payload))
 
 
 def _best(scene: Scene, family: Family, durations: Array) -> float | None:

@@ -162,8 +162,8 @@ def _driven(scene: Scene, name: str, make: Callable[[Scene], Trajectory]) -> Pro
 
 def is_slow(scene: Scene, duration: float, times: float) -> bool:
     """Whether a duration, s, is more than so many times the lower bound, and unusual too."""
-    force = sum(scene.robot.torque_limits) / scene.robot.upper_arm.length
-    mass = scene.robot.platform.mass + (scene.payload or 0.0)
+    force = sum(scene.robot.torque_limits) / scene.robot.lever
+    mass = scene.robot.platform_mass + (scene.payload or 0.0)
     if duration < _USUAL * (distance(scene.task) * mass / force) ** 0.5:
         return False  # the lower bound would cost a tenth of a plan
     return duration > times * lower_bound(scene)

@@ -23,7 +23,7 @@ from deltaopt.curves.piecewise import QUINTIC, PiecewisePolynomial
 from deltaopt.errors import RULED_OUT, if_possible
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.initial_motion import roughly_fastest
-from deltaopt.robot.model import delta_model
+from deltaopt.robot.model import model_of
 from deltaopt.scene.feasibility import room_at_rest
 from deltaopt.scene.scene import Scene
 
@@ -74,7 +74,7 @@ def path_over_grid(scene: Scene, steps: int, room: Room | None = None) -> Array 
 
 def spacing(scene: Scene, steps: int) -> float:
     """Distance of neighbours in a grid, m."""
-    return (scene.robot.upper_arm.length + scene.robot.forearm.length) / steps
+    return scene.robot.reach / steps
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ class _Grid:
     def of(cls, scene: Scene, steps: int, room_at: Room) -> _Grid:
         h = spacing(scene, steps)
         robot = scene.robot
-        wide = steps + int(np.ceil(abs(robot.base_radius - robot.platform_radius) / h))
+        wide = steps + int(np.ceil(robot.width / h))
         depths = h * np.arange(-steps // 4, steps + 1)
         across = h * np.arange(-wide, wide + 1)
         mesh = np.meshgrid(depths, across, across, indexing="ij")
@@ -233,5 +233,5 @@ def _motion(scene: Scene, path: Array) -> Trajectory:
     x = np.stack([np.interp(share, u, path[:, i]) for i in range(3)], axis=1)
     v = np.stack([np.interp(share, u, slope[:, i]) for i in range(3)], axis=1) * rate[:, None]
     x[[0, -1]], v[[0, -1]] = scene.given_points, 0.0
-    model = delta_model(scene.robot, scene.payload)
+    model = model_of(scene.robot, scene.payload)
     return Trajectory(PiecewisePolynomial.hermite(u, x, v), model)

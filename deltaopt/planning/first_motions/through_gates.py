@@ -28,7 +28,7 @@ from deltaopt.planning.first_motions.moving_ends import (
 )
 from deltaopt.planning.first_motions.proposal import Proposal
 from deltaopt.problem.of_scene import problem_of
-from deltaopt.robot.model import delta_model
+from deltaopt.robot.model import model_of
 from deltaopt.scene.feasibility import room_at_rest
 from deltaopt.scene.moving_ends import Belt, End
 from deltaopt.scene.scene import Scene
@@ -112,7 +112,7 @@ def _spline_at_rest(scene: Scene, places: Array, power: float) -> Trajectory | N
     start, goal = scene.given_points
     points, rest = np.array([start, *places, goal]), np.zeros(3)
     position = _spline(points, _lengths(points, power), rest, rest)
-    spline = Trajectory(position, delta_model(scene.robot, scene.payload))
+    spline = Trajectory(position, model_of(scene.robot, scene.payload))
     factor = rough_factor(problem_of(scene), spline)
     return spline.slowed(factor) if isfinite(factor) else None
 

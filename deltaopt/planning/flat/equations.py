@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.limits.constraints import Constraints
-from deltaopt.mechanisms.delta.functions import DeltaFunctions
-from deltaopt.mechanisms.delta.instant import PlatformInstant
+from deltaopt.mechanisms.functions import Functions
+from deltaopt.mechanisms.instant import PlatformInstant
 from deltaopt.planning.flat.point_problem import PointProblem, Sides
 from deltaopt.planning.nlp.program import PointFunction
 from deltaopt.planning.nlp.scaling import Parameters
@@ -41,10 +41,9 @@ class PointEquations:
     strengths: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
 
     @classmethod
-    def of(cls, functions: DeltaFunctions, constraints: Constraints) -> PointEquations:
+    def of(cls, functions: Functions, constraints: Constraints) -> PointEquations:
         """Derive them for a mechanism and the limits of a scene."""
-        terms = functions.terms.symbols()
-        parameters = Parameters.symbols(constraints, terms.vector())
+        parameters = Parameters.symbols(constraints, functions.symbols())
         y, p = ca.SX.sym("y", 13), parameters
         T, tau = p.time * y[12], p.torque * y[9:12]
         motion = PlatformInstant(
@@ -58,14 +57,14 @@ class PointEquations:
         rows = constraints.rows(motion, p.limits)
         rows[np.flatnonzero(constraints.is_control).tolist()] = y[9:12]  # in units of their limits
         saturating, strengths = ca.SX(0, 1), ca.SX(0, 1)
-        for speed, strength in filter(None, (load.layer() for load in terms.loads)):
+        for speed, strength in functions.layers(p.mechanism):
             saturating = ca.vertcat(saturating, motion.dtheta / speed)
             strengths = ca.vertcat(strengths, strength / p.torque)
         return cls(
             constraints=constraints,
             y=y,
             parameters=parameters,
-            force=motion.force * 2 * terms.a2 / ca.mmax(p.torque),
+            force=motion.force * functions.lever(p.mechanism) / ca.mmax(p.torque),
             rows=rows,
             rate=ca.sumsqr(tau),
             saturating=saturating,
@@ -111,6 +110,6 @@ class PointEquations:
 
 
 @lru_cache(maxsize=16)
-def point_equations(functions: DeltaFunctions, constraints: Constraints) -> PointEquations:
+def point_equations(functions: Functions, constraints: Constraints) -> PointEquations:
     """The equations of a mechanism and its limits, derived once in a process."""
     return PointEquations.of(functions, constraints)

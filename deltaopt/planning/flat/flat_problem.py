@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.errors import NotConverged
 from deltaopt.limits.constraints import Constraints
-from deltaopt.mechanisms.delta.functions import DeltaFunctions
+from deltaopt.mechanisms.functions import Functions
 from deltaopt.motion.trajectory import Motion, Trajectory
 from deltaopt.planning.flat.equations import PointEquations, point_equations
 from deltaopt.planning.flat.interior_point import (
@@ -109,7 +109,7 @@ class Flat:
 
     def of(
         self,
-        functions: DeltaFunctions,
+        functions: Functions,
         transcription: PiecewiseAcceleration,
         constraints: Constraints,
         cost: Cost = FASTEST,

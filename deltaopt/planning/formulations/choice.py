@@ -9,7 +9,7 @@ from functools import lru_cache
 from deltaopt.dynamics.formulation import Projected
 from deltaopt.dynamics.lagrange import Multiplier
 from deltaopt.limits.constraints import Constraints
-from deltaopt.mechanisms.delta.functions import DeltaFunctions
+from deltaopt.mechanisms.functions import Functions
 from deltaopt.planning.formulations.collocation import Equations
 from deltaopt.planning.formulations.delta import DeltaEquations, scaled_delta
 from deltaopt.planning.formulations.equations import (
@@ -41,7 +41,7 @@ class Collocated(ABC):
 
     def of(
         self,
-        functions: DeltaFunctions,
+        functions: Functions,
         transcription: PiecewiseAcceleration,
         constraints: Constraints,
         cost: Cost = FASTEST,
@@ -95,7 +95,7 @@ class Forward(Collocated):
 
 @lru_cache(maxsize=16)
 def _equations(
-    formulation: Collocated, functions: DeltaFunctions, constraints: Constraints
+    formulation: Collocated, functions: Functions, constraints: Constraints
 ) -> Equations:
     return formulation.equations(scaled_delta(functions, constraints))
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.dynamics.mechanism import SX
 from deltaopt.limits.constraints import Constraints
-from deltaopt.mechanisms.delta.functions import DeltaFunctions
-from deltaopt.mechanisms.delta.instant import CoordinateInstant
+from deltaopt.mechanisms.functions import Functions
+from deltaopt.mechanisms.instant import CoordinateInstant
 from deltaopt.planning.formulations.collocation import FAR, NEAR, CollocationProblem, Equations
 from deltaopt.planning.formulations.scaled_mechanism import (
     BoundaryValues,
@@ -28,7 +28,7 @@ from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 Array = NDArray[np.float64]
 
 
-def scaled_delta(functions: DeltaFunctions, constraints: Constraints) -> ScaledMechanism:
+def scaled_delta(functions: Functions, constraints: Constraints) -> ScaledMechanism:
     """The Delta as a scaled mechanism; its independent coordinates ξ are the platform's position.
 
     The unit of length is the distance from start to goal, of angle what an arm turns when its elbow
@@ -36,12 +36,11 @@ def scaled_delta(functions: DeltaFunctions, constraints: Constraints) -> ScaledM
     """
     m = functions.mechanism
     parameters = Parameters.symbols(constraints, m.parameters)
-    named = dict(zip(functions.terms.names, ca.vertsplit(m.parameters), strict=True))
     length, torque = parameters.length, parameters.torque
-    angle = length / (2 * named["a2"])
+    angle = length / functions.lever(m.parameters)
     units = Units(
-        q=ca.vertcat(*3 * [length], *9 * [angle]),
-        closure=ca.vertcat(*9 * [length]),
+        q=ca.vertcat(*(length if is_length else angle for is_length in functions.lengths)),
+        closure=ca.vertcat(*m.holonomic.numel() * [length]),
         time=parameters.time,
         energy=ca.mmax(torque) * angle,
         torque=torque,
@@ -49,17 +48,19 @@ def scaled_delta(functions: DeltaFunctions, constraints: Constraints) -> ScaledM
     x = [SX.sym(name, 3) for name in ("x", "v", "a", "tau")]
     force = functions.explicit_equations(*x, m.parameters)[0]
     explicit = ca.Function("explicit", [*x, m.parameters], [force])
-    limits = _limit_rows(constraints, parameters)
+    limits = _limit_rows(functions, constraints, parameters)
     return ScaledMechanism(
         m, (0, 1, 2), functions.inverse_kinematics, parameters.scaling, units, limits, explicit
     )
 
 
-def _limit_rows(constraints: Constraints, parameters: Parameters) -> LimitRows:
+def _limit_rows(
+    functions: Functions, constraints: Constraints, parameters: Parameters
+) -> LimitRows:
     """The rows of a scene's limits as functions of the twelve coordinates."""
-    q, dq, ddq = (SX.sym(name, 12) for name in ("q", "dq", "ddq"))
+    q, dq, ddq = (SX.sym(name, len(functions.lengths)) for name in ("q", "dq", "ddq"))
     tau = SX.sym("tau", 3)
-    rows = constraints.rows(CoordinateInstant(q, dq, ddq, tau), parameters.limits)
+    rows = constraints.rows(CoordinateInstant(functions, q, dq, ddq, tau), parameters.limits)
     rows[np.flatnonzero(constraints.is_control).tolist()] = tau / parameters.torque
     inputs = [q, dq, ddq, tau, parameters.vector]
     return LimitRows(

@@ -54,7 +54,7 @@ def softer_problems(problem: Problem, motion: Trajectory) -> tuple[Problem, ...]
     if friction is None or not friction.coulomb or friction.speed is None:
         return ()
     _, speeds, _ = motion.coordinates_inside(_SAMPLES)
-    softest = _SOFTEST * float(np.abs(speeds[:, 3::3]).max())
+    softest = _SOFTEST * float(np.abs(speeds[:, motion.model.functions.motors]).max())
     if softest <= friction.speed:
         return ()
     shares = np.arange(_SOFT_MESHES) / _SOFT_MESHES
@@ -76,8 +76,7 @@ def with_reversals(mesh: Array, motion: Trajectory, problem: Problem) -> Array:
     The motion is of the mesh before. It is the same mesh without a load of the arms that changes
     its sign within a moment, as Coulomb friction does.
     """
-    layers = (load.layer() for load in problem.model.numbers.loads)
-    speeds = [float(layer[0]) for layer in layers if layer is not None]
+    speeds = problem.model.layers
     if not speeds:
         return mesh
     places, rates = _reversals(motion)
@@ -97,8 +96,8 @@ def _reversals(motion: Trajectory) -> tuple[Array, Array]:
     """Where arms are at rest, as fractions of the duration, and by how much their speeds would
     change there within the duration, rad/s, (n,) each: reversals, and for each arm both ends."""
     _, speeds, accelerations = motion.coordinates_inside(_SAMPLES)
-    N = len(motion.knots) - 1
-    speed = speeds[:, 3::3].reshape(N, len(_SAMPLES), 3)
+    N, motors = len(motion.knots) - 1, motion.model.functions.motors
+    speed = speeds[:, motors].reshape(N, len(_SAMPLES), 3)
     speed = np.where(np.abs(speed) < _AT_REST * np.abs(speed).max(), 0.0, speed)
     before, after = speed[:, :-1], speed[:, 1:]
     turning = before * after < 0
@@ -108,6 +107,6 @@ def _reversals(motion: Trajectory) -> tuple[Array, Array]:
     steps = _SAMPLES[1] * length[interval]
     at = begin[interval] + steps * (sample + before / (before - after))
     rates = np.abs(after - before) / steps
-    ends = np.abs(accelerations[[0, -1], 3::3]).ravel()
+    ends = np.abs(accelerations[[0, -1], motors]).ravel()
     places = np.concatenate([at / motion.duration, np.repeat([0.0, 1.0], 3)])
     return places, np.concatenate([rates, ends]) * motion.duration

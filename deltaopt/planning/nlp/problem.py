@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.limits.constraints import Constraints
-from deltaopt.mechanisms.delta.functions import DeltaFunctions
+from deltaopt.mechanisms.functions import Functions
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.nlp.cost import Cost
 from deltaopt.planning.nlp.scaling import Scaling
@@ -156,7 +156,7 @@ class ProblemFormulation(Protocol):
 
     def of(
         self,
-        functions: DeltaFunctions,
+        functions: Functions,
         transcription: PiecewiseAcceleration,
         constraints: Constraints,
         cost: Cost,

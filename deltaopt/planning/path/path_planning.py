@@ -17,7 +17,7 @@ from deltaopt.planning.path.path_rows import PathRows
 from deltaopt.planning.path.path_timing import PathTiming, TimedPath
 from deltaopt.planning.plan import PathIteration
 from deltaopt.problem.of_scene import problem_of
-from deltaopt.robot.model import delta_model
+from deltaopt.robot.model import model_of
 from deltaopt.scene.scene import Scene, limits_of
 from deltaopt.scene.task import OnPath
 
@@ -122,7 +122,7 @@ def _held(scene: Scene, timing: PathTiming) -> tuple[Trajectory, float, TimedPat
 
 
 def _trajectory(scene: Scene, motion: MeshMotion) -> Trajectory:
-    return Trajectory(motion.position, delta_model(scene.robot, scene.payload))
+    return Trajectory(motion.position, model_of(scene.robot, scene.payload))
 
 
 def _require_positions(scene: Scene, trajectory: Trajectory) -> None:

@@ -23,13 +23,12 @@ from numpy.typing import NDArray
 
 from deltaopt.codegen.vectorised import RowFunction
 from deltaopt.curves.piecewise import Array, Index
-from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.errors import SceneError
 from deltaopt.limits.constraints import Constraints
-from deltaopt.mechanisms.delta.functions import delta_functions
-from deltaopt.mechanisms.delta.instant import PlatformInstant
-from deltaopt.mechanisms.delta.mechanism import DeltaTerms
-from deltaopt.robot.model import DeltaModel, delta_model
+from deltaopt.mechanisms.functions import Functions
+from deltaopt.mechanisms.instant import PlatformInstant
+from deltaopt.robot.machine import Model
+from deltaopt.robot.model import model_of
 from deltaopt.scene.path import Path
 from deltaopt.scene.scene import Scene, limits_of
 
@@ -95,7 +94,7 @@ class PathRows:
     those that are not affine in u.
     """
 
-    model: DeltaModel
+    model: Model
     function: RowFunction
     expansion: RowFunction | None
     parameters: Array
@@ -108,9 +107,9 @@ class PathRows:
 
         Raises SceneError for a limit that tangents do not bound: one curved in u from below.
         """
-        limits, model = limits_of(scene), delta_model(scene.robot, scene.payload)
-        terms, constraints = model.functions.terms, limits.constraints
-        curved = _curved(terms, constraints)
+        limits, model = limits_of(scene), model_of(scene.robot, scene.payload)
+        functions, constraints = model.functions, limits.constraints
+        curved = _curved(functions, constraints)
         for row in kept_rows(constraints)[curved].tolist():
             if constraints.sides[row, 0]:
                 name = constraints.label(row)
@@ -118,8 +117,8 @@ class PathRows:
                 raise SceneError(None, "path", scene.task.description, expected)
         return cls(
             model,
-            _function(terms, constraints),
-            _expansion(terms, constraints) if len(curved) else None,
+            _function(functions, constraints),
+            _expansion(functions, constraints) if len(curved) else None,
             np.concatenate([limits.numbers, model.parameters]),
             constraints.sides[kept_rows(constraints)],
             curved,
@@ -269,18 +268,18 @@ def kept_rows(constraints: Constraints) -> Index:
 
 
 @lru_cache(maxsize=32)
-def _curved(terms: DeltaTerms, constraints: Constraints) -> Index:
+def _curved(functions: Functions, constraints: Constraints) -> Index:
     """Which of the kept rows are not affine in u."""
-    function = _rows_on_path(terms, constraints)
+    function = _rows_on_path(functions, constraints)
     inputs = function.sx_in()
     rows = function.call(inputs)[0]
     return np.flatnonzero(ca.which_depends(rows, inputs[3][1], 2, True))
 
 
 @lru_cache(maxsize=32)
-def _function(terms: DeltaTerms, constraints: Constraints) -> RowFunction:
+def _function(functions: Functions, constraints: Constraints) -> RowFunction:
     """(p, p′, p″, (ṡ, u), numbers of the limits and p) -> rows, ∂rows/∂ṡ, ∂rows/∂u."""
-    function = _rows_on_path(terms, constraints)
+    function = _rows_on_path(functions, constraints)
     inputs = function.sx_in()
     rows = function.call(inputs)[0]
     slopes = ca.jacobian(rows, inputs[3])
@@ -289,14 +288,14 @@ def _function(terms: DeltaTerms, constraints: Constraints) -> RowFunction:
 
 
 @lru_cache(maxsize=32)
-def _expansion(terms: DeltaTerms, constraints: Constraints) -> RowFunction:
+def _expansion(functions: Functions, constraints: Constraints) -> RowFunction:
     """(p, p′, p″, numbers of the limits and p) -> of the curved rows, at rest: their values, slopes
     by (b, u) and second derivatives, 1, 2 and 4 numbers each."""
-    x, dx, ddx, _, parameters = _rows_on_path(terms, constraints).sx_in()
+    x, dx, ddx, _, parameters = _rows_on_path(functions, constraints).sx_in()
     b, u = ca.SX.sym("b"), ca.SX.sym("u")
     z = ca.vertcat(b, u)
-    all_rows = _rows(terms, constraints, (x, dx, ddx), (ca.sqrt(b), b, u), parameters)
-    rows = [all_rows[i] for i in _curved(terms, constraints).tolist()]
+    all_rows = _rows(functions, constraints, (x, dx, ddx), (ca.sqrt(b), b, u), parameters)
+    rows = [all_rows[i] for i in _curved(functions, constraints).tolist()]
     parts = [
         ca.vertcat(*rows),
         ca.vertcat(*(ca.jacobian(row, z).T for row in rows)),
@@ -307,18 +306,18 @@ def _expansion(terms: DeltaTerms, constraints: Constraints) -> RowFunction:
 
 
 @lru_cache(maxsize=32)
-def _rows_on_path(terms: DeltaTerms, constraints: Constraints) -> ca.Function:
+def _rows_on_path(functions: Functions, constraints: Constraints) -> ca.Function:
     """(p, p′, p″, (ṡ, u), numbers of the limits and p) -> the rows that a motion must keep."""
     x, dx, ddx = (ca.SX.sym(name, 3) for name in ("x", "dx", "ddx"))
     state = ca.SX.sym("state", 2)
-    parameters = ca.SX.sym("parameters", constraints.parameters + len(terms.names))
+    parameters = ca.SX.sym("parameters", constraints.parameters + functions.symbols().numel())
     motion = state[0], state[0] ** 2, state[1]
-    rows = _rows(terms, constraints, (x, dx, ddx), motion, parameters)
+    rows = _rows(functions, constraints, (x, dx, ddx), motion, parameters)
     return ca.Function("rows_on_path", [x, dx, ddx, state, parameters], [rows])
 
 
 def _rows(
-    terms: DeltaTerms,
+    functions: Functions,
     constraints: Constraints,
     place: tuple[ca.SX, ca.SX, ca.SX],
     motion: tuple[ca.SX, ca.SX, ca.SX],
@@ -327,7 +326,6 @@ def _rows(
     """The rows at a place p, p′, p″ for a motion ṡ, ṡ², s̈; of order 1 their signed squares."""
     (x, dx, ddx), (speed, b, u) = place, motion
     numbers, p = parameters[: constraints.parameters], parameters[constraints.parameters :]
-    functions = delta_functions(terms, Explicit())
     instant = PlatformInstant(functions, x, dx * speed, ddx * b + dx * u, p)
     rows, orders = constraints.rows(instant, numbers), constraints.orders
     kept = (

@@ -26,7 +26,7 @@ from deltaopt.planning.switching.kkt_system import KKTSystem
 from deltaopt.planning.switching.newton import NewtonFailed, StationaryPoint, solve_conditions
 from deltaopt.planning.switching.residuals import OptimalityResiduals
 from deltaopt.planning.switching.structure import Arc, SwitchingStructure, changed
-from deltaopt.robot.model import DeltaModel
+from deltaopt.robot.machine import Model
 
 _DEGREE = 8
 """Degree of the acceleration in an interval: a lower one asks for more intervals, a higher one for
@@ -111,7 +111,7 @@ class _Candidate:
 
 def resolve_switches(
     rows: ConstraintRows,
-    model: DeltaModel,
+    model: Model,
     structure: SwitchingStructure,
     guess: Trajectory,
     scaling: Scaling,
@@ -162,7 +162,7 @@ class _Task:
     """What is the same for all candidates."""
 
     rows: ConstraintRows
-    model: DeltaModel
+    model: Model
     scaling: Scaling
     tolerance: float
     barrier: Barrier | None

@@ -29,7 +29,7 @@ from deltaopt.planning.switching.detection import (
 )
 from deltaopt.planning.switching.resolution import ResolvedMotion, Unresolved, resolve_switches
 from deltaopt.planning.switching.structure import Arc, SwitchingStructure
-from deltaopt.robot.model import DeltaModel
+from deltaopt.robot.machine import Model
 
 _ACTIVE = 1 - 1e-3
 """Size of a row from which on a limit is taken to matter for a motion. A lesser one would give
@@ -51,7 +51,7 @@ class SwitchResolver:
     rows: ConstraintRows
     all_rows: ConstraintRows
     scaling: Scaling
-    model: DeltaModel
+    model: Model
     tolerance: float
     tell: Callable[[str], None]
 
@@ -135,7 +135,7 @@ class SwitchResolver:
 
 
 def resolver(
-    scaling: Scaling, model: DeltaModel, tolerance: float, tell: Callable[[str], None]
+    scaling: Scaling, model: Model, tolerance: float, tell: Callable[[str], None]
 ) -> SwitchResolver:
     """For a scene; where arcs can hold none of its motions it certifies mesh solutions only."""
     all_rows = constraint_rows(point_equations(model.functions, scaling.constraints))

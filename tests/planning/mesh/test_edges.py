@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from deltaopt import plan
-from deltaopt.mechanisms.delta.instant import PlatformInstant
+from deltaopt.mechanisms.instant import PlatformInstant
 from deltaopt.motion.sure_bounds import distances_from_faces, signed_distances
 from deltaopt.planning.mesh.edges import phases_over_edges
 from deltaopt.problem.of_scene import problem_of

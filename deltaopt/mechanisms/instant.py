@@ -1,8 +1,8 @@
-"""A motion of the Delta at one instant: every quantity that a limit may depend on, as expressions.
+"""A motion of a robot at one instant: every quantity that a limit may depend on, as expressions.
 
 There are three ways to the same quantities, each derived only when needed: from the platform's
-motion by eq. (39), in the angle-free form if the bars are slender; from the platform's motion by
-the general derivation in twelve coordinates; and from the twelve coordinates themselves.
+motion by eq. (39), in its shortest form; from the platform's motion by
+the general derivation in all coordinates; and from these coordinates themselves.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from functools import cached_property
 import casadi as ca
 
 from deltaopt.dynamics.mechanism import SX
-from deltaopt.mechanisms.delta.functions import DeltaFunctions
+from deltaopt.mechanisms.functions import Functions
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +27,7 @@ class PlatformInstant:
     they follow from the motion by eq. (39).
     """
 
-    functions: DeltaFunctions
+    functions: Functions
     x: SX
     v: SX
     a: SX
@@ -36,16 +36,17 @@ class PlatformInstant:
 
     @cached_property
     def tau(self) -> SX:
-        """Motor torques, 3, N·m."""
+        """Forces or torques of the actuators, 3."""
         if self.given_torque is not None:
             return self.given_torque
         return self.functions.explicit_torques(self.x, self.v, self.a, self.p)
 
     @cached_property
     def tau_per_payload(self) -> SX:
-        """By how much the motor torques grow with the payload's mass, 3, N·m/kg: along a given
+        """By how much the actuators' forces grow with the payload's mass, 3: along a given
         motion they are affine in it. Of mechanisms with a payload."""
-        tau, mass = SX.sym("tau", 3), self.p[self.functions.terms.names.index("m2")]
+        assert self.functions.payload is not None
+        tau, mass = SX.sym("tau", 3), self.p[self.functions.payload]
         force, *_ = self.functions.explicit_equations(self.x, self.v, self.a, tau, self.p)
         return -ca.inv_minor(ca.jacobian(force, tau)) @ ca.jacobian(force, mass)
 
@@ -56,42 +57,52 @@ class PlatformInstant:
 
     @property
     def alignment(self) -> SX:
-        """sin² (q_{k,1} - q_{k,2}), 3: squared distances from the serial singularities."""
+        """Squared distances from the serial singularities, 3."""
         return self._equations[1]
 
     @property
     def dtheta(self) -> SX:
-        """Speeds of the arms, 3, rad/s."""
+        """Speeds of the actuators, 3."""
         return self._equations[2]
 
     @property
     def ddtheta(self) -> SX:
-        """Accelerations of the arms, 3, rad/s²."""
+        """Accelerations of the actuators, 3."""
         return self._equations[3]
 
     @property
     def theta(self) -> SX:
-        """Angles of the arms, 3, rad."""
-        return self.functions.inverse_kinematics(self.x, self.p)[3::3]
+        """Positions of the actuators, 3."""
+        return self.functions.inverse_kinematics(self.x, self.p)[self.functions.motors]
 
     @property
     def tilt(self) -> SX:
-        """sin q_{k,3}, 3: how far the bars lean out of the plane of their arm."""
+        """Sines of the angles by which the bars lean out of the plane of their chain, 3."""
         return self.functions.tilt(self.x, self.p)
 
     @property
+    def parallel_margin(self) -> SX:
+        """Volume that is 0 in a parallel singularity."""
+        return self.functions.parallel_margin(self.q)
+
+    @property
+    def tilt_margin(self) -> SX:
+        """Volume that is 0 where the platform can tilt."""
+        return self.functions.tilt_margin(self.q)
+
+    @property
     def q(self) -> SX:
-        """All coordinates, 12, m and rad."""
+        """All coordinates, m and rad."""
         return self._coordinates[0]
 
     @property
     def dq(self) -> SX:
-        """Their rates, 12, m/s and rad/s."""
+        """Their rates, m/s and rad/s."""
         return self._coordinates[1]
 
     @property
     def ddq(self) -> SX:
-        """Their second derivatives, 12, m/s² and rad/s²."""
+        """Their second derivatives, m/s² and rad/s²."""
         return self._coordinates[2]
 
     @cached_property
@@ -110,12 +121,13 @@ class PlatformInstant:
 
 @dataclass(frozen=True, eq=False)
 class CoordinateInstant:
-    """The quantities as functions of all coordinates ``q``, 12, m and rad, their derivatives ``dq``
-    and ``ddq`` by time, and the motor torques ``tau``, 3, N·m.
+    """The quantities as functions of all coordinates ``q``, m and rad, their derivatives ``dq`` and
+    ``ddq`` by time, and the actuators' forces or torques ``tau``, 3, N or N·m.
 
     ``torques``: mass of the payload added, kg -> the motor torques with it, where these are known.
     """
 
+    functions: Functions
     q: SX
     dq: SX
     ddq: SX
@@ -123,20 +135,20 @@ class CoordinateInstant:
     torques: Callable[[float], SX] | None = None
 
     @classmethod
-    def general(cls, functions: DeltaFunctions, x: SX, v: SX, a: SX, p: SX) -> CoordinateInstant:
+    def general(cls, functions: Functions, x: SX, v: SX, a: SX, p: SX) -> CoordinateInstant:
         """From the platform's motion, by the general derivation in twelve coordinates."""
         inverse = functions.inverse_dynamics.expand()
         q, dq, ddq = functions.motion(x, v, a, p)
 
         def torques(added: float) -> SX:
-            more = ca.DM([added * (name == "m2") for name in functions.terms.names])
+            more = ca.DM([added * (i == functions.payload) for i in range(p.numel())])
             return inverse(x, v, a, p + more)[0]
 
-        return cls(q, dq, ddq, inverse(x, v, a, p)[0], torques)
+        return cls(functions, q, dq, ddq, inverse(x, v, a, p)[0], torques)
 
     @property
     def tau_per_payload(self) -> SX:
-        """By how much the motor torques grow with the payload's mass, 3, N·m/kg.
+        """By how much the actuators' forces grow with the payload's mass, 3.
 
         Raises ValueError where the torques with another payload are not known.
         """
@@ -161,25 +173,35 @@ class CoordinateInstant:
 
     @property
     def theta(self) -> SX:
-        """Angles of the arms, 3, rad."""
-        return self.q[3::3]
+        """Positions of the actuators, 3."""
+        return self.q[self.functions.motors]
 
     @property
     def dtheta(self) -> SX:
-        """Speeds of the arms, 3, rad/s."""
-        return self.dq[3::3]
+        """Speeds of the actuators, 3."""
+        return self.dq[self.functions.motors]
 
     @property
     def ddtheta(self) -> SX:
-        """Accelerations of the arms, 3, rad/s²."""
-        return self.ddq[3::3]
+        """Accelerations of the actuators, 3."""
+        return self.ddq[self.functions.motors]
 
     @property
     def alignment(self) -> SX:
-        """sin² (q_{k,1} - q_{k,2}), 3: squared distances from the serial singularities."""
-        return ca.sin(self.q[3::3] - self.q[4::3]) ** 2
+        """Squared distances from the serial singularities, 3."""
+        return self.functions.alignments(self.q)
 
     @property
     def tilt(self) -> SX:
-        """sin q_{k,3}, 3: how far the bars lean out of the plane of their arm."""
-        return ca.sin(self.q[5::3])
+        """Sines of the angles by which the bars lean out of the plane of their chain, 3."""
+        return self.functions.tilts(self.q)
+
+    @property
+    def parallel_margin(self) -> SX:
+        """Volume that is 0 in a parallel singularity."""
+        return self.functions.parallel_margin(self.q)
+
+    @property
+    def tilt_margin(self) -> SX:
+        """Volume that is 0 where the platform can tilt."""
+        return self.functions.tilt_margin(self.q)
