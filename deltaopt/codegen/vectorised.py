@@ -46,10 +46,10 @@ class RowFunction:
 
     def with_failures(self, *arguments: ArrayLike, parameters: Array) -> Checked:
         """The results, and at which points a guard is negative or NaN."""
-        if self._code is not None and _shapes_of_floats(arguments) == self._single:
-            return self._one(arguments, parameters)
-        rows = [_numbers(a) for a in arguments]
-        shapes = [r.shape for r in rows]
+        shapes, rows = _shapes_of_floats(arguments), list[Any](arguments)
+        if None in shapes:
+            rows = [_numbers(a) for a in arguments]
+            shapes = [r.shape for r in rows]
         number = _number(shapes, self._single)
         if self._code is None:
             return self._interpreted(rows, parameters)
@@ -187,17 +187,15 @@ def _description(
 ) -> Any:
     """What the compiled function reads: N, the strides, then addresses."""
     arrays = [*rows, parameters, *results, failed]
-    numbers = [number, *strides, *(array.ctypes.data for array in arrays)]
+    numbers = [number, *strides, *[array.ctypes.data for array in arrays]]
     return (ctypes.c_int64 * len(numbers))(*numbers)
 
 
-def _number(shapes: list[tuple[int, ...]], single: list[tuple[int, ...]]) -> int:
+def _number(shapes: Sequence[Any], single: list[tuple[int, ...]]) -> int:
     """N of arguments with these shapes; ``single``: their shapes for a single point."""
-    fitting = len(shapes) == len(single) and all(
-        len(shape) in (1, 2) and shape[-1:] == one
-        for shape, one in zip(shapes, single, strict=True)
-    )
-    if not fitting:
+    if shapes == single:
+        return 1
+    if [shape[-1:] for shape in shapes] != single or max(map(len, shapes), default=1) > 2:
         wanted = ", ".join(f"(N, {size})" for (size,) in single)
         found = ", ".join(map(str, shapes))
         raise ValueError(f"arrays of shape {wanted} are needed, not {found}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -66,12 +67,12 @@ class Trajectory:
     coordinates: PiecewisePolynomial | None = None
     end_velocities: tuple[Vector3, Vector3] = (REST, REST)
 
-    @property
+    @cached_property
     def knots(self) -> Array:
         """Instants where polynomials meet, (K + 1,), s; torques may jump there."""
         return self.position.knots
 
-    @property
+    @cached_property
     def duration(self) -> float:
         """Time from start to goal, s."""
         return float(self.knots[-1] - self.knots[0])

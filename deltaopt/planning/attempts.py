@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import islice
 from math import inf
 
@@ -79,14 +80,14 @@ class Attempt:
     may_be_softer: bool = True
     most: float = inf
 
-    @property
+    @cached_property
     def mesh(self) -> Array:
         """The intervals of the first mesh as fractions of the duration, (N,)."""
         if self.on_its_mesh:
             return self.motion.shares
         return first_mesh(self.problem, self.motion, self.intervals)
 
-    @property
+    @cached_property
     def problem(self) -> Problem:
         """The problem that its scene states."""
         return problem_of(self.scene)

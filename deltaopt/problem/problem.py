@@ -6,6 +6,7 @@ Solvers, meshes, slowing and gaps know the problem, and no scene, key or task.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from math import dist
 
 from deltaopt.limits.constraints import SceneLimits
@@ -44,22 +45,22 @@ class Problem:
     objective: Objective = Objective()
     least_duration: float = 0.0
 
-    @property
+    @cached_property
     def start(self) -> Boundary:
         """Where the motion begins."""
         return self.boundaries[0]
 
-    @property
+    @cached_property
     def goal(self) -> Boundary:
         """Where it ends."""
         return self.boundaries[-1]
 
-    @property
+    @cached_property
     def gates(self) -> tuple[Boundary, ...]:
         """Where its phases meet."""
         return self.boundaries[1:-1]
 
-    @property
+    @cached_property
     def is_at_rest(self) -> bool:
         """Whether the motion is at rest at both ends, at places that are known, so that slowed
         uniformly it still solves the problem."""

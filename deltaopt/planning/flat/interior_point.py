@@ -244,23 +244,23 @@ class CompiledMethod:
         flags = np.array(
             [
                 *counts,
-                *(phase.duration_is_given for phase in phases),
-                *(free for boundary in boundaries for free in boundary.free.ravel().tolist()),
+                *[phase.duration_is_given for phase in phases],
+                *np.concatenate([boundary.free.ravel() for boundary in boundaries]),
             ],
             dtype=np.int64,
         )
         numbers = np.concatenate(
             [
-                *(phase.mesh for phase in phases),
-                *(phase.share.ravel() for phase in phases),
-                *(phase.p for phase in phases),
-                *(boundary.state.ravel() for boundary in boundaries),
-                *(boundary.drift for boundary in boundaries),
+                *[phase.mesh for phase in phases],
+                *[phase.share.ravel() for phase in phases],
+                *[phase.p for phase in phases],
+                *[boundary.state.ravel() for boundary in boundaries],
+                *[boundary.drift for boundary in boundaries],
                 [boundary.radius for boundary in boundaries],
             ]
         )
         motion = np.concatenate(
-            [*(phase.knots.ravel() for phase in phases), [phase.duration for phase in phases]]
+            [*[phase.knots.ravel() for phase in phases], [phase.duration for phase in phases]]
         )
         rows = sum(counts) * len(self.points) * len(self.problem.sides)
         has_sphere = np.array([boundary.radius > 0 for boundary in boundaries])

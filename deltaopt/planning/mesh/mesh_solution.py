@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from math import inf, isinf
 
 import numpy as np
@@ -250,7 +251,7 @@ class MeshSolution:
                 found.append(times[samples][size[:, :, row].reshape(-1)[samples].argmax()])
         return np.array(sorted(found))
 
-    @property
+    @cached_property
     def safe_factor(self) -> float:
         """By which the motion must be slowed to keep the limits that slowing helps to keep."""
         return self.needed.factor
@@ -268,7 +269,7 @@ class MeshSolution:
         cubic = self.solution.position.coefficients.shape[1] == 4
         return cubic and self.solution.all_at_points
 
-    @property
+    @cached_property
     def rows(self) -> Array:
         """Constraint rows inside the intervals, (N, len(FRACTIONS), rows), those of an approach by
         what holds in the phase of each."""
@@ -278,18 +279,18 @@ class MeshSolution:
             rows[:, :, phased.rows] = approach_rows(self.problem, self.trajectory, FRACTIONS)
         return rows
 
-    @property
+    @cached_property
     def is_softened(self) -> bool:
         """Whether the problem that was solved has softer friction than the one asked for."""
         return self.scaling.problem is not self.problem
 
-    @property
+    @cached_property
     def own_gap(self) -> float:
         """Estimated optimality gap of the motion in the problem that was solved."""
         left = self.lost.total + self.solution.left
         return float(self.lost.exceeded.max()) + SAFETY_FACTOR * left
 
-    @property
+    @cached_property
     def mesh(self) -> Array:
         """Lengths of the intervals, fractions of the duration, (N,)."""
         return self.program.mesh if self.solution.mesh is None else self.solution.mesh
@@ -371,7 +372,7 @@ class MeshSolution:
         """The solver's status."""
         return self.solution.status
 
-    @property
+    @cached_property
     def to_be_gained(self) -> float:
         """Estimated relative gain by finer meshes and by solving this one exactly."""
         return self.unused + self.solution.left

@@ -93,7 +93,7 @@ class Scaling:
         limits = self.problem.limits
         return limits if self.kept is None else limits.only(self.kept)
 
-    @property
+    @cached_property
     def constraints(self) -> Constraints:
         """The limits without their numbers."""
         return self.limits.constraints
