@@ -157,7 +157,7 @@ class DeltaModel(Model):
         p = self.numbers
         return float(p.m1 + (p.m2 or 0.0) + p.m3 + p.m4)
 
-    @property
+    @cached_property
     def energies(self) -> Energies | None:
         """None where a term of the model may act without bound, or moves what is not known."""
         return delta_energies(self.functions.mechanism, self.numbers)

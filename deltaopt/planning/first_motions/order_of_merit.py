@@ -162,8 +162,11 @@ def _driven(scene: Scene, name: str, make: Callable[[Scene], Trajectory]) -> Pro
 
 def is_slow(scene: Scene, duration: float, times: float) -> bool:
     """Whether a duration, s, is more than so many times the lower bound, and unusual too."""
-    force = sum(scene.robot.torque_limits) / scene.robot.lever
+    energies, lever = problem_of(scene).model.energies, scene.robot.lever
     mass = scene.robot.platform_mass + (scene.payload or 0.0)
+    if energies is not None:  # arms as masses at their elbows
+        mass += 3 * energies.arm_inertia / lever**2
+    force = sum(scene.robot.torque_limits) / lever
     if duration < _USUAL * (distance(scene.task) * mass / force) ** 0.5:
         return False  # the lower bound would cost a tenth of a plan
     return duration > times * lower_bound(scene)
