@@ -48,6 +48,7 @@ def report(facts: Facts) -> str:
         _head(facts),
         _figures(scene),
         _section("Ways past the bodies", _ways(facts.found.ways)),
+        _section("What was attempted", _attempts(facts.found)),
         _section("What limits the motion", _list(_limits(facts))),
         _section("Verification", _verification(verification)),
         _section("Duty of the motors", duty),
@@ -155,6 +156,12 @@ def _ways(ways: Sequence[TakenWay]) -> str:
         for number, way in enumerate(ways)
     ]
     return _table(("way", "duration", ""), rows)
+
+
+def _attempts(found: Plan | StraightLine) -> str:
+    """The journal of a plan; nothing where the first attempt was enough."""
+    journal = found.journal if isinstance(found, Plan) else ()
+    return _list(map(str, journal)) if len(journal) > 1 else ""
 
 
 def _figures(scene: Scene) -> str:

@@ -17,6 +17,7 @@ from deltaopt.motion.active_limits import AT_LIMIT, active_limits, share_curves
 from deltaopt.output.facts import Facts, StraightLine
 from deltaopt.planning.first_motions.around_bodies import CLEAR
 from deltaopt.planning.first_motions.initial_motion import baseline
+from deltaopt.planning.journal import Entry, Note
 from deltaopt.planning.plan import Optimum, TakenWay
 from deltaopt.planning.planner import plan
 from deltaopt.problem.of_scene import problem_of
@@ -212,6 +213,17 @@ def test_it_says_with_what_it_was_compared(planned, ways, optima, says):
     assert ("Ways past the bodies" in text) == several
     if several:
         assert "above keep_out[0] 0.1235 s taken below keep_out[0] about 0.200 s" in text
+
+
+def test_what_was_attempted_is_told_where_it_was_more_than_once(planned):
+    found, verification = planned
+    assert "What was attempted" not in str(
+        Text(report(Facts(SCENE, found.trajectory, found, verification)))
+    )
+    tried = Entry("the way <below>", "0.3 s, 16 intervals", "no motion", None, 4)
+    found = replace(found, journal=(*found.journal, Note("once more:"), tried))
+    text = str(Text(report(Facts(SCENE, found.trajectory, found, verification))))
+    assert "once more: the way <below>, 0.3 s, 16 intervals: no motion (4 meshes)" in text
 
 
 def test_bodies_are_told_and_collisions_with_others_are_not_modelled(planned):
