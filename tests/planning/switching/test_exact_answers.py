@@ -35,6 +35,8 @@ from tests.oracles.certify import certify, hamiltonian
 class UnitMass:
     """What a trajectory needs of a model: coordinates and forces of a mass of 1 kg."""
 
+    functions = SimpleNamespace(motors=slice(3, None, 3))
+
     def motion(self, x, v, a):
         """Twelve coordinates, as a trajectory expects of three chains."""
         return tuple(np.repeat(part, 4, axis=1) for part in (x, v, a))
