@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Protocol
 
 import casadi as ca
 import numpy as np
@@ -37,14 +36,6 @@ MOST_STEPS = 20
 """Gauss-Newton steps; two or three are the rule."""
 
 
-class Metric(Protocol):
-    """How far apart two neighbouring states are."""
-
-    def matrix(self, mechanism: Mechanism) -> SX:
-        """W, n × n, a function of t, q and parameters."""
-        ...
-
-
 @dataclass(frozen=True)
 class InertiaMetric:
     """W = M: no unit is mixed with another; Δq̇ is what an impulse of the constraints makes."""
@@ -59,6 +50,11 @@ class EuclideanMetric:
 
     def matrix(self, mechanism: Mechanism) -> SX:
         return SX.eye(mechanism.q.numel())
+
+
+Metric = InertiaMetric | EuclideanMetric
+"""How far apart two neighbouring states are: ``matrix`` is W, n × n, a function of t, q and
+parameters."""
 
 
 @dataclass(frozen=True)

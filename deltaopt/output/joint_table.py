@@ -147,22 +147,6 @@ class CheckedTable:
         return f"{self.interpolation.name} interpolation asks for {most}, at {self.demand.t:.6g} s"
 
 
-class Rows(Protocol):
-    """Where a table has its rows. ``name``: in words as ``deltaopt export`` takes them."""
-
-    @property
-    def name(self) -> str: ...
-
-    def table(self, trajectory: Trajectory) -> JointTable:
-        """The table of a motion that fits."""
-        ...
-
-    def fitting(self, duration: float, least: float) -> float:
-        """The shortest duration, s, of ``least`` or more, that has whole steps; ``duration``: of
-        the motion as planned."""
-        ...
-
-
 @dataclass(frozen=True)
 class OwnKnots:
     """Rows at the knots of the plan."""
@@ -191,6 +175,11 @@ class Cycles:
 
     def fitting(self, duration: float, least: float) -> float:
         return max(1, ceil(max(duration, least) / self.cycle * (1 - 1e-12))) * self.cycle
+
+
+Rows = OwnKnots | Cycles
+"""Where a table has its rows. ``name``: in words as ``deltaopt export`` takes them; ``table``: of a
+motion that fits; ``fitting``: the shortest duration, s, that has whole steps."""
 
 
 def checked_table(

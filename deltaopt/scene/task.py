@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import dist
-from typing import ClassVar, Protocol
+from typing import ClassVar
 
 import numpy as np
 
@@ -86,36 +86,6 @@ class Gate:
 
     place: tuple[float | None, float | None, float | None]
     within: float = 0.0
-
-
-class Task(Protocol):
-    """The boundary values of a motion, at its start and its goal."""
-
-    @property
-    def start(self) -> EndState: ...
-    @property
-    def goal(self) -> Goal: ...
-
-    @property
-    def is_at_rest(self) -> bool:
-        """Whether the motion is at rest at both ends, so that slowed uniformly it still solves the
-        task."""
-        ...
-
-    @property
-    def via(self) -> tuple[ViaPoint, ...]:
-        """Points that are passed on the way, in this order."""
-        ...
-
-    @property
-    def gates(self) -> tuple[Gate, ...]:
-        """Where the phases of the motion meet: via points, or the heights of an approach."""
-        ...
-
-    @property
-    def description(self) -> str:
-        """The task in words, for a table."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -248,6 +218,11 @@ class OnPath:
         s = self.path.knots[[0, -1]][end]
         x, y, z = (self.path(s, 1)[0] * self.rates[end]).tolist()
         return EndState(position, (x, y, z))
+
+
+Task = RestToRest | MovingEnds | OnPath
+"""The boundary values of a motion: ``start`` and ``goal``; ``via`` points and ``gates`` where its
+phases meet; whether it ``is_at_rest`` at both ends; and its ``description`` in words."""
 
 
 def _gates(via: tuple[ViaPoint, ...]) -> tuple[Gate, ...]:
