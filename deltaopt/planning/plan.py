@@ -19,7 +19,6 @@ from deltaopt.motion.limit_sensitivity import (
 )
 from deltaopt.motion.lower_bound import lower_bound
 from deltaopt.motion.trajectory import Trajectory, phase_durations
-from deltaopt.planning.effort_planning import CostIteration
 from deltaopt.planning.first_motions.multistart import Optimum
 from deltaopt.planning.mesh.mesh_solution import Iteration
 from deltaopt.planning.path.path_timing import PathIteration
@@ -33,7 +32,7 @@ class Plan:
 
     ``trajectory``: the motion, a function of time. ``gap``: estimated relative excess of its cost
     (of its duration, unless the objective is another) over the least possible;
-    ``mesh_solution.iteration_of`` and ``effort_planning.minimise_effort`` say how it is estimated.
+    ``mesh_solution.iteration_of`` says how it is estimated.
     ``tolerance``: the gap that was asked for. ``intervals``: of the last mesh. ``meshes``: a record
     of every mesh that was solved. ``status``, ``iterations``: of the solver, the latter summed over
     all meshes. ``solve_seconds``: wall time of all of them, s. ``resolved``: whether the instants
@@ -60,9 +59,7 @@ class Plan:
     solve_seconds: float = field(compare=False)
     gap: float
     tolerance: float
-    meshes: tuple[Iteration, ...] | tuple[CostIteration, ...] | tuple[PathIteration, ...] = field(
-        compare=False
-    )
+    meshes: tuple[Iteration, ...] | tuple[PathIteration, ...] = field(compare=False)
     certificate: Certificate | None = field(compare=False)
     resolved: bool = False
     optima: tuple[Optimum, ...] = field(default=(), compare=False)
@@ -178,17 +175,17 @@ class Plan:
 
 
 def quicker(one: Plan, other: Plan) -> Plan:
-    """The shorter of two plans for a scene, with the iterations and the wall time of both.
+    """The better of two plans for a scene, with the iterations and the wall time of both.
 
-    Each plan bounds the least duration from below by duration / (1 + gap). If the longer plan's
-    bound is not above the shorter plan, both are taken to be near the same optimum, and the
+    Each plan bounds the least cost from below by cost / (1 + gap). If the dearer plan's
+    bound is not above the better plan, both are taken to be near the same optimum, and the
     tighter bound gives the gap.
     """
-    best, worse = sorted((one, other), key=lambda each: each.duration)
-    shortest = worse.duration / (1 + worse.gap)
+    best, worse = sorted((one, other), key=lambda each: each.cost)
+    least = worse.cost / (1 + worse.gap)
     return replace(
         best,
-        gap=min(best.gap, best.duration / shortest - 1) if shortest <= best.duration else best.gap,
+        gap=min(best.gap, best.cost / least - 1) if least <= best.cost else best.gap,
         iterations=one.iterations + other.iterations,
         solve_seconds=one.solve_seconds + other.solve_seconds,
     )

@@ -9,10 +9,11 @@ from math import isinf
 from time import perf_counter
 
 import numpy as np
+from numpy.typing import NDArray
 
 from deltaopt.dynamics.formulation import Projected
 from deltaopt.dynamics.lagrange import Multiplier
-from deltaopt.errors import ENDS_AN_ATTEMPT, NotConverged
+from deltaopt.errors import ENDS_AN_ATTEMPT, DeltaOptError, Infeasible, NotConverged
 from deltaopt.limits.constraints import Constraints
 from deltaopt.mechanisms.delta.functions import DeltaFunctions
 from deltaopt.motion.limit_sensitivity import MeshMultipliers
@@ -20,8 +21,10 @@ from deltaopt.motion.time_scaling import safe_factor
 from deltaopt.motion.trajectory import Trajectory, moving_on
 from deltaopt.planning.effort_planning import (
     SMOOTH,
+    Beginning,
+    beginnings,
     cost_to_minimise,
-    minimise_effort,
+    require_possible,
     scaling_to_duration,
 )
 from deltaopt.planning.first_motions.order_of_merit import (
@@ -59,6 +62,8 @@ from deltaopt.scene.objective import Effort, Time
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import MovingEnds
 
+Array = NDArray[np.float64]
+
 RESOLVED_BELOW = 1e-4
 """Tolerance of the optimality gap below which the instants of switching become unknowns of their
 own. It trades the cost of switch resolution against that of fine meshes, which grows steeply as
@@ -92,7 +97,7 @@ class TrajectoryOptimiser:
     def plan(self, attempt: Attempt, report: Progress) -> Plan:
         """Plan from one first guess; once more from other meshes if the gap was missed."""
         if not isinstance(attempt.scene.objective, Time):
-            return self._plan_effort(attempt, report)
+            return self.fastest(attempt, report)
         can_be_softer = self._is_compiled and attempt.scene.task.is_at_rest
         softer = softer_scenes(attempt.scene, attempt.motion) if can_be_softer else ()
         found = self.fastest(replace(attempt, softer=softer), report)
@@ -129,38 +134,50 @@ class TrajectoryOptimiser:
         return motion_on_first_mesh(problem, scaling, guess, attempt.intervals)
 
     def fastest(self, attempt: Attempt, report: Progress) -> Plan:
-        """Plan the fastest motion from one first guess and one first mesh.
+        """Plan the best motion from one first guess and one first mesh: the fastest, unless the
+        scene has another objective.
 
-        The motion of the chosen mesh is slowed until it keeps every limit at all instants.
+        The motion of the chosen mesh is slowed until it keeps every limit at all instants, or
+        solved again with tighter limits where it cannot be slowed.
         """
-        begin, scene = perf_counter(), attempt.scene
+        scene = attempt.scene
+        if not isinstance(scene.objective, Time):
+            return self._plan_effort(attempt, report)
         own = attempt.on_its_mesh
         guess = Guess(attempt.motion, attempt.is_near, attempt.accuracy, on_its_mesh=own)
-        model = delta_model(scene.robot, scene.payload)
-        moving = isinstance(scene.task, MovingEnds)
-        in_phases = bool(scene.task.gates)
-        extent = guess.trajectory.extent if moving or in_phases else None
         scaling = Scaling(
             scene,
             guess.trajectory.duration,
-            extent=extent,
+            extent=_extent(scene, guess.trajectory),
             torque_share=attempt.torque_share,
         )
+        return self._refined(attempt, guess, attempt.mesh, scaling, report)
+
+    def _refined(
+        self, attempt: Attempt, guess: Guess, mesh: Array, scaling: Scaling, report: Progress
+    ) -> Plan:
+        """The plan that meshes lead to from a guess and a first mesh."""
+        begin, scene = perf_counter(), attempt.scene
+        model = delta_model(scene.robot, scene.payload)
+        moving = isinstance(scene.task, MovingEnds)
+        in_phases, is_fastest = bool(scene.task.gates), isinstance(scene.objective, Time)
         refinement = Refinement(
-            self._problem(model, scaling, FASTEST),
+            self._problem(model, scaling, cost_to_minimise(scene.objective, scaling)),
             scaling,
             model,
             self.tolerance,
-            None if moving or in_phases else self._resolver(scaling, model, report),
+            self._resolver(scaling, model, report)
+            if is_fastest and not (moving or in_phases)
+            else None,
             report,
             attempt.softer,
             attempt.most,
         )
-        resolved = refinement.from_guess(guess, attempt.mesh)
+        resolved = refinement.from_guess(guess, mesh)
         solutions, iterations = refinement.solutions, refinement.iterations
         best, later = _best_of(solutions, iterations), list[Iteration]()
-        if moving:
-            later = iterations[best:]
+        if not scene.may_be_slowed:
+            later = iterations[best:] if is_fastest else []
             solutions = [
                 *solutions[: best + 1],
                 kept(refinement.problem, solutions[best], self.tolerance),
@@ -180,13 +197,13 @@ class TrajectoryOptimiser:
                 chosen.trajectory,
             )
         _require_one_side(scene, chosen.trajectory, chosen.status)
-        trajectory = (
-            moving_on(scene.task, chosen.trajectory)
-            if moving
-            else _safe(scene, chosen.trajectory, chosen.safe_factor, chosen.status)
-        )
+        trajectory = chosen.trajectory
+        if moving:
+            trajectory = moving_on(scene.task, trajectory)
+        elif is_fastest:
+            trajectory = _safe(scene, trajectory, chosen.safe_factor, chosen.status)
         gap = resolved.gap if resolved else gap_of([*iterations, *later], best)
-        if scene.rotation:  # nothing is faster than what it takes
+        if scene.rotation and is_fastest:  # nothing is faster than what it takes
             gap = min(gap, max(0.0, trajectory.duration / scene.least_duration - 1))
         spent = sum(each.iterations for each in iterations)
         return Plan(
@@ -203,7 +220,9 @@ class TrajectoryOptimiser:
             meshes=tuple(iterations),
             certificate=resolved.certificate if resolved else refinement.certificate(best),
             resolved=resolved is not None,
-            multipliers=_multipliers(solutions[-1] if resolved else solutions[best]),
+            multipliers=_multipliers(solutions[-1] if resolved else solutions[best])
+            if is_fastest
+            else None,
         )
 
     def _resolver(self, scaling: Scaling, model: DeltaModel, report: Progress) -> Resolver | None:
@@ -218,39 +237,54 @@ class TrajectoryOptimiser:
         return resolver(scaling, model, self.tolerance, report)
 
     def _plan_effort(self, attempt: Attempt, report: Progress) -> Plan:
-        """Plan for an objective that contains effort, starting from the fastest motion."""
+        """Plan for an objective that contains effort, beginning with the fastest motion.
+
+        Raises Infeasible if a given duration is too short or too long.
+        """
         begin, scene = perf_counter(), attempt.scene
         fastest = self._before_effort(attempt)
-        scaling = scaling_to_duration(scene, fastest.duration)
-        cost = cost_to_minimise(scene.objective, scaling)
-        problem = self._problem(fastest.trajectory.model, scaling, cost)
-        found = minimise_effort(problem, fastest, self.intervals, self.tolerance, scaling, report)
-        if found.trajectory.duration < scene.least_duration and not scene.objective.given_duration:
-            report(f"once more, in the {scene.least_duration:.6g} s that rotation takes:")
-            longer = scene.model_copy(update={"objective": Effort(duration=scene.least_duration)})
-            return replace(self._plan_effort(replace(attempt, scene=longer), report), scene=scene)
-        _require_one_side(scene, found.trajectory, found.solution.status)
-        return Plan(
-            scene=scene,
-            trajectory=found.trajectory,
-            formulation=self.problem_formulation.name,
-            transcription=self._transcription(scene).name,
-            intervals=len(found.trajectory.knots) - 1,
-            status=found.solution.status,
-            iterations=sum(each.iterations for each in found.meshes),
-            solve_seconds=perf_counter() - begin,
-            gap=found.gap,
-            tolerance=self.tolerance,
-            meshes=found.meshes,
-            certificate=None,
+        shortest, given = fastest.duration, scene.objective.given_duration
+        if given is not None:
+            require_possible(given, shortest, fastest.gap)
+        guess = fastest.trajectory.slowed((given or shortest) / shortest)
+        scaling = replace(
+            scaling_to_duration(scene, shortest),
+            extent=_extent(scene, guess),
+            torque_share=attempt.torque_share,
         )
+        problem = self._problem(guess.model, scaling, cost_to_minimise(scene.objective, scaling))
+        slowed = Beginning(guess, replace(attempt, motion=guess).mesh)
+        failure: DeltaOptError | None = None
+        for start in beginnings(problem, scaling, slowed, self.intervals):
+            first = Guess(start.guess, near=False, tolerance=self.accuracy)
+            try:
+                found = self._refined(attempt, first, start.mesh, scaling, report)
+            except ENDS_AN_ATTEMPT as error:
+                report(str(error))
+                failure = failure or error
+                continue
+            if given is None and found.duration < scene.least_duration:
+                report(f"once more, in the {scene.least_duration:.6g} s that rotation takes:")
+                objective = Effort(duration=scene.least_duration)
+                longer = scene.model_copy(update={"objective": objective})
+                found = self._plan_effort(replace(attempt, scene=longer), report)
+            return replace(found, scene=scene, solve_seconds=perf_counter() - begin)
+        assert failure is not None
+        if given is None or given >= shortest:
+            raise failure
+        raise Infeasible(
+            f"duration is {given:g} s, as good as the fastest motion's {shortest:.6g} s, and no "
+            f"motion was found that takes no longer: {failure}"
+        ) from None
 
     def _before_effort(self, attempt: Attempt) -> Plan:
         """The fastest motion of a scene, to a usual tolerance."""
         quick, scene = TrajectoryOptimiser(), attempt.scene
         quickly = scene.model_copy(update={"objective": Time()})
         intervals = intervals_for(attempt.motion, quick.intervals) or attempt.intervals
-        return quick.plan(replace(attempt, scene=quickly, intervals=intervals), lambda _: None)
+        usual = scene.task.is_at_rest and not scene.task.gates
+        planned = quick.plan if usual else quick.fastest
+        return planned(replace(attempt, scene=quickly, intervals=intervals), lambda _: None)
 
     def _problem(self, model: DeltaModel, scaling: Scaling, cost: Cost) -> FormulatedProblem:
         """The problem, built once in a process for all models with the same terms and limits."""
@@ -278,8 +312,14 @@ class TrajectoryOptimiser:
         return self.solver or self.problem_formulation.solvers[0]()
 
     def _transcription(self, scene: Scene) -> PiecewiseAcceleration:
-        usual = LINEAR if isinstance(scene.objective, Time) else SMOOTH
-        return self.transcription or usual
+        has_effort = not isinstance(scene.objective, Time)
+        return self.transcription or (SMOOTH if has_effort and not self._is_compiled else LINEAR)
+
+
+def _extent(scene: Scene, motion: Trajectory) -> float | None:
+    """The unit of length of a scene whose ends move, or that has phases: how far a motion goes."""
+    has_own = isinstance(scene.task, MovingEnds) or bool(scene.task.gates)
+    return motion.extent if has_own else None
 
 
 def _safe(scene: Scene, trajectory: Trajectory, factor: float, status: str) -> Trajectory:
@@ -333,7 +373,8 @@ def _best_of(solutions: Sequence[MeshSolution], iterations: Sequence[Iteration])
     none of them, that is the finest one that keeps its places: other attempts follow from why."""
 
     def merit(i: int) -> tuple[float, bool, int]:
-        return iterations[i].safe_duration, not solutions[i].needed.keeps_places, -i
+        least = iterations[i].safe_duration if iterations[i].cost is None else iterations[i].gap
+        return least, not solutions[i].needed.keeps_places, -i
 
     return min(range(len(iterations)), key=merit)
 

@@ -124,9 +124,12 @@ def best(
     ends: Sequence[End],
     points: Array,
     weights: tuple[float, float] = (1.0, 0.0),
+    *,
+    sum_is_given: bool = False,
 ) -> tuple[Array, float]:
     """The durations of the legs of the best motion through the ends, and its cost: the duration
-    times the first weight, and the integral of the running cost times the second."""
+    times the first weight, and the integral of the running cost times the second.
+    ``sum_is_given``: whether the legs together take as long as guessed."""
     m, degree = system.coordinates, 2 * system.pieces - 1
     durations = [ca.SX.sym(f"T{q}") for q in range(len(legs))]
     w, guess, g, low, high = [*durations], [leg.duration for leg in legs], [], [], []
@@ -196,6 +199,8 @@ def best(
         keep(ends[q + 1], *(before[0], 1.0, before[1]), time)
     if integrals is not None and integrals.numel():
         limit(integrals - time, -np.inf, 0.0)
+    if sum_is_given:
+        limit(time - sum(leg.duration for leg in legs), 0.0, 0.0)
     cost = weights[0] * time + weights[1] * running
     problem = {"x": ca.vertcat(*w), "f": cost, "g": ca.vertcat(*g)}
     solver = ca.nlpsol("oracle", "ipopt", problem, OPTIONS)

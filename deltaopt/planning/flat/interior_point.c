@@ -561,6 +561,7 @@ static uintptr_t share_out(Problem *P, uintptr_t address) {
   P->corner = part(&address, w * w * real);
   P->pivot = part(&address, w * real);
   P->rest = part(&address, w * real);
+  P->along_sum = part(&address, w * real);
   P->z = part(&address, numbers * real);
   P->dz = part(&address, numbers * real);
   P->trial = part(&address, numbers * real);

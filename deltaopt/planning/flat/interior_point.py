@@ -241,12 +241,15 @@ class CompiledMethod:
         boundaries: Sequence[Boundary],
         settings: Settings,
         weights: tuple[float, float] = (1.0, 0.0),
+        *,
+        sum_is_given: bool = False,
     ) -> InteriorPointSolution:
         """The best motion through phases in their order, from their guesses: the fastest, unless
         the problem has a running cost.
 
         ``boundaries``: the start, where each phase but the last meets the next, and the goal.
         ``weights``: of the duration and of the running cost, if the problem has one.
+        ``sum_is_given``: whether the phases together take as long as those of the guess.
         """
         counts = [len(phase.mesh) for phase in phases]
         flags = np.array(
@@ -265,7 +268,7 @@ class CompiledMethod:
                 *(boundary.state.ravel() for boundary in boundaries),
                 *(boundary.drift for boundary in boundaries),
                 [boundary.radius for boundary in boundaries],
-                weights,
+                [*weights, sum_is_given],
             ]
         )
         motion = np.concatenate(

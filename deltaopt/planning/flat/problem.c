@@ -113,7 +113,8 @@ typedef struct {
   const int64_t *is_free;    /* (phases + 1) x NB: which of its components are not given */
   const double *drift;       /* (phases + 1) x NM: velocity of a position that moves */
   const double *radius;      /* phases + 1: of the sphere about the position in state; 0: none */
-  const double *cost;        /* 2: weights of the duration and of the running cost */
+  const double *cost;        /* 3: weights of the duration and of the running cost; whether the sum of
+                                all durations is given */
   const double *fractions;   /* NG x 4: the points of an interval */
   const double *quadrature;  /* NG x 4: their weights in integrals */
 } Given;
@@ -167,7 +168,8 @@ typedef struct {
   double *corner, *pivot;        /* width x width, lower triangle: L; width: D */
   double *z, *dz, *trial, *g;    /* n + 1 knots, then the durations */
   double *slope;                 /* NA x size of z: derivatives of the integrals by z */
-  double *rest;                  /* width: the border's part of a right-hand side, of a solution */
+  double *rest, *along_sum;      /* width: the border's part of a right-hand side, of a solution; by a
+                                    multiplier of the sum of all durations */
   int64_t singles;               /* rows of their own: NI integral rows, then spheres */
   Single *single;
   double mu, penalty;

@@ -101,7 +101,8 @@ def torques(limit: float) -> Callable[[Instant], list[Row]]:
 @dataclass(frozen=True)
 class Case:
     """A system and its phases; ``watched``: rows that a limit is expected to hold back.
-    ``weights``: of the duration and of the running cost."""
+    ``weights``: of the duration and of the running cost. ``sum_is_given``: whether all legs
+    together take as long as they are guessed to."""
 
     system: System
     legs: Sequence[Leg]
@@ -109,6 +110,7 @@ class Case:
     points: Array = field(default_factory=lambda: FOUR)
     watched: Sequence[int] = ()
     weights: tuple[float, float] = (1.0, 0.0)
+    sum_is_given: bool = False
 
 
 def rest(*x: float) -> End:
@@ -323,6 +325,18 @@ CASES = {
         watched=(2, 3),
         weights=(10.0, 0.01),
     ),
+    "effort in a given time from phase to phase": Case(
+        System(2, 2, arm, torques(6.0), mean_square, squared_torques),
+        [leg(6, 1.0, 0.7, 25.0), leg(5, 0.6, 0.7, 25.0), leg(6, 0.9, 0.3, 25.0)],
+        [
+            rest(*LEFT),
+            passed((-0.2, 1.5), (1.0, 0.0)),
+            near((0.3, 1.4), (1.0, 0.0), 0.05),
+            met((0.9, 0.9), (-0.2, 0.3)),
+        ],
+        weights=(0.0, 1.0),
+        sum_is_given=True,
+    ),
     "smoothness": Case(
         System(2, 3, arm, torques(8.0), running=squared_jerks),
         [given(5, 1.4, 0.7), leg(6, 1.0, 0.3)],
@@ -392,7 +406,13 @@ def boundaries_of(case: Case) -> list[Boundary]:
 
 def solved(name: str, settings: Settings = EXACT) -> InteriorPointSolution:
     case = CASES[name]
-    return method_of(name).solve(phases_of(case), boundaries_of(case), settings, case.weights)
+    return method_of(name).solve(
+        phases_of(case),
+        boundaries_of(case),
+        settings,
+        case.weights,
+        sum_is_given=case.sum_is_given,
+    )
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -400,7 +420,9 @@ def test_durations_and_costs_are_those_of_ipopt(name):
     case = CASES[name]
     ours = solved(name)
     assert ours.status == "Solve_Succeeded"
-    theirs, cost = best(case.system, case.legs, case.ends, case.points, case.weights)
+    theirs, cost = best(
+        case.system, case.legs, case.ends, case.points, case.weights, sum_is_given=case.sum_is_given
+    )
     durations = [phase.duration for phase in ours.phases]
     assert ours.cost == pytest.approx(cost, rel=1e-8)
     if case.system.running is None:
