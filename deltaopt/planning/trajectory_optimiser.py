@@ -203,6 +203,8 @@ class TrajectoryOptimiser:
         elif is_fastest:
             trajectory = _safe(scene, trajectory, chosen.safe_factor, chosen.status)
         gap = resolved.gap if resolved else gap_of([*iterations, *later], best)
+        if not is_fastest:  # what it has cost to keep the limits between points
+            gap += max(0.0, solutions[best].cost / solutions[best - 1].cost - 1)
         if scene.rotation and is_fastest:  # nothing is faster than what it takes
             gap = min(gap, max(0.0, trajectory.duration / scene.least_duration - 1))
         spent = sum(each.iterations for each in iterations)
