@@ -97,10 +97,10 @@ def test_neighbours_on_a_belt_over_a_wall_into_a_box_have_neighbouring_plans():
     assert durations[2] == pytest.approx(durations[0], rel=0.05)
 
 
-@pytest.mark.parametrize("beside", ["via", "approach", "start state", "belt"])
+@pytest.mark.parametrize("beside", ["via", "approach", "start state", "belt", "tube"])
 def test_effort_beside(beside):
-    """In a given time: kept, and no more effort than the fastest motion needs, slowed, if it can be;
-    a motion whose end moves cannot."""
+    """In a given time: kept, with less effort than the fastest motion needs, slowed, where that can
+    be: a motion whose end moves cannot."""
     scene, fastest = together(beside, "effort"), plan(together(beside))
     found = plan(scene)
     verified = verify(scene, found.trajectory)
