@@ -40,11 +40,12 @@ class Spent:
 
 @dataclass(frozen=True)
 class Iteration:
-    """The record of one mesh on which a fastest motion was sought.
+    """The record of one mesh.
 
     ``iterations``: of the solver. ``duration``: of its solution, s. ``safe_duration``: of the same
     motion slowed until it keeps every limit, s. ``gap``: estimated relative excess of the safe
-    duration over the shortest possible. ``spent``: seconds.
+    duration over the shortest possible, or of the cost over the least. ``spent``: seconds.
+    ``cost``: in ``unit``, where that is not the duration.
     """
 
     intervals: int
@@ -53,36 +54,16 @@ class Iteration:
     safe_duration: float
     gap: float
     spent: Spent
+    cost: float | None = None
+    unit: str = "s"
 
     def __str__(self) -> str:
         solved = f"{self.intervals} intervals, {self.iterations} iterations:"
+        if self.cost is not None:
+            return f"{solved} {self.cost:.6g} {self.unit}, at most {self.gap:.1e} above the least"
         if isinf(self.safe_duration):
             return f"{solved} no safe duration, a limit is exceeded that slowing does not help"
         return f"{solved} {self.safe_duration:.6f} s, at most {self.gap:.1e} above the optimum"
-
-
-@dataclass(frozen=True)
-class CostIteration:
-    """The record of one mesh on which a motion of least cost was sought.
-
-    ``duration`` (s) and ``cost`` (in ``unit``): of its motion, within all limits. ``gap``:
-    estimated relative excess of the cost over the least possible. ``spent``: seconds.
-    """
-
-    intervals: int
-    iterations: int
-    duration: float
-    cost: float
-    unit: str
-    gap: float
-    spent: Spent
-
-    def __str__(self) -> str:
-        gap = "no mesh to compare it with yet" if isinf(self.gap) else f"gap {self.gap:.1e}"
-        return (
-            f"{self.intervals} intervals, {self.iterations} iterations: {self.cost:.6g} "
-            f"{self.unit}, {gap}"
-        )
 
 
 @dataclass(frozen=True)
@@ -135,7 +116,7 @@ class Plan:
 
     ``trajectory``: the motion, a function of time. ``gap``: estimated relative excess of its cost
     (of its duration, unless the objective is another) over the least possible;
-    ``mesh_solution.iteration_of`` and ``effort_planning.minimise_effort`` say how it is estimated.
+    ``mesh_solution.iteration_of`` says how it is estimated.
     ``tolerance``: the gap that was asked for. ``intervals``: of the last mesh. ``meshes``: a record
     of every mesh that was solved. ``status``, ``iterations``: of the solver, the latter summed over
     all meshes. ``solve_seconds``: wall time of all of them, s. ``resolved``: whether the instants
@@ -163,9 +144,7 @@ class Plan:
     solve_seconds: float = field(compare=False)
     gap: float
     tolerance: float
-    meshes: tuple[Iteration, ...] | tuple[CostIteration, ...] | tuple[PathIteration, ...] = field(
-        compare=False
-    )
+    meshes: tuple[Iteration, ...] | tuple[PathIteration, ...] = field(compare=False)
     certificate: Certificate | None = field(compare=False)
     resolved: bool = False
     optima: tuple[Optimum, ...] = field(default=(), compare=False)
@@ -267,17 +246,17 @@ class Plan:
 
 
 def quicker(one: Plan, other: Plan) -> Plan:
-    """The shorter of two plans for a scene, with the iterations and the wall time of both.
+    """The better of two plans for a scene, with the iterations and the wall time of both.
 
-    Each plan bounds the least duration from below by duration / (1 + gap). If the longer plan's
-    bound is not above the shorter plan, both are taken to be near the same optimum, and the
+    Each plan bounds the least cost from below by cost / (1 + gap). If the dearer plan's
+    bound is not above the better plan, both are taken to be near the same optimum, and the
     tighter bound gives the gap.
     """
-    best, worse = sorted((one, other), key=lambda each: each.duration)
-    shortest = worse.duration / (1 + worse.gap)
+    best, worse = sorted((one, other), key=lambda each: each.cost)
+    least = worse.cost / (1 + worse.gap)
     return replace(
         best,
-        gap=min(best.gap, best.duration / shortest - 1) if shortest <= best.duration else best.gap,
+        gap=min(best.gap, best.cost / least - 1) if least <= best.cost else best.gap,
         iterations=one.iterations + other.iterations,
         solve_seconds=one.solve_seconds + other.solve_seconds,
     )

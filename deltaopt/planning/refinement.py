@@ -1,4 +1,4 @@
-"""Mesh refinement for minimum time: finer meshes until the optimality gap is within a tolerance.
+"""Mesh refinement: finer meshes until the optimality gap is within a tolerance.
 
 Each mesh is solved from the solution on the mesh before. For small tolerances the switching
 structure is then detected on a mesh and the instants of switching are resolved.
@@ -134,7 +134,7 @@ class Resolver(Protocol):
 
 @dataclass
 class Refinement:
-    """Refines the mesh of a minimum-time problem, for one scene.
+    """Refines the mesh of a problem, for one scene.
 
     ``tolerance``: relative optimality gap to reach. ``resolver``: resolves the instants of
     switching; None if they are not to be resolved. ``report``: is called with a line of text after
@@ -235,7 +235,7 @@ class Refinement:
         program, problem = self.program.on(mesh), self.scaling.problem
         self.solutions.append(solve_on_mesh(program, scaling, guess, problem))
         self.iterations.append(iteration_of(self.solutions))
-        if self._within_tolerance and self.scaling.problem.is_at_rest:
+        if self._within_tolerance and self.scaling.problem.may_be_slowed:
             # So far limits were checked at samples: now at all instants.
             self.solutions[-1] = self.solutions[-1].exact()
             self.iterations[-1] = iteration_of(self.solutions)
@@ -269,7 +269,7 @@ class Refinement:
         It is the same mesh if limits that are exceeded between its points are all that is left,
         for tightening the limits there cures that.
         """
-        lost, unused = last.lost, self.iterations[-1].gap - (last.safe_factor - 1)
+        lost, unused = last.lost, self.iterations[-1].gap - last.exceeding
         if (
             unused < self.tolerance / 2
             and self.iterations[-1].gap < _SHARP_GAP

@@ -9,10 +9,11 @@ from math import isinf
 from time import perf_counter
 
 import numpy as np
+from numpy.typing import NDArray
 
 from deltaopt.dynamics.formulation import Projected
 from deltaopt.dynamics.lagrange import Multiplier
-from deltaopt.errors import NotConverged
+from deltaopt.errors import ENDS_AN_ATTEMPT, DeltaOptError, Infeasible, NotConverged
 from deltaopt.limits.constraints import Constraints
 from deltaopt.mechanisms.functions import Functions
 from deltaopt.motion.limit_sensitivity import MeshMultipliers
@@ -21,8 +22,10 @@ from deltaopt.motion.trajectory import Trajectory, moving_on
 from deltaopt.planning.attempts import Attempt
 from deltaopt.planning.effort_planning import (
     SMOOTH,
+    Beginning,
+    beginnings,
     cost_to_minimise,
-    minimise_effort,
+    require_possible,
     scaling_to_duration,
 )
 from deltaopt.planning.first_motions.order_of_merit import (
@@ -60,6 +63,7 @@ from deltaopt.scene.objective import Effort, Time
 from deltaopt.scene.scene import Scene
 from deltaopt.settings import RESOLVED_BELOW
 
+Array = NDArray[np.float64]
 _KEPT_DISTANCE = 1e-2
 """Squared distance to the serial singularities, sin² or cos² of an angle, that motions keep if
 their start and goal do. Ends that are closer ask for a larger allowance for rounding."""
@@ -115,35 +119,43 @@ class TrajectoryOptimiser:
         return motion_on_first_mesh(program, scaling, guess, attempt.intervals)
 
     def fastest(self, attempt: Attempt, report: Progress) -> Plan:
-        """Plan the fastest motion from one first guess and one first mesh.
+        """Plan the best motion from one first guess and one first mesh: the fastest, unless the
+        scene has another objective.
 
-        The motion of the chosen mesh is slowed until it keeps every limit at all instants.
+        The motion of the chosen mesh is slowed until it keeps every limit at all instants, or
+        solved again with tighter limits where it cannot be slowed.
         """
-        begin, scene, problem = perf_counter(), attempt.scene, attempt.problem
-        own = attempt.on_its_mesh
+        problem, own = attempt.problem, attempt.on_its_mesh
         guess = Guess(attempt.motion, attempt.is_near, attempt.accuracy, on_its_mesh=own)
-        moving, in_phases = not problem.is_at_rest, bool(problem.gates)
-        extent = guess.trajectory.extent if moving or in_phases else None
         scaling = Scaling(
             problem,
             guess.trajectory.duration,
-            extent=extent,
+            extent=_extent(problem, guess.trajectory),
             torque_share=attempt.torque_share,
         )
+        return self._refined(attempt, guess, attempt.mesh, scaling, report)
+
+    def _refined(
+        self, attempt: Attempt, guess: Guess, mesh: Array, scaling: Scaling, report: Progress
+    ) -> Plan:
+        """The plan that meshes lead to from a guess and a first mesh."""
+        begin, scene, problem = perf_counter(), attempt.scene, attempt.problem
+        moving, in_phases = not problem.is_at_rest, bool(problem.gates)
+        is_fastest = not problem.objective.effort
         refinement = Refinement(
-            self._program(scaling, FASTEST),
+            self._program(scaling, cost_to_minimise(scene.objective, scaling)),
             scaling,
             self.tolerance,
-            None if moving or in_phases else self._resolver(scaling, report),
+            self._resolver(scaling, report) if is_fastest and not (moving or in_phases) else None,
             report,
             self.softer(attempt),
             attempt.most,
         )
-        resolved = refinement.from_guess(guess, attempt.mesh)
+        resolved = refinement.from_guess(guess, mesh)
         solutions, iterations = refinement.solutions, refinement.iterations
         best, later = _best_of(solutions, iterations), list[Iteration]()
-        if moving:
-            later = iterations[best:]
+        if not problem.may_be_slowed:
+            later = iterations[best:] if is_fastest else []
             solutions = [
                 *solutions[: best + 1],
                 kept(refinement.program, solutions[best], self.tolerance),
@@ -163,13 +175,15 @@ class TrajectoryOptimiser:
                 chosen.trajectory,
             )
         _require_one_side(problem, chosen.trajectory, chosen.status)
-        trajectory = (
-            moving_on(problem, chosen.trajectory)
-            if moving
-            else _safe(scene, chosen.trajectory, chosen.safe_factor, chosen.status)
-        )
+        trajectory = chosen.trajectory
+        if moving:
+            trajectory = moving_on(problem, trajectory)
+        elif is_fastest:
+            trajectory = _safe(scene, trajectory, chosen.safe_factor, chosen.status)
         gap = resolved.gap if resolved else gap_of([*iterations, *later], best)
-        if problem.least_duration:  # nothing is faster
+        if not is_fastest:  # what it has cost to keep the limits between points
+            gap += max(0.0, solutions[best].cost / solutions[best - 1].cost - 1)
+        if problem.least_duration and is_fastest:  # nothing is faster
             gap = min(gap, max(0.0, trajectory.duration / problem.least_duration - 1))
         spent = sum(each.iterations for each in iterations)
         return Plan(
@@ -186,7 +200,9 @@ class TrajectoryOptimiser:
             meshes=tuple(iterations),
             certificate=resolved.certificate if resolved else refinement.certificate(best),
             resolved=resolved is not None,
-            multipliers=_multipliers(solutions[-1] if resolved else solutions[best]),
+            multipliers=_multipliers(solutions[-1] if resolved else solutions[best])
+            if is_fastest
+            else None,
         )
 
     def _resolver(self, scaling: Scaling, report: Progress) -> Resolver | None:
@@ -201,41 +217,52 @@ class TrajectoryOptimiser:
         return resolver(scaling, scaling.problem.model, self.tolerance, report)
 
     def _plan_effort(self, attempt: Attempt, report: Progress) -> Plan:
-        """Plan for an objective that contains effort, starting from the fastest motion."""
+        """Plan for an objective that contains effort, beginning with the fastest motion.
+
+        Raises Infeasible if a given duration is too short or too long.
+        """
         begin, scene = perf_counter(), attempt.scene
         fastest = self._before_effort(attempt)
-        scaling = scaling_to_duration(scene, fastest.duration)
-        cost = cost_to_minimise(scene.objective, scaling)
-        program = self._program(scaling, cost)
-        found = minimise_effort(
-            scene, program, fastest, self.intervals, self.tolerance, scaling, report
+        shortest, given = fastest.duration, scene.objective.given_duration
+        if given is not None:
+            require_possible(given, shortest, fastest.gap)
+        guess = fastest.trajectory.slowed((given or shortest) / shortest)
+        scaling = replace(
+            scaling_to_duration(scene, shortest),
+            extent=_extent(attempt.problem, guess),
+            torque_share=attempt.torque_share,
         )
-        if found.trajectory.duration < scene.least_duration and not scene.objective.given_duration:
-            report(f"once more, in the {scene.least_duration:.6g} s that rotation takes:")
-            longer = scene.model_copy(update={"objective": Effort(duration=scene.least_duration)})
-            return replace(self._plan_effort(replace(attempt, scene=longer), report), scene=scene)
-        _require_one_side(attempt.problem, found.trajectory, found.solution.status)
-        return Plan(
-            scene=scene,
-            trajectory=found.trajectory,
-            formulation=self.problem_formulation.name,
-            transcription=self._transcription(attempt.problem).name,
-            intervals=len(found.trajectory.knots) - 1,
-            status=found.solution.status,
-            iterations=sum(each.iterations for each in found.meshes),
-            solve_seconds=perf_counter() - begin,
-            gap=found.gap,
-            tolerance=self.tolerance,
-            meshes=found.meshes,
-            certificate=None,
-        )
+        program = self._program(scaling, cost_to_minimise(scene.objective, scaling))
+        slowed = Beginning(guess, replace(attempt, motion=guess).mesh)
+        failure: DeltaOptError | None = None
+        for start in beginnings(scene, program, scaling, slowed, self.intervals):
+            first = Guess(start.guess, near=False, tolerance=self.accuracy)
+            try:
+                found = self._refined(attempt, first, start.mesh, scaling, report)
+            except ENDS_AN_ATTEMPT as error:
+                report(str(error))
+                failure = failure or error
+                continue
+            if given is None and found.duration < scene.least_duration:
+                report(f"once more, in the {scene.least_duration:.6g} s that rotation takes:")
+                objective = Effort(duration=scene.least_duration)
+                longer = scene.model_copy(update={"objective": objective})
+                found = self._plan_effort(replace(attempt, scene=longer), report)
+            return replace(found, scene=scene, solve_seconds=perf_counter() - begin)
+        assert failure is not None
+        if given is None or given >= shortest:
+            raise failure
+        raise Infeasible(
+            f"duration is {given:g} s, as good as the fastest motion's {shortest:.6g} s, and no "
+            f"motion was found that takes no longer: {failure}"
+        ) from None
 
     def _before_effort(self, attempt: Attempt) -> Plan:
         """The fastest motion of a scene, to a usual tolerance."""
         quick, scene = TrajectoryOptimiser(), attempt.scene
         quickly = scene.model_copy(update={"objective": Time()})
         intervals = intervals_for(attempt.motion, quick.intervals) or attempt.intervals
-        return quick.plan(replace(attempt, scene=quickly, intervals=intervals), lambda _: None)
+        return quick.fastest(replace(attempt, scene=quickly, intervals=intervals), lambda _: None)
 
     def _program(self, scaling: Scaling, cost: Cost) -> Formulated:
         """The program, built once in a process for all problems with the same terms and limits."""
@@ -263,8 +290,14 @@ class TrajectoryOptimiser:
         return self.solver or self.problem_formulation.solvers[0]()
 
     def _transcription(self, problem: Problem) -> PiecewiseAcceleration:
-        usual = SMOOTH if problem.objective.effort else LINEAR
-        return self.transcription or usual
+        has_effort = problem.objective.effort > 0
+        return self.transcription or (SMOOTH if has_effort and not self._is_compiled else LINEAR)
+
+
+def _extent(problem: Problem, motion: Trajectory) -> float | None:
+    """The unit of length of a problem whose ends move, or that has phases: how far a motion
+    goes."""
+    return None if problem.is_at_rest and not problem.gates else motion.extent
 
 
 def _safe(scene: Scene, trajectory: Trajectory, factor: float, status: str) -> Trajectory:
@@ -320,7 +353,8 @@ def _best_of(solutions: Sequence[MeshSolution], iterations: Sequence[Iteration])
     none of them, that is the finest one that keeps its places: other attempts follow from why."""
 
     def merit(i: int) -> tuple[float, bool, int]:
-        return iterations[i].safe_duration, not solutions[i].needed.keeps_places, -i
+        least = iterations[i].safe_duration if iterations[i].cost is None else iterations[i].gap
+        return least, not solutions[i].needed.keeps_places, -i
 
     return min(range(len(iterations)), key=merit)
 

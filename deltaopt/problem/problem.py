@@ -67,6 +67,12 @@ class Problem:
         return self.start.is_rest_at_a_point and self.goal.is_rest_at_a_point
 
     @property
+    def may_be_slowed(self) -> bool:
+        """Whether a motion that exceeds a limit may be slowed until it keeps it, at no other cost
+        than time."""
+        return self.is_at_rest and not self.objective.effort
+
+    @property
     def distance(self) -> float:
         """The straight distance from start to goal, m, where both are known."""
         return dist(self.goal.position, self.start.position)

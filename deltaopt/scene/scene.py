@@ -454,9 +454,6 @@ class Scene(Record):
             raise SceneError(None, "via", content_of_via(self.via), expected)
         given = goal.position if isinstance(goal, EndState) else None
         require_distinct(self.task.via, start.position, given)
-        if not isinstance(self.objective, Time):
-            expected = "time, where there are via points"
-            raise SceneError(None, "objective", str(self.objective), expected)
         return self
 
     @model_validator(mode="after")
@@ -467,9 +464,6 @@ class Scene(Record):
         if self.path is not None or self.via is not None or self.moves_at_ends:
             beside = "start and goal at rest" if self.moves_at_ends else "neither path nor via"
             raise SceneError(None, "approach", given, f"{beside} beside it")
-        if not isinstance(self.objective, Time):
-            expected = "time, where there is an approach"
-            raise SceneError(None, "objective", str(self.objective), expected)
         return self
 
     def _can_move_at_ends(self, task: MovingEnds) -> Self:
@@ -485,8 +479,6 @@ class Scene(Record):
         for key, value in given.items():
             if value is not None:
                 raise SceneError(None, key, value, "start and goal at rest beside it")
-        if not isinstance(self.objective, Time):
-            raise SceneError(None, "objective", str(self.objective), "time, where an end moves")
         return self
 
     @model_validator(mode="after")
@@ -502,8 +494,8 @@ class Scene(Record):
         if self.path is None:
             return self
         self.path.between(*given_points(self.task))
-        if not isinstance(self.objective, Time):
-            expected = "time, where a path is given"
+        if not isinstance(self.objective, Time) and self.tube is None:
+            expected = "time, where a path is given without a tube"
             raise SceneError(None, "objective", str(self.objective), expected)
         return self
 

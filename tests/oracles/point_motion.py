@@ -1,4 +1,4 @@
-"""Time-optimal motions by Ipopt from a direct transcription in physical units.
+"""Motions of least time or least cost by Ipopt from a direct transcription in physical units.
 
 It knows nothing of the interior-point method: the unknowns are the coefficients of every
 polynomial piece, in physical units, the torques at every point, and the durations; continuity,
@@ -57,6 +57,7 @@ class System:
     """Equations of motion (as many as torques), rows and integrands of an instant.
 
     ``pieces``: 2 for cubics with continuous velocity, 3 for quintics with continuous acceleration.
+    ``running``: the rate of a running cost, if there is one.
     """
 
     coordinates: int
@@ -64,6 +65,7 @@ class System:
     force: Callable[[Instant], ca.SX]
     rows: Callable[[Instant], list[Row]]
     integrands: Callable[[Instant], ca.SX] = lambda _: ca.SX(0, 1)
+    running: Callable[[Instant], ca.SX] | None = None
 
 
 @dataclass(frozen=True)
@@ -113,6 +115,21 @@ def quintic(begin: Array, end: Array, duration: float, fractions: Array) -> Arra
 
 def fastest(system: System, legs: Sequence[Leg], ends: Sequence[End], points: Array) -> Array:
     """The durations of the legs of the fastest motion through the ends."""
+    return best(system, legs, ends, points)[0]
+
+
+def best(
+    system: System,
+    legs: Sequence[Leg],
+    ends: Sequence[End],
+    points: Array,
+    weights: tuple[float, float] = (1.0, 0.0),
+    *,
+    sum_is_given: bool = False,
+) -> tuple[Array, float]:
+    """The durations of the legs of the best motion through the ends, and its cost: the duration
+    times the first weight, and the integral of the running cost times the second.
+    ``sum_is_given``: whether the legs together take as long as guessed."""
     m, degree = system.coordinates, 2 * system.pieces - 1
     durations = [ca.SX.sym(f"T{q}") for q in range(len(legs))]
     w, guess, g, low, high = [*durations], [leg.duration for leg in legs], [], [], []
@@ -140,7 +157,7 @@ def fastest(system: System, legs: Sequence[Leg], ends: Sequence[End], points: Ar
             away = state(c, s, h, 0) - ca.DM(end.state[0])
             limit(ca.sumsqr(away), 0.0, end.radius**2)
 
-    integrals = None
+    integrals, running = None, ca.SX(0)
     before: tuple[ca.SX, ca.SX] | None = None
     time, guessed = ca.SX(0), 0.0
     quadrature = np.linalg.solve(
@@ -174,16 +191,21 @@ def fastest(system: System, legs: Sequence[Leg], ends: Sequence[End], points: Ar
                     limit(row.quantity, lower, upper)
                 share = weight * h * system.integrands(now)
                 integrals = share if integrals is None else integrals + share
+                if system.running is not None:
+                    running += weight * h * system.running(now)
             before = c, h
         assert before is not None
         time, guessed = time + T, guessed + leg.duration
         keep(ends[q + 1], *(before[0], 1.0, before[1]), time)
     if integrals is not None and integrals.numel():
         limit(integrals - time, -np.inf, 0.0)
-    problem = {"x": ca.vertcat(*w), "f": time, "g": ca.vertcat(*g)}
+    if sum_is_given:
+        limit(time - sum(leg.duration for leg in legs), 0.0, 0.0)
+    cost = weights[0] * time + weights[1] * running
+    problem = {"x": ca.vertcat(*w), "f": cost, "g": ca.vertcat(*g)}
     solver = ca.nlpsol("oracle", "ipopt", problem, OPTIONS)
     lower = np.full(problem["x"].numel(), -np.inf)
     lower[: len(legs)] = 1e-3
     found = solver(x0=guess, lbx=lower, ubx=np.inf, lbg=low, ubg=high)
     assert solver.stats()["return_status"] == "Solve_Succeeded", solver.stats()["return_status"]
-    return np.asarray(found["x"].full().ravel()[: len(legs)])
+    return np.asarray(found["x"].full().ravel()[: len(legs)]), float(found["f"])

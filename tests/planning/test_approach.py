@@ -186,7 +186,6 @@ END = {"height": 0.025, "radius": 0.005}
         ({"path": "line"}, "expected neither path nor via beside it"),
         ({"via": [(0.8, 0.0, 0.0)]}, "expected neither path nor via beside it"),
         ({"goal": State(at=SCENE.goal, velocity=(1, 0, 0))}, "expected start and goal at rest"),
-        ({"objective": deltaopt.Effort(duration=1.0)}, "expected time, where there is an approach"),
     ],
 )
 def test_refused(given, says):

@@ -309,14 +309,6 @@ def test_finishing_is_a_plan_where_nothing_is_found(across, goal):
             {"goal": {"at": (0.85, 0, 0), "velocity": "fast"}},
             "goal.velocity is 'fast'; expected a velocity [x, y, z] in m/s",
         ),
-        (
-            {
-                "goal": {"at": (0.85, 0, 0), "velocity": (1, 0, 0)},
-                "objective": "effort",
-                "duration": 1.0,
-            },
-            "expected time, where an end moves",
-        ),
     ],
 )
 def test_refused(given, says):

@@ -145,7 +145,6 @@ def test_saved_and_read_back(found, tmp_path):
             {"via": [{"at": BENT, "within": 0.004}, {"at": (0.8, 0.01, 0.06), "within": 0.02}]},
             "via[1].within is 0.02; expected less than 0.014 m",
         ),
-        ({"objective": deltaopt.Effort(duration=1.0)}, "expected time, where there are via points"),
     ],
 )
 def test_refused(given, says):

@@ -163,8 +163,11 @@ def waiting_motions(scene: Scene, duration: float) -> list[Trajectory]:
 
     The places are on the robot's axis, where the effort of holding is less than at the places
     beside it, or at the end of what the limits allow. Long motions of least effort wait near such a
-    place (the turnpike property of optimal control). Empty if no such motion fits the duration.
+    place (the turnpike property of optimal control). Empty if no such motion fits the duration, or
+    if the scene says more of the way than where it begins and ends at rest.
     """
+    if not scene.task.is_at_rest or scene.task.gates or scene.tube is not None:
+        return []
     ways = {i: way for i, depth in enumerate(_WAITING_DEPTHS) if (way := _by_way_of(scene, depth))}
     holding = {i: _holding_effort(way) for i, way in ways.items()}
     least = [

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 
 import casadi as ca
@@ -100,6 +100,11 @@ class PointEquations:
             saturating=self.saturating,
             strengths=self.strengths,
         )
+
+    @cached_property
+    def point_problem_of_effort(self) -> PointProblem:
+        """The same with the rate of the effort as its running cost."""
+        return replace(self.point_problem, running=self.rate)
 
     @cached_property
     def running_cost(self) -> PointFunction:

@@ -263,7 +263,7 @@ class FlatProblem:
                 (phase,) = found.phases
                 return Solved(
                     self._cubics(phase.knots, phase.duration, scaling),
-                    phase.multipliers / phase.duration,
+                    phase.multipliers / found.cost,
                     found.status,
                     found.iterations,
                     found.spent,
@@ -301,9 +301,24 @@ class FlatProblem:
         shares = np.ascontiguousarray(scaling.shares(self.intervals))
         p, prices = scaling.parameters(parameters), guess.multipliers
         phase = Phase(
-            self.mesh, p, shares, knots, T, multipliers=None if prices is None else T * prices
+            self.mesh,
+            p,
+            shares,
+            knots,
+            T,
+            duration_is_given=self.cost.duration_is_given,
+            multipliers=None if prices is None else self._known(T, prices),
         )
-        return method.solve([phase], ends(scaling), settings)
+        return method.solve([phase], ends(scaling), settings, self._weights)
+
+    @property
+    def _weights(self) -> tuple[float, float]:
+        return self.cost.time, self.cost.running
+
+    def _known(self, duration: float, prices: Array) -> Array:
+        """Multipliers of a guess for the method, from those of `Solved`: fractions of a running
+        cost, which the method itself knows, or in units of the duration."""
+        return prices if self.cost.running else duration * prices
 
     def _in_phases(
         self,
@@ -334,11 +349,17 @@ class FlatProblem:
             knots = scaling.states(motion.position, times, T)
             share = np.ascontiguousarray(shares[own])
             total = motion.duration / scaling.time
-            known = None if prices is None else total * prices[own]
+            known = None if prices is None else self._known(total, prices[own])
             phases.append(Phase(mesh, p, share, knots, T / scaling.time, multipliers=known))
         between = (boundary(gate, scaling, settings.row_tolerance) for gate in scaling.gates)
         start, goal = ends(scaling)
-        return method.solve(phases, [start, *between, goal], settings)
+        return method.solve(
+            phases,
+            [start, *between, goal],
+            settings,
+            self._weights,
+            sum_is_given=self.cost.duration_is_given,
+        )
 
     def _of_phases(self, found: InteriorPointSolution, scaling: Scaling, accuracy: float) -> Solved:
         """The solution in phases as one motion on a mesh, whose fractions have changed."""
@@ -363,12 +384,12 @@ class FlatProblem:
         multipliers = np.concatenate([phase.multipliers for phase in found.phases])
         return Solved(
             position,
-            multipliers / total,
+            multipliers / found.cost,
             found.status,
             found.iterations,
             found.spent,
             all_at_points=True,
-            left=found.left + smaller_spheres / total,
+            left=found.left + smaller_spheres / found.cost,
             mesh=np.diff(knots) / total,
         )
 
@@ -376,14 +397,13 @@ class FlatProblem:
     def _interior_point(self) -> CompiledMethod | None:
         """The compiled interior-point method; None where it does not apply or cannot be compiled.
 
-        It minimises time, for motions of cubics: accelerations linear in every interval.
+        It is for motions of cubics: accelerations linear in every interval.
         """
-        general = self.transcription.degree != 1 or self.cost != FASTEST
-        if general or isinstance(self.solver, Ipopt):
+        if self.transcription.degree != 1 or isinstance(self.solver, Ipopt):
             return None
-        return interior_point(
-            self.equations.point_problem, tuple(self.transcription.points.tolist())
-        )
+        e = self.equations
+        problem = e.point_problem_of_effort if self.cost.running else e.point_problem
+        return interior_point(problem, tuple(self.transcription.points.tolist()))
 
     def _by_ipopt(self, guess: Guess, scaling: Scaling, parameters: Array) -> Solved:
         z, p = self.pack(guess.trajectory, scaling), scaling.parameters(parameters)

@@ -19,7 +19,7 @@ static void bend(Problem *P, double weight) {
 /* The gradient of the objective and of the barrier, t being eliminated. */
 static void gradient(Problem *P, double mu) {
   memset(P->g, 0, size(P) * sizeof(double));
-  for (int64_t q = 0; q < P->phases; q++) durations(P, P->g)[q] = 1.0;
+  for (int64_t q = 0; q < P->phases; q++) durations(P, P->g)[q] = NL ? P->given->cost[0] : 1.0;
   for (int64_t i = 0; i < P->n; i++)
     for (int j = 0; j < NG; j++) {
       const Group *G = P->interval[i].group + j;
@@ -32,6 +32,7 @@ static void gradient(Problem *P, double mu) {
       add_to_gradient(P, i, G, m, P->g);
     }
   reduce_gradient(P, P->g);
+  if (NL) add_integral(P, NI, P->given->cost[1], P->g);
   for (int64_t k = 0; k < P->singles; k++) {
     const Single *G = P->single + k;
     const double q = (G->upper * (G->c - G->t) + mu - G->bend) * G->over;
@@ -130,7 +131,7 @@ static void choose_barrier(Problem *P, double tolerance) {
   longest_steps(P, 1.0, &primal, &dual);
   const double share = complementarity(P, primal, dual) / P->left;
   const double centring = lesser(greater(share * share * share, 1e-3), 1.0);
-  const double least = 0.05 * tolerance * total_duration(P, P->z) / products(P);
+  const double least = 0.05 * tolerance * cost(P, P->z, P->run) / products(P);
   P->mu = greater(centring * P->left / products(P), least);
   bend(P, primal*dual);
 }
@@ -178,8 +179,10 @@ static double merit_of_singles(Problem *P, double step) {
   return total;
 }
 
-/* Rows of their own at z: integrals before any interval adds to them, and spheres. */
+/* Rows of their own at z, and the running cost: integrals before any interval adds to them, and
+   spheres. */
 static void begin_singles(Problem *P, const double *z) {
+  P->next_run = 0;
   for (int64_t k = 0; k < P->singles; k++)
     P->single[k].next = k < NI ? 1 : in_sphere(P->single + k, z);
 }
@@ -187,7 +190,7 @@ static void begin_singles(Problem *P, const double *z) {
 static double merit(Problem *P, double step) {
   const double *dz = P->dz, begin = seconds();
   for (int64_t i = 0; i < size(P); i++) P->trial[i] = P->z[i] + step * dz[i];
-  double total = total_duration(P, P->trial);
+  double total = cost(P, P->trial, 0.0);
   begin_singles(P, P->trial);
   for (int64_t i = 0; i < P->n; i++) {
     Interval *I = P->interval + i;
@@ -199,6 +202,7 @@ static double merit(Problem *P, double step) {
     }
   }
   total += merit_of_singles(P, step);
+  if (NL) total += P->given->cost[1] * P->next_run;
   P->report->evaluations++;
   P->report->evaluating += seconds() - begin;
   return total;
@@ -208,7 +212,7 @@ static double merit(Problem *P, double step) {
 static double merit_now(Problem *P, double *slope) {
   double needed = 0, infeasibility = 0;
   V along = ALL(0.0);
-  *slope = total_duration(P, P->dz);
+  *slope = cost_along(P, P->dz);
   for (int64_t i = 0; i < P->n; i++)
     for (int j = 0; j < NG; j++) {
       const Group *G = P->interval[i].group + j;
@@ -225,9 +229,9 @@ static double merit_now(Problem *P, double *slope) {
     infeasibility += fabs(G->c - G->t);
     *slope += P->mu * G->over * G->dt;
   }
-  if (needed > P->penalty || needed < P->penalty / 10) P->penalty = 1.5 * needed + 1e-6;
+  if (needed > P->penalty || needed < P->penalty / 10) P->penalty = 1.5 * needed + 1e-6 * P->unit;
   *slope += sum(along) - P->penalty * infeasibility;
-  double total = total_duration(P, P->z);
+  double total = cost(P, P->z, P->run);
   for (int64_t i = 0; i < P->n; i++)
     for (int j = 0; j < NG; j++) {
       Group *G = P->interval[i].group + j;
@@ -245,7 +249,7 @@ static int try_direction(Problem *P, double *dual) {
   double slope, step;
   direction(P, P->mu);
   longest_steps(P, greater(0.99, 1 - P->mu), &step, dual);
-  const double now = merit_now(P, &slope) + RISE * P->left + 1e-12;
+  const double now = merit_now(P, &slope) + RISE * P->left + 1e-12 * P->unit;
   const double aim = 1e-4 * lesser(slope, 0.0);
   for (int k = 0; k < 12; k++, step /= 2)
     if (merit(P, step) <= now + aim * step) {
@@ -264,6 +268,7 @@ static V near_barrier(V multiplier, V mu_by_slack) {
 /* To the last trial, multipliers by a step of their own. */
 static void move(Problem *P, double dual) {
   memcpy(P->z, P->trial, size(P) * sizeof(double));
+  P->run = P->next_run;
   for (int64_t i = 0; i < P->n; i++)
     for (int j = 0; j < NG; j++) {
       Group *G = P->interval[i].group + j;
@@ -338,7 +343,8 @@ static void set_intervals(Problem *P) {
   }
 }
 
-/* A row's copy and multipliers at the guess; known: those that are given at its points, or NULL. */
+/* A row's copy and multipliers at the guess; known: those that are given at its points, or NULL; of
+   a problem with a running cost as fractions of the cost. */
 static void begin_row(const Problem *P, Group *G, int r, double closest, const double *known) {
   G->t[r] = G->c[r];
   if (LOWER(r)) G->t[r] = larger(G->t[r], ALL(closest - 1));
@@ -347,8 +353,8 @@ static void begin_row(const Problem *P, Group *G, int r, double closest, const d
   G->upper[r] = P->mu * G->over[r];
   G->lower[r] = P->mu * G->under[r];
   for (int l = 0; known && l < 4; l++) {
-    if (UPPER(r)) G->upper[r][l] = greater(G->upper[r][l], known[NC * l + r]);
-    if (LOWER(r)) G->lower[r][l] = greater(G->lower[r][l], -known[NC * l + r]);
+    if (UPPER(r)) G->upper[r][l] = greater(G->upper[r][l], P->unit * known[NC * l + r]);
+    if (LOWER(r)) G->lower[r][l] = greater(G->lower[r][l], -P->unit * known[NC * l + r]);
   }
   G->y[r] = G->upper[r] - G->lower[r];
   G->dt[r] = G->dupper[r] = G->dlower[r] = ALL(0.0);
@@ -409,7 +415,6 @@ static void unpack(const Problem *P, double *knots, double *T) {
 static int begin(Problem *P, const Settings *S, const double *known) {
   double total = 0;
   set_intervals(P);
-  P->mu = S->barrier * total_duration(P, P->z) / products(P);
   P->penalty = 0;
   begin_singles(P, P->z);
   for (int64_t i = 0; i < P->n; i++) {
@@ -419,13 +424,18 @@ static int begin(Problem *P, const Settings *S, const double *known) {
     for (int j = 0; j < NG; j++) {
       Group *G = I->group + j;
       rows(P, i, G, knots, T, G->c);
-      for (int r = 0; r < NC; r++) {
-        total += sum(absolute(G->c[r]));
-        begin_row(P, G, r, S->closest, known);
-      }
-      if (known) known += 4 * NC;
+      for (int r = 0; r < NC; r++) total += sum(absolute(G->c[r]));
     }
   }
+  P->run = P->next_run;
+  const double at_guess = cost(P, P->z, P->run);
+  P->mu = S->barrier * at_guess / products(P);
+  P->unit = NL ? at_guess : 1.0;
+  for (int64_t i = 0; i < P->n; i++)
+    for (int j = 0; j < NG; j++) {
+      for (int r = 0; r < NC; r++) begin_row(P, P->interval[i].group + j, r, S->closest, known);
+      if (known) known += 4 * NC;
+    }
   for (int64_t k = 0; k < P->singles; k++) {
     Single *G = P->single + k;
     G->c = G->next;
@@ -435,7 +445,7 @@ static int begin(Problem *P, const Settings *S, const double *known) {
     G->dt = G->dupper = G->bend = 0;
     total += fabs(G->c);
   }
-  return total < DBL_MAX;
+  return total + fabs(at_guess) < DBL_MAX;
 }
 
 /* Whether z is a solution: dz is Newton's step without barrier. A shifted step is the first of
@@ -443,7 +453,7 @@ static int begin(Problem *P, const Settings *S, const double *known) {
    as there are iterations, it must be as much smaller. Where the guess was a solution but for limits
    that were moved, it is enough in the end that these are kept. */
 static int solved(Problem *P, const Settings *S, double shift) {
-  const double T = total_duration(P, P->z), change = fabs(total_duration(P, P->dz)) / T;
+  const double now = cost(P, P->z, P->run), change = fabs(cost_along(P, P->dz)) / now;
   const int is_last = P->report->iterations == S->iterations - 1;
   Report *R = P->report;
   R->primal = 0;
@@ -456,17 +466,18 @@ static int solved(Problem *P, const Settings *S, double shift) {
   for (int64_t k = 0; k < P->singles; k++)
     R->primal = greater(R->primal, fabs(P->single[k].c - P->single[k].t));
   R->dual = (shift > 0 ? VALLEY : 1.0) * change;
-  R->complementarity = P->left / T;
+  R->cost = now;
+  R->complementarity = P->left / now;
   const double asked = !is_last ? R->dual : S->is_warm ? 0.0 : change;
   return greater(R->complementarity, asked) <= S->tolerance && R->primal <= S->rows;
 }
 
 static void differentiate_all(Problem *P) {
   const double begin = seconds();
-  memset(P->slope, 0, NI * size(P) * sizeof(double));
+  memset(P->slope, 0, NA * size(P) * sizeof(double));
   for (int64_t i = 0; i < P->n; i++) curvature(P, i);
   for (int64_t k = NI; k < P->singles; k++) set_slope(P->single + k, P->z);
-  for (int k = 0; k < NI; k++) reduce_gradient(P, P->slope + k * size(P));
+  for (int k = 0; k < NA; k++) reduce_gradient(P, P->slope + k * size(P));
   P->report->evaluating += seconds() - begin;
 }
 
@@ -488,9 +499,9 @@ static double largest_change(const Problem *P) {
    at the first of them; or the rows' own curvature would halve its step again and again: both
    are cured by a shift. */
 static int aim(Problem *P, double *shift) {
-  const double left = P->left / total_duration(P, P->z);
-  const double first = SHIFT * lesser(1.0, left / FAR_OFF);
-  if (P->halvings > 1) *shift = greater(*shift, lesser(greater(8 * *shift, first), HIGHEST));
+  const double left = P->left / cost(P, P->z, P->run), most = HIGHEST * P->unit;
+  const double first = SHIFT * P->unit * lesser(1.0, left / FAR_OFF);
+  if (P->halvings > 1) *shift = greater(*shift, lesser(greater(8 * *shift, first), most));
   if (P->halvings < 1) *shift = *shift > first ? *shift / 8 : 0.0;
   for (;; *shift = greater(8 * *shift, first)) {
     if (!factorise_shifted(P, shift, first)) return 0;
@@ -501,12 +512,12 @@ static int aim(Problem *P, double *shift) {
   }
 }
 
-/* Write down where an iteration stands: duration, complementarity as a fraction of it, shift of the
+/* Write down where an iteration stands: cost, complementarity as a fraction of it, shift of the
    Hessian, halvings of the last step. */
 static void watch(const Problem *P, const Settings *S, double shift) {
   if (!S->trace) return;
   double *line = S->trace + TRACED * P->report->iterations;
-  line[0] = total_duration(P, P->z);
+  line[0] = cost(P, P->z, P->run);
   line[1] = P->left / line[0];
   line[2] = shift;
   line[3] = P->halvings;
@@ -550,11 +561,12 @@ static uintptr_t share_out(Problem *P, uintptr_t address) {
   P->corner = part(&address, w * w * real);
   P->pivot = part(&address, w * real);
   P->rest = part(&address, w * real);
+  P->along_sum = part(&address, w * real);
   P->z = part(&address, numbers * real);
   P->dz = part(&address, numbers * real);
   P->trial = part(&address, numbers * real);
   P->g = part(&address, numbers * real);
-  P->slope = part(&address, NI * numbers * real);
+  P->slope = part(&address, NA * numbers * real);
   P->single = part(&address, (NI + P->phases + 1) * (int64_t)sizeof(Single));
   return address;
 }
@@ -578,11 +590,12 @@ static Given given_by(int64_t phases, int64_t n, const int64_t *flags, const dou
   G.state = G.p + phases * NP;
   G.drift = G.state + (phases + 1) * NB;
   G.radius = G.drift + (phases + 1) * NM;
+  G.cost = G.radius + phases + 1;
   return G;
 }
 
 /* flags: intervals, given, is_free. rule: fractions, quadrature. numbers: mesh, share, p, state,
-   drift, radius. motion: in, a guess; out, the solution: knots of each phase in units of its duration,
+   drift, radius, cost. motion: in, a guess; out, the solution: knots of each phase in units of its duration,
    (n + phases) x NB, and the durations. multipliers: out, n x points x NC of the rows, NI of the
    integral rows, one for each sphere; in, those of the rows, per share of what may be used of the
    limits, if settings say that they are given. memory: for this call alone, its contents of no account. */

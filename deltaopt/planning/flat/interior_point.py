@@ -1,4 +1,4 @@
-"""An interior-point method for time-optimal motions, in machine code.
+"""An interior-point method for motions of least time or of least cost, in machine code.
 
 What makes it fast is what a general solver cannot know: the motion between two knots is a
 polynomial there, so nothing is left to be continuous; torques are functions of the motion, so
@@ -50,9 +50,9 @@ _TRACED = 4
 class Settings:
     """When the method starts, and when it stops.
 
-    ``tolerance``: it stops when complementarity and the last change of the duration are below
-    this fraction of the duration, and every row is met to it, or to ``rows``. ``barrier``:
-    complementarity at the start, as a fraction of the duration. ``closest``: at the start no row is
+    ``tolerance``: it stops when complementarity and the last change of the cost are below
+    this fraction of the cost, and every row is met to it, or to ``rows``. ``barrier``:
+    complementarity at the start, as a fraction of the cost. ``closest``: at the start no row is
     closer to its bound than this fraction of the bound. ``iterations``: the most it does.
     """
 
@@ -141,7 +141,7 @@ class Phase:
 @dataclass(frozen=True)
 class PhaseSolution:
     """``knots``: X, V (and A) at every knot in units of the phase's duration, (N + 1, unknowns).
-    ``multipliers``: of the rows at every point, (N, points, rows), duration per share of a limit,
+    ``multipliers``: of the rows at every point, (N, points, rows), cost per share of a limit,
     positive at an upper limit and negative at a lower."""
 
     knots: Array
@@ -152,13 +152,14 @@ class PhaseSolution:
 @dataclass(frozen=True)
 class InteriorPointSolution:
     """Where the method ended. ``integral_multipliers``: one for each integrand, nonnegative.
-    ``sphere_multipliers``: one for each boundary, duration per share of the squared radius; 0 where
-    there is no sphere. ``left``: by what fraction of the duration Newton's next step would change
-    it."""
+    ``sphere_multipliers``: one for each boundary, cost per share of the squared radius; 0 where
+    there is no sphere. ``cost``: what is minimised. ``left``: by what fraction of it Newton's next
+    step would change it."""
 
     phases: tuple[PhaseSolution, ...]
     integral_multipliers: Array
     sphere_multipliers: Array
+    cost: float
     left: float
     status: str
     iterations: int
@@ -184,6 +185,7 @@ class _Settings(ctypes.Structure):
 
 class _Report(ctypes.Structure):
     _fields_ = (
+        ("cost", ctypes.c_double),
         ("complementarity", ctypes.c_double),
         ("dual", ctypes.c_double),
         ("primal", ctypes.c_double),
@@ -234,11 +236,20 @@ class CompiledMethod:
     points: tuple[float, ...]
 
     def solve(
-        self, phases: Sequence[Phase], boundaries: Sequence[Boundary], settings: Settings
+        self,
+        phases: Sequence[Phase],
+        boundaries: Sequence[Boundary],
+        settings: Settings,
+        weights: tuple[float, float] = (1.0, 0.0),
+        *,
+        sum_is_given: bool = False,
     ) -> InteriorPointSolution:
-        """The fastest motion through phases in their order, from their guesses.
+        """The best motion through phases in their order, from their guesses: the fastest, unless
+        the problem has a running cost.
 
         ``boundaries``: the start, where each phase but the last meets the next, and the goal.
+        ``weights``: of the duration and of the running cost, if the problem has one.
+        ``sum_is_given``: whether the phases together take as long as those of the guess.
         """
         counts = [len(phase.mesh) for phase in phases]
         flags = np.array(
@@ -257,6 +268,7 @@ class CompiledMethod:
                 *[boundary.state.ravel() for boundary in boundaries],
                 *[boundary.drift for boundary in boundaries],
                 [boundary.radius for boundary in boundaries],
+                [*weights, sum_is_given],
             ]
         )
         motion = np.concatenate(
@@ -279,6 +291,7 @@ class CompiledMethod:
             self._by_phase(counts, motion, multipliers[:rows]),
             multipliers[rows:own],
             of_spheres,
+            report.cost,
             report.dual,
             STATUS[status],
             report.iterations,
@@ -352,9 +365,9 @@ def _usable(phase: Phase) -> Array:
 def _log(trace: Array, intervals: int, status: str) -> None:
     """Say what every iteration did, (iterations, ``_TRACED``), to whoever wants to know.
 
-    Durations are in the problem's unit of time, as a rule that of the straight line.
+    A cost that is a duration is in the problem's unit of time, as a rule that of the straight line.
     """
-    columns = "duration in the problem's unit, complementarity, shift, halvings"
+    columns = "cost in the problem's unit, complementarity, shift, halvings"
     _LOG.debug("interior-point method on %d intervals: %s", intervals, columns)
     for number, (duration, left, shift, halvings) in enumerate(trace.tolist()):
         line = f"{number:4d}  {duration:.9f}  {left:9.2e}  {shift:9.2e}  {halvings:3.0f}"

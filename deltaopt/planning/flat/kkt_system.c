@@ -228,6 +228,18 @@ static int factorise_shifted(Problem *P, double *shift, double first) {
   return 0;
 }
 
+/* Where the sum of all durations is given, the solution of the border that keeps it. */
+static void keep_sum(const Problem *P, double *rest) {
+  double *x = P->along_sum, sum = 0, by_multiplier = 0;
+  for (int64_t k = 0; k < P->width; k++) x[k] = k < NI ? 0.0 : 1.0;
+  solve_corner(P, x);
+  for (int64_t k = NI; k < P->width; k++) {
+    sum += rest[k];
+    by_multiplier += x[k];
+  }
+  for (int64_t k = 0; k < P->width; k++) rest[k] -= sum / by_multiplier * x[k];
+}
+
 /* dz from the gradient g. */
 static void newton_step(Problem *P) {
   const double begin = seconds();
@@ -247,6 +259,7 @@ static void newton_step(Problem *P) {
       for (int k = 0; k < NB; k++) rest[w] -= columns[NB * w + k] * x[k];
   }
   solve_corner(P, rest);
+  if (P->given->cost[2] != 0) keep_sum(P, rest);
   for (int64_t q = 0; q < P->phases; q++) dT[q] = rest[NI + q];
   for (int64_t i = P->last; i >= P->first; i--) {
     Block *B = P->block + i;

@@ -27,6 +27,8 @@ def source(problem: PointProblem, points: int) -> str:
         "NY": problem.y.numel(),
         "NC": len(sides),
         "NI": problem.integrands.numel(),
+        "NL": problem.running.numel(),
+        "NA": problem.integrands.numel() + problem.running.numel(),
         "NP": problem.p.numel(),
         "NQ": functions.prepare.numel_out(0),
         "NZ": len(C),
@@ -84,7 +86,7 @@ def _present(name: str, sides: Sequence[bool]) -> str:
 
 def _with_torques_eliminated(problem: PointProblem) -> tuple[Entries, Entries, str]:
     """Derivatives of the rows, C, and of the weighted sum, H, by y, tau being a function of y; and
-    the C function ``second`` that finds them and the derivatives of the integrands.
+    the C function ``second`` that finds them and the derivatives of all integrands.
 
     With N the inverse of -∂force/∂tau, tau' = N ∂force/∂y, and the equations' multipliers chosen
     so that the sum does not change with tau:
@@ -105,7 +107,7 @@ def _with_torques_eliminated(problem: PointProblem) -> tuple[Entries, Entries, s
     rows = _add(partial.rows_by_y, _product(partial.rows_by_tau, slope))
     C = {place: f"C[{k}]" for k, place in enumerate(sorted(p for p in rows if p[0] < nc))}
     lines += [f"{C[place]} = {_sum(rows[place])};" for place in C]
-    for k in range(problem.integrands.numel()):
+    for k in range(problem.integrands.numel() + problem.running.numel()):
         for a in range(ny):
             terms = rows.get((nc + k, a), [])
             lines.append(f"C[{len(C) + ny * k + a}] = {_sum(terms)};")

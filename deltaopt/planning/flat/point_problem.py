@@ -25,9 +25,9 @@ Entries = dict[tuple[int, int], str]
 @dataclass(frozen=True)
 class PointFunctions:
     """``prepare``: p -> q, parameters and what depends on them alone. ``values``: (y, q) -> rows,
-    T (integrands - 1), and e: tau and the inverse of -∂force/∂tau by columns. ``second``:
-    (y, e, w, q) -> the nonzeros of the matrices that follow, by columns; w: weights of rows and
-    integrands.
+    T (integrands - 1) and T running, and e: tau and the inverse of -∂force/∂tau by columns.
+    ``second``: (y, e, w, q) -> the nonzeros of the matrices that follow, by columns; w: weights of
+    rows and integrands.
 
     Matrices: derivatives of the equations of motion by y; of rows and integrands by y and by tau;
     of the weighted sum with the equations' adjoint by y twice (the upper triangle), by tau and y,
@@ -57,6 +57,8 @@ class PointProblem:
     eliminated from all rows and from their derivatives.
     ``rows``: at most 1 or at least -1 or both, as ``sides`` says; they may be nonlinear in tau.
     ``integrands``: their mean over the whole motion is at most 1.
+    ``running``: the rate l of a running cost, any function of y, tau and p; none without one. What
+    is minimised is then a weight times the duration plus another times the integral of l over it.
     ``p``: parameters, which may differ from phase to phase.
     ``saturating``, ``strengths``: of parts of tau, strength · tanh (u) each, the quantity u, a
     function of y, and the strength, a function of p, (tau,) each; none without such parts. Of their
@@ -73,6 +75,7 @@ class PointProblem:
     rows: ca.SX
     sides: tuple[Sides, ...]
     integrands: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
+    running: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
     saturating: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
     strengths: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
 
@@ -84,6 +87,8 @@ class PointProblem:
             raise ValueError(f"y has {self.y.numel()} components")
         if self.force.numel() != self.tau.numel():
             raise ValueError(f"{self.force.numel()} equations for {self.tau.numel()} unknowns")
+        if self.running.numel() > 1:
+            raise ValueError(f"{self.running.numel()} running costs; their sum is one")
         if len(self.sides) != self.rows.numel():
             raise ValueError(f"sides of {len(self.sides)} rows, there are {self.rows.numel()}")
         if self.tau.numel() and any(ca.which_depends(self.force, self.tau, 2, True)):
@@ -120,7 +125,7 @@ class PointProblem:
         y, tau = self.y, self.tau
         inverse = ca.SX.sym("inverse", tau.numel(), tau.numel())
         nu = ca.SX.sym("nu", tau.numel())
-        w = ca.SX.sym("w", self.rows.numel() + self.integrands.numel())
+        w = ca.SX.sym("w", self.rows.numel() + self._integrals.numel())
         c = ca.vertcat(self.rows, self._integrals)
         adjoint = inverse.T @ ca.gradient(ca.dot(w, c), tau)
         lagrangian = ca.dot(ca.vertcat(nu, w), ca.vertcat(self.force, c))
@@ -148,8 +153,9 @@ class PointProblem:
 
     @property
     def _integrals(self) -> ca.SX:
-        """Their integral over phases is nonpositive where the mean is at most 1."""
-        return self.y[-1] * (self.integrands - 1)
+        """By the share of a phase's duration: nonpositive in sum where the mean of an integrand is
+        at most 1; last the rate of the running cost, if there is one."""
+        return self.y[-1] * ca.vertcat(self.integrands - 1, self.running)
 
 
 def _function(name: str, arguments: list[ca.SX], results: list[ca.SX]) -> ca.Function:

@@ -1,6 +1,7 @@
 /* An interior-point method for motions made of polynomials between knots.
 
      minimise    sum of T_q                              the durations of the phases q
+                 or  w sum of T_q + v sum over q of integral l dt     with a running cost l
      subject to  lower_r <= c_r(y_j) <= upper_r          constraint rows, at every point j of every
                                                          interval; +1, -1, or no limit on that side
                  sum over q of integral g_k dt <= sum of T_q                      integral rows
@@ -23,7 +24,8 @@
 
    With t a copy of c kept strictly inside the limits, c(y) - t = 0, and its multipliers and those
    of the limits eliminated, Newton's equations are in the knots, the durations, and one multiplier
-   for each integral row. This KKT system is block tridiagonal, a block for each knot, with a
+   for each integral row. A running cost is one more such integral, whose multiplier is its weight:
+   it adds to curvature and gradient, and nothing to the system. This KKT system is block tridiagonal, a block for each knot, with a
    border: a dense column for each integral row, then one for each duration; a sphere adds to the
    block of its knot alone. Blocks are factorised
    with Cholesky's method, the border with L D L^T, its signs being known: negative for integral
@@ -35,11 +37,12 @@
 
    Written for four points of an interval in the four lanes of a vector V. What comes before this
    text: V, ALL, EACH, EACH2, SHUFFLE; sizes; and generated functions. C is the sparse matrix of
-   derivatives of the rows by y, stored as its NZ nonzeros, row by row, and then the dense NI x NY
-   derivatives of the integrands T (g - 1).
+   derivatives of the rows by y, stored as its NZ nonzeros, row by row, and then the dense NA x NY
+   derivatives of the integrands T (g - 1) and of T l.
 
      NM, NR         coordinates, and unknowns for each at a knot
      NY, NC, NI     numbers in y, constraint rows, integral rows
+     NL, NA         running costs, 0 or 1; NI + NL: integrals of both kinds
      NP, NQ         parameters, and numbers that depend on them alone
      NE             numbers that values keeps for second, the torques among them
      NZ, NH         nonzeros of C's constraint rows and of H's upper triangle
@@ -49,7 +52,7 @@
      STATE(r)       whether row r depends on the position and velocity alone
 
      prepare(p, q)                        what depends on parameters alone
-     values(y, q, c, g, e)                rows, integrands T (g - 1), and e for second
+     values(y, q, c, g, e)                rows, integrands T (g - 1) and T l, and e for second
      second(y, e, weights of c and g, q, C, H)     derivatives; H of the weighted sum
      scale_rows(C, s)                     multiply each row of C
      along_rows(C, dy, dc)                dc += C dy
@@ -67,7 +70,7 @@
 #define FAR 2.0    /* from one limit of a row to the other */
 #define SHIFT 1e-5 /* the first that is tried: the scene's magnitudes are of the order of one */
 #define HIGHEST 1e-2 /* to which a shift grows because steps had to be halved */
-#define FAR_OFF 1e-3 /* of complementarity over T: nearer to a solution shifts are smaller */
+#define FAR_OFF 1e-3 /* of complementarity over the cost: nearer to a solution shifts are smaller */
 #define RISE 10.0 /* times complementarity: what merit may rise by, see try_direction */
 #define VALLEY 100.0 /* times what a shifted step gains: what is left, see solved */
 #define USUAL 16.0 /* so that the intervals of a mesh of 16 have weight 1 in the integral of A^2 */
@@ -81,9 +84,9 @@ enum {
 enum { SOLVED, TOO_MANY_ITERATIONS, NO_PROGRESS, SINGULAR, NOT_A_NUMBER };
 
 typedef struct {
-  double tolerance;   /* of complementarity and of T as fractions of T */
+  double tolerance;   /* of complementarity and of the cost as fractions of it */
   double rows;        /* of |c - t| */
-  double barrier;     /* complementarity at first, as a fraction of T */
+  double barrier;     /* complementarity at first, as a fraction of the cost */
   double closest;     /* how close t may begin to its limits, as a fraction */
   int64_t iterations; /* at most */
   double *trace;      /* for those who watch, TRACED numbers of each iteration; or NULL */
@@ -93,7 +96,7 @@ typedef struct {
 enum { TRACED = 4 };
 
 typedef struct {
-  double complementarity, dual, primal; /* what is compared with the tolerance */
+  double cost, complementarity, dual, primal; /* what is compared with the tolerance */
   double evaluating, solving;            /* seconds: rows and derivatives; linear systems */
   int64_t iterations, factorisations, evaluations;
 } Report;
@@ -110,6 +113,8 @@ typedef struct {
   const int64_t *is_free;    /* (phases + 1) x NB: which of its components are not given */
   const double *drift;       /* (phases + 1) x NM: velocity of a position that moves */
   const double *radius;      /* phases + 1: of the sphere about the position in state; 0: none */
+  const double *cost;        /* 3: weights of the duration and of the running cost; whether the sum of
+                                all durations is given */
   const double *fractions;   /* NG x 4: the points of an interval */
   const double *quadrature;  /* NG x 4: their weights in integrals */
 } Given;
@@ -125,7 +130,7 @@ typedef struct {
   V dt[NC], dupper[NC], dlower[NC];
   V moved[NC];                   /* t at the last trial */
   V bend_upper[NC], bend_lower[NC]; /* second-order part of slack times multiplier */
-  V C[NZ + NI * NY];             /* derivatives of rows and integrands by y */
+  V C[NZ + NA * NY];             /* derivatives of rows and integrands by y */
 } Group;                         /* of four points */
 
 typedef struct {
@@ -162,11 +167,14 @@ typedef struct {
   double *border;                /* (n + 1) x width x NB */
   double *corner, *pivot;        /* width x width, lower triangle: L; width: D */
   double *z, *dz, *trial, *g;    /* n + 1 knots, then the durations */
-  double *slope;                 /* NI x size of z: derivatives of the integral rows by z */
-  double *rest;                  /* width: the border's part of a right-hand side, of a solution */
+  double *slope;                 /* NA x size of z: derivatives of the integrals by z */
+  double *rest, *along_sum;      /* width: the border's part of a right-hand side, of a solution; by a
+                                    multiplier of the sum of all durations */
   int64_t singles;               /* rows of their own: NI integral rows, then spheres */
   Single *single;
   double mu, penalty;
+  double run, next_run;          /* the integral of the running cost at z, at the trial */
+  double unit;                   /* of what shifts are counted in: 1, or a running cost at first */
   double left; /* complementarity now */
   int halvings; /* of the last step */
   Report *report;
@@ -198,6 +206,11 @@ static double total_duration(const Problem *P, double *z) {
   double total = 0;
   for (int64_t q = 0; q < P->phases; q++) total += durations(P, z)[q];
   return total;
+}
+/* What is minimised, at z; run: the integral of the running cost there. */
+static double cost(const Problem *P, double *z, double run) {
+  return NL ? P->given->cost[0] * total_duration(P, z) + P->given->cost[1] * run
+            : total_duration(P, z);
 }
 static double duration_of(const Problem *P, const Interval *I, double *z) {
   return durations(P, z)[I->phase];

@@ -22,27 +22,33 @@ static void leave_out_given(const Problem *P, const Interval *I, const Group *G,
       if (STATE(r) && fabs(c[r][l]) > AT_LIMIT && is_given(P, I, fractions[l], r)) c[r][l] = 0;
 }
 
-/* Rows at the points of interval i as shares of what may be used of the limits; to the integral
-   rows its part of them. */
+/* Rows at the points of interval i as shares of what may be used of the limits; to the integrals
+   its part of them. */
 static void rows(Problem *P, int64_t i, Group *G, const double *knots, double T, V *c) {
   const Interval *I = P->interval + i;
-  V y[NY], g[NI];
+  V y[NY], g[NA];
   at_points(G, knots, T, y);
   values(y, P->prepared + NQ * I->phase, c, g, G->e);
   scale(I, c);
   leave_out_given(P, I, G, c);
   for (int k = 0; k < NI; k++) P->single[k].next += sum(G->integral * g[k]);
+  if (NL) P->next_run += sum(G->integral * g[NI]);
+}
+
+/* The multiplier of an integral: that of its row, or the weight of the running cost. */
+static double price(const Problem *P, int k) {
+  return k < NI ? P->single[k].upper : P->given->cost[1];
 }
 
 /* Curvature of the Lagrangian with t eliminated, by y; the rows are known from the trial that
    led here, or from the beginning. */
 static void differentiate(const Problem *P, const Interval *I, Group *G, const double *knots,
                           V S[NY][NY]) {
-  V y[NY], weight[NC + NI], stiffness[NC], H[NH];
+  V y[NY], weight[NC + NA], stiffness[NC], H[NH];
   at_points(G, knots, duration_of(P, I, P->z), y);
   memcpy(weight, G->y, sizeof G->y);
   scale(I, weight);
-  for (int k = 0; k < NI; k++) weight[NC + k] = P->single[k].upper * G->integral;
+  for (int k = 0; k < NA; k++) weight[NC + k] = price(P, k) * G->integral;
   second(y, G->e, weight, P->prepared + NQ * I->phase, G->C, H);
   scale_rows(G->C, I->scale);
   for (int r = 0; r < NC; r++)
@@ -69,16 +75,15 @@ static void add_curvature(const Group *G, V S[NY][NY], double K[NK + 1][WIDE + 4
     }
 }
 
-/* The gradient of the Lagrangian's rows by the interval's own knots. */
+/* The gradient of the Lagrangian by the interval's own knots. */
 static void local_gradient(const Problem *P, const Interval *I, double *g) {
   memset(g, 0, NK * sizeof(double));
   for (int j = 0; j < NG; j++) {
     const Group *G = I->group + j;
     V m[NY];
     across_rows(G->C, G->y, m);
-    for (int k = 0; k < NI; k++)
-      for (int a = 0; a < NY; a++)
-        m[a] += P->single[k].upper * G->integral * G->C[NZ + NY * k + a];
+    for (int k = 0; k < NA; k++)
+      for (int a = 0; a < NY; a++) m[a] += price(P, k) * G->integral * G->C[NZ + NY * k + a];
     for (int a = 0; a < NK; a++) g[a] += sum(at_knot(G, m, a / NM, a % NM));
   }
 }
@@ -94,7 +99,7 @@ static void curvature(Problem *P, int64_t i) {
     differentiate(P, I, G, knots, S);
     add_curvature(G, S, I->K);
     by_T += sum(S[NY - 1][NY - 1]);
-    for (int k = 0; k < NI; k++) {
+    for (int k = 0; k < NA; k++) {
       V m[NY];
       for (int a = 0; a < NY; a++) m[a] = G->integral * G->C[NZ + NY * k + a];
       add_to_gradient(P, i, G, m, P->slope + k * size(P));
@@ -137,13 +142,27 @@ static void set_slope(Single *B, const double *z) {
     B->slope[k] = 2 * (z[NB * B->knot + k] - B->centre[k]) / (B->radius * B->radius);
 }
 
+/* The derivative of an integral along dz. */
+static double along_integral(const Problem *P, int64_t k, const double *dz) {
+  double total = 0;
+  for (int64_t a = 0; a < size(P); a++) total += P->slope[k * size(P) + a] * dz[a];
+  return total;
+}
+
+/* That of what is minimised. */
+static double cost_along(const Problem *P, double *dz) {
+  return cost(P, dz, NL ? along_integral(P, NI, dz) : 0.0);
+}
+
+/* Add a multiple of the derivatives of an integral to a gradient. */
+static void add_integral(const Problem *P, int64_t k, double factor, double *g) {
+  for (int64_t a = 0; a < size(P); a++) g[a] += factor * P->slope[k * size(P) + a];
+}
+
 /* The derivative of a row of its own along dz. */
 static double along(const Problem *P, int64_t k, const double *dz) {
   double total = 0;
-  if (k < NI) {
-    for (int64_t a = 0; a < size(P); a++) total += P->slope[k * size(P) + a] * dz[a];
-    return total;
-  }
+  if (k < NI) return along_integral(P, k, dz);
   const Single *B = P->single + k;
   for (int j = 0; j < NM; j++) total += B->slope[j] * dz[NB * B->knot + j];
   return total;
@@ -152,7 +171,7 @@ static double along(const Problem *P, int64_t k, const double *dz) {
 /* Add a multiple of the derivatives of a row of its own to a gradient. */
 static void add_single(const Problem *P, int64_t k, double factor, double *g) {
   if (k < NI) {
-    for (int64_t a = 0; a < size(P); a++) g[a] += factor * P->slope[k * size(P) + a];
+    add_integral(P, k, factor, g);
     return;
   }
   const Single *B = P->single + k;

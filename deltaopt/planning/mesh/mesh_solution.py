@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from deltaopt.limits.constraints import Constraints
 from deltaopt.motion.approach_excess import approach_rows
+from deltaopt.motion.effort import cost as cost_of
 from deltaopt.motion.extrema import sample_fractions
 from deltaopt.motion.sure_bounds import sure_excess
 from deltaopt.motion.time_scaling import (
@@ -20,6 +21,7 @@ from deltaopt.motion.time_scaling import (
     needed_slowing,
 )
 from deltaopt.motion.trajectory import Trajectory
+from deltaopt.planning.mesh.bends import missed_effort
 from deltaopt.planning.mesh.constraint_tightening import (
     Bulge,
     Overshoot,
@@ -81,6 +83,8 @@ def solve_on_mesh(
     found = MeshSolution(
         program, solution, trajectory, loads, lost, unused, needed, scaling, problem, has_arrived
     )
+    if problem.objective.effort:
+        found = found.with_cost_of_bends()
     if scaling.constraints.slid_along.any():
         found = found.with_price_of_sliding()
     return found.with_sure_bounds() if scaling.constraints.has_convex else found
@@ -113,10 +117,10 @@ def motion_on_first_mesh(
 def _needed(loads: Loads, scaling: Scaling) -> tuple[Array, NeededSlowing]:
     """By what factor each interval alone asks the motion to be slowed, (N,), and all together.
 
-    Where an end moves, a motion cannot be slowed: then these say by how much limits are exceeded,
-    and stand for the time that tightening them will cost.
+    Where an end moves, or effort counts, a motion cannot be slowed: then these say by how much
+    limits are exceeded, and stand for what tightening them will cost.
     """
-    if scaling.problem.is_at_rest:
+    if scaling.problem.may_be_slowed:
         demands = loads.highest_demands(len(FRACTIONS))
         return loads.slowing(demands), loads.needed(demands.max(axis=0))
     sizes = scaling.constraints.size(_by_interval(loads.rows)).max(axis=1)
@@ -172,6 +176,28 @@ class MeshSolution:
     is_exact: bool = False
     excess: Array | None = None
 
+    @cached_property
+    def cost(self) -> float:
+        """Value of the scene's objective for the motion as it is, in the objective's unit."""
+        return cost_of(self.problem, self.trajectory)
+
+    @cached_property
+    def price_of_limits(self) -> float:
+        """What tightening all limits costs at most, as a fraction of the cost per share of them: of
+        a duration no more than that share."""
+        if not self.problem.objective.effort:
+            return 1.0
+        rows = time_costing_rows(self.scaling.constraints)
+        return max(1.0, float(np.abs(self.solution.multipliers[:, :, rows]).sum()))
+
+    def with_cost_of_bends(self) -> MeshSolution:
+        """The same with what it costs that polynomials do not bend as the best torques do, and with
+        what limits that are exceeded cost by their price."""
+        weight = self.problem.objective.effort / self.cost
+        found = self._with_unused(weight * missed_effort(self.trajectory))
+        lost = replace(found.lost, exceeded=self.price_of_limits * found.lost.exceeded)
+        return replace(found, lost=lost)
+
     def with_sure_bounds(self) -> MeshSolution:
         """The same with the ``excess`` over limits that are convex in the position, and with what
         it costs that these were tightened.
@@ -224,7 +250,7 @@ class MeshSolution:
         """Phases for the next meshes where the motion touches sharp edges of bodies; None if there
         are none for it."""
         has_phases = self.program.takes_phases and not self.problem.gates
-        if not (has_phases and self.problem.is_at_rest and self.scaling.constraints.has_convex):
+        if not (has_phases and self.problem.may_be_slowed and self.scaling.constraints.has_convex):
             return None
         return phases_over_edges(self.problem, self.trajectory, self._pays)
 
@@ -255,6 +281,11 @@ class MeshSolution:
     def safe_factor(self) -> float:
         """By which the motion must be slowed to keep the limits that slowing helps to keep."""
         return self.needed.factor
+
+    @property
+    def exceeding(self) -> float:
+        """What it costs to keep the limits that slowing helps to keep, a fraction of the cost."""
+        return self.price_of_limits * (self.safe_factor - 1)
 
     @property
     def safe_duration(self) -> float:
@@ -314,7 +345,7 @@ class MeshSolution:
         constraints = self.scaling.constraints
         places, others = constraints.of_place & ~constraints.convex, time_costing_rows(constraints)
         shares, size = self.scaling.shares(len(self.mesh)), constraints.size(self.rows)
-        cannot_slow = not self.problem.is_at_rest and self.own_gap < _NEARLY_LAST
+        cannot_slow = not self.problem.may_be_slowed and self.own_gap < _NEARLY_LAST
         soon = cannot_slow or self._is_held(shares[:, others])
         anywhere = places | others if soon else places
         tightenable = anywhere if mesh.min() > TIGHTENED else places | others
@@ -419,7 +450,7 @@ def iteration_of(solutions: list[MeshSolution]) -> Iteration:
     correction = 1.0
     if others:
         before = others[-1]
-        fell = before.trajectory.duration / last.trajectory.duration - 1
+        fell = before.cost / last.cost - 1
         expected = before.to_be_gained - last.to_be_gained
         judgeable = expected > _JUDGEABLE * before.to_be_gained
         # Two solutions with nearly the same estimate say nothing about it: allow for a factor of 2.
@@ -429,8 +460,10 @@ def iteration_of(solutions: list[MeshSolution]) -> Iteration:
         iterations=last.solution.iterations,
         duration=last.trajectory.duration,
         safe_duration=last.safe_duration,
-        gap=last.safe_factor - 1 + correction * SAFETY_FACTOR * to_be_gained,
+        gap=last.exceeding + correction * SAFETY_FACTOR * to_be_gained,
         spent=last.solution.spent,
+        cost=last.cost if last.problem.objective.effort else None,
+        unit=last.problem.objective.unit,
     )
 
 

@@ -36,6 +36,7 @@ from tests.oracles.point_motion import (
     Leg,
     Row,
     System,
+    best,
     fastest,
     quintic,
 )
@@ -99,13 +100,17 @@ def torques(limit: float) -> Callable[[Instant], list[Row]]:
 
 @dataclass(frozen=True)
 class Case:
-    """A system and its phases; ``watched``: rows that a limit is expected to hold back."""
+    """A system and its phases; ``watched``: rows that a limit is expected to hold back.
+    ``weights``: of the duration and of the running cost. ``sum_is_given``: whether all legs
+    together take as long as they are guessed to."""
 
     system: System
     legs: Sequence[Leg]
     ends: Sequence[End]
     points: Array = field(default_factory=lambda: FOUR)
     watched: Sequence[int] = ()
+    weights: tuple[float, float] = (1.0, 0.0)
+    sum_is_given: bool = False
 
 
 def rest(*x: float) -> End:
@@ -171,6 +176,18 @@ def jerks(now: Instant) -> list[Row]:
 def mean_square(now: Instant) -> ca.SX:
     """Of both torques, over a bound that is the second parameter."""
     return ca.sumsqr(now.tau) / now.p[1]
+
+
+def squared_torques(now: Instant) -> ca.SX:
+    return ca.sumsqr(now.tau)
+
+
+def squared_jerks(now: Instant) -> ca.SX:
+    return ca.sumsqr(now.j)
+
+
+def given(n: int, duration: float, *p: float) -> Leg:
+    return replace(leg(n, duration, *p), given=True)
 
 
 LEFT, RIGHT = (-0.9, 1.0), (0.9, 1.1)
@@ -281,6 +298,51 @@ CASES = {
         [started(LEFT, (0.3, -0.4)), passed((0.1, 1.5), (1.0, 0.0)), met((0.9, 0.9), (-0.2, 0.3))],
         watched=(2, 3),
     ),
+    "effort": Case(
+        System(2, 2, arm, torques(6.0), running=squared_torques),
+        [given(12, 1.3, 0.7)],
+        [rest(*LEFT), rest(*RIGHT)],
+        watched=(0,),
+        weights=(0.0, 1.0),
+    ),
+    "effort far from all limits": Case(
+        System(2, 2, arm, torques(60.0), running=squared_torques),
+        [given(12, 2.5, 0.7)],
+        [rest(*LEFT), rest(*RIGHT)],
+        weights=(0.0, 1.0),
+    ),
+    "time and effort": Case(
+        System(2, 2, arm, torques(6.0), running=squared_torques),
+        [leg(12, 1.5, 0.7)],
+        [rest(*LEFT), rest(*RIGHT)],
+        watched=(0,),
+        weights=(3.0, 0.02),
+    ),
+    "effort in two phases past a moving goal, within a power": Case(
+        System(2, 2, arm, powers, mean_square, squared_torques),
+        [leg(8, 1.6, 0.7, 25.0), leg(7, 1.6, 0.3, 25.0)],
+        [started(LEFT, (0.3, -0.4)), passed((0.1, 1.5), (1.0, 0.0)), met((0.9, 0.9), (-0.2, 0.3))],
+        watched=(2, 3),
+        weights=(10.0, 0.01),
+    ),
+    "effort in a given time from phase to phase": Case(
+        System(2, 2, arm, torques(6.0), mean_square, squared_torques),
+        [leg(6, 1.0, 0.7, 25.0), leg(5, 0.6, 0.7, 25.0), leg(6, 0.9, 0.3, 25.0)],
+        [
+            rest(*LEFT),
+            passed((-0.2, 1.5), (1.0, 0.0)),
+            near((0.3, 1.4), (1.0, 0.0), 0.05),
+            met((0.9, 0.9), (-0.2, 0.3)),
+        ],
+        weights=(0.0, 1.0),
+        sum_is_given=True,
+    ),
+    "smoothness": Case(
+        System(2, 3, arm, torques(8.0), running=squared_jerks),
+        [given(5, 1.4, 0.7), leg(6, 1.0, 0.3)],
+        [rest(*LEFT), near((0.1, 1.5), (1.0, 0.0), 0.05), rest(*RIGHT)],
+        weights=(1.0, 1e-3),
+    ),
 }
 
 
@@ -309,6 +371,7 @@ def point_problem(system: System, parameters: int) -> PointProblem:
         rows=ca.vertcat(*(row.quantity for row in rows)) if rows else ca.SX(0, 1),
         sides=tuple(sides[row.upper, row.lower] for row in rows),
         integrands=system.integrands(now),
+        running=ca.SX(0, 1) if system.running is None else system.running(now),
     )
 
 
@@ -343,21 +406,31 @@ def boundaries_of(case: Case) -> list[Boundary]:
 
 def solved(name: str, settings: Settings = EXACT) -> InteriorPointSolution:
     case = CASES[name]
-    return method_of(name).solve(phases_of(case), boundaries_of(case), settings)
+    return method_of(name).solve(
+        phases_of(case),
+        boundaries_of(case),
+        settings,
+        case.weights,
+        sum_is_given=case.sum_is_given,
+    )
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_durations_are_those_of_ipopt(name):
+def test_durations_and_costs_are_those_of_ipopt(name):
     case = CASES[name]
     ours = solved(name)
     assert ours.status == "Solve_Succeeded"
-    theirs = fastest(case.system, case.legs, case.ends, case.points)
+    theirs, cost = best(
+        case.system, case.legs, case.ends, case.points, case.weights, sum_is_given=case.sum_is_given
+    )
     durations = [phase.duration for phase in ours.phases]
-    assert sum(durations) == pytest.approx(theirs.sum(), rel=1e-8)
+    assert ours.cost == pytest.approx(cost, rel=1e-8)
+    if case.system.running is None:
+        assert sum(durations) == pytest.approx(theirs.sum(), rel=1e-8)
     np.testing.assert_allclose(durations, theirs, rtol=1e-7)
     for row in case.watched:
         assert max(abs(phase.multipliers[:, :, row]).max() for phase in ours.phases) > 1e-3
-    assert (ours.integral_multipliers > 1e-3).all()
+    assert (ours.integral_multipliers > 1e-3).all() or case.weights != (1.0, 0.0)
     has_sphere = np.array([end.radius > 0 for end in case.ends])
     assert (ours.sphere_multipliers[has_sphere] > 1e-6).all()
     assert (ours.sphere_multipliers[~has_sphere] == 0).all()
@@ -474,25 +547,25 @@ def test_infinite_share_is_no_limit():
 PROBE = """
 void probe(const double *y, const double *p, const double *w, const double *s,
            double *c, double *C, double *m, double *S) {
-  V Y[NY], P[NP], q[NQ], r[NC + NI + 1], e[NE], W[NC + NI], D[NZ + NI * NY], H[NH], K[NY][NY];
+  V Y[NY], P[NP], q[NQ], r[NC + NA + 1], e[NE], W[NC + NA], D[NZ + NA * NY], H[NH], K[NY][NY];
   V stiffness[NC], across[NY];
   for (int a = 0; a < NY; a++) Y[a] = ALL(y[a]);
   for (int k = 0; k < NP; k++) P[k] = ALL(p[k]);
-  for (int k = 0; k < NC + NI; k++) W[k] = ALL(w[k]);
+  for (int k = 0; k < NC + NA; k++) W[k] = ALL(w[k]);
   for (int k = 0; k < NC; k++) stiffness[k] = ALL(s[k]);
   prepare(P, q);
   values(Y, q, r, r + NC, e);
   second(Y, e, W, q, D, H);
   curvature_of_rows(D, H, stiffness, K);
   across_rows(D, W, across);
-  for (int k = 0; k < NC + NI; k++) c[k] = r[k][0];
+  for (int k = 0; k < NC + NA; k++) c[k] = r[k][0];
   for (int a = 0; a < NY; a++) {
     V unit[NY], along[NC];
     for (int b = 0; b < NY; b++) unit[b] = ALL(a == b ? 1.0 : 0.0);
     for (int k = 0; k < NC; k++) along[k] = ALL(0.0);
     along_rows(D, unit, along);
     for (int k = 0; k < NC; k++) C[NY * k + a] = along[k][0];
-    for (int k = 0; k < NI; k++) C[NY * (NC + k) + a] = D[NZ + NY * k + a][0];
+    for (int k = 0; k < NA; k++) C[NY * (NC + k) + a] = D[NZ + NY * k + a][0];
     m[a] = across[a][0];
     for (int b = 0; b < NY; b++) S[NY * a + b] = K[a][b][0];
   }
@@ -521,13 +594,17 @@ class Probe:
         return c, C.reshape(-1, self.ny), m, S.reshape(self.ny, self.ny)
 
 
-@pytest.mark.parametrize("name", ["power", "all at once", "jerk", "floor", "integral"])
+PROBED = ["power", "all at once", "jerk", "floor", "integral", "effort", "smoothness"]
+
+
+@pytest.mark.parametrize("name", PROBED)
 def test_derivatives_are_those_of_the_values(name):
     """First and second, with torques eliminated, by central differences of the generated code."""
     problem = method_of(name).problem
     built = library(source(problem, 4) + PROBE)
     rng = np.random.default_rng(4)
-    nc, ni, m = len(problem.sides), problem.integrands.numel(), problem.coordinates
+    nc, m = len(problem.sides), problem.coordinates
+    ni = problem.integrands.numel() + problem.running.numel()
     y = rng.normal(size=problem.y.numel())
     y[:m], y[-1] = rng.uniform(0.3, 0.8, m), 1.3
     p, weights = rng.uniform(0.5, 1.5, problem.p.numel()), rng.normal(size=nc + ni)
