@@ -18,6 +18,7 @@ from math import inf
 import numpy as np
 from numpy.typing import NDArray
 
+from deltaopt.robot.robot import as_delta
 from deltaopt.scene.feasibility import room_at_rest
 from deltaopt.scene.scene import Scene
 from tests.oracles.body_distances import tool_distances
@@ -155,7 +156,7 @@ def _are_clear(scene: Scene, a: Array, b: Array) -> Truths:
 
 def _lattice(scene: Scene, spacing: float) -> Array:
     """Places over all that the robot reaches, (nx, ny, nz, 3), m."""
-    robot = scene.robot
+    robot = as_delta(scene.robot)
     reach = robot.upper_arm.length + robot.forearm.length
     wide = reach + abs(robot.base_radius - robot.platform_radius)
     axes = [

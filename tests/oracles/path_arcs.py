@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from deltaopt.dynamics.precise_integrator import PreciseIntegrator
 from deltaopt.robot.model import DeltaModel
+from deltaopt.robot.robot import as_delta
 from deltaopt.scene.scene import Scene, limits_of
 from deltaopt.scene.task import OnPath, given_points
 
@@ -20,7 +21,7 @@ _NEWTON = 12
 
 def two_arcs(scene: Scene, guess: float) -> float:
     """The duration, s, on a straight line; ``guess``: of the duration."""
-    task, model = scene.task, DeltaModel(scene.robot, scene.payload)
+    task, model = scene.task, DeltaModel(as_delta(scene.robot), scene.payload)
     assert isinstance(task, OnPath)
     length = float(task.path.knots[-1])
     forward, backward = (_arc(scene, model, sign) for sign in (1, -1))
