@@ -49,6 +49,7 @@ from deltaopt.planning.nlp.problem import (
     Formulated,
     Guess,
     InteriorPoint,
+    Ipopt,
     ProblemFormulation,
     Solver,
 )
@@ -67,6 +68,10 @@ Array = NDArray[np.float64]
 _KEPT_DISTANCE = 1e-2
 """Squared distance to the serial singularities, sin² or cos² of an angle, that motions keep if
 their start and goal do. Ends that are closer ask for a larger allowance for rounding."""
+_LONG_REST = 30.0
+"""Given durations over the fastest motion's above which Ipopt plans the least effort: the compiled
+method does not find its way over rests that are so long (at 21 times it does, at 71 it does not).
+"""
 _FIRST_MESH_TOLERANCE = 1e-4
 """Tightest relative tolerance of the solver on the first mesh. Any tighter is wasted, for the
 discretisation error of a coarse mesh is far larger."""
@@ -226,6 +231,8 @@ class TrajectoryOptimiser:
         shortest, given = fastest.duration, scene.objective.given_duration
         if given is not None:
             require_possible(given, shortest, fastest.gap)
+            if given > _LONG_REST * shortest and self._is_compiled:
+                return replace(self, solver=Ipopt())._plan_effort(attempt, report)
         guess = fastest.trajectory.slowed((given or shortest) / shortest)
         scaling = replace(
             scaling_to_duration(scene, shortest),

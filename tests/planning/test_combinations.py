@@ -9,6 +9,7 @@ import pytest
 
 from deltaopt import SceneError, load_scene, plan, verify
 from deltaopt.motion.effort import effort
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.moving_ends import end_in
 from deltaopt.scene.scene import Scene
 from studies.problems import PROBLEMS
@@ -109,7 +110,7 @@ def test_effort_beside(beside):
     assert found.duration == pytest.approx(0.3, rel=1e-12)
     if scene.task.is_at_rest:
         slowed = fastest.trajectory.slowed(0.3 / fastest.duration)
-        assert found.cost < effort(scene, slowed)
+        assert found.cost < effort(problem_of(scene), slowed)
 
 
 @pytest.mark.parametrize(
