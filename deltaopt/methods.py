@@ -5,8 +5,7 @@ from __future__ import annotations
 from deltaopt.dynamics.kane import Kane
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.dynamics.virtual_work import VirtualWork
-from deltaopt.planning.flat.flat_problem import Flat
-from deltaopt.planning.formulations.choice import Forward
+from deltaopt.planning.formulations.choice import Flat, Forward
 from deltaopt.planning.nlp.problem import InteriorPoint, Ipopt
 
 explicit = Explicit()

@@ -46,8 +46,7 @@ from deltaopt.output.in_words import told
 from deltaopt.output.plan_files import MOST_ROWS, RATE, content, highest_rate
 from deltaopt.planning.comparisons import beside_free_path
 from deltaopt.planning.first_motions.initial_motion import baseline
-from deltaopt.planning.flat.flat_problem import Flat
-from deltaopt.planning.formulations.choice import Forward, Redundant
+from deltaopt.planning.formulations.choice import Flat, Forward, Redundant
 from deltaopt.planning.formulations.loop_closure import (
     AccelerationLevel,
     Baumgarte,

@@ -17,7 +17,7 @@ from deltaopt.dynamics.lagrange import Multiplier
 from deltaopt.errors import DeltaOptError
 from deltaopt.files.validated_record import Vector3
 from deltaopt.motion.trajectory import Motion
-from deltaopt.planning.flat.flat_problem import Flat
+from deltaopt.planning.formulations.choice import Flat
 from deltaopt.planning.journal import Journal, Progress
 from deltaopt.planning.nlp.problem import ProblemFormulation, Solver
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration

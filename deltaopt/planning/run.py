@@ -38,7 +38,7 @@ from deltaopt.planning.first_motions.order_of_merit import first_motion
 from deltaopt.planning.first_motions.passages import paths_of_lines
 from deltaopt.planning.first_motions.proposal import Proposal
 from deltaopt.planning.first_motions.through_gates import through_gates
-from deltaopt.planning.flat.flat_problem import Flat
+from deltaopt.planning.formulations.choice import Flat
 from deltaopt.planning.in_flight import finished_first
 from deltaopt.planning.journal import Journal
 from deltaopt.planning.links_clear import keeping_links_clear

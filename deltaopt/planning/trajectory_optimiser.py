@@ -33,8 +33,7 @@ from deltaopt.planning.first_motions.order_of_merit import (
     crosses_singularity,
     intervals_for,
 )
-from deltaopt.planning.flat.flat_problem import Flat
-from deltaopt.planning.formulations.choice import problem_formulation
+from deltaopt.planning.formulations.choice import Flat, problem_formulation
 from deltaopt.planning.journal import Progress
 from deltaopt.planning.mesh.kept_limits import kept
 from deltaopt.planning.mesh.mesh_solution import (

@@ -155,7 +155,10 @@ class ArcProblem:
         if not self.cost.running:
             return None
         zero, weights = np.zeros(1), self.cost.running * self.transcription.quadrature
-        points = Points(self.equations.running_cost, self._running_layout(), zero, zero)
+        e, h = self.equations, ca.SX.sym("h")
+        inputs = [ca.vertcat(e.y, h), e.parameters.vector]
+        during = PointFunction("running cost", ca.Function("running", inputs, [h * e.rate]))
+        points = Points(during, self._running_layout(), zero, zero)
         return RunningCost(points, np.tile(weights, self.intervals))
 
     @cached_property

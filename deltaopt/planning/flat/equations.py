@@ -13,7 +13,6 @@ from deltaopt.limits.constraints import Constraints
 from deltaopt.mechanisms.functions import Functions
 from deltaopt.mechanisms.instant import PlatformInstant
 from deltaopt.planning.flat.point_problem import PointProblem, Sides
-from deltaopt.planning.nlp.program import PointFunction
 from deltaopt.planning.nlp.scaling import Parameters
 
 Integers = NDArray[np.intp]
@@ -71,19 +70,6 @@ class PointEquations:
             strengths=strengths,
         )
 
-    @property
-    def of_motion(self) -> Integers:
-        """Indices of the rows that are not bounds on a single torque."""
-        return np.asarray(np.flatnonzero(~self.constraints.is_control))
-
-    @cached_property
-    def point_function(self) -> PointFunction:
-        """(y, p) -> eq. (39), 3, then the rows that are not bounds on a single torque."""
-        rows = ca.vertcat(self.force, self.rows[self.of_motion.tolist()])
-        return PointFunction(
-            "motion", ca.Function("motion", [self.y, self.parameters.vector], [rows])
-        )
-
     @cached_property
     def point_problem(self) -> PointProblem:
         """The same equations for the interior-point method, which eliminates the torques."""
@@ -105,13 +91,6 @@ class PointEquations:
     def point_problem_of_effort(self) -> PointProblem:
         """The same with the rate of the effort as its running cost."""
         return replace(self.point_problem, running=self.rate)
-
-    @cached_property
-    def running_cost(self) -> PointFunction:
-        """(y and h, p) -> h τᵀτ: the effort during a time h, in units of the scene's time."""
-        h = ca.SX.sym("h")
-        inputs = [ca.vertcat(self.y, h), self.parameters.vector]
-        return PointFunction("running cost", ca.Function("running", inputs, [h * self.rate]))
 
 
 @lru_cache(maxsize=16)

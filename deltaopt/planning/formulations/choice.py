@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import lru_cache, partial
 
 from deltaopt.dynamics.formulation import Projected
 from deltaopt.dynamics.lagrange import Multiplier
 from deltaopt.limits.constraints import Constraints
 from deltaopt.mechanisms.functions import Functions
+from deltaopt.planning.flat.equations import point_equations
+from deltaopt.planning.flat.flat_problem import compiled_flat
 from deltaopt.planning.formulations.collocation import Equations
 from deltaopt.planning.formulations.delta import DeltaEquations, scaled_delta
 from deltaopt.planning.formulations.equations import (
     explicit_equations,
+    flat_equations,
     forward_equations,
     multiplier_equations,
 )
@@ -21,6 +24,7 @@ from deltaopt.planning.formulations.loop_closure import KnotConstraints, LoopClo
 from deltaopt.planning.formulations.scaled_mechanism import ScaledMechanism
 from deltaopt.planning.nlp.cost import FASTEST, Cost
 from deltaopt.planning.nlp.problem import (
+    Formulated,
     InteriorPoint,
     Ipopt,
     ProblemFormulation,
@@ -28,7 +32,7 @@ from deltaopt.planning.nlp.problem import (
 )
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 
-_IPOPT = Ipopt()
+_FAST, _IPOPT = InteriorPoint(), Ipopt()
 
 
 class Collocated(ABC):
@@ -46,13 +50,49 @@ class Collocated(ABC):
         constraints: Constraints,
         cost: Cost = FASTEST,
         solver: Solver = _IPOPT,
-    ) -> DeltaEquations:
-        """Its equations for the Delta under limits; ``solver`` can only be Ipopt."""
-        return DeltaEquations(_equations(self, functions, constraints), transcription, cost)
+    ) -> Formulated:
+        """Its equations for a mechanism under limits, for Ipopt."""
+        derive = partial(_equations, self, functions, constraints)
+        return DeltaEquations(derive, transcription, cost)
 
     @abstractmethod
     def equations(self, system: ScaledMechanism) -> Equations:
         """Its equations for any scaled mechanism."""
+
+
+@dataclass(frozen=True)
+class Flat(Collocated):
+    """The formulation in the platform's coordinates alone, which is the default."""
+
+    name: str = "flat"
+
+    @property
+    def solvers(self) -> tuple[type[Ipopt] | type[InteriorPoint], ...]:
+        """Kinds of solver that can be asked for, the default first."""
+        return InteriorPoint, Ipopt
+
+    def of(
+        self,
+        functions: Functions,
+        transcription: PiecewiseAcceleration,
+        constraints: Constraints,
+        cost: Cost = FASTEST,
+        solver: Solver = _FAST,
+    ) -> Formulated:
+        """Its equations for a mechanism under limits.
+
+        They are for Ipopt if that is asked for, without a C compiler, and for accelerations that
+        are not linear in every interval.
+        """
+        by_ipopt = super().of(functions, transcription, constraints, cost)
+        if isinstance(solver, Ipopt) or transcription.degree != 1:
+            return by_ipopt
+        equations = point_equations(functions, constraints)
+        return compiled_flat(equations, transcription, cost, by_ipopt) or by_ipopt
+
+    def equations(self, system: ScaledMechanism) -> Equations:
+        """Its equations for any scaled mechanism."""
+        return flat_equations(system)
 
 
 @dataclass(frozen=True)

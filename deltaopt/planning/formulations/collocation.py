@@ -23,7 +23,12 @@ from numpy.typing import NDArray
 from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.dynamics.mechanism import SX
 from deltaopt.planning.formulations.loop_closure import LoopClosure
-from deltaopt.planning.formulations.scaled_mechanism import BoundaryValues, ScaledMechanism
+from deltaopt.planning.formulations.scaled_mechanism import (
+    BoundaryValues,
+    ScaledMechanism,
+    UnitValues,
+    units_at,
+)
 from deltaopt.planning.nlp.cost import FASTEST, Cost
 from deltaopt.planning.nlp.program import (
     IpoptSolution,
@@ -156,15 +161,39 @@ class CollocationProblem:
         """The nonlinear program, with the options for a guess that is not a solution."""
         return self.program_with(FAR)
 
-    def program_with(self, options: Options) -> Program:
-        """The nonlinear program with other options of Ipopt.
+    def program_with(self, options: Options, ends: BoundaryValues | None = None) -> Program:
+        """The nonlinear program with other options of Ipopt, for ``ends`` that may move.
 
         A cost that contains effort is strictly convex in the torques and needs no regularisation.
         """
         cost = np.zeros(self.variables.number)
         cost[-1] = self.cost.time
         running = self._effort() if self.cost.running else self._torque_variation()
-        return Program(cost, self._continuity, self._rows(), options, running)
+        rows = self._rows() if ends is None else [*self._moving_ends(ends), *self._rows()]
+        return Program(cost, self._continuity, rows, options, running)
+
+    def _moving_ends(self, ends: BoundaryValues) -> list[Points]:
+        """The rows of velocities and places that are not fixed as variables, for they change with
+        the duration: V - T · rate = 0 and, of a goal that drifts, X - T · drift = goal."""
+        system, v = self.equations.system, self.variables
+        units, m, nu = units_at(system, ends.p), v.components, len(system.independent)
+        last = v.number - 2 * m - 1
+        rates, drift = np.broadcast_to(ends.rates, (2, nu)), np.broadcast_to(ends.drift, nu)
+        asked = [
+            (m, rates[0], 0 * drift),
+            (last + m, rates[1], 0 * drift),
+            (last, drift, ends.goal),
+        ]
+        found = []
+        for first, rate, value in asked:
+            if rate.any():
+                own = units.q[list(system.independent)]
+                columns = np.column_stack([first + np.arange(nu), np.full(nu, v.number - 1)])
+                weights = np.column_stack([np.ones(nu), -rate * units.time / own])
+                y = SX.sym("y", nu)
+                same = named("end that moves, coordinate", y, system, y)
+                found.append(Points(same, Layout(columns, weights), value / own, value / own))
+        return found
 
     def _torque_variation(self) -> RunningCost | None:
         """The regularisation ε Σ_i η_i ∫ (dτ/dc)² dc, with torques linear between their points."""
@@ -250,11 +279,14 @@ class CollocationProblem:
         which = list(self.equations.coordinates)
         X, V, _ = (part[:, which] / units.q[which] for part in motion.at(v.knots))
         A = motion.at(_inside(v, self.transcription.nodes))[2][:, which] / units.q[which]
+        V, A = V * T, A * T**2
+        if self.equations.closure is None:  # or it may leave the workspace shortly before a goal
+            A = v.continuous(X, V, A)
         tau, lam = motion.forces(_inside(v, v.points))
         w = np.clip(tau / units.torque, -1, 1)
         if self.equations.multipliers:
             w = np.hstack([w, lam * units.closure / units.energy])
-        return v.pack(X, V * T, A * T**2, w, T / units.time)
+        return v.pack(X, V, A, w, T / units.time)
 
     def unpack(self, z: Array, ends: BoundaryValues) -> PiecewisePolynomial:
         """The polynomials of the coordinates that the variables describe, in m, rad and s."""
@@ -286,24 +318,30 @@ class CollocationProblem:
         v.set_algebraic(upper, limits)
         lower, m = -upper, v.components
         start = (system.coordinates(ends.start, ends.p) / q)[which]
-        lower[: 2 * m] = upper[: 2 * m] = np.concatenate([start, np.zeros(m)])
+        rates = np.broadcast_to(ends.rates, (2, len(ends.goal)))
+        lower[:m] = upper[:m] = start
+        if not rates[0].any():
+            lower[m : 2 * m] = upper[m : 2 * m] = 0.0
         last = v.number - 2 * m - 1
-        for i, goal in zip(system.independent, ends.goal, strict=True):
+        given = ~(np.broadcast_to(ends.free, len(ends.goal)) | np.any(ends.drift))
+        for i, goal, is_given in zip(system.independent, ends.goal, given, strict=True):
             place = last + which.index(i)
-            lower[place] = upper[place] = goal / q[i]
-            lower[place + m] = upper[place + m] = 0.0
+            if is_given:
+                lower[place] = upper[place] = goal / q[i]
+            if not rates[1].any():
+                lower[place + m] = upper[place + m] = 0.0
         lower[-1] = 1e-3
         if self.cost.duration_is_given:
             lower[-1] = upper[-1] = 1.0
         return lower, upper
 
-    def row_shares(self, shares_at: Callable[[Array], Array]) -> Array:
-        """The part of its bounds that each nonlinear row may use.
+    def row_shares(self, program: Program, shares_at: Callable[[Array], Array]) -> Array:
+        """The part of its bounds that each nonlinear row of a program may use.
 
         ``shares_at``: those of all limits at fractions (n,) of every interval, (N, n, rows).
         """
         parts, e = [], self.equations
-        for points in self._rows():
+        for points in program.points:
             limits = next((each for each in e.limits if each.function is points.function), None)
             if limits is None:
                 parts.append(np.ones(points.number * points.rows))
@@ -335,25 +373,6 @@ class CollocationProblem:
             found[:, np.searchsorted(points, places)[:, None], list(each.rows)] = own
             end = begin
         return np.asarray(found / solution.z[-1])
-
-
-@dataclass(frozen=True)
-class UnitValues:
-    """``Units`` as numbers."""
-
-    q: Array
-    closure: Array
-    time: float
-    energy: float
-    torque: Array
-
-
-def units_at(system: ScaledMechanism, p: Array) -> UnitValues:
-    """The units of a scaled mechanism for values p of its parameters."""
-    q, closure, time, energy, torque = (
-        np.asarray(r.full()).ravel() for r in system.magnitudes.call([ca.DM(p)])
-    )
-    return UnitValues(q, closure, float(time[0]), float(energy[0]), torque)
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import casadi as ca
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.dynamics.mechanism import SX
+from deltaopt.errors import NotConverged
 from deltaopt.limits.constraints import Constraints
 from deltaopt.mechanisms.functions import Functions
 from deltaopt.mechanisms.instant import CoordinateInstant
@@ -73,21 +75,31 @@ def _limit_rows(
 
 def boundary_values(scaling: Scaling, parameters: Array) -> BoundaryValues:
     """The boundary values of a scene; ``parameters``: values of the mechanism's."""
-    p, problem = scaling.parameters(parameters), scaling.problem
-    return BoundaryValues(p, np.array(problem.start.position), np.array(problem.goal.position))
+    p, start, goal = scaling.parameters(parameters), scaling.problem.start, scaling.problem.goal
+    return BoundaryValues(
+        p,
+        np.array(start.position),
+        np.array(goal.position),
+        rates=np.array([start.velocity, goal.velocity]),
+        drift=np.array(goal.belt),
+        free=np.array(goal.free),
+    )
 
 
 @dataclass(frozen=True)
 class DeltaEquations:
-    """A formulation's equations for the Delta, from which problems on meshes are made."""
+    """A formulation's equations for the Delta, from which problems on meshes are made.
 
-    equations: Equations
+    ``derive``: they are derived when the first problem is asked for.
+    """
+
+    derive: Callable[[], Equations]
     transcription: PiecewiseAcceleration
     cost: Cost
 
     def on(self, mesh: Array) -> DeltaProblem:
         """The problem on a mesh of interval lengths, (N,), fractions of the duration."""
-        return DeltaProblem(self.equations.on(mesh, self.transcription, self.cost))
+        return DeltaProblem(self.derive().on(mesh, self.transcription, self.cost))
 
 
 @dataclass(frozen=True)
@@ -118,19 +130,30 @@ class DeltaProblem:
         The solution has all twelve coordinates if the loops may drift; otherwise they close at the
         knots and the platform's position determines the motion. Raises NotConverged.
         """
+        if scaling.gates:
+            raise NotConverged(
+                "motions in phases are planned by the interior-point method alone, which is not "
+                "compiled",
+                "No_Progress",
+                guess.trajectory,
+            )
         ends, collocation = boundary_values(scaling, parameters), self.collocation
         z = collocation.pack(guess.trajectory.position, ends)
-        program = collocation.program_with(NEAR if guess.near else FAR)
+        # Long waits of least effort move too far from their guess for the options of a near one.
+        options = NEAR if guess.near and not collocation.cost.running else FAR
+        program = collocation.program_with(options, ends)
         N = len(self.mesh)
         bounds = collocation.bounds(ends, scaling.shares(N))
-        row_shares = collocation.row_shares(lambda fractions: scaling.shares_at(N, fractions))
+        row_shares = collocation.row_shares(program, lambda at: scaling.shares_at(N, at))
         found = program.solve(z, *bounds, ends.p, row_shares)
         q, closure = collocation.unpack(found.z, ends), collocation.equations.closure
+        multipliers = collocation.multipliers(found)
         return Solved(
             PiecewisePolynomial(q.knots, q.coefficients[:, :, :3]),
-            collocation.multipliers(found),
+            multipliers,
             found.status,
             found.iterations,
             found.spent,
+            all_at_points=multipliers.shape[1] == len(self.points),
             coordinates=q if closure is not None and closure.drifts else None,
         )

@@ -64,14 +64,19 @@ class LimitRows:
 
 @dataclass(frozen=True)
 class BoundaryValues:
-    """The boundary values of a motion from rest to rest.
+    """The boundary values of a motion.
 
-    ``p``: values of the parameters of the scaled mechanism. ``start``, ``goal``: ξ there, (ν,).
+    ``p``: values of the parameters of the scaled mechanism. ``start``, ``goal``: ξ there, (ν,), the
+    goal at the time 0 where it moves. ``rates``: ξ̇ there, (2, ν). ``drift``: the rate at which the
+    goal itself moves, (ν,). ``free``: components of the goal that are not given, (ν,).
     """
 
     p: Array
     start: Array
     goal: Array
+    rates: Array | float = 0.0
+    drift: Array | float = 0.0
+    free: NDArray[np.bool] | bool = False
 
 
 @dataclass(frozen=True)
@@ -169,3 +174,22 @@ class ScaledMechanism:
                 f"{m.name}: loop constraint {names} of {self.constraints} follows from the others "
                 "at the start; leave it out"
             )
+
+
+@dataclass(frozen=True)
+class UnitValues:
+    """``Units`` as numbers."""
+
+    q: Array
+    closure: Array
+    time: float
+    energy: float
+    torque: Array
+
+
+def units_at(system: ScaledMechanism, p: Array) -> UnitValues:
+    """The units of a scaled mechanism for values p of its parameters."""
+    q, closure, time, energy, torque = (
+        np.asarray(r.full()).ravel() for r in system.magnitudes.call([ca.DM(p)])
+    )
+    return UnitValues(q, closure, float(time[0]), float(energy[0]), torque)

@@ -80,6 +80,18 @@ class Variables:
         blocks = np.hstack([X[:-1], V[:-1], A.reshape(N, -1), w.reshape(N, -1), ends])
         return np.concatenate([blocks.ravel(), X[-1], V[-1], [T]])
 
+    def continuous(self, X: Array, V: Array, A: Array) -> Array:
+        """Accelerations A, (N · nodes, m), changed least such that the motion through X and V at
+        the knots, (N + 1, m) each, is continuous."""
+        N, m = self.intervals, self.components
+        A = A.reshape(N, -1, m)
+        position, velocity, _ = self.transcription.weights(1.0, self.mesh)
+        weights = np.stack([position, velocity], axis=1)  # (N, 2, degree + 3)
+        ends = np.stack([X[1:], V[1:]], axis=1)
+        combined = np.concatenate([X[:-1, None], V[:-1, None], A], axis=1)
+        A = A + np.linalg.pinv(weights[..., 2:]) @ (ends - weights @ combined)
+        return A.reshape(-1, m)
+
     def coefficients(self, z: Array) -> Array:
         """Coefficients of X in powers of the time since its interval began, in units of T, (N,
         degree + 3, m)."""

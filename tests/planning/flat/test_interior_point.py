@@ -23,7 +23,7 @@ from deltaopt.dynamics.lagrange import Multiplier
 from deltaopt.errors import DeltaOptError, Unreachable
 from deltaopt.motion.time_scaling import safe_factor
 from deltaopt.planning.flat import interior_point
-from deltaopt.planning.flat.flat_problem import Flat
+from deltaopt.planning.formulations.choice import Flat
 from deltaopt.planning.nlp.problem import InteriorPoint, Ipopt
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 from deltaopt.planning.plan import Plan

@@ -10,11 +10,12 @@ import pytest
 from deltaopt import load_scene, verify
 from deltaopt.motion.certificate import MET
 from deltaopt.planning.flat.constraint_rows import ByOrder
+from deltaopt.planning.formulations.delta import DeltaProblem
 from deltaopt.planning.mesh.constraint_tightening import Overshoot
 from deltaopt.planning.mesh.error_estimate import FRACTIONS, TIGHTENED, ErrorEstimate, refined
 from deltaopt.planning.mesh.mesh_costates import certify_mesh, costates, hamiltonian_on_mesh
 from deltaopt.planning.mesh.mesh_solution import gap_of, solve_on_mesh
-from deltaopt.planning.nlp.problem import Guess, Ipopt
+from deltaopt.planning.nlp.problem import Guess
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import LINEAR
 from deltaopt.planning.plan import Iteration, Spent, quicker
@@ -82,8 +83,8 @@ def test_shares_by_interval_and_motor_are_those_of_ipopt():
     scaling = replace(scaling, share=share)
     equations = flat_equations(scene)
     ours = equations.on(mesh).solve(guess, scaling, model.parameters)
-    by_ipopt = replace(equations, solver=Ipopt()).on(mesh)
-    ipopts = by_ipopt.solve(guess, scaling, model.parameters)
+    exact = replace(equations.by_ipopt.on(mesh).collocation, regularisation=0.0)
+    ipopts = DeltaProblem(exact).solve(guess, scaling, model.parameters)
     assert ours.status == "Solve_Succeeded"
     assert ours.position.knots[-1] == pytest.approx(ipopts.position.knots[-1], rel=1e-6)
     np.testing.assert_allclose(ours.multipliers, ipopts.multipliers, atol=2e-3)

@@ -10,7 +10,9 @@ from numpy.polynomial import Polynomial
 
 from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.planning.flat.flat_problem import Flat
+from deltaopt.planning.formulations.choice import Flat
+from deltaopt.planning.formulations.delta import boundary_values
+from deltaopt.planning.nlp.problem import Ipopt
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 from deltaopt.problem.of_scene import problem_of
@@ -94,32 +96,32 @@ def cubic(model: DeltaModel, duration: float) -> Trajectory:
     )
 
 
+def flat(model: DeltaModel, degree: int):
+    """The flat problem for Ipopt, whose torques are variables, on the mesh."""
+    transcription, constraints = PiecewiseAcceleration(degree), limits_of(SCENE).constraints
+    of = Flat().of(model.functions, transcription, constraints, solver=Ipopt())
+    return of.on(MESH).collocation
+
+
 @pytest.mark.parametrize("degree", [1, 3])
 def test_pack_and_unpack_are_inverse(degree):
     model = DeltaModel(SCENE.robot, SCENE.payload)
-    problem = (
-        Flat()
-        .of(model.functions, PiecewiseAcceleration(degree), limits_of(SCENE).constraints)
-        .on(MESH)
-    )
-    scaling, motion = Scaling(problem_of(SCENE), 0.2), cubic(model, 0.4)
-    z = problem.pack(motion, scaling)
-    assert len(z) == problem.n_variables
-    back = Trajectory(problem.unpack(z, scaling), model)
+    problem, scaling = flat(model, degree), Scaling(problem_of(SCENE), 0.2)
+    ends, motion = boundary_values(scaling, model.parameters), cubic(model, 0.4)
+    z = problem.pack(motion.position, ends)
+    back = Trajectory(problem.unpack(z, ends), model)
     t = np.linspace(0, 0.4, 50)
     np.testing.assert_allclose(back.knots, 0.4 * np.append(BEGIN, 1.0), atol=1e-15)
     np.testing.assert_allclose(back(t).x, motion(t).x, atol=1e-14)
     # A sample 1e-9 of an interval inside of it is what tells z and its copy apart.
-    np.testing.assert_allclose(problem.pack(back, scaling), z, atol=1e-7)
+    np.testing.assert_allclose(problem.pack(back.position, ends), z, atol=1e-7)
 
 
 def test_packed_motion_is_within_its_bounds():
     model = DeltaModel(SCENE.robot, SCENE.payload)
-    problem = (
-        Flat().of(model.functions, PiecewiseAcceleration(), limits_of(SCENE).constraints).on(MESH)
-    )
-    scaling = Scaling(problem_of(SCENE), 0.2)
-    z = problem.pack(cubic(model, 0.05), scaling)  # torques far over their limits are cut
-    lower, upper = problem.bounds(scaling)
+    problem, scaling = flat(model, 1), Scaling(problem_of(SCENE), 0.2)
+    ends = boundary_values(scaling, model.parameters)
+    z = problem.pack(cubic(model, 0.05).position, ends)  # torques far over their limits are cut
+    lower, upper = problem.bounds(ends)
     assert (lower - 1e-12 <= z).all()
     assert (z <= upper + 1e-12).all()
