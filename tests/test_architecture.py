@@ -64,7 +64,6 @@ STILL_LONGER = {
     "deltaopt.cli.plan",
     "deltaopt.limits.constraints",
     "deltaopt.motion.time_scaling",
-    "deltaopt.planning.flat.flat_problem",
     "deltaopt.planning.mesh.mesh_solution",
     "deltaopt.planning.nlp.program",
     "deltaopt.planning.planner",

@@ -154,7 +154,7 @@ class CoordinateInstant:
         """
         if self.torques is None:
             raise ValueError("the torques with another payload are not known")
-        return self.torques(1.0) - self.tau
+        return self.torques(1.0) - self.torques(0.0)
 
     @property
     def x(self) -> SX:

@@ -7,7 +7,7 @@ file have all.
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import isfinite
+from math import isfinite, sqrt
 from pathlib import Path
 
 import numpy as np
@@ -71,6 +71,9 @@ def _curves(axes: Axes, rows: list[Row], measure: Measure) -> None:
     """Draw a line for each method over its meshes, and failures as crosses at the upper edge."""
     axes.set(xscale="log", yscale="log", xlabel="wall time of the solve (s)")
     plain_numbers(axes.xaxis, (1, 3))
+    seconds = [row.seconds for row in rows]
+    middle = sqrt(min(seconds) * max(seconds))  # a decade at least, for the axis to have numbers
+    axes.set_xlim(min(middle / 4, 0.8 * min(seconds)), max(4 * middle, 1.25 * max(seconds)))
     for method in dict.fromkeys(row.method for row in rows):
         own = [row for row in rows if row.method == method]
         good = [row for row in own if not row.failure and isfinite(measure(row))]

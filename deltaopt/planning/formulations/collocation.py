@@ -25,12 +25,13 @@ from deltaopt.dynamics.mechanism import SX
 from deltaopt.planning.formulations.loop_closure import LoopClosure
 from deltaopt.planning.formulations.scaled_mechanism import (
     BoundaryValues,
+    MotionOfMechanism,
     ScaledMechanism,
-    UnitValues,
     units_at,
 )
 from deltaopt.planning.nlp.cost import FASTEST, Cost
 from deltaopt.planning.nlp.program import (
+    OF_EFFORT,
     IpoptSolution,
     Layout,
     Options,
@@ -169,6 +170,7 @@ class CollocationProblem:
         cost = np.zeros(self.variables.number)
         cost[-1] = self.cost.time
         running = self._effort() if self.cost.running else self._torque_variation()
+        options = {**OF_EFFORT, **options} if self.cost.running else options
         rows = self._rows() if ends is None else [*self._moving_ends(ends), *self._rows()]
         return Program(cost, self._continuity, rows, options, running)
 
@@ -274,7 +276,7 @@ class CollocationProblem:
         """
         self.equations.system.require_independent_constraints(ends)
         v = self.variables
-        motion = _GuessedMotion(self.equations.system, position, ends.p)
+        motion = MotionOfMechanism(self.equations.system, position, ends.p)
         units, T = motion.units, motion.duration
         which = list(self.equations.coordinates)
         X, V, _ = (part[:, which] / units.q[which] for part in motion.at(v.knots))
@@ -373,34 +375,6 @@ class CollocationProblem:
             found[:, np.searchsorted(points, places)[:, None], list(each.rows)] = own
             end = begin
         return np.asarray(found / solution.z[-1])
-
-
-@dataclass(frozen=True)
-class _GuessedMotion:
-    """A guessed motion of ξ, with the coordinates and forces that follow from it."""
-
-    system: ScaledMechanism
-    position: PiecewisePolynomial
-    p: Array
-
-    @property
-    def duration(self) -> float:
-        return float(self.position.knots[-1])
-
-    @property
-    def units(self) -> UnitValues:
-        return units_at(self.system, self.p)
-
-    def at(self, fractions: Array) -> tuple[Array, ...]:
-        """q, q̇, q̈, (N, n) each, at fractions of the duration."""
-        return self.system.rows(self.system.motion, *self._xi(fractions), p=self.p)
-
-    def forces(self, fractions: Array) -> tuple[Array, ...]:
-        """τ, (N, m), and λ, (N, γ), at fractions of the duration."""
-        return self.system.rows(self.system.inverse_dynamics, *self._xi(fractions), p=self.p)
-
-    def _xi(self, fractions: Array) -> list[Array]:
-        return [self.position.at(fractions * self.duration, order) for order in range(3)]
 
 
 def _inside(v: Variables, c: Array) -> Array:

@@ -13,8 +13,9 @@ from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.dynamics.mechanism import SX
 from deltaopt.errors import NotConverged
 from deltaopt.limits.constraints import Constraints
+from deltaopt.limits.limit import Instant
 from deltaopt.mechanisms.functions import Functions
-from deltaopt.mechanisms.instant import CoordinateInstant
+from deltaopt.mechanisms.instant import CoordinateInstant, PlatformInstant
 from deltaopt.planning.formulations.collocation import FAR, NEAR, CollocationProblem, Equations
 from deltaopt.planning.formulations.scaled_mechanism import (
     BoundaryValues,
@@ -60,16 +61,31 @@ def _limit_rows(
     functions: Functions, constraints: Constraints, parameters: Parameters
 ) -> LimitRows:
     """The rows of a scene's limits as functions of the twelve coordinates."""
-    q, dq, ddq = (SX.sym(name, len(functions.lengths)) for name in ("q", "dq", "ddq"))
-    tau = SX.sym("tau", 3)
-    rows = constraints.rows(CoordinateInstant(functions, q, dq, ddq, tau), parameters.limits)
-    rows[np.flatnonzero(constraints.is_control).tolist()] = tau / parameters.torque
-    inputs = [q, dq, ddq, tau, parameters.vector]
+
+    def rows(name: str, size: int, at: Callable[[SX, SX, SX, SX], Instant]) -> ca.Function:
+        motion, tau = [SX.sym(each, size) for each in ("q", "dq", "ddq")], SX.sym("tau", 3)
+        found = constraints.rows(at(motion[0], motion[1], motion[2], tau), parameters.limits)
+        found[np.flatnonzero(constraints.is_control).tolist()] = tau / parameters.torque
+        return ca.Function(name, [*motion, tau, parameters.vector], [found])
+
+    p = parameters.mechanism
+
+    def of_platform(x: SX, v: SX, a: SX, tau: SX) -> Instant:
+        return PlatformInstant(functions, x, v, a, p, tau)
+
+    def of_all(q: SX, dq: SX, ddq: SX, tau: SX) -> Instant:
+        def torques(added: float) -> SX:
+            more = ca.DM([added * (i == functions.payload) for i in range(p.numel())])
+            return PlatformInstant(functions, q[:3], dq[:3], ddq[:3], p + more).tau
+
+        return CoordinateInstant(functions, q, dq, ddq, tau, torques)
+
     return LimitRows(
-        ca.Function("limits", inputs, [rows]),
+        rows("limits", len(functions.lengths), of_all),
         constraints.orders,
         constraints.sides,
         constraints.is_control,
+        rows("limits_of_platform", 3, of_platform),
     )
 
 

@@ -116,9 +116,11 @@ def _limits(system: ScaledMechanism, *, minimal: bool) -> tuple[RowsOfOrder, ...
     which = list(system.independent) if minimal else list(range(system.n))
     y, X, V, A, tau, T = symbols(len(which), system.motors)
     q, dq, ddq = _physical(system.units.q[which], X, V, A, system.units.time * T)
-    if minimal:
+    function = system.limits.of_independent if minimal else system.limits.function
+    if function is None:
+        function = system.limits.function
         q, dq, ddq = system.motion(q, dq, ddq, system.p)
-    rows = system.limits.function(q, dq, ddq, system.units.torque * tau, system.p)
+    rows = function(q, dq, ddq, system.units.torque * tau, system.p)
     found = []
     for order in (0, 1, 2):
         own = system.limits.of_order(order)

@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.dynamics.constraint_matrix import ClosedForm
 from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.dynamics.mechanism import SX, Mechanism
@@ -42,8 +43,9 @@ class Units:
 class LimitRows:
     """Normalised constraint rows of a mechanism: lower bounds at -1, upper bounds at 1.
 
-    ``function``: (q, q̇, q̈, τ, p) -> rows, p as of ``ScaledMechanism``. ``orders``: of each row, 0
-    for positions to 2 for torques. ``sides``: whether it has a lower and an upper bound, (rows, 2).
+    ``function``: (q, q̇, q̈, τ, p) -> rows, p as of ``ScaledMechanism``. ``of_independent``: (ξ, ξ̇,
+    ξ̈, τ, p) -> rows, if there is a simpler form than through q. ``orders``: of each row, 0 for
+    positions to 2 for torques. ``sides``: whether it has a lower and an upper bound, (rows, 2).
     ``is_control``: rows that are a torque in its unit, in the order of the motors.
     """
 
@@ -51,6 +53,7 @@ class LimitRows:
     orders: NDArray[np.intp]
     sides: NDArray[np.bool]
     is_control: NDArray[np.bool]
+    of_independent: ca.Function | None = None
 
     @property
     def number(self) -> int:
@@ -193,3 +196,34 @@ def units_at(system: ScaledMechanism, p: Array) -> UnitValues:
         np.asarray(r.full()).ravel() for r in system.magnitudes.call([ca.DM(p)])
     )
     return UnitValues(q, closure, float(time[0]), float(energy[0]), torque)
+
+
+@dataclass(frozen=True)
+class MotionOfMechanism:
+    """A motion of ξ (m, rad over s) of a mechanism whose parameters have values ``p``, with the
+    coordinates and forces that follow from it."""
+
+    system: ScaledMechanism
+    position: PiecewisePolynomial
+    p: Array
+
+    @property
+    def duration(self) -> float:
+        """s."""
+        return float(self.position.knots[-1])
+
+    @property
+    def units(self) -> UnitValues:
+        """The units of the mechanism."""
+        return units_at(self.system, self.p)
+
+    def at(self, fractions: Array) -> tuple[Array, ...]:
+        """q, q̇, q̈, (N, n) each, at fractions of the duration."""
+        return self.system.rows(self.system.motion, *self._xi(fractions), p=self.p)
+
+    def forces(self, fractions: Array) -> tuple[Array, ...]:
+        """τ, (N, m), and λ, (N, γ), at fractions of the duration."""
+        return self.system.rows(self.system.inverse_dynamics, *self._xi(fractions), p=self.p)
+
+    def _xi(self, fractions: Array) -> list[Array]:
+        return [self.position.at(fractions * self.duration, order) for order in range(3)]

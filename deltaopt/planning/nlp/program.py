@@ -46,7 +46,7 @@ IPOPT: Options = {
     "ipopt.tol": 1e-8,
     "ipopt.max_iter": 200,
 }
-WITH_RUNNING_COST: Options = {
+OF_EFFORT: Options = {
     # From a bang-bang guess the default filter lets the duration diverge.
     "ipopt.adaptive_mu_globalization": "kkt-error",
 }
@@ -313,8 +313,7 @@ class Program:
             "hess_lag": ca.Function("nlp_hess_l", [z, p, lam_f, lam_g], [hess]),
         }
         self.jacobian, self.hessian = functions["jac_g"], functions["hess_lag"]
-        usual = IPOPT if running is None else IPOPT | WITH_RUNNING_COST
-        return ca.nlpsol("nlp", "ipopt", program, {**functions, **usual, **options})
+        return ca.nlpsol("nlp", "ipopt", program, {**functions, **IPOPT, **options})
 
     def _failure(self, stats: dict[str, object], g: Array) -> str:
         """A sentence with Ipopt's status and the row that is violated most."""
