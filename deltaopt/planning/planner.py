@@ -213,8 +213,6 @@ class Planner:
     def _require_settings(self, scene: Scene, starts: int) -> None:
         """Raise ValueError for settings that do not go with a scene."""
         task = scene.task
-        if scene.least_payload is not None:
-            self._require_flat("with one payload")
         if isinstance(task, OnPath):
             settings = {
                 "formulation": self.formulation,
@@ -226,7 +224,6 @@ class Planner:
                 if value is not None:
                     raise ValueError(f"{name} is {value}; it has no effect where the path is given")
         elif not task.is_at_rest:
-            self._require_flat("from rest to rest")
             self._require_one_start(starts, "where an end moves")
         elif task.gates:
             what = "via points" if task.via else "an approach"

@@ -165,6 +165,8 @@ def test_units():
     assert RANGE.model_copy(update={"payload": ["500 g", "1 kg"]}).least_payload == 0.5
 
 
-def test_formulations_in_all_coordinates_are_refused():
-    with pytest.raises(ValueError, match="formulation is forward, which plans with one payload"):
-        plan(RANGE, formulation=deltaopt.forward)
+@pytest.mark.parametrize("formulation", [deltaopt.forward, deltaopt.multiplier], ids=str)
+def test_other_formulations_keep_the_range_too(formulation):
+    found, flat = plan(RANGE, formulation=formulation, tolerance=1e-3), plan(RANGE, tolerance=1e-4)
+    assert verify(RANGE, found.trajectory).failures() == []
+    assert found.duration == pytest.approx(flat.duration, rel=found.gap + flat.gap)

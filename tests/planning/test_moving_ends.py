@@ -322,11 +322,18 @@ def test_a_start_that_is_too_fast_is_refused():
         PLANNER.plan(State(at=CROSS.start, velocity=(0, 20, 0)), CROSS.goal)
 
 
+@pytest.mark.parametrize("formulation", [deltaopt.forward, deltaopt.multiplier], ids=str)
+@pytest.mark.parametrize("name", ["passed_state", "belt"])
+def test_other_formulations_plan_from_and_to_motion(name, formulation):
+    scene = load_scene(f"problems/moving/{name}.yaml")
+    found, flat = plan(scene, formulation=formulation), plan(scene, tolerance=1e-4)
+    assert verify(found.scene, found.trajectory).failures() == []
+    assert found.duration == pytest.approx(flat.duration, rel=found.gap + flat.gap)
+
+
 def test_settings_of_motions_from_rest_to_rest_are_refused():
     with pytest.raises(ValueError, match="starts is 3; it has no effect where an end moves"):
         plan(PASSED, starts=3)
-    with pytest.raises(ValueError, match="formulation is forward"):
-        plan(PASSED, formulation=deltaopt.forward)
     with pytest.raises(ValueError, match="start has 2 instants; one is needed"):
         PLANNER.plan(plan(PASSED).trajectory([0, 0.01]), CROSS.goal)
 

@@ -179,20 +179,25 @@ class CollocationProblem:
         the duration: V - T · rate = 0 and, of a goal that drifts, X - T · drift = goal."""
         system, v = self.equations.system, self.variables
         units, m, nu = units_at(system, ends.p), v.components, len(system.independent)
-        last = v.number - 2 * m - 1
+        which, last = self.equations.coordinates, v.number - 2 * m - 1
+        at_goal = [which.index(i) for i in system.independent]
         rates, drift = np.broadcast_to(ends.rates, (2, nu)), np.broadcast_to(ends.drift, nu)
+        motion = system.rows(
+            system.motion, ends.start[None], rates[:1], np.zeros((1, nu)), p=ends.p
+        )
+        leaving = motion[1][0, list(which)]
         asked = [
-            (m, rates[0], 0 * drift),
-            (last + m, rates[1], 0 * drift),
-            (last, drift, ends.goal),
+            (np.arange(m), m, leaving, np.zeros(m)),
+            (np.array(at_goal), last + m, rates[1], np.zeros(nu)),
+            (np.array(at_goal), last, drift, ends.goal),
         ]
         found = []
-        for first, rate, value in asked:
+        for coordinates, first, rate, value in asked:
             if rate.any():
-                own = units.q[list(system.independent)]
-                columns = np.column_stack([first + np.arange(nu), np.full(nu, v.number - 1)])
-                weights = np.column_stack([np.ones(nu), -rate * units.time / own])
-                y = SX.sym("y", nu)
+                own = units.q[list(which)][coordinates]
+                columns = np.column_stack([first + coordinates, np.full(len(own), v.number - 1)])
+                weights = np.column_stack([np.ones(len(own)), -rate * units.time / own])
+                y = SX.sym("y", len(own))
                 same = named("end that moves, coordinate", y, system, y)
                 found.append(Points(same, Layout(columns, weights), value / own, value / own))
         return found

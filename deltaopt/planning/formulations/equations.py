@@ -101,20 +101,24 @@ def _redundant(
         multipliers,
         dynamics,
         at_nodes=True,
-        limits=_limits(system, minimal=False),
+        limits=_limits(system, minimal=False, multipliers=multipliers),
         closure=closure,
         acceleration=named("loop closure at acceleration level, constraint", y, system, rows),
         at_knots=closure.at_knots(system),
     )
 
 
-def _limits(system: ScaledMechanism, *, minimal: bool) -> tuple[RowsOfOrder, ...]:
+def _limits(
+    system: ScaledMechanism, *, minimal: bool, multipliers: int = 0
+) -> tuple[RowsOfOrder, ...]:
     """The constraint rows that are not bounds on a single torque, by order.
 
     ``minimal``: whether ξ is the only motion among the unknowns; otherwise all of q is.
+    ``multipliers``: number of the λ among the unknowns, after the torques.
     """
     which = list(system.independent) if minimal else list(range(system.n))
-    y, X, V, A, tau, T = symbols(len(which), system.motors)
+    y, X, V, A, w, T = symbols(len(which), system.motors + multipliers)
+    tau = w[: system.motors]
     q, dq, ddq = _physical(system.units.q[which], X, V, A, system.units.time * T)
     function = system.limits.of_independent if minimal else system.limits.function
     if function is None:
