@@ -21,7 +21,7 @@ from deltaopt import Limits, Planner, Robot, Scene, load_robot, verify
 from deltaopt.cli.arguments import positive
 from deltaopt.errors import DeltaOptError
 from deltaopt.files.progress_bar import ProgressBar
-from deltaopt.limits.constraints import SceneLimits
+from deltaopt.limits.scene_limits import SceneLimits
 from deltaopt.motion.time_scaling import highest_rows
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.scene import limits_of

@@ -6,9 +6,9 @@ last axis of rows is in that order, everywhere.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -20,10 +20,8 @@ from deltaopt.limits.limit import (
     SX,
     Bounds,
     ConvexLimit,
-    Described,
     Instant,
     Limit,
-    Numbers,
     PhasedLimit,
 )
 
@@ -31,15 +29,9 @@ Array = NDArray[np.float64]
 Integers = NDArray[np.intp]
 Truths = NDArray[np.bool]
 
-_EXPONENTS = (0, 1, 2, 4)
-"""With which power of the speed a quantity may change: position, speed, torque or acceleration, and
-squares of the latter."""
 MIXED = -1
 """Stands for the exponent of a row that mixes several powers of the speed, or is no power at all:
 τ + μ θ̇, ‖ẍ - g‖², a torque with friction."""
-_TRIED = 8
-"""Motions at random of which it is found how rows change with the speed: more than one, since a
-quantity with a kink, such as |τ₁ - τ₂|, is as smooth as any other on one side of it."""
 
 
 @dataclass(frozen=True)
@@ -209,35 +201,16 @@ class Constraints:
         """How rows change when a motion is slowed and its torques change as 1/k², (rows,).
 
         A motion k times as slow has rows r₀ + (r - r₀) / kⁿ, with r₀ those at rest at the same
-        place: n, found by trying; 0 where slowing changes nothing; ``MIXED`` where no n fits.
+        place: n, as limits declare it; 0 where slowing changes nothing; ``MIXED`` of several
+        powers, and where they are not known.
         """
-        found = np.full(self.number, MIXED, np.intp)
-        still, part, whole = self._slowed([0.0, 0.7, 1.0])
-        for n in reversed(_EXPONENTS):
-            fits = np.isclose(part - still, 0.7**n * (whole - still), rtol=1e-9, atol=1e-12)
-            found[fits.all(axis=0)] = n
-        found[np.isclose(whole, still, rtol=0, atol=1e-12).all(axis=0)] = 0
-        return found
+        return self._of_rows([_exponent(limit) for limit in self.limits], np.intp)
 
-    @cached_property
+    @property
     def are_polynomials(self) -> bool:
-        """Whether all rows are polynomials of the speed, of the degrees of ``_EXPONENTS`` at most,
-        when a motion is slowed and its torques change as 1/k²: found by trying."""
-        speeds = np.linspace(0.0, 1.0, 2 * max(_EXPONENTS))
-        values = self._slowed(speeds.tolist()).reshape(len(speeds), -1)
-        powers = np.vander(speeds, max(_EXPONENTS) + 1)
-        left = values - powers @ np.linalg.lstsq(powers, values)[0]
-        return bool((np.abs(left) <= 1e-9 * np.maximum(np.abs(values).max(axis=0), 1)).all())
-
-    def _slowed(self, speeds: Sequence[float]) -> Array:
-        """Rows of motions at random at some speeds, (speeds, motions, rows)."""
-        motion, numbers, s = _AnyMotion(self.motors), self.numbers(), SX.sym("s")
-        rows = ca.substitute(self.rows(motion, numbers), motion.everything, motion.slowed(s))
-        f = ca.Function("slowed", [s, motion.seeds, numbers], [rows])
-        rng = np.random.default_rng(1)
-        motions = rng.uniform(-1.5, 1.5, (_TRIED, motion.seeds.numel()))
-        p = rng.uniform(0.5, 1.5, self.parameters)
-        return np.array([[np.array(f(s, x, p)).ravel() for x in motions] for s in speeds])
+        """Whether all rows are polynomials of the speed when a motion is slowed and its torques
+        change as 1/k²."""
+        return all(limit.order == 0 or limit.powers is not None for limit in self.limits)
 
     @cached_property
     def bound_exponents(self) -> ca.Function:
@@ -315,149 +288,11 @@ class Constraints:
         return np.asarray(np.flatnonzero(self.orders == order))
 
 
-@dataclass(frozen=True)
-class Phased:
-    """A limit with other numbers in each phase, and where its ``numbers`` and ``rows`` are."""
-
-    limit: PhasedLimit
-    numbers: slice
-    rows: slice
-
-
-@dataclass(frozen=True)
-class SceneLimits:
-    """The limits of one scene: which there are, and their numbers, (constraints.parameters,)."""
-
-    constraints: Constraints
-    numbers: Array
-
-    @classmethod
-    def of(cls, limits: Sequence[Limit], scene: Described) -> SceneLimits:
-        """Those of these limits that exist in a scene."""
-        found: list[tuple[Limit, Numbers]] = [
-            (limit, numbers) for limit in limits for numbers in limit.items(scene)
-        ]
-        items = tuple((limit, len(numbers)) for limit, numbers in found)
-        values = np.array([value for _, numbers in found for value in numbers], dtype=float)
-        return cls(_shared(Constraints(items)), values)
-
-    def only(self, kept: Sequence[int]) -> SceneLimits:
-        """Some of the items, by their indices, in their order; itself if these are all."""
-        if len(kept) == len(self.constraints.items):
-            return self
-        items = tuple(self.constraints.items[i] for i in kept)
-        numbers = [self.of_items[i] for i in kept]
-        constraints = Constraints(items, self.constraints.motors)
-        return SceneLimits(_shared(constraints), np.concatenate(numbers))
-
-    @property
-    def of_items(self) -> list[Array]:
-        """The numbers of each item."""
-        ends = np.cumsum([size for _, size in self.constraints.items])[:-1]
-        return np.split(self.numbers, ends)
-
-    @cached_property
-    def phased(self) -> Phased | None:
-        """The limit whose numbers differ from phase to phase of the motion, if there is one."""
-        begin = 0
-        for (limit, size), rows in zip(
-            self.constraints.items, self.constraints.slices, strict=True
-        ):
-            if isinstance(limit, PhasedLimit):
-                return Phased(limit, slice(begin, begin + size), rows)
-            begin += size
-        return None
-
-    @cached_property
-    def bounds(self) -> tuple[Array, Array]:
-        """Lower and upper bound of every measure in its unit, infinite where there is none."""
-        return _bounds(self.constraints, tuple(self.numbers.tolist()))[:2]
-
-    @cached_property
-    def scales(self) -> Array:
-        """The natural size of every measure in its unit."""
-        return _bounds(self.constraints, tuple(self.numbers.tolist()))[2]
-
-    @cached_property
-    def edge_radii(self) -> Array:
-        """Of the rows of ``Constraints.convex`` the radii of the edges of their bounds, m."""
-        return np.array(self.constraints.edge_radii(self.numbers)).ravel()
-
-    @cached_property
-    def faces(self) -> tuple[tuple[Array, ...], ...]:
-        """Of each row of ``Constraints.convex`` all numbers, with those of its body replaced by
-        those of one of its faces, for every face, as of ``ConvexLimit.faces``."""
-        return tuple(
-            tuple(self._with_part(part, face) for face in limit.faces(self.numbers[own])[row])
-            for limit, own, row, part in self._convex_rows
-        )
-
-    def opened(self, row: int, faces: Collection[int]) -> Array | None:
-        """All numbers with those of the body of one of these rows replaced as of
-        ``ConvexLimit.opened``."""
-        limit, own, inner, part = self._convex_rows[row]
-        found = limit.opened(self.numbers[own], inner, faces)
-        return None if found is None else self._with_part(part, found)
-
-    @cached_property
-    def _convex_rows(self) -> list[tuple[ConvexLimit, slice, int, slice]]:
-        """Of each of these rows its limit, the place of all its numbers, which of its rows it is,
-        and the place of the numbers of that."""
-        found, begin = list[tuple[ConvexLimit, slice, int, slice]](), 0
-        parts = zip(self.constraints.items, self.constraints.slices, strict=True)
-        for (limit, size), rows in parts:
-            number = rows.stop - rows.start
-            if isinstance(limit, ConvexLimit):
-                each, own = size // number, slice(begin, begin + size)
-                places = (slice(begin + k * each, begin + (k + 1) * each) for k in range(number))
-                found += [(limit, own, k, place) for k, place in enumerate(places)]
-            begin += size
-        return found
-
-    def _with_part(self, place: slice, part: Array) -> Array:
-        """All numbers, some of them replaced."""
-        numbers = self.numbers.copy()
-        numbers[place] = part
-        return numbers
-
-    @cached_property
-    def bound_exponents(self) -> Array:
-        """n of every row that is f(motion) / boundⁿ near the bound, (rows,): 1 for a torque, 2 for
-        the square of a norm. NaN for other rows, such as those of ranges."""
-        function, rng = self.constraints.bound_exponents, np.random.default_rng(1)
-        motions = rng.uniform(0.5, 1.5, (2, function.size1_in(0)))
-        one, other = (np.array(function(motion, self.numbers)).ravel() for motion in motions)
-        known = np.isfinite(one) & np.isclose(one, other, rtol=1e-9, atol=0)
-        return np.where(known, one, np.nan)
-
-    def upper(self, name: str) -> Array | None:
-        """The upper bounds of a limit, by its name; None where it does not exist."""
-        parts = zip(self.constraints.limits, self.constraints.slices, strict=True)
-        return next((self.bounds[1][rows] for limit, rows in parts if limit.name == name), None)
-
-
-@lru_cache(maxsize=64)
-def _bounds(constraints: Constraints, numbers: Numbers) -> tuple[Array, Array, Array]:
-    """``SceneLimits.bounds`` and ``scales``, found once for all moves of a robot: a few per cent
-    of a plan."""
-    found = [np.array(side).ravel() for side in constraints.bounds_of_rows(np.array(numbers))]
-    for side in found:
-        side.setflags(write=False)
-    return found[0], found[1], found[2]
-
-
-_KNOWN: dict[Constraints, Constraints] = {}
-
-
-def _shared(constraints: Constraints) -> Constraints:
-    """One object for all that are equal, so that what is derived from it is derived once.
-
-    Raises ValueError for a limit that says another order than that of its rows.
-    """
-    if constraints not in _KNOWN:
-        constraints.require_orders()
-        _KNOWN[constraints] = constraints
-    return _KNOWN[constraints]
+def _exponent(limit: Limit) -> int:
+    if limit.order == 0:
+        return 0
+    powers = limit.powers or ()
+    return powers[0] if len(powers) == 1 else MIXED
 
 
 class _AnyMotion:
@@ -465,13 +300,12 @@ class _AnyMotion:
 
     def __init__(self, motors: int) -> None:
         self.x, self.v, self.a = (SX.sym(name, 3) for name in ("x", "v", "a"))
-        self.theta, self.dtheta, self.ddtheta, self.tau, self._holding = (
-            SX.sym(name, motors) for name in ("theta", "dtheta", "ddtheta", "tau", "holding")
+        self.theta, self.dtheta, self.ddtheta, self.tau = (
+            SX.sym(name, motors) for name in ("theta", "dtheta", "ddtheta", "tau")
         )
         self.alignment, self.tilt = SX.sym("alignment", motors), SX.sym("tilt", motors)
         self.parallel_margin, self.tilt_margin = SX.sym("parallel"), SX.sym("tilted")
         self.tau_per_payload = SX.sym("tau_per_payload", motors)
-        self._holding_per_payload = SX.sym("holding_per_payload", motors)
 
     @property
     def everything(self) -> SX:
@@ -483,21 +317,6 @@ class _AnyMotion:
         """The highest derivative of position that rows depend on; torques are accelerations."""
         by_order = self._positions, self._rates, [*self._second, self.tau, self.tau_per_payload]
         return max(n for n in range(3) if n == 0 or ca.depends_on(rows, ca.vertcat(*by_order[n])))
-
-    @property
-    def seeds(self) -> SX:
-        """All quantities, and the torques that hold the robot at rest."""
-        return ca.vertcat(self.everything, self._holding, self._holding_per_payload)
-
-    def slowed(self, s: SX) -> SX:
-        """All quantities of the motion at s times its speed."""
-        return ca.vertcat(
-            *self._positions,
-            *(s * rate for rate in self._rates),
-            *(s**2 * rate for rate in self._second),
-            self._holding_per_payload + s**2 * (self.tau_per_payload - self._holding_per_payload),
-            self._holding + s**2 * (self.tau - self._holding),
-        )
 
     @property
     def _positions(self) -> list[SX]:

@@ -3,49 +3,25 @@ and |q_{k,3}| ≤ β_max, how far ball joints let the bars lean out of the plane
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import ClassVar
-
 import casadi as ca
 
-from deltaopt.limits.limit import SX, Bounds, Described, Instant, Limit, Numbers
+from deltaopt.limits.limit import SX, Bounds, Instant, Limit
+from deltaopt.limits.norms_and_ranges import Range
 
 
-@dataclass(frozen=True)
-class ArmRange(Limit):
-    """Least and largest angle of each arm, rad, from the robot's key ``joints.arm``."""
-
-    name: ClassVar[str] = "arm angle"
-    unit: ClassVar[str] = "rad"
-    subject: ClassVar[str] = "motor"
-    order: ClassVar[int] = 0
-    robot_key: ClassVar[str] = "joints.arm"
-
-    def items(self, scene: Described) -> Sequence[Numbers]:
-        joints = scene.robot.joints
-        return [] if joints is None or joints.arm is None else [joints.arm]
-
-    def bounds(self, numbers: SX) -> Bounds:
-        return Bounds.between(numbers[0], numbers[1])
-
-    def measure(self, motion: Instant, numbers: SX) -> SX:
-        return motion.theta
+def _theta(motion: Instant) -> SX:
+    return motion.theta
 
 
-@dataclass(frozen=True)
+ARM_RANGE = Range("arm angle", "rad", "motor", _theta, "joints.arm")
+"""Least and largest angle of each arm."""
+
+
 class BallJoint(Limit):
     """Largest angle of the ball joints of each chain, rad, from the robot's key ``joints.ball``."""
 
-    name: ClassVar[str] = "ball joint angle"
-    unit: ClassVar[str] = "rad"
-    subject: ClassVar[str] = "chain"
-    order: ClassVar[int] = 0
-    robot_key: ClassVar[str] = "joints.ball"
-
-    def items(self, scene: Described) -> Sequence[Numbers]:
-        joints = scene.robot.joints
-        return [] if joints is None or joints.ball is None else [(joints.ball,)]
+    name, unit, subject, order = "ball joint angle", "rad", "chain", 0
+    robot_key = "joints.ball"
 
     def bounds(self, numbers: SX) -> Bounds:
         return Bounds.symmetric(numbers)

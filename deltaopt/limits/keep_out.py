@@ -15,7 +15,6 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from math import dist, hypot, inf
-from typing import ClassVar
 
 import casadi as ca
 import numpy as np
@@ -59,15 +58,11 @@ MOST_SOLIDS = PLACES[-1]
 """In a scene, and of a hull: each size is compiled when it is first met."""
 
 
-@dataclass(frozen=True)
 class _KeepOut(ConvexLimit):
     """What both families of bodies share."""
 
-    name: ClassVar[str] = "clearance"
-    unit: ClassVar[str] = "m"
-    subject: ClassVar[str] = "tool"
-    order: ClassVar[int] = 0
-    own_measure: ClassVar[OwnMeasure] = OwnMeasure.CLEARANCE
+    name, unit, subject, order = "clearance", "m", "tool", 0
+    own_measure = OwnMeasure.CLEARANCE
 
     def _split(self, numbers: SX) -> list[SX]:
         """The numbers of each body."""
@@ -114,7 +109,6 @@ class _KeepOut(ConvexLimit):
         return ca.vertcat(*(distance_row(self._distance(motion.x, own), own) for own in each))
 
 
-@dataclass(frozen=True)
 class KeepOut(_KeepOut):
     """Least distance of the tool's point from boxes, spheres, cylinders and half-spaces."""
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from enum import Enum, auto
-from typing import Any, ClassVar, Protocol
+from typing import Any, Protocol
 
 import casadi as ca
 import numpy as np
@@ -217,8 +217,11 @@ class Limit:
 
     ``name`` and ``unit``: of its quantity. ``subject``: what has one each, such as a motor.
     ``order``: the highest derivative of position that the quantity depends on, 0 for positions to 2
-    for accelerations and torques. ``key``: where a scene gives it, None if it cannot.
-    ``robot_key``: where the robot's file gives it, for people; None if a scene may give it too.
+    for accelerations and torques. ``powers``: of the speed, at which it is a polynomial: its rows
+    are those at rest at the same place and a part that grows with each of these powers, torques as
+    squares; 1 for a speed, 2 for a torque, (1, 2) for their sum. None if it is no polynomial, or
+    where that is not known: such motions are slowed by trial. ``key``: where a scene gives it, None
+    if it cannot. ``robot_key``: where the robot's file gives it; None if a scene may give it too.
     ``promised``: whether a verified motion keeps it; otherwise it is a margin that the planner
     keeps for its own sake.
 
@@ -230,24 +233,40 @@ class Limit:
     torques, and has an upper bound alone, where it is not affine in them.
     """
 
-    name: ClassVar[str]
-    unit: ClassVar[str]
-    subject: ClassVar[str]
-    order: ClassVar[int]
-    key: ClassVar[Key | None] = None
-    robot_key: ClassVar[str | None] = None
-    promised: ClassVar[bool] = True
-    own_measure: ClassVar[OwnMeasure | None] = None
-    slid_along: ClassVar[bool] = False
-    has_ridges: ClassVar[bool] = False
-    convex_in_torque: ClassVar[bool] = False
+    name: str
+    unit: str
+    subject: str
+    order: int
+    powers: tuple[int, ...] | None = None
+    key: Key | None = None
+    robot_key: str | None = None
+    promised: bool = True
+    own_measure: OwnMeasure | None = None
+    slid_along: bool = False
+    has_ridges: bool = False
+    convex_in_torque: bool = False
+
+    def __eq__(self, other: object) -> bool:
+        return type(other) is type(self)
+
+    def __hash__(self) -> int:
+        return hash(type(self))
 
     def items(self, scene: Described) -> Sequence[Numbers]:
         """The numbers of each of its items in a scene, none where the limit does not exist.
 
-        Raises SceneError where the scene contradicts the robot.
+        Here what is under its key in the scene or, without one, in the robot's file: a number or
+        several. Raises SceneError where the scene contradicts the robot.
         """
-        raise NotImplementedError
+        if self.key is not None:
+            given = scene.given(self.key.name)
+        else:
+            given = scene.robot
+            for part in (self.robot_key or "").split("."):
+                given = getattr(given, part, None)
+        if given is None:
+            return []
+        return [tuple(given) if isinstance(given, Sequence) else (given,)]
 
     def bounds(self, numbers: SX) -> Bounds:
         """Of ``measure``."""
@@ -301,14 +320,8 @@ class PhasedLimit(Limit):
 class MotorLimit(Limit):
     """A limit of each motor, given by the drive and tightened by a scene."""
 
-    key: ClassVar[Key]
+    key: Key
     subject = "motor"
-
-    def __eq__(self, other: object) -> bool:
-        return type(other) is type(self)
-
-    def __hash__(self) -> int:
-        return hash(type(self))
 
     def of_drive(self, robot: Machine) -> Vector3 | None:
         """What the robot's drives give; None if that is unlimited."""

@@ -13,7 +13,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import cos, inf, sin
-from typing import ClassVar
 
 import casadi as ca
 
@@ -56,16 +55,12 @@ _LEAST_BEND = 1e-9
 side of a body that it is parallel to, and every place is as near."""
 
 
-@dataclass(frozen=True)
 class LinkClearance(Limit):
     """Least distance of the lines of arms and forearms from bodies, m, for some pairs of both."""
 
-    name: ClassVar[str] = "clearance of links"
-    unit: ClassVar[str] = "m"
-    subject: ClassVar[str] = "arm or forearm"
-    order: ClassVar[int] = 0
-    own_measure: ClassVar[OwnMeasure] = OwnMeasure.LINKS
-    slid_along: ClassVar[bool] = True
+    name, unit, subject, order = "clearance of links", "m", "arm or forearm", 0
+    own_measure = OwnMeasure.LINKS
+    slid_along = True
 
     def items(self, scene: Described) -> Sequence[Numbers]:
         kept = scene.kept_links

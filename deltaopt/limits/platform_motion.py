@@ -6,66 +6,29 @@ gripper or product on it can stand.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Annotated, ClassVar
-
-import casadi as ca
+from typing import Annotated
 
 from deltaopt.files.units import ACCELERATION, SPEED
 from deltaopt.files.validated_record import Positive
-from deltaopt.limits.limit import SX, Bounds, Described, Instant, Key, Limit, Numbers
+from deltaopt.limits.limit import SX, Instant, Key
+from deltaopt.limits.norms_and_ranges import Norm
 
 
-@dataclass(frozen=True)
-class PlatformSpeed(Limit):
-    """Largest speed of the platform in any direction, Euclidean norm, m/s."""
-
-    name: ClassVar[str] = "platform speed"
-    unit: ClassVar[str] = "m/s"
-    subject: ClassVar[str] = "platform"
-    order: ClassVar[int] = 1
-    key: ClassVar[Key] = Key(
-        "platform_speed", Annotated[Positive, SPEED], "a speed in m/s, greater than 0"
-    )
-
-    def items(self, scene: Described) -> Sequence[Numbers]:
-        given = scene.given(self.key.name)
-        return [] if given is None else [(given,)]
-
-    def bounds(self, numbers: SX) -> Bounds:
-        return Bounds.at_most(numbers, out_of_reach=True)
-
-    def measure(self, motion: Instant, numbers: SX) -> SX:
-        return ca.norm_2(motion.v)
-
-    def rows(self, motion: Instant, numbers: SX) -> SX:
-        return ca.sumsqr(motion.v) / numbers**2  # the norm has no derivative at rest
+def _velocity(motion: Instant, numbers: SX) -> SX:
+    return motion.v
 
 
-@dataclass(frozen=True)
-class Acceleration(Limit):
-    """Largest acceleration of the platform in any direction, Euclidean norm, m/s²."""
+def _acceleration(motion: Instant, numbers: SX) -> SX:
+    return motion.a
 
-    name: ClassVar[str] = "acceleration"
-    unit: ClassVar[str] = "m/s²"
-    subject: ClassVar[str] = "platform"
-    order: ClassVar[int] = 2
-    key: ClassVar[Key] = Key(
-        "acceleration",
-        Annotated[Positive, ACCELERATION],
-        "an acceleration in m/s², greater than 0",
-    )
 
-    def items(self, scene: Described) -> Sequence[Numbers]:
-        given = scene.given(self.key.name)
-        return [] if given is None else [(given,)]
-
-    def bounds(self, numbers: SX) -> Bounds:
-        return Bounds.at_most(numbers)
-
-    def measure(self, motion: Instant, numbers: SX) -> SX:
-        return ca.norm_2(motion.a)
-
-    def rows(self, motion: Instant, numbers: SX) -> SX:
-        return ca.sumsqr(motion.a) / numbers**2  # the norm has no derivative at rest
+_SPEED = Key("platform_speed", Annotated[Positive, SPEED], "a speed in m/s, greater than 0")
+_ACCELERATION = Key(
+    "acceleration", Annotated[Positive, ACCELERATION], "an acceleration in m/s², greater than 0"
+)
+PLATFORM_SPEED = Norm("platform speed", "m/s", "platform", 1, _velocity, (2,), _SPEED)
+"""Largest speed of the platform in any direction."""
+PLATFORM_ACCELERATION = Norm(
+    "acceleration", "m/s²", "platform", 2, _acceleration, (4,), _ACCELERATION, out_of_reach=False
+)
+"""Largest acceleration of the platform in any direction."""

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 import casadi as ca
 import numpy as np
@@ -41,15 +41,11 @@ def margin(at_ends: float) -> float:
     return min(USUAL_MARGIN, at_ends / 2)
 
 
-@dataclass(frozen=True)
 class SerialSingularity(Limit):
     """Least sin² of the angle between arm and bars of each chain."""
 
-    name: ClassVar[str] = "distance to the serial singularity"
-    unit: ClassVar[str] = "1"
-    subject: ClassVar[str] = "chain"
-    order: ClassVar[int] = 0
-    promised: ClassVar[bool] = False
+    name, unit, subject, order = "distance to the serial singularity", "1", "chain", 0
+    promised = False
 
     def items(self, scene: Described) -> Sequence[Numbers]:
         model = model_of(scene.robot, scene.payload)
@@ -63,15 +59,17 @@ class SerialSingularity(Limit):
         return motion.alignment
 
 
-class _KeptVolume(Limit):
+@dataclass(frozen=True)
+class KeptVolume(Limit):
     """Least volume that three unit vectors of the chains span, on the side where a motion starts:
-    0 in the singularity, below 1."""
+    0 in the singularity, below 1. ``volume``: which, by its name in `Instant`."""
 
-    unit: ClassVar[str] = "1"
-    subject: ClassVar[str] = "robot"
-    order: ClassVar[int] = 0
-    key: ClassVar[Key]
-    volume: ClassVar[Literal["parallel_margin", "tilt_margin"]]
+    name: str
+    volume: Literal["parallel_margin", "tilt_margin"]
+    key: Key
+    unit: str = "1"
+    subject: str = "robot"
+    order: int = 0
 
     def items(self, scene: Described) -> Sequence[Numbers]:
         """The margin, and the sign of the volume at the start."""
@@ -100,19 +98,11 @@ def _key(name: str) -> Key:
     )
 
 
-@dataclass(frozen=True)
-class ParallelSingularity(_KeptVolume):
-    """Least volume that unit vectors along the three bars span."""
-
-    name: ClassVar[str] = "distance to the parallel singularity"
-    key: ClassVar[Key] = _key("parallel_singularity")
-    volume: ClassVar[Literal["parallel_margin", "tilt_margin"]] = "parallel_margin"
-
-
-@dataclass(frozen=True)
-class TiltSingularity(_KeptVolume):
-    """Least volume that the unit normals of the three parallelograms span."""
-
-    name: ClassVar[str] = "distance to the tilt of the platform"
-    key: ClassVar[Key] = _key("tilt_singularity")
-    volume: ClassVar[Literal["parallel_margin", "tilt_margin"]] = "tilt_margin"
+PARALLEL_SINGULARITY = KeptVolume(
+    "distance to the parallel singularity", "parallel_margin", _key("parallel_singularity")
+)
+"""Least volume that unit vectors along the three bars span."""
+TILT_SINGULARITY = KeptVolume(
+    "distance to the tilt of the platform", "tilt_margin", _key("tilt_singularity")
+)
+"""Least volume that the unit normals of the three parallelograms span."""

@@ -13,7 +13,7 @@ from deltaopt.robot.machine import Machine
 class Speed(MotorLimit):
     """Largest angular speed of each arm, rad/s."""
 
-    name, unit, order = "speed", "rad/s", 1
+    name, unit, order, powers = "speed", "rad/s", 1, (1,)
     key = Key(
         "speed",
         Annotated[PerMotor, ANGULAR_SPEED],

@@ -18,7 +18,7 @@ from deltaopt.robot.machine import Machine
 class Torque(MotorLimit):
     """Largest torque of each motor at its arm, N·m."""
 
-    name, unit, order = "torque", "N·m", 2
+    name, unit, order, powers = "torque", "N·m", 2, (2,)
     key = Key("torque", Annotated[PerMotor, TORQUE], "one torque in N·m, greater than 0, or three")
 
     def of_drive(self, robot: Machine) -> Vector3:
@@ -40,7 +40,15 @@ class WithLeastPayload(Limit):
     limit: Limit
 
     def __post_init__(self) -> None:
-        for name in ("unit", "subject", "order", "robot_key", "promised", "convex_in_torque"):
+        for name in (
+            "unit",
+            "subject",
+            "order",
+            "powers",
+            "robot_key",
+            "promised",
+            "convex_in_torque",
+        ):
             object.__setattr__(self, name, getattr(self.limit, name))
         object.__setattr__(self, "name", f"{self.limit.name} with the least payload")
 

@@ -9,25 +9,20 @@ less than the peak torque hold by themselves.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
-from typing import ClassVar
 
 from deltaopt.limits.limit import SX, Bounds, Described, Instant, Limit, Numbers
 
 
-@dataclass(frozen=True)
 class TorqueCurve(Limit):
     """Largest torque of each motor by its speed, N·m, from the robot's key ``drive.torque_curve``.
 
     One item for each piece that falls or is below the peak torque: μ in N·m·s/rad and c in N·m.
     """
 
-    name: ClassVar[str] = "torque at speed"
-    unit: ClassVar[str] = "N·m"
-    subject: ClassVar[str] = "motor"
-    order: ClassVar[int] = 2
-    robot_key: ClassVar[str] = "drive.torque_curve"
+    name, unit, subject, order = "torque at speed", "N·m", "motor", 2
+    powers = (1, 2)
+    robot_key = "drive.torque_curve"
 
     def items(self, scene: Described) -> Sequence[Numbers]:
         curve, peak = scene.robot.drive.torque_curve, max(scene.robot.torque_limits)

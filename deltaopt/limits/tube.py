@@ -13,8 +13,6 @@ instant.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import ClassVar
 
 import casadi as ca
 import numpy as np
@@ -44,17 +42,13 @@ _ROUNDING = 1e-10
 """m by which the planned tube is thinner: rounding of the distance between two programs."""
 
 
-@dataclass(frozen=True)
 class Tube(Limit):
     """Largest distance of the tool's point from the path of the scene, m: the key ``tube``."""
 
-    name: ClassVar[str] = "distance from the path"
-    unit: ClassVar[str] = "m"
-    subject: ClassVar[str] = "tool"
-    order: ClassVar[int] = 0
-    own_measure: ClassVar[OwnMeasure] = OwnMeasure.TUBE
-    slid_along: ClassVar[bool] = True
-    has_ridges: ClassVar[bool] = True
+    name, unit, subject, order = "distance from the path", "m", "tool", 0
+    own_measure = OwnMeasure.TUBE
+    slid_along = True
+    has_ridges = True
 
     def items(self, scene: Described) -> Sequence[Numbers]:
         if scene.tube is None:

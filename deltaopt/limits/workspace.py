@@ -10,8 +10,6 @@ the limit is that it is in one of the three regions.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import ClassVar
 
 import casadi as ca
 import numpy as np
@@ -24,10 +22,10 @@ from deltaopt.limits.limit import (
     Column,
     Described,
     Instant,
-    Limit,
     Numbers,
     PhasedLimit,
 )
+from deltaopt.limits.norms_and_ranges import Norm, Range
 
 _ANYWHERE = 1e3
 """Radius of a cylinder and depth of a level, m, that no robot reaches: no limit."""
@@ -36,52 +34,22 @@ _FAR_ABOVE = -0.5
 """The least value of the row of heights: lower ones would look like a lower bound that is met."""
 
 
-@dataclass(frozen=True)
-class WorkspaceDepth(Limit):
-    """Least and largest depth of the tool's point below the base, m: ``workspace.depth``."""
-
-    name: ClassVar[str] = "workspace depth"
-    unit: ClassVar[str] = "m"
-    subject: ClassVar[str] = "tool"
-    order: ClassVar[int] = 0
-    robot_key: ClassVar[str] = "workspace.depth"
-
-    def items(self, scene: Described) -> Sequence[Numbers]:
-        workspace = scene.robot.workspace
-        return [] if workspace is None or workspace.depth is None else [workspace.depth]
-
-    def bounds(self, numbers: SX) -> Bounds:
-        return Bounds.between(numbers[0], numbers[1])
-
-    def measure(self, motion: Instant, numbers: SX) -> SX:
-        return motion.x[0]
+def _depth(motion: Instant) -> SX:
+    return motion.x[0]
 
 
-@dataclass(frozen=True)
-class WorkspaceRadius(Limit):
-    """Largest distance of the tool's point from the base's axis, m: ``workspace.radius``."""
-
-    name: ClassVar[str] = "workspace radius"
-    unit: ClassVar[str] = "m"
-    subject: ClassVar[str] = "tool"
-    order: ClassVar[int] = 0
-    robot_key: ClassVar[str] = "workspace.radius"
-
-    def items(self, scene: Described) -> Sequence[Numbers]:
-        workspace = scene.robot.workspace
-        return [] if workspace is None or workspace.radius is None else [(workspace.radius,)]
-
-    def bounds(self, numbers: SX) -> Bounds:
-        return Bounds.at_most(numbers, out_of_reach=True)
-
-    def measure(self, motion: Instant, numbers: SX) -> SX:
-        return ca.norm_2(motion.x[1:])
-
-    def rows(self, motion: Instant, numbers: SX) -> SX:
-        return ca.sumsqr(motion.x[1:]) / numbers**2  # the norm has no derivative on the axis
+def _from_axis(motion: Instant, numbers: SX) -> SX:
+    return motion.x[1:]
 
 
-@dataclass(frozen=True)
+WORKSPACE_DEPTH = Range("workspace depth", "m", "tool", _depth, "workspace.depth")
+"""Least and largest depth of the tool's point below the base."""
+WORKSPACE_RADIUS = Norm(
+    "workspace radius", "m", "tool", 0, _from_axis, robot_key="workspace.radius"
+)
+"""Largest distance of the tool's point from the base's axis."""
+
+
 class Approach(PhasedLimit):
     """Two rows. The first: the squared distance from the axis over the squared radius, in the outer
     phases. The second: how far below the level the tool is, in the middle phase.
@@ -90,10 +58,7 @@ class Approach(PhasedLimit):
     level that is imposed, and the natural size of heights.
     """
 
-    name: ClassVar[str] = "approach"
-    unit: ClassVar[str] = "1"
-    subject: ClassVar[str] = "tool"
-    order: ClassVar[int] = 0
+    name, unit, subject, order = "approach", "1", "tool", 0
 
     def items(self, scene: Described) -> Sequence[Numbers]:
         if not scene.columns:

@@ -21,7 +21,7 @@ from typing import Protocol
 import numpy as np
 
 from deltaopt.curves.piecewise import Array
-from deltaopt.limits.constraints import SceneLimits
+from deltaopt.limits.scene_limits import SceneLimits
 from deltaopt.motion.active_limits import ActiveLimit
 
 MORE = 0.1

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.curves.halving import bisected_number
-from deltaopt.limits.constraints import SceneLimits
+from deltaopt.limits.scene_limits import SceneLimits
 from deltaopt.robot.model import model_of
 from deltaopt.scene.scene import Scene, limits_of
 from deltaopt.scene.task import given_points

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.curves.piecewise import Array, PiecewisePolynomial
-from deltaopt.limits.constraints import SceneLimits
+from deltaopt.limits.scene_limits import SceneLimits
 from deltaopt.motion.sure_bounds import rows_not_kept, signed_distances
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.scene import Scene, limits_of

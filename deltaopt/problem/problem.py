@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from math import dist
 
-from deltaopt.limits.constraints import SceneLimits
+from deltaopt.limits.scene_limits import SceneLimits
 from deltaopt.problem.boundary import Boundary
 from deltaopt.robot.machine import Machine, Model
 from deltaopt.robot.model import model_of

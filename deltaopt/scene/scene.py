@@ -28,8 +28,7 @@ from deltaopt.files.html_table import html_table
 from deltaopt.files.units import LENGTH, MASS, WIDTH
 from deltaopt.files.validated_record import NonNegative, Number, Positive, Record, Vector3
 from deltaopt.files.yaml_file import place_of, read_yaml
-from deltaopt.limits.constraints import SceneLimits
-from deltaopt.limits.joint_ranges import ArmRange, BallJoint
+from deltaopt.limits.joint_ranges import ARM_RANGE, BallJoint
 from deltaopt.limits.keep_out import (
     MOST_SOLIDS,
     KeepOut,
@@ -38,19 +37,20 @@ from deltaopt.limits.keep_out import (
 )
 from deltaopt.limits.limit import Column, KeptLink, Limit, MotorLimit
 from deltaopt.limits.links import LinkClearance
-from deltaopt.limits.platform_motion import Acceleration, PlatformSpeed
+from deltaopt.limits.platform_motion import PLATFORM_ACCELERATION, PLATFORM_SPEED
+from deltaopt.limits.scene_limits import SceneLimits
 from deltaopt.limits.singularities import (
-    ParallelSingularity,
+    PARALLEL_SINGULARITY,
+    TILT_SINGULARITY,
     SerialSingularity,
-    TiltSingularity,
 )
-from deltaopt.limits.specific_force import SpecificForce
+from deltaopt.limits.specific_force import SPECIFIC_FORCE
 from deltaopt.limits.speed import Speed
 from deltaopt.limits.torque import Torque, WithLeastPayload
 from deltaopt.limits.torque_curve import TorqueCurve
 from deltaopt.limits.tube import MOST_PARTS, Tube, parts_of
+from deltaopt.limits.workspace import WORKSPACE_DEPTH, WORKSPACE_RADIUS
 from deltaopt.limits.workspace import Approach as ApproachLimit
-from deltaopt.limits.workspace import WorkspaceDepth, WorkspaceRadius
 from deltaopt.robot.machine import Machine
 from deltaopt.robot.robot import Robot, load_robot
 from deltaopt.robot.solids import MOST_TRIANGLES, Convex, Polytope
@@ -107,16 +107,16 @@ LIMITS: tuple[Limit, ...] = (
     Torque(),
     SerialSingularity(),
     Speed(),
-    Acceleration(),
+    PLATFORM_ACCELERATION,
     TorqueCurve(),
-    PlatformSpeed(),
-    SpecificForce(),
-    ArmRange(),
+    PLATFORM_SPEED,
+    SPECIFIC_FORCE,
+    ARM_RANGE,
     BallJoint(),
-    WorkspaceDepth(),
-    WorkspaceRadius(),
-    ParallelSingularity(),
-    TiltSingularity(),
+    WORKSPACE_DEPTH,
+    WORKSPACE_RADIUS,
+    PARALLEL_SINGULARITY,
+    TILT_SINGULARITY,
     KeepOut(),
     *hull_limits(),
     Tube(),

@@ -218,13 +218,10 @@ def test_the_unit_of_torque_is_that_of_one_limit():
     assert not can_be_held(two)
 
 
-def test_a_kink_is_no_power_of_the_speed():
+def test_what_a_limit_does_not_declare_is_no_power_of_the_speed():
     kinked = Constraints(((SizeOfDifference(), 3),))
     assert kinked.slowing_exponents.tolist() == [MIXED]
     assert not kinked.are_polynomials
-    smooth = Constraints(((TorqueDifference(), 3), (MotorPower(), 3)))
-    assert smooth.slowing_exponents.tolist() == [2, MIXED, MIXED, MIXED]
-    assert smooth.are_polynomials
 
 
 # What is promised and not measured

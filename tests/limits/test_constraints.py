@@ -8,8 +8,9 @@ import pytest
 
 from deltaopt import load_scene
 from deltaopt.dynamics.lagrange import Explicit
-from deltaopt.limits.constraints import Constraints, SceneLimits
+from deltaopt.limits.constraints import Constraints
 from deltaopt.limits.limit import Bounds
+from deltaopt.limits.scene_limits import SceneLimits
 from deltaopt.mechanisms.delta.functions import delta_functions
 from deltaopt.mechanisms.instant import CoordinateInstant, PlatformInstant
 from deltaopt.robot.model import delta_model
@@ -71,15 +72,68 @@ def test_rows_are_those_of_the_general_derivation():
     )
 
 
-def test_a_slowed_motion_has_the_rows_that_its_exponents_say():
-    """r(k) = r(rest) + (r - r(rest)) / kⁿ, here with a motion really slowed."""
-    function, _ = rows_of_motion(LIMITED.constraints)
+EVERY_LIMIT = [
+    load_scene(f"problems/{name}.yaml")
+    for name in (
+        "industrial_cross",
+        "industrial_drive",
+        "limits/drive_joints_workspace",
+        "limits/platform_speed",
+        "limits/specific_force",
+        "limits/parallel_singularity",
+        "limits/tilt_singularity",
+        "payload/range",
+        "keep_out/wall_25_305_25",
+        "approach/25_305_25",
+        "paths/tube",
+    )
+]
+EVERY_LIMIT.append(CROSS.model_copy(update={"limits": {"acceleration": 50.0}}))
+
+
+def test_every_limit_is_in_one_of_these_scenes():
+    there = {limit for scene in EVERY_LIMIT for limit in limits_of(scene).constraints.limits}
+    hulls_and_links = [each for each in LIMITS if each.own_measure and each not in there]
+    assert there >= set(LIMITS) - {*hulls_and_links}
+
+
+@pytest.mark.parametrize("scene", EVERY_LIMIT, ids=lambda scene: scene.robot.name)
+def test_a_slowed_motion_has_the_rows_that_its_limits_declare(scene):
+    """Rows of motions really slowed, as polynomials of the speed: where a limit declares powers,
+    what grows with another one is nothing."""
+    given = limits_of(scene)
+    model = delta_model(scene.robot, scene.payload)
+    symbols = [ca.SX.sym(name, 3) for name in "xva"]
+    numbers, p = given.constraints.numbers(), ca.SX.sym("p", len(model.parameters))
+    rows = given.constraints.rows(PlatformInstant(model.functions, *symbols, p), numbers)
+    f = ca.Function("rows", [*symbols, numbers, p], [rows])
     x, v, a = states()
-    rest = values(function, x, 0 * v, 0 * a)
-    whole = values(function, x, v, a)
-    for k in (1.3, 2.0, 7.0):
-        expected = rest + (whole - rest) / k**LIMITED.constraints.slowing_exponents
-        np.testing.assert_allclose(values(function, x, v / k, a / k**2), expected, atol=1e-11)
+    x = x - x[0] + np.array(scene.placed_points[0])
+    speeds, degree = np.linspace(0.1, 1.0, 9), 4
+    values = np.array(
+        [
+            [
+                f(*at, given.numbers, model.parameters).full().ravel()
+                for at in zip(x, s * v, s**2 * a, strict=True)
+            ]
+            for s in speeds
+        ]
+    )
+    reached = np.isfinite(values).all(axis=(0, 2))
+    assert reached.sum() >= 5
+    flat = values[:, reached].reshape(len(speeds), -1)
+    powers = np.vander(speeds, degree + 1, increasing=True)
+    parts = np.linalg.lstsq(powers, flat)[0].reshape(degree + 1, -1, values.shape[2])
+    mechanism = model.functions.mechanism
+    efforts = ca.vertcat(*(effort.value for effort in mechanism.efforts))
+    has_friction = ca.depends_on(efforts, mechanism.dq)
+    for limit, own in zip(given.constraints.limits, given.constraints.slices, strict=True):
+        if has_friction and limit.order == 2:
+            continue
+        declared = () if limit.order == 0 else limit.powers
+        assert declared is not None
+        grows = np.abs(parts[1:, :, own]).max(axis=(1, 2)) > 1e-8 * np.abs(parts[:, :, own]).max()
+        assert {n for n in range(1, degree + 1) if grows[n - 1]} <= set(declared), limit.name
 
 
 def test_bounds_are_at_one():

@@ -12,7 +12,7 @@ import pytest
 import deltaopt
 from deltaopt.dynamics.lagrange import Explicit
 from deltaopt.errors import SceneError
-from deltaopt.limits.platform_motion import Acceleration
+from deltaopt.limits.platform_motion import PLATFORM_ACCELERATION
 from deltaopt.mechanisms.delta.functions import delta_functions
 from deltaopt.mechanisms.instant import CoordinateInstant, PlatformInstant
 from deltaopt.robot.model import delta_model
@@ -68,7 +68,7 @@ def test_measure_is_the_norm_in_both_kinds_of_coordinates():
     x, v, a = (ca.SX.sym(letter, 3) for letter in "xva")
     p = model.functions.terms.symbols().vector()
     functions = delta_functions(model.functions.terms, Explicit())
-    rng, limit, most = np.random.default_rng(3), Acceleration(), ca.SX(50.0)
+    rng, limit, most = np.random.default_rng(3), PLATFORM_ACCELERATION, ca.SX(50.0)
     for instant in (
         PlatformInstant(functions, x, v, a, p),
         CoordinateInstant.general(functions, x, v, a, p),

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from deltaopt import load_scene, plan, verify
-from deltaopt.limits.singularities import ParallelSingularity, TiltSingularity
+from deltaopt.limits.singularities import PARALLEL_SINGULARITY, TILT_SINGULARITY
 from deltaopt.mechanisms.delta.mechanism import AZIMUTHS
 from deltaopt.mechanisms.instant import CoordinateInstant
 from deltaopt.robot.model import delta_model
@@ -52,12 +52,12 @@ def any_motion(scene):
 
 
 def test_measure_of_tilt_is_the_volume_of_the_normals():
-    ((margin, side),) = TiltSingularity().items(TILTING)
+    ((margin, side),) = TILT_SINGULARITY.items(TILTING)
     assert margin == 0.08
     x = np.array([[0.25, 0.1, 0.35], TILTING.goal, TILTING.start])
 
     motion = any_motion(TILTING)
-    measured = TiltSingularity().measure(motion, ca.SX([margin, side]))
+    measured = TILT_SINGULARITY.measure(motion, ca.SX([margin, side]))
     measure = ca.Function("measure", [motion.q], [measured])
     q = delta_model(TILTING.robot, None).inverse_kinematics(x)
     found = np.array(measure.map(len(x))(q.T)).ravel()
@@ -79,12 +79,12 @@ def test_motions_keep_from_the_tilt():
 
 
 def test_measure_is_the_volume_of_the_bars():
-    ((margin, side),) = ParallelSingularity().items(SCENE)
+    ((margin, side),) = PARALLEL_SINGULARITY.items(SCENE)
     assert margin == 0.2
     x = np.array([[0.85, 0.1, 0.05], [0.6, -0.2, 0.1], SCENE.start])
 
     motion = any_motion(SCENE)
-    measured = ParallelSingularity().measure(motion, ca.SX([margin, side]))
+    measured = PARALLEL_SINGULARITY.measure(motion, ca.SX([margin, side]))
     measure = ca.Function("measure", [motion.q], [measured])
     q = delta_model(SCENE.robot, None).inverse_kinematics(x)
     found = np.array(measure.map(len(x))(q.T)).ravel()

@@ -12,7 +12,7 @@ import pytest
 
 from deltaopt import Scene, load_scene, plan
 from deltaopt.cli import main
-from deltaopt.limits.constraints import SceneLimits
+from deltaopt.limits.scene_limits import SceneLimits
 from deltaopt.motion.active_limits import ActiveLimit
 from deltaopt.motion.limit_sensitivity import LimitSensitivity, limits_in_words
 from deltaopt.scene.rotation import Rotation

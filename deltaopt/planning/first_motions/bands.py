@@ -14,7 +14,7 @@ from math import dist, hypot
 import numpy as np
 
 from deltaopt.curves.piecewise import Array
-from deltaopt.limits.constraints import SceneLimits
+from deltaopt.limits.scene_limits import SceneLimits
 from deltaopt.motion.links import planned_distances
 from deltaopt.motion.sure_bounds import signed_distances
 from deltaopt.motion.trajectory import Trajectory

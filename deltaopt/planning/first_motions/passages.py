@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.curves.piecewise import Array
-from deltaopt.limits.constraints import SceneLimits
+from deltaopt.limits.scene_limits import SceneLimits
 from deltaopt.motion.sure_bounds import signed_distances
 from deltaopt.planning.first_motions.roadmap import path_over_grid, spacing
 from deltaopt.problem.of_scene import problem_of

@@ -248,9 +248,11 @@ class CollocationProblem:
     def _fractions(self, limits: RowsOfOrder) -> Array:
         """Fractions of an interval where the rows of an order are imposed.
 
-        Those of velocities are fewer; ``PiecewiseAcceleration.velocity_points`` says why.
+        Where dynamics hold at the nodes, those of velocities are fewer;
+        ``PiecewiseAcceleration.velocity_points`` says why.
         """
-        return self.transcription.velocity_points if limits.order == 1 else self.variables.points
+        fewer = limits.order == 1 and self.equations.at_nodes
+        return self.transcription.velocity_points if fewer else self.variables.points
 
     def _points(
         self,

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.curves.piecewise import Array
-from deltaopt.limits.constraints import SceneLimits
+from deltaopt.limits.scene_limits import SceneLimits
 from deltaopt.motion.sure_bounds import distances_from_faces
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.nlp.phases import FacePhases

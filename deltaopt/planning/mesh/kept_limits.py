@@ -64,13 +64,12 @@ def kept(program: Formulated, solution: MeshSolution, tolerance: float) -> MeshS
             pieces[excess.max(axis=1) > KEPT] = _PIECES
         share = np.repeat(np.minimum(share, 1 - _MARGIN * accuracy), pieces, axis=0)
         mesh = np.repeat(last.mesh / pieces, pieces)
-        keeps_mesh = len(mesh) == len(last.mesh) and last.solution.all_at_points
         guess = Guess(
             last.trajectory,
             near=True,
             tolerance=max(_OPTIMAL_SHARE * tolerance, accuracy),
             rows=accuracy,
-            multipliers=last.solution.multipliers if keeps_mesh else None,
+            multipliers=last.solution.multipliers if len(mesh) == len(last.mesh) else None,
         )
         scaling = replace(last.scaling, share=share, problem=last.problem)
         last = solve_on_mesh(program.on(mesh), scaling, guess, last.problem)

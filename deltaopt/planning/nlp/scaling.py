@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.files.validated_record import Vector3
-from deltaopt.limits.constraints import Constraints, SceneLimits
+from deltaopt.limits.constraints import Constraints
+from deltaopt.limits.scene_limits import SceneLimits
 from deltaopt.motion.trajectory import Trajectory, passes
 from deltaopt.planning.nlp.phases import FacePhases
 from deltaopt.problem.boundary import Boundary

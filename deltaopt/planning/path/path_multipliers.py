@@ -14,7 +14,7 @@ from math import log
 import numpy as np
 
 from deltaopt.curves.piecewise import Array
-from deltaopt.limits.constraints import SceneLimits
+from deltaopt.limits.scene_limits import SceneLimits
 from deltaopt.planning.path.on_mesh import OnMesh, tangents_on
 from deltaopt.planning.path.path_mesh import MeshMotion
 from deltaopt.planning.path.path_rows import AffineRows, PathRows, kept_rows

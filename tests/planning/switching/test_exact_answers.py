@@ -15,7 +15,8 @@ import numpy as np
 import pytest
 
 from deltaopt.curves.piecewise import PiecewisePolynomial
-from deltaopt.limits.constraints import Constraints, SceneLimits
+from deltaopt.limits.constraints import Constraints
+from deltaopt.limits.scene_limits import SceneLimits
 from deltaopt.limits.speed import Speed
 from deltaopt.limits.torque import Torque
 from deltaopt.motion.trajectory import Trajectory

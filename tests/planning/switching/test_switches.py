@@ -12,7 +12,8 @@ import pytest
 from deltaopt import load_scene, plan, verify
 from deltaopt.codegen.dense_solver import solve
 from deltaopt.curves.piecewise import PiecewisePolynomial
-from deltaopt.limits.constraints import Constraints, SceneLimits
+from deltaopt.limits.constraints import Constraints
+from deltaopt.limits.scene_limits import SceneLimits
 from deltaopt.limits.speed import Speed
 from deltaopt.limits.torque import Torque
 from deltaopt.motion.trajectory import Trajectory

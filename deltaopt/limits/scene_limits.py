@@ -1,0 +1,160 @@
+"""The limits of one scene, with their numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deltaopt.limits.constraints import Constraints
+from deltaopt.limits.limit import ConvexLimit, Described, Limit, Numbers, PhasedLimit
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Phased:
+    """A limit with other numbers in each phase, and where its ``numbers`` and ``rows`` are."""
+
+    limit: PhasedLimit
+    numbers: slice
+    rows: slice
+
+
+@dataclass(frozen=True)
+class SceneLimits:
+    """The limits of one scene: which there are, and their numbers, (constraints.parameters,)."""
+
+    constraints: Constraints
+    numbers: Array
+
+    @classmethod
+    def of(cls, limits: Sequence[Limit], scene: Described) -> SceneLimits:
+        """Those of these limits that exist in a scene."""
+        found: list[tuple[Limit, Numbers]] = [
+            (limit, numbers) for limit in limits for numbers in limit.items(scene)
+        ]
+        items = tuple((limit, len(numbers)) for limit, numbers in found)
+        values = np.array([value for _, numbers in found for value in numbers], dtype=float)
+        return cls(_shared(Constraints(items)), values)
+
+    def only(self, kept: Sequence[int]) -> SceneLimits:
+        """Some of the items, by their indices, in their order; itself if these are all."""
+        if len(kept) == len(self.constraints.items):
+            return self
+        items = tuple(self.constraints.items[i] for i in kept)
+        numbers = [self.of_items[i] for i in kept]
+        constraints = Constraints(items, self.constraints.motors)
+        return SceneLimits(_shared(constraints), np.concatenate(numbers))
+
+    @property
+    def of_items(self) -> list[Array]:
+        """The numbers of each item."""
+        ends = np.cumsum([size for _, size in self.constraints.items])[:-1]
+        return np.split(self.numbers, ends)
+
+    @cached_property
+    def phased(self) -> Phased | None:
+        """The limit whose numbers differ from phase to phase of the motion, if there is one."""
+        begin = 0
+        for (limit, size), rows in zip(
+            self.constraints.items, self.constraints.slices, strict=True
+        ):
+            if isinstance(limit, PhasedLimit):
+                return Phased(limit, slice(begin, begin + size), rows)
+            begin += size
+        return None
+
+    @cached_property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper bound of every measure in its unit, infinite where there is none."""
+        return _bounds(self.constraints, tuple(self.numbers.tolist()))[:2]
+
+    @cached_property
+    def scales(self) -> Array:
+        """The natural size of every measure in its unit."""
+        return _bounds(self.constraints, tuple(self.numbers.tolist()))[2]
+
+    @cached_property
+    def edge_radii(self) -> Array:
+        """Of the rows of ``Constraints.convex`` the radii of the edges of their bounds, m."""
+        return np.array(self.constraints.edge_radii(self.numbers)).ravel()
+
+    @cached_property
+    def faces(self) -> tuple[tuple[Array, ...], ...]:
+        """Of each row of ``Constraints.convex`` all numbers, with those of its body replaced by
+        those of one of its faces, for every face, as of ``ConvexLimit.faces``."""
+        return tuple(
+            tuple(self._with_part(part, face) for face in limit.faces(self.numbers[own])[row])
+            for limit, own, row, part in self._convex_rows
+        )
+
+    def opened(self, row: int, faces: Collection[int]) -> Array | None:
+        """All numbers with those of the body of one of these rows replaced as of
+        ``ConvexLimit.opened``."""
+        limit, own, inner, part = self._convex_rows[row]
+        found = limit.opened(self.numbers[own], inner, faces)
+        return None if found is None else self._with_part(part, found)
+
+    @cached_property
+    def _convex_rows(self) -> list[tuple[ConvexLimit, slice, int, slice]]:
+        """Of each of these rows its limit, the place of all its numbers, which of its rows it is,
+        and the place of the numbers of that."""
+        found, begin = list[tuple[ConvexLimit, slice, int, slice]](), 0
+        parts = zip(self.constraints.items, self.constraints.slices, strict=True)
+        for (limit, size), rows in parts:
+            number = rows.stop - rows.start
+            if isinstance(limit, ConvexLimit):
+                each, own = size // number, slice(begin, begin + size)
+                places = (slice(begin + k * each, begin + (k + 1) * each) for k in range(number))
+                found += [(limit, own, k, place) for k, place in enumerate(places)]
+            begin += size
+        return found
+
+    def _with_part(self, place: slice, part: Array) -> Array:
+        """All numbers, some of them replaced."""
+        numbers = self.numbers.copy()
+        numbers[place] = part
+        return numbers
+
+    @cached_property
+    def bound_exponents(self) -> Array:
+        """n of every row that is f(motion) / boundⁿ near the bound, (rows,): 1 for a torque, 2 for
+        the square of a norm. NaN for other rows, such as those of ranges."""
+        function, rng = self.constraints.bound_exponents, np.random.default_rng(1)
+        motions = rng.uniform(0.5, 1.5, (2, function.size1_in(0)))
+        one, other = (np.array(function(motion, self.numbers)).ravel() for motion in motions)
+        known = np.isfinite(one) & np.isclose(one, other, rtol=1e-9, atol=0)
+        return np.where(known, one, np.nan)
+
+    def upper(self, name: str) -> Array | None:
+        """The upper bounds of a limit, by its name; None where it does not exist."""
+        parts = zip(self.constraints.limits, self.constraints.slices, strict=True)
+        return next((self.bounds[1][rows] for limit, rows in parts if limit.name == name), None)
+
+
+@lru_cache(maxsize=64)
+def _bounds(constraints: Constraints, numbers: Numbers) -> tuple[Array, Array, Array]:
+    """``SceneLimits.bounds`` and ``scales``, found once for all moves of a robot: a few per cent
+    of a plan."""
+    found = [np.array(side).ravel() for side in constraints.bounds_of_rows(np.array(numbers))]
+    for side in found:
+        side.setflags(write=False)
+    return found[0], found[1], found[2]
+
+
+_KNOWN: dict[Constraints, Constraints] = {}
+
+
+def _shared(constraints: Constraints) -> Constraints:
+    """One object for all that are equal, so that what is derived from it is derived once.
+
+    Raises ValueError for a limit that says another order than that of its rows.
+    """
+    if constraints not in _KNOWN:
+        constraints.require_orders()
+        _KNOWN[constraints] = constraints
+    return _KNOWN[constraints]
