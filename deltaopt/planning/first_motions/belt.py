@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from deltaopt.curves.piecewise import Array
 from deltaopt.errors import DeltaOptError, Infeasible, NotConverged, in_words
-from deltaopt.motion.time_scaling import sizes_at
+from deltaopt.motion.loads import sizes_at
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.feasibility import exceeded
 from deltaopt.scene.scene import Scene, limits_of

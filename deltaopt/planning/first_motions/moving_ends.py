@@ -15,7 +15,7 @@ import numpy as np
 from deltaopt.curves.piecewise import Array, PiecewisePolynomial, quintic_rest
 from deltaopt.errors import RULED_OUT, if_possible
 from deltaopt.files.validated_record import Vector3
-from deltaopt.motion.time_scaling import sizes_at
+from deltaopt.motion.loads import sizes_at
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.belt import Meetings
 from deltaopt.planning.first_motions.order_of_merit import first_motion

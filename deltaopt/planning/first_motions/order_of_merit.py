@@ -14,8 +14,8 @@ import numpy as np
 
 from deltaopt.curves.piecewise import Array, PiecewisePolynomial
 from deltaopt.errors import RULED_OUT, NotConverged, Unreachable, if_possible
+from deltaopt.motion.loads import sizes_at
 from deltaopt.motion.lower_bound import lower_bound
-from deltaopt.motion.time_scaling import sizes_at
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.initial_motion import (
     PARABOLAS_AND_CUBICS,

@@ -13,13 +13,9 @@ from deltaopt.limits.constraints import Constraints
 from deltaopt.motion.approach_excess import approach_rows
 from deltaopt.motion.effort import cost as cost_of
 from deltaopt.motion.extrema import sample_fractions
+from deltaopt.motion.loads import Loads, NeededSlowing, loads_inside
 from deltaopt.motion.sure_bounds import sure_excess
-from deltaopt.motion.time_scaling import (
-    Loads,
-    NeededSlowing,
-    loads_inside,
-    needed_slowing,
-)
+from deltaopt.motion.time_scaling import needed_slowing
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.mesh.bends import missed_effort
 from deltaopt.planning.mesh.constraint_tightening import (

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from deltaopt import load_scene, plan, verify
-from deltaopt.motion.time_scaling import loads_inside
+from deltaopt.motion.loads import loads_inside
 from deltaopt.planning.flat.constraint_rows import ByOrder
 from deltaopt.planning.flat.equations import point_equations
 from deltaopt.planning.mesh.error_estimate import FRACTIONS

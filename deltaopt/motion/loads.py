@@ -1,0 +1,335 @@
+"""What constraint rows of a motion ask of its speed, instant by instant.
+
+All of it from the motion itself, by the model and the limits of the problem, never the model that
+a trajectory carries. A motion k times as slow has constraint rows r₀ + (r - r₀) / kⁿ, r₀ being
+those at rest at the same place and n a property of the limit: 1 of speeds, 2 of torques and
+accelerations without friction. So each row asks of k² in closed form at each instant; what a row of
+several powers asks is estimated from its slope.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from math import inf, sqrt
+from typing import NoReturn
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from deltaopt.codegen.vectorised import RowFunction
+from deltaopt.curves.piecewise import Array, PiecewisePolynomial
+from deltaopt.errors import Unreachable
+from deltaopt.limits.constraints import MIXED, Constraints
+from deltaopt.mechanisms.functions import Functions
+from deltaopt.mechanisms.instant import PlatformInstant
+from deltaopt.motion.extrema import Index, everywhere
+from deltaopt.motion.trajectory import Trajectory
+from deltaopt.problem.problem import Problem
+from deltaopt.robot.machine import Model
+
+Integers = NDArray[np.intp]
+Truths = NDArray[np.bool]
+
+_NOTHING = 1e-60
+"""Stands for 0 as a divisor, so that what is asked of k² stays a number."""
+_TOO_MUCH = 1e50
+"""Of k²: no k does."""
+_WITHIN = 1e-10
+"""Excess of a row of positions that counts as none: a tenth of what verification allows."""
+_LEAST_SLOPE = 0.05
+"""By how much a row of mixed powers is taken to fall with the speed at least, in the rough answer.
+A lesser one would ask for wild factors where slowing hardly helps."""
+
+
+@dataclass(frozen=True)
+class Loads:
+    """Constraint rows of a motion at N instants, and what they ask of a slowed motion.
+
+    ``rows``: (N, rows), normalised: lower bounds at -1, upper bounds at 1. ``demands``: (N, …); the
+    first ``slower`` of them, one for each row that slowing changes, are what k² must be at least,
+    for rows of mixed powers roughly; the next ``placed``, one for each row of positions that a
+    motion must keep, are its size, 1 at a bound; the rest, one for each row that is not zero at
+    rest, what 1/k² must be at least: positive only where a limit is exceeded at rest, so that it
+    needs the motion's help. ``narrow``: curves that are not negative, in whose narrow valleys rows
+    may peak between samples: sin² (q_{k,1} - q_{k,2}) of the chains, and with Coulomb friction 1 +
+    (θ̇/w)² of the arms, for it changes sign within ±w; (N, 3) or (N, 6).
+    """
+
+    rows: Array
+    demands: Array
+    narrow: Array
+    slower: int
+    placed: int
+
+    def highest_demands(self, samples: int) -> Array:
+        """The largest demands in each interval, of so many samples in each: (K, …)."""
+        width = self.demands.shape[1]
+        return np.asarray(self.demands.reshape(-1, samples, width).max(axis=1))
+
+    def slowing(self, highest: Array) -> Array:
+        """By what factor each interval alone asks the motion to be slowed, from its highest
+        demands, (K, …) -> (K,)."""
+        return np.asarray(np.sqrt(highest[:, : self.slower].max(axis=1)))
+
+    def needed(self, highest: Array, at_least: float = 1.0) -> NeededSlowing:
+        """What the largest demands, (…), ask for: of samples a little less than of all instants."""
+        squared = np.maximum(at_least**2, highest[: self.slower].max())  # NaN if one is
+        faster = highest[self.slower + self.placed :]
+        held = faster.max(initial=0.0) * squared <= 1
+        factor = sqrt(squared) if squared < _TOO_MUCH and held else inf
+        return NeededSlowing(factor, self.misplaced(highest))
+
+    def misplaced(self, highest: Array) -> float:
+        """``NeededSlowing.misplaced`` of the largest demands, (…)."""
+        return float(highest[self.slower : self.slower + self.placed].max(initial=0.0)) - 1
+
+
+@dataclass(frozen=True)
+class NeededSlowing:
+    """The smallest ``factor`` by which slowing a motion keeps its limits of speed, acceleration and
+    torque; infinite where none does. ``misplaced``: by how much it exceeds a limit of position,
+    which no slowing changes, as a share of the bound; negative within it."""
+
+    factor: float
+    misplaced: float
+
+    def beside(self, misplaced: float) -> NeededSlowing:
+        """The same where other limits of position are exceeded by so much."""
+        return replace(self, misplaced=max(self.misplaced, misplaced))
+
+    @property
+    def keeps_places(self) -> bool:
+        """Whether all limits of position are kept."""
+        return self.misplaced <= _WITHIN
+
+
+def sampled_places(constraints: Constraints) -> Truths:
+    """Rows of positions for which there is no sure bound, so that samples must do, (rows,)."""
+    return np.asarray(constraints.of_place & ~constraints.convex)
+
+
+def loads_inside(problem: Problem, trajectory: Trajectory, fractions: Array) -> Loads:
+    """Loads at these fractions, (n,), of every interval, 0 and 1 from inside of it: N = K · n.
+
+    Raises Unreachable or Singular where the motion has none.
+    """
+    along = loads_along(problem, trajectory)
+    return along(*everywhere(len(trajectory.knots) - 1, fractions))
+
+
+def sizes_at(problem: Problem, coefficients: Array, lengths: Array, fractions: Array) -> Array:
+    """How near rows are to the nearer of their bounds, 1 at a bound, of polynomials at fractions of
+    their lengths in s: (n, fractions, rows); not a number out of reach.
+
+    ``coefficients``: ascending powers of the time, m, (n, powers, 3).
+    """
+    knots = np.append(0.0, np.cumsum(lengths))
+    pieces = PiecewisePolynomial(knots, coefficients)
+    model = problem.model
+    loads = LoadsOfMotion.of(problem, Trajectory(pieces, model))(
+        *everywhere(len(lengths), fractions)
+    )
+    sizes = problem.limits.constraints.size(loads.rows)
+    return sizes.reshape(len(lengths), len(fractions), -1)
+
+
+@dataclass(frozen=True)
+class LoadsOfMotion:
+    """The loads of a motion, called with intervals, (N,), and fractions of them, (N,); not a number
+    where the motion has none."""
+
+    model: Model
+    coefficients: Array
+    lengths: Array
+    function: RowFunction
+    parameters: Array
+    slower: int
+    placed: int
+
+    @classmethod
+    def of(cls, problem: Problem, trajectory: Trajectory) -> LoadsOfMotion:
+        """Those of a problem's limits along a motion."""
+        model, limits = problem.model, problem.limits
+        coefficients = _padded(trajectory.position.coefficients)
+        powers = coefficients.shape[1] // 3
+        functions, constraints = model.functions, limits.constraints
+        squares = _squares(problem)
+        return cls(
+            model,
+            coefficients,
+            np.diff(trajectory.knots),
+            _loads_function(functions, constraints, powers, squares),
+            np.concatenate([limits.numbers, model.parameters]),
+            int(np.count_nonzero(exponents(constraints, squares))),
+            int(np.count_nonzero(sampled_places(constraints))),
+        )
+
+    def __call__(self, intervals: Index, fractions: Array) -> Loads:
+        since = (self.lengths[intervals] * fractions)[:, None]
+        return self._at(self.coefficients[intervals], since)
+
+    def of_polynomials(self, coefficients: Array) -> Loads:
+        """Loads of polynomials with these ascending coefficients, (N, 3 · powers), at time 0."""
+        filled = np.zeros((len(coefficients), self.coefficients.shape[1]))
+        filled[:, : coefficients.shape[1]] = coefficients
+        return self._at(filled, np.zeros((len(coefficients), 1)))
+
+    def _at(self, coefficients: Array, since: Array) -> Loads:
+        rows, demands, narrow = self.function(coefficients, since, parameters=self.parameters)
+        return Loads(rows, demands, narrow, self.slower, self.placed)
+
+
+def exponents(constraints: Constraints, squares: bool) -> Integers:
+    """How rows change when a motion is slowed, (rows,): ``Constraints.slowing_exponents``, but
+    ``MIXED`` for rows of torques that do not change with the square of the speed (``squares``)."""
+    found = constraints.slowing_exponents
+    return found if squares else np.where(constraints.of_torque, MIXED, found)
+
+
+def exponents_in(problem: Problem) -> Integers:
+    """How the rows of a problem change when a motion is slowed, (rows,), as of ``exponents``."""
+    return exponents(problem.limits.constraints, _squares(problem))
+
+
+def _squares(problem: Problem) -> bool:
+    """Whether what motion adds to the torques at rest grows with the square of the speed, as it
+    does where nothing but motors, such as friction, depends on the speed."""
+    return _degree(problem.model.functions) == 0
+
+
+def has_layers(problem: Problem) -> bool:
+    """Whether torques may change within moments where arms turn back, as by Coulomb friction;
+    otherwise all rows are polynomials of the speed."""
+    degree = _degree(problem.model.functions)
+    return degree > _SQUARE or not problem.limits.constraints.are_polynomials
+
+
+_SQUARE = 2
+
+
+@lru_cache(maxsize=32)
+def _degree(functions: Functions) -> float:
+    """The degree of what acts beside motors as a polynomial of the speed: 0; 2 if it is not more;
+    infinite otherwise, and where it is none."""
+    mechanism = functions.mechanism
+    others = ca.SX.zeros(mechanism.controls.numel())
+    values = ca.vertcat(*(effort.value for effort in mechanism.efforts))
+    values = ca.substitute(values, mechanism.controls, others)
+    if not ca.depends_on(values, mechanism.dq):
+        return 0
+    bends = (ca.hessian(value, mechanism.dq)[0] for value in ca.vertsplit(values))
+    return inf if any(ca.depends_on(bend, mechanism.dq) for bend in bends) else _SQUARE
+
+
+def loads_along(problem: Problem, trajectory: Trajectory) -> Callable[[Index, Array], Loads]:
+    """The loads at (interval (N,), fraction of it (N,)), or an error that says why not."""
+    evaluate = LoadsOfMotion.of(problem, trajectory)
+
+    def along(intervals: Index, fractions: Array) -> Loads:
+        loads = evaluate(intervals, fractions)
+        if not np.isfinite(loads.rows).all():
+            since = evaluate.lengths[intervals] * fractions
+            _explain(evaluate.model, trajectory.position, intervals, since)
+        return loads
+
+    return along
+
+
+def _padded(coefficients: Array) -> Array:
+    """(K, powers, 3) as (K, 3 · powers), powers a multiple of 6: few functions serve all."""
+    powers = -(-coefficients.shape[1] // 6) * 6
+    padded = np.zeros((len(coefficients), powers, 3))
+    padded[:, : coefficients.shape[1]] = coefficients
+    return padded.reshape(len(coefficients), -1)
+
+
+def _explain(
+    model: Model, position: PiecewisePolynomial, intervals: Index, since: Array
+) -> NoReturn:
+    """Raise what is the matter with a motion that has no torques."""
+    model.inverse_dynamics(*position.with_derivatives(intervals, since))
+    raise Unreachable("the motion passes a singular position")
+
+
+@lru_cache(maxsize=32)
+def _loads_function(
+    functions: Functions, constraints: Constraints, powers: int, squares: bool
+) -> RowFunction:
+    """(coefficients 3 · powers, time since the interval began, numbers of the limits and p) ->
+    the arrays of ``Loads``."""
+    coefficients, t = ca.SX.sym("coefficients", 3 * powers), ca.SX.sym("t")
+    x, v, a = (ca.SX.zeros(3) for _ in range(3))
+    for c in reversed(ca.vertsplit(coefficients, 3)):  # Horner, differentiated twice
+        a = a * t + 2 * v
+        v = v * t + x
+        x = x * t + c
+    rest = ca.SX.zeros(3)
+    numbers, p = constraints.numbers(), functions.symbols()
+    motion = PlatformInstant(functions, x, v, a, p)
+    rows = constraints.rows(motion, numbers)
+    at_rest = constraints.rows(PlatformInstant(functions, x, rest, rest, p), numbers)
+    n = exponents(constraints, squares)
+    slope = _slope(functions, constraints, numbers, p)(x, v, a) if (n == MIXED).any() else None
+    demands = _demands(constraints, n, at_rest, rows, slope)
+    inputs = [coefficients, t, ca.vertcat(numbers, p)]
+    narrow = [motion.alignment]
+    for speed, _ in functions.layers(p):
+        narrow.append(1 + (motion.dtheta / speed) ** 2)
+    results = [rows, demands, ca.vertcat(*narrow)]
+    return RowFunction(ca.Function("loads", inputs, results, {"cse": True}))
+
+
+def _slope(
+    functions: Functions, constraints: Constraints, numbers: ca.SX, p: ca.SX
+) -> Callable[[ca.SX, ca.SX, ca.SX], ca.SX]:
+    """(x, v, a) -> the derivatives of all rows by the speed of the motion, at its own speed."""
+    x, v, a = (ca.SX.sym(name, 3) for name in "xva")
+    rows = constraints.rows(PlatformInstant(functions, x, v, a, p), numbers)
+    slope = ca.jtimes(rows, ca.vertcat(v, a), ca.vertcat(v, 2 * a))
+    f = ca.Function("slope", [x, v, a, numbers, p], [slope])
+    return lambda *motion: f(*motion, numbers, p)
+
+
+def _demands(
+    constraints: Constraints, exponents: Integers, at_rest: ca.SX, rows: ca.SX, slope: ca.SX | None
+) -> ca.SX:
+    """What rows ask of k² and then of 1/k², as in ``Loads``; ``at_rest``: the rows at rest.
+    ``slope``: their derivatives by the speed, needed where they mix powers of it."""
+    slower, faster = [], []
+    for i in np.flatnonzero(exponents).tolist():
+        lower, upper = constraints.sides[i]
+        if exponents[i] == MIXED:
+            assert slope is not None
+            slower.append(_by_slope(rows[i], slope[i], lower, upper))
+            continue
+        static, moving = at_rest[i], rows[i] - at_rest[i]
+        room = 1 - ca.sign(moving) * static  # for what motion adds, on the side that it goes to
+        wanted = ca.fabs(moving) if lower and upper else ca.fmax(moving if upper else -moving, 0)
+        share = wanted / ca.fmax(room, _NOTHING)
+        slower.append(_power(share, int(exponents[i])))
+        beyond = ca.fabs(static) if lower and upper else static if upper else -static
+        if not static.is_zero():
+            faster.append(ca.fmax(beyond - 1, 0) / ca.fmax(ca.fabs(moving), _NOTHING))
+    sampled = np.flatnonzero(sampled_places(constraints)).tolist()
+    placed = [_size(rows[i], *constraints.sides[i]) for i in sampled]
+    return ca.vertcat(*slower, *placed, *faster)
+
+
+def _by_slope(row: ca.SX, slope: ca.SX, lower: bool, upper: bool) -> ca.SX:
+    """What a row of mixed powers asks of k², by its derivative by the speed."""
+    side = ca.sign(row) if lower and upper else 1 if upper else -1
+    falls = ca.fmax(side * slope, _LEAST_SLOPE)
+    return ca.fmax(1 + (_size(row, lower, upper) - 1) / falls, 0) ** 2
+
+
+def _size(row: ca.SX, lower: bool, upper: bool) -> ca.SX:
+    """How near a row is to the nearer of its bounds: 1 at a bound."""
+    return ca.fabs(row) if lower and upper else row if upper else -row
+
+
+def _power(share: ca.SX, exponent: int) -> ca.SX:
+    """kⁿ at least a share, as what k² must be at least."""
+    return {1: share**2, 2: share, 4: ca.sqrt(share)}[exponent]
