@@ -1,9 +1,10 @@
 """How far a motion is from its limits, and how slow it must be to keep them, between samples too.
 
-Most rows ask of the speed in closed form at each instant (`loads`). Other rows mix several powers (τ + μ θ̇, ‖ẍ - g‖²) or are no powers (torques with friction). In
-scenes with such rows the instants at which the motion exceeds its limits most are collected, the
-largest speed is found at which all limits hold there, the motion is looked at again at that speed,
-and so on until it exceeds none. That takes nothing but the rows of slowed motions.
+Most rows ask of the speed in closed form at each instant (`loads`). Other rows mix several powers
+(τ + μ θ̇, ‖ẍ - g‖²) or are no powers (torques with friction). In scenes with such rows the instants
+at which the motion exceeds its limits most are collected, the largest speed is found at which all
+limits hold there, the motion is looked at again at that speed, and so on until it exceeds none.
+That takes nothing but the rows of slowed motions.
 
 Rows of positions stay what they are at any speed: no slowing cures their excess.
 """
