@@ -26,7 +26,8 @@ from deltaopt.errors import DeltaOptError
 from deltaopt.files.kept_rows import append_rows, read_rows, rewrite_rows
 from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.planning.mesh.mesh_solution import MeshSolution, gap_of
+from deltaopt.planning.mesh.gap import gap_of
+from deltaopt.planning.mesh.mesh_solution import MeshSolution
 from deltaopt.planning.nlp.problem import Guess
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import LINEAR

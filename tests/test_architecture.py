@@ -63,7 +63,6 @@ MOST_LINES = 400
 STILL_LONGER = {
     "deltaopt.cli.plan",
     "deltaopt.planning.mesh.mesh_solution",
-    "deltaopt.planning.nlp.program",
     "deltaopt.planning.planner",
     "deltaopt.planning.switching.kkt_system",
     "deltaopt.scene.scene",

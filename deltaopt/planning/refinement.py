@@ -21,11 +21,8 @@ from deltaopt.planning.first_motions.order_of_merit import CrossesSingularity, c
 from deltaopt.planning.journal import Progress
 from deltaopt.planning.mesh.constraint_tightening import first_tightening
 from deltaopt.planning.mesh.error_estimate import refined, with_knots_at
-from deltaopt.planning.mesh.mesh_solution import (
-    MeshSolution,
-    iteration_of,
-    solve_on_mesh,
-)
+from deltaopt.planning.mesh.gap import iteration_of
+from deltaopt.planning.mesh.mesh_solution import MeshSolution, solve_on_mesh
 from deltaopt.planning.mesh.reversals import with_reversals
 from deltaopt.planning.nlp.phases import FacePhases
 from deltaopt.planning.nlp.problem import Formulated, Guess

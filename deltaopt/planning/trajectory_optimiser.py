@@ -35,13 +35,9 @@ from deltaopt.planning.first_motions.order_of_merit import (
 )
 from deltaopt.planning.formulations.choice import Flat, problem_formulation
 from deltaopt.planning.journal import Progress
+from deltaopt.planning.mesh.gap import gap_of, iteration_of
 from deltaopt.planning.mesh.kept_limits import kept
-from deltaopt.planning.mesh.mesh_solution import (
-    MeshSolution,
-    gap_of,
-    iteration_of,
-    motion_on_first_mesh,
-)
+from deltaopt.planning.mesh.mesh_solution import MeshSolution, motion_on_first_mesh
 from deltaopt.planning.mesh.reversals import softer_problems
 from deltaopt.planning.nlp.cost import FASTEST, Cost
 from deltaopt.planning.nlp.problem import (

@@ -20,7 +20,7 @@ from deltaopt.mechanisms.five_bar import FiveBarParameters, five_bar, inverse_ki
 from deltaopt.motion.time_scaling import safe_factor
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.formulations.equations import flat_equations
-from deltaopt.planning.nlp.program import PointFunction
+from deltaopt.planning.nlp.points import PointFunction
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 from deltaopt.plots.plans import KEPT, best_of_each, draw
 from deltaopt.problem.of_scene import problem_of

@@ -26,15 +26,8 @@ from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.flat.equations import PointEquations
 from deltaopt.planning.nlp.cost import FASTEST, Cost
-from deltaopt.planning.nlp.program import (
-    IpoptSolution,
-    Layout,
-    Options,
-    PointFunction,
-    Points,
-    Program,
-    RunningCost,
-)
+from deltaopt.planning.nlp.points import Layout, PointFunction, Points
+from deltaopt.planning.nlp.program import IpoptSolution, Options, Program, RunningCost
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 from deltaopt.planning.switching.arc_mesh import parts_of

@@ -10,7 +10,7 @@ from typing import Any
 import casadi as ca
 
 from deltaopt.planning.formulations.collocation import Equations
-from deltaopt.planning.nlp.program import PointFunction
+from deltaopt.planning.nlp.points import PointFunction
 
 
 @dataclass(frozen=True)

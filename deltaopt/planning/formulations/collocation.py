@@ -30,16 +30,8 @@ from deltaopt.planning.formulations.scaled_mechanism import (
     units_at,
 )
 from deltaopt.planning.nlp.cost import FASTEST, Cost
-from deltaopt.planning.nlp.program import (
-    OF_EFFORT,
-    IpoptSolution,
-    Layout,
-    Options,
-    PointFunction,
-    Points,
-    Program,
-    RunningCost,
-)
+from deltaopt.planning.nlp.points import Layout, PointFunction, Points
+from deltaopt.planning.nlp.program import OF_EFFORT, IpoptSolution, Options, Program, RunningCost
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 from deltaopt.planning.nlp.variables import Variables
 

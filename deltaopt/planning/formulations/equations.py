@@ -19,7 +19,7 @@ from deltaopt.dynamics.mechanism import SX
 from deltaopt.planning.formulations.collocation import Equations, RowsOfOrder, named, symbols
 from deltaopt.planning.formulations.loop_closure import LoopClosure, closed
 from deltaopt.planning.formulations.scaled_mechanism import ScaledMechanism
-from deltaopt.planning.nlp.program import PointFunction
+from deltaopt.planning.nlp.points import PointFunction
 
 EXPLICIT = "dynamics, equation (39) for independent coordinate"
 

@@ -21,7 +21,7 @@ import casadi as ca
 
 from deltaopt.dynamics.mechanism import SX
 from deltaopt.planning.formulations.scaled_mechanism import ScaledMechanism
-from deltaopt.planning.nlp.program import PointFunction
+from deltaopt.planning.nlp.points import PointFunction
 
 
 class LoopClosure(Protocol):

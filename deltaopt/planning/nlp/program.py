@@ -2,19 +2,14 @@
 
     minimise  c · z   subject to   l ≤ z ≤ u,   G z = 0,   l_i ≤ r(y_i, p) ≤ u_i,   y_i = L_i z
 
-The equations at a point of the motion are a `PointFunction` r(y, p), differentiated once; its
-arguments y are linear combinations of the variables z, a constant sparse `Layout` L. Jacobian and
-Hessian of the program are then constant linear combinations of the derivatives at the points. So
-the program is never expanded into scalar operations, and the same code serves every transcription
-and formulation.
+The functions r, their arguments and what they assemble to are in `points`.
 """
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from operator import attrgetter
 from time import perf_counter
 from typing import Any
@@ -23,9 +18,15 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.codegen.compile import compiled
 from deltaopt.errors import NotConverged
 from deltaopt.interrupts.requests import interrupts_not_lost
+from deltaopt.planning.nlp.points import (
+    Layout,
+    Points,
+    assemble_hessian,
+    assemble_jacobian,
+    assemble_rows,
+)
 from deltaopt.planning.plan import Spent
 
 Array = NDArray[np.float64]
@@ -51,10 +52,6 @@ OF_EFFORT: Options = {
     "ipopt.adaptive_mu_globalization": "kkt-error",
 }
 
-Derivatives = list[tuple[ca.Function, ca.Sparsity]]
-"""Jacobian and Hessian, each as a function whose last result is the nonzeros, and the sparsity."""
-
-
 _LOG = logging.getLogger(__name__)
 """Ipopt's iterations are told at the level DEBUG."""
 
@@ -70,114 +67,6 @@ def _log(stats: Mapping[str, Any]) -> None:
         line = f"{number:4d}  {objective:.9f}" + "".join(f"  {value:9.2e}" for value in others)
         _LOG.debug("%s", line)
     _LOG.debug("%s", stats["return_status"])
-
-
-@dataclass(frozen=True)
-class PointFunction:
-    """The equations r(y, p) at one point, with exact derivatives with respect to y.
-
-    ``function``: (y, p) -> r, of scalar expressions. ``name``: of the rows, for error messages.
-    """
-
-    name: str
-    function: ca.Function
-
-    @cached_property
-    def _expressions(self) -> tuple[ca.SX, ca.SX, ca.SX]:
-        y = ca.SX.sym("y", self.function.size1_in(0))
-        p = ca.SX.sym("p", self.function.size1_in(1))
-        return y, p, self.function(y, p)
-
-    @property
-    def jacobian(self) -> tuple[ca.Function, ca.Sparsity]:
-        """(y, p) -> r and the nonzeros of ∂r/∂y; their sparsity."""
-        return self.derivatives[0]
-
-    @property
-    def hessian(self) -> tuple[ca.Function, ca.Sparsity]:
-        """(y, p, λ) -> the nonzeros of ∂²(λ·r)/∂y²; their sparsity."""
-        return self.derivatives[1]
-
-    @cached_property
-    def derivatives(self) -> Derivatives:
-        """``jacobian`` and ``hessian``, as machine code where there is a compiler."""
-        functions, sparsities = zip(*self.derived, strict=True)
-        return list(zip(compiled(functions), sparsities, strict=True))
-
-    @property
-    def derived(self) -> Derivatives:
-        """``jacobian`` and ``hessian`` as CasADi derives them."""
-        y, p, r = self._expressions
-        lam = ca.SX.sym("lam", r.numel())
-        J, H = ca.jacobian(r, y), ca.hessian(ca.dot(lam, r), y)[0]
-        jacobian = ca.Function("jacobian", [y, p], [r, J.nz[:]], {"cse": True})
-        hessian = ca.Function("hessian", [y, p, lam], [H.nz[:]], {"cse": True})
-        return [(jacobian, J.sparsity()), (hessian, H.sparsity())]
-
-
-@dataclass(frozen=True)
-class Layout:
-    """A constant sparse matrix L, each row of which is a weighted sum of a few variables.
-
-    ``columns`` and ``weights``: (rows, k); row i is Σ_k weights[i, k] z[columns[i, k]].
-    ``names``: of the rows, for error messages; empty if the rows are no constraints.
-    """
-
-    columns: Integers
-    weights: Array
-    names: tuple[str, ...] = ()
-
-    def joined(self, more: Layout) -> Layout:
-        """These rows, then others of as many or fewer weights."""
-        missing = self.columns.shape[1] - more.columns.shape[1]
-        columns = np.pad(more.columns, ((0, 0), (0, missing)))
-        weights = np.pad(more.weights, ((0, 0), (0, missing)))
-        return Layout(np.vstack([self.columns, columns]), np.vstack([self.weights, weights]))
-
-    def matrix(self, n_variables: int) -> ca.DM:
-        """The matrix L, (rows, n_variables)."""
-        rows = np.repeat(np.arange(len(self.columns)), self.columns.shape[1])
-        return _sparse(
-            rows, self.columns.ravel(), self.weights.ravel(), len(self.columns), n_variables
-        )
-
-
-@dataclass(frozen=True)
-class Points:
-    """A point function at n points.
-
-    ``layout``: of its arguments, point by point, n · ny rows. ``lower``, ``upper``: bounds of r,
-    (nr,) if they are the same at every point, else (n, nr). ``fractions``: instants of the points,
-    (n,), as fractions of the duration, for error messages.
-    """
-
-    function: PointFunction
-    layout: Layout
-    lower: Array
-    upper: Array
-    fractions: Array | None = None
-
-    @property
-    def number(self) -> int:
-        """The number n of points."""
-        return len(self.layout.columns) // self.function.function.size1_in(0)
-
-    @property
-    def rows(self) -> int:
-        """The number of rows at one point."""
-        return int(self.function.function.size1_out(0))
-
-    def bounds(self, each: Array) -> Array:
-        """Bounds of all rows, point by point; ``each``: ``lower`` or ``upper``."""
-        return np.broadcast_to(each, (self.number, self.rows)).ravel()
-
-    def row_names(self) -> list[str]:
-        """The name and the instant of each row, for error messages."""
-        n, nr = self.number, self.rows
-        when = [f"point {i} of {n}" for i in range(1, n + 1)]
-        if self.fractions is not None:
-            when = [f"{fraction:.1%} of the duration" for fraction in self.fractions]
-        return [f"{self.function.name} {j + 1} at {place}" for place in when for j in range(nr)]
 
 
 @dataclass(frozen=True)
@@ -343,107 +232,3 @@ def _running(running: RunningCost, z: ca.MX, p: ca.MX, lam_f: ca.MX) -> tuple[ca
     rows = assemble_jacobian(ca.DM(0, z.numel()), [(points, sparsity, weighted)], z.numel())
     H = points.function.hessian[0].map(n)(y, ps, lam_f * weights)
     return ca.dot(weights, r), ca.densify(ca.sum1(rows)).T, ca.vec(H)
-
-
-Entries = tuple[Points, ca.Sparsity, ca.MX]
-"""Derivatives at points: the sparsity at one point, and the nonzeros at all, point by point."""
-
-
-def assemble_rows(
-    linear: Layout,
-    of: Sequence[Points],
-    derivatives: Callable[[PointFunction], Derivatives],
-    z: ca.MX,
-    p: ca.MX,
-    multipliers: ca.MX,
-) -> tuple[ca.MX, ca.MX, list[Entries]]:
-    """Assemble all rows, linear ones first, their Jacobian, and the Hessians at the points of the
-    rows times ``multipliers``, which ``assemble_hessian`` takes."""
-    n = z.numel()
-    G = linear.matrix(n)
-    rows, slopes, curvature = [ca.mtimes(G, z)], list[Entries](), list[Entries]()
-    first = len(linear.columns)
-    for points in of:
-        N, nr = points.number, points.rows
-        y = ca.reshape(ca.mtimes(points.layout.matrix(n), z), -1, N)
-        ps = ca.repmat(p[: points.function.function.size1_in(1)], 1, N)
-        (jacobian, J_sparsity), (hessian, H_sparsity) = derivatives(points.function)
-        r, J = jacobian.map(N)(y, ps)
-        H = hessian.map(N)(y, ps, ca.reshape(multipliers[first : first + N * nr], nr, N))
-        rows.append(ca.vec(r))
-        slopes.append((points, J_sparsity, ca.vec(J)))
-        curvature.append((points, H_sparsity, ca.vec(H)))
-        first += N * nr
-    return ca.vertcat(*rows), assemble_jacobian(G, slopes, n), curvature
-
-
-def assemble_jacobian(G: ca.DM, slopes: Sequence[Entries], n: int) -> ca.MX:
-    """The Jacobian of all rows: the linear rows G, then each point's Jacobian times its layout."""
-    blocks = [ca.MX(G)]
-    for points, sparsity, nonzeros in slopes:
-        a, b = (np.array(i, dtype=np.intp) for i in sparsity.get_triplet())
-        layout, N = points.layout, points.number
-        ny, nr, k = sparsity.size2(), sparsity.size1(), layout.columns.shape[1]
-        at = np.arange(N)[:, None]
-        y = at * ny + b  # (N, nnz)
-        rows = np.broadcast_to((at * nr + a)[..., None], (N, len(a), k))
-        source = np.broadcast_to(np.arange(N * len(a)).reshape(N, -1)[..., None], rows.shape)
-        blocks.append(
-            _scatter(rows, layout.columns[y], source, layout.weights[y], nonzeros, (N * nr, n))
-        )
-    return ca.vertcat(*blocks)
-
-
-def assemble_hessian(curvature: Sequence[Entries], n: int) -> ca.MX:
-    """The upper triangle of Σ Lᵀ H L over all points."""
-    total = ca.MX(n, n)
-    for points, sparsity, nonzeros in curvature:
-        a, b = (np.array(i, dtype=np.intp) for i in sparsity.get_triplet())
-        layout, N = points.layout, points.number
-        ny, k = sparsity.size1(), layout.columns.shape[1]
-        at = np.arange(N)[:, None]
-        ya, yb = at * ny + a, at * ny + b  # (N, nnz)
-        shape = (N, len(a), k, k)
-        rows = np.broadcast_to(layout.columns[ya][..., :, None], shape)
-        columns = np.broadcast_to(layout.columns[yb][..., None, :], shape)
-        weights = layout.weights[ya][..., :, None] * layout.weights[yb][..., None, :]
-        source = np.broadcast_to(np.arange(N * len(a)).reshape(N, -1)[..., None, None], shape)
-        upper = np.where(rows <= columns, weights, 0.0)
-        total += _scatter(rows, columns, source, upper, nonzeros, (n, n))
-    return total
-
-
-def _scatter(
-    rows: Integers,
-    columns: Integers,
-    source: Integers,
-    weights: Array,
-    values: ca.MX,
-    shape: tuple[int, int],
-) -> ca.MX:
-    """The sparse matrix of a shape with the sums of weights · values[source] at (rows, columns)."""
-    keep = weights.ravel() != 0
-    rows, columns = rows.ravel()[keep], columns.ravel()[keep]
-    # Column-major order is that of CasADi's nonzeros.
-    places, target = np.unique(columns * shape[0] + rows, return_inverse=True)
-    sparsity = ca.Sparsity.triplet(
-        *shape, [int(i) for i in places % shape[0]], [int(i) for i in places // shape[0]]
-    )
-    combine = _sparse(
-        target, source.ravel()[keep], weights.ravel()[keep], len(places), values.numel()
-    )
-    return ca.MX(sparsity, ca.mtimes(combine, values))
-
-
-def _sparse(rows: Integers, columns: Integers, values: Array, n_rows: int, n_columns: int) -> ca.DM:
-    """A sparse matrix from triplets; equal places add up, zeros are left out."""
-    keep = values != 0
-    places, target = np.unique(columns[keep] * n_rows + rows[keep], return_inverse=True)
-    sums = np.bincount(target, weights=values[keep], minlength=len(places))
-    return ca.DM.triplet(
-        [int(i) for i in places % n_rows],
-        [int(i) for i in places // n_rows],
-        ca.DM(sums),
-        n_rows,
-        n_columns,
-    )

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.planning.nlp.program import Layout
+from deltaopt.planning.nlp.points import Layout
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 
 Array = NDArray[np.float64]

@@ -13,8 +13,9 @@ from deltaopt.planning.flat.constraint_rows import ByOrder
 from deltaopt.planning.formulations.delta import DeltaProblem
 from deltaopt.planning.mesh.constraint_tightening import Overshoot
 from deltaopt.planning.mesh.error_estimate import FRACTIONS, TIGHTENED, ErrorEstimate, refined
+from deltaopt.planning.mesh.gap import gap_of
 from deltaopt.planning.mesh.mesh_costates import certify_mesh, costates, hamiltonian_on_mesh
-from deltaopt.planning.mesh.mesh_solution import gap_of, solve_on_mesh
+from deltaopt.planning.mesh.mesh_solution import solve_on_mesh
 from deltaopt.planning.nlp.problem import Guess
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import LINEAR

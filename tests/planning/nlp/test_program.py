@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from deltaopt.errors import NotConverged
-from deltaopt.planning.nlp.program import Layout, PointFunction, Points, Program
+from deltaopt.planning.nlp.points import Layout, PointFunction, Points
+from deltaopt.planning.nlp.program import Program
 
 VARIABLES, NUMBER = 5, 4
 COST = np.array([1.0, -2.0, 0.5, 0.0, 1.0])
