@@ -18,15 +18,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.errors import ENDS_AN_ATTEMPT, Infeasible, if_possible
 from deltaopt.motion.effort import cost as cost_of
-from deltaopt.motion.trajectory import Trajectory
+from deltaopt.motion.trajectory import Trajectory, goal_of, passes
 from deltaopt.planning.first_motions.initial_motion import waiting_motions
 from deltaopt.planning.nlp.cost import FASTEST, Cost
 from deltaopt.planning.nlp.problem import Formulated, Guess
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import QUADRATIC
 from deltaopt.problem.of_scene import problem_of
+from deltaopt.problem.problem import Problem
 from deltaopt.scene.objective import Effort, Objective, Time, TimeAndEffort
 from deltaopt.scene.scene import Scene
 
@@ -82,6 +84,30 @@ def require_possible(given: float, shortest: float, gap: float) -> None:
             f"{shortest:.3g} s; expected at most {_LONGEST * shortest:.3g} s, {_LONGEST:g} times "
             "as long as the fastest motion"
         )
+
+
+def led_to_its_ends(problem: Problem, slowed: Trajectory) -> Trajectory:
+    """A motion that was slowed, changed such that it begins and ends as the problem asks.
+
+    Slowing changes the velocities of ends that move, and a goal on a belt has moved on meanwhile.
+    Cubics over the first and the last phase, which are zero at its other end, add what is missing;
+    without that all of it would have to happen in the last interval of a mesh.
+    """
+    knots = slowed.knots
+    x, v = slowed.position.with_rate_at(knots)
+    goal, nothing = goal_of(problem, slowed), np.zeros(3)
+    between = passes(problem, slowed)
+    first, last = (between[[0, -1]] if len(between) else knots[[-1, 0]]).tolist()
+    at_start = np.array([problem.start.velocity - v[0], nothing])
+    at_goal = np.array([nothing, goal.velocity - v[-1]])
+    shift = np.array([nothing, goal.position - x[-1]])
+    leaves = PiecewisePolynomial.hermite(np.array([knots[0], first]), 0 * shift, at_start)
+    arrives = PiecewisePolynomial.hermite(np.array([last, knots[-1]]), shift, at_goal)
+    for added, own in ((leaves, knots <= first), (arrives, knots >= last)):
+        more = added.with_rate_at(knots[own])
+        x[own] += more[0]
+        v[own] += more[1]
+    return Trajectory(PiecewisePolynomial.hermite(knots, x, v), slowed.model)
 
 
 @dataclass(frozen=True)

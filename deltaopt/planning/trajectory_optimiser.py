@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import isinf
@@ -25,6 +25,7 @@ from deltaopt.planning.effort_planning import (
     Beginning,
     beginnings,
     cost_to_minimise,
+    led_to_its_ends,
     require_possible,
     scaling_to_duration,
 )
@@ -229,6 +230,8 @@ class TrajectoryOptimiser:
             if given > _LONG_REST * shortest and self._is_compiled:
                 return replace(self, solver=Ipopt())._plan_effort(attempt, report)
         guess = fastest.trajectory.slowed((given or shortest) / shortest)
+        if not attempt.problem.is_at_rest:
+            guess = led_to_its_ends(attempt.problem, guess)
         scaling = replace(
             scaling_to_duration(scene, shortest),
             extent=_extent(attempt.problem, guess),
@@ -236,9 +239,10 @@ class TrajectoryOptimiser:
         )
         program = self._program(scaling, cost_to_minimise(scene.objective, scaling))
         slowed = Beginning(guess, replace(attempt, motion=guess).mesh)
+        starts = beginnings(scene, program, scaling, slowed, self.intervals)
         failure: DeltaOptError | None = None
-        for start in beginnings(scene, program, scaling, slowed, self.intervals):
-            first = Guess(start.guess, near=False, tolerance=self.accuracy)
+        for start, near in _far_and_near(starts):
+            first = Guess(start.guess, near, tolerance=self.accuracy)
             try:
                 found = self._refined(attempt, first, start.mesh, scaling, report)
             except ENDS_AN_ATTEMPT as error:
@@ -294,6 +298,15 @@ class TrajectoryOptimiser:
     def _transcription(self, problem: Problem) -> PiecewiseAcceleration:
         has_effort = problem.objective.effort > 0
         return self.transcription or (SMOOTH if has_effort and not self._is_compiled else LINEAR)
+
+
+def _far_and_near(starts: Sequence[Beginning]) -> Iterator[tuple[Beginning, bool]]:
+    """Where to begin, and whether that is near: first far from the limits, then near them on
+    the guess's own mesh, for a motion that is hardly slower than the fastest is at them."""
+    yield from ((start, False) for start in starts)
+    for start in starts:
+        mesh = np.diff(start.guess.knots) / start.guess.duration
+        yield replace(start, mesh=mesh), True
 
 
 def _extent(problem: Problem, motion: Trajectory) -> float | None:

@@ -165,7 +165,9 @@ def test_units():
     assert RANGE.model_copy(update={"payload": ["500 g", "1 kg"]}).least_payload == 0.5
 
 
-@pytest.mark.parametrize("formulation", [deltaopt.forward, deltaopt.multiplier], ids=str)
+@pytest.mark.parametrize(
+    "formulation", [deltaopt.forward, deltaopt.multiplier], ids=["forward", "multiplier"]
+)
 def test_other_formulations_keep_the_range_too(formulation):
     found, flat = plan(RANGE, formulation=formulation, tolerance=1e-3), plan(RANGE, tolerance=1e-4)
     assert verify(RANGE, found.trajectory).failures() == []

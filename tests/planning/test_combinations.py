@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import pytest
 
-from deltaopt import SceneError, load_scene, plan, verify
+from deltaopt import Effort, SceneError, load_scene, plan, verify
 from deltaopt.motion.effort import effort
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.moving_ends import end_in
@@ -111,6 +111,19 @@ def test_effort_beside(beside):
     if scene.task.is_at_rest:
         slowed = fastest.trajectory.slowed(0.3 / fastest.duration)
         assert found.cost < effort(problem_of(scene), slowed)
+
+
+@pytest.mark.parametrize(("pair", "times"), [(("via", "belt"), 3.0), (("bodies", "via"), 1.02)])
+def test_effort_in_a_time_far_from_and_near_the_shortest(pair, times):
+    """A belt is elsewhere after three times as long; and in 2 % more than the shortest time motors
+    are still at their limits beside the body."""
+    scene = together(*pair)
+    duration = times * plan(scene).duration
+    found = plan(scene.model_copy(update={"objective": Effort(duration=duration)}))
+    verified = verify(found.scene, found.trajectory)
+    assert verified.ok, verified.failures()
+    assert found.within_tolerance
+    assert found.duration == pytest.approx(duration, rel=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -322,7 +322,9 @@ def test_a_start_that_is_too_fast_is_refused():
         PLANNER.plan(State(at=CROSS.start, velocity=(0, 20, 0)), CROSS.goal)
 
 
-@pytest.mark.parametrize("formulation", [deltaopt.forward, deltaopt.multiplier], ids=str)
+@pytest.mark.parametrize(
+    "formulation", [deltaopt.forward, deltaopt.multiplier], ids=["forward", "multiplier"]
+)
 @pytest.mark.parametrize("name", ["passed_state", "belt"])
 def test_other_formulations_plan_from_and_to_motion(name, formulation):
     scene = load_scene(f"problems/moving/{name}.yaml")
