@@ -172,14 +172,6 @@ class DependentConstraints(DeltaOptError):
     """Some constraints of a mechanism follow from others, so that multipliers are not unique."""
 
 
-class Inconsistent(DeltaOptError):
-    """A state violates the constraints of its mechanism so much that projection fails."""
-
-
-class IntegrationFailed(DeltaOptError):
-    """The integration of a motion stopped before its end, for instance in a singularity."""
-
-
 RULED_OUT = (Unreachable, Singular, Infeasible)
 """What rules a motion out: where it leads, or a limit."""
 ENDS_AN_ATTEMPT = (NotConverged, Unreachable, Singular)

@@ -1,6 +1,5 @@
 """The mechanics of sections 2 and 3 for any mechanism."""
 
-from deltaopt.dynamics.consistency import EuclideanMetric, InertiaMetric
 from deltaopt.dynamics.constraint_matrix import (
     ClosedForm,
     ConstraintMatrix,
@@ -20,11 +19,9 @@ __all__ = [
     "ClosedForm",
     "ConstraintMatrix",
     "Effort",
-    "EuclideanMetric",
     "Explicit",
     "Formulation",
     "GeneralSpeeds",
-    "InertiaMetric",
     "Kane",
     "LeastNorm",
     "Mechanism",

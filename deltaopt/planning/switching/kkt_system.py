@@ -8,7 +8,6 @@ hundred unknowns.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 
 from deltaopt.codegen.dense_solver import solve
 from deltaopt.planning.switching.conditions import OptimalityConditions
+from deltaopt.planning.switching.kkt_terms import BarrierTerms, Derivatives, Dual, Primal
 from deltaopt.planning.switching.unknowns import PrimalDualPoint
 
 Array = NDArray[np.float64]
@@ -30,57 +30,6 @@ interior-point methods): more risks steps that are stopped short afterwards, les
 _REDUNDANT = 1e-10
 """Shift of the diagonal of the costates, for rows that imply each other by symmetry: a larger one
 makes steps less accurate, without it the matrix is singular there."""
-
-
-@dataclass(frozen=True)
-class _Derivatives:
-    """All rows at the nodes, (n, nodes, rows), their Jacobian by y, (…, rows, 3 m), and the Hessian
-    of their sum times ``weights``, (…, 3 m, 3 m)."""
-
-    r: Array
-    J: Array
-    H: Array
-    weights: Array
-
-
-@dataclass(frozen=True)
-class _BarrierTerms:
-    """What the barrier adds at the nodes, (n, nodes, m + bounded) each: ``off``, bounded value less
-    slack; ``mu``, slack times multiplier to be reached; ``stiffness``, the condensed second
-    derivative; ``force``, upper less lower multipliers; ``aim``, by how much a full step changes
-    ``force`` before the slacks move."""
-
-    off: Array
-    mu: Array
-    stiffness: Array
-    force: Array
-    aim: Array
-
-
-@dataclass(frozen=True)
-class _Primal:
-    """Violations of the primal conditions: of the ``values`` of active rows, (n, nodes, m), of
-    ``continuity`` at the ends of the intervals, (n, 2 m), and of ``entries``, (entries,). The
-    slopes are derivatives of active rows by y and of entry conditions by (X, V)."""
-
-    values: Array
-    continuity: Array
-    entries: Array
-    value_slopes: Array
-    entry_slopes: list[Array]
-
-
-@dataclass(frozen=True)
-class _Dual:
-    """Derivatives of the Lagrangian: ``by_y`` at the nodes, (n, nodes, 3 m); ``own``, by (X_i, V_i,
-    h, A), (n, 2 m + 1 + m nodes); ``singular``, by coefficients of singular controls, (n, m, most
-    modes). The aims are what a full step adds to them for the barrier."""
-
-    by_y: Array
-    own: Array
-    own_aim: Array
-    singular: Array
-    singular_aim: Array
 
 
 class KKTSystem:
@@ -108,7 +57,7 @@ class KKTSystem:
         self._primal = self._primal_violations(y, active)
         self._dual = self._lagrangian_gradient()
 
-    def _rows_at(self, y: Array, active: NDArray[np.intp]) -> _Derivatives:
+    def _rows_at(self, y: Array, active: NDArray[np.intp]) -> Derivatives:
         """Rows at the nodes, weighted by the multipliers that they have in the Lagrangian."""
         of, at = self.of, self.at
         n, k, m = active.shape
@@ -120,9 +69,9 @@ class KKTSystem:
         weights[..., of.bounded] += (at.upper - at.lower)[..., m:]
         r, J, H = of.rows.derivatives(y.reshape(-1, 3 * m), weights.reshape(-1, R), of.p)
         shaped = r.reshape(n, k, R), J.reshape(n, k, R, -1), H.reshape(n, k, 3 * m, 3 * m)
-        return _Derivatives(*shaped, weights)
+        return Derivatives(*shaped, weights)
 
-    def _barrier_terms(self, barrier: float) -> _BarrierTerms:
+    def _barrier_terms(self, barrier: float) -> BarrierTerms:
         of, at, within = self.of, self.at, self.of.within
         bounded = np.concatenate([self._singular, self._rows.r[..., of.bounded]], axis=2)
         off = np.where(within, np.where(within, bounded, 0.0) - at.slack, 0.0)
@@ -131,14 +80,14 @@ class KKTSystem:
         mu = barrier * h * of.mesh.quadrature[:, None] * within
         stiffness, force = at.upper / above + at.lower / below, at.upper - at.lower
         aim = stiffness * off + mu / above - mu / below - force
-        return _BarrierTerms(off, mu, stiffness, force, aim)
+        return BarrierTerms(off, mu, stiffness, force, aim)
 
-    def _primal_violations(self, y: Array, active: NDArray[np.intp]) -> _Primal:
+    def _primal_violations(self, y: Array, active: NDArray[np.intp]) -> Primal:
         of, at, rows, states = self.of, self.at, self._rows, self.of.index.states
         wanted = self._singular + of.active.value[of.mesh.arc][:, None]
         entries = [(of.mesh.first[e.arc], 0, e.row) for e in of.active.entries]
         pairs = zip(entries, of.active.entries, strict=True)
-        return _Primal(
+        return Primal(
             values=np.take_along_axis(rows.r, active, axis=2) - wanted,
             continuity=y[:, -1, :states] - np.vstack([at.knots[1:-1], of.goal]),
             entries=np.array([rows.r[i] - e.value for i, e in pairs], dtype=float),
@@ -146,7 +95,7 @@ class KKTSystem:
             entry_slopes=[rows.J[i][:states] for i in entries],
         )
 
-    def _lagrangian_gradient(self) -> _Dual:
+    def _lagrangian_gradient(self) -> Dual:
         at, rows, barrier, m = self.at, self._rows, self._barrier, self.of.rows.motors
         legendre, n = self.of.mesh.legendre, len(self._y_slopes)
         by_y = np.einsum("nkr,nkra->nka", rows.weights, rows.J)
@@ -154,7 +103,7 @@ class KKTSystem:
         aim = np.einsum("nkr,nkra->nka", barrier.aim[..., m:], self._bounded_slopes)
         y_slopes = self._y_slopes.reshape(n, by_y[0].size, -1)
         pull = barrier.force[..., :m] - at.multipliers
-        return _Dual(
+        return Dual(
             by_y=by_y,
             own=(by_y.reshape(n, 1, -1) @ y_slopes)[:, 0],
             own_aim=(aim.reshape(n, 1, -1) @ y_slopes)[:, 0],
@@ -427,26 +376,3 @@ class KKTSystem:
             shrink = np.where(now > 0, -by / np.where(now > 0, now, 1.0), 0.0)
             least = min(least, _INSIDE / max(float(shrink.max()), 1e-300))
         return least
-
-
-class MultiplierSystem(KKTSystem):
-    """The equations of a least-squares estimate of the multipliers at a motion: the identity takes
-    the place of the curvature, and violations of primal conditions are left as they are."""
-
-    _removed = 0.0
-
-    def _curvature(self) -> Array:
-        size = self._y_slopes.shape[3]
-        return np.broadcast_to(np.eye(size), (self.of.mesh.intervals, size, size))
-
-    def _dual_gradient(self) -> Array:
-        return self._dual.own
-
-    def _coefficient_gradient(self) -> Array:
-        return self._dual.singular
-
-    def _add_stiffness(self, M: Array) -> None:
-        """The barrier plays no part."""
-
-    def _damping(self, shift: float) -> float:
-        return 1.0
