@@ -176,10 +176,6 @@ class Inconsistent(DeltaOptError):
     """A state violates the constraints of its mechanism so much that projection fails."""
 
 
-class IntegrationFailed(DeltaOptError):
-    """The integration of a motion stopped before its end, for instance in a singularity."""
-
-
 RULED_OUT = (Unreachable, Singular, Infeasible)
 """What rules a motion out: where it leads, or a limit."""
 ENDS_AN_ATTEMPT = (NotConverged, Unreachable, Singular)
