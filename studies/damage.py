@@ -24,7 +24,6 @@ from numpy.typing import NDArray
 import deltaopt
 from deltaopt.cli.arguments import one_or_more, seed
 from deltaopt.curves.piecewise import PiecewisePolynomial
-from deltaopt.files.kept_rows import kept_rows
 from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.motion.limit_curves import limit_curves
 from deltaopt.motion.trajectory import Trajectory, goal_of
@@ -35,6 +34,7 @@ from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import OnPath
 from deltaopt.verify.bounds import BOUNDS
 from studies.bench.hard_moves import move
+from studies.kept_rows import kept_rows
 from studies.problems import PROBLEMS, add_directory
 
 HELP = "damage good motions at random: does verification find all that is beyond its bounds?"

@@ -23,7 +23,6 @@ import numpy as np
 import deltaopt
 from deltaopt.cli.arguments import one_or_more, positive, seed
 from deltaopt.errors import DeltaOptError
-from deltaopt.files.kept_rows import append_rows, read_rows, rewrite_rows
 from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.mesh.gap import gap_of
@@ -37,6 +36,7 @@ from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import delta_model
 from deltaopt.settings import RESOLVED_BELOW
 from studies.gap_moves import Move, move
+from studies.kept_rows import append_rows, read_rows, rewrite_rows
 from studies.problems import add_directory
 
 HELP = "hold the gaps that plans tell against true ones, on moves of many robots"

@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 
 import deltaopt
 from deltaopt.cli.arguments import one_or_more, seed
-from deltaopt.files.kept_rows import kept_rows
 from deltaopt.files.progress_bar import ProgressBar
 from studies.bench.random_scenes import random_scenes
 from studies.keep_out.random_bodies import is_possible, scene_of
+from studies.kept_rows import kept_rows
 from studies.problems import PROBLEMS, add_directory
 from studies.reproduced import write_scene
 

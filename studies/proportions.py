@@ -24,13 +24,13 @@ from deltaopt.compare.dynamics.samples import rounded
 from deltaopt.compare.dynamics.tasks import TASKS, Array, Task
 from deltaopt.dynamics import ClosedForm, Explicit, Formulation, Kane, Multiplier, VirtualWork
 from deltaopt.errors import DeltaOptError
-from deltaopt.files.kept_rows import kept_rows
 from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.mechanisms.delta.mechanism import MOTOR_ANGLES, DeltaTerms, delta
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.robot.model import DeltaModel, delta_parameters
 from deltaopt.robot.robot import as_delta
 from studies.gap_moves import Move, move_of_random_robot
+from studies.kept_rows import kept_rows
 from studies.models.singularities import Functions
 from studies.problems import add_directory
 from studies.text_table import paragraph, table

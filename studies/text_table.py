@@ -5,16 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from textwrap import fill
 
+from deltaopt.files.tables import text_table
+
 WIDTH = 98
 
 
 def table(rows: Sequence[tuple[str, ...]]) -> str:
     """Return rows of equal length under each other, columns aligned to the left."""
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    return "\n".join(
-        "  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip()
-        for row in rows
-    )
+    return "\n".join(text_table(rows))
 
 
 def paragraph(*sentences: str) -> str:

@@ -43,7 +43,7 @@ from deltaopt.errors import (
     in_words,
 )
 from deltaopt.files.progress_bar import ProgressBar
-from deltaopt.files.text_table import text_table
+from deltaopt.files.tables import text_table
 from deltaopt.files.validated_record import PerMotor, per_motor
 from deltaopt.files.yaml_file import read_yaml
 from deltaopt.mechanisms.delta.mechanism import DeltaParameters

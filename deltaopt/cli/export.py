@@ -209,17 +209,12 @@ def run(arguments: argparse.Namespace) -> int:
 def _c(arguments: argparse.Namespace) -> list[Path]:
     from deltaopt.output.controller_c import export_c, export_plan_c
 
-    if _is_plan(arguments.of):
+    if arguments.of.is_dir() or arguments.of.suffix == ".json":
         _, trajectory, remarks = _verified(arguments.of, arguments)
         return export_plan_c(trajectory, arguments.output, remarks)
     if arguments.keep_limits or arguments.anyway or arguments.slower != 1:
         raise WrongUsage("--keep-limits, --anyway and --slower are for a PLAN, which moves")
     return export_c(load_robot(arguments.of), arguments.output)
-
-
-def _is_plan(file: Path) -> bool:
-    """Whether a file is a plan's rather than a robot's."""
-    return file.is_dir() or file.suffix == ".json"
 
 
 def _mjcf(arguments: argparse.Namespace) -> list[Path]:

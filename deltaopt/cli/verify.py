@@ -19,7 +19,7 @@ Exit code: 0 it keeps every limit, and a plan arrives (in MuJoCo too) and its fi
 from __future__ import annotations
 
 import argparse
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from math import pi
 from pathlib import Path
 
@@ -198,7 +198,7 @@ def _rows(arguments: argparse.Namespace, joints: Joints) -> ForeignTable:
     if rows.unused:
         say(f"columns that are not used: {', '.join(rows.unused)}")
     if arguments.controller == "cubic":
-        rows = rows.without_accelerations()
+        rows = replace(rows, accelerations=None)
     if arguments.controller == "quintic" and rows.accelerations is None:
         raise WrongUsage(f"--controller is quintic, but {arguments.motion} has no accelerations")
     rows = rows.in_radians(_PER_RADIAN[arguments.unit or "rad"])

@@ -73,15 +73,15 @@ def prebuild(sources: Collection[str], folder: Path, compiler: Compiler) -> None
     Raises DeltaOptError if the compiler fails.
     """
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        todo = [pool.submit(_prebuild, s, folder, v, compiler) for v in LEVELS for s in sources]
+        todo = [
+            pool.submit(_compile, _OLD_LIBC + s, _library(folder, v, s), v.flags, compiler)
+            for v in LEVELS
+            for s in sources
+        ]
         for each in todo:
             each.result()
     for level in LEVELS:
         _compile(_probe_source(level), folder / level.name / f"{_PROBE}.so", (), compiler)
-
-
-def _prebuild(source: str, folder: Path, level: Level, compiler: Compiler) -> None:
-    _compile(_OLD_LIBC + source, _library(folder, level, source), level.flags, compiler)
 
 
 def _compile(text: str, library: Path, flags: tuple[str, ...], compiler: Compiler) -> None:

@@ -112,11 +112,9 @@ class RowFunction:
     @cached_property
     def _sizes(self) -> tuple[int, ...]:
         """Sizes of the results of a point, without the guards."""
-        return tuple(self.function.size1_out(i) for i in range(self._results))
-
-    @property
-    def _results(self) -> int:
-        return int(self.function.n_out()) - self.guarded
+        return tuple(
+            self.function.size1_out(i) for i in range(self.function.n_out() - self.guarded)
+        )
 
     @cached_property
     def _unused(self) -> list[_Memory]:

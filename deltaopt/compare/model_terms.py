@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from deltaopt.errors import DeltaOptError, Inexpressible
-from deltaopt.files.text_table import text_table
+from deltaopt.files.tables import text_table
 from deltaopt.files.validated_record import Record
 from deltaopt.mechanisms.delta.arm_loads import FRICTION
 from deltaopt.planning.plan import Plan
@@ -142,10 +142,6 @@ def _level(robot: Robot) -> Robot:
     return robot.model_copy(update={"gravity": (size, 0.0, 0.0) if gravity[0] > 0 else gravity})
 
 
-def _weightless(robot: Robot) -> Robot:
-    return robot.model_copy(update={"gravity": 0.0})
-
-
 MODEL_TERMS = (
     ModelTerm("drive.inertia", "none", _without_inertia),
     ModelTerm("drive.friction.viscous", "none", _without_friction(viscous=True)),
@@ -158,7 +154,7 @@ MODEL_TERMS = (
     ModelTerm("forearm.inertia", "those of slender bars", _part("forearm", {"inertia": None})),
     ModelTerm("platform.pins", "none", _part("platform", {"pins": None})),
     ModelTerm("tool.mass", "none", _part("tool", {"mass": None})),
-    ModelTerm("gravity", "none", _weightless),
+    ModelTerm("gravity", "none", lambda robot: robot.model_copy(update={"gravity": 0.0})),
     ModelTerm("gravity, its tilt", "straight down", _level),
 )
 """Every term of a robot file that has mass, inertia, weight or friction."""

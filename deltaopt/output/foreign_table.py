@@ -63,10 +63,6 @@ class ForeignTable:
             return "the smooth cubic spline through its rows"
         return "cubic" if self.accelerations is None else "quintic"
 
-    def without_accelerations(self) -> ForeignTable:
-        """The table as a controller takes it that does not use accelerations."""
-        return replace(self, accelerations=None)
-
     def in_radians(self, per_radian: float) -> ForeignTable:
         """A table of angles whose unit is 1/per_radian rad."""
         return self._turned(lambda angles: angles / per_radian, lambda rates: rates / per_radian)

@@ -70,7 +70,8 @@ def write_ros2_yaml(file: Path, table: JointTable, names: tuple[str, str, str]) 
     """
     lines = [f"# {remark}" for remark in table.remarks]
     lines.append("header: {stamp: {sec: 0, nanosec: 0}, frame_id: ''}")
-    lines.append(f"joint_names: [{', '.join(_quoted(name) for name in names)}]")
+    quoted = ("'" + name.replace("'", "''") + "'" for name in names)
+    lines.append(f"joint_names: [{', '.join(quoted)}]")
     lines.append("points:")
     for point in _points(table):
         lines.append(f"- positions: {point.positions.tolist()}")
@@ -140,7 +141,3 @@ def _points(table: JointTable) -> Iterator[_Point]:
     for t, *row in zip(table.t - table.t[0], table.theta, table.dtheta, table.ddtheta, strict=True):
         last = max(round(t * _NANO), last + 1)
         yield _Point(last, *row)
-
-
-def _quoted(name: str) -> str:
-    return "'" + name.replace("'", "''") + "'"

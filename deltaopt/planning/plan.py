@@ -8,7 +8,7 @@ from math import isinf
 from pathlib import Path
 from typing import Any
 
-from deltaopt.files.html_table import html_table
+from deltaopt.files.tables import html_table
 from deltaopt.later import loaded
 from deltaopt.motion.active_limits import active_limits
 from deltaopt.motion.certificate import Certificate

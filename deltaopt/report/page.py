@@ -16,7 +16,7 @@ from math import isfinite
 from pathlib import Path
 
 from deltaopt.files.atomic_write import atomic_write
-from deltaopt.files.html_table import html_table
+from deltaopt.files.tables import html_table
 from deltaopt.output.facts import Facts, StraightLine, measures, motor_facts, title, work
 from deltaopt.planning.first_motions.around_bodies import CLEAR
 from deltaopt.planning.plan import Plan, TakenWay

@@ -24,7 +24,7 @@ from pydantic import (
 )
 
 from deltaopt.errors import SceneError, shown
-from deltaopt.files.html_table import html_table
+from deltaopt.files.tables import html_table
 from deltaopt.files.units import LENGTH, MASS, WIDTH
 from deltaopt.files.validated_record import NonNegative, Number, Positive, Record, Vector3
 from deltaopt.files.yaml_file import place_of, read_yaml

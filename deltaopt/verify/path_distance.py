@@ -162,7 +162,8 @@ def off_approach(columns: tuple[Column, Column], trajectory: Trajectory) -> floa
     """
     start, goal = columns
     pieces = list(zip(np.diff(trajectory.knots), trajectory.position.coefficients, strict=True))
-    missed = max(_least_depth(pieces) - column.level for column in columns)
+    highest = max(sure_largest(-Polynomial(c[:, 0]), 0.0, length) for length, c in pieces)
+    missed = max(-highest - column.level for column in columns)
     if missed > _AS_NEAR:
         return missed
     up = next(_high(pieces, start.level, last=False))
@@ -195,11 +196,6 @@ def _high(pieces: Pieces, level: float, last: bool) -> Iterator[tuple[int, float
         high = [t for t in times if below(t) <= 1e-3 * _AS_NEAR]
         if high:
             yield k, high[0]
-
-
-def _least_depth(pieces: Pieces) -> float:
-    """The depth of the highest place of a motion, m."""
-    return -max(sure_largest(-Polynomial(c[:, 0]), 0.0, length) for length, c in pieces)
 
 
 def nearest_places(path: Path, x: Array) -> tuple[Array, Array]:

@@ -59,14 +59,11 @@ class Units:
 
     def parameters(self, model: Model) -> Array:
         """Values of a model's parameters in these units, in their order."""
-        return np.asarray(model.parameters / self._to(model.dimensions))
+        units = np.array([self.length, self.mass, self.time])
+        return np.asarray(model.parameters / np.prod(units**model.dimensions, axis=1))
 
     def position(self, position: PiecewisePolynomial) -> PiecewisePolynomial:
         """A position (m over s) in these units."""
         powers = np.arange(position.coefficients.shape[1])[:, None]
         coefficients = position.coefficients * (self.time**powers / self.length)
         return PiecewisePolynomial(position.knots / self.time, coefficients)
-
-    def _to(self, powers: Array) -> Array:
-        """The units of quantities with these powers of length, mass and time, (N, 3) -> (N,)."""
-        return np.asarray(np.prod(np.array([self.length, self.mass, self.time]) ** powers, axis=1))

@@ -18,7 +18,7 @@ import numpy as np
 
 from deltaopt.curves.piecewise import Array
 from deltaopt.errors import Singular, Unreachable
-from deltaopt.files.html_table import html_table
+from deltaopt.files.tables import html_table
 from deltaopt.limits.limit import OwnMeasure
 from deltaopt.motion.trajectory import Trajectory, goal_of
 from deltaopt.problem.of_scene import problem_of

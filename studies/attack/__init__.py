@@ -20,10 +20,10 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 
 from deltaopt.cli.arguments import WrongUsage, one_or_more, seed
-from deltaopt.files.kept_rows import append_rows, read_rows, rewrite_rows
 from deltaopt.files.progress_bar import ProgressBar
 from studies.attack.attempts import GOOD, VERDICTS, Row, row_of
 from studies.attack.kinds import COSTLY, KINDS
+from studies.kept_rows import append_rows, read_rows, rewrite_rows
 from studies.problems import add_directory
 from studies.text_table import table
 

@@ -18,7 +18,6 @@ from time import process_time
 import numpy as np
 
 from deltaopt.errors import DeltaOptError
-from deltaopt.files.kept_rows import append_rows, read_rows, rewrite_rows
 from deltaopt.files.yaml_file import write_yaml
 from deltaopt.planning.planner import plan
 from deltaopt.scene.moving_ends import Belt
@@ -28,6 +27,7 @@ from studies.bench.hard_moves import Move, move
 from studies.bench.met_belts import of_belt
 from studies.bench.possible import Possibility, possibility
 from studies.bench.strata import STRATA
+from studies.kept_rows import append_rows, read_rows, rewrite_rows
 
 _THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
 """Variables that say how many threads a process uses for linear algebra."""

@@ -15,12 +15,12 @@ import numpy as np
 
 import deltaopt
 from deltaopt.cli.arguments import WrongUsage, one_or_more, positive, seed
-from deltaopt.files.kept_rows import kept_rows
 from deltaopt.files.progress_bar import ProgressBar
 from studies.keep_out.other_ways import OtherWays, other_ways
 from studies.keep_out.passages import CLOSED, KINDS, WIDTHS, planted
 from studies.keep_out.planned import FAILED, PLANNED, REFUSED, Planned, planned
 from studies.keep_out.random_bodies import scene_of
+from studies.kept_rows import kept_rows
 from studies.problems import INDUSTRIAL, add_directory
 
 HELP = "keep-out bodies: clearances measured, refusals held against a grid, planted passages"

@@ -11,10 +11,9 @@ import pytest
 
 import deltaopt
 from deltaopt.compare.plans.cases import FiveBarTask, delta_case
-from deltaopt.compare.plans.interpreted import interpreted
 from deltaopt.compare.plans.measures import Quality
 from deltaopt.compare.plans.report import COLUMNS, compiled_modes, csv, tables, verdict
-from deltaopt.compare.plans.study import compare_plans, methods
+from deltaopt.compare.plans.study import compare_plans, interpreted, methods
 from deltaopt.dynamics.consistency import Residuals
 from deltaopt.mechanisms.five_bar import FiveBarParameters, five_bar, inverse_kinematics
 from deltaopt.motion.time_scaling import safe_factor

@@ -13,13 +13,13 @@ import pytest
 from deltaopt.cli import main
 from deltaopt.errors import SceneError
 from deltaopt.files.atomic_write import atomic_write
-from deltaopt.files.kept_rows import read_rows
 from deltaopt.files.output_folder import all_or_none
 from deltaopt.output.saved_plan import UnreadablePlan, load_plan
 from deltaopt.plots.style import figure, verbatim
 from deltaopt.robot.robot import load_robot
 from deltaopt.scene import convex_hull
 from deltaopt.scene.scene import load_scene
+from studies.kept_rows import read_rows
 from tests.limits.test_keep_out import PROBLEMS
 
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import deltaopt
-from deltaopt.files.kept_rows import read_rows
 from deltaopt.scene.scene import load_scene
 from studies import gap
 from studies.gap import Held, campaign, remarks, table, truth_beside
 from studies.gap_moves import KINDS, STRATA, move
+from studies.kept_rows import read_rows
 from studies.problems import PICK_AND_PLACE
 
 SEED, TOLERANCES = 5, (1e-2, 1e-3)

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from deltaopt import load_robot
-from deltaopt.files.kept_rows import kept_rows, read_rows
 from deltaopt.planning.first_motions.passages import _around_polytope, _Lines, shortest_path
 from deltaopt.robot.solids import Polytope
 from deltaopt.verify.clearance import distance_from
@@ -16,6 +15,7 @@ from studies.interruptions import Interruption
 from studies.keep_out.passages import CLOSED, KINDS, planted
 from studies.keep_out.planned import PLANNED, planned
 from studies.keep_out.random_bodies import BODIES, scene_of, with_bodies
+from studies.kept_rows import kept_rows, read_rows
 from studies.problems import INDUSTRIAL
 from tests.oracles.body_distances import tool_distances
 from tests.oracles.clear_grid import ClearGrid

@@ -9,10 +9,10 @@ import pytest
 
 from deltaopt.compare.dynamics.many_digits import ManyDigits
 from deltaopt.compare.dynamics.tasks import TASKS
-from deltaopt.files.kept_rows import kept_rows, read_rows
 from deltaopt.robot.model import DeltaModel
 from studies import multistart, proportions
 from studies.gap_moves import INSIDE, move, move_of_random_robot
+from studies.kept_rows import kept_rows, read_rows
 
 ROW = multistart.Row(3, "a, b", INSIDE, 0.2, 0.19, 0.01, 0.08, 2, True, "")
 

@@ -6,7 +6,7 @@ from textwrap import fill
 
 from deltaopt.codegen.c_compiler import compiler
 from deltaopt.compare.dynamics.study import Row, Study
-from deltaopt.files.text_table import text_table
+from deltaopt.files.tables import text_table
 
 _SAME = "the same cost indeed"
 _NOT_SAME = "the equations are the same, the expressions for them are not"
@@ -143,7 +143,7 @@ def _listed(shares: dict[tuple[str, bool], float]) -> str:
     by_origin = (
         f"{words} "
         + ", ".join(
-            f"{value:.0%} {_mode(mode)}"
+            f"{value:.0%} {'compiled' if mode else 'interpreted'}"
             for (whose, mode), value in shares.items()
             if whose == origin
         )
@@ -211,10 +211,6 @@ def _rows(study: Study, task: str, model: str) -> list[Row]:
 def _modes(study: Study) -> list[bool]:
     """Interpreted, and compiled if it was."""
     return [False, True] if any(row.compiled for row in study.rows) else [False]
-
-
-def _mode(compiled: bool) -> str:
-    return "compiled" if compiled else "interpreted"
 
 
 def _seconds(row: Row, compiled: bool) -> float:

@@ -79,10 +79,6 @@ class _Case:
     model: Model
     function: ca.Function
 
-    @property
-    def is_reference(self) -> bool:
-        return (self.model.name, self.model.variant) == REFERENCE
-
 
 def compare_dynamics(
     states: int,
@@ -144,7 +140,9 @@ def _cases(mechanism: Mechanism, partition: Partition) -> list[_Case]:
 def _ratios(cases: list[_Case], times: Array) -> dict[str, Time]:
     """Times by name of the function, beside the reference's at the same task."""
     reference = {
-        case.task.name: own for case, own in zip(cases, times, strict=True) if case.is_reference
+        case.task.name: own
+        for case, own in zip(cases, times, strict=True)
+        if (case.model.name, case.model.variant) == REFERENCE
     }
     return {
         case.function.name(): Time.of(own, reference[case.task.name])

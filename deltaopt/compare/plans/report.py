@@ -11,7 +11,7 @@ import numpy as np
 
 from deltaopt.compare.plans.measures import Quality
 from deltaopt.compare.plans.study import PlanStudy, Row
-from deltaopt.files.text_table import text_table
+from deltaopt.files.tables import text_table
 from deltaopt.planning.nlp.transcription import LINEAR
 
 QUALITIES = tuple(f.name for f in fields(Quality))

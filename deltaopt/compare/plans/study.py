@@ -8,16 +8,18 @@ is left, linear algebra above all. Building and compiling are not in them.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 from math import inf, isfinite
 from time import perf_counter
+from typing import Any
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.codegen.c_compiler import compiler
 from deltaopt.compare.plans.cases import Case, Reference
-from deltaopt.compare.plans.interpreted import interpreted
 from deltaopt.compare.plans.knots_at_switches import at_switches
 from deltaopt.compare.plans.measures import Meter, Quality, active_rank
 from deltaopt.curves.piecewise import PiecewisePolynomial
@@ -38,6 +40,7 @@ from deltaopt.planning.formulations.loop_closure import (
 )
 from deltaopt.planning.formulations.scaled_mechanism import ScaledMechanism
 from deltaopt.planning.mesh.error_estimate import ErrorEstimate
+from deltaopt.planning.nlp.points import PointFunction
 from deltaopt.planning.nlp.program import IpoptSolution, Options, Program
 from deltaopt.planning.nlp.transcription import LINEAR, QUADRATIC, PiecewiseAcceleration
 
@@ -183,6 +186,25 @@ def compare_plans(
             rows += bench.rows(method, modes)
     progress(1.0, "done")
     return PlanStudy(rows, references, compile_seconds, perf_counter() - begin)
+
+
+@dataclass(frozen=True)
+class _InterpretedPointFunction(PointFunction):
+    """A point function r(y, p) whose derivatives are not compiled."""
+
+    @cached_property
+    def derivatives(self) -> list[tuple[ca.Function, ca.Sparsity]]:
+        return self.derived
+
+
+def interpreted(equations: Equations) -> Equations:
+    """Return the same equations with no point function compiled."""
+    points: dict[str, Any] = {}
+    for each in fields(equations):
+        value = getattr(equations, each.name)
+        if isinstance(value, PointFunction):
+            points[each.name] = _InterpretedPointFunction(value.name, value.function)
+    return replace(equations, **points)
 
 
 def find_reference(case: Case, tolerance: float) -> Reference:

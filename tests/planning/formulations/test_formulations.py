@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import deltaopt
-from deltaopt.compare.plans.interpreted import interpreted
 from deltaopt.compare.plans.measures import Meter, active_rank
+from deltaopt.compare.plans.study import interpreted
 from deltaopt.dynamics import Explicit, Kane, Multiplier, VirtualWork
 from deltaopt.errors import DependentConstraints, NotConverged
 from deltaopt.planning.formulations.choice import Redundant, problem_formulation

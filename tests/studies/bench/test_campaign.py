@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from deltaopt import load_scene, plan
-from deltaopt.files.kept_rows import read_rows
 from deltaopt.robot.model import delta_model
 from studies.__main__ import main
 from studies.bench import campaign as room
@@ -16,6 +15,7 @@ from studies.bench.met_belts import of_belt
 from studies.bench.possible import possibility
 from studies.bench.statics import Statics
 from studies.bench.strata import STRATA
+from studies.kept_rows import read_rows
 
 
 def test_moves_are_of_all_robots_and_strata_and_known_by_their_number():
