@@ -66,11 +66,6 @@ def cost_to_minimise(objective: Objective, scaling: Scaling) -> Cost:
             return Cost(time=1.0, running=effort / time)
 
 
-def scaling_to_duration(scene: Scene, shortest: float) -> Scaling:
-    """The units of a scene's variables; of time the given duration, or else ``shortest`` (s)."""
-    return Scaling(problem_of(scene), scene.objective.given_duration or shortest)
-
-
 def require_possible(given: float, shortest: float, gap: float) -> None:
     """Raise Infeasible where a given duration is too short or too long, s; ``shortest``: of the
     fastest motion that was found, and its gap."""

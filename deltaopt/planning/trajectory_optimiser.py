@@ -27,7 +27,6 @@ from deltaopt.planning.effort_planning import (
     cost_to_minimise,
     led_to_its_ends,
     require_possible,
-    scaling_to_duration,
 )
 from deltaopt.planning.first_motions.order_of_merit import (
     CrossesSingularity,
@@ -120,20 +119,14 @@ class TrajectoryOptimiser:
         return motion_on_first_mesh(program, scaling, guess, attempt.intervals)
 
     def fastest(self, attempt: Attempt, report: Progress) -> Plan:
-        """Plan the best motion from one first guess and one first mesh: the fastest, unless the
-        scene has another objective.
+        """Plan the fastest motion from one first guess and one first mesh.
 
         The motion of the chosen mesh is slowed until it keeps every limit at all instants, or
         solved again with tighter limits where it cannot be slowed.
         """
-        problem, own = attempt.problem, attempt.on_its_mesh
+        own = attempt.on_its_mesh
         guess = Guess(attempt.motion, attempt.is_near, attempt.accuracy, on_its_mesh=own)
-        scaling = Scaling(
-            problem,
-            guess.trajectory.duration,
-            extent=_extent(problem, guess.trajectory),
-            torque_share=attempt.torque_share,
-        )
+        scaling = _scaling(attempt, attempt.motion, attempt.motion.duration)
         return self._refined(attempt, guess, attempt.mesh, scaling, report)
 
     def _refined(
@@ -232,11 +225,7 @@ class TrajectoryOptimiser:
         guess = fastest.trajectory.slowed((given or shortest) / shortest)
         if not attempt.problem.is_at_rest:
             guess = led_to_its_ends(attempt.problem, guess)
-        scaling = replace(
-            scaling_to_duration(scene, shortest),
-            extent=_extent(attempt.problem, guess),
-            torque_share=attempt.torque_share,
-        )
+        scaling = _scaling(attempt, guess, given or shortest)
         program = self._program(scaling, cost_to_minimise(scene.objective, scaling))
         slowed = Beginning(guess, replace(attempt, motion=guess).mesh)
         starts = beginnings(scene, program, scaling, slowed, self.intervals)
@@ -309,10 +298,12 @@ def _far_and_near(starts: Sequence[Beginning]) -> Iterator[tuple[Beginning, bool
         yield replace(start, mesh=mesh), True
 
 
-def _extent(problem: Problem, motion: Trajectory) -> float | None:
-    """The unit of length of a problem whose ends move, or that has phases: how far a motion
-    goes."""
-    return None if problem.is_at_rest and not problem.gates else motion.extent
+def _scaling(attempt: Attempt, motion: Trajectory, time: float) -> Scaling:
+    """The units of an attempt from a motion: of time ``time`` (s); of length how far the motion
+    goes where an end moves or there are phases, otherwise the distance of the ends."""
+    problem = attempt.problem
+    extent = None if problem.is_at_rest and not problem.gates else motion.extent
+    return Scaling(problem, time, extent=extent, torque_share=attempt.torque_share)
 
 
 def _safe(scene: Scene, trajectory: Trajectory, factor: float, status: str) -> Trajectory:

@@ -57,7 +57,7 @@ def fastest_way(
     free: Trajectory | None,
     planned: Planning,
     on_first_mesh: Callable[[Attempt], Trajectory],
-    enough: float = NEARLY,
+    enough: float,
 ) -> tuple[Plan, tuple[TakenWay, ...]]:
     """The best plan of all ways past the bodies of a scene, and the ways, first the one taken.
 

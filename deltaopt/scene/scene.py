@@ -320,26 +320,27 @@ class Scene(Record):
 
     @model_validator(mode="before")
     @classmethod
-    def _read_objective(cls, content: Any) -> Any:
-        return objective_in(content) if isinstance(content, dict) else content
-
-    @model_validator(mode="before")
-    @classmethod
-    def _replace_tool(cls, content: Any) -> Any:
-        if not isinstance(content, dict) or not isinstance(content.get("robot"), Machine):
+    def _read(cls, content: Any) -> Any:
+        """The keys of a scene file as the values of the fields."""
+        if not isinstance(content, dict):
             return content
-        rest = {key: value for key, value in content.items() if key != "tool"}
-        if "tool" in content:
-            rest["robot"] = content["robot"].model_copy(update={"tool": content["tool"]})
-        return rest
-
-    @model_validator(mode="before")
-    @classmethod
-    def _resolve_shares(cls, content: Any) -> Any:
-        if not (isinstance(content, dict) and {"robot", "limits"} <= set(content)):
-            return content
-        robot = cls._valid("robot", content["robot"])
-        return {**content, "robot": robot, "limits": _without_shares(content["limits"], robot)}
+        read = dict(content)
+        if read.get("path") is not None:
+            try:
+                read["path"] = path_in(read["path"])
+            except SceneError as error:
+                raise error.inside(key="path") from None
+        read |= {key: end_in(key, read[key]) for key in ("start", "goal") if key in read}
+        if "via" in read:
+            read["via"] = via_in(read["via"])
+        least, payload = read.get("least_payload"), read.get("payload")
+        read |= cls._payloads(payload if least is None else (least, payload))
+        if {"robot", "limits"} <= set(read):
+            read["robot"] = cls._valid("robot", read["robot"])
+            read["limits"] = _without_shares(read["limits"], read["robot"])
+        if "tool" in read and isinstance(read.get("robot"), Machine):
+            read["robot"] = read["robot"].model_copy(update={"tool": read.pop("tool")})
+        return objective_in(read)
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
         """A copy with other fields; see ``Record.model_copy``."""
@@ -388,34 +389,6 @@ class Scene(Record):
             expected = "[least, largest] in kg, the least at least 0 and the largest greater than 0"
             raise SceneError(None, "payload", given, expected, problem)
         return {"payload": largest, "least_payload": least if least < largest else None}
-
-    @model_validator(mode="before")
-    @classmethod
-    def _read_payload(cls, content: Any) -> Any:
-        if not isinstance(content, dict):
-            return content
-        least, given = content.get("least_payload"), content.get("payload")
-        return content | cls._payloads(given if least is None else (least, given))
-
-    @model_validator(mode="before")
-    @classmethod
-    def _read_points(cls, content: Any) -> Any:
-        if not isinstance(content, dict):
-            return content
-        read = {key: end_in(key, content[key]) for key in ("start", "goal") if key in content}
-        if "via" in content:
-            read["via"] = via_in(content["via"])
-        return content | read
-
-    @model_validator(mode="before")
-    @classmethod
-    def _read_path(cls, content: Any) -> Any:
-        if not isinstance(content, dict) or content.get("path") is None:
-            return content
-        try:
-            return {**content, "path": path_in(content["path"])}
-        except SceneError as error:
-            raise error.inside(key="path") from None
 
     @model_serializer(mode="wrap")
     def _write_objective(self, rest: SerializerFunctionWrapHandler) -> dict[str, object]:

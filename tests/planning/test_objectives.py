@@ -15,12 +15,13 @@ from deltaopt.errors import Infeasible
 from deltaopt.motion.effort import cost, effort
 from deltaopt.motion.time_scaling import highest_rows
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.planning.effort_planning import SMOOTH, cost_to_minimise, scaling_to_duration
+from deltaopt.planning.effort_planning import SMOOTH, cost_to_minimise
 from deltaopt.planning.flat.constraint_rows import ByOrder
 from deltaopt.planning.flat.equations import PointEquations
 from deltaopt.planning.formulations.choice import Flat
 from deltaopt.planning.nlp.cost import Cost
 from deltaopt.planning.nlp.problem import Guess
+from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.switching.detection import detect_structure
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.objective import Effort, TimeAndEffort
@@ -189,7 +190,7 @@ def test_a_long_motion_waits_where_little_torque_holds_it(payload, duration):
 def test_a_long_motion_on_another_mesh(payload):
     """Solved again from the plan, on a uniform mesh: finer in the wait, coarser in the moves."""
     found = long(payload, 3)
-    scaling = replace(scaling_to_duration(found.scene, 3.0), share=1 - 2e-8)
+    scaling = Scaling(problem_of(found.scene), 3.0, share=1 - 2e-8)
     model = found.trajectory.model
     least = cost_to_minimise(found.scene.objective, scaling)
     problem = Flat().of(model.functions, SMOOTH, scaling.constraints, least)

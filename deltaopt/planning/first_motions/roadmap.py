@@ -3,8 +3,8 @@
 They lead around what lies between start and goal where no simple curve does. A grid of points over
 the workspace is tried for its room, neighbours are connected, and the shortest path from start to
 goal is found, where length counts more the less room there is. The path is then rounded and driven
-as fast as its limits allow. What room is, is the caller's: without another, how well the platform
-can be held at rest (``room_at_rest``).
+as fast as its limits allow. For motions room is how well the
+platform can be held at rest (``room_at_rest``); a path alone is found with any other measure too.
 """
 
 from __future__ import annotations
@@ -55,21 +55,24 @@ _STEPS: list[Index] = [
 """From a point to half of its 26 neighbours; the others are the opposite ones."""
 
 
-def roadmap_motions(scene: Scene, steps: int, room: Room | None = None) -> list[Trajectory]:
+def roadmap_motions(scene: Scene, steps: int) -> list[Trajectory]:
     """Motions from start to goal on the best path of a grid, the fastest first; often none.
 
-    ``steps``: of the grid along the longest reach of a chain. ``room``: where the platform may be;
-    by default wherever it can be held at rest within all limits.
+    ``steps``: of the grid along the longest reach of a chain. The platform may be wherever it can
+    be held at rest within all limits.
     """
-    path = path_over_grid(scene, steps, room)
+    path = path_over_grid(scene, steps, partial(room_at_rest, scene))
     if path is None:
         return []
     return sorted(_driven(scene, path), key=lambda motion: motion.duration)
 
 
-def path_over_grid(scene: Scene, steps: int, room: Room | None = None) -> Array | None:
-    """The best path from start to goal over a grid, (n, 3), m; None where there is none."""
-    return _Grid.of(scene, steps, room or partial(room_at_rest, scene)).path()
+def path_over_grid(scene: Scene, steps: int, room: Room) -> Array | None:
+    """The best path from start to goal over a grid, (n, 3), m; None where there is none.
+
+    ``steps``: of the grid along the longest reach of a chain. ``room``: where the platform may be.
+    """
+    return _Grid.of(scene, steps, room).path()
 
 
 def spacing(scene: Scene, steps: int) -> float:
