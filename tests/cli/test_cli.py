@@ -11,7 +11,7 @@ import pytest
 
 import deltaopt.cli.plan
 from deltaopt.cli import COMMANDS, main
-from deltaopt.output.plan_files import COLUMNS, instants, write_motion
+from deltaopt.output.plan_files import COLUMNS, instants
 from deltaopt.planning.first_motions.initial_motion import baseline
 from deltaopt.planning.plan import Plan
 from deltaopt.scene.scene import load_scene
@@ -53,12 +53,9 @@ def written(tmp_path_factory) -> Path:
     return folder
 
 
-def test_baseline_writes_three_files(written):
+def test_csv_is_the_motion_to_the_last_digit(written):
     assert names(written) == ["plan.json", "plan.png", "trajectory.csv"]
     assert (written / "plan.png").read_bytes().startswith(PNG)
-
-
-def test_csv_is_the_motion_to_the_last_digit(written):
     text = (written / "trajectory.csv").read_text(encoding="utf-8")
     header, *rows = text.splitlines()
     assert header == HEADER
@@ -85,7 +82,7 @@ def test_json_says_what_was_found(written):
     assert {"casadi", "numpy", "python"} <= set(content["versions"])
 
 
-@pytest.mark.parametrize("rate", [1000.0, 333.0, 7.0, 1 / 0.196, 1e-3])
+@pytest.mark.parametrize("rate", [333.0, 1 / 0.196, 1e-3])
 def test_instants(rate):
     line = baseline(SCENE)
     t = instants(line, rate)
@@ -93,35 +90,6 @@ def test_instants(rate):
     assert (np.diff(t) > 0).all()
     np.testing.assert_allclose(np.diff(t)[:-1], 1 / rate)
     assert t[-1] - t[-2] <= 1 / rate * (1 + 1e-12)
-
-
-def test_last_instant_is_written_once():
-    line = baseline(SCENE)
-    even = line.slowed(0.2 / line.duration)
-    assert len(instants(even, 1000.0)) == 201
-    assert np.diff(instants(even, 1000.0)).min() > 0.9e-3
-
-
-def test_rate(tmp_path):
-    arguments = ["plan", str(SCENE_FILE), "--baseline", "-o", str(tmp_path), "--rate", "100"]
-    assert main(arguments) == 0
-    assert len((tmp_path / "trajectory.csv").read_text().splitlines()) == 1 + 20 + 1
-
-
-def test_failing_writer_leaves_the_old_file_whole(tmp_path, monkeypatch):
-    file = tmp_path / "trajectory.csv"
-    file.write_text("old", encoding="utf-8")
-
-    class Broken:
-        def tolist(self):
-            yield [0.0, 1.0]
-            raise RuntimeError
-
-    monkeypatch.setattr("deltaopt.output.plan_files.rows_at", lambda *_: Broken())
-    with pytest.raises(RuntimeError):
-        write_motion(file, baseline(SCENE))
-    assert file.read_text(encoding="utf-8") == "old"
-    assert names(tmp_path) == ["trajectory.csv"]
 
 
 def test_plan_made_by_hand(tmp_path):
@@ -140,7 +108,7 @@ def test_plan_made_by_hand(tmp_path):
 
 
 def test_plan(tmp_path, capsys):
-    assert main(["plan", str(SCENE_FILE), "-o", str(tmp_path)]) == 0
+    assert main(["plan", str(SCENE_FILE), "--no-plot", "-o", str(tmp_path)]) == 0
     out = capsys.readouterr().out
     duration = json.loads((tmp_path / "plan.json").read_text(encoding="utf-8"))["duration"]
     assert 0.140869 < duration < 0.140870 * 1.001
@@ -151,7 +119,9 @@ def test_plan(tmp_path, capsys):
 
 def test_failed_verification_is_exit_1(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(deltaopt.cli.plan, "baseline", lambda scene: baseline(scene).slowed(0.99))
-    assert main(["plan", str(SCENE_FILE), "--baseline", "-o", str(tmp_path)]) == 1
+    words = ["--baseline", "--no-plot", "--rate", "100", "-o", str(tmp_path)]
+    assert main(["plan", str(SCENE_FILE), *words]) == 1
+    assert len((tmp_path / "trajectory.csv").read_text().splitlines()) == 1 + 20 + 1
     printed = capsys.readouterr()
     assert "torque excess       1.7e-02    1e-09  1            FAILED" in printed.out
     assert "verification failed: torque of motor 1 exceeds its limit by 1.7" in printed.err
@@ -222,9 +192,7 @@ def failure(arguments: list[str], capsys) -> tuple[int, str]:
     ("changes", "code", "words"),
     [
         ({"payload": "-1"}, 2, "payload is -1"),
-        ({"paylod": "1"}, 2, "paylod is not a known key"),
         ({"robot": "none.yaml"}, 2, "which is no file"),
-        ({"goal": "[0.45, -0.05, 0.0]"}, 2, "expected a point in m other than start"),
         ({"goal": "[0.45, 0.9, 0.0]"}, 1, "goal: the platform cannot be at [0.45, 0.9, 0] m"),
         ({"payload": "10"}, 1, "the torque of motor 1 is 13 N·m"),
     ],
@@ -236,13 +204,6 @@ def test_hopeless_scenes(command, changes, code, words, tmp_path, capsys):
     assert found == code
     assert words in sentence
     assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.parametrize("command", ["plan", "check", "inverse"])
-def test_no_such_scene(command, capsys):
-    code, sentence = failure([command, "nowhere.yaml"], capsys)
-    assert code == 2
-    assert "nowhere.yaml cannot be read" in sentence
 
 
 @pytest.mark.parametrize("command", ["plan", "inverse"])
@@ -258,7 +219,7 @@ def test_output_that_is_a_file(command, inside, tmp_path, capsys):
 
 def test_output_file_that_is_a_directory(tmp_path, capsys):
     (tmp_path / "trajectory.csv").mkdir()
-    assert main(["plan", str(SCENE_FILE), "--baseline", "-o", str(tmp_path)]) == 2
+    assert main(["plan", str(SCENE_FILE), "--baseline", "--no-plot", "-o", str(tmp_path)]) == 2
     assert "Traceback" not in capsys.readouterr().err
     assert names(tmp_path) == ["trajectory.csv"]
 
@@ -271,7 +232,6 @@ def test_output_file_that_is_a_directory(tmp_path, capsys):
         (["--formulation", "forward", "--closure", "knots"], "with --formulation forward no loops"),
         (["--formulation", "explicit", "--solver", "interior-point"], "it may be ipopt"),
         (["--baseline", "--solver", "ipopt"], "--solver says how to optimise, which --baseline"),
-        (["--baseline", "--tolerance", "1e-3"], "--tolerance says how to optimise"),
         (["--baseline", "--starts", "1"], "--starts says how to optimise"),
     ],
 )
@@ -297,11 +257,6 @@ def test_too_many_rows(limits, rate, duration, tmp_path, capsys):
     assert len(instants(baseline(load_scene(scene)), possible)) < 1_000_001
 
 
-def test_csv_of_too_many_rows(tmp_path):
-    with pytest.raises(ValueError, match=r"^rate is 1e\+09 Hz; for 1000000 rows it may be"):
-        write_motion(tmp_path / "a.csv", baseline(SCENE), rate=1e9)
-
-
 def test_inverse_in_years(tmp_path, capsys):
     arguments = ["inverse", str(SCENE_FILE), "-o", str(tmp_path), "--duration", "1e9"]
     code, sentence = failure(arguments, capsys)
@@ -319,13 +274,10 @@ def test_inverse_in_years(tmp_path, capsys):
         ["plan", "a.yaml", "--base"],
         ["export", "table", "out/a", "--keep"],
         ["plan", "a.yaml", "--rate", "0"],
-        ["plan", "a.yaml", "--rate", "inf"],
         ["plan", "a.yaml", "--tolerance", "-1e-3"],
-        ["plan", "a.yaml", "--intervals", "1"],
         ["plan", "a.yaml", "--intervals", "2.5"],
         ["inverse", "a.yaml", "--duration", "nan"],
         ["plan", "a.yaml", "--seed", "-1"],
-        ["plan", "a.yaml", "--seed", "1.5"],
     ],
 )
 def test_wrong_usage_is_exit_2(words, capsys):

@@ -42,11 +42,6 @@ def test_without_a_command_there_is_help(capsys):
     assert without.err == ""
 
 
-def test_no_chart_if_none_is_wanted(tmp_path):
-    assert plan(SCENE_FILE, "--baseline", "-o", tmp_path) == 0
-    assert sorted(file.name for file in tmp_path.iterdir()) == ["plan.json", "trajectory.csv"]
-
-
 def test_a_baseline_has_a_folder_of_its_own(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert plan(SCENE_FILE) == 0
@@ -68,41 +63,6 @@ def test_what_is_replaced_is_said(tmp_path, capsys):
         arguments = ["export", "table", str(tmp_path), "-o", str(tmp_path / "table.csv")]
         assert main(arguments) == 0
         assert f"{times}{tmp_path / 'table.csv'}\n" in capsys.readouterr().out
-
-
-def test_replaced_figures_and_charts_are_said(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("deltaopt.compare.model_terms.effects_of_terms", lambda *_: [])
-    drawn = "deltaopt.plots.model_terms.draw_terms"
-    monkeypatch.setattr(drawn, lambda file, *_: file.write_text("new", encoding="utf-8"))
-    mine = tmp_path / "terms.png"
-    mine.write_text("mine", encoding="utf-8")
-    assert main(["check", str(SCENE_FILE), "--terms", "-o", str(tmp_path)]) == 0
-    assert f"replaced: {mine}\n" in capsys.readouterr().out
-    assert mine.read_text(encoding="utf-8") == "new"
-    mine = tmp_path / "motion.png"
-    mine.write_text("mine", encoding="utf-8")
-    assert main(["inverse", str(SCENE_FILE), "-o", str(tmp_path)]) == 0
-    told = capsys.readouterr().out
-    assert f"written: {tmp_path / 'inverse.csv'}, {tmp_path / 'torques.png'}\n" in told
-    assert f"replaced: {mine}\n" in told
-
-
-@pytest.mark.parametrize("target", ["table", "ros2"])
-def test_an_export_that_fails_leaves_the_old_file(target, tmp_path, monkeypatch, capsys):
-    assert plan(SCENE_FILE, "--baseline", "-o", tmp_path / "plan") == 0
-    file = tmp_path / "mine.yaml"
-    file.write_text("mine", encoding="utf-8")
-
-    def fail(new, *_):
-        new.write_text("half of", encoding="utf-8")
-        raise OSError(28, "No space left on device", str(new))
-
-    writer = "write_table" if target == "table" else "write_ros2_yaml"
-    monkeypatch.setattr(f"deltaopt.cli.export.{writer}", fail)
-    assert main(["export", target, str(tmp_path / "plan"), "-o", str(file)]) == 2
-    assert f"deltaopt: {file}: No space left on device\n" in capsys.readouterr().err
-    assert file.read_text(encoding="utf-8") == "mine"
-    assert sorted(each.name for each in tmp_path.iterdir()) == ["mine.yaml", "plan"]
 
 
 def test_a_table_is_no_folder(tmp_path, capsys):

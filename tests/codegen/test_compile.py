@@ -13,7 +13,7 @@ import pytest
 from deltaopt.codegen import c_compiler
 from deltaopt.codegen import compile as compiling
 from deltaopt.codegen.c_compiler import Compiler, compiler
-from deltaopt.codegen.compile import CACHE, describe, library, recording
+from deltaopt.codegen.compile import CACHE, describe, library
 
 SOURCE = "int answer(void) { return 42; }\n"
 needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler")
@@ -111,12 +111,6 @@ def test_an_intact_library_is_not_built_again(monkeypatch):
 
 
 @needs_compiler
-def test_a_new_folder_is_the_users_alone(folder):
-    library(SOURCE)
-    assert folder.stat().st_mode & 0o777 == 0o700
-
-
-@needs_compiler
 @pytest.mark.skipif(os.name != "posix", reason="other systems have other rights")
 @pytest.mark.parametrize("mode", [0o770, 0o707])
 def test_a_folder_that_others_can_write_to_is_refused(mode, folder):
@@ -207,15 +201,6 @@ def test_compiling_is_said_once_if_it_takes_long(caplog, monkeypatch):
     library(f"{SOURCE}/* other */")
     (said,) = caplog.messages
     assert said.startswith("compiling for this machine, once")
-
-
-def test_sources_are_recorded_and_not_compiled(folder):
-    with recording() as asked:
-        assert library("first") is None
-        assert library("second") is None
-        assert library("first") is None
-    assert list(asked) == ["first", "second"]
-    assert not folder.exists()
 
 
 @needs_compiler

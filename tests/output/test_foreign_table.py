@@ -155,7 +155,6 @@ HALVES = {
     "no number in a rate": (",vx,vy,vz", ",0,0,n/a", "vz is 'n/a' in line 2"),
     "a rate is missing": (",vx,vy", ",0,0", "0 columns vz"),
     "a column twice": (",y", ",0", "2 columns y"),
-    "the same in a capital": (",X", ",0", "2 columns x"),
     "digits in groups": (",vx,vy,vz", ",0,0,1_0", "vz is '1_0'"),
     "a quote left open": (",note", ',"', "cannot be read as CSV|in quotes"),
 }
@@ -180,7 +179,6 @@ def test_commas_and_points_in_one_table(tmp_path):
 
 
 BAD = {
-    "nothing": ("", "no t with"),
     "other columns": ("a,b\n1,2\n", "no t with theta1"),
     "short": ("t,x,y,z\n0,1,2,3\n", "has 1 rows"),
     "backwards": ("t,x,y,z\n0,1,2,3\n1,1,2,3\n0.5,1,2,3\n2,1,2,3\n", "from line 3 to line 4"),
@@ -212,11 +210,6 @@ def test_a_plan_is_verified_again(plan, tmp_path, capsys):
 
 MOVES = "{t},0.45,0.0,0.0\n0.1,0.45,0.01,0.0\n0.2,0.45,0.02,0.0\n0.3,0.45,0.03,0.0\n"
 TINY = {
-    "steps of 1e-300 s": (
-        "t,x,y,z\n0,0.45,0,0\n" + MOVES.format(t=1e-300),
-        2,
-        "from line 2 to line 3",
-    ),
     "the least number": ("t,x,y,z\n0,0.45,0,0\n" + MOVES.format(t=5e-324), 2, "less than 1e-12 s"),
     "all times the same": (
         "t,x,y,z,vx,vy,vz\n" + "1,0.45,0,0,0,0,0\n" * 4,
@@ -227,11 +220,6 @@ TINY = {
         "t,x,y,z\n0,0.45,0,0\n1,0.45,1e-300,0\n2,0.45,0,0\n3,0.45,0,0\n",
         2,
         "nothing moves in it",
-    ),
-    "a motion of 1e-160 m": (
-        "t,x,y,z\n0,0.45,0,0\n1,0.45,1e-160,0\n2,0.45,0,0\n3,0.45,1e-160,0\n",
-        0,
-        "",
     ),
     "rates of 1e-300": (
         "t,x,y,z,vx,vy,vz\n0,.45,0,0,1e-300,0,0\n1,.45,0,0,0,1e-300,0\n2,.45,.01,0,0,0,0\n3,.45,0,0,0,0,0\n",
@@ -258,11 +246,3 @@ def test_numbers_at_the_end_of_doubles(tmp_path, capsys, name):
     assert re.search(sentence, captured.err)
     assert captured.err.count("\n") == bool(sentence)
     assert ("torque" in captured.out) == (not sentence)
-
-
-def test_a_table_that_does_not_move(tmp_path, capsys):
-    t = np.linspace(0, 1, 5)
-    columns = {"t": t} | {axis: 0 * t + v for axis, v in zip("xyz", (0.45, 0, 0), strict=True)}
-    file = write(tmp_path / "still.csv", columns)
-    assert main(["verify", str(file), "--robot", str(ORSINO)]) == 2
-    assert "nothing moves" in capsys.readouterr().err

@@ -141,12 +141,8 @@ BROKEN = {
     "no duration": lambda c: c.pop("duration"),
     "a key more": lambda c: c.update(extra=1),
     "another format": lambda c: c.update(format=2),
-    "text for a number": lambda c: c.update(gap="small"),
     "a truth value for a number": lambda c: c.update(gap=True),
     "two coordinates": lambda c: c["motion"]["position"][0][0].pop(),
-    "no knots": lambda c: c["motion"].update(knots=[]),
-    "a share that is text": lambda c: c["active_limits"][0].update(share_of_time="all"),
-    "a measure that is text": lambda c: c["verification"].update(torque_excess="none"),
     "a negative count": lambda c: c.update(intervals=-1),
     "half a certificate": lambda c: c.update(certificate={"sign_violation": 0.0}),
 }

@@ -15,7 +15,6 @@ from deltaopt.files.validated_record import Record
 from deltaopt.output.starting_files import (
     ROBOT,
     ROBOT_EXTRAS,
-    SCENE,
     SCENE_EXTRAS,
     robot_text,
     scene_text,
@@ -85,15 +84,6 @@ def test_every_key_is_there_with_what_it_means():
         for line in text.splitlines():
             if re.match(r" *#?\w+: (?! #)", line):
                 assert re.search(r": \S.*  # \w", line), line  # an example, and what it is
-
-
-def test_examples_are_of_keys_that_exist():
-    """An example of a key that went would be left over, and never written."""
-    examples = ((robot_text(), ROBOT | ROBOT_EXTRAS), (scene_text(), SCENE | SCENE_EXTRAS))
-    for text, values in examples:
-        assert set(values) <= set(paths_of(text))
-        for value in values.values():
-            assert f": {value}  # " in text
 
 
 AT_THE_ARM = ("drive.torque", "drive.speed", "drive.inertia", "drive.rms_torque")

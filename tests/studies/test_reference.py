@@ -24,10 +24,3 @@ def test_every_key_of_a_starting_file_has_a_row(text, name):
     assert len(keys) > 10
     for key in keys:
         assert f"| `{key}` |" in page, key
-
-
-def test_units_and_defaults_stand_there():
-    text = "".join(pages().values())
-    assert "| `base_radius` | a length in m, at least 0 | required |" in text
-    assert re.search(r"\| `gravity` \| an acceleration in m/s².* \| 9\.81 \|", text)
-    assert "None" not in text

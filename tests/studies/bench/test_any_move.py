@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from deltaopt.errors import Infeasible, NotConverged
+from deltaopt.errors import Infeasible
 from deltaopt.planning.planner import Planner
 from deltaopt.robot.robot import load_robot
 from studies.__main__ import main
@@ -28,24 +28,6 @@ def test_random_moves(robot, seed):
     outcomes = random_plans(Planner(robot, 1.0), 12, seed, told.append)
     assert [outcome.failures for outcome in outcomes] == 12 * [()]
     assert told == list(range(1, 13))
-
-
-def test_bench_any(capsys):
-    robot = str(PROBLEMS / "robots/orsino.yaml")
-    assert main(["bench", "any", robot, "--number", "1", "--seed", "3"]) == 0
-    assert "1 of 1 solved and verified" in capsys.readouterr().out
-
-
-def test_bench_any_names_what_failed(capsys, monkeypatch):
-    def failing(*_):
-        raise NotConverged("no luck", "Maximum_Iterations_Exceeded", None)
-
-    monkeypatch.setattr(Planner, "plan", failing)
-    robot = str(PROBLEMS / "robots/orsino.yaml")
-    assert main(["bench", "any", robot, "--number", "2"]) == 1
-    out = capsys.readouterr().out
-    assert "0 of 2 solved and verified" in out
-    assert out.count(": no luck\n") == 2
 
 
 def test_a_payload_that_no_motor_can_hold(capsys):
