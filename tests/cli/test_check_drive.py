@@ -7,10 +7,6 @@ from pathlib import Path
 import yaml
 
 from deltaopt.cli import main
-from deltaopt.cli.check import drive_table
-from deltaopt.robot.drive import Drive
-from deltaopt.scene.scene import load_scene
-from deltaopt.scene.task import distance
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 
@@ -40,13 +36,6 @@ def test_every_step_from_the_catalogue_to_the_arm(capsys):
     assert out[out.index("drive, at the arm") :] in page
 
 
-def test_hornets_scenes():
-    scenes = [load_scene(file) for file in sorted((PROBLEMS / "hornet").glob("*.yaml"))]
-    assert [scene.payload for scene in scenes] == [1.0, 3.0, None]
-    assert {distance(scene.task) for scene in scenes} == {0.305}
-    assert {scene.robot.drive.torque for scene in scenes} == {65.0}
-
-
 def test_the_baselines_duty_where_motors_are_rated(capsys, tmp_path):
     robot = yaml.safe_load((PROBLEMS / "robots/industrial.yaml").read_text(encoding="utf-8"))
     robot["drive"] = {"torque": 40.0, "rms_torque": 20.0, "friction": {"viscous": 0.5}}
@@ -60,22 +49,3 @@ def test_the_baselines_duty_where_motors_are_rated(capsys, tmp_path):
         assert words in out
     assert main(["check", str(PROBLEMS / "industrial_cross.yaml")]) == 0
     assert "the baseline:" not in capsys.readouterr().out
-
-
-def test_a_drive_at_the_arm():
-    drive = {
-        "torque": [10.0, 11.0, 11.0],
-        "speed": 8.0,
-        "inertia": 0.02,
-        "friction": {"viscous": 0.3, "coulomb": 2.0, "speed": 0.05},
-        "rms_torque": 5.0,
-    }
-    lines = [" ".join(line.split()) for line in drive_table(Drive.model_validate(drive))]
-    assert lines == [
-        "drive, at the arm",
-        "torque 10, 11, 11 N·m",
-        "RMS torque 5 N·m",
-        "speed 8 rad/s",
-        "inertia 0.02 kg·m²",
-        "friction 0.3 N·m·s/rad · θ̇ + 2 N·m · tanh(θ̇ / (0.05 rad/s))",
-    ]

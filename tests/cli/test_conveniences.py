@@ -11,7 +11,6 @@ import pytest
 
 import deltaopt
 from deltaopt.cli import main
-from deltaopt.output.in_words import table
 from deltaopt.output.saved_plan import load_plan
 from deltaopt.planning.first_motions.initial_motion import baseline
 from deltaopt.scene.scene import load_scene
@@ -63,12 +62,6 @@ def test_what_is_replaced_is_said(tmp_path, capsys):
         arguments = ["export", "table", str(tmp_path), "-o", str(tmp_path / "table.csv")]
         assert main(arguments) == 0
         assert f"{times}{tmp_path / 'table.csv'}\n" in capsys.readouterr().out
-
-
-def test_a_table_is_no_folder(tmp_path, capsys):
-    assert plan(SCENE_FILE, "--baseline", "-o", tmp_path) == 0
-    assert main(["export", "table", str(tmp_path), "-o", str(tmp_path)]) == 2
-    assert capsys.readouterr().err == f"deltaopt: {tmp_path}: is a directory\n"
 
 
 def test_several_scenes(tmp_path, capsys):
@@ -149,13 +142,6 @@ def test_a_plan_says_in_words_what_limits_it(tmp_path, capsys):
     assert "what limits the motion:\n  motor 1's torque is at its limit 9" in out
     for words in ("not met", "fail", "Pontryagin"):
         assert words not in out
-
-
-def test_pontryagins_condition_is_told_where_it_was_asked_for():
-    line = baseline(load_scene(SCENE_FILE))
-    found = verify(load_scene(SCENE_FILE), line)
-    assert "Pontryagin" not in table(found)
-    assert "not met" in table(found, asked_for=1e-9)
 
 
 def test_the_journal_of_a_hard_scene_is_told_if_asked_for(tmp_path, capsys):

@@ -157,20 +157,6 @@ def test_compilers_are_tried_in_order(tmp_path, monkeypatch):
     assert len(c_compiler.compilers()) == 2
 
 
-def test_the_extras_compiler_is_found_in_its_package(tmp_path, monkeypatch):
-    (tmp_path / "ziglang").mkdir()
-    (tmp_path / "ziglang" / "__init__.py").touch()
-    script(tmp_path / "ziglang" / "zig", "exit 1")
-    monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setenv("PATH", "")
-    c_compiler._extra.cache_clear()
-    try:
-        found = compiler()
-    finally:
-        c_compiler._extra.cache_clear()
-    assert found == Compiler(str(tmp_path / "ziglang" / "zig"), ("cc", "-s"), "ziglang")
-
-
 def test_the_interpreter_is_said_once(caplog, monkeypatch):
     monkeypatch.setattr(compiling, "compilers", list)
     for number in range(3):
@@ -191,29 +177,6 @@ def test_a_damaged_library_that_cannot_be_compiled_again_is_not_loaded(caplog, m
     damaged, interpreted = caplog.messages
     assert damaged == f"{kept} is damaged and is compiled again"
     assert interpreted.startswith("CasADi interprets")
-
-
-@needs_compiler
-def test_compiling_is_said_once_if_it_takes_long(caplog, monkeypatch):
-    caplog.set_level("INFO", "deltaopt")
-    monkeypatch.setattr(c_compiler, "_SOON", 0.0)
-    library(SOURCE)
-    library(f"{SOURCE}/* other */")
-    (said,) = caplog.messages
-    assert said.startswith("compiling for this machine, once")
-
-
-@needs_compiler
-def test_abandoned_build_folders_are_removed_and_others_kept(folder):
-    library(SOURCE)
-    old, new = folder / "building-old", folder / "building-new"
-    for each in (old, new):
-        each.mkdir()
-    an_hour_ago = time.time() - 3700
-    os.utime(old, (an_hour_ago, an_hour_ago))
-    library(SOURCE + "int other(void) { return 1; }\n")
-    assert not old.exists()
-    assert new.exists()
 
 
 @needs_compiler

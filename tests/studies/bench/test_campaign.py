@@ -7,7 +7,6 @@ import pytest
 
 from deltaopt import load_scene, plan
 from deltaopt.robot.model import delta_model
-from studies.bench.campaign import write_scene
 from studies.bench.hard_moves import ROBOTS, move
 from studies.bench.met_belts import of_belt
 from studies.bench.possible import possibility
@@ -62,20 +61,6 @@ def test_a_move_is_not_possible_where_a_body_encloses_its_goal(monkeypatch, body
         "half_space": {"point": ((goal + scene.start) / 2).tolist(), "normal": goal - scene.start},
     }
     assert not possibility(scene.model_copy(update={"keep_out": [{body: bodies[body]}]})).found
-
-
-def test_a_given_path_is_possible_where_it_is_reachable_and_can_be_held():
-    line = move(1, len(ROBOTS) * list(STRATA).index("line")).scene
-    assert possibility(line).found
-    x, y, z = line.start
-    beyond = line.model_copy(update={"goal": (x + 5, y, z)})
-    assert not possibility(beyond).found
-
-
-@pytest.mark.parametrize("name", ["lifted", "corner", "sphere", "moving ends", "range of payloads"])
-def test_a_scene_of_every_kind_is_read_as_it_was_written(tmp_path, name):
-    each = move(1, len(ROBOTS) * list(STRATA).index(name))
-    assert load_scene(write_scene(tmp_path, each, "why")) == each.scene
 
 
 def test_an_approach_is_possible_unless_a_cylinder_leads_nowhere(monkeypatch):
