@@ -18,7 +18,7 @@ from deltaopt.compare.dynamics.models import models
 from deltaopt.compare.dynamics.printed import as_printed
 from deltaopt.compare.dynamics.report import verdict
 from deltaopt.compare.dynamics.samples import PAPER, exact_samples, rounding_error
-from deltaopt.compare.dynamics.study import Study, compare_dynamics, operations
+from deltaopt.compare.dynamics.study import Study, compare_dynamics
 from deltaopt.compare.dynamics.tasks import TASKS, Samples
 from deltaopt.dynamics.constraint_matrix import Partition
 from deltaopt.dynamics.lagrange import Multiplier
@@ -66,15 +66,6 @@ def test_virtual_work_and_kane_need_the_same_operations(study: Study) -> None:
         for variant in ("closed form", "partition", "null space"):
             rows = [study.row(task, f"K, {name}", variant) for name in ("Kane", "virtual work")]
             assert rows[0].operations == rows[1].operations
-
-
-def test_counts_operations() -> None:
-    x, y = ca.SX.sym("x"), ca.SX.sym("y")
-    scalars = ca.Function("f", [x, y], [ca.sin(x) * y + 2])
-    assert operations(scalars) == 3
-    A, b = ca.MX.sym("A", 6, 6), ca.MX.sym("b", 6)
-    solver = ca.Function("g", [A, b], [ca.solve(A, b, "qr") * scalars(A[0, 0], b[0])])
-    assert operations(solver) == 3 + round(2 / 3 * 6**3 + 2 * 6**2)
 
 
 @pytest.mark.skipif(compiler() is None, reason="no C compiler")

@@ -39,18 +39,6 @@ def test_to_the_last_bit(saved):
     assert deltaopt.verify(again.scene, again.trajectory).ok
 
 
-def test_coordinates_of_their_own(tmp_path):
-    """Motions whose loops may drift carry all twelve coordinates."""
-    scene = deltaopt.load_scene(PROBLEMS / "pick_and_place.yaml")
-    closure = deltaopt.AccelerationLevel()
-    drifting = deltaopt.Redundant(deltaopt.explicit, closure)
-    plan = deltaopt.plan(scene, formulation=drifting, tolerance=1e-2)
-    assert plan.trajectory.coordinates is not None
-    plan.save(tmp_path)
-    again = deltaopt.load_plan(tmp_path).trajectory.coordinates
-    np.testing.assert_array_equal(again.coefficients, plan.trajectory.coordinates.coefficients)
-
-
 BROKEN = {
     "no file": (lambda c: None, "no such file"),
     "no JSON": (lambda c: "{", "cannot be read"),

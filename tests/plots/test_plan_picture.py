@@ -12,7 +12,6 @@ from deltaopt.plots import plan as chart
 from deltaopt.plots.robot_view import View, chains
 from deltaopt.plots.style import figure
 from studies.problems import PROBLEMS
-from tests.overlaps import overlaps
 
 SCENE = deltaopt.load_scene(PROBLEMS / "pick_and_place.yaml")
 
@@ -155,14 +154,3 @@ def test_the_check_of_labels_finds_faults(tmp_path, place, fault):
 
     with pytest.raises(AssertionError, match=fault):
         draw()
-
-
-def test_the_check_of_labels_looks_at_numbers_of_ticks(tmp_path, monkeypatch):
-    pages = []
-    monkeypatch.setattr(Figure, "savefig", lambda page, *_, **__: pages.append(page))
-    with figure(tmp_path / "a.png", 1.5, 1.5) as page:
-        axes = page.subplots()
-        axes.set_xticks([0.0, 0.5, 0.55, 1.0])
-        axes.set_yticks([])
-    pages[0].draw_without_rendering()
-    assert overlaps(pages[0]) == ["'0.50' overlaps '0.55'"]

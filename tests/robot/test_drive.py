@@ -85,14 +85,6 @@ def test_every_key_of_a_drive_at_the_arm() -> None:
     assert hash(Drive.model_validate(drive.model_dump())) == hash(drive)
 
 
-def test_what_is_absent_is_none() -> None:
-    given = robot()
-    assert (given.joints, given.workspace, given.rms_torque, given.speed_limits) == (None,) * 4
-    drive = given.drive
-    assert (drive.inertia, drive.friction, drive.torque_curve, drive.motor) == (None,) * 4
-    assert given.model_dump(exclude_none=True)["drive"] == {"torque": 10.0}
-
-
 @pytest.mark.parametrize(
     ("speed", "limits"), [(None, (8.0, 8.0, 8.0)), ([9.0, 7.0, 8.0], (8.0, 7.0, 8.0))]
 )
@@ -154,17 +146,6 @@ def test_a_gear_that_cuts_all_of_a_curve_leaves_a_constant(peak: float, rpm: flo
     gear = GEAR | {"peak_torque": peak, "nominal_torque": 50.0, "input_speed": rpm * RPM}
     curve = robot(drive=CATALOGUE | {"gear": gear}).drive.torque_curve
     assert curve == ((0.0, peak), (pytest.approx(rpm * RPM / 33, rel=1e-14), peak))
-
-
-def test_what_a_catalogue_does_not_name_is_absent_at_the_arm() -> None:
-    drive = robot(drive={"motor": {"peak_torque": 8.0}}).drive
-    assert drive == Drive.model_validate({"motor": {"peak_torque": 8.0}})
-    assert (drive.torque, drive.speed, drive.inertia) == (8.0, None, None)
-    assert (drive.torque_curve, drive.rms_torque) == (None, None)
-    geared = robot(drive={"motor": {"peak_torque": 8.0}, "gear": {"ratio": 10.0}}).drive
-    assert (geared.torque, geared.speed, geared.inertia) == (80.0, None, None)
-    braked = robot(drive={"motor": {"peak_torque": 8.0}, "brake": {"inertia": 0.5}}).drive
-    assert braked.inertia == 0.5
 
 
 def test_a_catalogues_drive_is_written_as_it_was_given() -> None:

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from deltaopt.errors import Infeasible
 from deltaopt.planning.planner import Planner
 from deltaopt.robot.robot import load_robot
 from studies.__main__ import main
@@ -48,13 +47,6 @@ def test_moves_of_a_robot_that_can_be_in_a_tenth_of_its_workspace(monkeypatch):
     for x, y, z in (point for each in moves for point in each.given_points):
         assert depth <= x <= most
         assert np.hypot(y, z) <= radius
-
-
-def test_a_robot_without_a_workspace(monkeypatch):
-    monkeypatch.setattr("studies.bench.random_scenes._MOST_BATCHES", 2)
-    monkeypatch.setattr("studies.bench.random_scenes.MARGIN", 1.0)
-    with pytest.raises(Infeasible, match="of 8192 random points not even two are in the workspace"):
-        next(random_scenes(ORSINO, 1.0, 1, seed=1))
 
 
 def test_random_moves_by_switch_resolution(capsys):

@@ -63,23 +63,6 @@ def test_a_move_is_not_possible_where_a_body_encloses_its_goal(monkeypatch, body
     assert not possibility(scene.model_copy(update={"keep_out": [{body: bodies[body]}]})).found
 
 
-def test_an_approach_is_possible_unless_a_cylinder_leads_nowhere(monkeypatch):
-    """A slab above the start leaves no way up, and none around it in the cylinder."""
-    monkeypatch.setattr("studies.bench.possible._STEPS", (12,))
-    free = move(1, len(ROBOTS) * list(STRATA).index("approach")).scene
-    assert possibility(free).found
-    x, y, z = free.start
-    blocked = free.model_copy(
-        update={
-            "keep_out": [
-                {"box": {"from": [x - 0.02, y - 1, z - 1], "to": [x - 0.01, y + 1, z + 1]}}
-            ],
-            "approach": {**free.approach.model_dump(), "start": {"height": 0.03, "radius": 0.01}},
-        }
-    )
-    assert "out of the cylinder about the start" in possibility(blocked).against
-
-
 def test_belts_that_can_be_met_and_others(monkeypatch):
     """One is never in reach slowly enough, one leaves too soon, and one is met; by the default
     solver instead of Ipopt, which takes ten times as long."""
