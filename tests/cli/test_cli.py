@@ -70,18 +70,6 @@ def test_csv_is_the_motion_to_the_last_digit(written):
     np.testing.assert_array_equal(table[:, 19:], motion.tau)
 
 
-def test_json_says_what_was_found(written):
-    content = json.loads((written / "plan.json").read_text(encoding="utf-8"))
-    assert content["duration"] == baseline(SCENE).duration
-    assert content["verification"]["ok"] is True
-    assert content["verification"]["torque_excess"] < 1e-9
-    assert content["scene"]["robot"]["name"] == SCENE.robot.name
-    assert content["scene"]["goal"] == [0.45, 0.1, 0.0]
-    wanted = {"formulation", "transcription", "intervals", "status", "iterations", "solve_seconds"}
-    assert wanted <= set(content)
-    assert {"casadi", "numpy", "python"} <= set(content["versions"])
-
-
 @pytest.mark.parametrize("rate", [333.0, 1 / 0.196, 1e-3])
 def test_instants(rate):
     line = baseline(SCENE)
@@ -127,26 +115,6 @@ def test_failed_verification_is_exit_1(tmp_path, capsys, monkeypatch):
     assert "verification failed: torque of motor 1 exceeds its limit by 1.7" in printed.err
     content = json.loads((tmp_path / "plan.json").read_text(encoding="utf-8"))
     assert content["verification"]["ok"] is False
-
-
-def test_check(capsys):
-    assert main(["check", str(SCENE_FILE)]) == 0
-    out = capsys.readouterr().out
-    for words in (
-        "coordinates  12:",
-        "constraints  9:",
-        "freedom      3 degrees",
-        "payload 1 kg",
-        "friction",
-        "straight line by a quintic law in 0.196573 s",
-        "from rest to rest",
-    ):
-        assert words in out
-    table = out[out.index("limit  ") :].splitlines()
-    assert table[1].split() == [
-        *("torque", "motor", "N·m", "±", "10", "2", "(acceleration", "or", "torque)", "yes")
-    ]
-    assert not [line for line in table if line.startswith("speed")]
 
 
 def test_check_names_what_a_scene_leaves_out(capsys, tmp_path):

@@ -130,14 +130,6 @@ def test_tables_and_checks_as_json(tmp_path, capsys):
 # What is said when all is well
 
 
-def test_a_plan_says_in_words_what_limits_it(tmp_path, capsys):
-    assert plan(SCENE_FILE, "-o", tmp_path) == 0
-    out = capsys.readouterr().out
-    assert "what limits the motion:\n  motor 1's torque is at its limit 9" in out
-    for words in ("not met", "fail", "Pontryagin"):
-        assert words not in out
-
-
 def test_the_journal_of_a_hard_scene_is_told_if_asked_for(tmp_path, capsys):
     """Ways past bodies: each with what came of it, and the one that is taken among them."""
     wall = "problems/keep_out/wall_25_305_25.yaml"

@@ -209,17 +209,6 @@ def test_what_is_no_quantity_is_left_for_the_field_to_refuse(text: str) -> None:
             "expected one torque in N·m, greater than 0, or three",
         ),
         (
-            "drive.speed",
-            "4500 1/min",
-            "drive.speed is '4500 1/min', which cannot be converted to rad/s; expected one "
-            "angular speed in rad/s, greater than 0, or three",
-        ),
-        (
-            "upper_arm.inertia",
-            "-1 kg*m^2",
-            "upper_arm.inertia is '-1 kg*m^2'; expected a moment of inertia in kg·m², at least 0",
-        ),
-        (
             "base_radius",
             "1e99 m",
             "base_radius is '1e99 m', which would be 1e+99 m, where at most 10 is plausible; "

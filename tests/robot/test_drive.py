@@ -141,13 +141,6 @@ def test_the_gear_may_be_what_limits() -> None:
     assert torques == pytest.approx([200, 200, 31.02 * (4 + 4 / 3)], rel=1e-14)
 
 
-@pytest.mark.parametrize(("peak", "rpm"), [(100.0, 6000.0), (240.0, 3000.0)])
-def test_a_gear_that_cuts_all_of_a_curve_leaves_a_constant(peak: float, rpm: float) -> None:
-    gear = GEAR | {"peak_torque": peak, "nominal_torque": 50.0, "input_speed": rpm * RPM}
-    curve = robot(drive=CATALOGUE | {"gear": gear}).drive.torque_curve
-    assert curve == ((0.0, peak), (pytest.approx(rpm * RPM / 33, rel=1e-14), peak))
-
-
 def test_a_catalogues_drive_is_written_as_it_was_given() -> None:
     given = robot(drive=CATALOGUE | {"friction": {"viscous": 0.3}})
     told = json.loads(json.dumps(given.model_dump(mode="json", exclude_none=True)))

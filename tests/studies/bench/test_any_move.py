@@ -47,12 +47,3 @@ def test_moves_of_a_robot_that_can_be_in_a_tenth_of_its_workspace(monkeypatch):
     for x, y, z in (point for each in moves for point in each.given_points):
         assert depth <= x <= most
         assert np.hypot(y, z) <= radius
-
-
-def test_random_moves_by_switch_resolution(capsys):
-    robot = str(PROBLEMS / "robots/orsino.yaml")
-    assert main(["bench", "any", robot, "--number", "1", "--tolerance", "1e-6"]) == 0
-    told = capsys.readouterr().out
-    assert "planned 1, switches resolved 1, certified 1, verified 1" in told
-    assert "1 planned on meshes alone too" in told
-    assert "slower by more than both gaps tell in 0, by 0.0e+00 at most, and faster in 0" in told
