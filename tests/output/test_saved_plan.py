@@ -20,7 +20,7 @@ def saved(tmp_path_factory):
     """A plan and the folder it was saved to."""
     folder = tmp_path_factory.mktemp("plan")
     plan = deltaopt.plan(deltaopt.load_scene(PROBLEMS / "pick_and_place.yaml"))
-    plan.save(folder)
+    plan.save(folder, chart=False)
     return plan, folder
 
 

@@ -26,7 +26,7 @@ def saved(tmp_path_factory):
     scene = deltaopt.load_scene(PROBLEMS / "pick_and_place.yaml")
     joints = {"zero": ZERO, "sign": [1, -1, 1]}
     robot = scene.robot.model_copy(update={"joints": joints})
-    deltaopt.plan(scene.model_copy(update={"robot": robot})).save(folder)
+    deltaopt.plan(scene.model_copy(update={"robot": robot})).save(folder, chart=False)
     return folder
 
 
