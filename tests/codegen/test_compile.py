@@ -157,6 +157,20 @@ def test_compilers_are_tried_in_order(tmp_path, monkeypatch):
     assert len(c_compiler.compilers()) == 2
 
 
+def test_the_extras_compiler_is_found_in_its_package(tmp_path, monkeypatch):
+    (tmp_path / "ziglang").mkdir()
+    (tmp_path / "ziglang" / "__init__.py").touch()
+    script(tmp_path / "ziglang" / "zig", "exit 1")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setenv("PATH", "")
+    c_compiler._extra.cache_clear()
+    try:
+        found = compiler()
+    finally:
+        c_compiler._extra.cache_clear()
+    assert found == Compiler(str(tmp_path / "ziglang" / "zig"), ("cc", "-s"), "ziglang")
+
+
 def test_the_interpreter_is_said_once(caplog, monkeypatch):
     monkeypatch.setattr(compiling, "compilers", list)
     for number in range(3):

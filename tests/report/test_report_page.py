@@ -225,6 +225,17 @@ def test_what_was_attempted_is_told_where_it_was_more_than_once(planned):
     assert "once more: the way <below>, 0.3 s, 16 intervals: no motion (4 meshes)" in text
 
 
+def test_bodies_are_told_and_collisions_with_others_are_not_modelled(planned):
+    text = str(Text(report(of_line(NARROW, baseline(NARROW)))))
+    assert "Bodies are grey" in text
+    assert "Diamonds are via points" in text
+    assert "collisions with anything but the bodies of the scene" in text
+    found, verification = planned
+    plain = str(Text(report(Facts(SCENE, found.trajectory, found, verification))))
+    assert "Bodies are grey" not in plain
+    assert "Diamonds" not in plain
+
+
 # In a browser
 
 
