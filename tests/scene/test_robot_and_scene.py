@@ -396,23 +396,14 @@ def test_a_misspelt_key_is_named_rather_than_the_key_it_leaves_missing(tmp_path:
     assert (error.key, error.value, error.expected) == ("forearm.masss", 0.25, "mass")
 
 
-@pytest.mark.parametrize(
-    ("first", "doubled", "key", "value"),
-    [
-        ("payload: 1.0", "payload: 1.0\npayload: 2.0", "payload", 2.0),
-        ("torque: 9.0", "torque: 9.0\n  torque: 8.0", "limits.torque", 8.0),
-    ],
-)
-def test_a_key_given_twice(
-    tmp_path: Path, first: str, doubled: str, key: str, value: float
-) -> None:
+def test_a_key_given_twice(tmp_path: Path) -> None:
     file = write(tmp_path)
-    text = file.read_text().replace(first, doubled)
+    text = file.read_text().replace("torque: 9.0", "torque: 9.0\n  torque: 8.0")
     file.write_text(text)
-    line = text.splitlines().index(doubled.splitlines()[-1]) + 1
+    line = text.splitlines().index("  torque: 8.0") + 1
     error = error_of(file)
-    assert (error.file, error.key, error.value) == (file, key, value)
-    assert f": {key} is given again in line {line}; expected each key once" in str(error)
+    assert (error.file, error.key, error.value) == (file, "limits.torque", 8.0)
+    assert f": limits.torque is given again in line {line}; expected each key once" in str(error)
 
 
 # --- files that are no scene --------------------------------------------------------------
@@ -444,9 +435,7 @@ def test_a_file_that_cannot_be_parsed(
     assert str(error).startswith(f"{tmp_path / name} {problem}")
 
 
-@pytest.mark.parametrize(
-    ("content", "value"), [("- a\n- 1\n", ["a", 1.0]), ("hello\n", "hello"), ("0\n", 0.0)]
-)
+@pytest.mark.parametrize(("content", "value"), [("- a\n- 1\n", ["a", 1.0]), ("0\n", 0.0)])
 def test_a_file_that_is_no_mapping(tmp_path: Path, content: str, value: object) -> None:
     scene_file = write(tmp_path)
     scene_file.write_text(content)
@@ -640,7 +629,6 @@ def test_what_is_missing_is_missing_in_its_mapping(tmp_path):
     ("body", "key", "place"),
     [
         ("box: {from: [1, 2, 3], to: [1, 5, 6]}", "keep_out[2].box.to", "line 4, column 32"),
-        ("bax: {}", "keep_out[2].bax", "line 4, column 10"),
         ("sphere: {centre: [1, 2, 3]}", "keep_out[2].sphere.radius", "line 4, column 13"),
         ("hull: {file: none.stl}", "keep_out[2].hull.file", "line 4, column 18"),
         ("{}", "keep_out[2]", "line 4, column 5"),
