@@ -7,6 +7,8 @@ from pathlib import Path
 import yaml
 
 from deltaopt.cli import main
+from deltaopt.cli.check import drive_table
+from deltaopt.robot.drive import Drive
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 
@@ -49,3 +51,22 @@ def test_the_baselines_duty_where_motors_are_rated(capsys, tmp_path):
         assert words in out
     assert main(["check", str(PROBLEMS / "industrial_cross.yaml")]) == 0
     assert "the baseline:" not in capsys.readouterr().out
+
+
+def test_a_drive_at_the_arm():
+    drive = {
+        "torque": [10.0, 11.0, 11.0],
+        "speed": 8.0,
+        "inertia": 0.02,
+        "friction": {"viscous": 0.3, "coulomb": 2.0, "speed": 0.05},
+        "rms_torque": 5.0,
+    }
+    lines = [" ".join(line.split()) for line in drive_table(Drive.model_validate(drive))]
+    assert lines == [
+        "drive, at the arm",
+        "torque 10, 11, 11 N·m",
+        "RMS torque 5 N·m",
+        "speed 8 rad/s",
+        "inertia 0.02 kg·m²",
+        "friction 0.3 N·m·s/rad · θ̇ + 2 N·m · tanh(θ̇ / (0.05 rad/s))",
+    ]

@@ -11,7 +11,7 @@ import pytest
 
 import deltaopt.cli.plan
 from deltaopt.cli import COMMANDS, main
-from deltaopt.output.plan_files import COLUMNS, instants
+from deltaopt.output.plan_files import COLUMNS, instants, write_motion
 from deltaopt.planning.first_motions.initial_motion import baseline
 from deltaopt.planning.plan import Plan
 from deltaopt.scene.scene import load_scene
@@ -223,6 +223,11 @@ def test_too_many_rows(limits, rate, duration, tmp_path, capsys):
     assert not out.exists()
     possible = float(sentence.split()[-4])
     assert len(instants(baseline(load_scene(scene)), possible)) < 1_000_001
+
+
+def test_csv_of_too_many_rows(tmp_path):
+    with pytest.raises(ValueError, match=r"^rate is 1e\+09 Hz; for 1000000 rows it may be"):
+        write_motion(tmp_path / "a.csv", baseline(SCENE), rate=1e9)
 
 
 def test_inverse_in_years(tmp_path, capsys):

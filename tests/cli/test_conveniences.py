@@ -11,6 +11,7 @@ import pytest
 
 import deltaopt
 from deltaopt.cli import main
+from deltaopt.output.in_words import table
 from deltaopt.output.saved_plan import load_plan
 from deltaopt.planning.first_motions.initial_motion import baseline
 from deltaopt.scene.scene import load_scene
@@ -62,6 +63,23 @@ def test_what_is_replaced_is_said(tmp_path, capsys):
         arguments = ["export", "table", str(tmp_path), "-o", str(tmp_path / "table.csv")]
         assert main(arguments) == 0
         assert f"{times}{tmp_path / 'table.csv'}\n" in capsys.readouterr().out
+
+
+def test_replaced_figures_and_charts_are_said(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("deltaopt.compare.model_terms.effects_of_terms", lambda *_: [])
+    drawn = "deltaopt.plots.model_terms.draw_terms"
+    monkeypatch.setattr(drawn, lambda file, *_: file.write_text("new", encoding="utf-8"))
+    mine = tmp_path / "terms.png"
+    mine.write_text("mine", encoding="utf-8")
+    assert main(["check", str(SCENE_FILE), "--terms", "-o", str(tmp_path)]) == 0
+    assert f"replaced: {mine}\n" in capsys.readouterr().out
+    assert mine.read_text(encoding="utf-8") == "new"
+    mine = tmp_path / "motion.png"
+    mine.write_text("mine", encoding="utf-8")
+    assert main(["inverse", str(SCENE_FILE), "-o", str(tmp_path)]) == 0
+    told = capsys.readouterr().out
+    assert f"written: {tmp_path / 'inverse.csv'}, {tmp_path / 'torques.png'}\n" in told
+    assert f"replaced: {mine}\n" in told
 
 
 def test_one_hopeless_scene_of_several(tmp_path, capsys):
@@ -128,6 +146,13 @@ def test_tables_and_checks_as_json(tmp_path, capsys):
 
 
 # What is said when all is well
+
+
+def test_pontryagins_condition_is_told_where_it_was_asked_for():
+    line = baseline(load_scene(SCENE_FILE))
+    found = verify(load_scene(SCENE_FILE), line)
+    assert "Pontryagin" not in table(found)
+    assert "not met" in table(found, asked_for=1e-9)
 
 
 def test_the_journal_of_a_hard_scene_is_told_if_asked_for(tmp_path, capsys):

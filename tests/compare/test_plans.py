@@ -13,7 +13,7 @@ import deltaopt
 from deltaopt.compare.plans.cases import FiveBarTask, delta_case
 from deltaopt.compare.plans.interpreted import interpreted
 from deltaopt.compare.plans.measures import Quality
-from deltaopt.compare.plans.report import tables, verdict
+from deltaopt.compare.plans.report import COLUMNS, csv, tables, verdict
 from deltaopt.compare.plans.study import compare_plans, methods
 from deltaopt.dynamics.consistency import Residuals
 from deltaopt.mechanisms.five_bar import FiveBarParameters, five_bar, inverse_kinematics
@@ -36,6 +36,14 @@ def test_every_method_is_in_it(study):
     assert {str(row.method) for row in study.rows} == {str(method) for method in methods()}
     assert not [row for row in study.rows if row.failure and not row.refined]
     assert all(0 < row.evaluation_seconds < row.seconds for row in study.rows if not row.failure)
+
+
+def test_table_and_csv(study):
+    lines = csv(study).splitlines()
+    assert lines[0].split(",") == list(COLUMNS)
+    assert len(lines) == 1 + len(study.rows)
+    assert {line.count(",") for line in lines if '"' not in line} == {len(COLUMNS) - 1}
+    assert "multiplier   constraints at knots" in tables(study)
 
 
 def test_verdict_and_chart_with_a_failure(study, tmp_path):

@@ -221,3 +221,13 @@ def test_numbers_at_the_end_of_doubles(tmp_path, capsys, name):
     assert re.search(sentence, captured.err)
     assert captured.err.count("\n") == bool(sentence)
     assert ("torque" in captured.out) == (not sentence)
+
+
+def test_a_plan_is_verified_again(plan, tmp_path, capsys):
+    plan.save(tmp_path)
+    assert main(["verify", str(tmp_path)]) == 0
+    assert "torque excess" in capsys.readouterr().out
+    assert main(["verify", str(tmp_path), "--robot", str(ORSINO)]) == 2
+    assert "--robot is for a TABLE.csv" in capsys.readouterr().err
+    assert main(["verify", str(tmp_path / "trajectory.csv")]) == 2
+    assert "--robot ROBOT" in capsys.readouterr().err

@@ -48,6 +48,7 @@ BROKEN = {
         "its format is 2; .* reads format 1",
     ),
     "no format": (lambda c: json.dumps({k: c[k] for k in c if k != "format"}), "has no format"),
+    "an older plan": (lambda c: json.dumps(c | {"motion": None}), "its motion cannot be used"),
     "no motion": (lambda c: json.dumps({k: c[k] for k in c if k != "motion"}), "has no 'motion'"),
     "another scene": (
         lambda c: json.dumps(c | {"scene": c["scene"] | {"start": [0, "x", 0]}}),
@@ -117,6 +118,7 @@ TABLES = {
     ),
     "no number": (lambda rows: replaced(rows, 50, 4, "n/a"), "vx is 'n/a' in line 51"),
     "cut off": (lambda rows: rows[:70], "has 69 rows; the motion has 142 at 1000 Hz"),
+    "no rows": (lambda rows: rows[:1], "has 0 rows"),
     "backwards": (lambda rows: [rows[0], *rows[:0:-1]], "in equal steps"),
     "names exchanged": (
         lambda rows: [rows[0].replace("x,y", "y,x", 1), *rows[1:]],
