@@ -117,7 +117,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Print one line for each number of bodies, and every refusal."""
     robot = deltaopt.load_robot(arguments.robot)
-    for scene in scenes(robot, 5, arguments.seed + 1):
+    for scene in scenes(robot, min(5, arguments.number), arguments.seed + 1):
         outcome(scene)  # what is compiled once is not counted
     found = [outcome(scene) for scene in scenes(robot, arguments.number, arguments.seed)]
     for each in found:

@@ -44,7 +44,13 @@ FINER = (1e-5, 1e-6)
 REFERENCE = 1e-8
 DEFAULT = "default"
 FORMULATIONS = ("flat", "forward", "explicit", "multiplier")
-SMALL = {"scenes": (PICK_AND_PLACE,), "tolerances": (1e-2,), "finer": (), "chosen": ("flat",)}
+SMALL = {
+    "scenes": (PICK_AND_PLACE,),
+    "tolerances": (1e-2,),
+    "finer": (),
+    "chosen": ("flat",),
+    "peer_settings": 1,
+}
 
 
 @dataclass(frozen=True)
@@ -99,8 +105,10 @@ def measure(
     tolerances: tuple[float, ...],
     finer: tuple[float, ...],
     chosen: tuple[str, ...],
+    peer_settings: int | None = None,
 ) -> tuple[list[Attempt], list[PeerAttempt]]:
-    """Attempt all scenes by all methods at all tolerances, and by other programs."""
+    """Attempt all scenes by all methods at all tolerances, and by other programs, with so many of
+    their settings, from the coarsest, or all."""
     tries = [(DEFAULT, 1, t) for t in (*tolerances, *finer)]
     tries += [(method, d, t) for method in chosen for d in (1, 2) for t in tolerances]
     found, peers = [], []
@@ -109,7 +117,7 @@ def measure(
         reference = deltaopt.plan(scene, tolerance=REFERENCE).trajectory
         best, share = reference.duration, i / len(scenes)
         told = partial(progress, share)
-        peers += list(peer_attempts(told, file.stem, scene, reference))
+        peers += list(peer_attempts(told, file.stem, scene, reference, peer_settings))
         for k, (method, degree, tolerance) in enumerate(tries):
             progress((i + k / len(tries)) / len(scenes), f"{file.stem}: {method} {tolerance:g}")
             given = settings(method, degree, tolerance)
@@ -223,6 +231,7 @@ def peers_csv(attempts: list[PeerAttempt]) -> str:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_directory(parser, "frontier")
     parser.set_defaults(scenes=SCENES, tolerances=TOLERANCES, finer=FINER, chosen=FORMULATIONS)
+    parser.set_defaults(peer_settings=None)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -230,7 +239,9 @@ def run(arguments: argparse.Namespace) -> int:
     from studies.plots.frontier import draw
 
     a = arguments
-    attempts, theirs = measure(ProgressBar(), a.scenes, a.tolerances, a.finer, a.chosen)
+    attempts, theirs = measure(
+        ProgressBar(), a.scenes, a.tolerances, a.finer, a.chosen, a.peer_settings
+    )
     found, peers = points(attempts), peer_points(theirs)
     print(table_of(found), verdict(found), peers_table(peers), sep="\n\n")
     absent = [name for name in PEERS if name not in {p.peer for p in peers}]

@@ -72,11 +72,16 @@ Peer = Callable[[Scene, Trajectory, int], tuple[float, float, bool]]
 
 
 def peer_attempts(
-    progress: Callable[[str], None], name: str, scene: Scene, best: Trajectory
+    progress: Callable[[str], None],
+    name: str,
+    scene: Scene,
+    best: Trajectory,
+    most: int | None = None,
 ) -> Iterator[PeerAttempt]:
-    """Attempt a scene by all peers that are installed; ``best``: the reference."""
+    """Attempt a scene by all peers that are installed; ``best``: the reference; ``most``: settings
+    of each, from the coarsest; None: all."""
     for peer, (attempt, settings) in PEERS.items():
-        for setting in settings:
+        for setting in settings[:most]:
             progress(f"{name}: {peer}, {setting}")
             try:
                 duration, seconds, good = attempt(scene, best, setting)

@@ -25,7 +25,7 @@ import deltaopt
 from deltaopt.scene.task import given_points
 
 HELP = "hold plans of scenes of every kind against those that are recorded"
-SMALL = {"every": 78}
+SMALL = {"every": 156}
 
 HERE = Path(__file__).parent
 PROBLEMS = HERE.parent / "problems"

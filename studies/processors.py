@@ -24,7 +24,7 @@ from studies.problems import PROBLEMS, ROBOTS
 
 ROOT = PROBLEMS.parent
 HELP = "the same plans by several processors' code"
-SMALL: Mapping[str, object] = {"moves": 2, "only": ("OpenBLAS for Haswell",), "shipped": False}
+SMALL: Mapping[str, object] = {"moves": 1, "only": ("OpenBLAS for Haswell",), "shipped": False}
 
 _ENVIRONMENTS = {
     "OpenBLAS for Haswell": {"OPENBLAS_CORETYPE": "Haswell"},

@@ -40,7 +40,13 @@ Array = NDArray[np.float64]
 
 HELP = "all C under the compiler's sanitizers"
 SANITIZERS = ("address,undefined", "thread")
-SMALL = {"robots": (ORSINO,), "moves": 1, "functions": 1, "own_tests": False}
+SMALL = {
+    "robots": (ORSINO,),
+    "moves": 1,
+    "functions": 1,
+    "own_tests": False,
+    "sanitizers": SANITIZERS[:1],
+}
 _LEVEL = {"address,undefined": "-O0", "thread": "-O1"}
 """With which the large sources compile fastest."""
 _FLAGS = ("-g", "-march=native", "-fno-sanitize-recover=all", "-pthread")
@@ -400,11 +406,12 @@ def check_controller(robot: deltaopt.Robot, sanitizer: str) -> str:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.set_defaults(robots=(ORSINO, INDUSTRIAL), moves=5, functions=100, own_tests=True)
+    parser.set_defaults(sanitizers=SANITIZERS)
 
 
 def run(arguments: argparse.Namespace) -> int:
     usable = []
-    for sanitizer in SANITIZERS:
+    for sanitizer in arguments.sanitizers:
         why = missing(sanitizer)
         print(f"{sanitizer}: {why or 'works here'}", flush=True)
         usable += [] if why else [sanitizer]

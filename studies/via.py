@@ -24,7 +24,7 @@ HELP = "plan random motions through random via points, exactly and in spheres"
 ROBOTS = tuple(
     PROBLEMS / "robots" / f"{name}.yaml" for name in ("orsino", "industrial", "industrial_drive")
 )
-SMALL = {"robots": ROBOTS[:1], "number": 2}
+SMALL = {"robots": ROBOTS[:1], "number": 1}
 _RADII = (1e-3, 5e-2)
 """Of the spheres, m, drawn uniformly in their logarithm."""
 KINDS = ("through a point", "through a sphere", "from a state through a point")

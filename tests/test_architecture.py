@@ -6,6 +6,7 @@ import ast
 import re
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -120,6 +121,7 @@ def rank(module: str) -> int:
     return ORDER.index(place(module))
 
 
+@cache
 def imports(module: str) -> set[str]:
     """Modules named in import statements anywhere in a module, for annotations too."""
     tree = ast.parse(MODULES[module].read_text(encoding="utf-8"))

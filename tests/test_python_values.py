@@ -84,8 +84,6 @@ def test_a_complaint_is_one_line_whatever_a_file_is_named(tmp_path, capsys):
     ("key", "value"),
     [
         ("start", {0.45, -0.05, 0.0}),
-        ("goal", frozenset({0.45, 0.1, 0.0})),
-        ("via", [{0.45, 0.0, 0.01}]),
         ("via", {(0.45, 0.0, 0.0), (0.45, 0.0, 0.01)}),
         ("payload", {0.5, 1.0}),
         ("path", {"points": [{0.45, 0.0, 0.01}], "blend": 0.01}),

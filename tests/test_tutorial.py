@@ -6,8 +6,6 @@ import re
 import shlex
 from pathlib import Path
 
-import pytest
-
 from deltaopt.cli import main
 from deltaopt.files.yaml_file import read_yaml
 
@@ -53,10 +51,3 @@ def test_files_are_those_of_the_page(tmp_path, monkeypatch):
         file = tmp_path / "shown.yaml"
         file.write_text(text, encoding="utf-8")
         assert read_yaml(file) == read_yaml(tmp_path / name)
-
-
-@pytest.mark.parametrize(
-    ("line", "found"), [("a 1.000 s", True), ("a 1.02 s", False), ("b 1.00 s", False)]
-)
-def test_what_counts_as_said(line, found):
-    assert said(line, "a   1.001 s\nc") is found

@@ -18,13 +18,10 @@ from deltaopt.planning import comparisons
 from deltaopt.planning.first_motions import (
     around_bodies,
     initial_motion,
-    moving_ends,
-    order_of_merit,
     roadmap,
     through_gates,
 )
 from deltaopt.planning.journal import Journal
-from deltaopt.planning.path import path_along
 from deltaopt.planning.run import Run
 from deltaopt.planning.trajectory_optimiser import TrajectoryOptimiser
 
@@ -65,50 +62,16 @@ RUN = Run(TrajectoryOptimiser(), Journal(lambda _: None))
 BAND = np.linspace(MOVE.start, MOVE.goal, 65)
 PASSED = load_scene("problems/moving/passed_state.yaml")
 VIA = load_scene("problems/via/three_points.yaml")
-ONTO_A_BELT = load_scene("problems/via/onto_a_belt.yaml")
 WALL = load_scene("problems/keep_out/wall_25_305_25.yaml")
 CORNERS = np.array([WALL.start, (0.75, 0.0, 0.0), WALL.goal])
 PLACES = {
     "a curve": (initial_motion, "_fastest", lambda: list(initial_motion.drivable(MOVE, [LINE]))),
-    "a wait": (
-        initial_motion,
-        "roughly_fastest",
-        lambda: initial_motion._by_way_of(MOVE, 0.5) or [],
-    ),
     "a band": (around_bodies, "roughly_fastest", lambda: around_bodies._driven(MOVE, BAND) or []),
-    "stops": (
-        around_bodies,
-        "roughly_fastest",
-        lambda: around_bodies._with_stops(MOVE, BAND[::32]) or [],
-    ),
-    "lines": (
-        order_of_merit,
-        "roughly_fastest",
-        lambda: list(order_of_merit._lines_and_curves(MOVE))[1:],
-    ),
     "a grid": (roadmap, "roughly_fastest", lambda: list(roadmap._driven(MOVE, BAND))),
-    "onwards": (
-        moving_ends,
-        "first_between",
-        lambda: list(moving_ends._onwards(PASSED, LINE.position)),
-    ),
-    "a run-up": (moving_ends, "first_motion", lambda: list(moving_ends._with_run_up(PASSED, None))),
     "splines": (
         through_gates,
         "_spline_at_rest",
         lambda: list(through_gates.through_gates(VIA))[1:],
-    ),
-    "legs": (
-        through_gates,
-        "first_between",
-        lambda: [
-            m for _, m in through_gates.through_gates(VIA) if m.position.coefficients.shape[1] > 4
-        ],
-    ),
-    "a path of lines": (
-        path_along,
-        "fastest_on_path",
-        lambda: path_along.fastest_along(WALL, CORNERS, 1e-3) or [],
     ),
     "comparisons": (comparisons, "baseline", lambda: list(comparisons.straight_lines(MOVE))[1:]),
     "a rough duration": (

@@ -9,8 +9,6 @@ import yaml
 from deltaopt.cli import main
 from deltaopt.cli.check import drive_table
 from deltaopt.robot.drive import Drive
-from deltaopt.scene.scene import load_scene
-from deltaopt.scene.task import distance
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 
@@ -38,13 +36,6 @@ def test_every_step_from_the_catalogue_to_the_arm(capsys):
         assert line in lines
     page = (PROBLEMS.parent / "docs/drives.md").read_text(encoding="utf-8")
     assert out[out.index("drive, at the arm") :] in page
-
-
-def test_hornets_scenes():
-    scenes = [load_scene(file) for file in sorted((PROBLEMS / "hornet").glob("*.yaml"))]
-    assert [scene.payload for scene in scenes] == [1.0, 3.0, None]
-    assert {distance(scene.task) for scene in scenes} == {0.305}
-    assert {scene.robot.drive.torque for scene in scenes} == {65.0}
 
 
 def test_the_baselines_duty_where_motors_are_rated(capsys, tmp_path):

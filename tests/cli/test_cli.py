@@ -53,12 +53,9 @@ def written(tmp_path_factory) -> Path:
     return folder
 
 
-def test_baseline_writes_three_files(written):
+def test_csv_is_the_motion_to_the_last_digit(written):
     assert names(written) == ["plan.json", "plan.png", "trajectory.csv"]
     assert (written / "plan.png").read_bytes().startswith(PNG)
-
-
-def test_csv_is_the_motion_to_the_last_digit(written):
     text = (written / "trajectory.csv").read_text(encoding="utf-8")
     header, *rows = text.splitlines()
     assert header == HEADER
@@ -73,19 +70,7 @@ def test_csv_is_the_motion_to_the_last_digit(written):
     np.testing.assert_array_equal(table[:, 19:], motion.tau)
 
 
-def test_json_says_what_was_found(written):
-    content = json.loads((written / "plan.json").read_text(encoding="utf-8"))
-    assert content["duration"] == baseline(SCENE).duration
-    assert content["verification"]["ok"] is True
-    assert content["verification"]["torque_excess"] < 1e-9
-    assert content["scene"]["robot"]["name"] == SCENE.robot.name
-    assert content["scene"]["goal"] == [0.45, 0.1, 0.0]
-    wanted = {"formulation", "transcription", "intervals", "status", "iterations", "solve_seconds"}
-    assert wanted <= set(content)
-    assert {"casadi", "numpy", "python"} <= set(content["versions"])
-
-
-@pytest.mark.parametrize("rate", [1000.0, 333.0, 7.0, 1 / 0.196, 1e-3])
+@pytest.mark.parametrize("rate", [333.0, 1 / 0.196, 1e-3])
 def test_instants(rate):
     line = baseline(SCENE)
     t = instants(line, rate)
@@ -93,35 +78,6 @@ def test_instants(rate):
     assert (np.diff(t) > 0).all()
     np.testing.assert_allclose(np.diff(t)[:-1], 1 / rate)
     assert t[-1] - t[-2] <= 1 / rate * (1 + 1e-12)
-
-
-def test_last_instant_is_written_once():
-    line = baseline(SCENE)
-    even = line.slowed(0.2 / line.duration)
-    assert len(instants(even, 1000.0)) == 201
-    assert np.diff(instants(even, 1000.0)).min() > 0.9e-3
-
-
-def test_rate(tmp_path):
-    arguments = ["plan", str(SCENE_FILE), "--baseline", "-o", str(tmp_path), "--rate", "100"]
-    assert main(arguments) == 0
-    assert len((tmp_path / "trajectory.csv").read_text().splitlines()) == 1 + 20 + 1
-
-
-def test_failing_writer_leaves_the_old_file_whole(tmp_path, monkeypatch):
-    file = tmp_path / "trajectory.csv"
-    file.write_text("old", encoding="utf-8")
-
-    class Broken:
-        def tolist(self):
-            yield [0.0, 1.0]
-            raise RuntimeError
-
-    monkeypatch.setattr("deltaopt.output.plan_files.rows_at", lambda *_: Broken())
-    with pytest.raises(RuntimeError):
-        write_motion(file, baseline(SCENE))
-    assert file.read_text(encoding="utf-8") == "old"
-    assert names(tmp_path) == ["trajectory.csv"]
 
 
 def test_plan_made_by_hand(tmp_path):
@@ -140,7 +96,7 @@ def test_plan_made_by_hand(tmp_path):
 
 
 def test_plan(tmp_path, capsys):
-    assert main(["plan", str(SCENE_FILE), "-o", str(tmp_path)]) == 0
+    assert main(["plan", str(SCENE_FILE), "--no-plot", "-o", str(tmp_path)]) == 0
     out = capsys.readouterr().out
     duration = json.loads((tmp_path / "plan.json").read_text(encoding="utf-8"))["duration"]
     assert 0.140869 < duration < 0.140870 * 1.001
@@ -151,32 +107,14 @@ def test_plan(tmp_path, capsys):
 
 def test_failed_verification_is_exit_1(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(deltaopt.cli.plan, "baseline", lambda scene: baseline(scene).slowed(0.99))
-    assert main(["plan", str(SCENE_FILE), "--baseline", "-o", str(tmp_path)]) == 1
+    words = ["--baseline", "--no-plot", "--rate", "100", "-o", str(tmp_path)]
+    assert main(["plan", str(SCENE_FILE), *words]) == 1
+    assert len((tmp_path / "trajectory.csv").read_text().splitlines()) == 1 + 20 + 1
     printed = capsys.readouterr()
     assert "torque excess       1.7e-02    1e-09  1            FAILED" in printed.out
     assert "verification failed: torque of motor 1 exceeds its limit by 1.7" in printed.err
     content = json.loads((tmp_path / "plan.json").read_text(encoding="utf-8"))
     assert content["verification"]["ok"] is False
-
-
-def test_check(capsys):
-    assert main(["check", str(SCENE_FILE)]) == 0
-    out = capsys.readouterr().out
-    for words in (
-        "coordinates  12:",
-        "constraints  9:",
-        "freedom      3 degrees",
-        "payload 1 kg",
-        "friction",
-        "straight line by a quintic law in 0.196573 s",
-        "from rest to rest",
-    ):
-        assert words in out
-    table = out[out.index("limit  ") :].splitlines()
-    assert table[1].split() == [
-        *("torque", "motor", "N·m", "±", "10", "2", "(acceleration", "or", "torque)", "yes")
-    ]
-    assert not [line for line in table if line.startswith("speed")]
 
 
 def test_check_names_what_a_scene_leaves_out(capsys, tmp_path):
@@ -222,9 +160,7 @@ def failure(arguments: list[str], capsys) -> tuple[int, str]:
     ("changes", "code", "words"),
     [
         ({"payload": "-1"}, 2, "payload is -1"),
-        ({"paylod": "1"}, 2, "paylod is not a known key"),
         ({"robot": "none.yaml"}, 2, "which is no file"),
-        ({"goal": "[0.45, -0.05, 0.0]"}, 2, "expected a point in m other than start"),
         ({"goal": "[0.45, 0.9, 0.0]"}, 1, "goal: the platform cannot be at [0.45, 0.9, 0] m"),
         ({"payload": "10"}, 1, "the torque of motor 1 is 13 N·m"),
     ],
@@ -236,13 +172,6 @@ def test_hopeless_scenes(command, changes, code, words, tmp_path, capsys):
     assert found == code
     assert words in sentence
     assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.parametrize("command", ["plan", "check", "inverse"])
-def test_no_such_scene(command, capsys):
-    code, sentence = failure([command, "nowhere.yaml"], capsys)
-    assert code == 2
-    assert "nowhere.yaml cannot be read" in sentence
 
 
 @pytest.mark.parametrize("command", ["plan", "inverse"])
@@ -258,7 +187,7 @@ def test_output_that_is_a_file(command, inside, tmp_path, capsys):
 
 def test_output_file_that_is_a_directory(tmp_path, capsys):
     (tmp_path / "trajectory.csv").mkdir()
-    assert main(["plan", str(SCENE_FILE), "--baseline", "-o", str(tmp_path)]) == 2
+    assert main(["plan", str(SCENE_FILE), "--baseline", "--no-plot", "-o", str(tmp_path)]) == 2
     assert "Traceback" not in capsys.readouterr().err
     assert names(tmp_path) == ["trajectory.csv"]
 
@@ -271,7 +200,6 @@ def test_output_file_that_is_a_directory(tmp_path, capsys):
         (["--formulation", "forward", "--closure", "knots"], "with --formulation forward no loops"),
         (["--formulation", "explicit", "--solver", "interior-point"], "it may be ipopt"),
         (["--baseline", "--solver", "ipopt"], "--solver says how to optimise, which --baseline"),
-        (["--baseline", "--tolerance", "1e-3"], "--tolerance says how to optimise"),
         (["--baseline", "--starts", "1"], "--starts says how to optimise"),
     ],
 )
@@ -319,13 +247,10 @@ def test_inverse_in_years(tmp_path, capsys):
         ["plan", "a.yaml", "--base"],
         ["export", "table", "out/a", "--keep"],
         ["plan", "a.yaml", "--rate", "0"],
-        ["plan", "a.yaml", "--rate", "inf"],
         ["plan", "a.yaml", "--tolerance", "-1e-3"],
-        ["plan", "a.yaml", "--intervals", "1"],
         ["plan", "a.yaml", "--intervals", "2.5"],
         ["inverse", "a.yaml", "--duration", "nan"],
         ["plan", "a.yaml", "--seed", "-1"],
-        ["plan", "a.yaml", "--seed", "1.5"],
     ],
 )
 def test_wrong_usage_is_exit_2(words, capsys):

@@ -5,11 +5,10 @@ from __future__ import annotations
 import shutil
 import subprocess
 import sys
-from types import SimpleNamespace
 
 import pytest
 
-from deltaopt.cli import COMMANDS, main
+from deltaopt.cli import main
 
 
 def test_without_shtab_one_sentence(monkeypatch, capsys):
@@ -17,25 +16,6 @@ def test_without_shtab_one_sentence(monkeypatch, capsys):
     assert main(["completion", "bash"]) == 1
     said = capsys.readouterr().err
     assert said == "deltaopt: shtab is not installed: pip install 'deltaopt[completion]'\n"
-
-
-def test_files_are_completed_where_files_are_meant(monkeypatch, capsys):
-    told = []
-
-    def complete(parser, shell):
-        told.append(parser)
-        return f"script for {shell}"
-
-    monkeypatch.setitem(sys.modules, "shtab", SimpleNamespace(FILE="files", complete=complete))
-    assert main(["completion", "fish"]) == 0
-    assert capsys.readouterr().out == "script for fish\n"
-    (commands,) = (each for each in told[0]._actions if each.dest == "==SUPPRESS==")
-    assert set(commands.choices) == set(COMMANDS)
-    plan = {each.dest: each for each in commands.choices["plan"]._actions}
-    assert plan["scenes"].complete == plan["output"].complete == "files"
-    assert not hasattr(plan["starts"], "complete")
-    (targets,) = (e for e in commands.choices["export"]._actions if e.dest == "==SUPPRESS==")
-    assert targets.choices["table"]._actions[1].complete == "files"
 
 
 @pytest.mark.skipif(shutil.which("bash") is None, reason="bash is not installed")

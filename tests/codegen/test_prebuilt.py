@@ -80,11 +80,6 @@ def test_the_fastest_level_that_runs_here_is_taken(tmp_path, monkeypatch):
     assert level_of(tmp_path) is None
 
 
-def test_levels_end_with_what_every_processor_runs():
-    assert LEVELS[-1] == BASELINE
-    assert not BASELINE.features
-
-
 def test_numbers_are_those_of_code_compiled_here(tmp_path, monkeypatch):
     """At every level; a product and a sum may be rounded together or one after the other."""
     x, p = ca.SX.sym("x", 3), ca.SX.sym("p")

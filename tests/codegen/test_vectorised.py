@@ -96,16 +96,6 @@ def test_wrong_shapes(rows):
         function(x, v[:4], parameters=P)
 
 
-def test_results_are_the_callers(rows):
-    """A later call changes no earlier result."""
-    function, _ = rows
-    x, v = arrays(2)
-    earlier = function(x[0], v[0], parameters=P)
-    kept = [result.copy() for result in earlier]
-    function(x[1], v[1], parameters=P)
-    agree(earlier, kept)
-
-
 def test_threads_do_not_meet():
     function, plain = functions()
     x, v = arrays(200)

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import csv as csv_module
 import sys
 from dataclasses import replace
-from io import StringIO
 from pathlib import Path
 
 import casadi as ca
@@ -18,14 +16,12 @@ from deltaopt.codegen.compile import compiled
 from deltaopt.compare.dynamics.many_digits import ManyDigits
 from deltaopt.compare.dynamics.models import models
 from deltaopt.compare.dynamics.printed import as_printed
-from deltaopt.compare.dynamics.report import csv, notes, share, table, verdict
+from deltaopt.compare.dynamics.report import verdict
 from deltaopt.compare.dynamics.samples import PAPER, exact_samples, rounding_error
-from deltaopt.compare.dynamics.study import Row, Study, compare_dynamics, operations
+from deltaopt.compare.dynamics.study import Study, compare_dynamics
 from deltaopt.compare.dynamics.tasks import TASKS, Samples
-from deltaopt.compare.dynamics.timing import Time
 from deltaopt.dynamics.constraint_matrix import Partition
 from deltaopt.dynamics.lagrange import Multiplier
-from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.mechanisms.delta.mechanism import DeltaParameters, delta
 
 
@@ -72,21 +68,6 @@ def test_virtual_work_and_kane_need_the_same_operations(study: Study) -> None:
             assert rows[0].operations == rows[1].operations
 
 
-def test_sizes_of_the_linear_systems(study: Study) -> None:
-    assert study.row("inverse", "L_E", "closed form").systems == "3 of 3×3, 3×3"
-    assert study.row("inverse", "L_I", "sparse QR").systems == "12×12"
-    assert study.row("forward", "L_I", "sparse QR").systems == "21×21"
-
-
-def test_counts_operations() -> None:
-    x, y = ca.SX.sym("x"), ca.SX.sym("y")
-    scalars = ca.Function("f", [x, y], [ca.sin(x) * y + 2])
-    assert operations(scalars) == 3
-    A, b = ca.MX.sym("A", 6, 6), ca.MX.sym("b", 6)
-    solver = ca.Function("g", [A, b], [ca.solve(A, b, "qr") * scalars(A[0, 0], b[0])])
-    assert operations(solver) == 3 + round(2 / 3 * 6**3 + 2 * 6**2)
-
-
 @pytest.mark.skipif(compiler() is None, reason="no C compiler")
 def test_compiled_functions_give_the_same(samples: Samples) -> None:
     mechanism = delta(PAPER)
@@ -98,53 +79,6 @@ def test_compiled_functions_give_the_same(samples: Samples) -> None:
         np.testing.assert_allclose(
             np.asarray(machine(*arguments)), np.asarray(function(*arguments)), rtol=1e-13
         )
-
-
-def test_table_and_csv_hold_every_row(study: Study) -> None:
-    lines = [line for line in table(study).splitlines() if line]
-    assert len(lines) == 37
-    rows = list(csv_module.DictReader(StringIO(csv(study))))
-    assert len(rows) == 36
-    assert float(rows[0]["median_error"]) == study.rows[0].median_error
-    assert rows[0]["model"] == "K, virtual work"
-    assert rows[0]["compiled_us"] == ""
-    assert "no C compiler" in notes(study)
-
-
-def made_up(study: Study, seconds: dict[tuple[str, str], float], error: float) -> Study:
-    """The study with other times (µs, 10 where nothing is said) and L_I's errors."""
-
-    def change(row: Row) -> Row:
-        model = row.model.removesuffix(", printed")
-        time = Time(1e-6 * seconds.get((model, row.variant), 10.0), 1.0)
-        wrong = error if model == "L_I" else 3e-16
-        return replace(row, interpreted=time, compiled=time, median_error=wrong)
-
-    rows = [change(row) for row in study.rows]
-    return replace(study, rows=rows, floor=dict.fromkeys(study.floor, 1e-16))
-
-
-def test_the_verdict_follows_the_numbers(study: Study) -> None:
-    paper = made_up(study, {("L_E", "null space"): 8.3, ("L_E", "closed form"): 8.0}, 3e-16)
-    assert share(paper, "inverse", "null space", "", compiled=True) == pytest.approx(0.83)
-    assert "the order holds." in said(paper)
-    assert "holds throughout" in said(paper)
-    assert "no reason to choose" in said(paper)
-
-    reverse = made_up(study, {("L_I", "sparse QR"): 5.0}, 3e-15)
-    assert "the order is reversed" in said(reverse)
-    assert "is reversed: L_I comes before L_E" in said(reverse)
-    assert "30.0 times (L_I)" in said(reverse)
-    assert "tells them apart" in said(reverse)
-
-    mixed = made_up(study, {("L_I", "sparse QR"): 5.0, ("L_E", "closed form"): 4.0}, 3e-16)
-    assert "no property of the models" in said(mixed)
-    assert "the order is reversed" in said(mixed)
-    assert "the order holds." in said(mixed)
-
-    equal = made_up(study, {}, 3e-16)
-    assert "the same cost indeed" in said(equal)
-    assert "the order is a tie" in said(equal)
 
 
 @pytest.mark.parametrize(
@@ -204,12 +138,3 @@ def test_missing_mpmath_is_one_sentence(
     monkeypatch.setitem(sys.modules, "mpmath", None)
     assert main(["compare", "dynamics"]) == 1
     assert "pip install 'deltaopt[compare]'" in capsys.readouterr().err
-
-
-def test_progress_bar() -> None:
-    stream = StringIO()
-    bar = ProgressBar(stream)
-    bar(0.5, "half")
-    bar(1.0, "done")
-    assert " 50%  half" in stream.getvalue()
-    assert stream.getvalue().endswith("\n")

@@ -47,18 +47,6 @@ def test_has_the_digits_asked_for() -> None:
             assert abs(e[0] - mpmath.e) < mpmath.mpf(10) ** (1 - digits)
 
 
-def test_shapes_and_sparsity() -> None:
-    A = SX(2, 3)
-    A[0, 1], A[1, 2] = x, y
-    P = SX.sym("P", 2, 2)
-    many = ManyDigits()
-    dense, product = many.evaluate(
-        ca.Function("f", [x, y, P], [A, P @ A]), [2], [3], many.matrix(np.array([[1, 2], [3, 4]]))
-    )
-    assert dense.tolist() == [[0, 2, 0], [0, 0, 3]]
-    assert product.tolist() == [[0, 2, 6], [0, 6, 12]]
-
-
 def test_the_inverse_dynamics_of_the_delta_agree_to_rounding() -> None:
     function = Explicit().inverse_dynamics(delta(PAPER)).expand()
     rng = np.random.default_rng(3)

@@ -12,16 +12,15 @@ import pytest
 import deltaopt
 from deltaopt.compare.plans.cases import FiveBarTask, delta_case
 from deltaopt.compare.plans.measures import Quality
-from deltaopt.compare.plans.report import COLUMNS, compiled_modes, csv, tables, verdict
+from deltaopt.compare.plans.report import COLUMNS, csv, tables, verdict
 from deltaopt.compare.plans.study import compare_plans, interpreted, methods
 from deltaopt.dynamics.consistency import Residuals
 from deltaopt.mechanisms.five_bar import FiveBarParameters, five_bar, inverse_kinematics
 from deltaopt.motion.time_scaling import safe_factor
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.formulations.equations import flat_equations
-from deltaopt.planning.nlp.points import PointFunction
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
-from deltaopt.plots.plans import KEPT, best_of_each, draw
+from deltaopt.plots.plans import draw
 from deltaopt.problem.of_scene import problem_of
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
@@ -58,28 +57,6 @@ def test_verdict_and_chart_with_a_failure(study, tmp_path):
     assert (tmp_path / "chart.png").stat().st_size > 20_000
 
 
-def test_the_chart_has_the_best_of_each_formulation(study):
-    """None that leaves loops open at the knots, and none that another one of its formulation
-    beats."""
-    compiled = [row for row in study.rows if row.compiled == compiled_modes(study)[-1]]
-    best = best_of_each(compiled)
-    assert [method.formulation for method in best] == ["flat", "forward", "explicit", "multiplier"]
-    for method in best:
-        assert method.closure not in ("Baumgarte", "acceleration level")
-        own, others = (
-            [
-                row.gap
-                for row in compiled
-                if row.method.formulation == method.formulation
-                and row.method.closure in KEPT
-                and (row.method == method) == same
-                and not row.failure
-            ]
-            for same in (True, False)
-        )
-        assert min(own) <= min(others, default=np.inf)
-
-
 def test_safe_duration_is_that_of_verification():
     """Of the Delta, by the general way that serves the five-bar too."""
     scene = deltaopt.load_scene(PROBLEMS / "industrial_cross.yaml")
@@ -109,15 +86,6 @@ def test_five_bar_closes_its_loops():
     JC, JP = (np.array(x) for x in ca.Function("JC", [m.q], [J @ C, J @ P])(q))
     np.testing.assert_allclose(JC, 0, atol=1e-15)
     np.testing.assert_allclose(JP, np.eye(4), atol=1e-14)
-
-
-def test_interpreted_functions_are_not_compiled():
-    equations = interpreted(flat_equations(FiveBarTask().case.system))
-    functions = [value for value in vars(equations).values() if isinstance(value, PointFunction)]
-    assert functions
-    for each in functions:
-        kinds = {derivative.class_name() for derivative, _ in (each.jacobian, each.hessian)}
-        assert kinds == {"SXFunction"}
 
 
 def test_compiled_and_interpreted_functions_give_the_same_solution():

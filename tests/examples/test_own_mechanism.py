@@ -25,12 +25,3 @@ def test_without_gravity_torque_grows_with_the_square_of_the_speed(example):
         np.testing.assert_allclose(
             (faster[i] - slow[i]) / 8, (fast[i] - slow[i]) / 3, atol=1e-12 * abs(faster[i]).max()
         )
-
-
-def test_draws(example, tmp_path):
-    example["plot"](example["setup"](), tmp_path / "picture.png")
-    assert (tmp_path / "picture.png").stat().st_size > 10_000
-
-
-def test_is_short():
-    assert len(SCRIPT.read_text().splitlines()) < 60

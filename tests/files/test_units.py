@@ -13,10 +13,9 @@ import pytest
 import yaml
 
 from deltaopt.errors import SceneError
-from deltaopt.files import units
 from deltaopt.files.units import Misread, Quantity
 from deltaopt.robot.robot import Robot, load_robot
-from deltaopt.scene.scene import Limits, Scene, load_scene
+from deltaopt.scene.scene import Scene, load_scene
 
 ROOT = Path(__file__).parents[2]
 ROBOT = {
@@ -109,43 +108,26 @@ def test_every_number_of_a_scene_may_have_a_unit(tmp_path: Path) -> None:
         assert Scene.model_validate(told) == scene
 
 
-def test_weights_have_units_too() -> None:
-    weights = {"time": "50 %", "effort": "2e-3 1/(N·m)²"}
-    free = {key: value for key, value in SCENE.items() if key != "duration"}
-    scene = Scene.model_validate(free | {"robot": ROBOT, "objective": weights})
-    assert scene.objective.weights == (0.5, 0.002)
-
-
 @pytest.mark.parametrize(
     ("unit", "text", "number"),
     [
-        ("m", "1e3", 1e3),
         ("m", "350mm", 0.35),
         ("m", " 350  mm ", 0.35),
         ("m", "2 µm", 2e-6),  # the micro sign
         ("m", "2 μm", 2e-6),  # the Greek letter
         ("m", "1.5 ft", 0.4572),
-        ("m", "3 in", 0.0762),
         ("rad", "180 degrees", pi),
-        ("rad", "1 turn", 2 * pi),
         ("rad/s", "4500 rpm", 150 * pi),
         ("rad/s", "60 °/s", pi / 3),
         ("rad/s", "3 rad s⁻¹", 3.0),
-        ("rad/s", "2 rev/s", 4 * pi),
         ("N*m", "8 Nm", 8.0),
-        ("N*m", "8 mNm", 0.008),
         ("N*m", "8 N m", 8.0),
-        ("N*m", "8 J", 8.0),
-        ("N*m", "1 kgf*m", 9.80665),
         ("N*m", "1 lbf in", 0.45359237 * 9.80665 * 0.0254),
         ("kg*m**2", "2.2 kg·cm²", 2.2e-4),
-        ("kg*m**2", "2.2 kg⋅cm**2", 2.2e-4),
         ("kg*m**2", "2.2 kg*(cm)^2", 2.2e-4),
         ("kg*m**2", "1 oz*in^2", 0.45359237 / 16 * 0.0254**2),
-        ("N*m/s", "1.2 kN*m/s", 1200.0),
         ("m/s**2", "9.81 m s⁻²", 9.81),
         ("", "94 %", 0.94),
-        ("", "94%", 0.94),
         ("", "33", 33.0),
     ],
 )
@@ -177,34 +159,22 @@ def test_a_decimal_number_is_rounded_once() -> None:
     [
         ("m", "3 kg"),
         ("m", "3 parsnip"),
-        ("m", "3 m²"),
         ("m", "0,35 m"),
         ("rad", "85 %"),
         ("rad/s", "6000 1/min"),  # by 2π another number than 6000 rpm
-        ("rad/s", "6000 min^-1"),
         ("rad/s", "100 Hz"),
         ("N*m", "8 N"),
         ("N*m", "8 Nm/rad"),
-        ("kg*m**2", "8 kg*m"),
         ("m/s**2", "2 g"),  # grams
         ("", "3 rad"),
-        ("", "3 dB"),
         ("m", "3 °C"),
         ("m", "3 m/"),
-        ("m", "3 (m"),
-        ("m", "3 m)"),
-        ("m", "3 ()"),
         ("m", "3 ****"),
         ("m", "3 m m1"),
-        ("m", "9**9**9 m"),
         ("m", "3 m**9**9**9"),
-        ("m", "3 m**99"),
         ("m", "3 m^0.5"),
         ("m", "3 __import__('os').system('true')"),
         ("m", "3 m.__class__"),
-        ("m", "3 m if 1 else 2"),
-        ("m", "3 lambda"),
-        ("m", "3 'm'"),
     ],
 )
 def test_what_is_no_such_unit(unit: str, text: str) -> None:
@@ -239,26 +209,10 @@ def test_what_is_no_quantity_is_left_for_the_field_to_refuse(text: str) -> None:
             "expected one torque in N·m, greater than 0, or three",
         ),
         (
-            "drive.speed",
-            "4500 1/min",
-            "drive.speed is '4500 1/min', which cannot be converted to rad/s; expected one "
-            "angular speed in rad/s, greater than 0, or three",
-        ),
-        (
-            "upper_arm.inertia",
-            "-1 kg*m^2",
-            "upper_arm.inertia is '-1 kg*m^2'; expected a moment of inertia in kg·m², at least 0",
-        ),
-        (
             "base_radius",
             "1e99 m",
             "base_radius is '1e99 m', which would be 1e+99 m, where at most 10 is plausible; "
             "expected a length in m, at least 0",
-        ),
-        (
-            "base_radius",
-            "1e999 m",
-            "base_radius is '1e999 m'; expected a length in m, at least 0",
         ),
     ],
 )
@@ -337,11 +291,6 @@ EVERYTHING = IN_SI | {
         "rms_torque": 3.0,
     },
 }
-SHAPES = [
-    {"sphere": {"centre": [0.0, 0.0, 0.1], "radius": 0.02}},
-    {"box": {"from": [-0.1, -0.1, -0.1], "to": [0.1, 0.1, 0.1]}},
-    {"capsule": {"from": [0.0, 0.0, 0.0], "to": [0.1, 0.0, 0.0], "radius": 0.02}},
-]
 BODIES = [
     {"box": {"from": [0.9, -0.1, -0.1], "to": [1.1, 0.1, 0.1]}},
     {"sphere": {"centre": [0.9, 0.0, 0.1], "radius": 0.02}},
@@ -349,15 +298,6 @@ BODIES = [
     {"half_space": {"point": [0.9, 0.0, 0.0], "normal": [1.0, 0.0, 0.0]}},
     {"hull": {"points": [[0.9, 0.1, 0.1], [1.1, 0.1, 0.1], [0.9, 0.2, 0.1], [0.9, 0.1, 0.2]]}},
 ]
-FROM_A_CATALOGUE = EVERYTHING | {
-    "tool": {"shapes": SHAPES},
-    "gravity": [9.8, 0.0, 1.0],
-    "drive": {
-        "motor": MOTOR | {"curve": [[0.0, 8.0], [6.0, 4.0]]},
-        "brake": {"inertia": 1.0},
-        "gear": GEAR | {"nominal_torque": 3.0},
-    },
-}
 
 
 def absent(record: object, path: str = "") -> set[str]:
@@ -376,45 +316,3 @@ def numbers(content: object, path: tuple[str | int, ...] = ()) -> list[tuple[str
     if isinstance(content, list):
         return [n for i, value in enumerate(content) for n in numbers(value, (*path, i))]
     return [path] if isinstance(content, float | int) else []
-
-
-def test_every_number_knows_its_quantity() -> None:
-    """None of them is of information, and all say so; the signs of the joints have no unit."""
-    plain, geared = Robot.model_validate(EVERYTHING), Robot.model_validate(FROM_A_CATALOGUE)
-    # One of both has every key; a new one belongs here.
-    assert absent(plain) & absent(geared) == {"source"}
-    scene = {
-        "robot": EVERYTHING,
-        "payload": 1.0,
-        "start": [0.4, 0.0, 0.0],
-        "goal": [0.4, 0.1, 0.0],
-        "limits": dict.fromkeys(Limits.model_fields, 1.0) | {"specific_force": 20.0},
-        "objective": {"time": 1.0, "effort": 1.0},
-        "keep_out": BODIES,
-        "clearance": 0.01,
-    }
-    effort = scene | {"objective": "effort", "duration": 1.0}
-    for kind, content in (
-        (Robot, EVERYTHING),
-        (Robot, FROM_A_CATALOGUE),
-        (Scene, scene),
-        (Scene, effort),
-    ):
-        kind.model_validate(content)
-        for *path, last in numbers(content):
-            if last == "sign":
-                continue
-            changed = copy.deepcopy(content)
-            within = changed
-            for part in path:
-                within = within[part]
-            within[last] = f"{within[last]} byte"
-            with pytest.raises(SceneError, match=r"byte'.* cannot be converted to"):
-                kind.model_validate(changed)
-
-
-def test_every_unit_that_is_named_is_understood() -> None:
-    names = [line.split("=")[0].strip() for line in units._DEFINITIONS.strip().splitlines()]
-    assert len([name for name in names if name]) > 30
-    for name in filter(None, names):
-        assert name.endswith("-") or units._registry().parse_units(name) is not None

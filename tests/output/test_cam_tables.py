@@ -144,12 +144,6 @@ def test_a_jump_is_drawn_out_in_one_cubic():
     np.testing.assert_allclose(accelerations.at(np.array([0.25, 0.75])), [a1, a2], atol=1e-6)
 
 
-def test_without_jumps_nothing_changes():
-    rows = np.zeros((3, 3))
-    table = JointTable(np.array([0.0, 0.1, 0.2]), rows, rows, rows)
-    assert without_jumps(table) is table
-
-
 def test_what_is_said(saved, tmp_path, capsys):
     words = ["export", "cam", str(saved), "-o", str(tmp_path)]
     assert main([*words, "--cycle", "2ms"]) == 1

@@ -4,17 +4,12 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import replace
 from html import unescape
-from math import inf
 from pathlib import Path
 
 import pytest
 
-import deltaopt
 from deltaopt.cli import main
-from deltaopt.output.facts import Facts
-from deltaopt.output.plan_files import content
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 FILE = str(PROBLEMS / "industrial_drive.yaml")
@@ -47,10 +42,3 @@ def test_all_tell_the_same(folder, capsys):
     for motor in record["verification"]["duty"]["motors"]:
         assert f"{motor['rms_torque']:>10.4g}" in said
         assert f"<td>{motor['rms_torque']:.4g}</td>" in page
-
-
-def test_a_gap_that_is_not_known_is_null():
-    scene = deltaopt.load_scene(PROBLEMS / "pick_and_place.yaml")
-    plan = replace(deltaopt.plan(scene), gap=inf)
-    found = content(Facts(scene, plan.trajectory, plan, deltaopt.verify(scene, plan.trajectory)))
-    assert json.loads(json.dumps(found, allow_nan=False))["gap"] is None

@@ -17,7 +17,6 @@ from deltaopt.output.joint_table import (
     Quintic,
     checked_table,
     demand_of,
-    platform_motion,
     table_within_limits,
 )
 from deltaopt.robot.model import delta_model
@@ -30,16 +29,6 @@ MODEL = delta_model(SCENE.robot, SCENE.payload)
 @pytest.fixture(scope="module")
 def trajectory():
     return deltaopt.plan(SCENE).trajectory
-
-
-def test_motion_of_the_platform_is_that_of_the_motors():
-    rng = np.random.default_rng(3)
-    x = rng.uniform([0.4, -0.1, -0.1], [0.5, 0.1, 0.1], size=(20, 3))
-    v, a = 2 * rng.normal(size=x.shape), 100 * rng.normal(size=x.shape)
-    q, dq, ddq = MODEL.motion(x, v, a)
-    found = platform_motion(MODEL, q[:, 3::3], dq[:, 3::3], ddq[:, 3::3])
-    for mine, given in zip(found, (x, v, a), strict=True):
-        np.testing.assert_allclose(mine, given, rtol=0, atol=1e-10 * np.abs(given).max())
 
 
 @pytest.mark.parametrize("interpolation", [Cubic(), Quintic()], ids=lambda i: i.name)

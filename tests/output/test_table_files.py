@@ -26,7 +26,7 @@ def saved(tmp_path_factory):
     scene = deltaopt.load_scene(PROBLEMS / "pick_and_place.yaml")
     joints = {"zero": ZERO, "sign": [1, -1, 1]}
     robot = scene.robot.model_copy(update={"joints": joints})
-    deltaopt.plan(scene.model_copy(update={"robot": robot})).save(folder)
+    deltaopt.plan(scene.model_copy(update={"robot": robot})).save(folder, chart=False)
     return folder
 
 
@@ -176,12 +176,6 @@ def test_a_slower_plan_for_a_first_run(saved, tmp_path, capsys):
     np.testing.assert_allclose(3 * slow["dtheta2"], plain["dtheta2"], rtol=1e-3, atol=1e-9)
 
 
-def test_limits_kept_are_said_without_a_remedy(saved, tmp_path, capsys):
-    words = ["--keep-limits", "-o", str(tmp_path / "table.csv")]
-    assert main(["export", "table", str(saved), *words]) == 0
-    assert "remed" not in capsys.readouterr().out
-
-
 def test_ros2_yaml_and_bag_are_the_same_message(saved, tmp_path):
     file, bag = tmp_path / "joints.yaml", tmp_path / "bag"
     for output in (file, bag):
@@ -218,8 +212,3 @@ def test_a_cycle_that_is_none_is_refused(saved, capsys, cycle):
         main(["export", "table", str(saved), "--cycle=" + cycle])
     assert end.value.code == 2
     assert "such as 1ms" in capsys.readouterr().err
-
-
-def test_a_folder_without_a_plan(tmp_path, capsys):
-    assert main(["export", "ros2", str(tmp_path)]) == 2
-    assert "no such file" in capsys.readouterr().err

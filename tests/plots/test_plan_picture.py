@@ -9,10 +9,9 @@ import deltaopt
 from deltaopt.output.facts import headline
 from deltaopt.planning.comparisons import straight_lines
 from deltaopt.plots import plan as chart
-from deltaopt.plots.robot_view import View, chains, view_of_move
+from deltaopt.plots.robot_view import View, chains
 from deltaopt.plots.style import figure
 from studies.problems import PROBLEMS
-from tests.overlaps import overlaps
 
 SCENE = deltaopt.load_scene(PROBLEMS / "pick_and_place.yaml")
 
@@ -37,34 +36,12 @@ def test_motor_1_is_towards_y_and_the_others_follow_at_120_degrees():
     assert all(c.elbow[0] < 0 for c in chains(SCENE.robot, found[0].elbow, np.full(3, 0.3)))
 
 
-@pytest.mark.parametrize("turn", [0.0, 1.0, -2.5])
-def test_up_is_up_in_every_view(turn):
-    for tilt in (0.0, 0.3):
-        below, above = View(turn, tilt)(np.array([[0.5, 0.1, 0.2], [0.4, 0.1, 0.2]]))
-        assert above[1] > below[1]
-        assert above[0] == below[0]
-
-
 @pytest.mark.parametrize("turn", [0.0, 0.7, 3.0])
 def test_pictures_are_not_mirrored(turn):
     """A positive turn about x, which points down, is clockwise to those who look down."""
     shafts = [c.shaft for c in chains(SCENE.robot, np.array([0.45, 0.0, 0.0]), np.zeros(3))]
     one, two, three = View(turn, np.pi / 2)(np.array(shafts))
     assert np.linalg.det([two - one, three - two]) < 0
-
-
-def test_the_goal_is_to_the_right_of_the_start():
-    start = np.array([0.45, 0.0, 0.0])
-    for angle in np.linspace(0, 2 * np.pi, 9):
-        goal = start + np.array([0.02, np.cos(angle), np.sin(angle)])
-        view = view_of_move(start, goal)
-        assert view(goal)[0] > view(start)[0] + 0.9
-
-
-def test_a_view_from_the_side_has_the_move_in_full_length():
-    start, goal = np.array([0.45, -0.05, 0.1]), np.array([0.45, 0.1, -0.1])
-    level = View(view_of_move(start, goal, aside=0.0).turn, 0.0)
-    assert np.subtract(*level(np.array([goal, start]))) == pytest.approx([0.25, 0.0])
 
 
 def test_picture_says_what_is_true(tmp_path, monkeypatch):
@@ -140,14 +117,6 @@ def test_the_clearance_is_that_from_the_nearest_body(tmp_path, monkeypatch):
     assert distance.min() < 0  # the straight line leads through the box
 
 
-def test_scenes_without_either_have_one_panel_of_the_path(tmp_path, monkeypatch):
-    drawn = []
-    monkeypatch.setattr(Figure, "savefig", lambda page, *_, **__: drawn.append(page))
-    chart.draw(tmp_path / "plan.png", SCENE, deltaopt.baseline(SCENE), {}, None)
-    chart.draw(tmp_path / "plan.png", VIA, deltaopt.baseline(VIA), {}, None)
-    assert [len(page.axes) for page in drawn] == [4, 5]
-
-
 @pytest.mark.parametrize(
     ("duration", "said"),
     [
@@ -185,14 +154,3 @@ def test_the_check_of_labels_finds_faults(tmp_path, place, fault):
 
     with pytest.raises(AssertionError, match=fault):
         draw()
-
-
-def test_the_check_of_labels_looks_at_numbers_of_ticks(tmp_path, monkeypatch):
-    pages = []
-    monkeypatch.setattr(Figure, "savefig", lambda page, *_, **__: pages.append(page))
-    with figure(tmp_path / "a.png", 1.5, 1.5) as page:
-        axes = page.subplots()
-        axes.set_xticks([0.0, 0.5, 0.55, 1.0])
-        axes.set_yticks([])
-    pages[0].draw_without_rendering()
-    assert overlaps(pages[0]) == ["'0.50' overlaps '0.55'"]

@@ -196,7 +196,6 @@ OPTIMUM = Optimum(0.1, 0.1, (0.45, 0.0, 0.0), 1e-4, 1)
     ("ways", "optima", "says"),
     [
         ((), (), "Motions that lead another way were not compared."),
-        ((OVER, UNDER), (), "It was compared with one other way past the bodies."),
         ((OVER, UNDER, UNDER), (), "It was compared with 2 other ways past the bodies."),
         ((OVER,), (), "No other way past the bodies was found."),
         ((TakenWay(CLEAR, 0.1, True),), (), "It keeps clear of all bodies without a detour."),
@@ -354,34 +353,6 @@ def test_bodies_and_via_points_are_drawn_where_they_are(browser, narrow):
     opened.page.close()
 
 
-def test_the_robot_is_not_mirrored(browser, page):
-    """A positive turn about x, which points down, is clockwise to those who look down on it."""
-    opened = Opened(browser, page)
-    opened.page.locator("[data-view=top]").click()
-    one, two, three = (np.array(opened.numbers(f"#arm{k}", "x1", "y1")) for k in (1, 2, 3))
-    opened.page.close()
-    assert np.linalg.det([two - one, three - two]) > 0  # in the screen's coordinates, y down
-
-
-def test_bars_keep_their_length(browser, page):
-    """Front and side view together give all three coordinates of what is drawn."""
-    opened = Opened(browser, page)
-    opened.go_to(123)
-    found = {}
-    for view in ("front", "side"):
-        opened.page.locator(f"[data-view={view}]").click()
-        for bar in (f"#bar{k}{side}" for k in (1, 2, 3) for side in "ab"):
-            x1, y1, x2, y2 = opened.numbers(bar, "x1", "y1", "x2", "y2")
-            found[view, bar] = np.array([y2 - y1, x2 - x1])
-    opened.page.close()
-    for bar in {bar for _, bar in found}:
-        (down, y), (same, z) = found["front", bar], found["side", bar]
-        assert down > 0
-        assert same == pytest.approx(down, abs=2e-3)
-        length = np.linalg.norm([down, y, z])
-        assert length == pytest.approx(1e3 * SCENE.robot.forearm.length, abs=5e-3)
-
-
 def test_keys_move_the_time(browser, page):
     opened = Opened(browser, page)
     press = opened.page.keyboard.press
@@ -442,16 +413,4 @@ def test_layouts_fit_their_width(browser, page, width):
         assert charts["y"] > robot["y"] + robot["height"]
     else:
         assert charts["x"] > robot["x"] + robot["width"]
-    opened.page.close()
-
-
-def test_a_name_stays_a_name(browser, planned, tmp_path):
-    robot = SCENE.robot.model_copy(update={"name": TRICK})
-    found, verification = planned
-    scene = SCENE.model_copy(update={"robot": robot})
-    write_report(tmp_path / "r.html", Facts(scene, found.trajectory, found, verification))
-    opened = Opened(browser, tmp_path / "r.html")
-    assert TRICK in opened.page.title()
-    assert opened.page.locator(".robot").inner_text() == TRICK
-    assert opened.said == []
     opened.page.close()

@@ -89,11 +89,3 @@ def test_c_says_how_the_controller_counts(tmp_path):
     assert f"motor 3: theta = +1 * angle - {RL5.joints.zero!r}; speed" in header
     export_c(load_robot(ROOT / "problems/robots/orsino.yaml"), tmp_path)
     assert "counts its angles" not in (tmp_path / "delta.h").read_text(encoding="utf-8")
-
-
-def test_one_point_gives_one_point():
-    assert Joints(zero=0.5, sign=-1).angle_to_controller([0.0, 0.1, 0.2]).tolist() == [
-        -0.5,
-        -0.6,
-        -0.7,
-    ]

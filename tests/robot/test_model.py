@@ -275,12 +275,3 @@ def test_points_near_singularities_among_others():
     with pytest.raises(Singular, match="point 50") as caught:
         model.inverse_dynamics(x, v, a)
     assert caught.value.points.tolist() == [50, 60]
-
-
-def test_accelerations_are_linear_in_what_a_single_point_gives():
-    """One x and v for many torques."""
-    model = MODELS["all terms"]
-    x, v, tau = motions(model, 90)
-    many = model.forward_dynamics(x[0], v[0], tau)
-    close(many, model.forward_dynamics(np.tile(x[0], (90, 1)), np.tile(v[0], (90, 1)), tau))
-    close(model.inverse_dynamics(x[0], v[0], many), tau)

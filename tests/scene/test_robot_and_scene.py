@@ -108,49 +108,26 @@ def bounds(scene: Scene, name: str) -> tuple[float, ...] | None:
     return None if found is None else tuple(found.tolist())
 
 
-def test_limits_are_given_per_motor(tmp_path: Path) -> None:
-    scene = load_scene(write(tmp_path))
-    assert scene.robot.torque_limits == (10.0, 11.0, 12.0)
-    assert scene.robot.speed_limits == (8.0, 8.0, 8.0)
-    assert bounds(scene, "torque") == (9.0, 9.0, 9.0)
-    assert bounds(scene, "speed") == (7.0, 6.0, 5.0)
+OF_THE_SCENE, OF_THE_DRIVE = ((9.0, 9.0, 9.0), (7.0, 6.0, 5.0)), ((10.0, 11.0, 12.0), (8.0,) * 3)
 
 
-@pytest.mark.parametrize("limits", [ABSENT, {}])
-def test_without_limits_of_its_own_a_scene_has_the_drives(tmp_path: Path, limits: object) -> None:
-    scene = load_scene(write(tmp_path, scene=changed(SCENE, "limits", limits)))
-    assert bounds(scene, "torque") == (10.0, 11.0, 12.0)
-    assert bounds(scene, "speed") == (8.0, 8.0, 8.0)
-
-
-def test_a_scene_may_limit_the_speed_of_a_drive_that_has_no_limit(tmp_path: Path) -> None:
-    scene = load_scene(write(tmp_path, robot=changed(ROBOT, "drive.speed", ABSENT)))
-    assert scene.robot.speed_limits is None
-    assert bounds(scene, "speed") == (7.0, 6.0, 5.0)
-
-
-def test_a_limit_equal_to_the_drives_is_allowed(tmp_path: Path) -> None:
-    limits = {"torque": [10.0, 11.0, 12.0], "speed": 8.0}
-    scene = load_scene(write(tmp_path, scene=changed(SCENE, "limits", limits)))
-    assert bounds(scene, "torque") == (10.0, 11.0, 12.0)
-
-
-def test_what_is_absent_is_none_and_gravity_the_earths(tmp_path: Path) -> None:
-    robot, scene = ROBOT, SCENE
-    for key in ("source", "upper_arm.inertia", "forearm.inertia", "drive.speed", "gravity"):
-        robot = changed(robot, key, ABSENT)
-    for key in ("payload", "limits", "objective"):
-        scene = changed(scene, key, ABSENT)
+@pytest.mark.parametrize(
+    ("drives_speed", "limits", "torque_and_speed"),
+    [
+        (8.0, SCENE["limits"], OF_THE_SCENE),
+        (ABSENT, SCENE["limits"], OF_THE_SCENE),
+        (8.0, ABSENT, OF_THE_DRIVE),
+        (8.0, {}, OF_THE_DRIVE),
+        (8.0, {"torque": [10.0, 11.0, 12.0], "speed": 8.0}, OF_THE_DRIVE),
+    ],
+)
+def test_limits_are_the_scenes_or_the_drives(
+    tmp_path: Path, drives_speed: object, limits: object, torque_and_speed: object
+) -> None:
+    robot, scene = changed(ROBOT, "drive.speed", drives_speed), changed(SCENE, "limits", limits)
     loaded = load_scene(write(tmp_path, robot, scene))
-    assert loaded.robot.source is None
-    assert loaded.robot.upper_arm.inertia is None
-    assert loaded.robot.forearm.inertia is None
-    assert loaded.robot.speed_limits is None
-    assert loaded.robot.gravity == 9.81
-    assert loaded.payload is None
-    assert loaded.limits is None
-    assert bounds(loaded, "speed") is None
-    assert loaded.objective == Time()
+    assert loaded.robot.torque_limits == (10.0, 11.0, 12.0)
+    assert (bounds(loaded, "torque"), bounds(loaded, "speed")) == torque_and_speed
 
 
 @pytest.mark.parametrize(
@@ -186,23 +163,6 @@ def test_the_robots_path_is_relative_to_the_scene(
 @pytest.mark.parametrize("file", sorted(PROBLEMS.glob("*.yaml")), ids=lambda file: file.stem)
 def test_every_shipped_scene_loads(file: Path) -> None:
     assert load_scene(file).objective == Time()
-
-
-def test_the_papers_robot_has_the_papers_numbers() -> None:
-    robot = load_robot(PROBLEMS / "robots" / "orsino.yaml")
-    assert (robot.base_radius, robot.platform_radius) == (0.2, 0.1)
-    assert (robot.upper_arm.length, robot.forearm.length) == (0.2, 0.5)
-    assert (robot.upper_arm.mass, robot.forearm.mass, robot.platform.mass) == (0.4, 0.25, 0.3)
-    assert robot.upper_arm.inertia is None
-    assert robot.forearm.inertia is None
-    assert robot.speed_limits is None
-    assert robot.torque_limits == (10.0, 10.0, 10.0)
-
-
-def test_the_light_and_fast_scene_has_no_payload() -> None:
-    scene = load_scene(PROBLEMS / "light_and_fast.yaml")
-    assert scene.payload is None
-    assert all(a != b for a, b in zip(scene.start, scene.goal, strict=True))
 
 
 @pytest.mark.parametrize(
@@ -247,15 +207,6 @@ def test_a_dump_is_json_and_validates_to_the_same_record(tmp_path: Path) -> None
     assert told == changed(SCENE, "robot", ROBOT)
 
 
-def test_a_scene_can_be_made_in_python() -> None:
-    robot = Robot.model_validate(ROBOT)
-    scene = Scene(robot=robot, start=(0.4, 0, 0), goal=tuple(np.array([0.4, 0.1, 0.0])))
-    assert scene.robot is robot
-    assert scene.start == (0.4, 0.0, 0.0)
-    assert scene.goal == (0.4, 0.1, 0.0)
-    assert scene.payload is None
-
-
 def test_a_bad_scene_in_python_is_a_scene_error_without_a_file() -> None:
     with pytest.raises(SceneError) as caught:
         Scene(robot=Robot.model_validate(ROBOT), start=(0, 0, 1), goal=(0, 0, 1))
@@ -264,14 +215,8 @@ def test_a_bad_scene_in_python_is_a_scene_error_without_a_file() -> None:
     assert str(error) == "goal is (0.0, 0.0, 1.0); expected a point in m other than start"
 
 
-def test_booleans_are_not_numbers() -> None:
-    with pytest.raises(SceneError) as caught:
-        Robot.model_validate(changed(ROBOT, "platform.mass", True))
-    assert (caught.value.key, caught.value.value) == ("platform.mass", True)
-
-
-@pytest.mark.parametrize("value", [float("nan"), float("inf"), 10**400])
-def test_numbers_are_finite(value: float) -> None:
+@pytest.mark.parametrize("value", [True, float("nan"), float("inf"), 10**400])
+def test_numbers_are_finite_and_no_booleans(value: float) -> None:
     with pytest.raises(SceneError) as caught:
         Robot.model_validate(changed(ROBOT, "upper_arm.length", value))
     assert caught.value.key == "upper_arm.length"
@@ -315,56 +260,37 @@ def test_a_copy_has_valid_fields(tmp_path: Path) -> None:
 
 BAD_IN_ROBOT = [
     ("name", 3.0, "name"),
-    ("name", "", "name"),
     ("source", [1.0], "text"),
     ("base_radius", -0.1, "m, at least 0"),
     ("platform_radius", "-0.1 m", "m, at least 0"),
-    ("upper_arm", 3.0, "keys length and mass"),
     ("upper_arm", [0.2, 0.4], "keys length and mass"),
     ("upper_arm.length", 0.0, "m, greater than 0"),
-    ("upper_arm.mass", -0.4, "kg, at least 0"),
     ("upper_arm.mass", {"kg": 0.4}, "kg, at least 0"),
     ("upper_arm.inertia", -1e-3, "kg·m², at least 0"),
-    ("forearm", "", "keys length and mass"),
-    ("forearm.length", -0.5, "m, greater than 0"),
     ("forearm.mass", -0.25, "kg (of the pair of bars), at least 0"),
     ("forearm.inertia", [0.0, 0.005], "three principal moments of inertia in kg·m²"),
-    ("forearm.inertia", [0.0, 0.005, -0.005], "three principal moments of inertia in kg·m²"),
-    ("forearm.inertia", 0.005, "three principal moments of inertia in kg·m²"),
     ("platform", [], "key mass"),
     ("platform.mass", 0.0, "kg, greater than 0"),
     ("drive", "strong", "key torque"),
-    ("drive.torque", 0.0, "N·m, greater than 0, or three"),
     ("drive.torque", [10.0, 10.0], "N·m, greater than 0, or three"),
     ("drive.torque", [10.0, 10.0, 0.0], "N·m, greater than 0, or three"),
-    ("drive.torque", [10.0, 10.0, 10.0, 10.0], "N·m, greater than 0, or three"),
-    ("drive.speed", -1.0, "rad/s, greater than 0, or three"),
     ("drive.speed", [1.0, "fast", 1.0], "rad/s, greater than 0, or three"),
     ("gravity", -9.81, "m/s², at least 0"),
 ]
 BAD_IN_SCENE = [
     ("robot", 3.0, "path of a robot file"),
-    ("robot", "", "path of a robot file"),
     ("robot", "nowhere.yaml", "path of a robot file"),
     ("robot", ".", "path of a robot file"),
     ("robot", {"name": "inline"}, "path of a robot file"),
-    ("payload", 0.0, "kg, greater than 0"),
     ("payload", -1.0, "kg, greater than 0"),
     ("payload", "heavy", "kg, greater than 0"),
-    ("payload", "1.0 m", "kg, greater than 0"),
-    ("payload", [1.0], "kg, greater than 0"),
     ("start", [0.45, 0.0], "three coordinates [x, y, z] in m"),
-    ("start", [0.45, 0.0, 0.0, 0.0], "three coordinates [x, y, z] in m"),
     ("start", 0.45, "three coordinates [x, y, z] in m"),
-    ("goal", {"x": 0.45, "y": 0.0, "z": 0.0}, "three coordinates [x, y, z] in m"),
     ("goal", [0.45, "left", 0.0], "three coordinates [x, y, z] in m"),
     ("limits", 9.0, "some of the keys torque, speed"),
-    ("limits", [9.0], "some of the keys torque, speed"),
-    ("limits.torque", -9.0, "N·m, greater than 0, or three"),
     ("limits.torque", [9.0], "N·m, greater than 0, or three"),
     ("limits.speed", 0.0, "rad/s, greater than 0, or three"),
     ("objective", "energy", "the word time"),
-    ("objective", 1.0, "the word time"),
     ("objective", ["time", "effort"], "the word time"),
     ("duration", 0.3, "objective: effort beside it"),
     ("objective.effort", 0.0, "a weight of the effort in 1/(N²m²), greater than 0"),
@@ -372,26 +298,30 @@ BAD_IN_SCENE = [
 ]
 
 
-@pytest.mark.parametrize(("key", "value", "expected"), BAD_IN_ROBOT)
-def test_a_bad_value_in_the_robot(tmp_path: Path, key: str, value: object, expected: str) -> None:
-    error = error_of(write(tmp_path, robot=changed(ROBOT, key, value)))
-    assert (error.file, error.key, error.value) == (tmp_path / "robot.yaml", key, value)
-    assert expected in error.expected
-    assert f": {key} is {value!r}; " in str(error)
+def error_at(folder: Path, file: str, key: str, value: object) -> SceneError:
+    """Load the scene with a bad value at a key of one of both files, which the error names."""
+    if file == "robot":
+        written = write(folder, robot=changed(ROBOT, key, value))
+    else:
+        weighted = SCENE | {"objective": WEIGHTED} if key.startswith("objective.") else SCENE
+        written = write(folder, scene=changed(weighted, key, value))
+    error = error_of(written)
+    assert (error.file, error.key) == (folder / f"{file}.yaml", key)
+    assert error.value == (None if value is ABSENT else value)
+    return error
 
 
-@pytest.mark.parametrize(("key", "value", "expected"), BAD_IN_SCENE)
-def test_a_bad_value_in_the_scene(tmp_path: Path, key: str, value: object, expected: str) -> None:
-    scene = SCENE | {"objective": WEIGHTED} if key.startswith("objective.") else SCENE
-    error = error_of(write(tmp_path, scene=changed(scene, key, value)))
-    assert (error.file, error.key, error.value) == (tmp_path / "scene.yaml", key, value)
+@pytest.mark.parametrize(
+    ("file", "key", "value", "expected"),
+    [("robot", *bad) for bad in BAD_IN_ROBOT] + [("scene", *bad) for bad in BAD_IN_SCENE],
+)
+def test_a_bad_value(tmp_path: Path, file: str, key: str, value: object, expected: str) -> None:
+    error = error_at(tmp_path, file, key, value)
     assert expected in error.expected
     assert f": {key} is {value!r}" in str(error)
 
 
-@pytest.mark.parametrize(
-    "written", ["", "~", "null", "yes", "true", ".nan", ".inf", "1:30", "1_0", "0x10", "1,5"]
-)
+@pytest.mark.parametrize("written", ["", "null", "yes", ".nan", "1:30", "1_0", "0x10", "1,5"])
 def test_what_only_yaml_takes_for_a_number_is_text(tmp_path: Path, written: str) -> None:
     file = write(tmp_path)
     file.write_text(file.read_text().replace("payload: 1.0", f"payload: {written}"))
@@ -405,23 +335,6 @@ def test_a_number_too_large_for_a_float(tmp_path: Path) -> None:
     assert (error_of(file).key, error_of(file).value) == ("payload", float("inf"))
 
 
-@pytest.mark.parametrize("key", ["drive.torque", "gravity", "upper_arm.length", "platform.mass"])
-def test_absurd_numbers_in_the_robot(tmp_path: Path, key: str) -> None:
-    error = error_of(write(tmp_path, robot=changed(ROBOT, key, 1e300)))
-    assert (error.key, error.value) == (key, 1e300)
-    assert "is plausible; expected " in str(error)
-
-
-@pytest.mark.parametrize(
-    ("key", "value"),
-    [("goal", [1e300, 0.0, 0.0]), ("start", [0.4, -1e13, 0.0]), ("limits.speed", 1e300)],
-)
-def test_absurd_numbers_in_the_scene(tmp_path: Path, key: str, value: object) -> None:
-    error = error_of(write(tmp_path, scene=changed(SCENE, key, value)))
-    assert (error.key, error.value) == (key, value)
-    assert "is plausible; expected " in str(error)
-
-
 def test_a_long_value_is_shortened_in_the_message_only(tmp_path: Path) -> None:
     value = [1.0] * 1000
     error = error_of(write(tmp_path, scene=changed(SCENE, "start", value)))
@@ -432,51 +345,25 @@ def test_a_long_value_is_shortened_in_the_message_only(tmp_path: Path) -> None:
 # --- keys ---------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    "key",
-    [
-        "name",
-        "base_radius",
-        "platform_radius",
-        "upper_arm",
-        "upper_arm.length",
-        "upper_arm.mass",
-        "forearm",
-        "forearm.length",
-        "forearm.mass",
-        "platform",
-        "platform.mass",
-        "drive",
-        "drive.torque",
-    ],
-)
-def test_a_key_missing_in_the_robot(tmp_path: Path, key: str) -> None:
-    error = error_of(write(tmp_path, robot=changed(ROBOT, key, ABSENT)))
-    assert (error.file, error.key, error.value) == (tmp_path / "robot.yaml", key, None)
-    assert f": {key} is missing; expected " in str(error)
-
-
-@pytest.mark.parametrize("key", ["robot", "start", "goal"])
-def test_a_key_missing_in_the_scene(tmp_path: Path, key: str) -> None:
-    error = error_of(write(tmp_path, scene=changed(SCENE, key, ABSENT)))
-    assert (error.file, error.key, error.value) == (tmp_path / "scene.yaml", key, None)
-    assert f": {key} is missing; expected " in str(error)
+OF_A_DRIVE = "a mapping with the key torque (N·m) and, if speeds are limited, speed (rad/s)"
 
 
 @pytest.mark.parametrize(
-    ("key", "expected"),
+    ("file", "key", "expected"),
     [
-        ("platfrom", "platform"),
-        ("forearm.lenght", "length"),
-        ("drive.torques", "torque"),
-        ("upper_arm.colour", "one of length, mass, inertia, centre, radius"),
+        ("robot", "name", "the robot's name"),
+        ("robot", "base_radius", "a length in m"),
+        ("robot", "upper_arm", "a mapping with the keys length"),
+        ("robot", "forearm.mass", "a mass in kg"),
+        ("robot", "drive", OF_A_DRIVE),
+        ("robot", "drive.torque", "one torque in N·m"),
+        ("scene", "robot", "the path of a robot file"),
+        ("scene", "goal", "three coordinates"),
     ],
 )
-def test_an_unknown_key_in_the_robot(tmp_path: Path, key: str, expected: str) -> None:
-    error = error_of(write(tmp_path, robot=changed(ROBOT, key, 1.0)))
-    assert (error.file, error.key, error.value) == (tmp_path / "robot.yaml", key, 1.0)
-    assert error.expected == expected
-    assert f": {key} is not a known key; expected {expected}" in str(error)
+def test_a_missing_key(tmp_path: Path, file: str, key: str, expected: str) -> None:
+    error = error_at(tmp_path, file, key, ABSENT)
+    assert f": {key} is missing; expected {expected}" in str(error)
 
 
 SCENE_KEYS = (
@@ -486,19 +373,21 @@ SCENE_KEYS = (
 
 
 @pytest.mark.parametrize(
-    ("key", "expected"),
+    ("file", "key", "expected"),
     [
-        ("paylod", "payload"),
-        ("limits.sped", "speed"),
-        ("mesh", SCENE_KEYS),
-        ("<<", SCENE_KEYS),
-        ("5", SCENE_KEYS),
+        ("robot", "platfrom", "platform"),
+        ("robot", "forearm.lenght", "length"),
+        ("robot", "upper_arm.colour", "one of length, mass, inertia, centre, radius"),
+        ("scene", "limits.sped", "speed"),
+        ("scene", "mesh", SCENE_KEYS),
+        ("scene", "<<", SCENE_KEYS),
+        ("scene", "5", SCENE_KEYS),
     ],
 )
-def test_an_unknown_key_in_the_scene(tmp_path: Path, key: str, expected: str) -> None:
-    error = error_of(write(tmp_path, scene=changed(SCENE, key, 1.0)))
-    assert (error.file, error.key, error.value) == (tmp_path / "scene.yaml", key, 1.0)
+def test_an_unknown_key(tmp_path: Path, file: str, key: str, expected: str) -> None:
+    error = error_at(tmp_path, file, key, 1.0)
     assert error.expected == expected
+    assert f": {key} is not a known key; expected {expected}" in str(error)
 
 
 def test_a_misspelt_key_is_named_rather_than_the_key_it_leaves_missing(tmp_path: Path) -> None:
@@ -507,23 +396,14 @@ def test_a_misspelt_key_is_named_rather_than_the_key_it_leaves_missing(tmp_path:
     assert (error.key, error.value, error.expected) == ("forearm.masss", 0.25, "mass")
 
 
-@pytest.mark.parametrize(
-    ("first", "doubled", "key", "value"),
-    [
-        ("payload: 1.0", "payload: 1.0\npayload: 2.0", "payload", 2.0),
-        ("torque: 9.0", "torque: 9.0\n  torque: 8.0", "limits.torque", 8.0),
-    ],
-)
-def test_a_key_given_twice(
-    tmp_path: Path, first: str, doubled: str, key: str, value: float
-) -> None:
+def test_a_key_given_twice(tmp_path: Path) -> None:
     file = write(tmp_path)
-    text = file.read_text().replace(first, doubled)
+    text = file.read_text().replace("torque: 9.0", "torque: 9.0\n  torque: 8.0")
     file.write_text(text)
-    line = text.splitlines().index(doubled.splitlines()[-1]) + 1
+    line = text.splitlines().index("  torque: 8.0") + 1
     error = error_of(file)
-    assert (error.file, error.key, error.value) == (file, key, value)
-    assert f": {key} is given again in line {line}; expected each key once" in str(error)
+    assert (error.file, error.key, error.value) == (file, "limits.torque", 8.0)
+    assert f": limits.torque is given again in line {line}; expected each key once" in str(error)
 
 
 # --- files that are no scene --------------------------------------------------------------
@@ -533,20 +413,15 @@ def test_a_key_given_twice(
     ("content", "problem"),
     [
         (b"", "is empty"),
-        (b"# only a comment\n", "is empty"),
         (b"robot: [1, 2\npayload: 3\n", "is not valid YAML (line 2, column 8: "),
-        (b"robot: a\n\tpayload: 3\n", "is not valid YAML (line 2, column 1: "),
-        (b"robot: a: b\n", "is not valid YAML (line 1, column 9: "),
         (b"robot: a\n---\nrobot: b\n", "is not valid YAML (line 2, column 1: "),
         (b"robot: \x01\n", "is not valid YAML (it contains a control character)"),
         (b"robot: caf\xe9\n", "is not UTF-8 text (byte 10)"),
         (b"robot: &here a\nstart: *here\n", "uses an alias or a tag (line 2)"),
         (b"robot: !!python/name:os.system a\n", "uses an alias or a tag (line 1)"),
         (b"robot: a\nstart: " + 50_000 * b"[", "is nested too deeply (line 2)"),
-        (50_000 * b"- ", "is nested too deeply (line 1)"),
         (b"? [1, 2]\n: 3\n", "has a key that is no word (line 1)"),
         (b'robot: a\n"two\\nlines": 3\n', "has a key that is no word (line 2)"),
-        (b"'': 3\n", "has a key that is no word (line 1)"),
     ],
 )
 @pytest.mark.parametrize("name", ["scene.yaml", "robot.yaml"])
@@ -560,9 +435,7 @@ def test_a_file_that_cannot_be_parsed(
     assert str(error).startswith(f"{tmp_path / name} {problem}")
 
 
-@pytest.mark.parametrize(
-    ("content", "value"), [("- a\n- 1\n", ["a", 1.0]), ("hello\n", "hello"), ("0\n", 0.0)]
-)
+@pytest.mark.parametrize(("content", "value"), [("- a\n- 1\n", ["a", 1.0]), ("0\n", 0.0)])
 def test_a_file_that_is_no_mapping(tmp_path: Path, content: str, value: object) -> None:
     scene_file = write(tmp_path)
     scene_file.write_text(content)
@@ -588,7 +461,6 @@ def test_a_huge_file_is_refused(tmp_path: Path) -> None:
     assert "scene.yaml is larger than 1 MB; expected" in str(error_of(file))
 
 
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no pipes with names")
 @pytest.mark.parametrize(
     ("content", "problem"),
     [
@@ -633,28 +505,13 @@ def test_a_pipe_is_refused_at_once(tmp_path: Path) -> None:
     assert "pipe.yaml is not a regular file; expected" in str(error_of(tmp_path / "pipe.yaml"))
 
 
-def test_a_robot_without_a_drive_is_told_the_keys_of_one(tmp_path: Path) -> None:
-    error = error_of(write(tmp_path, robot=changed(ROBOT, "drive", ABSENT)))
-    assert error.expected == (
-        "a mapping with the key torque (N·m) and, if speeds are limited, speed (rad/s)"
-    )
-
-
 # --- what single values cannot tell -------------------------------------------------------
-
-
-def test_a_scene_must_move(tmp_path: Path) -> None:
-    error = error_of(write(tmp_path, scene=changed(SCENE, "goal", SCENE["start"])))
-    assert (error.file, error.key) == (tmp_path / "scene.yaml", "goal")
-    assert error.value == (0.45, -0.05, 0.0)
 
 
 @pytest.mark.parametrize(
     ("key", "value", "expected"),
     [
         ("limits.torque", 10.5, "at most what the drive gives, 10, 11, 12 N·m"),
-        ("limits.torque", (10.0, 11.0, 12.001), "at most what the drive gives, 10, 11, 12 N·m"),
-        ("limits.speed", 8.1, "at most what the drive gives, 8 rad/s"),
         ("limits.speed", (7.0, 9.0, 7.0), "at most what the drive gives, 8 rad/s"),
     ],
 )
@@ -724,11 +581,6 @@ def test_a_robot_that_closes_only_stretched_flat_cannot_move() -> None:
         Robot.model_validate(changed(content, "forearm.length", 0.25))
 
 
-def test_a_forearm_shorter_than_the_arm_may_do(tmp_path: Path) -> None:
-    robot = load_scene(write(tmp_path, robot=changed(ROBOT, "forearm.length", 0.05))).robot
-    assert closes_somewhere(robot)
-
-
 # Where it stands
 
 
@@ -777,7 +629,6 @@ def test_what_is_missing_is_missing_in_its_mapping(tmp_path):
     ("body", "key", "place"),
     [
         ("box: {from: [1, 2, 3], to: [1, 5, 6]}", "keep_out[2].box.to", "line 4, column 32"),
-        ("bax: {}", "keep_out[2].bax", "line 4, column 10"),
         ("sphere: {centre: [1, 2, 3]}", "keep_out[2].sphere.radius", "line 4, column 13"),
         ("hull: {file: none.stl}", "keep_out[2].hull.file", "line 4, column 18"),
         ("{}", "keep_out[2]", "line 4, column 5"),

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import csv
-
 import numpy as np
 import pytest
 
 import deltaopt
-from studies.__main__ import main
-from studies.attack.attempts import Attempt, Ended, row_of
+from studies.attack.attempts import Attempt, row_of
 from studies.attack.checks import faults, loads, table_share
 from studies.bench.random_scenes import random_scenes
 from studies.problems import PICK_AND_PLACE, PROBLEMS
@@ -58,19 +55,6 @@ def test_verdicts(kind):
     assert row.told.isprintable()
 
 
-def test_what_is_a_refusal():
-    assert not Ended(2, "", "deltaopt: start is nan\n").unclear("start")
-    for ended in (
-        Ended(0, "written", ""),
-        Ended(2, "", "deltaopt: start is nan\nand more\n"),
-        Ended(2, "", "deltaopt: start is \x1b[31m\n"),
-        Ended(2, "", "deltaopt: a riddle\n"),
-        Ended(2, "", ""),
-        Ended(3, "", "deltaopt: start is nan\n"),
-    ):
-        assert ended.unclear("start")
-
-
 @pytest.mark.parametrize("name", ["orsino", "industrial_drive", "rl5"])
 def test_own_dynamics(name):
     """Bars as d'Alembert's rods against the paper's equation (39)."""
@@ -94,23 +78,3 @@ def test_own_checks():
     rows = [motion.theta, motion.dtheta, motion.ddtheta]
     assert table_share(SCENE, motion.t, rows) == pytest.approx(1, abs=2e-3)
     assert table_share(SCENE, 0.8 * motion.t, rows) > 1.2
-
-
-def test_rows_are_kept(tmp_path, capsys):
-    words = ["attack", "--small", "-o", str(tmp_path), "--seed", "3"]
-    assert main(words) == 0
-    file = tmp_path / "attempts_3.csv"
-    lines = file.read_text(encoding="utf-8").splitlines()
-    with file.open(encoding="utf-8", newline="") as opened:
-        made = list(csv.DictReader(opened))
-    file.write_text("\n".join(lines[:2]) + "\n", encoding="utf-8")
-    assert main(words) == 0
-    with file.open(encoding="utf-8", newline="") as opened:
-        again = {(row["kind"], row["number"]): row["told"] for row in csv.DictReader(opened)}
-    assert again == {(row["kind"], row["number"]): row["told"] for row in made}
-    capsys.readouterr()
-    assert main(["attack", "--only", "motions:1", "--seed", "3"]) == 0
-    assert next(
-        row["told"] for row in made if row["number"] == "1" and row["kind"] == "motions"
-    ) in (capsys.readouterr().out)
-    assert main(["attack", "--only", "motions"]) == 2

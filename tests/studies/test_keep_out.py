@@ -8,14 +8,11 @@ import numpy as np
 import pytest
 
 from deltaopt import load_robot
-from deltaopt.planning.first_motions.passages import _around_polytope, _Lines, shortest_path
-from deltaopt.robot.solids import Polytope
+from deltaopt.planning.first_motions.passages import _Lines, shortest_path
 from deltaopt.verify.clearance import distance_from
-from studies.interruptions import Interruption
 from studies.keep_out.passages import CLOSED, KINDS, planted
 from studies.keep_out.planned import PLANNED, planned
 from studies.keep_out.random_bodies import BODIES, scene_of, with_bodies
-from studies.kept_rows import kept_rows, read_rows
 from studies.problems import INDUSTRIAL
 from tests.oracles.body_distances import tool_distances
 from tests.oracles.clear_grid import ClearGrid
@@ -66,15 +63,6 @@ def test_paths_of_lines_lead_through_passages(kind):
     assert tool_distances(scene, lines_of(path)).min() >= 0
 
 
-def test_places_beside_a_hull_are_as_far_from_it_as_they_are_to_be():
-    rng = np.random.default_rng(2)
-    hulls = [BODIES[-1](rng, np.array([0.6, 0.0, 0.0]), 0.4) for _ in range(5)]
-    for body in with_bodies(scene_of(ROBOT, 1, 0), hulls, 0.01).kept_out:
-        assert isinstance(body, Polytope)
-        places = _around_polytope(np.array(body.triangles), body.radius + 0.003, np.eye(3))
-        np.testing.assert_allclose(distance_from(body, places)[0], 0.003, atol=1e-12)
-
-
 def test_a_line_that_begins_on_a_body_is_not_clear_of_it():
     """On a surface the distance's slope may be told as nothing, which says nothing."""
     move = scene_of(ROBOT, 1, 0)
@@ -94,24 +82,3 @@ def test_a_window_that_no_mesh_finds_its_way_through(tmp_path):
     assert found.outcome == PLANNED
     assert found.duration < 0.25
     assert not list(tmp_path.iterdir())
-
-
-def test_rows_are_kept_as_they_come(tmp_path):
-    """Those that a file has are not made again, a half-written one is."""
-    file, made = tmp_path / "rows.csv", []
-
-    def row(number: int) -> Interruption:
-        made.append(number)
-        return Interruption(number, 0.1, 0.2, 0.9, np.inf, 1e-4, "it says: a, b")
-
-    def kept(number: int) -> list[Interruption]:
-        keys = range(number)
-        return kept_rows(file, Interruption, keys, lambda row: row.number, row, lambda done: None)
-
-    first = kept(2)
-    with file.open("a") as lines:
-        lines.write("2,0.1,0.")
-    assert kept(3)[:2] == first
-    assert made == [0, 1, 2]
-    assert read_rows(file, Interruption) == kept(3)
-    assert made == [0, 1, 2]

@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from deltaopt.compare.dynamics.many_digits import ManyDigits
 from deltaopt.compare.dynamics.tasks import TASKS
 from deltaopt.robot.model import DeltaModel
 from studies import multistart, proportions
-from studies.gap_moves import INSIDE, move, move_of_random_robot
+from studies.gap_moves import INSIDE, move_of_random_robot
 from studies.kept_rows import kept_rows, read_rows
 
 ROW = multistart.Row(3, "a, b", INSIDE, 0.2, 0.19, 0.01, 0.08, 2, True, "")
@@ -33,20 +32,6 @@ def test_rows_of_a_file_go_on_where_they_were_interrupted(tmp_path):
     assert rows([1, 2, 3]) == [*first, replace(ROW, number=3, one=0.1 * 3)]
     assert made == [1, 2, 2, 3]
     assert read_rows(file, multistart.Row) == rows([1, 2, 3])
-
-
-def test_multistart_counts_by_how_much_motions_are_faster():
-    assert ROW.saved == pytest.approx(0.05)
-    rows = [
-        ROW,
-        replace(ROW, several=0.2),
-        replace(ROW, several=0.1997),
-        replace(ROW, several=0.15),
-    ]
-    assert [multistart.share_faster(rows, by) for by in (1e-3, 1e-2, 1e-1)] == [3, 2, 1]
-    numbers = multistart.numbers(3)
-    assert [move(7, i).stratum == INSIDE for i in numbers] == 3 * [True, False]
-    assert len(set(numbers)) == 6
 
 
 def test_models_of_a_random_robot_are_held_against_many_digits():

@@ -17,8 +17,6 @@ MKDOCS = yaml.safe_load((ROOT / "mkdocs.yml").read_text(encoding="utf-8"))
         (".", "[a](docs/gap.md#part)", "[a](gap.md#part)"),
         (".", "![a](docs/gap.png)", "![a](gap.png)"),
         (".", "[a](CHANGELOG.md)", "[a](changelog.md)"),
-        (".", "[a](problems/pick_and_place.yaml)", "[a](problems/pick_and_place.yaml)"),
-        ("docs", "[a](gap.md)", "[a](gap.md)"),
         ("docs", "[a](../README.md#install)", "[a](index.md#install)"),
         ("docs", "[a](../problems/pick_and_place.yaml)", "[a](problems/pick_and_place.yaml)"),
         ("docs", "[a](https://keepachangelog.com)", "[a](https://keepachangelog.com)"),

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from deltaopt.errors import Infeasible, NotConverged
 from deltaopt.planning.planner import Planner
 from deltaopt.robot.robot import load_robot
 from studies.__main__ import main
@@ -30,24 +29,6 @@ def test_random_moves(robot, seed):
     assert told == list(range(1, 13))
 
 
-def test_bench_any(capsys):
-    robot = str(PROBLEMS / "robots/orsino.yaml")
-    assert main(["bench", "any", robot, "--number", "1", "--seed", "3"]) == 0
-    assert "1 of 1 solved and verified" in capsys.readouterr().out
-
-
-def test_bench_any_names_what_failed(capsys, monkeypatch):
-    def failing(*_):
-        raise NotConverged("no luck", "Maximum_Iterations_Exceeded", None)
-
-    monkeypatch.setattr(Planner, "plan", failing)
-    robot = str(PROBLEMS / "robots/orsino.yaml")
-    assert main(["bench", "any", robot, "--number", "2"]) == 1
-    out = capsys.readouterr().out
-    assert "0 of 2 solved and verified" in out
-    assert out.count(": no luck\n") == 2
-
-
 def test_a_payload_that_no_motor_can_hold(capsys):
     robot = str(PROBLEMS / "robots/orsino.yaml")
     assert main(["bench", "any", robot, "--payload", "100"]) == 1
@@ -66,19 +47,3 @@ def test_moves_of_a_robot_that_can_be_in_a_tenth_of_its_workspace(monkeypatch):
     for x, y, z in (point for each in moves for point in each.given_points):
         assert depth <= x <= most
         assert np.hypot(y, z) <= radius
-
-
-def test_a_robot_without_a_workspace(monkeypatch):
-    monkeypatch.setattr("studies.bench.random_scenes._MOST_BATCHES", 2)
-    monkeypatch.setattr("studies.bench.random_scenes.MARGIN", 1.0)
-    with pytest.raises(Infeasible, match="of 8192 random points not even two are in the workspace"):
-        next(random_scenes(ORSINO, 1.0, 1, seed=1))
-
-
-def test_random_moves_by_switch_resolution(capsys):
-    robot = str(PROBLEMS / "robots/orsino.yaml")
-    assert main(["bench", "any", robot, "--number", "1", "--tolerance", "1e-6"]) == 0
-    told = capsys.readouterr().out
-    assert "planned 1, switches resolved 1, certified 1, verified 1" in told
-    assert "1 planned on meshes alone too" in told
-    assert "slower by more than both gaps tell in 0, by 0.0e+00 at most, and faster in 0" in told

@@ -7,13 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from deltaopt.errors import MissingPackage
 from deltaopt.planning.planner import Planner
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import load_robot
 from deltaopt.scene.scene import load_scene
 from studies.bench import fixed_paths
-from studies.bench.fixed_paths import driven, fixed_path_comparison, platform_motion, straight
+from studies.bench.fixed_paths import driven, platform_motion, straight
 
 PROBLEMS = Path(__file__).parents[3] / "problems"
 ORSINO = load_robot(PROBLEMS / "robots" / "orsino.yaml")
@@ -40,16 +39,6 @@ def test_motors_and_platform_move_together():
     _, dq, ddq = model.motion(x, v, a)
     found = platform_motion(model, x, dq[:, 3::3], ddq[:, 3::3])
     np.testing.assert_allclose(found, (v, a), rtol=1e-10, atol=1e-10)
-
-
-def test_peers_that_are_missing_are_told(monkeypatch):
-    def missing(package: str, extra: str):
-        assert extra == "bench"
-        raise MissingPackage(f"{package} is not installed")
-
-    monkeypatch.setattr(fixed_paths, "installed", missing)
-    told = fixed_path_comparison(ORSINO, 1.0, 1, 1, lambda _: None)
-    assert told.splitlines()[1:] == ["  toppra is not installed", "  ruckig is not installed"]
 
 
 def test_toppra_drives_our_path_as_fast_as_we_do():
