@@ -701,13 +701,6 @@ def test_what_memory_held_is_of_no_account(monkeypatch):
     assert after == before
 
 
-def test_a_guess_is_kept():
-    (phase,) = phases_of(CASES["power"])
-    knots = phase.knots.copy()
-    method_of("power").solve([phase], boundaries_of(CASES["power"]), EXACT)
-    np.testing.assert_array_equal(phase.knots, knots)
-
-
 @pytest.mark.parametrize("name", ["power", "two phases"])
 def test_from_its_multipliers_a_moved_limit_is_found_again_sooner(name):
     """With limits a thousandth lower: the same solution as from the barrier's own multipliers."""
@@ -780,14 +773,3 @@ def test_equations_must_be_affine_in_torques():
     problem = method_of("power").problem
     with pytest.raises(ValueError, match="affine"):
         replace(problem, force=problem.force + problem.tau**2)
-
-
-def test_boundaries():
-    rest_, through = Boundary.at_rest(np.ones(2)), Boundary.passed(np.ones(2), derivatives=3)
-    moving = Boundary.met(np.ones(2), np.array([0.5, 0.0]))
-    assert not rest_.free.any()
-    assert (through.free == [[False] * 2, [True] * 2, [True] * 2]).all()
-    np.testing.assert_array_equal(moving.state, [[1, 1], [0.5, 0]])
-    sphere = Boundary.in_sphere(np.ones(2), 0.1)
-    assert sphere.free.all()
-    np.testing.assert_array_equal(sphere.state, [[1, 1], [0, 0]])

@@ -290,15 +290,6 @@ def test_without_a_compiler_it_is_the_same(monkeypatch):
     assert deltaopt.plan(scene).duration == pytest.approx(compiled.duration, rel=1e-9)
 
 
-def test_what_the_path_costs():
-    plan = deltaopt.beside_free_path(deltaopt.plan(on(CROSS, ROUNDED)))
-    free = deltaopt.plan(CROSS)
-    assert plan.free_duration == pytest.approx(free.duration, rel=1e-12)
-    assert plan.duration > 1.2 * free.duration
-    line = deltaopt.timed_line(CROSS)
-    assert free.duration < line.duration < deltaopt.baseline(CROSS).duration
-
-
 def test_a_path_through_a_parallel_singularity_is_refused():
     """Found by a campaign: without masses and gravity torques are needed for acceleration alone,
     and between the points of a mesh they grew without bound."""
