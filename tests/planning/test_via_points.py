@@ -41,7 +41,7 @@ def test_verified(found):
     np.testing.assert_allclose(found.trajectory(instants).x, SCENE.via, atol=1e-9)
 
 
-@pytest.mark.parametrize("shares", [(0.5,), (0.3, 0.6), (0.1, 0.2, 0.9)])
+@pytest.mark.parametrize("shares", [(0.5,), (0.1, 0.2, 0.9)])
 def test_points_on_the_fastest_motion_leave_its_duration(free, shares):
     instants = np.array(shares) * free.duration
     points = [tuple(x) for x in free.trajectory(instants).x.tolist()]
@@ -216,7 +216,7 @@ def test_small_spheres_tend_to_the_point_in_proportion_to_the_radius():
     assert verify(tiny.scene, tiny.trajectory).failures() == []
 
 
-@pytest.mark.parametrize("within", [0.07, 0.1])
+@pytest.mark.parametrize("within", [0.07])
 def test_a_wide_sphere_leaves_the_fastest_motion_as_it_is(free, within):
     """That passes the centre at 60 mm."""
     assert least_distance(free) < within
