@@ -19,10 +19,7 @@ from deltaopt.scene.scene import limits_of
 
 CASES = [
     ("pick_and_place", "torque", 1, "motor 2"),
-    ("pick_and_place", "torque", 0, "motor 1"),
-    ("light_and_fast", "torque", 2, "motor 3"),
     ("industrial_cross", "speed", 2, "motor 3"),
-    ("limits/platform_speed", "platform_speed", None, "platform"),
     ("limits/specific_force", "specific_force", None, "payload"),
     ("paths/safe_lane", "torque", 1, "motor 2"),
     ("paths/glue_line", "acceleration", None, "platform"),

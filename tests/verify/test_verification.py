@@ -3,23 +3,20 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import cos, factorial, inf, nan, pi, sin
 from pathlib import Path
 
-import casadi as ca
 import numpy as np
 import pytest
 
 from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.errors import Infeasible, Unreachable
-from deltaopt.limits.limit import Bounds, Limit
 from deltaopt.motion.time_scaling import safe_factor
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.initial_motion import baseline, straight_line
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import DeltaModel
-from deltaopt.scene import scene as scenes
 from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.scene import Limits, load_scene
 from deltaopt.verify.measures import MeasuredMotion
@@ -143,47 +140,6 @@ def test_distances_to_singularities():
     written = found.as_dict()["singularities"][found.distances[0].name]
     assert written["least"] == found.distances[0].least
     assert written["formula"] == "sin² (q_k1 - q_k2)"
-
-
-@dataclass(frozen=True)
-class Acceleration(Limit):
-    """A limit that the package does not know: the acceleration of the platform, m/s²."""
-
-    name = "platform acceleration"
-    unit = "m/s²"
-    subject = "platform"
-    order = 2
-
-    def items(self, scene):
-        return [(10.0,)]
-
-    def bounds(self, numbers):
-        return Bounds.at_most(numbers)
-
-    def measure(self, motion, numbers):
-        return ca.norm_2(motion.a)
-
-    def rows(self, motion, numbers):
-        return ca.sumsqr(motion.a) / numbers**2  # smooth, and not what verification measures
-
-
-def test_a_new_limit_is_verified_as_it_is(monkeypatch):
-    """Measured, bounded, written and printed; slowing reckons with it; no fit of costates."""
-    monkeypatch.setattr(scenes, "LIMITS", (*scenes.LIMITS, Acceleration()))
-    scenes.limits_of.cache_clear()
-    try:
-        found = verify(SCENE, LINE)
-    finally:
-        scenes.limits_of.cache_clear()
-    largest = 0.15 * 10 / 3**0.5 / LINE.duration**2  # of 10 u³ - 15 u⁴ + 6 u⁵
-    assert found.platform_acceleration_excess == pytest.approx(largest / 10 - 1, rel=1e-12)
-    assert found.safe_duration == pytest.approx(LINE.duration * (largest / 10) ** 0.5, rel=1e-11)
-    assert "platform acceleration of platform exceeds its limit by" in found.failures()[0]
-    assert found.as_dict()["platform_acceleration_excess"] == found.platform_acceleration_excess
-    assert found.as_dict()["limits"]["platform acceleration"]["unit"] == "m/s²"
-    checked = [check.bound.measure for check in found.checks()]
-    assert checked[:2] == ["torque_excess", "platform_acceleration_excess"]
-    assert (found.hamiltonian_spread, found.sign_violation) == (None, None)
 
 
 # Motions that must fail, each with its sentence
