@@ -205,3 +205,26 @@ def test_processes_that_are_killed_leave_nothing_half_written(folder):
         process.kill()
         process.wait()
         assert answer(library(own)) == 42
+
+
+@needs_compiler
+def test_compiling_is_said_once_if_it_takes_long(caplog, monkeypatch):
+    caplog.set_level("INFO", "deltaopt")
+    monkeypatch.setattr(c_compiler, "_SOON", 0.0)
+    library(SOURCE)
+    library(f"{SOURCE}/* other */")
+    (said,) = caplog.messages
+    assert said.startswith("compiling for this machine, once")
+
+
+@needs_compiler
+def test_abandoned_build_folders_are_removed_and_others_kept(folder):
+    library(SOURCE)
+    old, new = folder / "building-old", folder / "building-new"
+    for each in (old, new):
+        each.mkdir()
+    an_hour_ago = time.time() - 3700
+    os.utime(old, (an_hour_ago, an_hour_ago))
+    library(SOURCE + "int other(void) { return 1; }\n")
+    assert not old.exists()
+    assert new.exists()

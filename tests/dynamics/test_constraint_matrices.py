@@ -82,11 +82,6 @@ def test_pivoted_partition_is_well_conditioned(reference):
         assert np.linalg.cond(J[:, dependent]) < 20 * np.linalg.cond(J)
 
 
-def test_functions_expand_to_scalars(mechanism):
-    for matrix in MATRICES:
-        assert matrix.function(mechanism).expand().is_a("SXFunction")
-
-
 @pytest.mark.parametrize("independent", [(0, 1), (0, 1, 1), (0, 1, 12), (0, 1, 2, 3)])
 def test_partition_needs_as_many_coordinates_as_freedoms(mechanism, independent):
     with pytest.raises(ValueError, match="delta needs 3 different independent coordinates"):

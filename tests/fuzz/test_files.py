@@ -108,9 +108,3 @@ def checked(folder: Path, robot: object, scene: object, capfd) -> None:
 @given(robot=scaled(ROBOT_CONTENT), scene=scaled(SCENE_CONTENT))
 def test_what_loads_can_be_checked(robot, scene, folder, capfd):
     checked(folder, robot, scene, capfd)
-
-
-@fewer(2)
-@given(robot=changed(ROBOT_CONTENT, trees), scene=changed(SCENE_CONTENT, trees))
-def test_what_hardly_loads_can_be_checked(robot, scene, folder, capfd):
-    checked(folder, robot, scene, capfd)

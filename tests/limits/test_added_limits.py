@@ -84,22 +84,11 @@ class LeastTorque(Added):
         return motion.tau**2
 
 
-class ConvexDifference(SizeOfDifference):
-    convex_in_torque = True
-
-
-class Slides(Added):
-    """With the attributes of limits that slide along walls and have ridges."""
-
-    name, order = "depth that slides", 0
-    slid_along = has_ridges = True
+class Jerk(Added):
+    name, order = "jerk", 3
 
     def measure(self, motion, numbers):
         return 3 * motion.x[0]
-
-
-class Jerk(Slides):
-    name, order = "jerk", 3
 
 
 class Continuous(Added):
@@ -183,24 +172,10 @@ def test_a_range_is_refused_where_masses_between_may_exceed(monkeypatch, limit):
     assert limits_of(scene(f"one mass for {limit.name}", payload=4.0)).constraints.number
 
 
-def test_a_convex_limit_is_said_to_be_one(monkeypatch):
-    with_limits(monkeypatch, ConvexDifference())
-    names = [limit.name for limit in limits_of(scene("convex")).constraints.limits]
-    assert names.count("size of the torque difference with the least payload") == 1
-
-
 def test_a_curved_lower_bound_is_refused_on_a_path(monkeypatch):
     with_limits(monkeypatch, LeastTorque())
     with pytest.raises(SceneError, match="bounds least torque of motor 1 from below"):
         plan(scene("curved", payload=4.0, path="line"))
-
-
-def test_a_limit_that_slides_keeps_its_measure(monkeypatch):
-    motion = baseline(scene("does not slide", payload=4.0))
-    with_limits(monkeypatch, Slides())
-    found = verify(scene("slides", payload=4.0), motion)
-    assert found.depth_that_slides_excess == pytest.approx(2.0, rel=1e-9)
-    assert "depth that slides of motor exceeds its limit by 200" in "".join(found.failures())
 
 
 def test_an_unknown_order_is_refused(monkeypatch):

@@ -17,7 +17,6 @@ from deltaopt.robot.model import delta_model
 from deltaopt.scene.scene import LIMITS, limits_of
 
 CROSS = load_scene("problems/industrial_cross.yaml")
-PICK = load_scene("problems/pick_and_place.yaml")
 LIMITED = limits_of(CROSS)
 MODEL = delta_model(CROSS.robot, CROSS.payload)
 FUNCTIONS = delta_functions(MODEL.functions.terms, Explicit())
@@ -44,10 +43,6 @@ def values(function: ca.Function, x, v, a, limits: SceneLimits = LIMITED) -> np.
 
 
 OF_CROSS = [limit for limit in LIMITS if limit.items(CROSS)]
-
-
-def test_the_scene_has_limits_of_every_order():
-    assert {limit.order for limit in OF_CROSS} == {0, 1, 2}
 
 
 @pytest.mark.parametrize("limit", OF_CROSS, ids=lambda limit: limit.name)
@@ -148,31 +143,3 @@ def test_bounds_are_at_one():
             if side is not None:
                 found = np.array(ca.DM(bounds.normalised(side))).ravel()
                 np.testing.assert_allclose(found, row, rtol=1e-15)
-
-
-def test_one_scale_beyond_a_bound_is_one_more():
-    bounds = Bounds.at_least(ca.SX(0.0), 0.2)
-    assert float(ca.DM(bounds.normalised(ca.SX(-0.2)))) == -2.0
-
-
-def test_only_torques_are_bounds_on_the_controls():
-    control = LIMITED.constraints.is_control
-    orders = LIMITED.constraints.orders
-    assert control.sum() == 3
-    assert (orders[control] == 2).all()
-
-
-def test_a_scene_without_a_limit_has_no_rows_of_it():
-    assert len(limits_of(PICK).constraints.limits) < len(LIMITED.constraints.limits)
-    assert limits_of(PICK).upper("speed") is None
-
-
-def test_scenes_that_differ_in_numbers_share_what_is_derived():
-    other = CROSS.model_copy(update={"payload": 0.3})
-    assert limits_of(other).constraints is LIMITED.constraints
-
-
-def test_rows_have_names():
-    labels = [LIMITED.constraints.label(i) for i in range(LIMITED.constraints.number)]
-    assert len(set(labels)) == len(labels)
-    assert "torque of motor 2" in labels

@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 
 from deltaopt.errors import SceneError
-from deltaopt.limits.keep_out import KeepOut, KeepOutHull
-from deltaopt.limits.limit import ConvexLimit
+from deltaopt.limits.keep_out import KeepOut
 from deltaopt.motion.sure_bounds import signed_distances
 from deltaopt.problem.of_scene import problem_of
-from deltaopt.scene.scene import LIMITS, Scene, limits_of, load_scene
+from deltaopt.scene.scene import Scene, limits_of, load_scene
 from deltaopt.verify.clearance import distance_from
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
@@ -196,21 +195,6 @@ def test_verification_measures_distances_of_its_own():
         assert (np.einsum("nc,nc->n", normal, own)[far & (distance > 0)] > 1 - 1e-9).all()
 
 
-def test_unused_places_have_no_bound_and_hardly_a_slope():
-    scene = with_bodies(BOX, SPHERE, CYLINDER)
-    limits = limits_of(scene)
-    rows = limits.constraints.convex
-    assert limits.bounds[0][rows].tolist() == [0.0, 0.0, 0.0, -np.inf]
-    assert limits.constraints.parameters == limits_of(with_bodies(*BODIES)).constraints.parameters
-
-
-def test_other_bodies_are_other_numbers():
-    """A scene with as many bodies, or one more up to the next power of two, is the same problem."""
-    one = limits_of(with_bodies(BOX, SPHERE, PLANE)).constraints
-    assert limits_of(with_bodies(*BODIES)).constraints is one
-    assert limits_of(with_bodies(BOX)).constraints != one
-
-
 def test_rows_are_at_their_bound_where_the_clearance_is():
     """-1 exactly there, bounded above, and increasing with the distance."""
     scene = with_bodies(PLANE, clearance=0.004, tool={"radius": 0.01})
@@ -229,8 +213,3 @@ def test_rows_are_at_their_bound_where_the_clearance_is():
     assert found[2] == pytest.approx(-1, abs=1e-10)
     assert found == sorted(found)
     assert found[-1] < 1
-
-
-def test_which_limits_are_convex():
-    convex = [type(each) for each in LIMITS if isinstance(each, ConvexLimit)]
-    assert convex == [KeepOut, KeepOutHull, KeepOutHull]

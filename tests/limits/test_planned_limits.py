@@ -10,7 +10,6 @@ import pytest
 
 import deltaopt
 from deltaopt.errors import Infeasible, SceneError
-from deltaopt.limits.torque_curve import TorqueCurve
 from deltaopt.motion.limit_curves import limit_curves
 from deltaopt.motion.time_scaling import safe_factor
 from deltaopt.planning.first_motions.initial_motion import straight_line
@@ -138,18 +137,6 @@ def _interpolated(x: np.ndarray, y: np.ndarray, at: float) -> float:
     """Lagrange's polynomial through four points."""
     weights = [np.prod([(at - x[j]) / (x[i] - x[j]) for j in range(4) if j != i]) for i in range(4)]
     return float(np.dot(weights, y))
-
-
-def test_pieces_of_a_torque_curve():
-    """At each speed the least torque of all lines is that of the curve."""
-    curve = [[0.0, 40.0], [4.0, 40.0], [8.0, 30.0], [11.0, 10.0]]
-    scene = changed(CROSS, drive={"torque_curve": curve, "speed": 11.0})
-    lines = np.array(TorqueCurve().items(scene))
-    assert len(lines) == 2  # the flat piece is the limit of torque itself
-    for speed in np.linspace(0, 11, 23):
-        least = min(40.0, float((lines[:, 1] - lines[:, 0] * speed).min()))
-        assert least == pytest.approx(np.interp(speed, *np.transpose(curve)), rel=1e-12)
-    assert scene.robot.speed_limits == (11.0,) * 3
 
 
 # Limits of position

@@ -94,14 +94,6 @@ def test_excess_is_told():
     assert told == pytest.approx(largest / 20.0 - 1, rel=1e-3)
 
 
-def test_it_is_written_and_drawn(tmp_path):
-    plan = deltaopt.plan(limited(20.0))
-    plan.save(tmp_path)
-    written = json.loads((tmp_path / "plan.json").read_text())
-    assert written["verification"]["acceleration_excess"] <= 1e-3
-    assert (tmp_path / "plan.png").stat().st_size > 10_000
-
-
 @pytest.mark.parametrize("value", [0.0, -3.0, "fast", [1.0, 2.0]])
 def test_a_bad_value_is_one_sentence(tmp_path, value):
     scene = {

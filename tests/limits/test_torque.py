@@ -138,11 +138,6 @@ def test_shipped_and_verified_at_both_ends(tmp_path):
     assert deltaopt.load_plan(tmp_path).scene == RANGE
 
 
-def test_a_scene_without_range_has_no_such_limit():
-    found = verify(RANGE.model_copy(update={"payload": 3.0}), plan(RANGE).trajectory)
-    assert found.torque_with_the_least_payload_excess is None
-
-
 @pytest.mark.parametrize("payload", [[3, 0], [-1, 2], [0, 0], ["1 m", 2], [1, 2, 3], [1]])
 def test_refused(payload):
     with pytest.raises(SceneError) as error:
@@ -155,14 +150,6 @@ def test_the_field_of_the_least_payload_is_no_key(tmp_path):
     (tmp_path / "scene.yaml").write_text("payload: 2\nleast_payload: 1\n", encoding="utf-8")
     with pytest.raises(SceneError, match=r"line 2.*expected payload: \[least, largest\]"):
         load_scene(tmp_path / "scene.yaml")
-
-
-def test_a_scene_is_made_again_from_its_fields():
-    assert Scene(**{key: getattr(DOWN, key) for key in Scene.model_fields}) == DOWN
-
-
-def test_units():
-    assert RANGE.model_copy(update={"payload": ["500 g", "1 kg"]}).least_payload == 0.5
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import casadi as ca
@@ -11,7 +10,7 @@ import pytest
 
 from deltaopt.codegen.vectorised import evaluate_rows
 from deltaopt.dynamics.lagrange import Explicit
-from deltaopt.robot.model import DeltaModel, delta_parameters
+from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import load_robot
 from studies.bench.random_scenes import random_scenes
 
@@ -82,13 +81,6 @@ def test_force_vanishes_for_torques_of_inverse_dynamics():
         model.functions.explicit_equations, x, v, a, tau, parameters=model.parameters
     )
     assert np.abs(force).max() < 1e-11 * np.abs(model.robot.platform.mass * a).max()
-
-
-def test_which_bars_are_slender():
-    bars = delta_parameters(ORSINO, 1.0)
-    assert bars.terms().slender
-    assert not replace(bars, I43=2 * bars.I41).terms().slender
-    assert not replace(bars, I42=1e-4).terms().slender
 
 
 def test_bars_that_are_not_slender_are_served_too():

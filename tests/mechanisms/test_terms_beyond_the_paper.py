@@ -180,12 +180,3 @@ def test_forward_kinematics_gives_the_tools_point(name):
     np.testing.assert_allclose(model.forward_kinematics(theta), x, atol=1e-12)
     angles = DeltaModel(PLAIN, PAYLOAD).inverse_kinematics(x - ROBOT[name].tool_offset)[:, 3:]
     np.testing.assert_allclose(model.inverse_kinematics(x)[:, 3:], angles, atol=1e-13)
-
-
-def test_no_zero_is_carried():
-    """What a robot does not name, or names as zero, is no parameter of its model."""
-    model = DeltaModel(PLAIN, PAYLOAD).numbers.terms()
-    joined = DeltaModel(PLAIN.model_copy(update={**TERMS["pins"], "elbow": {"mass": 0.0}}), PAYLOAD)
-    assert joined.numbers.terms() == model
-    down = PLAIN.model_copy(update={"tool": {"offset": [0.1, 0, 0], "mass": 0.3}})
-    assert set(DeltaModel(down, PAYLOAD).numbers.terms().names) - set(model.names) == {"tool_x"}

@@ -10,7 +10,6 @@ import pytest
 
 from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.errors import Unreachable
-from deltaopt.limits.limit import first_highest
 from deltaopt.motion.extrema import (
     everywhere,
     narrow_valleys,
@@ -35,15 +34,6 @@ LINE = baseline(SCENE)
 
 def scene_with(**changes: object):
     return SCENE.model_copy(update=changes)
-
-
-@pytest.mark.parametrize(
-    ("values", "named"),
-    [([0.2, 1.5, 1.5 + 1e-12], 1), ([0.2, 1.5, 1.5 + 1e-6], 2), ([-inf, -inf], 0), ([0.0, inf], 1)],
-)
-def test_of_equal_values_the_first_is_named(values, named):
-    """Two motors that are asked for the same by symmetry, but for rounding."""
-    assert first_highest(np.array(values)) == named
 
 
 def test_peaks_between_samples():
@@ -80,23 +70,6 @@ def test_ridges_between_samples():
     assert (peaks(curves, fractions, sampled).values < heights * (1 - 1e-7)).any()
 
 
-def test_peaks_see_both_sides_of_a_knot():
-    def curves(intervals, fractions):
-        return np.where(intervals == 0, fractions, -1 - fractions)[:, None]
-
-    fractions = sample_fractions(2)
-    highest = peaks(curves, fractions, curves(*everywhere(2, fractions)))
-    assert highest.values[0] == 1.0
-    assert (highest.intervals[0], highest.fractions[0]) == (0, 1.0)
-
-
-@pytest.mark.parametrize("intervals", [1, 7, 40, 500])
-def test_sampled_as_densely_as_defined(intervals):
-    fractions = sample_fractions(intervals)
-    assert (fractions[0], fractions[-1]) == (0, 1)
-    assert len(fractions) >= 22
-
-
 @pytest.mark.parametrize("least", [1e-4, 1e-8, 1e-12])
 @pytest.mark.parametrize("bottom", [0.3137, 0.5, 0.0041])
 def test_peaks_in_valleys_that_samples_miss(least, bottom):
@@ -115,17 +88,6 @@ def test_peaks_in_valleys_that_samples_miss(least, bottom):
     windows.let_see(highest, curves)
     assert highest.values[0] == pytest.approx(least**-1.5, rel=1e-6)
     assert highest.fractions[0] == pytest.approx(bottom, abs=1e-6)
-
-
-def test_wide_valleys_are_left_to_samples():
-    """Nothing is added for a motion that stays away from its singularities."""
-    fractions = sample_fractions(1)
-    where = everywhere(1, fractions)
-
-    def valley(intervals, fractions):
-        return (0.01 + 10 * (fractions - 0.3) ** 2)[:, None]
-
-    assert not len(narrow_valleys(valley, fractions, valley(*where)).begin)
 
 
 def grazing(distance: float) -> Scene:

@@ -21,11 +21,6 @@ BETWEEN = [0.1, 4.5, -4.5]
 
 
 @BY
-def test_what_holds_needs_no_slowing(largest):
-    assert largest(of(BETWEEN), 1.0) == 1.0
-
-
-@BY
 def test_a_safe_speed_below_unsafe_ones(largest):
     """The lesser root of 4.5 s² - 4.5 s + 0.9 = 0."""
     expected = 0.5 - np.sqrt(0.25 - 0.2)
@@ -39,12 +34,6 @@ def test_sets_of_safe_speeds_are_intersected(largest):
     assert of(BETWEEN)(np.array([0.9]))[0, 0] < 0  # 0.505
     assert largest(of(BETWEEN, [0.0, 1 / 0.7]), 1.0) == pytest.approx(expected, rel=1e-12)
     assert largest(of(BETWEEN, [0.0, 1 / 0.9]), 1.0) == pytest.approx(0.9, rel=1e-12)
-
-
-@BY
-def test_none_where_there_is_none(largest):
-    assert largest(of([1.2, 0.1]), 1.0) is None
-    assert largest(of([0.0, 1.0, 1.0], [1.1, -0.05]), 0.9) is None
 
 
 def test_a_narrow_set_of_safe_speeds_is_found():

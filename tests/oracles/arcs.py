@@ -22,12 +22,10 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.flat.equations import PointEquations
-from deltaopt.planning.nlp.cost import FASTEST, Cost
 from deltaopt.planning.nlp.points import Layout, PointFunction, Points
-from deltaopt.planning.nlp.program import IpoptSolution, Options, Program, RunningCost
+from deltaopt.planning.nlp.program import IpoptSolution, Options, Program
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 from deltaopt.planning.switching.arc_mesh import parts_of
@@ -80,7 +78,6 @@ class ArcProblem:
     equations: PointEquations
     structure: SwitchingStructure
     degree: int
-    cost: Cost = FASTEST
 
     @cached_property
     def transcription(self) -> PiecewiseAcceleration:
@@ -132,7 +129,7 @@ class ArcProblem:
     @cached_property
     def program(self) -> Program:
         cost = np.zeros(self.n_variables)
-        cost[self._first_length : -1] = self.cost.time
+        cost[self._first_length : -1] = 1.0
         position, velocity = integration()
         zero = np.zeros(1)
         points = [
@@ -140,19 +137,8 @@ class ArcProblem:
             Points(position, self._position_layout(), zero, zero),
             Points(velocity, self._velocity_layout(), zero, zero),
         ]
-        return Program(cost, self._given_duration(), points, OPTIONS, self.running)
-
-    @cached_property
-    def running(self) -> RunningCost | None:
-        """∫ r dt by Lobatto's rule in every interval."""
-        if not self.cost.running:
-            return None
-        zero, weights = np.zeros(1), self.cost.running * self.transcription.quadrature
-        e, h = self.equations, ca.SX.sym("h")
-        inputs = [ca.vertcat(e.y, h), e.parameters.vector]
-        during = PointFunction("running cost", ca.Function("running", inputs, [h * e.rate]))
-        points = Points(during, self._running_layout(), zero, zero)
-        return RunningCost(points, np.tile(weights, self.intervals))
+        none = np.zeros((0, 1))
+        return Program(cost, Layout(none.astype(np.intp), none), points, OPTIONS)
 
     @cached_property
     def rows(self) -> PointFunction:
@@ -202,8 +188,7 @@ class ArcProblem:
         upper[at] = np.where(held != 0, held, 1)
         goal = self.intervals * self._block
         lower[:6] = upper[:6] = scaling.at_start
-        upper[goal : goal + 6] = scaling.at_goal  # infinite where the goal is free
-        lower[goal : goal + 6] = np.where(np.isinf(scaling.at_goal), -np.inf, scaling.at_goal)
+        lower[goal : goal + 6] = upper[goal : goal + 6] = scaling.at_goal
         lower[self._first_length : -1] = 0.0
         lower[-1] = upper[-1] = 1.0
         return lower, upper
@@ -240,38 +225,9 @@ class ArcProblem:
         """Lengths of the intervals in the same unit, (n,)."""
         return np.asarray((self.lengths(z) / self.parts)[self.arc])
 
-    def velocities(self, z: Array) -> Array:
-        """V at all nodes, (n, degree + 1, 3)."""
-        return np.asarray(z[self._states[..., None] + np.arange(3, 6)])
-
     def accelerations(self, z: Array) -> Array:
         """A at all nodes, (n, degree + 1, 3)."""
         return np.asarray(z[self._accelerations[..., None] + np.arange(3)])
-
-    def at_nodes(self, z: Array) -> Array:
-        """y = (X, V, A, τ, 1) of all nodes, (n · (degree + 1), 13)."""
-        return np.asarray(z[self._node_layout().columns.reshape(-1, 13)])
-
-    def row_multipliers(self, solution: IpoptSolution) -> tuple[Array, Array, Array]:
-        """Of the rows at the nodes (n · (degree + 1), rows), and of those that integrate
-        position and velocity, (n, degree, 3) each."""
-        n, d = self.intervals, self.degree
-        rows = self.rows.function.size1_out(0)
-        ends = np.cumsum([n * (d + 1) * rows, 3 * n * d])
-        linear = int(self.cost.duration_is_given)
-        nodes, position, velocity = np.split(solution.row_multipliers[linear:], ends)
-        shape = (n, d, 3)
-        return nodes.reshape(-1, rows), position.reshape(shape), velocity.reshape(shape)
-
-    def unpack(self, z: Array, scaling: Scaling) -> PiecewisePolynomial:
-        """The motion that the variables describe, without arcs that have vanished."""
-        h = self.interval_lengths(z)
-        kept = h > 1e-9
-        h = h[kept]
-        X = z[self._states[kept, :1] + np.arange(3)]
-        V = z[self._states[kept, :1] + np.arange(3, 6)]
-        A = self.accelerations(z)[kept]
-        return scaling.polynomial(h, self.transcription.coefficients(X, V, A, h), scaling.time)
 
     def control_multipliers(self, solution: IpoptSolution) -> Array:
         """Multipliers of the torques' bounds at the nodes, (n, degree + 1, 3)."""
@@ -287,22 +243,6 @@ class ArcProblem:
         columns[..., 9:12] = self._torques[..., None] + np.arange(3)
         columns[..., 12] = self.n_variables - 1
         return Layout(columns.reshape(-1, 1), np.ones((columns.size, 1)))
-
-    def _running_layout(self) -> Layout:
-        """(y, h/m) at every node."""
-        y = self._node_layout().columns.reshape(-1, 13)
-        arcs, nodes = np.repeat(self.arc, self.degree + 1), self.degree + 1
-        columns = np.hstack([y, self._first_length + arcs[:, None]])
-        weights = np.ones(columns.shape)
-        weights[:, -1] = np.repeat(1.0 / self.parts[self.arc], nodes)
-        return Layout(columns.reshape(-1, 1), weights.reshape(-1, 1))
-
-    def _given_duration(self) -> Layout:
-        """Lengths of the arcs less the constant 1, where the duration is the unit of time."""
-        given = int(self.cost.duration_is_given)
-        columns = np.arange(self._first_length, self.n_variables, dtype=np.intp)
-        weights = np.append(np.ones(len(self.parts)), -1.0)
-        return Layout(columns[None][:given], weights[None][:given])
 
     def _position_layout(self) -> Layout:
         """y = (X_c - X_0, c V_0, Σ l̿ A, h/m) for the nodes after the first, per component."""

@@ -74,12 +74,6 @@ def test_wide_cylinders_leave_the_fastest_motion_as_it_is(free):
     assert wide.duration == pytest.approx(free.duration, rel=wide.gap + free.gap)
 
 
-def test_wide_cylinders_leave_the_motion_over_a_wall_as_it_is():
-    wall = load_scene("problems/keep_out/wall_25_305_25.yaml")
-    alone, both = plan(wall), plan(approaching(0.02, 1.0, scene=wall))
-    assert both.duration == pytest.approx(alone.duration, rel=both.gap + alone.gap)
-
-
 def test_no_other_places_to_pass_the_heights_are_faster(found):
     """Through given points at both heights, by the problem for via points: through those found it
     takes as long, through others in the circles longer."""
@@ -150,12 +144,6 @@ def test_back_as_fast_as_forth(found):
     assert other.duration == pytest.approx(uneven.duration, rel=uneven.gap + other.gap)
 
 
-def test_other_first_meshes_lead_to_the_same(found):
-    for intervals in (12, 30):
-        other = plan(SCENE, intervals=intervals)
-        assert other.duration == pytest.approx(found.duration, rel=found.gap + other.gap)
-
-
 def test_verification_sees_what_is_outside(free):
     checked = verify(SCENE, free.trajectory)
     assert checked.approach_distance == pytest.approx(outside(SCENE, free.trajectory), rel=1e-3)
@@ -163,11 +151,6 @@ def test_verification_sees_what_is_outside(free):
     low = verify(approaching(0.2, 1.0), free.trajectory)  # never so high
     highest = 0.85 - free.trajectory(np.linspace(0, free.duration, 20001)).x[:, 0].min()
     assert low.approach_distance == pytest.approx(0.2 - highest, abs=1e-6)
-
-
-def test_with_a_limit_of_speed():
-    scene = approaching(0.025, 0.005, limits={"speed": 4.0})
-    assert verify(scene, plan(scene).trajectory).failures() == []
 
 
 def test_saved_and_read_back(found, tmp_path):

@@ -10,11 +10,9 @@ import pytest
 
 from deltaopt import plan
 from deltaopt.errors import Infeasible
-from deltaopt.limits.keep_out import KeepOut
 from deltaopt.motion.sure_bounds import signed_distances
 from deltaopt.planning.first_motions.passages import shortest_path
 from deltaopt.problem.of_scene import problem_of
-from deltaopt.scene.feasibility import room_at_rest
 from deltaopt.scene.scene import Scene, load_scene
 from deltaopt.verify.verification import verify
 from studies.bench.statics import Statics
@@ -77,13 +75,6 @@ def test_a_body_in_the_way(body):
     assert all(way.duration > 0.99 * found.duration for way in found.ways)
 
 
-def test_bodies_far_away_change_nothing():
-    """Neither the number of meshes nor, to the tolerance, the duration."""
-    found = planned(with_bodies(sphere([2.0, 0, 0], 0.1), box([0.95, -1, -1], [2, 1, 1])))
-    assert len(found.meshes) == len(FREE.meshes)
-    assert found.duration == pytest.approx(FREE.duration, rel=1e-3)
-
-
 def test_start_and_goal_may_touch_a_table():
     """Both are on it; the motion dips below it nowhere."""
     found = planned(with_bodies({"half_space": {"point": [0.85, 0, 0], "normal": [1, 0, 0]}}))
@@ -135,14 +126,6 @@ def test_where_there_is_no_way_the_reason_says_what_was_searched():
         plan(scene)
 
 
-def test_a_grid_has_no_room_in_a_body():
-    """Room is told, not refused: a grid has points everywhere."""
-    middle = (np.array(CROSS.start) + np.array(CROSS.goal)) / 2
-    scene = with_bodies(sphere(middle.tolist(), 0.03))
-    away = middle + np.outer([0.0, 0.029, 0.031, 0.06], [-1.0, 0.0, 0.0])
-    np.testing.assert_array_equal(room_at_rest(scene, away) > 0, [False, False, True, True])
-
-
 def test_a_reach_into_a_box():
     """Over its rim and down between its four sides, above the table that it stands on."""
     found = planned(load_scene(PROBLEMS / "keep_out" / "into_a_box.yaml"))
@@ -192,16 +175,6 @@ def test_reasons():
     near = with_bodies(box([1.5, 0, 0], [2, 1, 1]), sphere([0.85, 0.2, 0], 0.045), clearance=0.01)
     with pytest.raises(Infeasible, match=r"goal: .* is 2.5 mm from keep_out\[1\], a sphere, where"):
         plan(near)
-
-
-def test_a_scene_without_bodies_pays_nothing():
-    assert not any(isinstance(e, KeepOut) for e in limits_of_free())
-
-
-def limits_of_free() -> tuple[object, ...]:
-    from deltaopt.scene.scene import limits_of
-
-    return limits_of(CROSS).constraints.limits
 
 
 def test_effort_past_a_sharp_edge():

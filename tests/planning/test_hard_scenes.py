@@ -11,7 +11,7 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from deltaopt import Scene, load_robot, load_scene, plan, verify
+from deltaopt import Scene, load_robot, plan, verify
 from deltaopt.errors import DeltaOptError, Infeasible, Unreachable
 from deltaopt.planning.first_motions.initial_motion import detour, line, roughly_fastest
 from deltaopt.planning.first_motions.order_of_merit import (
@@ -70,16 +70,6 @@ def test_another_way_is_tried_after_a_laborious_plan():
     assert found.optima[0].duration == found.duration
     assert found.optima[-1].duration > found.duration * (1 + 2 * found.optima[-1].gap)
     assert sum(each.starts for each in found.optima) == 3
-
-
-def test_after_an_ordinary_plan_nothing_else_is_tried(monkeypatch):
-    easy = load_scene("problems/pick_and_place.yaml")
-    usual = plan(easy)
-    assert usual.optima == ()
-    monkeypatch.setattr("deltaopt.planning.attempts._LABORIOUS", usual.iterations - 1)
-    again = plan(easy)
-    assert [each.starts for each in again.optima] == [3]  # there is no other minimum
-    assert again.duration == pytest.approx(usual.duration, rel=usual.gap)
 
 
 def test_a_path_over_the_grid_where_no_simple_curve_leads():

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from math import pi
-
 import numpy as np
 import pytest
 
@@ -124,24 +122,6 @@ def test_a_belt_that_moves_away_is_met_as_soon_as_its_place_can_be_reached():
     assert same.duration == pytest.approx(found.duration, rel=found.gap + same.gap)
 
 
-def test_turned_with_the_robot():
-    """By 120° about the axis, which takes the robot to itself."""
-    turn = np.array([[1, 0, 0], *_rotation(2 * pi / 3)])
-    turned = {
-        key: State(
-            at=tuple((turn @ each.at).tolist()), velocity=tuple((turn @ each.velocity).tolist())
-        )
-        for key, each in (("start", PASSED.start), ("goal", PASSED.goal))
-    }
-    found, same = plan(PASSED), plan(PASSED.model_copy(update=turned))
-    assert same.duration == pytest.approx(found.duration, rel=1e-5)
-
-
-def _rotation(angle):
-    c, s = np.cos(angle), np.sin(angle)
-    return [[0, c, -s], [0, s, c]]
-
-
 # Another solver
 
 
@@ -260,19 +240,6 @@ def test_a_body_that_appears_on_the_way(across):
     assert np.linalg.norm(path - ahead, axis=1).min() >= 0.02 - 1e-9
 
 
-def test_an_old_motion_through_a_body_is_not_finished(across):
-    """Not even where nothing else is found."""
-    share, goal = 0.3 * across.duration, (0.80, 0.0, 0.1)
-    now, rest = across.trajectory(share), across.trajectory.position.after(share)
-    ahead = across.trajectory(0.7 * across.duration).x[0]
-    ball = {"sphere": {"centre": tuple(ahead.tolist()), "radius": 0.02}}
-    state = State(at=tuple(now.x[0].tolist()), velocity=tuple(now.v[0].tolist()))
-    scene = CROSS.model_copy(update={"start": state, "goal": goal})
-    past = scene.model_copy(update={"keep_out": [ball]})
-    assert finished_first(scene, rest, None, 1e-3, plan, lambda _: 0.0) is not None
-    assert finished_first(past, rest, None, 1e-3, plan, lambda _: 0.0) is None
-
-
 @pytest.mark.parametrize("goal", [CROSS.goal, Anywhere()], ids=["the same goal", "a stop"])
 def test_finishing_is_a_plan_where_nothing_is_found(across, goal):
     """The motion under way leads to its own goal, and to rest."""
@@ -338,7 +305,3 @@ def test_settings_of_motions_from_rest_to_rest_are_refused():
         plan(PASSED, starts=3)
     with pytest.raises(ValueError, match="start has 2 instants; one is needed"):
         PLANNER.plan(plan(PASSED).trajectory([0, 0.01]), CROSS.goal)
-
-
-def test_units_in_a_scene_file():
-    assert STOP.start == State(at=(0.85, 0, 0), velocity=(0, 3.0, 0))

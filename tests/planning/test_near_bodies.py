@@ -8,13 +8,8 @@ import numpy as np
 import pytest
 
 from deltaopt import load_scene, plan
-from deltaopt.motion.sure_bounds import rows_not_kept, sure_excess
-from deltaopt.planning.attempts import Attempt
 from deltaopt.planning.first_motions.order_of_merit import first_motion
-from deltaopt.planning.near_bodies import near, past_these, run_into, with_those_hit
-from deltaopt.planning.refinement import Slower
-from deltaopt.planning.trajectory_optimiser import TrajectoryOptimiser
-from deltaopt.problem.of_scene import problem_of
+from deltaopt.planning.near_bodies import past_these, with_those_hit
 from deltaopt.scene.scene import Scene
 from deltaopt.verify.verification import verify
 
@@ -28,14 +23,6 @@ def with_far(*more: object) -> Scene:
     """The wall of the scene after bodies that are far away, and others after these."""
     content = dict(WALL) | {"keep_out": [*FAR, THE_WALL.model_dump(exclude_none=True), *more]}
     return Scene.model_validate(content)
-
-
-def test_which_are_near():
-    scene = with_far()
-    assert near(scene, LINE.position) == run_into(scene, LINE.position) == {4}
-    part = past_these(scene, near(scene, LINE.position))
-    assert part.keep_out == (scene.keep_out or ())[4:]
-    assert past_these(scene, range(5)) is scene
 
 
 def test_what_a_motion_runs_into_is_added():
@@ -67,21 +54,3 @@ def test_one_that_only_the_plan_runs_into():
     found = plan(scene)
     assert verify(scene, found.trajectory).ok
     assert found.duration > over.duration
-
-
-def test_whether_is_known_as_how_much_is():
-    rng = np.random.default_rng(5)
-    for _ in range(5):
-        centre = np.array([0.85, 0.0, 0.0]) + rng.uniform(-0.3, 0.3, 3)
-        sphere = {"centre": centre.tolist(), "radius": 0.12}
-        scene = with_far({"sphere": sphere})
-        kept = sure_excess(problem_of(scene), LINE.position).max(axis=0) <= 0
-        np.testing.assert_array_equal(rows_not_kept(problem_of(scene), LINE.position), ~kept)
-
-
-def test_a_way_that_is_slower_than_a_known_plan_is_given_up():
-    free = WALL.model_copy(update={"keep_out": None})
-    attempt = Attempt(free, LINE, 16, 1e-3, most=0.05)
-    with pytest.raises(Slower, match="a faster motion is known") as caught:
-        TrajectoryOptimiser().plan(attempt, lambda _: None)
-    assert caught.value.duration > 0.05

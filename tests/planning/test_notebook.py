@@ -79,11 +79,6 @@ def test_table_is_a_frame_where_pandas_is(found, monkeypatch, pandas, tmp_path):
         found.table(rate=1e9)
 
 
-def test_pandas_itself(found):
-    pandas = pytest.importorskip("pandas")
-    assert isinstance(found.table(), pandas.DataFrame)
-
-
 class Notebook:
     """Stands for IPython in a notebook: what cells show, in order."""
 

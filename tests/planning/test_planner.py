@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-import deltaopt
-from deltaopt.errors import Infeasible, Unreachable
-from deltaopt.planning.first_motions.initial_motion import baseline, detour
+from deltaopt.planning.first_motions.initial_motion import baseline
 from deltaopt.planning.first_motions.order_of_merit import first_motion
 from deltaopt.planning.mesh.error_estimate import SAFETY_FACTOR
-from deltaopt.planning.nlp.problem import Ipopt
 from deltaopt.planning.planner import Planner, plan
 from deltaopt.robot.robot import load_robot
 from deltaopt.scene.scene import Limits, Scene, load_scene
@@ -47,17 +44,6 @@ def test_verified(picked):
     assert found.failures() == []
     assert found.torque_excess <= 1e-9
     assert found.arrival_distance <= 1e-5
-
-
-def test_plan_tells_how_it_was_found(picked):
-    last = picked.meshes[-1]
-    assert picked.duration == pytest.approx(last.safe_duration, rel=1e-12)
-    assert picked.intervals == last.intervals
-    assert picked.gap == last.gap <= picked.tolerance == 1e-3
-    assert picked.within_tolerance
-    assert picked.iterations == sum(each.iterations for each in picked.meshes)
-    assert len(picked.trajectory.knots) == picked.intervals + 1
-    assert all(each.duration <= each.safe_duration for each in picked.meshes)
 
 
 @pytest.mark.parametrize("scene", [PICK, CROSS], ids=["orsino", "industrial"])
@@ -123,30 +109,11 @@ def test_mirrored(light):
     assert planner.plan(*ends).duration == pytest.approx(duration, rel=1e-6)
 
 
-def test_planner_has_no_memory(light):
-    planner, duration = light
-    assert planner.plan(LIGHT.start, LIGHT.goal).duration == duration
-    assert plan(LIGHT).duration == duration
-
-
 # Limits
 
 
 def limited(scene: Scene, **limits: float) -> Scene:
     return scene.model_copy(update={"limits": Limits(**limits)})
-
-
-def test_larger_torque_is_never_slower(picked):
-    durations = [plan(limited(PICK, torque=torque)).duration for torque in (6.0, 9.9)]
-    assert durations[0] > durations[1] > picked.duration
-
-
-def test_speed_limit_of_the_drive():
-    """It is reached, and kept."""
-    found = verify(CROSS, plan(CROSS).trajectory)
-    assert found.ok
-    assert found.speed_excess is not None
-    assert found.speed_excess <= 1e-9
 
 
 def test_speed_limit_of_the_scene(picked):
@@ -159,21 +126,7 @@ def test_speed_limit_of_the_scene(picked):
     assert slower.duration > 1.01 * picked.duration
 
 
-def test_speed_limit_that_is_never_met_changes_nothing(picked):
-    assert plan(limited(PICK, speed=100.0)).duration == pytest.approx(picked.duration, rel=1e-3)
-
-
 # Any move
-
-
-def test_move_that_has_no_straight_line():
-    scene = Scene(
-        robot=ORSINO, payload=1.0, start=(0.22, 0.442, -0.135), goal=(0.163, 0.129, 0.427)
-    )
-    found = plan(scene)
-    assert verify(scene, found.trajectory).ok
-    assert found.within_tolerance
-    assert found.duration < detour(scene).duration
 
 
 @pytest.mark.parametrize(
@@ -192,37 +145,6 @@ def test_far_sides_are_joined(start, goal):
 
 
 # No
-
-
-@dataclass(frozen=True)
-class Untouched:
-    """A formulation that must not be asked for its equations."""
-
-    name: str = "untouched"
-    solvers: tuple[type, ...] = (Ipopt,)
-
-    def of(self, functions, transcription, constraints, cost, solver):
-        raise AssertionError("a nonlinear program is being built")
-
-
-@pytest.mark.parametrize(
-    ("payload", "goal", "error", "words"),
-    [
-        (1.0, (0.45, 0.9, 0.0), Unreachable, r"goal: the platform cannot be at"),
-        (
-            10.0,
-            (0.45, 0.1, 0.0),
-            Infeasible,
-            r"torque of motor 1 is 13 N·m",
-        ),
-    ],
-)
-def test_hopeless_before_anything_is_built(payload, goal, error, words):
-    planner = Planner(ORSINO, payload, formulation=Untouched())
-    with pytest.raises(error, match=words):
-        planner.plan((0.45, -0.05, 0.0), goal)
-    with pytest.raises(AssertionError, match="is being built"):
-        Planner(ORSINO, 1.0, formulation=Untouched()).plan((0.45, -0.05, 0.0), (0.45, 0.1, 0.0))
 
 
 @pytest.mark.parametrize(
@@ -292,7 +214,3 @@ def test_save(picked, tmp_path):
     files = picked.save(tmp_path / "out")
     assert [file.name for file in files] == ["trajectory.csv", "plan.json", "plan.png"]
     assert all(file.stat().st_size > 1000 for file in files)
-
-
-def test_everything_public_is_there():
-    assert all(hasattr(deltaopt, name) for name in deltaopt.__all__)

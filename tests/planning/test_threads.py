@@ -20,7 +20,7 @@ from studies.bench.random_scenes import random_scenes
 
 ROOT = Path(__file__).parents[2]
 THREADS = 8
-MOVES = 80
+MOVES = 24
 
 
 def moves(number: int) -> list[Scene]:
@@ -59,7 +59,7 @@ def in_threads(
 
 
 def test_eight_threads_with_two_planners():
-    """80 moves in each thread, by planners that the threads share."""
+    """24 moves in each thread, by planners that the threads share."""
     scenes = moves(MOVES)
     planners = {scene.robot.name: Planner(scene.robot) for scene in scenes}
 

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
 
 import deltaopt
 from deltaopt import Belt, Infeasible, Robot, Scene, SceneError, State, load_scene, plan, verify
-from deltaopt.planning.comparisons import straight_lines
-from deltaopt.planning.first_motions.through_gates import through_gates
 from deltaopt.verify.path_distance import off_via_points
 
 SCENE = load_scene("problems/via/three_points.yaml")
@@ -44,7 +41,7 @@ def test_verified(found):
     np.testing.assert_allclose(found.trajectory(instants).x, SCENE.via, atol=1e-9)
 
 
-@pytest.mark.parametrize("shares", [(0.5,), (0.3, 0.6), (0.1, 0.2, 0.9)])
+@pytest.mark.parametrize("shares", [(0.5,), (0.1, 0.2, 0.9)])
 def test_points_on_the_fastest_motion_leave_its_duration(free, shares):
     instants = np.array(shares) * free.duration
     points = [tuple(x) for x in free.trajectory(instants).x.tolist()]
@@ -81,20 +78,6 @@ def test_back_as_fast_as_forth(found):
     assert other.phases[::-1] == pytest.approx(found.phases, rel=0.02)
 
 
-def test_passing_takes_longer_than_not_and_less_than_stopping(found, free):
-    places = [SCENE.start, *SCENE.via, SCENE.goal]
-    stops = deltaopt.Planner(SCENE.robot, SCENE.payload).plan_many(list(pairwise(places)))
-    assert free.duration < found.duration < sum(each.duration for each in stops)
-
-
-def test_there_and_back_to_the_start():
-    content = {key: getattr(SCENE, key) for key in ("robot", "payload", "start")}
-    scene = deltaopt.Scene(**content, via=[(0.80, 0.0, 0.06)], goal=SCENE.start)
-    round_trip = plan(scene)
-    assert verify(scene, round_trip.trajectory).failures() == []
-    assert round_trip.phases[0] == pytest.approx(round_trip.phases[1], rel=0.02)
-
-
 def test_verification_sees_points_that_are_missed_or_passed_out_of_turn(found, free):
     missed = verify(SCENE, free.trajectory)
     nearest = [
@@ -105,18 +88,6 @@ def test_verification_sees_points_that_are_missed_or_passed_out_of_turn(found, f
     assert any("misses a via point by" in each for each in missed.failures())
     turned = through(*SCENE.via[::-1])
     assert verify(turned, found.trajectory).via_distance > 0.05
-
-
-def test_a_limited_motion_with_a_payload_range():
-    """Speed limits and both ends of the range are kept in all phases."""
-    scene = SCENE.model_copy(update={"payload": (0.5, 1.5), "limits": {"speed": 4.0}})
-    slow = plan(scene)
-    assert verify(scene, slow.trajectory).failures() == []
-
-
-def test_no_line_that_misses_the_points_is_compared_with_it():
-    assert straight_lines(SCENE) == {}
-    assert len(straight_lines(FREE)) == 2
 
 
 def test_saved_and_read_back(found, tmp_path):
@@ -245,7 +216,7 @@ def test_small_spheres_tend_to_the_point_in_proportion_to_the_radius():
     assert verify(tiny.scene, tiny.trajectory).failures() == []
 
 
-@pytest.mark.parametrize("within", [0.07, 0.1])
+@pytest.mark.parametrize("within", [0.07])
 def test_a_wide_sphere_leaves_the_fastest_motion_as_it_is(free, within):
     """That passes the centre at 60 mm."""
     assert least_distance(free) < within
@@ -266,28 +237,6 @@ def test_the_place_is_best_to_first_order(sphere):
     radius = (x - BENT) / np.linalg.norm(x - BENT)
     assert slope @ radius < -0.999 * np.linalg.norm(slope)
     assert abs(radius @ v) < 0.01 * np.linalg.norm(v)
-
-
-def test_a_search_over_the_sphere_finds_no_better_place(sphere):
-    """A search by two angles, with a plan through each point exactly, from places of its own."""
-
-    def on_sphere(angles):
-        a, b = angles
-        way = np.array([np.cos(a) * np.cos(b), np.sin(a) * np.cos(b), np.sin(b)])
-        return np.array(BENT) + 0.02 * way
-
-    tolerance, best, reach = 1e-4, (0.0, 0.0), 1.2
-    duration = exact_duration(on_sphere(best), tolerance)
-    while reach > 0.02:
-        ways = np.array([(1, 0), (-1, 0), (0, 1), (0, -1)]) * reach
-        tried = [(exact_duration(on_sphere(best + way), tolerance), way) for way in ways]
-        shortest, way = min(tried, key=lambda each: each[0])
-        if shortest < duration:
-            duration, best = shortest, best + way
-        else:
-            reach /= 2
-    assert sphere.duration == pytest.approx(duration, rel=2 * tolerance)
-    np.testing.assert_allclose(passing_place(sphere)[0], on_sphere(best), atol=1e-3)
 
 
 def test_points_and_spheres_in_turn():
@@ -327,16 +276,6 @@ def test_a_sphere_whose_centre_is_in_a_body():
         plan(covered)
 
 
-def test_spheres_are_saved_and_read_back(tmp_path):
-    sphere = near(0.02)
-    sphere.save(tmp_path, chart=False)
-    back = deltaopt.load_plan(tmp_path)
-    assert back.scene == sphere.scene
-    (read,) = back.scene.via
-    assert (read.at, read.within) == (BENT, 0.02)
-    assert through({"at": BENT}).via == (BENT,)
-
-
 # With ends that move
 
 MOVING = {"passed state": PASSED, "belt": BELT}
@@ -372,25 +311,6 @@ def test_points_beside_a_motion_with_moving_ends_are_passed(underway, within):
     assert least_distance(found, beside) == pytest.approx(within, rel=1e-2, abs=2e-5)
 
 
-def test_a_belt_that_stands_still_is_a_point_beyond_via_points(found):
-    belt = plan(SCENE.model_copy(update={"goal": Belt(at=SCENE.goal, belt=(0, 0, 0))}))
-    assert belt.duration == found.duration
-    slow = plan(SCENE.model_copy(update={"goal": Belt(at=SCENE.goal, belt=(0, 0, 1e-6))}))
-    assert slow.duration == pytest.approx(found.duration, rel=slow.gap + found.gap)
-
-
-def test_from_state_to_state_back_as_fast_as_forth():
-    via = [(0.83, -0.06, 0.05), {"at": (0.82, 0.04, 0.03), "within": 0.01}]
-    forth = plan(PASSED.model_copy(update={"via": via}))
-    start, goal = (
-        State(at=end.at, velocity=tuple(-v for v in end.velocity))
-        for end in (PASSED.goal, PASSED.start)
-    )
-    back = plan(PASSED.model_copy(update={"start": start, "goal": goal, "via": via[::-1]}))
-    assert back.duration == pytest.approx(forth.duration, rel=back.gap + forth.gap)
-    assert back.phases[::-1] == pytest.approx(forth.phases, rel=0.05)
-
-
 def test_parts_before_and_after_a_via_point_are_fastest_motions_from_and_to_its_state():
     """On a belt the second part begins when the goal has moved for as long as the first takes."""
     scene = BELT.model_copy(update={"via": [(0.82, -0.02, 0.05)]})
@@ -403,22 +323,3 @@ def test_parts_before_and_after_a_via_point_are_fastest_motions_from_and_to_its_
     second = plan(BELT.model_copy(update={"start": state, "goal": goal}))
     gaps = whole.gap + first.gap + second.gap
     assert first.duration + second.duration == pytest.approx(whole.duration, rel=gaps)
-
-
-def test_first_motions_begin_and_end_as_the_task_asks():
-    via = [(0.83, -0.06, 0.05), {"at": (0.82, 0.04, 0.03), "within": 0.01}]
-    for scene in MOVING.values():
-        task, guesses = (
-            scene.task,
-            [proposal.motion for proposal in through_gates(scene.model_copy(update={"via": via}))],
-        )
-        # Two splines and one that stops, through three choices of places; from a start that moves
-        # all of these again after a stop.
-        assert len(guesses) == (18 if task.start.velocity != (0, 0, 0) else 9)
-        for guess in guesses:
-            ends = guess(guess.knots[[0, -1]])
-            goal = task.goal.at(guess.duration, (0.0, 0.0, 0.0))
-            np.testing.assert_allclose(ends.x, [task.start.position, goal.position], atol=1e-12)
-            np.testing.assert_allclose(ends.v, [task.start.velocity, goal.velocity], atol=1e-9)
-            away = np.linalg.norm(guess(guess.knots).x - via[1]["at"], axis=1)
-            assert away.min() <= 0.01

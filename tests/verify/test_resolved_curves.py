@@ -30,32 +30,6 @@ def test_tops_between_samples():
     np.testing.assert_allclose(highest.pieces + highest.fractions, tops, atol=1e-7)
 
 
-def test_both_sides_of_a_knot():
-    def curves(pieces, fractions):
-        return np.where(pieces == 0, fractions, -1 - fractions)[:, None]
-
-    highest = resolved(curves, pieces=2).highest(1)
-    assert highest.values[0] == 1.0
-    assert (highest.pieces[0], highest.fractions[0]) == (0, 1.0)
-
-
-@pytest.mark.parametrize("seed", range(10))
-def test_two_hills_that_differ_by_little(seed):
-    """The higher one is found though samples of the lower one are higher."""
-    rng = np.random.default_rng(seed)
-    places, width = rng.uniform([0.1, 0.6], [0.4, 0.9]), 10 ** rng.uniform(-1.5, -0.7)
-
-    def curves(pieces, fractions):
-        hills = np.exp(-(((fractions[:, None] - places) / width) ** 2)) * [1, 1 + 1e-8]
-        return hills.sum(axis=1)[:, None]
-
-    highest = resolved(curves).highest(1)
-    fine = np.linspace(0, 1, 1_000_001)
-    best = curves(0, fine)[:, 0]
-    assert highest.values[0] == pytest.approx(best.max(), abs=1e-10)
-    assert highest.fractions[0] == pytest.approx(fine[best.argmax()], abs=1e-5)
-
-
 @pytest.mark.parametrize("width", [1e-2, 1e-4, 1e-6])
 def test_a_peak_that_samples_miss(width):
     """Between them its sides differ: the curve is the slope of a smoothed corner."""

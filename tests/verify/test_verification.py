@@ -3,23 +3,20 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import cos, factorial, inf, nan, pi, sin
 from pathlib import Path
 
-import casadi as ca
 import numpy as np
 import pytest
 
 from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.errors import Infeasible, Unreachable
-from deltaopt.limits.limit import Bounds, Limit
 from deltaopt.motion.time_scaling import safe_factor
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.initial_motion import baseline, straight_line
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import DeltaModel
-from deltaopt.scene import scene as scenes
 from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.scene import Limits, load_scene
 from deltaopt.verify.measures import MeasuredMotion
@@ -95,16 +92,6 @@ def test_excess_says_of_what_and_when():
     assert f"at t = {found.t:.6g} s" in found.sentence
 
 
-@pytest.mark.parametrize("scene", [SCENE, INDUSTRIAL], ids=["orsino", "industrial"])
-def test_effort_is_the_integral(scene):
-    """Against Simpson's rule on 20,001 instants."""
-    line = baseline(scene)
-    squares = (line(np.linspace(0, line.duration, 20_001)).tau ** 2).sum(axis=1)
-    by_simpson = squares @ np.r_[1, np.tile([4, 2], 9_999), 4, 1] * line.duration / 60_000
-    assert verify(scene, line).effort == pytest.approx(by_simpson, rel=1e-11)
-    assert verify(scene, cut(line, 7)).effort == pytest.approx(by_simpson, rel=1e-11)
-
-
 def test_safe_duration_agrees_with_the_planner():
     """Two methods that share nothing but the model."""
     for scene in (SCENE, INDUSTRIAL, scene_with(limits=Limits(torque=(9.0, 4.0, 10.0)))):
@@ -155,57 +142,6 @@ def test_distances_to_singularities():
     assert written["formula"] == "sin² (q_k1 - q_k2)"
 
 
-@dataclass(frozen=True)
-class Acceleration(Limit):
-    """A limit that the package does not know: the acceleration of the platform, m/s²."""
-
-    name = "platform acceleration"
-    unit = "m/s²"
-    subject = "platform"
-    order = 2
-
-    def items(self, scene):
-        return [(10.0,)]
-
-    def bounds(self, numbers):
-        return Bounds.at_most(numbers)
-
-    def measure(self, motion, numbers):
-        return ca.norm_2(motion.a)
-
-    def rows(self, motion, numbers):
-        return ca.sumsqr(motion.a) / numbers**2  # smooth, and not what verification measures
-
-
-def test_a_new_limit_is_verified_as_it_is(monkeypatch):
-    """Measured, bounded, written and printed; slowing reckons with it; no fit of costates."""
-    monkeypatch.setattr(scenes, "LIMITS", (*scenes.LIMITS, Acceleration()))
-    scenes.limits_of.cache_clear()
-    try:
-        found = verify(SCENE, LINE)
-    finally:
-        scenes.limits_of.cache_clear()
-    largest = 0.15 * 10 / 3**0.5 / LINE.duration**2  # of 10 u³ - 15 u⁴ + 6 u⁵
-    assert found.platform_acceleration_excess == pytest.approx(largest / 10 - 1, rel=1e-12)
-    assert found.safe_duration == pytest.approx(LINE.duration * (largest / 10) ** 0.5, rel=1e-11)
-    assert "platform acceleration of platform exceeds its limit by" in found.failures()[0]
-    assert found.as_dict()["platform_acceleration_excess"] == found.platform_acceleration_excess
-    assert found.as_dict()["limits"]["platform acceleration"]["unit"] == "m/s²"
-    checked = [check.bound.measure for check in found.checks()]
-    assert checked[:2] == ["torque_excess", "platform_acceleration_excess"]
-    assert (found.hamiltonian_spread, found.sign_violation) == (None, None)
-
-
-def test_excesses_by_name():
-    found = verify(SCENE, LINE)
-    assert found.torque_excess == found.excesses["torque_excess"].value
-    assert found.speed_excess is None  # orsino's drives have no limit of speed
-    assert found.as_dict()["speed_excess"] is None
-    for name in ("temper_excess", "torque"):
-        with pytest.raises(AttributeError):
-            getattr(found, name)
-
-
 # Motions that must fail, each with its sentence
 
 
@@ -213,17 +149,6 @@ def complaints(trajectory: Trajectory, scene=SCENE) -> str:
     found = verify(scene, trajectory)
     assert not found.ok
     return "; ".join(found.failures())
-
-
-def test_sped_up():
-    said = complaints(LINE.slowed(0.99))
-    assert "exceeds its limit by 1.7" in said
-    assert f"slowed to {LINE.duration:.6g} s it would keep the limits" in said
-
-
-def test_turns_too_fast():
-    said = complaints(LINE, scene_with(limits=Limits(speed=3.0)))
-    assert "speed of motor" in said
 
 
 def test_another_goal():
@@ -275,31 +200,6 @@ def test_jumping_position():
 def test_moving_start():
     bad = changed(LINE.slowed(1.5), 1, [0.002, 0, 0])
     assert "it begins with a velocity 0.002 m/s off the scene's" in complaints(bad)
-
-
-def test_excess_between_samples_of_a_coarse_grid():
-    """A narrow peak of torque that a grid of knots and midpoints does not see."""
-    whole = cut(LINE.slowed(1.2), 8)
-    h = np.diff(whole.knots)[3]
-    bump = np.poly(np.repeat([0.0, 0.5, 1.0], [3, 3, 3]))[::-1]  # s³ (s - ½)³ (s - 1)³
-    coefficients = np.zeros((8, 10, 3))
-    coefficients[:, :6] = whole.position.coefficients
-    coefficients[3, :, 1] += 2.0 * bump / h ** np.arange(10)
-    bad = replace(whole, position=PiecewisePolynomial(whole.knots, coefficients))
-    coarse = bad.inside_intervals([0.0, 0.5, 1.0]).tau
-    assert (np.abs(coarse) <= SCENE.robot.torque_limits).all()
-    assert "torque of motor" in complaints(bad)
-
-
-def test_leaving_the_workspace():
-    said = complaints(changed(LINE, 0, [1.0, 0, 0]))
-    assert said.startswith("the platform cannot be at [1.45")
-    assert "inf" not in said
-
-
-@pytest.mark.parametrize("power", [0, 2])
-def test_not_a_number(power):
-    assert "the platform cannot be at" in complaints(changed(LINE, power, nan))
 
 
 def test_time_that_stands_still():

@@ -55,8 +55,3 @@ def test_bows_pass_a_wall_on_the_side_that_is_open():
     (path,) = bows_of_line(with_bodies({"box": wall}))
     x, y, _ = finely(path).T
     assert (x[np.abs(y - MIDDLE[1]) <= 0.01] < top).all()
-
-
-def test_where_all_sides_are_closed_there_is_no_bow():
-    wall = {"from": [-2.0, MIDDLE[1] - 0.01, -2.0], "to": [3.0, MIDDLE[1] + 0.01, 2.0]}
-    assert bows_of_line(with_bodies({"box": wall})) == []

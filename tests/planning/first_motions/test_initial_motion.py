@@ -15,7 +15,7 @@ from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import load_robot
 from deltaopt.scene.feasibility import check_feasible
-from deltaopt.scene.scene import Limits, Scene, limits_of, load_scene
+from deltaopt.scene.scene import Scene, limits_of, load_scene
 from deltaopt.verify.verification import verify
 
 ROOT = Path(__file__).parents[3]
@@ -67,13 +67,6 @@ def energy(model: DeltaModel, motion):
     return kinetic, -robot.gravity * drop
 
 
-def test_energies_of_the_reference():
-    line = reference_line()
-    kinetic, potential = energy(line.model, line(LINE["t"]))
-    np.testing.assert_allclose(kinetic, LINE["T"], atol=1e-14)
-    np.testing.assert_allclose(potential - LINE["V"], (potential - LINE["V"])[0], atol=1e-13)
-
-
 @pytest.mark.parametrize("scene", SCENES, ids=["orsino", "industrial"])
 def test_power_balance(scene):
     """What the motors do, ∫ τ·θ̇ dt, is what the energies gain, between any two instants."""
@@ -96,29 +89,6 @@ def test_duration_touches_the_limit(scene):
     assert highest_rows(problem_of(scene), line.slowed(0.999)).values.max() - 1 > 1e-3
 
 
-def test_starts_and_ends_at_rest():
-    line = baseline(SCENES[0])
-    motion = line([0.0, line.duration])
-    np.testing.assert_allclose(motion.x, [SCENES[0].start, SCENES[0].goal], atol=1e-15)
-    np.testing.assert_allclose(motion.v, 0, atol=1e-14)
-    np.testing.assert_allclose(motion.a, 0, atol=1e-11)
-
-
-def test_speed_limit_decides():
-    scene = SCENES[0].model_copy(update={"limits": Limits(speed=(1.0, 2.0, 3.0))})
-    line = baseline(scene)
-    speed = np.abs(line(np.linspace(0, line.duration, 8_001)).dtheta).max(axis=0)
-    assert (speed / [1, 2, 3]).max() == pytest.approx(1, abs=1e-6)
-
-
-def test_larger_torque_is_never_slower():
-    durations = []
-    for torque in (3.0, 5.0, 8.0, 10.0):
-        limits = Limits(torque=torque)
-        durations.append(baseline(SCENES[0].model_copy(update={"limits": limits})).duration)
-    assert (np.diff(durations) < 0).all()
-
-
 AROUND_THE_TOP = Scene(
     robot=ORSINO, payload=1.0, start=(0.22, 0.442, -0.135), goal=(0.163, 0.129, 0.427)
 )
@@ -137,11 +107,6 @@ def test_detour():
     found = verify(AROUND_THE_TOP, around)
     assert found.failures() == []
     assert abs(found.torque_excess) < 1e-9
-
-
-def test_first_motion_is_the_line_where_there_is_one():
-    expected = baseline(SCENES[0]).duration
-    assert first_motion(SCENES[0]).duration == pytest.approx(expected, rel=1e-4)
 
 
 def test_gravity_alone_on_the_line():

@@ -10,8 +10,7 @@ import pytest
 from deltaopt import load_scene, plan, verify
 from deltaopt.cli import main
 from deltaopt.motion.time_scaling import safe_factor
-from deltaopt.planning.first_motions.initial_motion import baseline, curve_between, drivable
-from deltaopt.planning.first_motions.multistart import distinct, first_motions
+from deltaopt.planning.first_motions.multistart import first_motions
 from deltaopt.planning.first_motions.order_of_merit import first_motion, in_order_of_merit
 from deltaopt.problem.of_scene import problem_of
 
@@ -36,35 +35,6 @@ def test_first_motions_are_seeded():
     ways = len(list(in_order_of_merit(SCENE)))
     assert durations[0][:ways] == durations[2][:ways]
     assert not set(durations[0][ways:]) & set(durations[2][ways:])
-
-
-def costs(*motions):
-    """Motions with what least time says of them, planned to 1e-3."""
-    return [(motion, motion.duration, 1e-3) for motion in motions]
-
-
-class TestDistinct:
-    LINE = baseline(SCENE)
-
-    def curve(self, side: float):
-        """A detour to one side, or mirrored to the other: equal duration, other path."""
-        corner = (np.array(SCENE.start) + SCENE.goal) / 2 + [0.0, 0.0, side]
-        (motion,) = drivable(SCENE, iter([curve_between(SCENE, corner)]))
-        return motion
-
-    def test_the_same_to_a_tolerance_is_one(self):
-        found = distinct(costs(self.LINE, self.LINE.slowed(1.001)), 0.15)
-        assert [(o.duration, o.starts) for o in found] == [(self.LINE.duration, 2)]
-
-    def test_other_durations_are_others(self):
-        found = distinct(costs(self.LINE.slowed(1.01), self.LINE), 0.15)
-        assert [o.starts for o in found] == [1, 1]
-        assert found[0].duration == self.LINE.duration
-
-    def test_other_paths_of_one_duration_are_others(self):
-        left, right = self.curve(0.05), self.curve(-0.05)
-        assert left.duration == pytest.approx(right.duration, rel=1e-6)
-        assert len(distinct(costs(left, right), 0.15)) == 2
 
 
 def test_the_best_is_delivered():

@@ -197,11 +197,6 @@ CASES = {
         System(1, 2, particle, torques(2.0)), [leg(12, 2.0, 1.0)], [rest(0.0), rest(1.0)]
     ),
     "two coordinates": Case(ARM, [leg(12, 1.5, 0.7)], [rest(*LEFT), rest(*RIGHT)]),
-    "three coordinates": Case(
-        System(3, 2, particle, torques(2.0)),
-        [leg(12, 2.0, 1.0)],
-        [rest(0.0, 0.0, 0.0), rest(1.0, -0.5, 0.3)],
-    ),
     "power": Case(
         System(2, 2, arm, powers), [leg(12, 1.5, 0.7)], [rest(*LEFT), rest(*RIGHT)], watched=(2, 3)
     ),
@@ -214,11 +209,6 @@ CASES = {
     "integral": Case(
         System(2, 2, arm, torques(6.0), mean_square),
         [leg(12, 1.5, 0.7, 20.0)],
-        [rest(*LEFT), rest(*RIGHT)],
-    ),
-    "integral above all": Case(
-        System(2, 2, arm, torques(15.0), mean_square),
-        [leg(8, 1.5, 0.7, 20.0)],
         [rest(*LEFT), rest(*RIGHT)],
     ),
     "jerk": Case(
@@ -239,11 +229,6 @@ CASES = {
         [leg(8, 1.0, 0.7), leg(7, 1.0, 0.3)],
         [rest(*LEFT), passed((0.1, 1.5), (1.0, 0.0)), rest(*RIGHT)],
     ),
-    "two phases of quintics": Case(
-        System(2, 3, arm, lambda now: torques(6.0)(now) + jerks(now)[2:]),
-        [leg(6, 1.0, 0.7), leg(5, 1.0, 0.3)],
-        [rest(*LEFT), passed((0.1, 1.5), (1.0, 0.0)), rest(*RIGHT)],
-    ),
     "through a sphere": Case(
         ARM,
         [leg(8, 1.0, 0.7), leg(7, 1.0, 0.3)],
@@ -259,11 +244,6 @@ CASES = {
             met((0.9, 0.9), (-0.2, 0.3)),
         ],
     ),
-    "rest between phases": Case(
-        ARM,
-        [leg(6, 1.5, 0.7), leg(7, 1.5, 0.3)],
-        [rest(*LEFT), rest(0.1, 1.5), rest(*RIGHT)],
-    ),
     "partly free": Case(
         ARM,
         [leg(7, 1.0, 0.7), leg(6, 1.0, 0.3)],
@@ -272,20 +252,6 @@ CASES = {
             freed(rest(0.1, 1.5), [[1, 0], [1, 0], [1, 1]], (1.0, 0.0)),
             freed(rest(*RIGHT), [[0, 0], [0, 1], [1, 1]], (0.0, 0.0)),
         ],
-    ),
-    "a given duration": Case(
-        ARM,
-        [replace(leg(8, 1.2, 0.7), given=True), leg(7, 1.0, 0.3)],
-        [rest(*LEFT), passed((0.1, 1.5), (1.0, 0.0)), rest(*RIGHT)],
-    ),
-    "moving start": Case(ARM, [leg(12, 1.5, 0.7)], [started(LEFT, (0.3, -0.4)), rest(*RIGHT)]),
-    "moving goal": Case(
-        ARM, [leg(12, 1.5, 0.7)], [started(LEFT, (0.3, -0.4)), met((0.9, 0.9), (-0.2, 0.3))]
-    ),
-    "moving goal of quintics": Case(
-        System(2, 3, arm, lambda now: torques(6.0)(now) + jerks(now)[2:]),
-        [leg(6, 1.5, 0.7)],
-        [started(LEFT, (0.3, -0.4)), met((0.9, 0.9), (-0.2, 0.3))],
     ),
     "one interval after a moving joint": Case(
         System(1, 3, particle, torques(2.0)),
@@ -297,13 +263,6 @@ CASES = {
         [leg(8, 1.6, 0.7, 25.0), leg(7, 1.6, 0.3, 25.0)],
         [started(LEFT, (0.3, -0.4)), passed((0.1, 1.5), (1.0, 0.0)), met((0.9, 0.9), (-0.2, 0.3))],
         watched=(2, 3),
-    ),
-    "effort": Case(
-        System(2, 2, arm, torques(6.0), running=squared_torques),
-        [given(12, 1.3, 0.7)],
-        [rest(*LEFT), rest(*RIGHT)],
-        watched=(0,),
-        weights=(0.0, 1.0),
     ),
     "effort far from all limits": Case(
         System(2, 2, arm, torques(60.0), running=squared_torques),
@@ -594,7 +553,7 @@ class Probe:
         return c, C.reshape(-1, self.ny), m, S.reshape(self.ny, self.ny)
 
 
-PROBED = ["power", "all at once", "jerk", "floor", "integral", "effort", "smoothness"]
+PROBED = ["power", "all at once", "jerk", "floor", "integral", "time and effort", "smoothness"]
 
 
 @pytest.mark.parametrize("name", PROBED)
@@ -701,13 +660,6 @@ def test_what_memory_held_is_of_no_account(monkeypatch):
     assert after == before
 
 
-def test_a_guess_is_kept():
-    (phase,) = phases_of(CASES["power"])
-    knots = phase.knots.copy()
-    method_of("power").solve([phase], boundaries_of(CASES["power"]), EXACT)
-    np.testing.assert_array_equal(phase.knots, knots)
-
-
 @pytest.mark.parametrize("name", ["power", "two phases"])
 def test_from_its_multipliers_a_moved_limit_is_found_again_sooner(name):
     """With limits a thousandth lower: the same solution as from the barrier's own multipliers."""
@@ -780,14 +732,3 @@ def test_equations_must_be_affine_in_torques():
     problem = method_of("power").problem
     with pytest.raises(ValueError, match="affine"):
         replace(problem, force=problem.force + problem.tau**2)
-
-
-def test_boundaries():
-    rest_, through = Boundary.at_rest(np.ones(2)), Boundary.passed(np.ones(2), derivatives=3)
-    moving = Boundary.met(np.ones(2), np.array([0.5, 0.0]))
-    assert not rest_.free.any()
-    assert (through.free == [[False] * 2, [True] * 2, [True] * 2]).all()
-    np.testing.assert_array_equal(moving.state, [[1, 1], [0.5, 0]])
-    sphere = Boundary.in_sphere(np.ones(2), 0.1)
-    assert sphere.free.all()
-    np.testing.assert_array_equal(sphere.state, [[1, 1], [0, 0]])

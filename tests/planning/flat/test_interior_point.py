@@ -23,16 +23,13 @@ from deltaopt.dynamics.lagrange import Multiplier
 from deltaopt.errors import DeltaOptError, Unreachable
 from deltaopt.motion.time_scaling import safe_factor
 from deltaopt.planning.flat import interior_point
-from deltaopt.planning.flat.flat_problem import FlatEquations
 from deltaopt.planning.formulations.choice import Flat
 from deltaopt.planning.nlp.problem import InteriorPoint, Ipopt
-from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 from deltaopt.planning.plan import Plan
 from deltaopt.planning.planner import Planner, plan
 from deltaopt.problem.of_scene import problem_of
-from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import load_robot
-from deltaopt.scene.scene import limits_of, load_scene
+from deltaopt.scene.scene import load_scene
 
 PROBLEMS = Path(__file__).parents[3] / "problems"
 ORSINO = load_robot(PROBLEMS / "robots" / "orsino.yaml")
@@ -212,12 +209,6 @@ def test_another_payload_builds_nothing(monkeypatch):
     assert safe_factor(problem_of(heavy.scene), heavy.trajectory) <= 1 + 1e-9
 
 
-def test_models_of_the_same_terms_share_their_functions():
-    one, other = DeltaModel(ORSINO, 1.0), DeltaModel(INDUSTRIAL, 2.0)
-    assert one.functions is other.functions
-    assert one.functions is not DeltaModel(ORSINO).functions
-
-
 def test_many_plans_in_order():
     planner = Planner(ORSINO, 1.0)
     goals = [(0.45, 0.1, 0.0), (9.0, 0.0, 0.0), (0.46, 0.08, 0.03), (0.47, 0.0, 0.1)]
@@ -230,13 +221,6 @@ def test_many_plans_in_order():
             assert isinstance(theirs, Plan)
             assert mine.duration == theirs.duration
             assert mine.scene.goal == goal
-
-
-def test_other_points_are_left_to_ipopt():
-    transcription = PiecewiseAcceleration(degree=2)
-    constraints = limits_of(PICK).constraints
-    problem = Flat().of(DeltaModel(ORSINO, 1.0).functions, transcription, constraints)
-    assert not isinstance(problem, FlatEquations)
 
 
 # C for controllers

@@ -12,16 +12,15 @@ import pytest
 import deltaopt
 from deltaopt.compare.plans.measures import Meter, active_rank
 from deltaopt.compare.plans.study import interpreted
-from deltaopt.dynamics import Explicit, Kane, Multiplier, VirtualWork
+from deltaopt.dynamics import Multiplier
 from deltaopt.errors import DependentConstraints, NotConverged
-from deltaopt.planning.formulations.choice import Redundant, problem_formulation
+from deltaopt.planning.formulations.choice import Redundant
 from deltaopt.planning.formulations.equations import (
     explicit_equations,
     flat_equations,
     forward_equations,
     multiplier_equations,
 )
-from deltaopt.planning.formulations.independent_rows import dependent_rows
 from deltaopt.planning.formulations.loop_closure import (
     AccelerationLevel,
     Baumgarte,
@@ -112,13 +111,6 @@ def test_the_flat_formulation_is_that_of_the_planner():
     assert planners.position.knots[-1] == pytest.approx(duration, rel=1e-6)
 
 
-@pytest.mark.parametrize("formulation", [VirtualWork(), Explicit(), Kane()], ids=type)
-def test_formulations_without_multipliers_are_one(formulation):
-    assert problem_formulation(formulation).name.startswith("explicit")
-    assert problem_formulation(Multiplier()).name.startswith("multiplier")
-    assert problem_formulation(deltaopt.flat) is deltaopt.flat
-
-
 def test_plans_pass_verification_in_redundant_coordinates():
     scene = deltaopt.load_scene(PROBLEMS / "pick_and_place.yaml")
     flat = deltaopt.plan(scene, tolerance=1e-3)
@@ -191,20 +183,6 @@ def test_order_of_the_transcription(formulation, closure, degree):
     assert measured == pytest.approx(2 * degree, abs=0.3)
 
 
-@pytest.mark.parametrize("formulation", ["explicit", "multiplier"])
-def test_formulations_agree_where_nothing_jumps(formulation):
-    """To 1e-5 of the cost: fourth order, sixteen intervals, against degree 4 in flat."""
-    exact, _ = least_effort("flat", None, 4, 16)
-    for closure in (KnotConstraints(), Projection()):
-        assert least_effort(formulation, closure, 2, 16)[0] == pytest.approx(exact, rel=1e-5)
-
-
-def test_order_of_degree_three():
-    exact, _ = least_effort("flat", None, 4, 16)
-    errors = [abs(least_effort("flat", None, 3, n)[0] - exact) for n in (4, 8)]
-    assert np.log2(errors[0] / errors[1]) == pytest.approx(6, abs=0.3)
-
-
 @pytest.mark.parametrize("degree", [1, 2])
 def test_drift_falls_with_the_order(degree):
     """Acceleration level on a smooth motion: the loops open with the error of the mesh."""
@@ -233,12 +211,6 @@ def test_a_duplicated_loop_constraint_is_named():
     )
     with pytest.raises(DependentConstraints, match="loop constraint 10 of 10 follows"):
         problem.pack(c.guess, c.task)
-
-
-def test_dependent_rows():
-    rows = np.random.default_rng(1).normal(size=(4, 6))
-    A = np.vstack([rows[:2], rows[0] - 2 * rows[1], rows[2:], np.zeros(6), rows.sum(axis=0)])
-    assert dependent_rows(A) == [2, 5, 6]
 
 
 def test_not_converged_names_constraint_and_time(monkeypatch):

@@ -60,20 +60,6 @@ def test_outside_of_a_body_is_outside_of_one_of_its_faces(name):
     np.testing.assert_allclose(faces.max(axis=1)[inside], body[inside], atol=1e-11)
 
 
-def test_a_body_opened_beyond_a_face_is_what_all_its_other_faces_leave():
-    for name, beyond in (("box", {2}), ("box", {1, 4}), ("cylinder", {1})):
-        scene = with_body(BODIES[name])
-        limits = limits_of(scene)
-        x = PLACE + np.random.default_rng(2).uniform(-0.3, 0.3, (2_000, 3))
-        numbers = limits.opened(0, beyond)
-        assert numbers is not None
-        faces = distances_from_faces(problem_of(scene), x, 0)
-        left = np.delete(faces, sorted(beyond), axis=1).max(axis=1)
-        np.testing.assert_array_equal(distances(scene, numbers, x) > 1e-9, left > 1e-9)
-    assert limits.opened(0, {0}) is None  # a cylinder's curved side
-    assert limits_of(with_body(BODIES["hull"])).opened(0, {0}) is None
-
-
 def distances(scene: Scene, numbers: np.ndarray, x: np.ndarray) -> np.ndarray:
     """Of places from the body of the first row, with other numbers."""
     constraints = limits_of(scene).constraints

@@ -9,22 +9,15 @@ import pytest
 
 from deltaopt import load_scene, verify
 from deltaopt.motion.certificate import MET
-from deltaopt.planning.flat.constraint_rows import ByOrder
 from deltaopt.planning.formulations.delta import DeltaProblem
-from deltaopt.planning.mesh.constraint_tightening import Overshoot
-from deltaopt.planning.mesh.error_estimate import FRACTIONS, TIGHTENED, ErrorEstimate, refined
-from deltaopt.planning.mesh.gap import gap_of
 from deltaopt.planning.mesh.mesh_costates import certify_mesh, costates, hamiltonian_on_mesh
 from deltaopt.planning.mesh.mesh_solution import solve_on_mesh
 from deltaopt.planning.nlp.problem import Guess
 from deltaopt.planning.nlp.scaling import Scaling
-from deltaopt.planning.nlp.transcription import LINEAR
-from deltaopt.planning.plan import Iteration, Spent, quicker
+from deltaopt.planning.plan import quicker
 from deltaopt.planning.planner import Planner
 from deltaopt.planning.refinement import Refinement
-from deltaopt.planning.switching.detection import SHARP, detect_structure
 from deltaopt.planning.switching.resolver import resolver
-from deltaopt.planning.switching.structure import ActiveLimits
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.scene import Limits, Scene, limits_of
@@ -94,90 +87,7 @@ def test_shares_by_interval_and_motor_are_those_of_ipopt():
 # Tightened limits
 
 
-def loads(N: int, value: float = 0.5) -> np.ndarray:
-    return np.full((N, len(FRACTIONS), 3), value)
-
-
-def bump(torque: np.ndarray, interval: int, motor: int, height: float) -> None:
-    """At the limit at all points, and over it halfway between the first two."""
-    torque[interval, :, motor] = 1.0
-    torque[interval, len(FRACTIONS) // 6, motor] = 1 + height
-
-
-N = 1000
 ROWS = limits_of(CROSS).constraints.number
-FINE = np.full(N, 1 / N)
-
-
-def overshoot(torque: np.ndarray, mesh: np.ndarray = FINE) -> Overshoot:
-    """Of rows of which the first three, torques, may be tightened."""
-    rows = np.concatenate([torque, np.zeros((*torque.shape[:2], ROWS - 3))], axis=2)
-    return Overshoot.of(mesh, LINEAR.points, np.abs(rows), np.arange(ROWS) < 3)
-
-
-def test_only_what_lies_between_the_points_is_overshoot():
-    torque = loads(N)
-    bump(torque, 3, 1, 1e-3)
-    torque[5, :, 2] = -1.002  # at the points too: no matter of the mesh
-    over = overshoot(torque).each
-    assert over[3, 1] == pytest.approx(1e-3)
-    over[3, 1] = 0.0
-    assert (over == 0).all()
-
-
-def test_limits_hold_at_other_points_of_other_transcriptions():
-    torque = loads(N)
-    bump(torque, 3, 1, 1e-3)
-    at_the_bump = np.array([0.0, 1 / 6, 1.0])
-    assert (Overshoot.of(FINE, at_the_bump, torque, np.ones(3, bool)).each == 0).all()
-
-
-def test_limits_are_tightened_where_they_are_exceeded_and_beside(scaling):
-    torque = loads(N)
-    bump(torque, 3, 1, 1e-3)
-    share = overshoot(torque).tightened(scaling, FINE).shares(N).copy()
-    np.testing.assert_allclose(share[2:5, 1], 1 - 1.25e-3)
-    share[2:5, 1] = 1.0
-    assert (share == 1).all()
-
-
-def test_tightening_falls_with_the_interval(scaling):
-    torque = loads(N)
-    bump(torque, 3, 1, 1e-3)
-    halves = overshoot(torque).tightened(scaling, np.repeat(FINE / 2, 2)).shares(2 * N)
-    np.testing.assert_allclose(halves[4:10, 1], 1 - 1.25e-3 / 2)
-
-
-def test_tightening_is_remembered_where_nothing_was_split(scaling):
-    """The next motion does not exceed the limit, and would if that were forgotten; nor does
-    what is remembered spread to other intervals."""
-    torque = loads(N)
-    bump(torque, 3, 1, 1e-3)
-    once = overshoot(torque).tightened(scaling, FINE)
-    again = overshoot(loads(N)).tightened(once, FINE).shares(N)
-    np.testing.assert_allclose(again[2:5, 1], 1 - 0.9 * 1.25e-3)
-    assert (np.delete(again, [2, 3, 4], axis=0) == 1).all()
-    split = np.insert(np.delete(FINE, 3), [3, 3], FINE[3] / 2)
-    after = overshoot(loads(N)).tightened(once, split).shares(N + 1)
-    np.testing.assert_allclose(after[2:6, 1], [1 - 0.9 * 1.25e-3, 1, 1, 1 - 0.9 * 1.25e-3])
-
-
-def test_long_intervals_are_not_tightened(scaling):
-    mesh = np.full(10, 0.1)
-    assert mesh[0] > TIGHTENED
-    torque = loads(10)
-    bump(torque, 3, 1, 1e-2)
-    assert (overshoot(torque, mesh).tightened(scaling, mesh).shares(10) == 1).all()
-
-
-def test_no_interval_is_split_beyond_rounding():
-    lost = ErrorEstimate(np.array([1.0, 0.0]), np.zeros(2))
-    assert refined(np.array([1.5e-4, 1 - 1.5e-4]), lost, 1e-6).min() == 1.5e-4
-
-
-@pytest.fixture(scope="module")
-def scaling():
-    return scaling_of(CROSS)
 
 
 @machine_code
@@ -258,35 +168,7 @@ def test_wrong_multipliers_do_not_satisfy_it(searched):
     assert certify_mesh(searched.resolver.rows, disturbed).residual > 10 * MET
 
 
-def test_sharp_detection_tells_coming_to_a_limit_from_being_there():
-    """Speed rises to its limit within three intervals, torque leaves its limit a little early."""
-    torque, speed = np.zeros((10, 3, 1)), np.zeros((10, 3, 1))
-    torque[:4], speed[4:, :, 0] = 1.0, 1.0
-    speed[3, :, 0] = [0.992, 0.996, 0.9999]
-    mesh = np.full(10, 0.1)
-    coarse = detect_structure(mesh, ByOrder(torque, speed))
-    sharp = detect_structure(mesh, ByOrder(torque, speed), SHARP[0])
-    assert coarse.lengths[0] == pytest.approx(0.3)
-    assert sharp.lengths[0] == pytest.approx(0.4)
-    assert sharp.limits == ((ActiveLimits(control=1),), (ActiveLimits(velocity=1),))
-
-
 # Which gap is reported
-
-
-def iteration_with(duration, gap):
-    return Iteration(10, 5, duration, duration * 1.001, gap, Spent(0.0, 0.0))
-
-
-def test_a_finer_mesh_tells_the_gap_of_a_coarser_one():
-    """1.001 s against at least 1.0003 / 1.0001 s."""
-    best, finer = iteration_with(1.0, 5e-3), Iteration(20, 5, 1.0002, 1.0003, 1e-4, Spent(0.0, 0.0))
-    assert gap_of([best, finer], 0) == pytest.approx(0.0008, rel=1e-2)
-
-
-def test_a_worse_local_minimum_says_nothing_of_the_gap():
-    best, astray = iteration_with(1.0, 5e-3), iteration_with(1.2, 1e-6)
-    assert gap_of([best, astray], 0) == 5e-3
 
 
 def test_of_two_plans_the_quicker_is_taken_with_what_both_know():

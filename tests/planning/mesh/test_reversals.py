@@ -61,18 +61,6 @@ def test_knots_lie_on_both_sides_of_every_reversal(motion):
     assert reversals >= 2
 
 
-def test_the_knots_of_the_mesh_stay(motion):
-    mesh = np.full(16, 1 / 16)
-    knots = np.cumsum(with_reversals(mesh, motion, problem_of(DRIVE)))
-    assert all(np.abs(knots - knot).min() < 1e-12 for knot in np.cumsum(mesh))
-
-
-def test_without_coulomb_friction_nothing_is_done(motion):
-    scene, mesh = changed(coulomb=None, speed=None), np.full(16, 1 / 16)
-    assert with_reversals(mesh, motion, problem_of(scene)) is mesh
-    assert softer_problems(problem_of(scene), motion) == ()
-
-
 def test_friction_is_softer_on_the_first_meshes(motion):
     """By equal factors from an eighth of the largest speed; not if it is as soft already."""
     times = np.linspace(0.0, motion.duration, 5000)

@@ -53,12 +53,6 @@ def test_derivatives_are_those_of_casadi(seed):
         np.testing.assert_allclose(ours.full(), theirs.full(), atol=1e-13)
 
 
-def test_layout_adds_up_equal_columns():
-    layout = Layout(np.array([[0, 2, 0], [1, 1, 1]]), np.array([[1.0, 2.0, 3.0], [1.0, -1.0, 0.0]]))
-    matrix = layout.matrix(3)
-    np.testing.assert_array_equal(matrix.full(), [[4, 0, 2], [0, 0, 0]])
-
-
 def circles(radius2: float) -> Program:
     """The least z_0 + z_1 with z_i² + z_{i+1}² ≤ 1 for each of three neighbours.
 
@@ -90,14 +84,6 @@ def test_solution_and_signs_of_multipliers():
     wider = program.solve(solution.z, lower, free, np.array([1.0 + 1e-3]))
     fall = (solution.z[:2] - wider.z[:2]).sum()
     assert fall / 1e-3 == pytest.approx(solution.row_multipliers[0], rel=1e-3)
-
-
-def test_lower_bound_has_a_negative_multiplier():
-    program, free = circles(0.0), np.full(4, 10.0)
-    lower = np.array([-0.25, -10.0, -10.0, -10.0])
-    solution = program.solve(np.full(4, 0.1), lower, free, np.array([1.0]))
-    assert solution.z[0] == pytest.approx(-0.25, abs=1e-6)
-    assert solution.bound_multipliers[0] < -0.1
 
 
 def test_not_converged_tells_what_is_wrong():

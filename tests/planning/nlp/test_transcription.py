@@ -70,22 +70,6 @@ def test_weights_integrate_exactly(degree):
             np.testing.assert_allclose(at_end[order] - at_begin[order], integral, atol=1e-14)
 
 
-@pytest.mark.parametrize("degree", DEGREES)
-def test_nodes_are_lobatto_s(degree):
-    """Both ends, and a quadrature through the nodes as exact as Lobatto's: 2 degree - 1."""
-    transcription = PiecewiseAcceleration(degree)
-    nodes = transcription.nodes
-    assert (nodes[0], nodes[-1], len(nodes)) == (0, 1, degree + 1)
-    weights = transcription.weights(1.0, 1.0)[1][2:]
-    for power in range(2 * degree):
-        assert weights @ nodes**power == pytest.approx(1 / (power + 1), abs=1e-13)
-
-
-def test_limits_hold_at_nodes_and_between():
-    np.testing.assert_allclose(PiecewiseAcceleration().points, [0, 1 / 3, 2 / 3, 1])
-    np.testing.assert_allclose(PiecewiseAcceleration(2, (0.25,)).points, [0, 0.25, 0.5, 1])
-
-
 def cubic(model: DeltaModel, duration: float) -> Trajectory:
     """3 u² - 2 u³ of the way: acceleration linear in time, so that any mesh can hold it."""
     way = np.subtract(SCENE.goal, SCENE.start)
@@ -115,13 +99,3 @@ def test_pack_and_unpack_are_inverse(degree):
     np.testing.assert_allclose(back(t).x, motion(t).x, atol=1e-14)
     # A sample 1e-9 of an interval inside of it is what tells z and its copy apart.
     np.testing.assert_allclose(problem.pack(back.position, ends), z, atol=1e-7)
-
-
-def test_packed_motion_is_within_its_bounds():
-    model = DeltaModel(SCENE.robot, SCENE.payload)
-    problem, scaling = flat(model, 1), Scaling(problem_of(SCENE), 0.2)
-    ends = boundary_values(scaling, model.parameters)
-    z = problem.pack(cubic(model, 0.05).position, ends)  # torques far over their limits are cut
-    lower, upper = problem.bounds(ends)
-    assert (lower - 1e-12 <= z).all()
-    assert (z <= upper + 1e-12).all()

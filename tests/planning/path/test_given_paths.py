@@ -237,25 +237,6 @@ def test_speeds_at_the_ends():
         deltaopt.plan(on(PICK, {"speeds": [50.0, 0.0]}))
 
 
-@pytest.mark.parametrize(
-    "path", ["{speeds: [0.2, 0.1]}", "{points: [[0.42, 0.0, 0.03]], blend: 0.02, speeds: [0.2, 0]}"]
-)
-def test_speeds_in_a_file(path, tmp_path):
-    """Kept to rounding at both ends, along the path, and verified with all limits."""
-    robot = PROBLEMS / "robots" / "orsino.yaml"
-    text = f"robot: {robot}\npayload: 1.0\nstart: [0.45, -0.05, 0.0]\ngoal: [0.45, 0.10, 0.0]\n"
-    (tmp_path / "scene.yaml").write_text(text + f"path: {path}\n")
-    scene = deltaopt.load_scene(tmp_path / "scene.yaml")
-    plan = deltaopt.plan(scene)
-    motion = plan.trajectory(np.array([0.0, plan.duration]))
-    along = scene.task.path(scene.task.path.knots[[0, -1]], 1)
-    along /= np.linalg.norm(along, axis=1)[:, None]
-    np.testing.assert_allclose(motion.v, along * np.array(scene.path.speeds)[:, None], atol=1e-12)
-    assert deltaopt.verify(scene, plan.trajectory).failures() == []
-    rest = scene.model_copy(update={"path": scene.path.model_copy(update={"speeds": (0.0, 0.0)})})
-    assert plan.duration < deltaopt.plan(rest).duration
-
-
 def test_a_curve_by_arrays_is_that_by_a_function():
     """In another parameter too: how a curve is written changes no duration."""
     r = 0.05
@@ -288,15 +269,6 @@ def test_without_a_compiler_it_is_the_same(monkeypatch):
     monkeypatch.setattr(sweep, "_code", lambda: None)
     monkeypatch.setattr(on_mesh, "_code", lambda: None)
     assert deltaopt.plan(scene).duration == pytest.approx(compiled.duration, rel=1e-9)
-
-
-def test_what_the_path_costs():
-    plan = deltaopt.beside_free_path(deltaopt.plan(on(CROSS, ROUNDED)))
-    free = deltaopt.plan(CROSS)
-    assert plan.free_duration == pytest.approx(free.duration, rel=1e-12)
-    assert plan.duration > 1.2 * free.duration
-    line = deltaopt.timed_line(CROSS)
-    assert free.duration < line.duration < deltaopt.baseline(CROSS).duration
 
 
 def test_a_path_through_a_parallel_singularity_is_refused():

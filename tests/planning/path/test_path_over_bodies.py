@@ -8,7 +8,7 @@ import pytest
 import deltaopt
 from deltaopt.planning.comparisons import straight_lines
 from deltaopt.planning.path.path_over_bodies import rounded_path_over
-from studies.problems import PICK_AND_PLACE, PROBLEMS
+from studies.problems import PROBLEMS
 
 WALL = deltaopt.load_scene(PROBLEMS / "keep_out/wall_25_305_25.yaml")
 
@@ -23,15 +23,6 @@ def test_path_clears_the_wall_and_is_the_lowest():
     above = 0.825 - x[np.abs(x[:, 1]) <= 0.13, 0]  # x points down
     assert 0 < above.min() < 2e-5
     assert path.height == pytest.approx(0.025, abs=2e-5)
-
-
-def test_only_scenes_with_bodies_have_one():
-    assert rounded_path_over(deltaopt.load_scene(PICK_AND_PLACE)) is None
-
-
-def test_there_is_none_beside_a_straight_line_that_is_clear():
-    far = WALL.model_copy(update={"keep_out": [{"sphere": {"centre": [2, 0, 0], "radius": 0.1}}]})
-    assert rounded_path_over(far) is None
 
 
 def test_it_is_what_a_plan_over_the_wall_is_compared_with():

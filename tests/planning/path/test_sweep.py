@@ -32,13 +32,6 @@ def duration(mesh: PathMesh, rows: AffineRows, start: float = 0.0, goal: float =
     return MeshMotion.of(mesh, swept(mesh.h, rows, start, goal)).duration
 
 
-def test_a_point_mass_takes_what_it_takes():
-    mesh = mesh_of(40)
-    s = ends_of(mesh)
-    rows = rows_of((np.ones_like(s), 0 * s, -2 + 0 * s, 2 + 0 * s))
-    assert duration(mesh, rows) == pytest.approx(2 / np.sqrt(2), rel=1e-12)
-
-
 def test_a_speed_limit_is_held():
     """Accelerate to v = 0.5 at 2 m/s², coast, brake: L / v + v / a."""
     mesh = mesh_of(64)  # the switches are nodes
@@ -91,15 +84,6 @@ def test_a_zero_inertia_point():
     reference = duration(fine, rows)
     coarse = MeshMotion.of(mesh, found).duration
     assert coarse == pytest.approx(reference, rel=2e-3)
-
-
-def test_it_says_where_no_speed_keeps_the_rows():
-    mesh = mesh_of(10)
-    s, one = ends_of(mesh), np.ones(20)
-    rows = rows_of((one, 0 * s, -one, one), (0 * s, 0 * s, -one, np.where(s < 0.55, one, -one)))
-    with pytest.raises(Unattainable) as found:
-        swept(mesh.h, rows, 0.0, 0.0)
-    assert found.value.node == 10
 
 
 @pytest.mark.parametrize("seed", range(12))

@@ -11,30 +11,21 @@ import pytest
 
 from deltaopt import Planner, verify
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.planning.flat.constraint_rows import constraint_rows
-from deltaopt.planning.flat.equations import point_equations
-from deltaopt.planning.switching.active_set import _ActiveSetUpdate, changes
-from deltaopt.planning.switching.conditions import ActiveRows, state_rows
+from deltaopt.planning.switching.active_set import _ActiveSetUpdate
+from deltaopt.planning.switching.conditions import state_rows
 from deltaopt.planning.switching.kkt_system import KKTSystem
 from deltaopt.planning.switching.newton import solve_conditions
 from deltaopt.planning.switching.residuals import OptimalityResiduals
 from deltaopt.planning.switching.resolution import ResolvedMotion, resolve_switches
 from deltaopt.planning.switching.structure import (
-    INACTIVE,
     ActiveLimits,
-    MotorArc,
     SwitchingStructure,
-    changed,
-    determined,
 )
-from deltaopt.robot.model import delta_model
-from deltaopt.scene.scene import limits_of
 from tests import planned_scenes
 from tests.oracles.shooting import shoot
 from tests.planned_scenes import machine_code, random_move, scaling_of
 
 UP, DOWN = ActiveLimits(control=1), ActiveLimits(control=-1)
-BOTH = ActiveLimits(control=1, velocity=1)
 NUMBER = 6
 """Of a random move of industrial: one of its arcs holds a motor at both of its limits."""
 
@@ -49,19 +40,6 @@ def at_once(structure: SwitchingStructure) -> list[tuple[int, int]]:
     return [
         tuple(each) for each in np.argwhere((structure.velocity != 0) & (structure.control != 0))
     ]
-
-
-def test_a_velocity_is_held_by_a_motor_whose_control_is_at_no_limit():
-    scene = random_move("industrial", 0)
-    functions = delta_model(scene.robot, 1.0).functions
-    rows = constraint_rows(point_equations(functions, limits_of(scene).constraints))
-    arcs = ((UP, DOWN, UP), (BOTH, INACTIVE, DOWN))
-    active = ActiveRows.of(rows, SwitchingStructure(np.array([0.4, 0.6]), arcs))
-    holding = [rows.control[0], rows.velocity.holding[0], rows.control[2]]
-    assert active.row[1].tolist() == holding
-    assert active.value[1].tolist() == [1, 0, -1]
-    assert active.follows[1].tolist() == [False, True, False]
-    assert active.singular == ()
 
 
 def test_a_motor_at_its_limits_of_speed_and_torque():
@@ -162,10 +140,6 @@ def residuals(number: int) -> OptimalityResiduals:
     return OptimalityResiduals(conditions, point, 5e-7)
 
 
-def test_nothing_is_wrong_with_what_is_right():
-    assert changes(residuals(NUMBER)) == []
-
-
 @pytest.mark.parametrize("number", [NUMBER, 13])
 def test_what_is_held_makes_the_hamiltonian_least(number):
     """By costates, p · (V, A), against a grid of torques within their limits that keep the state
@@ -189,59 +163,3 @@ def test_what_is_held_makes_the_hamiltonian_least(number):
         possible = np.abs(e.control[i, 0] + off).max(axis=1) <= 1
         gained = off[possible] @ (costates[i] @ by_control)
         assert gained.min(initial=0.0) > -1e-8
-
-
-def test_a_contact_is_not_repeated_by_what_is_put_over_it():
-    contact = ActiveLimits(control=-1, position_contact=-1)
-    whole = SwitchingStructure(np.array([0.5, 0.5]), ((UP,), (contact,)))
-    after = changed(whole, [(0, MotorArc(0.6, 0.7, ActiveLimits(control=1, position_contact=-1)))])
-    assert after.limits == ((UP,), (contact,), (UP,), (DOWN,))
-
-
-@pytest.mark.parametrize("begin", [0.5, 0.5 + 2e-16])
-def test_a_contact_remains_where_something_else_is_put_from_there_on(begin):
-    whole = SwitchingStructure(
-        np.array([0.5, 0.5]), ((UP,), (ActiveLimits(control=-1, position_contact=-1),))
-    )
-    after = changed(
-        whole, [(0, MotorArc(begin, 0.7, ActiveLimits(control=1, position_contact=-1)))]
-    )
-    assert after.limits == ((UP,), (ActiveLimits(control=1, position_contact=-1),), (DOWN,))
-
-
-def test_what_is_put_in_elsewhere_has_no_contact():
-    """A position limit is active in the middle, and only there."""
-    at_limit = ActiveLimits(position=-1)
-    whole = SwitchingStructure(np.array([0.5, 0.3, 0.2]), ((UP,), (at_limit,), (DOWN,)))
-    assert changed(whole, [(0, MotorArc(0.1, 0.2, DOWN))]).limits == (
-        (UP,),
-        (DOWN,),
-        (UP,),
-        (at_limit,),
-        (DOWN,),
-    )
-
-
-def test_a_velocity_contact_remains_where_its_arc_vanishes():
-    arcs = ((UP,), (ActiveLimits(control=1, velocity_contact=1),), (DOWN,))
-    left = changed(SwitchingStructure(np.array([0.5, 0.0, 0.5]), arcs), [])
-    assert left.limits == ((UP,), (ActiveLimits(control=-1, velocity_contact=1),))
-
-
-def test_no_more_limits_are_active_than_there_are_motors():
-    """And arcs that are alike then are one."""
-    arcs = ((BOTH, DOWN), (ActiveLimits(velocity=1), DOWN))
-    found = determined(SwitchingStructure(np.array([0.4, 0.6]), arcs))
-    assert found.limits == ((ActiveLimits(velocity=1), DOWN),)
-    assert found.lengths == pytest.approx([1.0])
-
-
-def test_arcs_that_others_begin_than_end_may_be_reversed():
-    arcs = ((UP, UP), (DOWN, UP), (DOWN, DOWN), (DOWN, UP), (DOWN, DOWN))
-    assert SwitchingStructure(np.full(5, 0.2), arcs).reversible.tolist() == [
-        False,
-        True,
-        False,
-        False,
-        False,
-    ]

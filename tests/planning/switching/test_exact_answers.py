@@ -28,11 +28,8 @@ from deltaopt.planning.nlp.cost import FASTEST, Cost
 from deltaopt.planning.nlp.problem import Guess, Solved
 from deltaopt.planning.nlp.scaling import Parameters, Scaling
 from deltaopt.planning.nlp.transcription import LINEAR
-from deltaopt.planning.switching.detection import detect_structure
 from deltaopt.problem.boundary import Boundary
 from deltaopt.problem.problem import Problem
-from tests.oracles.arcs import ArcProblem
-from tests.oracles.certify import certify, hamiltonian
 
 
 def solved_on(
@@ -156,16 +153,6 @@ def meshes(line):
     return found
 
 
-@pytest.fixture(scope="module")
-def resolved(line, meshes):
-    """(problem, solution): switches resolved, structure as detected on the last mesh."""
-    mesh, motion, _ = meshes[-1]
-    problem = ArcProblem(line.equations, detect_structure(mesh, line.rows(motion)), 5)
-    scaling = line.scaling
-    guess = problem.pack(motion, scaling)
-    return problem, problem.program.solve(guess, *problem.bounds(scaling), scaling.vector())
-
-
 def gap(line: Line, motion: Trajectory, lost: ErrorEstimate) -> float:
     """Of the motion once it is slowed to its limits, the true one."""
     return motion.duration * (1 + lost.exceeded.max()) / line.duration - 1
@@ -184,29 +171,3 @@ def test_estimated_gap_is_about_the_true_one(line, meshes):
     for _, motion, lost in meshes:
         estimated = lost.exceeded.max() + lost.total
         assert 0.99 * gap(line, motion, lost) < estimated < 2.5 * gap(line, motion, lost)
-
-
-def test_structure_is_that_of_the_answer(line, resolved):
-    problem, _ = resolved
-    held = problem.structure.control[:, 0].tolist(), problem.structure.velocity[:, 0].tolist()
-    assert held == (([1, -1], [0, 0]) if line.v is None else ([1, 0, -1], [0, 1, 0]))
-    assert not problem.structure.control[:, 1:].any()
-
-
-def test_duration_to_eight_digits(line, resolved):
-    problem, solution = resolved
-    duration = problem.lengths(solution.z).sum() * line.scaling.time
-    assert duration == pytest.approx(line.duration, rel=1e-8)
-
-
-def test_switches_to_six_digits(line, resolved):
-    problem, solution = resolved
-    ends = np.cumsum(problem.lengths(solution.z)) * line.scaling.time
-    np.testing.assert_allclose(ends[:-1], line.switches, rtol=1e-6)
-
-
-def test_pontryagins_condition(line, resolved):
-    problem, solution = resolved
-    p = line.scaling.vector()
-    assert certify(problem, solution, p).residual < 1e-7
-    np.testing.assert_allclose(hamiltonian(problem, solution, p), -1, atol=1e-7)

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from deltaopt import load_scene, plan, verify
-from deltaopt.codegen.dense_solver import solve
 from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.limits.constraints import Constraints
 from deltaopt.limits.scene_limits import SceneLimits
@@ -30,9 +29,7 @@ from deltaopt.planning.switching.residuals import OptimalityResiduals
 from deltaopt.planning.switching.structure import (
     INACTIVE,
     ActiveLimits,
-    MotorArc,
     SwitchingStructure,
-    changed,
 )
 from deltaopt.problem.boundary import Boundary
 from deltaopt.problem.of_scene import problem_of
@@ -57,15 +54,6 @@ def structure(*arcs: tuple[float, str]) -> SwitchingStructure:
         np.array([length for length, _ in arcs]),
         tuple(tuple(words[letter] for letter in motors) for _, motors in arcs),
     )
-
-
-def test_dense_systems_with_zeros_on_the_diagonal():
-    rng = np.random.default_rng(3)
-    for n in (1, 3, 4, 5, 37, 130):
-        matrix = rng.standard_normal((n, n)) * (1 - np.eye(n)) if n > 1 else np.ones((1, 1))
-        x = rng.standard_normal(n)
-        np.testing.assert_allclose(solve(matrix, matrix @ x), x, atol=1e-9)
-    assert solve(np.zeros((4, 4)), np.ones(4)) is None
 
 
 @pytest.fixture(scope="module")
@@ -196,32 +184,6 @@ def _one_coordinate(constraints: Constraints) -> Parameters:
     """Parameters of a mechanism on a line."""
     names = ("origin", "length", "time", "torque")
     return Parameters(*(ca.SX.sym(name) for name in names), constraints.numbers(), ca.SX(0, 1))
-
-
-class TestChanged:
-    def test_an_arc_of_negative_length_has_its_switches_exchanged(self):
-        wrong = structure((0.5, "+++"), (-0.01, "-++"), (0.51, "--+"))
-        right = changed(wrong, [])
-        assert right.limits == ((UP, UP, UP), (UP, DOWN, UP), (DOWN, DOWN, UP))
-        assert right.lengths == pytest.approx([0.49, 0.01, 0.5])
-
-    def test_an_arc_without_length_is_not_there(self):
-        assert changed(structure((0.5, "+++"), (0.0, "-++"), (0.5, "+++")), []).limits == (
-            (UP, UP, UP),
-        )
-
-    def test_a_change_is_laid_over_what_is_there(self):
-        whole = structure((0.6, "+++"), (0.4, "--+"))
-        after = changed(whole, [(2, MotorArc(0.2, 0.3, DOWN))])
-        assert after.lengths == pytest.approx([0.2, 0.1, 0.3, 0.4])
-        assert [arc[2] for arc in after.limits] == [UP, DOWN, UP, UP]
-
-    def test_an_arc_at_a_position_limit_that_vanishes_leaves_a_contact_point(self):
-        arcs = structure((0.5, "+++"), (0.0, "0++"), (0.5, "-++"))
-        at_limit = ActiveLimits(position=-1)
-        limits = (arcs.limits[0], (at_limit, UP, UP), arcs.limits[2])
-        found = changed(SwitchingStructure(arcs.lengths, limits), [])
-        assert found.limits[1][0] == ActiveLimits(control=-1, position_contact=-1)
 
 
 def orsino(which: int):
