@@ -264,7 +264,8 @@ class MeshSolution:
         times = (begin[:, None] + self.mesh[:, None] * FRACTIONS).ravel()
         found = []
         for row in range(pays.shape[1]):
-            for first, last in _runs(pays[:, row]):
+            edges = np.flatnonzero(np.diff(pays[:, row], prepend=False, append=False)).tolist()
+            for first, last in zip(edges[::2], edges[1::2], strict=True):
                 samples = slice(first * len(FRACTIONS), last * len(FRACTIONS))
                 found.append(times[samples][size[:, :, row].reshape(-1)[samples].argmax()])
         return np.array(sorted(found))
@@ -413,9 +414,3 @@ class MeshSolution:
         known = self.loads if as_sampled and not self.is_softened else None
         needed = needed_slowing(self.problem, self.trajectory, sampled=known)
         return replace(self, needed=needed, is_exact=True)
-
-
-def _runs(truths: Truths) -> list[tuple[int, int]]:
-    """Where runs of true values begin and where they have ended."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], truths, [False]]).astype(int)))
-    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
