@@ -52,8 +52,8 @@ class SceneError(Unusable):
         return f"{where} {problem}; expected {self.expected}"
 
     def inside(self, *, file: Path | None = None, key: str = "", place: str = "") -> SceneError:
-        """The same error with its ``file`` and ``place`` in it, or with the ``key`` of the record
-        that contains it."""
+        """This error with its ``file`` and ``place`` in it, or with the ``key`` of the record that
+        contains it."""
         dotted = ".".join(part for part in (key, self.key) if part)
         return SceneError(file, dotted, self.value, self.expected, self.problem, place)
 

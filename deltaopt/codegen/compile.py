@@ -179,7 +179,7 @@ def _remove_abandoned(folder: Path) -> None:
 
 
 def compiled(functions: Sequence[ca.Function]) -> list[ca.Function]:
-    """The same CasADi functions as machine code, or unchanged if that cannot be made.
+    """CasADi functions as machine code, or unchanged if that cannot be made.
 
     Their names must differ.
     """
@@ -187,7 +187,7 @@ def compiled(functions: Sequence[ca.Function]) -> list[ca.Function]:
 
 
 def in_machine_code(functions: Sequence[ca.Function]) -> list[ca.Function] | None:
-    """The same CasADi functions as machine code; None if that cannot be made.
+    """CasADi functions as machine code; None if that cannot be made.
 
     Their names must differ.
     """

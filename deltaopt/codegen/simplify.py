@@ -1,4 +1,4 @@
-"""The same function without trigonometric functions of angles that it has from arc functions.
+"""A function without the trigonometric functions of angles that it has from arc functions.
 
 Kinematics in closed form finds an angle as atan2(y, x) or asin(s); dynamics then asks for its sine
 and cosine, which are y/r and x/r with r = √(x² + y²). A function that goes through the angles costs

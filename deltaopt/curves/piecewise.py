@@ -63,7 +63,7 @@ class PiecewisePolynomial:
         return replace(self, coefficients=self.coefficients[:, 1:] * powers[:, None])
 
     def slowed(self, factor: float) -> PiecewisePolynomial:
-        """The same values ``factor`` times as slow: its duration grows by that factor."""
+        """These values passed ``factor`` times as slowly: the duration grows by that factor."""
         powers = np.vander([factor], self.coefficients.shape[1], increasing=True).T
         return PiecewisePolynomial(self.knots * factor, self.coefficients / powers)
 

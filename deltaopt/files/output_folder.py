@@ -103,7 +103,7 @@ def _hidden_folder(directory: Path, undo: ExitStack) -> Path:
 
 
 def _named_as_in(directory: Path, error: OSError, hidden: Path) -> OSError:
-    """The same error with the name of the file in ``directory`` instead of the hidden folder."""
+    """An error with the name of the file in ``directory`` instead of the hidden folder."""
     name = Path(os.fsdecode(error.filename or directory))
     if name.is_relative_to(hidden):
         name = directory / name.relative_to(hidden)

@@ -134,7 +134,7 @@ class Constraints:
 
     @cached_property
     def closed_sides(self) -> Truths:
-        """The same with sides that are out of reach closed, (rows, 2)."""
+        """Whether a row has a lower and an upper bound, or one that is out of reach, (rows, 2)."""
         closed = self._of_rows([b.out_of_reach for b in self._bounds], np.bool)
         return np.asarray(self.sides | closed[:, None])
 

@@ -37,7 +37,7 @@ bodies the first iterates of a solver are pushed."""
 FAR = Solid(ALONG_THE_BASE, (1e4, 1e4, 1e4), (0.0, 1.0, 0.0), True, 0.0)
 """Fills unused places."""
 USUAL_WAY = 0.3
-"""The same way, m, where the goal is no given point."""
+"""How far a motion goes as a rule, m, where the goal is no given point."""
 _HUGE = 100.0
 """Half the length of a side of a box, m, of which no motion meets an edge."""
 _SIDE = 1e3
@@ -94,11 +94,11 @@ class _KeepOut(ConvexLimit):
         raise NotImplementedError
 
     def _faces(self, own: Array) -> list[Array]:
-        """The same of one body, of its numbers."""
+        """The numbers of the faces of one body, from its own."""
         raise NotImplementedError
 
     def _opened(self, own: Array, faces: Collection[int]) -> Array | None:
-        """The same of one body, of its numbers."""
+        """The numbers of one body as if it went on beyond some faces, from its own."""
         return None
 
     def measure(self, motion: Instant, numbers: SX) -> SX:

@@ -277,7 +277,7 @@ class Limit:
         raise NotImplementedError
 
     def rows(self, motion: Instant, numbers: SX) -> SX:
-        """The same as smooth rows, normalised: lower bounds at -1, upper bounds at 1."""
+        """The quantity as smooth rows, normalised: lower bounds at -1, upper bounds at 1."""
         return self.bounds(numbers).normalised(self.measure(motion, numbers))
 
 

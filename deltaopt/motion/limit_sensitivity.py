@@ -121,7 +121,7 @@ def limits_in_words(
 def as_dicts(
     active: Iterable[ActiveLimit], sensitivities: Iterable[LimitSensitivity]
 ) -> list[dict[str, object]]:
-    """The same for machines: ``exponent`` is d ln duration / d ln bound, None where not known."""
+    """Active limits for machines; ``exponent``: d ln duration / d ln bound, None if not known."""
     exponents = {(each.limit, each.subject): each.exponent for each in sensitivities}
     return [
         {

@@ -97,7 +97,7 @@ class NeededSlowing:
     misplaced: float
 
     def beside(self, misplaced: float) -> NeededSlowing:
-        """The same where other limits of position are exceeded by so much."""
+        """What is needed where other limits of position are exceeded by so much."""
         return replace(self, misplaced=max(self.misplaced, misplaced))
 
     @property

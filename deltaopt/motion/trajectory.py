@@ -145,7 +145,7 @@ class Trajectory:
         return self.coordinates.with_derivatives(*self.position.everywhere(fractions))
 
     def slowed(self, factor: float) -> Trajectory:
-        """The same path, uniformly ``factor`` times as slow; torques change accordingly.
+        """This path, uniformly ``factor`` times as slow; torques change accordingly.
 
         Raises ValueError for a factor that is not between 1e-30 and 1e30.
         """

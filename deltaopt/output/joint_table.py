@@ -26,8 +26,8 @@ from deltaopt.scene.scene import Scene
 KEPT = 1.0 + 1e-9
 """Largest share of a limit that a table may ask for and keep it: rounding of its interpolation."""
 _SLOWED_TO = 1.0 - 1e-7
-"""The same where a motion is slowed for it: another program's interpolation of the rows, as that of
-``foreign_table``, differs by a tenth of that, and is to keep the limits too."""
+"""Largest share where a motion is slowed for a table: another program's interpolation of the rows,
+as that of ``foreign_table``, differs by a tenth of that, and is to keep the limits too."""
 _SAME_ACCELERATION = 1e-9
 """Share of the largest acceleration below which one does not jump at a knot: rounding."""
 _MOST_SLOWINGS = 1000

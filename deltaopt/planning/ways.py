@@ -33,7 +33,7 @@ _MOST_WAYS, _PROMISING = 8, 1.06
 much slower than the fastest of them there a way may be that is planned too. A mesh of 16 intervals
 tells three durations in four to 4 %; with 3 % one fastest way more in fifty was missed."""
 _CLOSE = 1.02
-"""The same for a mesh of twice as many intervals, over the fastest plan."""
+"""How much slower than the fastest plan a way may be on a mesh of twice as many intervals."""
 _FAST, _NOTHING_TO_GAIN = 1.01, 1.003
 """Of the duration of the fastest motion without bodies: a way that takes no longer on the first
 mesh, or as it is planned, is the last that is looked at."""
@@ -107,7 +107,8 @@ def _best_of(
     on_first_mesh: Callable[[Attempt], Trajectory],
     least: float = 0.0,
 ) -> tuple[Plan, tuple[TakenWay, ...]]:
-    """The same for some ways on one first mesh: those that are fast there are planned."""
+    """The best plan past bodies of some ways on one first mesh: those that are fast there are
+    planned."""
     scene, attempts = attempt.scene, list[Attempt]()
     for way in ways:
         attempts.append(_along(way, attempt))

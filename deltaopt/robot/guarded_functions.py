@@ -130,7 +130,7 @@ def _guarded(function: ca.Function, guards: Callable[..., Any]) -> RowFunction:
 
 
 def _in_scalars(function: ca.Function) -> ca.Function:
-    """The same function of scalar expressions if it can be expanded, otherwise as it is."""
+    """A function in scalar expressions if it can be expanded, otherwise as it is."""
     try:
         return function.expand()
     except RuntimeError:  # it calls LAPACK or a sparse solver

@@ -228,7 +228,7 @@ class Model(ABC):
 
     @abstractmethod
     def with_multipliers(self) -> Model:
-        """The same by eq. (37), which shares no elimination of constraints with eq. (39)."""
+        """This model by eq. (37), which shares no elimination of constraints with eq. (39)."""
 
     @abstractmethod
     def inverse_kinematics(self, x: ArrayLike) -> Array:

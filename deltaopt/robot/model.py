@@ -169,7 +169,7 @@ class DeltaModel(Model):
         return tuple(float(layer[0]) for layer in found if layer is not None)
 
     def with_multipliers(self) -> DeltaModel:
-        """The same by eq. (37), model L_I."""
+        """This robot and payload by eq. (37), model L_I."""
         return DeltaModel(self.robot, self.payload, Multiplier())
 
     @cached_property

@@ -119,7 +119,7 @@ def distance_from(body: Convex, x: Array) -> tuple[Array, Array]:
 
 
 def _from_solid(body: Solid, u: Array) -> tuple[Array, Array]:
-    """The same in the axes of a box or cylinder, without its radius."""
+    """Distance and normal in the axes of a box or cylinder, without its radius."""
     half = np.array(body.half)
     if body.is_cylinder:
         across = np.maximum(np.linalg.norm(u[:, :2], axis=1), 1e-300)

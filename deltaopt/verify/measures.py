@@ -158,7 +158,7 @@ class _Curves:
         return values
 
     def at_speeds(self, pieces: Index, fractions: Array, speeds: Array) -> Array:
-        """The same at the instants (N,) of the motion at each of these speeds, (S, N, columns)."""
+        """The values at instants (N,) of the motion at each of these speeds, (S, N, columns)."""
         since, n = self._since(pieces, fractions), len(speeds)
         rate = np.repeat(speeds, len(pieces))[:, None]
         return self._at(np.tile(pieces, n), np.tile(since, n), rate).reshape(n, len(pieces), -1)

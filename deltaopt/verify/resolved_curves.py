@@ -87,7 +87,7 @@ class Cells:
         return cls(piece, np.tile(bounds[:-1], pieces), np.tile(bounds[1:], pieces))
 
     def cut(self, piece: Index, fraction: Array) -> Cells:
-        """The same, cut at fractions of pieces, (N,) each."""
+        """These cells, cut at fractions of pieces, (N,) each."""
         kept = self._joined([self, Cells(piece, fraction, fraction)])
         kept = kept[np.lexsort([kept.begin, kept.piece])]
         begin, piece = kept.begin, kept.piece

@@ -77,7 +77,7 @@ def models(partition: Partition, terms: DeltaParameters) -> list[Model]:
 
 
 def _printed(model: Model, terms: DeltaParameters) -> Model:
-    """The same with M, Q̂* and Q as the paper prints them."""
+    """A model with M, Q̂* and Q as the paper prints them."""
 
     def build(mechanism: Mechanism, task: Task) -> ca.Function:
         return model.build(as_printed(mechanism, terms), task)

@@ -130,7 +130,7 @@ def _ranking(study: Study, variant: str, with_C: str) -> str:
 
 
 def _forward(study: Study) -> str:
-    """The same for forward dynamics."""
+    """The sentence on the models' shares of the time for forward dynamics."""
     closed, null = (_shares(study, "forward", v) for v in ("closed form", "null space"))
     return (
         f"For forward dynamics they are {_listed(closed)} with C in closed form, and"

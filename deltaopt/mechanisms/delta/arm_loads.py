@@ -52,7 +52,7 @@ class ArmLoad:
 
     @classmethod
     def symbols(cls) -> ArmLoad:
-        """The same term with its parameters as free symbols."""
+        """This term with its parameters as free symbols."""
         return cls(**{name: SX.sym(name) for name in cls.names()})
 
 

@@ -98,7 +98,7 @@ class DeltaParameters:
         return DeltaTerms(tuple(self.present()), slender, tuple(map(type, self.loads)))
 
     def symbols(self) -> DeltaParameters:
-        """The same parameters as free symbols."""
+        """These parameters as free symbols."""
         return DeltaTerms(tuple(self.present()), False, tuple(map(type, self.loads))).symbols()
 
     def values(self) -> list[float]:

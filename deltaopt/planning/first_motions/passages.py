@@ -83,8 +83,9 @@ def shortest_path(scene: Scene) -> Array | None:
 
 
 def paths_of_lines(scene: Scene) -> Iterator[Array]:
-    """The same over one set of places after the other, as far as there is one; over all that the
-    robot reaches if there is none between start and goal or not far beyond."""
+    """Shortest paths of clear lines over one set of places after the other, (n, 3) each, m, as far
+    as there is one; over all that the robot reaches if there is none between start and goal or not
+    far beyond."""
     ends, found = np.array(given_points(scene.task)), False
     for grid, between, spare, searches in _TRIED:
         places = _places(scene, ends, grid, between=between)
@@ -112,7 +113,7 @@ def _far_around(lines: _Lines) -> Array | None:
 
 
 def _path(lines: _Lines, ends: Array, others: Array, searches: int) -> Array | None:
-    """The same over places (N, 3), m, with so many searches at most."""
+    """The shortest clear path over places (N, 3), m, with so many searches at most."""
     places = np.vstack([ends, lines.clear_places(others)])
     n = len(places)
     length = np.linalg.norm(places[:, None] - places, axis=2)
@@ -303,8 +304,8 @@ def _beside(body: Convex, distance: float, line: Array) -> Array:
 
 
 def _around_polytope(triangles: Array, off: float, line: Array) -> Array:
-    """The same of triangles, counter-clockwise seen from outside: straight out of corners and
-    edges, between the faces that meet there."""
+    """A line that stays ``off`` a body of triangles, counter-clockwise seen from outside: straight
+    out of corners and edges, between the faces that meet there."""
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     edges = dict[tuple[bytes, bytes], Array]()
@@ -330,7 +331,7 @@ def _outwards(normals: list[Array]) -> Array:
 
 
 def _around(body: Solid, off: float, line: Array) -> Array:
-    """The same in the axes of a box or cylinder."""
+    """A line that stays ``off`` a box or cylinder, in its axes."""
     half = np.array(body.half)
     if body.is_cylinder:
         angles = np.arange(_ROUND) * tau / _ROUND

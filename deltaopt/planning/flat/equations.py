@@ -72,7 +72,7 @@ class PointEquations:
 
     @cached_property
     def point_problem(self) -> PointProblem:
-        """The same equations for the interior-point method, which eliminates the torques."""
+        """These equations for the interior-point method, which eliminates the torques."""
         sides = [Sides((upper, lower)) for lower, upper in self.constraints.closed_sides.tolist()]
         return PointProblem(
             coordinates=3,
@@ -89,7 +89,7 @@ class PointEquations:
 
     @cached_property
     def point_problem_of_effort(self) -> PointProblem:
-        """The same with the rate of the effort as its running cost."""
+        """``point_problem`` with the rate of the effort as its running cost."""
         return replace(self.point_problem, running=self.rate)
 
 

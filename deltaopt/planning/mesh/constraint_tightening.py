@@ -35,17 +35,17 @@ _SMALLEST_SHARE = 0.9
 """Smallest share of a limit that tightening leaves, so that one interval cannot slow the motion
 much."""
 _SMALLEST_SHARE_OF_PLACES = 0.5
-"""The same for bulges over bodies and out of a tube, which motions on coarse meshes cut off
+"""Smallest share for bulges over bodies and out of a tube, which motions on coarse meshes cut off
 deeply."""
 _SMALLEST_SHARE_OF_APPROACH = 0.2
-"""The same of an approach: in a cylinder of micrometres a cubic is as far beyond it between points
-as these are from its axis, and hardly any time is to be gained there."""
+"""Smallest share of an approach: in a cylinder of micrometres a cubic is as far beyond it between
+points as these are from its axis, and hardly any time is to be gained there."""
 _SHARPEST = 2e-5
 """Least distance in m that motions are planned at from bodies whose edges neither tool nor
 clearance rounds: edges then have this radius. Less is slower to solve; it costs this distance times
 what a metre of clearance costs, which is told as part of the gap."""
 _FROM_FACES = 1e-9
-"""The same where they are planned past faces: what a solver may leave costs a solve otherwise."""
+"""Least distance in m from faces of bodies: what a solver may leave costs a solve otherwise."""
 _SHARE_OF_ROOM, _LOOKED_AT = 0.9, 4
 """Of the distance from a body that the motion before had in an interval, what it is to have at
 most, and places that are looked at there: a motion may have to begin beside a body."""

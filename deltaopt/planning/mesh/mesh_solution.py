@@ -183,16 +183,16 @@ class MeshSolution:
         return max(1.0, float(np.abs(self.solution.multipliers[:, :, rows]).sum()))
 
     def with_cost_of_bends(self) -> MeshSolution:
-        """The same with what it costs that polynomials do not bend as the best torques do, and with
-        what limits that are exceeded cost by their price."""
+        """This solution with what it costs that polynomials do not bend as the best torques do, and
+        with what limits that are exceeded cost by their price."""
         weight = self.problem.objective.effort / self.cost
         found = self._with_unused(weight * missed_effort(self.trajectory))
         lost = replace(found.lost, exceeded=self.price_of_limits * found.lost.exceeded)
         return replace(found, lost=lost)
 
     def with_sure_bounds(self) -> MeshSolution:
-        """The same with the ``excess`` over limits that are convex in the position, and with what
-        it costs that these were tightened.
+        """This solution with the ``excess`` over limits that are convex in the position, and with
+        what it costs that these were tightened.
 
         Where the motion touches a body it might come nearer by what is left at its nearest
         instant. Around an edge whose radius is less than the points are apart it might come nearer
@@ -211,15 +211,15 @@ class MeshSolution:
         return replace(priced, needed=self.needed.beside(float(excess.max())), excess=excess)
 
     def with_price_of_sliding(self) -> MeshSolution:
-        """The same with what it costs that limits that motions slide along were not used up: the
-        multiplier at each point times what is left there."""
+        """This solution with what it costs that limits that motions slide along were not used up:
+        the multiplier at each point times what is left there."""
         rows, at_points = self.scaling.constraints.slid_along, samples_at(self.program.points)
         size = self.scaling.constraints.size(self.rows)[:, at_points][:, :, rows]
         price = np.abs(self.solution.multipliers[:, :, rows])
         return self._with_unused((price * np.maximum(1 - size, 0.0)).sum(axis=(1, 2)))
 
     def _with_unused(self, unused: Array) -> MeshSolution:
-        """The same with more time lost in each interval, (N,), to limits that are not used up."""
+        """This solution with more time lost in each interval, (N,), to limits not used up."""
         return replace(
             self,
             lost=replace(self.lost, unused=self.lost.unused + unused),
@@ -402,12 +402,12 @@ class MeshSolution:
         return self.unused + self.solution.left
 
     def as_it_is(self, highest: Array) -> MeshSolution:
-        """The same solution of a motion that cannot be slowed, from the highest sizes of its rows
+        """This solution of a motion that cannot be slowed, from the highest sizes of its rows
         at all instants, (rows,)."""
         return replace(self, needed=_as_slowing(self.scaling, highest), is_exact=True)
 
     def exact(self) -> MeshSolution:
-        """The same solution with the safe factor of all instants instead of samples."""
+        """This solution with the safe factor of all instants instead of samples."""
         if self.is_exact:
             return self
         as_sampled = len(sample_fractions(len(self.mesh))) == len(FRACTIONS)

@@ -45,7 +45,7 @@ _AT_REST = 1e-6
 
 
 def softer_problems(problem: Problem, motion: Trajectory) -> tuple[Problem, ...]:
-    """The same scene with softer Coulomb friction, the softest first, for the first meshes.
+    """A problem with softer Coulomb friction, the softest first, for the first meshes.
 
     ``motion``: a first guess, whose speeds say what is soft. None without Coulomb friction, or
     where it is that soft already.

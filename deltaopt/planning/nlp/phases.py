@@ -60,7 +60,7 @@ class FacePhases:
     rows: Truths
 
     def moved(self, before: Array, after: Array) -> FacePhases:
-        """The same after a solution has changed the lengths of a mesh, (N,) each."""
+        """These phases after a solution has changed the lengths of a mesh, (N,) each."""
         ends = [part.stop - 1 for part in parts(before, self.instants)[:-1]]
         return replace(self, instants=np.cumsum(after)[ends])
 

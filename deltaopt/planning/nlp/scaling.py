@@ -139,7 +139,7 @@ class Scaling:
 
     @property
     def untightened(self) -> Scaling:
-        """The same scaling with no limit tightened."""
+        """This scaling with no limit tightened."""
         return self if self.share is UNTIGHTENED else replace(self, share=UNTIGHTENED)
 
     def shares(self, intervals: int) -> Array:
@@ -150,8 +150,9 @@ class Scaling:
         return np.where(self.constraints.is_control, np.minimum(shares, self.torque_share), shares)
 
     def shares_at(self, intervals: int, fractions: Array) -> Array:
-        """The same for Ipopt at fractions of the intervals, (N, len(fractions), rows): infinite for
-        limits of position at start and goal, which are given and may be at such a limit."""
+        """The part of each limit that may be used at fractions of the intervals, for Ipopt, (N,
+        len(fractions), rows): infinite for limits of position at start and goal, which are given
+        and may be at such a limit."""
         shares = np.repeat(self.shares(intervals)[:, None], len(fractions), axis=1)
         places = self.constraints.of_place
         shares[:, :, places] *= _UNRELAXED
@@ -171,7 +172,7 @@ class Scaling:
         return np.concatenate([self.vector(), mechanism])
 
     def parameters_in_phases(self, mechanism: Array) -> list[Array]:
-        """The same for each phase of the motion: those of an approach differ."""
+        """Values of ``Parameters.vector`` in each phase of the motion: an approach's differ."""
         p = self.parameters(mechanism)
         found = [p.copy() for _ in range(len(self.gates) + 1)]
         phased = self.limits.phased

@@ -62,7 +62,7 @@ def swept(h: Array, rows: AffineRows, start: float, goal: float, *, convex: bool
 def _swept(
     h: Array, rows: AffineRows, start: float, goal: float, convex: bool
 ) -> tuple[Array, Array]:
-    """The same in units of the path's length and of the largest alpha: b and u."""
+    """The fastest b and u in units of the path's length and of the largest alpha."""
     code, n = _code(), len(h)
     if code is None:
         found = interpreted(h, rows, start, goal, FASTEST, convex)

@@ -126,7 +126,8 @@ class ArcMesh:
 
     @property
     def at_dense(self) -> tuple[Array, Array, Array]:
-        """The same weights at ``DENSE``, (dense, nodes) each."""
+        """Weights of the accelerations at the nodes in the position, velocity and acceleration at
+        ``DENSE``, (dense, nodes) each."""
         return _polynomials(self.degree).at_dense
 
     @property

@@ -241,7 +241,7 @@ class OptimalityConditions:
         return np.asarray(point.multipliers / weight[..., None])
 
     def multipliers_between(self, point: PrimalDualPoint) -> Array:
-        """The same multipliers at ``DENSE``, (n, dense, m)."""
+        """``multipliers`` at ``DENSE``, (n, dense, m)."""
         return np.asarray(self.mesh.at_dense[2] @ self.multipliers(point))
 
     def polynomial(self, point: PrimalDualPoint, scaling: Scaling) -> PiecewisePolynomial:

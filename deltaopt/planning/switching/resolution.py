@@ -94,12 +94,12 @@ class _Candidate:
         return cls(structure, ArcMesh.of(structure, _DEGREE, more_modes), more_modes)
 
     def with_more_modes(self) -> _Candidate:
-        """The same with more Legendre coefficients of singular controls."""
+        """This candidate with more Legendre coefficients of singular controls."""
         mesh = self.mesh.with_more_modes(_MORE_MODES)
         return replace(self, mesh=mesh, more_modes=self.more_modes + _MORE_MODES)
 
     def with_lengths_of(self, found: StationaryPoint) -> _Candidate:
-        """The same with the lengths that were found, zero where an arc is vanishing."""
+        """This candidate with the lengths that were found, zero where an arc is vanishing."""
         lengths = np.where(found.vanishing, 0.0, found.point.lengths / found.point.duration)
         return replace(self, structure=replace(self.structure, lengths=lengths))
 

@@ -48,11 +48,11 @@ class ActiveLimits(NamedTuple):
         return self.velocity_contact if order else self.position_contact
 
     def with_state(self, order: int, sign: int) -> ActiveLimits:
-        """The same with another sign of the state limit of order 0 or 1."""
+        """These limits with another sign of the state limit of order 0 or 1."""
         return self._replace(velocity=sign) if order else self._replace(position=sign)
 
     def with_contact(self, order: int, sign: int) -> ActiveLimits:
-        """The same with another sign of the contact of order 0 or 1."""
+        """These limits with another sign of the contact of order 0 or 1."""
         if order:
             return self._replace(velocity_contact=sign)
         return self._replace(position_contact=sign)
@@ -64,7 +64,7 @@ class ActiveLimits(NamedTuple):
 
     @property
     def without_contacts(self) -> ActiveLimits:
-        """The same after the instant where it begins."""
+        """What is active after the instant where an arc begins: no contacts."""
         return self._replace(velocity_contact=0, position_contact=0)
 
     def continues(self, before: ActiveLimits) -> bool:
