@@ -67,7 +67,9 @@ if TYPE_CHECKING:
         Line as Line,
         PickAndPlace as PickAndPlace,
     )
-    from deltaopt.scene.scene import Limits as Limits, Scene as Scene, load_scene as load_scene
+    from deltaopt.scene.known_limits import Limits as Limits
+    from deltaopt.scene.scene import Scene as Scene
+    from deltaopt.scene.scene_file import load_scene as load_scene
     from deltaopt.verify.verification import Verification as Verification, verify as verify
 
 _PUBLIC = {
@@ -112,7 +114,9 @@ _PUBLIC = {
     "deltaopt.scene.moving_ends": ("Anywhere", "Belt", "State"),
     "deltaopt.scene.objective": ("Effort", "Time", "TimeAndEffort"),
     "deltaopt.scene.path": ("Corners", "Curve", "Line", "PickAndPlace"),
-    "deltaopt.scene.scene": ("Limits", "Scene", "load_scene"),
+    "deltaopt.scene.known_limits": ("Limits",),
+    "deltaopt.scene.scene": ("Scene",),
+    "deltaopt.scene.scene_file": ("load_scene",),
     "deltaopt.verify.verification": ("Verification", "verify"),
 }
 """Public names by their module, which is read when one of them is first used: ``import deltaopt``

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 import deltaopt
 from deltaopt.planning.path.path_over_bodies import rounded_path_over
 from deltaopt.robot.model import delta_model
+from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.path import Path
-from deltaopt.scene.scene import limits_of
 from deltaopt.scene.task import OnPath
 from studies.problems import INDUSTRIAL, PROBLEMS
 

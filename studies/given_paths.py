@@ -35,7 +35,7 @@ from deltaopt.planning.path.path_rows import PathRows
 from deltaopt.planning.path.sweep import Speeds
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import delta_model
-from deltaopt.scene.scene import limits_of
+from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.task import OnPath
 from studies.bench.random_scenes import random_scenes
 from studies.plots.given_paths import draw

@@ -24,7 +24,7 @@ from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.limits.scene_limits import SceneLimits
 from deltaopt.motion.time_scaling import highest_rows
 from deltaopt.problem.of_scene import problem_of
-from deltaopt.scene.scene import limits_of
+from deltaopt.scene.known_limits import limits_of
 from studies.bench.random_scenes import random_scenes
 from studies.problems import INDUSTRIAL, add_robots
 

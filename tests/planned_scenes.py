@@ -16,7 +16,8 @@ from deltaopt.planning.refinement import Refinement, ResolvedMotion
 from deltaopt.planning.switching.resolver import resolver
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import delta_model
-from deltaopt.scene.scene import Scene, limits_of
+from deltaopt.scene.known_limits import limits_of
+from deltaopt.scene.scene import Scene
 from studies.bench.random_scenes import random_scenes
 
 

@@ -10,7 +10,8 @@ from deltaopt.errors import SceneError, Unusable
 from deltaopt.files.output_folder import require_writable
 from deltaopt.files.units import MASS, Misread
 from deltaopt.scene.objective import Time
-from deltaopt.scene.scene import Scene, load_scene
+from deltaopt.scene.scene import Scene
+from deltaopt.scene.scene_file import load_scene
 from deltaopt.settings import LEAST_TOLERANCE, MOST, MOST_INTERVALS
 
 

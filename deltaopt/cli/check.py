@@ -59,9 +59,11 @@ from deltaopt.robot.drive import Drive, Friction
 from deltaopt.robot.model import delta_model
 from deltaopt.robot.robot import load_robot
 from deltaopt.scene.feasibility import are_surely_feasible, check_feasible, perhaps_meant
+from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.objective import Time
 from deltaopt.scene.rotation import Rotation
-from deltaopt.scene.scene import Scene, limits_of, load_scene
+from deltaopt.scene.scene import Scene
+from deltaopt.scene.scene_file import load_scene
 from deltaopt.scene.task import MovingEnds, Task, distance, ends_in_words
 from deltaopt.verify.measures import MeasuredMotion
 

@@ -31,7 +31,8 @@ from deltaopt.planning.first_motions.initial_motion import straight_line
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.feasibility import check_feasible
-from deltaopt.scene.scene import Scene, load_scene
+from deltaopt.scene.scene import Scene
+from deltaopt.scene.scene_file import load_scene
 from deltaopt.scene.task import given_points
 
 

@@ -60,7 +60,8 @@ from deltaopt.planning.plan import Plan
 from deltaopt.planning.planner import Planner, plan
 from deltaopt.report.plan_folder import save
 from deltaopt.scene.feasibility import check_feasible
-from deltaopt.scene.scene import Scene, load_scene
+from deltaopt.scene.scene import Scene
+from deltaopt.scene.scene_file import load_scene
 from deltaopt.verify.verification import verify
 
 FORMULATIONS: dict[str, Callable[[LoopClosure], ProblemFormulation]] = {

@@ -41,7 +41,8 @@ from deltaopt.output.saved_plan import (
 from deltaopt.robot.joints import Joints
 from deltaopt.robot.model import delta_model
 from deltaopt.robot.robot import load_robot
-from deltaopt.scene.scene import Scene, load_scene
+from deltaopt.scene.scene import Scene
+from deltaopt.scene.scene_file import load_scene
 from deltaopt.verify.bounds import EXCESS
 from deltaopt.verify.measures import Excess, MeasuredMotion
 from deltaopt.verify.verification import Verification, verify

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from deltaopt.curves.halving import bisected_number
 from deltaopt.limits.scene_limits import SceneLimits
 from deltaopt.robot.model import model_of
-from deltaopt.scene.scene import Scene, limits_of
+from deltaopt.scene.known_limits import limits_of
+from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import given_points
 
 Array = NDArray[np.float64]

@@ -15,7 +15,8 @@ from deltaopt.curves.piecewise import Array, PiecewisePolynomial
 from deltaopt.limits.scene_limits import SceneLimits
 from deltaopt.motion.sure_bounds import rows_not_kept, signed_distances
 from deltaopt.problem.of_scene import problem_of
-from deltaopt.scene.scene import Scene, limits_of
+from deltaopt.scene.known_limits import limits_of
+from deltaopt.scene.scene import Scene
 
 _NEAR = 0.05
 """Of the way from start to goal: motions are planned past bodies that a first motion comes nearer

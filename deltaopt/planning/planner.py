@@ -25,9 +25,10 @@ from deltaopt.planning.plan import Plan
 from deltaopt.planning.run import Run
 from deltaopt.planning.trajectory_optimiser import TrajectoryOptimiser
 from deltaopt.robot.machine import Machine
+from deltaopt.scene.known_limits import Limits
 from deltaopt.scene.moving_ends import Anywhere, End, Start, State
 from deltaopt.scene.objective import Objective, Time
-from deltaopt.scene.scene import Limits, Scene
+from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import OnPath
 from deltaopt.settings import (
     LEAST_TOLERANCE,

@@ -49,8 +49,9 @@ from deltaopt.planning.remedies import REMEDIES, better
 from deltaopt.planning.trajectory_optimiser import TrajectoryOptimiser
 from deltaopt.planning.ways import NEARLY, fastest_way
 from deltaopt.scene.feasibility import check_feasible
+from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.objective import Time
-from deltaopt.scene.scene import Scene, limits_of
+from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import MovingEnds, OnPath
 
 _PATHS = 2

@@ -7,7 +7,8 @@ from functools import lru_cache
 from deltaopt.problem.boundary import Boundary
 from deltaopt.problem.problem import Objective, Problem
 from deltaopt.robot.model import model_of
-from deltaopt.scene.scene import Scene, limits_of
+from deltaopt.scene.known_limits import limits_of
+from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import EndState, Goal, MovingPoint, Task
 
 

@@ -10,7 +10,7 @@ from deltaopt.files.units import WIDTH
 from deltaopt.files.validated_record import Positive, Record, Vector3
 from deltaopt.limits.limit import Column
 
-EXPECTED = "a mapping with the keys start and goal, each {height, radius} in m"
+EXPECTED_APPROACH = "a mapping with the keys start and goal, each {height, radius} in m"
 
 
 class ApproachAtEnd(Record):

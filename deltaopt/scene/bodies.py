@@ -39,11 +39,11 @@ from deltaopt.scene.convex_hull import NoHull, convex_hull
 
 Array = NDArray[np.float64]
 
-EXPECTED = (
+EXPECTED_BODIES = (
     "a list of bodies, each one of box: {from, to}, sphere: {centre, radius}, "
     "cylinder: {from, to, radius}, half_space: {point, normal}, hull: {points or file}"
 )
-_ONE = EXPECTED.removeprefix("a list of bodies, each ")
+_ONE = EXPECTED_BODIES.removeprefix("a list of bodies, each ")
 _LARGE = 1e3
 """Half the size of the box that stands for a half-space, m: far beyond any robot, and its rounding
 error is 1e-13 m."""

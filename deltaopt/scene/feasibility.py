@@ -19,9 +19,10 @@ from deltaopt.mechanisms.functions import Functions
 from deltaopt.mechanisms.instant import CoordinateInstant
 from deltaopt.robot.machine import Model
 from deltaopt.robot.model import model_of
+from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.links import name_of, rooms_at
 from deltaopt.scene.parallel_singularity import volumes_at
-from deltaopt.scene.scene import Scene, limits_of
+from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import REST, EndState, ViaPoint
 
 _SHORTEST_MOVE = 1e-12

@@ -8,13 +8,13 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from deltaopt.errors import SceneError
-from deltaopt.files.units import LENGTH, SPEED
+from deltaopt.files.units import SPEED
 from deltaopt.files.validated_record import Number, Record, Vector3
+from deltaopt.robot.tool import POINT, Point
 from deltaopt.scene.task import REST, EndState, Goal, MovingPoint, RestAnywhere
 
-_POINT = "three coordinates [x, y, z] in m"
-EXPECTED_START = f"{_POINT}, or a state {{at, velocity}}"
-EXPECTED_GOAL = f"{_POINT}, {{at, velocity}}, {{at, belt}} or anywhere"
+EXPECTED_START = f"{POINT}, or a state {{at, velocity}}"
+EXPECTED_GOAL = f"{POINT}, {{at, velocity}}, {{at, belt}} or anywhere"
 _ANYWHERE = "anywhere"
 
 
@@ -24,7 +24,7 @@ class State(Record):
     Raises SceneError for values that cannot be used.
     """
 
-    at: Annotated[tuple[Number, Number, Number], LENGTH] = Field(description=_POINT)
+    at: Point = Field(description=POINT)
     velocity: Annotated[tuple[Number, Number, Number], SPEED] = Field(
         default=REST, description="a velocity [x, y, z] in m/s"
     )
@@ -41,9 +41,7 @@ class Belt(Record):
     It is met at the belt's velocity. Raises SceneError for values that cannot be used.
     """
 
-    at: Annotated[tuple[Number, Number, Number], LENGTH] = Field(
-        description=f"{_POINT}: where the goal is when the motion starts"
-    )
+    at: Point = Field(description=f"{POINT}: where the goal is when the motion starts")
     belt: Annotated[tuple[Number, Number, Number], SPEED] = Field(
         description="the belt's velocity [x, y, z] in m/s"
     )

@@ -32,7 +32,7 @@ _Points = Annotated[tuple[tuple[Number, Number, Number], ...], LENGTH]
 _Speeds = Annotated[tuple[NonNegative, NonNegative], SPEED]
 _Width = Annotated[Positive, WIDTH]
 
-EXPECTED = (
+EXPECTED_PATH = (
     "the word line, {points: [[x, y, z], …] or a CSV file, blend: …} or "
     "{pick_and_place: {height: …, blend: …}}, lengths in m"
 )

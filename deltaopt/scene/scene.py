@@ -5,10 +5,8 @@ A scene says what is wanted; how it is computed is a setting of the planner.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
-from functools import cached_property, lru_cache
-from pathlib import Path
+from functools import cached_property
 from typing import Annotated, Any, Self
 
 import numpy as np
@@ -18,47 +16,29 @@ from pydantic import (
     Field,
     SerializeAsAny,
     SerializerFunctionWrapHandler,
-    create_model,
     model_serializer,
     model_validator,
 )
 
-from deltaopt.errors import SceneError, shown
+from deltaopt.errors import SceneError
 from deltaopt.files.tables import html_table
-from deltaopt.files.units import LENGTH, MASS, WIDTH
-from deltaopt.files.validated_record import NonNegative, Number, Positive, Record, Vector3
-from deltaopt.files.yaml_file import place_of, read_yaml
-from deltaopt.limits.joint_ranges import ARM_RANGE, BallJoint
-from deltaopt.limits.keep_out import (
-    MOST_SOLIDS,
-    KeepOut,
-    hull_limits,
-    place_among_rows,
-)
-from deltaopt.limits.limit import Column, KeptLink, Limit, MotorLimit
-from deltaopt.limits.links import LinkClearance
-from deltaopt.limits.platform_motion import PLATFORM_ACCELERATION, PLATFORM_SPEED
-from deltaopt.limits.scene_limits import SceneLimits
-from deltaopt.limits.singularities import (
-    PARALLEL_SINGULARITY,
-    TILT_SINGULARITY,
-    SerialSingularity,
-)
-from deltaopt.limits.specific_force import SPECIFIC_FORCE
-from deltaopt.limits.speed import Speed
-from deltaopt.limits.torque import Torque, WithLeastPayload
-from deltaopt.limits.torque_curve import TorqueCurve
-from deltaopt.limits.tube import MOST_PARTS, Tube, parts_of
-from deltaopt.limits.workspace import WORKSPACE_DEPTH, WORKSPACE_RADIUS
-from deltaopt.limits.workspace import Approach as ApproachLimit
+from deltaopt.files.units import MASS, WIDTH
+from deltaopt.files.validated_record import NonNegative, Positive, Record, Vector3
+from deltaopt.limits.limit import Column, KeptLink
 from deltaopt.robot.machine import Machine
-from deltaopt.robot.robot import Robot, load_robot
-from deltaopt.robot.solids import MOST_TRIANGLES, Convex, Polytope
-from deltaopt.scene.approach import EXPECTED as EXPECTED_APPROACH
-from deltaopt.scene.approach import Approach
-from deltaopt.scene.bodies import EXPECTED as EXPECTED_BODIES
-from deltaopt.scene.bodies import Body, solid_about, sums
-from deltaopt.scene.convex_hull import NoHull, convex_hull
+from deltaopt.robot.robot import Robot
+from deltaopt.robot.solids import Convex
+from deltaopt.robot.tool import Point
+from deltaopt.scene.approach import EXPECTED_APPROACH, Approach
+from deltaopt.scene.bodies import EXPECTED_BODIES, Body, solid_about, sums
+from deltaopt.scene.known_limits import (
+    LIMITS,
+    Limits,
+    in_order_of_rows,
+    require_limit_for_tube,
+    require_limits_for_bodies,
+    without_shares,
+)
 from deltaopt.scene.moving_ends import (
     EXPECTED_GOAL,
     EXPECTED_START,
@@ -71,71 +51,30 @@ from deltaopt.scene.moving_ends import (
     start_of,
 )
 from deltaopt.scene.objective import EXPECTED, Objective, Time, content_of, objective_in
-from deltaopt.scene.path import EXPECTED as EXPECTED_PATH
 from deltaopt.scene.path import (
+    EXPECTED_PATH,
     Corners,
     Curve,
     Line,
     PickAndPlace,
     content_of_path,
     path_in,
-    points_in,
 )
 from deltaopt.scene.rotation import Rotation
-from deltaopt.scene.stl import corners_in
-from deltaopt.scene.task import (
-    REST,
-    EndState,
-    Goal,
-    MovingEnds,
-    OnPath,
-    RestToRest,
-    Task,
-    given_points,
+from deltaopt.scene.task import REST, EndState, Goal, MovingEnds, OnPath, RestToRest, Task
+from deltaopt.scene.via import (
+    EXPECTED_VIA,
+    MOST_VIA,
+    Near,
+    content_of_via,
+    require_distinct,
+    via_in,
+    via_point,
 )
-from deltaopt.scene.via import EXPECTED as EXPECTED_VIA
-from deltaopt.scene.via import MOST_VIA, Near, content_of_via, require_distinct, via_in, via_point
 
-_STANDS_STILL = 1e-9
-"""Share of the largest rate of a path's pieces below which it turns back where a piece begins."""
-_NO_KEYS = {"least_payload": "payload: [least, largest]", "planned_links": "robot_keeps_clear"}
+NO_KEYS = {"least_payload": "payload: [least, largest]", "planned_links": "robot_keeps_clear"}
 """Fields of a scene that no file gives, and what it gives instead."""
-_ROBOT_FILE = "the path of a robot file, relative to the scene file"
-
-
-LIMITS: tuple[Limit, ...] = (
-    Torque(),
-    SerialSingularity(),
-    Speed(),
-    PLATFORM_ACCELERATION,
-    TorqueCurve(),
-    PLATFORM_SPEED,
-    SPECIFIC_FORCE,
-    ARM_RANGE,
-    BallJoint(),
-    WORKSPACE_DEPTH,
-    WORKSPACE_RADIUS,
-    PARALLEL_SINGULARITY,
-    TILT_SINGULARITY,
-    KeepOut(),
-    *hull_limits(),
-    Tube(),
-    ApproachLimit(),
-    LinkClearance(),
-)
-"""All kinds of limit, in the order of the constraint rows of a problem. Before bodies, the rows of
-those that depend on torques stand once more, for the least payload of a range."""
-
-_KEYS: dict[str, Any] = {
-    limit.key.name: (limit.key.type | None, Field(default=None, description=limit.key.expected))
-    for limit in LIMITS
-    if limit.key
-}
-_Keys: Any = create_model("_Keys", __base__=Record, **_KEYS)
-
-
-class Limits(_Keys):  # type: ignore[misc]  # its fields are the keys of LIMITS
-    """The limits of a scene by key; they may be tighter than those of the robot's drive."""
+ROBOT_FILE = "the path of a robot file, relative to the scene file"
 
 
 def _robot_of(content: Any) -> Any:
@@ -159,20 +98,16 @@ class Scene(Record):
     whole: it is then that of ``robot``. Raises SceneError for values that cannot be used.
     """
 
-    robot: AnyRobot = Field(description=_ROBOT_FILE)
+    robot: AnyRobot = Field(description=ROBOT_FILE)
     payload: Annotated[Positive, MASS] | None = Field(
         default=None, description="a mass in kg, greater than 0, or [least, largest]"
     )
     least_payload: Annotated[NonNegative, MASS] | None = Field(
         default=None, description="a mass in kg, at least 0"
     )
-    start: Annotated[tuple[Number, Number, Number], LENGTH] | State = Field(
-        description=EXPECTED_START
-    )
-    goal: Annotated[tuple[Number, Number, Number], LENGTH] | State | Belt | Anywhere = Field(
-        description=EXPECTED_GOAL
-    )
-    via: tuple[Annotated[tuple[Number, Number, Number], LENGTH] | Near, ...] | None = Field(
+    start: Point | State = Field(description=EXPECTED_START)
+    goal: Point | State | Belt | Anywhere = Field(description=EXPECTED_GOAL)
+    via: tuple[Point | Near, ...] | None = Field(
         default=None, max_length=MOST_VIA, description=EXPECTED_VIA
     )
     approach: Approach | None = Field(default=None, description=EXPECTED_APPROACH)
@@ -208,8 +143,7 @@ class Scene(Record):
 
         Raises SceneError for a sum that is not known.
         """
-        found = sums(self.keep_out or (), self.robot.tool)
-        return tuple(sorted(found, key=lambda each: place_among_rows(each[1])))
+        return in_order_of_rows(sums(self.keep_out or (), self.robot.tool))
 
     @property
     def kept_out(self) -> tuple[Convex, ...]:
@@ -304,10 +238,9 @@ class Scene(Record):
 
     def _repr_html_(self) -> str:
         """The scene as a table, for notebooks."""
-        content = self.model_dump(mode="json", exclude_none=True)
+        content = self.model_dump(mode="json", exclude_none=True, exclude={"robot"})
         rows = [("robot", self.robot.name)]
-        for key in (key for key in content if key != "robot"):
-            inner = content[key]
+        for key, inner in content.items():
             if isinstance(inner, dict):
                 rows += [(f"{key}.{name}", str(value)) for name, value in inner.items()]
             else:
@@ -324,8 +257,30 @@ class Scene(Record):
         """The keys of a scene file as the values of the fields."""
         if not isinstance(content, dict):
             return content
-        read = dict(content)
-        if read.get("path") is not None:
+        read, least = dict(content), content.get("least_payload")
+        if least is not None:
+            read["payload"] = least, read.get("payload")
+        if {"robot", "limits"} <= set(read):
+            read["robot"] = cls._valid("robot", read["robot"])
+        read = cls._as_fields(read, read.get("robot"))
+        if "tool" in read and isinstance(read.get("robot"), Machine):
+            read["robot"] = read["robot"].model_copy(update={"tool": read.pop("tool")})
+        return objective_in(read)
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """A copy with other fields; see ``Record.model_copy``."""
+        given = update or {}
+        given = self._as_fields(given, given.get("robot", self.robot))
+        return super().model_copy(update=given, deep=deep)
+
+    @classmethod
+    def _as_fields(cls, given: Mapping[str, Any], robot: Any) -> dict[str, Any]:
+        """Keys of a scene file as the values of the fields. Raises SceneError.
+
+        ``robot``: of whose drives the limits' shares, such as "85 %", are.
+        """
+        read = dict(given)
+        if "path" in read:
             try:
                 read["path"] = path_in(read["path"])
             except SceneError as error:
@@ -333,29 +288,11 @@ class Scene(Record):
         read |= {key: end_in(key, read[key]) for key in ("start", "goal") if key in read}
         if "via" in read:
             read["via"] = via_in(read["via"])
-        least, payload = read.get("least_payload"), read.get("payload")
-        read |= cls._payloads(payload if least is None else (least, payload))
-        if {"robot", "limits"} <= set(read):
-            read["robot"] = cls._valid("robot", read["robot"])
-            read["limits"] = _without_shares(read["limits"], read["robot"])
-        if "tool" in read and isinstance(read.get("robot"), Machine):
-            read["robot"] = read["robot"].model_copy(update={"tool": read.pop("tool")})
-        return objective_in(read)
-
-    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """A copy with other fields; see ``Record.model_copy``."""
-        given = dict(update or {})
-        if "limits" in given:
-            given["limits"] = _without_shares(given["limits"], given.get("robot", self.robot))
-        if "path" in given:
-            given["path"] = path_in(given["path"])
-        if "payload" in given:
-            given |= self._payloads(given["payload"])
-        for key in {"start", "goal"} & set(given):
-            given[key] = end_in(key, given[key])
-        if "via" in given:
-            given["via"] = via_in(given["via"])
-        return super().model_copy(update=given, deep=deep)
+        if "payload" in read:
+            read |= cls._payloads(read["payload"])
+        if "limits" in read and isinstance(robot, Machine):
+            read["limits"] = without_shares(read["limits"], robot)
+        return read
 
     @property
     def with_least_payload(self) -> Scene:
@@ -403,214 +340,58 @@ class Scene(Record):
 
     @classmethod
     def _keys(cls) -> list[str]:
-        known = [key for key in super()._keys() if key not in _NO_KEYS]
+        known = [key for key in super()._keys() if key not in NO_KEYS]
         return [*known, "duration", "tool"]
 
     @model_validator(mode="after")
-    def _moves(self) -> Self:
+    def _keys_go_together(self) -> Self:
+        at_rest, starts_moving = not self.moves_at_ends, self.ends[0].velocity != REST
+        stops, is_time = isinstance(self.goal, Anywhere), isinstance(self.objective, Time)
+        no_path, follows = self.path is None, self.follows_path
+        rules = (
+            ("goal", "a start that moves: {at: …, velocity: …}", starts_moving or not stops),
+            ("path", "start and goal at rest beside it", at_rest),
+            ("rotation", "start and goal at rest beside it", at_rest),
+            ("via", "no path beside it", no_path),
+            ("via", "a goal that is a point, a state or on a belt beside it", not stops),
+            ("approach", "start and goal at rest beside it", at_rest),
+            ("approach", "neither path nor via beside it", no_path and self.via is None),
+            ("objective", "time, where a path is given without a tube", is_time or not follows),
+            ("tube", "a path beside it", not no_path),
+            ("tube", "a path through points, not a Curve", not isinstance(self.path, Curve)),
+            ("tube", "a path without speeds", self.path is None or not any(self.path.speeds)),
+            (
+                "robot_keeps_clear",
+                "false, for the links of this robot are not known",
+                self.robot.has_links or not self.robot_keeps_clear,
+            ),
+        )
+        for key, expected, holds in rules:
+            if getattr(self, key) is not None and not holds:
+                raise SceneError(None, key, self.model_dump()[key], expected)
+        return self
+
+    @model_validator(mode="after")
+    def _can_be_planned(self) -> Self:
+        """What takes more than a look at which keys there are."""
         task = self.task
-        if isinstance(task, MovingEnds):
-            return self._can_move_at_ends(task)
-        if task.start == task.goal and not task.via:
-            raise SceneError(None, "goal", self.goal, "a point in m other than start")
-        return self
-
-    @model_validator(mode="after")
-    def _via_fits(self) -> Self:
-        if self.via is None:
-            return self
-        if self.path is not None:
-            raise SceneError(None, "via", content_of_via(self.via), "no path beside it")
-        start, goal = self.ends
-        if isinstance(self.goal, Anywhere):
-            expected = "a goal that is a point, a state or on a belt beside it"
-            raise SceneError(None, "via", content_of_via(self.via), expected)
-        given = goal.position if isinstance(goal, EndState) else None
-        require_distinct(self.task.via, start.position, given)
-        return self
-
-    @model_validator(mode="after")
-    def _approach_fits(self) -> Self:
-        if self.approach is None:
-            return self
-        given = self.approach.model_dump()
-        if self.path is not None or self.via is not None or self.moves_at_ends:
-            beside = "start and goal at rest" if self.moves_at_ends else "neither path nor via"
-            raise SceneError(None, "approach", given, f"{beside} beside it")
-        return self
-
-    def _can_move_at_ends(self, task: MovingEnds) -> Self:
-        """The scene itself; raises SceneError where it says what moving ends do not go with."""
-        if task.start == task.goal:
-            raise SceneError(None, "goal", content_of_end(self.goal), "a state other than start")
-        if isinstance(self.goal, Anywhere) and task.start.velocity == REST:
-            raise SceneError(None, "goal", "anywhere", "a start that moves: {at: …, velocity: …}")
-        given = {
-            "path": None if self.path is None else content_of_path(self.path),
-            "rotation": None if self.rotation is None else self.rotation.model_dump(),
-        }
-        for key, value in given.items():
-            if value is not None:
-                raise SceneError(None, key, value, "start and goal at rest beside it")
-        return self
-
-    @model_validator(mode="after")
-    def _there_is_time_to_rotate(self) -> Self:
-        given = self.objective.given_duration
-        if given is not None and given < self.least_duration:
+        if task.start == task.goal and (self.moves_at_ends or not task.via):
+            point = "a state" if self.moves_at_ends else "a point in m"
+            raise SceneError(None, "goal", content_of_end(self.goal), f"{point} other than start")
+        if self.via is not None:
+            start, goal = self.ends
+            given = goal.position if isinstance(goal, EndState) else None
+            require_distinct(task.via, start.position, given)
+        duration = self.objective.given_duration
+        if duration is not None and duration < self.least_duration:
             least = f"at least {self.least_duration:.6g} s, which rotation takes"
-            raise SceneError(None, "duration", given, least)
-        return self
-
-    @model_validator(mode="after")
-    def _path_fits(self) -> Self:
-        if self.path is None:
-            return self
-        self.path.between(*given_points(self.task))
-        if not isinstance(self.objective, Time) and self.tube is None:
-            expected = "time, where a path is given without a tube"
-            raise SceneError(None, "objective", str(self.objective), expected)
-        return self
-
-    @model_validator(mode="after")
-    def _tube_fits(self) -> Self:
-        if self.tube is None:
-            return self
-        beside = {
-            "a path beside it": self.path is not None,
-            "a path through points, not a Curve": not isinstance(self.path, Curve),
-            "a path without speeds": self.path is None or self.path.speeds == (0.0, 0.0),
-        }
-        for expected, holds in beside.items():
-            if not holds:
-                raise SceneError(None, "tube", self.tube, expected)
-        pieces = self.axis_of_tube
-        parts = len(parts_of(pieces))
-        if parts > MOST_PARTS:
-            most = "a path of at most 7 rounded corners"
-            raise SceneError(None, "tube", self.tube, f"{most} beside it")
-        rates = np.linalg.norm(pieces[:, 1], axis=1)
-        if rates.min() <= _STANDS_STILL * rates.max():
-            raise SceneError(None, "tube", self.tube, "a path that nowhere turns back")
-        return self
-
-    @model_validator(mode="after")
-    def _bodies_can_be_kept_out_of(self) -> Self:
-        if self.keep_out is None:
-            return self
-        if not self.keep_out:
+            raise SceneError(None, "duration", duration, least)
+        if self.tube is not None:
+            require_limit_for_tube(self.tube, self.axis_of_tube)
+        if self.keep_out == ():
             raise SceneError(None, "keep_out", [], EXPECTED_BODIES, "is empty")
-        if len(self.kept_out) > MOST_SOLIDS:
-            expected = f"at most {MOST_SOLIDS} pairs of a body and a shape of the tool"
-            raise SceneError(None, "keep_out", len(self.kept_out), expected)
-        for index, each in self.obstacles:
-            if isinstance(each, Polytope) and len(each.triangles) > MOST_TRIANGLES:
-                expected = f"a hull, grown by the tool, of at most {MOST_TRIANGLES} triangles"
-                raise SceneError(None, f"keep_out[{index}].hull", len(each.triangles), expected)
-        return self
-
-    @model_validator(mode="after")
-    def _links_are_known(self) -> Self:
-        if self.robot_keeps_clear and not self.robot.has_links:
-            expected = "false, for the links of this robot are not known"
-            raise SceneError(None, "robot_keeps_clear", True, expected)
-        return self
-
-    @model_validator(mode="after")
-    def _limits_tighten_the_drive(self) -> Self:
+        require_limits_for_bodies(self.obstacles)
         for limit in LIMITS:
             if limit.key:
                 limit.items(self)
         return self
-
-
-@lru_cache(maxsize=256)
-def limits_of(scene: Scene) -> SceneLimits:
-    """The limits that apply in a scene, with their numbers.
-
-    Raises SceneError for a payload that varies where a limit is not known to hold between both ends
-    of its range.
-    """
-    if scene.least_payload is None:
-        return SceneLimits.of(LIMITS, scene)
-    place, lighter = LIMITS.index(KeepOut()), list[Limit]()
-    for limit in LIMITS:
-        constraints = SceneLimits.of([limit], scene).constraints
-        if not constraints.of_torque.any():
-            continue
-        if not constraints.holds_between_payloads:
-            masses, name = [scene.least_payload, scene.payload], limit.name
-            expected = f"one mass, since the limit {name} may be exceeded between two that keep it"
-            raise SceneError(None, "payload", masses, expected)
-        lighter.append(WithLeastPayload(limit))
-    return SceneLimits.of([*LIMITS[:place], *lighter, *LIMITS[place:]], scene)
-
-
-def _without_shares(limits: object, robot: Machine) -> object:
-    """The content of the key ``limits``, with shares of the drive's such as "85 %" as numbers."""
-    if not isinstance(limits, dict):
-        return limits
-    motors = {limit.key.name: limit for limit in LIMITS if isinstance(limit, MotorLimit)}
-    return {
-        key: motors[key].without_shares(value, robot) if key in motors else value
-        for key, value in limits.items()
-    }
-
-
-def load_scene(path: str | Path) -> Scene:
-    """Read a scene file and the robot file it names.
-
-    Raises SceneError, naming file and key, if either cannot be used.
-    """
-    file = Path(path)
-    content = read_yaml(file)
-    for key, expected in _NO_KEYS.items():
-        if key in content:
-            raise SceneError(file, key, None, expected, "is not a known key", place_of(file, key))
-    if "robot" in content:
-        content["robot"] = load_robot(_robot_file(file, content["robot"]))
-    given = content.get("path")
-    if isinstance(given, dict) and isinstance(given.get("points"), str):
-        content["path"] = {**given, "points": _points(file, given["points"])}
-    bodies = content.get("keep_out")
-    if isinstance(bodies, list):
-        named = ((f"keep_out[{index}]", body) for index, body in enumerate(bodies))
-        content["keep_out"] = [_with_points(file, *each) for each in named]
-    return Scene.from_content(content, file)
-
-
-def _with_points(scene_file: Path, key: str, body: object) -> object:
-    """The content of a body, whose key this is, with the corners of a file's convex hull instead of
-    its name."""
-    hull = body.get("hull") if isinstance(body, dict) else None
-    if not (isinstance(hull, dict) and isinstance(hull.get("file"), str)):
-        return body
-    named = f"{key}.hull.file"
-    try:
-        points = corners_in(scene_file.parent / hull["file"])
-        points = points[np.unique(convex_hull(points, MOST_TRIANGLES))]
-    except NoHull as error:
-        place, expected = place_of(scene_file, named), f"an STL file with {error}"
-        raise SceneError(scene_file, named, hull["file"], expected, place=place) from None
-    except SceneError as error:
-        place, problem = place_of(scene_file, named), f"{error.file} {error.problem}"
-        raise SceneError(scene_file, named, hull["file"], error.expected, problem, place) from None
-    others = {key: value for key, value in hull.items() if key != "file"}
-    return {"hull": {**others, "points": points.tolist()}}
-
-
-def _points(scene_file: Path, name: str) -> list[list[float]]:
-    """The points of a CSV file, relative to the scene file."""
-    try:
-        return points_in(scene_file.parent / name)
-    except SceneError as error:
-        place = place_of(scene_file, "path.points")
-        raise error.inside(file=scene_file, place=place) from None
-
-
-def _robot_file(scene_file: Path, value: object) -> Path:
-    if isinstance(value, str) and os.path.isfile(scene_file.parent / value):
-        return scene_file.parent / value
-    problem = f"is {shown(value)}, which is no file" if isinstance(value, str) else ""
-    place = place_of(scene_file, "robot")
-    raise SceneError(scene_file, "robot", value, _ROBOT_FILE, problem, place)

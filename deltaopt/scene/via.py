@@ -10,13 +10,14 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from deltaopt.errors import SceneError
-from deltaopt.files.units import LENGTH, WIDTH
-from deltaopt.files.validated_record import Number, Positive, Record, Vector3
+from deltaopt.files.units import WIDTH
+from deltaopt.files.validated_record import Positive, Record, Vector3
+from deltaopt.robot.tool import POINT, Point
 from deltaopt.scene.task import ViaPoint
 
 MOST_VIA = 100
 """Most via points: each adds a phase to the program, and so many take some ten seconds."""
-EXPECTED = (
+EXPECTED_VIA = (
     f"at most {MOST_VIA} points in m, passed in this order at any speed: [x, y, z], or "
     "{at, within} for any place within a distance of one"
 )
@@ -28,9 +29,7 @@ class Near(Record):
     Raises SceneError for values that cannot be used.
     """
 
-    at: Annotated[tuple[Number, Number, Number], LENGTH] = Field(
-        description="three coordinates [x, y, z] in m"
-    )
+    at: Point = Field(description=POINT)
     within: Annotated[Positive, WIDTH] = Field(description="a length in m, greater than 0")
 
 

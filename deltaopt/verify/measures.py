@@ -26,7 +26,8 @@ from deltaopt.mechanisms.instant import CoordinateInstant
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.robot.machine import Machine, Model
 from deltaopt.robot.model import model_of
-from deltaopt.scene.scene import Scene, limits_of
+from deltaopt.scene.known_limits import limits_of
+from deltaopt.scene.scene import Scene
 from deltaopt.verify.duty import Duty, duty
 from deltaopt.verify.resolved_curves import DEGREE, Cells, Peaks, ResolvedCurves
 

@@ -14,8 +14,9 @@ from deltaopt.curves.piecewise import Array, Index, PiecewisePolynomial
 from deltaopt.curves.roots import real_roots, sure_largest
 from deltaopt.limits.limit import Column, OwnMeasure
 from deltaopt.motion.trajectory import Trajectory
+from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.path import Path
-from deltaopt.scene.scene import Scene, limits_of
+from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import OnPath, Task
 from deltaopt.verify.away_from_path import from_moving_place, largest_distance
 from deltaopt.verify.measures import Excess, Known

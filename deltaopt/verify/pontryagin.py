@@ -36,7 +36,8 @@ from deltaopt.mechanisms.functions import Functions
 from deltaopt.mechanisms.instant import PlatformInstant
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.robot.model import model_of
-from deltaopt.scene.scene import Scene, limits_of
+from deltaopt.scene.known_limits import limits_of
+from deltaopt.scene.scene import Scene
 from deltaopt.verify.units import way_of
 
 Integers = NDArray[np.intp]

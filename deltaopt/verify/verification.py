@@ -22,7 +22,8 @@ from deltaopt.files.tables import html_table
 from deltaopt.limits.limit import OwnMeasure
 from deltaopt.motion.trajectory import Trajectory, goal_of
 from deltaopt.problem.of_scene import problem_of
-from deltaopt.scene.scene import LIMITS, Scene, limits_of
+from deltaopt.scene.known_limits import LIMITS, limits_of
+from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import EndState, MovingEnds, OnPath
 from deltaopt.verify.bounds import ARRIVAL_BOUNDS, BOUNDS, EXCESS, Check, check_of
 from deltaopt.verify.clearance import clearance_excess, robot_clearance, sure_robot_clearance

@@ -16,7 +16,7 @@ from deltaopt.limits.limit import SX, Bounds, Described, Instant, Limit, Numbers
 from deltaopt.mechanisms.delta import functions, slender_bars
 from deltaopt.mechanisms.delta.kinematics import inverse_kinematics
 from deltaopt.mechanisms.delta.mechanism import DeltaParameters, delta
-from deltaopt.scene.scene import LIMITS
+from deltaopt.scene.known_limits import LIMITS
 from studies.attack.attempts import Attempt, Generator, Kind
 from studies.attack.checks import Array, Loads, loads, sampled
 from studies.problems import ORSINO, PROBLEMS
@@ -118,7 +118,7 @@ def own_limits(rng: Generator) -> Attempt:
     def made() -> str:
         limit, bound = _LIMITS[name]
         _OnTorque.bound = bound * share
-        for module in ("deltaopt.scene.scene", "deltaopt.verify.verification"):
+        for module in ("deltaopt.scene.known_limits", "deltaopt.verify.verification"):
             vars(import_module(module))["LIMITS"] = (*LIMITS, limit)
         robot = deltaopt.load_robot(PROBLEMS / "robots" / "rl5.yaml")
         ends: dict[str, Any] = {"start": (1.0, -y, 0.0), "goal": (1.0, y, 0.0)}

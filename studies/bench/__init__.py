@@ -30,7 +30,7 @@ from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.planning.planner import Planner
 from deltaopt.robot.robot import load_robot
 from deltaopt.scene.feasibility import check_feasible
-from deltaopt.scene.scene import load_scene
+from deltaopt.scene.scene_file import load_scene
 from studies.bench.any_move import random_plans, summary
 from studies.problems import ROBOTS
 

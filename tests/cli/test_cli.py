@@ -14,7 +14,7 @@ from deltaopt.cli import COMMANDS, main
 from deltaopt.output.plan_files import COLUMNS, instants, write_motion
 from deltaopt.planning.first_motions.initial_motion import baseline
 from deltaopt.planning.plan import Plan
-from deltaopt.scene.scene import load_scene
+from deltaopt.scene.scene_file import load_scene
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 SCENE_FILE = PROBLEMS / "pick_and_place.yaml"

@@ -14,7 +14,7 @@ from deltaopt.cli import main
 from deltaopt.output.in_words import table
 from deltaopt.output.saved_plan import load_plan
 from deltaopt.planning.first_motions.initial_motion import baseline
-from deltaopt.scene.scene import load_scene
+from deltaopt.scene.scene_file import load_scene
 from deltaopt.verify.verification import verify
 
 PROBLEMS = Path(__file__).parents[2] / "problems"

@@ -18,7 +18,7 @@ from deltaopt.output.saved_plan import UnreadablePlan, load_plan
 from deltaopt.plots.style import figure, verbatim
 from deltaopt.robot.robot import load_robot
 from deltaopt.scene import convex_hull
-from deltaopt.scene.scene import load_scene
+from deltaopt.scene.scene_file import load_scene
 from studies.kept_rows import read_rows
 from tests.limits.test_keep_out import PROBLEMS
 

@@ -16,7 +16,8 @@ from deltaopt.errors import SceneError
 from deltaopt.files.units import Quantity
 from deltaopt.files.validated_record import Record
 from deltaopt.robot.robot import Robot, load_robot
-from deltaopt.scene.scene import Scene, load_scene
+from deltaopt.scene.scene import Scene
+from deltaopt.scene.scene_file import load_scene
 
 ROOT = Path(__file__).parents[2]
 BARE = {

@@ -15,7 +15,8 @@ import yaml
 from deltaopt.errors import SceneError
 from deltaopt.files.units import Misread, Quantity
 from deltaopt.robot.robot import Robot, load_robot
-from deltaopt.scene.scene import Scene, load_scene
+from deltaopt.scene.scene import Scene
+from deltaopt.scene.scene_file import load_scene
 
 ROOT = Path(__file__).parents[2]
 ROBOT = {

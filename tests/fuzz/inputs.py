@@ -16,7 +16,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 
 from deltaopt.errors import DeltaOptError
-from deltaopt.scene.scene import load_scene
+from deltaopt.scene.scene_file import load_scene
 from tests.scene import test_robot_and_scene
 
 PROBLEMS = Path(__file__).parents[2] / "problems"

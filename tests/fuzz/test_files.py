@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from deltaopt.cli import main
 from deltaopt.robot.robot import Robot, load_robot
-from deltaopt.scene.scene import Scene, load_scene
+from deltaopt.scene.scene import Scene
+from deltaopt.scene.scene_file import load_scene
 from tests.fuzz.inputs import (
     ROBOT_CONTENT,
     SCENE_CONTENT,

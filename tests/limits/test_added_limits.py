@@ -18,7 +18,7 @@ from deltaopt.limits.torque import Torque
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.initial_motion import baseline
 from deltaopt.planning.flat.constraint_rows import can_be_held
-from deltaopt.scene.scene import limits_of
+from deltaopt.scene.known_limits import limits_of
 
 RL5 = load_robot("problems/robots/rl5.yaml")
 HEAVY = RL5.drive.model_copy(update={"inertia": 5.0})

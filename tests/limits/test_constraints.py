@@ -14,7 +14,7 @@ from deltaopt.limits.scene_limits import SceneLimits
 from deltaopt.mechanisms.delta.functions import delta_functions
 from deltaopt.mechanisms.instant import CoordinateInstant, PlatformInstant
 from deltaopt.robot.model import delta_model
-from deltaopt.scene.scene import LIMITS, limits_of
+from deltaopt.scene.known_limits import LIMITS, limits_of
 
 CROSS = load_scene("problems/industrial_cross.yaml")
 LIMITED = limits_of(CROSS)

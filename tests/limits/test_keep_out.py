@@ -13,7 +13,9 @@ from deltaopt.errors import SceneError
 from deltaopt.limits.keep_out import KeepOut
 from deltaopt.motion.sure_bounds import signed_distances
 from deltaopt.problem.of_scene import problem_of
-from deltaopt.scene.scene import Scene, limits_of, load_scene
+from deltaopt.scene.known_limits import limits_of
+from deltaopt.scene.scene import Scene
+from deltaopt.scene.scene_file import load_scene
 from deltaopt.verify.clearance import distance_from
 
 PROBLEMS = Path(__file__).parents[2] / "problems"

@@ -14,8 +14,9 @@ from deltaopt.robot.model import delta_model
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.bodies import solid_about, sums
 from deltaopt.scene.feasibility import check_feasible
+from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.links import name_of, rooms_at
-from deltaopt.scene.scene import Scene, limits_of
+from deltaopt.scene.scene import Scene
 from tests.limits.test_keep_out import (
     BOX,
     CYLINDER,

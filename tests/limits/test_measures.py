@@ -16,7 +16,8 @@ from deltaopt.mechanisms.delta.functions import delta_functions
 from deltaopt.mechanisms.instant import CoordinateInstant, PlatformInstant
 from deltaopt.robot.model import delta_model
 from deltaopt.robot.robot import Robot
-from deltaopt.scene.scene import LIMITS, Scene
+from deltaopt.scene.known_limits import LIMITS
+from deltaopt.scene.scene import Scene
 from tests import paper_delta
 
 _STEP = 2e-3

@@ -17,8 +17,9 @@ from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import delta_model
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.feasibility import check_feasible
+from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.rotation import Rotation
-from deltaopt.scene.scene import Scene, limits_of
+from deltaopt.scene.scene import Scene
 
 PICK = deltaopt.load_scene("problems/pick_and_place.yaml")
 CROSS = deltaopt.load_scene("problems/industrial_cross.yaml")

@@ -17,7 +17,8 @@ from deltaopt.errors import SceneError
 from deltaopt.limits.tube import Tube
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.plan import Plan
-from deltaopt.scene.scene import Scene, load_scene
+from deltaopt.scene.scene import Scene
+from deltaopt.scene.scene_file import load_scene
 from deltaopt.verify.path_distance import farthest_from
 from studies.bench.hard_moves import move
 

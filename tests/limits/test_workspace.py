@@ -9,7 +9,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from deltaopt import load_scene
-from deltaopt.scene.scene import limits_of
+from deltaopt.scene.known_limits import limits_of
 
 SCENE = load_scene("problems/approach/25_305_25.yaml").model_copy(update={"goal": (0.80, 0.15, 0)})
 PHASED = limits_of(SCENE).phased

@@ -31,7 +31,7 @@ from deltaopt.planning.flat.equations import point_equations
 from deltaopt.planning.mesh.reversals import with_reversals
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.report.modelled import modelled, not_modelled
-from deltaopt.scene.scene import limits_of
+from deltaopt.scene.known_limits import limits_of
 
 ORSINO = load_robot("problems/robots/orsino.yaml")
 STIFFNESS, REST = 2.0, 1.5

@@ -24,7 +24,9 @@ from deltaopt.planning.planner import plan
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.drive import Friction
 from deltaopt.robot.model import delta_model
-from deltaopt.scene.scene import Limits, Scene, load_scene
+from deltaopt.scene.known_limits import Limits
+from deltaopt.scene.scene import Scene
+from deltaopt.scene.scene_file import load_scene
 from deltaopt.verify.measures import MeasuredMotion
 
 PROBLEMS = Path(__file__).parents[2] / "problems"

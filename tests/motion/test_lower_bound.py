@@ -14,7 +14,9 @@ from deltaopt.motion.lower_bound import lower_bound
 from deltaopt.planning.planner import Planner, plan
 from deltaopt.robot.model import delta_model
 from deltaopt.robot.robot import Robot, load_robot
-from deltaopt.scene.scene import Limits, Scene, load_scene
+from deltaopt.scene.known_limits import Limits
+from deltaopt.scene.scene import Scene
+from deltaopt.scene.scene_file import load_scene
 from studies.bench.random_scenes import random_scenes
 
 PROBLEMS = Path(__file__).parents[2] / "problems"

@@ -11,7 +11,7 @@ import pytest
 
 from deltaopt.motion.trajectory import Motion
 from deltaopt.planning.first_motions.initial_motion import baseline
-from deltaopt.scene.scene import load_scene
+from deltaopt.scene.scene_file import load_scene
 
 SCENE = load_scene(Path(__file__).parents[2] / "problems" / "pick_and_place.yaml")
 LINE = baseline(SCENE)

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from deltaopt.dynamics.precise_integrator import PreciseIntegrator
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import as_delta
-from deltaopt.scene.scene import Scene, limits_of
+from deltaopt.scene.known_limits import limits_of
+from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import OnPath, given_points
 
 Array = NDArray[np.float64]

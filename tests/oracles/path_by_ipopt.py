@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.robot.model import DeltaModel, delta_model
+from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.path import Path
-from deltaopt.scene.scene import Scene, limits_of
+from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import OnPath
 
 Array = NDArray[np.float64]

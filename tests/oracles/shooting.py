@@ -29,7 +29,8 @@ from deltaopt.planning.flat.equations import point_equations
 from deltaopt.planning.switching.conditions import ActiveRows
 from deltaopt.planning.switching.structure import SwitchingStructure
 from deltaopt.robot.model import DeltaModel
-from deltaopt.scene.scene import Scene, limits_of
+from deltaopt.scene.known_limits import limits_of
+from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import given_points
 
 Array = NDArray[np.float64]

@@ -22,7 +22,8 @@ from deltaopt.output.starting_files import (
 from deltaopt.planning.planner import plan
 from deltaopt.robot.robot import Robot, load_robot
 from deltaopt.scene.feasibility import check_feasible
-from deltaopt.scene.scene import Scene, load_scene
+from deltaopt.scene.scene import Scene
+from deltaopt.scene.scene_file import load_scene
 from deltaopt.verify.verification import verify
 
 

@@ -13,7 +13,8 @@ from deltaopt.errors import Infeasible
 from deltaopt.motion.sure_bounds import signed_distances
 from deltaopt.planning.first_motions.passages import shortest_path
 from deltaopt.problem.of_scene import problem_of
-from deltaopt.scene.scene import Scene, load_scene
+from deltaopt.scene.scene import Scene
+from deltaopt.scene.scene_file import load_scene
 from deltaopt.verify.verification import verify
 from studies.bench.statics import Statics
 

@@ -14,8 +14,8 @@ from deltaopt import Scene, load_scene, plan
 from deltaopt.cli import main
 from deltaopt.motion.active_limits import ActiveLimit
 from deltaopt.motion.limit_sensitivity import LimitSensitivity, limits_in_words
+from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.rotation import Rotation
-from deltaopt.scene.scene import limits_of
 
 CASES = [
     ("pick_and_place", "torque", 1, "motor 2"),

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.output.saved_plan import load_plan
 from deltaopt.planning.planner import Planner, plan
-from deltaopt.scene.scene import load_scene
+from deltaopt.scene.scene_file import load_scene
 from deltaopt.verify.verification import verify
 
 SCENE = load_scene(Path(__file__).parents[2] / "problems/industrial_cross.yaml")

@@ -18,8 +18,8 @@ from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.flat.equations import PointEquations
 from deltaopt.planning.nlp.cost import Cost
 from deltaopt.problem.of_scene import problem_of
+from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.objective import Effort, TimeAndEffort
-from deltaopt.scene.scene import limits_of
 from tests.planning.switching.test_exact_answers import Line, UnitMass, solved_on
 
 EFFORT = Cost(time=0.0, running=1.0, duration_is_given=True)

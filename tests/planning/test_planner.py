@@ -13,7 +13,9 @@ from deltaopt.planning.first_motions.order_of_merit import first_motion
 from deltaopt.planning.mesh.error_estimate import SAFETY_FACTOR
 from deltaopt.planning.planner import Planner, plan
 from deltaopt.robot.robot import load_robot
-from deltaopt.scene.scene import Limits, Scene, load_scene
+from deltaopt.scene.known_limits import Limits
+from deltaopt.scene.scene import Scene
+from deltaopt.scene.scene_file import load_scene
 from deltaopt.verify.verification import verify
 
 PROBLEMS = Path(__file__).parents[2] / "problems"

@@ -22,7 +22,7 @@ from deltaopt.planning.plan import Optimum, TakenWay
 from deltaopt.planning.planner import plan
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.report.page import report, write_report
-from deltaopt.scene.scene import load_scene
+from deltaopt.scene.scene_file import load_scene
 from deltaopt.verify.verification import verify
 
 PROBLEMS = Path(__file__).parents[2] / "problems"

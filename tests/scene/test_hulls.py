@@ -10,7 +10,7 @@ import yaml
 
 from deltaopt.errors import SceneError
 from deltaopt.scene.convex_hull import NoHull, convex_hull
-from deltaopt.scene.scene import load_scene
+from deltaopt.scene.scene_file import load_scene
 from deltaopt.scene.stl import corners_in
 from tests.limits.test_keep_out import PROBLEMS
 

@@ -16,8 +16,10 @@ from pydantic import ValidationError
 
 from deltaopt.errors import SceneError
 from deltaopt.robot.robot import Robot, load_robot
+from deltaopt.scene.known_limits import Limits, limits_of
 from deltaopt.scene.objective import Effort, Time, TimeAndEffort
-from deltaopt.scene.scene import Limits, Scene, limits_of, load_scene
+from deltaopt.scene.scene import Scene
+from deltaopt.scene.scene_file import load_scene
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 

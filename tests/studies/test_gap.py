@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 import deltaopt
-from deltaopt.scene.scene import load_scene
+from deltaopt.scene.scene_file import load_scene
 from studies.gap import campaign, truth_beside
 from studies.problems import PICK_AND_PLACE
 

@@ -20,7 +20,8 @@ from deltaopt.planning.first_motions.initial_motion import baseline
 from deltaopt.plots.limits import caption
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.robot import Robot
-from deltaopt.scene.scene import Scene, load_scene
+from deltaopt.scene.scene import Scene
+from deltaopt.scene.scene_file import load_scene
 from deltaopt.verify.duty import Duty, MotorDuty, exceeding
 from deltaopt.verify.measures import MeasuredMotion
 from deltaopt.verify.verification import verify

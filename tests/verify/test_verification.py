@@ -18,7 +18,8 @@ from deltaopt.planning.first_motions.initial_motion import baseline, straight_li
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import DeltaModel
 from deltaopt.scene.feasibility import check_feasible
-from deltaopt.scene.scene import Limits, load_scene
+from deltaopt.scene.known_limits import Limits
+from deltaopt.scene.scene_file import load_scene
 from deltaopt.verify.measures import MeasuredMotion
 from deltaopt.verify.verification import Verification, verify
 

@@ -19,8 +19,9 @@ from deltaopt.motion.links import planned_distances
 from deltaopt.motion.sure_bounds import signed_distances
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.problem.of_scene import problem_of
+from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.links import ROUGH_BISECTIONS, name_of
-from deltaopt.scene.scene import Scene, limits_of
+from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import given_points
 
 _SAMPLES = 64

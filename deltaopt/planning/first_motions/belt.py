@@ -13,7 +13,8 @@ from deltaopt.errors import DeltaOptError, Infeasible, NotConverged, in_words
 from deltaopt.motion.loads import sizes_at
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.feasibility import exceeded
-from deltaopt.scene.scene import Scene, limits_of
+from deltaopt.scene.known_limits import limits_of
+from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import REST, EndState, MovingPoint, RestAnywhere
 
 _PLACES = 240

@@ -29,8 +29,9 @@ from deltaopt.planning.first_motions.roadmap import STEPS, roadmap_motions, spac
 from deltaopt.planning.path.path_planning import fastest_on_path
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.problem.problem import Problem
+from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.parallel_singularity import on_one_side, require_ends_on_one_side
-from deltaopt.scene.scene import Scene, limits_of
+from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import OnPath, distance
 
 SLOW = 20.0

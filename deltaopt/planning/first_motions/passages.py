@@ -27,7 +27,8 @@ from deltaopt.planning.first_motions.roadmap import path_over_grid, spacing
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.solids import Convex, Polytope, Solid
 from deltaopt.scene.feasibility import room_at_rest
-from deltaopt.scene.scene import Scene, limits_of
+from deltaopt.scene.known_limits import limits_of
+from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import given_points
 
 Truths = NDArray[np.bool]

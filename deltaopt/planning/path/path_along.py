@@ -10,8 +10,9 @@ from deltaopt.errors import RULED_OUT, if_possible
 from deltaopt.motion.sure_bounds import signed_distances, sure_excess
 from deltaopt.planning.path.path_planning import PathMotion, fastest_on_path
 from deltaopt.problem.of_scene import problem_of
+from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.path import Corners
-from deltaopt.scene.scene import Scene, limits_of
+from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import OnPath
 
 _BLENDS = (0.499, 0.1, 0.01, 0.001)

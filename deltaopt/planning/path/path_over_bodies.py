@@ -13,8 +13,9 @@ import numpy as np
 from deltaopt.curves.halving import bisected_number
 from deltaopt.motion.sure_bounds import signed_distances
 from deltaopt.problem.of_scene import problem_of
+from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.path import PickAndPlace
-from deltaopt.scene.scene import Scene, limits_of
+from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import RestToRest, given_points
 
 _SAMPLES = 4001

@@ -18,7 +18,8 @@ from deltaopt.planning.path.path_timing import PathTiming, TimedPath
 from deltaopt.planning.plan import PathIteration
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import model_of
-from deltaopt.scene.scene import Scene, limits_of
+from deltaopt.scene.known_limits import limits_of
+from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import OnPath
 
 NAME = "quintic in time on the path"

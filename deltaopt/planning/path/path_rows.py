@@ -29,8 +29,9 @@ from deltaopt.mechanisms.functions import Functions
 from deltaopt.mechanisms.instant import PlatformInstant
 from deltaopt.robot.machine import Model
 from deltaopt.robot.model import model_of
+from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.path import Path
-from deltaopt.scene.scene import Scene, limits_of
+from deltaopt.scene.scene import Scene
 
 Truths = NDArray[np.bool]
 _STRAIGHT = 1e-12

@@ -9,7 +9,8 @@ import numpy as np
 
 from deltaopt.planning.first_motions.bands import Bodies
 from deltaopt.planning.first_motions.bows import bows
-from deltaopt.scene.scene import Scene, load_scene
+from deltaopt.scene.scene import Scene
+from deltaopt.scene.scene_file import load_scene
 
 PROBLEMS = Path(__file__).parents[3] / "problems"
 CROSS = load_scene(PROBLEMS / "paths" / "industrial_25_305_25.yaml").model_copy(

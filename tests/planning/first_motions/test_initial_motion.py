@@ -15,7 +15,9 @@ from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import load_robot
 from deltaopt.scene.feasibility import check_feasible
-from deltaopt.scene.scene import Scene, limits_of, load_scene
+from deltaopt.scene.known_limits import limits_of
+from deltaopt.scene.scene import Scene
+from deltaopt.scene.scene_file import load_scene
 from deltaopt.verify.verification import verify
 
 ROOT = Path(__file__).parents[3]

@@ -29,7 +29,7 @@ from deltaopt.planning.plan import Plan
 from deltaopt.planning.planner import Planner, plan
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.robot import load_robot
-from deltaopt.scene.scene import load_scene
+from deltaopt.scene.scene_file import load_scene
 
 PROBLEMS = Path(__file__).parents[3] / "problems"
 ORSINO = load_robot(PROBLEMS / "robots" / "orsino.yaml")

@@ -14,7 +14,9 @@ from deltaopt.motion.sure_bounds import distances_from_faces, signed_distances
 from deltaopt.planning.mesh.edges import phases_over_edges
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import delta_model
-from deltaopt.scene.scene import Scene, limits_of, load_scene
+from deltaopt.scene.known_limits import limits_of
+from deltaopt.scene.scene import Scene
+from deltaopt.scene.scene_file import load_scene
 from deltaopt.verify.verification import verify
 from tests.oracles.point_motion import End, Instant, Leg, Row, System, fastest
 

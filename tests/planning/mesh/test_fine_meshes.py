@@ -20,7 +20,8 @@ from deltaopt.planning.refinement import Refinement
 from deltaopt.planning.switching.resolver import resolver
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import delta_model
-from deltaopt.scene.scene import Limits, Scene, limits_of
+from deltaopt.scene.known_limits import Limits, limits_of
+from deltaopt.scene.scene import Scene
 from tests.planned_scenes import (
     CROSS,
     first_guess,

@@ -11,7 +11,8 @@ from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.mesh.reversals import softer_problems, with_reversals
 from deltaopt.planning.planner import Planner
 from deltaopt.problem.of_scene import problem_of
-from deltaopt.scene.scene import Scene, load_scene
+from deltaopt.scene.scene import Scene
+from deltaopt.scene.scene_file import load_scene
 from deltaopt.verify.verification import verify
 
 PROBLEMS = Path(__file__).parents[3] / "problems"

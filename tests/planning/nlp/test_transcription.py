@@ -17,7 +17,8 @@ from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import DeltaModel
-from deltaopt.scene.scene import limits_of, load_scene
+from deltaopt.scene.known_limits import limits_of
+from deltaopt.scene.scene_file import load_scene
 
 SCENE = load_scene(Path(__file__).parents[3] / "problems/pick_and_place.yaml")
 MESH = np.array([0.3, 0.05, 0.25, 0.4])

@@ -10,7 +10,7 @@ import pytest
 from deltaopt.planning.planner import Planner
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import load_robot
-from deltaopt.scene.scene import load_scene
+from deltaopt.scene.scene_file import load_scene
 from studies.bench import fixed_paths
 from studies.bench.fixed_paths import driven, platform_motion, straight
 
