@@ -10,6 +10,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from io import StringIO
 from itertools import chain
 from math import isnan, nan
 from pathlib import Path
@@ -76,6 +77,13 @@ def write_csv(
         out.writelines(f"# {remark}\n" for remark in remarks)
         out.write(",".join(names) + "\n")
         out.writelines(",".join(map(repr, row)) + "\n" for row in rows)
+
+
+def csv_text(names: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """The text of a CSV file: a header, and rows of words and numbers in full precision."""
+    text = StringIO()
+    csv.writer(text, lineterminator="\n").writerows([names, *rows])
+    return text.getvalue()
 
 
 def read_csv(file: Path, megabytes: int = _LARGEST_FILE) -> CsvTable:

@@ -62,18 +62,18 @@ def _panel(axes: Axes, rows: list[Row], floor: float) -> None:
     without_box(axes)
     axes.axhline(floor / UNIT, color=BLACK, linestyle=":", linewidth=1)
     for row in rows:
-        _point(axes, row, row.interpreted.seconds, "none")
+        _point(axes, row, row.interpreted.microseconds, "none")
         if row.compiled:
-            _point(axes, row, row.compiled.seconds, COLOURS[row.model])
+            _point(axes, row, row.compiled.microseconds, COLOURS[row.model])
 
 
-def _point(axes: Axes, row: Row, seconds: float, face: str) -> None:
-    """Draw a row's median error, and a line up to the largest, at its time in s.
+def _point(axes: Axes, row: Row, x: float, face: str) -> None:
+    """Draw a row's median error, and a line up to the largest, at its time ``x`` in µs.
 
     Kane's points are smaller, for they lie on those of virtual work.
     """
     colour, size = COLOURS[row.model], 4 if row.model == "K, Kane" else 7
-    x, median, largest = 1e6 * seconds, row.median_error / UNIT, row.largest_error / UNIT
+    median, largest = row.median_error / UNIT, row.largest_error / UNIT
     axes.plot([x, x], [median, largest], color=colour, linewidth=0.8, alpha=0.5)
     axes.plot(x, median, MARKERS[row.variant], color=colour, mfc=face, markersize=size)
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from deltaopt.compare.dynamics.many_digits import ManyDigits, Matrix
 from deltaopt.compare.dynamics.samples import rounded
-from deltaopt.compare.dynamics.tasks import Array, ForwardDynamics, InverseDynamics, Task
+from deltaopt.compare.dynamics.tasks import FORWARD, INVERSE, Array, Task
 from deltaopt.dynamics.constraint_matrix import ClosedForm, NullSpace, Partition
 from deltaopt.dynamics.formulation import Formulation
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
@@ -42,9 +42,9 @@ class Problem:
 
 
 PROBLEMS = (
-    Problem("rest", "torques at rest", InverseDynamics(), False),
-    Problem("inverse", "torques in motion", InverseDynamics(), True),
-    Problem("forward", "accelerations", ForwardDynamics(), True),
+    Problem("rest", "torques at rest", INVERSE, False),
+    Problem("inverse", "torques in motion", INVERSE, True),
+    Problem("forward", "accelerations", FORWARD, True),
 )
 
 
@@ -215,7 +215,7 @@ def _median(errors: Array) -> Array:
 
 def _inputs(motion: Motion, task: Task) -> tuple[list[Matrix], int]:
     """What the task takes after the time, and how many numbers it seeks."""
-    if isinstance(task, InverseDynamics):
+    if task is INVERSE:
         return [motion.q, motion.dq, motion.ddq], motion.tau.rows
     return [motion.q, motion.dq, motion.tau], motion.q.rows
 
@@ -225,7 +225,7 @@ def condition_numbers(states: States) -> Iterator[Conditions]:
     m, p = states.family.mechanism, states.family.parameters
     C = ClosedForm().function(m)
     f = states.functions
-    inverse, forward = (f.system(task) for task in (InverseDynamics(), ForwardDynamics()))
+    inverse, forward = (f.system(task) for task in (INVERSE, FORWARD))
     still, no_torque = np.zeros(m.q.numel()), np.zeros(m.controls.numel())
     matrices: dict[str, Callable[[Array], ca.DM]] = {
         "J": lambda q: f.jacobian(0.0, q, p),

@@ -265,7 +265,7 @@ def test_pint_is_loaded_when_a_unit_is_met(tmp_path: Path) -> None:
         content = yaml.safe_dump(IN_SI | {"base_radius": f"0.2{unit}"})
         (tmp_path / f"{name}.yaml").write_text(content, "utf-8")
     code = (
-        "import sys; from deltaopt.scene.scene import load_robot\n"
+        "import sys; from deltaopt.robot.robot import load_robot\n"
         f"for name in ('si', 'metre'): load_robot({str(tmp_path)!r} + f'/{{name}}.yaml'); "
         "print('pint' in sys.modules)"
     )

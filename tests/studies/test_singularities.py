@@ -11,7 +11,7 @@ import pytest
 
 from deltaopt.compare.dynamics.many_digits import ManyDigits
 from deltaopt.compare.dynamics.samples import PAPER, rounded
-from deltaopt.compare.dynamics.tasks import InverseDynamics
+from deltaopt.compare.dynamics.tasks import INVERSE
 from deltaopt.dynamics import (
     Explicit,
     LeastNorm,
@@ -46,7 +46,7 @@ def joints(family: Family, distance: float, *, moving: bool) -> tuple[list[np.nd
     maker = Maker(family, EXACT)
     motion = maker.motion(maker.q(distance), np.random.default_rng(4), moving=moving)
     state = [rounded(x) for x in (motion.q, motion.dq, motion.ddq)]
-    inputs, A, b = InverseDynamics().big_system(family.mechanism)
+    inputs, A, b = INVERSE.big_system(family.mechanism)
     system = ca.Function("system", inputs, [A, b])
     A, b = EXACT.evaluate(system, [0.0], *state, family.parameters)
     return state, rounded(EXACT.solve(A, b)[:3])
@@ -266,7 +266,7 @@ def test_formulations_for_redundant_constraints_keep_energy_and_constraints() ->
 def test_task_space_torques_lose_digits_with_the_square_of_the_distance(model: DeltaModel) -> None:
     """What the limits in model.py rest on: a platform in motion towards stretched bars."""
     v, a = np.array([0.3, 0.2, -0.1]), np.array([1.0, -2.0, 0.5])
-    system = singularities.Functions(delta(PAPER)).system(InverseDynamics())
+    system = singularities.Functions(delta(PAPER)).system(INVERSE)
     errors = []
     for distance in (1e-3, 1e-4, 1e-5, 2e-6):
         x = rounded(Maker(FAMILIES["stretched"], EXACT).q(distance))[:3]

@@ -28,6 +28,10 @@ Matrix = Any
 """An mpmath matrix."""
 
 
+_CODES = {name[3:].lower(): code for name, code in vars(ca).items() if name.startswith("OP_")}
+"""CasADi's operations by their names: many have the same in mpmath, such as "sin"."""
+
+
 class ManyDigits:
     """Arithmetic with ``digits`` decimal digits."""
 
@@ -85,6 +89,7 @@ class ManyDigits:
         """CasADi's elementary operations in this arithmetic."""
         c, one = self.context, self.context.one
         return {
+            **{code: getattr(c, name) for name, code in _CODES.items() if hasattr(c, name)},
             ca.OP_ASSIGN: lambda x: x,
             ca.OP_ADD: lambda x, y: x + y,
             ca.OP_SUB: lambda x, y: x - y,
@@ -96,32 +101,8 @@ class ManyDigits:
             ca.OP_TWICE: lambda x: x + x,
             ca.OP_POW: c.power,
             ca.OP_CONSTPOW: c.power,
-            ca.OP_SQRT: c.sqrt,
-            ca.OP_EXP: c.exp,
-            ca.OP_EXPM1: c.expm1,
-            ca.OP_LOG: c.log,
-            ca.OP_LOG1P: c.log1p,
-            ca.OP_SIN: c.sin,
-            ca.OP_COS: c.cos,
-            ca.OP_TAN: c.tan,
-            ca.OP_ASIN: c.asin,
-            ca.OP_ACOS: c.acos,
-            ca.OP_ATAN: c.atan,
-            ca.OP_ATAN2: c.atan2,
-            ca.OP_SINH: c.sinh,
-            ca.OP_COSH: c.cosh,
-            ca.OP_TANH: c.tanh,
-            ca.OP_ASINH: c.asinh,
-            ca.OP_ACOSH: c.acosh,
-            ca.OP_ATANH: c.atanh,
-            ca.OP_HYPOT: c.hypot,
-            ca.OP_ERF: c.erf,
-            ca.OP_FABS: c.fabs,
-            ca.OP_FLOOR: c.floor,
-            ca.OP_CEIL: c.ceil,
             ca.OP_FMIN: min,
             ca.OP_FMAX: max,
-            ca.OP_SIGN: c.sign,
             ca.OP_COPYSIGN: lambda x, y: -c.fabs(x) if y < 0 else c.fabs(x),
             ca.OP_IF_ELSE_ZERO: lambda x, y: y if x != 0 else c.zero,
             ca.OP_LT: lambda x, y: one * (x < y),

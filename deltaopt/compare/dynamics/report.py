@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from textwrap import fill
 
 from deltaopt.codegen.c_compiler import compiler
 from deltaopt.compare.dynamics.study import Row, Study
+from deltaopt.files.csv_table import csv_text
 from deltaopt.files.tables import text_table
 
 _SAME = "the same cost indeed"
@@ -19,36 +21,51 @@ TIE = 0.05
 ORIGINS = {", printed": "printed", "": "derived"}
 """Where L_E's and L_I's M, Q̂* and Q are from: what a model's name ends in, and words."""
 
-HEADER = (
-    "task",
-    "model",
-    "C or solver",
-    "linear systems",
-    "operations",
-    "interp. µs",
-    "ratio",
-    "compiled µs",
-    "ratio",
-    "median error",
-    "largest",
+WORDS = 4
+"""Columns of the table that are words, and aligned to the left."""
+TABLE: tuple[tuple[str, Callable[[Row], str]], ...] = (
+    ("task", lambda row: row.task),
+    ("model", lambda row: row.model),
+    ("C or solver", lambda row: row.variant),
+    ("linear systems", lambda row: row.systems),
+    ("operations", lambda row: str(row.operations)),
+    ("interp. µs", lambda row: f"{row.interpreted.microseconds:.2f}"),
+    ("ratio", lambda row: f"{row.interpreted.ratio:.2f}"),
+    ("compiled µs", lambda row: f"{row.compiled.microseconds:.2f}" if row.compiled else "-"),
+    ("ratio", lambda row: f"{row.compiled.ratio:.2f}" if row.compiled else "-"),
+    ("median error", lambda row: f"{row.median_error:.1e}"),
+    ("largest", lambda row: f"{row.largest_error:.1e}"),
 )
-COLUMNS = (
-    "task,model,variant,systems,operations,interpreted_us,interpreted_ratio,"
-    "compiled_us,compiled_ratio,median_error,largest_error"
-)
+"""Of the table: title, and the cell of a row."""
+COLUMNS: dict[str, Callable[[Row], object]] = {
+    "task": lambda row: row.task,
+    "model": lambda row: row.model,
+    "variant": lambda row: row.variant,
+    "systems": lambda row: row.systems,
+    "operations": lambda row: row.operations,
+    "interpreted_us": lambda row: row.interpreted.microseconds,
+    "interpreted_ratio": lambda row: row.interpreted.ratio,
+    "compiled_us": lambda row: row.compiled and row.compiled.microseconds,
+    "compiled_ratio": lambda row: row.compiled and row.compiled.ratio,
+    "median_error": lambda row: row.median_error,
+    "largest_error": lambda row: row.largest_error,
+}
+"""Of the CSV file: title, and the value of a row."""
 
 
 def table(study: Study) -> str:
     """Return the table in aligned columns, a blank line between tasks."""
-    cells = [HEADER, *(_cells(row) for row in study.rows)]
-    lines = text_table(cells, words=4)
+    titles, cells = zip(*TABLE, strict=True)
+    lines = text_table([titles, *([cell(row) for cell in cells] for row in study.rows)], WORDS)
     first = sum(row.task == study.rows[0].task for row in study.rows)
     return "\n".join([lines[0], "", *lines[1 : first + 1], "", *lines[first + 1 :]])
 
 
 def csv(study: Study) -> str:
     """Return one line per row of the table, in full precision, empty where nothing was measured."""
-    return "\n".join([COLUMNS, *(",".join(_values(row)) for row in study.rows)]) + "\n"
+    return csv_text(
+        list(COLUMNS), ([value(row) for value in COLUMNS.values()] for row in study.rows)
+    )
 
 
 def notes(study: Study) -> str:
@@ -218,37 +235,3 @@ def _seconds(row: Row, compiled: bool) -> float:
     if not compiled:
         return row.interpreted.seconds
     return row.compiled.seconds if row.compiled else float("inf")
-
-
-def _cells(row: Row) -> tuple[str, ...]:
-    fast = row.compiled
-    return (
-        row.task,
-        row.model,
-        row.variant,
-        row.systems,
-        str(row.operations),
-        f"{row.interpreted.seconds * 1e6:.2f}",
-        f"{row.interpreted.ratio:.2f}",
-        f"{fast.seconds * 1e6:.2f}" if fast else "-",
-        f"{fast.ratio:.2f}" if fast else "-",
-        f"{row.median_error:.1e}",
-        f"{row.largest_error:.1e}",
-    )
-
-
-def _values(row: Row) -> list[str]:
-    fast = row.compiled
-    return [
-        row.task,
-        f'"{row.model}"',
-        row.variant,
-        f'"{row.systems}"',
-        str(row.operations),
-        repr(row.interpreted.seconds * 1e6),
-        repr(row.interpreted.ratio),
-        repr(fast.seconds * 1e6) if fast else "",
-        repr(fast.ratio) if fast else "",
-        repr(row.median_error),
-        repr(row.largest_error),
-    ]

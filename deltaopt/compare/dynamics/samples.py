@@ -10,7 +10,7 @@ import numpy as np
 
 from deltaopt.compare.dynamics.many_digits import ManyDigits, Matrix
 from deltaopt.compare.dynamics.models import written_out
-from deltaopt.compare.dynamics.tasks import Array, ForwardDynamics, Samples, Task
+from deltaopt.compare.dynamics.tasks import FORWARD, Array, Samples, Task
 from deltaopt.dynamics.consistency import Projector
 from deltaopt.dynamics.formulation import state
 from deltaopt.dynamics.lagrange import Explicit
@@ -37,14 +37,14 @@ NEAR_HOME = np.array([0.45, 0.0, 0.0, *3 * [-0.232, -2.20, 0.0]])
 """Roughly the q of the platform at (0.45, 0, 0) m, m and rad."""
 
 
-def exact_samples(mechanism: Mechanism, count: int, exact: ManyDigits, seed: int = 0) -> Samples:
+def exact_samples(mechanism: Mechanism, count: int, exact: ManyDigits) -> Samples:
     """Make random states of the paper's Delta whose q, q̇, q̈, τ fit to ``exact``'s digits.
 
     A random neighbour of ``NEAR_HOME`` is moved onto the constraints, by Newton's method in
     many digits at last; torques are chosen at random; q̈ follows from L_I's linear system.
     Only then are they rounded.
     """
-    rng, p = np.random.default_rng(seed), np.asarray(ca.DM(PAPER.vector())).ravel()
+    rng, p = np.random.default_rng(0), np.asarray(ca.DM(PAPER.vector())).ravel()
     maker = _Maker(mechanism, p, exact)
     rows = [maker.row(rng) for _ in range(count)]
     q, dq, ddq, tau = (np.array(part) for part in zip(*rows, strict=True))
@@ -96,7 +96,7 @@ class _Maker:
     @cached_property
     def big_system(self) -> ca.Function:
         """(t, q, q̇, τ, p) -> A, b of L_I's forward dynamics."""
-        inputs, A, b = ForwardDynamics().big_system(self.mechanism)
+        inputs, A, b = FORWARD.big_system(self.mechanism)
         return ca.Function("big_system", inputs, [A, b])
 
 

@@ -84,15 +84,14 @@ def compare_dynamics(
     states: int,
     rounds: int,
     compiler: Compiler | None,
-    digits: int = 50,
     progress: Progress = lambda done, what: None,
 ) -> Study:
     """Measure all models at both tasks on ``states`` random states of the paper's Delta.
 
     ``compiler``: the C compiler of this machine; None leaves compiled times out.
     """
-    mechanism, exact = delta(PAPER), ManyDigits(digits)
-    progress(0.0, f"{states} states in {digits} digits")
+    mechanism, exact = delta(PAPER), ManyDigits()
+    progress(0.0, f"{states} states in {exact.digits} digits")
     samples = exact_samples(mechanism, states, exact)
     floor = {
         task.name: float(np.median(rounding_error(mechanism, task, samples, exact)))
@@ -125,7 +124,7 @@ def compare_dynamics(
         for case, run in zip(cases, interpreted_runs, strict=True)
     ]
     progress(1.0, "done")
-    return Study(rows, floor, partition.independent, states, rounds, digits)
+    return Study(rows, floor, partition.independent, states, rounds, exact.digits)
 
 
 def _cases(mechanism: Mechanism, partition: Partition) -> list[_Case]:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 import casadi as ca
 import numpy as np
@@ -30,72 +30,60 @@ class Samples:
     parameters: Array
 
 
-class Task(Protocol):
-    """A computation whose cost and error are measured, such as inverse dynamics."""
-
-    @property
-    def name(self) -> str: ...
-
-    def function(self, formulation: Formulation, mechanism: Mechanism) -> ca.Function:
-        """Return the formulation's own function; its first result counts."""
-        ...
-
-    def big_system(self, mechanism: Mechanism) -> tuple[list[SX], SX, SX]:
-        """Return inputs, A and b of model L_I's linear system, the unknowns sought first."""
-        ...
-
-    def inputs(self, samples: Samples) -> list[Array]:
-        """Return all inputs but the parameters, (N, size) each."""
-        ...
-
-    def truth(self, samples: Samples) -> Array:
-        """Return what should come out, (N, size)."""
-        ...
-
-
 @dataclass(frozen=True)
-class InverseDynamics:
-    """Torques from the motion: q, q̇, q̈ → τ."""
+class Task:
+    """A computation whose cost and error are measured, such as inverse dynamics.
 
-    name: str = "inverse"
+    ``function``: a formulation's own, of a mechanism; its first result counts. ``big_system``: of a
+    mechanism inputs, A and b of model L_I's linear system, the unknowns sought first. ``given``:
+    the last of its inputs after time and state, ``sought``: what should come out, as `Samples`
+    names them.
+    """
 
-    def function(self, formulation: Formulation, mechanism: Mechanism) -> ca.Function:
-        return formulation.inverse_dynamics(mechanism)
-
-    def big_system(self, mechanism: Mechanism) -> tuple[list[SX], SX, SX]:
-        """Return the system for τ and λ, n × n."""
-        m = mechanism
-        A, b = affine(Multiplier().equations(m), ca.vertcat(m.controls, m.lam))
-        return [*state(m), m.ddq, m.parameters], A, b
-
-    def inputs(self, samples: Samples) -> list[Array]:
-        return [np.zeros((len(samples.q), 1)), samples.q, samples.dq, samples.ddq]
-
-    def truth(self, samples: Samples) -> Array:
-        return samples.tau
-
-
-@dataclass(frozen=True)
-class ForwardDynamics:
-    """Accelerations from torques: q, q̇, τ → q̈."""
-
-    name: str = "forward"
-
-    def function(self, formulation: Formulation, mechanism: Mechanism) -> ca.Function:
-        return formulation.forward_dynamics(mechanism)
-
-    def big_system(self, mechanism: Mechanism) -> tuple[list[SX], SX, SX]:
-        """Return the system for q̈ and λ, of n + γ equations."""
-        m = mechanism
-        equations = ca.vertcat(Multiplier().equations(m), m.J @ m.ddq + m.J_bias)
-        A, b = affine(equations, ca.vertcat(m.ddq, m.lam))
-        return [*state(m), m.controls, m.parameters], A, b
+    name: str
+    function: Callable[[Formulation, Mechanism], ca.Function]
+    big_system: Callable[[Mechanism], tuple[list[SX], SX, SX]]
+    given: str
+    sought: str
 
     def inputs(self, samples: Samples) -> list[Array]:
-        return [np.zeros((len(samples.q), 1)), samples.q, samples.dq, samples.tau]
+        """All inputs but the parameters, (N, size) each."""
+        given: Array = getattr(samples, self.given)
+        return [np.zeros((len(samples.q), 1)), samples.q, samples.dq, given]
 
     def truth(self, samples: Samples) -> Array:
-        return samples.ddq
+        """What should come out, (N, size)."""
+        sought: Array = getattr(samples, self.sought)
+        return sought
 
 
-TASKS: tuple[Task, ...] = (InverseDynamics(), ForwardDynamics())
+def _torques_and_multipliers(m: Mechanism) -> tuple[list[SX], SX, SX]:
+    """The system for τ and λ, n × n."""
+    A, b = affine(Multiplier().equations(m), ca.vertcat(m.controls, m.lam))
+    return [*state(m), m.ddq, m.parameters], A, b
+
+
+def _accelerations_and_multipliers(m: Mechanism) -> tuple[list[SX], SX, SX]:
+    """The system for q̈ and λ, of n + γ equations."""
+    equations = ca.vertcat(Multiplier().equations(m), m.J @ m.ddq + m.J_bias)
+    A, b = affine(equations, ca.vertcat(m.ddq, m.lam))
+    return [*state(m), m.controls, m.parameters], A, b
+
+
+INVERSE = Task(
+    "inverse",
+    lambda formulation, mechanism: formulation.inverse_dynamics(mechanism),
+    _torques_and_multipliers,
+    given="ddq",
+    sought="tau",
+)
+"""Torques from the motion: q, q̇, q̈ → τ."""
+FORWARD = Task(
+    "forward",
+    lambda formulation, mechanism: formulation.forward_dynamics(mechanism),
+    _accelerations_and_multipliers,
+    given="tau",
+    sought="ddq",
+)
+"""Accelerations from torques: q, q̇, τ → q̈."""
+TASKS = INVERSE, FORWARD

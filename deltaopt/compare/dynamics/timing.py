@@ -21,6 +21,11 @@ class Time:
     seconds: float
     ratio: float
 
+    @property
+    def microseconds(self) -> float:
+        """Per evaluation."""
+        return 1e6 * self.seconds
+
     @staticmethod
     def of(own: Array, reference: Array) -> Time:
         """Compare the times in every round with those of the reference."""

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Mapping
 from dataclasses import fields
+from functools import partial
 from math import inf, isfinite
 from textwrap import fill
 
@@ -11,47 +12,57 @@ import numpy as np
 
 from deltaopt.compare.plans.measures import Quality
 from deltaopt.compare.plans.study import PlanStudy, Row
+from deltaopt.files.csv_table import csv_text
 from deltaopt.files.tables import text_table
 from deltaopt.planning.nlp.transcription import LINEAR
 
-QUALITIES = tuple(f.name for f in fields(Quality))
-COLUMNS = (
-    "case",
-    "pose",
-    "closure",
-    "degree",
-    "intervals",
-    "refined",
-    "compiled",
-    "seconds",
-    "evaluation_seconds",
-    "algebra_seconds",
-    "iterations",
-    "variables",
-    "jacobian_nonzeros",
-    "hessian_nonzeros",
-    "active_rows",
-    "rank",
-    "gap",
-    *QUALITIES,
-    "failure",
+
+def _quality(name: str, row: Row) -> object:
+    return getattr(row.quality, name)
+
+
+COLUMNS: dict[str, Callable[[Row], object]] = {
+    "case": lambda row: row.case,
+    "pose": lambda row: row.method.formulation,
+    "closure": lambda row: row.method.closure,
+    "degree": lambda row: row.method.transcription.degree,
+    "intervals": lambda row: row.intervals,
+    "refined": lambda row: int(row.refined),
+    "compiled": lambda row: int(row.compiled),
+    "seconds": lambda row: row.seconds,
+    "evaluation_seconds": lambda row: row.evaluation_seconds,
+    "algebra_seconds": lambda row: row.seconds - row.evaluation_seconds,
+    "iterations": lambda row: row.iterations,
+    "variables": lambda row: row.variables,
+    "jacobian_nonzeros": lambda row: row.jacobian_nonzeros,
+    "hessian_nonzeros": lambda row: row.hessian_nonzeros,
+    "active_rows": lambda row: row.active_rows,
+    "rank": lambda row: row.rank,
+    "gap": lambda row: row.gap,
+    **{each.name: partial(_quality, each.name) for each in fields(Quality)},
+    "failure": lambda row: row.failure,
+}
+"""Of the CSV file: title, and the value of a row."""
+TABLE: tuple[tuple[str, Callable[[Row, Row | None], str]], ...] = (
+    ("formulation", lambda row, slow: row.method.formulation),
+    ("loop closure", lambda row, slow: row.method.closure),
+    ("degree", lambda row, slow: str(row.method.transcription.degree)),
+    ("N", lambda row, slow: str(row.intervals)),
+    ("iter.", lambda row, slow: str(row.iterations)),
+    ("var.", lambda row, slow: str(row.variables)),
+    ("interp. s", lambda row, slow: f"{slow.seconds:.3f}" if slow else "-"),
+    ("comp. s", lambda row, slow: f"{row.seconds:.3f}" if row.compiled else "-"),
+    ("functions", lambda row, slow: f"{row.evaluation_seconds:.3f}"),
+    ("algebra", lambda row, slow: f"{row.seconds - row.evaluation_seconds:.3f}"),
+    ("gap", lambda row, slow: f"{row.gap:.1e}"),
+    ("E_K", lambda row, slow: f"{row.quality.kinematic_error:.0e}"),
+    ("E_D", lambda row, slow: f"{row.quality.dynamic_error:.0e}"),
+    ("arrival m", lambda row, slow: f"{row.quality.arrival_distance:.0e}"),
 )
-HEADER = (
-    "formulation",
-    "loop closure",
-    "degree",
-    "N",
-    "iter.",
-    "var.",
-    "interp. s",
-    "comp. s",
-    "functions",
-    "algebra",
-    "gap",
-    "E_K",
-    "E_D",
-    "arrival m",
-)
+"""Of the table: title, and the cell of a row, beside the same in the interpreter, where it was
+solved there."""
+NAMED = 4
+"""How many of them say what was solved: where it failed nothing else is known."""
 WORDS = 2
 """Columns of the table that are words, and aligned to the left."""
 FORMULATIONS = ("flat", "forward", "explicit", "multiplier")
@@ -63,7 +74,15 @@ BEST_CLOSURE = {"explicit": "constraints at knots", "multiplier": "constraints a
 
 def csv(study: PlanStudy) -> str:
     """Return one line per row, in full precision, empty where nothing was measured."""
-    return "\n".join([",".join(COLUMNS), *(_csv_line(row) for row in study.rows)]) + "\n"
+    return csv_text(
+        list(COLUMNS),
+        ([_known(value(row)) for value in COLUMNS.values()] for row in study.rows),
+    )
+
+
+def _known(value: object) -> object:
+    """A value of a row; None, which leaves its place empty, for a number that was not found."""
+    return None if isinstance(value, float) and not isfinite(value) else value
 
 
 def tables(study: PlanStudy) -> str:
@@ -73,9 +92,17 @@ def tables(study: PlanStudy) -> str:
 
 def verdict(study: PlanStudy) -> str:
     """Say which formulation to use when, in the numbers of this study."""
-    sentences = [_convergence(study), _rank(study), _same(study), _speed(study), _drift(study)]
-    sentences.append(_degree(study))
-    return fill(" ".join([*sentences, _advice(study)]), width=98)
+    apart = max(spread(study, case) for case in study.references)
+    sentences = [
+        _convergence(study),
+        _rank(study),
+        f"The best safe durations of the four formulations differ by at most {apart:.0e}.",
+        _speed(study),
+        _drift(study),
+        _degree(study),
+        _advice(study),
+    ]
+    return fill(" ".join(sentences), width=98)
 
 
 def best(study: PlanStudy, case: str, formulation: str) -> Row | None:
@@ -99,14 +126,17 @@ def _convergence(study: PlanStudy) -> str:
     last_mode = compiled_modes(study)[-1]
     rows = [row for row in study.rows if row.compiled == last_mode]
     failed = [row for row in rows if row.failure]
-    most = ", ".join(
-        f"{formulation} {_most_iterations(rows, formulation)}" for formulation in FORMULATIONS
-    )
+    most = _listed({name: _most_iterations(rows, name) for name in FORMULATIONS})
     return (
         f"{len(rows) - len(failed)} of {len(rows)} problems were solved{_failures(failed)}."
         f" With degree 1 and its steadiest closure each formulation needs at most, on any mesh and"
         f" case, so many iterations: {most}."
     )
+
+
+def _listed(found: Mapping[str, object]) -> str:
+    """What was found of formulations: "forward 1.2, explicit 3"."""
+    return ", ".join(f"{formulation} {each}" for formulation, each in found.items())
 
 
 def _most_iterations(rows: list[Row], formulation: str) -> str:
@@ -141,11 +171,6 @@ def _rank(study: PlanStudy) -> str:
     )
 
 
-def _same(study: PlanStudy) -> str:
-    spreads = [spread(study, case) for case in study.references]
-    return f"The best safe durations of the four formulations differ by at most {max(spreads):.0e}."
-
-
 def spread(study: PlanStudy, case: str) -> float:
     """Return by what fraction the best safe durations of the formulations differ."""
     rows = [best(study, case, formulation) for formulation in FORMULATIONS]
@@ -155,25 +180,15 @@ def spread(study: PlanStudy, case: str) -> float:
 
 def most_iterations(study: PlanStudy, case: str, formulation: str) -> int:
     """Return the most iterations on any mesh of a case, with degree 1 and closure at the knots."""
-    rows = [
-        row
-        for row in study.rows
-        if (row.case, row.method.formulation) == (case, formulation)
-        and row.method.closure == BEST_CLOSURE.get(formulation, "")
-        and row.method.transcription == LINEAR
-    ]
-    return max(row.iterations for row in rows)
+    rows = _solved(study, case, formulation)
+    return max(row.iterations for row in rows if row.method.transcription == LINEAR)
 
 
 def _agreement(study: PlanStudy, case: str) -> str:
     """Of the formulations on one case, with degree 1 and closure at the knots."""
-    rows = {formulation: best(study, case, formulation) for formulation in FORMULATIONS}
-    durations = ", ".join(
-        f"{formulation} {row.quality.safe_duration:.7f}" for formulation, row in rows.items() if row
-    )
-    most = ", ".join(
-        f"{formulation} {most_iterations(study, case, formulation)}" for formulation in FORMULATIONS
-    )
+    rows = {name: best(study, case, name) for name in FORMULATIONS}
+    durations = _listed({n: f"{r.quality.safe_duration:.7f}" for n, r in rows.items() if r})
+    most = _listed({name: most_iterations(study, case, name) for name in FORMULATIONS})
     return (
         f"best safe durations, s: {durations}; they differ by {spread(study, case):.0e}\n"
         f"most iterations on any mesh: {most}"
@@ -184,18 +199,12 @@ def _speed(study: PlanStudy) -> str:
     """Times of the finest meshes, as ratios per variable mesh to flat's, median over cases."""
     sentences = []
     for compiled in compiled_modes(study):
-        ratios = {
-            formulation: _ratio(study, formulation, compiled) for formulation in FORMULATIONS[1:]
-        }
-        listed = ", ".join(f"{formulation} {value:.1f}" for formulation, value in ratios.items())
+        ratios = {p: f"{_ratio(study, p, compiled):.1f}" for p in FORMULATIONS[1:]}
+        shares = {p: f"{_algebra_share(study, p, compiled):.0%}" for p in FORMULATIONS}
         mode = "compiled" if compiled else "interpreted"
-        share = _algebra_share(study, compiled)
-        listed_share = ", ".join(
-            f"{formulation} {value:.0%}" for formulation, value in share.items()
-        )
         sentences.append(
             f"An iteration on the finest uniform mesh with {mode} functions takes, flat being 1:"
-            f" {listed}; of that linear algebra takes {listed_share}."
+            f" {_listed(ratios)}; of that linear algebra takes {_listed(shares)}."
         )
     return " ".join(sentences)
 
@@ -210,13 +219,11 @@ def _ratio(study: PlanStudy, formulation: str, compiled: bool) -> float:
     return float(np.median(values)) if values else float("nan")
 
 
-def _algebra_share(study: PlanStudy, compiled: bool) -> dict[str, float]:
-    shares = {}
-    for formulation in FORMULATIONS:
-        rows = [uniform(study, case, formulation, compiled) for case in study.references]
-        parts = [1 - row.evaluation_seconds / row.seconds for row in rows if row]
-        shares[formulation] = float(np.median(parts)) if parts else float("nan")
-    return shares
+def _algebra_share(study: PlanStudy, formulation: str, compiled: bool) -> float:
+    """Of the time on the finest uniform mesh, median over cases."""
+    rows = [uniform(study, case, formulation, compiled) for case in study.references]
+    parts = [1 - row.evaluation_seconds / row.seconds for row in rows if row]
+    return float(np.median(parts)) if parts else float("nan")
 
 
 def uniform(study: PlanStudy, case: str, formulation: str, compiled: bool) -> Row | None:
@@ -224,12 +231,8 @@ def uniform(study: PlanStudy, case: str, formulation: str, compiled: bool) -> Ro
     closure."""
     rows = [
         row
-        for row in study.rows
-        if (row.case, row.method.formulation, row.compiled, row.refined)
-        == (case, formulation, compiled, False)
-        and row.method.closure == BEST_CLOSURE.get(formulation, "")
-        and row.method.transcription == LINEAR
-        and not row.failure
+        for row in _solved(study, case, formulation)
+        if (row.compiled, row.refined, row.method.transcription) == (compiled, False, LINEAR)
     ]
     return rows[-1] if rows else None
 
@@ -245,28 +248,23 @@ def _drift(study: PlanStudy) -> str:
 
 def _degree(study: PlanStudy) -> str:
     """Whether degree 2 pays."""
-    better, total = 0, 0
-    for case in study.references:
-        linear = [row for row in _of(study, case, 1) if not row.failure]
-        quadratic = [row for row in _of(study, case, 2) if not row.failure]
-        if linear and quadratic:
-            total += 1
-            better += min(r.gap for r in quadratic) < min(r.gap for r in linear)
-    return f"Degree 2 reaches a smaller gap than degree 1 in {better} of {total} cases."
+    gaps = [[_least_gap(study, case, degree) for degree in (1, 2)] for case in study.references]
+    both = [(linear, quadratic) for linear, quadratic in gaps if isfinite(linear + quadratic)]
+    better = sum(quadratic < linear for linear, quadratic in both)
+    return f"Degree 2 reaches a smaller gap than degree 1 in {better} of {len(both)} cases."
 
 
-def _of(study: PlanStudy, case: str, degree: int) -> Iterable[Row]:
-    return (r for r in study.rows if r.case == case and r.method.transcription.degree == degree)
+def _least_gap(study: PlanStudy, case: str, degree: int) -> float:
+    rows = [r for r in study.rows if r.case == case and r.method.transcription.degree == degree]
+    return min((row.gap for row in rows if not row.failure), default=inf)
 
 
 def _advice(study: PlanStudy) -> str:
     """By the time to a gap."""
     compiled = compiled_modes(study)[-1]
     mode = "compiled" if compiled else "interpreted"
-    times = {
-        formulation: _time_to_gap(study, formulation, compiled) for formulation in FORMULATIONS[1:]
-    }
-    listed = ", ".join(f"{formulation} {_range(values)}" for formulation, values in times.items())
+    times = {p: _time_to_gap(study, p, compiled) for p in FORMULATIONS[1:]}
+    listed = _listed({p: _range(values) for p, values in times.items()})
     ratios = {
         m: _ratio(study, "multiplier", m) / _ratio(study, "explicit", m)
         for m in compiled_modes(study)
@@ -303,15 +301,20 @@ def _time_to_gap(study: PlanStudy, formulation: str, compiled: bool) -> list[flo
 
 
 def _quickest(study: PlanStudy, case: str, formulation: str, compiled: bool) -> float:
-    rows = [
-        row.seconds
+    rows = _solved(study, case, formulation)
+    enough = (row.seconds for row in rows if row.compiled == compiled and row.gap <= ENOUGH)
+    return min(enough, default=inf)
+
+
+def _solved(study: PlanStudy, case: str, formulation: str) -> list[Row]:
+    """The rows of a formulation with the closure that stands for it, where it was solved."""
+    closure = BEST_CLOSURE.get(formulation, "")
+    wanted = (case, formulation, closure, "")
+    return [
+        row
         for row in study.rows
-        if (row.case, row.method.formulation, row.compiled) == (case, formulation, compiled)
-        and row.method.closure == BEST_CLOSURE.get(formulation, "")
-        and not row.failure
-        and row.gap <= ENOUGH
+        if (row.case, row.method.formulation, row.method.closure, row.failure) == wanted
     ]
-    return min(rows, default=inf)
 
 
 def _table(study: PlanStudy, case: str) -> str:
@@ -323,7 +326,7 @@ def _table(study: PlanStudy, case: str) -> str:
     last_mode = compiled_modes(study)[-1]
     rows = [row for row in study.rows if row.case == case and row.compiled == last_mode]
     slow = {_key(row): row for row in study.rows if row.case == case and not row.compiled}
-    cells: list[tuple[str, ...]] = [HEADER]
+    cells = [[title for title, _ in TABLE]]
     for i, row in enumerate(rows):
         last = i + 1 == len(rows) or rows[i + 1].method != row.method
         uniform = i + 1 < len(rows) and rows[i + 1].refined and not row.refined
@@ -336,53 +339,8 @@ def _key(row: Row) -> tuple[str, int, bool]:
     return str(row.method), row.intervals, row.refined
 
 
-def _cells(row: Row, slow: Row | None) -> tuple[str, ...]:
-    """``slow``: the same in the interpreter, where it was solved there."""
-    words = (
-        row.method.formulation,
-        row.method.closure,
-        str(row.method.transcription.degree),
-        str(row.intervals),
-    )
+def _cells(row: Row, slow: Row | None) -> list[str]:
     if row.failure:
-        return (*words, "failed", *(len(HEADER) - 5) * ("",))
-    q = row.quality
-    return (
-        *words,
-        str(row.iterations),
-        str(row.variables),
-        f"{slow.seconds:.3f}" if slow else "-",
-        f"{row.seconds:.3f}" if row.compiled else "-",
-        f"{row.evaluation_seconds:.3f}",
-        f"{row.seconds - row.evaluation_seconds:.3f}",
-        f"{row.gap:.1e}",
-        f"{q.kinematic_error:.0e}",
-        f"{q.dynamic_error:.0e}",
-        f"{q.arrival_distance:.0e}",
-    )
-
-
-def _csv_line(row: Row) -> str:
-    method = row.method
-    values: list[object] = [
-        row.case,
-        method.formulation,
-        method.closure,
-        method.transcription.degree,
-        row.intervals,
-        int(row.refined),
-        int(row.compiled),
-        row.seconds,
-        row.evaluation_seconds,
-        row.seconds - row.evaluation_seconds,
-        row.iterations,
-        row.variables,
-        row.jacobian_nonzeros,
-        row.hessian_nonzeros,
-        "" if row.active_rows is None else row.active_rows,
-        "" if row.rank is None else row.rank,
-        row.gap,
-        *(getattr(row.quality, name) for name in QUALITIES),
-        '"' + row.failure.replace('"', "'") + '"' if row.failure else "",
-    ]
-    return ",".join("" if isinstance(v, float) and not isfinite(v) else str(v) for v in values)
+        named = [cell(row, slow) for _, cell in TABLE[:NAMED]]
+        return [*named, "failed", *[""] * (len(TABLE) - NAMED - 1)]
+    return [cell(row, slow) for _, cell in TABLE]
