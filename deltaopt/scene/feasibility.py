@@ -52,23 +52,22 @@ def check_feasible(scene: Scene) -> None:
     """
     if scene.robot_keeps_clear and scene.keep_out:
         _require_links_clear(scene)
-    _require_passages(scene)
-    if scene.moves_at_ends:
-        return _check_moving_ends(scene)
-    start, goal = scene.given_points
-    way = dist(goal, start)
-    if way < _SHORTEST_MOVE and not scene.via:
-        raise Infeasible(
-            f"start and goal are {way:.1e} m apart, which coordinates in double precision "
-            f"cannot resolve; at least {_SHORTEST_MOVE:g} m are needed"
-        )
-    if _is_feasible(scene):
-        return
-    model = model_of(scene.robot, scene.payload)
-    for name, point in (("start", start), ("goal", goal)):
-        _require_reach(scene, model, name, point)
-        _require_rest(model, scene, name, point)
-        _require_departure(model, name, point)
+    for number, each in enumerate(scene.task.via, 1):
+        if each.within:
+            _require_sphere(scene, number, each)
+        else:
+            _require(scene, f"via {number}", EndState(each.position), orders=1)
+    start, goal = scene.ends
+    if not scene.moves_at_ends and not scene.via:
+        way = dist(*scene.given_points)
+        if way < _SHORTEST_MOVE:
+            raise Infeasible(
+                f"start and goal are {way:.1e} m apart, which coordinates in double precision "
+                f"cannot resolve; at least {_SHORTEST_MOVE:g} m are needed"
+            )
+    _require(scene, "start", start)
+    if isinstance(goal, EndState):
+        _require(scene, "goal", goal)
 
 
 def _require_links_clear(scene: Scene) -> None:
@@ -86,17 +85,6 @@ def _require_links_clear(scene: Scene) -> None:
             )
 
 
-def _require_passages(scene: Scene) -> None:
-    """Raise Unreachable, Singular or Infeasible if the platform cannot be at one of the via points,
-    or nowhere in the sphere about one as far as it is looked at."""
-    exact = [(n, each.position) for n, each in enumerate(scene.task.via, 1) if not each.within]
-    if exact:
-        _require_exact_passages(scene, exact)
-    for number, each in enumerate(scene.task.via, 1):
-        if each.within:
-            _require_sphere(scene, number, each)
-
-
 def _require_sphere(scene: Scene, number: int, sphere: ViaPoint) -> None:
     """Raise Infeasible if the platform can be neither at the centre of a sphere nor at places
     around it."""
@@ -106,7 +94,7 @@ def _require_sphere(scene: Scene, number: int, sphere: ViaPoint) -> None:
     for away in [np.zeros(3), *ways]:
         x, y, z = (np.array(sphere.position) + away).tolist()
         try:
-            return _require_exact_passages(scene, [(number, (x, y, z))])
+            return _require(scene, f"via {number}", EndState((x, y, z)), orders=1)
         except (Unreachable, Singular, Infeasible) as error:
             first = first or error
     assert first is not None
@@ -114,69 +102,27 @@ def _require_sphere(scene: Scene, number: int, sphere: ViaPoint) -> None:
     raise Infeasible(f"{first}; nor is any of {len(ways)} places {away} possible") from first
 
 
-def _require_exact_passages(scene: Scene, numbered: list[tuple[int, Vector3]]) -> None:
-    """Raise Unreachable, Singular or Infeasible if the platform cannot be at one of some points on
-    its way, each with its number among the via points."""
-    points = [point for _, point in numbered]
-    model, limits = model_of(scene.robot, scene.payload), limits_of(scene)
-    states = np.pad(np.array(points), ((0, 0), (0, 3)))
-    back, rows, distances = _state_function(model.functions, limits.constraints)(
-        states, parameters=np.concatenate([limits.numbers, model.parameters])
-    )
-    for number, point in numbered:
-        for sentence in _too_near(scene, point):
-            raise Infeasible(f"via {number}: at {in_words(point)} m the tool {sentence}")
-    there = np.linalg.norm(back - points, axis=1) <= _SAME_PLACE  # False where not a number
-    if there.all() and (np.abs(rows) <= 1).all() and (distances > _CLEAR).all():
+def _require(scene: Scene, name: str, end: EndState, orders: int = 3) -> None:
+    """Raise Unreachable, Singular or Infeasible if the platform cannot be in a state, or not leave
+    it. ``name``: of the state in sentences; ``orders``: of limits that count, below this one."""
+    point, at_rest = end.position, end.velocity == REST
+    velocity = None if at_rest and orders > 1 else np.array([end.velocity])
+    if _surely(scene, np.array([point]), velocity).all():
         return
-    for number, point in numbered:
-        name = f"via {number}"
-        _require_reach(scene, model, name, point)
-        for sentence in exceeded(scene, EndState(point), orders=1):
-            raise Infeasible(f"{name}: at {in_words(point)} m the {sentence}")
-        _require_departure(model, name, point)
-
-
-def _check_moving_ends(scene: Scene) -> None:
-    """``check_feasible`` for a motion that begins or ends moving."""
-    model, limits = model_of(scene.robot, scene.payload), limits_of(scene)
-    of, (start, goal) = (model.functions, limits.constraints), scene.ends
-    known = [("goal", goal)] if isinstance(goal, EndState) else []
-    for name, end in [("start", start), *known]:
-        numbers = np.concatenate([limits.numbers, model.parameters])
-        at, rates = np.array([end.position]), np.array([end.velocity])
-        back, rows, distances = (
-            _rest_function(*of)(at, parameters=numbers)
-            if end.velocity == REST
-            else _state_function(*of)(np.hstack([at, rates]), parameters=numbers)
-        )
-        there = np.linalg.norm(back - at) <= _SAME_PLACE
-        if there and (np.abs(rows) <= 1).all() and distances.min() > _CLEAR:
-            continue
-        _require_reach(scene, model, name, end.position)
-        for sentence in exceeded(scene, end):
-            moving = "at rest" if end.velocity == REST else f"at {in_words(end.velocity)} m/s"
-            raise Infeasible(f"{name}: {moving} at {in_words(end.position)} m the {sentence}")
-        _require_departure(model, name, end.position)
-
-
-@lru_cache(maxsize=32)
-def _state_function(functions: Functions, constraints: Constraints) -> RowFunction:
-    """(x and v, numbers of the limits and p) -> as ``_rest_function`` for a platform that moves,
-    with the rows of positions and speeds alone."""
-    state, p, numbers = (
-        ca.SX.sym("state", 6),
-        functions.symbols(),
-        constraints.numbers(),
-    )
-    x, v = state[:3], state[3:]
-    motion = CoordinateInstant.general(functions, x, v, ca.SX.zeros(3), p)
-    back, rows = functions.forward_kinematics(motion.theta, p), constraints.rows(motion, numbers)
-    of_state = np.flatnonzero(constraints.orders < 2).tolist()
-    within = [_within(rows[i], *constraints.sides[i]) for i in of_state]
-    results = [back, ca.vertcat(*within), functions.serial_distances(x, p)]
-    inputs = [state, ca.vertcat(numbers, p)]
-    return RowFunction(ca.Function("state", inputs, results, {"cse": True}))
+    model, still = model_of(scene.robot, scene.payload), np.zeros(3)
+    _require_reach(scene, model, name, point)
+    if velocity is None:
+        model.inverse_dynamics(point, still, still)
+    place, how = f"at {in_words(point)} m the", f"at {in_words(end.velocity)} m/s "
+    for sentence in _too_near(scene, point) if at_rest else ():
+        raise Infeasible(f"{name}: {place} tool {sentence}")
+    for sentence in exceeded(scene, end, orders):
+        moving = "" if orders == 1 else "at rest " if at_rest else how
+        raise Infeasible(f"{name}: {moving}{place} {sentence}")
+    try:  # in a serial singularity the platform's motion does not determine that of the chains
+        model.motion(point, still, still)
+    except Singular as error:
+        raise Singular(error.kind, error.chain, error.margin, name) from None
 
 
 def serial_distances_at_ends(scene: Scene) -> Array:
@@ -194,7 +140,7 @@ def room_at_rest(scene: Scene, points: Array) -> Array:
     serial singularity, and the distance from a parallel one. Negative where the platform cannot be
     at rest, or is beyond a parallel singularity, seen from the start.
     """
-    _, rows, distances = _at_rest(scene, points)
+    _, rows, distances = _evaluated(scene, points)
     limits = 1 - np.abs(rows).max(axis=1)
     model = model_of(scene.robot, scene.payload)
     volumes = volumes_at(model, np.vstack([scene.given_points[0], points]))
@@ -208,48 +154,52 @@ def limit_room_at_ends(scene: Scene) -> float:
     return float(1 - np.abs(_ends(scene)[1]).max())
 
 
-def _is_feasible(scene: Scene) -> bool:
-    """Whether start and goal pass all checks with room to spare, in one compiled evaluation."""
-    return bool(are_surely_feasible(scene, np.array(scene.given_points)).all())
-
-
 def are_surely_feasible(scene: Scene, points: Array) -> NDArray[np.bool]:
     """Whether the platform can be at rest at points, (N, 3), m, with room to spare, (N,): where it
     can not, a closer look may find that it just can."""
-    back, rows, distances = _at_rest(scene, points)
-    there = np.linalg.norm(back - points, axis=1) <= _SAME_PLACE  # False where not a number
+    return _surely(scene, points, None)
+
+
+def _surely(scene: Scene, x: Array, v: Array | None) -> NDArray[np.bool]:
+    """``are_surely_feasible`` for a platform at points x that moves at v, (N, 3) each: only limits
+    of positions and speeds count then. None for v where it is at rest."""
+    back, rows, distances = _evaluated(scene, x, v)
+    there = np.linalg.norm(back - x, axis=1) <= _SAME_PLACE  # False where not a number
     held = (np.abs(rows) <= 1).all(axis=1) & (distances > _CLEAR).all(axis=1)
     return np.asarray(there & held)
 
 
 def _ends(scene: Scene) -> tuple[Array, ...]:
-    """The results of ``_rest_function`` at start and goal, two rows each."""
-    return _at_rest(scene, np.array(scene.given_points))
+    """The results of ``_evaluated`` at rest at start and goal, two rows each."""
+    return _evaluated(scene, np.array(scene.given_points))
 
 
-def _at_rest(scene: Scene, points: Array) -> tuple[Array, ...]:
-    """The results of ``_rest_function`` at points, (N, 3)."""
-    model, limits = model_of(scene.robot, scene.payload), limits_of(scene)
-    rest = _rest_function(model.functions, limits.constraints)
-    return rest(points, parameters=np.concatenate([limits.numbers, model.parameters]))
+def _evaluated(scene: Scene, x: Array, v: Array | None = None) -> tuple[Array, ...]:
+    """Three results for the platform at points x at velocities v, (N, 3) each, or at rest.
 
-
-@lru_cache(maxsize=32)
-def _rest_function(functions: Functions, constraints: Constraints) -> RowFunction:
-    """(x, numbers of the limits and p) -> three results for the platform at rest at x:
-
-    the position by forward kinematics of its motor angles, m (3); the constraint rows, within ±1
-    if all limits are kept; squared distances from serial singularities (6).
+    The positions by forward kinematics of the motor angles, m, (N, 3); the constraint rows, within
+    ±1 if all limits are kept, those of positions and speeds alone for a platform that moves;
+    squared distances from serial singularities, (N, 6).
     """
-    rest = ca.SX.zeros(3)
-    x, p, numbers = ca.SX.sym("x", 3), functions.symbols(), constraints.numbers()
-    motion = CoordinateInstant.general(functions, x, rest, rest, p)
-    back = functions.forward_kinematics(motion.theta, p)
-    rows = constraints.rows(motion, numbers)
-    within = [_within(rows[i], *constraints.sides[i]) for i in range(constraints.number)]
+    model, limits = model_of(scene.robot, scene.payload), limits_of(scene)
+    function = _function(model.functions, limits.constraints, v is None)
+    states = x if v is None else np.hstack([x, v])
+    return function(states, parameters=np.concatenate([limits.numbers, model.parameters]))
+
+
+@lru_cache(maxsize=64)
+def _function(functions: Functions, constraints: Constraints, at_rest: bool) -> RowFunction:
+    """(x, and v unless at rest; numbers of the limits and p) -> the results of ``_evaluated``."""
+    x, rest = ca.SX.sym("x", 3), ca.SX.zeros(3)
+    v = rest if at_rest else ca.SX.sym("v", 3)
+    p, numbers = functions.symbols(), constraints.numbers()
+    motion = CoordinateInstant.general(functions, x, v, rest, p)
+    back, rows = functions.forward_kinematics(motion.theta, p), constraints.rows(motion, numbers)
+    which = np.flatnonzero(constraints.orders < (3 if at_rest else 2)).tolist()
+    within = [_within(rows[i], *constraints.sides[i]) for i in which]
     results = [back, ca.vertcat(*within), functions.serial_distances(x, p)]
-    inputs = [x, ca.vertcat(numbers, p)]
-    return RowFunction(ca.Function("rest", inputs, results, {"cse": True}))
+    inputs = [x if at_rest else ca.vertcat(x, v), ca.vertcat(numbers, p)]
+    return RowFunction(ca.Function("state", inputs, results, {"cse": True}))
 
 
 def _within(row: ca.SX, lower: bool, upper: bool) -> ca.SX:
@@ -280,18 +230,6 @@ def perhaps_meant(scene: Scene, point: Vector3) -> str:
     fitting = places[are_surely_feasible(scene, places)]
     meant = (f"; x points down from the base's centre, as in {in_words(p)} m" for p in fitting)
     return next(meant, "")
-
-
-def _require_rest(model: Model, scene: Scene, name: str, point: Vector3) -> None:
-    """Raise Infeasible if a limit is exceeded at rest at a point, for instance by gravity."""
-    try:
-        model.inverse_dynamics(point, np.zeros(3), np.zeros(3))
-    except Unreachable as error:
-        raise Unreachable(f"{name}: {error}") from None
-    for sentence in _too_near(scene, point):
-        raise Infeasible(f"{name}: at {in_words(point)} m the tool {sentence}")
-    for sentence in exceeded(scene, EndState(point)):
-        raise Infeasible(f"{name}: at rest at {in_words(point)} m the {sentence}")
 
 
 def _too_near(scene: Scene, point: Vector3) -> Iterator[str]:
@@ -337,12 +275,3 @@ def exceeded(scene: Scene, end: EndState, orders: int = 3) -> Iterator[str]:
                 f"{constraints.label(row)} is {value:.4g} {unit}, where {beyond} {bound:g} "
                 f"{unit} is allowed{by}"
             )
-
-
-def _require_departure(model: Model, name: str, point: Vector3) -> None:
-    """Raise Singular if a point is in a serial singularity, where the platform's motion does not
-    determine that of the chains."""
-    try:
-        model.motion(point, np.zeros(3), np.zeros(3))
-    except Singular as error:
-        raise Singular(error.kind, error.chain, error.margin, name) from None

@@ -70,6 +70,13 @@ class Limits(_Keys):  # type: ignore[misc]  # its fields are the keys of LIMITS
     """The limits of a scene by key; they may be tighter than those of the robot's drive."""
 
 
+def require_keys_of_limits(scene: Described) -> None:
+    """Raise SceneError where what a scene gives under ``limits`` contradicts the robot."""
+    for limit in LIMITS:
+        if limit.key:
+            limit.items(scene)
+
+
 @lru_cache(maxsize=256)
 def limits_of(scene: Described) -> SceneLimits:
     """The limits that apply in a scene, with their numbers.

@@ -32,9 +32,9 @@ from deltaopt.robot.tool import Point
 from deltaopt.scene.approach import EXPECTED_APPROACH, Approach
 from deltaopt.scene.bodies import EXPECTED_BODIES, Body, solid_about, sums
 from deltaopt.scene.known_limits import (
-    LIMITS,
     Limits,
     in_order_of_rows,
+    require_keys_of_limits,
     require_limit_for_tube,
     require_limits_for_bodies,
     without_shares,
@@ -391,7 +391,5 @@ class Scene(Record):
         if self.keep_out == ():
             raise SceneError(None, "keep_out", [], EXPECTED_BODIES, "is empty")
         require_limits_for_bodies(self.obstacles)
-        for limit in LIMITS:
-            if limit.key:
-                limit.items(self)
+        require_keys_of_limits(self)
         return self

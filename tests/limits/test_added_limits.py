@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-import deltaopt.scene.scene as scenes
+import deltaopt.scene.known_limits as known
 from deltaopt import DeltaModel, Scene, SceneError, load_robot, plan, verify
 from deltaopt.limits.constraints import MIXED, Constraints
 from deltaopt.limits.limit import Bounds, Limit
@@ -101,7 +101,7 @@ class Continuous(Added):
 
 
 def with_limits(monkeypatch, *limits: Limit):
-    monkeypatch.setattr(scenes, "LIMITS", (*scenes.LIMITS, *limits))
+    monkeypatch.setattr(known, "LIMITS", (*known.LIMITS, *limits))
 
 
 def scene(name: str, **others: Any) -> Scene:

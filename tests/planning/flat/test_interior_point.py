@@ -176,7 +176,8 @@ def test_the_interior_point_method_is_for_the_flat_formulation():
 def test_same_plan_without_compiler():
     """In a process of its own: what is compiled stays so in this one."""
     script = (
-        "from deltaopt.planning.planner import plan; from deltaopt.scene.scene_file import load_scene;"
+        "from deltaopt.planning.planner import plan\n"
+        "from deltaopt.scene.scene_file import load_scene\n"
         f"print(plan(load_scene({str(PROBLEMS / 'pick_and_place.yaml')!r})).duration)"
     )
     ran = subprocess.run(
