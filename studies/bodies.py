@@ -10,7 +10,6 @@ from time import process_time
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import deltaopt
 from deltaopt.scene.feasibility import check_feasible
@@ -19,7 +18,6 @@ from deltaopt.verify.verification import verify
 from studies.bench.random_scenes import random_scenes
 from studies.problems import INDUSTRIAL
 
-Array = NDArray[np.float64]
 HELP = "random scenes with keep-out bodies: clearances, times, refusals"
 SMALL = {"number": 1}
 _SAMPLES = 20_000

@@ -15,9 +15,9 @@ import argparse
 from pathlib import Path as File
 
 import numpy as np
-from numpy.typing import NDArray
 
 import deltaopt
+from deltaopt.curves.piecewise import Array
 from deltaopt.planning.path.path_over_bodies import rounded_path_over
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.known_limits import limits_of
@@ -25,7 +25,6 @@ from deltaopt.scene.path import Path
 from deltaopt.scene.task import OnPath
 from studies.problems import INDUSTRIAL, PROBLEMS
 
-Array = NDArray[np.float64]
 HELP = "the 25-305-25 mm cycle: trapezoid, S-curve, timed optimally, free"
 SMALL = {"robots": (INDUSTRIAL,)}
 _DEPTHS = {"orsino": 0.45, "industrial_drive": 0.97}

@@ -19,11 +19,10 @@ from math import comb
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import deltaopt
 from deltaopt.cli.arguments import one_or_more, seed
-from deltaopt.curves.piecewise import PiecewisePolynomial
+from deltaopt.curves.piecewise import Array, PiecewisePolynomial
 from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.motion.limit_curves import limit_curves
 from deltaopt.motion.trajectory import Trajectory, goal_of
@@ -40,7 +39,6 @@ from studies.problems import PROBLEMS, add_directory
 HELP = "damage good motions at random: does verification find all that is beyond its bounds?"
 SMALL = {"number": 6}
 
-Array = NDArray[np.float64]
 
 _FRACTIONS = np.sort(np.append(np.linspace(0, 1, 120), (1 - np.cos(np.linspace(0, np.pi, 81))) / 2))
 """Of every piece, where a damaged motion is looked at."""

@@ -15,7 +15,7 @@ from math import nan
 import numpy as np
 
 from deltaopt.cli.arguments import one_or_more
-from deltaopt.compare.dynamics.tasks import Array
+from deltaopt.curves.piecewise import Array
 from deltaopt.errors import DeltaOptError
 from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.files.validated_record import Vector3

@@ -25,9 +25,9 @@ from time import process_time
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import deltaopt
+from deltaopt.curves.piecewise import Array
 from deltaopt.errors import DeltaOptError, installed
 from deltaopt.motion.time_scaling import safe_factor
 from deltaopt.planning.path.path_mesh import MeshMotion, PathMesh
@@ -42,7 +42,6 @@ from studies.plots.given_paths import draw
 from studies.problems import ORSINO, add_robots
 from tests.oracles.path_arcs import two_arcs
 
-Array = NDArray[np.float64]
 HELP = "given paths: beside TOPP-RA on random paths"
 SMALL = {"robots": (ORSINO,), "number": 2, "grids": (50, 100)}
 _REFERENCE = 1e-4

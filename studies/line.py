@@ -7,13 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 import deltaopt
+from deltaopt.curves.piecewise import Array
 from studies.bench.random_scenes import random_scenes
 from studies.problems import PICK_AND_PLACE
 
-Array = NDArray[np.float64]
 HELP = "the straight line timed optimally, beside the quintic law and the free path"
 SMALL = {"scenes": (PICK_AND_PLACE,)}
 

@@ -21,7 +21,8 @@ import deltaopt
 from deltaopt.cli.arguments import one_or_more, seed
 from deltaopt.compare.dynamics.many_digits import ManyDigits
 from deltaopt.compare.dynamics.samples import rounded
-from deltaopt.compare.dynamics.tasks import TASKS, Array, Task
+from deltaopt.compare.dynamics.tasks import TASKS, Task
+from deltaopt.curves.piecewise import Array
 from deltaopt.dynamics import ClosedForm, Explicit, Formulation, Kane, Multiplier, VirtualWork
 from deltaopt.errors import DeltaOptError
 from deltaopt.files.progress_bar import ProgressBar

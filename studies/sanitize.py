@@ -27,6 +27,7 @@ import deltaopt
 from deltaopt.codegen import dense_solver, vectorised
 from deltaopt.codegen.c_compiler import compiler
 from deltaopt.codegen.vectorised import RowFunction
+from deltaopt.curves.piecewise import Array
 from deltaopt.output.controller_c import export_c
 from deltaopt.planning.flat.interior_point import Arguments, CompiledMethod
 from deltaopt.planning.flat.method_source import source
@@ -35,8 +36,6 @@ from deltaopt.planning.path.on_mesh import MeshCall
 from deltaopt.scene.task import given_points
 from studies.bench.random_scenes import random_scenes
 from studies.problems import INDUSTRIAL, ORSINO
-
-Array = NDArray[np.float64]
 
 HELP = "all C under the compiler's sanitizers"
 SANITIZERS = ("address,undefined", "thread")

@@ -16,6 +16,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.limits.limit import (
     SX,
     Bounds,
@@ -25,7 +26,6 @@ from deltaopt.limits.limit import (
     PhasedLimit,
 )
 
-Array = NDArray[np.float64]
 Integers = NDArray[np.intp]
 Truths = NDArray[np.bool]
 

@@ -19,16 +19,8 @@ from math import dist, hypot, inf
 import casadi as ca
 import numpy as np
 
-from deltaopt.limits.limit import (
-    SX,
-    Array,
-    Bounds,
-    ConvexLimit,
-    Described,
-    Instant,
-    Numbers,
-    OwnMeasure,
-)
+from deltaopt.curves.piecewise import Array
+from deltaopt.limits.limit import SX, Bounds, ConvexLimit, Described, Instant, Numbers, OwnMeasure
 from deltaopt.robot.solids import ALONG_THE_BASE, MOST_TRIANGLES, Convex, Polytope, Solid
 
 SCALE = 0.25

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.errors import SceneError
 from deltaopt.files.units import percentage
 from deltaopt.files.validated_record import PerMotor, Vector3, per_motor
@@ -24,7 +25,6 @@ from deltaopt.robot.machine import Machine
 from deltaopt.robot.solids import Convex, Solid
 
 SX = ca.SX
-Array = NDArray[np.float64]
 Numbers = tuple[float, ...]
 """The numbers of one item of a limit, in the order of its parameters."""
 _TIED = 1e-9

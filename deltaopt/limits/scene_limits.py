@@ -7,12 +7,10 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.limits.constraints import Constraints
 from deltaopt.limits.limit import ConvexLimit, Described, Limit, Numbers, PhasedLimit
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

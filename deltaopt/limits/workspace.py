@@ -15,16 +15,8 @@ import casadi as ca
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from deltaopt.limits.limit import (
-    SX,
-    Array,
-    Bounds,
-    Column,
-    Described,
-    Instant,
-    Numbers,
-    PhasedLimit,
-)
+from deltaopt.curves.piecewise import Array
+from deltaopt.limits.limit import SX, Bounds, Column, Described, Instant, Numbers, PhasedLimit
 from deltaopt.limits.norms_and_ranges import Norm, Range
 
 _ANYWHERE = 1e3

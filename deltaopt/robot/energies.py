@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.dynamics.mechanism import Mechanism
 from deltaopt.mechanisms.delta.mechanism import AZIMUTHS, DeltaParameters
 from deltaopt.robot.machine import Energies
-
-Array = NDArray[np.float64]
 
 _LENGTH, _MASS, _INERTIA = (1, 0, 0), (0, 1, 0), (2, 1, 0)
 _ACCELERATION = (1, 0, -2)

@@ -15,14 +15,13 @@ from math import pi
 from typing import Annotated, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydantic import AfterValidator, Field, model_validator
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.errors import SceneError
 from deltaopt.files.units import ANGLE
 from deltaopt.files.validated_record import Number, Record
-
-Array = NDArray[np.float64]
 
 
 def _one(value: float) -> float:

@@ -14,10 +14,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Self
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.errors import SceneError
 from deltaopt.files.units import LENGTH
 from deltaopt.files.validated_record import (
@@ -32,8 +32,6 @@ from deltaopt.mechanisms.functions import Functions
 from deltaopt.robot.drive import Drive
 from deltaopt.robot.joints import Joints
 from deltaopt.robot.tool import Tool
-
-Array = NDArray[np.float64]
 
 
 class Workspace(Record):

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deltaopt.codegen.vectorised import Checked, RowFunction
+from deltaopt.curves.piecewise import Array
 from deltaopt.dynamics.formulation import Formulation
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.errors import Unreachable, in_words
@@ -24,8 +25,6 @@ from deltaopt.robot.machine import Energies, Machine, Model
 from deltaopt.robot.robot import Robot, as_delta
 from deltaopt.robot.singular_points import DoubtfulPoints, rows_at, still
 from deltaopt.settings import require_positive, require_type
-
-Array = NDArray[np.float64]
 
 
 def delta_parameters(robot: Robot, payload: float | None) -> DeltaParameters:

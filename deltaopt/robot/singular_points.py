@@ -10,14 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deltaopt.codegen.vectorised import RowFunction
+from deltaopt.curves.piecewise import Array
 from deltaopt.errors import Singular, Singularity
 from deltaopt.mechanisms.delta.singularities import (
     alignment_margins,
     parallel_margin,
     sideways_margins,
 )
-
-Array = NDArray[np.float64]
 
 NEAR = 1e-2
 """Distance ε from a serial singularity, cos q_{k,3} or sin (q_{k,1} - q_{k,2}), below which other

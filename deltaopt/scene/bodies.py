@@ -18,9 +18,9 @@ from math import hypot
 from typing import Annotated, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.errors import SceneError, in_words
 from deltaopt.files.units import RATIO
 from deltaopt.files.validated_record import Number, Record, Vector3
@@ -36,8 +36,6 @@ from deltaopt.robot.tool import (
     require_one,
 )
 from deltaopt.scene.convex_hull import NoHull, convex_hull
-
-Array = NDArray[np.float64]
 
 EXPECTED_BODIES = (
     "a list of bodies, each one of box: {from, to}, sphere: {centre, radius}, "

@@ -7,7 +7,8 @@ from math import inf
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from deltaopt.curves.piecewise import Array
+
 Index = NDArray[np.intp]
 
 _FLAT = 1e-9

@@ -5,13 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.errors import SceneError
 from deltaopt.files.regular_file import content_of
 from deltaopt.files.units import LENGTH, Misread
-
-Array = NDArray[np.float64]
 
 _HEADER, _COUNT = 80, 4
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])

@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 
 import deltaopt
+from deltaopt.curves.piecewise import Array
 from deltaopt.dynamics.mechanism import Effort, Mechanism
 from deltaopt.limits.limit import SX, Bounds, Described, Instant, Limit, Numbers
 from deltaopt.mechanisms.delta import functions, slender_bars
@@ -18,7 +19,7 @@ from deltaopt.mechanisms.delta.kinematics import inverse_kinematics
 from deltaopt.mechanisms.delta.mechanism import DeltaParameters, delta
 from deltaopt.scene.known_limits import LIMITS
 from studies.attack.attempts import Attempt, Generator, Kind
-from studies.attack.checks import Array, Loads, loads, sampled
+from studies.attack.checks import Loads, loads, sampled
 from studies.problems import ORSINO, PROBLEMS
 
 _STRENGTH, _AT_REST, _WAY = 4e4, -0.138, 0.138

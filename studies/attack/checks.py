@@ -11,13 +11,11 @@ from itertools import pairwise
 from math import cos, pi, sin
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deltaopt import Belt, Line, Robot, Scene, State, Trajectory
+from deltaopt.curves.piecewise import Array
 from deltaopt.robot.robot import as_delta
 from tests.oracles.body_distances import tool_distances
-
-Array = NDArray[np.float64]
 
 _SLACK = 1e-6
 """Share of a bound, and m: what is beyond it by less is not called wrong here."""

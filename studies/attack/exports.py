@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 
 import deltaopt
+from deltaopt.curves.piecewise import Array
 from studies.attack.attempts import Attempt, Generator, Kind, command
-from studies.attack.checks import Array, table_share
+from studies.attack.checks import table_share
 from studies.problems import PICK_AND_PLACE
 
 _TABLE = Path("table.csv")

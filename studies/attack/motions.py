@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 import deltaopt
-from deltaopt.curves.piecewise import PiecewisePolynomial
+from deltaopt.curves.piecewise import Array, PiecewisePolynomial
 from deltaopt.robot.model import delta_model
 from studies.attack.attempts import Attempt, Generator, Kind
-from studies.attack.checks import Array, faults
+from studies.attack.checks import faults
 from studies.problems import INDUSTRIAL, PICK_AND_PLACE, PROBLEMS
 
 _SCENE = deltaopt.load_scene(PICK_AND_PLACE)

@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.files.validated_record import Vector3
 from deltaopt.robot.drive import Friction
 from deltaopt.robot.joints import Joints
@@ -26,8 +26,6 @@ from deltaopt.scene.path import Corners, Line, PickAndPlace
 from deltaopt.scene.rotation import Rotation
 from deltaopt.scene.scene import Scene
 from studies.bench.random_scenes import singular_volumes
-
-Array = NDArray[np.float64]
 
 Change = Callable[[Scene, np.random.Generator], Scene]
 """A change of a random move of a robot into one of a stratum."""

@@ -9,8 +9,8 @@ begin later.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.errors import NO_PLAN
 from deltaopt.planning.nlp.problem import Ipopt
 from deltaopt.planning.planner import plan
@@ -19,8 +19,6 @@ from deltaopt.scene.moving_ends import Belt, State
 from deltaopt.scene.scene import Scene
 from studies.bench.possible import Possibility
 from studies.bench.statics import Statics
-
-Array = NDArray[np.float64]
 
 _SAMPLES = 2000
 """Of the belt's way within reach: of three metres one each 1.5 mm."""

@@ -15,6 +15,7 @@ from itertools import pairwise, product
 import numpy as np
 from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.limits.limit import Column
 from deltaopt.robot.robot import Robot, as_delta
 from deltaopt.robot.tool import Box, Sphere
@@ -22,7 +23,6 @@ from deltaopt.scene.bodies import Body, Cylinder, HalfSpace
 from deltaopt.scene.scene import Scene
 from studies.bench.statics import AtRest, Statics
 
-Array = NDArray[np.float64]
 Truths = NDArray[np.bool]
 
 SPARE = 0.02

@@ -13,9 +13,9 @@ from itertools import compress, islice
 from math import cos, inf, sin
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deltaopt.codegen.vectorised import evaluate_rows
+from deltaopt.curves.piecewise import Array
 from deltaopt.errors import DeltaOptError, Infeasible, Unreachable
 from deltaopt.files.validated_record import Vector3
 from deltaopt.mechanisms.delta.mechanism import AZIMUTHS
@@ -23,8 +23,6 @@ from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import Robot
 from deltaopt.scene.feasibility import are_surely_feasible, check_feasible
 from deltaopt.scene.scene import Scene
-
-Array = NDArray[np.float64]
 
 MARGIN = 0.1
 """Least distance from every singularity, where 1 is the best there is: a tenth leaves out the edge

@@ -8,11 +8,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.robot.robot import Robot
-
-Array = NDArray[np.float64]
 
 _TILTED = np.array([0.0, 2 * np.pi / 3, 4 * np.pi / 3])
 _DOWN = np.array([1.0, 0.0, 0.0])

@@ -23,17 +23,11 @@ import numpy as np
 import deltaopt
 from deltaopt.cli.arguments import positive
 from deltaopt.codegen.c_compiler import compiler
+from deltaopt.curves.piecewise import Array
 from deltaopt.errors import MissingPackage
 from deltaopt.output.controller_c import export_c
 from studies.inverse.by_hand import inverse_dynamics
-from studies.inverse.peers import (
-    Array,
-    Peer,
-    mujoco_torques,
-    pinocchio_torques,
-    pinocchio_tree,
-    relative,
-)
+from studies.inverse.peers import Peer, mujoco_torques, pinocchio_torques, pinocchio_tree, relative
 from studies.problems import ORSINO, add_robots
 
 Robot = deltaopt.Robot

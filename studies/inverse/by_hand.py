@@ -8,11 +8,9 @@ line is a vector operation on all points and chains, (N, 3) or (N, 3, 3).
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.mechanisms.delta.mechanism import AZIMUTHS, DeltaParameters
-
-Array = NDArray[np.float64]
 
 _C, _S = np.cos(AZIMUTHS), np.sin(AZIMUTHS)
 _TO_CHAINS = np.array([[[1, 0, 0], [0, c, s], [0, -s, c]] for c, s in zip(_C, _S, strict=True)])

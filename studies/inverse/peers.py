@@ -12,13 +12,12 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.errors import installed
 from deltaopt.mechanisms.delta.mechanism import AZIMUTHS
 from deltaopt.robot.robot import Robot
 
-Array = NDArray[np.float64]
 Peer = Callable[[Array, Array, Array], Array]
 """(q, q̇, q̈), 12 each, with the bars' angle relative to the arm -> result."""
 

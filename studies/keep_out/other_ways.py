@@ -10,16 +10,14 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 import deltaopt
+from deltaopt.curves.piecewise import Array
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.attempts import Attempt
 from deltaopt.planning.first_motions.around_bodies import CLEAR, ways_around
 from deltaopt.planning.first_motions.multistart import first_motions
 from deltaopt.planning.trajectory_optimiser import TrajectoryOptimiser
-
-Array = NDArray[np.float64]
 
 _NEAR = 1.06
 """Duration on the first mesh, over that of the plan, up to which a way is planned: that mesh tells

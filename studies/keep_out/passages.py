@@ -7,14 +7,12 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import deltaopt
+from deltaopt.curves.piecewise import Array
 from studies.bench.random_scenes import random_scenes
 from studies.keep_out.random_bodies import is_possible, with_bodies
 from tests.oracles.clear_grid import can_be_held
-
-Array = NDArray[np.float64]
 
 KINDS = ("slot", "window", "two slots", "turned slot")
 """A slot between two boxes, upright or level; a hole between four; two walls behind one another

@@ -7,14 +7,12 @@ from pathlib import Path
 from time import process_time
 
 import numpy as np
-from numpy.typing import NDArray
 
 import deltaopt
+from deltaopt.curves.piecewise import Array
 from studies.reproduced import write_scene
 from tests.oracles.body_distances import tool_distances
 from tests.oracles.clear_grid import ClearGrid
-
-Array = NDArray[np.float64]
 
 PLANNED, REFUSED, FAILED = "planned", "refused", "failed"
 _SAMPLES = 20_000

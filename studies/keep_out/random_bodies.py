@@ -10,14 +10,12 @@ from math import log
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import deltaopt
+from deltaopt.curves.piecewise import Array
 from deltaopt.scene.feasibility import check_feasible
 from studies.bench.random_scenes import random_scenes
 from tests.oracles.body_distances import tool_distances
-
-Array = NDArray[np.float64]
 
 _MOST = 1_000_000
 """Scenes of one seed that are different from those of the next."""

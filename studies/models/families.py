@@ -18,7 +18,7 @@ import numpy as np
 
 from deltaopt.compare.dynamics.many_digits import ManyDigits, Matrix
 from deltaopt.compare.dynamics.samples import PAPER
-from deltaopt.compare.dynamics.tasks import Array
+from deltaopt.curves.piecewise import Array
 from deltaopt.dynamics.formulation import state
 from deltaopt.dynamics.mechanism import SX, Mechanism
 from deltaopt.mechanisms.delta.mechanism import delta

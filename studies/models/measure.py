@@ -15,8 +15,9 @@ from deltaopt.compare.dynamics.models import models
 from deltaopt.compare.dynamics.samples import NEAR_HOME, PAPER, exact_samples
 from deltaopt.compare.dynamics.study import operations
 from deltaopt.compare.dynamics.tasks import TASKS as TASKS_OF
-from deltaopt.compare.dynamics.tasks import Array, Samples
+from deltaopt.compare.dynamics.tasks import Samples
 from deltaopt.compare.dynamics.timing import Run, interleaved
+from deltaopt.curves.piecewise import Array
 from deltaopt.dynamics.constraint_matrix import Partition
 from deltaopt.dynamics.mechanism import Mechanism
 from deltaopt.mechanisms.delta.mechanism import delta

@@ -12,7 +12,7 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 
-from deltaopt.compare.dynamics.tasks import Array
+from deltaopt.curves.piecewise import Array
 from deltaopt.dynamics.mechanism import SX, Body, Mechanism
 
 

@@ -10,7 +10,8 @@ import numpy as np
 
 from deltaopt.compare.dynamics.many_digits import ManyDigits, Matrix
 from deltaopt.compare.dynamics.models import written_out
-from deltaopt.compare.dynamics.tasks import FORWARD, Array, Samples, Task
+from deltaopt.compare.dynamics.tasks import FORWARD, Samples, Task
+from deltaopt.curves.piecewise import Array
 from deltaopt.dynamics.consistency import Projector
 from deltaopt.dynamics.formulation import state
 from deltaopt.dynamics.lagrange import Explicit

@@ -18,8 +18,9 @@ from deltaopt.codegen.compile import in_machine_code
 from deltaopt.compare.dynamics.many_digits import ManyDigits
 from deltaopt.compare.dynamics.models import Model, models
 from deltaopt.compare.dynamics.samples import NEAR_HOME, PAPER, exact_samples, rounding_error
-from deltaopt.compare.dynamics.tasks import TASKS, Array, Task
+from deltaopt.compare.dynamics.tasks import TASKS, Task
 from deltaopt.compare.dynamics.timing import Run, Time, interleaved
+from deltaopt.curves.piecewise import Array
 from deltaopt.dynamics.constraint_matrix import Partition
 from deltaopt.dynamics.mechanism import Mechanism
 from deltaopt.mechanisms.delta.mechanism import delta

@@ -7,13 +7,11 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.dynamics.formulation import Formulation, affine, state
 from deltaopt.dynamics.lagrange import Multiplier
 from deltaopt.dynamics.mechanism import SX, Mechanism
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,8 @@ import casadi as ca
 import numpy as np
 
 from deltaopt.compare.dynamics.samples import relative_error
-from deltaopt.compare.dynamics.tasks import Array, Samples, Task
+from deltaopt.compare.dynamics.tasks import Samples, Task
+from deltaopt.curves.piecewise import Array
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,8 @@ from functools import cached_property
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
-from deltaopt.curves.piecewise import QUINTIC, PiecewisePolynomial
+from deltaopt.curves.piecewise import QUINTIC, Array, PiecewisePolynomial
 from deltaopt.dynamics.mechanism import SX
 from deltaopt.mechanisms.five_bar import FiveBarParameters, five_bar, inverse_kinematics
 from deltaopt.planning.first_motions.order_of_merit import first_motion
@@ -28,8 +27,6 @@ from deltaopt.planning.planner import plan
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.scene import Scene
-
-Array = NDArray[np.float64]
 
 FRACTIONS = np.linspace(0.0, 1.0, 25)
 """Fractions of every interval where loads are taken, both ends from inside."""

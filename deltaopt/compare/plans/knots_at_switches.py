@@ -9,13 +9,11 @@ smooth arcs between switches ask for.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.planning.flat.constraint_rows import ByOrder
 from deltaopt.planning.mesh.error_estimate import ErrorEstimate
 from deltaopt.planning.switching.detection import detect_structure
-
-Array = NDArray[np.float64]
 
 _FINEST = 4.0
 """Into how many one interval becomes at most."""

@@ -16,13 +16,12 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from deltaopt.codegen.c_compiler import compiler
 from deltaopt.compare.plans.cases import Case, Reference
 from deltaopt.compare.plans.knots_at_switches import at_switches
 from deltaopt.compare.plans.measures import Meter, Quality, active_rank
-from deltaopt.curves.piecewise import PiecewisePolynomial
+from deltaopt.curves.piecewise import Array, PiecewisePolynomial
 from deltaopt.errors import NotConverged
 from deltaopt.planning.formulations.collocation import FAR, NEAR, CollocationProblem, Equations
 from deltaopt.planning.formulations.equations import (
@@ -44,7 +43,6 @@ from deltaopt.planning.nlp.points import PointFunction
 from deltaopt.planning.nlp.program import IpoptSolution, Options, Program
 from deltaopt.planning.nlp.transcription import LINEAR, QUADRATIC, PiecewiseAcceleration
 
-Array = NDArray[np.float64]
 Formulations = dict[tuple[str, str], Equations]
 Progress = Callable[[float, str], None]
 """Told how much is done (0 to 1) and what comes next."""
