@@ -20,7 +20,16 @@ import casadi as ca
 import numpy as np
 
 from deltaopt.curves.piecewise import Array
-from deltaopt.limits.limit import SX, Bounds, ConvexLimit, Described, Instant, Numbers, OwnMeasure
+from deltaopt.limits.limit import (
+    SX,
+    Bounds,
+    ConvexLimit,
+    Described,
+    Instant,
+    Limit,
+    Numbers,
+    OwnMeasure,
+)
 from deltaopt.robot.solids import ALONG_THE_BASE, MOST_TRIANGLES, Convex, Polytope, Solid
 
 SCALE = 0.25
@@ -50,22 +59,41 @@ MOST_SOLIDS = PLACES[-1]
 """In a scene, and of a hull: each size is compiled when it is first met."""
 
 
-class _KeepOut(ConvexLimit):
+class Distances(Limit):
+    """Least distances from some bodies: those of one have a part of the numbers each, which ends
+    with the natural size and the least distance, m (``kept_from``)."""
+
+    def _size(self, numbers: int) -> int:
+        """How many of so many numbers each has."""
+        raise NotImplementedError
+
+    def _distance(self, motion: Instant, own: SX) -> SX:
+        """One signed distance, by its numbers."""
+        raise NotImplementedError
+
+    def _split(self, numbers: SX) -> list[SX]:
+        """The numbers of each."""
+        parts: list[SX] = ca.vertsplit(numbers, self._size(numbers.numel()))
+        return parts
+
+    def bounds(self, numbers: SX) -> Bounds:
+        each = self._split(numbers)
+        lower, scale = (ca.vertcat(*(own[i] for own in each)) for i in (-1, -2))
+        return Bounds(lower, None, scale, out_of_reach=True)
+
+    def measure(self, motion: Instant, numbers: SX) -> SX:
+        return ca.vertcat(*(self._distance(motion, own) for own in self._split(numbers)))
+
+    def rows(self, motion: Instant, numbers: SX) -> SX:
+        each = self._split(numbers)
+        return ca.vertcat(*(distance_row(self._distance(motion, own), own) for own in each))
+
+
+class _KeepOut(Distances, ConvexLimit):
     """What both families of bodies share."""
 
     name, unit, subject, order = "clearance", "m", "tool", 0
     own_measure = OwnMeasure.CLEARANCE
-
-    def _split(self, numbers: SX) -> list[SX]:
-        """The numbers of each body."""
-        raise NotImplementedError
-
-    def _distance(self, x: SX, own: SX) -> SX:
-        """Signed distance of a point from one body."""
-        raise NotImplementedError
-
-    def bounds(self, numbers: SX) -> Bounds:
-        return bounds_of_distances(self._split(numbers))
 
     def edge_radii(self, numbers: SX) -> SX:
         """Radii of the edges that the tool's point goes around at its bound, m."""
@@ -76,14 +104,10 @@ class _KeepOut(ConvexLimit):
         raise NotImplementedError
 
     def faces(self, numbers: Array) -> list[list[Array]]:
-        return [self._faces(own) for own in numbers.reshape(-1, self._size(numbers))]
+        return [self._faces(own) for own in numbers.reshape(-1, self._size(len(numbers)))]
 
     def opened(self, numbers: Array, row: int, faces: Collection[int]) -> Array | None:
-        return self._opened(numbers.reshape(-1, self._size(numbers))[row], faces)
-
-    def _size(self, numbers: Array) -> int:
-        """How many of these numbers each body has."""
-        raise NotImplementedError
+        return self._opened(numbers.reshape(-1, self._size(len(numbers)))[row], faces)
 
     def _faces(self, own: Array) -> list[Array]:
         """The numbers of the faces of one body, from its own."""
@@ -92,13 +116,6 @@ class _KeepOut(ConvexLimit):
     def _opened(self, own: Array, faces: Collection[int]) -> Array | None:
         """The numbers of one body as if it went on beyond some faces, from its own."""
         return None
-
-    def measure(self, motion: Instant, numbers: SX) -> SX:
-        return ca.vertcat(*(self._distance(motion.x, own) for own in self._split(numbers)))
-
-    def rows(self, motion: Instant, numbers: SX) -> SX:
-        each = self._split(numbers)
-        return ca.vertcat(*(distance_row(self._distance(motion.x, own), own) for own in each))
 
 
 class KeepOut(_KeepOut):
@@ -119,13 +136,10 @@ class KeepOut(_KeepOut):
             )
         ]
 
-    def _split(self, numbers: SX) -> list[SX]:
-        return ca.vertsplit(numbers, OF_SOLID + OF_LIMIT)
-
     def _edge(self, own: SX) -> SX:
         return own[16] + where(own[12] > _HUGE, own[12])
 
-    def _size(self, numbers: Array) -> int:
+    def _size(self, numbers: int) -> int:
         return OF_SOLID + OF_LIMIT
 
     def _faces(self, own: Array) -> list[Array]:
@@ -149,8 +163,8 @@ class KeepOut(_KeepOut):
             wide[12 + axis] += _SIDE
         return wide
 
-    def _distance(self, x: SX, own: SX) -> SX:
-        return distance_from_solid(x, own)
+    def _distance(self, motion: Instant, own: SX) -> SX:
+        return distance_from_solid(motion.x, own)
 
 
 _Side = tuple[int, int]
@@ -163,13 +177,6 @@ def _sides(own: Array) -> list[_Side]:
     curved = [(0, 0)] if is_round and own[14] < _HUGE else []
     axes = (2,) if is_round else (0, 1, 2)
     return curved + [(i, sign) for i in axes if own[12 + i] < _HUGE for sign in (1, -1)]
-
-
-def bounds_of_distances(each: list[SX]) -> Bounds:
-    """Of the distances from some bodies, by the numbers of each, which end with the natural size
-    and the least distance, m (``kept_from``)."""
-    lower, scale = (ca.vertcat(*(own[i] for own in each)) for i in (-1, -2))
-    return Bounds(lower, None, scale, out_of_reach=True)
 
 
 def distance_from_solid(x: SX, own: SX) -> SX:
@@ -208,11 +215,8 @@ class KeepOutHull(_KeepOut):
         corners = np.array([*hull.triangles, *[hull.triangles[0]] * missing])
         return tuple(corners.ravel().tolist())
 
-    def _split(self, numbers: SX) -> list[SX]:
-        return [numbers]
-
-    def _size(self, numbers: Array) -> int:
-        return len(numbers)
+    def _size(self, numbers: int) -> int:
+        return numbers
 
     def _faces(self, own: Array) -> list[Array]:
         corners = own[: 9 * self.triangles].reshape(self.triangles, 3, 3)
@@ -235,7 +239,8 @@ class KeepOutHull(_KeepOut):
     def _edge(self, own: SX) -> SX:
         return own[9 * self.triangles]
 
-    def _distance(self, x: SX, own: SX) -> SX:
+    def _distance(self, motion: Instant, own: SX) -> SX:
+        x = motion.x
         triangles = ca.vertsplit(own[: 9 * self.triangles], 9)
         radius = own[9 * self.triangles]
         highest, plane = _selected([_above_plane(x, each) for each in triangles], triangles, 1)

@@ -21,9 +21,8 @@ from deltaopt.limits.keep_out import (
     OF_LIMIT,
     OF_SOLID,
     PLACES,
-    bounds_of_distances,
+    Distances,
     distance_from_solid,
-    distance_row,
     kept_from,
     larger,
     numbers_of_solid,
@@ -33,11 +32,9 @@ from deltaopt.limits.keep_out import (
 )
 from deltaopt.limits.limit import (
     SX,
-    Bounds,
     Described,
     Instant,
     KeptLink,
-    Limit,
     Numbers,
     OwnMeasure,
 )
@@ -55,7 +52,7 @@ _LEAST_BEND = 1e-9
 side of a body that it is parallel to, and every place is as near."""
 
 
-class LinkClearance(Limit):
+class LinkClearance(Distances):
     """Least distance of the lines of arms and forearms from bodies, m, for some pairs of both."""
 
     name, unit, subject, order = "clearance of links", "m", "arm or forearm", 0
@@ -80,18 +77,15 @@ class LinkClearance(Limit):
             )
         ]
 
-    def bounds(self, numbers: SX) -> Bounds:
-        return bounds_of_distances(self._split(numbers))
+    def _size(self, numbers: int) -> int:
+        return _OF_LINE + OF_SOLID + OF_LIMIT
 
-    def measure(self, motion: Instant, numbers: SX) -> SX:
-        return ca.vertcat(*(_distance(motion, own) for own in self._split(numbers)))
-
-    def rows(self, motion: Instant, numbers: SX) -> SX:
-        each = self._split(numbers)
-        return ca.vertcat(*(distance_row(_distance(motion, own), own) for own in each))
-
-    def _split(self, numbers: SX) -> list[SX]:
-        return ca.vertsplit(numbers, _OF_LINE + OF_SOLID + OF_LIMIT)
+    def _distance(self, motion: Instant, own: SX) -> SX:
+        begin, end = _ends(motion, own[:_OF_LINE])
+        solid = own[_OF_LINE : _OF_LINE + OF_SOLID]
+        axes, centre = ca.reshape(solid[:9], 3, 3).T, solid[9:12]
+        share = _nearest_share(_Line(axes @ (begin - centre), axes @ (end - begin), solid))
+        return distance_from_solid(begin + share * (end - begin), solid)
 
 
 def _of_line(robot: Robot, link: int) -> Numbers:
@@ -113,15 +107,6 @@ def _ends(motion: Instant, own: SX) -> tuple[SX, SX]:
     pins = motion.x - own[9:12] + platform * outwards
     begin = shaft + is_forearm * (elbow - shaft)
     return begin, elbow + is_forearm * (pins - elbow)
-
-
-def _distance(motion: Instant, own: SX) -> SX:
-    """The least signed distance of a link's line from a body, m."""
-    begin, end = _ends(motion, own[:_OF_LINE])
-    solid = own[_OF_LINE : _OF_LINE + OF_SOLID]
-    axes, centre = ca.reshape(solid[:9], 3, 3).T, solid[9:12]
-    share = _nearest_share(_Line(axes @ (begin - centre), axes @ (end - begin), solid))
-    return distance_from_solid(begin + share * (end - begin), solid)
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,6 +21,7 @@ from deltaopt.curves.piecewise import Array
 from deltaopt.errors import MissingPackage, Singular, Unreachable, installed
 from deltaopt.mechanisms.delta.functions import DeltaFunctions
 from deltaopt.motion.trajectory import Trajectory
+from deltaopt.output.joint_table import platform_motion
 from deltaopt.planning.planner import Planner
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import Robot, as_delta
@@ -198,9 +199,7 @@ class MotorLine:
         theta, rates, accelerations = (np.array(part) for part in zip(*samples, strict=True))
         model = DeltaModel(as_delta(self.scene.robot), self.scene.payload)
         try:
-            x = model.forward_kinematics(theta)
-            v, a = platform_motion(model, x, rates, accelerations)
-            torque = model.inverse_dynamics(x, v, a)
+            torque = model.inverse_dynamics(*platform_motion(model, theta, rates, accelerations))
         except (Unreachable, Singular):
             return False
         return bool((np.abs(torque) <= np.array(self.scene.robot.torque_limits)).all())
@@ -215,18 +214,6 @@ class MotorLine:
             middle = float(np.sqrt(low * high))
             low, high = (middle, high) if self.keeps_torques(middle) else (low, middle)
         return low
-
-
-def platform_motion(
-    model: DeltaModel, x: Array, rates: Array, accelerations: Array
-) -> tuple[Array, Array]:
-    """Return v and a of the platform, (N, 3), m/s and m/s², from those of the motors (N, 3), rad/s
-    and rad/s², at positions x (N, 3), m: θ̇ = J v, θ̈ = J a + J̇ v."""
-    J = np.stack([model.motion(x, column, np.zeros(3))[1][:, 3::3] for column in np.eye(3)], axis=2)
-    v = np.asarray(np.linalg.solve(J, rates[..., None])[..., 0], dtype=float)
-    bias = model.motion(x, v, np.zeros_like(v))[2][:, 3::3]
-    a = np.linalg.solve(J, (accelerations - bias)[..., None])[..., 0]
-    return v, np.asarray(a, dtype=float)
 
 
 # Both
