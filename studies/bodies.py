@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from time import process_time
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from deltaopt.verify.clearance import distance_from
 from deltaopt.verify.verification import verify
 from studies.bench.random_scenes import random_scenes
 from studies.problems import INDUSTRIAL
+from studies.timed import attempted, timed
 
 HELP = "random scenes with keep-out bodies: clearances, times, refusals"
 SMALL = {"number": 1}
@@ -87,23 +88,16 @@ def _body(rng: np.random.Generator, move: deltaopt.Scene) -> dict[str, Any]:
 def outcome(scene: deltaopt.Scene) -> Outcome:
     """Plan a scene with and without its bodies."""
     number = len(scene.keep_out or ())
-    without, seconds_without = _timed(scene.model_copy(update={"keep_out": None}))
-    try:
-        found, seconds = _timed(scene)
-    except deltaopt.DeltaOptError as error:
-        reason = f"{type(error).__name__}: {error}"
+    alone = scene.model_copy(update={"keep_out": None})
+    without, seconds_without = timed(partial(deltaopt.plan, alone))
+    found, reason, seconds = attempted(partial(deltaopt.plan, scene))
+    if found is None:
         return Outcome(number, None, 0.0, seconds_without, 0.0, 0.0, False, reason)
     x = found.trajectory.position.at(np.linspace(0.0, found.duration, _SAMPLES))
     least = min(float(distance_from(body, x)[0].min()) for body in scene.kept_out)
     verified = verify(scene, found.trajectory).ok
     longer = found.duration / without.duration - 1
     return Outcome(number, least, seconds, seconds_without, longer, found.gap, verified)
-
-
-def _timed(scene: deltaopt.Scene) -> tuple[deltaopt.Plan, float]:
-    begin = process_time()
-    found = deltaopt.plan(scene)
-    return found, process_time() - begin
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from time import thread_time
 
 import numpy as np
 
@@ -33,6 +32,7 @@ from studies.bench.fixed_paths import (
 )
 from studies.bench.peers import PeerPlan, rockit_plan
 from studies.text_table import table
+from studies.timed import timed
 
 ARRIVES = 1e-6
 """m: rockit's torques must bring the platform so near to the goal, by 20 steps of Runge and Kutta's
@@ -159,9 +159,7 @@ def toppra_on_ours(scene: Scene, best: Trajectory, pieces: int) -> tuple[float, 
 def _slowed(scene: Scene, path: Path, fine: Path) -> tuple[float, float, bool]:
     """Time a path, and slow the motion until it keeps the torques on a finer grid of the same."""
     toppra_speeds(scene, path)  # our dynamics are compiled
-    begin = thread_time()
-    speeds = toppra_speeds(scene, path)
-    seconds = thread_time() - begin
+    speeds, seconds = timed(lambda: toppra_speeds(scene, path))
     if speeds is None:
         return np.nan, seconds, False
     squares, intervals = speeds**2, len(speeds) - 1
@@ -183,9 +181,8 @@ def ruckig(scene: Scene, best: Trajectory, _: int) -> tuple[float, float, bool]:
     """Between the motor angles of start and goal."""
     motors = MotorLine(scene)
     acceleration = motors.largest_acceleration()
-    begin = thread_time()
-    duration = motors.duration(acceleration)
-    return duration, thread_time() - begin, bool(duration > 0)
+    duration, seconds = timed(lambda: motors.duration(acceleration))
+    return duration, seconds, bool(duration > 0)
 
 
 ROCKIT, LINE, OURS, RUCKIG = (

@@ -40,6 +40,7 @@ from deltaopt.scene.task import OnPath
 from studies.bench.random_scenes import random_scenes
 from studies.plots.given_paths import draw
 from studies.problems import ORSINO, add_robots
+from studies.timed import timed
 from tests.oracles.path_arcs import two_arcs
 
 HELP = "given paths: beside TOPP-RA on random paths"
@@ -145,9 +146,7 @@ def toppra_motion(scene: deltaopt.Scene, mesh: PathMesh) -> tuple[MeshMotion | N
     algorithm = toppra.algorithm.TOPPRA(
         [limits], Grid(), gridpoints=mesh.nodes, solver_wrapper="seidel"
     )
-    begin = process_time()
-    rates = algorithm.compute_parameterization(0.0, 0.0)[1]
-    seconds = process_time() - begin
+    (_, rates, *_), seconds = timed(lambda: algorithm.compute_parameterization(0.0, 0.0))
     if rates is None or not np.isfinite(rates).all():
         return None, seconds
     b = np.asarray(rates, dtype=float) ** 2

@@ -11,7 +11,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from math import nan
 from pathlib import Path
-from time import thread_time
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +23,7 @@ from studies.keep_out.random_bodies import is_possible, scene_of
 from studies.kept_rows import kept_rows
 from studies.problems import PROBLEMS, add_directory
 from studies.reproduced import write_scene
+from studies.timed import attempted, timed
 
 HELP = "interrupt verified motions at random instants: a new goal, a stop"
 KINDS: dict[str, tuple[str, dict[str, float] | None]] = {
@@ -103,9 +103,7 @@ def interruption(each: Case, number: int, name: Path) -> Interruption:
     old = planner.plan_scene(each.scene)
     now = old.trajectory(each.share * old.duration)
     left = old.duration - float(now.t[0])
-    begin = thread_time()
-    rest = planner.plan_scene(each.then)
-    at_rest = thread_time() - begin
+    rest, at_rest = timed(lambda: planner.plan_scene(each.then))
     to_goal, to_rest = (
         each.scene.model_copy(update={"goal": goal})
         for goal in (each.then.goal, deltaopt.Anywhere())
@@ -141,12 +139,9 @@ class _Tried:
 
 def _tried(make: Callable[[], deltaopt.Plan], most: float) -> _Tried:
     """Make a plan, which is to be verified and to take no longer than ``most`` (s)."""
-    begin = thread_time()
-    try:
-        found = make()
-    except deltaopt.DeltaOptError as error:
-        return _Tried(thread_time() - begin, nan, nan, f"{type(error).__name__}: {error}")
-    seconds = thread_time() - begin
+    found, failure, seconds = attempted(make)
+    if found is None:
+        return _Tried(seconds, nan, nan, failure)
     failures = list(deltaopt.verify(found.scene, found.trajectory).failures())
     if found.duration > most * (1 + _SAME):
         failures.append(f"it takes {found.duration:.6g} s, where {most:.6g} s are possible")

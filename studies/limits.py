@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial, reduce
 from pathlib import Path
-from time import process_time
 from typing import Any
 
 import numpy as np
@@ -27,6 +26,7 @@ from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.known_limits import limits_of
 from studies.bench.random_scenes import random_scenes
 from studies.problems import INDUSTRIAL, add_robots
+from studies.timed import timed
 
 HELP = "what each limit and each term of the model costs: processor time and duration of moves"
 SMALL = {"robots": (INDUSTRIAL,), "moves": 1, "tolerances": (1e-3,), "only": ("workspace radius",)}
@@ -142,9 +142,8 @@ def _timed(plan: Callable[[], Any]) -> tuple[Any, float]:
     """A plan and the least processor time of some, s."""
     seconds = []
     for _ in range(_RUNS):
-        begin = process_time()
-        found = plan()
-        seconds.append(process_time() - begin)
+        found, spent = timed(plan)
+        seconds.append(spent)
         if seconds[-1] > _LONG and len(seconds) > 1:
             break
     return found, min(seconds)

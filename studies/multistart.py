@@ -12,19 +12,18 @@ import argparse
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import count, islice
-from time import thread_time
 
 import numpy as np
 
 import deltaopt
 from deltaopt.cli.arguments import one_or_more, seed
-from deltaopt.errors import DeltaOptError
 from deltaopt.files.progress_bar import ProgressBar
 from studies.gap_moves import INSIDE, Move, move, stratum_of
 from studies.kept_rows import kept_rows
 from studies.problems import add_directory
 from studies.shares import wilson
 from studies.text_table import paragraph, table
+from studies.timed import attempted
 
 HELP = "how often several first guesses lead to a faster motion than one"
 SMALL = {"number": 1, "starts": 2}
@@ -78,12 +77,10 @@ def row_of(each: Move, starts: int) -> Row:
 
 def _planned(each: Move, starts: int) -> tuple[deltaopt.Plan | None, str, float]:
     """The plan if there is one, why there is none, and seconds of the processor."""
-    begin = thread_time()
-    try:
-        plan = deltaopt.plan(each.scene, tolerance=TOLERANCE, starts=starts)
-    except DeltaOptError as error:
-        return None, f"{starts} starts: {type(error).__name__}: {error}", thread_time() - begin
-    return plan, "", thread_time() - begin
+    plan, failure, seconds = attempted(
+        lambda: deltaopt.plan(each.scene, tolerance=TOLERANCE, starts=starts)
+    )
+    return plan, failure and f"{starts} starts: {failure}", seconds
 
 
 def numbers(how_many: int) -> list[int]:

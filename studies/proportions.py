@@ -13,7 +13,6 @@ import argparse
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from time import thread_time
 
 import numpy as np
 
@@ -24,7 +23,6 @@ from deltaopt.compare.dynamics.samples import rounded
 from deltaopt.compare.dynamics.tasks import TASKS, Task
 from deltaopt.curves.piecewise import Array
 from deltaopt.dynamics import ClosedForm, Explicit, Formulation, Kane, Multiplier, VirtualWork
-from deltaopt.errors import DeltaOptError
 from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.mechanisms.delta.mechanism import MOTOR_ANGLES, DeltaTerms, delta
 from deltaopt.motion.trajectory import Trajectory
@@ -35,6 +33,7 @@ from studies.kept_rows import kept_rows
 from studies.models.singularities import Functions
 from studies.problems import add_directory
 from studies.text_table import paragraph, table
+from studies.timed import attempted
 
 HELP = "robots of random proportions: accuracy of the models, success of plans"
 SMALL = {"number": 2}
@@ -93,15 +92,10 @@ class Row:
 def row_of(each: Move, exact: ManyDigits) -> Row:
     """Plan, verify, and evaluate the models."""
     robot, payload = as_delta(each.scene.robot), each.scene.payload or 0.0
-    begin, failure, motion = thread_time(), "", None
-    gap, verified = np.nan, False
-    try:
-        plan = deltaopt.plan(each.scene)
+    plan, failure, seconds = attempted(lambda: deltaopt.plan(each.scene))
+    gap, verified, motion = np.nan, False, None
+    if plan is not None:
         motion, gap = plan.trajectory, plan.gap
-    except DeltaOptError as error:
-        failure = f"{type(error).__name__}: {error}"
-    seconds = thread_time() - begin
-    if motion is not None:
         report = deltaopt.verify(each.scene, motion)
         verified, failure = bool(report.ok), "; ".join(report.failures())
     model = DeltaModel(robot, payload)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator
 from dataclasses import dataclass
-from time import thread_time
+from functools import partial
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.scene.task import given_points
 from studies.bench.random_scenes import random_scenes
 from studies.problems import PROBLEMS
+from studies.timed import attempted
 
 HELP = "plan random motions through random via points, exactly and in spheres"
 ROBOTS = tuple(
@@ -68,14 +69,12 @@ def moves(robot: deltaopt.Robot, number: int, first: int) -> Iterator[Move]:
 def _planned(planner: deltaopt.Planner, scenes: list[deltaopt.Scene]) -> Move:
     plans, seconds, failures = list[deltaopt.Plan | None](), list[float](), list[str]()
     for scene in scenes:
-        begin, found = thread_time(), None
-        try:
-            found = planner.plan_scene(scene)
-        except deltaopt.DeltaOptError as error:
-            failures.append(f"{scene.via} from {scene.start} to {scene.goal}: {error}")
-        seconds.append(thread_time() - begin)
+        found, failure, spent = attempted(partial(planner.plan_scene, scene))
+        seconds.append(spent)
         plans.append(found)
-        if found is not None:
+        if found is None:
+            failures.append(f"{scene.via} from {scene.start} to {scene.goal}: {failure}")
+        else:
             failures += deltaopt.verify(scene, found.trajectory).failures()
     return Move(tuple(plans), tuple(seconds), tuple(failures))
 

@@ -11,8 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache, partial
-from time import process_time
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -28,8 +27,7 @@ from deltaopt.robot.robot import Robot, as_delta
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import given_points
 from studies.bench.random_scenes import random_scenes
-
-Result = TypeVar("Result")
+from studies.timed import timed
 
 _LINE = (100, 400)
 """Intervals of TOPP-RA's grids on straight lines: one that takes no longer than a plan of ours, and
@@ -230,7 +228,7 @@ def fixed_path_comparison(
     ours = []
     for i, scene in enumerate(random_scenes(robot, payload, number, seed)):
         planner.plan(scene.start, scene.goal)
-        plan, seconds = _timed(partial(planner.plan, scene.start, scene.goal))
+        plan, seconds = timed(partial(planner.plan, scene.start, scene.goal))
         ours.append(seconds)
         for name, duration in _peers(scene, plan.trajectory).items():
             try:
@@ -238,7 +236,7 @@ def fixed_path_comparison(
             except MissingPackage as error:
                 missing[str(error)] = name
                 continue
-            found, theirs = _timed(duration)
+            found, theirs = timed(duration)
             timing = Timing(found / plan.duration, theirs / seconds)
             timings.setdefault(name, []).append(timing)
         progress(i + 1)
@@ -267,13 +265,6 @@ def _peers(scene: Scene, ours: Trajectory) -> dict[str, Callable[[], float]]:
     peers["Ruckig, accelerations known"] = lambda: motors.duration(acceleration)
     peers["Ruckig, and their bisection"] = lambda: motors.duration(motors.largest_acceleration())
     return peers
-
-
-def _timed(call: Callable[[], Result]) -> tuple[Result, float]:
-    """Return what a call returns, and its processor seconds."""
-    begin = process_time()
-    result = call()
-    return result, process_time() - begin
 
 
 def _line(name: str, timings: list[Timing]) -> str:

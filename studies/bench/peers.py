@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from time import process_time
+from functools import partial
 from typing import Any
 
 import casadi as ca
@@ -20,6 +20,7 @@ from deltaopt.robot.robot import Robot, as_delta
 from deltaopt.scene.scene import Scene
 from studies.bench.plan_timing import finer
 from studies.bench.random_scenes import random_scenes
+from studies.timed import timed
 
 
 @dataclass(frozen=True)
@@ -95,9 +96,7 @@ def rockit_comparison(robot: Robot, payload: float, number: int, seed: int) -> s
             blocked += 1
             continue
         planner.plan(scene.start, scene.goal)
-        begin = process_time()
-        planner.plan(scene.start, scene.goal)
-        seconds = process_time() - begin
+        _, seconds = timed(partial(planner.plan, scene.start, scene.goal))
         best = reference.plan(scene.start, scene.goal).duration
         found = rockit_within(scene, line, best, 1e-3)
         if found is None:
@@ -140,9 +139,7 @@ def _timed(problem: Any, torques: Any, intervals: int) -> PeerPlan:
     """Solve twice from the same start, and time the second."""
     try:
         problem.solve()
-        begin = process_time()
-        solution = problem.solve()
-        seconds = process_time() - begin
+        solution, seconds = timed(problem.solve)
     except RuntimeError:
         return PeerPlan(np.nan, np.nan, intervals, False, np.full((intervals, 3), np.nan))
     found = np.asarray(solution.sample(torques, grid="control")[1])[:intervals]
