@@ -168,11 +168,16 @@ class Constraints:
         counts = [s.stop - s.start for s in self.slices]
         return np.repeat(np.array(of_items, kind), counts)
 
+    @property
+    def _any_rows(self) -> tuple[_AnyMotion, SX]:
+        """A motion of symbols, and its rows."""
+        motion = _AnyMotion(self.motors)
+        return motion, self.rows(motion, self.numbers())
+
     @cached_property
     def is_control(self) -> Truths:
         """Of each motor the first row that is a share of its torque and nothing else, (rows,)."""
-        motion, numbers = _AnyMotion(self.motors), self.numbers()
-        rows = self.rows(motion, numbers)
+        motion, rows = self._any_rows
         slope = ca.jacobian(rows, motion.everything)
         by_torque = ca.jacobian(rows, motion.tau)
         alone = np.array(
@@ -185,8 +190,7 @@ class Constraints:
     @property
     def _affine_in_torque(self) -> Truths:
         """Rows that are affine functions of the torques, (rows,)."""
-        motion = _AnyMotion(self.motors)
-        rows = self.rows(motion, self.numbers())
+        motion, rows = self._any_rows
         return ~np.array(ca.which_depends(rows, motion.tau, 2, True), np.bool)
 
     @property
@@ -229,8 +233,7 @@ class Constraints:
     @cached_property
     def of_torque(self) -> Truths:
         """Rows that depend on the torques, (rows,)."""
-        motion = _AnyMotion(self.motors)
-        rows = self.rows(motion, self.numbers())
+        motion, rows = self._any_rows
         return np.array(ca.which_depends(rows, motion.tau, 1, True), bool)
 
     @cached_property

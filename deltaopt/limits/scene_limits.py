@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from itertools import pairwise, starmap
 
 import numpy as np
 
@@ -51,19 +52,22 @@ class SceneLimits:
     @property
     def of_items(self) -> list[Array]:
         """The numbers of each item."""
-        ends = np.cumsum([size for _, size in self.constraints.items])[:-1]
-        return np.split(self.numbers, ends)
+        return [self.numbers[own] for _, own, _ in self._places]
+
+    @property
+    def _places(self) -> list[tuple[Limit, slice, slice]]:
+        """The limit of each item, and where its numbers and its rows are."""
+        of = self.constraints
+        ends = np.cumsum([0, *(size for _, size in of.items)]).tolist()
+        numbers = starmap(slice, pairwise(ends))
+        return list(zip(of.limits, numbers, of.slices, strict=True))
 
     @cached_property
     def phased(self) -> Phased | None:
         """The limit whose numbers differ from phase to phase of the motion, if there is one."""
-        begin = 0
-        for (limit, size), rows in zip(
-            self.constraints.items, self.constraints.slices, strict=True
-        ):
+        for limit, numbers, rows in self._places:
             if isinstance(limit, PhasedLimit):
-                return Phased(limit, slice(begin, begin + size), rows)
-            begin += size
+                return Phased(limit, numbers, rows)
         return None
 
     @cached_property
@@ -101,15 +105,12 @@ class SceneLimits:
     def _convex_rows(self) -> list[tuple[ConvexLimit, slice, int, slice]]:
         """Of each of these rows its limit, the place of all its numbers, which of its rows it is,
         and the place of the numbers of that."""
-        found, begin = list[tuple[ConvexLimit, slice, int, slice]](), 0
-        parts = zip(self.constraints.items, self.constraints.slices, strict=True)
-        for (limit, size), rows in parts:
-            number = rows.stop - rows.start
+        found = list[tuple[ConvexLimit, slice, int, slice]]()
+        for limit, own, rows in self._places:
             if isinstance(limit, ConvexLimit):
-                each, own = size // number, slice(begin, begin + size)
-                places = (slice(begin + k * each, begin + (k + 1) * each) for k in range(number))
-                found += [(limit, own, k, place) for k, place in enumerate(places)]
-            begin += size
+                each = (own.stop - own.start) // (rows.stop - rows.start)
+                parts = enumerate(pairwise(range(own.start, own.stop + 1, each)))
+                found += [(limit, own, k, slice(*part)) for k, part in parts]
         return found
 
     def _with_part(self, place: slice, part: Array) -> Array:
@@ -130,8 +131,8 @@ class SceneLimits:
 
     def upper(self, name: str) -> Array | None:
         """The upper bounds of a limit, by its name; None where it does not exist."""
-        parts = zip(self.constraints.limits, self.constraints.slices, strict=True)
-        return next((self.bounds[1][rows] for limit, rows in parts if limit.name == name), None)
+        found = (rows for limit, _, rows in self._places if limit.name == name)
+        return next((self.bounds[1][rows] for rows in found), None)
 
 
 @lru_cache(maxsize=64)

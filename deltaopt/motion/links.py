@@ -28,11 +28,11 @@ from deltaopt.curves.piecewise import Array
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.robot.solids import Solid
+from deltaopt.scene.bodies import solids_about
 from deltaopt.scene.links import (
     BISECTIONS,
     LINKS,
     LinkGeometry,
-    bodies_of,
     each_link,
     kept_from_bodies,
     nearest,
@@ -55,7 +55,7 @@ def least_rooms(scene: Scene, motion: Trajectory, enough: float = 0.0) -> Array:
     More than ``enough`` (m) it is a bound that may be far too low, less it is what is seen at the
     worst of many instants, and NaN where the motion is out of reach.
     """
-    bodies, kept = bodies_of(scene), kept_from_bodies(scene)
+    bodies, kept = solids_about(scene.keep_out or ()), kept_from_bodies(scene)
     least = np.full((LINKS, len(bodies)), np.inf)
 
     def unknown(parts: Parts, is_last: bool) -> Truths:

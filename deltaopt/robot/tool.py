@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from math import dist
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import Field, create_model, model_validator
 
@@ -88,33 +88,39 @@ class Capsule(Along):
     """A capsule: all that is within ``radius`` of the line."""
 
 
-class Shape(Record):
+class OneOf(Record):
+    """A record of which exactly one field is given, of some ``kinds`` in words."""
+
+    kinds: ClassVar[str]
+
+    @property
+    def given(self) -> str:
+        """The name of that field."""
+        return next(name for name, value in self if value is not None)
+
+    @model_validator(mode="after")
+    def _is_one(self) -> Self:
+        given = [name for name, value in self if value is not None]
+        if len(given) != 1:
+            problem = f"has {' and '.join(given)}" if given else "is empty"
+            raise SceneError(None, "", given, self.kinds, problem)
+        return self
+
+
+class Shape(OneOf):
     """One shape of a tool about the tool's point, in the base's frame: the platform does not
     turn."""
 
     sphere: Sphere | None = Field(default=None, description="a mapping with centre, radius")
     box: Box | None = Field(default=None, description="a mapping with from, to")
     capsule: Capsule | None = Field(default=None, description="a mapping with from, to, radius")
-
-    @model_validator(mode="after")
-    def _is_one(self) -> Self:
-        require_one(self, _SHAPES)
-        return self
+    kinds: ClassVar[str] = _SHAPES
 
     @property
     def shape(self) -> Sphere | Box | Capsule:
         """The one that is given."""
-        found = self.sphere or self.box or self.capsule
-        assert found is not None  # by _is_one
+        found: Sphere | Box | Capsule = getattr(self, self.given)
         return found
-
-
-def require_one(record: Record, expected: str) -> None:
-    """Raise a SceneError unless exactly one field of a record is given."""
-    given = [name for name in type(record).model_fields if getattr(record, name) is not None]
-    if len(given) != 1:
-        problem = f"has {' and '.join(given)}" if given else "is empty"
-        raise SceneError(None, "", given, expected, problem)
 
 
 class Tool(Record):

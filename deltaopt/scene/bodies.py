@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from itertools import product
 from math import hypot
-from typing import Annotated, Self
+from typing import Annotated, ClassVar, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -30,10 +30,10 @@ from deltaopt.robot.tool import (
     Along,
     Box,
     Capsule,
+    OneOf,
     Point,
     Sphere,
     Tool,
-    require_one,
 )
 from deltaopt.scene.convex_hull import NoHull, convex_hull
 
@@ -41,7 +41,6 @@ EXPECTED_BODIES = (
     "a list of bodies, each one of box: {from, to}, sphere: {centre, radius}, "
     "cylinder: {from, to, radius}, half_space: {point, normal}, hull: {points or file}"
 )
-_ONE = EXPECTED_BODIES.removeprefix("a list of bodies, each ")
 _LARGE = 1e3
 """Half the size of the box that stands for a half-space, m: far beyond any robot, and its rounding
 error is 1e-13 m."""
@@ -93,7 +92,7 @@ class Hull(Record):
         return self
 
 
-class Body(Record):
+class Body(OneOf):
     """One keep-out body."""
 
     box: Box | None = Field(default=None, description="a mapping with from, to")
@@ -101,17 +100,12 @@ class Body(Record):
     cylinder: Cylinder | None = Field(default=None, description="a mapping with from, to, radius")
     half_space: HalfSpace | None = Field(default=None, description="a mapping with point, normal")
     hull: Hull | None = Field(default=None, description="a mapping with points or file")
-
-    @model_validator(mode="after")
-    def _is_one(self) -> Self:
-        require_one(self, _ONE)
-        return self
+    kinds: ClassVar[str] = EXPECTED_BODIES.removeprefix("a list of bodies, each ")
 
     @property
     def kind(self) -> str:
         """In words."""
-        found = next(name for name in type(self).model_fields if getattr(self, name) is not None)
-        return found.replace("_", "-")
+        return self.given.replace("_", "-")
 
     @property
     def in_words(self) -> str:
@@ -125,8 +119,7 @@ class Body(Record):
     @property
     def shape(self) -> Box | Sphere | Cylinder | HalfSpace | Hull:
         """The one that is given."""
-        found = self.box or self.sphere or self.cylinder or self.half_space or self.hull
-        assert found is not None  # by _is_one
+        found: Box | Sphere | Cylinder | HalfSpace | Hull = getattr(self, self.given)
         return found
 
 
@@ -165,6 +158,11 @@ def solid_about(body: Convex) -> Solid:
     principal = np.linalg.svd(corners - corners.mean(axis=0))[2]
     boxes = [_box_about(corners, axes, body.radius) for axes in (np.eye(3), principal)]
     return min(boxes, key=lambda box: float(np.prod(box.half)))
+
+
+def solids_about(bodies: Sequence[Body]) -> list[Solid]:
+    """Bodies as solids, hulls as boxes about them."""
+    return [solid_about(body) for _, body in sums(bodies, None)]
 
 
 def _box_about(corners: Array, axes: Array, radius: float) -> Solid:

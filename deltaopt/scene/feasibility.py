@@ -130,7 +130,7 @@ def serial_distances_at_ends(scene: Scene) -> Array:
 
     For each end cos² q_{k,3} of the three chains, then sin² (q_{k,1} - q_{k,2}).
     """
-    return _ends(scene)[2]
+    return _evaluated(scene, np.array(scene.given_points))[2]
 
 
 def room_at_rest(scene: Scene, points: Array) -> Array:
@@ -151,7 +151,8 @@ def room_at_rest(scene: Scene, points: Array) -> Array:
 
 def limit_room_at_ends(scene: Scene) -> float:
     """The least share of a limit that rest at start and goal leaves unused."""
-    return float(1 - np.abs(_ends(scene)[1]).max())
+    _, rows, _ = _evaluated(scene, np.array(scene.given_points))
+    return float(1 - np.abs(rows).max())
 
 
 def are_surely_feasible(scene: Scene, points: Array) -> NDArray[np.bool]:
@@ -167,11 +168,6 @@ def _surely(scene: Scene, x: Array, v: Array | None) -> NDArray[np.bool]:
     there = np.linalg.norm(back - x, axis=1) <= _SAME_PLACE  # False where not a number
     held = (np.abs(rows) <= 1).all(axis=1) & (distances > _CLEAR).all(axis=1)
     return np.asarray(there & held)
-
-
-def _ends(scene: Scene) -> tuple[Array, ...]:
-    """The results of ``_evaluated`` at rest at start and goal, two rows each."""
-    return _evaluated(scene, np.array(scene.given_points))
 
 
 def _evaluated(scene: Scene, x: Array, v: Array | None = None) -> tuple[Array, ...]:

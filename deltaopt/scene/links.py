@@ -12,7 +12,7 @@ from deltaopt.mechanisms.delta.mechanism import AZIMUTHS
 from deltaopt.robot.model import DeltaModel, delta_model
 from deltaopt.robot.robot import Robot, as_delta
 from deltaopt.robot.solids import Solid
-from deltaopt.scene.bodies import solid_about, sums
+from deltaopt.scene.bodies import solids_about
 from deltaopt.scene.scene import Scene
 
 LINKS = 6
@@ -26,15 +26,10 @@ def name_of(link: int) -> str:
     return f"{'forearm' if link % 2 else 'arm'} {link // 2 + 1}"
 
 
-def bodies_of(scene: Scene) -> list[Solid]:
-    """The bodies that links keep clear of, hulls as boxes about them."""
-    return [solid_about(body) for _, body in sums(scene.keep_out or (), None)]
-
-
 def rooms_at(scene: Scene, points: Array) -> Array:
     """By how much more than its radius and the scene's clearance each link stays away from each
     body, with the tool's point at points (N, 3), m: (N, 6, bodies). NaN out of reach."""
-    bodies = bodies_of(scene)
+    bodies = solids_about(scene.keep_out or ())
     geometry = LinkGeometry.of(delta_model(scene.robot, scene.payload), points)
     found = [nearest(body, *geometry.links)[1] - kept_from_bodies(scene) for body in bodies]
     return np.stack(found, axis=2)

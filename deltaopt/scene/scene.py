@@ -30,7 +30,7 @@ from deltaopt.robot.robot import Robot
 from deltaopt.robot.solids import Convex
 from deltaopt.robot.tool import Point
 from deltaopt.scene.approach import EXPECTED_APPROACH, Approach
-from deltaopt.scene.bodies import EXPECTED_BODIES, Body, solid_about, sums
+from deltaopt.scene.bodies import EXPECTED_BODIES, Body, solids_about, sums
 from deltaopt.scene.known_limits import (
     Limits,
     in_order_of_rows,
@@ -156,7 +156,7 @@ class Scene(Record):
         a scene as a planner has it (``planning/links_clear.py``)."""
         if not self.planned_links:
             return ()
-        bodies = [solid_about(body) for _, body in sums(self.keep_out or (), None)]
+        bodies = solids_about(self.keep_out or ())
         return tuple(KeptLink(link, bodies[body], m) for link, body, m in self.planned_links)
 
     @property

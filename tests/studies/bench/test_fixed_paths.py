@@ -38,7 +38,9 @@ def test_motors_and_platform_move_together():
     x = np.array(PICK.start) + 0.02 * rng.normal(size=(5, 3))
     v, a = rng.normal(size=(2, 5, 3))
     of_motors = (each[:, 3::3] for each in model.motion(x, v, a))
-    np.testing.assert_allclose(platform_motion(model, *of_motors), (x, v, a), rtol=1e-10, atol=1e-10)
+    np.testing.assert_allclose(
+        platform_motion(model, *of_motors), (x, v, a), rtol=1e-10, atol=1e-10
+    )
 
 
 def test_toppra_drives_our_path_as_fast_as_we_do():
