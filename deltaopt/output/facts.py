@@ -47,18 +47,6 @@ class StraightLine:
 
 
 @dataclass(frozen=True)
-class Measure:
-    """A measure of verification beside the most that it may be, in its ``unit``. ``value``:
-    infinite where it could not be evaluated."""
-
-    name: str
-    value: float
-    at_most: float
-    unit: str
-    ok: bool
-
-
-@dataclass(frozen=True)
 class MotorFact:
     """What a motion asks of each motor, or what a motor is rated for: numbers in a ``unit``.
 
@@ -101,20 +89,6 @@ class Facts:
 def facts(plan: Plan) -> Facts:
     """The facts of a plan, which is verified now."""
     return Facts(plan.scene, plan.trajectory, plan, verify(plan.scene, plan.trajectory))
-
-
-def measures(verification: Verification) -> list[Measure]:
-    """All measures that have a bound in a scene, limits first."""
-    return [
-        Measure(
-            check.bound.measure.replace("_", " "),
-            check.value,
-            check.bound.at_most,
-            check.bound.unit,
-            check.ok,
-        )
-        for check in verification.checks()
-    ]
 
 
 def motor_facts(duty: Duty) -> list[MotorFact]:

@@ -18,7 +18,7 @@ from deltaopt.curves.piecewise import Array, PiecewisePolynomial
 from deltaopt.errors import Unusable
 from deltaopt.files.csv_table import CsvTable, WrongCsv, read_csv
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.output.joint_table import Cubic, JointTable, Quintic, platform_motion
+from deltaopt.output.joint_table import JointTable, platform_motion
 from deltaopt.robot.joints import Joints
 from deltaopt.robot.model import DeltaModel
 
@@ -93,14 +93,14 @@ class ForeignTable:
         interval = np.repeat(np.arange(len(lengths)), 2 * _SPLIT)
         since = (lengths[:, None] * np.repeat(u, 2)[1:-1]).ravel()
         motion = platform_motion(model, *pieces.with_derivatives(interval, since))
-        return Trajectory(Quintic()(JointTable(pieces.knots[interval] + since, *motion)), model)
+        return Trajectory(JointTable(pieces.knots[interval] + since, *motion).quintic(), model)
 
     def _pieces(self) -> PiecewisePolynomial:
         if self.accelerations is None:
             rates = _spline_rates(self.t, self.values) if self.rates is None else self.rates
-            return Cubic()(JointTable(self.t, self.values, rates, np.zeros_like(rates)))
+            return JointTable(self.t, self.values, rates, np.zeros_like(rates)).cubic()
         assert self.rates is not None
-        return Quintic()(JointTable(self.t, self.values, self.rates, self.accelerations))
+        return JointTable(self.t, self.values, self.rates, self.accelerations).quintic()
 
 
 def read_foreign_table(file: Path) -> ForeignTable:

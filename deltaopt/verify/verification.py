@@ -166,16 +166,7 @@ class Verification:
 
     def _repr_html_(self) -> str:
         """All measures beside their bounds as a table, and what is wrong, for notebooks."""
-        rows = [
-            (
-                check.bound.measure.replace("_", " "),
-                f"{check.value:.1e}",
-                f"{check.bound.at_most:.0e}",
-                check.bound.unit,
-                "ok" if check.ok else "failed",
-            )
-            for check in self.checks()
-        ]
+        rows = [(*check.cells, "ok" if check.ok else "failed") for check in self.checks()]
         table = html_table(("measure", "value", "at most", "unit", ""), rows)
         sentences = self.failures() or ["verified: every bound is kept"]
         return table + "".join(f"<p>{escape(sentence)}</p>" for sentence in sentences)
