@@ -48,8 +48,7 @@ from deltaopt.output.joint_table import (
 )
 from deltaopt.output.saved_plan import SavedPlan, load_plan
 from deltaopt.output.table_files import (
-    DEGREES,
-    RADIANS,
+    UNITS,
     of_controller,
     write_ros2_bag,
     write_ros2_yaml,
@@ -166,7 +165,6 @@ def _add_unit(parser: argparse.ArgumentParser) -> None:
 
 
 INTERPOLATIONS = {each.name: each for each in (CUBIC, QUINTIC, CAM)}
-UNITS = {"rad": RADIANS, "deg": DEGREES}
 _UNASKED = 1e-3
 """Share by which a motion is slowed without being asked, so that it keeps its limits: as much as a
 plan may be longer than the optimum by default."""

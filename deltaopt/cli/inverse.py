@@ -13,13 +13,13 @@ Nothing is optimised, and limits are reported but need not be kept.
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 
 import numpy as np
 
 from deltaopt.cli.arguments import (
     WrongUsage,
     add_output,
-    add_scene,
     output_directory,
     positive,
 )
@@ -36,7 +36,9 @@ from deltaopt.scene.task import given_points
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    add_scene(parser)
+    parser.add_argument(
+        "scene", type=Path, metavar="SCENE", help="scene file, such as problems/pick_and_place.yaml"
+    )
     add_output(parser)
     parser.add_argument(
         "--duration",
