@@ -75,8 +75,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _table(trajectory: Trajectory) -> str:
     """A table of the torques at both ends and their extremes, N·m, a line for each motor."""
-    begin, end = trajectory.knots[[0, -1]]
-    tau = trajectory(np.linspace(begin, end, 1001)).tau
+    tau = trajectory(trajectory.instants(1001)).tau
     lines = [f"{'torque (N·m)':<14}{'at start':>10}{'at goal':>10}{'least':>10}{'most':>10}"]
     for k in range(3):
         values = (tau[0, k], tau[-1, k], tau[:, k].min(), tau[:, k].max())

@@ -20,7 +20,7 @@ as wide."""
 _ASIDE, _FROM_ABOVE = 0.35, 0.3
 """Angles, rad, by which the view differs from one at right angles to the move: enough to see which
 chain is in front, and little enough for the path to keep its shape."""
-_BASE, _PLATFORM, _EDGE = "0.85", "0.6", "0.3"
+_BASE, _PLATFORM = "0.85", "0.6"
 
 
 @dataclass(frozen=True)
