@@ -201,15 +201,14 @@ def _rows(arguments: argparse.Namespace, joints: Joints) -> ForeignTable:
         rows = replace(rows, accelerations=None)
     if arguments.controller == "quintic" and rows.accelerations is None:
         raise WrongUsage(f"--controller is quintic, but {arguments.motion} has no accelerations")
-    rows = rows.in_radians(UNITS[arguments.unit or "rad"].per_radian)
-    if arguments.controller_angles:
-        return rows.from_controller(joints)
-    if rows.quantity == ANGLES and (joints.zero, joints.sign) != (None, None):
+    own = rows.quantity == ANGLES and (joints.zero, joints.sign) != (None, None)
+    if own and not arguments.controller_angles:
         say(
             "angles are taken as the model's; with --controller-angles as the controller's, which "
             "have the zero and sign of the robot's joints"
         )
-    return rows
+    unit = UNITS[arguments.unit or "rad"]
+    return rows.in_model(unit.per_radian, joints if arguments.controller_angles else Joints())
 
 
 def _sentence(excess: Excess) -> str:

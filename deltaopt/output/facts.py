@@ -128,8 +128,10 @@ def work(duty: Duty) -> tuple[float, float]:
 
 
 def headline(duration: float) -> str:
-    """A duration in s, and how many picks a minute it permits at most."""
-    return f"{_seconds(duration)}, {picks_per_minute(duration)} picks per minute"
+    """A duration in s, and how many picks a minute it permits at most: there and back each."""
+    rate = 30 / duration
+    picks = f"{rate:.0f}" if rate >= 10 else f"{rate:.2g}"
+    return f"{_seconds(duration)}, {picks} picks per minute"
 
 
 def title(task: Task, duration: float) -> str:
@@ -145,9 +147,3 @@ def assumption(task: Task) -> str:
 
 def _seconds(duration: float) -> str:
     return f"{duration:.3f} s" if duration >= 0.1 else f"{duration:.3g} s"
-
-
-def picks_per_minute(duration: float) -> str:
-    """60 s over twice the duration in s: there and back."""
-    rate = 30 / duration
-    return f"{rate:.0f}" if rate >= 10 else f"{rate:.2g}"

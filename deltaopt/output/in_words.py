@@ -140,17 +140,13 @@ def singularities_table(distances: Sequence[Distance]) -> list[str]:
     ``limits.tilt_singularity`` keeps motions from it.
     """
     lines = [
-        f"  {each.name}: {each.formula} = {each.least:.2g}, {_where(each)}"
+        f"  {each.name}: {each.formula} = {each.least:.2g}, "
+        + ("" if each.subject == "robot" else f"{each.subject} ")
+        + f"at t = {each.t:.6f} s"
         + (", PASSED: the motors do not hold the robot there" if each.least <= 0 else "")
         for each in distances
     ]
     return ["least distance to singularities, 0 in one and 1 at best:", *lines] if lines else []
-
-
-def _where(distance: Distance) -> str:
-    """Of which chain, if it is of one, and when: "chain 2 at t = 0.1 s"."""
-    when = f"at t = {distance.t:.6f} s"
-    return when if distance.subject == "robot" else f"{distance.subject} {when}"
 
 
 def _optimality(verification: Verification, certified: bool) -> list[str]:

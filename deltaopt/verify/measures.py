@@ -20,7 +20,7 @@ import numpy as np
 from deltaopt.codegen.vectorised import RowFunction
 from deltaopt.curves.piecewise import Array, Index, PiecewisePolynomial
 from deltaopt.errors import Unreachable
-from deltaopt.limits.limit import Bounds, Limit, first_highest
+from deltaopt.limits.limit import Bounds, Limit, OwnMeasure, first_highest
 from deltaopt.mechanisms.functions import Functions
 from deltaopt.mechanisms.instant import CoordinateInstant
 from deltaopt.motion.trajectory import Trajectory
@@ -335,6 +335,14 @@ def not_measured(scene: Scene) -> dict[str, Excess]:
     limits = [limit for limit in limits_of(scene).constraints.limits if limit.promised]
     excesses = (Excess(each.name, scene.robot.unit(each.unit), each.subject) for each in limits)
     return {each.key: each for each in excesses}
+
+
+def excess_of(scene: Scene, measure: OwnMeasure) -> Excess | None:
+    """Of the limit that a measure of its own is for: infinite, and to be known at all instants.
+    None where the scene has no such limit."""
+    limits = limits_of(scene).constraints.limits
+    own = (each for each in limits if each.own_measure is measure)
+    return next((Excess(e.name, e.unit, e.subject, known=Known.SURE) for e in own), None)
 
 
 @lru_cache(maxsize=32)
