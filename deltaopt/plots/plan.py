@@ -152,7 +152,7 @@ def _path(axes: Axes, scene: Scene, trajectory: Trajectory, side: _Side) -> None
 
     _lines(axes, scene, trajectory, place)
     dots = place(trajectory(trajectory.instants(_INSTANTS)[1:-1]).x)
-    axes.plot(*dots.T, "o", color=BLACK, markersize=4)
+    axes.plot(*dots.T, "o", color=BLACK, markersize=4, zorder=4)
     axes.set_aspect("equal", adjustable="datalim")
     axes.margins(0.08)
     draw_bodies(axes, scene, place)
