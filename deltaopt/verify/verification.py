@@ -182,21 +182,21 @@ class Verification:
             if each.name == "excesses":
                 absent = dict.fromkeys(_known_excesses())
                 present = {name: excess.value for name, excess in self.excesses.items()}
-                content |= {name: _finite(value) for name, value in (absent | present).items()}
+                content |= {name: finite(value) for name, value in (absent | present).items()}
             elif each.name not in ("distances", "duty", "obstacles", "promised"):
-                content[each.name] = _finite(getattr(self, each.name))
+                content[each.name] = finite(getattr(self, each.name))
         content["limits"] = {
             excess.limit: {
                 "subject": excess.subject,
-                "excess": _finite(excess.amount),
+                "excess": finite(excess.amount),
                 "unit": excess.unit,
-                "t": _finite(excess.t),
+                "t": finite(excess.t),
             }
             for excess in self.excesses.values()
         }
         content["singularities"] = {
             distance.name: {
-                "least": _finite(distance.least),
+                "least": finite(distance.least),
                 "formula": distance.formula,
                 "unit": distance.unit,
                 "subject": distance.subject,
@@ -244,8 +244,9 @@ _KEYS = {
 _LIGHTER = "with_the_least_payload"
 
 
-def _finite(value: float | None) -> float | None:
-    return value if value is not None and isfinite(value) else None
+def finite(value: object) -> object:
+    """The value, or None for infinity and NaN, which JSON does not have."""
+    return None if isinstance(value, float) and not isfinite(value) else value
 
 
 @np.errstate(over="ignore", invalid="ignore")  # measures that are no numbers are beyond any bound
