@@ -13,11 +13,8 @@ from collections.abc import Mapping
 import deltaopt
 from deltaopt.cli.arguments import positive
 from deltaopt.output.joint_table import (
-    Cubic,
-    Cycles,
-    Interpolation,
-    OwnKnots,
-    Quintic,
+    CUBIC,
+    QUINTIC,
     Rows,
     checked_table,
     table_within_limits,
@@ -26,8 +23,6 @@ from studies.problems import PICK_AND_PLACE, add_scenes
 
 HELP = "what controllers' interpolation of joint tables asks for"
 SMALL: Mapping[str, object] = {"scenes": (PICK_AND_PLACE,), "cycles": (4e-3,)}
-
-_INTERPOLATIONS: tuple[Interpolation, ...] = (Cubic(), Quintic())
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -43,14 +38,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    rows: list[Rows] = [OwnKnots(), *(Cycles(cycle) for cycle in arguments.cycles)]
+    rows = [Rows(), *(Rows(cycle) for cycle in arguments.cycles)]
     names = ["own knots", *(f"{1e3 * cycle:g} ms" for cycle in arguments.cycles)]
     print(f"| scene | interpolation | {' | '.join(names)} |")
     print("|---" * (2 + len(names)) + "|")
     for file in arguments.scenes:
         scene = deltaopt.load_scene(file)
         trajectory = deltaopt.plan(scene).trajectory
-        for interpolation in _INTERPOLATIONS:
+        for interpolation in (CUBIC, QUINTIC):
             cells = []
             for each in rows:
                 found = checked_table(scene, trajectory, each, interpolation)

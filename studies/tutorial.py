@@ -17,11 +17,9 @@ from deltaopt.curves.piecewise import Array
 from deltaopt.files.validated_record import per_motor
 from deltaopt.motion.effort import effort
 from deltaopt.output.joint_table import (
-    Cubic,
-    Cycles,
+    CUBIC,
+    QUINTIC,
     Interpolation,
-    OwnKnots,
-    Quintic,
     Rows,
     checked_table,
     platform_motion,
@@ -63,7 +61,7 @@ def asked_torques(
 ) -> AskedTorques:
     """What a controller's table of a plan asks for, between its rows too."""
     checked = checked_table(plan.scene, plan.trajectory, rows, interpolation)
-    angles = interpolation(checked.table)
+    angles = interpolation.pieces(checked.table)
     speeds = angles.derivative()
     steps = max(2, _SAMPLES // (len(angles.knots) - 1))
     pieces = np.repeat(np.arange(len(angles.knots) - 1), steps)  # both sides of each jump
@@ -103,8 +101,8 @@ def run(arguments: argparse.Namespace) -> int:
     draw_effort(efforts, directory / "tutorial_effort.png")
 
     asked = [
-        asked_torques(plan, Cycles(CYCLE), Cubic(), "cubic, rows each ms"),
-        asked_torques(plan, OwnKnots(), Quintic(), "quintic, rows at the plan's own knots"),
+        asked_torques(plan, Rows(CYCLE), CUBIC, "cubic, rows each ms"),
+        asked_torques(plan, Rows(), QUINTIC, "quintic, rows at the plan's own knots"),
     ]
     for each in asked:
         print(f"{each.name}: asks for {each.most:.2f} of a limit")

@@ -19,13 +19,6 @@ class WrongUsage(Unusable):
     """An argument contradicts another one or asks for what no file can hold."""
 
 
-def add_scene(parser: argparse.ArgumentParser) -> None:
-    """Add the argument SCENE, a scene file."""
-    parser.add_argument(
-        "scene", type=Path, metavar="SCENE", help="scene file, such as problems/pick_and_place.yaml"
-    )
-
-
 def add_json(parser: argparse.ArgumentParser) -> None:
     """Add the option --json, for machines."""
     parser.add_argument(
@@ -33,11 +26,6 @@ def add_json(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="print one JSON object (of several scenes one a line) and no tables, SI units",
     )
-
-
-def add_scenes(parser: argparse.ArgumentParser) -> None:
-    """Add the argument SCENE..., one or more scene files."""
-    parser.add_argument("scenes", nargs="+", type=Path, metavar="SCENE", help="scene files")
 
 
 def add_output(

@@ -99,7 +99,8 @@ def run(arguments: argparse.Namespace) -> int:
         raise WrongUsage("--terms prints a table; it has no --json")
     if arguments.terms:
         return _terms(arguments)
-    if _is_robot(arguments.scene):
+    content = read_yaml(arguments.scene)
+    if "drive" in content and "robot" not in content:
         robot = load_robot(arguments.scene)
         if arguments.json:
             print_json({"robot": robot.model_dump(mode="json", exclude_none=True)})
@@ -191,22 +192,16 @@ def _terms(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _is_robot(file: Path) -> bool:
-    """Whether a file is a robot's rather than a scene's."""
-    content = read_yaml(file)
-    return "drive" in content and "robot" not in content
-
-
 def drive_table(drive: Drive) -> list[str]:
     """Lines on a drive at its arm, with every step from the catalogues of motor, brake and gear."""
     if drive.motor is None:
-        lines = [f"  {'torque':<14}{_each(drive.torque)} N·m"]
-        if drive.rms_torque is not None:
-            lines.append(f"  {'RMS torque':<14}{_each(drive.rms_torque)} N·m")
-        if drive.speed is not None:
-            lines.append(f"  {'speed':<14}{_each(drive.speed)} rad/s")
-        if drive.inertia is not None:
-            lines.append(f"  {'inertia':<14}{drive.inertia:g} kg·m²")
+        given = (
+            ("torque", drive.torque, "N·m"),
+            ("RMS torque", drive.rms_torque, "N·m"),
+            ("speed", drive.speed, "rad/s"),
+            ("inertia", drive.inertia, "kg·m²"),
+        )
+        lines = [f"  {name:<14}{_each(n)} {unit}" for name, n, unit in given if n is not None]
     else:
         found = reductions(drive.motor, drive.brake, drive.gear).values()
         lines = [line for each in found for line in _steps(each)]

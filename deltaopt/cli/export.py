@@ -36,23 +36,19 @@ from deltaopt.files.atomic_write import require_replaceable
 from deltaopt.files.output_folder import all_or_none
 from deltaopt.files.units import Misread, Quantity
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.output.cam_tables import CamPieces, Cams, write_cams
+from deltaopt.output.cam_tables import CAM, Cams, write_cams
 from deltaopt.output.joint_table import (
+    CUBIC,
+    QUINTIC,
     CheckedTable,
-    Cubic,
-    Cycles,
-    Interpolation,
     JointTable,
-    OwnKnots,
-    Quintic,
     Rows,
     checked_table,
     table_within_limits,
 )
 from deltaopt.output.saved_plan import SavedPlan, load_plan
 from deltaopt.output.table_files import (
-    DEGREES,
-    RADIANS,
+    UNITS,
     of_controller,
     write_ros2_bag,
     write_ros2_yaml,
@@ -120,7 +116,7 @@ def _add_table(parser: argparse.ArgumentParser, output: Path, kind: str) -> None
     parser.add_argument(
         "--cycle",
         type=_rows,
-        default=OwnKnots(),
+        default=Rows(),
         metavar="TIME",
         help='time between rows, such as 1ms; or "own-knots" (default)',
     )
@@ -168,10 +164,7 @@ def _add_unit(parser: argparse.ArgumentParser) -> None:
     )
 
 
-INTERPOLATIONS: dict[str, Interpolation] = {
-    each.name: each for each in (Cubic(), Quintic(), CamPieces())
-}
-UNITS = {"rad": RADIANS, "deg": DEGREES}
+INTERPOLATIONS = {each.name: each for each in (CUBIC, QUINTIC, CAM)}
 _UNASKED = 1e-3
 """Share by which a motion is slowed without being asked, so that it keeps its limits: as much as a
 plan may be longer than the optimum by default."""
@@ -188,7 +181,7 @@ class BeyondLimits(DeltaOptError):
 def _rows(text: str) -> Rows:
     """Where a table has rows, for argparse: own-knots, or a time with a unit."""
     if text == "own-knots":
-        return OwnKnots()
+        return Rows()
     try:
         cycle = positive(str(Quantity("s").in_si(text)))
     except (Misread, argparse.ArgumentTypeError):
@@ -196,7 +189,7 @@ def _rows(text: str) -> Rows:
     if not (text.endswith("s") and 1e-6 <= cycle <= 10):
         expected = "own-knots or a time from 1us to 10s, such as 1ms"
         raise argparse.ArgumentTypeError(f"{text!r} is not {expected}")
-    return Cycles(cycle)
+    return Rows(cycle)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -323,7 +316,7 @@ def _remedies(scene: Scene, trajectory: Trajectory, kept: CheckedTable) -> list[
     of_plc = kept.interpolation.name == "cam"
     found = [
         table_within_limits(scene, trajectory, rows, how)
-        for rows in dict.fromkeys((OwnKnots(), kept.rows))
+        for rows in dict.fromkeys((Rows(), kept.rows))
         for how in INTERPOLATIONS.values()
         if (how.name == "cam") == of_plc
     ]

@@ -13,13 +13,13 @@ Nothing is optimised, and limits are reported but need not be kept.
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 
 import numpy as np
 
 from deltaopt.cli.arguments import (
     WrongUsage,
     add_output,
-    add_scene,
     output_directory,
     positive,
 )
@@ -37,7 +37,9 @@ from deltaopt.scene.task import given_points
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    add_scene(parser)
+    parser.add_argument(
+        "scene", type=Path, metavar="SCENE", help="scene file, such as problems/pick_and_place.yaml"
+    )
     add_output(parser)
     parser.add_argument(
         "--duration",
@@ -74,8 +76,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _table(trajectory: Trajectory) -> str:
     """A table of the torques at both ends and their extremes, N·m, a line for each motor."""
-    begin, end = trajectory.knots[[0, -1]]
-    tau = trajectory(np.linspace(begin, end, 1001)).tau
+    tau = trajectory(trajectory.instants(1001)).tau
     lines = [f"{'torque (N·m)':<14}{'at start':>10}{'at goal':>10}{'least':>10}{'most':>10}"]
     for k in range(3):
         values = (tau[0, k], tau[-1, k], tau[:, k].min(), tau[:, k].max())

@@ -20,15 +20,13 @@ from __future__ import annotations
 import argparse
 import logging
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from deltaopt.cli.arguments import (
     WrongUsage,
     add_json,
     add_output,
-    add_scenes,
     first_intervals,
     one_or_more,
     optimality_gap,
@@ -91,7 +89,7 @@ PLANNING = (
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    add_scenes(parser)
+    parser.add_argument("scenes", nargs="+", type=Path, metavar="SCENE", help="scene files")
     add_output(
         parser,
         words="directory to write to, made if need be; of several scenes the one that theirs are "
@@ -173,21 +171,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    if arguments.verbose > 1:
-        with _solver_heard():
-            return _run(arguments)
-    return _run(arguments)
-
-
-@contextmanager
-def _solver_heard() -> Iterator[None]:
-    """Let what solvers say of their iterations be heard meanwhile."""
-    log = logging.getLogger("deltaopt.planning")
-    log.setLevel(logging.DEBUG)
+    solvers = logging.getLogger("deltaopt.planning")
+    solvers.setLevel(logging.DEBUG if arguments.verbose > 1 else logging.NOTSET)
     try:
-        yield
+        return _run(arguments)
     finally:
-        log.setLevel(logging.NOTSET)
+        solvers.setLevel(logging.NOTSET)
 
 
 def _run(arguments: argparse.Namespace) -> int:
@@ -198,15 +187,18 @@ def _run(arguments: argparse.Namespace) -> int:
     scenes = [load_scene(file) for file in folders]
     if any(scene.follows_path for scene in scenes):
         _refuse_free_paths(arguments)
-    jobs = list(zip(folders.items(), scenes, strict=True))
-    if len(jobs) == 1:
-        return _plan(*jobs[0], formulation, arguments)
-    codes = [_one_of_several(job, formulation, arguments) for job in jobs]
+    codes = []
+    for (file, directory), scene in zip(folders.items(), scenes, strict=True):
+        if len(folders) > 1:
+            say(f"{file}:")
+        try:
+            codes.append(_plan(file, directory, scene, formulation, arguments))
+        except DeltaOptError as error:
+            if len(folders) == 1 or isinstance(error, SceneError):
+                raise
+            say(f"deltaopt: {file}: {error}")  # and the others have their solutions
+            codes.append(1)
     return max(codes)
-
-
-Job = tuple[tuple[Path, Path], Scene]
-"""A scene's file, the directory to write to, and the scene."""
 
 
 def _folders(arguments: argparse.Namespace) -> dict[Path, Path]:
@@ -233,32 +225,15 @@ def _folders(arguments: argparse.Namespace) -> dict[Path, Path]:
     return found
 
 
-def _one_of_several(
-    job: Job, formulation: ProblemFormulation, arguments: argparse.Namespace
-) -> int:
-    """Plan one of several scenes; if it has no solution, say so and let the others have theirs."""
-    (file, directory), scene = job
-    say(f"{file}:")
-    try:
-        return _plan((file, directory), scene, formulation, arguments)
-    except SceneError:
-        raise
-    except DeltaOptError as error:
-        say(f"deltaopt: {file}: {error}")
-        return 1
-
-
 def _plan(
-    names: tuple[Path, Path],
+    file: Path,
+    directory: Path,
     scene: Scene,
     formulation: ProblemFormulation,
     arguments: argparse.Namespace,
 ) -> int:
-    """Plan one scene, print and write what was found, and return the exit code.
-
-    ``names``: of the scene's file, and of the directory to write to.
-    """
-    file, directory = names
+    """Plan the scene of a file, print what was found, write it into a directory, and return the
+    exit code."""
     check_feasible(scene)
     require_writable(directory)
     trajectory, found = _solve(scene, formulation, arguments)

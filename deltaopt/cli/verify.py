@@ -20,7 +20,6 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import asdict, replace
-from math import pi
 from pathlib import Path
 
 import numpy as np
@@ -38,6 +37,7 @@ from deltaopt.output.saved_plan import (
     record_differences,
     table_difference,
 )
+from deltaopt.output.table_files import UNITS
 from deltaopt.robot.joints import Joints
 from deltaopt.robot.model import delta_model
 from deltaopt.robot.robot import load_robot
@@ -46,8 +46,6 @@ from deltaopt.scene.scene_file import load_scene
 from deltaopt.verify.bounds import EXCESS
 from deltaopt.verify.measures import Excess, MeasuredMotion
 from deltaopt.verify.verification import Verification, verify
-
-_PER_RADIAN = {"rad": 1.0, "deg": 180 / pi}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -64,7 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--payload", type=kilograms, metavar="KG", help="of a table (default: none)"
     )
-    parser.add_argument("--unit", choices=_PER_RADIAN, help="of angles in a table (default: rad)")
+    parser.add_argument("--unit", choices=UNITS, help="of angles in a table (default: rad)")
     parser.add_argument(
         "--controller",
         choices=("cubic", "quintic"),
@@ -109,7 +107,13 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json:
         told = {"plan": str(arguments.motion), **found.as_dict(), "differences": differences}
         told["ok"] = found.ok and not differences
-        print_json(told if replay is None else {**told, "mujoco": _as_dict(replay)})
+        if replay is not None:
+            told["mujoco"] = {
+                **asdict(replay),
+                "order": replay.order,
+                "converges": replay.converges,
+            }
+        print_json(told)
     else:
         print(table(found, asked_for=saved.record.get("tolerance")))
         if replay is not None:
@@ -143,10 +147,6 @@ def replay_lines(replay: MujocoReplay, found: Verification) -> list[str]:
     if not (replay.converges or found.judges_arrival):
         verdict += ", as is to be expected: without feedback deviations grow too much (see above)"
     return ["the torques alone, replayed in MuJoCo:", *lines, f"  {verdict}"]
-
-
-def _as_dict(replay: MujocoReplay) -> dict[str, object]:
-    return {**asdict(replay), "order": replay.order, "converges": replay.converges}
 
 
 def _measure(arguments: argparse.Namespace) -> int:
@@ -202,15 +202,14 @@ def _rows(arguments: argparse.Namespace, joints: Joints) -> ForeignTable:
         rows = replace(rows, accelerations=None)
     if arguments.controller == "quintic" and rows.accelerations is None:
         raise WrongUsage(f"--controller is quintic, but {arguments.motion} has no accelerations")
-    rows = rows.in_radians(_PER_RADIAN[arguments.unit or "rad"])
-    if arguments.controller_angles:
-        return rows.from_controller(joints)
-    if rows.quantity == ANGLES and (joints.zero, joints.sign) != (None, None):
+    own = rows.quantity == ANGLES and (joints.zero, joints.sign) != (None, None)
+    if own and not arguments.controller_angles:
         say(
             "angles are taken as the model's; with --controller-angles as the controller's, which "
             "have the zero and sign of the robot's joints"
         )
-    return rows
+    unit = UNITS[arguments.unit or "rad"]
+    return rows.in_model(unit.per_radian, joints if arguments.controller_angles else Joints())
 
 
 def _sentence(excess: Excess) -> str:

@@ -108,6 +108,10 @@ class Trajectory:
                 v[outside & beyond] = velocity
         return self._motion(np.where(outside, times, instants), x, v, a)
 
+    def instants(self, number: int) -> Array:
+        """So many times from start to goal, both among them, at equal steps, (N,), s."""
+        return np.linspace(self.knots[0], self.knots[-1], number)
+
     @property
     def shares(self) -> Array:
         """Lengths of the intervals between knots as fractions of the duration, (N,)."""

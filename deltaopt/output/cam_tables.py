@@ -15,13 +15,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
 
 import numpy as np
 
 from deltaopt.curves.piecewise import Array, PiecewisePolynomial
 from deltaopt.files.output_folder import write_texts
-from deltaopt.output.joint_table import JointTable, Quintic
+from deltaopt.output.joint_table import Interpolation, JointTable
 from deltaopt.output.table_files import AngleUnit
 
 BLEND = 1e-6
@@ -32,17 +31,6 @@ _LEAST_SHARE = 0.1
 """Of the shortest time between rows that such a piece may take."""
 POINTS, PIECES, TWINCAT, CODESYS = "points.csv", "pieces.csv", "twincat.st", "codesys.st"
 """Names of the files."""
-
-
-@dataclass(frozen=True)
-class CamPieces:
-    """Quintic pieces through the points of a cam."""
-
-    name: ClassVar[str] = "cam"
-
-    def __call__(self, table: JointTable) -> PiecewisePolynomial:
-        """The motor angles, rad, over time, s; see ``joint_table.Interpolation``."""
-        return Quintic()(without_jumps(table))
 
 
 def without_jumps(table: JointTable) -> JointTable:
@@ -67,6 +55,10 @@ def without_jumps(table: JointTable) -> JointTable:
     drawn_out = blend * (2 * a[before] + a[after]) / 6
     theta[after] = theta[before] + blend * (dtheta[before] + drawn_out)
     return JointTable(t, theta, dtheta, a)
+
+
+CAM = Interpolation("cam", lambda table: without_jumps(table).quintic())
+"""Quintic pieces through the points of a cam."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +86,7 @@ class Cams:
 
     def pieces(self) -> PiecewisePolynomial:
         """The quintic polynomials between the points, of the master's position since each began."""
-        return Quintic()(JointTable(self.master, *self.slaves))
+        return JointTable(self.master, *self.slaves).quintic()
 
 
 def write_cams(directory: Path, cams: Cams, name: str) -> list[Path]:

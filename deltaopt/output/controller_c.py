@@ -80,7 +80,7 @@ def export_plan_c(
         knots_number=pieces + 1,
         knots=",\n".join(f"    {t!r}" for t in position.knots.tolist()),
         number=3 * pieces * powers,
-        coefficients=",\n".join(map(_listed, position.coefficients.reshape(-1, 3))),
+        coefficients=",\n".join(f"    {_numbers(c)}" for c in position.coefficients.reshape(-1, 3)),
         payload=repr(float(trajectory.model.payload or 0.0)),
     )
     head = "".join(f"/* {remark} */\n" for remark in remarks)
@@ -197,7 +197,7 @@ def program(robot: Robot, plan: Trajectory | None = None) -> str:
         header="delta.h" if plan is None else "plan.h",
         number=len(rows),
         payload=repr(payload),
-        states=",\n".join(map(_braced, rows)),
+        states=_braced(rows),
         played="" if plan is None else _played(plan),
         play="" if plan is None else _PLAY,
     )
@@ -213,15 +213,11 @@ def _played(plan: Trajectory) -> str:
         joints.rate_to_controller(each) for each in (motion.dtheta, motion.ddtheta, motion.tau)
     )
     rows = np.hstack([t[:, None], joints.angle_to_controller(motion.theta), *rates])
-    return Template(_PLAYED).substitute(number=len(rows), rows=",\n".join(map(_braced, rows)))
+    return Template(_PLAYED).substitute(number=len(rows), rows=_braced(rows))
 
 
-def _braced(row: Array) -> str:
-    return f"    {{{_numbers(row)}}}"
-
-
-def _listed(row: Array) -> str:
-    return f"    {_numbers(row)}"
+def _braced(rows: Array) -> str:
+    return ",\n".join(f"    {{{_numbers(row)}}}" for row in rows)
 
 
 def _numbers(row: Array) -> str:

@@ -47,18 +47,6 @@ class StraightLine:
 
 
 @dataclass(frozen=True)
-class Measure:
-    """A measure of verification beside the most that it may be, in its ``unit``. ``value``:
-    infinite where it could not be evaluated."""
-
-    name: str
-    value: float
-    at_most: float
-    unit: str
-    ok: bool
-
-
-@dataclass(frozen=True)
 class MotorFact:
     """What a motion asks of each motor, or what a motor is rated for: numbers in a ``unit``.
 
@@ -103,20 +91,6 @@ def facts(plan: Plan) -> Facts:
     return Facts(plan.scene, plan.trajectory, plan, verify(plan.scene, plan.trajectory))
 
 
-def measures(verification: Verification) -> list[Measure]:
-    """All measures that have a bound in a scene, limits first."""
-    return [
-        Measure(
-            check.bound.measure.replace("_", " "),
-            check.value,
-            check.bound.at_most,
-            check.bound.unit,
-            check.ok,
-        )
-        for check in verification.checks()
-    ]
-
-
 def motor_facts(duty: Duty) -> list[MotorFact]:
     """What is known of each motor's duty at its arm, each rating after what it is of."""
     gear = duty.nominal_torque
@@ -154,8 +128,10 @@ def work(duty: Duty) -> tuple[float, float]:
 
 
 def headline(duration: float) -> str:
-    """A duration in s, and how many picks a minute it permits at most."""
-    return f"{_seconds(duration)}, {picks_per_minute(duration)} picks per minute"
+    """A duration in s, and how many picks a minute it permits at most: there and back each."""
+    rate = 30 / duration
+    picks = f"{rate:.0f}" if rate >= 10 else f"{rate:.2g}"
+    return f"{_seconds(duration)}, {picks} picks per minute"
 
 
 def title(task: Task, duration: float) -> str:
@@ -171,9 +147,3 @@ def assumption(task: Task) -> str:
 
 def _seconds(duration: float) -> str:
     return f"{duration:.3f} s" if duration >= 0.1 else f"{duration:.3g} s"
-
-
-def picks_per_minute(duration: float) -> str:
-    """60 s over twice the duration in s: there and back."""
-    rate = 30 / duration
-    return f"{rate:.0f}" if rate >= 10 else f"{rate:.2g}"

@@ -7,7 +7,7 @@ smoothest cubic through its rows.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, takewhile
 from pathlib import Path
@@ -18,11 +18,10 @@ from deltaopt.curves.piecewise import Array, PiecewisePolynomial
 from deltaopt.errors import Unusable
 from deltaopt.files.csv_table import CsvTable, WrongCsv, read_csv
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.output.joint_table import Cubic, JointTable, Quintic, platform_motion
+from deltaopt.output.joint_table import JointTable, platform_motion
 from deltaopt.robot.joints import Joints
 from deltaopt.robot.model import DeltaModel
 
-Turn = Callable[[Array], Array]
 ANGLES = ("theta1", "theta2", "theta3")
 POSITION = ("x", "y", "z")
 _RATES = {ANGLES: ("d", "dd"), POSITION: ("v", "a")}
@@ -63,22 +62,17 @@ class ForeignTable:
             return "the smooth cubic spline through its rows"
         return "cubic" if self.accelerations is None else "quintic"
 
-    def in_radians(self, per_radian: float) -> ForeignTable:
-        """A table of angles whose unit is 1/per_radian rad."""
-        return self._turned(lambda angles: angles / per_radian, lambda rates: rates / per_radian)
-
-    def from_controller(self, joints: Joints) -> ForeignTable:
-        """A table of a controller's angles in the model's."""
-        return self._turned(joints.angle_from_controller, joints.rate_from_controller)
-
-    def _turned(self, angle: Turn, rate: Turn) -> ForeignTable:
-        """With other angles, if they are angles, and other rates of them."""
+    def in_model(self, per_radian: float, joints: Joints) -> ForeignTable:
+        """A table of angles whose unit is 1/per_radian rad, as a controller of such joints counts
+        them, in the model's. One of positions as it is."""
         if self.quantity != ANGLES:
             return self
         rates, accelerations = (
-            None if each is None else rate(each) for each in (self.rates, self.accelerations)
+            None if each is None else joints.rate_from_controller(each / per_radian)
+            for each in (self.rates, self.accelerations)
         )
-        return replace(self, values=angle(self.values), rates=rates, accelerations=accelerations)
+        values = joints.angle_from_controller(self.values / per_radian)
+        return replace(self, values=values, rates=rates, accelerations=accelerations)
 
     def trajectory(self, model: DeltaModel) -> Trajectory:
         """The motion of a robot's tool's point that follows the table.
@@ -93,14 +87,14 @@ class ForeignTable:
         interval = np.repeat(np.arange(len(lengths)), 2 * _SPLIT)
         since = (lengths[:, None] * np.repeat(u, 2)[1:-1]).ravel()
         motion = platform_motion(model, *pieces.with_derivatives(interval, since))
-        return Trajectory(Quintic()(JointTable(pieces.knots[interval] + since, *motion)), model)
+        return Trajectory(JointTable(pieces.knots[interval] + since, *motion).quintic(), model)
 
     def _pieces(self) -> PiecewisePolynomial:
         if self.accelerations is None:
             rates = _spline_rates(self.t, self.values) if self.rates is None else self.rates
-            return Cubic()(JointTable(self.t, self.values, rates, np.zeros_like(rates)))
+            return JointTable(self.t, self.values, rates, np.zeros_like(rates)).cubic()
         assert self.rates is not None
-        return Quintic()(JointTable(self.t, self.values, self.rates, self.accelerations))
+        return JointTable(self.t, self.values, self.rates, self.accelerations).quintic()
 
 
 def read_foreign_table(file: Path) -> ForeignTable:
@@ -126,7 +120,7 @@ def _foreign_table(table: CsvTable) -> ForeignTable:
         )
     if len(table.rows) < 4:
         raise WrongCsv(f"has {len(table.rows)} rows; a motion has four at least")
-    parts = [quantity, *(_names(quantity, prefix) for prefix in _RATES[quantity])]
+    parts = [[prefix + name for name in quantity] for prefix in ("", *_RATES[quantity])]
     parts = list(takewhile(lambda part: not header.isdisjoint(part), parts))
     values, rates, accelerations = [*map(table.columns, parts), None, None][:3]
     assert values is not None
@@ -165,11 +159,6 @@ def _require_one_place(table: ForeignTable, lines: Sequence[int]) -> None:
             row = jumps[off.argmax()]
             which = f"lines {lines[row]} and {lines[row + 1]} have the same time"
             raise WrongCsv(f"{which}, but {what}s that differ by {off.max():g}")
-
-
-def _names(quantity: tuple[str, str, str], prefix: str) -> tuple[str, str, str]:
-    first, second, third = quantity
-    return prefix + first, prefix + second, prefix + third
 
 
 def _spline_rates(t: Array, values: Array) -> Array:

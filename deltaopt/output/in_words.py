@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from deltaopt.motion.certificate import MET
-from deltaopt.output.facts import Facts, StraightLine, measures, motor_facts, work
+from deltaopt.output.facts import Facts, StraightLine, motor_facts, work
 from deltaopt.planning.plan import Optimum, Plan
 from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene
@@ -90,9 +90,7 @@ def table(verification: Verification, *, asked_for: object = None) -> str:
     resolved, the table says too where Pontryagin's condition is not met.
     """
     rows = [("measure", "value", "at most", "unit", "")]
-    for each in measures(verification):
-        ok = "ok" if each.ok else "FAILED"
-        rows.append((each.name, f"{each.value:.1e}", f"{each.at_most:.0e}", each.unit, ok))
+    rows += [(*check.cells, "ok" if check.ok else "FAILED") for check in verification.checks()]
     width = 1 + max(len(name) for name, *_ in rows)
     certified = isinstance(asked_for, float) and asked_for <= RESOLVED_BELOW
     return "\n".join(
@@ -142,17 +140,13 @@ def singularities_table(distances: Sequence[Distance]) -> list[str]:
     ``limits.tilt_singularity`` keeps motions from it.
     """
     lines = [
-        f"  {each.name}: {each.formula} = {each.least:.2g}, {_where(each)}"
+        f"  {each.name}: {each.formula} = {each.least:.2g}, "
+        + ("" if each.subject == "robot" else f"{each.subject} ")
+        + f"at t = {each.t:.6f} s"
         + (", PASSED: the motors do not hold the robot there" if each.least <= 0 else "")
         for each in distances
     ]
     return ["least distance to singularities, 0 in one and 1 at best:", *lines] if lines else []
-
-
-def _where(distance: Distance) -> str:
-    """Of which chain, if it is of one, and when: "chain 2 at t = 0.1 s"."""
-    when = f"at t = {distance.t:.6f} s"
-    return when if distance.subject == "robot" else f"{distance.subject} {when}"
 
 
 def _optimality(verification: Verification, certified: bool) -> list[str]:

@@ -7,9 +7,9 @@ interpolated here too, and measured against the limits of its scene.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import ceil, sqrt
-from typing import ClassVar, Protocol
 
 import numpy as np
 
@@ -34,36 +34,6 @@ _MOST_SLOWINGS = 1000
 _SLOWING = 1.005
 """Largest factor between two durations that are tried: what a table asks for jumps with where its
 rows fall, so that a small step may do where the root of the excess overshoots."""
-
-
-class Interpolation(Protocol):
-    """How a controller moves between the rows of a table."""
-
-    name: ClassVar[str]
-
-    def __call__(self, table: JointTable) -> PiecewisePolynomial:
-        """The motor angles, rad, over time, s."""
-        ...
-
-
-@dataclass(frozen=True)
-class Cubic:
-    """Cubic Hermite pieces from angles and speeds."""
-
-    name: ClassVar[str] = "cubic"
-
-    def __call__(self, table: JointTable) -> PiecewisePolynomial:
-        return _pieces(table, (table.theta, table.dtheta))
-
-
-@dataclass(frozen=True)
-class Quintic:
-    """Quintic Hermite pieces from angles, speeds and accelerations."""
-
-    name: ClassVar[str] = "quintic"
-
-    def __call__(self, table: JointTable) -> PiecewisePolynomial:
-        return _pieces(table, (table.theta, table.dtheta, table.ddtheta))
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,6 +80,59 @@ class JointTable:
         """Some of the rows, by a mask or indices."""
         return JointTable(self.t[which], self.theta[which], self.dtheta[which], self.ddtheta[which])
 
+    def cubic(self) -> PiecewisePolynomial:
+        """The motor angles, rad, over time, s: Hermite pieces from angles and speeds."""
+        return self._pieces(self.theta, self.dtheta)
+
+    def quintic(self) -> PiecewisePolynomial:
+        """The motor angles, rad, over time, s: Hermite pieces from accelerations too."""
+        return self._pieces(self.theta, self.dtheta, self.ddtheta)
+
+    def _pieces(self, *columns: Array) -> PiecewisePolynomial:
+        """Between rows of different times, from values and derivatives at both ends."""
+        lengths = np.diff(self.t)
+        first = np.flatnonzero(lengths > 0)
+        begin, end = ([column[rows] for column in columns] for rows in (first, first + 1))
+        coefficients = hermite_pieces(lengths[first], begin, end)
+        return PiecewisePolynomial(np.append(self.t[first], self.t[-1]), coefficients)
+
+
+@dataclass(frozen=True)
+class Interpolation:
+    """How a controller moves between the rows of a table: ``pieces`` are the motor angles, rad,
+    over time, s."""
+
+    name: str
+    pieces: Callable[[JointTable], PiecewisePolynomial]
+
+
+CUBIC = Interpolation("cubic", JointTable.cubic)
+QUINTIC = Interpolation("quintic", JointTable.quintic)
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Where a table has its rows: at every ``cycle``, s, or without one at the plan's knots."""
+
+    cycle: float | None = None
+
+    @property
+    def name(self) -> str:
+        """In words as ``deltaopt export`` takes them."""
+        return "own-knots" if self.cycle is None else f"{1e3 * self.cycle:g}ms"
+
+    def table(self, trajectory: Trajectory) -> JointTable:
+        """Of a motion that fits."""
+        if self.cycle is None:
+            return JointTable.at_own_knots(trajectory)
+        return JointTable.at_cycle(trajectory, self.cycle)
+
+    def fitting(self, least: float) -> float:
+        """The shortest duration, s, no less than this one, that has whole steps."""
+        if self.cycle is None:
+            return least
+        return max(1, ceil(least / self.cycle * (1 - 1e-12))) * self.cycle
+
 
 @dataclass(frozen=True)
 class Demand:
@@ -147,46 +170,19 @@ class CheckedTable:
         return f"{self.interpolation.name} interpolation asks for {most}, at {self.demand.t:.6g} s"
 
 
-@dataclass(frozen=True)
-class OwnKnots:
-    """Rows at the knots of the plan."""
-
-    name: ClassVar[str] = "own-knots"
-
-    def table(self, trajectory: Trajectory) -> JointTable:
-        return JointTable.at_own_knots(trajectory)
-
-    def fitting(self, duration: float, least: float) -> float:
-        return max(duration, least)
-
-
-@dataclass(frozen=True)
-class Cycles:
-    """Rows at every ``cycle``, s."""
-
-    cycle: float
-
-    @property
-    def name(self) -> str:
-        return f"{1e3 * self.cycle:g}ms"
-
-    def table(self, trajectory: Trajectory) -> JointTable:
-        return JointTable.at_cycle(trajectory, self.cycle)
-
-    def fitting(self, duration: float, least: float) -> float:
-        return max(1, ceil(max(duration, least) / self.cycle * (1 - 1e-12))) * self.cycle
-
-
-Rows = OwnKnots | Cycles
-"""Where a table has its rows. ``name``: in words as ``deltaopt export`` takes them; ``table``: of a
-motion that fits; ``fitting``: the shortest duration, s, that has whole steps."""
-
-
 def checked_table(
-    scene: Scene, trajectory: Trajectory, rows: Rows, interpolation: Interpolation
+    scene: Scene,
+    trajectory: Trajectory,
+    rows: Rows,
+    interpolation: Interpolation,
+    least: float = 0.0,
 ) -> CheckedTable:
-    """The table of a motion from rest to rest, slowed to whole steps, and what it asks for."""
-    return _at(scene, trajectory, rows, interpolation, trajectory.duration)
+    """The table of a motion from rest to rest, slowed to whole steps and to a ``least`` duration
+    (s), and what it asks for."""
+    factor = rows.fitting(max(trajectory.duration, least)) / trajectory.duration
+    table = rows.table(trajectory if factor == 1 else trajectory.slowed(factor))
+    demand = demand_of(scene, interpolation.pieces(table))
+    return CheckedTable(table, rows, interpolation, demand, factor)
 
 
 def table_within_limits(
@@ -199,24 +195,12 @@ def table_within_limits(
     """
     least, most = trajectory.duration, KEPT
     for _ in range(_MOST_SLOWINGS):
-        found = _at(scene, trajectory, rows, interpolation, least)
+        found = checked_table(scene, trajectory, rows, interpolation, least)
         if found.demand.share <= most:
             return found
         now, most = found.slowed * trajectory.duration, _SLOWED_TO
         least = now * min(max(sqrt(found.demand.share / most**2), 1 + 1e-9), _SLOWING)
     raise Infeasible(f"{found.demand.limit} of {found.demand.subject} is exceeded however slow")
-
-
-def _at(
-    scene: Scene,
-    trajectory: Trajectory,
-    rows: Rows,
-    interpolation: Interpolation,
-    least: float,
-) -> CheckedTable:
-    factor = rows.fitting(trajectory.duration, least) / trajectory.duration
-    table = rows.table(trajectory if factor == 1 else trajectory.slowed(factor))
-    return CheckedTable(table, rows, interpolation, demand_of(scene, interpolation(table)), factor)
 
 
 def demand_of(scene: Scene, angles: PiecewisePolynomial) -> Demand:
@@ -254,12 +238,3 @@ def platform_motion(
     h = model.motion(x, v, rest)[2][:, motors]
     a = np.asarray(np.linalg.solve(G, (ddtheta - h)[..., None])[..., 0], dtype=np.float64)
     return x, v, a
-
-
-def _pieces(table: JointTable, columns: tuple[Array, ...]) -> PiecewisePolynomial:
-    """Hermite pieces between rows of different times, from values and derivatives at both ends."""
-    lengths = np.diff(table.t)
-    first = np.flatnonzero(lengths > 0)
-    begin, end = ([column[rows] for column in columns] for rows in (first, first + 1))
-    coefficients = hermite_pieces(lengths[first], begin, end)
-    return PiecewisePolynomial(np.append(table.t[first], table.t[-1]), coefficients)

@@ -9,7 +9,6 @@ from dataclasses import fields
 from hashlib import sha256
 from importlib.metadata import PackageNotFoundError, version
 from importlib.resources import files
-from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +24,7 @@ from deltaopt.output.facts import Facts, StraightLine
 from deltaopt.planning.plan import TakenWay
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.settings import require_positive
+from deltaopt.verify.verification import finite
 
 TABLE, RECORD = "trajectory.csv", "plan.json"
 """Names of the files that every plan has."""
@@ -62,10 +62,10 @@ def content(facts: Facts) -> dict[str, object]:
             "value": cost(problem_of(facts.scene), facts.trajectory),
             "unit": facts.scene.objective.unit,
         },
-        **{each.name: _finite(getattr(found, each.name)) for each in fields(StraightLine)},
+        **{each.name: finite(getattr(found, each.name)) for each in fields(StraightLine)},
         "certificate": found.certificate and vars(found.certificate),
         "optima": [
-            {name: _finite(value) for name, value in vars(each).items()} for each in found.optima
+            {name: finite(value) for name, value in vars(each).items()} for each in found.optima
         ],
         "ways": [_way(each) for each in found.ways],
         "active_limits": as_dicts(facts.active, found.sensitivities),
@@ -154,11 +154,6 @@ def _require_rows(trajectory: Trajectory, rate: float) -> None:
     most = highest_rate(trajectory)
     if rate > most:
         raise ValueError(f"rate is {rate:g} Hz; for {MOST_ROWS} rows it may be {most:.6g} at most")
-
-
-def _finite(value: object) -> object:
-    """The value, or None for infinity and NaN, which JSON does not have."""
-    return None if isinstance(value, float) and not isfinite(value) else value
 
 
 def _version(package: str) -> str | None:

@@ -104,10 +104,7 @@ SCENE_EXTRAS = {
     "clearance": "2 mm",
     "robot_keeps_clear": "true",
     "duration": "0.5 s",
-    "tool.offset": "[120 mm, 0 mm, 0 mm]",
-    "tool.mass": "0.25 kg",
-    "tool.radius": "30 mm",
-    "tool.shapes": "[{capsule: {from: [0, 0, 0], to: [-0.1, 0, 0], radius: 0.02}}]",
+    **{key: value for key, value in ROBOT_EXTRAS.items() if key.startswith("tool.")},
 }
 """Examples of the keys that a scene need not have."""
 

@@ -42,6 +42,7 @@ class AngleUnit:
 
 RADIANS = AngleUnit("rad", 1.0)
 DEGREES = AngleUnit("deg", 180 / pi)
+UNITS = {each.name: each for each in (RADIANS, DEGREES)}
 
 
 def of_controller(table: JointTable, robot: Robot) -> JointTable:
@@ -73,11 +74,10 @@ def write_ros2_yaml(file: Path, table: JointTable, names: tuple[str, str, str]) 
     quoted = ("'" + name.replace("'", "''") + "'" for name in names)
     lines.append(f"joint_names: [{', '.join(quoted)}]")
     lines.append("points:")
-    for point in _points(table):
-        lines.append(f"- positions: {point.positions.tolist()}")
-        lines.append(f"  velocities: {point.velocities.tolist()}")
-        lines.append(f"  accelerations: {point.accelerations.tolist()}")
-        seconds, rest = divmod(point.nanoseconds, _NANO)
+    for (seconds, rest), positions, velocities, accelerations in _points(table):
+        lines.append(f"- positions: {positions.tolist()}")
+        lines.append(f"  velocities: {velocities.tolist()}")
+        lines.append(f"  accelerations: {accelerations.tolist()}")
         lines.append(f"  time_from_start: {{sec: {seconds}, nanosec: {rest}}}")
     with atomic_write(file) as temporary:
         temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
@@ -114,30 +114,22 @@ def _message(types: Any, table: JointTable, names: tuple[str, str, str]) -> Any:
     one = types["trajectory_msgs/msg/JointTrajectoryPoint"]
     points = [
         one(
-            positions=point.positions,
-            velocities=point.velocities,
-            accelerations=point.accelerations,
+            positions=positions,
+            velocities=velocities,
+            accelerations=accelerations,
             effort=np.zeros(0),
-            time_from_start=duration(*divmod(point.nanoseconds, _NANO)),
+            time_from_start=duration(*since),
         )
-        for point in _points(table)
+        for since, positions, velocities, accelerations in _points(table)
     ]
     header = types["std_msgs/msg/Header"](stamp=time(sec=0, nanosec=0), frame_id="")
     return types[MESSAGE](header=header, joint_names=list(names), points=points)
 
 
-@dataclass(frozen=True, eq=False)
-class _Point:
-    """A point of a JointTrajectory: its time from the start, and (3,) each."""
-
-    nanoseconds: int
-    positions: Array
-    velocities: Array
-    accelerations: Array
-
-
-def _points(table: JointTable) -> Iterator[_Point]:
-    last = -1
-    for t, *row in zip(table.t - table.t[0], table.theta, table.dtheta, table.ddtheta, strict=True):
+def _points(table: JointTable) -> Iterator[tuple[tuple[int, int], Array, Array, Array]]:
+    """The points of a JointTrajectory: time from the start (s and ns), positions, velocities and
+    accelerations, (3,) each."""
+    last, columns = -1, (table.theta, table.dtheta, table.ddtheta)
+    for t, *row in zip(table.t - table.t[0], *columns, strict=True):
         last = max(round(t * _NANO), last + 1)
-        yield _Point(last, *row)
+        yield divmod(last, _NANO), *row

@@ -6,16 +6,17 @@ from pathlib import Path
 
 import numpy as np
 
-from deltaopt.motion.trajectory import Motion, Trajectory
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.plots.colours import COLOURS
 from deltaopt.plots.style import STROKES, figure, motor_curves, without_box
 
 _SAMPLES = 1001
+"""Instants, close enough together for a smooth line of a motion without jumps."""
 
 
 def draw_motion(file: Path, trajectory: Trajectory) -> None:
     """Draw displacement, velocity and acceleration of the platform over time, as Fig. 4."""
-    motion = _sampled(trajectory)
+    motion = trajectory(trajectory.instants(_SAMPLES))
     rows = (
         ("displacement (m)", motion.x - motion.x[0]),
         ("velocity (m/s)", motion.v),
@@ -37,7 +38,7 @@ def draw_motion(file: Path, trajectory: Trajectory) -> None:
 
 def draw_torques(file: Path, trajectory: Trajectory) -> None:
     """Draw motor torques over time, as Fig. 5, and those that hold the platform at rest there."""
-    motion = _sampled(trajectory)
+    motion = trajectory(trajectory.instants(_SAMPLES))
     rest = np.zeros_like(motion.x)
     holding = trajectory.model.inverse_dynamics(motion.x, rest, rest)
     with figure(file, 3.5, 2.9) as page:
@@ -49,9 +50,3 @@ def draw_torques(file: Path, trajectory: Trajectory) -> None:
         axes.set_xlabel(r"time $t$ (s)")
         axes.set_ylabel(r"torque $\tau_k$ (N·m)")
         page.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=2)
-
-
-def _sampled(trajectory: Trajectory) -> Motion:
-    """A motion without jumps at instants close enough together for a smooth line."""
-    begin, end = trajectory.knots[[0, -1]]
-    return trajectory(np.linspace(begin, end, _SAMPLES))

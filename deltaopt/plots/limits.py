@@ -44,9 +44,8 @@ def draw_limits(file: Path, facts: Facts) -> None:
     inside = np.linspace(0, 1, steps)  # 0 and 1: both sides of a jump at a knot
     motion = trajectory.inside_intervals(inside)
     curves = list(limit_curves(problem_of(scene), trajectory, inside))
-    begin, end = trajectory.knots[[0, -1]]
     ends = ends_of(problem_of(scene), trajectory)
-    ticks = trajectory(np.linspace(begin, end, _TICKS + 1)[1:-1]).x
+    ticks = trajectory(trajectory.instants(_TICKS + 1)[1:-1]).x
     panels = max(2, len(curves))
     rows = panels + (costates is not None)
     with figure(file, 7.0, 2.05 * rows + 0.15 * len(told.splitlines())) as page:

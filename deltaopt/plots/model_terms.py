@@ -25,22 +25,14 @@ def draw_terms(file: Path, title: str, effects: Sequence[TermEffect]) -> None:
         page.suptitle(verbatim(title), fontsize=9)
         axes = page.subplots(1, 3, sharey=True)
         for panel, (label, values), colour in zip(axes, panels, COLOURS, strict=True):
-            panel.barh([bar.term.name for bar in bars], values, color=colour, height=0.6)
+            names = [bar.term.name for bar in bars]
+            drawn = panel.barh(names, values, color=colour, height=0.6)
+            told = [f"{value:.2g}" if abs(value) >= _SMALLEST else "0" for value in values]
+            panel.bar_label(drawn, told, padding=3, fontsize=7)
             panel.set_xlabel(label)
             panel.axvline(0.0, color="0.2", linewidth=0.6)
             panel.margins(x=0.2)
             panel.tick_params(axis="y", length=0)
             panel.grid(False, axis="y")
-            for row, value in enumerate(values):
-                side = (3, "left") if value >= 0 else (-3, "right")
-                panel.annotate(
-                    f"{value:.2g}" if abs(value) >= _SMALLEST else "0",
-                    (value, row),
-                    (side[0], 0),
-                    ha=side[1],
-                    va="center",
-                    textcoords="offset points",
-                    fontsize=7,
-                )
             without_box(panel)
         axes[0].invert_yaxis()

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import pi
 from pathlib import Path
 from textwrap import fill
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -46,8 +45,8 @@ def draw(
     file: Path,
     scene: Scene,
     trajectory: Trajectory,
-    others: Mapping[str, float] = MappingProxyType({}),
-    duty: Duty | None = None,
+    others: Mapping[str, float],
+    duty: Duty | None,
 ) -> None:
     """Draw a motion for a scene into a file.
 
@@ -114,15 +113,10 @@ def _what(scene: Scene, trajectory: Trajectory) -> str:
     return f"{scene.robot.name}: {1e3 * way:.3g} mm{load}, {scene.objective}"
 
 
-def _instants(trajectory: Trajectory) -> Array:
-    begin, end = trajectory.knots[[0, -1]]
-    return np.linspace(begin, end, _INSTANTS)
-
-
 def _robot(axes: Axes, scene: Scene, trajectory: Trajectory) -> None:
     """Draw the robot at some instants, the later the darker, and the path of its tool."""
     view = view_of_move(*ends_of(problem_of(scene), trajectory))
-    motion = trajectory(_instants(trajectory))
+    motion = trajectory(trajectory.instants(_INSTANTS))
     strengths = np.linspace(_FAINTEST, 1, _INSTANTS) ** 1.5
     for x, theta, strength in zip(motion.x, motion.theta, strengths, strict=True):
         draw_robot(axes, as_delta(scene.robot), x, theta, view, strength=float(strength))
@@ -132,11 +126,12 @@ def _robot(axes: Axes, scene: Scene, trajectory: Trajectory) -> None:
     axes.set_title(f"the robot at {_INSTANTS} instants, the last the darkest")
 
 
-def _lines(axes: Axes, scene: Scene, trajectory: Trajectory, view: View) -> None:
+def _lines(
+    axes: Axes, scene: Scene, trajectory: Trajectory, view: Callable[[Array], Array]
+) -> None:
     """Draw the straight line from start to goal, the path, and where it begins and ends."""
-    begin, end = trajectory.knots[[0, -1]]
     ends = view(ends_of(problem_of(scene), trajectory))
-    path = view(trajectory(np.linspace(begin, end, _SAMPLES)).x)
+    path = view(trajectory(trajectory.instants(_SAMPLES)).x)
     above: dict[str, Any] = {"color": BLACK, "zorder": 4}
     halo = [Stroke(linewidth=3.0, foreground="white"), Normal()]
     axes.plot(*path.T, "-", linewidth=1.5, path_effects=halo, **above)
@@ -155,15 +150,11 @@ def _path(axes: Axes, scene: Scene, trajectory: Trajectory, side: _Side) -> None
     def place(points: Array) -> Array:
         return 1e3 * (view(points) - view(start))
 
-    begin, end = trajectory.knots[[0, -1]]
-    axes.plot(*place(np.array([start, goal])).T, ":", color=BLACK, linewidth=1.0)
-    axes.plot(*place(trajectory(np.linspace(begin, end, _SAMPLES)).x).T, "-", color=BLACK)
-    dots = place(trajectory(_instants(trajectory)).x)
-    axes.plot(*dots.T, "o", color=BLACK, markersize=4)
-    axes.plot(*dots[0], "o", color=BLACK, markerfacecolor="white", markersize=4)
+    _lines(axes, scene, trajectory, place)
+    dots = place(trajectory(trajectory.instants(_INSTANTS)[1:-1]).x)
+    axes.plot(*dots.T, "o", color=BLACK, markersize=4, zorder=4)
     axes.set_aspect("equal", adjustable="datalim")
     axes.margins(0.08)
-    draw_via_points(axes, scene, place)
     draw_bodies(axes, scene, place)
     axes.set_xlabel("along the move (mm)")
     axes.set_ylabel(side.up)
@@ -198,12 +189,11 @@ def _torques(axes: Axes, scene: Scene, trajectory: Trajectory, duty: Duty | None
 def _clearance(axes: Axes, scene: Scene, trajectory: Trajectory) -> None:
     """Draw the distance from the tool to the nearest body over time, and the least that is asked
     for, mm."""
-    begin, end = trajectory.knots[[0, -1]]
-    t = np.linspace(begin, end, _SAMPLES)
+    t = trajectory.instants(_SAMPLES)
     distances, _ = signed_distances(problem_of(scene), trajectory(t).x)
     asked = 1e3 * scene.least_clearance
     axes.axhline(asked, color=BLACK, linewidth=1.0, linestyle=":")
-    axes.plot(1e3 * (t - begin), 1e3 * distances.min(axis=1), color=BLACK)
+    axes.plot(1e3 * (t - t[0]), 1e3 * distances.min(axis=1), color=BLACK)
     axes.set_ylim(bottom=min(0.0, float(1e3 * distances.min())))
     axes.set_xlabel("time (ms)")
     axes.set_ylabel("clearance (mm)")

@@ -13,6 +13,7 @@ from deltaopt.curves.piecewise import Array
 from deltaopt.mechanisms.delta.mechanism import AZIMUTHS
 from deltaopt.plots.colours import COLOURS
 from deltaopt.robot.robot import Robot
+from deltaopt.scene.links import LinkGeometry
 
 _WIDTH = 0.1
 """Width of the parallelograms over their length, which no robot file gives; report.html draws them
@@ -20,7 +21,7 @@ as wide."""
 _ASIDE, _FROM_ABOVE = 0.35, 0.3
 """Angles, rad, by which the view differs from one at right angles to the move: enough to see which
 chain is in front, and little enough for the path to keep its shape."""
-_BASE, _PLATFORM, _EDGE = "0.85", "0.6", "0.3"
+_BASE, _PLATFORM = "0.85", "0.6"
 
 
 @dataclass(frozen=True)
@@ -51,40 +52,26 @@ def view_of_move(start: Array, goal: Array, *, aside: float = _ASIDE) -> View:
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """Points of one chain in the base's frame, (3,), m; of both bars, (2, 3), left and right."""
+    """Points of one chain in the base's frame, (3,), m; beside them, (2, 3), left and right: the
+    corners of the base, and the ends of both bars."""
 
     shaft: Array
     elbow: Array
+    base_ends: Array
     elbow_ends: Array
     platform_ends: Array
 
 
 def chains(robot: Robot, x: Array, theta: Array) -> list[Chain]:
     """The three chains with the tool's point at x, (3,), m, and the arms at theta, (3,), rad."""
-    centre = np.asarray(x) - np.asarray(robot.tool_offset)
-    aside = robot.forearm.length * _WIDTH / 2
-    found = []
-    for azimuth, angle in zip(AZIMUTHS, theta, strict=True):
-        reach = robot.base_radius + robot.upper_arm.length * cos(angle)
-        down = -robot.upper_arm.length * sin(angle)
-        sides = (-aside, aside)
-        found.append(
-            Chain(
-                shaft=_point(azimuth, 0.0, robot.base_radius),
-                elbow=_point(azimuth, down, reach),
-                elbow_ends=np.array([_point(azimuth, down, reach, side) for side in sides]),
-                platform_ends=np.array(
-                    [centre + _point(azimuth, 0.0, robot.platform_radius, side) for side in sides]
-                ),
-            )
-        )
+    links = LinkGeometry.at_angles(robot, np.asarray(x)[None], np.asarray(theta)[None])
+    half, found = robot.forearm.length * _WIDTH / 2, []
+    for k, azimuth in enumerate(AZIMUTHS):
+        places = links.shafts[0, k], links.elbows[0, k], links.pins[0, k]
+        aside = half * np.array([0.0, -sin(azimuth), cos(azimuth)])
+        ends = (np.array([place - aside, place + aside]) for place in places)
+        found.append(Chain(*places[:2], *ends))
     return found
-
-
-def _point(azimuth: float, down: float, outward: float, aside: float = 0.0) -> Array:
-    """A point in the base's frame, (3,), from distances in the vertical plane of a chain, m."""
-    c, s = cos(azimuth), sin(azimuth)
-    return np.array([down, c * outward - s * aside, s * outward + c * aside])
 
 
 def draw_robot(
@@ -95,12 +82,7 @@ def draw_robot(
     ``strength``: how opaque, 0 to 1.
     """
     drawn = chains(robot, x, theta)
-    base = np.concatenate(
-        [
-            [_point(azimuth, 0.0, robot.base_radius, side) for side in _base_corners(robot)]
-            for azimuth in AZIMUTHS
-        ]
-    )
+    base = np.concatenate([chain.base_ends for chain in drawn])
     axes.fill(*view(base).T, facecolor=_BASE, edgecolor="none", alpha=strength, zorder=1)
     for chain, colour in zip(drawn, COLOURS, strict=True):
         line: dict[str, Any] = {"color": colour, "alpha": strength, "solid_capstyle": "round"}
@@ -120,8 +102,3 @@ def draw_robot(
     if any(robot.tool_offset):
         tool = np.array([np.asarray(x) - np.asarray(robot.tool_offset), x])
         axes.plot(*view(tool).T, color="black", linewidth=1.6, alpha=strength, zorder=3)
-
-
-def _base_corners(robot: Robot) -> tuple[float, float]:
-    half = robot.forearm.length * _WIDTH / 2
-    return (-half, half)

@@ -31,9 +31,9 @@ def drawing(
     scene: Scene, trajectory: Trajectory, active: Iterable[ActiveLimit]
 ) -> dict[str, object]:
     """Everything the script draws: the robot's shape, its frames, curves of limits, bands."""
-    begin, end = trajectory.knots[[0, -1]]
+    begin = trajectory.knots[0]
     start, goal = ends_of(problem_of(scene), trajectory).tolist()
-    frames = trajectory(np.linspace(begin, end, FRAMES + 1))
+    frames = trajectory(trajectory.instants(FRAMES + 1))
     intervals = len(trajectory.knots) - 1
     steps = min(_MOST_PER_INTERVAL, max(2, -(-_SAMPLES // intervals)))
     inside = np.linspace(0, 1, steps)  # 0 and 1: both sides of a jump at a knot

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from deltaopt.files.atomic_write import atomic_write
 from deltaopt.files.tables import html_table
-from deltaopt.output.facts import Facts, StraightLine, measures, motor_facts, title, work
+from deltaopt.output.facts import Facts, StraightLine, motor_facts, title, work
 from deltaopt.planning.first_motions.around_bodies import CLEAR
 from deltaopt.planning.plan import Plan, TakenWay
 from deltaopt.plots.colours import COLOURS, OF_LIMITS
@@ -219,16 +219,11 @@ def _verification(verification: Verification) -> str:
         "Each measure is held against what it may be at most. Excesses are shares of a limit: "
         "negative or zero means that it is kept."
     )
-    rows = [
-        (
-            each.name,
-            f"{each.value:.1e}" if isfinite(each.value) else "not evaluated",
-            f"{each.at_most:.0e}",
-            each.unit,
-            "ok" if each.ok else "failed",
-        )
-        for each in measures(verification)
-    ]
+    rows = []
+    for check in verification.checks():
+        name, value, *bound = check.cells
+        told = value if isfinite(check.value) else "not evaluated"
+        rows.append((name, told, *bound, "ok" if check.ok else "failed"))
     return f"<p>{intro}</p>" + _table(("measure", "value", "at most", "unit", ""), rows)
 
 

@@ -11,16 +11,9 @@ from deltaopt.planning.comparisons import straight_lines
 from deltaopt.planning.plan import Plan
 
 
-def save_plan(
-    plan: Plan,
-    directory: str | Path,
-    *,
-    chart: bool = True,
-    limits: bool = False,
-    report: bool = False,
-) -> list[Path]:
-    """Verify a plan and write its files; see ``Plan.save``."""
-    return save(Path(directory), facts(plan), chart=chart, limits=limits, report=report)
+def save_plan(plan: Plan, directory: str | Path, **drawn: bool) -> list[Path]:
+    """Verify a plan and write its files; ``drawn``: which beside the first two, as ``save``."""
+    return save(Path(directory), facts(plan), **drawn)
 
 
 def save(

@@ -70,7 +70,7 @@ class Viewer:
         viser = installed("viser", "view")
         server = viser.ViserServer(host="127.0.0.1", port=port, label="deltaopt", verbose=False)
         server.scene.set_up_direction("+z")
-        motion = trajectory(_times(trajectory, [0.0]))
+        motion = trajectory(trajectory.knots[0])
         middle = to_world(motion.x[0]) / 2
         reach = robot.base_radius + robot.upper_arm.length + robot.forearm.length
         server.initial_camera.look_at = tuple(middle.tolist())
@@ -84,7 +84,7 @@ class Viewer:
                 strict=True,
             )
         )
-        path = to_world(trajectory(_times(trajectory, np.linspace(0, 1, _PATH_POINTS))).x)
+        path = to_world(trajectory(trajectory.instants(_PATH_POINTS)).x)
         _lines(server, "/path", np.stack([path[:-1], path[1:]], axis=1), GREY)
         milliseconds = 1e3 * trajectory.duration
         gui = server.gui
@@ -105,7 +105,7 @@ class Viewer:
 
     def show(self, fraction: float) -> None:
         """Show the robot at a fraction of the duration."""
-        motion = self.trajectory(_times(self.trajectory, [fraction]))
+        motion = self.trajectory(self.trajectory.knots[0] + fraction * self.trajectory.duration)
         shown = lines_of_robot(self.robot, motion.x[0], motion.theta[0])
         for handle, lines in zip(self.handles, shown, strict=True):
             handle.points = lines.astype(np.float32)
@@ -117,11 +117,6 @@ class Viewer:
             later = self.slider.value + 1e3 * seconds * self.pace.value / 100
             self.slider.value = later if later <= 1e3 * self.trajectory.duration else 0.0
             self.show(self.slider.value / (1e3 * self.trajectory.duration))
-
-
-def _times(trajectory: Trajectory, fractions: Any) -> Array:
-    begin, end = trajectory.knots[[0, -1]]
-    return np.asarray(begin + (end - begin) * np.asarray(fractions))
 
 
 def _lines(server: Any, name: str, lines: Array, colour: str) -> Any:

@@ -195,6 +195,12 @@ class Check:
         return bool(self.value <= self.bound.at_most < inf)
 
     @property
+    def cells(self) -> tuple[str, str, str, str]:
+        """For a table: what is measured, its value, the most that it may be, and their unit."""
+        name, unit = self.bound.measure.replace("_", " "), self.bound.unit
+        return name, f"{self.value:.1e}", f"{self.bound.at_most:.0e}", unit
+
+    @property
     def complaint(self) -> str:
         """The sentence for a value that is out of bounds."""
         return self.bound.complaint.format(self.value)

@@ -28,7 +28,7 @@ L θ̇² h²/2 + G / (2 m).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -43,7 +43,7 @@ from deltaopt.scene.bodies import sums
 from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.links import LINKS, LinkGeometry, each_link
 from deltaopt.scene.scene import Scene
-from deltaopt.verify.measures import Excess, Known
+from deltaopt.verify.measures import Excess, excess_of
 
 ENOUGH = 5e-10
 """m below what is asked for, at which a part is not halved any more: half of what verification
@@ -58,20 +58,17 @@ FIRST = 8
 def clearance_excess(scene: Scene, trajectory: Trajectory) -> Excess | None:
     """By how much the motion comes nearer to a body than the scene allows, m; negative where it
     stays farther away. None if there are no bodies."""
-    limits = limits_of(scene).constraints.limits
-    limit = next((each for each in limits if each.own_measure is OwnMeasure.CLEARANCE), None)
-    if limit is None:
+    blank, found = excess_of(scene, OwnMeasure.CLEARANCE), list[Excess]()
+    if blank is None:
         return None
-    worst: Excess | None = None
     for index, body in scene.obstacles:
         least, t = least_clearance(body, trajectory.position, scene.least_clearance)
         over = scene.least_clearance - least
-        subject = f"{limit.subject} from keep_out[{index}]"
-        if worst is None or over > worst.value:
-            worst = Excess(
-                limit.name, limit.unit, subject, t, over, over, falls_below=True, known=Known.SURE
-            )
-    return worst
+        subject = f"{blank.subject} from keep_out[{index}]"
+        found.append(
+            replace(blank, subject=subject, t=t, value=over, amount=over, falls_below=True)
+        )
+    return max(found, key=lambda each: each.value, default=None)
 
 
 def least_clearance(body: Convex, path: PiecewisePolynomial, asked: float) -> tuple[float, float]:

@@ -18,7 +18,6 @@ from functools import lru_cache
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from deltaopt.curves.piecewise import Array, PiecewisePolynomial
 from deltaopt.dynamics.precise_integrator import PreciseIntegrator
@@ -31,21 +30,20 @@ from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import EndState
 from deltaopt.verify.units import Units
 
-Index = NDArray[np.intp]
-
 MOST_AMPLIFIED = 1e4
 """Largest amplification at which the arrival says something of the motion: it turns the 1e-12 of
 the integration into 1e-8 m, a thousandth of what is asked."""
 _HOPELESS = 1e10
 """Amplification beyond which the arrival is all rounding, and is not computed."""
-_FIFTHS = (0.1, 0.3, 0.5, 0.7, 0.9)
-"""Fractions of an interval: the middles of its fifths."""
+_FIFTHS, _MIDDLE = np.array([0.1, 0.3, 0.5, 0.7, 0.9]), np.array([0.5])
+"""Fractions of an interval: the middles of the stretches on which its linearisation is taken as
+constant."""
 _MOST_PIECES = 600
 """Of a motion: so many take a second. Of every interval of a longer motion pieces are followed that
 are spread evenly over it, the first and the last among them."""
 _MOST_STRETCHES = 1000
-"""Of a motion, on which its linearisation is taken as constant: more take as long as all else that
-is verified, and change the amplification in its third digit."""
+"""Of a motion whose intervals have five stretches each: more take as long as all else that is
+verified, and change the amplification in its third digit."""
 _FEWEST_PIECES = 4
 """Of an interval, for each coefficient of its polynomial, where it has more: the polynomial and
 what follows from it are known by fewer."""
@@ -179,55 +177,22 @@ def _pieces(scene: Scene, trajectory: Trajectory, units: Units) -> tuple[list[fl
     e, or to swing by a radian.
     """
     lengths = np.diff(trajectory.knots) / units.time
-    stretches = _Stretches.of(lengths)
-    M = _linearised(scene, trajectory, units, stretches)
+    inside = _FIFTHS if len(_FIFTHS) * len(lengths) <= _MOST_STRETCHES else _MIDDLE
+    stretches = np.repeat(lengths / len(inside), len(inside))
+    M = _linearised(scene, trajectory, units, inside)
     rates = np.abs(np.linalg.eigvals(M)).max(axis=-1)  # (stretches,)
     fastest = float(rates.max()) or 1 / float(lengths.sum())
     M[..., :3, 3:] *= fastest  # velocities in units of length times the fastest rate
     M[..., 3:, :3] /= fastest
     transition, logarithm = np.eye(6), 0.0
-    grown, growths = _exponentials(M * stretches.lengths[:, None, None])
+    grown, growths = _exponentials(M * stretches[:, None, None])
     for each, growth in zip(grown, growths.tolist(), strict=True):
         transition, more = _normalised(each @ transition)
         logarithm += growth + float(more)
     logarithm += float(np.log(np.linalg.norm(transition, 2)))
-    counts = np.maximum(np.ceil(lengths * stretches.highest(rates)), 1.0)
+    highest = rates.reshape(len(lengths), -1).max(axis=1)
+    counts = np.maximum(np.ceil(lengths * highest), 1.0)
     return counts.tolist(), float(np.exp(min(logarithm, 700.0)))
-
-
-@dataclass(frozen=True)
-class _Stretches:
-    """Parts of a motion: the fifths of every interval, or, of so many intervals that these are
-    more than enough, some intervals each.
-
-    ``interval``, ``fraction``: the middle of each, (S,); ``lengths``: (S,), in units of time;
-    ``own``: the first stretch of each interval, (intervals,), and ``each``: how many it has.
-    """
-
-    interval: Index
-    fraction: Array
-    lengths: Array
-    own: Index
-    each: int
-
-    @classmethod
-    def of(cls, lengths: Array) -> _Stretches:
-        """Of intervals of these lengths, (intervals,)."""
-        number, fifths = len(lengths), len(_FIFTHS)
-        if fifths * number <= _MOST_STRETCHES:
-            interval = np.repeat(np.arange(number), fifths)
-            fractions = np.tile(_FIFTHS, number)
-            return cls(
-                interval, fractions, lengths[interval] / fifths, fifths * np.arange(number), fifths
-            )
-        own = np.arange(number) * min(number, _MOST_STRETCHES) // number
-        first = np.flatnonzero(np.diff(own, prepend=-1))
-        middle = (first + np.append(first[1:], number) - 1) // 2
-        return cls(middle, np.full(len(first), 0.5), np.add.reduceat(lengths, first), own, 1)
-
-    def highest(self, values: Array) -> Array:
-        """The largest value, of one for each stretch, in each interval, (intervals,)."""
-        return np.asarray(values[self.own[:, None] + np.arange(self.each)].max(axis=1))
 
 
 def _exponentials(M: Array) -> tuple[Array, Array]:
@@ -256,11 +221,10 @@ def _normalised(matrices: Array) -> tuple[Array, Array]:
     return matrices / sizes[..., None, None], np.log(sizes)
 
 
-def _linearised(scene: Scene, trajectory: Trajectory, units: Units, stretches: _Stretches) -> Array:
-    """M in the middle of every stretch in these units, (S, 6, 6)."""
+def _linearised(scene: Scene, trajectory: Trajectory, units: Units, inside: Array) -> Array:
+    """M at fractions of every interval in these units, (S, 6, 6)."""
     model, knots = model_of(scene.robot, scene.payload), trajectory.knots
-    since = np.diff(knots)[stretches.interval] * stretches.fraction
-    motion = trajectory(knots[stretches.interval] + since)
+    motion = trajectory((knots[:-1, None] + np.diff(knots)[:, None] * inside).ravel())
     x, v = motion.x / units.length, motion.v * units.time / units.length
     tau = motion.tau / units.torque(model.functions)
     by_state = _by_state(model.functions)(x.T, v.T, tau.T, units.parameters(model))

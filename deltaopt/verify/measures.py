@@ -7,7 +7,7 @@ are used, so that a new kind of limit is verified as it is.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property, lru_cache
@@ -20,7 +20,7 @@ import numpy as np
 from deltaopt.codegen.vectorised import RowFunction
 from deltaopt.curves.piecewise import Array, Index, PiecewisePolynomial
 from deltaopt.errors import Unreachable
-from deltaopt.limits.limit import Bounds, Limit, first_highest
+from deltaopt.limits.limit import Bounds, Limit, OwnMeasure, first_highest
 from deltaopt.mechanisms.functions import Functions
 from deltaopt.mechanisms.instant import CoordinateInstant
 from deltaopt.motion.trajectory import Trajectory
@@ -118,22 +118,6 @@ def key(limit: str) -> str:
 
 
 @dataclass(frozen=True)
-class _Side:
-    """One bound of one row of a limit; ``scale``: natural size of the quantity, in its unit."""
-
-    limit: Limit
-    subject: str
-    scale: float
-    falls_below: bool
-
-    def excess(self, t: float, value: float, robot: Machine) -> Excess:
-        """At an instant."""
-        name, unit = self.limit.name, robot.unit(self.limit.unit)
-        amount = value * self.scale
-        return Excess(name, unit, self.subject, t, value, amount, self.falls_below)
-
-
-@dataclass(frozen=True)
 class _Curves:
     """Everything that is measured, at (piece (N,), fraction of it (N,)) of a motion that is run at
     ``speed`` times its own: (N, columns).
@@ -191,7 +175,9 @@ class MeasuredMotion:
     scene: Scene
     trajectory: Trajectory
     curves: _Curves
-    sides: tuple[_Side, ...]
+    sides: tuple[tuple[Excess, float], ...]
+    """What each excess is of, measured at no instant yet, and its natural size in its unit; in the
+    order of columns."""
 
     @classmethod
     def of(cls, scene: Scene, trajectory: Trajectory) -> MeasuredMotion:
@@ -211,7 +197,7 @@ class MeasuredMotion:
             function=function,
             parameters=np.concatenate([*numbers, model.parameters]),
         )
-        return cls(scene, trajectory, curves, _sides(items, numbers, rows))
+        return cls(scene, trajectory, curves, tuple(_sides(items, numbers, rows, scene.robot)))
 
     @cached_property
     def resolved(self) -> ResolvedCurves:
@@ -239,13 +225,13 @@ class MeasuredMotion:
 
     def excesses(self) -> dict[str, Excess]:
         """The largest of each limit, by its name among measures."""
-        peaks, found, robot = self._peaks, dict[str, Excess](), self.scene.robot
-        sides: dict[str, list[int]] = {}
-        for i, side in enumerate(self.sides):
-            sides.setdefault(key(side.limit.name), []).append(i)
+        peaks, found, sides = self._peaks, dict[str, Excess](), dict[str, list[int]]()
+        for i, (side, _) in enumerate(self.sides):
+            sides.setdefault(side.key, []).append(i)
         for name, own in sides.items():
             i = own[first_highest(peaks.values[own])]
-            found[name] = self.sides[i].excess(self._time(peaks, i), float(peaks.values[i]), robot)
+            (side, scale), value = self.sides[i], float(peaks.values[i])
+            found[name] = replace(side, t=self._time(peaks, i), value=value, amount=value * scale)
         return found
 
     def distances(self) -> tuple[Distance, ...]:
@@ -352,6 +338,14 @@ def not_measured(scene: Scene) -> dict[str, Excess]:
     return {each.key: each for each in excesses}
 
 
+def excess_of(scene: Scene, measure: OwnMeasure) -> Excess | None:
+    """Of the limit that a measure of its own is for: infinite, and to be known at all instants.
+    None where the scene has no such limit."""
+    limits = limits_of(scene).constraints.limits
+    own = (each for each in limits if each.own_measure is measure)
+    return next((Excess(e.name, e.unit, e.subject, known=Known.SURE) for e in own), None)
+
+
 @lru_cache(maxsize=32)
 def _function(functions: Functions, items: Items) -> tuple[RowFunction, tuple[int, ...]]:
     """(x, v, a, numbers of the limits and p) -> the columns of ``_Curves``; θ̇, θ̈ and τ. And how
@@ -373,9 +367,10 @@ def _function(functions: Functions, items: Items) -> tuple[RowFunction, tuple[in
     return function, tuple(rows)
 
 
-def _sides(items: Items, numbers: Sequence[Array], rows_of: Sequence[int]) -> tuple[_Side, ...]:
-    """What each excess is of, in the order of columns."""
-    sides: list[_Side] = []
+def _sides(
+    items: Items, numbers: Sequence[Array], rows_of: Sequence[int], robot: Machine
+) -> Iterator[tuple[Excess, float]]:
+    """What each excess is of, and the natural size of that, in the order of columns."""
     for (limit, _), own, rows in zip(items, numbers, rows_of, strict=True):
         bounds = limit.bounds(ca.SX(ca.DM(own)))
         scales = np.broadcast_to(np.array(ca.DM(bounds.scale)).ravel(), rows)
@@ -384,8 +379,8 @@ def _sides(items: Items, numbers: Sequence[Array], rows_of: Sequence[int]) -> tu
             if bound is not None:
                 for row, scale in enumerate(scales.tolist(), 1):
                     subject = f"{limit.subject} {row}" if rows > 1 else limit.subject
-                    sides.append(_Side(limit, subject, scale, falls_below))
-    return tuple(sides)
+                    unit = robot.unit(limit.unit)
+                    yield Excess(limit.name, unit, subject, falls_below=falls_below), scale
 
 
 def _mirrored(bounds: Bounds) -> bool:

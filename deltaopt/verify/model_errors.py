@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 
 import casadi as ca
@@ -24,9 +23,9 @@ from deltaopt.verify.units import Units, way_of
 def model_errors(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
     """E_K and E_D of the reported q, q̇, q̈ and τ, by the scene's mechanism."""
     units = Units.of(scene, trajectory)
-    samples = _Samples.of(trajectory)
-    q, dq, ddq = trajectory.coordinates_inside(samples.fractions)
-    tau = trajectory.model.inverse_dynamics(*trajectory.path_inside(samples.fractions))
+    fractions, weights = _nodes(trajectory)
+    q, dq, ddq = trajectory.coordinates_inside(fractions)
+    tau = trajectory.model.inverse_dynamics(*trajectory.path_inside(fractions))
     model = model_of(scene.robot, scene.payload)
     functions = model.functions
     lengths = units.coordinates(functions)
@@ -47,10 +46,13 @@ def model_errors(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
             ) from None
     mean_speed = way_of(scene, trajectory) / trajectory.duration * units.time / units.length
     kinematic[:, functions.mechanism.holonomic.numel() :] /= mean_speed
-    return {
-        "kinematic_error": samples.mean_over_time(trajectory, kinematic),
-        "dynamic_error": samples.mean_over_time(trajectory, dynamic),
-    }
+
+    def mean(rows: Array) -> float:
+        """(1/T) ∫ ‖row‖ dt of samples of every piece, (K · n, m)."""
+        sizes = np.linalg.norm(rows, axis=1).reshape(-1, len(weights))
+        return float(sizes @ weights @ np.diff(trajectory.knots)) / trajectory.duration
+
+    return {"kinematic_error": mean(kinematic), "dynamic_error": mean(dynamic)}
 
 
 @lru_cache(maxsize=16)
@@ -77,23 +79,11 @@ def _robust_residuals(functions: Functions) -> ca.Function:
     return ca.Function("robust_residuals", [q, dq, ddq, tau, p], [ddq - modelled])
 
 
-@dataclass(frozen=True)
-class _Samples:
-    """Fractions of every piece and their weights in a mean over it, (n,) each."""
-
-    fractions: Array
-    weights: Array
-
-    @classmethod
-    def of(cls, trajectory: Trajectory) -> _Samples:
-        """Twice as many as determine the polynomials of coordinates, if a motion has its own."""
-        own = trajectory.coordinates
-        degree = 0 if own is None else own.coefficients.shape[1] - 1
-        parts = max(1, -(-2 * degree // DEGREE))
-        fractions = ((np.arange(parts)[:, None] + POINTS) / parts).ravel()
-        return cls(fractions, np.tile(WEIGHTS, parts) / parts)
-
-    def mean_over_time(self, trajectory: Trajectory, rows: Array) -> float:
-        """(1/T) ∫ ‖row‖ dt of samples of every piece, (K · n, m)."""
-        sizes = np.linalg.norm(rows, axis=1).reshape(-1, len(self.weights))
-        return float(sizes @ self.weights @ np.diff(trajectory.knots)) / trajectory.duration
+def _nodes(trajectory: Trajectory) -> tuple[Array, Array]:
+    """Fractions of every piece and their weights in a mean over it, (n,) each: twice as many as
+    determine the polynomials of coordinates, if a motion has its own."""
+    own = trajectory.coordinates
+    degree = 0 if own is None else own.coefficients.shape[1] - 1
+    parts = max(1, -(-2 * degree // DEGREE))
+    fractions = ((np.arange(parts)[:, None] + POINTS) / parts).ravel()
+    return fractions, np.tile(WEIGHTS, parts) / parts

@@ -19,7 +19,7 @@ from deltaopt.scene.path import Path
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import OnPath, Task
 from deltaopt.verify.away_from_path import from_moving_place, largest_distance
-from deltaopt.verify.measures import Excess, Known
+from deltaopt.verify.measures import Excess, excess_of
 
 _IN_PIECE = 64
 """Places of every piece of the path among which the nearest is looked for first."""
@@ -264,15 +264,13 @@ def _closest(path: Path, x: Array, s: Array, least: Array, most: Array) -> tuple
 def tube_excess(scene: Scene, trajectory: Trajectory) -> Excess | None:
     """By how much the motion leaves the tube of its scene, as a share of the tube; negative where
     it stays inside. None if there is no tube."""
-    limits = limits_of(scene).constraints.limits
-    limit = next((each for each in limits if each.own_measure is OwnMeasure.TUBE), None)
-    if limit is None or scene.path is None or scene.tube is None:
+    blank = excess_of(scene, OwnMeasure.TUBE)
+    if blank is None or scene.path is None or scene.tube is None:
         return None
     path = scene.path.between(*scene.given_points)
     farthest, t = farthest_from(path, trajectory.position, scene.tube)
     over = farthest - scene.tube
-    share = over / scene.tube
-    return Excess(limit.name, limit.unit, limit.subject, t, share, over, known=Known.SURE)
+    return replace(blank, t=t, value=over / scene.tube, amount=over)
 
 
 def farthest_from(path: Path, position: PiecewisePolynomial, asked: float) -> tuple[float, float]:

@@ -167,16 +167,7 @@ class Verification:
 
     def _repr_html_(self) -> str:
         """All measures beside their bounds as a table, and what is wrong, for notebooks."""
-        rows = [
-            (
-                check.bound.measure.replace("_", " "),
-                f"{check.value:.1e}",
-                f"{check.bound.at_most:.0e}",
-                check.bound.unit,
-                "ok" if check.ok else "failed",
-            )
-            for check in self.checks()
-        ]
+        rows = [(*check.cells, "ok" if check.ok else "failed") for check in self.checks()]
         table = html_table(("measure", "value", "at most", "unit", ""), rows)
         sentences = self.failures() or ["verified: every bound is kept"]
         return table + "".join(f"<p>{escape(sentence)}</p>" for sentence in sentences)
@@ -192,21 +183,21 @@ class Verification:
             if each.name == "excesses":
                 absent = dict.fromkeys(_known_excesses())
                 present = {name: excess.value for name, excess in self.excesses.items()}
-                content |= {name: _finite(value) for name, value in (absent | present).items()}
+                content |= {name: finite(value) for name, value in (absent | present).items()}
             elif each.name not in ("distances", "duty", "obstacles", "promised"):
-                content[each.name] = _finite(getattr(self, each.name))
+                content[each.name] = finite(getattr(self, each.name))
         content["limits"] = {
             excess.limit: {
                 "subject": excess.subject,
-                "excess": _finite(excess.amount),
+                "excess": finite(excess.amount),
                 "unit": excess.unit,
-                "t": _finite(excess.t),
+                "t": finite(excess.t),
             }
             for excess in self.excesses.values()
         }
         content["singularities"] = {
             distance.name: {
-                "least": _finite(distance.least),
+                "least": finite(distance.least),
                 "formula": distance.formula,
                 "unit": distance.unit,
                 "subject": distance.subject,
@@ -254,8 +245,9 @@ _KEYS = {
 _LIGHTER = "with_the_least_payload"
 
 
-def _finite(value: float | None) -> float | None:
-    return value if value is not None and isfinite(value) else None
+def finite(value: object) -> object:
+    """The value, or None for infinity and NaN, which JSON does not have."""
+    return None if isinstance(value, float) and not isfinite(value) else value
 
 
 @np.errstate(over="ignore", invalid="ignore")  # measures that are no numbers are beyond any bound

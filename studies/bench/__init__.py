@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any
 
 from deltaopt.cli.arguments import (
-    add_scenes,
     folder,
     kilograms,
     large_number,
@@ -46,7 +45,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     _add_robots(_add(benchmarks, "plan", _plan), number=200)
     _add_any(_add(benchmarks, "any", _any))
     _add_robots(_add(benchmarks, "peers", _peers), number=20)
-    add_scenes(_add(benchmarks, "start", _start))
+    start = _add(benchmarks, "start", _start)
+    start.add_argument("scenes", nargs="+", type=Path, metavar="SCENE", help="scene files")
 
 
 def _add_any(parser: argparse.ArgumentParser) -> None:

@@ -11,7 +11,7 @@ import pytest
 import deltaopt
 from deltaopt.cli import main
 from deltaopt.output.cam_tables import BLEND, without_jumps
-from deltaopt.output.joint_table import JointTable, Quintic
+from deltaopt.output.joint_table import JointTable
 from studies.problems import PROBLEMS
 
 ZERO, SPEED = 0.1, 360.0
@@ -133,7 +133,7 @@ def test_a_jump_is_drawn_out_in_one_cubic():
     theta = np.array([0 * a1, a1 / 8, a1 / 8, a1 / 8 + a1 / 4 + a2 / 8])
     rates = np.array([0 * a1, a1 / 2, a1 / 2, a1 / 2 + a2 / 2])
     table = JointTable(t, theta, rates, np.array([a1, a1, a2, a2]))
-    pieces = Quintic()(without_jumps(table))
+    pieces = without_jumps(table).quintic()
     np.testing.assert_allclose(np.diff(pieces.knots), [0.5 - BLEND / 2, BLEND, 0.5 - BLEND / 2])
     accelerations = pieces.derivative().derivative()
     middle = accelerations.at(np.array([0.5]))[0]

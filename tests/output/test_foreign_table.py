@@ -10,7 +10,7 @@ import pytest
 import deltaopt
 from deltaopt.cli import main
 from deltaopt.output.foreign_table import UnreadableTable, read_foreign_table
-from deltaopt.output.joint_table import Cubic, Cycles, Quintic, checked_table
+from deltaopt.output.joint_table import CUBIC, QUINTIC, Rows, checked_table
 from deltaopt.output.table_files import DEGREES, of_controller, write_table
 from deltaopt.robot.model import delta_model
 from studies.problems import ORSINO, PROBLEMS
@@ -32,10 +32,10 @@ def write(file, columns):
     return file
 
 
-@pytest.mark.parametrize("interpolation", [Cubic(), Quintic()], ids=lambda i: i.name)
+@pytest.mark.parametrize("interpolation", [CUBIC, QUINTIC], ids=lambda i: i.name)
 def test_our_own_table_asks_for_what_the_export_said(plan, tmp_path, capsys, interpolation):
     """Through a file in the controller's degrees: the same peak as of the joint polynomials."""
-    checked = checked_table(SCENE, plan.trajectory, Cycles(1e-3), interpolation)
+    checked = checked_table(SCENE, plan.trajectory, Rows(1e-3), interpolation)
     write_table(tmp_path / "table.csv", of_controller(checked.table, ROBOT), DEGREES)
     content = ROBOT.model_dump(mode="json", exclude_none=True)
     robot = tmp_path / "robot.yaml"
@@ -57,7 +57,7 @@ def test_angles_are_the_models_unless_said_and_that_is_said(plan, tmp_path, caps
     """A robot whose controller counts otherwise, and its own table taken for the model's."""
     robot, table = tmp_path / "robot.yaml", tmp_path / "table.csv"
     robot.write_text(str(ROBOT.model_dump(mode="json", exclude_none=True)), encoding="utf-8")
-    checked = checked_table(SCENE, plan.trajectory, Cycles(1e-3), Quintic())
+    checked = checked_table(SCENE, plan.trajectory, Rows(1e-3), QUINTIC)
     write_table(table, checked.table, DEGREES)
     words = ["verify", str(table), "--robot", str(robot), "--unit", "deg"]
     main([*words, "--payload", "1000 g"])

@@ -10,11 +10,10 @@ from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.errors import Infeasible
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.joint_table import (
-    Cubic,
-    Cycles,
+    CUBIC,
+    QUINTIC,
     JointTable,
-    OwnKnots,
-    Quintic,
+    Rows,
     checked_table,
     demand_of,
     table_within_limits,
@@ -31,11 +30,11 @@ def trajectory():
     return deltaopt.plan(SCENE).trajectory
 
 
-@pytest.mark.parametrize("interpolation", [Cubic(), Quintic()], ids=lambda i: i.name)
+@pytest.mark.parametrize("interpolation", [CUBIC, QUINTIC], ids=lambda i: i.name)
 def test_demand_is_what_positions_ask_for(trajectory, interpolation):
     """The interpolated angles alone, differentiated by central differences, give the torques."""
-    found = checked_table(SCENE, trajectory, Cycles(1e-3), interpolation)
-    angles, demand = interpolation(found.table), found.demand
+    found = checked_table(SCENE, trajectory, Rows(1e-3), interpolation)
+    angles, demand = interpolation.pieces(found.table), found.demand
     step = 2e-6
     inside = np.linspace(0.003, 0.997, 60)  # of a millisecond: no difference spans a jump
     t = (angles.knots[:-1, None] + inside * np.diff(angles.knots)[:, None]).ravel()
@@ -63,10 +62,10 @@ def test_rows_of_a_knot_have_its_very_time(trajectory):
 
 
 def test_quintic_pieces_at_own_knots_are_the_plan(trajectory):
-    found = checked_table(SCENE, trajectory, OwnKnots(), Quintic())
+    found = checked_table(SCENE, trajectory, Rows(), QUINTIC)
     assert found.slowed == 1
     assert found.demand.share < 1.0003
-    angles = Quintic()(found.table)
+    angles = found.table.quintic()
     t = np.linspace(*trajectory.knots[[0, -1]], 301)
     np.testing.assert_allclose(angles.at(t), trajectory(t).theta, atol=2e-7)
     doubled = np.diff(found.table.t) == 0
@@ -75,20 +74,20 @@ def test_quintic_pieces_at_own_knots_are_the_plan(trajectory):
     assert jumps.min() > 1e-9 * np.abs(found.table.ddtheta).max()
 
 
-@pytest.mark.parametrize("interpolation", [Cubic(), Quintic()], ids=lambda i: i.name)
-@pytest.mark.parametrize("rows", [OwnKnots(), Cycles(2e-3)], ids=["own knots", "2 ms"])
+@pytest.mark.parametrize("interpolation", [CUBIC, QUINTIC], ids=lambda i: i.name)
+@pytest.mark.parametrize("rows", [Rows(), Rows(2e-3)], ids=["own knots", "2 ms"])
 def test_tables_that_keep_limits(trajectory, rows, interpolation):
     found = table_within_limits(SCENE, trajectory, rows, interpolation)
     assert found.demand.share <= 1 + 1e-9
     assert found.slowed >= 1
-    again = demand_of(SCENE, interpolation(found.table))
+    again = demand_of(SCENE, interpolation.pieces(found.table))
     assert again == found.demand
     hurried = checked_table(SCENE, trajectory, rows, interpolation)
     assert found.slowed > hurried.slowed  # none of these keeps limits at the plan's own speed
 
 
 def test_steps_are_whole(trajectory):
-    found = checked_table(SCENE, trajectory, Cycles(4e-3), Cubic())
+    found = checked_table(SCENE, trajectory, Rows(4e-3), CUBIC)
     steps = np.diff(found.table.t)
     np.testing.assert_allclose(steps, 4e-3, rtol=1e-12)
     assert found.slowed * trajectory.duration == pytest.approx(steps.sum())
@@ -101,13 +100,13 @@ def test_a_polynomial_of_the_same_degree_is_reproduced():
     """Cubic and quintic pieces from values and derivatives of a polynomial are that polynomial."""
     rng = np.random.default_rng(4)
     t = np.array([0.0, 0.3, 0.35, 1.0])
-    for interpolation, degree in ((Cubic(), 3), (Quintic(), 5)):
+    for interpolation, degree in ((CUBIC, 3), (QUINTIC, 5)):
         p = rng.normal(size=(degree + 1, 3))
         exact = PiecewisePolynomial(np.array([0.0, 1.0]), p[None])
         rate = exact.derivative()
         table = JointTable(t, exact.at(t), rate.at(t), rate.derivative().at(t))
         u = np.linspace(0, 1, 50)
-        np.testing.assert_allclose(interpolation(table).at(u), exact.at(u), atol=1e-12)
+        np.testing.assert_allclose(interpolation.pieces(table).at(u), exact.at(u), atol=1e-12)
 
 
 def test_what_slowing_cannot_cure_is_said(trajectory, monkeypatch):
@@ -117,4 +116,4 @@ def test_what_slowing_cannot_cure_is_said(trajectory, monkeypatch):
     weak = SCENE.model_copy(update={"robot": robot, "limits": None})
     monkeypatch.setattr("deltaopt.output.joint_table._MOST_SLOWINGS", 5)
     with pytest.raises(Infeasible, match=r"torque of motor \d is exceeded however slow"):
-        table_within_limits(weak, trajectory, Cycles(4e-3), Cubic())
+        table_within_limits(weak, trajectory, Rows(4e-3), CUBIC)
