@@ -40,7 +40,6 @@ from deltaopt.robot.machine import Model
 from deltaopt.robot.robot import Robot, as_delta
 from deltaopt.robot.solids import Convex, Polytope, Solid
 from deltaopt.scene.bodies import sums
-from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.links import LINKS, LinkGeometry, each_link
 from deltaopt.scene.scene import Scene
 from deltaopt.verify.measures import Excess, excess_of

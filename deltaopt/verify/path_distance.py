@@ -14,7 +14,6 @@ from deltaopt.curves.piecewise import Array, Index, PiecewisePolynomial
 from deltaopt.curves.roots import real_roots, sure_largest
 from deltaopt.limits.limit import Column, OwnMeasure
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.path import Path
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import OnPath, Task
