@@ -176,7 +176,9 @@ class TrajectoryOptimiser:
             trajectory = _safe(scene, trajectory, chosen.safe_factor, chosen.status)
         gap = resolved.gap if resolved else gap_of([*iterations, *later], best)
         if not is_fastest:  # what it has cost to keep the limits between points
-            gap += max(0.0, solutions[best].cost / solutions[best - 1].cost - 1)
+            ratio = solutions[best].cost / solutions[best - 1].cost
+            by_mesh_before = ratio * (1 + iterations[best - 1].gap) - 1
+            gap = min(gap + max(0.0, ratio - 1), max(0.0, by_mesh_before))
         if problem.least_duration and is_fastest:  # nothing is faster
             gap = min(gap, max(0.0, trajectory.duration / problem.least_duration - 1))
         spent = sum(each.iterations for each in iterations)
