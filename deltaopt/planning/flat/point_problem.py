@@ -51,8 +51,8 @@ class PointProblem:
 
     ``y``: X, V, A (and J), ``coordinates`` each, then T, the duration of the phase: position and
     its derivatives by time in units of T, (coordinates * (derivatives + 1) + 1,).
-    ``derivatives``: unknowns of each coordinate at a knot: 2 for cubics between knots, 3 for
-    quintics, whose acceleration is continuous.
+    ``derivatives``: unknowns of each coordinate at a knot: 2 for cubics between knots, 3 for three
+    cubics between them, whose acceleration is continuous.
     ``tau``: what the equations ``force`` = 0, as many and affine in them, determine; it is
     eliminated from all rows and from their derivatives.
     ``rows``: at most 1 or at least -1 or both, as ``sides`` says; they may be nonlinear in tau.
