@@ -25,6 +25,7 @@ from deltaopt.planning.effort_planning import (
     Beginning,
     beginnings,
     cost_to_minimise,
+    fastest,
     led_to_its_ends,
     require_possible,
 )
@@ -39,7 +40,7 @@ from deltaopt.planning.mesh.gap import gap_of, iteration_of
 from deltaopt.planning.mesh.kept_limits import kept
 from deltaopt.planning.mesh.mesh_solution import MeshSolution, motion_on_first_mesh
 from deltaopt.planning.mesh.reversals import softer_problems
-from deltaopt.planning.nlp.cost import FASTEST, Cost
+from deltaopt.planning.nlp.cost import Cost
 from deltaopt.planning.nlp.problem import (
     Formulated,
     Guess,
@@ -115,7 +116,7 @@ class TrajectoryOptimiser:
         guess = Guess(attempt.motion, attempt.is_near, self.accuracy, is_trial=True)
         extent = None if attempt.problem.is_at_rest else attempt.motion.extent
         scaling = Scaling(attempt.problem, attempt.motion.duration, extent=extent)
-        program = self._program(scaling, FASTEST)
+        program = self._program(scaling, fastest(attempt.problem))
         return motion_on_first_mesh(program, scaling, guess, attempt.intervals)
 
     def fastest(self, attempt: Attempt, report: Progress) -> Plan:

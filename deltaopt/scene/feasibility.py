@@ -169,7 +169,7 @@ def _state_function(functions: Functions, constraints: Constraints) -> RowFuncti
         constraints.numbers(),
     )
     x, v = state[:3], state[3:]
-    motion = CoordinateInstant.general(functions, x, v, ca.SX.zeros(3), p)
+    motion = CoordinateInstant.general(functions, x, v, ca.SX.zeros(3), p, ca.SX.zeros(3))
     back, rows = functions.forward_kinematics(motion.theta, p), constraints.rows(motion, numbers)
     of_state = np.flatnonzero(constraints.orders < 2).tolist()
     within = [_within(rows[i], *constraints.sides[i]) for i in of_state]
@@ -242,7 +242,7 @@ def _rest_function(functions: Functions, constraints: Constraints) -> RowFunctio
     """
     rest = ca.SX.zeros(3)
     x, p, numbers = ca.SX.sym("x", 3), functions.symbols(), constraints.numbers()
-    motion = CoordinateInstant.general(functions, x, rest, rest, p)
+    motion = CoordinateInstant.general(functions, x, rest, rest, p, rest)
     back = functions.forward_kinematics(motion.theta, p)
     rows = constraints.rows(motion, numbers)
     within = [_within(rows[i], *constraints.sides[i]) for i in range(constraints.number)]
@@ -321,7 +321,7 @@ def exceeded(scene: Scene, end: EndState, orders: int = 3) -> Iterator[str]:
     constraints, row_orders = limits.constraints, limits.constraints.orders
     given = end.position, end.velocity, model.parameters, limits.numbers
     x, v, p, numbers = (ca.SX(ca.DM(each)) for each in given)
-    motion = CoordinateInstant.general(model.functions, x, v, ca.SX.zeros(3), p)
+    motion = CoordinateInstant.general(model.functions, x, v, ca.SX.zeros(3), p, ca.SX.zeros(3))
     found = np.array(ca.DM(constraints.measures(motion, numbers))).ravel()
     for row, (value, lower, upper) in enumerate(zip(found, *limits.bounds, strict=True)):
         if row_orders[row] >= orders or (end.velocity != REST and row_orders[row] > 1):

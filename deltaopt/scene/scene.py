@@ -38,6 +38,7 @@ from deltaopt.limits.keep_out import (
 from deltaopt.limits.limit import Column, KeptLink, Limit, MotorLimit
 from deltaopt.limits.links import LinkClearance
 from deltaopt.limits.platform_motion import PLATFORM_ACCELERATION, PLATFORM_SPEED
+from deltaopt.limits.rates import PLATFORM_JERK, JointJerk, TorqueRate
 from deltaopt.limits.scene_limits import SceneLimits
 from deltaopt.limits.singularities import (
     PARALLEL_SINGULARITY,
@@ -122,6 +123,9 @@ LIMITS: tuple[Limit, ...] = (
     Tube(),
     ApproachLimit(),
     LinkClearance(),
+    TorqueRate(),
+    PLATFORM_JERK,
+    JointJerk(),
 )
 """All kinds of limit, in the order of the constraint rows of a problem. Before bodies, the rows of
 those that depend on torques stand once more, for the least payload of a range."""

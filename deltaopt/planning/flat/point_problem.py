@@ -163,10 +163,17 @@ def _function(name: str, arguments: list[ca.SX], results: list[ca.SX]) -> ca.Fun
 
 
 def _inverse(B: ca.SX) -> ca.SX:
-    """Of a matrix of expressions; by cofactors up to 3 x 3, with a single division."""
-    n = B.shape[0]
-    if n == 0 or n > 3:
-        return ca.inv(B) if n else ca.SX(0, 0)
+    """Of a matrix of expressions; by cofactors up to 3 x 3, with a single division; of a larger
+    one with zeros above the diagonal of its quarters, by these."""
+    n, half = B.shape[0], B.shape[0] // 2
+    if n == 0:
+        return ca.SX(0, 0)
+    if n > 3 and B[:half, half:].nnz() == 0:
+        above, below = _inverse(B[:half, :half]), _inverse(B[half:, half:])
+        mixed = -below @ B[half:, :half] @ above
+        return ca.blockcat([[above, ca.SX(half, n - half)], [mixed, below]])
+    if n > 3:
+        return ca.inv(B)
     adjugate = ca.SX.ones(n, n)
     for i in range(n):
         for j in range(n):

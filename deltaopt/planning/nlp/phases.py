@@ -34,12 +34,13 @@ def parts(mesh: Array, passed: Array) -> list[slice]:
 
 def first_mesh(problem: Problem, motion: Trajectory, intervals: int) -> Array:
     """A mesh of about so many intervals, (N,), fractions of the duration: uniform or, where there
-    are phases, in each phase of a first motion."""
+    are phases, in each phase of a first motion; each in thirds where acceleration is continuous."""
     if not problem.gates:
-        return np.full(intervals, 1 / intervals)
+        return np.full(problem.together * intervals, 1 / (problem.together * intervals))
     passed = (passes(problem, motion) - motion.knots[0]) / motion.duration
     lengths = np.diff([0.0, *passed.tolist(), 1.0])
     counts = np.maximum(np.rint(intervals * lengths), _FEWEST).astype(int)
+    counts *= problem.together
     return np.repeat(lengths / counts, counts)
 
 
