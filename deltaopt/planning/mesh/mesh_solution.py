@@ -346,7 +346,10 @@ class MeshSolution:
         tightened = self.scaling.untightened
         if tightenable.any():
             points, seen = self.program.points, self._with_missed(size, places)
-            overshoot = Overshoot.of(self.mesh, points, seen, tightenable, anywhere, shares)
+            jumping = constraints.orders == 3
+            overshoot = Overshoot.of(
+                self.mesh, points, seen, tightenable, anywhere, shares, jumping
+            )
             tightened = overshoot.tightened(self.scaling, mesh)
         if self.excess is None:
             return tightened

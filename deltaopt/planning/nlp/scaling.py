@@ -222,7 +222,8 @@ class Scaling:
         x, v = position.with_rate_at(times)
         found = [(x - self.origin) / self.length, v * (T / self.length)]
         if derivatives == 3:
-            before = np.maximum(np.searchsorted(position.knots, times) - 1, 0)
+            last = len(position.knots) - 2
+            before = np.clip(np.searchsorted(position.knots, times) - 1, 0, last)
             left = position.inside(before, times - position.knots[before], 2)
             a = (left + position.at(times, 2)) / 2
             found.append(a * (T**2 / self.length))
