@@ -127,8 +127,8 @@ class PiecewisePolynomial:
 
     @classmethod
     def in_thirds(cls, knots: Array, x: Array, v: Array, a: Array) -> Self:
-        """Through values x with derivatives v and second ones a at the knots, (K + 1, m) each: three
-        cubics of equal length between two knots, whose second derivatives are continuous."""
+        """Through values x with derivatives v and second ones a at the knots, (K + 1, m) each:
+        three cubics of equal length between two, whose second derivatives are continuous."""
         third = np.diff(knots)[:, None] / 3
         step = (x[1:] - x[:-1]) / third**2
         first = step - (2 * v[:-1] + v[1:]) / third - 5 / 6 * a[:-1] + a[1:] / 3

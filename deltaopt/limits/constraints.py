@@ -106,7 +106,7 @@ class Constraints:
 
     @cached_property
     def order(self) -> int:
-        """2, where acceleration may jump; 3 where the rate of it is limited, so that it does not."""
+        """2, where acceleration may jump; 3 where its rate is limited, so that it does not."""
         return max(2, int(self.orders.max(initial=2)))
 
     def require_orders(self) -> None:

@@ -62,7 +62,7 @@ class Instant(Protocol):
     @property
     def tau_per_payload(self) -> SX: ...
     @property
-    def j(self) -> SX | None: ...
+    def j(self) -> SX: ...
     @property
     def dddtheta(self) -> SX: ...
     @property
@@ -226,7 +226,8 @@ class Limit:
 
     ``name`` and ``unit``: of its quantity. ``subject``: what has one each, such as a motor.
     ``order``: the highest derivative of position that the quantity depends on, 0 for positions, 2
-    for accelerations and torques, 3 for jerk and rates of torques. ``powers``: of the speed, at which it is a polynomial: its rows
+    for accelerations and torques, 3 for jerk and rates of torques. ``powers``: of the speed, at
+    which it is a polynomial: its rows
     are those at rest at the same place and a part that grows with each of these powers, torques as
     squares; 1 for a speed, 2 for a torque, (1, 2) for their sum. None if it is no polynomial, or
     where that is not known: such motions are slowed by trial. ``key``: where a scene gives it, None

@@ -23,7 +23,7 @@ class PlatformInstant:
 
     ``x``, ``v``, ``a``: position, velocity, acceleration, 3 each, m, m/s, m/s². ``p``: parameters.
 
-    ``j``: its jerk, m/s³; None where nothing depends on it.
+    ``jerk``: m/s³; None where nothing depends on it.
 
     ``given_torque``: the motor torques (3, N·m), where these are variables of their own; otherwise
     they follow from the motion by eq. (39). ``given_torque_rate``: likewise their rates, N·m/s.
@@ -35,7 +35,7 @@ class PlatformInstant:
     a: SX
     p: SX
     given_torque: SX | None = None
-    j: SX | None = None
+    jerk: SX | None = None
     given_torque_rate: SX | None = None
 
     @cached_property
@@ -50,6 +50,11 @@ class PlatformInstant:
         """By how much the actuators' forces grow with the payload's mass, 3: along a given
         motion they are affine in it. Of mechanisms with a payload."""
         return _payload_slope(self.functions)(self.x, self.v, self.a, self.p)
+
+    @property
+    def j(self) -> SX:
+        """Jerk of the platform, 3, m/s³."""
+        return _known(self.jerk)
 
     @cached_property
     def dtau(self) -> SX:
@@ -144,7 +149,7 @@ class PlatformInstant:
     @property
     def _motion(self) -> tuple[list[SX], list[SX]]:
         """Position and its two derivatives, and the rates of these."""
-        return [self.x, self.v, self.a], [self.v, self.a, _known(self.j)]
+        return [self.x, self.v, self.a], [self.v, self.a, self.j]
 
     @cached_property
     def _equation_rates(self) -> list[SX]:
@@ -161,7 +166,7 @@ class CoordinateInstant:
     ``ddq`` by time, and the actuators' forces or torques ``tau``, 3, N or N·m.
 
     ``torques``: mass of the payload added, kg -> the motor torques with it, where these are known.
-    ``rates``: the same -> their rates, and the actuators' jerks. ``j``: the platform's jerk, m/s³.
+    ``rates``: the same -> their rates, and the actuators' jerks. ``jerk``: of the platform, m/s³.
     """
 
     functions: Functions
@@ -171,11 +176,11 @@ class CoordinateInstant:
     tau: SX
     torques: Callable[[float], SX] | None = None
     rates: Callable[[float], tuple[SX, SX]] | None = None
-    j: SX | None = None
+    jerk: SX | None = None
 
     @classmethod
     def general(
-        cls, functions: Functions, x: SX, v: SX, a: SX, p: SX, j: SX | None = None
+        cls, functions: Functions, x: SX, v: SX, a: SX, p: SX, jerk: SX | None = None
     ) -> CoordinateInstant:
         """From the platform's motion, by the general derivation in twelve coordinates."""
         inverse = functions.inverse_dynamics.expand()
@@ -188,12 +193,17 @@ class CoordinateInstant:
             return inverse(x, v, a, with_more(added))[0]
 
         def rates(added: float) -> tuple[SX, SX]:
-            motion, change = [x, v, a], [v, a, _known(j)]
+            motion, change = [x, v, a], [v, a, _known(jerk)]
             torque_rate = _rates(inverse, motion, change, with_more(added))[0]
-            jerk = _rates(functions.motion, motion, change, p)[2]
-            return torque_rate, jerk[functions.motors]
+            third = _rates(functions.motion, motion, change, p)[2]
+            return torque_rate, third[functions.motors]
 
-        return cls(functions, q, dq, ddq, inverse(x, v, a, p)[0], torques, rates, j)
+        return cls(functions, q, dq, ddq, inverse(x, v, a, p)[0], torques, rates, jerk)
+
+    @property
+    def j(self) -> SX:
+        """Jerk of the platform, 3, m/s³."""
+        return _known(self.jerk)
 
     @property
     def dtau(self) -> SX:

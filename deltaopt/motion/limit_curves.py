@@ -87,8 +87,8 @@ class LimitShares:
         return cls(model, function, np.concatenate([limits.numbers, model.parameters]), named)
 
     def __call__(self, *motion: Array) -> Array:
-        """The shares, (N, columns), of a motion of the tool's point: its position and derivatives up
-        to the highest order of a limit, at least to its acceleration, (N, 3) each."""
+        """The shares, (N, columns), of a motion of the tool's point: position and derivatives up to
+        the highest order of a limit, at least to the acceleration, (N, 3) each."""
         (values,) = self.function(*motion, parameters=self.parameters)
         return values
 
@@ -132,4 +132,4 @@ def _motion(functions: Functions, constraints: Constraints) -> tuple[PlatformIns
     symbols = [ca.SX.sym(name, 3) for name in "xvaj"[: constraints.order + 1]]
     x, v, a, *rest = symbols
     j = rest[0] if rest else None
-    return PlatformInstant(functions, x, v, a, functions.symbols(), j=j), symbols
+    return PlatformInstant(functions, x, v, a, functions.symbols(), jerk=j), symbols

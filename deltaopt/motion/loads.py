@@ -270,9 +270,9 @@ def _loads_function(
         x = x * t + c
     rest = ca.SX.zeros(3)
     numbers, p = constraints.numbers(), functions.symbols()
-    motion = PlatformInstant(functions, x, v, a, p, j=j)
+    motion = PlatformInstant(functions, x, v, a, p, jerk=j)
     rows = constraints.rows(motion, numbers)
-    at_rest = constraints.rows(PlatformInstant(functions, x, rest, rest, p, j=rest), numbers)
+    at_rest = constraints.rows(PlatformInstant(functions, x, rest, rest, p, jerk=rest), numbers)
     n = exponents(constraints, squares)
     slope = _slope(functions, constraints, numbers, p)(x, v, a, j) if (n == MIXED).any() else None
     demands = _demands(constraints, n, at_rest, rows, slope)
@@ -289,7 +289,7 @@ def _slope(
 ) -> Callable[[ca.SX, ca.SX, ca.SX, ca.SX], ca.SX]:
     """(x, v, a, j) -> the derivatives of all rows by the speed of the motion, at its own speed."""
     x, v, a, j = (ca.SX.sym(name, 3) for name in "xvaj")
-    rows = constraints.rows(PlatformInstant(functions, x, v, a, p, j=j), numbers)
+    rows = constraints.rows(PlatformInstant(functions, x, v, a, p, jerk=j), numbers)
     slope = ca.jtimes(rows, ca.vertcat(v, a, j), ca.vertcat(v, 2 * a, 3 * j))
     f = ca.Function("slope", [x, v, a, j, numbers, p], [slope])
     return lambda *motion: f(*motion, numbers, p)

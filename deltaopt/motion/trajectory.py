@@ -137,6 +137,12 @@ class Trajectory:
         where = self.position.everywhere(fractions)
         return tuple(self.position.inside(*where, order) for order in range(highest + 1))
 
+    @property
+    def acceleration_jump(self) -> float:
+        """All jumps of the platform's acceleration at knots, added up, m/s²."""
+        a = self.path_inside([0.0, 1.0])[2]  # begin, end, begin, end ...
+        return float(np.linalg.norm(a[2::2] - a[1:-1:2], axis=1).sum())
+
     def coordinates_inside(self, fractions: ArrayLike) -> tuple[Array, Array, Array]:
         """All coordinates q, q̇, q̈ at fractions of every interval, (K · len(fractions), 12) each.
 

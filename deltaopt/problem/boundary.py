@@ -66,7 +66,8 @@ class Boundary:
     def is_rest_at_a_point(self) -> bool:
         """Whether the platform rests there, at a place that is known."""
         known = not (any(self.free) or self.is_passed or self.within)
-        return known and self.velocity == REST and not self.moves
+        rests = self.velocity == REST and self.acceleration == REST
+        return known and rests and not self.moves
 
     def at(self, duration: float, reached: Vector3) -> Boundary:
         """What is asked of a motion that takes ``duration`` (s) and ends at ``reached`` (m)."""

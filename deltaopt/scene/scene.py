@@ -362,6 +362,11 @@ class Scene(Record):
         return super().model_copy(update=given, deep=deep)
 
     @property
+    def has_rates(self) -> bool:
+        """Whether limits of jerk or torque rate make acceleration continuous."""
+        return any(limit.order == 3 and limit.items(self) for limit in LIMITS)
+
+    @property
     def with_least_payload(self) -> Scene:
         """The scene with the least payload of its range; itself where the payload does not vary."""
         if self.least_payload is None:
@@ -445,6 +450,12 @@ class Scene(Record):
 
     def _can_move_at_ends(self, task: MovingEnds) -> Self:
         """The scene itself; raises SceneError where it says what moving ends do not go with."""
+        for key, end in (("start", self.start), ("goal", self.goal)):
+            if not isinstance(end, State) or end.acceleration is None:
+                continue
+            if not self.has_rates:
+                expected = "none without limits of jerk or torque rate, for then it may jump"
+                raise SceneError(None, f"{key}.acceleration", list(end.acceleration), expected)
         if task.start == task.goal:
             raise SceneError(None, "goal", content_of_end(self.goal), "a state other than start")
         if isinstance(self.goal, Anywhere) and task.start.velocity == REST:
@@ -474,6 +485,10 @@ class Scene(Record):
         if not isinstance(self.objective, Time) and self.tube is None:
             expected = "time, where a path is given without a tube"
             raise SceneError(None, "objective", str(self.objective), expected)
+        for limit in LIMITS if self.tube is None else ():
+            if limit.order == 3 and limit.items(self):
+                expected = f"a tube about it beside a limit of {limit.name}, or none of these"
+                raise SceneError(None, "path", content_of_path(self.path), expected)
         return self
 
     @model_validator(mode="after")

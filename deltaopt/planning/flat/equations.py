@@ -57,7 +57,7 @@ class PointEquations:
             p.length * y[6:9] / T**2,
             p.mechanism,
             tau,
-            j=p.length * y[9:12] / T**3 if order == 3 else None,
+            jerk=p.length * y[9:12] / T**3 if order == 3 else None,
             given_torque_rate=p.torque * y[-4:-1] / T if order == 3 else None,
         )
         rows = constraints.rows(motion, p.limits)

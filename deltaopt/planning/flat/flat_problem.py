@@ -240,7 +240,7 @@ class FlatProblem:
             owns, in_phases = [slice(None)], [scaling.parameters(parameters)]
         else:
             passed = (instants[1:-1] - first) / motion.duration
-            owns = parts(self.mesh, passed)
+            owns = parts(self.mesh, passed, width)
             in_phases = scaling.parameters_in_phases(parameters)
         total, phases = motion.duration / scaling.time, list[Phase]()
         for own, (begin, end), p in zip(owns, pairwise(instants.tolist()), in_phases, strict=True):
@@ -248,7 +248,9 @@ class FlatProblem:
             if len(owns) > 1:
                 mesh = mesh / mesh.sum()
             times = begin + T * np.append(0.0, np.cumsum(mesh))
-            of_phase = slice((own.start or 0) // width, None if own.stop is None else own.stop // width)
+            of_phase = slice(
+                (own.start or 0) // width, None if own.stop is None else own.stop // width
+            )
             phases.append(
                 Phase(
                     mesh,
@@ -308,4 +310,5 @@ class FlatProblem:
         jumps = scaling.constraints.orders == 3
         shared = np.einsum("tep,npm->ntem", _SHARED, multipliers)
         one_sided = np.einsum("tep,npm->ntem", _ONE_SIDED, multipliers)
-        return np.where(jumps, one_sided, shared).reshape(-1, 2, multipliers.shape[2])
+        found: Array = np.where(jumps, one_sided, shared)
+        return found.reshape(-1, 2, multipliers.shape[2])

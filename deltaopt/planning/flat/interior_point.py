@@ -72,12 +72,12 @@ class Settings:
 class Boundary:
     """What is known of the state where a phase begins or ends: each component fixed or free.
 
-    ``state``: position, velocity (and acceleration, for cubics in thirds), (derivatives, coordinates), in
-    constant units; what is free there is of no account. ``free``: which components are, the same
-    shape; where two phases meet they are continuous. ``drift``: velocity of a position that
-    moves, (coordinates,); ``state`` then has the position at the time 0 of the whole motion.
-    ``radius``: of a sphere about the position in ``state`` that a free position must be in; 0
-    without one.
+    ``state``: position, velocity (and acceleration, for cubics in thirds), (derivatives,
+    coordinates), in constant units; what is free there is of no account. ``free``: which components
+    are, the same shape; where two phases meet they are continuous. ``drift``: velocity of a
+    position that moves, (coordinates,); ``state`` then has the position at the time 0 of the whole
+    motion. ``radius``: of a sphere about the position in ``state`` that a free position must be in;
+    0 without one.
     """
 
     state: Array
