@@ -334,7 +334,7 @@ def _add(
 
 
 def _method_text(method: CompiledMethod) -> str:
-    text = source(method.problem, len(method.points))
+    text = source(method.problem, len(method.points.fractions))
     assert text.count(_PARTS) == 1
     before, after = text.split(_PARTS)
     unused = "__attribute__((unused)) static void *part_of_one_block("

@@ -77,6 +77,8 @@ _C = {
     ca.OP_IF_ELSE_ZERO: "WHERE({0}, {1})",
     ca.OP_FABS: "EACH(fabs, {0})",
     ca.OP_SIGN: "EACH2(copysign, ALL(1.0), {0})",
+    ca.OP_POW: "EACH2(pow, {0}, {1})",
+    ca.OP_CONSTPOW: "EACH2(pow, {0}, {1})",
     ca.OP_ATAN2: "ATAN2({0}, {1})",
     ca.OP_FMAX: "EACH2(FMAX, {0}, {1})",
     ca.OP_FMIN: "EACH2(FMIN, {0}, {1})",

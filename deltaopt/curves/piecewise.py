@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Self
 
 import numpy as np
@@ -123,6 +124,25 @@ class PiecewisePolynomial:
             for power in reversed(range(coefficients.shape[1])):  # Horner
                 values = values * since[:, None] + coefficients[intervals, power]
         return values
+
+    @classmethod
+    def in_thirds(cls, knots: Array, x: Array, v: Array, a: Array) -> Self:
+        """Through values x with derivatives v and second ones a at the knots, (K + 1, m) each:
+        three cubics of equal length between two, whose second derivatives are continuous."""
+        third = np.diff(knots)[:, None] / 3
+        step = (x[1:] - x[:-1]) / third**2
+        first = step - (2 * v[:-1] + v[1:]) / third - 5 / 6 * a[:-1] + a[1:] / 3
+        second = -step + (v[:-1] + 2 * v[1:]) / third + a[:-1] / 3 - 5 / 6 * a[1:]
+        bends = np.stack([a[:-1], first, second, a[1:]], axis=1)  # at the ends of thirds
+        rate, value, pieces = v[:-1], x[:-1], []
+        for begin, end in pairwise(bends.transpose(1, 0, 2)):
+            jerk = (end - begin) / third
+            pieces.append(np.stack([value, rate, begin / 2, jerk / 6], axis=1))
+            value = value + third * (rate + third * (begin / 2 + third * jerk / 6))
+            rate = rate + third * (begin + end) / 2
+        coefficients = np.stack(pieces, axis=1).reshape(-1, 4, x.shape[1])
+        inner = (knots[:-1, None] + third * np.arange(3)).ravel()
+        return cls(np.append(inner, knots[-1]), coefficients)
 
     def with_derivatives(self, intervals: Index, since: Array) -> tuple[Array, Array, Array]:
         """Values and their first two derivatives, (N, m) each, in given pieces, (N,), at what the

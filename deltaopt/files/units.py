@@ -218,6 +218,9 @@ ROTOR_INERTIA = Quantity("kg*m**2", (), 2.0, ("kg*cm^2", "g*cm^2"))
 """Of a motor, a brake or a gear at the motor's side."""
 TORQUE = Quantity("N*m", (), 5000.0, ("N*mm",))
 MOTOR_TORQUE = Quantity("N*m", (), 500.0, ("N*mm",))
+TORQUE_RATE = Quantity("N*m/s", (), 1e8, ("N*mm/s",))
+JERK = Quantity("m/s**3", (), 1e7, ("mm/s^3",))
+ANGULAR_JERK = Quantity("rad/s**3", (), 1e8, ("deg/s^3",))
 VISCOUS_FRICTION = Quantity("N*m*s/rad", ("N*m*s",), 1e4, ("N*mm*s/rad",))
 RATIO = Quantity("")
 """A number without a unit, or in percent."""

@@ -104,6 +104,11 @@ class Constraints:
         """The order of each row, (rows,)."""
         return self._of_rows([limit.order for limit in self.limits], np.intp)
 
+    @cached_property
+    def order(self) -> int:
+        """2, where acceleration may jump; 3 where its rate is limited, so that it does not."""
+        return max(2, int(self.orders.max(initial=2)))
+
     def require_orders(self) -> None:
         """Raise ValueError for a limit whose order is not that of what its rows depend on."""
         motion = _AnyMotion(self.motors)
@@ -112,7 +117,8 @@ class Constraints:
             if limit.order != order:
                 raise ValueError(
                     f"the limit {limit.name} says order {limit.order}; by what its rows depend on "
-                    f"it is {order} (0: position, 1: velocity, 2: acceleration or torque)"
+                    f"it is {order} (0: position, 1: velocity, 2: acceleration or torque, 3: their "
+                    "rates)"
                 )
 
     @cached_property
@@ -191,7 +197,8 @@ class Constraints:
     def _affine_in_torque(self) -> Truths:
         """Rows that are affine functions of the torques, (rows,)."""
         motion, rows = self._any_rows
-        return ~np.array(ca.which_depends(rows, motion.tau, 2, True), np.bool)
+        torques = ca.vertcat(motion.tau, motion.dtau)
+        return ~np.array(ca.which_depends(rows, torques, 2, True), np.bool)
 
     @property
     def holds_between_payloads(self) -> bool:
@@ -234,7 +241,8 @@ class Constraints:
     def of_torque(self) -> Truths:
         """Rows that depend on the torques, (rows,)."""
         motion, rows = self._any_rows
-        return np.array(ca.which_depends(rows, motion.tau, 1, True), bool)
+        torques = ca.vertcat(motion.tau, motion.dtau)
+        return np.array(ca.which_depends(rows, torques, 1, True), bool)
 
     @cached_property
     def of_place(self) -> Truths:
@@ -302,24 +310,25 @@ class _AnyMotion:
     """An instant of which every quantity is a symbol of its own."""
 
     def __init__(self, motors: int) -> None:
-        self.x, self.v, self.a = (SX.sym(name, 3) for name in ("x", "v", "a"))
-        self.theta, self.dtheta, self.ddtheta, self.tau = (
-            SX.sym(name, motors) for name in ("theta", "dtheta", "ddtheta", "tau")
+        self.x, self.v, self.a, self.j = (SX.sym(name, 3) for name in "xvaj")
+        self.theta, self.dtheta, self.ddtheta, self.dddtheta = (
+            SX.sym(name, motors) for name in ("theta", "dtheta", "ddtheta", "dddtheta")
         )
+        self.tau, self.dtau = SX.sym("tau", motors), SX.sym("dtau", motors)
         self.alignment, self.tilt = SX.sym("alignment", motors), SX.sym("tilt", motors)
         self.parallel_margin, self.tilt_margin = SX.sym("parallel"), SX.sym("tilted")
         self.tau_per_payload = SX.sym("tau_per_payload", motors)
+        self.dtau_per_payload = SX.sym("dtau_per_payload", motors)
 
     @property
     def everything(self) -> SX:
         """All quantities."""
-        torques = self.tau_per_payload, self.tau
-        return ca.vertcat(*self._positions, *self._rates, *self._second, *torques)
+        return ca.vertcat(*self._positions, *self._rates, *self._second, *self._third)
 
     def order_of(self, rows: SX) -> int:
         """The highest derivative of position that rows depend on; torques are accelerations."""
-        by_order = self._positions, self._rates, [*self._second, self.tau, self.tau_per_payload]
-        return max(n for n in range(3) if n == 0 or ca.depends_on(rows, ca.vertcat(*by_order[n])))
+        by_order = self._positions, self._rates, self._second, self._third
+        return max(n for n in range(4) if n == 0 or ca.depends_on(rows, ca.vertcat(*by_order[n])))
 
     @property
     def _positions(self) -> list[SX]:
@@ -332,4 +341,8 @@ class _AnyMotion:
 
     @property
     def _second(self) -> list[SX]:
-        return [self.a, self.ddtheta]
+        return [self.a, self.ddtheta, self.tau_per_payload, self.tau]
+
+    @property
+    def _third(self) -> list[SX]:
+        return [self.j, self.dddtheta, self.dtau_per_payload, self.dtau]

@@ -41,7 +41,8 @@ class Instant(Protocol):
     far its bars lean out of the plane of its arm;
     ``parallel_margin`` and ``tilt_margin``, volumes that are 0 in the parallel singularity and
     where the platform can tilt; ``tau_per_payload``, by how much the torques grow with the
-    payload's mass (N·m/kg).
+    payload's mass (N·m/kg). Of limits of order 3 alone: the platform's jerk ``j`` (m/s³), the rates
+    ``dddtheta`` (rad/s³) and ``dtau`` (N·m/s), and ``dtau_per_payload``.
     """
 
     @property
@@ -60,6 +61,14 @@ class Instant(Protocol):
     def tau(self) -> SX: ...
     @property
     def tau_per_payload(self) -> SX: ...
+    @property
+    def j(self) -> SX: ...
+    @property
+    def dddtheta(self) -> SX: ...
+    @property
+    def dtau(self) -> SX: ...
+    @property
+    def dtau_per_payload(self) -> SX: ...
     @property
     def alignment(self) -> SX: ...
     @property
@@ -216,8 +225,9 @@ class Limit:
     """A limit: stateless, so that scenes with the same limits share compiled code.
 
     ``name`` and ``unit``: of its quantity. ``subject``: what has one each, such as a motor.
-    ``order``: the highest derivative of position that the quantity depends on, 0 for positions to 2
-    for accelerations and torques. ``powers``: of the speed, at which it is a polynomial: its rows
+    ``order``: the highest derivative of position that the quantity depends on, 0 for positions, 2
+    for accelerations and torques, 3 for jerk and rates of torques. ``powers``: of the speed, at
+    which it is a polynomial: its rows
     are those at rest at the same place and a part that grows with each of these powers, torques as
     squares; 1 for a speed, 2 for a torque, (1, 2) for their sum. None if it is no polynomial, or
     where that is not known: such motions are slowed by trial. ``key``: where a scene gives it, None

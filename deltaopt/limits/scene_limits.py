@@ -49,6 +49,11 @@ class SceneLimits:
         constraints = Constraints(items, self.constraints.motors)
         return SceneLimits(_shared(constraints), np.concatenate(numbers))
 
+    def up_to(self, order: int) -> SceneLimits:
+        """Those of an order at most."""
+        limits = self.constraints.limits
+        return self.only([i for i, limit in enumerate(limits) if limit.order <= order])
+
     @property
     def of_items(self) -> list[Array]:
         """The numbers of each item."""

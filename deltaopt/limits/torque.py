@@ -81,3 +81,7 @@ class _Lighter:
     @property
     def tau(self) -> SX:
         return self._motion.tau - self._less * self._motion.tau_per_payload
+
+    @property
+    def dtau(self) -> SX:
+        return self._motion.dtau - self._less * self._motion.dtau_per_payload

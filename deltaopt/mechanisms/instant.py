@@ -7,9 +7,9 @@ the general derivation in all coordinates; and from these coordinates themselves
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import casadi as ca
 
@@ -23,8 +23,10 @@ class PlatformInstant:
 
     ``x``, ``v``, ``a``: position, velocity, acceleration, 3 each, m, m/s, m/s². ``p``: parameters.
 
+    ``jerk``: m/s³; None where nothing depends on it.
+
     ``given_torque``: the motor torques (3, N·m), where these are variables of their own; otherwise
-    they follow from the motion by eq. (39).
+    they follow from the motion by eq. (39). ``given_torque_rate``: likewise their rates, N·m/s.
     """
 
     functions: Functions
@@ -33,6 +35,8 @@ class PlatformInstant:
     a: SX
     p: SX
     given_torque: SX | None = None
+    jerk: SX | None = None
+    given_torque_rate: SX | None = None
 
     @cached_property
     def tau(self) -> SX:
@@ -45,10 +49,34 @@ class PlatformInstant:
     def tau_per_payload(self) -> SX:
         """By how much the actuators' forces grow with the payload's mass, 3: along a given
         motion they are affine in it. Of mechanisms with a payload."""
-        assert self.functions.payload is not None
-        tau, mass = SX.sym("tau", 3), self.p[self.functions.payload]
-        force, *_ = self.functions.explicit_equations(self.x, self.v, self.a, tau, self.p)
-        return -ca.inv_minor(ca.jacobian(force, tau)) @ ca.jacobian(force, mass)
+        return _payload_slope(self.functions)(self.x, self.v, self.a, self.p)
+
+    @property
+    def j(self) -> SX:
+        """Jerk of the platform, 3, m/s³."""
+        return _known(self.jerk)
+
+    @cached_property
+    def dtau(self) -> SX:
+        """Rates of the actuators' forces or torques, 3, N/s or N·m/s."""
+        if self.given_torque_rate is not None:
+            return self.given_torque_rate
+        return _rates(self.functions.explicit_torques, *self._motion, self.p)[0]
+
+    @property
+    def dtau_per_payload(self) -> SX:
+        """By how much these rates grow with the payload's mass, 3."""
+        return _rates(_payload_slope(self.functions), *self._motion, self.p)[0]
+
+    @property
+    def dddtheta(self) -> SX:
+        """Jerks of the actuators, 3."""
+        return self._equation_rates[3]
+
+    @property
+    def force_rate(self) -> SX:
+        """The rate of ``force``, 3, N/s."""
+        return self._equation_rates[0]
 
     @property
     def force(self) -> SX:
@@ -118,6 +146,19 @@ class PlatformInstant:
         )
         return force, alignment, dtheta, ddtheta
 
+    @property
+    def _motion(self) -> tuple[list[SX], list[SX]]:
+        """Position and its two derivatives, and the rates of these."""
+        return [self.x, self.v, self.a], [self.v, self.a, self.j]
+
+    @cached_property
+    def _equation_rates(self) -> list[SX]:
+        motion, rates = self._motion
+        torque = SX.zeros(3) if self.given_torque is None else self.given_torque
+        change = SX.zeros(3) if self.given_torque is None else self.dtau
+        equations = self.functions.explicit_equations
+        return _rates(equations, [*motion, torque], [*rates, change], self.p)
+
 
 @dataclass(frozen=True, eq=False)
 class CoordinateInstant:
@@ -125,6 +166,7 @@ class CoordinateInstant:
     ``ddq`` by time, and the actuators' forces or torques ``tau``, 3, N or N·m.
 
     ``torques``: mass of the payload added, kg -> the motor torques with it, where these are known.
+    ``rates``: the same -> their rates, and the actuators' jerks. ``jerk``: of the platform, m/s³.
     """
 
     functions: Functions
@@ -133,18 +175,55 @@ class CoordinateInstant:
     ddq: SX
     tau: SX
     torques: Callable[[float], SX] | None = None
+    rates: Callable[[float], tuple[SX, SX]] | None = None
+    jerk: SX | None = None
 
     @classmethod
-    def general(cls, functions: Functions, x: SX, v: SX, a: SX, p: SX) -> CoordinateInstant:
+    def general(
+        cls, functions: Functions, x: SX, v: SX, a: SX, p: SX, jerk: SX | None = None
+    ) -> CoordinateInstant:
         """From the platform's motion, by the general derivation in twelve coordinates."""
         inverse = functions.inverse_dynamics.expand()
         q, dq, ddq = functions.motion(x, v, a, p)
 
-        def torques(added: float) -> SX:
-            more = ca.DM([added * (i == functions.payload) for i in range(p.numel())])
-            return inverse(x, v, a, p + more)[0]
+        def with_more(added: float) -> SX:
+            return p + ca.DM([added * (i == functions.payload) for i in range(p.numel())])
 
-        return cls(functions, q, dq, ddq, inverse(x, v, a, p)[0], torques)
+        def torques(added: float) -> SX:
+            return inverse(x, v, a, with_more(added))[0]
+
+        def rates(added: float) -> tuple[SX, SX]:
+            motion, change = [x, v, a], [v, a, _known(jerk)]
+            torque_rate = _rates(inverse, motion, change, with_more(added))[0]
+            third = _rates(functions.motion, motion, change, p)[2]
+            return torque_rate, third[functions.motors]
+
+        return cls(functions, q, dq, ddq, inverse(x, v, a, p)[0], torques, rates, jerk)
+
+    @property
+    def j(self) -> SX:
+        """Jerk of the platform, 3, m/s³."""
+        return _known(self.jerk)
+
+    @property
+    def dtau(self) -> SX:
+        """Rates of the actuators' forces or torques, 3, N/s or N·m/s."""
+        return self._rates(0.0)[0]
+
+    @property
+    def dtau_per_payload(self) -> SX:
+        """By how much these rates grow with the payload's mass, 3."""
+        return self._rates(1.0)[0] - self._rates(0.0)[0]
+
+    @property
+    def dddtheta(self) -> SX:
+        """Jerks of the actuators, 3."""
+        return self._rates(0.0)[1]
+
+    def _rates(self, added: float) -> tuple[SX, SX]:
+        if self.rates is None:
+            raise ValueError("the rates of the torques are not known")
+        return self.rates(added)
 
     @property
     def tau_per_payload(self) -> SX:
@@ -205,3 +284,35 @@ class CoordinateInstant:
     def tilt_margin(self) -> SX:
         """Volume that is 0 where the platform can tilt."""
         return self.functions.tilt_margin(self.q)
+
+
+def _known(jerk: SX | None) -> SX:
+    """The platform's jerk. Raises ValueError where it is not given."""
+    if jerk is None:
+        raise ValueError("the jerk of the motion is not known")
+    return jerk
+
+
+def _rates(function: ca.Function, of: Sequence[SX], by: Sequence[SX], p: SX) -> list[SX]:
+    """Derivatives by time of all results of a function of some arguments ``of``, whose rates are
+    ``by``, and of parameters ``p``."""
+    return list(_rate_function(function, tuple(each.numel() for each in of)).call([*of, *by, p]))
+
+
+@lru_cache(maxsize=32)
+def _rate_function(function: ca.Function, sizes: tuple[int, ...]) -> ca.Function:
+    of, by = ([SX.sym(name, size) for size in sizes] for name in ("of", "by"))
+    p = SX.sym("p", function.size1_in(len(sizes)))
+    results = function.expand().call([*of, p])
+    slopes = [ca.jtimes(each, ca.vertcat(*of), ca.vertcat(*by)) for each in results]
+    return ca.Function("rates", [*of, *by, p], slopes)
+
+
+@lru_cache(maxsize=32)
+def _payload_slope(functions: Functions) -> ca.Function:
+    """(x, v, a, p) -> by how much torques grow with the payload's mass, 3."""
+    assert functions.payload is not None
+    x, v, a, tau, p, force = functions.affine_equations()
+    mass = p[functions.payload]
+    slope = -ca.inv_minor(ca.jacobian(force, tau)) @ ca.jacobian(force, mass)
+    return ca.Function("payload_slope", [x, v, a, p], [slope])

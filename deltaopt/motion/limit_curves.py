@@ -53,7 +53,7 @@ def limit_curves(
     """
     model, limits = problem.model, problem.limits
     function = _measures(model.functions, limits.constraints)
-    path = trajectory.path_inside(fractions)
+    path = trajectory.path_inside(fractions, limits.constraints.order)
     parameters = np.concatenate([limits.numbers, model.parameters])
     (values,) = function(*path, parameters=parameters)
     lower, upper = limits.bounds
@@ -86,9 +86,10 @@ class LimitShares:
         function, named = _shares(model.functions, limits.constraints)
         return cls(model, function, np.concatenate([limits.numbers, model.parameters]), named)
 
-    def __call__(self, x: Array, v: Array, a: Array) -> Array:
-        """The shares, (N, columns), of a motion of the tool's point, (N, 3) each."""
-        (values,) = self.function(x, v, a, parameters=self.parameters)
+    def __call__(self, *motion: Array) -> Array:
+        """The shares, (N, columns), of a motion of the tool's point: position and derivatives up to
+        the highest order of a limit, at least to the acceleration, (N, 3) each."""
+        (values,) = self.function(*motion, parameters=self.parameters)
         return values
 
 
@@ -96,10 +97,9 @@ class LimitShares:
 def _shares(
     functions: Functions, constraints: Constraints
 ) -> tuple[RowFunction, tuple[tuple[str, str], ...]]:
-    """(x, v, a, numbers of the limits and p) -> the shares; and what each is of."""
-    x, v, a = (ca.SX.sym(name, 3) for name in "xva")
-    numbers, p = constraints.numbers(), functions.symbols()
-    motion = PlatformInstant(functions, x, v, a, p)
+    """(x, v, a[, j], numbers of the limits and p) -> the shares; and what each is of."""
+    motion, symbols = _motion(functions, constraints)
+    numbers = constraints.numbers()
     columns, named = [], list[tuple[str, str]]()
     for limit, own in constraints.with_numbers(numbers):
         if not limit.promised:
@@ -112,17 +112,24 @@ def _shares(
         for beyond in limit.bounds(own).beyond(measure):
             columns.append(1 + beyond)
             named += [(limit.name, name) for name in names]
-    inputs = [x, v, a, ca.vertcat(numbers, p)]
+    inputs = [*symbols, ca.vertcat(numbers, motion.p)]
     shares = ca.densify(ca.vertcat(*columns))
     return RowFunction(ca.Function("shares", inputs, [shares], {"cse": True})), tuple(named)
 
 
 @lru_cache(maxsize=16)
 def _measures(functions: Functions, constraints: Constraints) -> RowFunction:
-    """(x, v, a, numbers of the limits and p) -> the quantities of all limits, compiled."""
-    x, v, a = (ca.SX.sym(name, 3) for name in "xva")
-    numbers, p = constraints.numbers(), functions.symbols()
-    motion = PlatformInstant(functions, x, v, a, p)
-    inputs = [x, v, a, ca.vertcat(numbers, p)]
+    """(x, v, a[, j], numbers of the limits and p) -> the quantities of all limits, compiled."""
+    motion, symbols = _motion(functions, constraints)
+    numbers = constraints.numbers()
+    inputs = [*symbols, ca.vertcat(numbers, motion.p)]
     measures = constraints.measures(motion, numbers)
     return RowFunction(ca.Function("measures", inputs, [measures], {"cse": True}))
+
+
+def _motion(functions: Functions, constraints: Constraints) -> tuple[PlatformInstant, list[ca.SX]]:
+    """A motion of symbols, with as many derivatives as limits need; and these symbols."""
+    symbols = [ca.SX.sym(name, 3) for name in "xvaj"[: constraints.order + 1]]
+    x, v, a, *rest = symbols
+    j = rest[0] if rest else None
+    return PlatformInstant(functions, x, v, a, functions.symbols(), jerk=j), symbols

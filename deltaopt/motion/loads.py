@@ -262,17 +262,19 @@ def _loads_function(
     the arrays of ``Loads``."""
     coefficients, t = ca.SX.sym("coefficients", 3 * powers), ca.SX.sym("t")
     x, v, a = (ca.SX.zeros(3) for _ in range(3))
-    for c in reversed(ca.vertsplit(coefficients, 3)):  # Horner, differentiated twice
+    j = ca.SX.zeros(3)
+    for c in reversed(ca.vertsplit(coefficients, 3)):  # Horner, differentiated
+        j = j * t + 3 * a
         a = a * t + 2 * v
         v = v * t + x
         x = x * t + c
     rest = ca.SX.zeros(3)
     numbers, p = constraints.numbers(), functions.symbols()
-    motion = PlatformInstant(functions, x, v, a, p)
+    motion = PlatformInstant(functions, x, v, a, p, jerk=j)
     rows = constraints.rows(motion, numbers)
-    at_rest = constraints.rows(PlatformInstant(functions, x, rest, rest, p), numbers)
+    at_rest = constraints.rows(PlatformInstant(functions, x, rest, rest, p, jerk=rest), numbers)
     n = exponents(constraints, squares)
-    slope = _slope(functions, constraints, numbers, p)(x, v, a) if (n == MIXED).any() else None
+    slope = _slope(functions, constraints, numbers, p)(x, v, a, j) if (n == MIXED).any() else None
     demands = _demands(constraints, n, at_rest, rows, slope)
     inputs = [coefficients, t, ca.vertcat(numbers, p)]
     narrow = [motion.alignment]
@@ -284,12 +286,12 @@ def _loads_function(
 
 def _slope(
     functions: Functions, constraints: Constraints, numbers: ca.SX, p: ca.SX
-) -> Callable[[ca.SX, ca.SX, ca.SX], ca.SX]:
-    """(x, v, a) -> the derivatives of all rows by the speed of the motion, at its own speed."""
-    x, v, a = (ca.SX.sym(name, 3) for name in "xva")
-    rows = constraints.rows(PlatformInstant(functions, x, v, a, p), numbers)
-    slope = ca.jtimes(rows, ca.vertcat(v, a), ca.vertcat(v, 2 * a))
-    f = ca.Function("slope", [x, v, a, numbers, p], [slope])
+) -> Callable[[ca.SX, ca.SX, ca.SX, ca.SX], ca.SX]:
+    """(x, v, a, j) -> the derivatives of all rows by the speed of the motion, at its own speed."""
+    x, v, a, j = (ca.SX.sym(name, 3) for name in "xvaj")
+    rows = constraints.rows(PlatformInstant(functions, x, v, a, p, jerk=j), numbers)
+    slope = ca.jtimes(rows, ca.vertcat(v, a, j), ca.vertcat(v, 2 * a, 3 * j))
+    f = ca.Function("slope", [x, v, a, j, numbers, p], [slope])
     return lambda *motion: f(*motion, numbers, p)
 
 
@@ -332,4 +334,6 @@ def _size(row: ca.SX, lower: bool, upper: bool) -> ca.SX:
 
 def _power(share: ca.SX, exponent: int) -> ca.SX:
     """kⁿ at least a share, as what k² must be at least."""
+    if exponent in (3, 6):
+        return share ** (2 / exponent)
     return {1: share**2, 2: share, 4: ca.sqrt(share)}[exponent]

@@ -9,6 +9,7 @@ intersected, and the largest is taken.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,13 +20,8 @@ from deltaopt.curves.piecewise import Array
 Excesses = Callable[[Array], Array]
 """Speeds (S,) -> excesses (S, n), positive where a bound is exceeded."""
 
-_DEGREE = 4
-"""Of excesses that are polynomials: squares of quantities that have squares of the speed."""
 _ALLOWED = 1e-13
 """Excess that counts as none: rounding of a root, of quantities of the order of one."""
-_NODES = np.linspace(0.0, 1.0, _DEGREE + 1)
-_TO_POWERS = np.round(3 * np.linalg.inv(np.vander(_NODES, increasing=True))) / 3  # as they are
-"""Coefficients of a polynomial from its values at these shares of the largest speed."""
 _ROUNDED = 1 - np.array([0.0, 1e-15, 1e-14, 1e-13, 1e-12, 1e-10, 1e-8])
 """Shares of a root that are tried: the root itself may be unsafe by rounding."""
 _TRIED, _SLOWEST = 400, 1e-6
@@ -39,10 +35,11 @@ as shares of the interval: ever closer to it, since it is nearly right once the 
 """
 
 
-def largest_by_roots(excesses: Excesses, most: float) -> float | None:
+def largest_by_roots(excesses: Excesses, most: float, degree: int = 4) -> float | None:
     """The largest safe speed, no more than ``most``, of excesses that are polynomials of the speed
-    of degree 4 at most: ``most`` or one of their roots. None if there is none."""
-    fitted = np.einsum("pn,nc->pc", _TO_POWERS, excesses(most * _NODES))
+    of a ``degree`` at most: ``most`` or one of their roots. None if there is none."""
+    nodes, to_powers = _fit(degree)
+    fitted = np.einsum("pn,nc->pc", to_powers, excesses(most * nodes))
     coefficients = np.asarray(fitted[:, np.logical_not(_never_positive(np.asarray(fitted)))], float)
     candidates = np.outer(np.append(1.0, _roots(coefficients)), _ROUNDED).ravel()
     values: Array = np.zeros((len(candidates), coefficients.shape[1]))
@@ -50,6 +47,15 @@ def largest_by_roots(excesses: Excesses, most: float) -> float | None:
         values = values * candidates[:, None] + coefficient
     safe = candidates[(values <= _ALLOWED).all(axis=1)]
     return most * float(safe.max()) if len(safe) else None
+
+
+@cache
+def _fit(degree: int) -> tuple[Array, Array]:
+    """Shares of the largest speed, (degree + 1,), and the matrix from values there to the
+    coefficients of the polynomial."""
+    nodes = np.linspace(0.0, 1.0, degree + 1)
+    inverse = np.linalg.inv(np.vander(nodes, increasing=True))
+    return nodes, np.round(30 * inverse) / 30  # as they are, of degree 4 and 6
 
 
 def _roots(coefficients: Array) -> Array:
@@ -60,9 +66,10 @@ def _roots(coefficients: Array) -> Array:
     """
     constant = coefficients[0]
     constant = np.where(np.abs(constant) < _ALLOWED, -_ALLOWED, constant)
-    companion = np.zeros((coefficients.shape[1], _DEGREE, _DEGREE))
+    degree = len(coefficients) - 1
+    companion = np.zeros((coefficients.shape[1], degree, degree))
     companion[:, 0] = -(coefficients[1:] / constant).T
-    companion[:, np.arange(1, _DEGREE), np.arange(_DEGREE - 1)] = 1
+    companion[:, np.arange(1, degree), np.arange(degree - 1)] = 1
     inverse = np.linalg.eigvals(companion).ravel()
     real = inverse.real[np.abs(inverse.imag) <= 1e-6 * np.abs(inverse)]
     return np.asarray(1 / real[real > 1])
@@ -71,7 +78,7 @@ def _roots(coefficients: Array) -> Array:
 def _never_positive(coefficients: Array) -> NDArray[np.bool]:
     """Which polynomials, (powers, n), are not positive on [0, 1] because none of the coefficients
     of their Bernstein form is, whose convex hull they stay in: (n,)."""
-    return np.asarray((to_bernstein(_DEGREE) @ coefficients <= 0).all(axis=0))
+    return np.asarray((to_bernstein(len(coefficients) - 1) @ coefficients <= 0).all(axis=0))
 
 
 def largest_by_trying(excesses: Excesses, most: float) -> float | None:

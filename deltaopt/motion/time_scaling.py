@@ -13,7 +13,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from math import inf, isfinite
+from functools import partial
+from math import factorial, inf, isfinite
 
 import numpy as np
 from numpy.typing import NDArray
@@ -158,7 +159,8 @@ def _factor_by_exchange(
     """
     changes = exponents_in(problem) != 0
     layered = has_layers(problem)
-    largest = largest_by_trying if layered else largest_by_roots
+    degree = 2 * problem.limits.constraints.order  # of the square of a norm
+    largest = largest_by_trying if layered else partial(largest_by_roots, degree=degree)
     closely = layered and at_least > 0
     speed, highest = _where_to_begin(at_least, looked_at, changes, closely)
     instants = _Instants.none(problem, trajectory)
@@ -202,7 +204,7 @@ def _where_to_begin(
 class _Instants:
     """Instants of a motion at which it is slowed.
 
-    ``taylor``: position, velocity and half the acceleration there, (n, 9). ``evaluate``: gives the
+    ``taylor``: coefficients of the position there, (n, 3 · (order + 1)). ``evaluate``: gives the
     rows. ``sides``: which bounds of them slowing changes, lower and upper, (2, rows).
     """
 
@@ -215,20 +217,26 @@ class _Instants:
     def none(cls, problem: Problem, trajectory: Trajectory) -> _Instants:
         sides = problem.limits.constraints.sides & (exponents_in(problem) != 0)[:, None]
         evaluate = LoadsOfMotion.of(problem, trajectory)
-        return cls(trajectory.position, evaluate, sides.T, np.zeros((0, 9)))
+        order = problem.limits.constraints.order
+        return cls(trajectory.position, evaluate, sides.T, np.zeros((0, 3 * (order + 1))))
 
     def joined_by(self, intervals: Index, fractions: Array) -> _Instants:
         """These and more, given by interval and fraction of it, (n,) each."""
         since = self.evaluate.lengths[intervals] * fractions
-        x, v, a = self.position.with_derivatives(intervals, since)
-        added = np.hstack([x, v, a / 2])
+        added = np.hstack(
+            [
+                self.position.inside(intervals, since, order) / factorial(order)
+                for order in range(self.taylor.shape[1] // 3)
+            ]
+        )
         return replace(self, taylor=np.concatenate([self.taylor, added]))
 
     def excesses(self, speeds: Array) -> Array:
         """By how much rows that slowing changes exceed their bounds at these speeds, (S,): (S, …)
         for all instants and sides."""
-        powers = np.repeat(np.vander(speeds, 3, increasing=True), 3, axis=1)
-        slowed = (powers[:, None] * self.taylor).reshape(-1, 9)
+        width = self.taylor.shape[1]
+        powers = np.repeat(np.vander(speeds, width // 3, increasing=True), 3, axis=1)
+        slowed = (powers[:, None] * self.taylor).reshape(-1, width)
         rows = self.evaluate.of_polynomials(slowed).rows
         lower, upper = self.sides
         both = np.hstack([rows[:, upper] - 1, -1 - rows[:, lower]])

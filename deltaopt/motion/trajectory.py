@@ -134,10 +134,18 @@ class Trajectory:
         moving = self.position.with_derivatives(intervals, since)
         return self._motion(self.knots[intervals] + since, *moving)
 
-    def path_inside(self, fractions: ArrayLike) -> tuple[Array, Array, Array]:
-        """Position, velocity and acceleration of the platform at fractions of every interval, (K ·
-        len(fractions), 3) each, m, m/s, m/s², without inverse kinematics and dynamics."""
-        return self.position.with_derivatives(*self.position.everywhere(fractions))
+    def path_inside(self, fractions: ArrayLike, highest: int = 2) -> tuple[Array, ...]:
+        """Position, velocity, acceleration and so on of the platform, up to the ``highest``
+        derivative, at fractions of every interval, (K · len(fractions), 3) each, m, m/s, m/s²,
+        without inverse kinematics and dynamics."""
+        where = self.position.everywhere(fractions)
+        return tuple(self.position.inside(*where, order) for order in range(highest + 1))
+
+    @property
+    def acceleration_jump(self) -> float:
+        """All jumps of the platform's acceleration at knots, added up, m/s²."""
+        a = self.path_inside([0.0, 1.0])[2]  # begin, end, begin, end ...
+        return float(np.linalg.norm(a[2::2] - a[1:-1:2], axis=1).sum())
 
     def coordinates_inside(self, fractions: ArrayLike) -> tuple[Array, Array, Array]:
         """All coordinates q, q̇, q̈ at fractions of every interval, (K · len(fractions), 12) each.

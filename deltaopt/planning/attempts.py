@@ -24,6 +24,7 @@ from deltaopt.planning.first_motions.order_of_merit import (
     rounds,
 )
 from deltaopt.planning.first_motions.proposal import Proposal
+from deltaopt.planning.mesh.error_estimate import split
 from deltaopt.planning.nlp.phases import first_mesh
 from deltaopt.planning.plan import Optimum, Plan, quicker
 from deltaopt.problem.of_scene import problem_of
@@ -84,7 +85,7 @@ class Attempt:
     def mesh(self) -> Array:
         """The intervals of the first mesh as fractions of the duration, (N,)."""
         if self.on_its_mesh:
-            return self.motion.shares
+            return split(self.motion.shares, self.problem.together)
         return first_mesh(self.problem, self.motion, self.intervals)
 
     @cached_property

@@ -23,7 +23,7 @@ from deltaopt.errors import ENDS_AN_ATTEMPT, Infeasible, if_possible
 from deltaopt.motion.effort import cost as cost_of
 from deltaopt.motion.trajectory import Trajectory, goal_of, passes
 from deltaopt.planning.first_motions.initial_motion import waiting_motions
-from deltaopt.planning.nlp.cost import FASTEST, Cost
+from deltaopt.planning.nlp.cost import FASTEST, SMOOTHLY_FASTEST, Cost
 from deltaopt.planning.nlp.problem import Formulated, Guess
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import QUADRATIC
@@ -58,12 +58,17 @@ def cost_to_minimise(objective: Objective, scaling: Scaling) -> Cost:
     """The cost of a nonlinear program for an objective, scaled to the order of one."""
     match objective:
         case Time():
-            return FASTEST
+            return fastest(scaling.problem)
         case Effort():
             largest = float(scaling.torque.max())
             return Cost(time=0.0, running=1 / largest**2, duration_is_given=True)
         case TimeAndEffort(time=time, effort=effort):
             return Cost(time=1.0, running=effort / time)
+
+
+def fastest(problem: Problem) -> Cost:
+    """The cost of a motion that is to take the least time."""
+    return SMOOTHLY_FASTEST if problem.limits.constraints.order == 3 else FASTEST
 
 
 def require_possible(given: float, shortest: float, gap: float) -> None:

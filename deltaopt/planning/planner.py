@@ -169,6 +169,10 @@ class Planner:
             limits=self.limits,
             objective=self.objective,
         )
+        if isinstance(at, State) and isinstance(start, Motion) and scene.has_rates:
+            x, y, z = start.a[0].tolist()
+            at = at.model_copy(update={"acceleration": (x, y, z)})
+            scene = scene.model_copy(update={"start": at})
         return self.plan_scene(scene, start=begun, starts=starts, seed=seed, progress=progress)
 
     def stop(

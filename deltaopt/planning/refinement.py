@@ -273,12 +273,13 @@ class Refinement:
             and not self._failures
         ):
             lost = replace(lost, unused=np.zeros_like(lost.unused))
-        mesh = refined(last.mesh, lost, target)
+        together = self.scaling.problem.together
+        mesh = refined(last.mesh, lost, target, together=together)
         if len(self.solutions) >= len(self.softer) > 0:  # softer friction needs no such knots
             mesh = with_reversals(mesh, last.trajectory, self.scaling.problem)
         mesh = mesh if len(mesh) <= last.program.finest else last.mesh
         contacts = last.contacts
-        return with_knots_at(mesh, contacts) if len(contacts) else mesh
+        return with_knots_at(mesh, contacts) if len(contacts) and together == 1 else mesh
 
     def _faces(self, last: MeshSolution) -> FacePhases | None:
         """The phases of the next mesh past faces of bodies; None without."""

@@ -25,6 +25,7 @@ from deltaopt.planning.effort_planning import (
     Beginning,
     beginnings,
     cost_to_minimise,
+    fastest,
     led_to_its_ends,
     require_possible,
 )
@@ -39,7 +40,7 @@ from deltaopt.planning.mesh.gap import gap_of, iteration_of
 from deltaopt.planning.mesh.kept_limits import kept
 from deltaopt.planning.mesh.mesh_solution import MeshSolution, motion_on_first_mesh
 from deltaopt.planning.mesh.reversals import softer_problems
-from deltaopt.planning.nlp.cost import FASTEST, Cost
+from deltaopt.planning.nlp.cost import Cost
 from deltaopt.planning.nlp.problem import (
     Formulated,
     Guess,
@@ -115,7 +116,7 @@ class TrajectoryOptimiser:
         guess = Guess(attempt.motion, attempt.is_near, self.accuracy, is_trial=True)
         extent = None if attempt.problem.is_at_rest else attempt.motion.extent
         scaling = Scaling(attempt.problem, attempt.motion.duration, extent=extent)
-        program = self._program(scaling, FASTEST)
+        program = self._program(scaling, fastest(attempt.problem))
         return motion_on_first_mesh(program, scaling, guess, attempt.intervals)
 
     def fastest(self, attempt: Attempt, report: Progress) -> Plan:
@@ -176,7 +177,9 @@ class TrajectoryOptimiser:
             trajectory = _safe(scene, trajectory, chosen.safe_factor, chosen.status)
         gap = resolved.gap if resolved else gap_of([*iterations, *later], best)
         if not is_fastest:  # what it has cost to keep the limits between points
-            gap += max(0.0, solutions[best].cost / solutions[best - 1].cost - 1)
+            ratio = solutions[best].cost / solutions[best - 1].cost
+            by_mesh_before = ratio * (1 + iterations[best - 1].gap) - 1
+            gap = min(gap + max(0.0, ratio - 1), max(0.0, by_mesh_before))
         if problem.least_duration and is_fastest:  # nothing is faster
             gap = min(gap, max(0.0, trajectory.duration / problem.least_duration - 1))
         spent = sum(each.iterations for each in iterations)

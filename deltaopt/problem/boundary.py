@@ -20,12 +20,14 @@ class Boundary:
 
     ``position``: m, at the time 0 of the motion where it moves; of no account in coordinates that
     are ``free``. ``velocity``: m/s; of no account where the boundary ``is_passed`` at any.
-    ``belt``: the velocity at which the position itself moves, m/s. ``within``: the position is any
+    ``acceleration``: m/s², asked for where acceleration is continuous. ``belt``: the velocity at
+    which the position itself moves, m/s. ``within``: the position is any
     place at most so far, m, from the one that is given.
     """
 
     position: Vector3
     velocity: Vector3 = REST
+    acceleration: Vector3 = REST
     belt: Vector3 = REST
     free: tuple[bool, bool, bool] = _FIXED
     is_passed: bool = False
@@ -34,7 +36,7 @@ class Boundary:
     @classmethod
     def met(cls, position: Vector3, belt: Vector3) -> Self:
         """A point that moves from ``position`` on at the velocity ``belt``, and is met at it."""
-        return cls(position, belt, belt)
+        return cls(position, belt, belt=belt)
 
     @classmethod
     def rest_anywhere(cls) -> Self:
@@ -64,12 +66,13 @@ class Boundary:
     def is_rest_at_a_point(self) -> bool:
         """Whether the platform rests there, at a place that is known."""
         known = not (any(self.free) or self.is_passed or self.within)
-        return known and self.velocity == REST and not self.moves
+        rests = self.velocity == REST and self.acceleration == REST
+        return known and rests and not self.moves
 
     def at(self, duration: float, reached: Vector3) -> Boundary:
         """What is asked of a motion that takes ``duration`` (s) and ends at ``reached`` (m)."""
         if self.is_anywhere:
-            return Boundary(reached, self.velocity)
+            return Boundary(reached, self.velocity)  # at rest
         if not self.moves:
             return self
         x, y, z = np.add(self.position, np.multiply(duration, self.belt)).tolist()

@@ -33,12 +33,13 @@ def boundaries_of(task: Task) -> tuple[Boundary, ...]:
     """What a task asks for at its start, where its phases meet, and at its goal."""
     start, goal = task.start, task.goal
     gates = (Boundary.passed(gate.place, gate.within) for gate in task.gates)
-    return Boundary(start.position, start.velocity), *gates, _boundary(goal)
+    begin = Boundary(start.position, start.velocity, start.acceleration)
+    return begin, *gates, _boundary(goal)
 
 
 def _boundary(goal: Goal) -> Boundary:
     if isinstance(goal, MovingPoint):
         return Boundary.met(goal.position, goal.velocity)
     if isinstance(goal, EndState):
-        return Boundary(goal.position, goal.velocity)
+        return Boundary(goal.position, goal.velocity, goal.acceleration)
     return Boundary.rest_anywhere()

@@ -67,6 +67,12 @@ class Problem:
         return self.start.is_rest_at_a_point and self.goal.is_rest_at_a_point
 
     @property
+    def together(self) -> int:
+        """How many intervals of a mesh after each other are of equal length: three where
+        acceleration is continuous, in which it is linear, and one elsewhere."""
+        return 3 if self.limits.constraints.order == 3 else 1
+
+    @property
     def may_be_slowed(self) -> bool:
         """Whether a motion that exceeds a limit may be slowed until it keeps it, at no other cost
         than time."""

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Self
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from deltaopt.errors import SceneError
-from deltaopt.files.units import ANGULAR_SPEED, INERTIA, TORQUE, VISCOUS_FRICTION
+from deltaopt.files.units import ANGULAR_SPEED, INERTIA, TORQUE, TORQUE_RATE, VISCOUS_FRICTION
 from deltaopt.files.validated_record import NonNegative, PerMotor, Positive, Record, per_motor
 from deltaopt.robot.catalogue import (
     CURVE,
@@ -72,8 +72,8 @@ class Drive(Record):
 
     Both, and ``rms_torque`` in N·m, are one number for all motors or three. ``inertia``: of rotor,
     brake and gear at the arm, kg·m². ``torque_curve``: points (speed, torque) that the torque falls
-    along when it drives the arm, in rad/s and N·m; its last speed is a limit. What is None is not
-    limited, or not modelled.
+    along when it drives the arm, in rad/s and N·m; its last speed is a limit. ``torque_rate``: the
+    largest, N·m/s at the arm. What is None is not limited, or not modelled.
 
     Given a ``motor``, and a ``brake`` and ``gear`` if there are any, those numbers are computed
     from them. Friction is that at the arm in any case.
@@ -94,6 +94,9 @@ class Drive(Record):
     torque_curve: CurvePoints | None = Field(default=None, description=CURVE)
     rms_torque: Annotated[PerMotor, TORQUE] | None = Field(
         default=None, description="one torque in N·m, greater than 0, or three"
+    )
+    torque_rate: Annotated[PerMotor, TORQUE_RATE] | None = Field(
+        default=None, description="one rate of torque in N·m/s, greater than 0, or three"
     )
     motor: Motor | None = Field(
         default=None,

@@ -145,6 +145,11 @@ class Machine(Record):
         return per_motor(curve[-1][0]) if speed is None else _least(speed, curve[-1][0])
 
     @property
+    def torque_rate_limits(self) -> Vector3 | None:
+        """The largest rate of each motor's torque at its arm, N·m/s; None if not limited."""
+        return None if self.drive.torque_rate is None else per_motor(self.drive.torque_rate)
+
+    @property
     def rms_torque(self) -> Vector3 | None:
         """The rated torque of each motor at its arm, N·m, for the RMS; None if not named."""
         return None if self.drive.rms_torque is None else per_motor(self.drive.rms_torque)

@@ -189,9 +189,9 @@ def _function(functions: Functions, constraints: Constraints, at_rest: bool) -> 
     x, rest = ca.SX.sym("x", 3), ca.SX.zeros(3)
     v = rest if at_rest else ca.SX.sym("v", 3)
     p, numbers = functions.symbols(), constraints.numbers()
-    motion = CoordinateInstant.general(functions, x, v, rest, p)
+    motion = CoordinateInstant.general(functions, x, v, rest, p, rest)
     back, rows = functions.forward_kinematics(motion.theta, p), constraints.rows(motion, numbers)
-    which = np.flatnonzero(constraints.orders < (3 if at_rest else 2)).tolist()
+    which = np.flatnonzero(constraints.orders < (4 if at_rest else 2)).tolist()
     within = [_within(rows[i], *constraints.sides[i]) for i in which]
     results = [back, ca.vertcat(*within), functions.serial_distances(x, p)]
     inputs = [x if at_rest else ca.vertcat(x, v), ca.vertcat(numbers, p)]
@@ -256,7 +256,7 @@ def exceeded(scene: Scene, end: EndState, orders: int = 3) -> Iterator[str]:
     constraints, row_orders = limits.constraints, limits.constraints.orders
     given = end.position, end.velocity, model.parameters, limits.numbers
     x, v, p, numbers = (ca.SX(ca.DM(each)) for each in given)
-    motion = CoordinateInstant.general(model.functions, x, v, ca.SX.zeros(3), p)
+    motion = CoordinateInstant.general(model.functions, x, v, ca.SX.zeros(3), p, ca.SX.zeros(3))
     found = np.array(ca.DM(constraints.measures(motion, numbers))).ravel()
     for row, (value, lower, upper) in enumerate(zip(found, *limits.bounds, strict=True)):
         if row_orders[row] >= orders or (end.velocity != REST and row_orders[row] > 1):

@@ -17,6 +17,7 @@ from deltaopt.limits.keep_out import MOST_SOLIDS, KeepOut, hull_limits, place_am
 from deltaopt.limits.limit import Described, Limit, MotorLimit
 from deltaopt.limits.links import LinkClearance
 from deltaopt.limits.platform_motion import PLATFORM_ACCELERATION, PLATFORM_SPEED
+from deltaopt.limits.rates import PLATFORM_JERK, JointJerk, TorqueRate
 from deltaopt.limits.scene_limits import SceneLimits
 from deltaopt.limits.singularities import (
     PARALLEL_SINGULARITY,
@@ -54,6 +55,9 @@ LIMITS: tuple[Limit, ...] = (
     Tube(),
     Approach(),
     LinkClearance(),
+    TorqueRate(),
+    PLATFORM_JERK,
+    JointJerk(),
 )
 """All kinds of limit, in the order of the constraint rows of a problem. Before bodies, the rows of
 those that depend on torques stand once more, for the least payload of a range."""

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from deltaopt.errors import SceneError
-from deltaopt.files.units import SPEED
+from deltaopt.files.units import ACCELERATION, SPEED
 from deltaopt.files.validated_record import Number, Record, Vector3
 from deltaopt.robot.tool import POINT, Point
 from deltaopt.scene.task import REST, EndState, Goal, MovingPoint, RestAnywhere
@@ -19,7 +19,8 @@ _ANYWHERE = "anywhere"
 
 
 class State(Record):
-    """A state of the platform at an end of a motion: ``at`` in m, ``velocity`` in m/s.
+    """A state of the platform at an end of a motion: ``at`` in m, ``velocity`` in m/s, and with
+    limits of jerk or torque rate ``acceleration`` in m/s², which is continuous then.
 
     Raises SceneError for values that cannot be used.
     """
@@ -28,11 +29,14 @@ class State(Record):
     velocity: Annotated[tuple[Number, Number, Number], SPEED] = Field(
         default=REST, description="a velocity [x, y, z] in m/s"
     )
+    acceleration: Annotated[tuple[Number, Number, Number], ACCELERATION] | None = Field(
+        default=None, description="an acceleration [x, y, z] in m/s²"
+    )
 
     @property
     def end(self) -> EndState:
         """The state as a task has it."""
-        return EndState(self.at, self.velocity)
+        return EndState(self.at, self.velocity, self.acceleration or REST)
 
 
 class Belt(Record):
@@ -77,13 +81,6 @@ def end_in(key: str, content: Any) -> Any:
     if not {"at", "velocity", "belt"} & set(content):
         expected = EXPECTED_START if key == "start" else EXPECTED_GOAL
         raise SceneError(None, key, dict(content), expected)
-    if "acceleration" in content:
-        raise SceneError(
-            None,
-            f"{key}.acceleration",
-            content["acceleration"],
-            "at and velocity alone, for without limits of jerk or torque rate it may jump",
-        )
     if "belt" in content and key == "start":
         raise SceneError(None, "start.belt", content["belt"], "a belt at the goal alone")
     kind = Belt if "belt" in content else State
@@ -107,4 +104,7 @@ def content_of_end(given: Start | End) -> object:
     """What stands in a scene file for an end: the inverse of ``end_in``."""
     if isinstance(given, tuple):
         return given
-    return _ANYWHERE if isinstance(given, Anywhere) else given.model_dump(mode="json")
+    if isinstance(given, Anywhere):
+        return _ANYWHERE
+    content: dict[str, object] = given.model_dump(mode="json")
+    return {name: value for name, value in content.items() if value is not None}

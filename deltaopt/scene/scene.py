@@ -32,6 +32,7 @@ from deltaopt.robot.tool import Point
 from deltaopt.scene.approach import EXPECTED_APPROACH, Approach
 from deltaopt.scene.bodies import EXPECTED_BODIES, Body, solids_about, sums
 from deltaopt.scene.known_limits import (
+    LIMITS,
     Limits,
     in_order_of_rows,
     require_keys_of_limits,
@@ -295,6 +296,11 @@ class Scene(Record):
         return read
 
     @property
+    def has_rates(self) -> bool:
+        """Whether limits of jerk or torque rate make acceleration continuous."""
+        return any(limit.order == 3 and limit.items(self) for limit in LIMITS)
+
+    @property
     def with_least_payload(self) -> Scene:
         """The scene with the least payload of its range; itself where the payload does not vary."""
         if self.least_payload is None:
@@ -361,6 +367,11 @@ class Scene(Record):
             ("tube", "a path through points, not a Curve", not isinstance(self.path, Curve)),
             ("tube", "a path without speeds", self.path is None or not any(self.path.speeds)),
             (
+                "path",
+                "a tube about it beside limits of jerk or torque rate",
+                not (follows and self.has_rates),
+            ),
+            (
                 "robot_keeps_clear",
                 "false, for the links of this robot are not known",
                 self.robot.has_links or not self.robot_keeps_clear,
@@ -375,6 +386,11 @@ class Scene(Record):
     def _can_be_planned(self) -> Self:
         """What takes more than a look at which keys there are."""
         task = self.task
+        for key, end in (("start", self.start), ("goal", self.goal)):
+            given = end.acceleration if isinstance(end, State) else None
+            if given is not None and not self.has_rates:
+                expected = "none without limits of jerk or torque rate, for then it may jump"
+                raise SceneError(None, f"{key}.acceleration", list(given), expected)
         if task.start == task.goal and (self.moves_at_ends or not task.via):
             point = "a state" if self.moves_at_ends else "a point in m"
             raise SceneError(None, "goal", content_of_end(self.goal), f"{point} other than start")

@@ -17,10 +17,12 @@ REST = (0.0, 0.0, 0.0)
 
 @dataclass(frozen=True)
 class EndState:
-    """The state of the platform at an end of a motion: ``position`` in m, ``velocity`` in m/s."""
+    """The state of the platform at an end of a motion: ``position`` in m, ``velocity`` in m/s, and
+    ``acceleration`` in m/s², which counts where that is continuous."""
 
     position: Vector3
     velocity: Vector3 = REST
+    acceleration: Vector3 = REST
 
     def at(self, duration: float, reached: Vector3) -> EndState:
         """The state itself, for it depends neither on time nor on the motion."""

@@ -17,6 +17,9 @@ BOUNDARY_DISTANCE = 1e-7
 BOUNDARY_SPEED = 3e-7
 """Upper arms in the duration of the motion, also for jumps: less than a nanometre within a
 controller's millisecond."""
+BOUNDARY_ACCELERATION = 1e-6
+"""Upper arms in the duration of the motion twice, also for jumps: a millionth of what a motion
+asks for, where it is continuous."""
 ROBOT_OVERLAP = 2e-9
 """Of the upper arm, by which a link may be too near to a body: rounding, and what bounds leave."""
 KINEMATIC_ERROR = 1e-9
@@ -65,7 +68,7 @@ class Bound:
         """The bound of a motion in the measure's unit, from what ``Verification`` calls so, m and
         s."""
         rate, own_rate = (1 / t if t > 0 else inf for t in (duration, time_unit))
-        units = {"s": duration, "m": arm, "m/s": arm * rate}
+        units = {"s": duration, "m": arm, "m/s": arm * rate, "m/s²": arm * rate**2}
         own = {"m": way, "m/s": way * rate}
         known = {"m": arm, "m/s": arm * own_rate}
         at_most = self.at_most * units.get(self.unit, 1.0)
@@ -78,6 +81,11 @@ class Bound:
 def _place(measure: str, known: Known, complaint: str) -> Bound:
     """Of a place, by the upper arm and the way."""
     return Bound(measure, known, complaint, "m", BOUNDARY_DISTANCE, BOUNDARY_SHARE)
+
+
+def _acceleration(measure: str, complaint: str) -> Bound:
+    """Of an acceleration at an end or a knot, by the upper arm in the duration."""
+    return Bound(measure, Known.EXACT, complaint, "m/s²", BOUNDARY_ACCELERATION)
 
 
 def _speed(measure: str, complaint: str) -> Bound:
@@ -124,6 +132,14 @@ BOUNDS = (
         "its position jumps by {:.3g} m at its knots, all jumps together",
     ),
     _speed("velocity_jump", "its velocity jumps by {:.3g} m/s at its knots, all jumps together"),
+    _acceleration(
+        "start_acceleration", "it begins with an acceleration {:.3g} m/s² off the scene's"
+    ),
+    _acceleration("goal_acceleration", "it ends with an acceleration {:.3g} m/s² off the scene's"),
+    _acceleration(
+        "acceleration_jump",
+        "its acceleration jumps by {:.3g} m/s² at its knots, all jumps together",
+    ),
     Bound(
         "kinematic_error",
         Known.SAMPLED,

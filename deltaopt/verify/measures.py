@@ -20,6 +20,7 @@ import numpy as np
 from deltaopt.codegen.vectorised import RowFunction
 from deltaopt.curves.piecewise import Array, Index, PiecewisePolynomial
 from deltaopt.errors import Unreachable
+from deltaopt.limits.constraints import Constraints
 from deltaopt.limits.limit import Bounds, Limit, OwnMeasure, first_highest
 from deltaopt.mechanisms.functions import Functions
 from deltaopt.mechanisms.instant import CoordinateInstant
@@ -130,6 +131,7 @@ class _Curves:
     path: PiecewisePolynomial
     function: RowFunction
     parameters: Array
+    order: int
     speed: float = 1.0
 
     def __call__(self, pieces: Index, fractions: Array) -> Array:
@@ -138,7 +140,7 @@ class _Curves:
     def motors(self, pieces: Index, fractions: Array) -> Array:
         """Speeds (rad/s), accelerations (rad/s²) and torques (N·m) of the motors, (N, 9)."""
         values: Array
-        motion = self.path.with_derivatives(pieces, self._since(pieces, fractions))
+        motion = self._motion(pieces, self._since(pieces, fractions), 1.0)
         _, values = self.function(*motion, parameters=self.parameters)
         return values
 
@@ -153,13 +155,19 @@ class _Curves:
         return np.asarray(np.diff(self.path.knots)[pieces] * fractions)
 
     def _at(self, pieces: Index, since: Array, speed: float | Array) -> Array:
-        x, v, a = self.path.with_derivatives(pieces, since)
+        motion = self._motion(pieces, since, speed)
         values: Array
-        values, _ = self.function(x, speed * v, speed**2 * a, parameters=self.parameters)
+        values, _ = self.function(*motion, parameters=self.parameters)
         if not np.isfinite(values).all():
             bad = np.flatnonzero(np.logical_not(np.isfinite(values).all(axis=1)))
-            self._explain(*(each[bad] for each in (x, speed * v, speed**2 * a)))
+            self._explain(*(each[bad] for each in motion[:3]))
         return values
+
+    def _motion(self, pieces: Index, since: Array, speed: float | Array) -> list[Array]:
+        """Position and derivatives by time of the motion at a speed, (N, 3) each."""
+        return [
+            speed**order * self.path.inside(pieces, since, order) for order in range(self.order + 1)
+        ]
 
     def _explain(self, x: Array, v: Array, a: Array) -> NoReturn:
         """Raise what is the matter with a motion that has no measures."""
@@ -196,6 +204,7 @@ class MeasuredMotion:
             path=trajectory.position,
             function=function,
             parameters=np.concatenate([*numbers, model.parameters]),
+            order=limits.constraints.order,
         )
         return cls(scene, trajectory, curves, tuple(_sides(items, numbers, rows, scene.robot)))
 
@@ -348,10 +357,12 @@ def excess_of(scene: Scene, measure: OwnMeasure) -> Excess | None:
 
 @lru_cache(maxsize=32)
 def _function(functions: Functions, items: Items) -> tuple[RowFunction, tuple[int, ...]]:
-    """(x, v, a, numbers of the limits and p) -> the columns of ``_Curves``; θ̇, θ̈ and τ. And how
-    many quantities each item measures."""
-    x, v, a, p = *(ca.SX.sym(name, 3) for name in "xva"), functions.symbols()
-    motion = CoordinateInstant.general(functions, x, v, a, p)
+    """(x, v, a[, j], numbers of the limits and p) -> the columns of ``_Curves``; θ̇, θ̈ and τ. And
+    how many quantities each item measures."""
+    order, p = Constraints(items).order, functions.symbols()
+    symbols = [ca.SX.sym(name, 3) for name in "xvaj"[: order + 1]]
+    x, v, a, *rest = symbols
+    motion = CoordinateInstant.general(functions, x, v, a, p, rest[0] if rest else None)
     numbers = [ca.SX.sym(f"numbers{i}", size) for i, (_, size) in enumerate(items)]
     columns, rows = list[ca.SX](), list[int]()
     for (limit, _), own in zip(items, numbers, strict=True):
@@ -360,7 +371,7 @@ def _function(functions: Functions, items: Items) -> tuple[RowFunction, tuple[in
         rows.append(measure.numel())
     columns += [-kind.of(motion.q) for kind in functions.distances]
     columns += [motion.dtheta, ca.sumsqr(motion.tau)]
-    inputs = [x, v, a, ca.vertcat(*numbers, p)]
+    inputs = [*symbols, ca.vertcat(*numbers, p)]
     motors = ca.vertcat(motion.dtheta, motion.ddtheta, motion.tau)
     outputs = [ca.densify(ca.vertcat(*columns)), ca.densify(motors)]
     function = RowFunction(ca.Function("measures", inputs, outputs, {"cse": True}))

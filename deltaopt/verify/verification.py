@@ -66,6 +66,8 @@ class Verification:
     ``start_speed``, ``goal_speed``: m/s, by how much the platform's velocity at the motion's ends
         differs from the scene's, which is zero unless an end moves.
     ``position_jump``, ``velocity_jump``: m and m/s, those at all knots added up.
+    ``start_acceleration``, ``goal_acceleration``, ``acceleration_jump``: m/s², likewise of the
+        acceleration, where limits of jerk or torque rate make it continuous; None elsewhere.
     ``kinematic_error``: E_K, mean over time of ‖(f, J q̇ + μ)‖, f in units of the upper arm, the
         rest in units of the mean speed, way / duration.
     ``dynamic_error``: E_D, mean over time of ‖q̈ - q̈(q, q̇, τ)‖ in ``Units`` of the motion.
@@ -102,6 +104,9 @@ class Verification:
     goal_speed: float = inf
     position_jump: float = inf
     velocity_jump: float = inf
+    start_acceleration: float | None = None
+    goal_acceleration: float | None = None
+    acceleration_jump: float | None = None
     kinematic_error: float = inf
     dynamic_error: float = inf
     amplification: float = inf
@@ -357,7 +362,7 @@ def _optimality(scene: Scene, trajectory: Trajectory) -> dict[str, float]:
 
 
 def _ends(scene: Scene, trajectory: Trajectory, nothing: Verification) -> dict[str, float]:
-    x, v, _ = trajectory.path_inside([0.0, 1.0])
+    x, v, a = trajectory.path_inside([0.0, 1.0])
     task, on_path = scene.task, dict[str, float]()
     if isinstance(task, OnPath):
         asked = next(each for each in BOUNDS if each.measure == "path_distance")
@@ -367,12 +372,23 @@ def _ends(scene: Scene, trajectory: Trajectory, nothing: Verification) -> dict[s
         on_path["via_distance"] = off_via_points(task, trajectory)
     if scene.columns:
         on_path["approach_distance"] = off_approach(scene.columns, trajectory)
-    return on_path | {
-        "start_distance": _norm(x[0] - task.start.position),
-        "goal_distance": _norm(x[-1] - goal.position),
-        "start_speed": _norm(v[0] - task.start.velocity),
-        "goal_speed": _norm(v[-1] - goal.velocity),
-    }
+    accelerations = {}
+    if limits_of(scene).constraints.order == 3:
+        accelerations = {
+            "start_acceleration": _norm(a[0] - task.start.acceleration),
+            "goal_acceleration": _norm(a[-1] - goal.acceleration),
+            "acceleration_jump": trajectory.acceleration_jump,
+        }
+    return (
+        on_path
+        | accelerations
+        | {
+            "start_distance": _norm(x[0] - task.start.position),
+            "goal_distance": _norm(x[-1] - goal.position),
+            "start_speed": _norm(v[0] - task.start.velocity),
+            "goal_speed": _norm(v[-1] - goal.velocity),
+        }
+    )
 
 
 def _jumps(trajectory: Trajectory) -> dict[str, float]:

@@ -42,17 +42,20 @@ def values(function: ca.Function, x, v, a, limits: SceneLimits = LIMITED) -> np.
     return function(x.T, v.T, a.T, numbers.T, p.T).full().T
 
 
-OF_CROSS = [limit for limit in LIMITS if limit.items(CROSS)]
+SMOOTH = CROSS.model_copy(update={"limits": {"torque_rate": 5000.0, "jerk": 3000.0}})
+OF_SMOOTH = [limit for limit in LIMITS if limit.items(SMOOTH)]
 
 
-@pytest.mark.parametrize("limit", OF_CROSS, ids=lambda limit: limit.name)
+@pytest.mark.parametrize("limit", OF_SMOOTH, ids=lambda limit: limit.name)
 def test_order_is_the_highest_derivative_that_a_limit_depends_on(limit):
     """As CasADi sees it in the rows written out for a motion of the platform."""
-    items = limit.items(CROSS)
-    x, v, a = (ca.SX.sym(name, 3) for name in "xva")
+    items = limit.items(SMOOTH)
+    x, v, a, j = (ca.SX.sym(name, 3) for name in "xvaj")
     numbers, p = ca.SX.sym("numbers", len(items[0])), ca.SX.sym("p", len(MODEL.parameters))
-    rows = limit.rows(PlatformInstant(FUNCTIONS, x, v, a, p), numbers)
-    depends = [order for order, part in enumerate((x, v, a)) if any(ca.which_depends(rows, part))]
+    rows = limit.rows(PlatformInstant(FUNCTIONS, x, v, a, p, jerk=j), numbers)
+    depends = [
+        order for order, part in enumerate((x, v, a, j)) if any(ca.which_depends(rows, part))
+    ]
     assert max(depends) == limit.order
 
 
@@ -84,6 +87,8 @@ EVERY_LIMIT = [
     )
 ]
 EVERY_LIMIT.append(CROSS.model_copy(update={"limits": {"acceleration": 50.0}}))
+RATES = {"torque_rate": 5000.0, "jerk": 3000.0, "joint_jerk": 20000.0}
+EVERY_LIMIT.append(CROSS.model_copy(update={"limits": RATES}))
 
 
 def test_every_limit_is_in_one_of_these_scenes():
@@ -98,18 +103,19 @@ def test_a_slowed_motion_has_the_rows_that_its_limits_declare(scene):
     what grows with another one is nothing."""
     given = limits_of(scene)
     model = delta_model(scene.robot, scene.payload)
-    symbols = [ca.SX.sym(name, 3) for name in "xva"]
+    symbols = [ca.SX.sym(name, 3) for name in "xvaj"]
     numbers, p = given.constraints.numbers(), ca.SX.sym("p", len(model.parameters))
-    rows = given.constraints.rows(PlatformInstant(model.functions, *symbols, p), numbers)
+    instant = PlatformInstant(model.functions, *symbols[:3], p, jerk=symbols[3])
+    rows = given.constraints.rows(instant, numbers)
     f = ca.Function("rows", [*symbols, numbers, p], [rows])
     x, v, a = states()
-    x = x - x[0] + np.array(scene.placed_points[0])
-    speeds, degree = np.linspace(0.1, 1.0, 9), 4
+    x, j = x - x[0] + np.array(scene.placed_points[0]), 40 * a[::-1]
+    speeds, degree = np.linspace(0.1, 1.0, 9), 2 * given.constraints.order
     values = np.array(
         [
             [
                 f(*at, given.numbers, model.parameters).full().ravel()
-                for at in zip(x, s * v, s**2 * a, strict=True)
+                for at in zip(x, s * v, s**2 * a, s**3 * j, strict=True)
             ]
             for s in speeds
         ]
@@ -123,7 +129,7 @@ def test_a_slowed_motion_has_the_rows_that_its_limits_declare(scene):
     efforts = ca.vertcat(*(effort.value for effort in mechanism.efforts))
     has_friction = ca.depends_on(efforts, mechanism.dq)
     for limit, own in zip(given.constraints.limits, given.constraints.slices, strict=True):
-        if has_friction and limit.order == 2:
+        if has_friction and limit.order >= 2:
             continue
         declared = () if limit.order == 0 else limit.powers
         assert declared is not None

@@ -14,6 +14,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from deltaopt.planning.flat.interior_point import Points
+
 Array = NDArray[np.float64]
 OPTIONS = {
     "print_time": False,
@@ -56,7 +58,8 @@ class Row:
 class System:
     """Equations of motion (as many as torques), rows and integrands of an instant.
 
-    ``pieces``: 2 for cubics with continuous velocity, 3 for quintics with continuous acceleration.
+    ``pieces``: 2 for a cubic in each interval with continuous velocity, 3 for three cubics in each
+    with continuous acceleration.
     ``running``: the rate of a running cost, if there is one.
     """
 
@@ -113,7 +116,7 @@ def quintic(begin: Array, end: Array, duration: float, fractions: Array) -> Arra
     return np.stack([at(duration * f) @ coefficients for f in fractions])
 
 
-def fastest(system: System, legs: Sequence[Leg], ends: Sequence[End], points: Array) -> Array:
+def fastest(system: System, legs: Sequence[Leg], ends: Sequence[End], points: Points) -> Array:
     """The durations of the legs of the fastest motion through the ends."""
     return best(system, legs, ends, points)[0]
 
@@ -122,7 +125,7 @@ def best(
     system: System,
     legs: Sequence[Leg],
     ends: Sequence[End],
-    points: Array,
+    points: Points,
     weights: tuple[float, float] = (1.0, 0.0),
     *,
     sum_is_given: bool = False,
@@ -130,7 +133,8 @@ def best(
     """The durations of the legs of the best motion through the ends, and its cost: the duration
     times the first weight, and the integral of the running cost times the second.
     ``sum_is_given``: whether the legs together take as long as guessed."""
-    m, degree = system.coordinates, 2 * system.pieces - 1
+    m, degree = system.coordinates, 3
+    cubics = 1 if system.pieces == 2 else 3  # in an interval
     durations = [ca.SX.sym(f"T{q}") for q in range(len(legs))]
     w, guess, g, low, high = [*durations], [leg.duration for leg in legs], [], [], []
 
@@ -160,14 +164,12 @@ def best(
     integrals, running = None, ca.SX(0)
     before: tuple[ca.SX, ca.SX] | None = None
     time, guessed = ca.SX(0), 0.0
-    quadrature = np.linalg.solve(
-        np.vander(points, increasing=True).T, 1 / np.arange(1, len(points) + 1)
-    )
     for q, (leg, T) in enumerate(zip(legs, durations, strict=True)):
         if leg.given:
             limit(T - leg.duration, 0.0, 0.0)
-        borders = np.append(0.0, np.cumsum(leg.mesh))
-        for i, e in enumerate(leg.mesh.tolist()):
+        mesh = np.repeat(leg.mesh / cubics, cubics)
+        borders = np.append(0.0, np.cumsum(mesh))
+        for i, e in enumerate(mesh.tolist()):
             c, h = ca.SX.sym(f"c{q}_{i}", m * (degree + 1)), e * T
             w.append(c)
             s = np.linspace(0, 1, degree + 1)
@@ -179,8 +181,13 @@ def best(
             else:
                 for d in range(system.pieces):
                     limit(state(before[0], 1.0, before[1], d) - state(c, 0.0, h, d), 0.0, 0.0)
-            for s_j, weight in zip(points.tolist(), quadrature.tolist(), strict=True):
-                tau = ca.SX.sym(f"tau{q}_{i}", m)
+            for fraction, third, part in zip(
+                points.fractions, points.thirds, points.weights, strict=True
+            ):
+                if third != i % cubics:
+                    continue
+                s_j, weight = cubics * fraction - third, cubics * part
+                tau = ca.SX.sym(f"tau{q}_{i}_{third}", m)
                 w.append(tau)
                 guess.extend([0.0] * m)
                 motion = [state(c, s_j, h, d) for d in range(4)]

@@ -24,8 +24,10 @@ class PointEquations:
 
     ``y``: the 13 unknowns: position from the start, velocity and acceleration in units of the
     scene's length and of the duration (X, V, A; 3 each), torques in units of their limits (3), and
-    the duration in units of the scene's time. ``force``: eq. (39) in units of the largest torque
-    over an arm's length, 3, zero where the torques produce the motion. ``rows``: normalised rows
+    the duration in units of the scene's time. With limits of order 3 there are 19: jerk J after A,
+    and the torques' rates in units of their limits over the duration after the torques. ``force``:
+    eq. (39) in units of the largest torque over an arm's length, 3, zero where the torques produce
+    the motion; with limits of order 3 also its derivative by time. ``rows``: normalised rows
     of the limits. ``rate``: of the effort, τᵀτ, N²m². ``saturating``, ``strengths``: of Coulomb
     friction, as of `PointProblem`: θ̇ / w and c in units of the torque limits.
     """
@@ -43,8 +45,11 @@ class PointEquations:
     def of(cls, functions: Functions, constraints: Constraints) -> PointEquations:
         """Derive them for a mechanism and the limits of a scene."""
         parameters = Parameters.symbols(constraints, functions.symbols())
-        y, p = ca.SX.sym("y", 13), parameters
-        T, tau = p.time * y[12], p.torque * y[9:12]
+        order, p = constraints.order, parameters
+        motion_ends = 3 * (order + 1)
+        y = ca.SX.sym("y", motion_ends + 3 * (order - 1) + 1)
+        T, controls = p.time * y[-1], y[motion_ends : motion_ends + 3]
+        tau = p.torque * controls
         motion = PlatformInstant(
             functions,
             p.origin + p.length * y[:3],
@@ -52,9 +57,12 @@ class PointEquations:
             p.length * y[6:9] / T**2,
             p.mechanism,
             tau,
+            jerk=p.length * y[9:12] / T**3 if order == 3 else None,
+            given_torque_rate=p.torque * y[-4:-1] / T if order == 3 else None,
         )
         rows = constraints.rows(motion, p.limits)
-        rows[np.flatnonzero(constraints.is_control).tolist()] = y[9:12]  # in units of their limits
+        rows[np.flatnonzero(constraints.is_control).tolist()] = controls  # in units of their limits
+        force = motion.force if order == 2 else ca.vertcat(motion.force, T * motion.force_rate)
         saturating, strengths = ca.SX(0, 1), ca.SX(0, 1)
         for speed, strength in functions.layers(p.mechanism):
             saturating = ca.vertcat(saturating, motion.dtheta / speed)
@@ -63,7 +71,7 @@ class PointEquations:
             constraints=constraints,
             y=y,
             parameters=parameters,
-            force=motion.force * functions.lever(p.mechanism) / ca.mmax(p.torque),
+            force=force * functions.lever(p.mechanism) / ca.mmax(p.torque),
             rows=rows,
             rate=ca.sumsqr(tau),
             saturating=saturating,
@@ -72,17 +80,21 @@ class PointEquations:
 
     @cached_property
     def point_problem(self) -> PointProblem:
-        """These equations for the interior-point method, which eliminates the torques."""
+        """These equations for the interior-point method, which eliminates the torques, and their
+        rates. With limits of order 3 the running cost is the squared jerk."""
+        order, end = self.constraints.order, 3 * (self.constraints.order + 1)
+        jerk = self.y[9:12] / self.y[-1] ** 3 if order == 3 else ca.SX(0, 1)
         sides = [Sides((upper, lower)) for lower, upper in self.constraints.closed_sides.tolist()]
         return PointProblem(
             coordinates=3,
-            derivatives=2,
-            y=ca.vertcat(self.y[:9], self.y[12]),
-            tau=self.y[9:12],
+            derivatives=order,
+            y=ca.vertcat(self.y[:end], self.y[-1]),
+            tau=self.y[end:-1],
             p=self.parameters.vector,
             force=self.force,
             rows=self.rows,
             sides=tuple(sides),
+            running=ca.sumsqr(jerk) if order == 3 else ca.SX(0, 1),
             saturating=self.saturating,
             strengths=self.strengths,
         )

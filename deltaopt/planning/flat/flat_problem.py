@@ -17,6 +17,7 @@ of the first guess, torques by their limits.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -25,17 +26,18 @@ from numpy.typing import NDArray
 
 from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.errors import NotConverged
-from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.flat.equations import PointEquations
 from deltaopt.planning.flat.interior_point import (
+    THIRDS,
     Boundary,
     CompiledMethod,
     InteriorPointSolution,
     Phase,
+    Points,
     Settings,
     interior_point,
 )
-from deltaopt.planning.nlp.cost import Cost
+from deltaopt.planning.nlp.cost import Cost, Running
 from deltaopt.planning.nlp.phases import parts
 from deltaopt.planning.nlp.problem import Formulated, Guess, InteriorPoint, Solved
 from deltaopt.planning.nlp.scaling import Scaling
@@ -73,9 +75,16 @@ def boundary(asked: Asked, scaling: Scaling, accuracy: float = 0.0) -> Boundary:
     """A boundary of the problem in scaled units. A sphere is smaller by the share to which the
     solver meets its rows, its ``accuracy``, so that it is not left."""
     in_sphere = asked.within > 0
-    free = np.array([[each or in_sphere for each in asked.free], [asked.is_passed] * 3])
-    place = scaling.place(asked.position)
-    state = np.array([np.where(asked.free, 0.0, place), scaling.velocity(asked.velocity)])
+    place = [each or in_sphere for each in asked.free]
+    order = scaling.constraints.order
+    free = np.array([place, *[[asked.is_passed] * 3] * (order - 1)])
+    state = np.array(
+        [
+            np.where(asked.free, 0.0, scaling.place(asked.position)),
+            scaling.velocity(asked.velocity),
+            scaling.acceleration(asked.acceleration),
+        ][:order]
+    )
     radius = asked.within / scaling.length * (1 - accuracy)
     return Boundary(state, free, scaling.velocity(asked.belt), radius)
 
@@ -89,13 +98,14 @@ def ends(scaling: Scaling) -> Ends:
 class FlatEquations:
     """The equations of the flat problem, compiled, from which problems on meshes are made.
 
-    ``by_ipopt``: the same problem for Ipopt, which is tried where the method does not converge.
+    ``by_ipopt``: the same problem for Ipopt, which is tried where the method does not converge;
+    None where acceleration is continuous, which it has no equations for.
     """
 
     method: CompiledMethod
     transcription: PiecewiseAcceleration
     cost: Cost
-    by_ipopt: Formulated
+    by_ipopt: Formulated | None
 
     def on(self, mesh: Array) -> FlatProblem:
         """The problem on a mesh of interval lengths, (N,), fractions of the duration."""
@@ -106,18 +116,39 @@ def compiled_flat(
     equations: PointEquations,
     transcription: PiecewiseAcceleration,
     cost: Cost,
-    by_ipopt: Formulated,
+    by_ipopt: Formulated | None,
 ) -> FlatEquations | None:
     """The equations with the interior-point method compiled for them; None where it cannot be."""
     e = equations
-    problem = e.point_problem_of_effort if cost.running else e.point_problem
-    method = interior_point(problem, tuple(transcription.points.tolist()))
+    is_effort = cost.running and cost.rate is Running.EFFORT
+    problem = e.point_problem_of_effort if is_effort else e.point_problem
+    cubic = Points.of(transcription.points.tolist())
+    method = interior_point(problem, cubic if problem.derivatives == 2 else THIRDS)
     return None if method is None else FlatEquations(method, transcription, cost, by_ipopt)
+
+
+_SHARED = np.array(
+    [
+        [[1, 0, 0, 0], [0, 0.5, 0, 0]],
+        [[0, 0.5, 0, 0], [0, 0, 0.5, 0]],
+        [[0, 0, 0.5, 0], [0, 0, 0, 1]],
+    ]
+)
+"""Which part of a multiplier at each of `THIRDS` belongs to both ends of each third, (3, 2, 4), of
+rows that are continuous there."""
+_ONE_SIDED = np.array(
+    [[[1, 0, 0, 0], [0, 0, 0, 0]], [[0, 1, 0, 0], [0, 0, 1, 0]], [[0, 0, 0, 0], [0, 0, 0, 1]]]
+)
+"""The same of rows of jerk, which jumps there."""
 
 
 @dataclass(frozen=True)
 class FlatProblem:
-    """The flat problem on a mesh of interval lengths, (N,), fractions of the duration."""
+    """The flat problem on a mesh of interval lengths, (N,), fractions of the duration.
+
+    Where acceleration is continuous, three intervals of equal length after each other are the
+    thirds of an interval of the interior-point method.
+    """
 
     equations: FlatEquations
     mesh: Array
@@ -130,7 +161,7 @@ class FlatProblem:
     @property
     def points(self) -> Array:
         """Fractions of every interval where the limits are imposed."""
-        return self.equations.transcription.points
+        return self.equations.transcription.points if self._together == 1 else np.array([0.0, 1.0])
 
     @property
     def finest(self) -> int:
@@ -139,8 +170,8 @@ class FlatProblem:
 
     @property
     def takes_phases(self) -> bool:
-        """Whether its solver finds motions in phases."""
-        return True
+        """Whether its solver finds motions in phases, with knots where these meet."""
+        return self._together == 1
 
     def solve(self, guess: Guess, scaling: Scaling, parameters: Array) -> Solved:
         """Find the best motion on this mesh, by the compiled interior-point method.
@@ -156,20 +187,19 @@ class FlatProblem:
         for begin in begins:
             settings = replace(begin, tolerance=guess.tolerance, rows=guess.rows)
             given = guess if begin is ALMOST else replace(guess, multipliers=None)
-            found = self._by_interior_point(given, scaling, parameters, settings)
-            if found.solved and len(found.phases) > 1:
-                return self._of_phases(found, scaling, settings.row_tolerance)
+            phases = self._phases(given, scaling, parameters)
+            between = (boundary(gate, scaling, settings.row_tolerance) for gate in scaling.gates)
+            start, goal = ends(scaling)
+            cost = self.equations.cost
+            found = self.equations.method.solve(
+                phases,
+                [start, *between, goal],
+                settings,
+                (cost.time, cost.running),
+                sum_is_given=cost.duration_is_given and len(phases) > 1,
+            )
             if found.solved:
-                (phase,) = found.phases
-                return Solved(
-                    self._cubics(phase.knots, phase.duration, scaling),
-                    phase.multipliers / found.cost,
-                    found.status,
-                    found.iterations,
-                    found.spent,
-                    all_at_points=True,
-                    left=found.left,
-                )
+                return self._solved(found, phases, scaling, settings.row_tolerance)
         sooner_else = guess.near or guess.is_trial  # on another mesh, or from another motion
         if self.intervals > _IPOPT_INSTEAD or sooner_else:
             raise NotConverged(
@@ -177,129 +207,108 @@ class FlatProblem:
                 "No_Progress",
                 guess.trajectory,
             )
-        if scaling.gates:
+        by_ipopt = self.equations.by_ipopt
+        if scaling.gates or by_ipopt is None:
             raise NotConverged(
-                "motions in phases are planned by the interior-point method alone, which "
-                "does not converge here",
+                "motions in phases, or with limits of jerk or torque rate, are planned by the "
+                "interior-point method alone, which does not converge here",
                 "No_Progress",
                 guess.trajectory,
             )
-        return self.equations.by_ipopt.on(self.mesh).solve(guess, scaling, parameters)
-
-    def _by_interior_point(
-        self,
-        guess: Guess,
-        scaling: Scaling,
-        parameters: Array,
-        settings: Settings,
-    ) -> InteriorPointSolution:
-        """Run the interior-point method from a guess."""
-        if scaling.gates:
-            return self._in_phases(guess, scaling, parameters, settings)
-        knots, T = self._at_knots(guess.trajectory, scaling)
-        shares = np.ascontiguousarray(scaling.shares(self.intervals))
-        p, prices = scaling.parameters(parameters), guess.multipliers
-        phase = Phase(
-            self.mesh,
-            p,
-            shares,
-            knots,
-            T,
-            duration_is_given=self.equations.cost.duration_is_given,
-            multipliers=None if prices is None else self._known(T, prices),
-        )
-        return self.equations.method.solve([phase], ends(scaling), settings, self._weights)
+        return by_ipopt.on(self.mesh).solve(guess, scaling, parameters)
 
     @property
-    def _weights(self) -> tuple[float, float]:
-        return self.equations.cost.time, self.equations.cost.running
+    def _derivatives(self) -> int:
+        return self.equations.method.problem.derivatives
+
+    @property
+    def _together(self) -> int:
+        """How many intervals are one of the interior-point method."""
+        return 3 if self._derivatives == 3 else 1
+
+    def _phases(self, guess: Guess, scaling: Scaling, parameters: Array) -> list[Phase]:
+        """A guess for the interior-point method, in a phase from each gate to the next.
+
+        Each phase has a duration of its own; position and velocity are continuous between them.
+        """
+        motion, prices, width = guess.trajectory, guess.multipliers, self._together
+        shares = scaling.shares(self.intervals).reshape(-1, width, scaling.constraints.number)
+        first, last = motion.knots[[0, -1]]
+        instants = np.array([first, *scaling.passes(motion), last]) if scaling.gates else None
+        if instants is None:
+            instants = np.array([0.0, motion.duration])
+            owns, in_phases = [slice(None)], [scaling.parameters(parameters)]
+        else:
+            passed = (instants[1:-1] - first) / motion.duration
+            owns = parts(self.mesh, passed, width)
+            in_phases = scaling.parameters_in_phases(parameters)
+        total, phases = motion.duration / scaling.time, list[Phase]()
+        for own, (begin, end), p in zip(owns, pairwise(instants.tolist()), in_phases, strict=True):
+            T, mesh = end - begin, self.mesh[own].reshape(-1, width).sum(axis=1)
+            if len(owns) > 1:
+                mesh = mesh / mesh.sum()
+            times = begin + T * np.append(0.0, np.cumsum(mesh))
+            of_phase = slice(
+                (own.start or 0) // width, None if own.stop is None else own.stop // width
+            )
+            phases.append(
+                Phase(
+                    mesh,
+                    p,
+                    np.ascontiguousarray(shares[of_phase].min(axis=1)),
+                    scaling.states(motion.position, times, T, self._derivatives),
+                    T / scaling.time,
+                    duration_is_given=self.equations.cost.duration_is_given and len(owns) == 1,
+                    multipliers=None if prices is None else self._known(total, prices[own]),
+                )
+            )
+        return phases
 
     def _known(self, duration: float, prices: Array) -> Array:
         """Multipliers of a guess for the method, from those of `Solved`: fractions of a running
         cost, which the method itself knows, or in units of the duration."""
-        return prices if self.equations.cost.running else duration * prices
+        if self._together == 1:
+            return prices if self.equations.cost.running else duration * prices
+        of_thirds = prices.reshape(-1, 3, 2, prices.shape[2])
+        return np.asarray(np.einsum("tep,ntem->npm", _SHARED > 0, of_thirds))
 
-    def _in_phases(
+    def _solved(
         self,
-        guess: Guess,
+        found: InteriorPointSolution,
+        given: Sequence[Phase],
         scaling: Scaling,
-        parameters: Array,
-        settings: Settings,
-    ) -> InteriorPointSolution:
-        """Run the interior-point method from a guess, in a phase from each gate to the next.
-
-        Each phase has a duration of its own; position and velocity are continuous between them.
-        """
-        motion = guess.trajectory
-        shares, prices = scaling.shares(self.intervals), guess.multipliers
-        first, last = motion.knots[[0, -1]]
-        instants = np.array([first, *scaling.passes(motion), last])
-        passed = (instants[1:-1] - first) / motion.duration
-        phases = []
-        for own, (begin, end), p in zip(
-            parts(self.mesh, passed),
-            pairwise(instants.tolist()),
-            scaling.parameters_in_phases(parameters),
-            strict=True,
-        ):
-            T, mesh = end - begin, self.mesh[own] / self.mesh[own].sum()
-            times = begin + T * np.concatenate([[0.0], np.cumsum(mesh)])
-            knots = scaling.states(motion.position, times, T)
-            share = np.ascontiguousarray(shares[own])
-            total = motion.duration / scaling.time
-            known = None if prices is None else self._known(total, prices[own])
-            phases.append(Phase(mesh, p, share, knots, T / scaling.time, multipliers=known))
-        between = (boundary(gate, scaling, settings.row_tolerance) for gate in scaling.gates)
-        start, goal = ends(scaling)
-        return self.equations.method.solve(
-            phases,
-            [start, *between, goal],
-            settings,
-            self._weights,
-            sum_is_given=self.equations.cost.duration_is_given,
-        )
-
-    def _of_phases(self, found: InteriorPointSolution, scaling: Scaling, accuracy: float) -> Solved:
-        """The solution in phases as one motion on a mesh, whose fractions have changed."""
+        accuracy: float,
+    ) -> Solved:
+        """The solution as one motion, on a mesh whose fractions phases have changed."""
         smaller_spheres = 2 * accuracy * found.sphere_multipliers.sum()  # what they cost
-        total = sum(phase.duration for phase in found.phases)
-        start = found.phases[0]
-        times, places = [np.zeros(1)], [start.knots[:1, :3]]
-        rates = [start.knots[:1, 3:] / start.duration]
-        begin, first = 0.0, 0
-        for phase in found.phases:
-            own = self.mesh[first : first + len(phase.knots) - 1]
-            times.append(begin + phase.duration * np.cumsum(own) / own.sum())
-            places.append(phase.knots[1:, :3])
-            rates.append(phase.knots[1:, 3:] / phase.duration)
-            begin, first = begin + phase.duration, first + len(own)
-        knots = np.concatenate(times)
-        position = PiecewisePolynomial.hermite(
-            scaling.time * knots,
-            scaling.origin + scaling.length * np.vstack(places),
-            scaling.length / scaling.time * np.vstack(rates),
-        )
+        times, states = [np.zeros(1)], list[Array]()
+        for phase, mesh in zip(found.phases, (phase.mesh for phase in given), strict=True):
+            T = phase.duration * scaling.time
+            times.append(times[-1][-1] + T * np.cumsum(mesh))
+            units = scaling.length / T ** np.arange(self._derivatives)
+            knots = phase.knots.reshape(len(phase.knots), -1, 3) * units[:, None]
+            states.append(knots[1:] if states else knots)
+        knots, (x, *rates) = np.concatenate(times), np.concatenate(states).transpose(1, 0, 2)
+        curve = PiecewisePolynomial.in_thirds if self._together > 1 else PiecewisePolynomial.hermite
+        position = curve(knots, scaling.origin + x, *rates)
         multipliers = np.concatenate([phase.multipliers for phase in found.phases])
         return Solved(
             position,
-            multipliers / found.cost,
+            self._of_intervals(multipliers, scaling) / found.cost,
             found.status,
             found.iterations,
             found.spent,
             all_at_points=True,
             left=found.left + smaller_spheres / found.cost,
-            mesh=np.diff(knots) / total,
+            mesh=None if len(given) == 1 else np.diff(position.knots) / position.knots[-1],
         )
 
-    def _at_knots(self, guess: Trajectory, scaling: Scaling) -> tuple[Array, float]:
-        """Scaled X and V of a guess at the knots, (N + 1, 6), and its scaled duration."""
-        T = guess.duration
-        times = T * np.concatenate([[0.0], np.cumsum(self.mesh)])
-        return scaling.states(guess.position, times, T), T / scaling.time
-
-    def _cubics(self, knots: Array, duration: float, scaling: Scaling) -> PiecewisePolynomial:
-        """The motion of cubics between scaled (X, V) at the knots, (N + 1, 6), in m and s."""
-        T = duration * scaling.time
-        x = scaling.origin + scaling.length * knots[:, :3]
-        v = scaling.length / T * knots[:, 3:]
-        return PiecewisePolynomial.hermite(T * np.append(0.0, np.cumsum(self.mesh)), x, v)
+    def _of_intervals(self, multipliers: Array, scaling: Scaling) -> Array:
+        """Multipliers at the points of intervals, (N, points, rows), from those of the method."""
+        if self._together == 1:
+            return multipliers
+        jumps = scaling.constraints.orders == 3
+        shared = np.einsum("tep,npm->ntem", _SHARED, multipliers)
+        one_sided = np.einsum("tep,npm->ntem", _ONE_SIDED, multipliers)
+        found: Array = np.where(jumps, one_sided, shared)
+        return found.reshape(-1, 2, multipliers.shape[2])

@@ -583,7 +583,8 @@ static Given given_by(int64_t phases, int64_t n, const int64_t *flags, const dou
   Given G = {.phases = phases, .intervals = flags, .given = flags + phases};
   G.is_free = G.given + phases;
   G.fractions = rule;
-  G.quadrature = rule + 4 * NG;
+  G.thirds = rule + 4 * NG;
+  G.quadrature = rule + 8 * NG;
   G.mesh = numbers;
   G.share = G.mesh + n;
   G.p = G.share + n * NC;
@@ -594,7 +595,7 @@ static Given given_by(int64_t phases, int64_t n, const int64_t *flags, const dou
   return G;
 }
 
-/* flags: intervals, given, is_free. rule: fractions, quadrature. numbers: mesh, share, p, state,
+/* flags: intervals, given, is_free. rule: fractions, thirds, quadrature. numbers: mesh, share, p, state,
    drift, radius, cost. motion: in, a guess; out, the solution: knots of each phase in units of its duration,
    (n + phases) x NB, and the durations. multipliers: out, n x points x NC of the rows, NI of the
    integral rows, one for each sphere; in, those of the rows, per share of what may be used of the

@@ -72,12 +72,12 @@ class Settings:
 class Boundary:
     """What is known of the state where a phase begins or ends: each component fixed or free.
 
-    ``state``: position, velocity (and acceleration for quintics), (derivatives, coordinates), in
-    constant units; what is free there is of no account. ``free``: which components are, the same
-    shape; where two phases meet they are continuous. ``drift``: velocity of a position that
-    moves, (coordinates,); ``state`` then has the position at the time 0 of the whole motion.
-    ``radius``: of a sphere about the position in ``state`` that a free position must be in; 0
-    without one.
+    ``state``: position, velocity (and acceleration, for cubics in thirds), (derivatives,
+    coordinates), in constant units; what is free there is of no account. ``free``: which components
+    are, the same shape; where two phases meet they are continuous. ``drift``: velocity of a
+    position that moves, (coordinates,); ``state`` then has the position at the time 0 of the whole
+    motion. ``radius``: of a sphere about the position in ``state`` that a free position must be in;
+    0 without one.
     """
 
     state: Array
@@ -228,12 +228,36 @@ class Arguments:
 
 
 @dataclass(frozen=True)
+class Points:
+    """Where limits hold in every interval: ``fractions`` of it; in which of its ``thirds`` each is,
+    of cubics that meet there, at whose ends jerk jumps; and ``weights`` of integrals over it."""
+
+    fractions: tuple[float, ...]
+    thirds: tuple[int, ...]
+    weights: tuple[float, ...]
+
+    @classmethod
+    def of(cls, fractions: Sequence[float]) -> Points:
+        """Points with weights that integrate the polynomial through them; an interval of cubics in
+        thirds counts as one polynomial."""
+        powers = np.vander(np.array(fractions), increasing=True).T
+        weights = solve(powers, 1 / np.arange(1, len(fractions) + 1))
+        assert weights is not None  # points differ
+        return cls(tuple(fractions), (0,) * len(fractions), tuple(weights.tolist()))
+
+
+THIRDS = Points((0.0, 1 / 3, 2 / 3, 1.0), (0, 1, 1, 2), (1 / 3, 1 / 6, 1 / 6, 1 / 3))
+"""Points of cubics in thirds, one or two in each. Their weights integrate the square of jerk, which
+is constant in each, exactly."""
+
+
+@dataclass(frozen=True)
 class CompiledMethod:
-    """The method for one point problem; limits hold at ``points``, fractions of an interval."""
+    """The method for one point problem; limits hold at ``points`` of every interval."""
 
     code: ctypes.CDLL
     problem: PointProblem = field(repr=False)
-    points: tuple[float, ...]
+    points: Points
 
     def solve(
         self,
@@ -274,7 +298,7 @@ class CompiledMethod:
         motion = np.concatenate(
             [*[phase.knots.ravel() for phase in phases], [phase.duration for phase in phases]]
         )
-        rows = sum(counts) * len(self.points) * len(self.problem.sides)
+        rows = sum(counts) * len(self.points.fractions) * len(self.problem.sides)
         has_sphere = np.array([boundary.radius > 0 for boundary in boundaries])
         own = rows + self._integrals
         multipliers = np.empty(own + int(has_sphere.sum()))
@@ -333,19 +357,17 @@ class CompiledMethod:
 
     @cached_property
     def _rule(self) -> Array:
-        """The points of an interval, and the weights that integrate their polynomial."""
-        points = np.array(self.points)
-        integrals = 1 / np.arange(1, len(points) + 1)
-        weights = solve(np.vander(points, increasing=True).T, integrals)
-        assert weights is not None  # points differ
-        return np.concatenate([points, weights])
+        """The points of an interval as ``solve`` in ``interior_point.c`` takes them."""
+        points = self.points
+        return np.array([*points.fractions, *points.thirds, *points.weights])
 
     def _by_phase(
         self, counts: Sequence[int], motion: Array, multipliers: Array
     ) -> tuple[PhaseSolution, ...]:
         knots = motion[: -len(counts)].reshape(-1, self.problem.unknowns)
         durations = motion[-len(counts) :].tolist()
-        rows = multipliers.reshape(sum(counts), len(self.points), len(self.problem.sides))
+        points = len(self.points.fractions)
+        rows = multipliers.reshape(sum(counts), points, len(self.problem.sides))
         solutions, first = [], 0
         for q, (count, duration) in enumerate(zip(counts, durations, strict=True)):
             own = knots[first + q : first + q + count + 1]
@@ -380,11 +402,11 @@ def _pointer(array: NDArray[np.generic]) -> ctypes.c_void_p:
 
 
 @lru_cache(maxsize=16)
-def interior_point(problem: PointProblem, points: tuple[float, ...]) -> CompiledMethod | None:
+def interior_point(problem: PointProblem, points: Points) -> CompiledMethod | None:
     """The method for a point problem, made once in a process; None without machine code."""
-    if len(points) % LANES:
+    if len(points.fractions) % LANES:
         return None
-    built = library(source(problem, len(points)))
+    built = library(source(problem, len(points.fractions)))
     if built is None:
         return None
     code = ctypes.CDLL(str(built))

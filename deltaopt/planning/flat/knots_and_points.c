@@ -1,8 +1,10 @@
-/* From knots to points and back: Hermite's polynomials, and the units of knots at boundaries. */
+/* From knots to points and back, and the units of knots at boundaries. */
 
-/* Hermite's polynomials on [0, 1] for X, V[, A] at both knots, and their derivatives by s. */
+/* What X, V, A[, J] are on [0, 1] by X, V[, A] at both knots: Hermite's polynomials and their
+   derivatives by s, or three cubics, ``thirds`` saying in which of them a point is. */
 #if NR == 2
-static void hermite(V s, V W[3][4]) {
+static void hermite(V s, V thirds, V W[3][4]) {
+  (void)thirds;
   const V s2 = s * s, s3 = s2 * s;
   const V all[3][4] = {{1 - 3 * s2 + 2 * s3, s - 2 * s2 + s3, 3 * s2 - 2 * s3, s3 - s2},
                        {6 * (s2 - s), 1 - 4 * s + 3 * s2, 6 * (s - s2), 3 * s2 - 2 * s},
@@ -10,21 +12,37 @@ static void hermite(V s, V W[3][4]) {
   memcpy(W, all, sizeof all);
 }
 #else
-static void hermite(V s, V W[4][6]) {
-  const V s2 = s * s, s3 = s2 * s, s4 = s2 * s2, s5 = s4 * s;
-  const V all[4][6] = {
-      {1 - 10 * s3 + 15 * s4 - 6 * s5, s - 6 * s3 + 8 * s4 - 3 * s5,
-       0.5 * s2 - 1.5 * s3 + 1.5 * s4 - 0.5 * s5, 10 * s3 - 15 * s4 + 6 * s5,
-       -4 * s3 + 7 * s4 - 3 * s5, 0.5 * s3 - s4 + 0.5 * s5},
-      {-30 * s2 + 60 * s3 - 30 * s4, 1 - 18 * s2 + 32 * s3 - 15 * s4,
-       s - 4.5 * s2 + 6 * s3 - 2.5 * s4, 30 * s2 - 60 * s3 + 30 * s4,
-       -12 * s2 + 28 * s3 - 15 * s4, 1.5 * s2 - 4 * s3 + 2.5 * s4},
-      {-60 * s + 180 * s2 - 120 * s3, -36 * s + 96 * s2 - 60 * s3,
-       1 - 9 * s + 18 * s2 - 10 * s3, 60 * s - 180 * s2 + 120 * s3,
-       -24 * s + 84 * s2 - 60 * s3, 3 * s - 12 * s2 + 10 * s3},
-      {-60 + 360 * s - 360 * s2, -36 + 192 * s - 180 * s2, -9 + 36 * s - 30 * s2,
-       60 - 360 * s + 360 * s2, -24 + 168 * s - 180 * s2, 3 - 24 * s + 30 * s2}};
-  memcpy(W, all, sizeof all);
+/* The acceleration at both ends of the thirds of an interval, by X, V, A at both knots: with it
+   linear in each third, the cubics there lead from knot to knot with continuous acceleration. */
+static const double AT_THIRDS[4][6] = {{0, 0, 1, 0, 0, 0},
+                                       {-9, -6, -5.0 / 6, 9, -3, 1.0 / 3},
+                                       {9, 3, 1.0 / 3, -9, 6, -5.0 / 6},
+                                       {0, 0, 0, 0, 0, 1}};
+
+/* At s in a third of [0, 1]: X, V, A, J by X, V, A at both knots. */
+static void cubics(int third, double s, double W[4][6]) {
+  const double L = 1.0 / 3, t = s - third * L;
+  for (int a = 0; a < 6; a++) {
+    double x = a == 0, v = a == 1;
+    for (int k = 0; k < third; k++) {
+      x += L * v + L * L * (2 * AT_THIRDS[k][a] + AT_THIRDS[k + 1][a]) / 6;
+      v += L * (AT_THIRDS[k][a] + AT_THIRDS[k + 1][a]) / 2;
+    }
+    const double begin = AT_THIRDS[third][a], jerk = (AT_THIRDS[third + 1][a] - begin) / L;
+    W[0][a] = x + t * (v + t * (begin / 2 + t * jerk / 6));
+    W[1][a] = v + t * (begin + t * jerk / 2);
+    W[2][a] = begin + t * jerk;
+    W[3][a] = jerk;
+  }
+}
+
+static void hermite(V s, V thirds, V W[4][6]) {
+  for (int l = 0; l < 4; l++) {
+    double at[4][6];
+    cubics((int)thirds[l], s[l], at);
+    for (int d = 0; d < 4; d++)
+      for (int a = 0; a < 6; a++) W[d][a][l] = at[d][a];
+  }
 }
 #endif
 
@@ -33,11 +51,12 @@ static void set_weights(const Problem *P, Interval *I) {
   const double e = I->length, power[] = {1, e, e * e, e * e * e};
   for (int g = 0; g < NG; g++) {
     Group *G = I->group + g;
-    V s, weights;
+    V s, thirds, weights;
     memcpy(&s, P->given->fractions + 4 * g, sizeof s);
+    memcpy(&thirds, P->given->thirds + 4 * g, sizeof thirds);
     memcpy(&weights, P->given->quadrature + 4 * g, sizeof weights);
     G->integral = e * weights;
-    hermite(s, G->weight);
+    hermite(s, thirds, G->weight);
     for (int d = 0; d <= NR; d++)
       for (int a = 0; a < 2 * NR; a++) {
         if (a % NR > d) G->weight[d][a] *= power[a % NR - d];

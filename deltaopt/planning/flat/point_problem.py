@@ -51,8 +51,8 @@ class PointProblem:
 
     ``y``: X, V, A (and J), ``coordinates`` each, then T, the duration of the phase: position and
     its derivatives by time in units of T, (coordinates * (derivatives + 1) + 1,).
-    ``derivatives``: unknowns of each coordinate at a knot: 2 for cubics between knots, 3 for
-    quintics, whose acceleration is continuous.
+    ``derivatives``: unknowns of each coordinate at a knot: 2 for cubics between knots, 3 for three
+    cubics between them, whose acceleration is continuous.
     ``tau``: what the equations ``force`` = 0, as many and affine in them, determine; it is
     eliminated from all rows and from their derivatives.
     ``rows``: at most 1 or at least -1 or both, as ``sides`` says; they may be nonlinear in tau.
@@ -163,10 +163,17 @@ def _function(name: str, arguments: list[ca.SX], results: list[ca.SX]) -> ca.Fun
 
 
 def _inverse(B: ca.SX) -> ca.SX:
-    """Of a matrix of expressions; by cofactors up to 3 x 3, with a single division."""
-    n = B.shape[0]
-    if n == 0 or n > 3:
-        return ca.inv(B) if n else ca.SX(0, 0)
+    """Of a matrix of expressions; by cofactors up to 3 x 3, with a single division; of a larger
+    one with zeros above the diagonal of its quarters, by these."""
+    n, half = B.shape[0], B.shape[0] // 2
+    if n == 0:
+        return ca.SX(0, 0)
+    if n > 3 and B[:half, half:].nnz() == 0:
+        above, below = _inverse(B[:half, :half]), _inverse(B[half:, half:])
+        mixed = -below @ B[half:, :half] @ above
+        return ca.blockcat([[above, ca.SX(half, n - half)], [mixed, below]])
+    if n > 3:
+        return ca.inv(B)
     adjugate = ca.SX.ones(n, n)
     for i in range(n):
         for j in range(n):

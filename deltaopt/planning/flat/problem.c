@@ -10,8 +10,8 @@
 
    A motion has phases, each with its own duration T_q, mesh and parameters p_q. Time inside a
    phase is counted in units of its duration: V = T v, A = T^2 a, J = T^3 j. Every coordinate is
-   a cubic between knots of (X, V) (NR = 2: acceleration may jump at knots), or a quintic between
-   knots of (X, V, A) (NR = 3: acceleration is continuous). Rows may depend on quantities that
+   a cubic between knots of (X, V) (NR = 2: acceleration may jump at knots), or three cubics of equal
+   length between knots of (X, V, A) (NR = 3: acceleration is continuous, jerk is constant in each). Rows may depend on quantities that
    equations determine, such as motor torques; these are eliminated in the generated functions
    below, so that here rows are functions of y alone.
 
@@ -116,6 +116,8 @@ typedef struct {
   const double *cost;        /* 3: weights of the duration and of the running cost; whether the sum of
                                 all durations is given */
   const double *fractions;   /* NG x 4: the points of an interval */
+  const double *thirds;      /* NG x 4: in which third of the interval each of them is, if NR = 3:
+                                at the end of one that is the beginning of the next, jerk jumps */
   const double *quadrature;  /* NG x 4: their weights in integrals */
 } Given;
 

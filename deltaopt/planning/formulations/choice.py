@@ -8,6 +8,7 @@ from functools import lru_cache, partial
 
 from deltaopt.dynamics.formulation import Projected
 from deltaopt.dynamics.lagrange import Multiplier
+from deltaopt.errors import Unusable
 from deltaopt.limits.constraints import Constraints
 from deltaopt.mechanisms.functions import Functions
 from deltaopt.planning.flat.equations import point_equations
@@ -51,7 +52,15 @@ class Collocated(ABC):
         cost: Cost = FASTEST,
         solver: Solver = _IPOPT,
     ) -> Formulated:
-        """Its equations for a mechanism under limits, for Ipopt."""
+        """Its equations for a mechanism under limits, for Ipopt.
+
+        Raises Unusable for limits of order 3.
+        """
+        if constraints.order == 3:
+            raise Unusable(
+                "limits of jerk or torque rate are planned by deltaopt's own method alone: in the "
+                "flat formulation, with a C compiler"
+            )
         derive = partial(_equations, self, functions, constraints)
         return DeltaEquations(derive, transcription, cost)
 
@@ -84,6 +93,10 @@ class Flat(Collocated):
         They are for Ipopt if that is asked for, without a C compiler, and for accelerations that
         are not linear in every interval.
         """
+        if constraints.order == 3 and isinstance(solver, InteriorPoint):
+            own = compiled_flat(point_equations(functions, constraints), transcription, cost, None)
+            if own is not None:
+                return own
         by_ipopt = super().of(functions, transcription, constraints, cost)
         if isinstance(solver, Ipopt) or transcription.degree != 1:
             return by_ipopt

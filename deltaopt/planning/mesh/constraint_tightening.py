@@ -77,6 +77,7 @@ class Overshoot:
         tightened: Truths,
         anywhere: Truths | bool = False,
         shares: Array | float = 1.0,
+        jumping: Truths | bool = False,
     ) -> Overshoot:
         """Measure the overshoot on a mesh.
 
@@ -85,11 +86,12 @@ class Overshoot:
         which rows may be tightened, (rows,). ``anywhere``: as of the class.
         ``shares``: of their bounds that rows were to use, (N, rows): those of ``anywhere`` may
         exceed them at the points too, where a formulation's coordinates close loops at nodes alone.
+        ``jumping``: rows of jerk, (rows,), which are imposed on one side of some points alone.
         """
         at_points = samples_at(points)
         highest = size.max(axis=1)
         over = highest - size[:, at_points].max(axis=1)
-        over = np.maximum(over, np.where(anywhere, highest - shares, 0.0))
+        over = np.maximum(over, np.where(anywhere | jumping, highest - shares, 0.0))
         return cls(mesh, np.where((highest > _NEAR_LIMIT) & tightened, over, 0.0), anywhere)
 
     def tightened(self, scaling: Scaling, mesh: Array) -> Scaling:

@@ -84,7 +84,7 @@ def error_estimate(
     ``mesh``: lengths of the intervals, fractions of the duration, (N,). ``multipliers``: of the
     rows' bounds, (N, points, rows), positive at upper bounds and negative at lower ones.
     ``loads``: normalised rows at ``FRACTIONS`` of the intervals, (N, len(FRACTIONS), rows).
-    ``controls``: which rows are controls, of order 2, (rows,); the others are of order 1.
+    ``controls``: which rows are controls, of the highest order, (rows,); the others are less.
     ``slowing``: factor by which the motion must be slowed for each interval to keep its limits,
     (N,).
     """
@@ -123,21 +123,34 @@ def _of_neighbours(each: Array) -> Array:
     return np.asarray(np.maximum(each, np.maximum(beside[:-2], beside[2:])))
 
 
-def refined(mesh: Array, lost: ErrorEstimate, target: float, most: int = 6) -> Array:
+def split(mesh: Array, pieces: int | NDArray[np.intp]) -> Array:
+    """A mesh, (N,), with each interval split evenly into so many pieces, one number or (N,)."""
+    return np.repeat(mesh / pieces, pieces)
+
+
+def refined(
+    mesh: Array, lost: ErrorEstimate, target: float, most: int = 6, together: int = 1
+) -> Array:
     """Split the intervals of a mesh, (N,), so that the lost time falls to about ``target``.
 
-    Each is split evenly into ``most`` pieces at most. In an interval where a torque jumps the loss
+    Each is split evenly into ``most`` pieces at most; where so many intervals stay ``together``,
+    these as one. In an interval where a torque jumps the loss
     falls with the square of its length, in others faster; beside a sharp edge of a body in
     proportion to it, and the motion may then touch the edge in the next interval. An exceeded limit
     is no reason to split a short interval, for the limit is tightened there.
     """
-    exceeded = np.where(mesh > TIGHTENED, lost.exceeded, 0.0)
-    share = lost.unused / (target / len(mesh)) + exceeded / target
+    of_one, unused, over = (
+        each.reshape(-1, together) for each in (mesh, lost.unused, lost.exceeded)
+    )
+    mesh = of_one.sum(axis=1)
+    exceeded = np.where(mesh > TIGHTENED, over.max(axis=1), 0.0)
+    share = unused.sum(axis=1) / (target / len(mesh)) + exceeded / target
     wanted = np.ceil(np.sqrt(share))
     if lost.at_bodies is not None:
-        wanted = np.maximum(wanted, np.ceil(_FOR_BODIES * _of_neighbours(lost.at_bodies) / target))
+        at_bodies = lost.at_bodies.reshape(-1, together).sum(axis=1)
+        wanted = np.maximum(wanted, np.ceil(_FOR_BODIES * _of_neighbours(at_bodies) / target))
     pieces = np.clip(wanted, 1, np.clip(mesh / _SHORTEST, 1, most)).astype(int)
-    return np.repeat(mesh / pieces, pieces)
+    return split(mesh, together * pieces)
 
 
 def with_knots_at(mesh: Array, instants: Array) -> Array:

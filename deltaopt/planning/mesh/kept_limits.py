@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from deltaopt.errors import NotConverged
 from deltaopt.motion.time_scaling import highest_rows
+from deltaopt.planning.mesh.error_estimate import split
 from deltaopt.planning.mesh.mesh_solution import MeshSolution, solve_on_mesh
 from deltaopt.planning.nlp.problem import Formulated, Guess
 
@@ -61,9 +62,10 @@ def kept(program: Formulated, solution: MeshSolution, tolerance: float) -> MeshS
         share = last.scaling.shares(len(last.mesh)) - step
         pieces = np.ones(len(last.mesh), np.intp)
         if attempt % _PATIENCE == 0:
-            pieces[excess.max(axis=1) > KEPT] = _PIECES
+            too_high = (excess.max(axis=1) > KEPT).reshape(-1, last.problem.together)
+            pieces[np.repeat(too_high.any(axis=1), last.problem.together)] = _PIECES
         share = np.repeat(np.minimum(share, 1 - _MARGIN * accuracy), pieces, axis=0)
-        mesh = np.repeat(last.mesh / pieces, pieces)
+        mesh = split(last.mesh, pieces)
         guess = Guess(
             last.trajectory,
             near=True,

@@ -91,7 +91,7 @@ def _lost(
         mesh,
         solution.multipliers[:, :, rows],
         _by_interval(loads.rows)[:, :, rows],
-        constraints.orders[rows] == 2,
+        constraints.orders[rows] == constraints.order,
         slowing,
     )
 
@@ -100,6 +100,7 @@ def motion_on_first_mesh(
     program: Formulated, scaling: Scaling, guess: Guess, intervals: int
 ) -> Trajectory:
     """The motion alone that solves a program on a mesh of equal intervals. Raises NotConverged."""
+    intervals *= scaling.problem.together
     mesh, model = np.full(intervals, 1 / intervals), guess.trajectory.model
     tightened = first_tightening(scaling, guess.trajectory, mesh)
     found = program.on(mesh).solve(guess, tightened, model.parameters)
@@ -345,7 +346,10 @@ class MeshSolution:
         tightened = self.scaling.untightened
         if tightenable.any():
             points, seen = self.program.points, self._with_missed(size, places)
-            overshoot = Overshoot.of(self.mesh, points, seen, tightenable, anywhere, shares)
+            jumping = constraints.orders == 3
+            overshoot = Overshoot.of(
+                self.mesh, points, seen, tightenable, anywhere, shares, jumping
+            )
             tightened = overshoot.tightened(self.scaling, mesh)
         if self.excess is None:
             return tightened

@@ -24,22 +24,25 @@ _GIVES_WAY = 0.3
 badly conditioned, and fewer knots are less exact."""
 
 
-def parts(mesh: Array, passed: Array) -> list[slice]:
+def parts(mesh: Array, passed: Array, together: int = 1) -> list[slice]:
     """The intervals of each phase, of a mesh (N,) and of when its via points are passed, (n,), both
-    as fractions of the duration: the knots that are nearest to these."""
-    knots = np.cumsum(mesh)
-    ends = [int(np.abs(knots - fraction).argmin()) + 1 for fraction in passed.tolist()]
+    as fractions of the duration: the knots that are nearest to these, not between intervals that
+    stay ``together``."""
+    knots = np.cumsum(mesh)[together - 1 :: together]
+    nearest = (int(np.abs(knots - fraction).argmin()) + 1 for fraction in passed.tolist())
+    ends = [together * number for number in nearest]
     return [slice(a, b) for a, b in pairwise([0, *ends, len(mesh)])]
 
 
 def first_mesh(problem: Problem, motion: Trajectory, intervals: int) -> Array:
     """A mesh of about so many intervals, (N,), fractions of the duration: uniform or, where there
-    are phases, in each phase of a first motion."""
+    are phases, in each phase of a first motion; each in thirds where acceleration is continuous."""
     if not problem.gates:
-        return np.full(intervals, 1 / intervals)
+        return np.full(problem.together * intervals, 1 / (problem.together * intervals))
     passed = (passes(problem, motion) - motion.knots[0]) / motion.duration
     lengths = np.diff([0.0, *passed.tolist(), 1.0])
     counts = np.maximum(np.rint(intervals * lengths), _FEWEST).astype(int)
+    counts *= problem.together
     return np.repeat(lengths / counts, counts)
 
 

@@ -137,6 +137,10 @@ class Scaling:
         """A velocity in m/s in units of length over ``time``, (3,)."""
         return np.array(velocity) * (self.time / self.length)
 
+    def acceleration(self, acceleration: Vector3) -> Array:
+        """An acceleration in m/s² in units of length over ``time`` squared, (3,)."""
+        return np.array(acceleration) * (self.time**2 / self.length)
+
     @property
     def untightened(self) -> Scaling:
         """This scaling with no limit tightened."""
@@ -209,7 +213,18 @@ class Scaling:
         coefficients /= np.vander([T], coefficients.shape[1], increasing=True).T
         return PiecewisePolynomial(T * np.concatenate([[0.0], np.cumsum(h)]), coefficients)
 
-    def states(self, position: PiecewisePolynomial, times: Array, T: float) -> Array:
-        """Scaled (X, V) of a position in m at ``times`` (s), V in units of length / T, (n, 6)."""
+    def states(
+        self, position: PiecewisePolynomial, times: Array, T: float, derivatives: int = 2
+    ) -> Array:
+        """Scaled (X, V[, A]) of a position in m at ``times`` (s), so many ``derivatives`` with X,
+        V in units of length / T, (n, 3 · derivatives). Where A jumps it is the mean of both sides.
+        """
         x, v = position.with_rate_at(times)
-        return np.hstack([(x - self.origin) / self.length, v * (T / self.length)])
+        found = [(x - self.origin) / self.length, v * (T / self.length)]
+        if derivatives == 3:
+            last = len(position.knots) - 2
+            before = np.clip(np.searchsorted(position.knots, times) - 1, 0, last)
+            left = position.inside(before, times - position.knots[before], 2)
+            a = (left + position.at(times, 2)) / 2
+            found.append(a * (T**2 / self.length))
+        return np.hstack(found)

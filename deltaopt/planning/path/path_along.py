@@ -27,7 +27,7 @@ _NEAREST = 1e-5
 def near_corners(scene: Scene, corners: Array) -> Scene:
     """The scene with via points at all corners but its ends, (n, 3), m, each as wide as bodies
     leave room."""
-    limits = limits_of(scene)
+    limits = limits_of(scene).up_to(2)
     distances, _ = signed_distances(problem_of(scene), corners[1:-1])
     room = _OF_ROOM * (distances - limits.bounds[0][limits.constraints.convex]).min(axis=1)
     via = [

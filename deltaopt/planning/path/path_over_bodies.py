@@ -58,7 +58,7 @@ def _path(height: float) -> PickAndPlace:
 def _is_clear(scene: Scene, height: float) -> bool:
     """Whether samples of the path of a height (m) keep the scene's clearance."""
     path = _path(height).between(*given_points(scene.task))
-    limits, (begin, end) = limits_of(scene), path.knots[[0, -1]].tolist()
+    limits, (begin, end) = limits_of(scene).up_to(2), path.knots[[0, -1]].tolist()
     distance, _ = signed_distances(problem_of(scene), path(np.linspace(begin, end, _SAMPLES)))
     kept = limits.bounds[0][limits.constraints.convex]
     return bool((distance >= kept + _SPARE).all())

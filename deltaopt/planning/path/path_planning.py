@@ -65,7 +65,7 @@ def fastest_on_path(
         trajectory = _waiting(scene, task, trajectory)
         gap = 0.0  # nothing is faster than what rotation takes
     multipliers = PathMultipliers(
-        limits_of(scene),
+        limits_of(scene).up_to(2),
         timing.rows,
         timed.on_mesh,
         timing.ends,
@@ -128,7 +128,7 @@ def _trajectory(scene: Scene, motion: MeshMotion) -> Trajectory:
 
 def _require_positions(scene: Scene, trajectory: Trajectory) -> None:
     """Raise Infeasible where a path is beyond a limit of position, which no timing cures."""
-    constraints = limits_of(scene).constraints
+    constraints = limits_of(scene).up_to(2).constraints
     promised = np.repeat(
         [limit.promised for limit in constraints.limits],
         [rows.stop - rows.start for rows in constraints.slices],

@@ -108,7 +108,7 @@ class PathRows:
 
         Raises SceneError for a limit that tangents do not bound: one curved in u from below.
         """
-        limits, model = limits_of(scene), model_of(scene.robot, scene.payload)
+        limits, model = limits_of(scene).up_to(2), model_of(scene.robot, scene.payload)
         functions, constraints = model.functions, limits.constraints
         curved = _curved(functions, constraints)
         for row in kept_rows(constraints)[curved].tolist():

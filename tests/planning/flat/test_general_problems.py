@@ -9,7 +9,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import casadi as ca
@@ -20,10 +20,12 @@ from deltaopt.codegen.c_compiler import compiler
 from deltaopt.codegen.compile import library
 from deltaopt.planning.flat import interior_point as module
 from deltaopt.planning.flat.interior_point import (
+    THIRDS,
     Boundary,
     CompiledMethod,
     InteriorPointSolution,
     Phase,
+    Points,
     Settings,
     interior_point,
 )
@@ -43,8 +45,13 @@ from tests.oracles.point_motion import (
 
 pytestmark = pytest.mark.skipif(compiler() is None, reason="no C compiler")
 
-FOUR = np.array([0.0, 1 / 3, 2 / 3, 1.0])
-EIGHT = np.array([0.0, 0.06, 0.2, 0.4, 0.6, 0.8, 0.94, 1.0])
+FOUR = Points.of([0.0, 1 / 3, 2 / 3, 1.0])
+EIGHT = Points(
+    (0.0, 1 / 6, 1 / 3, 1 / 3, 2 / 3, 2 / 3, 5 / 6, 1.0),
+    (0, 0, 0, 1, 1, 2, 2, 2),
+    (1 / 18, 2 / 9, 1 / 18, 1 / 6, 1 / 6, 1 / 18, 2 / 9, 1 / 18),
+)
+"""Both ends of each third, by Simpson's rule or the trapezoidal rule."""
 EXACT = Settings(tolerance=1e-10, iterations=200)
 
 
@@ -107,10 +114,15 @@ class Case:
     system: System
     legs: Sequence[Leg]
     ends: Sequence[End]
-    points: Array = field(default_factory=lambda: FOUR)
+    points: Points | None = None
     watched: Sequence[int] = ()
     weights: tuple[float, float] = (1.0, 0.0)
     sum_is_given: bool = False
+
+    @property
+    def imposed(self) -> Points:
+        """Where limits are imposed: at four points unless the case says others."""
+        return self.points or (FOUR if self.system.pieces == 2 else THIRDS)
 
 
 def rest(*x: float) -> End:
@@ -169,8 +181,8 @@ def floor(now: Instant) -> list[Row]:
     return [*torques(2.0)(now), Row(above - 1, upper=False), Row(beyond + 1, lower=False)]
 
 
-def jerks(now: Instant) -> list[Row]:
-    return torques(3.0)(now) + [Row(now.j[k] / 25) for k in range(now.j.numel())]
+def jerks(now: Instant, limit: float = 12.0) -> list[Row]:
+    return torques(3.0)(now) + [Row(now.j[k] / limit) for k in range(now.j.numel())]
 
 
 def mean_square(now: Instant) -> ca.SX:
@@ -234,8 +246,8 @@ CASES = {
         [leg(8, 1.0, 0.7), leg(7, 1.0, 0.3)],
         [rest(*LEFT), near((0.1, 1.5), (1.0, 0.0), 0.05), rest(*RIGHT)],
     ),
-    "through spheres of quintics, from one": Case(
-        System(2, 3, arm, lambda now: torques(6.0)(now) + jerks(now)[2:], mean_square),
+    "through spheres with limits of jerk, from one": Case(
+        System(2, 3, arm, lambda now: torques(6.0)(now) + jerks(now, 25.0)[2:], mean_square),
         [leg(6, 1.0, 0.7, 25.0), leg(4, 1.0, 0.7, 25.0), leg(5, 1.0, 0.3, 25.0)],
         [
             replace(rest(*LEFT), fixed=np.repeat([[False], [True], [True]], 2, 1), radius=0.02),
@@ -338,7 +350,7 @@ def point_problem(system: System, parameters: int) -> PointProblem:
 def method_of(name: str) -> CompiledMethod:
     case = CASES[name]
     problem = point_problem(case.system, len(case.legs[0].p))
-    method = interior_point(problem, tuple(case.points.tolist()))
+    method = interior_point(problem, case.imposed)
     assert method is not None
     return method
 
@@ -380,7 +392,12 @@ def test_durations_and_costs_are_those_of_ipopt(name):
     ours = solved(name)
     assert ours.status == "Solve_Succeeded"
     theirs, cost = best(
-        case.system, case.legs, case.ends, case.points, case.weights, sum_is_given=case.sum_is_given
+        case.system,
+        case.legs,
+        case.ends,
+        case.imposed,
+        case.weights,
+        sum_is_given=case.sum_is_given,
     )
     durations = [phase.duration for phase in ours.phases]
     assert ours.cost == pytest.approx(cost, rel=1e-8)
@@ -405,7 +422,7 @@ def test_a_point_without_mass(derivatives, expected):
     y, none = ca.SX.sym("y", derivatives + 2), ca.SX(0, 1)
     row = y[derivatives] / y[-1] ** derivatives
     problem = PointProblem(1, derivatives, y, none, none, none, row, (Sides.BOTH,))
-    method = interior_point(problem, tuple(FOUR.tolist()))
+    method = interior_point(problem, FOUR if derivatives == 2 else THIRDS)
     assert method is not None
     line = np.linspace(0, 1, 5)[:, None]
     knots = np.hstack([line, 1 + 0 * line, 0 * line])[:, :derivatives]
@@ -496,7 +513,7 @@ def test_infinite_share_is_no_limit():
     without = method_of("floor").solve([replace(phase, share=share)], boundaries_of(case), EXACT)
     free = replace(case, system=System(2, 2, particle, torques(2.0)))
     assert without.phases[0].duration == pytest.approx(
-        fastest(free.system, free.legs, free.ends, free.points)[0], rel=1e-8
+        fastest(free.system, free.legs, free.ends, free.imposed)[0], rel=1e-8
     )
     assert without.phases[0].knots[:, 1].min() < -0.1
 
@@ -706,7 +723,7 @@ def test_torques_that_are_not_determined():
     y, tau, p = ca.SX.sym("y", 7), ca.SX.sym("tau", 2), ca.SX.sym("p")
     force = y[4:6] / y[6] ** 2 - ca.vertcat(tau[0] + tau[1], p * tau[0] + tau[1])
     problem = PointProblem(2, 2, y, tau, p, force, tau, (Sides.BOTH,) * 2)
-    method = interior_point(problem, tuple(FOUR.tolist()))
+    method = interior_point(problem, FOUR)
     assert method is not None
     knots = np.linspace(0, 1, 5)[:, None] * [1.0, 1.0, 0.0, 0.0]
     phase = Phase(np.full(4, 0.25), np.ones(1), np.ones((4, 2)), knots, 1.0)
