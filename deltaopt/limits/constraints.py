@@ -245,6 +245,12 @@ class Constraints:
         return np.array(ca.which_depends(rows, torques, 1, True), bool)
 
     @cached_property
+    def has_torque_rates(self) -> bool:
+        """Whether any row depends on the rates of the torques."""
+        motion, rows = self._any_rows
+        return bool(ca.depends_on(rows, ca.vertcat(motion.dtau, motion.dtau_per_payload)))
+
+    @cached_property
     def of_place(self) -> Truths:
         """Rows of positions that a motion must keep, (rows,): slowing cannot help them."""
         promised = self._of_rows([limit.promised for limit in self.limits], np.bool)

@@ -169,10 +169,6 @@ class Planner:
             limits=self.limits,
             objective=self.objective,
         )
-        if isinstance(at, State) and isinstance(start, Motion) and scene.has_rates:
-            x, y, z = start.a[0].tolist()
-            at = at.model_copy(update={"acceleration": (x, y, z)})
-            scene = scene.model_copy(update={"start": at})
         return self.plan_scene(scene, start=begun, starts=starts, seed=seed, progress=progress)
 
     def stop(
@@ -207,7 +203,7 @@ class Planner:
         require_whole("seed", seed, 0)
         under_way = None
         if start is not None:
-            scene = scene.model_copy(update={"start": _state_of(start)})
+            scene = scene.model_copy(update={"start": _state_of(start, scene.has_rates)})
             under_way = _rest_of(start)
         self._require_settings(scene, starts)
         begin, journal = perf_counter(), Journal(progress or (lambda _: None))
@@ -287,7 +283,7 @@ class Planner:
         )
 
 
-def _state_of(motion: Motion) -> State:
+def _state_of(motion: Motion, with_acceleration: bool = False) -> State:
     """The state of a motion at its only instant. Raises ValueError where it has several."""
     if len(motion.t) != 1:
         raise ValueError(f"start has {len(motion.t)} instants; one is needed")
@@ -295,7 +291,9 @@ def _state_of(motion: Motion) -> State:
     if trajectory is not None:
         speeds = np.linalg.norm(trajectory.position.derivative().at(trajectory.knots), axis=1)
         v = np.where(np.linalg.norm(v) <= _AT_REST * speeds.max(), 0.0, v)
-    return State(at=tuple(motion.x[0].tolist()), velocity=tuple(v.tolist()))
+    acceleration = tuple(motion.a[0].tolist()) if with_acceleration else None
+    at, velocity = tuple(motion.x[0].tolist()), tuple(v.tolist())
+    return State(at=at, velocity=velocity, acceleration=acceleration)
 
 
 def _rest_of(motion: Motion) -> PiecewisePolynomial | None:

@@ -14,7 +14,8 @@ import casadi as ca
 import numpy as np
 
 from deltaopt.robot.model import delta_model
-from deltaopt.scene.scene import Scene, limits_of
+from deltaopt.scene.known_limits import limits_of
+from deltaopt.scene.scene import Scene
 
 OPTIONS = {
     "print_time": False,

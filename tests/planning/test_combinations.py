@@ -28,6 +28,7 @@ FEATURES: dict[str, dict] = {
     "path": {"path": OVER},
     "tube": {"path": OVER, "tube": 0.005},
     "effort": {"objective": "effort", "duration": 0.3},
+    "rates": {"limits": {"torque_rate": 5000.0}},
     "rotation": {"rotation": {"angle": 3.0, "speed": 30.0, "acceleration": 400.0}},
 }
 CELL = [
@@ -53,6 +54,29 @@ def test_bodies_beside(beside):
     verified = verify(scene, found.trajectory)
     assert verified.ok, verified.failures()
     assert found.within_tolerance
+
+
+@pytest.mark.parametrize(
+    "others",
+    [
+        ("bodies", "via"),
+        ("bodies", "belt"),
+        ("via", "start state"),
+        ("approach", "bodies"),
+        ("tube",),
+        ("rotation",),
+        ("effort", "via"),
+    ],
+    ids=" and ".join,
+)
+def test_rates_beside(others):
+    """With an acceleration that is continuous where phases meet."""
+    scene = together("rates", *others)
+    found = plan(scene)
+    verified = verify(scene, found.trajectory)
+    assert verified.ok, verified.failures()
+    assert found.gap <= 2e-3
+    assert found.duration > plan(together(*others)).duration * (1 - 1e-9)
 
 
 MOVING = ("start state", "goal state", "belt")

@@ -24,10 +24,11 @@ class PointEquations:
 
     ``y``: the 13 unknowns: position from the start, velocity and acceleration in units of the
     scene's length and of the duration (X, V, A; 3 each), torques in units of their limits (3), and
-    the duration in units of the scene's time. With limits of order 3 there are 19: jerk J after A,
-    and the torques' rates in units of their limits over the duration after the torques. ``force``:
-    eq. (39) in units of the largest torque over an arm's length, 3, zero where the torques produce
-    the motion; with limits of order 3 also its derivative by time. ``rows``: normalised rows
+    the duration in units of the scene's time. With limits of order 3 there are 3 more: jerk J after
+    A; with limits of torque rates 3 more, in units of the torques' limits over the duration, after
+    the torques. ``force``: eq. (39) in units of the largest torque over an arm's length, 3, zero
+    where the torques produce the motion; with limits of torque rates also its derivative by time.
+    ``rows``: normalised rows
     of the limits. ``rate``: of the effort, τᵀτ, N²m². ``saturating``, ``strengths``: of Coulomb
     friction, as of `PointProblem`: θ̇ / w and c in units of the torque limits.
     """
@@ -46,9 +47,9 @@ class PointEquations:
         """Derive them for a mechanism and the limits of a scene."""
         parameters = Parameters.symbols(constraints, functions.symbols())
         order, p = constraints.order, parameters
-        motion_ends = 3 * (order + 1)
-        y = ca.SX.sym("y", motion_ends + 3 * (order - 1) + 1)
-        T, controls = p.time * y[-1], y[motion_ends : motion_ends + 3]
+        end, has_rates = 3 * (order + 1), constraints.has_torque_rates
+        y = ca.SX.sym("y", end + 3 * (1 + has_rates) + 1)
+        T, controls = p.time * y[-1], y[end : end + 3]
         tau = p.torque * controls
         motion = PlatformInstant(
             functions,
@@ -58,11 +59,13 @@ class PointEquations:
             p.mechanism,
             tau,
             jerk=p.length * y[9:12] / T**3 if order == 3 else None,
-            given_torque_rate=p.torque * y[-4:-1] / T if order == 3 else None,
+            given_torque_rate=p.torque * y[-4:-1] / T if has_rates else None,
         )
         rows = constraints.rows(motion, p.limits)
         rows[np.flatnonzero(constraints.is_control).tolist()] = controls  # in units of their limits
-        force = motion.force if order == 2 else ca.vertcat(motion.force, T * motion.force_rate)
+        force = motion.force
+        if has_rates:
+            force = ca.vertcat(force, T * motion.force_rate)
         saturating, strengths = ca.SX(0, 1), ca.SX(0, 1)
         for speed, strength in functions.layers(p.mechanism):
             saturating = ca.vertcat(saturating, motion.dtheta / speed)
@@ -94,6 +97,7 @@ class PointEquations:
             force=self.force,
             rows=self.rows,
             sides=tuple(sides),
+            straight=3 * self.constraints.has_torque_rates,
             running=ca.sumsqr(jerk) if order == 3 else ca.SX(0, 1),
             saturating=self.saturating,
             strengths=self.strengths,

@@ -1,0 +1,162 @@
+"""Limits of jerk and of the rate of torques: against formulas, a closed solution and another
+transcription."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from deltaopt import Planner, SceneError, load_scene, plan, verify
+from deltaopt.curves.piecewise import PiecewisePolynomial
+from deltaopt.dynamics.lagrange import Multiplier
+from deltaopt.errors import Unusable
+from deltaopt.motion.trajectory import Trajectory
+from deltaopt.scene.moving_ends import State
+from studies.problems import PROBLEMS
+from tests.oracles.rate_limited import fastest_with_rates
+
+CROSS, ORSINO = (load_scene(PROBLEMS / f"{n}.yaml") for n in ("industrial_cross", "pick_and_place"))
+
+
+def limited(scene, **limits):
+    return scene.model_copy(update={"limits": limits})
+
+
+def differences(trajectory, t, step=2e-6):
+    """Rates of torques, jerks of arms and of the platform at instants inside of pieces."""
+    before, after = trajectory(t - step), trajectory(t + step)
+    rates = (
+        (b - a) / (2 * step)
+        for a, b in zip(
+            (before.tau, before.ddtheta, before.a), (after.tau, after.ddtheta, after.a), strict=True
+        )
+    )
+    return tuple(rates)
+
+
+def inside(trajectory, count=6):
+    knots = trajectory.knots
+    shares = (np.arange(count) + 0.5) / count
+    return (knots[:-1, None] + np.diff(knots)[:, None] * shares).ravel()
+
+
+def test_excesses_are_those_of_differences():
+    """Of a quintic, whose jerk is not zero at its ends: as far over each limit as differences of
+    torques, of the arms' and of the platform's accelerations say."""
+    scene = limited(CROSS, torque_rate=800.0, jerk=500.0, joint_jerk=2000.0)
+    start, goal = np.array(scene.start), np.array(scene.goal)
+    at_rest = np.zeros((2, 3))
+    path = PiecewisePolynomial.hermite(
+        np.array([0.0, 0.4]), np.array([start, goal]), at_rest, at_rest
+    )
+    model = plan(CROSS).trajectory.model
+    found = verify(scene, Trajectory(path, model))
+    t = np.linspace(1e-5, 0.4 - 1e-5, 20001)
+    torque, arms, platform = differences(Trajectory(path, model), t)
+    most = (np.abs(torque).max() / 800, np.linalg.norm(platform, axis=1).max() / 500)
+    assert found.torque_rate_excess == pytest.approx(most[0] - 1, rel=1e-4)
+    assert found.jerk_excess == pytest.approx(most[1] - 1, rel=1e-3)
+    assert found.joint_jerk_excess == pytest.approx(np.abs(arms).max() / 2000 - 1, rel=1e-3)
+    assert found.acceleration_jump == 0.0
+
+
+@pytest.mark.parametrize(
+    ("scene", "limits"),
+    [
+        (CROSS, {"torque_rate": 5000.0}),
+        (ORSINO, {"jerk": 1500.0, "torque_rate": 2000.0}),
+        (CROSS, {"joint_jerk": 20000.0}),
+    ],
+    ids=["torque rate", "jerk and torque rate", "joint jerk"],
+)
+def test_a_plan_keeps_them_at_all_instants_and_begins_with_holding_torques(scene, limits):
+    found = plan(limited(scene, **limits))
+    trajectory = found.trajectory
+    assert found.within_tolerance
+    assert verify(found.scene, trajectory).failures() == []
+    torque, arms, platform = differences(trajectory, inside(trajectory))
+    reached = {
+        "torque_rate": np.abs(torque).max(),
+        "jerk": np.linalg.norm(platform, axis=1).max(),
+        "joint_jerk": np.abs(arms).max(),
+    }
+    shares = [reached[name] / limit for name, limit in limits.items()]
+    assert max(shares) <= 1 + 1e-5
+    assert max(shares) >= 0.98
+    still, zero = trajectory.knots[[0, -1]], np.zeros(3)
+    model, ends = trajectory.model, trajectory(still)
+    for tau, x in zip(ends.tau, ends.x, strict=True):
+        np.testing.assert_allclose(tau, model.inverse_dynamics(x, zero, zero), atol=1e-6)
+
+
+def test_a_jerk_alone_is_a_closed_solution():
+    """Far from all other limits the straight line with the jerk at its limit all the time, one way,
+    twice back and one way: T³ = 32 d / J."""
+    scene = limited(CROSS, jerk=60.0)
+    way = float(np.linalg.norm(np.subtract(scene.goal, scene.start)))
+    found = plan(scene)
+    exact = (32 * way / 60.0) ** (1 / 3)
+    assert exact * (1 - 1e-6) <= found.duration <= exact * (1 + found.gap)
+
+
+def test_the_more_rate_the_sooner_until_it_is_no_limit():
+    durations = [plan(limited(ORSINO, torque_rate=rate)).duration for rate in (1e3, 5e3, 1e5)]
+    without = plan(ORSINO, tolerance=1e-4).duration
+    assert durations[0] > 1.01 * durations[1] > 1.01 * durations[2]
+    assert without * (1 - 1e-4) < durations[2] < without * (1 + 1.5e-3)
+
+
+def test_another_transcription_finds_the_same():
+    """With equal intervals and jerks that are constant in them: its error falls with the square of
+    their length, from 1.2e-3 at half as many to 3e-4."""
+    scene = limited(ORSINO, torque_rate=2000.0)
+    found = plan(scene, tolerance=1e-4)
+    other = fastest_with_rates(scene, 100, 1.2 * found.duration)
+    assert found.duration == pytest.approx(other, rel=4e-4)
+    assert found.duration < other
+
+
+def test_a_jump_of_acceleration_is_none_of_a_smooth_motion():
+    """The fastest motion without such limits, slowed until its jerk is small: it jumps."""
+    scene = limited(CROSS, jerk=1e5)
+    slowed = plan(CROSS).trajectory.slowed(20.0)
+    found = verify(scene, slowed)
+    assert found.jerk_excess < 0
+    assert any("acceleration jumps" in failure for failure in found.failures())
+    assert any("begins with an acceleration" in failure for failure in found.failures())
+
+
+def test_a_start_with_an_acceleration_goes_on_with_it():
+    limits = {"torque_rate": 8000.0}
+    planner = Planner(CROSS.robot, payload=1.0, limits=limits)
+    first = planner.plan(CROSS.start, CROSS.goal)
+    instant = first.trajectory(0.4 * first.duration)
+    x, y, z = CROSS.goal
+    second = planner.plan(instant, (x, y, z - 0.1))
+    assert verify(second.scene, second.trajectory).failures() == []
+    begin = second.trajectory.path_inside([0.0])
+    np.testing.assert_allclose(begin[2][0], instant.a[0], atol=1e-9)
+    assert np.linalg.norm(instant.a[0]) > 1.0
+
+
+def test_what_is_refused():
+    state = State(at=CROSS.start, velocity=(0.0, 0.1, 0.0), acceleration=(0.0, 1.0, 0.0))
+    with pytest.raises(SceneError, match=r"start.acceleration .*jerk or torque rate"):
+        type(CROSS).model_validate({**dict(CROSS), "start": state})
+    with pytest.raises(SceneError, match="a tube about it"):
+        type(CROSS).model_validate({**dict(CROSS), "path": "line", "limits": {"jerk": 100.0}})
+    with pytest.raises(Unusable, match="flat formulation"):
+        plan(limited(CROSS, jerk=1000.0), formulation=Multiplier())
+
+
+def test_the_least_payload_of_a_range_counts_too():
+    """With 0 to 2 kg: as fast as neither alone, and kept with both."""
+    scene = limited(CROSS, torque_rate=5000.0).model_copy(update={"payload": (0.0, 2.0)})
+    found = plan(scene)
+    assert verify(scene, found.trajectory).failures() == []
+    for payload in (None, 2.0):
+        alone = scene.model_copy(update={"payload": payload})
+        assert verify(alone, replace(found.trajectory)).failures() == []
+        assert plan(alone).duration <= found.duration * (1 + 1e-3)
