@@ -180,6 +180,7 @@ class TrajectoryOptimiser:
             ratio = solutions[best].cost / solutions[best - 1].cost
             by_mesh_before = ratio * (1 + iterations[best - 1].gap) - 1
             gap = min(gap + max(0.0, ratio - 1), max(0.0, by_mesh_before))
+            gap = max(gap, _above_least(refinement.solutions, best - 1))
         if problem.least_duration and is_fastest:  # nothing is faster
             gap = min(gap, max(0.0, trajectory.duration / problem.least_duration - 1))
         spent = sum(each.iterations for each in iterations)
@@ -358,14 +359,22 @@ def _require_one_side(problem: Problem, trajectory: Trajectory, status: str) -> 
 
 
 def _best_of(solutions: Sequence[MeshSolution], iterations: Sequence[Iteration]) -> int:
-    """The index of the mesh solution that is fastest once it keeps all limits. Where slowing helps
-    none of them, that is the finest one that keeps its places: other attempts follow from why."""
+    """The index of the mesh solution that is fastest once it keeps all limits, or of effort that has
+    the least gap. Where slowing helps none of them, that is the finest one that keeps its places:
+    other attempts follow from why."""
 
     def merit(i: int) -> tuple[float, bool, int]:
-        least = iterations[i].safe_duration if iterations[i].cost is None else iterations[i].gap
+        least = iterations[i].safe_duration
+        if iterations[i].cost is not None:
+            least = max(iterations[i].gap, _above_least(solutions, i))
         return least, not solutions[i].needed.keeps_places, -i
 
     return min(range(len(iterations)), key=merit)
+
+
+def _above_least(solutions: Sequence[MeshSolution], i: int) -> float:
+    """By what share a mesh solution costs more than the least of all: its gap is no less."""
+    return solutions[i].cost / min(each.cost for each in solutions) - 1
 
 
 def _multipliers(found: MeshSolution) -> MeshMultipliers | None:

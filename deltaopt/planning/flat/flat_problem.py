@@ -122,8 +122,10 @@ def compiled_flat(
     e = equations
     is_effort = cost.running and cost.rate is Running.EFFORT
     problem = e.point_problem_of_effort if is_effort else e.point_problem
-    cubic = Points.of(transcription.points.tolist())
-    method = interior_point(problem, cubic if problem.derivatives == 2 else THIRDS)
+    points = Points.of(transcription.points.tolist())
+    if problem.derivatives == 3:
+        points = replace(THIRDS, weights=points.weights) if is_effort else THIRDS
+    method = interior_point(problem, points)
     return None if method is None else FlatEquations(method, transcription, cost, by_ipopt)
 
 
