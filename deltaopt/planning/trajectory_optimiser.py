@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import isinf
 from time import perf_counter
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,13 +52,16 @@ from deltaopt.planning.nlp.problem import (
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import LINEAR, PiecewiseAcceleration
 from deltaopt.planning.plan import Iteration, Plan
-from deltaopt.planning.refinement import Refinement, Resolver
+from deltaopt.planning.refinement import Refinement
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.problem.problem import Problem
 from deltaopt.scene.feasibility import serial_distances_at_ends
 from deltaopt.scene.objective import Effort, Time
 from deltaopt.scene.scene import Scene
 from deltaopt.settings import RESOLVED_BELOW
+
+if TYPE_CHECKING:
+    from deltaopt.planning.switching.resolver import SwitchResolver
 
 Array = NDArray[np.float64]
 _KEPT_DISTANCE = 1e-2
@@ -199,7 +203,7 @@ class TrajectoryOptimiser:
             else None,
         )
 
-    def _resolver(self, scaling: Scaling, report: Progress) -> Resolver | None:
+    def _resolver(self, scaling: Scaling, report: Progress) -> SwitchResolver | None:
         """The method that resolves switches; None if the tolerance does not ask for it.
 
         It is imported here, so that plans to usual tolerances start faster.
