@@ -97,7 +97,7 @@ class TrajectoryOptimiser:
     def plan(self, attempt: Attempt, report: Progress) -> Plan:
         """Plan the best motion from one first guess and one first mesh."""
         if isinstance(attempt.scene.objective, Time):
-            return self.fastest(attempt, report)
+            return self.fastest(attempt, self.accuracy, report)
         return self._plan_effort(attempt, report)
 
     def softer(self, attempt: Attempt) -> tuple[Problem, ...]:
@@ -122,14 +122,15 @@ class TrajectoryOptimiser:
         program = self._program(scaling, FASTEST)
         return motion_on_first_mesh(program, scaling, guess, attempt.intervals)
 
-    def fastest(self, attempt: Attempt, report: Progress) -> Plan:
-        """Plan the fastest motion from one first guess and one first mesh.
+    def fastest(self, attempt: Attempt, accuracy: float, report: Progress) -> Plan:
+        """Plan the fastest motion from one first guess and one first mesh, which is solved to a
+        relative tolerance, its ``accuracy``.
 
         The motion of the chosen mesh is slowed until it keeps every limit at all instants, or
         solved again with tighter limits where it cannot be slowed.
         """
         own = attempt.on_its_mesh
-        guess = Guess(attempt.motion, attempt.is_near, attempt.accuracy, on_its_mesh=own)
+        guess = Guess(attempt.motion, attempt.is_near, accuracy, on_its_mesh=own)
         scaling = _scaling(attempt, attempt.motion, attempt.motion.duration)
         return self._refined(attempt, guess, attempt.mesh, scaling, report)
 
@@ -261,7 +262,8 @@ class TrajectoryOptimiser:
         quick, scene = TrajectoryOptimiser(), attempt.scene
         quickly = scene.model_copy(update={"objective": Time()})
         intervals = intervals_for(attempt.motion, quick.intervals) or attempt.intervals
-        return quick.fastest(replace(attempt, scene=quickly, intervals=intervals), lambda _: None)
+        first = replace(attempt, scene=quickly, intervals=intervals)
+        return quick.fastest(first, self.accuracy, lambda _: None)
 
     def _program(self, scaling: Scaling, cost: Cost) -> Formulated:
         """The program, built once in a process for all problems with the same terms and limits."""
