@@ -15,7 +15,7 @@ from __future__ import annotations
 import argparse
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -30,8 +30,9 @@ from deltaopt.planning.mesh.mesh_solution import MeshSolution
 from deltaopt.planning.nlp.problem import Guess
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import LINEAR
-from deltaopt.planning.refinement import Refinement, ResolvedMotion, Resolver
-from deltaopt.planning.switching.resolver import resolver
+from deltaopt.planning.refinement import Refinement
+from deltaopt.planning.switching.resolution import ResolvedMotion
+from deltaopt.planning.switching.resolver import SwitchResolver, resolver
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import delta_model
 from deltaopt.settings import RESOLVED_BELOW
@@ -101,18 +102,17 @@ class Truth:
     resolved: bool
 
 
-@dataclass
-class _Once:
-    """A resolver that is asked once at most: what it cannot resolve costs it seconds."""
+@dataclass(frozen=True)
+class _Once(SwitchResolver):
+    """Resolves once at most: what it cannot resolve costs it seconds."""
 
-    resolver: Resolver
-    is_asked: bool = False
+    asked: list[MeshSolution] = field(default_factory=list)
 
     def from_coarse(self, solution: MeshSolution) -> ResolvedMotion | None:
-        if self.is_asked:
+        if self.asked:
             return None
-        self.is_asked = True
-        return self.resolver.from_coarse(solution)
+        self.asked.append(solution)
+        return super().from_coarse(solution)
 
     from_fine = from_last = from_coarse
 
@@ -127,11 +127,11 @@ def truth_beside(scene: deltaopt.Scene, plan: Trajectory, tolerance: float) -> T
         Scaling(problem_of(scene), plan.duration),
     )
     problem = deltaopt.flat.of(model.functions, LINEAR, scaling.constraints)
-    switches: Resolver | None = None
+    switches: SwitchResolver | None = None
     if tolerance < RESOLVED_BELOW:
         switches = resolver(scaling, model, tolerance, _silent)
         if tolerance >= min(TOLERANCES) * _TRUER:
-            switches = _Once(switches)
+            switches = _Once(**vars(switches))
     refinement = Refinement(problem, scaling, tolerance, switches, _silent)
     uniform = np.full(_FIRST_MESH, 1 / _FIRST_MESH)
     resolved = refinement.from_guess(Guess(plan, near=True, tolerance=1e-5), uniform)

@@ -12,7 +12,8 @@ from deltaopt.planning.formulations.choice import Flat
 from deltaopt.planning.nlp.problem import Formulated, Guess
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import LINEAR
-from deltaopt.planning.refinement import Refinement, ResolvedMotion
+from deltaopt.planning.refinement import Refinement
+from deltaopt.planning.switching.resolution import ResolvedMotion
 from deltaopt.planning.switching.resolver import resolver
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import delta_model

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import islice
 from math import inf
 
 from deltaopt.curves.piecewise import Array
@@ -60,8 +59,7 @@ class Attempt:
     """What an attempt to plan begins with.
 
     ``scene``: the scene, perhaps with more limits than were asked for. ``motion``: the first
-    motion. ``intervals``: of the first mesh. ``accuracy``: relative tolerance of the solver there.
-    ``proposal``: what the first motion is, in words.
+    motion. ``intervals``: of the first mesh. ``proposal``: what the first motion is, in words.
     ``torque_share``: the part of torque limits that meshes may use, so that what is exceeded
     between their points stays below the whole. ``is_near``: whether the first motion is the best
     one on another mesh. ``on_its_mesh``: whether the first mesh has the knots of the motion, in
@@ -73,7 +71,6 @@ class Attempt:
     scene: Scene
     motion: Trajectory
     intervals: int
-    accuracy: float
     proposal: str = "a first motion"
     torque_share: float = 1.0
     is_near: bool = False
@@ -116,30 +113,13 @@ class Attempt:
         return replace(self, scene=self.scene.model_copy(update=limited))
 
 
-@dataclass(frozen=True)
-class FirstMeshes:
-    """How first motions become attempts: the number of ``intervals`` of the coarsest first mesh,
-    and the relative tolerance of the solver there, its ``accuracy``."""
-
-    intervals: int
-    accuracy: float
-
-    def attempt(self, scene: Scene, proposal: Proposal) -> Attempt | None:
-        """An attempt from a first motion; None if no mesh keeps it in the workspace."""
-        motion = proposal.motion
-        intervals = intervals_for(motion, self.intervals)
-        if intervals and scene.tube is not None:
-            intervals = intervals_in_tube(scene, motion, intervals)
-        return self._of(scene, proposal, intervals) if intervals else None
-
-    def attempt_after_waiting(self, scene: Scene, proposal: Proposal) -> Attempt:
-        """An attempt from a first motion that may wait at its start."""
-        intervals = intervals_after_waiting(proposal.motion, self.intervals)
-        intervals = intervals_for(proposal.motion, intervals) or intervals
-        return self._of(scene, proposal, intervals)
-
-    def _of(self, scene: Scene, proposal: Proposal, intervals: int) -> Attempt:
-        return Attempt(scene, proposal.motion, intervals, self.accuracy, proposal.name)
+def _attempt(scene: Scene, proposal: Proposal, coarsest: int) -> Attempt | None:
+    """An attempt from a first motion on the coarsest mesh, of at least so many intervals, that
+    keeps it in the workspace and in a tube; None if none does the former."""
+    intervals = intervals_for(proposal.motion, coarsest)
+    if intervals and scene.tube is not None:
+        intervals = intervals_in_tube(scene, proposal.motion, intervals)
+    return Attempt(scene, proposal.motion, intervals, proposal.name) if intervals else None
 
 
 @dataclass
@@ -221,8 +201,9 @@ class Outcomes:
         return tuple(distinct(found, distance(self.scene.task)))
 
 
-def by_merit(so_far: Outcomes, first: FirstMeshes) -> Iterator[Attempt]:
-    """What to attempt next from rest to rest, until a plan is good enough.
+def by_merit(so_far: Outcomes, coarsest: int) -> Iterator[Attempt]:
+    """What to attempt next from rest to rest, until a plan is good enough. ``coarsest``: number of
+    intervals of the first meshes at least.
 
     First every motion on the coarsest mesh on which it stays in the workspace, lines and curves
     before paths over a grid, then the best of them on finer meshes. Where a plan that is good
@@ -230,7 +211,7 @@ def by_merit(so_far: Outcomes, first: FirstMeshes) -> Iterator[Attempt]:
     if there is no first motion.
     """
     more: int | None = None
-    for attempt in _in_order(so_far, first):
+    for attempt in _in_order(so_far, coarsest):
         yield attempt
         if more is None and so_far.is_good:
             more = _SECOND_LOOKS if so_far.is_doubtful else 0
@@ -240,14 +221,14 @@ def by_merit(so_far: Outcomes, first: FirstMeshes) -> Iterator[Attempt]:
             return
 
 
-def _in_order(so_far: Outcomes, first: FirstMeshes) -> Iterator[Attempt]:
+def _in_order(so_far: Outcomes, coarsest: int) -> Iterator[Attempt]:
     possible: list[Attempt] = []
     for proposals in rounds(so_far.scene):
         if so_far.is_near:
             break
         begun = len(possible)
         for proposal in proposals:
-            attempt = first.attempt(so_far.scene, proposal)
+            attempt = _attempt(so_far.scene, proposal, coarsest)
             if attempt:
                 possible.append(attempt)
                 yield attempt
@@ -259,9 +240,7 @@ def _in_order(so_far: Outcomes, first: FirstMeshes) -> Iterator[Attempt]:
         yield from finer(possible[:_TRIED_FINER], factor)
 
 
-def until_good(
-    so_far: Outcomes, first: FirstMeshes, proposals: Iterator[Proposal]
-) -> Iterator[Attempt]:
+def until_good(so_far: Outcomes, coarsest: int, proposals: Iterator[Proposal]) -> Iterator[Attempt]:
     """What to attempt next in phases or where an end moves, until a plan is good enough: all first
     motions on the coarsest mesh on which they stay in the workspace, then on finer ones. A motion
     that two sources propose, as a quintic to rest and a stop, is attempted once."""
@@ -269,7 +248,9 @@ def until_good(
     for proposal in proposals:
         if any(proposal.motion.position == attempt.motion.position for attempt in tried):
             continue
-        tried.append(first.attempt_after_waiting(so_far.scene, proposal))
+        intervals = intervals_after_waiting(proposal.motion, coarsest)
+        intervals = intervals_for(proposal.motion, intervals) or intervals
+        tried.append(Attempt(so_far.scene, proposal.motion, intervals, proposal.name))
         yield tried[-1]
         if so_far.is_good:
             return
@@ -279,21 +260,15 @@ def until_good(
             return
 
 
-def all_of(
-    so_far: Outcomes, first: FirstMeshes, proposals: Iterator[Proposal]
-) -> Iterator[Attempt]:
-    """Attempts from every first motion, whatever comes of them."""
-    attempts = (first.attempt(so_far.scene, proposal) for proposal in proposals)
-    yield from (attempt for attempt in attempts if attempt)
+def all_of(scene: Scene, coarsest: int, motions: Iterator[Trajectory]) -> Iterator[Attempt]:
+    """Attempts from every first motion, told by their number, whatever comes of them."""
+    for which, motion in enumerate(motions, 1):
+        attempt = _attempt(scene, Proposal(f"start {which}", motion), coarsest)
+        if attempt:
+            yield attempt
 
 
 def finer(attempts: Iterable[Attempt], factor: int) -> Iterator[Attempt]:
     """Attempts on finer first meshes."""
     for attempt in attempts:
         yield replace(attempt, intervals=factor * attempt.intervals)
-
-
-def numbered(motions: Iterator[Trajectory], number: int) -> Iterator[Proposal]:
-    """At most so many motions as proposals that are told by their number."""
-    for which, motion in enumerate(islice(motions, number), 1):
-        yield Proposal(f"start {which}", motion)

@@ -18,7 +18,6 @@ from deltaopt.limits.limit import OwnMeasure
 from deltaopt.motion.limit_sensitivity import Multipliers
 from deltaopt.motion.links import least_rooms
 from deltaopt.planning.plan import Plan
-from deltaopt.planning.relaxation import until_nothing_is_missed
 from deltaopt.robot.robot import as_delta
 from deltaopt.scene.bodies import solid_about, sums
 from deltaopt.scene.links import name_of, rooms_at
@@ -62,15 +61,14 @@ def keeping_links_clear(
     at_points = rooms_at(scene, np.array(scene.placed_points)).min(axis=0)
     usual = min(max(_SPARE * tolerance, _LEAST_SPARE), _MOST_SPARE)
     roundings = [solid_about(body).radius for _, body in sums(scene.keep_out or (), None)]
-    plans = 0
-
-    def with_missed(spare: Spare, found: Plan) -> Spare | None:
-        nonlocal plans
+    spare, plans = Spare(), 0
+    while True:
+        found = planned(scene.model_copy(update={"planned_links": _limits(scene, spare)}))
         plans += 1
         rooms = least_rooms(scene, found.trajectory)
         too_near = {pair: rooms[pair] for pair in _pairs(rooms < 0)}
         if not too_near:
-            return None
+            return _nearer(scene, planned, tolerance, report, found, spare)
         link, body = min(too_near, key=lambda pair: too_near[pair])
         missed = f"{name_of(link)} comes {-1e3 * rooms[link, body]:.3g} mm too near to "
         missed += f"keep_out[{body}]"
@@ -83,19 +81,12 @@ def keeping_links_clear(
                 found.trajectory,
             )
         report(f"once more, for {missed}:")
-        more = dict(spare)
         for pair in _pairs(rooms < _NEAR):
             begun = max(usual, _ROUND - _least(scene, pair[0]) - roundings[pair[1]])
             farther = _FACTOR * max(-rooms[pair], 0.0)
             wanted = spare[pair] + farther if pair in spare else begun
-            more[pair] = min(wanted, at_points[pair] / 2)
-        return dict(sorted(more.items()))
-
-    def solve(spare: Spare) -> Plan:
-        return planned(scene.model_copy(update={"planned_links": _limits(scene, spare)}))
-
-    spare, found = until_nothing_is_missed(solve, with_missed, Spare())
-    return _nearer(scene, planned, tolerance, report, found, spare)
+            spare[pair] = min(wanted, at_points[pair] / 2)
+        spare = dict(sorted(spare.items()))
 
 
 def _nearer(

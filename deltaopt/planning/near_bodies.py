@@ -11,11 +11,10 @@ from collections.abc import Collection
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.curves.piecewise import Array, PiecewisePolynomial
-from deltaopt.limits.scene_limits import SceneLimits
+from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.motion.sure_bounds import rows_not_kept, signed_distances
+from deltaopt.planning.first_motions.bands import least_distances
 from deltaopt.problem.of_scene import problem_of
-from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.scene import Scene
 
 _NEAR = 0.05
@@ -33,13 +32,8 @@ def near(scene: Scene, position: PiecewisePolynomial) -> Bodies:
     x = position.at(np.linspace(position.knots[0], position.knots[-1], _SAMPLES))
     distances, _ = signed_distances(problem_of(scene), x)
     way = float(np.linalg.norm(x[-1] - x[0]))
-    kept = _kept(limits_of(scene)) + _NEAR * way
+    kept = least_distances(scene) + _NEAR * way
     return _of_rows(scene, np.asarray((distances <= kept).any(axis=0)))
-
-
-def run_into(scene: Scene, position: PiecewisePolynomial) -> Bodies:
-    """The bodies that a motion is not known to be clear of at all instants."""
-    return _of_rows(scene, rows_not_kept(problem_of(scene), position))
 
 
 def with_those_hit(scene: Scene, part: Scene, position: PiecewisePolynomial) -> Scene | None:
@@ -49,7 +43,8 @@ def with_those_hit(scene: Scene, part: Scene, position: PiecewisePolynomial) -> 
     if len(kept) == len(every):
         return None
     absent = [i for i, body in enumerate(every) if not any(body is each for each in kept)]
-    hit = {absent[i] for i in run_into(past_these(scene, absent), position)}
+    others = past_these(scene, absent)
+    hit = {absent[i] for i in _of_rows(others, rows_not_kept(problem_of(others), position))}
     present = set(range(len(every))) - set(absent)
     return past_these(scene, present | hit) if hit else None
 
@@ -64,14 +59,9 @@ def past_these(scene: Scene, bodies: Collection[int]) -> Scene:
     return scene.model_copy(update={"keep_out": chosen or None})
 
 
-def _kept(limits: SceneLimits) -> Array:
-    """The least distance from each body, m, (rows,); -inf for places that are not used."""
-    return limits.bounds[0][limits.constraints.convex]
-
-
 def _of_rows(scene: Scene, rows: NDArray[np.bool]) -> Bodies:
     """The bodies of some rows, (rows,)."""
-    used = rows[np.isfinite(_kept(limits_of(scene)))]
+    used = rows[np.isfinite(least_distances(scene))]
     return frozenset(
         index for (index, _), chosen in zip(scene.obstacles, used, strict=True) if chosen
     )

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from math import inf, isfinite
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,10 @@ from deltaopt.planning.nlp.problem import Formulated, Guess
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.plan import Iteration
 from deltaopt.problem.problem import Problem
+
+if TYPE_CHECKING:  # it is loaded where a tolerance asks for it, so that other plans start faster
+    from deltaopt.planning.switching.resolution import ResolvedMotion
+    from deltaopt.planning.switching.resolver import SwitchResolver
 
 Array = NDArray[np.float64]
 
@@ -86,49 +90,6 @@ class Slower(NotConverged):
         return self.iterate.duration
 
 
-class ResolvedMotion(Protocol):
-    """A motion whose instants of switching were found as unknowns of their own.
-
-    ``safe_factor``: by what factor it must be slowed to keep every limit. ``name``: of its
-    transcription.
-    """
-
-    @property
-    def trajectory(self) -> Trajectory: ...
-    @property
-    def safe_factor(self) -> float: ...
-    @property
-    def gap(self) -> float: ...
-    @property
-    def certificate(self) -> Certificate: ...
-    @property
-    def iterations(self) -> int: ...
-    @property
-    def status(self) -> str: ...
-    @property
-    def name(self) -> str: ...
-
-
-class Resolver(Protocol):
-    """Resolves the instants of switching from a mesh solution, and certifies mesh solutions."""
-
-    def from_coarse(self, solution: MeshSolution) -> ResolvedMotion | None:
-        """From a mesh that shows the switching structure roughly; None if that does not succeed."""
-        ...
-
-    def from_fine(self, solution: MeshSolution) -> ResolvedMotion | None:
-        """From a mesh with a gap that makes switches sharp; None if that does not succeed."""
-        ...
-
-    def from_last(self, solution: MeshSolution) -> ResolvedMotion | None:
-        """From the last mesh, by the multipliers of its limits; None if that does not succeed."""
-        ...
-
-    def certificate(self, solution: MeshSolution) -> Certificate | None:
-        """The certificate of a mesh solution; None if it does not meet Pontryagin's condition."""
-        ...
-
-
 @dataclass
 class Refinement:
     """Refines the mesh of a problem, for one scene.
@@ -144,7 +105,7 @@ class Refinement:
     program: Formulated
     scaling: Scaling
     tolerance: float
-    resolver: Resolver | None
+    resolver: SwitchResolver | None
     report: Progress
     softer: tuple[Problem, ...] = ()
     most: float = inf

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
 
 from deltaopt.errors import DeltaOptError
 from deltaopt.planning.attempts import Attempt
@@ -27,50 +27,44 @@ Outcome = Plan | DeltaOptError
 """What came of an attempt."""
 
 
-@dataclass(frozen=True)
-class Remedy:
-    """``helps``: whether it may help after what came of an attempt. ``changed``: what is attempted
-    then, one after the other as long as it may help; it may raise an error where nothing can."""
-
-    helps: Callable[[TrajectoryOptimiser, Attempt, Outcome], bool]
-    changed: Callable[[Attempt], Iterable[Attempt]]
+Remedy = Callable[[TrajectoryOptimiser, Attempt, Outcome], Attempt | None]
+"""What to attempt after what came of an attempt; None where the remedy is none for that. It may
+raise an error where nothing can help."""
 
 
-def _crosses(optimiser: TrajectoryOptimiser, attempt: Attempt, outcome: Outcome) -> bool:
-    return isinstance(outcome, CrossesSingularity)
-
-
-def _kept_away(attempt: Attempt) -> Iterator[Attempt]:
+def _kept_away(_: TrajectoryOptimiser, attempt: Attempt, outcome: Outcome) -> Attempt | None:
+    if not isinstance(outcome, CrossesSingularity):
+        return None
     require_ends_on_one_side(attempt.scene)
-    away = attempt.away
-    if away is not None:
-        yield away
+    return attempt.away
 
 
-def _is_held(optimiser: TrajectoryOptimiser, attempt: Attempt, outcome: Outcome) -> bool:
-    return isinstance(outcome, HeldByMotion)
+def _leaving_torque(kept: float) -> Remedy:
+    """With this part of the torque limits left unused."""
+
+    def changed(_: TrajectoryOptimiser, attempt: Attempt, outcome: Outcome) -> Attempt | None:
+        if not isinstance(outcome, HeldByMotion):
+            return None
+        room = limit_room_at_ends(attempt.scene) / 2
+        return replace(attempt, torque_share=1 - min(kept, room))
+
+    return changed
 
 
-def _with_less_torque(attempt: Attempt) -> Iterator[Attempt]:
-    room = limit_room_at_ends(attempt.scene) / 2
-    for kept in _TORQUE_KEPT:
-        yield replace(attempt, torque_share=1 - min(kept, room))
+def _without_softer(
+    optimiser: TrajectoryOptimiser, attempt: Attempt, outcome: Outcome
+) -> Attempt | None:
+    if not (_is_missed(attempt, outcome) and optimiser.softer(attempt)):
+        return None
+    return replace(attempt, may_be_softer=False)
 
 
-def _is_softened(optimiser: TrajectoryOptimiser, attempt: Attempt, outcome: Outcome) -> bool:
-    return _is_missed(attempt, outcome) and bool(optimiser.softer(attempt))
-
-
-def _without_softer(attempt: Attempt) -> Iterator[Attempt]:
-    yield replace(attempt, may_be_softer=False)
-
-
-def _is_unresolved(optimiser: TrajectoryOptimiser, attempt: Attempt, outcome: Outcome) -> bool:
-    return _is_missed(attempt, outcome) and optimiser.tolerance < optimiser.resolved_below
-
-
-def _from_another_mesh(attempt: Attempt) -> Iterator[Attempt]:
-    yield replace(attempt, intervals=_RETRY_HALVES * attempt.intervals // 2)
+def _from_another_mesh(
+    optimiser: TrajectoryOptimiser, attempt: Attempt, outcome: Outcome
+) -> Attempt | None:
+    if not (_is_missed(attempt, outcome) and optimiser.tolerance < optimiser.resolved_below):
+        return None
+    return replace(attempt, intervals=_RETRY_HALVES * attempt.intervals // 2)
 
 
 def _is_missed(attempt: Attempt, outcome: Outcome) -> bool:
@@ -83,13 +77,8 @@ def _is_missed(attempt: Attempt, outcome: Outcome) -> bool:
     return resolvable and isinstance(outcome, Plan) and not outcome.within_tolerance
 
 
-REMEDIES = (
-    Remedy(_crosses, _kept_away),
-    Remedy(_is_held, _with_less_torque),
-    Remedy(_is_softened, _without_softer),
-    Remedy(_is_unresolved, _from_another_mesh),
-)
-"""In this order: where one led to a plan, those after it may make it better."""
+REMEDIES = (_kept_away, *map(_leaving_torque, _TORQUE_KEPT), _without_softer, _from_another_mesh)
+"""In this order, each after what came of those before."""
 
 
 def better(one: Outcome, other: Outcome) -> Outcome:

@@ -16,11 +16,9 @@ from deltaopt.errors import ENDS_AN_ATTEMPT, NO_PLAN, DeltaOptError, Infeasible,
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.attempts import (
     Attempt,
-    FirstMeshes,
     Outcomes,
     all_of,
     by_merit,
-    numbered,
     until_good,
 )
 from deltaopt.planning.belt_places import PlacesOnBelt
@@ -134,12 +132,9 @@ class Run:
         the first error."""
         first = outcome = self.made(attempt)
         for remedy in REMEDIES:
-            if not remedy.helps(self.optimiser, attempt, outcome):
-                continue
-            for changed in remedy.changed(attempt):
+            changed = remedy(self.optimiser, attempt, outcome)
+            if changed is not None:
                 attempt, outcome = changed, better(outcome, self.made(changed))
-                if not remedy.helps(self.optimiser, attempt, outcome):
-                    break
         return outcome if isinstance(outcome, Plan) else first
 
     def made(self, attempt: Attempt) -> Plan | DeltaOptError:
@@ -172,10 +167,6 @@ class Run:
         tolerance = self.optimiser.tolerance
         return tolerance if tolerance >= _USUAL else _ANOTHER_WAY_ABOVE
 
-    @property
-    def _first(self) -> FirstMeshes:
-        return FirstMeshes(self.optimiser.intervals, self.optimiser.accuracy)
-
     def _outcomes(self, scene: Scene) -> Outcomes:
         return Outcomes(scene, inf if has_time_to_wait(scene) else self._good_gap)
 
@@ -185,13 +176,13 @@ class Run:
         """From first motions in order of merit. Raises Unreachable if there is none, NotConverged
         if none leads to a plan."""
         so_far = self._outcomes(scene)
-        self.make(by_merit(so_far, self._first), so_far)
+        self.make(by_merit(so_far, self.optimiser.intervals), so_far)
         return so_far.best()
 
     def _until_good(self, scene: Scene, proposals: Iterator[Proposal]) -> Plan | DeltaOptError:
         """From first motions in phases or where an end moves: the best plan, or the first error."""
         so_far = Outcomes(scene, self._good_gap)
-        self.make(until_good(so_far, self._first, proposals), so_far)
+        self.make(until_good(so_far, self.optimiser.intervals, proposals), so_far)
         if so_far.plans:
             return so_far.best_known()
         none = Infeasible("no simple motion through all given points stays within reach")
@@ -203,7 +194,7 @@ class Run:
         motions, so_far = first_motions(scene, starts, seed), self._outcomes(scene)
         if limits_of(scene).constraints.has_convex:
             motions = clear_motions(scene, motions, starts)
-        self.make(all_of(so_far, self._first, numbered(motions, starts)), so_far)
+        self.make(all_of(scene, self.optimiser.intervals, motions), so_far)
         return so_far.best_known()
 
     def _from(self, attempt: Attempt) -> Plan:
@@ -258,8 +249,7 @@ class Run:
         scene = scene.model_copy(update={"keep_out": None, "planned_links": (), "via": None})
 
         def on_first_mesh() -> float:
-            first = self._first
-            attempt = Attempt(scene, first_motion(scene), first.intervals, first.accuracy)
+            attempt = Attempt(scene, first_motion(scene), self.optimiser.intervals)
             return self.on_first_mesh(attempt).duration
 
         return if_possible(NO_PLAN, on_first_mesh) or 0.0
@@ -309,7 +299,7 @@ class Run:
         self, scene: Scene, first: Trajectory, free: Trajectory | None, enough: float
     ) -> tuple[Plan, tuple[TakenWay, ...]]:
         """The best plan of all ways past bodies from a first motion, and the ways."""
-        way = Attempt(scene, first, self._first.intervals, self._first.accuracy)
+        way = Attempt(scene, first, self.optimiser.intervals)
         return fastest_way(way, free, self._from, self.on_first_mesh, enough)
 
     def _through_passages(self, scene: Scene, error: DeltaOptError) -> Plan:
@@ -354,7 +344,6 @@ class Run:
                     scene,
                     found.trajectory,
                     len(found.trajectory.knots) - 1,
-                    self.optimiser.accuracy,
                     "that motion, on its mesh",
                     is_near=True,
                     on_its_mesh=True,

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import isinf
 from time import perf_counter
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,13 +53,16 @@ from deltaopt.planning.nlp.problem import (
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import LINEAR, PiecewiseAcceleration
 from deltaopt.planning.plan import Iteration, Plan
-from deltaopt.planning.refinement import Refinement, Resolver
+from deltaopt.planning.refinement import Refinement
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.problem.problem import Problem
 from deltaopt.scene.feasibility import serial_distances_at_ends
 from deltaopt.scene.objective import Effort, Time
 from deltaopt.scene.scene import Scene
 from deltaopt.settings import RESOLVED_BELOW
+
+if TYPE_CHECKING:
+    from deltaopt.planning.switching.resolver import SwitchResolver
 
 Array = NDArray[np.float64]
 _KEPT_DISTANCE = 1e-2
@@ -94,7 +98,7 @@ class TrajectoryOptimiser:
     def plan(self, attempt: Attempt, report: Progress) -> Plan:
         """Plan the best motion from one first guess and one first mesh."""
         if isinstance(attempt.scene.objective, Time):
-            return self.fastest(attempt, report)
+            return self.fastest(attempt, self.accuracy, report)
         return self._plan_effort(attempt, report)
 
     def softer(self, attempt: Attempt) -> tuple[Problem, ...]:
@@ -119,14 +123,15 @@ class TrajectoryOptimiser:
         program = self._program(scaling, fastest(attempt.problem))
         return motion_on_first_mesh(program, scaling, guess, attempt.intervals)
 
-    def fastest(self, attempt: Attempt, report: Progress) -> Plan:
-        """Plan the fastest motion from one first guess and one first mesh.
+    def fastest(self, attempt: Attempt, accuracy: float, report: Progress) -> Plan:
+        """Plan the fastest motion from one first guess and one first mesh, which is solved to a
+        relative tolerance, its ``accuracy``.
 
         The motion of the chosen mesh is slowed until it keeps every limit at all instants, or
         solved again with tighter limits where it cannot be slowed.
         """
         own = attempt.on_its_mesh
-        guess = Guess(attempt.motion, attempt.is_near, attempt.accuracy, on_its_mesh=own)
+        guess = Guess(attempt.motion, attempt.is_near, accuracy, on_its_mesh=own)
         scaling = _scaling(attempt, attempt.motion, attempt.motion.duration)
         return self._refined(attempt, guess, attempt.mesh, scaling, report)
 
@@ -203,7 +208,7 @@ class TrajectoryOptimiser:
             else None,
         )
 
-    def _resolver(self, scaling: Scaling, report: Progress) -> Resolver | None:
+    def _resolver(self, scaling: Scaling, report: Progress) -> SwitchResolver | None:
         """The method that resolves switches; None if the tolerance does not ask for it.
 
         It is imported here, so that plans to usual tolerances start faster.
@@ -261,7 +266,8 @@ class TrajectoryOptimiser:
         quick, scene = TrajectoryOptimiser(), attempt.scene
         quickly = scene.model_copy(update={"objective": Time()})
         intervals = intervals_for(attempt.motion, quick.intervals) or attempt.intervals
-        return quick.fastest(replace(attempt, scene=quickly, intervals=intervals), lambda _: None)
+        first = replace(attempt, scene=quickly, intervals=intervals)
+        return quick.fastest(first, self.accuracy, lambda _: None)
 
     def _program(self, scaling: Scaling, cost: Cost) -> Formulated:
         """The program, built once in a process for all problems with the same terms and limits."""
@@ -359,9 +365,9 @@ def _require_one_side(problem: Problem, trajectory: Trajectory, status: str) -> 
 
 
 def _best_of(solutions: Sequence[MeshSolution], iterations: Sequence[Iteration]) -> int:
-    """The index of the mesh solution that is fastest once it keeps all limits, or of effort that has
-    the least gap. Where slowing helps none of them, that is the finest one that keeps its places:
-    other attempts follow from why."""
+    """The index of the mesh solution that is fastest once it keeps all limits, or of effort the one
+    with the least gap. Where slowing helps none of them, that is the finest one that keeps its
+    places: other attempts follow from why."""
 
     def merit(i: int) -> tuple[float, bool, int]:
         least = iterations[i].safe_duration

@@ -24,7 +24,6 @@ from deltaopt.planning.first_motions.around_bodies import (
 from deltaopt.planning.near_bodies import near, past_these, with_those_hit
 from deltaopt.planning.plan import Plan, TakenWay
 from deltaopt.planning.refinement import Slower
-from deltaopt.planning.relaxation import until_nothing_is_missed
 from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene
 
@@ -166,35 +165,23 @@ def _improved(
 ) -> Attempt:
     """An attempt from the motion that is best on its first mesh, where that is found, past all
     bodies that it runs into; ``scene``: with all bodies."""
-
-    def solved(attempt: Attempt) -> Trajectory | None:
-        return if_possible(ENDS_AN_ATTEMPT, on_first_mesh, attempt)
-
-    past, motion = until_nothing_is_missed(solved, _with_bodies_hit(scene), attempt)
-    return past if motion is None else replace(past, motion=motion, is_near=True)
+    while True:
+        motion = if_possible(ENDS_AN_ATTEMPT, on_first_mesh, attempt)
+        if motion is None:
+            return attempt
+        more = with_those_hit(scene, attempt.scene, motion.position)
+        if more is None:
+            return replace(attempt, motion=motion, is_near=True)
+        attempt = replace(attempt, scene=more)
 
 
 def _past_all(scene: Scene, attempt: Attempt, planned: Planning) -> Plan:
     """A plan from an attempt, past all bodies that it runs into; ``scene``: with all bodies."""
-
-    def solved(attempt: Attempt) -> Trajectory:
-        plans.append(planned(attempt))
-        return plans[-1].trajectory
-
-    plans = list[Plan]()
-    until_nothing_is_missed(solved, _with_bodies_hit(scene), attempt)
-    return plans[-1]
-
-
-def _with_bodies_hit(scene: Scene) -> Callable[[Attempt, Trajectory | None], Attempt | None]:
-    """Of an attempt past some bodies of a scene and its motion: the attempt past those besides that
-    this runs into; None if there are none."""
-
-    def with_missed(attempt: Attempt, motion: Trajectory | None) -> Attempt | None:
-        more = None if motion is None else with_those_hit(scene, attempt.scene, motion.position)
-        return None if more is None else replace(attempt, scene=more)
-
-    return with_missed
+    found = planned(attempt)
+    while (more := with_those_hit(scene, attempt.scene, found.trajectory.position)) is not None:
+        attempt = replace(attempt, scene=more)
+        found = planned(attempt)
+    return found
 
 
 def _distinct(attempts: list[Attempt]) -> list[int]:

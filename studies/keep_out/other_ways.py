@@ -73,7 +73,7 @@ def other_ways(scene: deltaopt.Scene, number: int, curves: int) -> OtherWays:
             continue
         tried.append(path)
         with suppress(deltaopt.DeltaOptError):
-            attempt = Attempt(scene, motion, _INTERVALS[0], optimiser.accuracy, is_near=True)
+            attempt = Attempt(scene, motion, _INTERVALS[0], is_near=True)
             other = optimiser.plan(attempt, lambda _: None)
             if other.duration < fastest and deltaopt.verify(scene, other.trajectory).ok:
                 fastest, way = other.duration, name
@@ -98,7 +98,7 @@ def _on_first_mesh(
 ) -> Trajectory | None:
     for intervals in _INTERVALS:
         with suppress(deltaopt.DeltaOptError):
-            attempt = Attempt(scene, motion, intervals, optimiser.accuracy)
+            attempt = Attempt(scene, motion, intervals)
             return optimiser.on_first_mesh(attempt)
     return None
 

@@ -65,7 +65,7 @@ class Way:
 def name_of_way(scene: Scene, motion: Trajectory) -> str:
     """The way that a motion takes past the bodies of a scene, in words."""
     path = sampled(motion)
-    return Way(motion, Bodies.between(scene, path[[0, -1]]).sides(path)).name
+    return Way(motion, Bodies(scene, path[[0, -1]]).sides(path)).name
 
 
 def no_way(scene: Scene) -> str:

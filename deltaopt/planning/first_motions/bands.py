@@ -14,7 +14,6 @@ from math import dist, hypot
 import numpy as np
 
 from deltaopt.curves.piecewise import Array
-from deltaopt.limits.scene_limits import SceneLimits
 from deltaopt.motion.links import planned_distances
 from deltaopt.motion.sure_bounds import signed_distances
 from deltaopt.motion.trajectory import Trajectory
@@ -45,26 +44,22 @@ _NEAR = 0.1
 
 @dataclass(frozen=True)
 class Bodies:
-    """The bodies of a scene as functions of the place. ``ends``: start and goal, (2, 3), m, a
-    ``way`` apart, m. ``margin``: how far paths stay from bodies where there is room, a share of
-    the way."""
+    """The bodies of a scene as functions of the place. ``ends``: of paths past them, (2, 3), m.
+    ``margin``: how far paths stay from bodies where there is room, a share of the way."""
 
     scene: Scene
-    limits: SceneLimits
     ends: Array
-    way: float
     margin: float = MARGIN
 
     @classmethod
     def of(cls, scene: Scene) -> Bodies:
         """From rest to rest."""
-        return cls.between(scene, np.array(given_points(scene.task)))
+        return cls(scene, np.array(given_points(scene.task)))
 
-    @classmethod
-    def between(cls, scene: Scene, ends: Array) -> Bodies:
-        """Between two places, (2, 3), m, as of a motion whose ends move."""
-        way = dist(ends[1], ends[0])
-        return cls(scene, limits_of(scene), ends, way)
+    @cached_property
+    def way(self) -> float:
+        """How far the ends are apart, m."""
+        return dist(self.ends[1], self.ends[0])
 
     def distances(self, x: Array) -> tuple[Array, Array]:
         """How far the tool's point at places (N, 3), m, is from bodies, and then links that are
@@ -83,17 +78,10 @@ class Bodies:
         return self.distances(self.ends)[0]
 
     @cached_property
-    def without(self) -> Scene:
-        """The scene without its bodies."""
-        none = {"keep_out": None, "clearance": None, "planned_links": ()}
-        return self.scene.model_copy(update=none)
-
-    @property
     def kept(self) -> Array:
         """The least distance from each body, m, then those of links that are planned to keep clear
         of one."""
-        of_tool = self.limits.bounds[0][self.limits.constraints.convex]
-        return np.append(of_tool, [each.least for each in self.scene.kept_links])
+        return np.append(least_distances(self.scene), [e.least for e in self.scene.kept_links])
 
     def margins(self, x: Array) -> Array:
         """How far places (…, 3) are to be from bodies, (…, rows): less near an end that is."""
@@ -151,28 +139,30 @@ class Bodies:
         distance, slope = self.distances(band)
         near = distance <= self.kept + _NEAR * self.way
         near[[0, -1]] = False
+        names = [f"{{}} keep_out[{index}]" for index, _ in self.scene.obstacles]
+        for link, index, _ in self.scene.planned_links:
+            names.append(f"{name_of(link)} clear of keep_out[{index}]")
         found = []
-        for row, (index, _) in enumerate(self.scene.obstacles):
-            places = np.flatnonzero(near[:, self._row(row)])
-            if len(places):
-                place = int(places[len(places) // 2])
-                way = _direction(slope[place, self._row(row)])
-                found.append((place, f"{way} keep_out[{index}]"))
-        for row, (link, index, _) in enumerate(self.scene.planned_links, self._row_of_links):
+        used = np.flatnonzero(np.isfinite(self.kept))  # the others are of no body
+        for row, name in zip(used, names, strict=True):
             places = np.flatnonzero(near[:, row])
             if len(places):
                 place = int(places[len(places) // 2])
-                found.append((place, f"{name_of(link)} clear of keep_out[{index}]"))
+                found.append((place, name.format(_direction(slope[place, row]))))
         return tuple(dict.fromkeys(name for _, name in sorted(found)))
 
-    def _row(self, obstacle: int) -> int:
-        """Which row of the limits is that of an obstacle: unused places have none."""
-        return int(np.flatnonzero(np.isfinite(self.kept))[obstacle])
 
-    @property
-    def _row_of_links(self) -> int:
-        """Which row is the first of links."""
-        return len(self.kept) - len(self.scene.planned_links)
+def least_distances(scene: Scene) -> Array:
+    """The least distance of the tool's point from each body, m, (rows,); -inf for rows that are of
+    none."""
+    limits = limits_of(scene)
+    return np.asarray(limits.bounds[0][limits.constraints.convex])
+
+
+def without_bodies(scene: Scene) -> Scene:
+    """The scene as if nothing were in its way."""
+    none = {"keep_out": None, "clearance": None, "planned_links": ()}
+    return scene.model_copy(update=none)
 
 
 def clear_bands(bodies: Bodies, base: Array) -> Iterator[Array]:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.curves.piecewise import Array
-from deltaopt.planning.first_motions.bands import Bodies, resampled, sides_of
+from deltaopt.planning.first_motions.bands import Bodies, resampled, sides_of, without_bodies
 from deltaopt.scene.feasibility import room_at_rest
 
 Truths = NDArray[np.bool]
@@ -71,7 +71,7 @@ def _are_clear(bodies: Bodies, paths: Array) -> Truths:
     places = inner.reshape(-1, 3)
     clear = (bodies.distances(places)[0] >= bodies.margins(places)).all(axis=1)
     kept = np.asarray(clear.reshape(inner.shape[:-1]).all(axis=-1))
-    held = room_at_rest(bodies.without, inner[kept].reshape(-1, 3)) > 0
+    held = room_at_rest(without_bodies(bodies.scene), inner[kept].reshape(-1, 3)) > 0
     found = np.zeros(kept.shape, dtype=np.bool)
     found[kept] = held.reshape(-1, inner.shape[-2]).all(axis=1)
     return found

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import combinations, pairwise, product
 from math import dist, hypot, inf, tau
 
@@ -21,13 +22,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.curves.piecewise import Array
-from deltaopt.limits.scene_limits import SceneLimits
 from deltaopt.motion.sure_bounds import signed_distances
+from deltaopt.planning.first_motions.bands import least_distances, without_bodies
 from deltaopt.planning.first_motions.roadmap import path_over_grid, spacing
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.solids import Convex, Polytope, Solid
 from deltaopt.scene.feasibility import room_at_rest
-from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import given_points
 
@@ -90,11 +90,11 @@ def paths_of_lines(scene: Scene) -> Iterator[Array]:
     ends, found = np.array(given_points(scene.task)), False
     for grid, between, spare, searches in _TRIED:
         places = _places(scene, ends, grid, between=between)
-        path = _path(_Lines.of(scene, spare), ends, places, searches)
+        path = _path(_Lines(scene, spare), ends, places, searches)
         if path is not None:
             found = True
             yield path
-    far = None if found else _far_around(_Lines.of(scene, _SPARE))
+    far = None if found else _far_around(_Lines(scene, _SPARE))
     if far is not None:
         yield far
 
@@ -148,24 +148,19 @@ def what_was_searched(scene: Scene) -> str:
 
 @dataclass(frozen=True)
 class _Lines:
-    """What a straight line must stay clear of, with how much to ``spare``, m, and the scene
-    ``without`` bodies, for where the platform can be held."""
+    """What a straight line must stay clear of, with how much to ``spare``, m."""
 
     scene: Scene
-    without: Scene
-    limits: SceneLimits
     spare: float
 
-    @classmethod
-    def of(cls, scene: Scene, spare: float) -> _Lines:
-        without = scene.model_copy(
-            update={"keep_out": None, "clearance": None, "planned_links": ()}
-        )
-        return cls(scene, without, limits_of(scene), spare)
+    @cached_property
+    def without(self) -> Scene:
+        """The scene without bodies, for where the platform can be held."""
+        return without_bodies(self.scene)
 
-    @property
+    @cached_property
     def _kept(self) -> Array:
-        return self.limits.bounds[0][self.limits.constraints.convex] + self.spare
+        return least_distances(self.scene) + self.spare
 
     def clear_places(self, places: Array) -> Array:
         """Those that are clear of bodies and where the platform can be held."""
@@ -270,8 +265,7 @@ class _Plane:
 def _planes_between(scene: Scene, line: Array) -> list[_Plane]:
     """A plane between each two bodies that leave a passage between them, as far as projections from
     places (n, 3), m, to one and the other find their nearest places."""
-    limits = limits_of(scene)
-    kept = limits.bounds[0][limits.constraints.convex]
+    kept = least_distances(scene)
     used = np.flatnonzero(np.isfinite(kept))
     widest = _WIDEST * dist(line[-1], line[0])
     planes = list[_Plane]()
