@@ -219,7 +219,7 @@ def test_numbers_at_the_end_of_doubles(tmp_path, capsys, name):
 
 
 def test_a_plan_is_verified_again(picked, tmp_path, capsys):
-    picked.save(tmp_path)
+    picked.save(tmp_path, chart=False)
     assert main(["verify", str(tmp_path)]) == 0
     assert "torque excess" in capsys.readouterr().out
     assert main(["verify", str(tmp_path), "--robot", str(ORSINO)]) == 2
