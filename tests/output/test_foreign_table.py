@@ -20,6 +20,14 @@ ROBOT = SCENE.robot.model_copy(update={"joints": {"zero": 0.09, "sign": (1.0, -1
 MODEL = delta_model(ROBOT, SCENE.payload)
 
 
+@pytest.fixture
+def robot(tmp_path):
+    """The file of the robot, in YAML's flow style."""
+    file = tmp_path / "robot.yaml"
+    file.write_text(str(ROBOT.model_dump(mode="json", exclude_none=True)), encoding="utf-8")
+    return file
+
+
 def write(file, columns):
     rows = zip(*columns.values(), strict=True)
     lines = [",".join(columns), *(",".join(repr(float(v)) for v in row) for row in rows)]
@@ -28,13 +36,12 @@ def write(file, columns):
 
 
 @pytest.mark.parametrize("interpolation", [Cubic(), Quintic()], ids=lambda i: i.name)
-def test_our_own_table_asks_for_what_the_export_said(picked, tmp_path, capsys, interpolation):
+def test_our_own_table_asks_for_what_the_export_said(
+    picked, robot, tmp_path, capsys, interpolation
+):
     """Through a file in the controller's degrees: the same peak as of the joint polynomials."""
     checked = checked_table(SCENE, picked.trajectory, Cycles(1e-3), interpolation)
     write_table(tmp_path / "table.csv", of_controller(checked.table, ROBOT), DEGREES)
-    content = ROBOT.model_dump(mode="json", exclude_none=True)
-    robot = tmp_path / "robot.yaml"
-    robot.write_text(str(content), encoding="utf-8")  # YAML's flow style
     words = ["--robot", str(robot), "--payload", str(SCENE.payload), "--unit", "deg"]
     words += ["--controller", interpolation.name, "--controller-angles"]
     assert main(["verify", str(tmp_path / "table.csv"), *words]) == 1
@@ -48,10 +55,9 @@ def test_our_own_table_asks_for_what_the_export_said(picked, tmp_path, capsys, i
     assert "parallel singularity" in said
 
 
-def test_angles_are_the_models_unless_said_and_that_is_said(picked, tmp_path, capsys):
+def test_angles_are_the_models_unless_said_and_that_is_said(picked, robot, tmp_path, capsys):
     """A robot whose controller counts otherwise, and its own table taken for the model's."""
-    robot, table = tmp_path / "robot.yaml", tmp_path / "table.csv"
-    robot.write_text(str(ROBOT.model_dump(mode="json", exclude_none=True)), encoding="utf-8")
+    table = tmp_path / "table.csv"
     checked = checked_table(SCENE, picked.trajectory, Cycles(1e-3), Quintic())
     write_table(table, checked.table, DEGREES)
     words = ["verify", str(table), "--robot", str(robot), "--unit", "deg"]
