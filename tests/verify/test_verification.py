@@ -195,6 +195,14 @@ def test_moving_start():
     assert "it begins with a velocity 0.002 m/s off the scene's" in complaints(bad)
 
 
+def test_time_that_stands_still():
+    whole = cut(LINE, 3)
+    knots = whole.knots.copy()
+    knots[1] = knots[2]
+    bad = replace(whole, position=replace(whole.position, knots=knots))
+    assert complaints(bad) == "time does not increase from knot to knot"
+
+
 def test_torques_that_cannot_be_followed():
     """Torques for a payload of 20 kg fling the lighter platform out of reach."""
     heavy = replace(LINE, model=DeltaModel(SCENE.robot, payload=20.0)).slowed(4.0)
