@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from matplotlib.figure import Figure
 
+import deltaopt
 from tests.overlaps import DOTS, overlaps
 
 
@@ -27,6 +28,12 @@ def _requests_to_stop_are_heeded() -> Iterator[None]:
     yield
     for number in ignored:
         signal.signal(number, signal.SIG_IGN)
+
+
+@pytest.fixture(scope="session")
+def picked() -> deltaopt.Plan:
+    """The plan of the scene that most tests of files and reports look at."""
+    return deltaopt.plan(deltaopt.load_scene("problems/pick_and_place.yaml"))
 
 
 @pytest.fixture(scope="session", autouse=True)

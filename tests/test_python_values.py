@@ -18,33 +18,28 @@ ROOT = Path(__file__).parents[1]
 SCENE = deltaopt.load_scene(ROOT / "problems/pick_and_place.yaml")
 
 
-@pytest.fixture(scope="module")
-def planned() -> deltaopt.Plan:
-    return deltaopt.plan(SCENE)
-
-
-def test_a_plan_equals_its_copy_and_no_other(planned):
-    copied = pickle.loads(pickle.dumps(planned))
-    assert copied == planned
-    assert copied.trajectory == planned.trajectory
-    assert len({copied, planned, copied.trajectory, planned.trajectory}) == 2
+def test_a_plan_equals_its_copy_and_no_other(picked):
+    copied = pickle.loads(pickle.dumps(picked))
+    assert copied == picked
+    assert copied.trajectory == picked.trajectory
+    assert len({copied, picked, copied.trajectory, picked.trajectory}) == 2
     other = deltaopt.plan(SCENE.model_copy(update={"payload": 1.0 + 1e-9}))
-    assert other != planned
-    assert other.trajectory != planned.trajectory
-    assert planned.trajectory.slowed(1 + 1e-15) != planned.trajectory
+    assert other != picked
+    assert other.trajectory != picked.trajectory
+    assert picked.trajectory.slowed(1 + 1e-15) != picked.trajectory
 
 
-def test_a_verification_has_a_hash(planned):
-    found = deltaopt.verify(SCENE, planned.trajectory)
+def test_a_verification_has_a_hash(picked):
+    found = deltaopt.verify(SCENE, picked.trajectory)
     again = pickle.loads(pickle.dumps(found))
     assert again == found
     assert len({found, again}) == 1
 
 
 @pytest.mark.parametrize("rate", [0, -1.0, float("nan")])
-def test_a_table_has_rows(planned, rate):
+def test_a_table_has_rows(picked, rate):
     with pytest.raises(ValueError, match=r"^rate is .*; it must be greater than 0$"):
-        planned.table(rate)
+        picked.table(rate)
 
 
 @pytest.mark.parametrize("name", ["tolerance", "intervals", "starts", "seed"])

@@ -60,10 +60,7 @@ MOVE = load_scene("problems/pick_and_place.yaml")
 LINE = initial_motion.line(MOVE)
 RUN = Run(TrajectoryOptimiser(), Journal(lambda _: None))
 BAND = np.linspace(MOVE.start, MOVE.goal, 65)
-PASSED = load_scene("problems/moving/passed_state.yaml")
 VIA = load_scene("problems/via/three_points.yaml")
-WALL = load_scene("problems/keep_out/wall_25_305_25.yaml")
-CORNERS = np.array([WALL.start, (0.75, 0.0, 0.0), WALL.goal])
 PLACES = {
     "a curve": (initial_motion, "_fastest", lambda: list(initial_motion.drivable(MOVE, [LINE]))),
     "a band": (around_bodies, "roughly_fastest", lambda: around_bodies._driven(MOVE, BAND) or []),

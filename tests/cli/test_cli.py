@@ -86,7 +86,7 @@ def test_plan_made_by_hand(tmp_path):
     plan = Plan(
         SCENE, line, "L_E, flat", "test", 40, "solved", 7, 0.5, float("inf"), 1e-3, (), None
     )
-    plan.save(tmp_path / "new" / "folder")
+    plan.save(tmp_path / "new" / "folder", chart=False)
     content = json.loads((tmp_path / "new/folder/plan.json").read_text(encoding="utf-8"))
     assert (content["formulation"], content["intervals"]) == ("L_E, flat", 40)
     assert content["gap"] is None
@@ -128,12 +128,16 @@ def test_check_names_what_a_scene_leaves_out(capsys, tmp_path):
 
 
 def test_inverse(tmp_path, capsys):
+    (tmp_path / "motion.png").write_text("mine", encoding="utf-8")
     arguments = ["inverse", str(SCENE_FILE), "-o", str(tmp_path), "--duration", "0.4"]
     assert main(arguments) == 0
     assert names(tmp_path) == ["inverse.csv", "motion.png", "torques.png"]
     assert (tmp_path / "torques.png").read_bytes().startswith(PNG)
     assert len((tmp_path / "inverse.csv").read_text().splitlines()) == 1 + 400 + 1
-    assert "motor 1 " in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert "motor 1 " in told
+    assert f"written: {tmp_path / 'inverse.csv'}, {tmp_path / 'torques.png'}\n" in told
+    assert f"replaced: {tmp_path / 'motion.png'}\n" in told
 
 
 @pytest.mark.parametrize("arguments", [[], *([name] for name in COMMANDS)])

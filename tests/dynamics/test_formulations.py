@@ -137,7 +137,7 @@ def test_constraint_forces_do_no_work(robot, states, matrix):
     q, dq, ddq, _ = states
     _, lam = robot.inverse(VirtualWork(matrix), q, dq, ddq)
     C_of = matrix.function(robot.mechanism)
-    for row, forces in zip(q, np.array(lam).T, strict=True):
+    for row, forces in list(zip(q, np.array(lam).T, strict=True))[::4]:
         C, _ = C_of(0, row, paper.values(robot.p))
         C, constraint_force = np.array(C), paper.jacobian(robot.p, row).T @ forces
         assert np.all(

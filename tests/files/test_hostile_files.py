@@ -85,7 +85,7 @@ def test_a_part_with_too_many_corners_is_refused_at_once(tmp_path, monkeypatch):
     steps = []
     cone = convex_hull._cone
     monkeypatch.setattr(convex_hull, "_cone", lambda *given: steps.append(given) or cone(*given))
-    (tmp_path / "part.stl").write_bytes(sphere(4_000))
+    (tmp_path / "part.stl").write_bytes(sphere(1_000))
     told = sentence(scene(tmp_path, "keep_out: [{hull: {file: part.stl}}]\n"))
     assert "has at most 64 triangles" in told
     assert len(steps) <= 64

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import shutil
 import subprocess
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -40,9 +39,14 @@ EVERYTHING = {
 gcc = pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
 
 
-@cache
-def every_term() -> Robot:
-    return Robot.model_validate(EVERYTHING)
+@pytest.fixture(scope="module")
+def every_term(tmp_path_factory) -> Path:
+    """The folder of the C of a robot with every term and of a motion of it."""
+    robot = Robot.model_validate(EVERYTHING)
+    scene = deltaopt.Scene(robot=robot, start=(0.87, -0.15, 0.0), goal=(0.87, 0.1, 0.05))
+    folder = tmp_path_factory.mktemp("every_term")
+    export_plan_c(deltaopt.baseline(scene), folder)
+    return folder
 
 
 def compiled(folder: Path, *options: str) -> Path:
@@ -89,9 +93,8 @@ def test_a_plan_is_played(tmp_path):
 
 
 @gcc
-def test_a_robot_with_every_term_and_a_motion(tmp_path):
-    export_plan_c(deltaopt.baseline(_scene_of(every_term())), tmp_path)
-    assert largest_error(tmp_path) < 1e-12
+def test_a_robot_with_every_term_and_a_motion(every_term):
+    assert largest_error(every_term) < 1e-12
 
 
 @gcc
@@ -118,34 +121,26 @@ def test_times_that_are_none(tmp_path):
 
 
 @gcc
-def test_nothing_of_the_library_but_four_functions(tmp_path):
+def test_nothing_of_the_library_but_four_functions(every_term):
     """Not optimised, so that the compiler neither leaves calls out nor joins sin and cos."""
-    export_plan_c(deltaopt.baseline(_scene_of(every_term())), tmp_path)
     needed = set()
     for name in ("delta", "plan"):
-        subprocess.run(["gcc", "-O0", "-c", f"{name}.c"], cwd=tmp_path, check=True)
-        listed = subprocess.run(["nm", "-u", f"{name}.o"], cwd=tmp_path, capture_output=True)
+        subprocess.run(["gcc", "-O0", "-c", f"{name}.c"], cwd=every_term, check=True)
+        listed = subprocess.run(["nm", "-u", f"{name}.o"], cwd=every_term, capture_output=True)
         needed |= {line.split()[-1] for line in listed.stdout.decode().splitlines()}
     assert {name for name in needed if not name.startswith("_")} <= set(FUNCTIONS)
     assert {"sin", "cos", "sqrt", "atan2"} <= needed
 
 
-def _scene_of(robot: Robot) -> deltaopt.Scene:
-    return deltaopt.Scene(robot=robot, start=(0.87, -0.15, 0.0), goal=(0.87, 0.1, 0.05))
-
-
 @gcc
-def test_friction_far_from_rest(tmp_path):
+def test_friction_far_from_rest(every_term, tmp_path):
     """tanh, by doublings of a continued fraction: from 1e-300 to beyond where it is 1."""
-    export_c(every_term(), tmp_path)
-    text = (tmp_path / "delta.c").read_text(encoding="utf-8")
+    text = (every_term / "delta.c").read_text(encoding="utf-8")
     text = text.replace('#include "delta.h"\n', "").split("typedef double V;")[0]
     angles = [s * a for a in np.geomspace(1e-300, 1e3, 400).tolist() for s in (1, -1)]
     calls = "\n".join(f'printf("%.17g\\n", hyperbolic_tangent({a!r}));' for a in [*angles, 0.0])
     calls += '\nprintf("%g", hyperbolic_tangent(0.0 / 0.0));'
     program = f"#include <stdio.h>\n{text}\nint main(void) {{\n{calls}\n}}\n"
-    for file in tmp_path.glob("*.c"):
-        file.unlink()
     (tmp_path / "tanh.c").write_text(program)
     ran = subprocess.run([compiled(tmp_path, "-O1")], capture_output=True, text=True)
     *found, last = map(float, ran.stdout.split())

@@ -7,26 +7,19 @@ import re
 from html import unescape
 from pathlib import Path
 
-import pytest
-
 from deltaopt.cli import main
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
-FILE = str(PROBLEMS / "industrial_drive.yaml")
+FILE = str(PROBLEMS / "pick_and_place.yaml")
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory) -> Path:
-    return tmp_path_factory.mktemp("told")
-
-
-def test_all_tell_the_same(folder, capsys):
-    assert main(["plan", FILE, "-o", str(folder), "--no-plot", "--report"]) == 0
+def test_all_tell_the_same(tmp_path, capsys):
+    assert main(["plan", FILE, "-o", str(tmp_path), "--no-plot", "--report"]) == 0
     said = capsys.readouterr().out
-    assert main(["plan", FILE, "-o", str(folder), "--no-plot", "--json"]) == 0
+    assert main(["plan", FILE, "-o", str(tmp_path), "--no-plot", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
-    record = json.loads((folder / "plan.json").read_text(encoding="utf-8"))
-    page = unescape((folder / "report.html").read_text(encoding="utf-8"))
+    record = json.loads((tmp_path / "plan.json").read_text(encoding="utf-8"))
+    page = unescape((tmp_path / "report.html").read_text(encoding="utf-8"))
     shared = ("duration", "gap", "tolerance", "ways", "active_limits", "verification")
     assert {name: told[name] for name in shared} == {name: record[name] for name in shared}
     duration, gap = record["duration"], record["gap"]

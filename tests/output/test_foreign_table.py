@@ -20,9 +20,12 @@ ROBOT = SCENE.robot.model_copy(update={"joints": {"zero": 0.09, "sign": (1.0, -1
 MODEL = delta_model(ROBOT, SCENE.payload)
 
 
-@pytest.fixture(scope="module")
-def plan():
-    return deltaopt.plan(SCENE)
+@pytest.fixture
+def robot(tmp_path):
+    """The file of the robot, in YAML's flow style."""
+    file = tmp_path / "robot.yaml"
+    file.write_text(str(ROBOT.model_dump(mode="json", exclude_none=True)), encoding="utf-8")
+    return file
 
 
 def write(file, columns):
@@ -33,13 +36,12 @@ def write(file, columns):
 
 
 @pytest.mark.parametrize("interpolation", [CUBIC, QUINTIC], ids=lambda i: i.name)
-def test_our_own_table_asks_for_what_the_export_said(plan, tmp_path, capsys, interpolation):
+def test_our_own_table_asks_for_what_the_export_said(
+    picked, robot, tmp_path, capsys, interpolation
+):
     """Through a file in the controller's degrees: the same peak as of the joint polynomials."""
-    checked = checked_table(SCENE, plan.trajectory, Rows(1e-3), interpolation)
+    checked = checked_table(SCENE, picked.trajectory, Rows(1e-3), interpolation)
     write_table(tmp_path / "table.csv", of_controller(checked.table, ROBOT), DEGREES)
-    content = ROBOT.model_dump(mode="json", exclude_none=True)
-    robot = tmp_path / "robot.yaml"
-    robot.write_text(str(content), encoding="utf-8")  # YAML's flow style
     words = ["--robot", str(robot), "--payload", str(SCENE.payload), "--unit", "deg"]
     words += ["--controller", interpolation.name, "--controller-angles"]
     assert main(["verify", str(tmp_path / "table.csv"), *words]) == 1
@@ -53,11 +55,10 @@ def test_our_own_table_asks_for_what_the_export_said(plan, tmp_path, capsys, int
     assert "parallel singularity" in said
 
 
-def test_angles_are_the_models_unless_said_and_that_is_said(plan, tmp_path, capsys):
+def test_angles_are_the_models_unless_said_and_that_is_said(picked, robot, tmp_path, capsys):
     """A robot whose controller counts otherwise, and its own table taken for the model's."""
-    robot, table = tmp_path / "robot.yaml", tmp_path / "table.csv"
-    robot.write_text(str(ROBOT.model_dump(mode="json", exclude_none=True)), encoding="utf-8")
-    checked = checked_table(SCENE, plan.trajectory, Rows(1e-3), QUINTIC)
+    table = tmp_path / "table.csv"
+    checked = checked_table(SCENE, picked.trajectory, Rows(1e-3), QUINTIC)
     write_table(table, checked.table, DEGREES)
     words = ["verify", str(table), "--robot", str(robot), "--unit", "deg"]
     main([*words, "--payload", "1000 g"])
@@ -102,10 +103,10 @@ def test_angles_with_all_rates_are_followed_exactly(tmp_path):
 
 
 @pytest.mark.parametrize("change", ["place", "speed", "creeping"])
-def test_rows_of_one_time_agree_but_for_accelerations(change, plan, tmp_path):
+def test_rows_of_one_time_agree_but_for_accelerations(change, picked, tmp_path):
     """A robot is not 50 mm away, nor 0.4 m/s quicker, within no time, nor by many small steps."""
-    m = plan.trajectory.inside_intervals([0.0, 1.0])
-    t = np.repeat(plan.trajectory.knots, 2)[1:-1]
+    m = picked.trajectory.inside_intervals([0.0, 1.0])
+    t = np.repeat(picked.trajectory.knots, 2)[1:-1]
     columns = {"t": t}
     for name in ("x", "v", "a"):
         axes = zip("xyz", getattr(m, name).T.copy(), strict=True)
@@ -223,8 +224,8 @@ def test_numbers_at_the_end_of_doubles(tmp_path, capsys, name):
     assert ("torque" in captured.out) == (not sentence)
 
 
-def test_a_plan_is_verified_again(plan, tmp_path, capsys):
-    plan.save(tmp_path)
+def test_a_plan_is_verified_again(picked, tmp_path, capsys):
+    picked.save(tmp_path, chart=False)
     assert main(["verify", str(tmp_path)]) == 0
     assert "torque excess" in capsys.readouterr().out
     assert main(["verify", str(tmp_path), "--robot", str(ORSINO)]) == 2

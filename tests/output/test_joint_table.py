@@ -26,8 +26,8 @@ MODEL = delta_model(SCENE.robot, SCENE.payload)
 
 
 @pytest.fixture(scope="module")
-def trajectory():
-    return deltaopt.plan(SCENE).trajectory
+def trajectory(picked):
+    return picked.trajectory
 
 
 @pytest.mark.parametrize("interpolation", [CUBIC, QUINTIC], ids=lambda i: i.name)

@@ -17,23 +17,18 @@ from deltaopt.robot.model import delta_model
 COUNTS = (500, 1000)
 
 
-@pytest.fixture(scope="module")
-def planned() -> deltaopt.Plan:
-    return deltaopt.plan(deltaopt.load_scene("problems/pick_and_place.yaml"))
-
-
-def test_torques_lead_to_the_goal(planned):
-    found = replay_in_mujoco(planned.trajectory, COUNTS)
+def test_torques_lead_to_the_goal(picked):
+    found = replay_in_mujoco(picked.trajectory, COUNTS)
     assert found.converges
     assert found.order == pytest.approx(1.0, abs=0.1)
     assert found.misses[-1] < 1e-5
-    assert found.steps == tuple(planned.duration / count for count in COUNTS)
+    assert found.steps == tuple(picked.duration / count for count in COUNTS)
 
 
-def test_torques_of_another_payload_do_not(planned):
-    scene = planned.scene
-    heavier = replace(planned.trajectory, model=delta_model(scene.robot, 1.01 * scene.payload))
-    model = planned.trajectory.model
+def test_torques_of_another_payload_do_not(picked):
+    scene = picked.scene
+    heavier = replace(picked.trajectory, model=delta_model(scene.robot, 1.01 * scene.payload))
+    model = picked.trajectory.model
     there = InMujoco.of(model.robot, model.payload, scene.start)
     other = MujocoReplay((1.0, 0.5), tuple(there.miss(heavier, count) for count in COUNTS))
     assert not other.converges
@@ -51,16 +46,16 @@ def test_a_motion_that_begins_at_a_speed_and_has_friction():
     assert found.misses[-1] < 1e-3 * np.linalg.norm(x[-1] - x[0])
 
 
-def test_mean_torques_count_jumps_for_as_long_as_they_last(planned):
-    motion, count = planned.trajectory, 7
+def test_mean_torques_count_jumps_for_as_long_as_they_last(picked):
+    motion, count = picked.trajectory, 7
     t = np.linspace(0, motion.duration, 140_001)
     middle = (t[1:] + t[:-1]) / 2
     dense = motion(middle).tau.reshape(count, -1, 3).mean(axis=1)
     np.testing.assert_allclose(mean_torques(motion, count), dense, atol=1e-3)
 
 
-def test_from_the_command_line(planned, tmp_path, capsys, monkeypatch):
-    planned.save(tmp_path, chart=False)
+def test_from_the_command_line(picked, tmp_path, capsys, monkeypatch):
+    picked.save(tmp_path, chart=False)
     right = MujocoReplay((2e-4, 1e-4), (2e-5, 1e-5))
     monkeypatch.setattr("deltaopt.cli.verify.replay_in_mujoco", lambda trajectory: right)
     assert main(["verify", str(tmp_path), "--with", "mujoco"]) == 0
@@ -75,8 +70,8 @@ def test_from_the_command_line(planned, tmp_path, capsys, monkeypatch):
     assert len(content["misses"]) == len(content["steps"]) == len(COUNTS)
 
 
-def test_a_replay_that_fails_is_exit_1(planned, tmp_path, capsys, monkeypatch):
-    planned.save(tmp_path, chart=False)
+def test_a_replay_that_fails_is_exit_1(picked, tmp_path, capsys, monkeypatch):
+    picked.save(tmp_path, chart=False)
     wrong = MujocoReplay((2e-4, 1e-4), (1e-3, 1e-3))
     monkeypatch.setattr("deltaopt.cli.verify.replay_in_mujoco", lambda trajectory: wrong)
     assert main(["verify", str(tmp_path), "--with", "mujoco"]) == 1

@@ -16,12 +16,11 @@ from studies.problems import ORSINO, PROBLEMS
 
 
 @pytest.fixture(scope="module")
-def saved(tmp_path_factory):
+def saved(picked, tmp_path_factory):
     """A plan and the folder it was saved to."""
     folder = tmp_path_factory.mktemp("plan")
-    plan = deltaopt.plan(deltaopt.load_scene(PROBLEMS / "pick_and_place.yaml"))
-    plan.save(folder, chart=False)
-    return plan, folder
+    picked.save(folder, chart=False)
+    return picked, folder
 
 
 def test_to_the_last_bit(saved):

@@ -19,30 +19,19 @@ from studies.problems import PROBLEMS
 ZERO = 0.0929912
 
 
-@pytest.fixture(scope="module")
-def saved(tmp_path_factory):
-    """The folder of a plan, of a robot whose controller counts motor 2 backwards."""
-    folder = tmp_path_factory.mktemp("plan")
-    scene = deltaopt.load_scene(PROBLEMS / "pick_and_place.yaml")
-    joints = {"zero": ZERO, "sign": [1, -1, 1]}
-    robot = scene.robot.model_copy(update={"joints": joints})
-    deltaopt.plan(scene.model_copy(update={"robot": robot})).save(folder, chart=False)
-    return folder
-
-
 def at_controller(theta, *, rate=False):
     """θ = sign · angle - zero, solved for the angle."""
     return np.array([1, -1, 1]) * (theta if rate else theta + ZERO)
 
 
-def test_csv_in_degrees(saved, tmp_path, capsys):
+def test_csv_in_degrees(saved_otherwise, tmp_path, capsys):
     file = tmp_path / "table.csv"
     words = ["--controller", "cubic", "--cycle", "2ms", "--unit", "deg", "-o", str(file)]
-    assert main(["export", "table", str(saved), *words, "--anyway"]) == 0
+    assert main(["export", "table", str(saved_otherwise), *words, "--anyway"]) == 0
     with file.open(encoding="utf-8") as lines:
         assert next(lines).startswith("# cubic interpolation asks for 1.")
         rows = list(csv.DictReader(lines))
-    plan = deltaopt.load_plan(saved)
+    plan = deltaopt.load_plan(saved_otherwise)
     assert len(rows) == int(np.ceil(plan.duration / 2e-3)) + 1
     slowed = plan.trajectory.slowed(2e-3 * (len(rows) - 1) / plan.duration)
     t = np.array([float(row["t"]) for row in rows])
@@ -76,12 +65,12 @@ def test_a_moving_end_is_not_met_more_slowly_without_a_word(tmp_path, capsys):
     ("controller", "cycle"),
     [("cubic", "own-knots"), ("cubic", "1ms"), ("quintic", "own-knots"), ("quintic", "4ms")],
 )
-def test_what_is_written_keeps_the_limits(controller, cycle, saved, tmp_path, capsys):
+def test_what_is_written_keeps_the_limits(controller, cycle, saved_otherwise, tmp_path, capsys):
     """Read back and measured by verification. What is not written has remedies that do it, and of
     which none is dearer than slowing this table."""
     file = tmp_path / "table.csv"
     words = ["--controller", controller, "--cycle", cycle]
-    code = table_of(saved, file, *words)
+    code = table_of(saved_otherwise, file, *words)
     said = capsys.readouterr().err
     assert code == ((controller, cycle) != ("quintic", "own-knots"))
     assert file.exists() == (code == 0)
@@ -94,12 +83,12 @@ def test_what_is_written_keeps_the_limits(controller, cycle, saved, tmp_path, ca
         assert found[0][0] == "--controller quintic --cycle own-knots --keep-limits"
         assert found[-1][0] == " ".join([*words, "--keep-limits"])
         words = found[0][0].split()
-        assert table_of(saved, file, *words) == 0
+        assert table_of(saved_otherwise, file, *words) == 0
         duration = np.genfromtxt(file, delimiter=",", names=True)["t"][-1]
-        slower = duration / deltaopt.load_plan(saved).duration - 1
+        slower = duration / deltaopt.load_plan(saved_otherwise).duration - 1
         assert 100 * slower == pytest.approx(prices[0], rel=0.05)
     robot = tmp_path / "robot.yaml"
-    scene = deltaopt.load_plan(saved).scene
+    scene = deltaopt.load_plan(saved_otherwise).scene
     robot.write_text(str(scene.robot.model_dump(mode="json", exclude_none=True)), encoding="utf-8")
     measured = [str(file), "--robot", str(robot), "--payload", "1", "--controller-angles"]
     capsys.readouterr()
@@ -107,9 +96,9 @@ def test_what_is_written_keeps_the_limits(controller, cycle, saved, tmp_path, ca
 
 
 @pytest.fixture(scope="module")
-def hurried(saved, tmp_path_factory):
+def hurried(saved_otherwise, tmp_path_factory):
     """The folder of a plan that takes four fifths of its time; its record does not say so."""
-    content = json.loads((saved / "plan.json").read_text(encoding="utf-8"))
+    content = json.loads((saved_otherwise / "plan.json").read_text(encoding="utf-8"))
     motion = content["motion"]
     motion["knots"] = [0.8 * t for t in motion["knots"]]
     motion["position"] = [
@@ -147,8 +136,8 @@ def test_a_plan_beyond_its_limits_is_for_those_who_insist(target, hurried, tmp_p
         assert "exceeds" not in file.read_text(encoding="utf-8")[:400]
 
 
-def test_a_plan_that_misses_its_goal_is_cured_by_no_slowing(saved, tmp_path, capsys):
-    content = json.loads((saved / "plan.json").read_text(encoding="utf-8"))
+def test_a_plan_that_misses_its_goal_is_cured_by_no_slowing(saved_otherwise, tmp_path, capsys):
+    content = json.loads((saved_otherwise / "plan.json").read_text(encoding="utf-8"))
     content["scene"]["goal"][1] -= 0.01
     plan, file = tmp_path / "plan.json", tmp_path / "table.csv"
     plan.write_text(json.dumps(content), encoding="utf-8")
@@ -160,27 +149,27 @@ def test_a_plan_that_misses_its_goal_is_cured_by_no_slowing(saved, tmp_path, cap
     assert "# it ends 0.01 m from the scene's goal" in file.read_text(encoding="utf-8")
 
 
-def test_a_slower_plan_for_a_first_run(saved, tmp_path, capsys):
+def test_a_slower_plan_for_a_first_run(saved_otherwise, tmp_path, capsys):
     """The same angles at three times the time; a third of the speed."""
     tables = []
     for factor in ("1", "3"):
         file = tmp_path / f"{factor}.csv"
         words = ["--slower", factor, "-o", str(file)]
-        assert main(["export", "table", str(saved), *words]) == 0
+        assert main(["export", "table", str(saved_otherwise), *words]) == 0
         tables.append(np.genfromtxt(file, delimiter=",", names=True))
     plain, slow = tables
     assert "3 times the plan's duration" in capsys.readouterr().out
-    assert plain["t"][-1] == pytest.approx(deltaopt.load_plan(saved).duration, rel=1e-3)
+    assert plain["t"][-1] == pytest.approx(deltaopt.load_plan(saved_otherwise).duration, rel=1e-3)
     np.testing.assert_allclose(slow["t"], 3 * plain["t"], rtol=1e-3)  # plain: as slow as limits ask
     np.testing.assert_allclose(slow["theta1"], plain["theta1"], rtol=1e-12)
     np.testing.assert_allclose(3 * slow["dtheta2"], plain["dtheta2"], rtol=1e-3, atol=1e-9)
 
 
-def test_ros2_yaml_and_bag_are_the_same_message(saved, tmp_path):
+def test_ros2_yaml_and_bag_are_the_same_message(saved_otherwise, tmp_path):
     file, bag = tmp_path / "joints.yaml", tmp_path / "bag"
     for output in (file, bag):
         words = ["-o", str(output), "--joints", "j1", "j2", "j:3"]
-        assert main(["export", "ros2", str(saved), *words]) == 0
+        assert main(["export", "ros2", str(saved_otherwise), *words]) == 0
     content = yaml.safe_load(file.read_text(encoding="utf-8"))
     with Reader(bag) as reader:
         ((connection, _, raw),) = reader.messages()
@@ -199,7 +188,7 @@ def test_ros2_yaml_and_bag_are_the_same_message(saved, tmp_path):
         )
         times.append(since["sec"] * 10**9 + since["nanosec"])
     assert (np.diff(times) > 0).all()  # a controller of ROS refuses others
-    plan = deltaopt.load_plan(saved)
+    plan = deltaopt.load_plan(saved_otherwise)
     assert times[0] == 0
     assert times[-1] == pytest.approx(1e9 * plan.duration, rel=1e-4)
     first = at_controller(plan.trajectory(0.0).theta[0])
@@ -207,8 +196,8 @@ def test_ros2_yaml_and_bag_are_the_same_message(saved, tmp_path):
 
 
 @pytest.mark.parametrize("cycle", ["1", "ms", "0ms", "1e9s", "-1ms", "own", "1ns", ""])
-def test_a_cycle_that_is_none_is_refused(saved, capsys, cycle):
+def test_a_cycle_that_is_none_is_refused(saved_otherwise, capsys, cycle):
     with pytest.raises(SystemExit) as end:
-        main(["export", "table", str(saved), "--cycle=" + cycle])
+        main(["export", "table", str(saved_otherwise), "--cycle=" + cycle])
     assert end.value.code == 2
     assert "such as 1ms" in capsys.readouterr().err

@@ -19,7 +19,6 @@ from deltaopt.planning.first_motions.around_bodies import CLEAR
 from deltaopt.planning.first_motions.initial_motion import baseline
 from deltaopt.planning.journal import Entry, Note
 from deltaopt.planning.plan import Optimum, TakenWay
-from deltaopt.planning.planner import plan
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.report.page import report, write_report
 from deltaopt.scene.scene_file import load_scene
@@ -55,9 +54,8 @@ def of_line(scene, line) -> Facts:
 
 
 @pytest.fixture(scope="module")
-def planned():
-    found = plan(SCENE)
-    return found, verify(SCENE, found.trajectory)
+def planned(picked):
+    return picked, verify(SCENE, picked.trajectory)
 
 
 @pytest.fixture(scope="module")
