@@ -225,10 +225,11 @@ def run(arguments: argparse.Namespace) -> int:
         print(f"{len(table)} cases recorded in {TABLE}")
         return 0
     with TABLE.open(newline="") as file:
-        before = list(csv.DictReader(file))[:: arguments.every]
-    every = [replace(case, moved=arguments.ulp) for case in cases()][:: arguments.every]
+        known = {row["case"]: row for row in csv.DictReader(file)}
+    recorded = (case for case in cases() if case.name in known)  # a new scene is none of them
+    every = [replace(case, moved=arguments.ulp) for case in recorded][:: arguments.every]
     table = rows(every, arguments.workers)
-    lines = compare(before, table)
+    lines = compare([known[case.name] for case in every], table)
     print(*lines, sep="\n")
     share, beyond = 1 - len(lines) / len(table), sum(line.endswith(BEYOND) for line in lines)
     print(f"{len(table) - len(lines)} of {len(table)} cases agree to {AGREE:g} ({share:.2%})")

@@ -365,9 +365,8 @@ def _require_one_side(problem: Problem, trajectory: Trajectory, status: str) -> 
 
 
 def _best_of(solutions: Sequence[MeshSolution], iterations: Sequence[Iteration]) -> int:
-    """The index of the mesh solution that is fastest once it keeps all limits, or of effort the one
-    with the least gap. Where slowing helps none of them, that is the finest one that keeps its
-    places: other attempts follow from why."""
+    """The index of the fastest mesh solution once it keeps all limits, or of effort that with the
+    least gap. Where slowing helps none, the finest that keeps its places: from why others follow."""
 
     def merit(i: int) -> tuple[float, bool, int]:
         least = iterations[i].safe_duration

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from math import pi
 from pathlib import Path
 from textwrap import fill
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -45,8 +46,8 @@ def draw(
     file: Path,
     scene: Scene,
     trajectory: Trajectory,
-    others: Mapping[str, float],
-    duty: Duty | None,
+    others: Mapping[str, float] = MappingProxyType({}),
+    duty: Duty | None = None,
 ) -> None:
     """Draw a motion for a scene into a file.
 

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from math import hypot
 from pathlib import Path
-from typing import Annotated, Self
+from typing import Annotated, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, SerializeAsAny, model_validator
 
 from deltaopt.errors import SceneError
 from deltaopt.files.units import GRAVITY, INERTIA, LENGTH, MASS, SMALL_MASS, WIDTH
@@ -228,3 +228,12 @@ def load_robot(path: str | Path) -> Robot:
     """
     file = Path(path)
     return Robot.from_content(read_yaml(file), file)
+
+
+def _robot_of(content: Any) -> Any:
+    """A robot of any kind as it is; the content of a Delta's file as a Delta."""
+    return content if isinstance(content, Machine) else Robot.model_validate(content)
+
+
+AnyRobot = Annotated[SerializeAsAny[Machine], BeforeValidator(_robot_of)]
+"""A field that holds a robot of any kind."""

@@ -100,6 +100,14 @@ def start_of(given: Start) -> EndState:
     return EndState(given) if isinstance(given, tuple) else given.end
 
 
+def require_no_acceleration(ends: Mapping[str, End]) -> None:
+    """Raise SceneError for a state that gives an acceleration; ``ends``: by their keys."""
+    for key, end in ends.items():
+        if isinstance(end, State) and end.acceleration is not None:
+            expected = "none without limits of jerk or torque rate, for then it may jump"
+            raise SceneError(None, f"{key}.acceleration", list(end.acceleration), expected)
+
+
 def content_of_end(given: Start | End) -> object:
     """What stands in a scene file for an end: the inverse of ``end_in``."""
     if isinstance(given, tuple):

@@ -12,9 +12,7 @@ from typing import Annotated, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import (
-    BeforeValidator,
     Field,
-    SerializeAsAny,
     SerializerFunctionWrapHandler,
     model_serializer,
     model_validator,
@@ -26,7 +24,7 @@ from deltaopt.files.units import MASS, WIDTH
 from deltaopt.files.validated_record import NonNegative, Positive, Record, Vector3
 from deltaopt.limits.limit import Column, KeptLink
 from deltaopt.robot.machine import Machine
-from deltaopt.robot.robot import Robot
+from deltaopt.robot.robot import AnyRobot
 from deltaopt.robot.solids import Convex
 from deltaopt.robot.tool import Point
 from deltaopt.scene.approach import EXPECTED_APPROACH, Approach
@@ -49,6 +47,7 @@ from deltaopt.scene.moving_ends import (
     content_of_end,
     end_in,
     end_of,
+    require_no_acceleration,
     start_of,
 )
 from deltaopt.scene.objective import EXPECTED, Objective, Time, content_of, objective_in
@@ -76,14 +75,6 @@ from deltaopt.scene.via import (
 NO_KEYS = {"least_payload": "payload: [least, largest]", "planned_links": "robot_keeps_clear"}
 """Fields of a scene that no file gives, and what it gives instead."""
 ROBOT_FILE = "the path of a robot file, relative to the scene file"
-
-
-def _robot_of(content: Any) -> Any:
-    """A robot of any kind as it is; the content of a Delta's file as a Delta."""
-    return content if isinstance(content, Machine) else Robot.model_validate(content)
-
-
-AnyRobot = Annotated[SerializeAsAny[Machine], BeforeValidator(_robot_of)]
 
 
 class Scene(Record):
@@ -386,11 +377,8 @@ class Scene(Record):
     def _can_be_planned(self) -> Self:
         """What takes more than a look at which keys there are."""
         task = self.task
-        for key, end in (("start", self.start), ("goal", self.goal)):
-            given = end.acceleration if isinstance(end, State) else None
-            if given is not None and not self.has_rates:
-                expected = "none without limits of jerk or torque rate, for then it may jump"
-                raise SceneError(None, f"{key}.acceleration", list(given), expected)
+        if not self.has_rates:
+            require_no_acceleration({"start": self.start, "goal": self.goal})
         if task.start == task.goal and (self.moves_at_ends or not task.via):
             point = "a state" if self.moves_at_ends else "a point in m"
             raise SceneError(None, "goal", content_of_end(self.goal), f"{point} other than start")

@@ -137,7 +137,7 @@ BOUNDS = (
     ),
     _acceleration("goal_acceleration", "it ends with an acceleration {:.3g} m/s² off the scene's"),
     _acceleration(
-        "acceleration_jump",
+        "jump_of_acceleration",
         "its acceleration jumps by {:.3g} m/s² at its knots, all jumps together",
     ),
     Bound(

@@ -156,18 +156,16 @@ class _Curves:
 
     def _at(self, pieces: Index, since: Array, speed: float | Array) -> Array:
         motion = self._motion(pieces, since, speed)
-        values: Array
-        values, _ = self.function(*motion, parameters=self.parameters)
+        values: Array = self.function(*motion, parameters=self.parameters)[0]
         if not np.isfinite(values).all():
-            bad = np.flatnonzero(np.logical_not(np.isfinite(values).all(axis=1)))
+            bad = ~np.isfinite(values).all(axis=1)
             self._explain(*(each[bad] for each in motion[:3]))
         return values
 
     def _motion(self, pieces: Index, since: Array, speed: float | Array) -> list[Array]:
         """Position and derivatives by time of the motion at a speed, (N, 3) each."""
-        return [
-            speed**order * self.path.inside(pieces, since, order) for order in range(self.order + 1)
-        ]
+        orders = range(self.order + 1)
+        return [speed**order * self.path.inside(pieces, since, order) for order in orders]
 
     def _explain(self, x: Array, v: Array, a: Array) -> NoReturn:
         """Raise what is the matter with a motion that has no measures."""

@@ -66,7 +66,7 @@ class Verification:
     ``start_speed``, ``goal_speed``: m/s, by how much the platform's velocity at the motion's ends
         differs from the scene's, which is zero unless an end moves.
     ``position_jump``, ``velocity_jump``: m and m/s, those at all knots added up.
-    ``start_acceleration``, ``goal_acceleration``, ``acceleration_jump``: m/s², likewise of the
+    ``start_acceleration``, ``goal_acceleration``, ``jump_of_acceleration``: m/s², likewise of the
         acceleration, where limits of jerk or torque rate make it continuous; None elsewhere.
     ``kinematic_error``: E_K, mean over time of ‖(f, J q̇ + μ)‖, f in units of the upper arm, the
         rest in units of the mean speed, way / duration.
@@ -106,7 +106,7 @@ class Verification:
     velocity_jump: float = inf
     start_acceleration: float | None = None
     goal_acceleration: float | None = None
-    acceleration_jump: float | None = None
+    jump_of_acceleration: float | None = None
     kinematic_error: float = inf
     dynamic_error: float = inf
     amplification: float = inf
@@ -372,23 +372,16 @@ def _ends(scene: Scene, trajectory: Trajectory, nothing: Verification) -> dict[s
         on_path["via_distance"] = off_via_points(task, trajectory)
     if scene.columns:
         on_path["approach_distance"] = off_approach(scene.columns, trajectory)
-    accelerations = {}
-    if limits_of(scene).constraints.order == 3:
-        accelerations = {
-            "start_acceleration": _norm(a[0] - task.start.acceleration),
-            "goal_acceleration": _norm(a[-1] - goal.acceleration),
-            "acceleration_jump": trajectory.acceleration_jump,
-        }
-    return (
-        on_path
-        | accelerations
-        | {
-            "start_distance": _norm(x[0] - task.start.position),
-            "goal_distance": _norm(x[-1] - goal.position),
-            "start_speed": _norm(v[0] - task.start.velocity),
-            "goal_speed": _norm(v[-1] - goal.velocity),
-        }
-    )
+    if scene.has_rates:
+        on_path["start_acceleration"] = _norm(a[0] - task.start.acceleration)
+        on_path["goal_acceleration"] = _norm(a[-1] - goal.acceleration)
+        on_path["jump_of_acceleration"] = trajectory.acceleration_jump
+    return on_path | {
+        "start_distance": _norm(x[0] - task.start.position),
+        "goal_distance": _norm(x[-1] - goal.position),
+        "start_speed": _norm(v[0] - task.start.velocity),
+        "goal_speed": _norm(v[-1] - goal.velocity),
+    }
 
 
 def _jumps(trajectory: Trajectory) -> dict[str, float]:

@@ -77,6 +77,7 @@ EVERY_LIMIT = [
         "industrial_drive",
         "limits/drive_joints_workspace",
         "limits/platform_speed",
+        "limits/smooth",
         "limits/specific_force",
         "limits/parallel_singularity",
         "limits/tilt_singularity",
@@ -87,8 +88,6 @@ EVERY_LIMIT = [
     )
 ]
 EVERY_LIMIT.append(CROSS.model_copy(update={"limits": {"acceleration": 50.0}}))
-RATES = {"torque_rate": 5000.0, "jerk": 3000.0, "joint_jerk": 20000.0}
-EVERY_LIMIT.append(CROSS.model_copy(update={"limits": RATES}))
 
 
 def test_every_limit_is_in_one_of_these_scenes():

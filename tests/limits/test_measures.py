@@ -35,18 +35,32 @@ class Motion:
         self.powers = rng.normal(size=(4, 3)) * np.array([[0.06], [1.5], [20.0], [100.0]])
         middle = 0.45 if self.p.a3 < 0.3 else 0.75
         self.powers[0] += [middle, 0, 0]
-        self.x, self.v, self.a = (self.powers[k] * factorial(k) for k in range(3))
+        self.x, self.v, self.a, self.j = (self.powers[k] * factorial(k) for k in range(4))
         points = np.vander(_PLACES, 4, increasing=True) @ self.powers
         along = np.array([paper_delta.inverse_kinematics(self.p, x) for x in points])
-        self.q, self.dq, half = (_STENCILS @ along)[:3]
-        self.ddq = 2 * half
+        self.curve = [np.polynomial.Polynomial(each) for each in (_STENCILS @ along).T]
+        self.q, self.dq, self.ddq, self.dddq = (self.at(0.0, order) for order in range(4))
+
+    def at(self, t, order):
+        """A derivative of all coordinates at a time, s."""
+        return np.array([each.deriv(order)(t) if order else each(t) for each in self.curve])
 
     @property
     def tau(self):
+        return self.torques(0.0)
+
+    @property
+    def dtau(self):
+        """By the differences of four neighbours."""
+        h = _STEP / 2
+        weights = np.array([1.0, -8.0, 8.0, -1.0]) / (12 * h)
+        return weights @ np.array([self.torques(k * h) for k in (-2, -1, 1, 2)])
+
+    def torques(self, t):
         """From eq. (39), Cᵀ (Q* + Q) = 0, with the paper's letters: linear in τ."""
-        p, q = self.p, self.q
-        inertia = paper_delta.gyroscopic_force(p, q, self.dq)
-        inertia = inertia - paper_delta.inertia_matrix(p, q) @ self.ddq
+        p, (q, dq, ddq) = self.p, (self.at(t, order) for order in range(3))
+        inertia = paper_delta.gyroscopic_force(p, q, dq)
+        inertia = inertia - paper_delta.inertia_matrix(p, q) @ ddq
         C = paper_delta.constraint_matrix(p, q)
         without = C.T @ (inertia + paper_delta.active_force(p, q, np.zeros(3)))
         by_torque = C[3::3].T
@@ -66,6 +80,9 @@ FORMULAS = {
     "platform speed": lambda motion: [np.sqrt(motion.v @ motion.v)],
     "acceleration": lambda motion: [np.sqrt(motion.a @ motion.a)],
     "specific force": lambda motion: [np.sqrt((motion.a - GRAVITY) @ (motion.a - GRAVITY))],
+    "torque rate": lambda motion: motion.dtau,
+    "jerk": lambda motion: [np.sqrt(motion.j @ motion.j)],
+    "joint jerk": lambda motion: motion.dddq[3::3],
     "torque at speed": lambda motion: motion.tau + SLOPE * motion.dq[3::3],
     "arm angle": lambda motion: motion.q[3::3],
     "ball joint angle": lambda motion: motion.q[5::3],
@@ -79,6 +96,7 @@ KEYS = {
     "workspace": {"depth": [0.1, 1.1], "radius": 0.6},
 }
 ALL = {"speed": 1.5, "platform_speed": 2.0, "acceleration": 50.0, "specific_force": 60.0}
+ALL |= {"torque_rate": 1e3, "jerk": 1e3, "joint_jerk": 1e4}
 
 
 def limited(name: str) -> Robot:
@@ -115,21 +133,23 @@ def test_measure_is_its_formula(limit, name, payload):
     motions = [Motion(model, rng) for _ in range(5)]
     start, goal = (tuple(motion.x.tolist()) for motion in motions[:2])
     scene = Scene(robot=model.robot, payload=payload, start=start, goal=goal, limits=ALL)
-    x, v, a = (ca.SX.sym(letter, 3) for letter in "xva")
+    x, v, a, j = (ca.SX.sym(letter, 3) for letter in "xvaj")
     p = model.functions.terms.symbols().vector()
     functions = delta_functions(model.functions.terms, Explicit())
     assert limit.items(scene)
+    rough = 100 if limit.order == 3 else 1  # differences of differences
     for numbers in limit.items(scene):
         for instant in (
-            PlatformInstant(functions, x, v, a, p),
-            CoordinateInstant.general(functions, x, v, a, p),
+            PlatformInstant(functions, x, v, a, p, jerk=j),
+            CoordinateInstant.general(functions, x, v, a, p, j),
         ):
             measure = limit.measure(instant, ca.SX(ca.DM(list(numbers))))
-            f = ca.Function("measure", [x, v, a, p], [measure])
+            f = ca.Function("measure", [x, v, a, j, p], [measure])
             for motion in motions:
-                found = f(motion.x, motion.v, motion.a, model.parameters).full().ravel()
-                expected = FORMULAS[limit.name](motion)
-                np.testing.assert_allclose(found, expected, rtol=2e-7, atol=2e-7)
+                at = (motion.x, motion.v, motion.a, motion.j, model.parameters)
+                found, expected = f(*at).full().ravel(), np.array(FORMULAS[limit.name](motion))
+                size = 2e-7 * rough * max(1.0, float(np.abs(expected).max()))
+                np.testing.assert_allclose(found, expected, rtol=2e-7 * rough, atol=size)
 
 
 @pytest.mark.parametrize("limit", BY_FORMULA, ids=lambda limit: limit.name)
@@ -140,16 +160,17 @@ def test_rows_reach_their_bounds_where_measures_do(limit):
     motion = Motion(model, np.random.default_rng(6))
     goal = (0.5, 0.0, 0.0)
     scene = Scene(robot=model.robot, start=tuple(motion.x.tolist()), goal=goal, limits=ALL)
-    x, v, a = (ca.SX.sym(letter, 3) for letter in "xva")
+    x, v, a, j = (ca.SX.sym(letter, 3) for letter in "xvaj")
     p = model.functions.terms.symbols().vector()
-    instant = PlatformInstant(delta_functions(model.functions.terms, Explicit()), x, v, a, p)
+    functions = delta_functions(model.functions.terms, Explicit())
+    instant = PlatformInstant(functions, x, v, a, p, jerk=j)
     for numbers in limit.items(scene):
         symbols = ca.SX.sym("numbers", len(numbers))
         bounds = limit.bounds(symbols)
         sides = [side for side in (bounds.lower, bounds.upper) if side is not None]
         results = [limit.measure(instant, symbols), limit.rows(instant, symbols), *sides]
-        f = ca.Function("limit", [x, v, a, p, symbols], results)
-        motions = [motion.x, motion.v, motion.a, model.parameters]
+        f = ca.Function("limit", [x, v, a, j, p, symbols], results)
+        motions = [motion.x, motion.v, motion.a, motion.j, model.parameters]
         measure, rows, *found = (np.array(each).ravel() for each in f(*motions, numbers))
         if bounds.lower is not None:
             assert (np.sign(measure - found[0]) == np.sign(rows + 1)).all()

@@ -263,7 +263,7 @@ def test_finishing_is_a_plan_where_nothing_is_found(across, goal):
         ({"start": "anywhere"}, "start is 'anywhere'; expected three coordinates"),
         (
             {"start": {"at": (0.85, 0, 0), "velocity": (1, 0, 0), "acceleration": (0, 0, 0)}},
-            "start.acceleration is (0, 0, 0); expected at and velocity alone",
+            "expected none without limits of jerk or torque rate, for then it may jump",
         ),
         ({"start": {"at": (0.85, 0, 0), "belt": (1, 0, 0)}}, "expected a belt at the goal alone"),
         ({"goal": {"at": (0.85, 0, 0), "speed": 1}}, "goal.speed is not a known key"),

@@ -28,15 +28,14 @@ from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.errors import NotConverged
 from deltaopt.planning.flat.equations import PointEquations
 from deltaopt.planning.flat.interior_point import (
-    THIRDS,
     Boundary,
     CompiledMethod,
     InteriorPointSolution,
     Phase,
-    Points,
     Settings,
     interior_point,
 )
+from deltaopt.planning.flat.interval_points import THIRDS, Points
 from deltaopt.planning.nlp.cost import Cost, Running
 from deltaopt.planning.nlp.phases import parts
 from deltaopt.planning.nlp.problem import Formulated, Guess, InteriorPoint, Solved
@@ -283,16 +282,18 @@ class FlatProblem:
     ) -> Solved:
         """The solution as one motion, on a mesh whose fractions phases have changed."""
         smaller_spheres = 2 * accuracy * found.sphere_multipliers.sum()  # what they cost
-        times, states = [np.zeros(1)], list[Array]()
+        unit, times, states = scaling.length, [np.zeros(1)], list[Array]()
         for phase, mesh in zip(found.phases, (phase.mesh for phase in given), strict=True):
-            T = phase.duration * scaling.time
-            times.append(times[-1][-1] + T * np.cumsum(mesh))
-            units = scaling.length / T ** np.arange(self._derivatives)
-            knots = phase.knots.reshape(len(phase.knots), -1, 3) * units[:, None]
+            begin, T = times[-1][-1], phase.duration
+            times.append(begin + T * np.cumsum(mesh))
+            knots = phase.knots.reshape(len(phase.knots), -1, 3)
+            knots = knots / T ** np.arange(self._derivatives)[:, None]
             states.append(knots[1:] if states else knots)
-        knots, (x, *rates) = np.concatenate(times), np.concatenate(states).transpose(1, 0, 2)
+        knots = np.concatenate(times)
+        units = unit / scaling.time ** np.arange(self._derivatives)
+        x, *rates = (units[:, None] * np.concatenate(states)).transpose(1, 0, 2)
         curve = PiecewisePolynomial.in_thirds if self._together > 1 else PiecewisePolynomial.hermite
-        position = curve(knots, scaling.origin + x, *rates)
+        position = curve(scaling.time * knots, scaling.origin + x, *rates)
         multipliers = np.concatenate([phase.multipliers for phase in found.phases])
         return Solved(
             position,
@@ -301,7 +302,7 @@ class FlatProblem:
             found.iterations,
             found.spent,
             all_at_points=True,
-            left=found.left + smaller_spheres / found.cost,
+            left=float(found.left + smaller_spheres / found.cost),
             mesh=None if len(given) == 1 else np.diff(position.knots) / position.knots[-1],
         )
 

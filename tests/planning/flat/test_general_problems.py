@@ -20,15 +20,14 @@ from deltaopt.codegen.c_compiler import compiler
 from deltaopt.codegen.compile import library
 from deltaopt.planning.flat import interior_point as module
 from deltaopt.planning.flat.interior_point import (
-    THIRDS,
     Boundary,
     CompiledMethod,
     InteriorPointSolution,
     Phase,
-    Points,
     Settings,
     interior_point,
 )
+from deltaopt.planning.flat.interval_points import THIRDS, Points
 from deltaopt.planning.flat.method_source import source
 from deltaopt.planning.flat.point_problem import PointProblem, Sides
 from tests.oracles.point_motion import (

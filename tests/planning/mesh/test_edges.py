@@ -11,6 +11,7 @@ import pytest
 from deltaopt import plan
 from deltaopt.mechanisms.instant import PlatformInstant
 from deltaopt.motion.sure_bounds import distances_from_faces, signed_distances
+from deltaopt.planning.flat.interval_points import Points
 from deltaopt.planning.mesh.edges import phases_over_edges
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import delta_model
@@ -122,7 +123,7 @@ def test_no_motion_over_the_edge_is_faster_by_ipopt():
         ends.append(End(state, given, np.zeros(3)))
     spans = (knots[: passed + 1], knots[passed:])
     legs = [Leg(np.diff(k) / (k[-1] - k[0]), float(k[-1] - k[0]), np.zeros(1)) for k in spans]
-    theirs = fastest(robot, legs, ends, np.array([0, 1 / 3, 2 / 3, 1]))
+    theirs = fastest(robot, legs, ends, Points.of([0, 1 / 3, 2 / 3, 1]))
     assert found.meshes[-1].duration == pytest.approx(theirs.sum(), rel=1e-4)
     assert found.duration / (1 + found.gap) <= theirs.sum()
 
