@@ -116,7 +116,7 @@ class Plan:
 
     ``trajectory``: the motion, a function of time. ``gap``: estimated relative excess of its cost
     (of its duration, unless the objective is another) over the least possible;
-    ``mesh_solution.iteration_of`` says how it is estimated.
+    ``planning.mesh.gap`` says how it is estimated.
     ``tolerance``: the gap that was asked for. ``intervals``: of the last mesh. ``meshes``: a record
     of every mesh that was solved. ``status``, ``iterations``: of the solver, the latter summed over
     all meshes. ``solve_seconds``: wall time of all of them, s. ``resolved``: whether the instants

@@ -20,7 +20,7 @@ from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.order_of_merit import CrossesSingularity, crosses_singularity
 from deltaopt.planning.journal import Progress
 from deltaopt.planning.mesh.constraint_tightening import first_tightening
-from deltaopt.planning.mesh.error_estimate import refined, with_knots_at
+from deltaopt.planning.mesh.error_estimate import refined, split, with_knots_at
 from deltaopt.planning.mesh.gap import iteration_of
 from deltaopt.planning.mesh.mesh_solution import MeshSolution, solve_on_mesh
 from deltaopt.planning.mesh.reversals import with_reversals
@@ -236,11 +236,13 @@ class Refinement:
             lost = replace(lost, unused=np.zeros_like(lost.unused))
         together = self.scaling.problem.together
         mesh = refined(last.mesh, lost, target, together=together)
+        mesh = mesh.reshape(-1, together).sum(axis=1)
         if len(self.solutions) >= len(self.softer) > 0:  # softer friction needs no such knots
             mesh = with_reversals(mesh, last.trajectory, self.scaling.problem)
-        mesh = mesh if len(mesh) <= last.program.finest else last.mesh
+        if together * len(mesh) > last.program.finest:
+            mesh = last.mesh.reshape(-1, together).sum(axis=1)
         contacts = last.contacts
-        return with_knots_at(mesh, contacts) if len(contacts) and together == 1 else mesh
+        return split(with_knots_at(mesh, contacts) if len(contacts) else mesh, together)
 
     def _faces(self, last: MeshSolution) -> FacePhases | None:
         """The phases of the next mesh past faces of bodies; None without."""

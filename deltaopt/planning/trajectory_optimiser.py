@@ -366,7 +366,7 @@ def _require_one_side(problem: Problem, trajectory: Trajectory, status: str) -> 
 
 def _best_of(solutions: Sequence[MeshSolution], iterations: Sequence[Iteration]) -> int:
     """The index of the fastest mesh solution once it keeps all limits, or of effort that with the
-    least gap. Where slowing helps none, the finest that keeps its places: from why others follow."""
+    least gap. Where slowing helps none, the finest that keeps its places: others follow from it."""
 
     def merit(i: int) -> tuple[float, bool, int]:
         least = iterations[i].safe_duration

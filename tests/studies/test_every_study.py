@@ -30,6 +30,7 @@ SAYS = {
     "multistart": "Of 1 moves inside 2 first guesses make faster",
     "mutations": "test_jumping_velocity",
     "objectives": "least effort ∫ τᵀτ dt in",
+    "smooth": "with torques that jump",
     "processors": "| OpenBLAS for Haswell |",
     "proportions": "2 have a plan that is verified",
     "reference": "| `peak_torque` | a torque in N·m, greater than 0 | required | `3.82 N*m` |",
