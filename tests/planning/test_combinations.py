@@ -79,7 +79,7 @@ def test_rates_beside(others):
 
 
 def test_least_effort_with_rates_costs_a_little_more():
-    """The gap that is told is larger than with torques that may jump: what it costs is within it."""
+    """The gap that is told is larger than with torques that may jump."""
     without, found = plan(together("effort")), plan(together("rates", "effort"))
     assert verify(found.scene, found.trajectory).failures() == []
     assert without.cost * (1 - 1e-3) < found.cost < 1.05 * without.cost

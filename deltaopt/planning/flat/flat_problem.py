@@ -282,18 +282,20 @@ class FlatProblem:
     ) -> Solved:
         """The solution as one motion, on a mesh whose fractions phases have changed."""
         smaller_spheres = 2 * accuracy * found.sphere_multipliers.sum()  # what they cost
-        unit, times, states = scaling.length, [np.zeros(1)], list[Array]()
+        times, states = [np.zeros(1)], list[Array]()
+        own = found.phases[0].duration if len(given) == 1 else 1.0  # a motion's own unit of time
         for phase, mesh in zip(found.phases, (phase.mesh for phase in given), strict=True):
-            begin, T = times[-1][-1], phase.duration
+            begin, T = times[-1][-1], phase.duration / own
             times.append(begin + T * np.cumsum(mesh))
             knots = phase.knots.reshape(len(phase.knots), -1, 3)
             knots = knots / T ** np.arange(self._derivatives)[:, None]
             states.append(knots[1:] if states else knots)
         knots = np.concatenate(times)
-        units = unit / scaling.time ** np.arange(self._derivatives)
+        time = own * scaling.time
+        units = scaling.length / time ** np.arange(self._derivatives)
         x, *rates = (units[:, None] * np.concatenate(states)).transpose(1, 0, 2)
         curve = PiecewisePolynomial.in_thirds if self._together > 1 else PiecewisePolynomial.hermite
-        position = curve(scaling.time * knots, scaling.origin + x, *rates)
+        position = curve(time * knots, scaling.origin + x, *rates)
         multipliers = np.concatenate([phase.multipliers for phase in found.phases])
         return Solved(
             position,
