@@ -20,11 +20,16 @@ from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.order_of_merit import CrossesSingularity, crosses_singularity
 from deltaopt.planning.journal import Progress
 from deltaopt.planning.mesh.constraint_tightening import first_tightening
-from deltaopt.planning.mesh.error_estimate import refined, split, with_knots_at
+from deltaopt.planning.mesh.error_estimate import (
+    joined_estimate,
+    refined,
+    split,
+    with_knots_at,
+)
 from deltaopt.planning.mesh.gap import iteration_of
 from deltaopt.planning.mesh.mesh_solution import MeshSolution, solve_on_mesh
 from deltaopt.planning.mesh.reversals import with_reversals
-from deltaopt.planning.nlp.phases import FacePhases
+from deltaopt.planning.nlp.phases import FacePhases, joined
 from deltaopt.planning.nlp.problem import Formulated, Guess
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.plan import Iteration
@@ -234,15 +239,16 @@ class Refinement:
             and not self._failures
         ):
             lost = replace(lost, unused=np.zeros_like(lost.unused))
-        together = self.scaling.problem.together
-        mesh = refined(last.mesh, lost, target, together=together)
-        mesh = mesh.reshape(-1, together).sum(axis=1)
+        together, before = self.scaling.problem.together, last.mesh
+        if together > 1:
+            before, lost = joined(before, together), joined_estimate(lost, together)
+        mesh = refined(before, lost, target)
         if len(self.solutions) >= len(self.softer) > 0:  # softer friction needs no such knots
             mesh = with_reversals(mesh, last.trajectory, self.scaling.problem)
-        if together * len(mesh) > last.program.finest:
-            mesh = last.mesh.reshape(-1, together).sum(axis=1)
+        mesh = mesh if together * len(mesh) <= last.program.finest else before
         contacts = last.contacts
-        return split(with_knots_at(mesh, contacts) if len(contacts) else mesh, together)
+        mesh = with_knots_at(mesh, contacts) if len(contacts) else mesh
+        return mesh if together == 1 else split(mesh, together)
 
     def _faces(self, last: MeshSolution) -> FacePhases | None:
         """The phases of the next mesh past faces of bodies; None without."""

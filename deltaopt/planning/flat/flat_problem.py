@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.errors import NotConverged
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.flat.equations import PointEquations
 from deltaopt.planning.flat.interior_point import (
     Boundary,
@@ -37,7 +38,7 @@ from deltaopt.planning.flat.interior_point import (
 )
 from deltaopt.planning.flat.interval_points import THIRDS, Points
 from deltaopt.planning.nlp.cost import Cost, Running
-from deltaopt.planning.nlp.phases import parts
+from deltaopt.planning.nlp.phases import joined, parts
 from deltaopt.planning.nlp.problem import Formulated, Guess, InteriorPoint, Solved
 from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
@@ -98,13 +99,16 @@ class FlatEquations:
     """The equations of the flat problem, compiled, from which problems on meshes are made.
 
     ``by_ipopt``: the same problem for Ipopt, which is tried where the method does not converge;
-    None where acceleration is continuous, which it has no equations for.
+    None where acceleration is continuous, which it has no equations for. ``derivatives``: unknowns
+    of each coordinate at a knot. ``together``: how many intervals are one of the method.
     """
 
     method: CompiledMethod
     transcription: PiecewiseAcceleration
     cost: Cost
     by_ipopt: Formulated | None
+    derivatives: int = 2
+    together: int = 1
 
     def on(self, mesh: Array) -> FlatProblem:
         """The problem on a mesh of interval lengths, (N,), fractions of the duration."""
@@ -125,7 +129,10 @@ def compiled_flat(
     if problem.derivatives == 3:
         points = replace(THIRDS, weights=points.weights) if is_effort else THIRDS
     method = interior_point(problem, points)
-    return None if method is None else FlatEquations(method, transcription, cost, by_ipopt)
+    if method is None:
+        return None
+    together = 3 if problem.derivatives == 3 else 1
+    return FlatEquations(method, transcription, cost, by_ipopt, problem.derivatives, together)
 
 
 _SHARED = np.array(
@@ -162,7 +169,11 @@ class FlatProblem:
     @property
     def points(self) -> Array:
         """Fractions of every interval where the limits are imposed."""
-        return self.equations.transcription.points if self._together == 1 else np.array([0.0, 1.0])
+        return (
+            self.equations.transcription.points
+            if self.equations.together == 1
+            else np.array([0.0, 1.0])
+        )
 
     @property
     def finest(self) -> int:
@@ -172,7 +183,7 @@ class FlatProblem:
     @property
     def takes_phases(self) -> bool:
         """Whether its solver finds motions in phases, with knots where these meet."""
-        return self._together == 1
+        return self.equations.together == 1
 
     def solve(self, guess: Guess, scaling: Scaling, parameters: Array) -> Solved:
         """Find the best motion on this mesh, by the compiled interior-point method.
@@ -218,57 +229,50 @@ class FlatProblem:
             )
         return by_ipopt.on(self.mesh).solve(guess, scaling, parameters)
 
-    @property
-    def _derivatives(self) -> int:
-        return self.equations.method.problem.derivatives
-
-    @property
-    def _together(self) -> int:
-        """How many intervals are one of the interior-point method."""
-        return 3 if self._derivatives == 3 else 1
-
     def _phases(self, guess: Guess, scaling: Scaling, parameters: Array) -> list[Phase]:
         """A guess for the interior-point method, in a phase from each gate to the next.
 
         Each phase has a duration of its own; position and velocity are continuous between them.
         """
-        motion, prices, width = guess.trajectory, guess.multipliers, self._together
-        shares = scaling.shares(self.intervals).reshape(-1, width, scaling.constraints.number)
-        first, last = motion.knots[[0, -1]]
-        instants = np.array([first, *scaling.passes(motion), last]) if scaling.gates else None
-        if instants is None:
-            instants = np.array([0.0, motion.duration])
-            owns, in_phases = [slice(None)], [scaling.parameters(parameters)]
-        else:
-            passed = (instants[1:-1] - first) / motion.duration
-            owns = parts(self.mesh, passed, width)
-            in_phases = scaling.parameters_in_phases(parameters)
-        total, phases = motion.duration / scaling.time, list[Phase]()
-        for own, (begin, end), p in zip(owns, pairwise(instants.tolist()), in_phases, strict=True):
-            T, mesh = end - begin, self.mesh[own].reshape(-1, width).sum(axis=1)
-            if len(owns) > 1:
-                mesh = mesh / mesh.sum()
-            times = begin + T * np.append(0.0, np.cumsum(mesh))
-            of_phase = slice(
-                (own.start or 0) // width, None if own.stop is None else own.stop // width
-            )
-            phases.append(
-                Phase(
-                    mesh,
-                    p,
-                    np.ascontiguousarray(shares[of_phase].min(axis=1)),
-                    scaling.states(motion.position, times, T, self._derivatives),
-                    T / scaling.time,
-                    duration_is_given=self.equations.cost.duration_is_given and len(owns) == 1,
-                    multipliers=None if prices is None else self._known(total, prices[own]),
-                )
-            )
+        motion, cost = guess.trajectory, self.equations.cost
+        mesh, shares, prices = self.mesh, scaling.shares(self.intervals), guess.multipliers
+        total = motion.duration / scaling.time
+        if self.equations.together > 1:
+            mesh = joined(mesh, self.equations.together)
+            shares = shares.reshape(len(mesh), self.equations.together, -1).min(axis=1)
+        known = None if prices is None else self._known(total, prices)
+        if not scaling.gates:
+            states = self._states(motion, scaling, 0.0, motion.duration, mesh)
+            p, share = scaling.parameters(parameters), np.ascontiguousarray(shares)
+            return [Phase(mesh, p, share, states, total, cost.duration_is_given, known)]
+        first, last = motion.knots[[0, -1]].tolist()
+        passes = scaling.passes(motion)
+        instants = [first, *passes.tolist(), last]
+        phases = []
+        for own, (begin, end), p in zip(
+            parts(mesh, (passes - first) / motion.duration),
+            pairwise(instants),
+            scaling.parameters_in_phases(parameters),
+            strict=True,
+        ):
+            T, lengths = end - begin, mesh[own] / mesh[own].sum()
+            states = self._states(motion, scaling, begin, T, lengths)
+            share = np.ascontiguousarray(shares[own])
+            of_own = None if known is None else known[own]
+            phases.append(Phase(lengths, p, share, states, T / scaling.time, multipliers=of_own))
         return phases
+
+    def _states(
+        self, motion: Trajectory, scaling: Scaling, begin: float, T: float, mesh: Array
+    ) -> Array:
+        """Scaled states of a motion at the knots of a phase that begins and lasts so long, s."""
+        times = begin + T * np.concatenate([[0.0], mesh.cumsum()])
+        return scaling.states(motion.position, times, T, self.equations.derivatives)
 
     def _known(self, duration: float, prices: Array) -> Array:
         """Multipliers of a guess for the method, from those of `Solved`: fractions of a running
         cost, which the method itself knows, or in units of the duration."""
-        if self._together == 1:
+        if self.equations.together == 1:
             return prices if self.equations.cost.running else duration * prices
         of_thirds = prices.reshape(-1, 3, 2, prices.shape[2])
         return np.asarray(np.einsum("tep,ntem->npm", _SHARED > 0, of_thirds))
@@ -284,17 +288,21 @@ class FlatProblem:
         smaller_spheres = 2 * accuracy * found.sphere_multipliers.sum()  # what they cost
         times, states = [np.zeros(1)], list[Array]()
         own = found.phases[0].duration if len(given) == 1 else 1.0  # a motion's own unit of time
-        for phase, mesh in zip(found.phases, (phase.mesh for phase in given), strict=True):
-            begin, T = times[-1][-1], phase.duration / own
-            times.append(begin + T * np.cumsum(mesh))
+        for phase, guess in zip(found.phases, given, strict=True):
+            begin, mesh, T = times[-1][-1], guess.mesh, phase.duration / own
+            times.append(begin + T * mesh.cumsum())
             knots = phase.knots.reshape(len(phase.knots), -1, 3)
-            knots = knots / T ** np.arange(self._derivatives)[:, None]
+            knots = knots / T ** np.arange(self.equations.derivatives)[:, None]
             states.append(knots[1:] if states else knots)
         knots = np.concatenate(times)
         time = own * scaling.time
-        units = scaling.length / time ** np.arange(self._derivatives)
+        units = scaling.length / time ** np.arange(self.equations.derivatives)
         x, *rates = (units[:, None] * np.concatenate(states)).transpose(1, 0, 2)
-        curve = PiecewisePolynomial.in_thirds if self._together > 1 else PiecewisePolynomial.hermite
+        curve = (
+            PiecewisePolynomial.in_thirds
+            if self.equations.together > 1
+            else PiecewisePolynomial.hermite
+        )
         position = curve(time * knots, scaling.origin + x, *rates)
         multipliers = np.concatenate([phase.multipliers for phase in found.phases])
         return Solved(
@@ -310,7 +318,7 @@ class FlatProblem:
 
     def _of_intervals(self, multipliers: Array, scaling: Scaling) -> Array:
         """Multipliers at the points of intervals, (N, points, rows), from those of the method."""
-        if self._together == 1:
+        if self.equations.together == 1:
             return multipliers
         jumps = scaling.constraints.orders == 3
         shared = np.einsum("tep,npm->ntem", _SHARED, multipliers)

@@ -25,6 +25,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from deltaopt.planning.nlp.phases import joined
+
 Array = NDArray[np.float64]
 Truths = NDArray[np.bool]
 
@@ -74,6 +76,13 @@ class ErrorEstimate:
     def total(self) -> float:
         """Estimated relative excess of the duration of the motion before it is slowed."""
         return float(self.unused.sum())
+
+
+def joined_estimate(lost: ErrorEstimate, together: int) -> ErrorEstimate:
+    """An estimate of so many intervals after each other as one."""
+    at_bodies = None if lost.at_bodies is None else joined(lost.at_bodies, together)
+    exceeded = lost.exceeded.reshape(-1, together).max(axis=1)
+    return ErrorEstimate(joined(lost.unused, together), exceeded, at_bodies)
 
 
 def error_estimate(
@@ -128,29 +137,21 @@ def split(mesh: Array, pieces: int | NDArray[np.intp]) -> Array:
     return np.repeat(mesh / pieces, pieces)
 
 
-def refined(
-    mesh: Array, lost: ErrorEstimate, target: float, most: int = 6, together: int = 1
-) -> Array:
+def refined(mesh: Array, lost: ErrorEstimate, target: float, most: int = 6) -> Array:
     """Split the intervals of a mesh, (N,), so that the lost time falls to about ``target``.
 
-    Each is split evenly into ``most`` pieces at most; where so many intervals stay ``together``,
-    these as one. In an interval where a torque jumps the loss
+    Each is split evenly into ``most`` pieces at most. In an interval where a torque jumps the loss
     falls with the square of its length, in others faster; beside a sharp edge of a body in
     proportion to it, and the motion may then touch the edge in the next interval. An exceeded limit
     is no reason to split a short interval, for the limit is tightened there.
     """
-    of_one, unused, over = (
-        each.reshape(-1, together) for each in (mesh, lost.unused, lost.exceeded)
-    )
-    mesh = of_one.sum(axis=1)
-    exceeded = np.where(mesh > TIGHTENED, over.max(axis=1), 0.0)
-    share = unused.sum(axis=1) / (target / len(mesh)) + exceeded / target
+    exceeded = np.where(mesh > TIGHTENED, lost.exceeded, 0.0)
+    share = lost.unused / (target / len(mesh)) + exceeded / target
     wanted = np.ceil(np.sqrt(share))
     if lost.at_bodies is not None:
-        at_bodies = lost.at_bodies.reshape(-1, together).sum(axis=1)
-        wanted = np.maximum(wanted, np.ceil(_FOR_BODIES * _of_neighbours(at_bodies) / target))
+        wanted = np.maximum(wanted, np.ceil(_FOR_BODIES * _of_neighbours(lost.at_bodies) / target))
     pieces = np.clip(wanted, 1, np.clip(mesh / _SHORTEST, 1, most)).astype(int)
-    return split(mesh, together * pieces)
+    return split(mesh, pieces)
 
 
 def with_knots_at(mesh: Array, instants: Array) -> Array:

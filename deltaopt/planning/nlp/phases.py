@@ -24,13 +24,16 @@ _GIVES_WAY = 0.3
 badly conditioned, and fewer knots are less exact."""
 
 
-def parts(mesh: Array, passed: Array, together: int = 1) -> list[slice]:
+def joined(each: Array, together: int) -> Array:
+    """The sums of so many numbers after each other, such as of the thirds of intervals."""
+    return np.asarray(each.reshape(-1, together).sum(axis=1))
+
+
+def parts(mesh: Array, passed: Array) -> list[slice]:
     """The intervals of each phase, of a mesh (N,) and of when its via points are passed, (n,), both
-    as fractions of the duration: the knots that are nearest to these, not between intervals that
-    stay ``together``."""
-    knots = np.cumsum(mesh)[together - 1 :: together]
-    nearest = (int(np.abs(knots - fraction).argmin()) + 1 for fraction in passed.tolist())
-    ends = [together * number for number in nearest]
+    as fractions of the duration: the knots that are nearest to these."""
+    knots = np.cumsum(mesh)
+    ends = [int(np.abs(knots - fraction).argmin()) + 1 for fraction in passed.tolist()]
     return [slice(a, b) for a, b in pairwise([0, *ends, len(mesh)])]
 
 
