@@ -69,7 +69,7 @@ from deltaopt.verify.measures import MeasuredMotion
 
 Array = NDArray[np.float64]
 
-_ORDERS = ("position", "velocity", "acceleration or torque")
+_ORDERS = ("position", "velocity", "acceleration or torque", "rate of these")
 _NEVER = "elasticity, play"
 _ROUGH = 0.1
 """Tolerance of a plan that shows that there is a motion: a coarse one keeps all limits too."""

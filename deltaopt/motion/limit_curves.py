@@ -81,15 +81,15 @@ class LimitShares:
 
     @classmethod
     def of(cls, problem: Problem) -> LimitShares:
-        """Of the limits that a motion must keep, without margins that only the planner keeps."""
-        model, limits = problem.model, problem.limits
+        """Of the limits that a motion must keep, without margins that only the planner keeps, and
+        without those of jerk and torque rate: what moves between rows of a table has its own."""
+        model, limits = problem.model, problem.limits.up_to(2)
         function, named = _shares(model.functions, limits.constraints)
         return cls(model, function, np.concatenate([limits.numbers, model.parameters]), named)
 
-    def __call__(self, *motion: Array) -> Array:
-        """The shares, (N, columns), of a motion of the tool's point: position and derivatives up to
-        the highest order of a limit, at least to the acceleration, (N, 3) each."""
-        (values,) = self.function(*motion, parameters=self.parameters)
+    def __call__(self, x: Array, v: Array, a: Array) -> Array:
+        """The shares, (N, columns), of a motion of the tool's point, (N, 3) each."""
+        (values,) = self.function(x, v, a, parameters=self.parameters)
         return values
 
 
@@ -97,7 +97,7 @@ class LimitShares:
 def _shares(
     functions: Functions, constraints: Constraints
 ) -> tuple[RowFunction, tuple[tuple[str, str], ...]]:
-    """(x, v, a[, j], numbers of the limits and p) -> the shares; and what each is of."""
+    """(x, v, a, numbers of the limits and p) -> the shares; and what each is of."""
     motion, symbols = _motion(functions, constraints)
     numbers = constraints.numbers()
     columns, named = [], list[tuple[str, str]]()

@@ -3,12 +3,14 @@ transcription."""
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from deltaopt import Planner, SceneError, load_scene, plan, verify
+from deltaopt.cli import main
 from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.dynamics.lagrange import Multiplier
 from deltaopt.errors import Unusable
@@ -162,3 +164,17 @@ def test_the_least_payload_of_a_range_counts_too():
         same = replace(found.trajectory, model=model)
         assert verify(alone, same).failures() == []
         assert plan(alone).duration <= found.duration * (1 + 1e-3)
+
+
+def test_commands_take_them(tmp_path, capsys):
+    """A table with rows each millisecond asks for less than one of torques that jump, 1.17."""
+    scene, out = PROBLEMS / "limits" / "smooth.yaml", tmp_path / "out"
+    assert main(["check", str(scene)]) == 0
+    assert "torque rate" in capsys.readouterr().out
+    assert main(["plan", str(scene), "--report", "-o", str(out)]) == 0
+    assert "jump of acceleration" in capsys.readouterr().out
+    words = ["--cycle", "1ms", "--controller", "cubic", "--anyway", "-o", str(tmp_path / "t.csv")]
+    assert main(["export", "table", str(out), *words]) == 0
+    asked = re.search(r"asks for ([\d.]+) of", capsys.readouterr().out)
+    assert asked
+    assert float(asked[1]) < 1.01
