@@ -10,8 +10,6 @@ import numpy as np
 from deltaopt.files.validated_record import Vector3
 
 REST = (0.0, 0.0, 0.0)
-_FIXED = (False, False, False)
-_FREE = (True, True, True)
 
 
 @dataclass(frozen=True)
@@ -29,19 +27,9 @@ class Boundary:
     velocity: Vector3 = REST
     acceleration: Vector3 = REST
     belt: Vector3 = REST
-    free: tuple[bool, bool, bool] = _FIXED
+    free: tuple[bool, bool, bool] = (False, False, False)
     is_passed: bool = False
     within: float = 0.0
-
-    @classmethod
-    def met(cls, position: Vector3, belt: Vector3) -> Self:
-        """A point that moves from ``position`` on at the velocity ``belt``, and is met at it."""
-        return cls(position, belt, belt=belt)
-
-    @classmethod
-    def rest_anywhere(cls) -> Self:
-        """Rest, wherever that is."""
-        return cls(REST, free=_FREE)
 
     @classmethod
     def passed(
@@ -58,11 +46,6 @@ class Boundary:
         return self.belt != REST
 
     @property
-    def is_anywhere(self) -> bool:
-        """Whether no coordinate of the place is known."""
-        return all(self.free)
-
-    @property
     def is_rest_at_a_point(self) -> bool:
         """Whether the platform rests there, at a place that is known."""
         known = not (any(self.free) or self.is_passed or self.within)
@@ -71,7 +54,7 @@ class Boundary:
 
     def at(self, duration: float, reached: Vector3) -> Boundary:
         """What is asked of a motion that takes ``duration`` (s) and ends at ``reached`` (m)."""
-        if self.is_anywhere:
+        if all(self.free):
             return Boundary(reached, self.velocity)  # at rest
         if not self.moves:
             return self
