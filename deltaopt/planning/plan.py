@@ -21,7 +21,7 @@ from deltaopt.motion.limit_sensitivity import (
 )
 from deltaopt.motion.lower_bound import lower_bound
 from deltaopt.motion.trajectory import Trajectory, phase_durations
-from deltaopt.planning.journal import Entry
+from deltaopt.planning.journal import Entry, Note
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.scene import Scene
 
@@ -149,7 +149,7 @@ class Plan:
     resolved: bool = False
     optima: tuple[Optimum, ...] = field(default=(), compare=False)
     ways: tuple[TakenWay, ...] = field(default=(), compare=False)
-    journal: tuple[Entry | str, ...] = field(default=(), compare=False)
+    journal: tuple[Entry | Note, ...] = field(default=(), compare=False)
     free_duration: float | None = None
     multipliers: Multipliers | None = field(default=None, compare=False)
 

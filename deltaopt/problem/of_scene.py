@@ -9,7 +9,7 @@ from deltaopt.problem.problem import Objective, Problem
 from deltaopt.robot.model import model_of
 from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.scene import Scene
-from deltaopt.scene.task import REST, EndState, Goal, MovingPoint, Task
+from deltaopt.scene.task import EndState, Goal, MovingPoint, Task
 
 
 @lru_cache(maxsize=256)
@@ -39,7 +39,7 @@ def boundaries_of(task: Task) -> tuple[Boundary, ...]:
 
 def _boundary(goal: Goal) -> Boundary:
     if isinstance(goal, MovingPoint):
-        return Boundary(goal.position, goal.velocity, belt=goal.velocity)
+        return Boundary.met(goal.position, goal.velocity)
     if isinstance(goal, EndState):
         return Boundary(goal.position, goal.velocity, goal.acceleration)
-    return Boundary(REST, free=(True, True, True))
+    return Boundary.rest_anywhere()

@@ -86,3 +86,8 @@ class Problem:
     def of(self, robot: Machine) -> Problem:
         """The problem of another robot of the same size with the same limits."""
         return replace(self, model=model_of(robot, self.model.payload))
+
+    def only(self, kept: tuple[int, ...]) -> Problem:
+        """The problem with some of its items of limits alone, by their indices."""
+        limits = self.limits.only(kept)
+        return self if limits is self.limits else replace(self, limits=limits)

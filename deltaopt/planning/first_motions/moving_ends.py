@@ -65,7 +65,7 @@ def first_moving_motions(scene: Scene, under_way: PiecewisePolynomial | None) ->
     if under_way is not None:
         for motion in _onwards(scene, under_way):
             yield Proposal("the motion under way, and on from its end", motion)
-    stop = _stopping(scene)
+    stop = stopping(scene)
     if stop is not None:
         for motion in _onwards(scene, stop.position):
             yield Proposal("a stop, and on from there", motion)
@@ -73,21 +73,24 @@ def first_moving_motions(scene: Scene, under_way: PiecewisePolynomial | None) ->
         yield Proposal("a run-up to the goal", motion)
 
 
-def _stopping(scene: Scene) -> Trajectory | None:
+def stopping(scene: Scene) -> Trajectory | None:
     """A quintic from the start to rest; None from rest, or if none stays within reach."""
     start = scene.task.start
     if start.velocity == REST:
         return None
-    return shortest_of(scene, _quintics(lambda T: (start, EndState(_at_rest(start, T)))))
+    return _quintic(scene, lambda T: (start, EndState(_stopped(start, T))))
 
 
 def from_state_to_state(scene: Scene) -> Trajectory | None:
     """The shortest quintic that nearly keeps the limits at samples, or the one that exceeds them
     least; None if none stays within reach."""
+    return shortest_to_goal(scene, _quintics_to_goal(scene))
+
+
+def _quintics_to_goal(scene: Scene) -> Family:
     task = scene.task
     assert isinstance(task, MovingEnds)
-    start, goal = task.start, task.goal
-    return shortest_to_goal(scene, _quintics(lambda T: (start, goal.at(T, _at_rest(start, T)))))
+    return _quintics(lambda T: _ends(task.start, task, T))
 
 
 def shortest_to_goal(scene: Scene, family: Family) -> Trajectory | None:
@@ -116,7 +119,7 @@ def _waiting(scene: Scene) -> Iterator[Trajectory]:
     if meetings.is_possible_at(0.0):
         return
     for time in meetings.durations[:_SOONEST].tolist():
-        found = shortest_of(scene, _after_waiting(task.start, task.goal, time))
+        found = shortest_of(scene, _after_waiting(task.start, task.goal, time), _COARSE)
         if found is not None:
             yield found
 
@@ -135,12 +138,19 @@ def _after_waiting(start: EndState, goal: MovingPoint, time: float) -> Family:
     def family(durations: Array) -> tuple[Array, Array]:
         waits = np.maximum(time - durations, _LEAST_WAIT * durations)
         ends = [goal.at(T, goal.position) for T in (waits + durations).tolist()]
-        moving = _coefficients([(start, end) for end in ends], durations)
+        pairs = zip(ends, durations.tolist(), strict=True)
+        moving = np.array([_quintic_between(start, *pair) for pair in pairs])
         still = np.zeros_like(moving)
         still[:, 0] = start.position
         return np.stack([still, moving], axis=1), np.column_stack([waits, durations])
 
     return family
+
+
+def _quintic_between(start: EndState, end: EndState, duration: float) -> Array:
+    """Coefficients of the quintic between two states, (6, 3)."""
+    (found,) = _coefficients(lambda _: (start, end), np.array([duration]))
+    return np.asarray(found)
 
 
 def from_rest(scene: Scene, place: Vector3) -> Scene:
@@ -181,7 +191,7 @@ def _with_run_up(scene: Scene, stop: Trajectory | None) -> Iterator[Trajectory]:
     goal = scene.task.goal
     if not isinstance(goal, EndState) or goal.velocity == REST:
         return
-    run_up = shortest_of(scene, _quintics(lambda T: (EndState(_at_rest(goal, -T)), goal)))
+    run_up = _quintic(scene, lambda T: (EndState(_begun(goal, T)), goal))
     if run_up is None:
         return
     begin = scene.task.start.position if stop is None else end_of(stop.position)
@@ -192,10 +202,20 @@ def _with_run_up(scene: Scene, stop: Trajectory | None) -> Iterator[Trajectory]:
         yield Trajectory(position.then(run_up.position), run_up.model)
 
 
-def _at_rest(state: EndState, duration: float) -> Vector3:
-    """Where a motion through a state comes to rest after a duration (s), or was at rest before it
-    if that is negative, its acceleration symmetric in time, m."""
-    return _place(np.array(state.position) + np.array(state.velocity) * duration / 2)
+def _ends(start: EndState, task: MovingEnds, duration: float) -> tuple[EndState, EndState]:
+    return start, task.goal.at(duration, _stopped(start, duration))
+
+
+def _stopped(start: EndState, duration: float) -> Vector3:
+    """Where a state gets to that comes to rest in a duration (s), its acceleration symmetric in
+    time, m."""
+    return _place(np.array(start.position) + np.array(start.velocity) * duration / 2)
+
+
+def _begun(goal: EndState, duration: float) -> Vector3:
+    """Where a motion begins at rest that passes the goal after a duration (s), its acceleration
+    symmetric in time, m."""
+    return _place(np.array(goal.position) - np.array(goal.velocity) * duration / 2)
 
 
 def _place(coordinates: Array) -> Vector3:
@@ -203,14 +223,15 @@ def _place(coordinates: Array) -> Vector3:
     return x, y, z
 
 
+def _quintic(scene: Scene, states: States) -> Trajectory | None:
+    """The shortest quintic between states that nearly keeps the limits at samples, or the one that
+    exceeds them least; None if none stays within reach."""
+    return shortest_of(scene, _quintics(states))
+
+
 def _quintics(states: States) -> Family:
     """The quintics between states."""
-
-    def family(durations: Array) -> tuple[Array, Array]:
-        ends = [states(T) for T in durations.tolist()]
-        return _coefficients(ends, durations)[:, None], durations[:, None]
-
-    return family
+    return lambda durations: (_coefficients(states, durations)[:, None], durations[:, None])
 
 
 def shortest_of(scene: Scene, family: Family, durations: Array = _COARSE) -> Trajectory | None:
@@ -239,8 +260,9 @@ def _best(scene: Scene, family: Family, durations: Array) -> float | None:
     return float(durations[keeping[0] if len(keeping) else np.nanargmin(highest)])
 
 
-def _coefficients(both: list[tuple[EndState, EndState]], durations: Array) -> Array:
+def _coefficients(states: States, durations: Array) -> Array:
     """Of the quintics between states, without acceleration at both ends, (n, 6, 3)."""
+    both = [states(T) for T in durations.tolist()]
     x0, x1 = (np.array([pair[i].position for pair in both]) for i in (0, 1))
     v0, v1 = (np.array([pair[i].velocity for pair in both]) for i in (0, 1))
     T = durations[:, None]

@@ -199,21 +199,17 @@ def intervals_in_tube(scene: Scene, motion: Trajectory, intervals: int) -> int:
     cubics through a motion's states at the knots stay in the tube of a scene, if with any."""
     rows = limits_of(scene).constraints.slid_along
     for factor in (1, 2, 4):
-        cubics = _cubics(motion, factor * intervals)
-        sizes = sizes_at(problem_of(scene), cubics.coefficients, np.diff(cubics.knots), _TRIED)
+        knots = np.linspace(motion.knots[0], motion.knots[-1], factor * intervals + 1)
+        cubics = PiecewisePolynomial.hermite(knots, *motion.position.with_rate_at(knots))
+        sizes = sizes_at(problem_of(scene), cubics.coefficients, np.diff(knots), _TRIED)
         if sizes[:, :, rows].max() <= 1:
             return factor * intervals
     return _FINEST * intervals
 
 
-def _cubics(motion: Trajectory, intervals: int) -> PiecewisePolynomial:
-    """Cubics through a motion's states at the knots of so many equal intervals."""
-    knots = np.linspace(motion.knots[0], motion.knots[-1], intervals + 1)
-    return PiecewisePolynomial.hermite(knots, *motion.position.with_rate_at(knots))
-
-
 def _stays_in_workspace(motion: Trajectory, intervals: int) -> bool:
-    cubics = _cubics(motion, intervals)
+    knots = np.linspace(motion.knots[0], motion.knots[-1], intervals + 1)
+    cubics = PiecewisePolynomial.hermite(knots, *motion.position.with_rate_at(knots))
     alignments = motion.model.alignments(_points(cubics, _TRIED))
     return bool((alignments > 0).all())  # False where not a number
 
@@ -231,4 +227,9 @@ def crosses_singularity(problem: Problem, motion: Trajectory) -> bool:
 
 def _points(position: PiecewisePolynomial, fractions: Array) -> Array:
     """Positions at fractions of all intervals, (N, 3), m."""
-    return position.inside(*position.everywhere(fractions))
+    coefficients = position.coefficients  # (intervals, powers, 3)
+    since = np.diff(position.knots)[:, None, None] * fractions[:, None]
+    points = np.repeat(coefficients[:, -1:], len(fractions), axis=1)
+    for power in range(coefficients.shape[1] - 2, -1, -1):
+        points = points * since + coefficients[:, power, None]
+    return points.reshape(-1, 3)

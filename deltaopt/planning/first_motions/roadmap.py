@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 from deltaopt.curves.piecewise import QUINTIC, PiecewisePolynomial
 from deltaopt.errors import RULED_OUT, if_possible
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.planning.first_motions.bands import resampled
 from deltaopt.planning.first_motions.initial_motion import roughly_fastest
 from deltaopt.robot.model import model_of
 from deltaopt.scene.feasibility import room_at_rest
@@ -171,10 +170,16 @@ class _Grid:
     def _before(self, cost: Array, place: Index) -> Index:
         """The neighbour from which a point is reached at its cost."""
         steps = [*_STEPS, *((-a, -b, -c) for a, b, c in _STEPS)]
-        (i, j, k), here, grid = place, self.points[place], np.array(self.room.shape)
-        near = [(i + a, j + b, k + c) for a, b, c in steps]
-        inside = [each for each in near if min(each) >= 0 and (np.array(each) < grid).all()]
-        known = [other for other in inside if cost[other] < cost[place]]
+        shape = self.room.shape
+        near = [
+            (place[0] + a, place[1] + b, place[2] + c)
+            for a, b, c in steps
+            if 0 <= place[0] + a < shape[0]
+            and 0 <= place[1] + b < shape[1]
+            and 0 <= place[2] + c < shape[2]
+        ]
+        here = self.points[place]
+        known = [other for other in near if cost[other] < cost[place]]
 
         def through(other: Index) -> float:
             room = min(
@@ -203,7 +208,9 @@ def _shifted(step: Index) -> tuple[tuple[slice, ...], tuple[slice, ...]]:
 
 def _driven(scene: Scene, path: Array) -> Iterator[Trajectory]:
     """Motions along a path, rounded more and less, each as fast as the limits roughly allow."""
-    dense = resampled(path, _SAMPLES)
+    along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1)))
+    share = np.linspace(0, along[-1], _SAMPLES + 1)
+    dense = np.stack([np.interp(share, along, path[:, i]) for i in range(3)], axis=1)
     for width in _ROUNDINGS:
         rounded = _motion(scene, _rounded(dense, width))
         motion = if_possible(RULED_OUT, roughly_fastest, scene, rounded)

@@ -20,8 +20,11 @@ from deltaopt.motion.time_scaling import rough_factor
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.belt import Meetings
 from deltaopt.planning.first_motions.moving_ends import (
+    end_of,
     first_between,
+    from_rest,
     shortest_to_goal,
+    stopping,
 )
 from deltaopt.planning.first_motions.proposal import Proposal
 from deltaopt.problem.of_scene import problem_of
@@ -43,9 +46,9 @@ _DIRECTIONS = np.array([np.zeros(3), *(each / hypot(*each) for each in _CUBE)])
 
 
 def through_gates(scene: Scene) -> Iterator[Proposal]:
-    """First guesses, the best first: splines through all points, and motions from point to point
-    that stop at each. Knots are at the points: places of via points, or those straight above start
-    and goal where an approach ends.
+    """First guesses, the best first: splines through all points, motions from point to point that
+    stop at each, and from a start that moves a stop and what leads on from there. Knots are at the
+    points: places of via points, or those straight above start and goal where an approach ends.
 
     Raises Infeasible for a belt that cannot be met.
     """
@@ -62,6 +65,11 @@ def through_gates(scene: Scene) -> Iterator[Proposal]:
         found = if_possible(RULED_OUT, _stopping_at_each, scene, places)
         if found is not None:
             yield Proposal("a motion that stops at each point", found)
+    stop = stopping(scene) if moving else None
+    if stop is not None:
+        onwards = through_gates(_after(scene, stop))
+        while (later := if_possible(RULED_OUT, next, onwards, None)) is not None:
+            yield Proposal(f"a stop, then {later.name}", _then(stop, later.motion))
 
 
 def _places(scene: Scene) -> Iterator[Array]:
@@ -152,6 +160,12 @@ def _spline(points: Array, lengths: Array, first: Array, last: Array) -> Piecewi
     return PiecewisePolynomial.hermite(np.append(0.0, np.cumsum(lengths)), points, v)
 
 
+def _after(scene: Scene, before: Trajectory) -> Scene:
+    """The scene from rest where a motion ends, when that has ended."""
+    later = from_rest(scene, end_of(before.position))
+    return later.model_copy(update={"goal": _moved(scene.goal, before.duration)})
+
+
 def _moved(goal: End, since: float) -> End:
     """A goal as it is after a time, s: a belt has moved."""
     if not isinstance(goal, Belt):
@@ -166,10 +180,15 @@ def _stopping_at_each(scene: Scene, places: Array) -> Trajectory | None:
     whole: Trajectory | None = None
     for start, goal in ends:
         now = _moved(goal, 0.0 if whole is None else whole.duration)
-        leg = first_between(
-            scene.model_copy(update={"start": start, "goal": now, "via": None, "approach": None})
-        )
+        leg = first_between(scene.model_copy(update={"start": start, "goal": now, **_ALONE}))
         if leg is None:
             return None
-        whole = leg if whole is None else Trajectory(whole.position.then(leg.position), leg.model)
+        whole = leg if whole is None else _then(whole, leg)
     return whole
+
+
+_ALONE = {"via": None, "approach": None}
+
+
+def _then(one: Trajectory, other: Trajectory) -> Trajectory:
+    return Trajectory(one.position.then(other.position), one.model)
