@@ -58,8 +58,12 @@ if TYPE_CHECKING:
     from deltaopt.scene.moving_ends import Anywhere as Anywhere, Belt as Belt, State as State
     from deltaopt.scene.objective import (
         Effort as Effort,
+        SmoothMotion as SmoothMotion,
+        SmoothTorque as SmoothTorque,
         Time as Time,
         TimeAndEffort as TimeAndEffort,
+        TimeAndJerk as TimeAndJerk,
+        TimeAndTorqueRate as TimeAndTorqueRate,
     )
     from deltaopt.scene.path import (
         Corners as Corners,
@@ -112,7 +116,15 @@ _PUBLIC = {
     "deltaopt.robot.model": ("DeltaModel",),
     "deltaopt.robot.robot": ("Robot", "load_robot"),
     "deltaopt.scene.moving_ends": ("Anywhere", "Belt", "State"),
-    "deltaopt.scene.objective": ("Effort", "Time", "TimeAndEffort"),
+    "deltaopt.scene.objective": (
+        "Effort",
+        "SmoothMotion",
+        "SmoothTorque",
+        "Time",
+        "TimeAndEffort",
+        "TimeAndJerk",
+        "TimeAndTorqueRate",
+    ),
     "deltaopt.scene.path": ("Corners", "Curve", "Line", "PickAndPlace"),
     "deltaopt.scene.known_limits": ("Limits",),
     "deltaopt.scene.scene": ("Scene",),

@@ -15,7 +15,7 @@ import deltaopt
 from deltaopt import Effort, PiecewiseAcceleration, Plan, Scene, TimeAndEffort
 from deltaopt.cli.arguments import positive
 from deltaopt.files.progress_bar import ProgressBar
-from deltaopt.motion.effort import effort
+from deltaopt.motion.running_cost import effort
 from deltaopt.planning.nlp.transcription import TRANSCRIPTIONS
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.objective import Objective

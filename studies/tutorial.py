@@ -15,7 +15,7 @@ import numpy as np
 import deltaopt
 from deltaopt.curves.piecewise import Array
 from deltaopt.files.validated_record import per_motor
-from deltaopt.motion.effort import effort
+from deltaopt.motion.running_cost import effort
 from deltaopt.output.joint_table import (
     CUBIC,
     QUINTIC,

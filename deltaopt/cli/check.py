@@ -49,11 +49,13 @@ from deltaopt.files.yaml_file import read_yaml
 from deltaopt.mechanisms.delta.mechanism import DeltaParameters
 from deltaopt.output.in_words import duty_table
 from deltaopt.planning.comparisons import timed_line
+from deltaopt.planning.effort_planning import fastest
 from deltaopt.planning.first_motions.initial_motion import baseline
 from deltaopt.planning.flat.equations import point_equations
 from deltaopt.planning.flat.method_source import source
 from deltaopt.planning.nlp.transcription import LINEAR
 from deltaopt.planning.planner import plan
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.catalogue import Reduction, reductions
 from deltaopt.robot.drive import Drive, Friction
 from deltaopt.robot.model import delta_model
@@ -290,9 +292,10 @@ def _task(task: Task) -> str:
 
 def default_method(scene: Scene) -> str:
     """C source of the method that plans a scene by default."""
-    functions = delta_model(scene.robot, scene.payload).functions
-    equations = point_equations(functions, limits_of(scene).constraints)
-    return source(equations.point_problem, len(LINEAR.points))
+    problem = problem_of(scene)
+    equations = point_equations(problem.model.functions, problem.limits.constraints)
+    cost = fastest(problem)
+    return source(equations.point_problem(cost.rate if cost.running else None), len(LINEAR.points))
 
 
 def limits_table(scene: Scene) -> str:

@@ -25,6 +25,7 @@ from deltaopt.limits.limit import (
     Limit,
     PhasedLimit,
 )
+from deltaopt.limits.running_cost import Running
 
 Integers = NDArray[np.intp]
 Truths = NDArray[np.bool]
@@ -38,11 +39,13 @@ MIXED = -1
 class Constraints:
     """The limits of a scene without their numbers: each item's limit, and how many numbers it has.
 
-    Hashable: scenes that differ in numbers only share what is derived and compiled.
+    Hashable: scenes that differ in numbers only share what is derived and compiled. ``cost``: what
+    the motion is to have a rate of, beside what limits ask for.
     """
 
     items: tuple[tuple[Limit, int], ...]
     motors: int = 3
+    cost: Running = Running.EFFORT
 
     @property
     def limits(self) -> tuple[Limit, ...]:
@@ -106,8 +109,9 @@ class Constraints:
 
     @cached_property
     def order(self) -> int:
-        """2, where acceleration may jump; 3 where its rate is limited, so that it does not."""
-        return max(2, int(self.orders.max(initial=2)))
+        """2, where acceleration may jump; 3 where its rate is limited, or costs, so that it does
+        not."""
+        return max(self.cost.order, int(self.orders.max(initial=2)))
 
     def require_orders(self) -> None:
         """Raise ValueError for a limit whose order is not that of what its rows depend on."""
@@ -246,9 +250,10 @@ class Constraints:
 
     @cached_property
     def has_torque_rates(self) -> bool:
-        """Whether any row depends on the rates of the torques."""
+        """Whether the cost, or any row, depends on the rates of the torques."""
         motion, rows = self._any_rows
-        return bool(ca.depends_on(rows, ca.vertcat(motion.dtau, motion.dtau_per_payload)))
+        in_rows = ca.depends_on(rows, ca.vertcat(motion.dtau, motion.dtau_per_payload))
+        return self.cost is Running.TORQUE_RATE or bool(in_rows)
 
     @cached_property
     def of_place(self) -> Truths:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import pairwise, starmap
 
@@ -12,6 +12,7 @@ import numpy as np
 from deltaopt.curves.piecewise import Array
 from deltaopt.limits.constraints import Constraints
 from deltaopt.limits.limit import ConvexLimit, Described, Limit, Numbers, PhasedLimit
+from deltaopt.limits.running_cost import Running
 
 
 @dataclass(frozen=True)
@@ -46,8 +47,12 @@ class SceneLimits:
             return self
         items = tuple(self.constraints.items[i] for i in kept)
         numbers = [self.of_items[i] for i in kept]
-        constraints = Constraints(items, self.constraints.motors)
+        constraints = replace(self.constraints, items=items)
         return SceneLimits(_shared(constraints), np.concatenate(numbers))
+
+    def with_cost(self, cost: Running) -> SceneLimits:
+        """These for a motion with such a running cost."""
+        return SceneLimits(_shared(replace(self.constraints, cost=cost)), self.numbers)
 
     def up_to(self, order: int) -> SceneLimits:
         """Those of an order at most."""

@@ -17,8 +17,8 @@ import numpy as np
 from deltaopt.curves.piecewise import Array
 from deltaopt.files.atomic_write import atomic_write
 from deltaopt.files.csv_table import write_csv
-from deltaopt.motion.effort import cost
 from deltaopt.motion.limit_sensitivity import as_dicts
+from deltaopt.motion.running_cost import cost
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.facts import Facts, StraightLine
 from deltaopt.planning.plan import TakenWay

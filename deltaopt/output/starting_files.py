@@ -125,7 +125,7 @@ _ABOUT_SCENES = """\
 # Points are [x, y, z] in the base's frame, where x points DOWN, so that a larger x is lower.
 """
 _BESIDE: dict[str, tuple[Any, str]] = {
-    "duration": (None, f"{EXPECTED_DURATION}: of a motion of least effort"),
+    "duration": (None, f"{EXPECTED_DURATION}: of a motion of least effort, jerk or torque rates"),
     "tool": (Robot.model_fields["tool"].annotation, "instead of the robot's"),
 }
 """Types and meanings of the keys of a scene that its record takes apart before it reads them."""

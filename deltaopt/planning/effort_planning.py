@@ -13,6 +13,7 @@ where the duration leaves time for them, on meshes that are fine near the ends a
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,7 +21,8 @@ from numpy.typing import NDArray
 
 from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.errors import ENDS_AN_ATTEMPT, Infeasible, if_possible
-from deltaopt.motion.effort import cost as cost_of
+from deltaopt.limits.running_cost import Running
+from deltaopt.motion.running_cost import cost as cost_of
 from deltaopt.motion.trajectory import Trajectory, goal_of, passes
 from deltaopt.planning.first_motions.initial_motion import waiting_motions
 from deltaopt.planning.nlp.cost import FASTEST, SMOOTHLY_FASTEST, Cost
@@ -29,7 +31,7 @@ from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.nlp.transcription import QUADRATIC
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.problem.problem import Problem
-from deltaopt.scene.objective import Effort, Objective, Time, TimeAndEffort
+from deltaopt.scene.objective import Objective
 from deltaopt.scene.scene import Scene
 
 Array = NDArray[np.float64]
@@ -50,20 +52,29 @@ motions may leave the workspace between the points of the mesh."""
 _LONGEST = 1000.0
 """Most durations of the fastest motion that may be given. In nearly all of a longer one the motion
 rests, which meshes of so many intervals do not resolve."""
+_BENDS = 100.0
+"""Typical mean square of a jerk of the way over the cube of the duration, and of a torque rate of
+the largest torque over the duration."""
 _ROUGHLY = 1e-4
 """Relative tolerance to which first guesses are solved that are compared."""
 
 
 def cost_to_minimise(objective: Objective, scaling: Scaling) -> Cost:
     """The cost of a nonlinear program for an objective, scaled to the order of one."""
-    match objective:
-        case Time():
-            return fastest(scaling.problem)
-        case Effort():
-            largest = float(scaling.torque.max())
-            return Cost(time=0.0, running=1 / largest**2, duration_is_given=True)
-        case TimeAndEffort(time=time, effort=effort):
-            return Cost(time=1.0, running=effort / time)
+    (by_time, by_rate), rate = objective.weights, objective.rate
+    largest, unit = float(scaling.torque.max()), 1.0
+    if rate is Running.JERK:
+        unit = scaling.length**2 / scaling.time**6
+    if not by_rate:
+        return fastest(scaling.problem)
+    if by_time:
+        return Cost(1.0, by_rate / by_time * unit, rate=rate)
+    typical = {
+        Running.EFFORT: largest**2,
+        Running.JERK: _BENDS,
+        Running.TORQUE_RATE: _BENDS * (largest / scaling.time) ** 2,
+    }
+    return Cost(0.0, 1 / typical[rate], duration_is_given=True, rate=rate)
 
 
 def fastest(problem: Problem) -> Cost:
@@ -110,6 +121,12 @@ def led_to_its_ends(problem: Problem, slowed: Trajectory) -> Trajectory:
     return Trajectory(PiecewisePolynomial.hermite(knots, x, v), slowed.model)
 
 
+def least_for_ramps(longer: float) -> int:
+    """The fewest intervals whose thirds are no longer than half of what a motion without jumps of
+    its torques may take ``longer`` than the fastest, a fraction of it: such a ramp is that long."""
+    return int(min(2 / (3 * max(longer, 1e-6)), MOST_INTERVALS))
+
+
 @dataclass(frozen=True)
 class Beginning:
     """A first guess and the first mesh: lengths of the intervals, fractions of the duration."""
@@ -126,7 +143,9 @@ def beginnings(
 
     ``intervals``: of a move before or after a wait.
     """
-    waiting = waiting_motions(scene, scaling.time) if scene.objective.given_duration else []
+    objective, waiting = scene.objective, list[Trajectory]()
+    if objective.given_duration and objective.rate is Running.EFFORT:
+        waiting = waiting_motions(scene, scaling.time)
     if not waiting:
         return [slowed]
     found = list[tuple[float, Beginning]]()
@@ -141,6 +160,15 @@ def beginnings(
             found.append((cost_of(problem_of(scene), motion), replace(begin, guess=motion)))
     found.sort(key=lambda each: each[0])
     return [begin for _, begin in found] or [slowed]
+
+
+def far_and_near(starts: Sequence[Beginning], together: int) -> Iterator[tuple[Beginning, bool]]:
+    """Where to begin, and whether that is near: first far from the limits, then near them on
+    the guess's own mesh, for a motion that is hardly slower than the fastest is at them."""
+    yield from ((start, False) for start in starts)
+    for start in starts:
+        mesh = np.diff(start.guess.knots) / start.guess.duration
+        yield replace(start, mesh=np.repeat(mesh / together, together)), True
 
 
 def _waiting_mesh(motion: Trajectory, intervals: int) -> Array:

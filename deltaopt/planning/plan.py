@@ -12,7 +12,6 @@ from deltaopt.files.tables import html_table
 from deltaopt.later import loaded
 from deltaopt.motion.active_limits import active_limits
 from deltaopt.motion.certificate import Certificate
-from deltaopt.motion.effort import cost as cost_of
 from deltaopt.motion.limit_sensitivity import (
     LimitSensitivity,
     Multipliers,
@@ -20,6 +19,7 @@ from deltaopt.motion.limit_sensitivity import (
     limits_in_words,
 )
 from deltaopt.motion.lower_bound import lower_bound
+from deltaopt.motion.running_cost import cost as cost_of
 from deltaopt.motion.trajectory import Trajectory, phase_durations
 from deltaopt.planning.journal import Entry, Note
 from deltaopt.problem.of_scene import problem_of

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import isinf
@@ -16,6 +16,7 @@ from deltaopt.dynamics.formulation import Projected
 from deltaopt.dynamics.lagrange import Multiplier
 from deltaopt.errors import ENDS_AN_ATTEMPT, DeltaOptError, Infeasible, NotConverged
 from deltaopt.limits.constraints import Constraints
+from deltaopt.limits.running_cost import Running
 from deltaopt.mechanisms.functions import Functions
 from deltaopt.motion.limit_sensitivity import MeshMultipliers
 from deltaopt.motion.time_scaling import safe_factor
@@ -26,7 +27,9 @@ from deltaopt.planning.effort_planning import (
     Beginning,
     beginnings,
     cost_to_minimise,
+    far_and_near,
     fastest,
+    least_for_ramps,
     led_to_its_ends,
     require_possible,
 )
@@ -57,7 +60,7 @@ from deltaopt.planning.refinement import Refinement
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.problem.problem import Problem
 from deltaopt.scene.feasibility import serial_distances_at_ends
-from deltaopt.scene.objective import Effort, Time
+from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene
 from deltaopt.settings import RESOLVED_BELOW
 
@@ -141,7 +144,7 @@ class TrajectoryOptimiser:
         """The plan that meshes lead to from a guess and a first mesh."""
         begin, scene, problem = perf_counter(), attempt.scene, attempt.problem
         moving, in_phases = not problem.is_at_rest, bool(problem.gates)
-        is_fastest = not problem.objective.effort
+        is_fastest = not problem.objective.running
         refinement = Refinement(
             self._program(scaling, cost_to_minimise(scene.objective, scaling)),
             scaling,
@@ -224,22 +227,28 @@ class TrajectoryOptimiser:
 
         Raises Infeasible if a given duration is too short or too long.
         """
-        begin, scene = perf_counter(), attempt.scene
-        fastest = self._before_effort(attempt)
-        shortest, given = fastest.duration, scene.objective.given_duration
+        begin, fastest = perf_counter(), self._before_effort(attempt)
+        shortest = fastest.duration
+        objective = attempt.scene.objective.after(shortest)
+        scene = attempt.scene.model_copy(update={"objective": objective})
+        attempt, given = replace(attempt, scene=scene), objective.given_duration
         if given is not None:
             require_possible(given, shortest, fastest.gap)
-            if given > _LONG_REST * shortest and self._is_compiled:
+            is_effort = objective.rate is Running.EFFORT
+            if given > _LONG_REST * shortest and self._is_compiled and is_effort:
                 return replace(self, solver=Ipopt())._plan_effort(attempt, report)
         guess = fastest.trajectory.slowed((given or shortest) / shortest)
         if not attempt.problem.is_at_rest:
             guess = led_to_its_ends(attempt.problem, guess)
         scaling = _scaling(attempt, guess, given or shortest)
         program = self._program(scaling, cost_to_minimise(scene.objective, scaling))
-        slowed = Beginning(guess, replace(attempt, motion=guess).mesh)
+        intervals = attempt.intervals
+        if objective.order == 3 and given is not None:
+            intervals = max(intervals, least_for_ramps(given / shortest - 1))
+        slowed = Beginning(guess, replace(attempt, motion=guess, intervals=intervals).mesh)
         starts = beginnings(scene, program, scaling, slowed, self.intervals)
         failure: DeltaOptError | None = None
-        for start, near in _far_and_near(starts):
+        for start, near in far_and_near(starts, attempt.problem.together):
             first = Guess(start.guess, near, tolerance=self.accuracy)
             try:
                 found = self._refined(attempt, first, start.mesh, scaling, report)
@@ -249,8 +258,8 @@ class TrajectoryOptimiser:
                 continue
             if given is None and found.duration < scene.least_duration:
                 report(f"once more, in the {scene.least_duration:.6g} s that rotation takes:")
-                objective = Effort(duration=scene.least_duration)
-                longer = scene.model_copy(update={"objective": objective})
+                alone = objective.alone(scene.least_duration)
+                longer = scene.model_copy(update={"objective": alone})
                 found = self._plan_effort(replace(attempt, scene=longer), report)
             return replace(found, scene=scene, solve_seconds=perf_counter() - begin)
         assert failure is not None
@@ -295,17 +304,8 @@ class TrajectoryOptimiser:
         return self.solver or self.problem_formulation.solvers[0]()
 
     def _transcription(self, problem: Problem) -> PiecewiseAcceleration:
-        has_effort = problem.objective.effort > 0
+        has_effort = problem.objective.running > 0
         return self.transcription or (SMOOTH if has_effort and not self._is_compiled else LINEAR)
-
-
-def _far_and_near(starts: Sequence[Beginning]) -> Iterator[tuple[Beginning, bool]]:
-    """Where to begin, and whether that is near: first far from the limits, then near them on
-    the guess's own mesh, for a motion that is hardly slower than the fastest is at them."""
-    yield from ((start, False) for start in starts)
-    for start in starts:
-        mesh = np.diff(start.guess.knots) / start.guess.duration
-        yield replace(start, mesh=mesh), True
 
 
 def _scaling(attempt: Attempt, motion: Trajectory, time: float) -> Scaling:

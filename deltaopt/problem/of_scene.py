@@ -19,12 +19,12 @@ def problem_of(scene: Scene) -> Problem:
     Raises SceneError for a payload that varies where a limit is not known to hold between both ends
     of its range.
     """
-    by_time, by_effort = scene.objective.weights
+    objective = scene.objective
     return Problem(
         model=model_of(scene.robot, scene.payload),
-        limits=limits_of(scene),
+        limits=limits_of(scene).with_cost(objective.rate),
         boundaries=boundaries_of(scene.task),
-        objective=Objective(by_time, by_effort, scene.objective.given_duration),
+        objective=Objective(*objective.weights, objective.rate, objective.given_duration),
         least_duration=scene.least_duration,
     )
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from math import dist
 
+from deltaopt.limits.running_cost import Running
 from deltaopt.limits.scene_limits import SceneLimits
 from deltaopt.problem.boundary import Boundary
 from deltaopt.robot.machine import Machine, Model
@@ -17,17 +18,18 @@ from deltaopt.robot.model import model_of
 
 @dataclass(frozen=True)
 class Objective:
-    """What is least: ``time`` · T + ``effort`` · ∫ τᵀτ dt, the weight ``effort`` in 1/(N²m²), or
-    the effort alone in a given ``duration``, s."""
+    """What is least: ``time`` · T + ``running`` · ∫ r dt, r being the ``rate``, or the integral
+    alone in a given ``duration``, s."""
 
     time: float = 1.0
-    effort: float = 0.0
+    running: float = 0.0
+    rate: Running = Running.EFFORT
     duration: float | None = None
 
     @property
     def unit(self) -> str:
-        """Of the cost: that of the effort where it is least alone, otherwise that of time."""
-        return "s" if self.time else "N²m²s"
+        """Of the cost: that of the integral where it is least alone, otherwise that of time."""
+        return "s" if self.time else self.rate.unit
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +78,7 @@ class Problem:
     def may_be_slowed(self) -> bool:
         """Whether a motion that exceeds a limit may be slowed until it keeps it, at no other cost
         than time."""
-        return self.is_at_rest and not self.objective.effort
+        return self.is_at_rest and not self.objective.running
 
     @property
     def distance(self) -> float:

@@ -1,33 +1,50 @@
-"""Objectives: what a motion is to minimise, time, effort, or a weighted sum.
+"""Objectives: what a motion is to minimise: time, an integral over the motion, or a weighted sum.
 
-In a scene file an objective is a word or a mapping of weights; effort alone needs a duration:
+In a scene file an objective is a word or a mapping of weights; an integral alone needs a duration:
 
     objective: time                           # T, s: the default
     objective: effort                         # ∫ τᵀτ dt, N²m²s
-    duration: 0.3                             # with effort: the given duration, s
+    duration: 0.3                             # with it: the given duration, s,
+    duration: 101 %                           # or a share of that of the fastest motion
     objective: {time: 1.0, effort: 0.002}     # 1.0 T + 0.002 ∫ τᵀτ dt, s
+
+In the place of effort may stand jerk, ∫ ‖d³x/dt³‖² dt of the platform, and torque_rate,
+∫ ‖dτ/dt‖² dt: costs of smooth motions, whose acceleration is continuous.
 """
 
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import Annotated
+from typing import Annotated, ClassVar, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from deltaopt.errors import SceneError
-from deltaopt.files.units import DURATION, EFFORT_WEIGHT, RATIO
+from deltaopt.files.units import (
+    DURATION,
+    EFFORT_WEIGHT,
+    JERK_WEIGHT,
+    RATIO,
+    TORQUE_RATE_WEIGHT,
+    percentage,
+)
 from deltaopt.files.validated_record import Positive, Record
+from deltaopt.limits.running_cost import Running
 
 EXPECTED = (
-    "the word time, the word effort with a duration in s, or weights of both such as "
-    "{time: 1, effort: 0.002}, the latter in 1/(N²m²)"
+    "the word time; one of the words effort, jerk and torque_rate with a duration; or weights of "
+    "time and of one of them such as {time: 1, effort: 0.002}, the latter in 1/(N²m²), s⁶/m² or "
+    "s²/(N²m²)"
 )
-EXPECTED_DURATION = "a duration in s, greater than 0"
+EXPECTED_DURATION = (
+    "a duration in s, greater than 0, or a share of the fastest motion's, 100 % at least"
+)
 
 
 class _Weighted(Record):
-    """An objective that is a weighted sum of the duration and the effort."""
+    """An objective that is a weighted sum of the duration and an integral over the motion."""
+
+    rate: ClassVar[Running] = Running.EFFORT
 
     @property
     def unit(self) -> str:
@@ -42,7 +59,20 @@ class _Weighted(Record):
     @property
     @abstractmethod
     def weights(self) -> tuple[float, float]:
-        """The weights of the duration and of the effort."""
+        """The weights of the duration and of the integral."""
+
+    @property
+    def order(self) -> int:
+        """The highest derivative of position that the objective depends on, 2 at least."""
+        return self.rate.order
+
+    def after(self, fastest: float) -> Objective:
+        """This objective with its duration in s, where the fastest motion takes so long, s."""
+        return self  # type: ignore[return-value]  # all that are made are among them
+
+    def alone(self, duration: float) -> Objective:
+        """The least of its integral over a duration, s."""
+        return next(kind for kind in _IN_TIME.values() if kind.rate is self.rate)(duration=duration)
 
 
 class Time(_Weighted):
@@ -56,14 +86,25 @@ class Time(_Weighted):
         return "least time"
 
 
-class Effort(_Weighted):
-    """Minimise the effort ∫ τᵀτ dt, N²m²s, over a given ``duration`` in s."""
+class _InTime(_Weighted):
+    """Minimise an integral over a motion whose duration is given."""
 
-    duration: Annotated[Positive, DURATION] = Field(description=EXPECTED_DURATION)
+    duration: Annotated[Positive, DURATION] | None = Field(
+        default=None, description=EXPECTED_DURATION
+    )
+    of_fastest: Annotated[Positive, RATIO] | None = Field(
+        default=None, ge=1, description="a share of the fastest motion's duration, 1 at least"
+    )
+
+    @model_validator(mode="after")
+    def _is_given_once(self) -> Self:
+        if (self.duration is None) == (self.of_fastest is None):
+            raise SceneError(None, "duration", self.duration, EXPECTED_DURATION)
+        return self
 
     @property
     def unit(self) -> str:
-        return "N²m²s"
+        return self.rate.unit
 
     @property
     def given_duration(self) -> float | None:
@@ -73,16 +114,50 @@ class Effort(_Weighted):
     def weights(self) -> tuple[float, float]:
         return 0.0, 1.0
 
+    def after(self, fastest: float) -> Objective:
+        return self.alone(self.duration or (self.of_fastest or 1.0) * fastest)
+
     def __str__(self) -> str:
-        return f"least effort ∫ τᵀτ dt in {self.duration:g} s"
+        share, s = self.of_fastest, self.duration
+        given = f"{s:g} s" if share is None else f"{share:.6g} times the least duration"
+        return f"least {self.rate.integral} in {given}"
 
 
-class TimeAndEffort(_Weighted):
-    """Minimise ``time`` · T + ``effort`` · ∫ τᵀτ dt, in s; the weight ``effort`` is in 1/(N²m²)."""
+class Effort(_InTime):
+    """Minimise the effort ∫ τᵀτ dt, N²m²s, over a given ``duration`` in s, or ``of_fastest``, a
+    share of the fastest motion's."""
+
+
+class SmoothMotion(_InTime):
+    """Minimise ∫ ‖d³x/dt³‖² dt of the platform, m²/s⁵, over a given ``duration`` in s, or
+    ``of_fastest``, a share of the fastest motion's."""
+
+    rate = Running.JERK
+
+
+class SmoothTorque(_InTime):
+    """Minimise ∫ ‖dτ/dt‖² dt, N²m²/s, over a given ``duration`` in s, or ``of_fastest``, a share of
+    the fastest motion's."""
+
+    rate = Running.TORQUE_RATE
+
+
+class _WithTime(_Weighted):
+    """Minimise a weighted sum of the duration and an integral over the motion."""
 
     time: Annotated[Positive, RATIO] = Field(
         default=1.0, description="a weight of the duration, greater than 0"
     )
+
+    def __str__(self) -> str:
+        time, weight = self.weights
+        integral = self.rate.integral[self.rate.integral.index("∫") :]
+        return f"least {time:g} T + {weight:g} {self.rate.unit_of_weight} · {integral}"
+
+
+class TimeAndEffort(_WithTime):
+    """Minimise ``time`` · T + ``effort`` · ∫ τᵀτ dt, in s; the weight ``effort`` is in 1/(N²m²)."""
+
     effort: Annotated[Positive, EFFORT_WEIGHT] = Field(
         description="a weight of the effort in 1/(N²m²), greater than 0"
     )
@@ -91,11 +166,47 @@ class TimeAndEffort(_Weighted):
     def weights(self) -> tuple[float, float]:
         return self.time, self.effort
 
-    def __str__(self) -> str:
-        return f"least {self.time:g} T + {self.effort:g}/(N²m²) · ∫ τᵀτ dt"
+
+class TimeAndJerk(_WithTime):
+    """Minimise ``time`` · T + ``jerk`` · ∫ ‖d³x/dt³‖² dt, in s; the weight ``jerk`` is in s⁶/m²."""
+
+    jerk: Annotated[Positive, JERK_WEIGHT] = Field(
+        description="a weight of the squared jerk in s⁶/m², greater than 0"
+    )
+    rate = Running.JERK
+
+    @property
+    def weights(self) -> tuple[float, float]:
+        return self.time, self.jerk
 
 
-Objective = Time | Effort | TimeAndEffort
+class TimeAndTorqueRate(_WithTime):
+    """Minimise ``time`` · T + ``torque_rate`` · ∫ ‖dτ/dt‖² dt, in s; the weight ``torque_rate`` is
+    in s²/(N²m²)."""
+
+    torque_rate: Annotated[Positive, TORQUE_RATE_WEIGHT] = Field(
+        description="a weight of the squared torque rates in s²/(N²m²), greater than 0"
+    )
+    rate = Running.TORQUE_RATE
+
+    @property
+    def weights(self) -> tuple[float, float]:
+        return self.time, self.torque_rate
+
+
+Objective = (
+    Time | Effort | SmoothMotion | SmoothTorque | TimeAndEffort | TimeAndJerk | TimeAndTorqueRate
+)
+_IN_TIME: dict[str, type[Effort | SmoothMotion | SmoothTorque]] = {
+    "effort": Effort,
+    "jerk": SmoothMotion,
+    "torque_rate": SmoothTorque,
+}
+_WITH_TIME: dict[str, type[TimeAndEffort | TimeAndJerk | TimeAndTorqueRate]] = {
+    "effort": TimeAndEffort,
+    "jerk": TimeAndJerk,
+    "torque_rate": TimeAndTorqueRate,
+}
 
 
 def objective_in(content: dict[str, object]) -> dict[str, object]:
@@ -105,23 +216,26 @@ def objective_in(content: dict[str, object]) -> dict[str, object]:
     """
     rest = {key: value for key, value in content.items() if key not in ("objective", "duration")}
     given, duration = content.get("objective", "time"), content.get("duration")
-    word = given if isinstance(given, str) else None  # an array compares by elements
-    if word == "effort":
+    word = given if isinstance(given, str) else ""  # an array compares by elements
+    if word in _IN_TIME:
         if "duration" not in content:
-            needed = f"{EXPECTED_DURATION}, since the objective is effort"
+            needed = f"{EXPECTED_DURATION}, since the objective is {word}"
             raise SceneError(None, "duration", None, needed, "is missing")
+        share = percentage(duration)
         try:
-            return {**rest, "objective": Effort.model_validate({"duration": duration})}
+            of = {"duration": duration} if share is None else {"of_fastest": share}
+            return {**rest, "objective": _IN_TIME[word].model_validate(of)}
         except SceneError as error:  # in the file the key stands beside the objective
-            raise SceneError(None, "duration", error.value, error.expected, error.problem) from None
+            raise SceneError(None, "duration", duration, EXPECTED_DURATION, error.problem) from None
     if "duration" in content:
-        free = "objective: effort beside it, since it is a variable otherwise"
+        free = "objective: effort, jerk or torque_rate beside it, since it is a variable otherwise"
         raise SceneError(None, "duration", duration, free)
     if word == "time":
         return {**rest, "objective": Time()}
     if isinstance(given, dict):
+        kind = next((_WITH_TIME[key] for key in given if key in _WITH_TIME), TimeAndEffort)
         try:
-            return {**rest, "objective": TimeAndEffort.model_validate(given)}
+            return {**rest, "objective": kind.model_validate(given)}
         except SceneError as error:
             raise error.inside(key="objective") from None
     return {**rest, "objective": given}
@@ -129,10 +243,11 @@ def objective_in(content: dict[str, object]) -> dict[str, object]:
 
 def content_of(objective: Objective) -> dict[str, object]:
     """The keys of a scene file for an objective: the inverse of ``objective_in``."""
-    match objective:
-        case Time():
-            return {"objective": "time"}
-        case Effort():
-            return {"objective": "effort", "duration": objective.duration}
-        case TimeAndEffort():
-            return {"objective": objective.model_dump()}
+    if isinstance(objective, Time):
+        return {"objective": "time"}
+    if isinstance(objective, _WithTime):
+        return {"objective": objective.model_dump()}
+    word = next(word for word, kind in _IN_TIME.items() if isinstance(objective, kind))
+    share = objective.of_fastest
+    duration = objective.duration if share is None else f"{100 * share!r} %"
+    return {"objective": word, "duration": duration}

@@ -288,8 +288,9 @@ class Scene(Record):
 
     @property
     def has_rates(self) -> bool:
-        """Whether limits of jerk or torque rate make acceleration continuous."""
-        return any(limit.order == 3 and limit.items(self) for limit in LIMITS)
+        """Whether limits of jerk or torque rate, or their cost, make acceleration continuous."""
+        is_limited = any(limit.order == 3 and limit.items(self) for limit in LIMITS)
+        return is_limited or self.objective.order == 3
 
     @property
     def with_least_payload(self) -> Scene:

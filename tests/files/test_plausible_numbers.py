@@ -145,7 +145,8 @@ def test_every_number_with_a_dimension_takes_a_unit_and_refuses_a_wrong_one(reco
 def test_what_is_beyond_any_robot_is_one_sentence(record, key):
     kind = annotation(record, key)
     if value_of(kind, lambda quantity: quantity.most) in (inf, [inf] * 3):
-        assert record.__name__ in {"Gear", "HalfSpace", "Time", "TimeAndEffort", "Limits"}
+        weights = {"TimeAndEffort", "TimeAndJerk", "TimeAndTorqueRate"}
+        assert record.__name__ in {"Gear", "HalfSpace", "Time", "Limits", *weights}
         return
     told = refused(record, key, value_of(kind, lambda quantity: 1.01 * quantity.most))
     assert "is plausible; expected " in told

@@ -8,7 +8,7 @@ from __future__ import annotations
 import pytest
 
 from deltaopt import Effort, SceneError, load_scene, plan, verify
-from deltaopt.motion.effort import effort
+from deltaopt.motion.running_cost import effort
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.moving_ends import end_in
 from deltaopt.scene.scene import Scene

@@ -8,22 +8,32 @@ from functools import cache, cached_property
 import casadi as ca
 import numpy as np
 import pytest
+from numpy.polynomial import Polynomial
 
 import deltaopt
 from deltaopt import load_scene, plan, verify
 from deltaopt.errors import Infeasible
-from deltaopt.motion.effort import cost, effort
+from deltaopt.limits.running_cost import Running
+from deltaopt.motion.running_cost import cost, effort
 from deltaopt.motion.time_scaling import highest_rows
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.flat.equations import PointEquations
 from deltaopt.planning.nlp.cost import Cost
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.known_limits import limits_of
-from deltaopt.scene.objective import Effort, TimeAndEffort
+from deltaopt.scene.objective import (
+    Effort,
+    SmoothMotion,
+    SmoothTorque,
+    TimeAndEffort,
+    TimeAndJerk,
+    TimeAndTorqueRate,
+)
 from tests.planning.switching.test_exact_answers import Line, UnitMass, solved_on
 
 EFFORT = Cost(time=0.0, running=1.0, duration_is_given=True)
 PICK = load_scene("problems/pick_and_place.yaml")
+CROSS = load_scene("problems/industrial_cross.yaml")
 LIGHT = load_scene("problems/light_and_fast.yaml")
 GENTLY = load_scene("problems/objectives/pick_and_place_gently.yaml")
 MILD = load_scene("problems/objectives/industrial_cross_mild.yaml")
@@ -60,7 +70,7 @@ class Push(Line):
     @cached_property
     def equations(self) -> PointEquations:
         e, force = super().equations, self.u
-        return replace(e, rate=ca.sumsqr(force * e.y[9:12]))
+        return replace(e, rates={Running.EFFORT: ca.sumsqr(force * e.y[9:12])})
 
     @property
     def guess(self) -> Trajectory:
@@ -210,3 +220,80 @@ def test_starts_are_compared_by_cost():
     found = plan(GENTLY, tolerance=1e-2, starts=2)
     assert sum(o.starts for o in found.optima) == 2
     assert found.cost == found.optima[0].cost
+
+
+def smooth(objective, scene=PICK):
+    scene = scene.model_copy(update={"objective": objective})
+    found = planned(scene)
+    report = verify(scene, found.trajectory)
+    assert report.ok, report.failures()
+    return found
+
+
+@pytest.mark.parametrize("scene", [PICK, CROSS], ids=["orsino", "industrial"])
+def test_least_jerk_in_a_long_time_is_a_quintic(scene):
+    """On the straight line, whatever the robot is: ∫ ‖jerk‖² dt is 720 d² / T⁵."""
+    start, goal, T = np.array(scene.start), np.array(scene.goal), 0.8
+    found = smooth(SmoothMotion(duration=T), scene)
+    d = float(np.linalg.norm(goal - start))
+    assert found.cost == pytest.approx(720 * d**2 / T**5, rel=1e-3)
+    s = np.linspace(0, 1, 50)
+    line = start + (s**3 * (10 - 15 * s + 6 * s**2))[:, None] * (goal - start)
+    np.testing.assert_allclose(found.trajectory(T * s).x, line, atol=1e-3 * d)
+
+
+def test_time_and_jerk_without_limits_that_count():
+    """T + w 720 d² / T⁵ is least at T⁶ = 3600 w d²."""
+    d, w = float(np.linalg.norm(np.subtract(PICK.goal, PICK.start))), 1e-4
+    found = smooth(TimeAndJerk(jerk=w))
+    assert found.duration == pytest.approx((3600 * w * d**2) ** (1 / 6), rel=1e-3)
+    assert found.cost == pytest.approx(1.2 * found.duration, rel=1e-3)  # w 720 d² / T⁵ is T / 5
+
+
+def torque_rates_squared(motion, bumps=()):
+    """∫ ‖dτ/dt‖² dt of a motion that polynomials are added to, one for each coordinate, by
+    differences of torques, N²m²/s."""
+    t = np.linspace(0, motion.duration, 20_001)
+    at = motion(t)
+    x, v, a = at.x.copy(), at.v.copy(), at.a.copy()
+    for i, bump in enumerate(bumps):
+        for order, own in enumerate((x, v, a)):
+            own[:, i] += (bump if order == 0 else bump.deriv(order))(t)
+    torques = motion.model.inverse_dynamics(x, v, a)
+    return float((np.diff(torques, axis=0) ** 2).sum() / (t[1] - t[0]))
+
+
+def test_least_torque_rates_are_least():
+    """Motions beside it that begin and end as smoothly ask for more."""
+    found = smooth(SmoothTorque(duration=0.4))
+    motion, rng = found.trajectory, np.random.default_rng(5)
+    least = torque_rates_squared(motion)
+    assert found.cost == pytest.approx(least, rel=1e-3)
+    ends = Polynomial.fromroots([0, 0, 0, 0.4, 0.4, 0.4]) / 0.2**6
+    for _ in range(12):
+        along = [Polynomial(rng.uniform(-2e-3, 2e-3, 3)) for _ in range(3)]
+        bumps = [ends * each(Polynomial([-1, 5])) for each in along]
+        more = torque_rates_squared(motion, bumps) - least
+        less = torque_rates_squared(motion, [-bump for bump in bumps]) - least
+        assert more > 0
+        assert less > 0
+        assert abs(more - less) < 0.5 * (more + less)  # mostly of second order
+
+
+@pytest.mark.parametrize(
+    "objective", [SmoothMotion(of_fastest=1.01), SmoothTorque(of_fastest=1.01)]
+)
+def test_one_percent_more_time(objective):
+    """A tenth of the jumps and less: torques turn back no faster than ramps of a millisecond."""
+    found, fastest = smooth(objective), planned(PICK)
+    assert found.duration == pytest.approx(1.01 * fastest.duration, rel=1e-3)
+    assert found.trajectory.acceleration_jump < 1e-6 * fastest.trajectory.acceleration_jump
+
+
+def test_a_smooth_motion_through_a_point_past_a_wall():
+    wall = [{"box": {"from": (0.8, -0.01, -1.0), "to": (2.0, 0.01, 1.0)}}]
+    via, tool = [(0.77, 0.0, 0.02)], {"radius": 0.01}
+    scene = CROSS.model_dump() | {"via": via, "keep_out": wall, "tool": tool}
+    for objective in (SmoothTorque(of_fastest=1.1), TimeAndTorqueRate(torque_rate=1e-9)):
+        found = smooth(objective, deltaopt.Scene.model_validate(scene))
+        assert found.trajectory.acceleration_jump < 1e-6

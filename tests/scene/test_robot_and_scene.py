@@ -17,7 +17,15 @@ from pydantic import ValidationError
 from deltaopt.errors import SceneError
 from deltaopt.robot.robot import Robot, load_robot
 from deltaopt.scene.known_limits import Limits, limits_of
-from deltaopt.scene.objective import Effort, Time, TimeAndEffort
+from deltaopt.scene.objective import (
+    Effort,
+    SmoothMotion,
+    SmoothTorque,
+    Time,
+    TimeAndEffort,
+    TimeAndJerk,
+    TimeAndTorqueRate,
+)
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.scene_file import load_scene
 
@@ -153,7 +161,14 @@ def test_every_shipped_scene_loads(file: Path) -> None:
     ("written", "meant"),
     [
         ({"objective": "effort", "duration": 0.3}, Effort(duration=0.3)),
+        ({"objective": "jerk", "duration": "101 %"}, SmoothMotion(of_fastest=1.01)),
+        ({"objective": "torque_rate", "duration": "300 ms"}, SmoothTorque(duration=0.3)),
         ({"objective": WEIGHTED}, TimeAndEffort(time=1.0, effort=0.002)),
+        ({"objective": {"jerk": 1e-9}}, TimeAndJerk(jerk=1e-9)),
+        (
+            {"objective": {"time": 2, "torque_rate": "1e-8 s^2/(N^2*m^2)"}},
+            TimeAndTorqueRate(time=2.0, torque_rate=1e-8),
+        ),
     ],
 )
 def test_objectives_are_values_and_words_only_in_files(tmp_path: Path, written, meant) -> None:
@@ -168,10 +183,13 @@ def test_objectives_are_values_and_words_only_in_files(tmp_path: Path, written, 
 def test_effort_needs_a_duration(tmp_path: Path) -> None:
     error = error_of(write(tmp_path, scene=changed(SCENE, "objective", "effort")))
     assert (error.key, error.value, error.problem) == ("duration", None, "is missing")
-    assert error.expected == "a duration in s, greater than 0, since the objective is effort"
+    assert error.expected == (
+        "a duration in s, greater than 0, or a share of the fastest motion's, 100 % at least, "
+        "since the objective is effort"
+    )
 
 
-@pytest.mark.parametrize("duration", [0.0, -0.3, "0.3 m", "-0.3 s", [0.3]])
+@pytest.mark.parametrize("duration", [0.0, -0.3, "0.3 m", "-0.3 s", [0.3], "99 %"])
 def test_a_bad_duration(tmp_path: Path, duration) -> None:
     scene = SCENE | {"objective": "effort", "duration": duration}
     error = error_of(write(tmp_path, scene=scene))
@@ -280,7 +298,7 @@ BAD_IN_SCENE = [
     ("limits.speed", 0.0, "rad/s, greater than 0, or three"),
     ("objective", "energy", "the word time"),
     ("objective", ["time", "effort"], "the word time"),
-    ("duration", 0.3, "objective: effort beside it"),
+    ("duration", 0.3, "objective: effort, jerk or torque_rate beside it"),
     ("objective.effort", 0.0, "a weight of the effort in 1/(N²m²), greater than 0"),
     ("objective.time", "1 s", "a weight of the duration, greater than 0"),
 ]

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import deltaopt
-from deltaopt.motion.effort import effort
+from deltaopt.motion.running_cost import effort
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.in_words import duty_table, table
 from deltaopt.planning.first_motions.initial_motion import baseline

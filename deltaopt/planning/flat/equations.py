@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.limits.constraints import Constraints
+from deltaopt.limits.running_cost import Running
 from deltaopt.mechanisms.functions import Functions
 from deltaopt.mechanisms.instant import PlatformInstant
 from deltaopt.planning.flat.point_problem import PointProblem, Sides
@@ -28,9 +30,9 @@ class PointEquations:
     A; with limits of torque rates 3 more, in units of the torques' limits over the duration, after
     the torques. ``force``: eq. (39) in units of the largest torque over an arm's length, 3, zero
     where the torques produce the motion; with limits of torque rates also its derivative by time.
-    ``rows``: normalised rows
-    of the limits. ``rate``: of the effort, τᵀτ, N²m². ``saturating``, ``strengths``: of Coulomb
-    friction, as of `PointProblem`: θ̇ / w and c in units of the torque limits.
+    ``rows``: normalised rows of the limits. ``rates``: of running costs, in units of `Cost`.
+    ``saturating``, ``strengths``: of Coulomb friction, as of `PointProblem`: θ̇ / w and c in units
+    of the torque limits.
     """
 
     constraints: Constraints
@@ -38,7 +40,7 @@ class PointEquations:
     parameters: Parameters
     force: ca.SX
     rows: ca.SX
-    rate: ca.SX
+    rates: Mapping[Running, ca.SX]
     saturating: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
     strengths: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
 
@@ -66,6 +68,11 @@ class PointEquations:
         force = motion.force
         if has_rates:
             force = ca.vertcat(force, T * motion.force_rate)
+        rates = {Running.EFFORT: ca.sumsqr(tau)}
+        if order == 3:
+            rates[Running.JERK] = ca.sumsqr(y[9:12] / y[-1] ** 3)
+        if has_rates:
+            rates[Running.TORQUE_RATE] = ca.sumsqr(p.torque * y[-4:-1] / T)
         saturating, strengths = ca.SX(0, 1), ca.SX(0, 1)
         for speed, strength in functions.layers(p.mechanism):
             saturating = ca.vertcat(saturating, motion.dtheta / speed)
@@ -76,17 +83,15 @@ class PointEquations:
             parameters=parameters,
             force=force * functions.lever(p.mechanism) / ca.mmax(p.torque),
             rows=rows,
-            rate=ca.sumsqr(tau),
+            rates=rates,
             saturating=saturating,
             strengths=strengths,
         )
 
-    @cached_property
-    def point_problem(self) -> PointProblem:
+    def point_problem(self, rate: Running | None) -> PointProblem:
         """These equations for the interior-point method, which eliminates the torques, and their
-        rates. With limits of order 3 the running cost is the squared jerk."""
+        rates; ``rate``: of the running cost, if there is one."""
         order, end = self.constraints.order, 3 * (self.constraints.order + 1)
-        jerk = self.y[9:12] / self.y[-1] ** 3 if order == 3 else ca.SX(0, 1)
         sides = [Sides((upper, lower)) for lower, upper in self.constraints.closed_sides.tolist()]
         return PointProblem(
             coordinates=3,
@@ -98,15 +103,10 @@ class PointEquations:
             rows=self.rows,
             sides=tuple(sides),
             straight=3 * self.constraints.has_torque_rates,
-            running=ca.sumsqr(jerk) if order == 3 else ca.SX(0, 1),
+            running=ca.SX(0, 1) if rate is None else self.rates[rate],
             saturating=self.saturating,
             strengths=self.strengths,
         )
-
-    @cached_property
-    def point_problem_of_effort(self) -> PointProblem:
-        """``point_problem`` with the rate of the effort as its running cost."""
-        return replace(self.point_problem, running=self.rate)
 
 
 @lru_cache(maxsize=16)

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.errors import NotConverged
+from deltaopt.limits.running_cost import Running
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.flat.equations import PointEquations
 from deltaopt.planning.flat.interior_point import (
@@ -37,7 +38,7 @@ from deltaopt.planning.flat.interior_point import (
     interior_point,
 )
 from deltaopt.planning.flat.interval_points import THIRDS, Points
-from deltaopt.planning.nlp.cost import Cost, Running
+from deltaopt.planning.nlp.cost import Cost
 from deltaopt.planning.nlp.phases import joined, parts
 from deltaopt.planning.nlp.problem import Formulated, Guess, InteriorPoint, Solved
 from deltaopt.planning.nlp.scaling import Scaling
@@ -122,12 +123,11 @@ def compiled_flat(
     by_ipopt: Formulated | None,
 ) -> FlatEquations | None:
     """The equations with the interior-point method compiled for them; None where it cannot be."""
-    e = equations
-    is_effort = cost.running and cost.rate is Running.EFFORT
-    problem = e.point_problem_of_effort if is_effort else e.point_problem
+    problem = equations.point_problem(cost.rate if cost.running else None)
     points = Points.of(transcription.points.tolist())
     if problem.derivatives == 3:
-        points = replace(THIRDS, weights=points.weights) if is_effort else THIRDS
+        is_smooth = cost.rate is Running.EFFORT  # what is integrated is no jump between thirds
+        points = replace(THIRDS, weights=points.weights) if is_smooth else THIRDS
     method = interior_point(problem, points)
     if method is None:
         return None
@@ -222,8 +222,8 @@ class FlatProblem:
         by_ipopt = self.equations.by_ipopt
         if scaling.gates or by_ipopt is None:
             raise NotConverged(
-                "motions in phases, or with limits of jerk or torque rate, are planned by the "
-                "interior-point method alone, which does not converge here",
+                "motions in phases, or with limits or costs of jerk or torque rate, are planned by "
+                "the interior-point method alone, which does not converge here",
                 "No_Progress",
                 guess.trajectory,
             )

@@ -58,8 +58,8 @@ class Collocated(ABC):
         """
         if constraints.order == 3:
             raise Unusable(
-                "limits of jerk or torque rate are planned by deltaopt's own method alone: in the "
-                "flat formulation, with a C compiler"
+                "limits and costs of jerk or torque rate are planned by deltaopt's own method "
+                "alone: in the flat formulation, with a C compiler"
             )
         derive = partial(_equations, self, functions, constraints)
         return DeltaEquations(derive, transcription, cost)

@@ -1,11 +1,11 @@
 """What a mesh costs a running cost: how far the best torques bend away from its polynomials.
 
-With effort in the cost the best acceleration is smooth, but for kinks where a limit becomes active.
-An interval holds a polynomial of a degree d, and the best fit to a smooth function misses it by the
-term of degree d + 1. How large that is, the d-th derivatives of neighbouring intervals tell:
-between their middles they differ by the next derivative times the distance. The effort being
-quadratic in the torques, and least on the mesh, it is higher by the square of the torques that were
-missed.
+With effort in the cost the best acceleration is smooth, but for kinks where a limit becomes active,
+and with torque rates or jerk the best jerk. Of it an interval holds a polynomial of a degree d, and
+the best fit to a smooth function misses it by the term of degree d + 1. How large that is, the d-th
+derivatives of neighbouring intervals tell: between their middles they differ by the next derivative
+times the distance. The cost being quadratic in the torques, their rates or the jerk, and least on
+the mesh, it is higher by the square of what was missed.
 """
 
 from __future__ import annotations
@@ -15,17 +15,18 @@ from math import factorial, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
+from deltaopt.limits.running_cost import Running
 from deltaopt.motion.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
 
-def missed_effort(trajectory: Trajectory) -> Array:
-    """The estimated excess of the effort over that of the best motion, in each interval, (N,),
-    N²m²s."""
+def missed_cost(trajectory: Trajectory, rate: Running) -> Array:
+    """The estimated excess of the integral of a rate over that of the best motion, in each
+    interval, (N,), in the rate's unit."""
     position, lengths = trajectory.position, np.diff(trajectory.knots)
-    degree = position.coefficients.shape[1] - 3  # of the acceleration
-    highest = factorial(degree + 2) * position.coefficients[:, -1]  # its d-th derivative, (N, 3)
+    degree = position.coefficients.shape[1] - 1 - rate.order
+    highest = factorial(degree + rate.order) * position.coefficients[:, -1]  # derivative, (N, 3)
     next_derivative = (
         np.abs(np.diff(highest, axis=0)) / (0.5 * (lengths[1:] + lengths[:-1]))[:, None]
     )
@@ -33,10 +34,12 @@ def missed_effort(trajectory: Trajectory) -> Array:
     largest = np.maximum(beside[1:], beside[:-1])
     n = degree + 1
     missed = largest * lengths[:, None] ** n * (factorial(n) / factorial(2 * n) / sqrt(2 * n + 1))
+    if rate is Running.JERK:
+        return np.asarray((missed**2).sum(axis=1) * lengths)
     middle = trajectory.inside_intervals(np.array([0.5]))
     torques = trajectory.model.inverse_dynamics
     squares = np.zeros(len(lengths))
-    for k in range(3):  # linear in the acceleration
+    for k in range(3):  # linear in the acceleration, and so their rates in the jerk
         more = middle.a.copy()
         more[:, k] += missed[:, k]
         squares += ((torques(middle.x, middle.v, more) - middle.tau) ** 2).sum(axis=1)

@@ -50,7 +50,7 @@ def iteration_of(solutions: list[MeshSolution]) -> Iteration:
         safe_duration=last.safe_duration,
         gap=last.exceeding + correction * SAFETY_FACTOR * to_be_gained,
         spent=last.solution.spent,
-        cost=last.cost if last.problem.objective.effort else None,
+        cost=last.cost if last.problem.objective.running else None,
         unit=last.problem.objective.unit,
     )
 

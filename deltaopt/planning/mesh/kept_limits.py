@@ -25,6 +25,9 @@ allows."""
 _SOLVER_SHARE, _FINEST = 1e-2, 1e-8
 """Relative tolerance to which these solves meet rows, as a share of the plan's, and the smallest. A
 finer one takes more iterations, a coarser one costs more margin."""
+_DEAR = 10.0
+"""What tightening limits costs, as a fraction of the cost per share of them, above which they are
+met to a smaller share: of motions that are hardly slower than the fastest."""
 _OPTIMAL_SHARE = 1 / 3
 """Relative tolerance to which they find the least duration, as a share of the plan's: that of the
 mesh before, whose gap tells that of these too. Along a valley that is nearly flat a smaller one is
@@ -47,7 +50,8 @@ def kept(program: Formulated, solution: MeshSolution, tolerance: float) -> MeshS
     ``program``: whose solution on a mesh it is. ``tolerance``: gap that the plan asks for. Raises
     NotConverged where tightening does not lead to such a motion.
     """
-    last, accuracy = solution, max(_SOLVER_SHARE * tolerance, _FINEST)
+    dear = max(1.0, solution.price_of_limits / _DEAR)
+    last, accuracy = solution, max(_SOLVER_SHARE * tolerance / dear, _FINEST)
     for attempt in range(1, _MOST + 1):
         excess = _sampled_excess(last)
         if excess.max() <= KEPT:

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from deltaopt.limits.constraints import Constraints
 from deltaopt.motion.approach_excess import approach_rows
-from deltaopt.motion.effort import cost as cost_of
 from deltaopt.motion.extrema import sample_fractions
 from deltaopt.motion.loads import Loads, NeededSlowing, loads_inside
+from deltaopt.motion.running_cost import cost as cost_of
 from deltaopt.motion.sure_bounds import sure_excess
 from deltaopt.motion.time_scaling import needed_slowing
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.planning.mesh.bends import missed_effort
+from deltaopt.planning.mesh.bends import missed_cost
 from deltaopt.planning.mesh.constraint_tightening import (
     Bulge,
     Overshoot,
@@ -75,7 +75,7 @@ def solve_on_mesh(
     found = MeshSolution(
         program, solution, trajectory, loads, lost, unused, needed, scaling, problem, has_arrived
     )
-    if problem.objective.effort:
+    if problem.objective.running:
         found = found.with_cost_of_bends()
     if scaling.constraints.slid_along.any():
         found = found.with_price_of_sliding()
@@ -178,7 +178,7 @@ class MeshSolution:
     def price_of_limits(self) -> float:
         """What tightening all limits costs at most, as a fraction of the cost per share of them: of
         a duration no more than that share."""
-        if not self.problem.objective.effort:
+        if not self.problem.objective.running:
             return 1.0
         rows = time_costing_rows(self.scaling.constraints)
         return max(1.0, float(np.abs(self.solution.multipliers[:, :, rows]).sum()))
@@ -186,8 +186,9 @@ class MeshSolution:
     def with_cost_of_bends(self) -> MeshSolution:
         """This solution with what it costs that polynomials do not bend as the best torques do, and
         with what limits that are exceeded cost by their price."""
-        weight = self.problem.objective.effort / self.cost
-        found = self._with_unused(weight * missed_effort(self.trajectory))
+        objective = self.problem.objective
+        missed = missed_cost(self.trajectory, objective.rate)
+        found = self._with_unused(objective.running / self.cost * missed)
         lost = replace(found.lost, exceeded=self.price_of_limits * found.lost.exceeded)
         return replace(found, lost=lost)
 

@@ -3,23 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum, auto
 
-
-class Running(Enum):
-    """What the rate r of a running cost is."""
-
-    EFFORT = auto()
-    """τᵀτ, N²m²."""
-    JERK = auto()
-    """The squared jerk of the platform, in units of the scene."""
+from deltaopt.limits.running_cost import Running
 
 
 @dataclass(frozen=True)
 class Cost:
     """The cost time · T + running · ∫ r dt, with T and t in the scene's unit of time.
 
-    ``time``, ``running``: the weights; r is the ``rate`` of the running cost.
+    ``time``, ``running``: the weights; r is the ``rate`` of the running cost, of a jerk in units of
+    the scene.
     ``duration_is_given``: whether the duration is no variable; it is the unit of time then, T = 1.
     """
 

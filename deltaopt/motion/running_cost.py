@@ -1,0 +1,65 @@
+"""Integrals over a motion, and the value of a scene's objective."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from deltaopt.curves.nodes import gauss
+from deltaopt.curves.piecewise import Array
+from deltaopt.limits.running_cost import Running
+from deltaopt.motion.extrema import enough
+from deltaopt.motion.trajectory import Trajectory
+from deltaopt.problem.problem import Problem
+from deltaopt.robot.machine import Model
+
+_FEWEST = 8
+"""Fewest points of Gauss's rule in an interval. Torques are smooth inside an interval, so that few
+points integrate them to rounding unless intervals are long."""
+_STEP = 1e-5
+"""Of the duration: of the differences by which torques are differentiated. What they miss is its
+square, about as much as what is rounded off."""
+
+
+def running_cost(problem: Problem, trajectory: Trajectory, rate: Running) -> float:
+    """The integral of a rate over a motion, in the rate's unit, with the torques of the problem's
+    model.
+
+    Raises Unreachable where the motion leaves the workspace.
+    """
+    points = enough(len(trajectory.knots) - 1, _FEWEST)
+    nodes, weights = gauss(points)
+    x, v, a, j = trajectory.path_inside(nodes, highest=3)
+    match rate:
+        case Running.EFFORT:
+            of = problem.model.inverse_dynamics(x, v, a)
+        case Running.JERK:
+            of = j
+        case Running.TORQUE_RATE:
+            of = torque_rates(problem.model, (x, v, a, j), _STEP * trajectory.duration)
+    squares = (of**2).sum(axis=1).reshape(-1, points)
+    return float(np.diff(trajectory.knots) @ (squares @ weights))
+
+
+def torque_rates(model: Model, motion: tuple[Array, Array, Array, Array], step: float) -> Array:
+    """dτ/dt, (N, 3), N·m/s, by differences over a ``step`` (s) of smooth motions with this
+    position, velocity, acceleration and jerk, (N, 3) each."""
+    x, v, a, j = motion
+    after, before = (
+        model.inverse_dynamics(x + h * (v + h / 2 * a), v + h * (a + h / 2 * j), a + h * j)
+        for h in (step, -step)
+    )
+    return np.asarray((after - before) / (2 * step))
+
+
+def effort(problem: Problem, trajectory: Trajectory) -> float:
+    """The effort ∫ τᵀτ dt of a motion, N²m²s."""
+    return running_cost(problem, trajectory, Running.EFFORT)
+
+
+def cost(problem: Problem, trajectory: Trajectory) -> float:
+    """The value of a problem's objective for a motion, in the objective's unit."""
+    least = problem.objective
+    total = least.time * trajectory.duration
+    if not least.running:
+        return total
+    return total + least.running * running_cost(problem, trajectory, least.rate)
