@@ -31,6 +31,7 @@ SAYS = {
     "mutations": "test_jumping_velocity",
     "objectives": "least effort ∫ τᵀτ dt in",
     "smooth": "with torques that jump",
+    "smoother": "cost of torque rates",
     "processors": "| OpenBLAS for Haswell |",
     "proportions": "2 have a plan that is verified",
     "reference": "| `peak_torque` | a torque in N·m, greater than 0 | required | `3.82 N*m` |",
