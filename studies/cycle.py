@@ -6,7 +6,8 @@ until they keep the limits, and timed optimally. The free path does not clear th
 where the motors are fastest.
 
 Then the same over a wall, 25 mm high and 260 mm thick, which all of them clear: the rounded path is
-the lowest that does, its corners as wide as they can be; the free path is planned past the wall.
+the lowest that does, its corners as wide as they can be; the free path is planned past the wall,
+and once more with motors that take 8 ms at least from no torque to their peak: the smooth one.
 """
 
 from __future__ import annotations
@@ -24,17 +25,20 @@ from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.path import Path
 from deltaopt.scene.task import OnPath
 from studies.problems import INDUSTRIAL, PROBLEMS
+from studies.smooth import limited
 
 HELP = "the 25-305-25 mm cycle: trapezoid, S-curve, timed optimally, free"
 SMALL = {"robots": (INDUSTRIAL,)}
 _DEPTHS = {"orsino": 0.45, "industrial_drive": 0.97}
 _USUAL_DEPTH = 0.85
 """m, of start and goal below the base: in the middle of the workspace, with the tool if any."""
+_RAMP = 8.0
+"""ms, from no torque to the peak, of smooth plans."""
 _SAMPLES = 20_001
 _SHAPES = ("trapezoid", "S-curve")
 _OVER_WALL = """\
-| robot | trapezoid | S-curve | timed optimally | free path | less than first | than third | gap |
-|---|---|---|---|---|---|---|---|"""
+| robot | trapezoid | S-curve | timed | free path | smooth | than first | than third | gap |
+|---|---|---|---|---|---|---|---|---|"""
 """Heads of the columns of the second table."""
 
 
@@ -52,15 +56,19 @@ def over_wall(robot: deltaopt.Robot, depth: float) -> deltaopt.Scene:
 
 
 def wall_row(name: str, scene: deltaopt.Scene) -> str:
-    """A row of the table of durations over the wall, for the robot of a name."""
+    """A row of the table of durations over the wall, for the robot of a name. By how much less and
+    the gap are of the smooth plan."""
     path = rounded_path_over(scene)
     assert path is not None
     rounded = scene.model_copy(update={"path": path})
     laws = [by_law(rounded, shape) for shape in _SHAPES]
     timed = deltaopt.plan(rounded, tolerance=1e-4).duration
-    plan = deltaopt.plan(scene)
-    assert deltaopt.verify(scene, plan.trajectory).ok
-    cells = " | ".join(f"{duration:.4f} s" for duration in (*laws, timed, plan.duration))
+    smoothly, durations = limited(scene, _RAMP), [*laws, timed]
+    for each in (scene, smoothly):
+        plan = deltaopt.plan(each)
+        assert deltaopt.verify(each, plan.trajectory).ok
+        durations.append(plan.duration)
+    cells = " | ".join(f"{duration:.4f} s" for duration in durations)
     less = " | ".join(f"{100 * (1 - plan.duration / other):.0f} %" for other in (laws[0], timed))
     return f"| {name} | {cells} | {less} | {100 * plan.gap:.2f} % |"
 

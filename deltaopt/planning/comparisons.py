@@ -17,32 +17,34 @@ from deltaopt.scene.task import given_points
 
 
 def timed_line(scene: Scene, tolerance: float = 1e-3) -> Plan:
-    """The fastest motion on the straight line from start to goal, whatever path the scene gives.
+    """The fastest motion on the straight line from start to goal, whatever path the scene gives. Its
+    torques jump: limits of jerk and torque rate are left out.
 
     ``tolerance``: relative gap of its duration. Raises Unreachable, Singular or Infeasible where
     the line cannot be driven.
     """
     given_points(scene.task)
-    on_line = scene.model_copy(update={"path": Line(), "tube": None, "objective": Time()})
-    return plan(on_line, tolerance=tolerance)
+    on_line = {"path": Line(), "tube": None, "objective": Time()}
+    return plan(scene.without_rates.model_copy(update=on_line), tolerance=tolerance)
 
 
 def straight_lines(scene: Scene) -> dict[str, float]:
     """Durations, s, of the straight line from start to goal, by how it is timed, and past bodies of
     the rounded path over them: what a plan is compared with, whatever its objective. Those that no
     motion can have are left out, and all where there are via points, which they do not pass, or an
-    end moves."""
+    end moves. Those timed optimally have torques that jump."""
     if scene.via or scene.moves_at_ends:
         return {}
+    jumps = ", torques jump" if scene.has_rates else ""
     timed: dict[str, Callable[[Scene], float]] = {
         "line, quintic law": lambda scene: baseline(scene).duration,
-        "line, timed optimally": lambda scene: timed_line(scene).duration,
+        f"line, timed optimally{jumps}": lambda scene: timed_line(scene).duration,
     }
     over = rounded_path_over(scene)
     if over is not None:
-        on_path = {"path": over}
-        timed["up, across, down,\ntimed optimally"] = lambda scene: (
-            plan(scene.model_copy(update=on_path)).duration
+        on_path = {"path": over, "objective": Time()}
+        timed[f"up, across, down,\ntimed optimally{jumps}"] = lambda scene: (
+            plan(scene.without_rates.model_copy(update=on_path)).duration
         )
     scene = scene.model_copy(update={"objective": Time()})
     found = {}
