@@ -17,8 +17,9 @@ from deltaopt.scene.task import given_points
 
 
 def timed_line(scene: Scene, tolerance: float = 1e-3) -> Plan:
-    """The fastest motion on the straight line from start to goal, whatever path the scene gives. Its
-    torques jump: limits of jerk and torque rate are left out.
+    """The fastest motion on the straight line from start to goal, whatever path the scene gives.
+
+    Its torques jump: limits of jerk and torque rate are left out.
 
     ``tolerance``: relative gap of its duration. Raises Unreachable, Singular or Infeasible where
     the line cannot be driven.
