@@ -10,6 +10,7 @@ from deltaopt.planning.first_motions.initial_motion import baseline
 from deltaopt.planning.path.path_over_bodies import rounded_path_over
 from deltaopt.planning.plan import Plan
 from deltaopt.planning.planner import plan
+from deltaopt.scene.known_limits import LIMITS
 from deltaopt.scene.objective import Time
 from deltaopt.scene.path import Line
 from deltaopt.scene.scene import Scene
@@ -26,7 +27,20 @@ def timed_line(scene: Scene, tolerance: float = 1e-3) -> Plan:
     """
     given_points(scene.task)
     on_line = {"path": Line(), "tube": None, "objective": Time()}
-    return plan(scene.without_rates.model_copy(update=on_line), tolerance=tolerance)
+    return plan(without_rates(scene).model_copy(update=on_line), tolerance=tolerance)
+
+
+def without_rates(scene: Scene) -> Scene:
+    """A scene without its limits of jerk and torque rate: itself if it has none."""
+    if not scene.has_rates:
+        return scene
+    robot, limits = scene.robot, scene.limits
+    drive = robot.drive.model_copy(update={"torque_rate": None})
+    keys = (limit.key.name for limit in LIMITS if limit.order == 3 and limit.key)
+    if limits is not None:
+        limits = limits.model_copy(update=dict.fromkeys(keys))
+    changed = {"robot": robot.model_copy(update={"drive": drive}), "limits": limits}
+    return scene.model_copy(update=changed)
 
 
 def straight_lines(scene: Scene) -> dict[str, float]:
@@ -45,7 +59,7 @@ def straight_lines(scene: Scene) -> dict[str, float]:
     if over is not None:
         on_path = {"path": over, "objective": Time()}
         timed[f"up, across, down,\ntimed optimally{jumps}"] = lambda scene: (
-            plan(scene.without_rates.model_copy(update=on_path)).duration
+            plan(without_rates(scene).model_copy(update=on_path)).duration
         )
     scene = scene.model_copy(update={"objective": Time()})
     found = {}

@@ -293,18 +293,6 @@ class Scene(Record):
         return is_limited or self.objective.order == 3
 
     @property
-    def without_rates(self) -> Scene:
-        """The scene without limits of jerk and torque rate: itself if it has none."""
-        if not self.has_rates:
-            return self
-        robot = self.robot
-        drive = robot.drive.model_copy(update={"torque_rate": None})
-        keys = (limit.key.name for limit in LIMITS if limit.order == 3 and limit.key)
-        limits = self.limits and self.limits.model_copy(update=dict.fromkeys(keys))
-        changed = {"robot": robot.model_copy(update={"drive": drive}), "limits": limits}
-        return self.model_copy(update=changed)
-
-    @property
     def with_least_payload(self) -> Scene:
         """The scene with the least payload of its range; itself where the payload does not vary."""
         if self.least_payload is None:
