@@ -11,6 +11,7 @@ from numpy.polynomial import Polynomial
 from deltaopt.curves.piecewise import Array
 
 
+@lru_cache(maxsize=32)
 def gauss(number: int) -> tuple[Array, Array]:
     """Gauss's points as fractions of an interval, increasing, and their weights in a mean over it,
     (number,) each: exact for polynomials of degree 2 number - 1."""

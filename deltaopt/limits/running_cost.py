@@ -14,6 +14,7 @@ class Running(Enum):
     """
 
     EFFORT = "effort ∫ τᵀτ dt", "N²m²s", "1/(N²m²)", 2
+    WEIGHTED_EFFORT = "weighted effort ∫ Σ w τ² dt", "s", "1", 2
     JERK = "squared jerk ∫ ‖d³x/dt³‖² dt", "m²/s⁵", "s⁶/m²", 3
     TORQUE_RATE = "squared torque rates ∫ ‖dτ/dt‖² dt", "N²m²/s", "s²/(N²m²)", 3
 

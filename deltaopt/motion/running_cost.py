@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from deltaopt.curves.nodes import gauss
@@ -26,18 +28,36 @@ def running_cost(problem: Problem, trajectory: Trajectory, rate: Running) -> flo
 
     Raises Unreachable where the motion leaves the workspace.
     """
+
+    def of(x: Array, v: Array, a: Array, j: Array) -> Array:
+        match rate:
+            case Running.EFFORT | Running.WEIGHTED_EFFORT:
+                return problem.model.inverse_dynamics(x, v, a)
+            case Running.JERK:
+                return j
+            case Running.TORQUE_RATE:
+                step = _STEP * trajectory.duration
+                return torque_rates(problem.model, (x, v, a, j), step)
+
+    squares = _integral_of_squares(trajectory, of)
+    is_weighted = rate is Running.WEIGHTED_EFFORT
+    return float(squares @ problem.objective.motors if is_weighted else squares.sum())
+
+
+def squared_torques(trajectory: Trajectory) -> Array:
+    """∫ τ² dt of each motor over a motion, (3,), N²m²s."""
+    dynamics = trajectory.model.inverse_dynamics
+    return _integral_of_squares(trajectory, lambda x, v, a, _: dynamics(x, v, a))
+
+
+def _integral_of_squares(trajectory: Trajectory, of: Callable[..., Array]) -> Array:
+    """The integrals of the squares of what ``of`` makes of position, velocity, acceleration and
+    jerk, (3,)."""
     points = enough(len(trajectory.knots) - 1, _FEWEST)
     nodes, weights = gauss(points)
-    x, v, a, j = trajectory.path_inside(nodes, highest=3)
-    match rate:
-        case Running.EFFORT:
-            of = problem.model.inverse_dynamics(x, v, a)
-        case Running.JERK:
-            of = j
-        case Running.TORQUE_RATE:
-            of = torque_rates(problem.model, (x, v, a, j), _STEP * trajectory.duration)
-    squares = (of**2).sum(axis=1).reshape(-1, points)
-    return float(np.diff(trajectory.knots) @ (squares @ weights))
+    squares = of(*trajectory.path_inside(nodes, highest=3)) ** 2
+    in_intervals = np.einsum("kpc,p->kc", squares.reshape(-1, points, 3), weights)
+    return np.asarray(np.diff(trajectory.knots) @ in_intervals)
 
 
 def torque_rates(model: Model, motion: tuple[Array, Array, Array, Array], step: float) -> Array:

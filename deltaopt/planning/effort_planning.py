@@ -71,6 +71,7 @@ def cost_to_minimise(objective: Objective, scaling: Scaling) -> Cost:
         return Cost(1.0, by_rate / by_time * unit, rate=rate)
     typical = {
         Running.EFFORT: largest**2,
+        Running.WEIGHTED_EFFORT: 1.0,
         Running.JERK: _BENDS,
         Running.TORQUE_RATE: _BENDS * (largest / scaling.time) ** 2,
     }

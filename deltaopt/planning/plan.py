@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from deltaopt.files.tables import html_table
+from deltaopt.files.validated_record import Vector3
 from deltaopt.later import loaded
 from deltaopt.motion.active_limits import active_limits
 from deltaopt.motion.certificate import Certificate
@@ -157,6 +158,12 @@ class Plan:
     def duration(self) -> float:
         """Time from start to goal, s."""
         return self.trajectory.duration
+
+    @property
+    def reached(self) -> Vector3:
+        """Where the platform is at the end, m."""
+        x, y, z = self.trajectory.position.at(self.trajectory.knots[-1:])[0].tolist()
+        return x, y, z
 
     @property
     def phases(self) -> tuple[float, ...]:

@@ -16,7 +16,7 @@ from deltaopt.dynamics.formulation import Projected
 from deltaopt.dynamics.lagrange import Multiplier
 from deltaopt.errors import DeltaOptError
 from deltaopt.files.validated_record import Vector3
-from deltaopt.motion.trajectory import Motion
+from deltaopt.motion.trajectory import Motion, Trajectory
 from deltaopt.planning.formulations.choice import Flat
 from deltaopt.planning.journal import Journal, Progress
 from deltaopt.planning.nlp.problem import ProblemFormulation, Solver
@@ -189,6 +189,7 @@ class Planner:
         scene: Scene,
         *,
         start: Motion | None = None,
+        near: Trajectory | None = None,
         starts: int = 1,
         seed: int = 1,
         progress: Progress | None = None,
@@ -197,6 +198,8 @@ class Planner:
 
         ``start``: an instant of a motion in which the new one begins, instead of the scene's start;
         as in ``plan``, but with all that a scene asks for, such as bodies to keep clear of.
+        ``near``: a motion that is near the best one, such as that of another objective: if it leads
+        to a plan, no other way is looked for.
         ``starts``, ``seed``, ``progress`` and the errors raised: as of the function ``plan``.
         """
         require_whole("starts", starts, 1, most=MOST)
@@ -207,7 +210,7 @@ class Planner:
             under_way = _rest_of(start)
         self._require_settings(scene, starts)
         begin, journal = perf_counter(), Journal(progress or (lambda _: None))
-        found = Run(self._optimiser, journal).plan(scene, under_way, starts, seed)
+        found = Run(self._optimiser, journal).plan(scene, under_way, starts, seed, near)
         spent = perf_counter() - begin
         return replace(found, journal=tuple(journal.entries), solve_seconds=spent)
 

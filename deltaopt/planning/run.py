@@ -83,22 +83,38 @@ class Run:
         under_way: PiecewisePolynomial | None = None,
         starts: int = 1,
         seed: int = 1,
+        near: Trajectory | None = None,
     ) -> Plan:
         """The best plan of a scene.
 
         ``under_way``: what would follow the start, if that is known. ``starts``, ``seed``: number
-        of first guesses, and for random ones. Raises what rules a plan out, and NotConverged.
+        of first guesses, and for random ones. ``near``: a motion that is near the best, such as
+        that of another objective: if it leads to a plan, no other is looked for. Raises what rules
+        a plan out, and NotConverged.
         """
         check_feasible(scene)
         if not (scene.robot_keeps_clear and scene.keep_out):
-            return self._plan_by_limits(scene, under_way, starts, seed)
+            return self._nearby(scene, near) or self._plan_by_limits(scene, under_way, starts, seed)
         found, lost = keeping_links_clear(
             scene,
-            lambda limited: self._plan_by_limits(limited, under_way, starts, seed),
+            lambda limited: (
+                self._nearby(limited, near)
+                or self._plan_by_limits(limited, under_way, starts, seed)
+            ),
             self.optimiser.tolerance,
             self.journal.note,
         )
         return replace(found, scene=scene, gap=found.gap + lost)
+
+    def _nearby(self, scene: Scene, near: Trajectory | None) -> Plan | None:
+        """The plan that a motion near the best leads to; None without one, where it leads to none,
+        and on a given path."""
+        if near is None or isinstance(scene.task, OnPath):
+            return None
+        found = self.made(_on_its_mesh(scene, near))
+        if not isinstance(found, Plan) or found.gap > self._good_gap:
+            return None
+        return found if is_clear(scene, found.trajectory) else None
 
     def _plan_by_limits(
         self, scene: Scene, under_way: PiecewisePolynomial | None, starts: int, seed: int
@@ -339,17 +355,7 @@ class Run:
         makes it better; the other one where that is not possible. A mesh whose knots are where
         bodies are passed closely does not lead through them."""
         for _ in range(_IMPROVED):
-            better = self.made(
-                Attempt(
-                    scene,
-                    found.trajectory,
-                    len(found.trajectory.knots) - 1,
-                    "that motion, on its mesh",
-                    is_near=True,
-                    on_its_mesh=True,
-                    may_be_softer=False,
-                )
-            )
+            better = self.made(_on_its_mesh(scene, found.trajectory))
             if not isinstance(better, Plan):
                 break
             shorter = better.duration < (1 - _SHORTER) * found.duration
@@ -361,6 +367,19 @@ class Run:
             if found.gap <= self._good_gap:
                 break
         return found
+
+
+def _on_its_mesh(scene: Scene, motion: Trajectory) -> Attempt:
+    """The attempt that begins with a motion that is near the best, on the mesh of its knots."""
+    return Attempt(
+        scene,
+        motion,
+        len(motion.knots) - 1,
+        "that motion, on its mesh",
+        is_near=True,
+        on_its_mesh=True,
+        may_be_softer=False,
+    )
 
 
 def _duration(plan: Plan) -> float:

@@ -100,7 +100,8 @@ class TrajectoryOptimiser:
 
     def plan(self, attempt: Attempt, report: Progress) -> Plan:
         """Plan the best motion from one first guess and one first mesh."""
-        if isinstance(attempt.scene.objective, Time):
+        is_known = attempt.is_near and attempt.problem.objective.duration is None
+        if isinstance(attempt.scene.objective, Time) or is_known:
             return self.fastest(attempt, self.accuracy, report)
         return self._plan_effort(attempt, report)
 
@@ -127,8 +128,8 @@ class TrajectoryOptimiser:
         return motion_on_first_mesh(program, scaling, guess, attempt.intervals)
 
     def fastest(self, attempt: Attempt, accuracy: float, report: Progress) -> Plan:
-        """Plan the fastest motion from one first guess and one first mesh, which is solved to a
-        relative tolerance, its ``accuracy``.
+        """Plan the fastest motion, or that of the least time and effort, from one first guess and
+        one first mesh, which is solved to a relative tolerance, its ``accuracy``.
 
         The motion of the chosen mesh is slowed until it keeps every limit at all instants, or
         solved again with tighter limits where it cannot be slowed.

@@ -24,7 +24,9 @@ def problem_of(scene: Scene) -> Problem:
         model=model_of(scene.robot, scene.payload),
         limits=limits_of(scene).with_cost(objective.rate),
         boundaries=boundaries_of(scene.task),
-        objective=Objective(*objective.weights, objective.rate, objective.given_duration),
+        objective=Objective(
+            *objective.weights, objective.rate, objective.given_duration, objective.motors
+        ),
         least_duration=scene.least_duration,
     )
 

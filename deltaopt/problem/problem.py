@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from math import dist
 
+from deltaopt.files.validated_record import Vector3
 from deltaopt.limits.running_cost import Running
 from deltaopt.limits.scene_limits import SceneLimits
 from deltaopt.problem.boundary import Boundary
@@ -19,12 +20,14 @@ from deltaopt.robot.model import model_of
 @dataclass(frozen=True)
 class Objective:
     """What is least: ``time`` · T + ``running`` · ∫ r dt, r being the ``rate``, or the integral
-    alone in a given ``duration``, s."""
+    alone in a given ``duration``, s. ``motors``: weights of the motors in a weighted effort,
+    1/(N²m²)."""
 
     time: float = 1.0
     running: float = 0.0
     rate: Running = Running.EFFORT
     duration: float | None = None
+    motors: Vector3 = (1.0, 1.0, 1.0)
 
     @property
     def unit(self) -> str:

@@ -6,7 +6,7 @@ In a scene file an objective is a word or a mapping of weights; an integral alon
     objective: effort                         # ∫ τᵀτ dt, N²m²s
     duration: 0.3                             # with it: the given duration, s,
     duration: 101 %                           # or a share of that of the fastest motion
-    objective: {time: 1.0, effort: 0.002}     # 1.0 T + 0.002 ∫ τᵀτ dt, s
+    objective: {time: 1.0, effort: 0.002}     # 1.0 T + 0.002 ∫ τᵀτ dt, s; or three weights
 
 In the place of effort may stand jerk, ∫ ‖d³x/dt³‖² dt of the platform, and torque_rate,
 ∫ ‖dτ/dt‖² dt: costs of smooth motions, whose acceleration is continuous.
@@ -28,9 +28,10 @@ from deltaopt.files.units import (
     TORQUE_RATE_WEIGHT,
     percentage,
 )
-from deltaopt.files.validated_record import Positive, Record
+from deltaopt.files.validated_record import NonNegative, Positive, Record, Vector3
 from deltaopt.limits.running_cost import Running
 
+Weight = Annotated[NonNegative, EFFORT_WEIGHT]
 EXPECTED = (
     "the word time; one of the words effort, jerk and torque_rate with a duration; or weights of "
     "time and of one of them such as {time: 1, effort: 0.002}, the latter in 1/(N²m²), s⁶/m² or "
@@ -55,6 +56,11 @@ class _Weighted(Record):
     def given_duration(self) -> float | None:
         """The duration of the motion in s, if the objective fixes it; None if it is free."""
         return None
+
+    @property
+    def motors(self) -> Vector3:
+        """The weights of the motors in a weighted effort, 1/(N²m²); of no account in others."""
+        return 1.0, 1.0, 1.0
 
     @property
     @abstractmethod
@@ -167,6 +173,34 @@ class TimeAndEffort(_WithTime):
         return self.time, self.effort
 
 
+class TimeAndEfforts(_WithTime):
+    """Minimise ``time`` · T + ∫ Σ wᵢ τᵢ² dt, in s, where the weight wᵢ of each motor, 1/(N²m²), is
+    one of ``effort``: at least 0, not all of them."""
+
+    effort: tuple[Weight, Weight, Weight] = Field(
+        description="a weight of the effort in 1/(N²m²), or one for each motor"
+    )
+    rate = Running.WEIGHTED_EFFORT
+
+    @property
+    def motors(self) -> Vector3:
+        return self.effort
+
+    @property
+    def weights(self) -> tuple[float, float]:
+        return self.time, 1.0
+
+    @model_validator(mode="after")
+    def _counts_a_motor(self) -> Self:
+        if not any(self.effort):
+            raise SceneError(None, "effort", self.effort, "a weight above 0 for some motor")
+        return self
+
+    def __str__(self) -> str:
+        weights = ", ".join(f"{weight:g}" for weight in self.effort)
+        return f"least {self.time:g} T + ∫ Σ w τ² dt, w = {weights} 1/(N²m²)"
+
+
 class TimeAndJerk(_WithTime):
     """Minimise ``time`` · T + ``jerk`` · ∫ ‖d³x/dt³‖² dt, in s; the weight ``jerk`` is in s⁶/m²."""
 
@@ -195,14 +229,21 @@ class TimeAndTorqueRate(_WithTime):
 
 
 Objective = (
-    Time | Effort | SmoothMotion | SmoothTorque | TimeAndEffort | TimeAndJerk | TimeAndTorqueRate
+    Time
+    | Effort
+    | SmoothMotion
+    | SmoothTorque
+    | TimeAndEffort
+    | TimeAndEfforts
+    | TimeAndJerk
+    | TimeAndTorqueRate
 )
 _IN_TIME: dict[str, type[Effort | SmoothMotion | SmoothTorque]] = {
     "effort": Effort,
     "jerk": SmoothMotion,
     "torque_rate": SmoothTorque,
 }
-_WITH_TIME: dict[str, type[TimeAndEffort | TimeAndJerk | TimeAndTorqueRate]] = {
+_WITH_TIME: dict[str, type[TimeAndEffort | TimeAndEfforts | TimeAndJerk | TimeAndTorqueRate]] = {
     "effort": TimeAndEffort,
     "jerk": TimeAndJerk,
     "torque_rate": TimeAndTorqueRate,
@@ -234,6 +275,8 @@ def objective_in(content: dict[str, object]) -> dict[str, object]:
         return {**rest, "objective": Time()}
     if isinstance(given, dict):
         kind = next((_WITH_TIME[key] for key in given if key in _WITH_TIME), TimeAndEffort)
+        if kind is TimeAndEffort and isinstance(given.get("effort"), list | tuple):
+            kind = TimeAndEfforts
         try:
             return {**rest, "objective": kind.model_validate(given)}
         except SceneError as error:

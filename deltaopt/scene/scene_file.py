@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +14,7 @@ from deltaopt.files.yaml_file import place_of, read_yaml
 from deltaopt.robot.robot import load_robot
 from deltaopt.robot.solids import MOST_TRIANGLES
 from deltaopt.scene.convex_hull import NoHull, convex_hull
+from deltaopt.scene.cycle import EXPECTED_LEGS, Cycle, start_after
 from deltaopt.scene.path import points_in
 from deltaopt.scene.scene import NO_KEYS, ROBOT_FILE, Scene
 from deltaopt.scene.stl import corners_in
@@ -24,19 +27,83 @@ def load_scene(path: str | Path) -> Scene:
     """
     file = Path(path)
     content = read_yaml(file)
+    if "cycle" in content:
+        expected, place = "start and goal; a cycle is read by load_cycle", place_of(file, "cycle")
+        raise SceneError(file, "cycle", None, expected, "is no key of a single motion", place)
+    return _scene(file, _with_robot(file, content), lambda key: key)
+
+
+def load_cycle(path: str | Path) -> Cycle:
+    """Read the file of a cycle and the robot file it names.
+
+    Its key ``cycle`` lists the legs: what stands there of a scene is for that leg, and what stands
+    beside it for all of them; bodies of both are there. Raises SceneError, naming file and key, if
+    either cannot be used.
+    """
+    file = Path(path)
+    content = _with_robot(file, read_yaml(file))
+    given, period = content.pop("cycle", None), content.pop("period", None)
+    start, limits = content.pop("start", None), content.get("limits")
+    if not isinstance(given, list) or not all(isinstance(leg, dict) for leg in given):
+        problem = "is missing" if given is None else ""
+        raise SceneError(file, "cycle", given, EXPECTED_LEGS, problem, place_of(file, "cycle"))
+    fields: dict[str, object] = {"period": period}
+    if isinstance(limits, dict):
+        content["limits"] = {key: each for key, each in limits.items() if key != "rms_torque"}
+        fields["rms_torque"] = limits.get("rms_torque")
+    legs, dwells = list[Scene](), list[object]()
+    for index, leg in enumerate(given):
+        own = dict(leg)
+        dwells.append(own.pop("dwell", 0.0))
+        everywhere, here = content.get("keep_out"), own.get("keep_out")
+        if isinstance(everywhere, list) and isinstance(here, list):
+            own["keep_out"] = [*everywhere, *here]
+        inside = partial(_in_leg, index, own)
+        begun = {} if start is None else {"start": start}
+        legs.append(_scene(file, {**content, **own, **begun}, inside))
+        start = start_after(legs[-1].goal)
+    try:
+        return Cycle.model_validate({"legs": tuple(legs), "dwells": dwells, **fields})
+    except SceneError as error:
+        key = {"rms_torque": "limits.rms_torque", "legs": "cycle"}.get(error.key, error.key)
+        named = SceneError(None, key, error.value, error.expected, error.problem)
+        raise named.inside(file=file, place=place_of(file, key)) from None
+
+
+def has_cycle(path: str | Path) -> bool:
+    """Whether a file is that of a cycle."""
+    return "cycle" in read_yaml(Path(path))
+
+
+def _in_leg(index: int, own: Mapping[str, object], key: str) -> str:
+    """The key in the file of what is wrong in a leg, which has some keys of its ``own``."""
+    return f"cycle[{index}].{key}" if key.split(".")[0].split("[")[0] in {*own, "goal"} else key
+
+
+def _with_robot(file: Path, content: dict[str, object]) -> dict[str, object]:
+    if "robot" in content:
+        content["robot"] = load_robot(_robot_file(file, content["robot"]))
+    return content
+
+
+def _scene(file: Path, content: dict[str, object], named: Callable[[str], str]) -> Scene:
+    """The scene of a file's content; ``named``: how the file calls a key of it."""
     for key, expected in NO_KEYS.items():
         if key in content:
             raise SceneError(file, key, None, expected, "is not a known key", place_of(file, key))
-    if "robot" in content:
-        content["robot"] = load_robot(_robot_file(file, content["robot"]))
     given = content.get("path")
     if isinstance(given, dict) and isinstance(given.get("points"), str):
         content["path"] = {**given, "points": _points(file, given["points"])}
     bodies = content.get("keep_out")
     if isinstance(bodies, list):
-        named = ((f"keep_out[{index}]", body) for index, body in enumerate(bodies))
-        content["keep_out"] = [_with_points(file, *each) for each in named]
-    return Scene.from_content(content, file)
+        numbered = ((f"keep_out[{index}]", body) for index, body in enumerate(bodies))
+        content["keep_out"] = [_with_points(file, *each) for each in numbered]
+    try:
+        return Scene.model_validate(content)
+    except SceneError as error:
+        key = named(error.key)
+        found = SceneError(None, key, error.value, error.expected, error.problem)
+        raise found.inside(file=file, place=place_of(file, key)) from None
 
 
 def _with_points(scene_file: Path, key: str, body: object) -> object:

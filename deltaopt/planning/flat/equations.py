@@ -15,6 +15,7 @@ from deltaopt.limits.running_cost import Running
 from deltaopt.mechanisms.functions import Functions
 from deltaopt.mechanisms.instant import PlatformInstant
 from deltaopt.planning.flat.point_problem import PointProblem, Sides
+from deltaopt.planning.nlp.cost import effort_of
 from deltaopt.planning.nlp.scaling import Parameters
 
 Integers = NDArray[np.intp]
@@ -68,7 +69,7 @@ class PointEquations:
         force = motion.force
         if has_rates:
             force = ca.vertcat(force, T * motion.force_rate)
-        rates = {Running.EFFORT: ca.sumsqr(tau)}
+        rates = dict.fromkeys((Running.EFFORT, Running.WEIGHTED_EFFORT), effort_of(tau, p.motors))
         if order == 3:
             rates[Running.JERK] = ca.sumsqr(y[9:12] / y[-1] ** 3)
         if has_rates:

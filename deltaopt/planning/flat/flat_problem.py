@@ -26,7 +26,6 @@ from numpy.typing import NDArray
 
 from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.errors import NotConverged
-from deltaopt.limits.running_cost import Running
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.flat.equations import PointEquations
 from deltaopt.planning.flat.interior_point import (
@@ -126,7 +125,7 @@ def compiled_flat(
     problem = equations.point_problem(cost.rate if cost.running else None)
     points = Points.of(transcription.points.tolist())
     if problem.derivatives == 3:
-        is_smooth = cost.rate is Running.EFFORT  # what is integrated is no jump between thirds
+        is_smooth = cost.rate.order == 2  # what is integrated is no jump between thirds
         points = replace(THIRDS, weights=points.weights) if is_smooth else THIRDS
     method = interior_point(problem, points)
     if method is None:

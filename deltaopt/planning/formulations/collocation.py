@@ -29,7 +29,7 @@ from deltaopt.planning.formulations.scaled_mechanism import (
     ScaledMechanism,
     units_at,
 )
-from deltaopt.planning.nlp.cost import FASTEST, Cost
+from deltaopt.planning.nlp.cost import FASTEST, Cost, effort_of
 from deltaopt.planning.nlp.points import Layout, PointFunction, Points
 from deltaopt.planning.nlp.program import OF_EFFORT, IpoptSolution, Options, Program, RunningCost
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
@@ -211,8 +211,9 @@ class CollocationProblem:
         """The effort ∫ τᵀτ dt by Lobatto's rule at the nodes."""
         e, v, t = self.equations, self.variables, self.transcription
         y, _, _, _, w, T = symbols(v.components, v.unknowns)
-        m = e.system.motors
-        rate = named("effort", y, e.system, T * ca.sumsqr(e.system.units.torque * w[:m]))
+        units = e.system.units
+        tau = units.torque * w[: e.system.motors]
+        rate = named("effort", y, e.system, T * effort_of(tau, units.motors))
         points = self._points(rate, v.points, algebraic=True)
         weights = np.zeros((v.intervals, len(v.points)))
         weights[:, np.searchsorted(v.points, t.nodes)] = self.mesh[:, None] * t.quadrature

@@ -47,6 +47,7 @@ def scaled_delta(functions: Functions, constraints: Constraints) -> ScaledMechan
         time=parameters.time,
         energy=ca.mmax(torque) * angle,
         torque=torque,
+        motors=parameters.motors,
     )
     x = [SX.sym(name, 3) for name in ("x", "v", "a", "tau")]
     force = functions.explicit_equations(*x, m.parameters)[0]

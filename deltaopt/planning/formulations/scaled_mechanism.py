@@ -6,7 +6,7 @@ Delta and the five-bar share the code of all formulations.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import casadi as ca
@@ -29,7 +29,7 @@ class Units:
 
     ``q``: of the coordinates, n. ``closure``: of the constraints f, γ. ``time``: s. ``energy``: J;
     the unit of a generalized force is that of energy over that of its coordinate. ``torque``: of
-    the motors, m, N·m.
+    the motors, m, N·m. ``motors``: their weights in a weighted effort, 1/(N²m²); none elsewhere.
     """
 
     q: SX
@@ -37,6 +37,7 @@ class Units:
     time: SX
     energy: SX
     torque: SX
+    motors: SX = field(default_factory=lambda: SX(0, 1))
 
 
 @dataclass(frozen=True)

@@ -17,13 +17,15 @@ from numpy.typing import NDArray
 
 from deltaopt.limits.running_cost import Running
 from deltaopt.motion.trajectory import Trajectory
+from deltaopt.problem.problem import Objective
 
 Array = NDArray[np.float64]
 
 
-def missed_cost(trajectory: Trajectory, rate: Running) -> Array:
-    """The estimated excess of the integral of a rate over that of the best motion, in each
-    interval, (N,), in the rate's unit."""
+def missed_cost(trajectory: Trajectory, objective: Objective) -> Array:
+    """The estimated excess of the integral in an objective over that of the best motion, in each
+    interval, (N,), in the unit of the integral."""
+    rate = objective.rate
     position, lengths = trajectory.position, np.diff(trajectory.knots)
     degree = position.coefficients.shape[1] - 1 - rate.order
     highest = factorial(degree + rate.order) * position.coefficients[:, -1]  # derivative, (N, 3)
@@ -42,5 +44,5 @@ def missed_cost(trajectory: Trajectory, rate: Running) -> Array:
     for k in range(3):  # linear in the acceleration, and so their rates in the jerk
         more = middle.a.copy()
         more[:, k] += missed[:, k]
-        squares += ((torques(middle.x, middle.v, more) - middle.tau) ** 2).sum(axis=1)
+        squares += (torques(middle.x, middle.v, more) - middle.tau) ** 2 @ objective.motors
     return squares * lengths

@@ -187,7 +187,7 @@ class MeshSolution:
         """This solution with what it costs that polynomials do not bend as the best torques do, and
         with what limits that are exceeded cost by their price."""
         objective = self.problem.objective
-        missed = missed_cost(self.trajectory, objective.rate)
+        missed = missed_cost(self.trajectory, objective)
         found = self._with_unused(objective.running / self.cost * missed)
         lost = replace(found.lost, exceeded=self.price_of_limits * found.lost.exceeded)
         return replace(found, lost=lost)

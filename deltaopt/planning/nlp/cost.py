@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import casadi as ca
+
 from deltaopt.limits.running_cost import Running
 
 
@@ -27,3 +29,8 @@ FASTEST = Cost()
 SMOOTHLY_FASTEST = Cost(running=1e-9, rate=Running.JERK)
 """Minimum time where acceleration is continuous, and the least jerk of the motions that take no
 longer: where the duration leaves torques free they would chatter. It costs some 1e-5 of it."""
+
+
+def effort_of(tau: ca.SX, motors: ca.SX) -> ca.SX:
+    """The rate of effort of torques, (m,); weighted, where there are weights of the motors."""
+    return ca.dot(motors, tau**2) if motors.numel() else ca.sumsqr(tau)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.files.validated_record import Vector3
 from deltaopt.limits.constraints import Constraints
+from deltaopt.limits.running_cost import Running
 from deltaopt.limits.scene_limits import SceneLimits
 from deltaopt.motion.trajectory import Trajectory, passes
 from deltaopt.planning.nlp.phases import FacePhases
@@ -29,18 +30,25 @@ _UNRELAXED = 1 - 1e-7
 cure that. It costs ten times less than the smallest tolerance that is planned to on a mesh."""
 
 
+def weights_motors(constraints: Constraints) -> bool:
+    """Whether the effort in the cost weights the motors."""
+    return constraints.cost is Running.WEIGHTED_EFFORT
+
+
 @dataclass(frozen=True)
 class Parameters:
     """The parameters of the functions at a point, as symbols by name.
 
     ``origin`` (3, m), ``length`` (m), ``time`` (s) and ``torque`` (one for each motor, N·m): units
-    of the scaled variables. ``limits``: numbers of the limits. ``mechanism``: the mechanism's.
+    of the scaled variables. ``motors``: their weights in a weighted effort, 1/(N²m²), none
+    elsewhere. ``limits``: numbers of the limits. ``mechanism``: the mechanism's.
     """
 
     origin: ca.SX
     length: ca.SX
     time: ca.SX
     torque: ca.SX
+    motors: ca.SX
     limits: ca.SX
     mechanism: ca.SX
 
@@ -52,6 +60,7 @@ class Parameters:
             length=ca.SX.sym("length"),
             time=ca.SX.sym("time"),
             torque=ca.SX.sym("torque", constraints.motors),
+            motors=ca.SX.sym("motors", constraints.motors * weights_motors(constraints)),
             limits=constraints.numbers(),
             mechanism=mechanism,
         )
@@ -59,7 +68,8 @@ class Parameters:
     @property
     def scaling(self) -> ca.SX:
         """The parameters of the scene, in the order of ``Scaling.vector``."""
-        return ca.vertcat(self.origin, self.length, self.time, self.torque, self.limits)
+        units = self.origin, self.length, self.time, self.torque
+        return ca.vertcat(*units, self.motors, self.limits)
 
     @property
     def vector(self) -> ca.SX:
@@ -169,6 +179,8 @@ class Scaling:
     def vector(self) -> Array:
         """Values of ``Parameters.scaling``."""
         units = [*self.origin, self.length, self.time, *self.torque]
+        if weights_motors(self.constraints):
+            units += self.problem.objective.motors
         return np.concatenate([units, self.limits.numbers])
 
     def parameters(self, mechanism: Array) -> Array:

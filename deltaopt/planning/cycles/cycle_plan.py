@@ -1,0 +1,99 @@
+"""The plan of a cycle: a plan for each leg, and what the motors do in all of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import inf
+
+import numpy as np
+
+from deltaopt.curves.piecewise import Array
+from deltaopt.files.validated_record import Vector3
+from deltaopt.motion.chain import Chain, waiting
+from deltaopt.motion.running_cost import squared_torques
+from deltaopt.motion.trajectory import Trajectory
+from deltaopt.planning.plan import Plan
+from deltaopt.scene.cycle import Cycle
+
+
+@dataclass(frozen=True)
+class CyclePlan:
+    """A planned cycle.
+
+    ``legs``: the plan of each. ``dwells``: how long the robot waits after each, s. ``gap``:
+    estimated relative excess of the period over the least possible with such ways, or of the heat
+    in a given period; with belts, whose places depend on when they are met, as if each leg had to
+    begin when it does. ``tolerance``: what was asked for. ``prices``: of each motor's RMS torque:
+    one per cent more of it would make the period shorter by so many per cent. ``rounds``: how often
+    all legs were planned.
+    """
+
+    cycle: Cycle
+    legs: tuple[Plan, ...]
+    dwells: tuple[float, ...]
+    gap: float = inf
+    tolerance: float = 1e-3
+    prices: Vector3 = (0.0, 0.0, 0.0)
+    rounds: int = 1
+
+    @cached_property
+    def waits(self) -> tuple[Trajectory | None, ...]:
+        """What the robot does after each leg; None where the next follows at once."""
+        return tuple(
+            waiting(plan.trajectory.model, plan.reached, self.cycle.velocity_after(index), dwell)
+            if dwell > 0
+            else None
+            for index, (plan, dwell) in enumerate(zip(self.legs, self.dwells, strict=True))
+        )
+
+    @cached_property
+    def trajectory(self) -> Chain:
+        """The motion of a period, dwells included: a function of time."""
+        pairs = zip(self.legs, self.waits, strict=True)
+        parts = (each for plan, wait in pairs for each in (plan.trajectory, wait))
+        return Chain(tuple(each for each in parts if each is not None))
+
+    @property
+    def period(self) -> float:
+        """Of the cycle, s."""
+        return sum(self.phases)
+
+    @property
+    def at_work(self) -> float:
+        """How long the legs take, and the dwells that the cycle asks for, s."""
+        return sum(plan.duration for plan in self.legs) + sum(self.cycle.dwells)
+
+    @property
+    def phases(self) -> tuple[float, ...]:
+        """Durations of legs and dwells in turn, s; dwells of no duration among them."""
+        pairs = zip(self.legs, self.dwells, strict=True)
+        return tuple(each for plan, dwell in pairs for each in (plan.duration, dwell))
+
+    @property
+    def parts_per_minute(self) -> float:
+        """How many parts are moved in a minute."""
+        return 60 * self.cycle.parts / self.period
+
+    @cached_property
+    def squares(self) -> Array:
+        """∫ τ² dt of each motor over the period, (3,), N²m²s."""
+        found: Array = np.sum([squared_torques(part) for part in self.trajectory.parts], axis=0)
+        return found
+
+    @property
+    def rms_torque(self) -> Vector3:
+        """The root of the mean square of each motor's torque over the period, N·m."""
+        a, b, c = np.sqrt(self.squares / self.period).tolist()
+        return a, b, c
+
+    @property
+    def in_words(self) -> str:
+        """Period and RMS torques in a sentence."""
+        rms = ", ".join(f"{each:.4g}" for each in self.rms_torque)
+        return f"{self.period:.6f} s, RMS torques {rms} N·m"
+
+    @property
+    def within_tolerance(self) -> bool:
+        """Whether the estimated gap is at most the tolerance that was asked for."""
+        return self.gap <= self.tolerance

@@ -1,0 +1,149 @@
+"""Cycles: legs one after the other, over and over, and what motors may heat up in them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, Any, Literal, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from deltaopt.errors import SceneError
+from deltaopt.files.units import DURATION, TORQUE
+from deltaopt.files.validated_record import (
+    NonNegative,
+    PerMotor,
+    Positive,
+    Record,
+    Vector3,
+    per_motor,
+)
+from deltaopt.scene.moving_ends import Anywhere, Belt, End, Start, State, content_of_end
+from deltaopt.scene.objective import Time
+from deltaopt.scene.scene import Scene
+from deltaopt.scene.task import REST
+
+MOST_LEGS = 100
+EXPECTED_LEGS = f"two to {MOST_LEGS} legs, each a mapping with a goal, the last of them the start"
+EXPECTED_DWELL = "a duration in s, at least 0"
+EXPECTED_RMS = "a torque in N·m, greater than 0, one for all motors or three, or the word none"
+THERE = "the point or state that the next leg starts in"
+CLOSED = "the point or state that the first leg starts in, for a cycle ends where it begins"
+
+
+class Cycle(Record):
+    """Legs that a robot drives one after the other, over and over.
+
+    ``legs``: scenes, each of which starts where the one before ends, and the first where the last
+    one ends. What moves on a belt is where its leg says at the start of the cycle. ``dwells``: how
+    long the robot waits after each leg, still with its payload, s; on a belt it moves along.
+    ``period``: of the cycle, if it is given, s: then the motors' heat is the least in it; otherwise
+    the period is. ``rms_torque``: what the root of the mean square of each motor's torque in a
+    period may be, N·m; by default what the motors are rated for, if the robot says so; "none" for
+    no limit. Raises SceneError for values that cannot be used.
+    """
+
+    legs: tuple[Scene, ...] = Field(
+        min_length=2, max_length=MOST_LEGS, description=f"{EXPECTED_LEGS}"
+    )
+    dwells: tuple[Annotated[NonNegative, DURATION], ...] = Field(
+        default=(), description=f"for each leg {EXPECTED_DWELL}"
+    )
+    period: Annotated[Positive, DURATION] | None = Field(
+        default=None, description="a duration in s, greater than 0"
+    )
+    rms_torque: Annotated[PerMotor, TORQUE] | Literal["none"] | None = Field(
+        default=None, description=EXPECTED_RMS
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _with_all_dwells(cls, content: Any) -> Any:
+        if not isinstance(content, dict):
+            return content
+        legs, dwells = content.get("legs"), content.get("dwells")
+        if dwells is None and isinstance(legs, Sequence):
+            dwells = (0.0,) * len(legs)
+        for index, dwell in enumerate(dwells if isinstance(dwells, Sequence) else ()):
+            try:
+                cls._valid("dwells", (dwell,))
+            except SceneError as error:
+                key = f"cycle[{index}].dwell"
+                raise SceneError(None, key, dwell, EXPECTED_DWELL, error.problem) from None
+        return {**content, "dwells": dwells}
+
+    @model_validator(mode="after")
+    def _is_closed(self) -> Self:
+        if len(self.dwells) != len(self.legs):
+            raise SceneError(None, "dwells", list(self.dwells), f"{len(self.legs)} of them")
+        for index, scene in enumerate(self.legs):
+            key = f"cycle[{index}]"
+            if isinstance(scene.goal, Anywhere):
+                raise SceneError(None, f"{key}.goal", "anywhere", "a place, for the next leg")
+            if not isinstance(scene.objective, Time):
+                expected = "time: a cycle takes the least period, or the least heat in a given one"
+                raise SceneError(None, "objective", str(scene.objective), expected)
+            if scene.least_duration:
+                raise SceneError(None, "rotation", None, "none in a cycle", "is given")
+            if isinstance(scene.goal, State) and scene.goal.velocity != REST and self.dwells[index]:
+                expected = "0 where the goal is passed at a velocity"
+                raise SceneError(None, f"{key}.dwell", self.dwells[index], expected)
+            before = self.legs[index - 1].goal
+            if not isinstance(before, Belt) and before != scene.start:
+                last = f"cycle[{(index - 1) % len(self.legs)}].goal"
+                raise SceneError(
+                    None, last, content_of_end(before), CLOSED if index == 0 else THERE
+                )
+        if isinstance(self.legs[-1].goal, Belt):
+            key = f"cycle[{len(self.legs) - 1}].goal"
+            raise SceneError(None, key, self.legs[-1].goal.model_dump(), CLOSED)
+        return self
+
+    @property
+    def rms_limits(self) -> Vector3 | None:
+        """What the RMS of each motor's torque may be, N·m; None without a limit."""
+        if self.rms_torque == "none":
+            return None
+        given = self.rms_torque
+        return self.legs[0].robot.rms_torque if given is None else per_motor(given)
+
+    @property
+    def parts(self) -> int:
+        """How many parts a cycle moves: after so many legs the payload grows; one at least."""
+        masses = [scene.payload or 0.0 for scene in self.legs]
+        return max(1, sum(a < b for a, b in zip(masses, masses[1:] + masses[:1], strict=True)))
+
+    def leg(self, index: int, begins: float, start: Start) -> Scene:
+        """The scene of a leg that begins so long after the cycle does, s, in a state."""
+        scene = self.legs[index]
+        goal = scene.goal
+        if isinstance(goal, Belt):
+            goal = Belt(at=_moved(goal.at, goal.belt, begins), belt=goal.belt)
+        return scene.model_copy(update={"start": start, "goal": goal})
+
+    def after(self, index: int, reached: Vector3) -> Start:
+        """Where the leg after one begins that ``reached`` a point (m), when its dwell is over."""
+        goal = self.legs[index].goal
+        if isinstance(goal, Belt):
+            at = _moved(reached, goal.belt, self.dwells[index])
+            goal = Belt(at=at, belt=goal.belt)
+        start = start_after(goal)
+        assert start is not None
+        return start
+
+    def velocity_after(self, index: int) -> Vector3:
+        """At which the robot moves along during the dwell after a leg, m/s."""
+        goal = self.legs[index].goal
+        return goal.belt if isinstance(goal, Belt) else REST
+
+
+def start_after(goal: End) -> Start | None:
+    """Where the leg after a goal starts, if the robot does not wait; None after a stop anywhere."""
+    if isinstance(goal, Belt):
+        return goal.at if goal.belt == REST else State(at=goal.at, velocity=goal.belt)
+    return None if isinstance(goal, Anywhere) else goal
+
+
+def _moved(at: Vector3, velocity: Vector3, duration: float) -> Vector3:
+    x, y, z = np.add(at, np.multiply(duration, velocity)).tolist()
+    return x, y, z
