@@ -37,6 +37,8 @@ if TYPE_CHECKING:
         UnreadablePlan as UnreadablePlan,
         load_plan as load_plan,
     )
+    from deltaopt.planning.cycles.cycle_plan import CyclePlan as CyclePlan
+    from deltaopt.planning.cycles.cycle_planning import plan_cycle as plan_cycle
     from deltaopt.planning.comparisons import (
         beside_free_path as beside_free_path,
         timed_line as timed_line,
@@ -62,6 +64,7 @@ if TYPE_CHECKING:
         SmoothTorque as SmoothTorque,
         Time as Time,
         TimeAndEffort as TimeAndEffort,
+        TimeAndEfforts as TimeAndEfforts,
         TimeAndJerk as TimeAndJerk,
         TimeAndTorqueRate as TimeAndTorqueRate,
     )
@@ -73,7 +76,8 @@ if TYPE_CHECKING:
     )
     from deltaopt.scene.known_limits import Limits as Limits
     from deltaopt.scene.scene import Scene as Scene
-    from deltaopt.scene.scene_file import load_scene as load_scene
+    from deltaopt.scene.cycle import Cycle as Cycle
+    from deltaopt.scene.scene_file import load_cycle as load_cycle, load_scene as load_scene
     from deltaopt.verify.verification import Verification as Verification, verify as verify
 
 _PUBLIC = {
@@ -100,6 +104,8 @@ _PUBLIC = {
     ),
     "deltaopt.motion.trajectory": ("Trajectory",),
     "deltaopt.output.saved_plan": ("SavedPlan", "UnreadablePlan", "load_plan"),
+    "deltaopt.planning.cycles.cycle_plan": ("CyclePlan",),
+    "deltaopt.planning.cycles.cycle_planning": ("plan_cycle",),
     "deltaopt.planning.comparisons": ("beside_free_path", "timed_line"),
     "deltaopt.planning.first_motions.initial_motion": ("baseline",),
     "deltaopt.planning.formulations.choice": ("Redundant",),
@@ -122,13 +128,15 @@ _PUBLIC = {
         "SmoothTorque",
         "Time",
         "TimeAndEffort",
+        "TimeAndEfforts",
         "TimeAndJerk",
         "TimeAndTorqueRate",
     ),
     "deltaopt.scene.path": ("Corners", "Curve", "Line", "PickAndPlace"),
     "deltaopt.scene.known_limits": ("Limits",),
     "deltaopt.scene.scene": ("Scene",),
-    "deltaopt.scene.scene_file": ("load_scene",),
+    "deltaopt.scene.cycle": ("Cycle",),
+    "deltaopt.scene.scene_file": ("load_cycle", "load_scene"),
     "deltaopt.verify.verification": ("Verification", "verify"),
 }
 """Public names by their module, which is read when one of them is first used: ``import deltaopt``

@@ -10,7 +10,9 @@ planner but no method. DIR receives
   limits.png       with --plot-limits: every limit over time, the path from two sides
   report.html      with --report: the robot in motion, all limits over time, one page for a browser
 
-Several scenes are planned one after the other; each has a folder of its own.
+Several scenes are planned one after the other; each has a folder of its own. Where a scene's file
+has the key cycle, DIR receives trajectory.csv of a whole period, cycle.json, cycle.png, and a
+folder of each leg.
 
 Exit code: 0 done and verified; 1 a scene has no verified solution; 2 bad input.
 """
@@ -39,10 +41,12 @@ from deltaopt.errors import DeltaOptError, SceneError
 from deltaopt.files.output_folder import require_writable
 from deltaopt.motion.lower_bound import lower_bound
 from deltaopt.motion.trajectory import Trajectory
+from deltaopt.output.cycle_files import content_of_cycle, told_of_cycle, verified
 from deltaopt.output.facts import Facts, StraightLine
 from deltaopt.output.in_words import told
 from deltaopt.output.plan_files import MOST_ROWS, RATE, content, highest_rate
 from deltaopt.planning.comparisons import beside_free_path
+from deltaopt.planning.cycles.cycle_planning import plan_cycle
 from deltaopt.planning.first_motions.initial_motion import baseline
 from deltaopt.planning.formulations.choice import Flat, Forward, Redundant
 from deltaopt.planning.formulations.loop_closure import (
@@ -56,10 +60,12 @@ from deltaopt.planning.nlp.problem import InteriorPoint, Ipopt, ProblemFormulati
 from deltaopt.planning.nlp.transcription import TRANSCRIPTIONS
 from deltaopt.planning.plan import Plan
 from deltaopt.planning.planner import Planner, plan
+from deltaopt.report.cycle_folder import save_cycle
 from deltaopt.report.plan_folder import save
+from deltaopt.scene.cycle import Cycle
 from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.scene import Scene
-from deltaopt.scene.scene_file import load_scene
+from deltaopt.scene.scene_file import has_cycle, load_cycle, load_scene
 from deltaopt.verify.verification import verify
 
 FORMULATIONS: dict[str, Callable[[LoopClosure], ProblemFormulation]] = {
@@ -184,15 +190,20 @@ def _run(arguments: argparse.Namespace) -> int:
     formulation = FORMULATIONS[name](CLOSURES[arguments.closure or "knots"])
     _refuse_contradictions(arguments, name, formulation)
     folders = _folders(arguments)
-    scenes = [load_scene(file) for file in folders]
-    if any(scene.follows_path for scene in scenes):
+    scenes = [load_cycle(file) if has_cycle(file) else load_scene(file) for file in folders]
+    if any(isinstance(scene, Scene) and scene.follows_path for scene in scenes):
         _refuse_free_paths(arguments)
+    if any(isinstance(scene, Cycle) for scene in scenes):
+        _refuse_for_cycles(arguments)
     codes = []
     for (file, directory), scene in zip(folders.items(), scenes, strict=True):
         if len(folders) > 1:
             say(f"{file}:")
         try:
-            codes.append(_plan(file, directory, scene, formulation, arguments))
+            if isinstance(scene, Cycle):
+                codes.append(_plan_cycle(file, directory, scene, arguments))
+            else:
+                codes.append(_plan(file, directory, scene, formulation, arguments))
         except DeltaOptError as error:
             if len(folders) == 1 or isinstance(error, SceneError):
                 raise
@@ -256,6 +267,27 @@ def _plan(
     return say_failures(facts.verification.failures())
 
 
+def _plan_cycle(file: Path, directory: Path, cycle: Cycle, arguments: argparse.Namespace) -> int:
+    """Plan the cycle of a file, print what was found, write it into a directory, and return the
+    exit code."""
+    require_writable(directory)
+    found = plan_cycle(
+        cycle,
+        tolerance=arguments.tolerance or Planner.tolerance,
+        progress=lambda text: print(text, file=sys.stderr, flush=True),
+    )
+    verification, before = verified(found), present(directory)
+    chart = not arguments.no_plot
+    files = save_cycle(directory, found, verification, arguments.rate, chart=chart)
+    if arguments.json:
+        record = content_of_cycle(found, verification)
+        print_json({"scene": str(file), **record, "files": [str(each) for each in files]})
+    else:
+        print("\n".join(told_of_cycle(found, verification)))
+        print_written(files, before)
+    return say_failures(verification.failures())
+
+
 def _as_dict(file: Path, facts: Facts, files: Sequence[Path]) -> dict[str, object]:
     """What is printed of a plan, for machines: a part of plan.json."""
     record = content(facts)
@@ -300,6 +332,16 @@ def _refuse_free_paths(arguments: argparse.Namespace) -> None:
     useless = [name for name in given if name != "tolerance"]
     if useless:
         raise WrongUsage(f"--{useless[0]} is for free paths; the scene gives its path")
+
+
+def _refuse_for_cycles(arguments: argparse.Namespace) -> None:
+    """Raise WrongUsage for options that cycles do not have."""
+    given = [name for name in PLANNING if getattr(arguments, name) is not None]
+    drawn = ("baseline", "plot_limits", "report")
+    given += [name.replace("_", "-") for name in drawn if getattr(arguments, name)]
+    others = [name for name in given if name != "tolerance"]
+    if others:
+        raise WrongUsage(f"--{others[0]} is for single motions; a cycle does not have it")
 
 
 def _require_rows(trajectory: Trajectory, rate: float) -> None:

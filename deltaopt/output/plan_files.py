@@ -18,6 +18,7 @@ from deltaopt.curves.piecewise import Array
 from deltaopt.files.atomic_write import atomic_write
 from deltaopt.files.csv_table import write_csv
 from deltaopt.motion.limit_sensitivity import as_dicts
+from deltaopt.motion.motion_sequence import MotionSequence
 from deltaopt.motion.running_cost import cost
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.facts import Facts, StraightLine
@@ -79,8 +80,7 @@ def write_json(file: Path, facts: Facts) -> None:
     record = {
         "format": FORMAT,
         **content(facts),
-        "versions": {"python": platform.python_version()}
-        | {name: _version(name) for name in ("deltaopt", "casadi", "numpy")},
+        "versions": versions(),
         "scene": facts.scene.model_dump(mode="json", exclude_none=True),
         "motion": _motion(facts.trajectory),
     }
@@ -122,7 +122,7 @@ def highest_rate(trajectory: Trajectory) -> float:
     return (MOST_ROWS - 1) / trajectory.duration
 
 
-def instants(trajectory: Trajectory, rate: float) -> Array:
+def instants(trajectory: Trajectory | MotionSequence, rate: float) -> Array:
     """Times, s, at ``rate`` (Hz) from the start, and the last instant once."""
     before_the_end = int(np.ceil(trajectory.duration * rate * (1 - 1e-12)))
     times = trajectory.knots[0] + np.arange(before_the_end) / rate
@@ -142,7 +142,13 @@ def frame(trajectory: Trajectory, rate: float = RATE) -> Any:
     return DataFrame(columns)
 
 
-def rows_at(trajectory: Trajectory, times: Array) -> Array:
+def versions() -> dict[str, str | None]:
+    """Of what a plan depends on."""
+    found = {name: _version(name) for name in ("deltaopt", "casadi", "numpy")}
+    return {"python": platform.python_version(), **found}
+
+
+def rows_at(trajectory: Trajectory | MotionSequence, times: Array) -> Array:
     """Rows of trajectory.csv at times (N,), s: (N, len(COLUMNS))."""
     m = trajectory(times)
     return np.hstack([m.t[:, None], m.x, m.v, m.a, m.theta, m.dtheta, m.ddtheta, m.tau])

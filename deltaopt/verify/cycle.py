@@ -1,4 +1,4 @@
-"""Checks a cycle: every leg as a motion of its own, how they follow each other, and the motors' heat.
+"""Checks a cycle: every leg as a motion of its own, how they follow each other, and RMS torques.
 
 Squared torques are integrated over legs as the duty of a motion is, in twelve coordinates, and over
 dwells by Simpson's rule.
@@ -62,7 +62,7 @@ class CycleVerification:
         if not self.jump <= len(self.legs) * BOUNDARY_DISTANCE * arm:
             yield f"a leg begins {self.jump:.2e} m from where the one before ends"
         if not self.speed_jump <= BOUNDARY_SPEED * arm / min(leg.duration for leg in self.legs):
-            yield f"a leg begins {self.speed_jump:.2e} m/s faster or slower than the one before ends"
+            yield f"a leg begins {self.speed_jump:.2e} m/s off the velocity before it"
         if self.given_period is not None and abs(self.period - self.given_period) > EXCESS:
             yield f"the period is {self.period:.9g} s, and {self.given_period:.9g} s was asked for"
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from deltaopt.curves.piecewise import Array
 from deltaopt.files.validated_record import Vector3
-from deltaopt.motion.chain import Chain, waiting
+from deltaopt.motion.motion_sequence import MotionSequence, waiting
 from deltaopt.motion.running_cost import squared_torques
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.plan import Plan
@@ -48,11 +48,11 @@ class CyclePlan:
         )
 
     @cached_property
-    def trajectory(self) -> Chain:
+    def trajectory(self) -> MotionSequence:
         """The motion of a period, dwells included: a function of time."""
         pairs = zip(self.legs, self.waits, strict=True)
         parts = (each for plan, wait in pairs for each in (plan.trajectory, wait))
-        return Chain(tuple(each for each in parts if each is not None))
+        return MotionSequence(tuple(each for each in parts if each is not None))
 
     @property
     def period(self) -> float:

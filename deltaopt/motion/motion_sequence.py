@@ -17,7 +17,7 @@ _COLUMNS = tuple(each.name for each in fields(Motion) if each.name not in ("t", 
 
 
 @dataclass(frozen=True)
-class Chain:
+class MotionSequence:
     """Motions one after the other from the time 0 on, each with its own payload; call it with
     instants to get a `Motion`. ``parts``: one at least."""
 

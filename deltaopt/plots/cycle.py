@@ -1,0 +1,101 @@
+"""A cycle as one picture: the paths of its legs, the use of its motors over a period."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from deltaopt.curves.piecewise import Array
+from deltaopt.output.cycle_files import headline_of_cycle
+from deltaopt.planning.cycles.cycle_plan import CyclePlan
+from deltaopt.plots.bodies import draw_bodies, draw_via_points
+from deltaopt.plots.colours import BLACK, GREY, LIGHT_GREY
+from deltaopt.plots.robot_view import View, view_of_move
+from deltaopt.plots.style import LARGE, SMALL, figure, motor_curves, verbatim, without_box
+from deltaopt.scene.known_limits import limits_of
+
+_SAMPLES = 400
+"""Of the path of a leg."""
+_EACH = 4
+"""Instants of torques between two knots."""
+_SIDES = {0.0: "above the start (mm)", np.pi / 2: "beside the start (mm)"}
+"""What the upward axis of the path's panels says, by the angle from which they are seen."""
+
+
+def draw_cycle(file: Path, plan: CyclePlan) -> None:
+    """Draw a planned cycle into a file, whose suffix says the format: png, pdf or svg."""
+    with figure(file, 7.2, 4.6) as page:
+        page.suptitle(headline_of_cycle(plan), fontsize=LARGE)
+        grid = page.add_gridspec(2, 2, height_ratios=[1.25, 1])
+        for column, (tilt, up) in enumerate(_SIDES.items()):
+            _paths(page.add_subplot(grid[0, column]), plan, tilt, up)
+        _torques(page.add_subplot(grid[1, :]), plan)
+        robot = plan.legs[0].scene.robot
+        caption = f"{robot.name}; legs are numbered, the robot dwells where it is shaded"
+        page.supxlabel(verbatim(caption), fontsize=SMALL, color=GREY)
+
+
+def _paths(axes: Axes, plan: CyclePlan, tilt: float, up: str) -> None:
+    """Draw the paths of all legs, seen with the two ends that are farthest apart side by side."""
+    ends = [leg.trajectory(leg.trajectory.knots[[0]]).x[0] for leg in plan.legs]
+    start, goal = max(combinations(ends, 2), key=lambda two: float(np.linalg.norm(two[1] - two[0])))
+    view = View(view_of_move(start, goal, aside=0.0).turn, tilt)
+
+    def place(points: Array) -> Array:
+        return 1e3 * (view(points) - view(start))
+
+    for number, leg in enumerate(plan.legs, 1):
+        path = place(leg.trajectory(leg.trajectory.instants(_SAMPLES)).x)
+        style = "-" if leg.scene.payload else "--"
+        axes.plot(*path.T, style, color=BLACK, linewidth=1.2, zorder=4)
+        axes.plot(*path[0], "o", color=BLACK, markersize=3.5, zorder=4)
+        middle = path[_SAMPLES // 2]
+        axes.annotate(f"{number}", middle, (8 * number, 3), textcoords="offset points")
+        draw_via_points(axes, leg.scene, place)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.margins(0.08)
+    for leg in plan.legs:
+        draw_bodies(axes, leg.scene, place)
+    axes.set_xlabel("along (mm)")
+    axes.set_ylabel(up)
+    without_box(axes)
+    axes.set_title("paths, loaded solid and empty dashed" if tilt == 0 else "the same from above")
+
+
+def _torques(axes: Axes, plan: CyclePlan) -> None:
+    """Draw each motor's torque over the period in percent of its limit, and what its RMS may be."""
+    knots = plan.trajectory.knots
+    t = np.append((knots[:-1, None] + np.diff(knots)[:, None] * _inside()).ravel(), knots[-1])
+    largest = limits_of(plan.legs[0].scene).upper("torque")
+    assert largest is not None
+    motor_curves(axes, 1e3 * t, 100 * plan.trajectory(t).tau / largest)
+    limits = plan.cycle.rms_limits
+    for line, rms, limit in zip(axes.get_lines(), plan.rms_torque, largest, strict=True):
+        line.set_label(f"{line.get_label()}, RMS {100 * rms / limit:.0f} %")
+    for share in () if limits is None else np.unique(np.divide(limits, largest)):
+        name = f"rated RMS {100 * share:.0f} %"
+        axes.axhline(100 * share, color=GREY, linewidth=0.9, linestyle=":", label=name)
+    ends = 1e3 * np.cumsum(plan.phases)
+    for number, (arrives, leaves) in enumerate(zip(ends[::2], ends[1::2], strict=True)):
+        axes.axvspan(arrives, leaves, color=LIGHT_GREY, alpha=0.5, linewidth=0, zorder=0)
+        begins = 0.0 if number == 0 else ends[2 * number - 1]
+        axes.annotate(f"{number + 1}", ((begins + arrives) / 2, 88), ha="center", color=GREY)
+    axes.set_ylim(-105, 105)
+    axes.set_xlabel("time (ms)")
+    axes.set_ylabel("torque (% of the limit)")
+    axes.legend(
+        loc="lower left",
+        bbox_to_anchor=(0, 1),
+        ncols=5,
+        borderaxespad=0.2,
+        handlelength=2,
+        columnspacing=1.2,
+    )
+
+
+def _inside() -> Array:
+    """Fractions of an interval, its beginning among them and its end nearly."""
+    return np.append(np.arange(_EACH) / _EACH, 1 - 1e-9)

@@ -1,0 +1,43 @@
+"""The files of a planned cycle: its table, what is told of it, a picture, a folder of each leg."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from deltaopt.files.output_folder import all_or_none
+from deltaopt.output.cycle_files import RECORD, folder_of, write_cycle, write_record
+from deltaopt.output.facts import Facts
+from deltaopt.output.plan_files import RATE, TABLE
+from deltaopt.planning.cycles.cycle_plan import CyclePlan
+from deltaopt.report.plan_folder import save
+from deltaopt.verify.cycle import CycleVerification
+
+
+def save_cycle(
+    directory: Path,
+    plan: CyclePlan,
+    verification: CycleVerification,
+    rate: float = RATE,
+    *,
+    chart: bool = True,
+) -> list[Path]:
+    """Write the files of a planned cycle into a directory, made if need be; return their paths.
+
+    Each leg has a folder there, as a plan of its own has, from which all commands on plans work.
+    ``rate``: instants per second in tables, Hz. ``chart``: whether cycle.png is drawn. Raises
+    OSError, naming the file, if one cannot be written.
+    """
+    legs = list[Path]()
+    for index, (leg, measures) in enumerate(zip(plan.legs, verification.legs, strict=True)):
+        facts = Facts(leg.scene, leg.trajectory, leg, measures)
+        legs += save(directory / folder_of(index), facts, rate, chart=False)
+    written = [TABLE, RECORD]
+    with all_or_none(directory) as folder:
+        write_cycle(folder / TABLE, plan, rate)
+        write_record(folder / RECORD, plan, verification)
+        if chart:
+            from deltaopt.plots.cycle import draw_cycle  # slow to import
+
+            written.append("cycle.png")
+            draw_cycle(folder / written[-1], plan)
+    return [*(directory / name for name in written), *legs]
