@@ -62,6 +62,9 @@ _USUAL, _ANOTHER_WAY_ABOVE = 1e-3, 3e-3
 """Tolerances of at least the first are to be met, or planning starts again from another first
 motion. Where a tighter one is missed it does so above the second: smaller gaps are not the first
 motion's fault, and planning again seldom changes them."""
+_NEARBY, _NEARLY = 2, 1e-2
+"""How many times finer the first mesh from a motion near the best is, and the gap up to which what
+it leads to is taken."""
 _SHORTEST_WAY = 1e-11
 """Least way of a motion with moving ends, m: a hundred thousand times the rounding of coordinates.
 Of a shorter one, as 1e-7 s before the end of another, verification cannot tell speeds."""
@@ -111,8 +114,10 @@ class Run:
         and on a given path."""
         if near is None or isinstance(scene.task, OnPath):
             return None
-        found = self.made(_on_its_mesh(scene, near))
-        if not isinstance(found, Plan) or found.gap > self._good_gap:
+        intervals = _NEARBY * self.optimiser.intervals
+        attempt = Attempt(scene, near, intervals, "a motion nearby", is_near=True)
+        found = self.made(attempt)
+        if not isinstance(found, Plan) or found.gap > _NEARLY:
             return None
         return found if is_clear(scene, found.trajectory) else None
 

@@ -41,7 +41,7 @@ from deltaopt.planning.first_motions.order_of_merit import (
 from deltaopt.planning.formulations.choice import Flat, problem_formulation
 from deltaopt.planning.journal import Progress
 from deltaopt.planning.mesh.gap import gap_of, iteration_of
-from deltaopt.planning.mesh.kept_limits import kept
+from deltaopt.planning.mesh.kept_limits import kept_or_slowed
 from deltaopt.planning.mesh.mesh_solution import MeshSolution, motion_on_first_mesh
 from deltaopt.planning.mesh.reversals import softer_problems
 from deltaopt.planning.nlp.cost import Cost
@@ -162,7 +162,7 @@ class TrajectoryOptimiser:
             later = iterations[best:] if is_fastest else []
             solutions = [
                 *solutions[: best + 1],
-                kept(refinement.program, solutions[best], self.tolerance),
+                kept_or_slowed(refinement.program, solutions[best], self.tolerance),
             ]
             iterations = [*iterations[: best + 1], iteration_of(solutions)]
             best += 1

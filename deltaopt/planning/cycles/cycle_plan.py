@@ -75,11 +75,21 @@ class CyclePlan:
         """How many parts are moved in a minute."""
         return 60 * self.cycle.parts / self.period
 
+    @property
+    def durations(self) -> Array:
+        """Of the legs, (legs,), s."""
+        return np.array([plan.duration for plan in self.legs])
+
+    @cached_property
+    def squares_of_legs(self) -> Array:
+        """∫ τ² dt of each motor over each leg, (legs, 3), N²m²s."""
+        return np.array([squared_torques(plan.trajectory) for plan in self.legs])
+
     @cached_property
     def squares(self) -> Array:
         """∫ τ² dt of each motor over the period, (3,), N²m²s."""
-        found: Array = np.sum([squared_torques(part) for part in self.trajectory.parts], axis=0)
-        return found
+        waits = [squared_torques(each) for each in self.waits if each is not None]
+        return np.asarray(np.sum([*self.squares_of_legs, *waits], axis=0))
 
     @property
     def rms_torque(self) -> Vector3:

@@ -22,35 +22,34 @@ import numpy as np
 
 from deltaopt.curves.piecewise import Array
 from deltaopt.errors import Infeasible, SceneError
-from deltaopt.motion.running_cost import squared_torques
+from deltaopt.motion.time_scaling import safe_factor
 from deltaopt.planning.cycles.cycle_plan import CyclePlan
 from deltaopt.planning.cycles.prices import broyden, next_prices
 from deltaopt.planning.journal import Progress
 from deltaopt.planning.plan import Plan
 from deltaopt.planning.planner import Planner
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.cycle import Cycle
 from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.objective import Objective, Time, TimeAndEfforts
 from deltaopt.settings import LEAST_TOLERANCE, require_positive, require_type
 
 _LEGS_SHARE = 0.5
-"""Of the tolerance: the gap of each leg. The rest is for what motors are left cooler than they may
-be."""
-_AIMED_BELOW = 1 / 8
-"""Of the tolerance: by how much below its limit a sum is aimed at, so that one that is missed by so
-much still keeps it."""
-_MOST_ROUNDS = 40
-"""How often all legs are planned. Usual are five to ten times."""
+"""Of the tolerance: the gap of each leg. The rest is for prices that are not quite right."""
+_MOST_ROUNDS = 25
+"""How often all legs are planned. Usual are three to six times."""
 _LEAST_SHARE = 0.05
 """Of the sum of all prices: what a motor's price is taken for where it is less, for the first guess
 of how its excess changes with it."""
-_LEAST_TIME = 1e-3
-"""Least price of time in a given period over the first guess of it: beyond it slower motions save
-nothing any more, and the rest of the period is waited."""
 _LEAST_USED = 1e-3
 """Of what is allowed: what is taken to be used at least."""
+_REPLACED = 0.7
+"""By what power of its price, about, a motor's squared torque falls, while the others' grow."""
 _LEFT = 1 / 4
 """Least part of the price of time that a round leaves of that in the round before."""
+_SLOWEST, _USED_UP, _TRIALS = 20.0, 1e-7, 40
+"""Most by which legs are slowed so that motors stay cool; how much they are left cooler than that;
+and how many factors are tried."""
 
 
 def plan_cycle(
@@ -65,30 +64,47 @@ def plan_cycle(
     require_type("cycle", cycle, Cycle, "a Cycle, such as load_cycle returns")
     require_positive("tolerance", tolerance, LEAST_TOLERANCE)
     sought, tell = _Sought(cycle, tolerance), progress or (lambda _: None)
-    prices, found = sought.least, sought.planned(Time(), None)
-    tell(f"legs as fast as possible: {found.in_words}")
-    if cycle.period is None and sought.is_kept(found):
-        return replace(found, gap=found.period / sought.bound(prices, found) - 1)
-    sought.require_priced(found)
-    prices, slopes = sought.first(found)
-    best, bound, before = found if sought.is_kept(found) else None, 0.0, None
+    rounds, tried = list[_Round](), list[CyclePlan]()
+    fastest = sought.planned(Time(), None)
+    tell(f"legs as fast as possible: {fastest.in_words}")
+    if cycle.period is None and sought.is_kept(fastest):
+        least = sought.bound([_Round(sought.least, fastest)], [])
+        return replace(fastest, gap=fastest.period / least - 1)
+    sought.require_priced(fastest)
+    prices, slopes = sought.first(fastest), np.eye(len(sought.least))
+    near, best, gap = sought.slowed(fastest) or fastest, None, inf
     for number in range(2, _MOST_ROUNDS + 1):
-        found = sought.planned(sought.objective(prices), found)
-        bound = max(bound, sought.bound(prices, found))
-        tell(f"round {number}: {found.in_words}")
-        if sought.is_kept(found) and (best is None or sought.value(found) < sought.value(best)):
-            best = replace(found, prices=sought.gained(prices))
-        if best is not None and sought.value(best) <= (1 + tolerance) * bound:
+        rounds.append(_Round(prices, sought.planned(sought.objective(prices), near)))
+        found = rounds[-1].found
+        kept = sought.slowed(found)
+        tried += [found] if kept is None else [found, kept]
+        near = kept or found
+        if kept and (best is None or sought.value(kept) < sought.value(best)):
+            best = replace(kept, prices=sought.gained(prices))
+        bound = sought.bound(rounds, tried)
+        gap = sought.value(best) / bound - 1 if best and bound > 0 else inf
+        tell(f"round {number}: {found.in_words}" + ("" if kept is None else f"; {kept.in_words}"))
+        if gap <= tolerance:
             break
         excess = sought.excess(found)
-        if before is not None:
-            slopes = broyden(slopes, prices - before[0], excess - before[1])
-        before = prices, excess
+        if len(rounds) == 1:
+            slopes = sought.slopes(rounds[0])
+        else:
+            before = rounds[-2]
+            change = excess - sought.excess(before.found)
+            slopes = broyden(slopes, prices - before.prices, change)
         prices = sought.next(prices, excess, slopes)
     if best is None:
         raise Infeasible(sought.why_not(found))
-    gap = max(0.0, sought.value(best) / bound - 1) if bound > 0 else inf
-    return replace(best, gap=gap, rounds=number)
+    return replace(best, gap=max(0.0, gap), rounds=number)
+
+
+@dataclass(frozen=True)
+class _Round:
+    """What was ``found`` for the legs at some ``prices``."""
+
+    prices: Array
+    found: CyclePlan
 
 
 @dataclass(frozen=True)
@@ -104,21 +120,16 @@ class _Sought:
 
     @cached_property
     def limits(self) -> Array:
-        """Of each motor's mean square torque, (3,), N²m²; infinite without a limit."""
+        """Of each motor's mean square torque, (3,), N²m²: without a limit that of its peak, which
+        none exceeds."""
         found = self.cycle.rms_limits
-        return np.full(3, np.inf) if found is None else np.square(found)
+        return np.square(limits_of(self.cycle.legs[0]).upper("torque") if found is None else found)
 
     @cached_property
     def heat(self) -> Array:
-        """Of each motor's squared torque in what is the least, (3,), 1/(N²m²): over the square of
-        what limits its RMS, or else of the largest torque; 0 where the period is the least."""
-        if self.cycle.period is None:
-            return np.zeros(3)
-        if np.isfinite(self.limits).all():
-            return np.asarray(1 / self.limits)
-        largest = limits_of(self.cycle.legs[0]).upper("torque")
-        assert largest is not None
-        return np.asarray(1 / np.square(largest))
+        """Of each motor's squared torque in what is the least, (3,), 1/(N²m²): over its limit; 0
+        where the period is the least."""
+        return np.zeros(3) if self.cycle.period is None else 1 / self.limits
 
     @property
     def least(self) -> Array:
@@ -161,30 +172,85 @@ class _Sought:
             dwelt = sum(self.cycle.dwells)
             allowed = self.cycle.period - dwelt
             used = np.append(((found.at_work - dwelt) / allowed) ** 4, used)
-        aimed = 1 + _AIMED_BELOW * self.tolerance
-        return np.asarray(1 - 1 / np.maximum(aimed * used, _LEAST_USED))
+        return np.asarray(1 - 1 / np.maximum(used, _LEAST_USED))
 
     def is_kept(self, found: CyclePlan) -> bool:
         """Whether the motors stay cool, and the legs take no longer than a given period."""
         in_time = self.cycle.period is None or found.at_work <= self.cycle.period
         return in_time and bool((found.squares <= self.limits * found.period).all())
 
+    def slowed(self, found: CyclePlan) -> CyclePlan | None:
+        """The cycle with all legs slowed alike, until motors stay cool or a given period is over;
+        None where that does not help, or legs end moving.
+
+        Near the best prices that costs less than little: slowing changes what the legs cost then by
+        the square of the factor alone, as far as it changes what they cost for nothing.
+        """
+        if any(not problem_of(leg.scene).is_at_rest for leg in found.legs):
+            return found if self.is_kept(found) else None
+        if self.cycle.period is not None:
+            dwelt = sum(self.cycle.dwells)
+            filled = self._by((self.cycle.period - dwelt) / (found.at_work - dwelt), found)
+            possible = [each for each in (filled, found) if each and self.is_kept(each)]
+            return min(possible, key=self.value, default=None)
+        factor, last = 1.0, (0.0, 0.0)
+        for _ in range(_TRIALS):
+            slower = self._by(factor, found)
+            if slower is None or factor > _SLOWEST:
+                return None
+            over = float(np.log(slower.squares / (self.limits * slower.period)).max()) + _USED_UP
+            if -_USED_UP < over < _USED_UP or (over < 0 and factor == 1):
+                return slower
+            slope = (over - last[1]) / (np.log(factor) - last[0]) if last[1] else -4.0
+            last = np.log(factor), over
+            factor = max(1.0, factor * float(np.exp(np.clip(-over / min(slope, -0.1), -1, 1))))
+        return None
+
+    def _by(self, factor: float, found: CyclePlan) -> CyclePlan | None:
+        """A cycle with legs slowed by a factor; None where one exceeds a limit by it."""
+        if factor == 1:
+            return found
+        if factor < 1:
+            return None
+        legs = list[Plan]()
+        for leg in found.legs:
+            needed = safe_factor(problem_of(leg.scene), leg.trajectory, at_least=factor)
+            if needed > factor:
+                return None
+            legs.append(replace(leg, trajectory=leg.trajectory.slowed(factor)))
+        dwells = list(self.cycle.dwells)
+        slower = replace(found, legs=tuple(legs), dwells=tuple(dwells))
+        if self.cycle.period is not None:
+            dwells[-1] += max(0.0, self.cycle.period - slower.at_work)
+        return replace(slower, dwells=tuple(dwells))
+
     def value(self, found: CyclePlan) -> float:
         """What is the least: the period, s, or the heat in a given one."""
         return found.period if self.cycle.period is None else float(self.heat @ found.squares)
 
-    def bound(self, prices: Array, found: CyclePlan) -> float:
-        """What no such cycle undercuts, as far as the legs' gaps are right; ``found`` at prices."""
-        time, motors, dwelt = self.time(prices), self.motors(prices), sum(self.cycle.dwells)
-        costs = sum(plan.cost / (1 + plan.gap) for plan in found.legs)
-        waits = (squared_torques(each) for each in found.waits if each is not None)
-        in_dwells = np.sum([*waits, np.zeros(3)], axis=0)
-        total = time * (costs + dwelt) + float(motors @ in_dwells)
+    def bound(self, rounds: list[_Round], tried: list[CyclePlan]) -> float:
+        """What no such cycle undercuts, as far as the legs' gaps are right.
+
+        ``tried``: cycles that are known: where one of them has a leg that costs less at the prices
+        of a round than what was found at these, that was not the least.
+        """
+        return max(self._bound(each, tried) for each in rounds)
+
+    def _bound(self, at: _Round, tried: list[CyclePlan]) -> float:
+        time, motors, dwelt = self.time(at.prices), self.motors(at.prices), sum(self.cycle.dwells)
+        costs = [
+            time * each.durations + each.squares_of_legs @ motors for each in (at.found, *tried)
+        ]
+        gaps = np.array([leg.gap for leg in at.found.legs])
+        least = float((np.min(costs, axis=0) / (1 + gaps)).sum())
+        dwells = replace(at.found, dwells=self.cycle.dwells)
+        in_dwells = dwells.squares - dwells.squares_of_legs.sum(axis=0)
+        total = least + time * dwelt + float(motors @ in_dwells)
         if self.cycle.period is None:
             return total
-        return total - float(prices.sum()) * self.cycle.period
+        return total - float(at.prices.sum()) * self.cycle.period
 
-    def first(self, fastest: CyclePlan) -> tuple[Array, Array]:
+    def first(self, fastest: CyclePlan) -> Array:
         """First prices, and derivatives of what is in excess by them, from the fastest legs, as if
         slower motions had the same shape, and torques that fall with the square of the speed."""
         at_work, dwelt = fastest.at_work - sum(self.cycle.dwells), sum(self.cycle.dwells)
@@ -193,11 +259,29 @@ class _Sought:
             above = np.maximum(self.excess(fastest), 0.0)
             total = at_work / (at_work + 3 * fastest.period)
             prices = total * above / above.sum()
-            return prices, np.diag(-1 / np.maximum(prices, _LEAST_SHARE * total))
+            return prices
         slower = (period - dwelt) / at_work
         time = 3 * float(self.heat @ fastest.squares) / (at_work * slower**4)
-        slopes = np.diag([-1 / time, *-1 / (self.heat * self.limits)])
-        return np.array([time, 0.0, 0.0, 0.0]), np.where(np.isfinite(slopes), slopes, -1.0)
+        return np.array([time, 0.0, 0.0, 0.0])
+
+    def slopes(self, at: _Round) -> Array:
+        """A first guess of how the excess changes with the prices, from a round: where prices
+        change the speed of all legs alike, and the shape of torques as far as motors replace each
+        other."""
+        found, prices, rated = at.found, at.prices, self.motors(at.prices) * self.limits
+        own = np.maximum(rated, _LEAST_SHARE * rated.sum())
+        paid = rated * found.squares_of_legs.sum(axis=0) / self.limits
+        slower = paid / paid.sum() / own  # four times the derivatives of ln T
+        replaced = _REPLACED * (np.diag(1 / own) - slower)
+        used = np.maximum(found.squares / (self.limits * found.period), _LEAST_USED)
+        if self.cycle.period is None:
+            slower = (slower + 1 / self.time(prices)) / 4
+            longer = 3 + float(found.durations.sum()) / found.period
+            return np.asarray(4 / 3 * used[:, None] ** (-4 / 3) * (-longer * slower - replaced))
+        slower = np.append(-1 / prices[0], slower) / 4
+        replaced = np.hstack([np.zeros((3, 1)), replaced])
+        powers = 4 / 3 * used[:, None] ** (-4 / 3) * (-3 * slower - replaced)
+        return np.vstack([4 * (1 - self.excess(found)[0]) * slower, powers])
 
     def next(self, prices: Array, excess: Array, slopes: Array) -> Array:
         """The prices of the next round."""
@@ -205,7 +289,7 @@ class _Sought:
         left = self.time(found) / self.time(prices)
         if left >= _LEFT:
             return found
-        return prices + (found - prices) * ((1 - _LEFT) / (1 - left))
+        return np.asarray(prices + (found - prices) * ((1 - _LEFT) / (1 - left)))
 
     def gained(self, prices: Array) -> tuple[float, float, float]:
         """By what share the period falls for each of a motor's RMS torque more; of the heat in a

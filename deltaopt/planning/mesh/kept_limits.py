@@ -87,6 +87,22 @@ def kept(program: Formulated, solution: MeshSolution, tolerance: float) -> MeshS
     )
 
 
+def kept_or_slowed(program: Formulated, solution: MeshSolution, tolerance: float) -> MeshSolution:
+    """A solution near another whose motion keeps all limits at all instants: by tightening them, or
+    where that does not converge by slowing, if the motion rests at both ends and its duration is
+    free. Raises NotConverged."""
+    problem = solution.problem
+    try:
+        return kept(program, solution, tolerance)
+    except NotConverged:
+        if problem.objective.duration is not None or not problem.is_at_rest:
+            raise
+    exact = replace(solution, is_exact=False).exact()
+    factor = (1 + KEPT) * exact.safe_factor
+    needed = replace(exact.needed, factor=1.0)
+    return replace(exact, trajectory=exact.trajectory.slowed(factor), needed=needed)
+
+
 def _sampled_excess(solution: MeshSolution) -> Array:
     """By how much rows exceed their bounds in every interval at samples, (N, rows); 0 where they do
     not."""

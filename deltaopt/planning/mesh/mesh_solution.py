@@ -45,6 +45,9 @@ Truths = NDArray[np.bool]
 _NEARLY_LAST = 5e-3
 """Gap of a motion that cannot be slowed below which the next mesh may be the last. Limits that are
 tightened on coarser meshes lead finer ones astray."""
+_CHEAPEST = 0.05
+"""Least price of a limit that is exceeded between points, a fraction of the cost per share of it,
+where effort or smoothness counts: at the points it may not be active."""
 _BESIDE_BODIES = 0.2
 """Of a tolerance: what may be lost beside bodies where phases end on edges."""
 _TOUCHES, _FREE = 0.02, 1e-6
@@ -189,8 +192,16 @@ class MeshSolution:
         objective = self.problem.objective
         missed = missed_cost(self.trajectory, objective)
         found = self._with_unused(objective.running / self.cost * missed)
-        lost = replace(found.lost, exceeded=self.price_of_limits * found.lost.exceeded)
-        return replace(found, lost=lost)
+        return replace(found, lost=replace(found.lost, exceeded=self._cost_of_excess))
+
+    @cached_property
+    def _cost_of_excess(self) -> Array:
+        """What it costs to tighten the limits that each interval exceeds, by their prices, (N,), a
+        fraction of the cost."""
+        rows = time_costing_rows(self.scaling.constraints)
+        prices = np.abs(self.solution.multipliers[:, :, rows]).sum(axis=(0, 1))
+        excess = self.scaling.constraints.size(self.rows).max(axis=1)[:, rows] - 1
+        return np.asarray(np.maximum(excess, 0.0) @ np.maximum(prices, _CHEAPEST))
 
     def with_sure_bounds(self) -> MeshSolution:
         """This solution with the ``excess`` over limits that are convex in the position, and with
@@ -280,7 +291,9 @@ class MeshSolution:
     @property
     def exceeding(self) -> float:
         """What it costs to keep the limits that slowing helps to keep, a fraction of the cost."""
-        return self.price_of_limits * (self.safe_factor - 1)
+        if self.problem.objective.running:
+            return float(self.lost.exceeded.max())
+        return self.safe_factor - 1
 
     @property
     def safe_duration(self) -> float:
