@@ -39,6 +39,7 @@ from deltaopt.cli.streams import present, print_json, print_written, say, say_fa
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.errors import DeltaOptError, SceneError
 from deltaopt.files.output_folder import require_writable
+from deltaopt.files.yaml_file import place_of
 from deltaopt.motion.lower_bound import lower_bound
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.cycle_files import content_of_cycle, told_of_cycle, verified
@@ -62,7 +63,7 @@ from deltaopt.planning.plan import Plan
 from deltaopt.planning.planner import Planner, plan
 from deltaopt.report.cycle_folder import save_cycle
 from deltaopt.report.plan_folder import save
-from deltaopt.scene.cycle import Cycle
+from deltaopt.scene.cycle import Cycle, there_and_back
 from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.scene_file import has_cycle, load_cycle, load_scene
@@ -168,6 +169,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--seed", type=seed, metavar="N", help="of the random first guesses (default: 1)"
     )
     parser.add_argument(
+        "--rated",
+        action="store_true",
+        help="there and back without a pause, as fast as the motors' rated torques allow for ever",
+    )
+    parser.add_argument(
         "--rate",
         type=positive,
         default=RATE,
@@ -190,7 +196,7 @@ def _run(arguments: argparse.Namespace) -> int:
     formulation = FORMULATIONS[name](CLOSURES[arguments.closure or "knots"])
     _refuse_contradictions(arguments, name, formulation)
     folders = _folders(arguments)
-    scenes = [load_cycle(file) if has_cycle(file) else load_scene(file) for file in folders]
+    scenes = [_load(file, arguments.rated) for file in folders]
     if any(isinstance(scene, Scene) and scene.follows_path for scene in scenes):
         _refuse_free_paths(arguments)
     if any(isinstance(scene, Cycle) for scene in scenes):
@@ -210,6 +216,23 @@ def _run(arguments: argparse.Namespace) -> int:
             say(f"deltaopt: {file}: {error}")  # and the others have their solutions
             codes.append(1)
     return max(codes)
+
+
+def _load(file: Path, is_rated: bool) -> Scene | Cycle:
+    """The scene or the cycle of a file; with ``is_rated`` there and back of a scene. Raises
+    SceneError, also where the robot does not say what its motors are rated for."""
+    if has_cycle(file):
+        return load_cycle(file)
+    scene = load_scene(file)
+    if not is_rated:
+        return scene
+    if scene.robot.rms_torque is None:
+        expected = "drive.rms_torque or a motor's rated_torque in its file, for --rated"
+        raise SceneError(file, "robot", None, expected, "does not say what motors are rated for")
+    try:
+        return there_and_back(scene)
+    except SceneError as error:
+        raise error.inside(file=file, place=place_of(file, error.key)) from None
 
 
 def _folders(arguments: argparse.Namespace) -> dict[Path, Path]:

@@ -74,6 +74,12 @@ class Facts:
     found: Plan | StraightLine
     verification: Verification
 
+    @property
+    def too_warm(self) -> str:
+        """What happens where a motion is driven there and back without a pause; empty unless motors
+        exceed their rated torques then."""
+        return too_warm(self.verification.duty)
+
     @cached_property
     def active(self) -> tuple[ActiveLimit, ...]:
         """The limits that the motion is at, those of most time first."""
@@ -119,6 +125,18 @@ def motor_facts(duty: Duty) -> list[MotorFact]:
         each("largest speed", "rad/s", "largest_speed"),
     ]
     return [fact for fact in told if fact.values]
+
+
+def too_warm(duty: Duty | None) -> str:
+    """By how much motors are above their rated torques; empty where none is, or it is not known."""
+    if duty is None or duty.rated_torque is None or not any(duty.above_rated or ()):
+        return ""
+    pairs = zip(duty.motors, duty.rated_torque, strict=True)
+    most = max(motor.rms_torque / rated for motor, rated in pairs)
+    return (
+        f"motors overheat if this goes on there and back without a pause: {most:.2g} times their "
+        "rated torque; --rated plans it so that they do not"
+    )
 
 
 def work(duty: Duty) -> tuple[float, float]:

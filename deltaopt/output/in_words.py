@@ -18,6 +18,8 @@ from deltaopt.verify.verification import Verification
 def told(facts: Facts) -> Iterator[str]:
     """All lines on a plan, or on the straight line that it is compared with."""
     found = facts.found
+    if facts.too_warm:
+        yield facts.too_warm
     if not isinstance(found, StraightLine):
         yield from _optima(found)
         yield from _ways(found)

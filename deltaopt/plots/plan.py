@@ -18,7 +18,7 @@ from deltaopt.curves.piecewise import Array
 from deltaopt.motion.limit_curves import limit_curves
 from deltaopt.motion.sure_bounds import signed_distances
 from deltaopt.motion.trajectory import Trajectory, ends_of
-from deltaopt.output.facts import assumption, title
+from deltaopt.output.facts import assumption, title, too_warm
 from deltaopt.plots.bodies import draw_bodies, draw_via_points
 from deltaopt.plots.colours import BLACK, COLOURS, GREY, LIGHT_GREY
 from deltaopt.plots.robot_view import View, draw_robot, view_of_move
@@ -75,6 +75,7 @@ def draw(
         told = (
             verbatim(fill(_what(scene, trajectory), _LINE)),
             assumption(scene.task),
+            too_warm(duty),
             _marks(scene),
         )
         caption = "\n".join(filter(None, told))

@@ -18,6 +18,7 @@ from deltaopt.files.validated_record import (
     Vector3,
     per_motor,
 )
+from deltaopt.scene.approach import Approach
 from deltaopt.scene.moving_ends import Anywhere, Belt, End, Start, State, content_of_end
 from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene
@@ -135,6 +136,25 @@ class Cycle(Record):
         """At which the robot moves along during the dwell after a leg, m/s."""
         goal = self.legs[index].goal
         return goal.belt if isinstance(goal, Belt) else REST
+
+
+def there_and_back(scene: Scene) -> Cycle:
+    """A scene's motion and the way back with the same payload, over and over without a pause.
+
+    Raises SceneError for a motion that does not begin and end at rest, or on a given path.
+    """
+    if scene.moves_at_ends:
+        raise SceneError(None, "goal", None, "points at rest, for there and back", "moves")
+    if scene.path is not None:
+        raise SceneError(None, "path", None, "none beside it, for there and back", "is given")
+    via, approach = scene.via, scene.approach
+    changed = {
+        "start": scene.goal,
+        "goal": scene.start,
+        "via": via and via[::-1],
+        "approach": approach and Approach(start=approach.goal, goal=approach.start),
+    }
+    return Cycle(legs=(scene, scene.model_copy(update=changed)))
 
 
 def start_after(goal: End) -> Start | None:

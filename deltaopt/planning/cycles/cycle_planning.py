@@ -38,6 +38,9 @@ _LEGS_SHARE = 0.5
 """Of the tolerance: the gap of each leg. The rest is for prices that are not quite right."""
 _MOST_ROUNDS = 25
 """How often all legs are planned. Usual are three to six times."""
+_PATIENCE, _LESS = 6, 0.9
+"""After how many rounds in which the gap did not fall to this share of what it was no more are
+made: where legs are known no better, as with friction."""
 _LEAST_SHARE = 0.05
 """Of the sum of all prices: what a motor's price is taken for where it is less, for the first guess
 of how its excess changes with it."""
@@ -72,7 +75,7 @@ def plan_cycle(
         return replace(fastest, gap=fastest.period / least - 1)
     sought.require_priced(fastest)
     prices, slopes = sought.first(fastest), np.eye(len(sought.least))
-    near, best, gap = sought.slowed(fastest) or fastest, None, inf
+    near, best, gaps = sought.slowed(fastest) or fastest, None, list[float]()
     for number in range(2, _MOST_ROUNDS + 1):
         rounds.append(_Round(prices, sought.planned(sought.objective(prices), near)))
         found = rounds[-1].found
@@ -84,7 +87,8 @@ def plan_cycle(
         bound = sought.bound(rounds, tried)
         gap = sought.value(best) / bound - 1 if best and bound > 0 else inf
         tell(f"round {number}: {found.in_words}" + ("" if kept is None else f"; {kept.in_words}"))
-        if gap <= tolerance:
+        gaps.append(gap)
+        if gap <= tolerance or (len(gaps) > _PATIENCE and gap > _LESS * gaps[-1 - _PATIENCE]):
             break
         excess = sought.excess(found)
         if len(rounds) == 1:
@@ -122,8 +126,9 @@ class _Sought:
     def limits(self) -> Array:
         """Of each motor's mean square torque, (3,), N²m²: without a limit that of its peak, which
         none exceeds."""
-        found = self.cycle.rms_limits
-        return np.square(limits_of(self.cycle.legs[0]).upper("torque") if found is None else found)
+        peak = limits_of(self.cycle.legs[0]).upper("torque")
+        assert peak is not None
+        return np.square(peak if self.cycle.rms_limits is None else self.cycle.rms_limits)
 
     @cached_property
     def heat(self) -> Array:
@@ -258,8 +263,7 @@ class _Sought:
         if period is None:
             above = np.maximum(self.excess(fastest), 0.0)
             total = at_work / (at_work + 3 * fastest.period)
-            prices = total * above / above.sum()
-            return prices
+            return np.asarray(total * above / above.sum())
         slower = (period - dwelt) / at_work
         time = 3 * float(self.heat @ fastest.squares) / (at_work * slower**4)
         return np.array([time, 0.0, 0.0, 0.0])
