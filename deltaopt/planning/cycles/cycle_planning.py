@@ -41,6 +41,8 @@ _MOST_ROUNDS = 25
 _PATIENCE, _LESS = 6, 0.9
 """After how many rounds in which the gap did not fall to this share of what it was no more are
 made: where legs are known no better, as with friction."""
+_EXCHANGED = 1e-6
+"""By what share a cycle must become better for a leg to be exchanged."""
 _LEAST_SHARE = 0.05
 """Of the sum of all prices: what a motor's price is taken for where it is less, for the first guess
 of how its excess changes with it."""
@@ -82,8 +84,9 @@ def plan_cycle(
         kept = sought.slowed(found)
         tried += [found] if kept is None else [found, kept]
         near = kept or found
-        if kept and (best is None or sought.value(kept) < sought.value(best)):
-            best = replace(kept, prices=sought.gained(prices))
+        possible = [each for each in (best, kept) if each is not None]
+        if possible:
+            best = sought.exchanged(min(possible, key=sought.value), tried)
         bound = sought.bound(rounds, tried)
         gap = sought.value(best) / bound - 1 if best and bound > 0 else inf
         tell(f"round {number}: {found.in_words}" + ("" if kept is None else f"; {kept.in_words}"))
@@ -100,7 +103,8 @@ def plan_cycle(
         prices = sought.next(prices, excess, slopes)
     if best is None:
         raise Infeasible(sought.why_not(found))
-    return replace(best, gap=max(0.0, gap), rounds=number)
+    saved = sought.gained(rounds[-1].prices)
+    return replace(best, gap=max(0.0, gap), prices=saved, rounds=number)
 
 
 @dataclass(frozen=True)
@@ -210,6 +214,37 @@ class _Sought:
             last = np.log(factor), over
             factor = max(1.0, factor * float(np.exp(np.clip(-over / min(slope, -0.1), -1, 1))))
         return None
+
+    def exchanged(self, best: CyclePlan, tried: list[CyclePlan]) -> CyclePlan:
+        """A cycle that is better than the ``best`` by legs of others that were tried: where the
+        same prices lead to faster and to cooler motions, as with friction, some of each do."""
+        while True:
+            pairs = [(k, each.legs[k]) for each in tried for k in range(len(best.legs))]
+            durations = np.array([each.durations for each in tried]) - best.durations
+            squares = np.array([each.squares_of_legs for each in tried]) - best.squares_of_legs
+            about = self._about(best, durations.ravel(), squares.reshape(-1, 3))
+            index, leg = pairs[int(about.argmin())]
+            changed = self.slowed(
+                replace(best, legs=(*best.legs[:index], leg, *best.legs[index + 1 :]))
+            )
+            if changed is None or self.value(changed) >= (1 - _EXCHANGED) * self.value(best):
+                return best
+            best = changed
+
+    def _about(self, best: CyclePlan, longer: Array, more: Array) -> Array:
+        """About the values of cycles with legs that are ``longer`` by so much in all, (n,), s, and
+        whose motors' ∫ τ² dt are larger, (n, 3), when these are slowed as far as they have to be.
+        """
+        at_work, dwelt = best.durations.sum() + longer, sum(self.cycle.dwells)
+        squares = best.squares_of_legs.sum(axis=0) + more
+        if self.cycle.period is not None:
+            slower = (self.cycle.period - dwelt) / at_work
+            return np.where(slower < 1, np.inf, squares @ self.heat / np.maximum(slower, 1) ** 3)
+        period = at_work + dwelt
+        resting = best.squares - best.squares_of_legs.sum(axis=0)
+        over = np.log((squares + resting) / (self.limits * period[:, None])).max(axis=1)
+        slower = np.exp(np.maximum(over, 0.0) / (3 + at_work / period))
+        return np.asarray(slower * at_work + dwelt)
 
     def _by(self, factor: float, found: CyclePlan) -> CyclePlan | None:
         """A cycle with legs slowed by a factor; None where one exceeds a limit by it."""
