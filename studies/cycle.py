@@ -22,15 +22,14 @@ from deltaopt.curves.piecewise import Array
 from deltaopt.planning.path.path_over_bodies import rounded_path_over
 from deltaopt.robot.model import delta_model
 from deltaopt.scene.known_limits import limits_of
-from deltaopt.scene.path import Path
 from deltaopt.scene.task import OnPath
 from studies.problems import INDUSTRIAL, PROBLEMS
 from studies.smooth import limited
 
 HELP = "the 25-305-25 mm cycle: trapezoid, S-curve, timed optimally, free"
 SMALL = {"robots": (INDUSTRIAL,)}
-_DEPTHS = {"orsino": 0.45, "industrial_drive": 0.97}
-_USUAL_DEPTH = 0.85
+DEPTHS = {"orsino": 0.45, "industrial_drive": 0.97}
+USUAL_DEPTH = 0.85
 """m, of start and goal below the base: in the middle of the workspace, with the tool if any."""
 _RAMP = 8.0
 """ms, from no torque to the peak, of smooth plans."""
@@ -76,9 +75,8 @@ def wall_row(name: str, scene: deltaopt.Scene) -> str:
 def by_law(scene: deltaopt.Scene, shape: str) -> float:
     """The duration, s, of a law of time on a scene's path, slowed until it keeps torques and motor
     speeds."""
-    task, model = scene.task, delta_model(scene.robot, scene.payload)
-    assert isinstance(task, OnPath)
-    x, v, a = _motion(task.path, shape)
+    model = delta_model(scene.robot, scene.payload)
+    x, v, a = sampled_law(scene, shape)
     limits = limits_of(scene)
     torque, speed = limits.upper("torque"), limits.upper("speed")
     assert torque is not None
@@ -96,8 +94,11 @@ def by_law(scene: deltaopt.Scene, shape: str) -> float:
     return high
 
 
-def _motion(path: Path, shape: str) -> tuple[Array, Array, Array]:
-    """Position, velocity and acceleration along a path in 1 s, (N, 3) each."""
+def sampled_law(scene: deltaopt.Scene, shape: str) -> tuple[Array, Array, Array]:
+    """Position, velocity and acceleration along a scene's path in 1 s, (N, 3) each."""
+    task = scene.task
+    assert isinstance(task, OnPath)
+    path = task.path
     t = np.linspace(0.0, 1.0, _SAMPLES)
     ramp = {"trapezoid": 0.0, "S-curve": 1 / 9}[shape]
     starting = _pulse(t, ramp)
@@ -132,7 +133,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Print one row of a table for each robot and path, and one of another for each robot."""
     robots = {
-        file.stem: (deltaopt.load_robot(file), _DEPTHS.get(file.stem, _USUAL_DEPTH))
+        file.stem: (deltaopt.load_robot(file), DEPTHS.get(file.stem, USUAL_DEPTH))
         for file in arguments.robots
     }
     print("| robot | path | trapezoid | S-curve | timed optimally | free path |")

@@ -31,6 +31,7 @@ SAYS = {
     "mutations": "test_jumping_velocity",
     "objectives": "least effort ∫ τᵀτ dt in",
     "smooth": "with torques that jump",
+    "parts": "| industrial | 0.60 |",
     "smoother": "cost of torque rates",
     "processors": "| OpenBLAS for Haswell |",
     "proportions": "2 have a plan that is verified",

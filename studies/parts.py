@@ -1,0 +1,232 @@
+"""Parts a minute that motors survive: the cycle over the wall by what motors are rated for.
+
+There with 1 kg and back without, 25 mm over a wall and without a pause, as fast as motors allow
+whose RMS torque may be a share of their peak: by the planned cycle, and by what a controller
+drives, the lowest rounded path that clears the wall, by a trapezoid of speed and timed optimally,
+both legs slowed alike until the motors stay as cool.
+
+``--random N`` plans so many random cycles instead, of two to eight legs.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from time import process_time
+
+import numpy as np
+
+import deltaopt
+from deltaopt import Cycle, Scene
+from deltaopt.curves.piecewise import Array
+from deltaopt.errors import DeltaOptError
+from deltaopt.files.progress_bar import ProgressBar
+from deltaopt.motion.running_cost import squared_torques
+from deltaopt.output.cycle_files import verified
+from deltaopt.planning.path.path_over_bodies import rounded_path_over
+from deltaopt.plots.colours import COLOURS, GREY
+from deltaopt.plots.style import figure
+from deltaopt.robot.model import delta_model
+from studies.bench.random_scenes import points_in_workspace
+from studies.cycle import DEPTHS, USUAL_DEPTH, by_law, over_wall, sampled_law
+from studies.problems import INDUSTRIAL, PROBLEMS, add_directory
+
+HELP = "parts a minute by what motors are rated for, and random cycles"
+SHARES = (0.25, 1 / 3, 0.45, 0.6, 0.8, 1.0)
+"""Rated torques over peaks; motors of Deltas are rated for a third, about."""
+SMALL = {"robots": (INDUSTRIAL,), "shares": (0.6,)}
+_ROBOTS = ("hornet_565", "industrial", "industrial_drive", "industrial_limited", "orsino", "rl5")
+_RANDOM = ("industrial", "orsino", "rl5", "hornet_565")
+_HEAD = """\
+| robot | rated over peak | trapezoid | timed optimally | deltaopt | more than first | than second | \
+gap |
+|---|---|---|---|---|---|---|---|"""
+
+
+@dataclass(frozen=True)
+class Row:
+    """Parts a minute of a robot whose motors are rated for a ``share`` of their peak: by a
+    trapezoid, timed optimally and planned; and the plan's gap."""
+
+    robot: str
+    share: float
+    trapezoid: float
+    timed: float
+    planned: float
+    gap: float
+
+    def __str__(self) -> str:
+        rates = " | ".join(f"{each:.1f}" for each in (self.trapezoid, self.timed, self.planned))
+        more = " | ".join(
+            f"{100 * (self.planned / each - 1):.0f} %" for each in (self.trapezoid, self.timed)
+        )
+        return f"| {self.robot} | {self.share:.2f} | {rates} | {more} | {100 * self.gap:.2f} % |"
+
+
+def legs_over_wall(robot: deltaopt.Robot, depth: float) -> tuple[Scene, Scene]:
+    """There with 1 kg and back without."""
+    there = over_wall(robot, depth)
+    changed = {"start": there.goal, "goal": there.start, "payload": None}
+    return there, there.model_copy(update=changed)
+
+
+def on_path(scene: Scene) -> Scene:
+    """A scene on the lowest rounded path over its wall."""
+    path = rounded_path_over(scene)
+    assert path is not None
+    return scene.model_copy(update={"path": path})
+
+
+def rate_of_trapezoids(legs: Sequence[Scene], rms: Array) -> float:
+    """Parts a minute where each leg is a trapezoid of speed; ``rms``: may be, (3,), N·m."""
+    models = [delta_model(leg.robot, leg.payload) for leg in legs]
+    laws = [sampled_law(on_path(leg), "trapezoid") for leg in legs]
+    fastest = [by_law(on_path(leg), "trapezoid") for leg in legs]
+
+    def squares(slower: float) -> Array:
+        found = np.zeros(3)
+        for model, (x, v, a), duration in zip(models, laws, fastest, strict=True):
+            T = slower * duration
+            found += T * np.mean(model.inverse_dynamics(x, v / T, a / T**2) ** 2, axis=0)
+        return found
+
+    return _rate(sum(fastest), squares, rms)
+
+
+def rate_of_timed(legs: Sequence[Scene], rms: Array) -> float:
+    """Parts a minute where each leg is timed optimally on its path and slowed."""
+    motions = [deltaopt.plan(on_path(leg)).trajectory for leg in legs]
+
+    def squares(slower: float) -> Array:
+        return np.sum([squared_torques(each.slowed(slower)) for each in motions], axis=0)
+
+    return _rate(sum(each.duration for each in motions), squares, rms)
+
+
+def _rate(fastest: float, squares: object, rms: Array) -> float:
+    low, high = 1.0, 20.0
+    assert callable(squares)
+
+    def is_kept(slower: float) -> bool:
+        return bool((squares(slower) <= rms**2 * slower * fastest).all())
+
+    if is_kept(low):
+        return 60 / fastest
+    while high / low > 1 + 1e-7:
+        middle = float(np.sqrt(low * high))
+        low, high = (low, middle) if is_kept(middle) else (middle, high)
+    return 60 / (high * fastest)
+
+
+def rows(name: str, robot: deltaopt.Robot, shares: Sequence[float]) -> Iterator[Row]:
+    """What a robot does by what its motors are rated for."""
+    legs = legs_over_wall(robot, DEPTHS.get(name, USUAL_DEPTH))
+    for share in shares:
+        rms = share * np.array(robot.torque_limits)
+        a, b, c = rms.tolist()
+        found = deltaopt.plan_cycle(Cycle(legs=legs, rms_torque=(a, b, c)))
+        report = verified(found)
+        assert report.ok, report.failures()
+        others = rate_of_trapezoids(legs, rms), rate_of_timed(legs, rms)
+        yield Row(name, share, *others, found.parts_per_minute, found.gap)
+
+
+def random_cycle(number: int, seed: int) -> Cycle:
+    """A cycle of two to eight legs between random points, with and without payload, with dwells, in
+    a given period or as short as the motors allow."""
+    rng = np.random.default_rng((seed, number))
+    name = _RANDOM[number % len(_RANDOM)]
+    robot = deltaopt.load_robot(PROBLEMS / "robots" / f"{name}.yaml")
+    count = int(rng.integers(2, 9))
+    points = points_in_workspace(delta_model(robot, 1.0), count, int(rng.integers(2**31)))
+    places = [tuple(point) for point in points.tolist()]
+    legs = [
+        Scene(robot=robot, payload=mass, start=start, goal=goal)
+        for start, goal, mass in zip(
+            places, places[1:] + places[:1], rng.choice([None, 0.5, 1.0], count), strict=True
+        )
+    ]
+    a, b, c = (rng.uniform(0.25, 0.8) * np.array(robot.torque_limits)).tolist()
+    dwells = rng.choice([0.0, 0.03, 0.1], count).tolist()
+    return Cycle(legs=tuple(legs), dwells=tuple(dwells), rms_torque=(a, b, c))
+
+
+def campaign(number: int, seed: int) -> int:
+    """Plan random cycles, print what came of them, and return 1 where one was not verified."""
+    progress, gaps, times, bad = ProgressBar().counting(number, "cycles"), [], [], 0
+    for which in range(number):
+        cycle = random_cycle(which, seed)
+        try:
+            begin = process_time()
+            single = [deltaopt.plan(leg) for leg in cycle.legs]
+            plain, begin = process_time() - begin, process_time()
+            found = deltaopt.plan_cycle(cycle)
+            times.append((process_time() - begin) / plain)
+            report = verified(found)
+            gaps.append(found.gap)
+            if not report.ok or found.period < sum(each.duration for each in single):
+                bad += 1
+                print(f"cycle {which}: {report.failures()}")
+        except DeltaOptError as error:
+            bad += 1
+            print(f"cycle {which}: {type(error).__name__}: {error}")
+        progress(which + 1)
+    if not gaps:
+        return 1
+    worst = ", ".join(f"{100 * q:.0f} %: {np.quantile(gaps, q):.1e}" for q in (0.5, 0.9, 1.0))
+    took = ", ".join(f"{100 * q:.0f} %: {np.quantile(times, q):.1f}" for q in (0.5, 0.9, 1.0))
+    print(f"{number - bad} of {number} cycles planned and verified; gaps at {worst}")
+    print(f"processor time over that of single plans of the legs at {took}")
+    return int(bad > 0)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    files = [PROBLEMS / "robots" / f"{name}.yaml" for name in _ROBOTS]
+    parser.add_argument("robots", nargs="*", type=Path, default=files, metavar="ROBOT")
+    parser.add_argument("--random", type=int, default=0, metavar="N", help="random cycles instead")
+    parser.add_argument("--seed", type=int, default=1, help="of random cycles")
+    add_directory(parser, "parts", "parts.png")
+    parser.set_defaults(shares=SHARES)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    if arguments.random:
+        return campaign(arguments.random, arguments.seed)
+    print(_HEAD)
+    found = list[Row]()
+    for file in arguments.robots:
+        for row in rows(file.stem, deltaopt.load_robot(file), arguments.shares):
+            print(row, flush=True)
+            found.append(row)
+    arguments.directory.mkdir(parents=True, exist_ok=True)
+    draw(found, arguments.directory / "parts.png")
+    return 0
+
+
+def draw(found: Sequence[Row], file: Path) -> None:
+    """Draw parts a minute by what motors are rated for, a panel for each robot."""
+    names = list(dict.fromkeys(row.robot for row in found))
+    columns = min(3, len(names))
+    with figure(file, 7.2, 2.4 * -(-len(names) // columns)) as page:
+        panels = page.subplots(-(-len(names) // columns), columns, sharex=True, squeeze=False)
+        for axes, name in zip(panels.flat, names, strict=False):
+            own = [row for row in found if row.robot == name]
+            shares = [row.share for row in own]
+            axes.plot(
+                shares, [row.planned for row in own], "o-", color=COLOURS[0], label="deltaopt"
+            )
+            axes.plot(
+                shares, [row.timed for row in own], "s--", color=COLOURS[1], label="path, timed"
+            )
+            axes.plot(
+                shares, [row.trapezoid for row in own], "^:", color=GREY, label="path, trapezoid"
+            )
+            axes.set_title(name)
+            axes.set_ylim(bottom=0)
+        panels[0, 0].legend(loc="lower right")
+        for axes in panels[-1]:
+            axes.set_xlabel("rated torque over peak")
+        for line in panels:
+            line[0].set_ylabel("parts a minute")
