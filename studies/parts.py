@@ -40,8 +40,7 @@ SMALL = {"robots": (INDUSTRIAL,), "shares": (0.6,)}
 _ROBOTS = ("hornet_565", "industrial", "industrial_drive", "industrial_limited", "orsino", "rl5")
 _RANDOM = ("industrial", "orsino", "rl5", "hornet_565")
 _HEAD = """\
-| robot | rated over peak | trapezoid | timed optimally | deltaopt | more than first | than second | \
-gap |
+| robot | rated / peak | trapezoid | timed | deltaopt | more than first | than second | gap |
 |---|---|---|---|---|---|---|---|"""
 
 
@@ -100,7 +99,8 @@ def rate_of_timed(legs: Sequence[Scene], rms: Array) -> float:
     motions = [deltaopt.plan(on_path(leg)).trajectory for leg in legs]
 
     def squares(slower: float) -> Array:
-        return np.sum([squared_torques(each.slowed(slower)) for each in motions], axis=0)
+        each = [squared_torques(motion.slowed(slower)) for motion in motions]
+        return np.asarray(np.sum(each, axis=0))
 
     return _rate(sum(each.duration for each in motions), squares, rms)
 
@@ -140,13 +140,11 @@ def random_cycle(number: int, seed: int) -> Cycle:
     name = _RANDOM[number % len(_RANDOM)]
     robot = deltaopt.load_robot(PROBLEMS / "robots" / f"{name}.yaml")
     count = int(rng.integers(2, 9))
-    points = points_in_workspace(delta_model(robot, 1.0), count, int(rng.integers(2**31)))
-    places = [tuple(point) for point in points.tolist()]
+    places = points_in_workspace(delta_model(robot, 1.0), rng)[:count].tolist()
+    masses = rng.choice([0.0, 0.5, 1.0], count).tolist()
     legs = [
-        Scene(robot=robot, payload=mass, start=start, goal=goal)
-        for start, goal, mass in zip(
-            places, places[1:] + places[:1], rng.choice([None, 0.5, 1.0], count), strict=True
-        )
+        Scene(robot=robot, payload=mass or None, start=tuple(start), goal=tuple(goal))
+        for start, goal, mass in zip(places, places[1:] + places[:1], masses, strict=True)
     ]
     a, b, c = (rng.uniform(0.25, 0.8) * np.array(robot.torque_limits)).tolist()
     dwells = rng.choice([0.0, 0.03, 0.1], count).tolist()
@@ -214,15 +212,12 @@ def draw(found: Sequence[Row], file: Path) -> None:
         for axes, name in zip(panels.flat, names, strict=False):
             own = [row for row in found if row.robot == name]
             shares = [row.share for row in own]
-            axes.plot(
-                shares, [row.planned for row in own], "o-", color=COLOURS[0], label="deltaopt"
-            )
-            axes.plot(
-                shares, [row.timed for row in own], "s--", color=COLOURS[1], label="path, timed"
-            )
-            axes.plot(
-                shares, [row.trapezoid for row in own], "^:", color=GREY, label="path, trapezoid"
-            )
+            for values, style, colour, label in (
+                ([row.planned for row in own], "o-", COLOURS[0], "deltaopt"),
+                ([row.timed for row in own], "s--", COLOURS[1], "path, timed"),
+                ([row.trapezoid for row in own], "^:", GREY, "path, trapezoid"),
+            ):
+                axes.plot(shares, values, style, color=colour, label=label)
             axes.set_title(name)
             axes.set_ylim(bottom=0)
         panels[0, 0].legend(loc="lower right")
