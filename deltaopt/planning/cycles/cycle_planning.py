@@ -298,7 +298,7 @@ class _Sought:
         if period is None:
             above = np.maximum(self.excess(fastest), 0.0)
             total = at_work / (at_work + 3 * fastest.period)
-            return np.asarray(total * above / above.sum())
+            return np.asarray(total * above.max() * above / above.sum())
         slower = (period - dwelt) / at_work
         time = 3 * float(self.heat @ fastest.squares) / (at_work * slower**4)
         return np.array([time, 0.0, 0.0, 0.0])

@@ -7,6 +7,7 @@ it keeps all of them at all instants.
 from __future__ import annotations
 
 from dataclasses import replace
+from math import inf, isfinite
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +40,8 @@ _FACTOR = 1.25
 """Tightening over the excess that was seen. A larger factor costs time, a smaller one solves."""
 _MOST = 16
 """Solves at most; it takes one to three as a rule."""
+_NOTHING = 0.1
+"""Of the tolerance: what slowing may cost, of the cost, so that limits are not tightened."""
 _PATIENCE, _PIECES = 4, 3
 """After how many solves an interval that still exceeds a limit is split, and into how many. Beside
 a start that is at a limit of speed itself tightening does not help, but a shorter interval does."""
@@ -88,19 +91,31 @@ def kept(program: Formulated, solution: MeshSolution, tolerance: float) -> MeshS
 
 
 def kept_or_slowed(program: Formulated, solution: MeshSolution, tolerance: float) -> MeshSolution:
-    """A solution near another whose motion keeps all limits at all instants: by tightening them, or
-    where that does not converge by slowing, if the motion rests at both ends and its duration is
-    free. Raises NotConverged."""
+    """A solution near another whose motion keeps all limits at all instants: by tightening them.
+
+    Where the motion rests at both ends and its duration is free, it is slowed instead if that costs
+    next to nothing, or if tightening does not converge. Raises NotConverged.
+    """
     problem = solution.problem
+    if problem.objective.duration is not None or not problem.is_at_rest:
+        return kept(program, solution, tolerance)
+    slowed = _slowed(solution)
+    if slowed.needed.keeps_places and slowed.cost <= (1 + _NOTHING * tolerance) * solution.cost:
+        return slowed
     try:
         return kept(program, solution, tolerance)
     except NotConverged:
-        if problem.objective.duration is not None or not problem.is_at_rest:
-            raise
+        return slowed
+
+
+def _slowed(solution: MeshSolution) -> MeshSolution:
+    """A solution with its motion slowed until it keeps its limits."""
     exact = replace(solution, is_exact=False).exact()
-    factor = (1 + KEPT) * exact.safe_factor
     needed = replace(exact.needed, factor=1.0)
-    return replace(exact, trajectory=exact.trajectory.slowed(factor), needed=needed)
+    if not isfinite(exact.safe_factor):
+        return replace(exact, needed=replace(needed, misplaced=inf))
+    slowed = exact.trajectory.slowed((1 + KEPT) * exact.safe_factor)
+    return replace(exact, trajectory=slowed, needed=needed)
 
 
 def _sampled_excess(solution: MeshSolution) -> Array:
