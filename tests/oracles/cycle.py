@@ -1,0 +1,229 @@
+"""Cycles of least period by Ipopt: all legs and pauses at once, in another transcription.
+
+The platform's acceleration is a parabola in each interval and may jump between two; positions and
+velocities follow by exact integration. Torques are those of the Principle of Virtual Work at both
+ends and in the middle of each interval, their squares are integrated by Simpson's rule. Where a
+motor switches inside of an interval the discrete motion is slower than the true one: there is
+nothing to gain by it. It shares no mesh, no equations of motion, no limits and no solver with the
+planner.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from deltaopt.files.validated_record import per_motor
+from deltaopt.robot.model import DeltaModel, delta_model
+from deltaopt.robot.robot import Robot
+from tests.oracles.motor_loads import asked_of_motors
+from tests.oracles.sparse_program import SparseProgram
+
+Array = NDArray[np.float64]
+Point = tuple[float, float, float]
+
+SHORTEST, LONGEST = 0.3, 2.0
+"""Lengths of the parts of a leg in units of their mean."""
+STILL = (0.0, 0.0, 0.0)
+INSTANTS = (0.0, 0.5, 1.0)
+SIMPSON = (1 / 6, 4 / 6, 1 / 6)
+GAUSS = ((1 - np.sqrt(0.6)) / 2, 0.5, (1 + np.sqrt(0.6)) / 2), (5 / 18, 8 / 18, 5 / 18)
+"""Fractions of a pause on a belt at which torques are evaluated, and their weights."""
+
+
+@dataclass(frozen=True)
+class Leg:
+    """A motion to ``goal``, m, with ``payload``, kg, and the ``dwell`` there, s, still with it.
+
+    ``belt``: the velocity, m/s, of a goal that moves; ``goal`` is where it is when the cycle
+    begins, it is met at that velocity and stayed with while the dwell lasts. ``passed``: whether
+    the goal is passed without rest, with any velocity and no dwell.
+    """
+
+    goal: Point
+    payload: float | None = None
+    dwell: float = 0.0
+    belt: Point = STILL
+    passed: bool = False
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """``period``, ``durations`` of the legs, ``dwells``: s. ``rms``: of each motor over the period,
+    N·m. ``heat``: the integral over the period of the sum of (τ / rated)², s; None without rated
+    torques."""
+
+    period: float
+    durations: Array
+    dwells: Array
+    rms: Array
+    heat: float | None
+
+
+@dataclass(frozen=True)
+class Asked:
+    """Of a cycle: ``robot``, ``start``, m, and ``legs``. It begins at rest, or, where the last leg
+    passes its goal, with the velocity of that, which then is the start.
+
+    ``peak``: the largest torques, N·m, those of the drive unless given; speeds, and torques at
+    speed, are limited as the drive says. ``rated``: the largest RMS torques over the period, N·m,
+    dwells included, without ``is_limited`` but the weights of the heat. ``period``: s; then the
+    heat is the cost. ``free_dwells``: whether dwells may be longer than the legs say.
+    """
+
+    robot: Robot
+    start: Point
+    legs: tuple[Leg, ...]
+    peak: float | Point | None = None
+    rated: float | Point | None = None
+    is_limited: bool = True
+    period: float | None = None
+    free_dwells: bool = False
+
+    @property
+    def most(self) -> Array:
+        return np.array(self.robot.torque_limits if self.peak is None else per_motor(self.peak))
+
+
+def best_cycle(asked: Asked, intervals: int = 40, parts: int = 1) -> Cycle:
+    """The cycle of least period, or of least heat in a given period.
+
+    ``intervals``: of each leg, equal in each of so many ``parts``, whose lengths are free.
+    """
+    return _Transcription(asked, intervals, parts).best()
+
+
+class _Transcription:
+    def __init__(self, asked: Asked, intervals: int, parts: int) -> None:
+        self.asked, self.parts, self.each = asked, parts, intervals // parts
+        places = [np.array(each) for each in (asked.start, *(leg.goal for leg in asked.legs))]
+        self.ways = list(pairwise(places))
+        self.lines = [
+            _duration_of_line(delta_model(asked.robot, leg.payload), asked.most, *way)
+            for leg, way in zip(asked.legs, self.ways, strict=True)
+        ]
+        if asked.period is not None:
+            still = sum(leg.dwell for leg in asked.legs)
+            share = (asked.period - still) / sum(self.lines)
+            self.lines = [share * line for line in self.lines]
+        self.way = max(float(np.linalg.norm(end - begin)) for begin, end in self.ways)
+        self.unit = float(np.mean(self.lines))
+        self.program = SparseProgram()
+
+    def best(self) -> Cycle:
+        asked, program, way, unit = self.asked, self.program, self.way, self.unit
+        speed = way / unit
+        x = program.unknown(np.array(asked.start), way)
+        v = first = program.unknown(np.zeros(3), speed)
+        program.equal(x, asked.start, way)
+        circles = asked.legs[-1].passed
+        if not circles:
+            program.equal(v, STILL, speed)
+        now, squares = ca.SX(0), ca.SX.zeros(3)
+        durations, dwells = [], []
+        for number, leg in enumerate(asked.legs):
+            x, v, T, used = self._leg(number, x, v)
+            now, squares, belt = now + T, squares + used, ca.DM(leg.belt)
+            program.equal(x, ca.DM(leg.goal) + now * belt, way)
+            pause = ca.SX(leg.dwell)
+            if leg.passed:
+                assert leg.dwell == 0 and leg.belt == STILL
+            else:
+                program.equal(v, leg.belt, speed)
+                if asked.free_dwells:
+                    pause = program.unknown(np.array([leg.dwell]) + 0.01, unit, leg.dwell)
+                squares += self._pause(leg, x, pause)
+                x, now = x + pause * belt, now + pause
+            durations.append(T)
+            dwells.append(pause)
+        if circles:
+            program.equal(v, first, speed)
+        rated = None if asked.rated is None else np.array(per_motor(asked.rated))
+        heat = ca.SX.zeros(3) if rated is None else squares / rated**2
+        if rated is not None and asked.is_limited:
+            program.limit((heat - now) / unit, -np.inf, 0)
+        if asked.period is not None:
+            assert rated is not None
+            program.equal(now, asked.period, unit)
+        cost = now if asked.period is None else ca.sum1(heat)
+        wanted = ca.vertcat(*durations), ca.vertcat(*dwells), squares
+        long, pauses, used = program.solved(cost / unit, wanted)
+        period = float(long.sum() + pauses.sum())
+        total = None if rated is None else float((used / rated**2).sum())
+        return Cycle(period, long, pauses, np.sqrt(used / period), total)
+
+    def _leg(self, number: int, x: ca.SX, v: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+        """The position and velocity after a leg, its duration, and the integrals of τ², from the
+        state before it."""
+        program, way, unit = self.program, self.way, self.unit
+        speed, line = way / unit, self.lines[number]
+        begin, end = self.ways[number]
+        squares, lengths = ca.SX.zeros(3), []
+        n = self.parts * self.each
+        for i in range(n):
+            if i % self.each == 0:
+                h = program.unknown(np.array([line / n]), unit / n, 0.02 * line / n)
+                lengths.append(h)
+            s = (i + np.array(INSTANTS)) / n
+            bend = (60 * s - 180 * s**2 + 120 * s**3) / line**2
+            a = [program.unknown(each * (end - begin), way / unit**2) for each in bend]
+            slope, twice = -3 * a[0] + 4 * a[1] - a[2], 2 * a[0] - 4 * a[1] + 2 * a[2]
+            before, velocity = x, v
+            for f, share, weight, here in zip(INSTANTS, s, SIMPSON, a, strict=True):
+                if f > 0:
+                    rise = share**3 * (10 - 15 * share + 6 * share**2)
+                    rate = 30 * share**2 * (1 - share) ** 2 / line
+                    x = program.unknown(begin + rise * (end - begin), way)
+                    v = program.unknown(rate * (end - begin), speed)
+                    gained = f * a[0] + f**2 / 2 * slope + f**3 / 3 * twice
+                    shift = f**2 / 2 * a[0] + f**3 / 6 * slope + f**4 / 12 * twice
+                    program.equal(v, velocity + h * gained, speed)
+                    program.equal(x, before + h * f * velocity + h**2 * shift, way)
+                tau = self._torques(self.asked.legs[number], x, v, here, is_new=f > 0)
+                squares += h * weight * tau**2
+        T = self.each * sum(lengths)
+        if self.parts > 1:
+            of_mean = ca.vertcat(*lengths) * n
+            program.limit((of_mean - SHORTEST * T) / unit, 0, np.inf)
+            program.limit((of_mean - LONGEST * T) / unit, -np.inf, 0)
+        return x, v, T, squares
+
+    def _torques(self, leg: Leg, x: ca.SX, v: ca.SX, a: ca.SX, *, is_new: bool = True) -> ca.SX:
+        """Within what the drive gives. ``is_new``: whether speeds are not yet known to be."""
+        drive, most = self.asked.robot.drive, self.asked.most
+        model = delta_model(self.asked.robot, leg.payload)
+        speed = np.array(per_motor(drive.speed)) if drive.speed is not None and is_new else None
+        tau, rates = self.program.asked(asked_of_motors(model), (x, v, a), most, speed)
+        for (slow, more), (fast, less) in pairwise(drive.torque_curve or ()):
+            if more > less:
+                slope = (more - less) / (fast - slow)
+                self.program.limit((tau + slope * rates) / (more + slope * slow), -1, 1)
+        return tau
+
+    def _pause(self, leg: Leg, x: ca.SX, pause: ca.SX) -> ca.SX:
+        """The integrals of τ² while the platform stays where it is, or with the belt."""
+        if leg.belt == STILL:
+            asked = asked_of_motors(delta_model(self.asked.robot, leg.payload))
+            return pause * asked(leg.goal, STILL, STILL)[0] ** 2
+        total, belt = ca.SX.zeros(3), ca.DM(leg.belt)
+        for fraction, weight in zip(*GAUSS, strict=True):
+            tau = self._torques(leg, x + fraction * pause * belt, ca.SX(belt), ca.SX.zeros(3))
+            total += weight * pause * tau**2
+        return total
+
+
+def _duration_of_line(model: DeltaModel, most: Array, begin: Array, end: Array) -> float:
+    """The time that a quintic on the straight line takes without friction, s."""
+    s, way = np.linspace(0, 1, 21), end - begin
+    x = begin[:, None] + np.outer(way, s**3 * (10 - 15 * s + 6 * s**2))
+    v = np.outer(way, 30 * s**2 * (1 - s) ** 2)
+    a = np.outer(way, 60 * s - 180 * s**2 + 120 * s**3)
+    asked = asked_of_motors(model).map(len(s))
+    held = asked(x, 0 * x, 0 * x)[0].full()
+    moved = asked(x, v, a)[0].full()
+    return float(np.sqrt((np.abs(moved - held) / (most[:, None] - np.abs(held))).max()))
