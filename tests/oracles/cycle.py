@@ -2,9 +2,10 @@
 
 The platform's acceleration is a parabola in each interval and may jump between two; positions and
 velocities follow by exact integration. Torques are those of the Principle of Virtual Work at both
-ends and in the middle of each interval, their squares are integrated by Simpson's rule. Where a
-motor switches inside of an interval the discrete motion is slower than the true one: there is
-nothing to gain by it. It shares no mesh, no equations of motion, no limits and no solver with the
+ends and in the middle of each interval; limits hold for the parabola through the three, Simpson's
+rule integrates their squares. Where a motor switches inside of an interval the discrete motion is
+then slower than the true one, and where lengths of intervals are free it is faster so to let them
+end where torques jump. It shares no mesh, no equations of motion, no limits and no solver with the
 planner.
 """
 
@@ -173,7 +174,7 @@ class _Transcription:
             bend = (60 * s - 180 * s**2 + 120 * s**3) / line**2
             a = [program.unknown(each * (end - begin), way / unit**2) for each in bend]
             slope, twice = -3 * a[0] + 4 * a[1] - a[2], 2 * a[0] - 4 * a[1] + 2 * a[2]
-            before, velocity = x, v
+            before, velocity, motors = x, v, list[ca.SX]()
             for f, share, weight, here in zip(INSTANTS, s, SIMPSON, a, strict=True):
                 if f > 0:
                     rise = share**3 * (10 - 15 * share + 6 * share**2)
@@ -184,8 +185,10 @@ class _Transcription:
                     shift = f**2 / 2 * a[0] + f**3 / 6 * slope + f**4 / 12 * twice
                     program.equal(v, velocity + h * gained, speed)
                     program.equal(x, before + h * f * velocity + h**2 * shift, way)
-                tau = self._torques(self.asked.legs[number], x, v, here, is_new=f > 0)
-                squares += h * weight * tau**2
+                motor = self._asked(self.asked.legs[number], x, v, here)
+                squares += h * weight * motor[:3] ** 2
+                motors.append(motor)
+            self._limit(motors)
         T = self.each * sum(lengths)
         if self.parts > 1:
             of_mean = ca.vertcat(*lengths) * n
@@ -193,17 +196,28 @@ class _Transcription:
             program.limit((of_mean - LONGEST * T) / unit, -np.inf, 0)
         return x, v, T, squares
 
-    def _torques(self, leg: Leg, x: ca.SX, v: ca.SX, a: ca.SX, *, is_new: bool = True) -> ca.SX:
-        """Within what the drive gives. ``is_new``: whether speeds are not yet known to be."""
-        drive, most = self.asked.robot.drive, self.asked.most
-        model = delta_model(self.asked.robot, leg.payload)
-        speed = np.array(per_motor(drive.speed)) if drive.speed is not None and is_new else None
-        tau, rates = self.program.asked(asked_of_motors(model), (x, v, a), most, speed)
-        for (slow, more), (fast, less) in pairwise(drive.torque_curve or ()):
-            if more > less:
-                slope = (more - less) / (fast - slow)
-                self.program.limit((tau + slope * rates) / (more + slope * slow), -1, 1)
-        return tau
+    def _asked(self, leg: Leg, x: ca.SX, v: ca.SX, a: ca.SX) -> ca.SX:
+        """Torques and speeds of the motors, 6."""
+        asked = asked_of_motors(delta_model(self.asked.robot, leg.payload))
+        return self.program.asked(asked, (x, v, a), self.asked.most)
+
+    def _limit(self, motors: Sequence[ca.SX]) -> None:
+        """At most what the drive gives: torques and speeds at the beginning, in the middle and at
+        the end of an interval. Torques are kept by the parabola through the three, not by these
+        alone: what it is nowhere beyond is the control polygon of Bézier's form."""
+        drive, program, (begin, middle, end) = self.asked.robot.drive, self.program, motors
+        polygon = begin, 2 * middle - (begin + end) / 2, end
+        curve = drive.torque_curve or ()
+        for each in polygon:
+            program.limit(each[:3] / self.asked.most, -1, 1)
+            for (slow, more), (fast, less) in pairwise(curve):
+                if more > less:
+                    slope = (more - less) / (fast - slow)
+                    at_rest = more + slope * slow
+                    program.limit((each[:3] + slope * each[3:]) / at_rest, -1, 1)
+        if drive.speed is not None:
+            for each in (middle, end):  # those of the beginning are of the interval before
+                program.limit(each[3:] / np.array(per_motor(drive.speed)), -1, 1)
 
     def _pause(self, leg: Leg, x: ca.SX, pause: ca.SX) -> ca.SX:
         """The integrals of τ² while the platform stays where it is, or with the belt."""
@@ -212,8 +226,8 @@ class _Transcription:
             return pause * asked(leg.goal, STILL, STILL)[0] ** 2
         total, belt = ca.SX.zeros(3), ca.DM(leg.belt)
         for fraction, weight in zip(*GAUSS, strict=True):
-            tau = self._torques(leg, x + fraction * pause * belt, ca.SX(belt), ca.SX.zeros(3))
-            total += weight * pause * tau**2
+            motor = self._asked(leg, x + fraction * pause * belt, ca.SX(belt), ca.SX.zeros(3))
+            total += weight * pause * motor[:3] ** 2
         return total
 
 

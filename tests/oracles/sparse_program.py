@@ -74,22 +74,16 @@ class SparseProgram:
         self.limit((this - that) / scale, 0, 0)
 
     def asked(
-        self,
-        of_motors: ca.Function,
-        motion: Sequence[ca.SX],
-        torque: Array,
-        speed: ArrayLike | None,
-    ) -> tuple[ca.SX, ca.SX]:
-        """The torques and speeds, at most ``torque`` and ``speed``, that a motion (x, v, a), linear
-        in the unknowns, asks of motors."""
+        self, of_motors: ca.Function, motion: Sequence[ca.SX], torque: Array
+    ) -> ca.SX:
+        """The torques, of the size of ``torque``, and the speeds, 6, that a motion (x, v, a),
+        linear in the unknowns, asks of motors."""
         place = sum(map(len, self._guess))
-        tau = self.unknown(np.zeros(3), torque, -torque, torque)
-        most = np.inf if speed is None else np.asarray(speed)
-        rates = self.unknown(np.zeros(3), _FAST, -most, most)
         scale = np.append(torque, np.full(3, _FAST))
-        point = _Point(ca.vertcat(*motion), ca.vertcat(tau, rates), scale, place)
+        asked = self.unknown(np.zeros(6), scale)
+        point = _Point(ca.vertcat(*motion), asked, scale, place)
         self._points.setdefault(of_motors, []).append(point)
-        return tau, rates
+        return asked
 
     def solved(self, cost: ca.SX, wanted: Sequence[ca.SX]) -> list[Array]:
         """The values of what is wanted where the cost is least."""
