@@ -28,8 +28,12 @@ from tests.oracles.sparse_program import SparseProgram
 Array = NDArray[np.float64]
 Point = tuple[float, float, float]
 
-SHORTEST, LONGEST = 0.3, 2.0
-"""Lengths of the parts of a leg in units of their mean."""
+SHORTEST = 0.02
+"""The least length of an interval in units of its guess."""
+JUMP = 0.5
+"""Change of a torque within two intervals that is taken for a jump, in units of the largest."""
+NEAR = 1.5
+"""How many intervals, of those before, the ends of parts may move, and at least are apart."""
 STILL = (0.0, 0.0, 0.0)
 INSTANTS = (0.0, 0.5, 1.0)
 SIMPSON = (1 / 6, 4 / 6, 1 / 6)
@@ -91,17 +95,50 @@ class Asked:
         return np.array(self.robot.torque_limits if self.peak is None else per_motor(self.peak))
 
 
-def best_cycle(asked: Asked, intervals: int = 40, parts: int = 1) -> Cycle:
-    """The cycle of least period, or of least heat in a given period.
+def best_cycle(asked: Asked, intervals: int = 40) -> Cycle:
+    """The cycle of least period, or of least heat in a given period; ``intervals``: of each leg.
 
-    ``intervals``: of each leg, equal in each of so many ``parts``, whose lengths are free.
+    They are equal at first, and then in each of the parts between which limits are reached or left.
     """
-    return _Transcription(asked, intervals, parts).best()
+    equal = [[Part(1.0, intervals)] for _ in asked.legs]
+    cycle, motors = _Transcription(asked, equal).best()
+    parts = [_parts(asked, each) for each in motors]
+    if all(len(each) == 1 for each in parts):
+        return cycle
+    return _Transcription(asked, parts).best()[0]
+
+
+@dataclass(frozen=True)
+class Part:
+    """A share of a leg's duration, in so many equal intervals."""
+
+    share: float
+    intervals: int
+
+
+def _parts(asked: Asked, motors: Array) -> list[Part]:
+    """Between jumps of torques, by what a leg of equal intervals asks of motors in each,
+    (intervals, 3, 6). A jump that takes some intervals is where its impulse has it at once."""
+    n, torques = len(motors), motors[:, 1, :3] / asked.most
+    borders = [0.0]
+    for tau in torques.T:
+        steep = np.abs(tau[2:] - tau[:-2]) > JUMP
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], steep, [0]])))
+        for left, right in edges.reshape(-1, 2).tolist():  # before the first, the last of the jump
+            before, after = tau[left], tau[right + 1]
+            share = (tau[left + 1 : right + 1] - after) / (before - after)
+            borders.append((left + 1 + float(share.sum())) / n)
+    distinct = [0.0]
+    for border in sorted(borders):
+        if min(border - distinct[-1], 1 - border) > NEAR / n:
+            distinct.append(border)
+    shares = np.diff([*distinct, 1.0]).tolist()
+    return [Part(share, max(2, round(share * n))) for share in shares]
 
 
 class _Transcription:
-    def __init__(self, asked: Asked, intervals: int, parts: int) -> None:
-        self.asked, self.parts, self.each = asked, parts, intervals // parts
+    def __init__(self, asked: Asked, parts: Sequence[Sequence[Part]]) -> None:
+        self.asked, self.parts = asked, parts
         places = [np.array(each) for each in (asked.start, *(leg.goal for leg in asked.legs))]
         self.ways = list(pairwise(places))
         self.lines = [
@@ -116,7 +153,9 @@ class _Transcription:
         self.unit = float(np.mean(self.lines))
         self.program = SparseProgram()
 
-    def best(self) -> Cycle:
+    def best(self) -> tuple[Cycle, list[Array]]:
+        """The cycle, and what each leg asks of motors at three instants of each interval,
+        (intervals, 3, 6)."""
         asked, program, way, unit = self.asked, self.program, self.way, self.unit
         speed = way / unit
         x = program.unknown(np.array(asked.start), way)
@@ -126,9 +165,10 @@ class _Transcription:
         if not circles:
             program.equal(v, STILL, speed)
         now, squares = ca.SX(0), ca.SX.zeros(3)
-        durations, dwells = [], []
+        durations, dwells, all_motors = [], [], []
         for number, leg in enumerate(asked.legs):
-            x, v, T, used = self._leg(number, x, v)
+            x, v, T, used, motors = self._leg(number, x, v)
+            all_motors.append(motors)
             now, squares, belt = now + T, squares + used, ca.DM(leg.belt)
             program.equal(x, ca.DM(leg.goal) + now * belt, way)
             pause = ca.SX(leg.dwell)
@@ -152,49 +192,53 @@ class _Transcription:
             assert rated is not None
             program.equal(now, asked.period, unit)
         cost = now if asked.period is None else ca.sum1(heat)
-        wanted = ca.vertcat(*durations), ca.vertcat(*dwells), squares
-        long, pauses, used = program.solved(cost / unit, wanted)
+        wanted = ca.vertcat(*durations), ca.vertcat(*dwells), squares, *all_motors
+        long, pauses, used, *found = program.solved(cost / unit, wanted)
         period = float(long.sum() + pauses.sum())
         total = None if rated is None else float((used / rated**2).sum())
-        return Cycle(period, long, pauses, np.sqrt(used / period), total)
+        cycle = Cycle(period, long, pauses, np.sqrt(used / period), total)
+        return cycle, [each.reshape(-1, 3, 6) for each in found]
 
-    def _leg(self, number: int, x: ca.SX, v: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
-        """The position and velocity after a leg, its duration, and the integrals of τ², from the
-        state before it."""
+    def _leg(self, number: int, x: ca.SX, v: ca.SX) -> tuple[ca.SX, ...]:
+        """The position and velocity after a leg, its duration, the integrals of τ², and all that is
+        asked of motors, from the state before it."""
         program, way, unit = self.program, self.way, self.unit
         speed, line = way / unit, self.lines[number]
         begin, end = self.ways[number]
-        squares, lengths = ca.SX.zeros(3), []
-        n = self.parts * self.each
-        for i in range(n):
-            if i % self.each == 0:
-                h = program.unknown(np.array([line / n]), unit / n, 0.02 * line / n)
-                lengths.append(h)
-            s = (i + np.array(INSTANTS)) / n
-            bend = (60 * s - 180 * s**2 + 120 * s**3) / line**2
-            a = [program.unknown(each * (end - begin), way / unit**2) for each in bend]
-            slope, twice = -3 * a[0] + 4 * a[1] - a[2], 2 * a[0] - 4 * a[1] + 2 * a[2]
-            before, velocity, motors = x, v, list[ca.SX]()
-            for f, share, weight, here in zip(INSTANTS, s, SIMPSON, a, strict=True):
-                if f > 0:
-                    rise = share**3 * (10 - 15 * share + 6 * share**2)
-                    rate = 30 * share**2 * (1 - share) ** 2 / line
-                    x = program.unknown(begin + rise * (end - begin), way)
-                    v = program.unknown(rate * (end - begin), speed)
-                    gained = f * a[0] + f**2 / 2 * slope + f**3 / 3 * twice
-                    shift = f**2 / 2 * a[0] + f**3 / 6 * slope + f**4 / 12 * twice
-                    program.equal(v, velocity + h * gained, speed)
-                    program.equal(x, before + h * f * velocity + h**2 * shift, way)
-                motor = self._asked(self.asked.legs[number], x, v, here)
-                squares += h * weight * motor[:3] ** 2
-                motors.append(motor)
-            self._limit(motors)
-        T = self.each * sum(lengths)
-        if self.parts > 1:
-            of_mean = ca.vertcat(*lengths) * n
-            program.limit((of_mean - SHORTEST * T) / unit, 0, np.inf)
-            program.limit((of_mean - LONGEST * T) / unit, -np.inf, 0)
-        return x, v, T, squares
+        squares, T, all_motors, left = ca.SX.zeros(3), ca.SX(0), [], 0.0
+        borders = list[tuple[ca.SX, float]]()
+        for part in self.parts[number]:
+            guess, n = part.share * line / part.intervals, part.intervals
+            h = program.unknown(np.array([guess]), guess, SHORTEST * guess)
+            T += n * h
+            for i in range(n):
+                s = left + part.share * (i + np.array(INSTANTS)) / n
+                bend = (60 * s - 180 * s**2 + 120 * s**3) / line**2
+                a = [program.unknown(each * (end - begin), way / unit**2) for each in bend]
+                slope, twice = -3 * a[0] + 4 * a[1] - a[2], 2 * a[0] - 4 * a[1] + 2 * a[2]
+                before, velocity, motors = x, v, list[ca.SX]()
+                for f, share, weight, here in zip(INSTANTS, s, SIMPSON, a, strict=True):
+                    if f > 0:
+                        rise = share**3 * (10 - 15 * share + 6 * share**2)
+                        rate = 30 * share**2 * (1 - share) ** 2 / line
+                        x = program.unknown(begin + rise * (end - begin), way)
+                        v = program.unknown(rate * (end - begin), speed)
+                        gained = f * a[0] + f**2 / 2 * slope + f**3 / 3 * twice
+                        shift = f**2 / 2 * a[0] + f**3 / 6 * slope + f**4 / 12 * twice
+                        program.equal(v, velocity + h * gained, speed)
+                        program.equal(x, before + h * f * velocity + h**2 * shift, way)
+                    motor = self._asked(self.asked.legs[number], x, v, here)
+                    squares += h * weight * motor[:3] ** 2
+                    motors.append(motor)
+                self._limit(motors)
+                all_motors += motors
+            left += part.share
+            borders.append((T, left))
+        moves = NEAR / sum(part.intervals for part in self.parts[number])
+        for border, share in borders[:-1]:
+            program.limit((border - (share - moves) * T) / line, 0, np.inf)
+            program.limit((border - (share + moves) * T) / line, -np.inf, 0)
+        return x, v, T, squares, ca.vertcat(*all_motors)
 
     def _asked(self, leg: Leg, x: ca.SX, v: ca.SX, a: ca.SX) -> ca.SX:
         """Torques and speeds of the motors, 6."""
