@@ -4,8 +4,7 @@ The platform's acceleration is a parabola in each interval and may jump between 
 velocities follow by exact integration. Torques are those of the Principle of Virtual Work at both
 ends and in the middle of each interval; limits hold for the parabola through the three, Simpson's
 rule integrates their squares. Where a motor switches inside of an interval the discrete motion is
-then slower than the true one, and where lengths of intervals are free it is faster so to let them
-end where torques jump. It shares no mesh, no equations of motion, no limits and no solver with the
+then slower than the true one, so that intervals are divided there. It shares no mesh, no equations of motion, no limits and no solver with the
 planner.
 """
 
@@ -28,12 +27,9 @@ from tests.oracles.sparse_program import SparseProgram
 Array = NDArray[np.float64]
 Point = tuple[float, float, float]
 
-SHORTEST = 0.02
-"""The least length of an interval in units of its guess."""
-JUMP = 0.5
-"""Change of a torque within two intervals that is taken for a jump, in units of the largest."""
-NEAR = 1.5
-"""How many intervals, of those before, the ends of parts may move, and at least are apart."""
+JUMP, FINER = 0.5, 4
+"""Change of a torque within an interval that is taken for a jump, in units of the largest, and into
+how many that interval is divided."""
 STILL = (0.0, 0.0, 0.0)
 INSTANTS = (0.0, 0.5, 1.0)
 SIMPSON = (1 / 6, 4 / 6, 1 / 6)
@@ -95,50 +91,35 @@ class Asked:
         return np.array(self.robot.torque_limits if self.peak is None else per_motor(self.peak))
 
 
-def best_cycle(asked: Asked, intervals: int = 40) -> Cycle:
-    """The cycle of least period, or of least heat in a given period; ``intervals``: of each leg.
+def best_cycle(asked: Asked, intervals: int = 16, refinements: int = 3) -> Cycle:
+    """The cycle of least period, or of least heat in a given period.
 
-    They are equal at first, and then in each of the parts between which limits are reached or left.
+    ``intervals``: of each leg. They are equal at first; those in which torques jump, and their
+    neighbours, are divided as often as ``refinements`` says.
     """
-    equal = [[Part(1.0, intervals)] for _ in asked.legs]
-    cycle, motors = _Transcription(asked, equal).best()
-    parts = [_parts(asked, each) for each in motors]
-    if all(len(each) == 1 for each in parts):
-        return cycle
-    return _Transcription(asked, parts).best()[0]
+    meshes = [np.full(intervals, 1 / intervals)] * len(asked.legs)
+    cycle, motors = _Transcription(asked, meshes).best()
+    for _ in range(refinements):
+        finer = [_divided(*each, asked.most) for each in zip(meshes, motors, strict=True)]
+        if all(len(new) == len(old) for new, old in zip(finer, meshes, strict=True)):
+            break
+        meshes = finer
+        cycle, motors = _Transcription(asked, meshes).best()
+    return cycle
 
 
-@dataclass(frozen=True)
-class Part:
-    """A share of a leg's duration, in so many equal intervals."""
-
-    share: float
-    intervals: int
-
-
-def _parts(asked: Asked, motors: Array) -> list[Part]:
-    """Between jumps of torques, by what a leg of equal intervals asks of motors in each,
-    (intervals, 3, 6). A jump that takes some intervals is where its impulse has it at once."""
-    n, torques = len(motors), motors[:, 1, :3] / asked.most
-    borders = [0.0]
-    for tau in torques.T:
-        steep = np.abs(tau[2:] - tau[:-2]) > JUMP
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], steep, [0]])))
-        for left, right in edges.reshape(-1, 2).tolist():  # before the first, the last of the jump
-            before, after = tau[left], tau[right + 1]
-            share = (tau[left + 1 : right + 1] - after) / (before - after)
-            borders.append((left + 1 + float(share.sum())) / n)
-    distinct = [0.0]
-    for border in sorted(borders):
-        if min(border - distinct[-1], 1 - border) > NEAR / n:
-            distinct.append(border)
-    shares = np.diff([*distinct, 1.0]).tolist()
-    return [Part(share, max(2, round(share * n))) for share in shares]
+def _divided(mesh: Array, motors: Array, most: Array) -> Array:
+    """Shares of a leg's duration, from those of intervals and from what it asks of motors in these,
+    (intervals, 3, 6)."""
+    change = np.ptp(motors[:, :, :3] / most, axis=1).max(axis=1)
+    jumps = np.pad(change > JUMP, 1)
+    times = np.where(jumps[:-2] | jumps[1:-1] | jumps[2:], FINER, 1)
+    return np.repeat(mesh / times, times)
 
 
 class _Transcription:
-    def __init__(self, asked: Asked, parts: Sequence[Sequence[Part]]) -> None:
-        self.asked, self.parts = asked, parts
+    def __init__(self, asked: Asked, meshes: Sequence[Array]) -> None:
+        self.asked, self.meshes = asked, meshes
         places = [np.array(each) for each in (asked.start, *(leg.goal for leg in asked.legs))]
         self.ways = list(pairwise(places))
         self.lines = [
@@ -205,39 +186,29 @@ class _Transcription:
         program, way, unit = self.program, self.way, self.unit
         speed, line = way / unit, self.lines[number]
         begin, end = self.ways[number]
-        squares, T, all_motors, left = ca.SX.zeros(3), ca.SX(0), [], 0.0
-        borders = list[tuple[ca.SX, float]]()
-        for part in self.parts[number]:
-            guess, n = part.share * line / part.intervals, part.intervals
-            h = program.unknown(np.array([guess]), guess, SHORTEST * guess)
-            T += n * h
-            for i in range(n):
-                s = left + part.share * (i + np.array(INSTANTS)) / n
-                bend = (60 * s - 180 * s**2 + 120 * s**3) / line**2
-                a = [program.unknown(each * (end - begin), way / unit**2) for each in bend]
-                slope, twice = -3 * a[0] + 4 * a[1] - a[2], 2 * a[0] - 4 * a[1] + 2 * a[2]
-                before, velocity, motors = x, v, list[ca.SX]()
-                for f, share, weight, here in zip(INSTANTS, s, SIMPSON, a, strict=True):
-                    if f > 0:
-                        rise = share**3 * (10 - 15 * share + 6 * share**2)
-                        rate = 30 * share**2 * (1 - share) ** 2 / line
-                        x = program.unknown(begin + rise * (end - begin), way)
-                        v = program.unknown(rate * (end - begin), speed)
-                        gained = f * a[0] + f**2 / 2 * slope + f**3 / 3 * twice
-                        shift = f**2 / 2 * a[0] + f**3 / 6 * slope + f**4 / 12 * twice
-                        program.equal(v, velocity + h * gained, speed)
-                        program.equal(x, before + h * f * velocity + h**2 * shift, way)
-                    motor = self._asked(self.asked.legs[number], x, v, here)
-                    squares += h * weight * motor[:3] ** 2
-                    motors.append(motor)
-                self._limit(motors)
-                all_motors += motors
-            left += part.share
-            borders.append((T, left))
-        moves = NEAR / sum(part.intervals for part in self.parts[number])
-        for border, share in borders[:-1]:
-            program.limit((border - (share - moves) * T) / line, 0, np.inf)
-            program.limit((border - (share + moves) * T) / line, -np.inf, 0)
+        T = program.unknown(np.array([line]), line, 0.05 * line)
+        mesh, squares, all_motors = self.meshes[number], ca.SX.zeros(3), []
+        for left, length in zip(np.cumsum(mesh) - mesh, mesh, strict=True):
+            h, s = length * T, left + length * np.array(INSTANTS)
+            bend = (60 * s - 180 * s**2 + 120 * s**3) / line**2
+            a = [program.unknown(each * (end - begin), way / unit**2) for each in bend]
+            slope, twice = -3 * a[0] + 4 * a[1] - a[2], 2 * a[0] - 4 * a[1] + 2 * a[2]
+            before, velocity, motors = x, v, list[ca.SX]()
+            for f, share, weight, here in zip(INSTANTS, s, SIMPSON, a, strict=True):
+                if f > 0:
+                    rise = share**3 * (10 - 15 * share + 6 * share**2)
+                    rate = 30 * share**2 * (1 - share) ** 2 / line
+                    x = program.unknown(begin + rise * (end - begin), way)
+                    v = program.unknown(rate * (end - begin), speed)
+                    gained = f * a[0] + f**2 / 2 * slope + f**3 / 3 * twice
+                    shift = f**2 / 2 * a[0] + f**3 / 6 * slope + f**4 / 12 * twice
+                    program.equal(v, velocity + h * gained, speed)
+                    program.equal(x, before + h * f * velocity + h**2 * shift, way)
+                motor = self._asked(self.asked.legs[number], x, v, here)
+                squares += h * weight * motor[:3] ** 2
+                motors.append(motor)
+            self._limit(motors)
+            all_motors += motors
         return x, v, T, squares, ca.vertcat(*all_motors)
 
     def _asked(self, leg: Leg, x: ca.SX, v: ca.SX, a: ca.SX) -> ca.SX:
