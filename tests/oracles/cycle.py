@@ -4,8 +4,8 @@ The platform's acceleration is a parabola in each interval and may jump between 
 velocities follow by exact integration. Torques are those of the Principle of Virtual Work at both
 ends and in the middle of each interval; limits hold for the parabola through the three, Simpson's
 rule integrates their squares. Where a motor switches inside of an interval the discrete motion is
-then slower than the true one, so that intervals are divided there. It shares no mesh, no equations of motion, no limits and no solver with the
-planner.
+then slower than the true one, so that intervals are divided there. It shares no mesh, no equations
+of motion, no limits and no solver with the planner.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ class Asked:
         return np.array(self.robot.torque_limits if self.peak is None else per_motor(self.peak))
 
 
-def best_cycle(asked: Asked, intervals: int = 16, refinements: int = 3) -> Cycle:
+def best_cycle(asked: Asked, intervals: int = 20, refinements: int = 2) -> Cycle:
     """The cycle of least period, or of least heat in a given period.
 
     ``intervals``: of each leg. They are equal at first; those in which torques jump, and their
@@ -154,7 +154,8 @@ class _Transcription:
             program.equal(x, ca.DM(leg.goal) + now * belt, way)
             pause = ca.SX(leg.dwell)
             if leg.passed:
-                assert leg.dwell == 0 and leg.belt == STILL
+                assert leg.dwell == 0
+                assert leg.belt == STILL
             else:
                 program.equal(v, leg.belt, speed)
                 if asked.free_dwells:

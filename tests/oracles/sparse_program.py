@@ -73,9 +73,7 @@ class SparseProgram:
     def equal(self, this: ca.SX, that: ca.SX | ArrayLike, scale: float) -> None:
         self.limit((this - that) / scale, 0, 0)
 
-    def asked(
-        self, of_motors: ca.Function, motion: Sequence[ca.SX], torque: Array
-    ) -> ca.SX:
+    def asked(self, of_motors: ca.Function, motion: Sequence[ca.SX], torque: Array) -> ca.SX:
         """The torques, of the size of ``torque``, and the speeds, 6, that a motion (x, v, a),
         linear in the unknowns, asks of motors."""
         place = sum(map(len, self._guess))
