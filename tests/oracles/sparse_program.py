@@ -21,7 +21,7 @@ OPTIONS = {
     "show_eval_warnings": False,
     "ipopt.print_level": 0,
     "ipopt.sb": "yes",
-    "ipopt.tol": 1e-9,
+    "ipopt.tol": 1e-8,
     "ipopt.max_iter": 500,
 }
 _FAST = 10.0
@@ -45,24 +45,17 @@ class SparseProgram:
     def __init__(self) -> None:
         self._unknowns: list[ca.SX] = []
         self._guess: list[Array] = []
-        self._bounds: list[Array] = []
+        self._least: list[Array] = []
         self._rows: list[ca.SX] = []
         self._limits: list[Array] = []
         self._points: dict[ca.Function, list[_Point]] = {}
 
-    def unknown(
-        self,
-        guess: Array,
-        scale: ArrayLike,
-        low: ArrayLike = -np.inf,
-        high: ArrayLike = np.inf,
-    ) -> ca.SX:
-        """A column of unknowns of the size ``scale``, within bounds."""
+    def unknown(self, guess: Array, scale: ArrayLike, least: float = -np.inf) -> ca.SX:
+        """A column of unknowns of the size ``scale``."""
         new = ca.SX.sym(f"w{len(self._unknowns)}", len(guess))
         self._unknowns.append(new)
         self._guess.append(guess / scale)
-        each = [np.broadcast_to(np.divide(bound, scale), len(guess)) for bound in (low, high)]
-        self._bounds.append(np.array(each))
+        self._least.append(np.broadcast_to(np.divide(least, scale), len(guess)))
         return ca.DM(scale) * new
 
     def limit(self, rows: ca.SX, low: float, high: float) -> None:
@@ -87,7 +80,7 @@ class SparseProgram:
         """The values of what is wanted where the cost is least."""
         w, g = ca.vertcat(*self._unknowns), ca.vertcat(*self._rows)
         blocks = [_Block(of_motors, w, points) for of_motors, points in self._points.items()]
-        guess, low_high = np.concatenate(self._guess), np.hstack(self._bounds)
+        guess = np.concatenate(self._guess)
         for block in blocks:
             block.complete(guess)
         sizes = [g.numel(), *(block.size for block in blocks)]
@@ -111,9 +104,8 @@ class SparseProgram:
         problem = {"x": x, "p": p, "f": ca.Function("cost", [w], [cost])(x), "g": rows}
         solver = ca.nlpsol("cycle", "ipopt", problem, OPTIONS | derivatives)
         limits = np.hstack([*self._limits, np.zeros((2, sum(sizes[1:])))])
-        found = solver(
-            x0=guess, lbx=low_high[0], ubx=low_high[1], lbg=limits[0], ubg=limits[1], p=[]
-        )
+        least = np.concatenate(self._least)
+        found = solver(x0=guess, lbx=least, lbg=limits[0], ubg=limits[1], p=[])
         assert solver.stats()["success"], solver.stats()["return_status"]
         values = ca.Function("values", [w], list(wanted))(found["x"])
         return [each.full().ravel() for each in values]
