@@ -14,12 +14,12 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 
-from deltaopt.dynamics.virtual_work import VirtualWork
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.robot.model import delta_model
 from deltaopt.robot.tool import Box
 from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.scene import Scene
+from tests.oracles.motor_loads import asked_of_motors
 
 OPTIONS = {
     "print_time": False,
@@ -51,7 +51,7 @@ def fastest_with_rates(
     limits = limits_of(scene)
     rest = [np.array(point) for point in (scene.start, *(scene.via or ()), scene.goal)]
     legs, n = len(rest) - 1, intervals
-    asked = asked_of_motors(scene)
+    asked = asked_of_motors(delta_model(scene.robot, scene.payload))
     T, lower, upper, g = ca.MX.sym("T", legs), [], [], []
     x, v, a = (ca.MX.sym(name, 3, legs * n + 1) for name in "xva")
     j = ca.MX.sym("j", 3, legs * n)
@@ -111,16 +111,6 @@ def fastest_with_rates(
     )
     assert solver.stats()["success"], solver.stats()["return_status"]
     return float(found["f"])
-
-
-def asked_of_motors(scene: Scene) -> ca.Function:
-    """(x, v, a) of the platform -> torques and speeds of the motors, 3 each."""
-    model = delta_model(scene.robot, scene.payload)
-    functions, p = model.functions, model.parameters
-    x, v, a = (ca.SX.sym(name, 3) for name in "xva")
-    q, dq, ddq = functions.motion(x, v, a, p)
-    torque, _ = VirtualWork().inverse_dynamics(functions.mechanism).expand()(0, q, dq, ddq, p)
-    return ca.Function("asked", [x, v, a], [torque, dq[functions.motors]], {"cse": True})
 
 
 def squares_of_clearances(scene: Scene, x: ca.MX) -> ca.MX:
