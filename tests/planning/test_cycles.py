@@ -5,7 +5,23 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from deltaopt import Belt, Effort, Scene, State, TimeAndEffort, load_robot, plan, verify
+import deltaopt
+from deltaopt import (
+    Belt,
+    Cycle,
+    Effort,
+    Infeasible,
+    Scene,
+    SceneError,
+    State,
+    TimeAndEffort,
+    TimeAndEfforts,
+    load_robot,
+    plan,
+    plan_cycle,
+    verify,
+)
+from deltaopt.output.cycle_files import verified
 from studies.problems import PROBLEMS
 from tests.oracles.cycle import Asked, Leg, best_cycle
 
@@ -14,6 +30,7 @@ INDUSTRIAL, HORNET = (
 )
 WEIGHT = 5e-4
 """Of the effort beside the duration, 1/(N²m²)."""
+LIGHT = (0.8, -0.1525, 0.0), (0.8, 0.1525, 0.0)
 HERE, THERE = (0.85, -0.1525, 0.0), (0.85, 0.1525, 0.0)
 
 
@@ -33,11 +50,10 @@ def rms_torques(found):
     return np.array([motor.rms_torque for motor in motors])
 
 
-@pytest.mark.parametrize("robot", [INDUSTRIAL, HORNET], ids=["industrial", "torque at speed"])
-def test_without_a_limit_of_the_whole_legs_are_fastest_motions(robot):
-    """Each with its payload; the dwell changes nothing."""
-    found = of_oracle(HERE, Leg(THERE, 1.0, dwell=0.05), Leg(HERE), robot=robot)
-    alone = fastest(HERE, THERE, 1.0, robot).duration, fastest(THERE, HERE, robot=robot).duration
+def test_without_a_limit_of_the_whole_legs_are_fastest_motions():
+    """Each with its payload; the dwell changes nothing. Of a drive whose torque falls with speed."""
+    found = of_oracle(HERE, Leg(THERE, 1.0, dwell=0.05), Leg(HERE), robot=HORNET)
+    alone = fastest(HERE, THERE, 1.0, HORNET).duration, fastest(THERE, HERE, robot=HORNET).duration
     assert found.durations == pytest.approx(alone, rel=1e-4)
     assert found.period == pytest.approx(sum(found.durations) + 0.05, rel=1e-12)
 
@@ -46,15 +62,6 @@ def test_a_point_that_is_passed_is_a_via_point():
     point = (0.82, 0.0, 0.05)
     found = of_oracle(HERE, Leg(point, 1.0, passed=True), Leg(THERE, 1.0))
     assert found.period == pytest.approx(fastest(HERE, THERE, 1.0, via=(point,)).duration, rel=1e-4)
-
-
-def test_a_belt_is_met_where_it_is_then_and_left_where_it_is_after_the_dwell():
-    start, at, belt = (0.85, -0.10, -0.05), (0.85, 0.05, 0.10), (0.0, 0.0, -0.5)
-    found = of_oracle(start, Leg(at, dwell=0.02, belt=belt), Leg(start))
-    there = fastest(start, Belt(at=at, belt=belt)).duration
-    left = tuple((np.array(at) + (there + 0.02) * np.array(belt)).tolist())
-    back = fastest(State(at=left, velocity=belt), start).duration
-    assert found.durations == pytest.approx((there, back), rel=1e-4)
 
 
 def test_the_heat_of_a_motion_in_a_given_time_is_its_effort():
@@ -77,3 +84,117 @@ def test_motions_of_one_weight_of_effort_are_the_cycle_of_their_rms():
     assert found.rms == pytest.approx(rated, rel=1e-6)
     assert found.period == pytest.approx(period, rel=2e-5)
     assert found.durations == pytest.approx(durations, rel=1e-4)
+
+
+def cycle(robot=INDUSTRIAL, dwells=(0.05, 0.0), **more):
+    """There with 1 kg and back without."""
+    there = Scene(robot=robot, payload=1.0, start=HERE, goal=THERE)
+    return Cycle(legs=(there, Scene(robot=robot, start=THERE, goal=HERE)), dwells=dwells, **more)
+
+
+def dense_rms(found):
+    """Of the whole period, by Simpson's rule on 100,001 instants: torques that jump between two of
+    them are missed by 1e-5, about."""
+    t = np.linspace(0, found.period, 100_001)
+    weights = np.ones(len(t))
+    weights[1:-1:2], weights[2:-1:2] = 4, 2
+    return np.sqrt(weights @ found.trajectory(t).tau ** 2 / (3 * (len(t) - 1)))
+
+
+def belt_cycle():
+    at, belt = (0.85, 0.15, -0.05), (0.0, 0.0, 0.3)
+    onto = Scene(robot=INDUSTRIAL, start=HERE, goal=Belt(at=at, belt=belt))
+    off = Scene(robot=INDUSTRIAL, payload=1.0, start=State(at=at, velocity=belt), goal=HERE)
+    asked = Asked(INDUSTRIAL, HERE, (Leg(at, None, 0.04, belt), Leg(HERE, 1.0, 0.03)), rated=22.0)
+    return Cycle(legs=(onto, off), dwells=(0.04, 0.03), rms_torque=22.0), asked
+
+
+def rated_cycle():
+    """By default motors may be as warm as they are rated for."""
+    rated = HORNET.rms_torque
+    legs = Leg(THERE, 1.0, 0.03), Leg(HERE, dwell=0.03)
+    return cycle(HORNET, (0.03, 0.03)), Asked(HORNET, HERE, legs, rated=rated)
+
+
+@pytest.mark.parametrize("asked", [belt_cycle, rated_cycle])
+def test_periods_are_those_of_a_program_over_all_legs(asked):
+    ours, theirs = asked()
+    found, other = plan_cycle(ours, tolerance=1e-4), best_cycle(theirs, 16, 1)
+    assert found.gap <= 1e-4
+    assert found.period == pytest.approx(other.period, rel=1e-4)
+    assert (dense_rms(found) <= (1 + 5e-5) * np.array(ours.rms_limits)).all()
+    assert verified(found).ok
+
+
+def test_the_least_heat_in_a_period_is_that_of_a_program_over_all_legs():
+    found = plan_cycle(cycle(rms_torque=22.0, period=0.5), tolerance=1e-4)
+    legs = Leg(THERE, 1.0, 0.05), Leg(HERE)
+    other = best_cycle(Asked(INDUSTRIAL, HERE, legs, rated=22.0, period=0.5), 16, 1)
+    assert found.period == pytest.approx(0.5, rel=1e-12)
+    heat = 0.5 * (np.array(found.rms_torque) ** 2).sum() / 22.0**2
+    assert heat == pytest.approx(other.heat, rel=1e-4)
+
+
+def test_legs_of_motors_that_stay_cool_are_single_plans():
+    found = plan_cycle(cycle())
+    alone = [plan(scene).duration for scene in found.cycle.legs]
+    assert [leg.duration for leg in found.legs] == pytest.approx(alone, rel=1e-3)
+    assert found.period == pytest.approx(sum(alone) + 0.05, rel=1e-3)
+
+
+def test_a_dwell_cools_both_legs():
+    short, long = (plan_cycle(cycle(dwells=(d, 0.0), rms_torque=22.0)) for d in (0.02, 0.05))
+    assert all(
+        one.duration > other.duration for one, other in zip(short.legs, long.legs, strict=True)
+    )
+    assert short.period < long.period
+
+
+def test_more_rated_torque_saves_what_its_price_says():
+    colder, warmer = (plan_cycle(cycle(rms_torque=r), tolerance=1e-4) for r in (21.9, 22.1))
+    seen = -np.log(warmer.period / colder.period) / np.log(22.1 / 21.9)
+    assert sum(warmer.prices) == pytest.approx(seen, rel=0.05)
+
+
+def test_bodies_via_points_and_ramps_go_into_legs():
+    wall = [{"box": {"from": [0.825, -0.13, -0.5], "to": [1.5, 0.13, 0.5]}}]
+    there = Scene(robot=INDUSTRIAL, payload=1.0, start=HERE, goal=THERE, keep_out=wall)
+    back = Scene(robot=INDUSTRIAL, start=THERE, goal=HERE, via=[(0.8, 0.0, 0.03)])
+    found = plan_cycle(Cycle(legs=(there, back), dwells=(0.03, 0.03), rms_torque=20.0))
+    assert verified(found).ok
+    assert found.gap < 5e-3
+    assert (dense_rms(found) <= (1 + 5e-5) * 20.0).all()
+    assert found.parts_per_minute == pytest.approx(60 / found.period)
+
+
+def test_verification_sees_what_is_wrong():
+    found = plan_cycle(cycle(rms_torque=22.0))
+    hotter = found.cycle.model_copy(update={"rms_torque": 21.5})
+    told = verified(deltaopt.CyclePlan(hotter, found.legs, found.dwells)).failures()
+    assert "the RMS torque of motor 1 is" in told[0]
+    away = deltaopt.CyclePlan(found.cycle, found.legs[:1] * 2, found.dwells)
+    assert any("from where the one before ends" in each for each in verified(away).failures())
+
+
+def test_what_cannot_be_is_said():
+    with pytest.raises(Infeasible, match="no speed was found at which motors keep"):
+        plan_cycle(cycle(rms_torque=0.5))
+    with pytest.raises(Infeasible, match=r"period is 0\.1 s, but the fastest legs"):
+        plan_cycle(cycle(period=0.1))
+    path = Scene(robot=INDUSTRIAL, payload=1.0, start=HERE, goal=THERE, path="line")
+    with pytest.raises(SceneError, match=r"cycle\[0\]\.path .* a tube beside it"):
+        plan_cycle(
+            Cycle(legs=(path, Scene(robot=INDUSTRIAL, start=THERE, goal=HERE)), rms_torque=9)
+        )
+    with pytest.raises(SceneError, match="a cycle ends where it begins"):
+        Cycle(legs=(path, Scene(robot=INDUSTRIAL, start=THERE, goal=LIGHT[0])))
+
+
+def test_equal_weights_of_motors_are_an_effort():
+    scene = Scene(robot=INDUSTRIAL, payload=1.0, start=HERE, goal=THERE)
+    one, three = (
+        plan(scene.model_copy(update={"objective": objective}), tolerance=1e-5)
+        for objective in (TimeAndEffort(effort=WEIGHT), TimeAndEfforts(effort=(WEIGHT,) * 3))
+    )
+    assert three.cost == pytest.approx(one.cost, rel=1e-6)
+    assert three.duration == pytest.approx(one.duration, rel=1e-4)

@@ -1,0 +1,95 @@
+"""Files of cycles: what is read, what is refused and how, and what the command writes."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import deltaopt
+from deltaopt import SceneError, load_cycle, load_plan, load_scene
+from deltaopt.cli import main
+from deltaopt.files.csv_table import read_csv
+
+PROBLEMS = Path(__file__).parents[2] / "problems"
+CYCLE = PROBLEMS / "cycles" / "there_and_back.yaml"
+TEXT = CYCLE.read_text(encoding="utf-8").replace("../robots", str(PROBLEMS / "robots"))
+
+
+def test_what_stands_beside_the_legs_is_for_all_and_bodies_add_up(tmp_path):
+    body = "[{sphere: {centre: [0.5, 0, %s], radius: 0.01}}]"
+    text = TEXT.replace("start:", f"keep_out: {body % 0.1}\nclearance: 1 mm\nstart:")
+    file = tmp_path / "cycle.yaml"
+    file.write_text(text.replace("payload: 1.0", f"payload: 1.0, keep_out: {body % 0.2}"))
+    there, back = load_cycle(file).legs
+    assert (len(there.keep_out), len(back.keep_out)) == (2, 1)
+    assert (there.payload, back.payload, back.clearance) == (1.0, None, 0.001)
+    assert there.goal == back.start
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("dwell: 50 ms}", "dwell: -3 ms}", r"cycle\[0\].dwell is '-3 ms'; expected a duration"),
+        ("22 N*m", "22 kg", "limits.rms_torque is '22 kg', which cannot be converted to N"),
+        ("payload: 1.0", "payload: -1", r"cycle\[0\].payload is -1"),
+        ("payload: 1.0", "payloda: 1", r"cycle\[0\].payloda is not a known key"),
+        ("goal: [0.85, 0.1525, 0.0], ", "", r"cycle\[0\].goal is missing"),
+        (
+            "goal: [0.85, -0.1525",
+            "goal: [0.85, -0.1",
+            r"cycle\[1\].goal is .* where it begins",
+        ),
+        ("start:", "period: 0 s\nstart:", "period is '0 s'; expected a duration"),
+        ("start: [0.85, -0.1525, 0.0]", "", "start is missing"),
+        ("start:", "objective: effort\nduration: 1\nstart:", "objective is .* least period"),
+    ],
+)
+def test_what_is_wrong_is_named(tmp_path, old, new, said):
+    file = tmp_path / "cycle.yaml"
+    file.write_text(TEXT.replace(old, new, 1))
+    with pytest.raises(SceneError, match=said):
+        load_cycle(file)
+
+
+def test_a_cycle_is_no_scene(tmp_path):
+    with pytest.raises(SceneError, match="a cycle is read by load_cycle"):
+        load_scene(CYCLE)
+    with pytest.raises(SceneError, match="cycle is missing"):
+        load_cycle(PROBLEMS / "pick_and_place.yaml")
+
+
+def test_the_command_writes_the_whole_and_each_leg(tmp_path, capsys):
+    assert main(["plan", str(CYCLE), "-o", str(tmp_path), "--json", "--no-plot"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["verification"]["ok"]
+    table = read_csv(tmp_path / "trajectory.csv")
+    t, leg, payload = (table.columns([name])[:, 0] for name in ("t", "leg", "payload"))
+    assert t[-1] == pytest.approx(told["period"])
+    arrives = told["legs"][1]["begins"]
+    assert (leg == np.where(t < arrives, 1, 2)).all()
+    assert set(payload[leg == 1]) == {1.0}
+    assert set(payload[leg == 2]) == {0.0}
+    assert [each["then"] for each in told["legs"]] == ["release", "grip"]
+    second = load_plan(tmp_path / "leg_2")
+    assert second.duration == pytest.approx(told["legs"][1]["duration"])
+    assert deltaopt.verify(second.scene, second.trajectory).ok
+
+
+def test_rated_is_there_and_back_for_ever(tmp_path, capsys):
+    scene = str(PROBLEMS / "hornet" / "1_kg.yaml")
+    assert main(["plan", scene, "-o", str(tmp_path), "--no-plot"]) == 0
+    assert capsys.readouterr().out.startswith("motors overheat if this goes on there and back")
+    assert main(["plan", scene, "--rated", "-o", str(tmp_path), "--no-plot"]) == 0
+    assert "every leg and the cycle verified" in capsys.readouterr().out
+    content = json.loads((tmp_path / "cycle.json").read_text())
+    assert max(content["rms_torque"]) == pytest.approx(content["rms_limits"][0], rel=1e-3)
+    assert main(["plan", str(PROBLEMS / "pick_and_place.yaml"), "--rated"]) == 2
+    assert "does not say what motors are rated for" in capsys.readouterr().err
+
+
+def test_options_of_single_motions_are_refused(capsys):
+    assert main(["plan", str(CYCLE), "--starts", "3"]) == 2
+    assert "--starts is for single motions" in capsys.readouterr().err
