@@ -51,7 +51,7 @@ def rms_torques(found):
 
 
 def test_without_a_limit_of_the_whole_legs_are_fastest_motions():
-    """Each with its payload; the dwell changes nothing. Of a drive whose torque falls with speed."""
+    """Each with its payload; the dwell changes nothing. The drive's torque falls with speed."""
     found = of_oracle(HERE, Leg(THERE, 1.0, dwell=0.05), Leg(HERE), robot=HORNET)
     alone = fastest(HERE, THERE, 1.0, HORNET).duration, fastest(THERE, HERE, robot=HORNET).duration
     assert found.durations == pytest.approx(alone, rel=1e-4)
