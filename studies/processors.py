@@ -104,7 +104,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _scenes(moves: int, *, shipped: bool) -> Iterator[tuple[str, deltaopt.Scene]]:
     for file in sorted(PROBLEMS.rglob("*.yaml")) if shipped else ():
-        if file.parent.name != "robots":
+        if file.parent.name not in ("robots", "cycles"):
             yield str(file.relative_to(PROBLEMS).with_suffix("")), deltaopt.load_scene(file)
     for file in ROBOTS:
         for k, scene in enumerate(random_scenes(deltaopt.load_robot(file), 1.0, moves, seed=1)):

@@ -25,6 +25,7 @@ from deltaopt.planning.first_motions.order_of_merit import (
 from deltaopt.planning.first_motions.proposal import Proposal
 from deltaopt.planning.mesh.error_estimate import split
 from deltaopt.planning.nlp.phases import first_mesh
+from deltaopt.planning.nlp.scaling import Scaling
 from deltaopt.planning.plan import Optimum, Plan, quicker
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.problem.problem import Problem
@@ -100,6 +101,13 @@ class Attempt:
             parts.append(f"with {self.torque_share:.2%} of the torques")
         return ", ".join(parts)
 
+    def scaling(self, motion: Trajectory, time: float) -> Scaling:
+        """The units of its variables from a motion: of time ``time`` (s); of length how far the
+        motion goes where an end moves or there are phases, otherwise the distance of the ends."""
+        problem = self.problem
+        extent = None if problem.is_at_rest and not problem.gates else motion.extent
+        return Scaling(problem, time, extent=extent, torque_share=self.torque_share)
+
     @property
     def away(self) -> Attempt | None:
         """The attempt with motions kept at a distance from the parallel singularity; None if they
@@ -111,6 +119,19 @@ class Attempt:
         given = {} if limits is None else limits.model_dump(exclude_none=True)
         limited = {"limits": {"parallel_singularity": margin, **given}}
         return replace(self, scene=self.scene.model_copy(update=limited))
+
+
+def on_its_mesh(scene: Scene, motion: Trajectory) -> Attempt:
+    """The attempt that begins with a motion that is near the best, on the mesh of its knots."""
+    return Attempt(
+        scene,
+        motion,
+        len(motion.knots) - 1,
+        "that motion, on its mesh",
+        is_near=True,
+        on_its_mesh=True,
+        may_be_softer=False,
+    )
 
 
 def _attempt(scene: Scene, proposal: Proposal, coarsest: int) -> Attempt | None:
@@ -189,7 +210,7 @@ class Outcomes:
         """The best plan. Where it misses its tolerance, another that is hardly longer may know
         better how near it is to the optimum."""
         best = self.best()
-        if best.within_tolerance or not isinstance(self.scene.objective, Time):
+        if best.within_tolerance:
             return best
         return replace(best, gap=min(quicker(best, each).gap for each in self.plans))
 

@@ -19,6 +19,7 @@ from deltaopt.planning.attempts import (
     Outcomes,
     all_of,
     by_merit,
+    on_its_mesh,
     until_good,
 )
 from deltaopt.planning.belt_places import PlacesOnBelt
@@ -198,7 +199,7 @@ class Run:
         if none leads to a plan."""
         so_far = self._outcomes(scene)
         self.make(by_merit(so_far, self.optimiser.intervals), so_far)
-        return so_far.best()
+        return so_far.best_known()
 
     def _until_good(self, scene: Scene, proposals: Iterator[Proposal]) -> Plan | DeltaOptError:
         """From first motions in phases or where an end moves: the best plan, or the first error."""
@@ -360,7 +361,7 @@ class Run:
         makes it better; the other one where that is not possible. A mesh whose knots are where
         bodies are passed closely does not lead through them."""
         for _ in range(_IMPROVED):
-            better = self.made(_on_its_mesh(scene, found.trajectory))
+            better = self.made(on_its_mesh(scene, found.trajectory))
             if not isinstance(better, Plan):
                 break
             shorter = better.duration < (1 - _SHORTER) * found.duration
@@ -372,19 +373,6 @@ class Run:
             if found.gap <= self._good_gap:
                 break
         return found
-
-
-def _on_its_mesh(scene: Scene, motion: Trajectory) -> Attempt:
-    """The attempt that begins with a motion that is near the best, on the mesh of its knots."""
-    return Attempt(
-        scene,
-        motion,
-        len(motion.knots) - 1,
-        "that motion, on its mesh",
-        is_near=True,
-        on_its_mesh=True,
-        may_be_softer=False,
-    )
 
 
 def _duration(plan: Plan) -> float:

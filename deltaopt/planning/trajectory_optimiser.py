@@ -136,7 +136,7 @@ class TrajectoryOptimiser:
         """
         own = attempt.on_its_mesh
         guess = Guess(attempt.motion, attempt.is_near, accuracy, on_its_mesh=own)
-        scaling = _scaling(attempt, attempt.motion, attempt.motion.duration)
+        scaling = attempt.scaling(attempt.motion, attempt.motion.duration)
         return self._refined(attempt, guess, attempt.mesh, scaling, report)
 
     def _refined(
@@ -241,7 +241,7 @@ class TrajectoryOptimiser:
         guess = fastest.trajectory.slowed((given or shortest) / shortest)
         if not attempt.problem.is_at_rest:
             guess = led_to_its_ends(attempt.problem, guess)
-        scaling = _scaling(attempt, guess, given or shortest)
+        scaling = attempt.scaling(guess, given or shortest)
         program = self._program(scaling, cost_to_minimise(scene.objective, scaling))
         intervals = attempt.intervals
         if objective.order == 3 and given is not None:
@@ -307,14 +307,6 @@ class TrajectoryOptimiser:
     def _transcription(self, problem: Problem) -> PiecewiseAcceleration:
         has_effort = problem.objective.running > 0
         return self.transcription or (SMOOTH if has_effort and not self._is_compiled else LINEAR)
-
-
-def _scaling(attempt: Attempt, motion: Trajectory, time: float) -> Scaling:
-    """The units of an attempt from a motion: of time ``time`` (s); of length how far the motion
-    goes where an end moves or there are phases, otherwise the distance of the ends."""
-    problem = attempt.problem
-    extent = None if problem.is_at_rest and not problem.gates else motion.extent
-    return Scaling(problem, time, extent=extent, torque_share=attempt.torque_share)
 
 
 def _safe(scene: Scene, trajectory: Trajectory, factor: float, status: str) -> Trajectory:

@@ -43,7 +43,9 @@ WRITTEN = {
     "N*m": ("500 N*mm", 0.5),
     "N*m*s/rad": ("500 N*mm*s/rad", 0.5),
     "1/(N**2*m**2)": ("2 1/(N*m)^2", 2.0),
-    "": ("50 %", 0.5),
+    "s**6/m**2": ("2 s^6/m^2", 2.0),
+    "s**2/(N**2*m**2)": ("2 s^2/(N*m)^2", 2.0),
+    "": ("100 %", 1.0),
 }
 Leaf = Callable[[Quantity | None], Any]
 
@@ -145,8 +147,9 @@ def test_every_number_with_a_dimension_takes_a_unit_and_refuses_a_wrong_one(reco
 def test_what_is_beyond_any_robot_is_one_sentence(record, key):
     kind = annotation(record, key)
     if value_of(kind, lambda quantity: quantity.most) in (inf, [inf] * 3):
-        weights = {"TimeAndEffort", "TimeAndJerk", "TimeAndTorqueRate"}
-        assert record.__name__ in {"Gear", "HalfSpace", "Time", "Limits", *weights}
+        shares = {"Effort", "SmoothMotion", "SmoothTorque"}  # of the fastest motion's duration
+        weights = {"TimeAndEffort", "TimeAndEfforts", "TimeAndJerk", "TimeAndTorqueRate"}
+        assert record.__name__ in {"Gear", "HalfSpace", "Time", "Limits", *shares, *weights}
         return
     told = refused(record, key, value_of(kind, lambda quantity: 1.01 * quantity.most))
     assert "is plausible; expected " in told

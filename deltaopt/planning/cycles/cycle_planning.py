@@ -63,8 +63,8 @@ def plan_cycle(
     """Plan the cycle of least period, or of least heat in a given period.
 
     ``tolerance``: relative gap to reach, at least 1e-9. ``progress``: is called with a line of text
-    after every round. Raises what rules a leg out, and Infeasible where no speed keeps the limits
-    of RMS torque, or a period is too short.
+    after every round. Raises what rules a leg out, and Infeasible where no speed keeps the
+    motors cool or a period is too short.
     """
     require_type("cycle", cycle, Cycle, "a Cycle, such as load_cycle returns")
     require_positive("tolerance", tolerance, LEAST_TOLERANCE)

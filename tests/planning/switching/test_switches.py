@@ -183,7 +183,8 @@ def test_one_motor_with_one_coordinate():
 def _one_coordinate(constraints: Constraints) -> Parameters:
     """Parameters of a mechanism on a line."""
     names = ("origin", "length", "time", "torque")
-    return Parameters(*(ca.SX.sym(name) for name in names), constraints.numbers(), ca.SX(0, 1))
+    none, units = ca.SX(0, 1), (ca.SX.sym(name) for name in names)
+    return Parameters(*units, motors=none, limits=constraints.numbers(), mechanism=none)
 
 
 def orsino(which: int):
