@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from deltaopt.curves.nodes import gauss
-from deltaopt.curves.piecewise import Array
+from deltaopt.curves.piecewise import Array, Index
 from deltaopt.limits.running_cost import Running
 from deltaopt.motion.extrema import enough
 from deltaopt.motion.trajectory import Trajectory
@@ -17,6 +17,8 @@ from deltaopt.robot.machine import Model
 _FEWEST = 8
 """Fewest points of Gauss's rule in an interval. Torques are smooth inside an interval, so that few
 points integrate them to rounding unless intervals are long."""
+_HALVINGS, _INTEGRATED = 12, 1e-11
+"""How often intervals are halved at most, and what halves may differ by, of the integral."""
 _STEP = 1e-5
 """Of the duration: of the differences by which torques are differentiated. What they miss is its
 square, about as much as what is rounded off."""
@@ -52,12 +54,35 @@ def squared_torques(trajectory: Trajectory) -> Array:
 
 def _integral_of_squares(trajectory: Trajectory, of: Callable[..., Array]) -> Array:
     """The integrals of the squares of what ``of`` makes of position, velocity, acceleration and
-    jerk, (3,)."""
+    jerk, (3,): with friction, which changes within a small part of an interval where a motor turns
+    back, in halves of intervals as far as these tell more."""
     points = enough(len(trajectory.knots) - 1, _FEWEST)
     nodes, weights = gauss(points)
-    squares = of(*trajectory.path_inside(nodes, highest=3)) ** 2
-    in_intervals = np.einsum("kpc,p->kc", squares.reshape(-1, points, 3), weights)
-    return np.asarray(np.diff(trajectory.knots) @ in_intervals)
+
+    def inside(intervals: Index, begin: Array, lengths: Array) -> Array:
+        since = (begin[:, None] + lengths[:, None] * nodes).ravel()
+        where = np.repeat(intervals, points)
+        squares = of(*(trajectory.position.inside(where, since, order) for order in range(4))) ** 2
+        in_each = np.einsum("kpc,p->kc", squares.reshape(-1, points, 3), weights)
+        return np.asarray(lengths[:, None] * in_each)
+
+    lengths = np.diff(trajectory.knots)
+    intervals, begin = np.arange(len(lengths)), np.zeros_like(lengths)
+    found = inside(intervals, begin, lengths)
+    total = found.sum(axis=0)
+    for _ in range(_HALVINGS if trajectory.model.layers else 0):
+        lengths = np.tile(lengths / 2, 2)
+        intervals, begin = np.tile(intervals, 2), np.append(begin, begin + lengths[: len(begin)])
+        halves = inside(intervals, begin, lengths)
+        more = halves[: len(found)] + halves[len(found) :] - found
+        total = total + more.sum(axis=0)
+        rough = np.tile((np.abs(more) > _INTEGRATED * total).any(axis=1), 2)
+        if not rough.any():
+            break
+        found, intervals, begin, lengths = (
+            each[rough] for each in (halves, intervals, begin, lengths)
+        )
+    return np.asarray(total)
 
 
 def torque_rates(model: Model, motion: tuple[Array, Array, Array, Array], step: float) -> Array:
