@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 
 import numpy as np
 
@@ -46,6 +47,7 @@ def running_cost(problem: Problem, trajectory: Trajectory, rate: Running) -> flo
     return float(squares @ problem.objective.motors if is_weighted else squares.sum())
 
 
+@lru_cache(maxsize=256)
 def squared_torques(trajectory: Trajectory) -> Array:
     """∫ τ² dt of each motor over a motion, (3,), N²m²s."""
     dynamics = trajectory.model.inverse_dynamics

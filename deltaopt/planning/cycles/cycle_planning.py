@@ -41,8 +41,8 @@ _MOST_ROUNDS = 25
 _PATIENCE, _LESS = 6, 0.9
 """After how many rounds in which the gap did not fall to this share of what it was no more are
 made: where legs are known no better, as with friction."""
-_EXCHANGED = 1e-6
-"""By what share a cycle must become better for a leg to be exchanged."""
+_EXCHANGED = 0.05
+"""Of the tolerance: by what share a cycle is to become better for a leg to be exchanged."""
 _LEAST_SHARE = 0.05
 """Of the sum of all prices: what a motor's price is taken for where it is less, for the first guess
 of how its excess changes with it."""
@@ -204,12 +204,12 @@ class _Sought:
             return min(possible, key=self.value, default=None)
         factor, last = 1.0, (0.0, 0.0)
         for _ in range(_TRIALS):
-            slower = self._by(factor, found)
-            if slower is None or factor > _SLOWEST:
+            if factor > _SLOWEST:
                 return None
+            slower = _slower(factor, found)
             over = float(np.log(slower.squares / (self.limits * slower.period)).max()) + _USED_UP
-            if -_USED_UP < over < _USED_UP or (over < 0 and factor == 1):
-                return slower
+            if -_USED_UP < over < 0.9 * _USED_UP or (over < 0 and factor == 1):
+                return self._by(factor, found)
             slope = (over - last[1]) / (np.log(factor) - last[0]) if last[1] else -4.0
             last = np.log(factor), over
             factor = max(1.0, factor * float(np.exp(np.clip(-over / min(slope, -0.1), -1, 1))))
@@ -224,10 +224,12 @@ class _Sought:
             squares = np.array([each.squares_of_legs for each in tried]) - best.squares_of_legs
             about = self._about(best, durations.ravel(), squares.reshape(-1, 3))
             index, leg = pairs[int(about.argmin())]
+            if about.min() >= (1 - self.tolerance * _EXCHANGED) * self.value(best):
+                return best
             changed = self.slowed(
                 replace(best, legs=(*best.legs[:index], leg, *best.legs[index + 1 :]))
             )
-            if changed is None or self.value(changed) >= (1 - _EXCHANGED) * self.value(best):
+            if changed is None or self.value(changed) >= self.value(best):
                 return best
             best = changed
 
@@ -252,14 +254,10 @@ class _Sought:
             return found
         if factor < 1:
             return None
-        legs = list[Plan]()
         for leg in found.legs:
-            needed = safe_factor(problem_of(leg.scene), leg.trajectory, at_least=factor)
-            if needed > factor:
+            if safe_factor(problem_of(leg.scene), leg.trajectory, at_least=factor) > factor:
                 return None
-            legs.append(replace(leg, trajectory=leg.trajectory.slowed(factor)))
-        dwells = list(self.cycle.dwells)
-        slower = replace(found, legs=tuple(legs), dwells=tuple(dwells))
+        slower, dwells = _slower(factor, found), list(self.cycle.dwells)
         if self.cycle.period is not None:
             dwells[-1] += max(0.0, self.cycle.period - slower.at_work)
         return replace(slower, dwells=tuple(dwells))
@@ -357,3 +355,9 @@ class _Sought:
             f"no speed was found at which motors keep their limits of RMS torque, {allowed} N·m: "
             f"the last that was tried took {found.in_words}; arms at rest are held by torques too"
         )
+
+
+def _slower(factor: float, found: CyclePlan) -> CyclePlan:
+    """A cycle with legs slowed by a factor, whatever limits say."""
+    slowed = ((leg, leg.trajectory.slowed(factor)) for leg in found.legs)
+    return replace(found, legs=tuple(replace(leg, trajectory=slower) for leg, slower in slowed))
