@@ -21,7 +21,7 @@ from math import inf
 import numpy as np
 
 from deltaopt.curves.piecewise import Array
-from deltaopt.errors import Infeasible, SceneError
+from deltaopt.errors import NO_PLAN, Infeasible, SceneError, if_possible
 from deltaopt.motion.time_scaling import safe_factor
 from deltaopt.planning.cycles.cycle_plan import CyclePlan
 from deltaopt.planning.cycles.prices import broyden, next_prices
@@ -78,8 +78,9 @@ def plan_cycle(
     sought.require_priced(fastest)
     prices, slopes = sought.first(fastest), np.eye(len(sought.least))
     near, best, gaps = sought.slowed(fastest) or fastest, None, list[float]()
+    afresh = True
     for number in range(2, _MOST_ROUNDS + 1):
-        rounds.append(_Round(prices, sought.planned(sought.objective(prices), near)))
+        rounds.append(_Round(prices, sought.planned(sought.objective(prices), near, afresh=afresh)))
         found = rounds[-1].found
         kept = sought.slowed(found)
         tried += [found] if kept is None else [found, kept]
@@ -91,8 +92,10 @@ def plan_cycle(
         gap = sought.value(best) / bound - 1 if best and bound > 0 else inf
         tell(f"round {number}: {found.in_words}" + ("" if kept is None else f"; {kept.in_words}"))
         gaps.append(gap)
-        if gap <= tolerance or (len(gaps) > _PATIENCE and gap > _LESS * gaps[-1 - _PATIENCE]):
+        done = gap <= tolerance or (len(gaps) > _PATIENCE and gap > _LESS * gaps[-1 - _PATIENCE])
+        if done and afresh:
             break
+        afresh = done
         excess = sought.excess(found)
         if len(rounds) == 1:
             slopes = sought.slopes(rounds[0])
@@ -100,7 +103,8 @@ def plan_cycle(
             before = rounds[-2]
             change = excess - sought.excess(before.found)
             slopes = broyden(slopes, prices - before.prices, change)
-        prices = sought.next(prices, excess, slopes)
+        if not done:
+            prices = sought.next(prices, excess, slopes)
     if best is None:
         raise Infeasible(sought.why_not(found))
     saved = sought.gained(rounds[-1].prices)
@@ -158,15 +162,20 @@ class _Sought:
         a, b, c = (self.motors(prices) / self.time(prices)).tolist()
         return TimeAndEfforts(effort=(a, b, c))
 
-    def planned(self, objective: Objective, before: CyclePlan | None) -> CyclePlan:
-        """All legs, each for an objective, from the motions of another round."""
+    def planned(
+        self, objective: Objective, before: CyclePlan | None, *, afresh: bool = False
+    ) -> CyclePlan:
+        """All legs, each for an objective, from the motions of another round, and ``afresh`` from
+        first motions of their own too, for those may be near a better optimum."""
         cycle, begins, start = self.cycle, 0.0, self.cycle.legs[0].start
         tolerance, legs, dwells = _LEGS_SHARE * self.tolerance, list[Plan](), list(cycle.dwells)
         for index, dwell in enumerate(cycle.dwells):
             scene = cycle.leg(index, begins, start).model_copy(update={"objective": objective})
             planner = Planner(scene.robot, tolerance=tolerance)
             near = before.legs[index].trajectory if before else None
-            legs.append(planner.plan_scene(scene, near=near))
+            leg = planner.plan_scene(scene, near=near)
+            other = if_possible(NO_PLAN, planner.plan_scene, scene) if afresh else None
+            legs.append(min((leg, other or leg), key=lambda plan: plan.cost))
             begins += legs[-1].duration + dwell
             start = cycle.after(index, legs[-1].reached)
         if cycle.period is not None:
