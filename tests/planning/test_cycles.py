@@ -167,6 +167,21 @@ def test_bodies_via_points_and_ramps_go_into_legs():
     assert found.parts_per_minute == pytest.approx(60 / found.period)
 
 
+def test_no_leg_is_left_at_a_poor_optimum():
+    """Over a wall the motions near the fastest are 3 % dearer than others: at the prices that are
+    told, legs planned alone sum up to no less than the period and its gap allow."""
+    there = deltaopt.load_scene(PROBLEMS / "keep_out" / "wall_25_305_25.yaml")
+    ends = {"start": there.goal, "goal": there.start, "payload": None}
+    legs = (there, there.model_copy(update=ends))
+    found = plan_cycle(Cycle(legs=legs, rms_torque=18.0), tolerance=5e-3)
+    assert found.within_tolerance
+    prices = np.array(found.prices) / 2
+    time = 1 - prices.sum()
+    priced = TimeAndEfforts(effort=tuple((prices / 18.0**2 / time).tolist()))
+    alone = [plan(leg.scene.model_copy(update={"objective": priced})) for leg in found.legs]
+    assert time * sum(each.cost for each in alone) >= found.period / 1.005
+
+
 def test_verification_sees_what_is_wrong():
     found = plan_cycle(cycle(rms_torque=22.0))
     hotter = found.cycle.model_copy(update={"rms_torque": 21.5})
