@@ -52,13 +52,17 @@ def _paths(axes: Axes, plan: CyclePlan, tilt: float, up: str) -> None:
         style = "-" if leg.scene.payload else "--"
         axes.plot(*path.T, style, color=BLACK, linewidth=1.2, zorder=4)
         axes.plot(*path[0], "o", color=BLACK, markersize=3.5, zorder=4)
-        middle = path[_SAMPLES // 2]
-        axes.annotate(f"{number}", middle, (8 * number, 3), textcoords="offset points")
+        outwards = path if number % 2 else path[::-1]  # numbers of ways back stand beside those
+        at = outwards[_SAMPLES * number // (len(plan.legs) + 1)]
+        axes.annotate(f"{number}", at, (0, 4), textcoords="offset points", ha="center")
         draw_via_points(axes, leg.scene, place)
     axes.set_aspect("equal", adjustable="datalim")
-    axes.margins(0.08)
+    axes.margins(0.15)
+    seen = axes.dataLim.frozen()  # bodies may be much larger
     for leg in plan.legs:
         draw_bodies(axes, leg.scene, place)
+    axes.dataLim.set(seen)
+    axes.autoscale_view()
     axes.set_xlabel("along (mm)")
     axes.set_ylabel(up)
     without_box(axes)
