@@ -36,8 +36,8 @@ from deltaopt.settings import LEAST_TOLERANCE, require_positive, require_type
 
 _LEGS_SHARE = 0.5
 """Of the tolerance: the gap of each leg. The rest is for prices that are not quite right."""
-_MOST_ROUNDS = 25
-"""How often all legs are planned. Usual are three to six times."""
+_MOST_ROUNDS = 30
+"""How often all legs are planned. Usual are three to ten times."""
 _PATIENCE, _LESS = 6, 0.9
 """After how many rounds in which the gap did not fall to this share of what it was no more are
 made: where legs are known no better, as with friction."""
@@ -91,14 +91,15 @@ def plan_cycle(
         bound = sought.bound(rounds, tried)
         gap = sought.value(best) / bound - 1 if best and bound > 0 else inf
         tell(f"round {number}: {found.in_words}" + ("" if kept is None else f"; {kept.in_words}"))
-        gaps.append(gap)
+        is_elsewhere = afresh and (not gaps or gap > gaps[-1] / _LESS)
+        gaps = [gap] if is_elsewhere else [*gaps, gap]
         done = gap <= tolerance or (len(gaps) > _PATIENCE and gap > _LESS * gaps[-1 - _PATIENCE])
         if done and afresh:
             break
         afresh = done
         excess = sought.excess(found)
-        if len(rounds) == 1:
-            slopes = sought.slopes(rounds[0])
+        if is_elsewhere:
+            slopes = sought.slopes(rounds[-1])
         else:
             before = rounds[-2]
             change = excess - sought.excess(before.found)
