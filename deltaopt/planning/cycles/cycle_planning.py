@@ -41,6 +41,8 @@ _MOST_ROUNDS = 30
 _PATIENCE, _LESS = 6, 0.9
 """After how many rounds in which the gap did not fall to this share of what it was no more are
 made: where legs are known no better, as with friction."""
+_HOPELESS = 15
+"""After how many rounds none of which kept all limits there is no cycle."""
 _EXCHANGED = 0.05
 """Of the tolerance: by what share a cycle is to become better for a leg to be exchanged."""
 _LEAST_SHARE = 0.05
@@ -94,7 +96,7 @@ def plan_cycle(
         is_elsewhere = afresh and (not gaps or gap > gaps[-1] / _LESS)
         gaps = [gap] if is_elsewhere else [*gaps, gap]
         done = gap <= tolerance or (len(gaps) > _PATIENCE and gap > _LESS * gaps[-1 - _PATIENCE])
-        if done and afresh:
+        if (done and afresh) or (best is None and number > _HOPELESS):
             break
         afresh = done
         excess = sought.excess(found)
