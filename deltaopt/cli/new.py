@@ -3,6 +3,8 @@
 DIR receives robot.yaml and scene.yaml, which can be planned as they are. Put in your own numbers:
 lengths and masses from a data sheet, with their units. Files that exist are not overwritten.
 
+With --cell the scene is a cycle: parts from a belt, over a wall and into a box, again and again.
+
 Exit code: 0 written; 1 a file exists; 2 DIR cannot be written to.
 """
 
@@ -12,15 +14,18 @@ import argparse
 
 from deltaopt.cli.arguments import folder
 from deltaopt.cli.streams import print_written
-from deltaopt.output.starting_files import write_starting_files
+from deltaopt.output.starting_files import cell_text, write_starting_files
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("directory", type=folder, metavar="DIR", help="folder for both files")
+    parser.add_argument("--cell", action="store_true", help="a cycle of a packaging cell")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    robot, scene = write_starting_files(arguments.directory)
+    text = cell_text() if arguments.cell else None
+    robot, scene = write_starting_files(arguments.directory, text)
     print_written([robot, scene], ())
-    print(f"next: put in your numbers, then deltaopt check {scene} and deltaopt plan {scene}")
+    check = "" if arguments.cell else f"deltaopt check {scene} and "
+    print(f"next: put in your numbers, then {check}deltaopt plan {scene}")
     return 0

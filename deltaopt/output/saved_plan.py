@@ -149,7 +149,10 @@ def table_difference(file: Path, trajectory: Trajectory) -> str | None:
 def _read(file: Path) -> dict[str, Any]:
     try:
         if not file.exists():
-            raise UnreadablePlan(f"{file}: there is no such file; plan and save one first")
+            legs = [each.parent.name for each in sorted(file.parent.glob(f"leg_*/{file.name}"))]
+            of_cycle = f"this is a cycle, whose legs are plans: {', '.join(legs)}"
+            first = of_cycle if legs else "plan and save one first"
+            raise UnreadablePlan(f"{file}: there is no such file; {first}")
         content = json.loads(content_of(file, _LARGEST).decode("utf-8"))
     except OSError as error:
         raise UnreadablePlan(f"{file} {error.strerror}") from None

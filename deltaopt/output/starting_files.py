@@ -124,6 +124,28 @@ _ABOUT_SCENES = """\
 # A move from rest to rest: which robot takes what from where to where.
 # Points are [x, y, z] in the base's frame, where x points DOWN, so that a larger x is lower.
 """
+_CELL = """\
+# A cycle: parts from a belt, over a wall and into a box, again and again; deltaopt plan finds the
+# most parts a minute at which no motor gets too warm.
+# Points are [x, y, z] in the base's frame, where x points DOWN, so that a larger x is lower.
+
+robot: robot.yaml
+start: [780 mm, 150 mm, -40 mm]          # above the first place in the box: the cycle ends there
+clearance: 2 mm
+tool: {radius: 15 mm}                    # what keeps clear, about the tool's point
+limits: {rms_torque: 25 N*m}             # over a period; or drive.rms_torque of the robot
+keep_out:                                # there all the time; a leg may have more of its own
+  - box: {from: [770 mm, -10 mm, -400 mm], to: [1.2, 10 mm, 400 mm]}
+
+cycle:                                   # legs: goal, what is carried there, and a wait
+  # Where the part is when the cycle starts, and how fast the belt moves it on; 40 ms to grip
+  - {goal: {at: [820 mm, -150 mm, -60 mm], belt: [0, 0, 300 mm/s]}, dwell: 40 ms}
+  # With the part, which sticks out beyond the tool, to the second place; 30 ms to let go
+  - {goal: [780 mm, 150 mm, 40 mm], payload: 0.5 kg, dwell: 30 ms, tool: {radius: 25 mm}}
+  - {goal: {at: [820 mm, -150 mm, -220 mm], belt: [0, 0, 300 mm/s]}, dwell: 40 ms}
+  - {goal: [780 mm, 150 mm, -40 mm], payload: 0.5 kg, dwell: 30 ms, tool: {radius: 25 mm}}
+# period: 0.9 s                          # if it is given: the least heat in it
+"""
 _BESIDE: dict[str, tuple[Any, str]] = {
     "duration": (None, f"{EXPECTED_DURATION}: of a motion of least effort, jerk or torque rates"),
     "tool": (Robot.model_fields["tool"].annotation, "instead of the robot's"),
@@ -139,13 +161,15 @@ class FilesExist(DeltaOptError):
     """A file that would be made is there already."""
 
 
-def write_starting_files(directory: Path) -> list[Path]:
+def write_starting_files(directory: Path, scene: str | None = None) -> list[Path]:
     """Write robot.yaml and scene.yaml into a directory, made if need be; returns their paths.
+
+    ``scene``: the text of scene.yaml, by default that of a single motion with every key.
 
     Raises FilesExist where one of them exists, for somebody may have written in it, and OSError
     where they cannot be written.
     """
-    texts = {ROBOT_FILE: robot_text(), SCENE_FILE: scene_text()}
+    texts = {ROBOT_FILE: robot_text(), SCENE_FILE: scene or scene_text()}
     for name in texts:
         if (directory / name).exists():
             raise FilesExist(
@@ -162,6 +186,11 @@ def robot_text() -> str:
 def scene_text() -> str:
     """A scene file with every key."""
     return _ABOUT_SCENES + "\n" + "\n".join(_lines(Scene, SCENE, SCENE_EXTRAS)) + "\n"
+
+
+def cell_text() -> str:
+    """A scene file of a packaging cell, with a cycle."""
+    return _CELL
 
 
 @dataclass(frozen=True)

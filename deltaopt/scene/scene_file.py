@@ -28,7 +28,11 @@ def load_scene(path: str | Path) -> Scene:
     file = Path(path)
     content = read_yaml(file)
     if "cycle" in content:
-        expected, place = "start and goal; a cycle is read by load_cycle", place_of(file, "cycle")
+        expected = "start and goal; cycles are for deltaopt plan and load_cycle"
+        place = place_of(file, "cycle")
+            "start and goal; cycles are for deltaopt plan and load_cycle",
+            place_of(file, "cycle"),
+        )
         raise SceneError(file, "cycle", None, expected, "is no key of a single motion", place)
     return _scene(file, _with_robot(file, content), lambda key: key)
 

@@ -54,8 +54,22 @@ def test_what_is_wrong_is_named(tmp_path, old, new, said):
         load_cycle(file)
 
 
+def test_a_new_cell_is_planned(tmp_path, capsys):
+    """Four legs, of which two end on a belt; a folder of its plan names the plans in it."""
+    assert main(["new", "--cell", str(tmp_path)]) == 0
+    scene = tmp_path / "scene.yaml"
+    assert f"deltaopt plan {scene}" in capsys.readouterr().out
+    cell = load_cycle(scene)
+    assert (len(cell.legs), cell.parts, cell.rms_limits) == (4, 2, (25.0, 25.0, 25.0))
+    out = tmp_path / "out"
+    assert main(["plan", str(scene), "--tolerance", "0.02", "-o", str(out)]) == 0
+    assert main(["verify", str(out)]) == 2
+    assert "whose legs are plans: leg_1, leg_2, leg_3, leg_4" in capsys.readouterr().err
+    assert main(["verify", str(out / "leg_2")]) == 0
+
+
 def test_a_cycle_is_no_scene(tmp_path):
-    with pytest.raises(SceneError, match="a cycle is read by load_cycle"):
+    with pytest.raises(SceneError, match="cycles are for deltaopt plan and load_cycle"):
         load_scene(CYCLE)
     with pytest.raises(SceneError, match="cycle is missing"):
         load_cycle(PROBLEMS / "pick_and_place.yaml")
