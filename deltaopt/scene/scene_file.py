@@ -30,9 +30,6 @@ def load_scene(path: str | Path) -> Scene:
     if "cycle" in content:
         expected = "start and goal; cycles are for deltaopt plan and load_cycle"
         place = place_of(file, "cycle")
-            "start and goal; cycles are for deltaopt plan and load_cycle",
-            place_of(file, "cycle"),
-        )
         raise SceneError(file, "cycle", None, expected, "is no key of a single motion", place)
     return _scene(file, _with_robot(file, content), lambda key: key)
 
