@@ -41,8 +41,11 @@ _MOST_ROUNDS = 30
 _PATIENCE, _LESS = 6, 0.9
 """After how many rounds in which the gap did not fall to this share of what it was no more are
 made: where legs are known no better, as with friction."""
-_HOPELESS = 15
-"""After how many rounds none of which kept all limits there is no cycle."""
+_SPARED = 0.2
+"""Of the tolerance: by what share less of the squared torques is aimed at, about, where legs that
+end moving cannot be slowed until the limits are kept."""
+_HOPELESS = 20
+"""After how many rounds of which none kept all limits there is no cycle."""
 _EXCHANGED = 0.05
 """Of the tolerance: by what share a cycle is to become better for a leg to be exchanged."""
 _LEAST_SHARE = 0.05
@@ -189,6 +192,8 @@ class _Sought:
         """How far what has a price is above what is aimed at, in the order of the prices: in the
         powers that fall in proportion to prices where slower motions have the same shape."""
         used = (found.squares / (self.limits * found.period)) ** (4 / 3)
+        if any(leg.moves_at_ends for leg in self.cycle.legs):
+            used = used * (1 + _SPARED * self.tolerance)
         if self.cycle.period is not None:
             dwelt = sum(self.cycle.dwells)
             allowed = self.cycle.period - dwelt
