@@ -24,7 +24,8 @@ and the payload, kg."""
 def verified(plan: CyclePlan) -> CycleVerification:
     """The measures of a planned cycle."""
     legs = [(leg.scene, leg.trajectory) for leg in plan.legs]
-    return verify_cycle(legs, plan.waits, plan.cycle.rms_limits, plan.cycle.period)
+    goals = [scene.goal for scene in plan.cycle.legs]
+    return verify_cycle(legs, plan.waits, goals, plan.cycle.rms_limits, plan.cycle.period)
 
 
 def write_cycle(file: Path, plan: CyclePlan, rate: float = RATE) -> None:

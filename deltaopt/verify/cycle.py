@@ -15,6 +15,7 @@ from deltaopt.curves.piecewise import Array
 from deltaopt.files.validated_record import Vector3
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.robot.model import model_of
+from deltaopt.scene.moving_ends import Belt, End
 from deltaopt.scene.scene import Scene
 from deltaopt.verify.bounds import BOUNDARY_DISTANCE, BOUNDARY_SPEED, EXCESS
 from deltaopt.verify.verification import Verification, verify
@@ -30,7 +31,8 @@ class CycleVerification:
     ``legs``: of each. ``rms_torque``: of each motor over the period, N·m; ``rms_limits``: what it
     may be, None without limits. ``jump``: the largest distance, m, between where a leg and its
     dwell end and where the next begins, the first after the last too; ``speed_jump``: likewise of
-    velocities, m/s. ``period``: s; ``given_period``: None where it is free.
+    velocities, m/s. ``missed``: the largest distance, m, between where a leg ends and where the
+    belt has brought its part by then. ``period``: s; ``given_period``: None where it is free.
     """
 
     legs: tuple[Verification, ...]
@@ -38,6 +40,7 @@ class CycleVerification:
     rms_limits: Vector3 | None
     jump: float
     speed_jump: float
+    missed: float
     period: float
     given_period: float | None
 
@@ -63,6 +66,8 @@ class CycleVerification:
             yield f"a leg begins {self.jump:.2e} m from where the one before ends"
         if not self.speed_jump <= BOUNDARY_SPEED * arm / min(leg.duration for leg in self.legs):
             yield f"a leg begins {self.speed_jump:.2e} m/s off the velocity before it"
+        if not self.missed <= len(self.legs) * BOUNDARY_DISTANCE * arm:
+            yield f"a leg ends {self.missed:.2e} m from where the belt has brought its part"
         if self.given_period is not None and abs(self.period - self.given_period) > EXCESS:
             yield f"the period is {self.period:.9g} s, and {self.given_period:.9g} s was asked for"
 
@@ -70,21 +75,27 @@ class CycleVerification:
 def verify_cycle(
     legs: Sequence[tuple[Scene, Trajectory]],
     waits: Sequence[Trajectory | None],
+    goals: Sequence[End],
     rms_limits: Vector3 | None,
     given_period: float | None,
 ) -> CycleVerification:
     """Check a cycle.
 
     ``legs``: the scene of each and its motion. ``waits``: what follows each, None where the next
-    leg does at once. ``rms_limits``: of the motors' RMS torques, N·m.
+    leg does at once. ``goals``: where each is to end, on belts at the start of the cycle.
+    ``rms_limits``: of the motors' RMS torques, N·m.
     """
     found = tuple(verify(scene, motion) for scene, motion in legs)
     squares = np.zeros(3)
     for leg in found:
         if leg.duty is not None:
             squares += leg.duration * np.square([motor.rms_torque for motor in leg.duty.motors])
-    parts = list[Trajectory]()
-    for (scene, motion), wait in zip(legs, waits, strict=True):
+    parts, misses = list[Trajectory](), [0.0]
+    for (scene, motion), wait, goal in zip(legs, waits, goals, strict=True):
+        if isinstance(goal, Belt):
+            arrives = sum(part.duration for part in parts) + motion.duration
+            place = np.add(goal.at, np.multiply(arrives, goal.belt))
+            misses.append(float(np.linalg.norm(_state(motion, -1)[0] - place)))
         parts += [motion] if wait is None else [motion, wait]
         squares += np.zeros(3) if wait is None else _squares(scene, wait)
     period = sum(part.duration for part in parts)
@@ -93,7 +104,9 @@ def verify_cycle(
     jumps = [np.linalg.norm(one - other, axis=1) for one, other in zip(after, before, strict=True)]
     a, b, c = np.sqrt(squares / period).tolist()
     jump, speed_jump = np.max(jumps, axis=0).tolist()
-    return CycleVerification(found, (a, b, c), rms_limits, jump, speed_jump, period, given_period)
+    return CycleVerification(
+        found, (a, b, c), rms_limits, jump, speed_jump, max(misses), period, given_period
+    )
 
 
 def _state(motion: Trajectory, which: int) -> Array:

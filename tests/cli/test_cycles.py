@@ -62,7 +62,7 @@ def test_a_new_cell_is_planned(tmp_path, capsys):
     cell = load_cycle(scene)
     assert (len(cell.legs), cell.parts, cell.rms_limits) == (4, 2, (25.0, 25.0, 25.0))
     out = tmp_path / "out"
-    assert main(["plan", str(scene), "--tolerance", "0.02", "-o", str(out)]) == 0
+    assert main(["plan", str(scene), "-o", str(out)]) == 0
     assert main(["verify", str(out)]) == 2
     assert "whose legs are plans: leg_1, leg_2, leg_3, leg_4" in capsys.readouterr().err
     assert main(["verify", str(out / "leg_2")]) == 0

@@ -189,6 +189,13 @@ def test_verification_sees_what_is_wrong():
     assert "the RMS torque of motor 1 is" in told[0]
     away = deltaopt.CyclePlan(found.cycle, found.legs[:1] * 2, found.dwells)
     assert any("from where the one before ends" in each for each in verified(away).failures())
+    onto = plan_cycle(belt_cycle()[0], tolerance=1e-2)
+    assert verified(onto).ok
+    goal = Belt(at=(0.85, 0.15, -0.051), belt=(0.0, 0.0, 0.3))
+    leg, off = onto.cycle.legs
+    late = onto.cycle.model_copy(update={"legs": (leg.model_copy(update={"goal": goal}), off)})
+    told = verified(deltaopt.CyclePlan(late, onto.legs, onto.dwells)).failures()
+    assert told == ["a leg ends 1.00e-03 m from where the belt has brought its part"]
 
 
 def test_what_cannot_be_is_said():

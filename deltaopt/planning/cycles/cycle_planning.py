@@ -31,6 +31,7 @@ from deltaopt.planning.planner import Planner
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.cycle import Cycle
 from deltaopt.scene.known_limits import limits_of
+from deltaopt.scene.moving_ends import Belt
 from deltaopt.scene.objective import Objective, Time, TimeAndEfforts
 from deltaopt.settings import LEAST_TOLERANCE, require_positive, require_type
 
@@ -234,8 +235,9 @@ class _Sought:
 
     def exchanged(self, best: CyclePlan, tried: list[CyclePlan]) -> CyclePlan:
         """A cycle that is better than the ``best`` by legs of others that were tried: where the
-        same prices lead to faster and to cooler motions, as with friction, some of each do."""
-        while True:
+        same prices lead to faster and to cooler motions, as with friction, some of each do. With
+        belts a leg is for when it begins, and is not exchanged."""
+        while not any(isinstance(leg.goal, Belt) for leg in self.cycle.legs):
             pairs = [(k, each.legs[k]) for each in tried for k in range(len(best.legs))]
             durations = np.array([each.durations for each in tried]) - best.durations
             squares = np.array([each.squares_of_legs for each in tried]) - best.squares_of_legs
@@ -249,6 +251,7 @@ class _Sought:
             if changed is None or self.value(changed) >= self.value(best):
                 return best
             best = changed
+        return best
 
     def _about(self, best: CyclePlan, longer: Array, more: Array) -> Array:
         """About the values of cycles with legs that are ``longer`` by so much in all, (n,), s, and
