@@ -34,7 +34,7 @@ from deltaopt.scene.task import OnPath
 from deltaopt.verify.bounds import BOUNDS
 from studies.bench.hard_moves import move
 from studies.kept_rows import kept_rows
-from studies.problems import PROBLEMS, add_directory
+from studies.problems import PROBLEMS, add_directory, shipped_scenes
 
 HELP = "damage good motions at random: does verification find all that is beyond its bounds?"
 SMALL = {"number": 6}
@@ -85,9 +85,7 @@ def case(number: int, first: int) -> tuple[str, Scene]:
 @cache
 def _shipped() -> list[tuple[str, Scene]]:
     """Of all folders, and one whose path crosses itself."""
-    files = [(file.parent.name, file) for file in sorted(PROBLEMS.rglob("*.yaml"))]
-    others = ("robots", "cycles")
-    scenes = [(kind, deltaopt.load_scene(file)) for kind, file in files if kind not in others]
+    scenes = [(file.parent.name, deltaopt.load_scene(file)) for file in shipped_scenes()]
     given = deltaopt.load_scene(PROBLEMS / "paths" / "industrial_25_305_25.yaml")
     changes = {"start": (0.88, -0.1, 0.0), "goal": (0.88, 0.0, -0.1), "path": _LOOP}
     return [*scenes, ("crossing", given.model_copy(update=changes))]

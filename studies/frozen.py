@@ -23,12 +23,13 @@ from typing import Any
 
 import deltaopt
 from deltaopt.scene.task import given_points
+from studies.problems import PROBLEMS, shipped_scenes
 
 HELP = "hold plans of scenes of every kind against those that are recorded"
 SMALL = {"every": 156}
 
 HERE = Path(__file__).parent
-PROBLEMS = HERE.parent / "problems"
+
 MOVES, TABLE = HERE / "frozen_moves.csv", HERE / "frozen.csv"
 DRAWN = HERE / "frozen_scenes.jsonl"
 """Four moves of each kind of task, and of some kinds together, as a campaign draws them."""
@@ -164,9 +165,9 @@ def cases() -> Iterator[Case]:
             tolerance = float(row["tolerance"])
             move = Move(row["robot"], start, goal)
             yield Case(f"{row['robot']} {i} {tolerance:g}", move, tolerance)
-    shipped = (file.relative_to(PROBLEMS).with_suffix("") for file in PROBLEMS.rglob("*.yaml"))
+    shipped = (file.relative_to(PROBLEMS).with_suffix("") for file in shipped_scenes())
     for name in sorted(map(Path.as_posix, shipped)):
-        if name not in SCENES and not name.startswith(("robots/", "cycles/")):
+        if name not in SCENES:
             yield Case(f"{name} 0.001", Shipped(name), 1e-3)
     for i, line in enumerate(DRAWN.read_text(encoding="utf-8").splitlines()):
         yield Case(f"{json.loads(line)['name']} {i} 0.001", Drawn(line), 1e-3)

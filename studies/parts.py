@@ -11,7 +11,7 @@ both legs slowed alike until the motors stay as cool.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from time import process_time
@@ -33,6 +33,8 @@ from studies.bench.random_scenes import points_in_workspace
 from studies.cycle import DEPTHS, USUAL_DEPTH, by_law, over_wall, sampled_law
 from studies.problems import INDUSTRIAL, PROBLEMS, add_directory
 
+Rate = Callable[[Array], float]
+"""Parts a minute by what the RMS of each motor's torque may be, (3,), N·m."""
 HELP = "parts a minute by what motors are rated for, and random cycles"
 SHARES = (0.25, 1 / 3, 0.45, 0.6, 0.8, 1.0)
 """Rated torques over peaks; motors of Deltas are rated for a third, about."""
@@ -78,8 +80,8 @@ def on_path(scene: Scene) -> Scene:
     return scene.model_copy(update={"path": path})
 
 
-def rate_of_trapezoids(legs: Sequence[Scene], rms: Array) -> float:
-    """Parts a minute where each leg is a trapezoid of speed; ``rms``: may be, (3,), N·m."""
+def rate_of_trapezoids(legs: Sequence[Scene]) -> Rate:
+    """Parts a minute where each leg is a trapezoid of speed, slowed."""
     models = [delta_model(leg.robot, leg.payload) for leg in legs]
     laws = [sampled_law(on_path(leg), "trapezoid") for leg in legs]
     fastest = [by_law(on_path(leg), "trapezoid") for leg in legs]
@@ -91,10 +93,10 @@ def rate_of_trapezoids(legs: Sequence[Scene], rms: Array) -> float:
             found += T * np.mean(model.inverse_dynamics(x, v / T, a / T**2) ** 2, axis=0)
         return found
 
-    return _rate(sum(fastest), squares, rms)
+    return lambda rms: _rate(sum(fastest), squares, rms)
 
 
-def rate_of_timed(legs: Sequence[Scene], rms: Array) -> float:
+def rate_of_timed(legs: Sequence[Scene]) -> Rate:
     """Parts a minute where each leg is timed optimally on its path and slowed."""
     motions = [deltaopt.plan(on_path(leg)).trajectory for leg in legs]
 
@@ -102,12 +104,13 @@ def rate_of_timed(legs: Sequence[Scene], rms: Array) -> float:
         each = [squared_torques(motion.slowed(slower)) for motion in motions]
         return np.asarray(np.sum(each, axis=0))
 
-    return _rate(sum(each.duration for each in motions), squares, rms)
+    return lambda rms: _rate(sum(each.duration for each in motions), squares, rms)
 
 
-def _rate(fastest: float, squares: object, rms: Array) -> float:
+def _rate(fastest: float, squares: Callable[[float], Array], rms: Array) -> float:
+    """Parts a minute of a cycle that takes ``fastest`` (s) at least, slowed until its ∫ τ² dt, by
+    the factor of slowing, are those of RMS torques, (3,), N·m."""
     low, high = 1.0, 20.0
-    assert callable(squares)
 
     def is_kept(slower: float) -> bool:
         return bool((squares(slower) <= rms**2 * slower * fastest).all())
@@ -123,19 +126,20 @@ def _rate(fastest: float, squares: object, rms: Array) -> float:
 def rows(name: str, robot: deltaopt.Robot, shares: Sequence[float]) -> Iterator[Row]:
     """What a robot does by what its motors are rated for."""
     legs = legs_over_wall(robot, DEPTHS.get(name, USUAL_DEPTH))
+    others = rate_of_trapezoids(legs), rate_of_timed(legs)
     for share in shares:
         rms = share * np.array(robot.torque_limits)
         a, b, c = rms.tolist()
         found = deltaopt.plan_cycle(Cycle(legs=legs, rms_torque=(a, b, c)))
         report = verified(found)
         assert report.ok, report.failures()
-        others = rate_of_trapezoids(legs, rms), rate_of_timed(legs, rms)
-        yield Row(name, share, *others, found.parts_per_minute, found.gap)
+        trapezoid, timed = (rate(rms) for rate in others)
+        yield Row(name, share, trapezoid, timed, found.parts_per_minute, found.gap)
 
 
 def random_cycle(number: int, seed: int) -> Cycle:
-    """A cycle of two to eight legs between random points, with and without payload, with dwells, in
-    a given period or as short as the motors allow."""
+    """A cycle of two to eight legs between random points, with and without payload, with dwells, as
+    short as the motors allow."""
     rng = np.random.default_rng((seed, number))
     name = _RANDOM[number % len(_RANDOM)]
     robot = deltaopt.load_robot(PROBLEMS / "robots" / f"{name}.yaml")

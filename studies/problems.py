@@ -19,6 +19,12 @@ CROSS, LIGHT, _, PICK_AND_PLACE = SCENES
 ORSINO, INDUSTRIAL = ROBOTS
 
 
+def shipped_scenes() -> list[Path]:
+    """The files of all shipped single motions, those of robots and cycles left out."""
+    others = (PROBLEMS / "robots", PROBLEMS / "cycles")
+    return [file for file in sorted(PROBLEMS.rglob("*.yaml")) if file.parent not in others]
+
+
 def add_scenes(parser: argparse.ArgumentParser, default: tuple[Path, ...] = SCENES) -> None:
     """Add SCENE..., ``default`` where none is given."""
     _add_files(parser, "scene", default)

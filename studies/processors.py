@@ -20,7 +20,7 @@ from deltaopt.cli.arguments import one_or_more
 from deltaopt.codegen.c_compiler import compilers
 from deltaopt.codegen.compile import cache_directory
 from studies.bench.random_scenes import random_scenes
-from studies.problems import PROBLEMS, ROBOTS
+from studies.problems import PROBLEMS, ROBOTS, shipped_scenes
 
 ROOT = PROBLEMS.parent
 HELP = "the same plans by several processors' code"
@@ -103,9 +103,8 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _scenes(moves: int, *, shipped: bool) -> Iterator[tuple[str, deltaopt.Scene]]:
-    for file in sorted(PROBLEMS.rglob("*.yaml")) if shipped else ():
-        if file.parent.name not in ("robots", "cycles"):
-            yield str(file.relative_to(PROBLEMS).with_suffix("")), deltaopt.load_scene(file)
+    for file in shipped_scenes() if shipped else ():
+        yield str(file.relative_to(PROBLEMS).with_suffix("")), deltaopt.load_scene(file)
     for file in ROBOTS:
         for k, scene in enumerate(random_scenes(deltaopt.load_robot(file), 1.0, moves, seed=1)):
             yield f"{file.stem} {k}", scene

@@ -49,9 +49,11 @@ def running_cost(problem: Problem, trajectory: Trajectory, rate: Running) -> flo
 
 @lru_cache(maxsize=256)
 def squared_torques(trajectory: Trajectory) -> Array:
-    """∫ τ² dt of each motor over a motion, (3,), N²m²s."""
+    """∫ τ² dt of each motor over a motion, (3,), N²m²s; not to be written into."""
     dynamics = trajectory.model.inverse_dynamics
-    return _integral_of_squares(trajectory, lambda x, v, a, _: dynamics(x, v, a))
+    found = _integral_of_squares(trajectory, lambda x, v, a, _: dynamics(x, v, a))
+    found.flags.writeable = False
+    return found
 
 
 def _integral_of_squares(trajectory: Trajectory, of: Callable[..., Array]) -> Array:

@@ -124,7 +124,7 @@ _ABOUT_SCENES = """\
 # A move from rest to rest: which robot takes what from where to where.
 # Points are [x, y, z] in the base's frame, where x points DOWN, so that a larger x is lower.
 """
-_CELL = """\
+CELL = """\
 # A cycle: parts from a belt, over a wall and into a box, again and again; deltaopt plan finds the
 # most parts a minute at which no motor gets too warm.
 # Points are [x, y, z] in the base's frame, where x points DOWN, so that a larger x is lower.
@@ -146,6 +146,7 @@ cycle:                                   # legs: goal, what is carried there, an
   - {goal: [780 mm, 150 mm, -40 mm], payload: 0.5 kg, dwell: 30 ms, tool: {radius: 25 mm}}
 # period: 0.9 s                          # if it is given: the least heat in it
 """
+"""A scene file of a packaging cell, with a cycle."""
 _BESIDE: dict[str, tuple[Any, str]] = {
     "duration": (None, f"{EXPECTED_DURATION}: of a motion of least effort, jerk or torque rates"),
     "tool": (Robot.model_fields["tool"].annotation, "instead of the robot's"),
@@ -186,11 +187,6 @@ def robot_text() -> str:
 def scene_text() -> str:
     """A scene file with every key."""
     return _ABOUT_SCENES + "\n" + "\n".join(_lines(Scene, SCENE, SCENE_EXTRAS)) + "\n"
-
-
-def cell_text() -> str:
-    """A scene file of a packaging cell, with a cycle."""
-    return _CELL
 
 
 @dataclass(frozen=True)

@@ -15,13 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deltaopt.planning.flat.interval_points import Points
+from tests.oracles.sparse_program import QUIET
 
 Array = NDArray[np.float64]
-OPTIONS = {
-    "print_time": False,
-    "show_eval_warnings": False,
-    "ipopt.print_level": 0,
-    "ipopt.sb": "yes",
+OPTIONS = QUIET | {
     "ipopt.tol": 1e-11,
     "ipopt.constr_viol_tol": 1e-11,
     "ipopt.compl_inf_tol": 1e-11,
@@ -29,7 +26,6 @@ OPTIONS = {
     "ipopt.bound_relax_factor": 0.0,
     "ipopt.honor_original_bounds": "yes",
     "ipopt.mu_target": 0.0,
-    "ipopt.max_iter": 500,
 }
 
 

@@ -20,14 +20,10 @@ from deltaopt.robot.tool import Box
 from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.scene import Scene
 from tests.oracles.motor_loads import asked_of_motors
+from tests.oracles.sparse_program import QUIET
 
-OPTIONS = {
-    "print_time": False,
-    "show_eval_warnings": False,
-    "ipopt.print_level": 0,
-    "ipopt.sb": "yes",
+OPTIONS = QUIET | {
     "ipopt.tol": 1e-9,
-    "ipopt.max_iter": 500,
 }
 OF_A_SOLUTION = {
     "ipopt.tol": 1e-7,

@@ -16,14 +16,15 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
-OPTIONS = {
+QUIET = {
     "print_time": False,
     "show_eval_warnings": False,
     "ipopt.print_level": 0,
     "ipopt.sb": "yes",
-    "ipopt.tol": 1e-8,
     "ipopt.max_iter": 500,
 }
+"""Options of Ipopt that print nothing."""
+OPTIONS = QUIET | {"ipopt.tol": 1e-8}
 _FAST = 10.0
 """Size of the speed of a motor, rad/s."""
 
