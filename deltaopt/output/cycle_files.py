@@ -10,9 +10,11 @@ import numpy as np
 
 from deltaopt.files.atomic_write import atomic_write
 from deltaopt.files.csv_table import write_csv
+from deltaopt.output.facts import together
 from deltaopt.output.plan_files import COLUMNS, RATE, instants, rows_at, versions
 from deltaopt.planning.cycles.cycle_plan import CyclePlan
 from deltaopt.verify.cycle import CycleVerification, verify_cycle
+from deltaopt.verify.duty import exceeding
 
 RECORD = "cycle.json"
 """The file that says how a cycle was found."""
@@ -45,10 +47,11 @@ def content_of_cycle(plan: CyclePlan, verification: CycleVerification) -> dict[s
         "parts_per_minute": plan.parts_per_minute,
         "gap": plan.gap,
         "tolerance": plan.tolerance,
-        "rms_torque": verification.rms_torque,
+        "rms_torque": plan.rms_torque,
         "rms_limits": verification.rms_limits,
         "saved_by_rms_torque": plan.prices,
         "legs": list(_legs(plan)),
+        "duty": verification.duty and verification.duty.as_dict(),
         "verification": {"ok": verification.ok, "failures": verification.failures()},
         "versions": versions(),
     }
@@ -79,12 +82,17 @@ def told_of_cycle(plan: CyclePlan, verification: CycleVerification) -> Iterator[
         then = f", then {each['then']}" if each["then"] else ""
         load = plan.legs[index].scene.payload_in_words
         yield f"  leg {index + 1}: {each['duration']:.6f} s{dwell}, {load}{then}"
-    rms, limits = verification.rms_torque, verification.rms_limits
+    limits, duty = verification.rms_limits, verification.duty
     allowed = "" if limits is None else f", at most {_in_words(limits)} are allowed"
-    yield f"RMS torques of the motors over a period: {_in_words(rms)} N·m{allowed}"
+    yield f"RMS torques of the motors over a period: {_in_words(plan.rms_torque)} N·m{allowed}"
     for motor, saved in enumerate(plan.prices, 1):
         if saved > 0:
             yield f"  10 % more of motor {motor} would save {saved / 10:.1%} of the period"
+    if duty is not None:
+        yield f"motors together: {together(duty)}"
+        if any(duty.above_nominal or ()):
+            above = exceeding(duty.above_nominal)
+            yield f"  the cubic mean of a gear's torque is above its nominal torque: {above}"
     what = "dearer than the least heat" if plan.cycle.period else "longer than the shortest period"
     missed = "" if plan.within_tolerance else f", which is not the {plan.tolerance:g} asked for"
     yield f"estimated to be at most {plan.gap:.1e} {what}{missed}"

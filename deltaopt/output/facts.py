@@ -139,10 +139,14 @@ def too_warm(duty: Duty | None) -> str:
     )
 
 
-def work(duty: Duty) -> tuple[float, float]:
-    """The work that all motors do and that they absorb, J."""
+def together(duty: Duty) -> str:
+    """Power and work of all motors in words, and what is drawn."""
     done = sum(motor.work_done for motor in duty.motors)
-    return done, sum(motor.work_absorbed for motor in duty.motors)
+    absorbed = sum(motor.work_absorbed for motor in duty.motors)
+    return (
+        f"peak power {duty.peak_power:.4g} W; work done {done:.4g} J, absorbed {absorbed:.4g} J; "
+        f"drawn {done:.4g} J, or {duty.work_drawn:.4g} J where motors that brake feed the others"
+    )
 
 
 def headline(duration: float) -> str:

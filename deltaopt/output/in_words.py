@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from deltaopt.motion.certificate import MET
-from deltaopt.output.facts import Facts, StraightLine, motor_facts, work
+from deltaopt.output.facts import Facts, StraightLine, motor_facts, together
 from deltaopt.planning.plan import Optimum, Plan
 from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene
@@ -112,14 +112,12 @@ def table(verification: Verification, *, asked_for: object = None) -> str:
 
 def duty_table(duty: Duty) -> list[str]:
     """Lines on the duty of each motor: RMS torque, mechanical work, power, speed."""
-    done, absorbed = work(duty)
     lines = [f"{'duty of the motors, at the arm':<34}{'1':>10}{'2':>10}{'3':>10}"]
     for fact in motor_facts(duty):
         name = f"  {fact.name.removesuffix(' of the gear')}" if fact.rating else fact.name
         values = "".join(f"{value:>10.4g}" for value in fact.values)
         lines.append(f"  {name:<32}{values}  {fact.unit:<7}{fact.above.upper()}".rstrip())
-    together = f"  together: peak power {duty.peak_power:.4g} W, work done {done:.4g} J, "
-    return [*lines, f"{together}absorbed {absorbed:.4g} J"]
+    return [*lines, f"  together: {together(duty)}"]
 
 
 def _long(verification: Verification) -> list[str]:

@@ -17,7 +17,7 @@ from deltaopt.curves.piecewise import Array
 from deltaopt.motion.certificate import MET
 from deltaopt.motion.limit_curves import LimitCurves, limit_curves
 from deltaopt.motion.trajectory import Trajectory, ends_of
-from deltaopt.output.facts import Facts, work
+from deltaopt.output.facts import Facts, together
 from deltaopt.plots.bodies import draw_bodies
 from deltaopt.plots.colours import COLOURS, GREY
 from deltaopt.plots.style import figure, motor_curves, without_box
@@ -91,14 +91,12 @@ def caption(verification: Verification) -> str:
         rms = ", ".join(f"{each.rms_torque:.4g}" for each in duty.motors)
         rated = ", ".join(f"{torque:g}" for torque in dict.fromkeys(duty.rated_torque or ()))
         above = f", {exceeding(duty.above_rated)}" if any(duty.above_rated or ()) else ""
-        done, absorbed = work(duty)
         lines.append(
             f"RMS torque {rms} N·m"
             + (f" (rated {rated}{above})" if rated else "")
-            + f"; work done {done:.4g} J, absorbed {absorbed:.4g} J; peak power "
-            f"{duty.peak_power:.4g} W; largest speed "
-            f"{max(each.largest_speed for each in duty.motors):.4g} rad/s"
+            + f"; largest speed {max(each.largest_speed for each in duty.motors):.4g} rad/s"
         )
+        lines.append(together(duty))
     if verification.distances:
         least = "; ".join(f"{each.name} {each.least:.2g}" for each in verification.distances)
         lines.append(f"least distance to singularities: {least}")

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from deltaopt.files.atomic_write import atomic_write
 from deltaopt.files.tables import html_table
-from deltaopt.output.facts import Facts, StraightLine, motor_facts, title, work
+from deltaopt.output.facts import Facts, StraightLine, motor_facts, title, together
 from deltaopt.planning.first_motions.around_bodies import CLEAR
 from deltaopt.planning.plan import Plan, TakenWay
 from deltaopt.plots.colours import COLOURS, OF_LIMITS
@@ -232,14 +232,8 @@ def _duty(duty: Duty) -> str:
         (each.name, *(f"{value:.4g}" for value in each.values), each.unit, each.above)
         for each in motor_facts(duty)
     ]
-    done, absorbed = work(duty)
-    together = (
-        f"All motors together: peak power {duty.peak_power:.4g} W, work done {done:.4g} J, "
-        f"absorbed {absorbed:.4g} J: {done - absorbed:.3g} J net and at most {done:.4g} J if "
-        "braking returns nothing."
-    )
     head = ("at the arm", "motor 1", "motor 2", "motor 3", "unit", "")
-    return _table(head, rows) + f"<p>{escape(together)}</p>"
+    return _table(head, rows) + f"<p>All motors together: {escape(together(duty))}.</p>"
 
 
 def _singularities(verification: Verification) -> str:

@@ -1,12 +1,11 @@
 """Checks a cycle: every leg as a motion of its own, how they follow each other, and RMS torques.
 
-Squared torques are integrated over legs as the duty of a motion is, in twelve coordinates, and over
-dwells by Simpson's rule.
+So is every dwell that moves along with a belt. While the robot rests, motors hold it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,28 +14,30 @@ from deltaopt.curves.piecewise import Array
 from deltaopt.files.validated_record import Vector3
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.robot.model import model_of
-from deltaopt.scene.moving_ends import Belt, End
+from deltaopt.scene.moving_ends import Belt, End, State
+from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene
 from deltaopt.verify.bounds import BOUNDARY_DISTANCE, BOUNDARY_SPEED, EXCESS
+from deltaopt.verify.duty import Duty, one_after_the_other
 from deltaopt.verify.verification import Verification, verify
-
-_SAMPLES = 201
-"""Of a dwell on a belt: torques change slowly there."""
 
 
 @dataclass(frozen=True)
 class CycleVerification:
     """The measures of a cycle.
 
-    ``legs``: of each. ``rms_torque``: of each motor over the period, N·m; ``rms_limits``: what it
-    may be, None without limits. ``jump``: the largest distance, m, between where a leg and its
-    dwell end and where the next begins, the first after the last too; ``speed_jump``: likewise of
-    velocities, m/s. ``missed``: the largest distance, m, between where a leg ends and where the
-    belt has brought its part by then. ``period``: s; ``given_period``: None where it is free.
+    ``legs``: of each. ``dwells``: of those on belts, by the number of the leg before, from 1 on.
+    ``duty``: of the motors over the period; None where that of a leg was not evaluated.
+    ``rms_limits``: what the RMS of each motor's torque may be, N·m; None without limits.
+    ``jump``: the largest distance, m, between where a leg and its dwell end and where the next
+    begins, the first after the last too; ``speed_jump``: likewise of velocities, m/s. ``missed``:
+    the largest distance, m, between where a leg ends and where the belt has brought its part by
+    then. ``period``: s; ``given_period``: None where it is free.
     """
 
     legs: tuple[Verification, ...]
-    rms_torque: Vector3
+    dwells: Mapping[int, Verification]
+    duty: Duty | None
     rms_limits: Vector3 | None
     jump: float
     speed_jump: float
@@ -56,11 +57,15 @@ class CycleVerification:
     def _failures(self) -> Iterator[str]:
         for number, leg in enumerate(self.legs, 1):
             yield from (f"leg {number}: {sentence}" for sentence in leg.failures())
-        for motor, (rms, limit) in enumerate(
-            zip(self.rms_torque, self.rms_limits or self.rms_torque, strict=True), 1
+        for number, dwell in self.dwells.items():
+            yield from (f"dwell after leg {number}: {sentence}" for sentence in dwell.failures())
+        motors = () if self.duty is None else self.duty.motors
+        for number, (motor, limit) in enumerate(
+            zip(motors, self.rms_limits or (), strict=False), 1
         ):
-            if not rms <= (1 + EXCESS) * limit:
-                yield f"the RMS torque of motor {motor} is {rms:.6g} N·m, and may be {limit:.6g}"
+            if not motor.rms_torque <= (1 + EXCESS) * limit:
+                rms = f"the RMS torque of motor {number} is {motor.rms_torque:.6g} N·m"
+                yield f"{rms}, and may be {limit:.6g}"
         arm = self.legs[0].arm
         if not self.jump <= len(self.legs) * BOUNDARY_DISTANCE * arm:
             yield f"a leg begins {self.jump:.2e} m from where the one before ends"
@@ -85,27 +90,32 @@ def verify_cycle(
     leg does at once. ``goals``: where each is to end, on belts at the start of the cycle.
     ``rms_limits``: of the motors' RMS torques, N·m.
     """
-    found = tuple(verify(scene, motion) for scene, motion in legs)
-    squares = np.zeros(3)
-    for leg in found:
-        if leg.duty is not None:
-            squares += leg.duration * np.square([motor.rms_torque for motor in leg.duty.motors])
-    parts, misses = list[Trajectory](), [0.0]
-    for (scene, motion), wait, goal in zip(legs, waits, goals, strict=True):
-        if isinstance(goal, Belt):
-            arrives = sum(part.duration for part in parts) + motion.duration
-            place = np.add(goal.at, np.multiply(arrives, goal.belt))
-            misses.append(float(np.linalg.norm(_state(motion, -1)[0] - place)))
+    found, dwells = (
+        tuple(verify(scene, motion) for scene, motion in legs),
+        dict[int, Verification](),
+    )
+    parts, misses, resting, rest = list[Trajectory](), [0.0], np.zeros(3), 0.0
+    for number, ((scene, motion), wait, goal) in enumerate(zip(legs, waits, goals, strict=True), 1):
         parts += [motion] if wait is None else [motion, wait]
-        squares += np.zeros(3) if wait is None else _squares(scene, wait)
+        if isinstance(goal, Belt):
+            leaves = sum(part.duration for part in parts)
+            at_once = 0.0 if number < len(legs) else leaves  # the next part is met a period later
+            place = np.add(goal.at, np.multiply(leaves - at_once, goal.belt))
+            misses.append(float(np.linalg.norm(_state(parts[-1], -1)[0] - place)))
+        if wait is not None and isinstance(goal, Belt):
+            dwells[number] = verify(_riding(scene, wait), wait)
+        elif wait is not None:
+            rest, resting = rest + wait.duration, resting + wait.duration * _holding(scene, wait)
     period = sum(part.duration for part in parts)
     after = [_state(part, -1) for part in parts]
     before = [_state(part, 0) for part in parts[1:] + parts[:1]]
     jumps = [np.linalg.norm(one - other, axis=1) for one, other in zip(after, before, strict=True)]
-    a, b, c = np.sqrt(squares / period).tolist()
     jump, speed_jump = np.max(jumps, axis=0).tolist()
+    timed = [(each.duration, each.duty) for each in (*found, *dwells.values())]
+    judged = [(seconds, duty) for seconds, duty in timed if duty is not None]
+    duty = one_after_the_other(judged, resting, rest) if len(judged) == len(timed) else None
     return CycleVerification(
-        found, (a, b, c), rms_limits, jump, speed_jump, max(misses), period, given_period
+        found, dwells, duty, rms_limits, jump, speed_jump, max(misses), period, given_period
     )
 
 
@@ -114,10 +124,17 @@ def _state(motion: Trajectory, which: int) -> Array:
     return np.vstack(motion.position.with_rate_at(motion.knots[[which]]))
 
 
-def _squares(scene: Scene, wait: Trajectory) -> Array:
-    """The integral of each motor's squared torque while the robot waits, (3,), N²m²s."""
-    x, v = wait.position.with_rate_at(wait.instants(_SAMPLES))
-    tau = model_of(scene.robot, scene.payload).inverse_dynamics(x, v, np.zeros_like(x))
-    weights = np.ones(_SAMPLES)
-    weights[1:-1:2], weights[2:-1:2] = 4.0, 2.0
-    return np.asarray(wait.duration / (3 * (_SAMPLES - 1)) * (weights @ tau**2))
+def _riding(scene: Scene, wait: Trajectory) -> Scene:
+    """What a dwell on a belt is to keep: the limits of the leg before it, and its bodies."""
+    (at, velocity), (to, _) = _state(wait, 0).tolist(), _state(wait, -1).tolist()
+    ends = {"start": State(at=at, velocity=velocity), "goal": State(at=to, velocity=velocity)}
+    others = dict.fromkeys(("via", "approach", "path", "tube", "rotation"))
+    return scene.model_copy(update={**others, **ends, "objective": Time()})
+
+
+def _holding(scene: Scene, wait: Trajectory) -> Array:
+    """The squared torques that hold the robot where it waits, (3,), N²m²."""
+    x = _state(wait, 0)[:1]
+    still = np.zeros_like(x)
+    tau = model_of(scene.robot, scene.payload).inverse_dynamics(x, still, still)
+    return np.asarray(tau[0] ** 2)

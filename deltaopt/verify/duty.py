@@ -7,7 +7,8 @@ is rated by a mean of its third power, weighted with speed.
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
@@ -34,7 +35,7 @@ class MotorDuty:
     ``work_absorbed`` while it is negative, counted positive. ``peak_power``: the largest, W.
     ``largest_speed``: rad/s. ``gear_torque``: N·m, the cubic mean of the torque that passes the
     gear, weighted with speed, (∫ |τ|³ |θ̇| dt / ∫ |θ̇| dt)^(1/3); None without a gear, or if the
-    motor stands still.
+    motor stands still. ``travel``: ∫ |θ̇| dt, rad.
     """
 
     rms_torque: float
@@ -44,6 +45,7 @@ class MotorDuty:
     peak_power: float
     largest_speed: float
     gear_torque: float | None
+    travel: float
 
 
 def exceeding(above: tuple[bool, ...] | None) -> str:
@@ -60,13 +62,16 @@ def exceeding(above: tuple[bool, ...] | None) -> str:
 class Duty:
     """What a motion asks of all motors.
 
-    ``motors``: of each. ``peak_power``: the largest of all motors together, W. ``rated_torque``:
+    ``motors``: of each. ``peak_power``: the largest of all motors together, W. ``work_drawn``: that
+    they do while the power of all together is positive, J: all that is drawn where those that brake
+    feed those that drive. ``rated_torque``:
     of each motor for its RMS, and ``nominal_torque`` of a gear for its cubic mean, N·m at the arm;
     None where the robot does not name them.
     """
 
     motors: tuple[MotorDuty, ...]
     peak_power: float
+    work_drawn: float
     rated_torque: Vector3 | None
     nominal_torque: float | None
 
@@ -111,7 +116,7 @@ def duty(motors: Curves, cells: Cells, lengths: Array, robot: Machine) -> Duty:
         return np.hstack([power, total, np.abs(speed), torque, passed])
 
     sampled = ResolvedCurves.sampled(curves, cells)
-    for column in (*range(7, 10), *(range(10, 13) if inertia else ())):
+    for column in (_TOTAL, *range(7, 10), *(range(10, 13) if inertia else ())):
         least = _NEGLIGIBLE * float(np.abs(sampled.values[..., column]).max())
         cells = cells.cut(*sampled.roots(column, least))
     sampled = ResolvedCurves.sampled(curves, cells)
@@ -122,6 +127,7 @@ def duty(motors: Curves, cells: Cells, lengths: Array, robot: Machine) -> Duty:
         return np.asarray(np.einsum("m,j,mjc->c", seconds, WEIGHTS, of))
 
     work = seconds[:, None] * np.einsum("j,mjc->mc", WEIGHTS, values[..., _POWER])
+    together = work.sum(axis=1)
     rms = np.sqrt(integral(values[..., _TORQUE] ** 2) / lengths.sum())
     peaks = sampled.highest(_SPEED.stop).values
     travel = integral(values[..., _SPEED])
@@ -136,12 +142,44 @@ def duty(motors: Curves, cells: Cells, lengths: Array, robot: Machine) -> Duty:
             peak_power=float(peaks[_POWER][k]),
             largest_speed=float(peaks[_SPEED][k]),
             gear_torque=float(np.cbrt(cubes[k] / travel[k])) if gear and travel[k] > 0 else None,
+            travel=float(travel[k]),
         )
         for k in range(3)
     )
     return Duty(
         motors=tuple(each),
         peak_power=float(peaks[_TOTAL]),
+        work_drawn=float(together.clip(min=0.0).sum()),
         rated_torque=robot.rms_torque,
         nominal_torque=gear.nominal_torque if gear else None,
     )
+
+
+def one_after_the_other(parts: Sequence[tuple[float, Duty]], resting: Array, rest: float) -> Duty:
+    """The duty of motions one after the other.
+
+    ``parts``: how long each takes, s, and its duty. ``resting``: the integral of each motor's
+    squared torque while the robot waits for ``rest`` s beside that, (3,), N²m²s.
+    """
+    duties, period = [each for _, each in parts], rest + sum(seconds for seconds, _ in parts)
+    motors = list[MotorDuty]()
+    for k, first in enumerate(duties[0].motors):
+        of = [each.motors[k] for each in duties]
+        squares = sum(seconds * each.motors[k].rms_torque ** 2 for seconds, each in parts)
+        rms, travel = float(np.sqrt((squares + resting[k]) / period)), sum(m.travel for m in of)
+        cubes = sum(m.travel * (m.gear_torque or 0.0) ** 3 for m in of)
+        gain = None if first.motor_rms_torque is None else first.motor_rms_torque / first.rms_torque
+        motors.append(
+            MotorDuty(
+                rms_torque=rms,
+                motor_rms_torque=gain and gain * rms,
+                work_done=sum(m.work_done for m in of),
+                work_absorbed=sum(m.work_absorbed for m in of),
+                peak_power=max(m.peak_power for m in of),
+                largest_speed=max(m.largest_speed for m in of),
+                gear_torque=first.gear_torque and float(np.cbrt(cubes / travel)),
+                travel=travel,
+            )
+        )
+    peak, drawn = max(e.peak_power for e in duties), sum(e.work_drawn for e in duties)
+    return replace(duties[0], motors=tuple(motors), peak_power=peak, work_drawn=drawn)
