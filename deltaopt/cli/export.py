@@ -8,7 +8,8 @@ deltaopt export ros2 PLAN     the same as a JointTrajectory of ROS 2, in YAML or
 deltaopt export cam PLAN      the same as cams of a PLC (TwinCAT, CODESYS): quintic polynomials
 deltaopt export schema        the JSON schema of plan.json, which holds the exact polynomials
 
-PLAN is a folder that "deltaopt plan" wrote. A controller moves between the rows of a table by
+PLAN is a folder that "deltaopt plan" wrote; tables of a cycle have all of its legs and the waits
+between them. A controller moves between the rows of a table by
 polynomials of its own: cubic ones from angles and speeds, or quintic ones from accelerations too.
 What that asks of the motors is computed and printed. Rows at the plan's own knots keep its limits
 nearly to the last digit; rows at equal steps hide where torques jump.
@@ -37,6 +38,7 @@ from deltaopt.files.output_folder import all_or_none
 from deltaopt.files.units import Misread, Quantity
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.cam_tables import CAM, Cams, write_cams
+from deltaopt.output.cycle_files import load_legs
 from deltaopt.output.joint_table import (
     CUBIC,
     QUINTIC,
@@ -203,7 +205,7 @@ def _c(arguments: argparse.Namespace) -> list[Path]:
     from deltaopt.output.controller_c import export_c, export_plan_c
 
     if arguments.of.is_dir() or arguments.of.suffix == ".json":
-        _, trajectory, remarks = _verified(arguments.of, arguments)
+        trajectory, remarks = _verified(load_plan(arguments.of), arguments.of, arguments)
         return export_plan_c(trajectory, arguments.output, remarks)
     if arguments.keep_limits or arguments.anyway or arguments.slower != 1:
         raise WrongUsage("--keep-limits, --anyway and --slower are for a PLAN, which moves")
@@ -256,9 +258,25 @@ def _ros2(arguments: argparse.Namespace) -> list[Path]:
 
 
 def _controllers_table(arguments: argparse.Namespace) -> tuple[JointTable, Robot]:
-    """The table of a saved plan in its controller's angles, with remarks on what is wrong,
+    """The table of a saved plan or cycle in its controller's angles, with remarks on what is wrong,
     after saying what it asks for; and the robot. Raises BeyondLimits."""
-    plan, trajectory, remarks = _verified(arguments.plan, arguments)
+    tables, how = list[JointTable](), INTERPOLATIONS[arguments.controller]
+    legs = load_legs(arguments.plan)
+    for folder, plan, wait in legs:
+        if len(legs) > 1:
+            print(f"{folder.name}:")
+        tables.append(_checked(plan, folder, arguments))
+        if wait is not None:
+            tables.append(checked_table(plan.scene, wait, arguments.cycle, how).table)
+    table, robot = JointTable.one_after_the_other(tables), as_delta(legs[0][1].scene.robot)
+    remarks = tuple(dict.fromkeys(remark for each in tables for remark in each.remarks))
+    return of_controller(replace(table, remarks=remarks), robot), robot
+
+
+def _checked(plan: SavedPlan, file: Path, arguments: argparse.Namespace) -> JointTable:
+    """The table of a saved plan with remarks on what is wrong, after saying what it asks for.
+    Raises BeyondLimits."""
+    trajectory, remarks = _verified(plan, file, arguments)
     given = plan.scene, trajectory, arguments.cycle, INTERPOLATIONS[arguments.controller]
     found = checked_table(*given)
     if not (found.demand.kept or arguments.anyway):
@@ -275,15 +293,14 @@ def _controllers_table(arguments: argparse.Namespace) -> tuple[JointTable, Robot
     if not plan.scene.task.is_at_rest and abs(slowed - 1) > 1e-12:
         print(_LATE)
         remarks.append(_LATE)
-    table = replace(found.table, remarks=tuple(remarks))
-    robot = as_delta(plan.scene.robot)
-    return of_controller(table, robot), robot
+    return replace(found.table, remarks=tuple(remarks))
 
 
-def _verified(file: Path, arguments: argparse.Namespace) -> tuple[SavedPlan, Trajectory, list[str]]:
-    """A saved plan, its motion so many times as slow as is asked for, and what is wrong with it: of
-    what slowing cures only with --anyway. Raises BeyondLimits."""
-    plan = load_plan(file)
+def _verified(
+    plan: SavedPlan, file: Path, arguments: argparse.Namespace
+) -> tuple[Trajectory, list[str]]:
+    """The motion of a saved plan so many times as slow as is asked for, and what is wrong with it:
+    of what slowing cures only with --anyway. Raises BeyondLimits."""
     found = verify(plan.scene, plan.trajectory)
     remarks, slower, needed = found.failures(), arguments.slower, 0.0
     if remarks:
@@ -295,7 +312,7 @@ def _verified(file: Path, arguments: argparse.Namespace) -> tuple[SavedPlan, Tra
             price = [f"--keep-limits ({100 * (needed - 1):.2g} % slower)"]
             raise _refusal(f"{file}: {'; '.join(remarks)}", price if isfinite(needed) else [])
         slower = needed
-    return plan, plan.trajectory.slowed(slower), remarks if needed > slower else []
+    return plan.trajectory.slowed(slower), remarks if needed > slower else []
 
 
 def _may_slow(plan: SavedPlan, arguments: argparse.Namespace, extra: float) -> bool:

@@ -10,9 +10,13 @@ import numpy as np
 
 from deltaopt.files.atomic_write import atomic_write
 from deltaopt.files.csv_table import write_csv
+from deltaopt.motion.motion_sequence import waiting
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.facts import together
-from deltaopt.output.plan_files import COLUMNS, RATE, instants, rows_at, versions
+from deltaopt.output.plan_files import COLUMNS, FORMAT, RATE, instants, rows_at, versions
+from deltaopt.output.saved_plan import SavedPlan, UnreadablePlan, load_plan, read_record
 from deltaopt.planning.cycles.cycle_plan import CyclePlan
+from deltaopt.scene.moving_ends import Belt
 from deltaopt.verify.cycle import CycleVerification, verify_cycle
 from deltaopt.verify.duty import exceeding
 
@@ -43,6 +47,7 @@ def write_cycle(file: Path, plan: CyclePlan, rate: float = RATE) -> None:
 def content_of_cycle(plan: CyclePlan, verification: CycleVerification) -> dict[str, object]:
     """What cycle.json says, for JSON. The motions of the legs are in their own folders."""
     return {
+        "format": FORMAT,
         "period": plan.period,
         "parts_per_minute": plan.parts_per_minute,
         "gap": plan.gap,
@@ -64,6 +69,26 @@ def write_record(file: Path, plan: CyclePlan, verification: CycleVerification) -
         temporary.write_text(text + "\n", encoding="utf-8")
 
 
+def load_legs(path: Path) -> list[tuple[Path, SavedPlan, Trajectory | None]]:
+    """The legs of a saved cycle: the folder of each, its plan and the wait after it, None without.
+    A plan of a single motion is one leg. Raises UnreadablePlan."""
+    file = path / RECORD
+    if not file.is_file():
+        return [(path, load_plan(path), None)]
+    legs = list[tuple[Path, SavedPlan, Trajectory | None]]()
+    try:
+        for each in read_record(file)["legs"]:
+            folder, dwell = path / each["folder"], float(each["dwell"])
+            plan = load_plan(folder)
+            state = plan.trajectory.position.with_rate_at(plan.trajectory.knots[-1:])
+            (at,), (velocity,) = (column.tolist() for column in state)
+            wait = waiting(plan.trajectory.model, at, velocity, dwell) if dwell > 0 else None
+            legs.append((folder, plan, wait))
+    except (KeyError, TypeError, ValueError) as error:
+        raise UnreadablePlan(f"{file}: its legs cannot be used: {error}") from None
+    return legs
+
+
 def folder_of(index: int) -> str:
     """The name of the folder of a leg."""
     return f"leg_{index + 1}"
@@ -82,6 +107,10 @@ def told_of_cycle(plan: CyclePlan, verification: CycleVerification) -> Iterator[
         then = f", then {each['then']}" if each["then"] else ""
         load = plan.legs[index].scene.payload_in_words
         yield f"  leg {index + 1}: {each['duration']:.6f} s{dwell}, {load}{then}"
+    last = plan.cycle.legs[-1].goal
+    if isinstance(last, Belt):
+        pitch = 1e3 * plan.period * float(np.linalg.norm(last.belt))
+        yield f"the first parts of two periods are {pitch:.6g} mm apart on the belt"
     limits, duty = verification.rms_limits, verification.duty
     allowed = "" if limits is None else f", at most {_in_words(limits)} are allowed"
     yield f"RMS torques of the motors over a period: {_in_words(plan.rms_torque)} N·m{allowed}"

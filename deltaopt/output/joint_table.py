@@ -7,7 +7,7 @@ interpolated here too, and measured against the limits of its scene.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import ceil, sqrt
 
@@ -56,12 +56,26 @@ class JointTable:
         """Rows at the knots of a motion, with accelerations from inside each interval."""
         inside = trajectory.inside_intervals([0.0, 1.0])
         times = np.repeat(trajectory.knots, 2)[1:-1]  # to the last digit alike on both sides
-        rows = cls(times, inside.theta, inside.dtheta, inside.ddtheta)
-        jumps = np.abs(rows.ddtheta[2::2] - rows.ddtheta[1:-1:2]).max(axis=1)
-        smooth = jumps <= _SAME_ACCELERATION * np.abs(rows.ddtheta).max()
-        kept = np.ones(len(rows.t), dtype=bool)
-        kept[2::2] = ~smooth
-        return rows.rows(kept)
+        return cls(times, inside.theta, inside.dtheta, inside.ddtheta)._once_where_smooth()
+
+    @classmethod
+    def one_after_the_other(cls, tables: Sequence[JointTable]) -> JointTable:
+        """The rows of several motions, each of which begins when the one before ends."""
+        times, begin = list[Array](), 0.0
+        for table in tables:
+            times.append(table.t - table.t[0] + begin)
+            begin = times[-1][-1]
+        theta, dtheta, ddtheta = (
+            np.concatenate([getattr(table, name) for table in tables])
+            for name in ("theta", "dtheta", "ddtheta")
+        )
+        return cls(np.concatenate(times), theta, dtheta, ddtheta)._once_where_smooth()
+
+    def _once_where_smooth(self) -> JointTable:
+        """Of two rows of the same time the first alone where accelerations do not jump."""
+        jumps = np.abs(np.diff(self.ddtheta, axis=0)).max(axis=1)
+        smooth = jumps <= _SAME_ACCELERATION * np.abs(self.ddtheta).max()
+        return self.rows(np.append(True, ~(smooth & (np.diff(self.t) == 0))))
 
     @classmethod
     def at_cycle(cls, trajectory: Trajectory, cycle: float) -> JointTable:

@@ -71,7 +71,7 @@ def load_plan(path: str | Path) -> SavedPlan:
     """
     file = Path(path)
     file = file / RECORD if file.is_dir() else file
-    content = _read(file)
+    content = read_record(file)
     try:
         scene, motion = _scene(content["scene"]), content["motion"]
         knots = np.array(motion["knots"], dtype=float)
@@ -146,7 +146,8 @@ def table_difference(file: Path, trajectory: Trajectory) -> str | None:
     return f"{where}; the motion has {was!r} there ({len(off)} numbers differ)"
 
 
-def _read(file: Path) -> dict[str, Any]:
+def read_record(file: Path) -> dict[str, Any]:
+    """What a plan.json or cycle.json says. Raises UnreadablePlan where it is none."""
     try:
         if not file.exists():
             legs = [each.parent.name for each in sorted(file.parent.glob(f"leg_*/{file.name}"))]

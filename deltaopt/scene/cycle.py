@@ -26,7 +26,9 @@ from deltaopt.scene.task import REST
 
 MOST_LEGS = 100
 EXPECTED_LEGS = f"two to {MOST_LEGS} legs, each a mapping with a goal, the last of them the start"
-EXPECTED_DWELL = "a duration in s, at least 0"
+FREE = "free"
+EXPECTED_DWELL = f"a duration in s, at least 0, or the word {FREE}"
+EXPECTED_PERIOD = "a duration in s, greater than 0"
 EXPECTED_RMS = "a torque in N·m, greater than 0, one for all motors or three, or the word none"
 THERE = "the point or state that the next leg starts in"
 CLOSED = "the point or state that the first leg starts in, for a cycle ends where it begins"
@@ -36,23 +38,23 @@ class Cycle(Record):
     """Legs that a robot drives one after the other, over and over.
 
     ``legs``: scenes, each of which starts where the one before ends, and the first where the last
-    one ends. What moves on a belt is where its leg says at the start of the cycle. ``dwells``: how
-    long the robot waits after each leg, still with its payload, s; on a belt it moves along.
-    ``period``: of the cycle, if it is given, s: then the motors' heat is the least in it; otherwise
-    the period is. ``rms_torque``: what the root of the mean square of each motor's torque in a
-    period may be, N·m; by default what the motors are rated for, if the robot says so; "none" for
-    no limit. Raises SceneError for values that cannot be used.
+    one ends. What moves on a belt is where its leg says at the start of the cycle; where the cycle
+    starts on a belt, the last leg meets the next part, a period later. ``dwells``: how long the
+    robot waits after each leg, still with its payload, s; on a belt it moves along. "free" is where
+    it may wait for what is left of a given period. ``period``: of the cycle, if it is given, s:
+    then the motors' heat is the least in it; otherwise the period is. ``rms_torque``: what the root
+    of the mean square of each motor's torque in a period may be, N·m; by default what the motors
+    are rated for, if the robot says so; "none" for no limit. Raises SceneError for values that
+    cannot be used.
     """
 
     legs: tuple[Scene, ...] = Field(
         min_length=2, max_length=MOST_LEGS, description=f"{EXPECTED_LEGS}"
     )
-    dwells: tuple[Annotated[NonNegative, DURATION], ...] = Field(
+    dwells: tuple[Annotated[NonNegative, DURATION] | Literal["free"], ...] = Field(
         default=(), description=f"for each leg {EXPECTED_DWELL}"
     )
-    period: Annotated[Positive, DURATION] | None = Field(
-        default=None, description="a duration in s, greater than 0"
-    )
+    period: Annotated[Positive, DURATION] | None = Field(default=None, description=EXPECTED_PERIOD)
     rms_torque: Annotated[PerMotor, TORQUE] | Literal["none"] | None = Field(
         default=None, description=EXPECTED_RMS
     )
@@ -89,16 +91,38 @@ class Cycle(Record):
             if isinstance(scene.goal, State) and scene.goal.velocity != REST and self.dwells[index]:
                 expected = "0 where the goal is passed at a velocity"
                 raise SceneError(None, f"{key}.dwell", self.dwells[index], expected)
+            if self.dwells[index] == FREE and self.on_belts:
+                expected = "a duration in a cycle with a belt, which does not wait"
+                raise SceneError(None, f"{key}.dwell", FREE, expected)
             before = self.legs[index - 1].goal
+            if isinstance(before, Belt) and index == 0:
+                before = start_after(before) or before
             if not isinstance(before, Belt) and before != scene.start:
                 last = f"cycle[{(index - 1) % len(self.legs)}].goal"
                 raise SceneError(
                     None, last, content_of_end(before), CLOSED if index == 0 else THERE
                 )
-        if isinstance(self.legs[-1].goal, Belt):
-            key = f"cycle[{len(self.legs) - 1}].goal"
-            raise SceneError(None, key, self.legs[-1].goal.model_dump(), CLOSED)
+        if isinstance(self.legs[-1].goal, Belt) and self.period is not None:
+            expected = "none in a cycle that starts on a belt: parts follow when it is over"
+            raise SceneError(None, "period", self.period, expected)
         return self
+
+    @property
+    def on_belts(self) -> bool:
+        """Whether a leg ends on a belt."""
+        return any(isinstance(scene.goal, Belt) for scene in self.legs)
+
+    @property
+    def least_dwells(self) -> tuple[float, ...]:
+        """How long the robot waits at least after each leg, s."""
+        return tuple(0.0 if isinstance(dwell, str) else dwell for dwell in self.dwells)
+
+    @property
+    def free_dwells(self) -> tuple[int, ...]:
+        """After which legs the robot may wait longer than that: after the last one, unless others
+        are named."""
+        named = tuple(index for index, dwell in enumerate(self.dwells) if dwell == FREE)
+        return named or (len(self.legs) - 1,)
 
     @property
     def rms_limits(self) -> Vector3 | None:
@@ -118,7 +142,10 @@ class Cycle(Record):
         """The scene of a leg that begins so long after the cycle does, s, in a state."""
         scene = self.legs[index]
         goal = scene.goal
-        if isinstance(goal, Belt):
+        if isinstance(goal, Belt) and index == len(self.legs) - 1:
+            early = _moved(goal.at, goal.belt, -self.least_dwells[index])
+            goal = State(at=early, velocity=goal.belt)
+        elif isinstance(goal, Belt):
             goal = Belt(at=_moved(goal.at, goal.belt, begins), belt=goal.belt)
         return scene.model_copy(update={"start": start, "goal": goal})
 
@@ -126,7 +153,7 @@ class Cycle(Record):
         """Where the leg after one begins that ``reached`` a point (m), when its dwell is over."""
         goal = self.legs[index].goal
         if isinstance(goal, Belt):
-            at = _moved(reached, goal.belt, self.dwells[index])
+            at = _moved(reached, goal.belt, self.least_dwells[index])
             goal = Belt(at=at, belt=goal.belt)
         start = start_after(goal)
         assert start is not None

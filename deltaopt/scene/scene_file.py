@@ -48,6 +48,8 @@ def load_cycle(path: str | Path) -> Cycle:
     if not isinstance(given, list) or not all(isinstance(leg, dict) for leg in given):
         problem = "is missing" if given is None else ""
         raise SceneError(file, "cycle", given, EXPECTED_LEGS, problem, place_of(file, "cycle"))
+    if isinstance(start, dict) and "belt" in start:  # that of the last leg's next part
+        start = {{"belt": "velocity"}.get(key, key): each for key, each in start.items()}
     fields: dict[str, object] = {"period": period}
     if isinstance(limits, dict):
         content["limits"] = {key: each for key, each in limits.items() if key != "rms_torque"}

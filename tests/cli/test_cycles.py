@@ -12,6 +12,9 @@ import deltaopt
 from deltaopt import SceneError, load_cycle, load_plan, load_scene
 from deltaopt.cli import main
 from deltaopt.files.csv_table import read_csv
+from deltaopt.output.joint_table import JointTable
+from deltaopt.output.plan_files import COLUMNS as PLANNED
+from deltaopt.output.table_files import COLUMNS
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 CYCLE = PROBLEMS / "cycles" / "there_and_back.yaml"
@@ -107,3 +110,26 @@ def test_rated_is_there_and_back_for_ever(tmp_path, capsys):
 def test_options_of_single_motions_are_refused(capsys):
     assert main(["plan", str(CYCLE), "--starts", "3"]) == 2
     assert "--starts is for single motions" in capsys.readouterr().err
+
+
+def test_a_table_has_the_whole_cycle(tmp_path, capsys):
+    """Its quintics are the planned motion at every instant, dwells included."""
+    file = tmp_path / "cycle.yaml"
+    file.write_text(TEXT)
+    assert main(["plan", str(file), "--no-plot", "-o", str(tmp_path / "out")]) == 0
+    given = ["export", "table", str(tmp_path / "out"), "-o", str(tmp_path / "table.csv")]
+    assert main(given) == 0
+    rows = read_csv(tmp_path / "table.csv").columns(COLUMNS)
+    t, theta, dtheta, ddtheta = rows[:, 0], *np.split(rows[:, 1:], 3, axis=1)
+    table = JointTable(t, theta, dtheta, ddtheta).quintic()
+    planned = read_csv(tmp_path / "out" / "trajectory.csv").columns(PLANNED)
+    found = table.at(planned[:, 0])
+    angles = [PLANNED.index(f"theta{k}") for k in (1, 2, 3)]
+    assert t[-1] == pytest.approx(planned[-1, 0], rel=1e-12)
+    assert np.abs(found - planned[:, angles]).max() < 1e-6
+    (tmp_path / "out" / "cycle.json").write_text('{"format": 1, "legs": [{}]}')
+    assert main(given) == 2
+    assert "cycle.json: its legs cannot be used: 'folder'" in capsys.readouterr().err
+    (tmp_path / "out" / "cycle.json").write_text("[]")
+    assert main(given) == 2
+    assert "it is no record of a plan" in capsys.readouterr().err

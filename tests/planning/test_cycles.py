@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -22,6 +24,7 @@ from deltaopt import (
     verify,
 )
 from deltaopt.output.cycle_files import verified
+from deltaopt.scene.bodies import Body
 from studies.problems import PROBLEMS
 from tests.oracles.cycle import Asked, Leg, best_cycle
 
@@ -220,3 +223,82 @@ def test_equal_weights_of_motors_are_an_effort():
     )
     assert three.cost == pytest.approx(one.cost, rel=1e-6)
     assert three.duration == pytest.approx(one.duration, rel=1e-4)
+
+
+def test_work_and_gears_of_a_period_by_dense_samples():
+    """By every motor alone and by all together, and the mean of gears' torques, with the dwells."""
+    found = plan_cycle(cycle(HORNET, rms_torque=0.8 * np.array(HORNET.rms_torque)))
+    t, duty = np.linspace(0, found.period, 100_001), verified(found).duty
+    motion = found.trajectory(t)
+    power = motion.tau * motion.dtheta
+    done = np.trapezoid(power.clip(min=0), t, axis=0)
+    assert [each.work_done for each in duty.motors] == pytest.approx(done, rel=1e-4)
+    drawn = np.trapezoid(power.sum(axis=1).clip(min=0), t)
+    assert duty.work_drawn == pytest.approx(drawn, rel=1e-4)
+    assert duty.work_drawn < 0.95 * done.sum()
+    passed = motion.tau - (HORNET.drive.inertia or 0.0) * motion.ddtheta
+    cubes = np.trapezoid(np.abs(passed) ** 3 * np.abs(motion.dtheta), t, axis=0)
+    mean = np.cbrt(cubes / np.trapezoid(np.abs(motion.dtheta), t, axis=0))
+    assert [each.gear_torque for each in duty.motors] == pytest.approx(mean, rel=1e-4)
+    assert [each.rms_torque for each in duty.motors] == pytest.approx(dense_rms(found), rel=1e-4)
+
+
+def test_a_cycle_that_starts_on_a_belt_is_the_one_that_starts_off_it():
+    """In other words: the same legs in another order. The part of the second period is met where
+    that of the first was."""
+    (onto, off), dwells = belt_cycle()[0].legs, (0.04, 0.03)
+    from_rest = plan_cycle(Cycle(legs=(onto, off), dwells=dwells, rms_torque=22.0), tolerance=1e-4)
+    moving, v = onto.goal, np.array(onto.goal.belt)
+    leaves = from_rest.legs[0].reached + 0.04 * v
+    start = State(at=tuple(leaves), velocity=moving.belt)
+    legs = (
+        off.model_copy(update={"start": start}),
+        Scene(robot=INDUSTRIAL, start=HERE, goal=Belt(at=start.at, belt=moving.belt)),
+    )
+    found = plan_cycle(Cycle(legs=legs, dwells=dwells[::-1], rms_torque=22.0), tolerance=1e-4)
+    assert found.period == pytest.approx(from_rest.period, rel=2e-4)
+    assert found.legs[1].reached == pytest.approx(leaves - 0.04 * v, abs=1e-9)
+    assert verified(found).ok
+    with pytest.raises(SceneError, match=r"period is 0\.5; expected none"):
+        Cycle(legs=legs, period=0.5)
+
+
+def test_what_is_left_of_a_period_is_waited_where_it_is_cool():
+    """Held beside the middle two motors carry more than in it. Of a period that is four times as
+    long as it could be most is waited."""
+    points = [(0.8, -0.4, 0.0), (0.8, 0.0, 0.0), (0.8, -0.2, 0.0)]
+    legs = [
+        Scene(robot=INDUSTRIAL, start=a, goal=b, payload=1.0)
+        for a, b in zip(points, points[1:] + points[:1], strict=True)
+    ]
+    found = plan_cycle(Cycle(legs=tuple(legs), dwells=("free",) * 3, period=3.0), tolerance=0.5)
+    waited = np.array(found.dwells)
+    still = [
+        np.square(leg.trajectory.model.inverse_dynamics(leg.reached, *np.zeros((2, 3)))).sum()
+        for leg in found.legs
+    ]
+    assert waited.max() > 0.1
+    assert waited.argmax() == np.argmin(still)
+    assert found.period == pytest.approx(3.0, rel=1e-12)
+    assert verified(found).ok
+
+
+def test_a_dwell_on_a_belt_is_verified_as_a_motion():
+    """Here a plate is in the way of the dwell alone."""
+    onto, off = belt_cycle()[0].legs
+    found = plan_cycle(Cycle(legs=(onto, off), dwells=(0.3, 0.0), rms_torque="none"))
+    assert verified(found).ok
+    x, _, z = found.legs[0].reached + 0.15 * np.array(onto.goal.belt)
+    plate = {"box": {"from": (x - 0.01, 0.1, z - 1e-3), "to": (x + 0.01, 0.2, z + 1e-3)}}
+    legs = [
+        replace(leg, scene=leg.scene.model_copy(update={"keep_out": (Body.model_validate(plate),)}))
+        for leg in found.legs
+    ]
+    failures = verified(replace(found, legs=tuple(legs))).failures()
+    assert any(each.startswith("dwell after leg 1: ") and "clearance" in each for each in failures)
+
+
+def test_what_rules_a_leg_out_has_its_number():
+    onto, off = belt_cycle()[0].legs
+    with pytest.raises(Infeasible, match="leg 2: start: the platform cannot be at"):
+        plan_cycle(Cycle(legs=(onto, off), dwells=(9.0, 0.0), rms_torque=22.0))

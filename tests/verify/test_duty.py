@@ -105,7 +105,11 @@ def test_duty_of_every_motor_by_dense_samples(motion):
         assert each.peak_power == pytest.approx(power[:, k].max(), rel=1e-6)
         assert each.largest_speed == pytest.approx(np.abs(m.dtheta[:, k]).max(), rel=1e-6)
         assert (each.gear_torque, each.motor_rms_torque) == (None, None)
+        travel = integral(np.abs(m.dtheta))[k]
+        assert each.travel == pytest.approx(travel, rel=1e-6)
     assert found.peak_power == pytest.approx(power.sum(axis=1).max(), rel=1e-6)
+    drawn = integral(power.sum(axis=1, keepdims=True).clip(min=0))[0]
+    assert found.work_drawn == pytest.approx(drawn, rel=1e-6)
     assert (found.rated_torque, found.nominal_torque) == (None, None)
 
 
@@ -169,13 +173,13 @@ def test_reports_have_the_duty_and_ratings_only_if_the_robot_names_them():
 )
 def test_motors_above_their_rating_are_marked(rms, words):
     """In words, as truth values, in the table and in plan.json's part."""
-    each = [MotorDuty(torque, None, 1.0, 1.0, 10.0, 5.0, 2 * torque) for torque in rms]
-    found = Duty(tuple(each), 30.0, (2.0, 2.0, 2.0), 5.5)
+    each = [MotorDuty(torque, None, 1.0, 1.0, 10.0, 5.0, 2 * torque, 1.0) for torque in rms]
+    found = Duty(tuple(each), 30.0, 1.0, (2.0, 2.0, 2.0), 5.5)
     assert found.above_rated == tuple(torque > 2.0 for torque in rms)
     assert found.above_nominal == tuple(torque > 2.75 for torque in rms)
     assert exceeding(found.above_rated) == words
     (line,) = (line for line in duty_table(found) if line.startswith("    rated torque"))
     assert line.endswith(words.upper() or "N·m")
     assert found.as_dict()["above_rated"] == found.above_rated
-    assert Duty(tuple(each), 30.0, None, None).above_rated is None
-    assert Duty(tuple(each), 30.0, None, None).above_nominal is None
+    assert Duty(tuple(each), 30.0, 1.0, None, None).above_rated is None
+    assert Duty(tuple(each), 30.0, 1.0, None, None).above_nominal is None

@@ -40,12 +40,14 @@ class CyclePlan:
     @cached_property
     def waits(self) -> tuple[Trajectory | None, ...]:
         """What the robot does after each leg; None where the next follows at once."""
-        return tuple(
-            waiting(plan.trajectory.model, plan.reached, self.cycle.velocity_after(index), dwell)
-            if dwell > 0
-            else None
-            for index, (plan, dwell) in enumerate(zip(self.legs, self.dwells, strict=True))
-        )
+        waits = enumerate(self.dwells)
+        return tuple(self.wait_after(k, dwell) if dwell > 0 else None for k, dwell in waits)
+
+    def wait_after(self, index: int, dwell: float) -> Trajectory:
+        """A wait of so many seconds after a leg, with its payload; on a belt it moves along."""
+        plan = self.legs[index]
+        velocity = self.cycle.velocity_after(index)
+        return waiting(plan.trajectory.model, plan.reached, velocity, dwell)
 
     @cached_property
     def trajectory(self) -> MotionSequence:
@@ -62,7 +64,7 @@ class CyclePlan:
     @property
     def at_work(self) -> float:
         """How long the legs take, and the dwells that the cycle asks for, s."""
-        return sum(plan.duration for plan in self.legs) + sum(self.cycle.dwells)
+        return sum(plan.duration for plan in self.legs) + sum(self.cycle.least_dwells)
 
     @property
     def phases(self) -> tuple[float, ...]:

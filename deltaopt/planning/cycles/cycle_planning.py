@@ -14,6 +14,8 @@ which tells the gap.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import inf
@@ -21,7 +23,15 @@ from math import inf
 import numpy as np
 
 from deltaopt.curves.piecewise import Array
-from deltaopt.errors import NO_PLAN, Infeasible, SceneError, if_possible
+from deltaopt.errors import (
+    NO_PLAN,
+    RULED_OUT,
+    Infeasible,
+    NotConverged,
+    SceneError,
+    if_possible,
+)
+from deltaopt.motion.running_cost import squared_torques
 from deltaopt.motion.time_scaling import safe_factor
 from deltaopt.planning.cycles.cycle_plan import CyclePlan
 from deltaopt.planning.cycles.prices import broyden, next_prices
@@ -31,7 +41,6 @@ from deltaopt.planning.planner import Planner
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.cycle import Cycle
 from deltaopt.scene.known_limits import limits_of
-from deltaopt.scene.moving_ends import Belt
 from deltaopt.scene.objective import Objective, Time, TimeAndEfforts
 from deltaopt.settings import LEAST_TOLERANCE, require_positive, require_type
 
@@ -58,6 +67,10 @@ _REPLACED = 0.7
 """By what power of its price, about, a motor's squared torque falls, while the others' grow."""
 _LEFT = 1 / 4
 """Least part of the price of time that a round leaves of that in the round before."""
+_DIGITS = 12
+"""Of seconds: what is less is rounding."""
+_WAITS = 9
+"""How many shares of what is left of a given period are tried: waited, and the legs slower."""
 _SLOWEST, _USED_UP, _TRIALS = 20.0, 1e-7, 40
 """Most by which legs are slowed so that motors stay cool; how much they are left cooler than that;
 and how many factors are tried."""
@@ -151,6 +164,11 @@ class _Sought:
         where the period is the least."""
         return np.zeros(3) if self.cycle.period is None else 1 / self.limits
 
+    @cached_property
+    def dwelt(self) -> float:
+        """How long the robot waits at least in a period, s."""
+        return sum(self.cycle.least_dwells)
+
     @property
     def least(self) -> Array:
         """The least that each price may be."""
@@ -175,19 +193,19 @@ class _Sought:
         """All legs, each for an objective, from the motions of another round, and ``afresh`` from
         first motions of their own too, for those may be near a better optimum."""
         cycle, begins, start = self.cycle, 0.0, self.cycle.legs[0].start
-        tolerance, legs, dwells = _LEGS_SHARE * self.tolerance, list[Plan](), list(cycle.dwells)
-        for index, dwell in enumerate(cycle.dwells):
+        tolerance, legs, dwells = _LEGS_SHARE * self.tolerance, list[Plan](), cycle.least_dwells
+        for index, dwell in enumerate(dwells):
             scene = cycle.leg(index, begins, start).model_copy(update={"objective": objective})
             planner = Planner(scene.robot, tolerance=tolerance)
             near = before.legs[index].trajectory if before else None
-            leg = planner.plan_scene(scene, near=near)
+            with _named(index):
+                leg = planner.plan_scene(scene, near=near)
             other = if_possible(NO_PLAN, planner.plan_scene, scene) if afresh else None
             legs.append(min((leg, other or leg), key=lambda plan: plan.cost))
             begins += legs[-1].duration + dwell
             start = cycle.after(index, legs[-1].reached)
-        if cycle.period is not None:
-            dwells[-1] += max(0.0, cycle.period - begins)
-        return CyclePlan(cycle, tuple(legs), tuple(dwells), tolerance=self.tolerance)
+        found = CyclePlan(cycle, tuple(legs), dwells, tolerance=self.tolerance)
+        return self._with_waits(found)
 
     def excess(self, found: CyclePlan) -> Array:
         """How far what has a price is above what is aimed at, in the order of the prices: in the
@@ -196,9 +214,8 @@ class _Sought:
         if any(leg.moves_at_ends for leg in self.cycle.legs):
             used = used * (1 + _SPARED * self.tolerance)
         if self.cycle.period is not None:
-            dwelt = sum(self.cycle.dwells)
-            allowed = self.cycle.period - dwelt
-            used = np.append(((found.at_work - dwelt) / allowed) ** 4, used)
+            allowed = self.cycle.period - self.dwelt
+            used = np.append(((found.at_work - self.dwelt) / allowed) ** 4, used)
         return np.asarray(1 - 1 / np.maximum(used, _LEAST_USED))
 
     def is_kept(self, found: CyclePlan) -> bool:
@@ -216,9 +233,10 @@ class _Sought:
         if any(not problem_of(leg.scene).is_at_rest for leg in found.legs):
             return found if self.is_kept(found) else None
         if self.cycle.period is not None:
-            dwelt = sum(self.cycle.dwells)
-            filled = self._by((self.cycle.period - dwelt) / (found.at_work - dwelt), found)
-            possible = [each for each in (filled, found) if each and self.is_kept(each)]
+            factor = (self.cycle.period - self.dwelt) / (found.at_work - self.dwelt)
+            factors = np.geomspace(1.0, max(1.0, factor), _WAITS)
+            slowed = (self._by(float(each), found) for each in factors)
+            possible = [each for each in slowed if each and self.is_kept(each)]
             return min(possible, key=self.value, default=None)
         factor, last = 1.0, (0.0, 0.0)
         for _ in range(_TRIALS):
@@ -237,7 +255,7 @@ class _Sought:
         """A cycle that is better than the ``best`` by legs of others that were tried: where the
         same prices lead to faster and to cooler motions, as with friction, some of each do. With
         belts a leg is for when it begins, and is not exchanged."""
-        while not any(isinstance(leg.goal, Belt) for leg in self.cycle.legs):
+        while not self.cycle.on_belts:
             pairs = [(k, each.legs[k]) for each in tried for k in range(len(best.legs))]
             durations = np.array([each.durations for each in tried]) - best.durations
             squares = np.array([each.squares_of_legs for each in tried]) - best.squares_of_legs
@@ -257,30 +275,41 @@ class _Sought:
         """About the values of cycles with legs that are ``longer`` by so much in all, (n,), s, and
         whose motors' ∫ τ² dt are larger, (n, 3), when these are slowed as far as they have to be.
         """
-        at_work, dwelt = best.durations.sum() + longer, sum(self.cycle.dwells)
+        at_work = best.durations.sum() + longer
         squares = best.squares_of_legs.sum(axis=0) + more
         if self.cycle.period is not None:
-            slower = (self.cycle.period - dwelt) / at_work
+            slower = (self.cycle.period - self.dwelt) / at_work
             return np.where(slower < 1, np.inf, squares @ self.heat / np.maximum(slower, 1) ** 3)
-        period = at_work + dwelt
+        period = at_work + self.dwelt
         resting = best.squares - best.squares_of_legs.sum(axis=0)
         over = np.log((squares + resting) / (self.limits * period[:, None])).max(axis=1)
         slower = np.exp(np.maximum(over, 0.0) / (3 + at_work / period))
-        return np.asarray(slower * at_work + dwelt)
+        return np.asarray(slower * at_work + self.dwelt)
 
     def _by(self, factor: float, found: CyclePlan) -> CyclePlan | None:
         """A cycle with legs slowed by a factor; None where one exceeds a limit by it."""
         if factor == 1:
-            return found
-        if factor < 1:
-            return None
+            return self._with_waits(found)
         for leg in found.legs:
             if safe_factor(problem_of(leg.scene), leg.trajectory, at_least=factor) > factor:
                 return None
-        slower, dwells = _slower(factor, found), list(self.cycle.dwells)
+        return self._with_waits(_slower(factor, found))
+
+    def _with_waits(self, found: CyclePlan) -> CyclePlan:
+        """A cycle that waits for what is left of a given period where that costs the least heat.
+
+        In a free period waiting does not pay: it is part of the Lagrangian at the price of time and
+        of the torques that hold the robot, which is more than nothing.
+        """
+        dwells = list(self.cycle.least_dwells)
         if self.cycle.period is not None:
-            dwells[-1] += max(0.0, self.cycle.period - slower.at_work)
-        return replace(slower, dwells=tuple(dwells))
+            held = {
+                index: float(squared_torques(found.wait_after(index, 1.0)) @ self.heat)
+                for index in self.cycle.free_dwells
+            }
+            left = max(0.0, round(self.cycle.period - found.at_work, _DIGITS))
+            dwells[min(held, key=held.__getitem__)] += left
+        return replace(found, dwells=tuple(dwells))
 
     def value(self, found: CyclePlan) -> float:
         """What is the least: the period, s, or the heat in a given one."""
@@ -295,15 +324,15 @@ class _Sought:
         return max(self._bound(each, tried) for each in rounds)
 
     def _bound(self, at: _Round, tried: list[CyclePlan]) -> float:
-        time, motors, dwelt = self.time(at.prices), self.motors(at.prices), sum(self.cycle.dwells)
+        time, motors = self.time(at.prices), self.motors(at.prices)
         costs = [
             time * each.durations + each.squares_of_legs @ motors for each in (at.found, *tried)
         ]
         gaps = np.array([leg.gap for leg in at.found.legs])
         least = float((np.min(costs, axis=0) / (1 + gaps)).sum())
-        dwells = replace(at.found, dwells=self.cycle.dwells)
+        dwells = replace(at.found, dwells=self.cycle.least_dwells)
         in_dwells = dwells.squares - dwells.squares_of_legs.sum(axis=0)
-        total = least + time * dwelt + float(motors @ in_dwells)
+        total = least + time * self.dwelt + float(motors @ in_dwells)
         if self.cycle.period is None:
             return total
         return total - float(at.prices.sum()) * self.cycle.period
@@ -311,13 +340,13 @@ class _Sought:
     def first(self, fastest: CyclePlan) -> Array:
         """First prices, and derivatives of what is in excess by them, from the fastest legs, as if
         slower motions had the same shape, and torques that fall with the square of the speed."""
-        at_work, dwelt = fastest.at_work - sum(self.cycle.dwells), sum(self.cycle.dwells)
+        at_work = fastest.at_work - self.dwelt
         period = self.cycle.period
         if period is None:
             above = np.maximum(self.excess(fastest), 0.0)
             total = at_work / (at_work + 3 * fastest.period)
             return np.asarray(total * above.max() * above / above.sum())
-        slower = (period - dwelt) / at_work
+        slower = (period - self.dwelt) / at_work
         time = 3 * float(self.heat @ fastest.squares) / (at_work * slower**4)
         return np.array([time, 0.0, 0.0, 0.0])
 
@@ -375,6 +404,19 @@ class _Sought:
             f"no speed was found at which motors keep their limits of RMS torque, {allowed} N·m: "
             f"the last that was tried took {found.in_words}; arms at rest are held by torques too"
         )
+
+
+@contextmanager
+def _named(index: int) -> Iterator[None]:
+    """What is wrong with a leg is raised with its number."""
+    try:
+        yield
+    except SceneError as error:
+        raise error.inside(key=f"cycle[{index}]") from None
+    except RULED_OUT as error:
+        raise Infeasible(f"leg {index + 1}: {error}") from error
+    except NotConverged as error:
+        raise NotConverged(f"leg {index + 1}: {error}", error.status, error.iterate) from error
 
 
 def _slower(factor: float, found: CyclePlan) -> CyclePlan:
