@@ -300,8 +300,8 @@ def _plan_cycle(file: Path, directory: Path, cycle: Cycle, arguments: argparse.N
         progress=lambda text: print(text, file=sys.stderr, flush=True),
     )
     verification, before = verified(found), present(directory)
-    chart = not arguments.no_plot
-    files = save_cycle(directory, found, verification, arguments.rate, chart=chart)
+    drawn = {"chart": not arguments.no_plot, "report": arguments.report}
+    files = save_cycle(directory, found, verification, arguments.rate, **drawn)
     if arguments.json:
         record = content_of_cycle(found, verification)
         print_json({"scene": str(file), **record, "files": [str(each) for each in files]})
@@ -360,7 +360,7 @@ def _refuse_free_paths(arguments: argparse.Namespace) -> None:
 def _refuse_for_cycles(arguments: argparse.Namespace) -> None:
     """Raise WrongUsage for options that cycles do not have."""
     given = [name for name in PLANNING if getattr(arguments, name) is not None]
-    drawn = ("baseline", "plot_limits", "report")
+    drawn = ("baseline", "plot_limits")
     given += [name.replace("_", "-") for name in drawn if getattr(arguments, name)]
     others = [name for name in given if name != "tolerance"]
     if others:

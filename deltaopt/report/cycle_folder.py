@@ -20,12 +20,14 @@ def save_cycle(
     rate: float = RATE,
     *,
     chart: bool = True,
+    report: bool = False,
 ) -> list[Path]:
     """Write the files of a planned cycle into a directory, made if need be; return their paths.
 
     Each leg has a folder there, as a plan of its own has, from which all commands on plans work.
-    ``rate``: instants per second in tables, Hz. ``chart``: whether cycle.png is drawn. Raises
-    OSError, naming the file, if one cannot be written.
+    ``rate``: instants per second in tables, Hz. ``chart``: whether cycle.png is drawn.
+    ``report``: whether report.html is written. Raises OSError, naming the file, if one cannot be
+    written.
     """
     legs = list[Path]()
     for index, (leg, measures) in enumerate(zip(plan.legs, verification.legs, strict=True)):
@@ -40,4 +42,10 @@ def save_cycle(
 
             written.append("cycle.png")
             draw_cycle(folder / written[-1], plan)
+        if report:
+            from deltaopt.report.page import cycle_report
+
+            written.append("report.html")
+            text = cycle_report(plan, verification)
+            (folder / written[-1]).write_text(text, encoding="utf-8")
     return [*(directory / name for name in written), *legs]

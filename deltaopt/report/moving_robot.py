@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
+from dataclasses import dataclass
 from math import cos, sin
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from deltaopt.curves.piecewise import Array
 from deltaopt.mechanisms.delta.mechanism import AZIMUTHS
 from deltaopt.motion.active_limits import ActiveLimit, share_curves
+from deltaopt.motion.motion_sequence import MotionSequence
 from deltaopt.motion.trajectory import Trajectory, ends_of
 from deltaopt.output.body_outlines import corners_of, edges_of
 from deltaopt.problem.of_scene import problem_of
@@ -25,48 +27,64 @@ _DISC = 0.4
 """Radius of the disc that stands for a half-space, as a share of the length of a chain."""
 _MOST_PER_INTERVAL = 64
 """Samples of each curve within an interval, at most."""
+_Name = tuple[str, str]
+"""Of a curve: its limit and subject."""
 
 
-def drawing(
-    scene: Scene, trajectory: Trajectory, active: Iterable[ActiveLimit]
-) -> dict[str, object]:
-    """Everything the script draws: the robot's shape, its frames, curves of limits, bands."""
-    begin = trajectory.knots[0]
-    start, goal = ends_of(problem_of(scene), trajectory).tolist()
-    frames = trajectory(trajectory.instants(FRAMES + 1))
-    intervals = len(trajectory.knots) - 1
+@dataclass(frozen=True)
+class Moving:
+    """A motion that is drawn, for a scene, and the limits that it is at."""
+
+    scene: Scene
+    trajectory: Trajectory
+    active: tuple[ActiveLimit, ...]
+
+
+def drawing(parts: Sequence[Moving]) -> dict[str, object]:
+    """Everything the script draws of motions one after the other: the robot's shape, its frames,
+    curves of limits, bands. A limit that some have alone is not used, 0, in the others."""
+    whole, first = MotionSequence(tuple(part.trajectory for part in parts)), parts[0]
+    start, goal = ends_of(problem_of(first.scene), first.trajectory).tolist()
+    frames = whole(np.linspace(0.0, whole.duration, FRAMES + 1))
+    intervals = len(whole.knots) - 1
     steps = min(_MOST_PER_INTERVAL, max(2, -(-_SAMPLES // intervals)))
     inside = np.linspace(0, 1, steps)  # 0 and 1: both sides of a jump at a knot
-    lengths = np.diff(trajectory.knots)
-    t = (trajectory.knots[:-1, None] + lengths[:, None] * inside).ravel()
+    t = (whole.knots[:-1, None] + np.diff(whole.knots)[:, None] * inside).ravel()
+    curves, spans = dict[_Name, Array](), dict[_Name, list[object]]()
+    before = 0
+    for part, begins in zip(parts, whole.begins.tolist(), strict=False):
+        since = begins - part.trajectory.knots[0]
+        for curve in share_curves(problem_of(part.scene), part.trajectory, inside):
+            values = curves.setdefault((curve.limit, curve.subject), np.zeros(len(t)))
+            values[before : before + len(curve.values)] = curve.values
+        before += steps * (len(part.trajectory.knots) - 1)
+        for each in part.active:
+            held = [[span.begin + since, span.end + since, span.upper] for span in each.spans]
+            spans.setdefault((each.limit, each.subject), []).extend(held)
+    vias = dict.fromkeys(via for part in parts for via in part.scene.task.via)
+    drawn = {repr(body): body for part in parts for body in bodies(part.scene)}
     return {
-        "duration": trajectory.duration,
-        "robot": shape(as_delta(scene.robot)),
+        "duration": whole.duration,
+        "robot": shape(as_delta(first.scene.robot)),
         "start": start,
         "goal": goal,
-        "via": [{"at": list(each.position), "within": each.within} for each in scene.task.via],
-        "bodies": bodies(scene),
+        "via": [{"at": list(each.position), "within": each.within} for each in vias],
+        "bodies": list(drawn.values()),
         "frames": {
-            "t": _rounded(frames.t - begin, 7),
+            "t": _rounded(frames.t, 7),
             "x": _rounded(frames.x, 7),
             "theta": _rounded(frames.theta, 7),
         },
         "curves": {
-            "t": _rounded(t - begin, 7),
+            "t": _rounded(t, 7),
             "of": [
-                {"limit": each.limit, "subject": each.subject, "values": _rounded(each.values, 4)}
-                for each in share_curves(problem_of(scene), trajectory, inside)
+                {"limit": limit, "subject": subject, "values": _rounded(values, 4)}
+                for (limit, subject), values in curves.items()
             ],
         },
         "active": [
-            {
-                "limit": each.limit,
-                "subject": each.subject,
-                "spans": [
-                    [span.begin - begin, span.end - begin, span.upper] for span in each.spans
-                ],
-            }
-            for each in active
+            {"limit": limit, "subject": subject, "spans": held}
+            for (limit, subject), held in spans.items()
         ],
     }
 

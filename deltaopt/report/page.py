@@ -17,14 +17,19 @@ from pathlib import Path
 
 from deltaopt.files.atomic_write import atomic_write
 from deltaopt.files.tables import html_table
+from deltaopt.motion.active_limits import active_limits
+from deltaopt.output.cycle_files import told_of_cycle
 from deltaopt.output.facts import Facts, StraightLine, motor_facts, title, together
+from deltaopt.planning.cycles.cycle_plan import CyclePlan
 from deltaopt.planning.first_motions.around_bodies import CLEAR
 from deltaopt.planning.plan import Plan, TakenWay
 from deltaopt.plots.colours import COLOURS, OF_LIMITS
+from deltaopt.problem.of_scene import problem_of
 from deltaopt.report.modelled import modelled, not_modelled
-from deltaopt.report.moving_robot import drawing
+from deltaopt.report.moving_robot import Moving, drawing
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import MovingEnds, ends_in_words
+from deltaopt.verify.cycle import CycleVerification
 from deltaopt.verify.duty import Duty
 from deltaopt.verify.verification import Verification
 
@@ -38,15 +43,11 @@ def write_report(file: Path, facts: Facts) -> None:
 def report(facts: Facts) -> str:
     """The text of the page."""
     scene, trajectory, verification = facts.scene, facts.trajectory, facts.verification
-    data = drawing(scene, trajectory, facts.active) | {
-        "motor_colours": COLOURS,
-        "limit_colours": OF_LIMITS,
-    }
     duty = "" if verification.duty is None else _duty(verification.duty)
     terms = _list(modelled(scene)) + "<p>Not modelled:</p>" + _list(not_modelled(scene))
     parts = [
         _head(facts),
-        _figures(scene),
+        _figures([scene]),
         _section("Ways past the bodies", _ways(facts.found.ways)),
         _section("What was attempted", _attempts(facts.found)),
         _section("What limits the motion", _list(_limits(facts))),
@@ -55,6 +56,33 @@ def report(facts: Facts) -> str:
         _section("Distance to singularities", _singularities(verification)),
         _section("What is modelled", terms),
     ]
+    name = f"{title(scene.task, trajectory.duration)}, {scene.robot.name}"
+    return _page(name, parts, [Moving(scene, trajectory, facts.active)])
+
+
+def cycle_report(plan: CyclePlan, verification: CycleVerification) -> str:
+    """The text of the page of a cycle."""
+    robot = plan.cycle.legs[0].robot.name
+    headline, *told = told_of_cycle(plan, verification)
+    limits = (active_limits(problem_of(leg.scene), leg.trajectory) for leg in plan.legs)
+    moving = list[Moving]()
+    for leg, wait, active in zip(plan.legs, plan.waits, limits, strict=True):
+        moving.append(Moving(leg.scene, leg.trajectory, active))
+        moving += [] if wait is None else [Moving(leg.scene, wait, ())]
+    parts = [
+        f'<header><p class="robot">{escape(robot)}</p><h1>{escape(headline)}</h1></header>',
+        _figures([leg.scene for leg in plan.legs]),
+        _section("Legs, motors and verification", _list([*told, *verification.failures()])),
+        _section(
+            "Duty of the motors", "" if verification.duty is None else _duty(verification.duty)
+        ),
+    ]
+    return _page(f"{headline}, {robot}", parts, moving)
+
+
+def _page(title: str, parts: Iterable[str], moving: Sequence[Moving]) -> str:
+    """A page with a title, its parts and what its script draws."""
+    colours = {"motor_colours": COLOURS, "limit_colours": OF_LIMITS}
     return f"""<!DOCTYPE html>
 <html lang="en">
 <head>
@@ -63,7 +91,7 @@ def report(facts: Facts) -> str:
 <meta http-equiv="Content-Security-Policy"
  content="default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:">
 <link rel="icon" href="data:,">
-<title>{escape(title(scene.task, trajectory.duration))}, {escape(scene.robot.name)}</title>
+<title>{escape(title)}</title>
 <style>
 {_own_file("page.css")}</style>
 </head>
@@ -71,7 +99,7 @@ def report(facts: Facts) -> str:
 <main>
 {"".join(parts)}
 </main>
-<script type="application/json" id="plan">{_json(data)}</script>
+<script type="application/json" id="plan">{_json(drawing(moving) | colours)}</script>
 <script>
 {_own_file("page.js")}</script>
 </body>
@@ -164,14 +192,14 @@ def _attempts(found: Plan | StraightLine) -> str:
     return _list(map(str, journal)) if len(journal) > 1 else ""
 
 
-def _figures(scene: Scene) -> str:
+def _figures(scenes: Sequence[Scene]) -> str:
     """The drawings, with what is to be known of their marks."""
     hints = {
         "Bodies are grey, as if of glass: turn the robot to see on which side the path passes.": (
-            scene.keep_out is not None
+            any(scene.keep_out is not None for scene in scenes)
         ),
         "Diamonds are via points, circles about them the spheres that are passed.": bool(
-            scene.task.via
+            any(scene.task.via for scene in scenes)
         ),
     }
     told = "".join(f" {hint}" for hint, holds in hints.items() if holds)

@@ -12,16 +12,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from deltaopt import plan_cycle
 from deltaopt.cli import main
 from deltaopt.motion.active_limits import AT_LIMIT, active_limits, share_curves
+from deltaopt.output.cycle_files import verified
 from deltaopt.output.facts import Facts, StraightLine
 from deltaopt.planning.first_motions.around_bodies import CLEAR
 from deltaopt.planning.first_motions.initial_motion import baseline
 from deltaopt.planning.journal import Entry, Note
 from deltaopt.planning.plan import Optimum, TakenWay
 from deltaopt.problem.of_scene import problem_of
-from deltaopt.report.page import report, write_report
-from deltaopt.scene.scene_file import load_scene
+from deltaopt.report.page import cycle_report, report, write_report
+from deltaopt.scene.bodies import Body
+from deltaopt.scene.scene_file import load_cycle, load_scene
 from deltaopt.verify.verification import verify
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
@@ -68,6 +71,36 @@ def page(planned, tmp_path_factory) -> Path:
 
 def embedded(page: str) -> dict:
     return json.loads(re.search(r'<script type="application/json".*?>(.*?)</script>', page)[1])
+
+
+def test_the_page_of_a_cycle_plays_the_whole_period():
+    """Legs and dwells in turn: frames and curves are those of the cycle's trajectory, and the
+    bodies of every leg are drawn."""
+    cycle = load_cycle(PROBLEMS / "cycles" / "there_and_back.yaml")
+    body = Body.model_validate({"sphere": {"centre": (0.6, 0.0, 0.0), "radius": 0.02}})
+    back = cycle.legs[1].model_copy(update={"keep_out": (body,)})
+    cycle = cycle.model_copy(update={"legs": (cycle.legs[0], back)})
+    found = plan_cycle(cycle, tolerance=1e-2)
+    text = cycle_report(found, verified(found))
+    drawn = embedded(text)
+    t, motion = np.array(drawn["frames"]["t"]), found.trajectory(drawn["frames"]["t"])
+    assert drawn["duration"] == pytest.approx(found.period, rel=1e-12)
+    assert np.array(drawn["frames"]["x"]) == pytest.approx(motion.x, abs=1e-6)
+    (torque,) = (
+        each
+        for each in drawn["curves"]["of"]
+        if (each["limit"], each["subject"]) == ("torque", "motor 2")
+    )
+    instants = np.array(drawn["curves"]["t"])
+    inside = np.append(np.diff(instants) > 1e-6, False)[1:] & (np.diff(instants) > 1e-6)
+    at = instants[1:][inside]
+    given = found.trajectory(at).tau[:, 1] / 40.0
+    assert np.array(torque["values"])[1:][inside] == pytest.approx(given, abs=2e-3)
+    assert [body["radius"] for body in drawn["bodies"]] == [0.02]
+    spans = [span for each in drawn["active"] for span in each["spans"]]
+    assert max(span[1] for span in spans) > found.phases[0] + found.phases[1]
+    assert str(Text(text)).count("parts per minute") == 2
+    assert t[-1] == pytest.approx(found.period, abs=1e-6)
 
 
 # What limits a motion

@@ -14,66 +14,29 @@ which tells the gap.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 from math import inf
 
 import numpy as np
 
-from deltaopt.curves.piecewise import Array
 from deltaopt.errors import (
-    NO_PLAN,
-    RULED_OUT,
     Infeasible,
-    NotConverged,
-    SceneError,
-    if_possible,
 )
-from deltaopt.motion.running_cost import squared_torques
-from deltaopt.motion.time_scaling import safe_factor
 from deltaopt.planning.cycles.cycle_plan import CyclePlan
-from deltaopt.planning.cycles.prices import broyden, next_prices
+from deltaopt.planning.cycles.priced_legs import PricedLegs, Round
+from deltaopt.planning.cycles.prices import broyden
 from deltaopt.planning.journal import Progress
-from deltaopt.planning.plan import Plan
-from deltaopt.planning.planner import Planner
-from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.cycle import Cycle
-from deltaopt.scene.known_limits import limits_of
-from deltaopt.scene.objective import Objective, Time, TimeAndEfforts
+from deltaopt.scene.objective import Time
 from deltaopt.settings import LEAST_TOLERANCE, require_positive, require_type
 
-_LEGS_SHARE = 0.5
-"""Of the tolerance: the gap of each leg. The rest is for prices that are not quite right."""
 _MOST_ROUNDS = 30
 """How often all legs are planned. Usual are three to ten times."""
 _PATIENCE, _LESS = 6, 0.9
 """After how many rounds in which the gap did not fall to this share of what it was no more are
 made: where legs are known no better, as with friction."""
-_SPARED = 0.2
-"""Of the tolerance: by what share less of the squared torques is aimed at, about, where legs that
-end moving cannot be slowed until the limits are kept."""
 _HOPELESS = 20
 """After how many rounds of which none kept all limits there is no cycle."""
-_EXCHANGED = 0.05
-"""Of the tolerance: by what share a cycle is to become better for a leg to be exchanged."""
-_LEAST_SHARE = 0.05
-"""Of the sum of all prices: what a motor's price is taken for where it is less, for the first guess
-of how its excess changes with it."""
-_LEAST_USED = 1e-3
-"""Of what is allowed: what is taken to be used at least."""
-_REPLACED = 0.7
-"""By what power of its price, about, a motor's squared torque falls, while the others' grow."""
-_LEFT = 1 / 4
-"""Least part of the price of time that a round leaves of that in the round before."""
-_DIGITS = 12
-"""Of seconds: what is less is rounding."""
-_WAITS = 9
-"""How many shares of what is left of a given period are tried: waited, and the legs slower."""
-_SLOWEST, _USED_UP, _TRIALS = 20.0, 1e-7, 40
-"""Most by which legs are slowed so that motors stay cool; how much they are left cooler than that;
-and how many factors are tried."""
 
 
 def plan_cycle(
@@ -87,19 +50,19 @@ def plan_cycle(
     """
     require_type("cycle", cycle, Cycle, "a Cycle, such as load_cycle returns")
     require_positive("tolerance", tolerance, LEAST_TOLERANCE)
-    sought, tell = _Sought(cycle, tolerance), progress or (lambda _: None)
-    rounds, tried = list[_Round](), list[CyclePlan]()
+    sought, tell = PricedLegs(cycle, tolerance), progress or (lambda _: None)
+    rounds, tried = list[Round](), list[CyclePlan]()
     fastest = sought.planned(Time(), None)
     tell(f"legs as fast as possible: {fastest.in_words}")
     if cycle.period is None and sought.is_kept(fastest):
-        least = sought.bound([_Round(sought.least, fastest)], [])
+        least = sought.bound([Round(sought.least, fastest)], [])
         return replace(fastest, gap=fastest.period / least - 1)
     sought.require_priced(fastest)
     prices, slopes = sought.first(fastest), np.eye(len(sought.least))
     near, best, gaps = sought.slowed(fastest) or fastest, None, list[float]()
     afresh = True
     for number in range(2, _MOST_ROUNDS + 1):
-        rounds.append(_Round(prices, sought.planned(sought.objective(prices), near, afresh=afresh)))
+        rounds.append(Round(prices, sought.planned(sought.objective(prices), near, afresh=afresh)))
         found = rounds[-1].found
         kept = sought.slowed(found)
         tried += [found] if kept is None else [found, kept]
@@ -129,297 +92,3 @@ def plan_cycle(
         raise Infeasible(sought.why_not(found))
     saved = sought.gained(rounds[-1].prices)
     return replace(best, gap=max(0.0, gap), prices=saved, rounds=number)
-
-
-@dataclass(frozen=True)
-class _Round:
-    """What was ``found`` for the legs at some ``prices``."""
-
-    prices: Array
-    found: CyclePlan
-
-
-@dataclass(frozen=True)
-class _Sought:
-    """What is sought: the least period, or the least heat in a given one.
-
-    Prices are those of the motors, λ (3,), and before them that of time in a given period, heat a
-    second: (4,).
-    """
-
-    cycle: Cycle
-    tolerance: float
-
-    @cached_property
-    def limits(self) -> Array:
-        """Of each motor's mean square torque, (3,), N²m²: without a limit that of its peak, which
-        none exceeds."""
-        peak = limits_of(self.cycle.legs[0]).upper("torque")
-        assert peak is not None
-        return np.square(peak if self.cycle.rms_limits is None else self.cycle.rms_limits)
-
-    @cached_property
-    def heat(self) -> Array:
-        """Of each motor's squared torque in what is the least, (3,), 1/(N²m²): over its limit; 0
-        where the period is the least."""
-        return np.zeros(3) if self.cycle.period is None else 1 / self.limits
-
-    @cached_property
-    def dwelt(self) -> float:
-        """How long the robot waits at least in a period, s."""
-        return sum(self.cycle.least_dwells)
-
-    @property
-    def least(self) -> Array:
-        """The least that each price may be."""
-        return np.zeros(3 if self.cycle.period is None else 4)
-
-    def time(self, prices: Array) -> float:
-        """The price of time."""
-        return float(1 - prices.sum() if self.cycle.period is None else prices[0])
-
-    def motors(self, prices: Array) -> Array:
-        """The prices of each motor's squared torque, (3,), 1/(N²m²)."""
-        return self.heat + prices[-3:] / self.limits
-
-    def objective(self, prices: Array) -> Objective:
-        """That of each leg."""
-        a, b, c = (self.motors(prices) / self.time(prices)).tolist()
-        return TimeAndEfforts(effort=(a, b, c))
-
-    def planned(
-        self, objective: Objective, before: CyclePlan | None, *, afresh: bool = False
-    ) -> CyclePlan:
-        """All legs, each for an objective, from the motions of another round, and ``afresh`` from
-        first motions of their own too, for those may be near a better optimum."""
-        cycle, begins, start = self.cycle, 0.0, self.cycle.legs[0].start
-        tolerance, legs, dwells = _LEGS_SHARE * self.tolerance, list[Plan](), cycle.least_dwells
-        for index, dwell in enumerate(dwells):
-            scene = cycle.leg(index, begins, start).model_copy(update={"objective": objective})
-            planner = Planner(scene.robot, tolerance=tolerance)
-            near = before.legs[index].trajectory if before else None
-            with _named(index):
-                leg = planner.plan_scene(scene, near=near)
-            other = if_possible(NO_PLAN, planner.plan_scene, scene) if afresh else None
-            legs.append(min((leg, other or leg), key=lambda plan: plan.cost))
-            begins += legs[-1].duration + dwell
-            start = cycle.after(index, legs[-1].reached)
-        found = CyclePlan(cycle, tuple(legs), dwells, tolerance=self.tolerance)
-        return self._with_waits(found)
-
-    def excess(self, found: CyclePlan) -> Array:
-        """How far what has a price is above what is aimed at, in the order of the prices: in the
-        powers that fall in proportion to prices where slower motions have the same shape."""
-        used = (found.squares / (self.limits * found.period)) ** (4 / 3)
-        if any(leg.moves_at_ends for leg in self.cycle.legs):
-            used = used * (1 + _SPARED * self.tolerance)
-        if self.cycle.period is not None:
-            allowed = self.cycle.period - self.dwelt
-            used = np.append(((found.at_work - self.dwelt) / allowed) ** 4, used)
-        return np.asarray(1 - 1 / np.maximum(used, _LEAST_USED))
-
-    def is_kept(self, found: CyclePlan) -> bool:
-        """Whether the motors stay cool, and the legs take no longer than a given period."""
-        in_time = self.cycle.period is None or found.at_work <= self.cycle.period
-        return in_time and bool((found.squares <= self.limits * found.period).all())
-
-    def slowed(self, found: CyclePlan) -> CyclePlan | None:
-        """The cycle with all legs slowed alike, until motors stay cool or a given period is over;
-        None where that does not help, or legs end moving.
-
-        Near the best prices that costs less than little: slowing changes what the legs cost then by
-        the square of the factor alone, as far as it changes what they cost for nothing.
-        """
-        if any(not problem_of(leg.scene).is_at_rest for leg in found.legs):
-            return found if self.is_kept(found) else None
-        if self.cycle.period is not None:
-            factor = (self.cycle.period - self.dwelt) / (found.at_work - self.dwelt)
-            factors = np.geomspace(1.0, max(1.0, factor), _WAITS)
-            slowed = (self._by(float(each), found) for each in factors)
-            possible = [each for each in slowed if each and self.is_kept(each)]
-            return min(possible, key=self.value, default=None)
-        factor, last = 1.0, (0.0, 0.0)
-        for _ in range(_TRIALS):
-            if factor > _SLOWEST:
-                return None
-            slower = _slower(factor, found)
-            over = float(np.log(slower.squares / (self.limits * slower.period)).max()) + _USED_UP
-            if -_USED_UP < over < 0.9 * _USED_UP or (over < 0 and factor == 1):
-                return self._by(factor, found)
-            slope = (over - last[1]) / (np.log(factor) - last[0]) if last[1] else -4.0
-            last = np.log(factor), over
-            factor = max(1.0, factor * float(np.exp(np.clip(-over / min(slope, -0.1), -1, 1))))
-        return None
-
-    def exchanged(self, best: CyclePlan, tried: list[CyclePlan]) -> CyclePlan:
-        """A cycle that is better than the ``best`` by legs of others that were tried: where the
-        same prices lead to faster and to cooler motions, as with friction, some of each do. With
-        belts a leg is for when it begins, and is not exchanged."""
-        while not self.cycle.on_belts:
-            pairs = [(k, each.legs[k]) for each in tried for k in range(len(best.legs))]
-            durations = np.array([each.durations for each in tried]) - best.durations
-            squares = np.array([each.squares_of_legs for each in tried]) - best.squares_of_legs
-            about = self._about(best, durations.ravel(), squares.reshape(-1, 3))
-            index, leg = pairs[int(about.argmin())]
-            if about.min() >= (1 - self.tolerance * _EXCHANGED) * self.value(best):
-                return best
-            changed = self.slowed(
-                replace(best, legs=(*best.legs[:index], leg, *best.legs[index + 1 :]))
-            )
-            if changed is None or self.value(changed) >= self.value(best):
-                return best
-            best = changed
-        return best
-
-    def _about(self, best: CyclePlan, longer: Array, more: Array) -> Array:
-        """About the values of cycles with legs that are ``longer`` by so much in all, (n,), s, and
-        whose motors' ∫ τ² dt are larger, (n, 3), when these are slowed as far as they have to be.
-        """
-        at_work = best.durations.sum() + longer
-        squares = best.squares_of_legs.sum(axis=0) + more
-        if self.cycle.period is not None:
-            slower = (self.cycle.period - self.dwelt) / at_work
-            return np.where(slower < 1, np.inf, squares @ self.heat / np.maximum(slower, 1) ** 3)
-        period = at_work + self.dwelt
-        resting = best.squares - best.squares_of_legs.sum(axis=0)
-        over = np.log((squares + resting) / (self.limits * period[:, None])).max(axis=1)
-        slower = np.exp(np.maximum(over, 0.0) / (3 + at_work / period))
-        return np.asarray(slower * at_work + self.dwelt)
-
-    def _by(self, factor: float, found: CyclePlan) -> CyclePlan | None:
-        """A cycle with legs slowed by a factor; None where one exceeds a limit by it."""
-        if factor == 1:
-            return self._with_waits(found)
-        for leg in found.legs:
-            if safe_factor(problem_of(leg.scene), leg.trajectory, at_least=factor) > factor:
-                return None
-        return self._with_waits(_slower(factor, found))
-
-    def _with_waits(self, found: CyclePlan) -> CyclePlan:
-        """A cycle that waits for what is left of a given period where that costs the least heat.
-
-        In a free period waiting does not pay: it is part of the Lagrangian at the price of time and
-        of the torques that hold the robot, which is more than nothing.
-        """
-        dwells = list(self.cycle.least_dwells)
-        if self.cycle.period is not None:
-            held = {
-                index: float(squared_torques(found.wait_after(index, 1.0)) @ self.heat)
-                for index in self.cycle.free_dwells
-            }
-            left = max(0.0, round(self.cycle.period - found.at_work, _DIGITS))
-            dwells[min(held, key=held.__getitem__)] += left
-        return replace(found, dwells=tuple(dwells))
-
-    def value(self, found: CyclePlan) -> float:
-        """What is the least: the period, s, or the heat in a given one."""
-        return found.period if self.cycle.period is None else float(self.heat @ found.squares)
-
-    def bound(self, rounds: list[_Round], tried: list[CyclePlan]) -> float:
-        """What no such cycle undercuts, as far as the legs' gaps are right.
-
-        ``tried``: cycles that are known: where one of them has a leg that costs less at the prices
-        of a round than what was found at these, that was not the least.
-        """
-        return max(self._bound(each, tried) for each in rounds)
-
-    def _bound(self, at: _Round, tried: list[CyclePlan]) -> float:
-        time, motors = self.time(at.prices), self.motors(at.prices)
-        costs = [
-            time * each.durations + each.squares_of_legs @ motors for each in (at.found, *tried)
-        ]
-        gaps = np.array([leg.gap for leg in at.found.legs])
-        least = float((np.min(costs, axis=0) / (1 + gaps)).sum())
-        dwells = replace(at.found, dwells=self.cycle.least_dwells)
-        in_dwells = dwells.squares - dwells.squares_of_legs.sum(axis=0)
-        total = least + time * self.dwelt + float(motors @ in_dwells)
-        if self.cycle.period is None:
-            return total
-        return total - float(at.prices.sum()) * self.cycle.period
-
-    def first(self, fastest: CyclePlan) -> Array:
-        """First prices, and derivatives of what is in excess by them, from the fastest legs, as if
-        slower motions had the same shape, and torques that fall with the square of the speed."""
-        at_work = fastest.at_work - self.dwelt
-        period = self.cycle.period
-        if period is None:
-            above = np.maximum(self.excess(fastest), 0.0)
-            total = at_work / (at_work + 3 * fastest.period)
-            return np.asarray(total * above.max() * above / above.sum())
-        slower = (period - self.dwelt) / at_work
-        time = 3 * float(self.heat @ fastest.squares) / (at_work * slower**4)
-        return np.array([time, 0.0, 0.0, 0.0])
-
-    def slopes(self, at: _Round) -> Array:
-        """A first guess of how the excess changes with the prices, from a round: where prices
-        change the speed of all legs alike, and the shape of torques as far as motors replace each
-        other."""
-        found, prices, rated = at.found, at.prices, self.motors(at.prices) * self.limits
-        own = np.maximum(rated, _LEAST_SHARE * rated.sum())
-        paid = rated * found.squares_of_legs.sum(axis=0) / self.limits
-        slower = paid / paid.sum() / own  # four times the derivatives of ln T
-        replaced = _REPLACED * (np.diag(1 / own) - slower)
-        used = np.maximum(found.squares / (self.limits * found.period), _LEAST_USED)
-        if self.cycle.period is None:
-            slower = (slower + 1 / self.time(prices)) / 4
-            longer = 3 + float(found.durations.sum()) / found.period
-            return np.asarray(4 / 3 * used[:, None] ** (-4 / 3) * (-longer * slower - replaced))
-        slower = np.append(-1 / prices[0], slower) / 4
-        replaced = np.hstack([np.zeros((3, 1)), replaced])
-        powers = 4 / 3 * used[:, None] ** (-4 / 3) * (-3 * slower - replaced)
-        return np.vstack([4 * (1 - self.excess(found)[0]) * slower, powers])
-
-    def next(self, prices: Array, excess: Array, slopes: Array) -> Array:
-        """The prices of the next round."""
-        found = next_prices(prices, excess, slopes, self.least)
-        left = self.time(found) / self.time(prices)
-        if left >= _LEFT:
-            return found
-        return np.asarray(prices + (found - prices) * ((1 - _LEFT) / (1 - left)))
-
-    def gained(self, prices: Array) -> tuple[float, float, float]:
-        """By what share the period falls for each of a motor's RMS torque more; of the heat in a
-        given period."""
-        a, b, c = (2 * prices[-3:]).tolist()
-        return a, b, c
-
-    def require_priced(self, fastest: CyclePlan) -> None:
-        """Raise where the fastest legs take longer than a given period, or nothing but their speed
-        could be changed."""
-        period = self.cycle.period
-        if period is not None and fastest.at_work > period:
-            raise Infeasible(
-                f"period is {period:g} s, but the fastest legs that were found and the dwells take "
-                f"{fastest.at_work:.6g} s"
-            )
-        for index, scene in enumerate(self.cycle.legs):
-            if scene.follows_path:
-                expected = "a tube beside it, for motors would run too hot at full speed"
-                raise SceneError(None, f"cycle[{index}].path", str(scene.path), expected)
-
-    def why_not(self, found: CyclePlan) -> str:
-        """Why no cycle was found that keeps all limits, from the last round."""
-        allowed = ", ".join(f"{each:.4g}" for each in np.sqrt(self.limits))
-        return (
-            f"no speed was found at which motors keep their limits of RMS torque, {allowed} N·m: "
-            f"the last that was tried took {found.in_words}; arms at rest are held by torques too"
-        )
-
-
-@contextmanager
-def _named(index: int) -> Iterator[None]:
-    """What is wrong with a leg is raised with its number."""
-    try:
-        yield
-    except SceneError as error:
-        raise error.inside(key=f"cycle[{index}]") from None
-    except RULED_OUT as error:
-        raise Infeasible(f"leg {index + 1}: {error}") from error
-    except NotConverged as error:
-        raise NotConverged(f"leg {index + 1}: {error}", error.status, error.iterate) from error
-
-
-def _slower(factor: float, found: CyclePlan) -> CyclePlan:
-    """A cycle with legs slowed by a factor, whatever limits say."""
-    slowed = ((leg, leg.trajectory.slowed(factor)) for leg in found.legs)
-    return replace(found, legs=tuple(replace(leg, trajectory=slower) for leg, slower in slowed))
