@@ -269,9 +269,10 @@ def until_good(so_far: Outcomes, coarsest: int, proposals: Iterator[Proposal]) -
     for proposal in proposals:
         if any(proposal.motion.position == attempt.motion.position for attempt in tried):
             continue
-        intervals = intervals_after_waiting(proposal.motion, coarsest)
+        intervals = intervals_after_waiting(proposal.motion, coarsest * max(1, proposal.legs))
         intervals = intervals_for(proposal.motion, intervals) or intervals
-        tried.append(Attempt(so_far.scene, proposal.motion, intervals, proposal.name))
+        given = so_far.scene, proposal.motion, intervals, proposal.name
+        tried.append(Attempt(*given, is_near=proposal.legs > 0))
         yield tried[-1]
         if so_far.is_good:
             return

@@ -6,13 +6,20 @@ not.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from itertools import islice
+from itertools import chain, islice
 from math import inf, isfinite
 
 from deltaopt.curves.piecewise import PiecewisePolynomial
-from deltaopt.errors import ENDS_AN_ATTEMPT, NO_PLAN, DeltaOptError, Infeasible, if_possible
+from deltaopt.errors import (
+    ENDS_AN_ATTEMPT,
+    NO_PLAN,
+    DeltaOptError,
+    Infeasible,
+    SceneError,
+    if_possible,
+)
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.attempts import (
     Attempt,
@@ -40,6 +47,7 @@ from deltaopt.planning.first_motions.through_gates import through_gates
 from deltaopt.planning.formulations.choice import Flat
 from deltaopt.planning.in_flight import finished_first
 from deltaopt.planning.journal import Journal
+from deltaopt.planning.legs_past_bodies import legs_past_bodies
 from deltaopt.planning.links_clear import keeping_links_clear
 from deltaopt.planning.on_path import plan_of, planned_on_path
 from deltaopt.planning.path.path_along import fastest_along, near_corners, through_corners
@@ -133,11 +141,10 @@ class Run:
         if isinstance(task, MovingEnds):
             return _resolvable(self._plan_moving(scene, under_way))
         if task.gates:
-            return _resolvable(_or_raise(self._until_good(scene, through_gates(scene))))
+            return _resolvable(_or_raise(self._past_or_through(scene, through_gates(scene))))
         past_bodies = limits_of(scene).constraints.has_convex
-        if starts > 1:
-            return self._from_starts(scene, starts, seed)
-        return self._past_bodies(scene) if past_bodies else self._by_merit(scene)
+        usual = self._past_bodies if past_bodies else self._by_merit
+        return usual(scene) if starts == 1 else self._from_starts(scene, starts, seed, usual)
 
     # The loop
 
@@ -210,13 +217,33 @@ class Run:
         none = Infeasible("no simple motion through all given points stays within reach")
         return not_met(scene, so_far.tried, so_far.failures[0]) if so_far.failures else none
 
-    def _from_starts(self, scene: Scene, starts: int, seed: int) -> Plan:
-        """From so many first motions, with all local minima. Raises the first error if none leads
-        to a plan."""
+    def _past_or_through(self, scene: Scene, proposals: Iterator[Proposal]) -> Plan | DeltaOptError:
+        """From first motions in phases or where an end moves, and from legs past bodies: these come
+        first where bodies are in the way of the others."""
+        if limits_of(scene).constraints.has_convex:
+            first, legs = next(proposals, None), legs_past_bodies(scene, self._leg)
+            if first is None or not is_clear(scene, first.motion):
+                proposals = chain(legs, [first] if first else [], proposals)
+            else:
+                proposals = chain([first], proposals, legs)
+        return self._until_good(scene, proposals)
+
+    def _leg(self, scene: Scene) -> Trajectory | None:
+        """The best motion of a scene from rest to rest, roughly; None where none is found."""
+        rough = replace(self, optimiser=replace(self.optimiser, tolerance=NEARLY))
+        found = if_possible((*NO_PLAN, SceneError), rough._past_bodies, scene)
+        return None if found is None else found.trajectory
+
+    def _from_starts(
+        self, scene: Scene, starts: int, seed: int, usual: Callable[[Scene], Plan]
+    ) -> Plan:
+        """From so many first motions beside the ``usual`` plan, with all local minima. Raises the
+        first error if none leads to a plan."""
         motions, so_far = first_motions(scene, starts, seed), self._outcomes(scene)
         if limits_of(scene).constraints.has_convex:
             motions = clear_motions(scene, motions, starts)
         self.make(all_of(scene, self.optimiser.intervals, motions), so_far)
+        so_far.add(_outcome(usual, scene))
         return so_far.best_known()
 
     def _from(self, attempt: Attempt) -> Plan:
@@ -228,9 +255,9 @@ class Run:
     def _plan_moving(self, scene: Scene, under_way: PiecewisePolynomial | None) -> Plan:
         """Plan the fastest motion where an end moves, from the first guess that leads to one."""
         if scene.task.gates:
-            found = self._until_good(scene, through_gates(scene))
+            found = self._past_or_through(scene, through_gates(scene))
         else:
-            found = self._moving_past_bodies(scene) or self._until_good(
+            found = self._moving_past_bodies(scene) or self._past_or_through(
                 scene, first_moving_motions(scene, under_way)
             )
         found = self._onto_belt(scene, found)
@@ -339,8 +366,8 @@ class Run:
         for corners in islice(paths_of_lines(scene), _PATHS) if usual else ():
             self.journal.note("near the corners of a path of straight lines:")
             for gates in (near_corners(scene, corners), through_corners(scene, corners)):
-                through = if_possible(NO_PLAN, self.plan, gates)
-                if through is not None and is_clear(scene, through.trajectory):
+                through = self._until_good(gates, through_gates(gates))
+                if isinstance(through, Plan) and is_clear(scene, through.trajectory):
                     found.append(through)
             timed = fastest_along(scene, corners, self.optimiser.tolerance)
             if timed is not None:
@@ -373,6 +400,14 @@ class Run:
             if found.gap <= self._good_gap:
                 break
         return found
+
+
+def _outcome(planned: Callable[[Scene], Plan], scene: Scene) -> Plan | DeltaOptError:
+    """The plan of a scene, or what is raised instead of it."""
+    try:
+        return planned(scene)
+    except NO_PLAN as error:
+        return error
 
 
 def _duration(plan: Plan) -> float:

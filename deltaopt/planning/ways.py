@@ -7,8 +7,8 @@ what is fast there is planned.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
-from math import dist
+from dataclasses import dataclass, replace
+from math import dist, inf
 
 import numpy as np
 
@@ -17,12 +17,13 @@ from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.attempts import Attempt
 from deltaopt.planning.first_motions.around_bodies import (
     Way,
+    is_clear,
     name_of_way,
     no_way,
     ways_around,
 )
 from deltaopt.planning.near_bodies import near, past_these, with_those_hit
-from deltaopt.planning.plan import Plan, TakenWay
+from deltaopt.planning.plan import Plan, TakenWay, quicker
 from deltaopt.planning.refinement import Slower
 from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene
@@ -36,6 +37,11 @@ _CLOSE = 1.02
 _FAST, _NOTHING_TO_GAIN = 1.01, 1.003
 """Of the duration of the fastest motion without bodies: a way that takes no longer on the first
 mesh, or as it is planned, is the last that is looked at."""
+_SLOWER = 1.5
+"""By what factor the motion of a way from rest to rest is slowed, and then taken as one near the
+best: a method that moves away from all bounds first, as from a motion that may be anywhere, leaves
+the side of a thin body; at the bounds it hardly moves. Of 204 ways of 40 scenes 93 % were planned
+so, 83 % without, in half the time."""
 _FINER = (1, 2, 4)
 """By what factors the first mesh is made finer until a plan past bodies succeeds: between the
 points of a coarse mesh a motion may lead through a thin body."""
@@ -77,7 +83,7 @@ def fastest_way(
     for factor in _FINER:
         finer = replace(attempt, intervals=factor * attempt.intervals)
         try:
-            found.append(_best_of(ways[:_MOST_WAYS], finer, planned, on_first_mesh, least))
+            found.append(_best_of(ways[:_MOST_WAYS], finer, planned, on_first_mesh, enough, least))
         except ENDS_AN_ATTEMPT as error:
             failures.append(error)
             continue
@@ -104,74 +110,121 @@ def _best_of(
     attempt: Attempt,
     planned: Planning,
     on_first_mesh: Callable[[Attempt], Trajectory],
-    least: float = 0.0,
+    enough: float,
+    least: float,
 ) -> tuple[Plan, tuple[TakenWay, ...]]:
     """The best plan past bodies of some ways on one first mesh: those that are fast there are
     planned."""
-    scene, attempts = attempt.scene, list[Attempt]()
+    scene, trials = attempt.scene, list[_Trial]()
     for way in ways:
-        attempts.append(_along(way, attempt))
+        trials.append(_Trial.along(way, attempt))
         if len(ways) > 1:
-            attempts[-1] = _improved(scene, attempts[-1], on_first_mesh)
-        if attempts[-1].is_near and attempts[-1].motion.duration <= _FAST * least:
+            trials[-1] = trials[-1].solved(scene, on_first_mesh)
+        if trials[-1].is_solved and trials[-1].motion.duration <= _FAST * least:
             break
-    order = _distinct(attempts)
-    most = _PROMISING * attempts[order[0]].motion.duration
+    order = _distinct(trials)
+    most = _PROMISING * trials[order[0]].motion.duration
     plans, failures = dict[int, Plan](), list[DeltaOptError]()
-    durations = {i: attempts[i].motion.duration for i in order if attempts[i].is_near}
+    durations = {i: trials[i].motion.duration for i in order if trials[i].is_solved}
     for which in order:
-        trial = attempts[which]
+        trial, known = trials[which], inf
         if plans:
-            known = min(plan.duration for plan in plans.values())
-            if trial.motion.duration > most or known <= _NOTHING_TO_GAIN * least:
+            shortest = min(plan.duration for plan in plans.values())
+            if trial.motion.duration > most or shortest <= _NOTHING_TO_GAIN * least:
                 break
-            twice = replace(trial, intervals=2 * trial.intervals)
-            trial = _improved(scene, twice, on_first_mesh)
+            trial = trial.on_twice_the_mesh.solved(scene, on_first_mesh)
             durations[which] = trial.motion.duration
-            if trial.motion.duration > _CLOSE * known:
+            if trial.motion.duration > _CLOSE * shortest:
                 continue
             if any(_is_same(trial.motion, plan.trajectory) for plan in plans.values()):
                 del durations[which]
                 continue
-            if isinstance(scene.objective, Time):
-                trial = replace(trial, most=known)
-        try:
-            plans[which] = _past_all(scene, trial, planned)
-        except Slower as error:
-            durations[which] = error.duration
-        except ENDS_AN_ATTEMPT as error:
-            failures.append(error)
+            known = shortest if isinstance(scene.objective, Time) else inf
+        for beginning in trial.beginnings:
+            try:
+                found = _past_all(scene, replace(beginning, most=known), planned)
+                plans[which] = quicker(plans.get(which, found), found)
+                if found.gap <= enough:
+                    break
+            except Slower as error:
+                durations[which] = error.duration
+                break
+            except ENDS_AN_ATTEMPT as error:
+                failures.append(error)
     if not plans:
         raise failures[0]
     chosen = min(plans, key=lambda which: plans[which].cost)
     durations |= {i: plan.duration for i, plan in plans.items()}
     taken = dict[str, TakenWay]()
     for i in sorted(durations, key=lambda i: (i != chosen, durations[i])):
-        motion = plans[i].trajectory if i in plans else attempts[i].motion
+        motion = plans[i].trajectory if i in plans else trials[i].motion
         name = name_of_way(scene, motion)
         taken.setdefault(name, TakenWay(name, durations[i], is_planned=i in plans))
     return plans[chosen], tuple(taken.values())
 
 
-def _along(way: Way, attempt: Attempt) -> Attempt:
-    """An attempt from the motion of a way, past the bodies that this comes near."""
-    bodies = near(attempt.scene, way.motion.position)
-    scene = past_these(attempt.scene, bodies)
-    return replace(attempt, scene=scene, motion=way.motion, proposal=f"the way {way.name}")
+@dataclass(frozen=True)
+class _Trial:
+    """A way that is looked at.
+
+    ``attempt``: from its motion. ``motion``: the best known on this side, on a first mesh if it
+    ``is_solved`` there: then it tells about how fast the way is.
+    """
+
+    attempt: Attempt
+    motion: Trajectory
+    is_solved: bool = False
+
+    @classmethod
+    def along(cls, way: Way, attempt: Attempt) -> _Trial:
+        """The trial of a way, past the bodies that this comes near."""
+        bodies = near(attempt.scene, way.motion.position)
+        scene, name = past_these(attempt.scene, bodies), f"the way {way.name}"
+        begin = replace(attempt, scene=scene, motion=way.motion, proposal=name)
+        if scene.task.is_at_rest:
+            begin = replace(begin, motion=way.motion.slowed(_SLOWER), is_near=True)
+        return cls(begin, way.motion)
+
+    @property
+    def on_twice_the_mesh(self) -> _Trial:
+        """From the best motion that is known, with twice as many intervals."""
+        begin = self.beginnings[0]
+        return replace(self, attempt=replace(begin, intervals=2 * begin.intervals))
+
+    @property
+    def beginnings(self) -> list[Attempt]:
+        """What to plan from until that leads to a good plan: the motion on the first mesh, if that
+        is known, and the way's, as one near the best and as one that may be anywhere."""
+        known = replace(self.attempt, motion=self.motion, is_near=True)
+        anywhere = replace(self.attempt, is_near=False)
+        others = [self.attempt, anywhere] if self.attempt.is_near else [anywhere]
+        return [known, *others] if self.is_solved else others
+
+    def solved(self, scene: Scene, on_first_mesh: Callable[[Attempt], Trajectory]) -> _Trial:
+        """This with the motion that is best on the coarsest mesh on which it is clear of bodies,
+        where there is one; ``scene``: with all bodies. One that leads through a thin body between
+        two points tells nothing about its way."""
+        attempt = self.attempt
+        for factor in _FINER:
+            attempt = replace(attempt, intervals=factor * self.attempt.intervals)
+            attempt, motion = _on_mesh(scene, attempt, on_first_mesh)
+            if motion is not None and is_clear(attempt.scene, motion):
+                return _Trial(attempt, motion, is_solved=True)
+        return replace(self, attempt=replace(attempt, intervals=self.attempt.intervals))
 
 
-def _improved(
+def _on_mesh(
     scene: Scene, attempt: Attempt, on_first_mesh: Callable[[Attempt], Trajectory]
-) -> Attempt:
-    """An attempt from the motion that is best on its first mesh, where that is found, past all
-    bodies that it runs into; ``scene``: with all bodies."""
+) -> tuple[Attempt, Trajectory | None]:
+    """An attempt past all bodies that the motion on its first mesh runs into at points of that, and
+    this motion, None where there is none; ``scene``: with all bodies."""
     while True:
         motion = if_possible(ENDS_AN_ATTEMPT, on_first_mesh, attempt)
         if motion is None:
-            return attempt
+            return attempt, None
         more = with_those_hit(scene, attempt.scene, motion.position)
         if more is None:
-            return replace(attempt, motion=motion, is_near=True)
+            return attempt, motion
         attempt = replace(attempt, scene=more)
 
 
@@ -184,12 +237,12 @@ def _past_all(scene: Scene, attempt: Attempt, planned: Planning) -> Plan:
     return found
 
 
-def _distinct(attempts: list[Attempt]) -> list[int]:
-    """Which attempts to plan from, the fastest motion first: of those whose first mesh led to the
+def _distinct(trials: list[_Trial]) -> list[int]:
+    """Which ways to plan, the fastest motion first: of those whose first mesh led to the
     same motion one alone, for all would lead to the same plan."""
     found = list[int]()
-    for i in sorted(range(len(attempts)), key=lambda i: attempts[i].motion.duration):
-        if not any(_is_same(attempts[i].motion, attempts[other].motion) for other in found):
+    for i in sorted(range(len(trials)), key=lambda i: trials[i].motion.duration):
+        if not any(_is_same(trials[i].motion, trials[other].motion) for other in found):
             found.append(i)
     return found
 

@@ -12,6 +12,7 @@ from functools import cached_property, lru_cache
 from math import dist, hypot
 
 import numpy as np
+from numpy.typing import NDArray
 
 from deltaopt.curves.piecewise import Array
 from deltaopt.motion.links import planned_distances
@@ -22,6 +23,8 @@ from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.links import ROUGH_BISECTIONS, name_of
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import given_points
+
+Integers = NDArray[np.intp]
 
 _SAMPLES = 64
 """Pieces of a band. More follow bodies more closely, but are drawn tight more slowly."""
@@ -38,6 +41,8 @@ _DEPTH, _WIDTH = 4, 24
 some 0.1 ms."""
 _FARTHEST = 2.0
 """Of the way from start to goal, how far a path is bent aside at most."""
+_HALVINGS = 8
+"""How often the piece between two samples is halved to see whether it leads through a thin body."""
 _NEAR = 0.1
 """Of the way: bodies that a path comes nearer to are named."""
 
@@ -111,13 +116,44 @@ class Bodies:
         inside = distance < self.kept
         inside[[0, -1]] = False
         if not inside.any():
-            return None
+            pierced = self.pierced(band, distance)
+            if pierced.max() < 0:
+                return None
+            first = int((pierced >= 0).argmax())
+            before = min(max(first, 1), len(band) - 3)  # samples to both sides, neither an end
+            return int(pierced[first]), before, before + 1
         first = int(inside.any(axis=1).argmax())
         body = int((distance[first] - self.kept).argmin())
         last = first
         while last + 1 < len(band) and inside[last + 1, body]:
             last += 1
         return body, first, last
+
+    def pierced(self, places: Array, distance: Array) -> Integers:
+        """The body that each piece of paths, (..., n, 3), leads through, -1 for none, (..., n - 1),
+        however thin it is; ``distance``: of the places from each body, m, (..., n, rows).
+
+        Distances change by no more than the way: pieces are halved that are longer than the room at
+        their ends.
+        """
+        room = distance - self.kept
+        ends = np.stack([places[..., :-1, :], places[..., 1:, :]], axis=-2).reshape(-1, 2, 3)
+        rooms = np.stack([room[..., :-1, :], room[..., 1:, :]], axis=-2)
+        rooms = rooms.reshape(len(ends), 2, -1)
+        found, piece = np.full(len(ends), -1), np.arange(len(ends))
+        for _ in range(_HALVINGS):
+            lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+            unknown = (rooms.sum(axis=1) < lengths[:, None]).any(axis=1) & (found[piece] < 0)
+            piece, ends, rooms = piece[unknown], ends[unknown], rooms[unknown]
+            if not len(piece):
+                break
+            middle = ends.mean(axis=1)
+            between = self.distances(middle)[0] - self.kept
+            inside = (between < 0).any(axis=1)
+            found[piece[inside]] = between[inside].argmin(axis=1)
+            piece = np.concatenate([piece, piece])
+            ends, rooms = _halves(ends, middle), _halves(rooms, between)
+        return np.asarray(found.reshape((*room.shape[:-2], -1)))
 
     def bent(self, band: Array, body: int, first: int, last: int) -> Iterator[Array]:
         """A band bent around a body that it is inside of from one sample to another, to the four
@@ -150,6 +186,13 @@ class Bodies:
                 place = int(places[len(places) // 2])
                 found.append((place, name.format(_direction(slope[place, row]))))
         return tuple(dict.fromkeys(name for _, name in sorted(found)))
+
+
+def _halves(ends: Array, middle: Array) -> Array:
+    """The first and then the second halves of pieces, from their ends, (n, 2, k), and middles."""
+    first, second = ends.copy(), ends.copy()
+    first[:, 1], second[:, 0] = middle, middle
+    return np.concatenate([first, second])
 
 
 def least_distances(scene: Scene) -> Array:

@@ -30,7 +30,7 @@ _SIDES = 8
 _PEAKS = np.array([0.3, 0.5, 0.7])
 """Shares of the path at which it is shifted most."""
 _PIECES = 24
-"""Of a path, at whose ends it is looked at: what is thinner than a piece is seen later."""
+"""Of a path, at whose ends it is looked at first."""
 _MARGIN = 0.01
 """How far bows stay from bodies where there is room, as a share of the way from start to goal."""
 _BETWEEN = np.linspace(0.0, 1.0, 7)[1:-1]
@@ -68,9 +68,9 @@ def _are_clear(bodies: Bodies, paths: Array) -> Truths:
     """Which paths, (…, n, 3), are clear of bodies at all their places, where the platform can be
     held, (…,)."""
     inner = paths[..., 1:-1, :]
-    places = inner.reshape(-1, 3)
-    clear = (bodies.distances(places)[0] >= bodies.margins(places)).all(axis=1)
-    kept = np.asarray(clear.reshape(inner.shape[:-1]).all(axis=-1))
+    distance = bodies.distances(paths.reshape(-1, 3))[0].reshape(*paths.shape[:-1], -1)
+    kept = np.asarray((distance[..., 1:-1, :] >= bodies.margins(inner)).all(axis=(-1, -2)))
+    kept[kept] = (bodies.pierced(paths[kept], distance[kept]) < 0).all(axis=-1)
     held = room_at_rest(without_bodies(bodies.scene), inner[kept].reshape(-1, 3)) > 0
     found = np.zeros(kept.shape, dtype=np.bool)
     found[kept] = held.reshape(-1, inner.shape[-2]).all(axis=1)
@@ -79,6 +79,6 @@ def _are_clear(bodies: Bodies, paths: Array) -> Truths:
 
 def _is_same_way(bodies: Bodies, one: Array, other: Array) -> bool:
     """Whether all lines between two paths, (n, 3) each, are clear of bodies, by samples."""
-    between = one + _BETWEEN[:, None, None] * (other - one)
-    places = between[:, 1:-1].reshape(-1, 3)
-    return not (bodies.distances(places)[0] < bodies.kept).any()
+    between = one[1:-1, None] + _BETWEEN[:, None] * (other - one)[1:-1, None]
+    distance = bodies.distances(between.reshape(-1, 3))[0].reshape(*between.shape[:-1], -1)
+    return not ((distance < bodies.kept).any() or (bodies.pierced(between, distance) >= 0).any())

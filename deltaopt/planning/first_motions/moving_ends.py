@@ -158,6 +158,11 @@ def from_rest(scene: Scene, place: Vector3) -> Scene:
     return scene.model_copy(update={"start": place})
 
 
+def start_of(position: PiecewisePolynomial) -> Vector3:
+    """Where a motion begins, m."""
+    return _place(position.at(position.knots[:1])[0])
+
+
 def end_of(position: PiecewisePolynomial) -> Vector3:
     """Where a motion ends, m."""
     return _place(position.at(position.knots[-1:])[0])
@@ -191,15 +196,20 @@ def _with_run_up(scene: Scene, stop: Trajectory | None) -> Iterator[Trajectory]:
     goal = scene.task.goal
     if not isinstance(goal, EndState) or goal.velocity == REST:
         return
-    run_up = _quintic(scene, lambda T: (EndState(_begun(goal, T)), goal))
+    run_up = run_up_to(scene, goal)
     if run_up is None:
         return
     begin = scene.task.start.position if stop is None else end_of(stop.position)
-    between = {"start": begin, "goal": _place(run_up.position.at(run_up.knots[:1])[0])}
+    between = {"start": begin, "goal": start_of(run_up.position)}
     there = if_possible(RULED_OUT, first_motion, scene.model_copy(update=between))
     if there is not None:
         position = there.position if stop is None else stop.position.then(there.position)
         yield Trajectory(position.then(run_up.position), run_up.model)
+
+
+def run_up_to(scene: Scene, goal: EndState) -> Trajectory | None:
+    """A quintic from rest that passes a goal at its velocity; None if none stays within reach."""
+    return _quintic(scene, lambda T: (EndState(_begun(goal, T)), goal))
 
 
 def _ends(start: EndState, task: MovingEnds, duration: float) -> tuple[EndState, EndState]:

@@ -52,7 +52,7 @@ def through_gates(scene: Scene) -> Iterator[Proposal]:
 
     Raises Infeasible for a belt that cannot be met.
     """
-    moving, ways = isinstance(scene.task, MovingEnds), list(_places(scene))
+    moving, ways = isinstance(scene.task, MovingEnds), list(places_of_gates(scene))
     if isinstance(scene.task.goal, MovingPoint):
         Meetings.of(scene, scene.task.goal).require_any()
     for places in ways:
@@ -72,7 +72,7 @@ def through_gates(scene: Scene) -> Iterator[Proposal]:
             yield Proposal(f"a stop, then {later.name}", _then(stop, later.motion))
 
 
-def _places(scene: Scene) -> Iterator[Array]:
+def places_of_gates(scene: Scene) -> Iterator[Array]:
     """Places of the gates of a scene, (gates, 3), m: for via points with spheres those nearest to
     where a straight way would pass, then their centres, and then where there is most room."""
     via = scene.task.via
@@ -80,7 +80,7 @@ def _places(scene: Scene) -> Iterator[Array]:
     if spheres:
         yield _nearest_places(scene, via)
     above = [(column.level, column.y, column.z) for column in scene.columns]
-    yield np.array([*(point.position for point in via), *above])
+    yield np.array([*(point.position for point in via), *above]).reshape(-1, 3)
     if spheres:
         yield np.array([_roomiest_place(scene, point) for point in via])
 
