@@ -7,7 +7,7 @@ the fastest motion meets the belt.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +16,7 @@ from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.errors import DeltaOptError, Infeasible, NotConverged
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.belt import Meetings
+from deltaopt.planning.legs_past_bodies import plan_of_parts
 from deltaopt.planning.plan import Plan
 from deltaopt.robot.model import model_of
 from deltaopt.scene.moving_ends import State
@@ -49,33 +50,33 @@ class PlacesOnBelt:
     def of(
         cls, scene: Scene, planned: Callable[[Scene], Plan | DeltaOptError]
     ) -> PlacesOnBelt | None:
-        """None where no goal moves, the start does, or bodies or points are on the way."""
+        """None where no goal moves, or the start does."""
         task = scene.task
-        if not isinstance(task.goal, MovingPoint) or task.start.velocity != REST or task.gates:
+        if not isinstance(task.goal, MovingPoint) or task.start.velocity != REST:
             return None
-        return None if scene.keep_out else cls(scene, task.goal, planned)
+        return cls(scene, task.goal, planned)
 
-    def motions(self) -> Iterator[Trajectory]:
-        """The motion that waits and then meets the belt as soon as possible, if there is one."""
+    def plan(self) -> Plan | None:
+        """The plan that waits and then meets the belt as soon as possible, if there is one."""
         times = Meetings.of(self.scene, self.goal).durations
         if not len(times):
-            return
+            return None
         late, found = 0.0, None
         for i in np.linspace(0, len(times) - 1, min(_PLACES, len(times))).round().astype(int):
-            found = self._motion(float(times[i]))
+            found = self._plan(float(times[i]))
             if found is not None:
                 break
             late = float(times[i])
         if found is None:
-            return
+            return None
         for _ in range(_HALVINGS):
             middle = (late + found.duration) / 2
-            sooner = self._motion(middle)
+            sooner = self._plan(middle)
             if sooner is None:
                 late = middle
             else:
                 found = sooner
-        yield found
+        return found
 
     def told(self, error: DeltaOptError) -> DeltaOptError:
         """An error that says too how nearly the belt is met at a place."""
@@ -90,8 +91,8 @@ class PlacesOnBelt:
             return NotConverged(told, error.status, error.iterate)
         return Infeasible(told)
 
-    def _motion(self, time: float) -> Trajectory | None:
-        """A motion that meets the belt at a time, s, waiting first; None if none is found."""
+    def _plan(self, time: float) -> Plan | None:
+        """The plan that waits and meets the belt at a time, s; None if none is found."""
         at = self.goal.at(time, self.goal.position)
         state = State(at=at.position, velocity=at.velocity)
         plan = self.planned(self.scene.model_copy(update={"goal": state}))
@@ -107,4 +108,4 @@ class PlacesOnBelt:
         start[0, 0] = self.scene.task.start.position
         still = PiecewisePolynomial(np.array([0.0, wait]), start)
         model = model_of(self.scene.robot, self.scene.payload)
-        return Trajectory(still.then(moving), model)
+        return plan_of_parts(self.scene, Trajectory(still.then(moving), model), [plan])

@@ -1,63 +1,101 @@
-"""First motions past bodies with points between, or with an end that moves: leg by leg.
+"""Motions past bodies with points between, or with an end that moves: leg by leg.
 
 Each leg is planned past the bodies from rest to rest, with all ways that this knows, and the legs
 are joined; a start that moves comes to rest first, and a goal that is passed at a velocity has a
-run-up. Such a motion is far from the best but on its side of every body.
+run-up. Such a motion is far from the best but on its side of every body: a first motion, and the
+plan where none leads to another.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from itertools import pairwise
-
-import numpy as np
+from math import inf
 
 from deltaopt.files.validated_record import Vector3
-from deltaopt.motion.trajectory import Trajectory
+from deltaopt.motion.trajectory import Trajectory, moving_on
 from deltaopt.planning.first_motions.moving_ends import end_of, run_up_to, start_of, stopping
 from deltaopt.planning.first_motions.proposal import Proposal
 from deltaopt.planning.first_motions.through_gates import places_of_gates
+from deltaopt.planning.plan import Plan
+from deltaopt.problem.of_scene import problem_of
+from deltaopt.scene.moving_ends import Start
 from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import REST, EndState
 
-_SLOWER = 1.5
-"""By what factor legs are slowed: a method that begins at the limits hardly moves."""
 _ALONE = dict.fromkeys(("via", "approach", "rotation")) | {"objective": Time()}
 """What a leg does not have."""
+Planned = Callable[[Scene], Plan | None]
+"""Plans a leg; None where it finds none."""
 
 
-def legs_past_bodies(
-    scene: Scene, planned: Callable[[Scene], Trajectory | None]
-) -> Iterator[Proposal]:
-    """The motions in legs through some places of the points between.
+def proposed_in_legs(scene: Scene, planned: Planned, slower: float) -> Iterator[Proposal]:
+    """Motions in legs through some places of the points between, legs from rest to rest slowed by a
+    factor: a method that begins at the limits hardly moves."""
+    for legs in _in_legs(scene, planned):
+        parts = [
+            leg.trajectory.slowed(slower if problem_of(leg.scene).is_at_rest else 1.0)
+            for leg in legs
+        ]
+        yield Proposal("motions past the bodies from rest to rest", _joined(parts), len(parts))
 
-    ``planned``: the best motion of a scene from rest to rest, None where none is found.
-    """
+
+def plan_in_legs(scene: Scene, planned: Planned) -> Plan | None:
+    """The shortest plan that rests between legs, whose gap is not known; None where there is none,
+    and for costs other than time."""
+    found = _in_legs(scene, planned) if isinstance(scene.objective, Time) else ()
+    legs = min(found, key=lambda each: sum(leg.duration for leg in each), default=None)
+    if legs is None:
+        return None
+    return plan_of_parts(scene, _joined([leg.trajectory for leg in legs]), legs)
+
+
+def plan_of_parts(scene: Scene, motion: Trajectory, parts: list[Plan]) -> Plan:
+    """The plan of a motion that is made of those of other plans, whose gap is not known."""
+    return Plan(
+        scene=scene,
+        trajectory=moving_on(problem_of(scene), motion),
+        formulation=parts[0].formulation,
+        transcription=parts[0].transcription,
+        intervals=len(motion.knots) - 1,
+        status="Made_Of_Parts",
+        iterations=sum(part.iterations for part in parts),
+        solve_seconds=sum(part.solve_seconds for part in parts),
+        gap=inf,
+        tolerance=parts[0].tolerance,
+        meshes=(),
+        certificate=None,
+    )
+
+
+def _in_legs(scene: Scene, planned: Planned) -> Iterator[list[Plan]]:
+    """The plans of all legs, through some places of the points between."""
     goal = scene.task.goal
     if not isinstance(goal, EndState) or scene.tube is not None:
         return
-    stop = stopping(scene)
-    run_up = None if goal.velocity == REST else run_up_to(scene, goal)
-    if run_up is None and goal.velocity != REST:
+    stop, is_passed = stopping(scene), goal.velocity != REST
+    run_up = run_up_to(scene, goal) if is_passed else None
+    if is_passed and run_up is None:
         return
-    begin = scene.task.start.position if stop is None else end_of(stop.position)
-    end = goal.position if run_up is None else start_of(run_up.position)
+    first: list[Start] = [scene.start] if stop is None else [scene.start, end_of(stop.position)]
+    last = [scene.goal] if run_up is None else [start_of(run_up.position), scene.goal]
     for places in places_of_gates(scene):
-        points: list[Vector3] = [begin, *((x, y, z) for x, y, z in places.tolist()), end]
-        legs = list[Trajectory]()
-        for one, other in pairwise(points):
-            if np.array_equal(one, other):
+        between: list[Vector3] = [(x, y, z) for x, y, z in places.tolist()]
+        legs = list[Plan]()
+        for start, end in pairwise([*first, *between, *last]):
+            if start == end:
                 continue
-            alone = scene.model_copy(update={**_ALONE, "start": one, "goal": other})
-            leg = planned(alone)
+            leg = planned(scene.model_copy(update={**_ALONE, "start": start, "goal": end}))
             if leg is None:
                 break
-            legs.append(leg.slowed(_SLOWER))
+            legs.append(leg)
         else:
-            parts = [part for part in (stop, *legs, run_up) if part is not None]
-            position = parts[0].position
-            for part in parts[1:]:
-                position = position.then(part.position)
-            name = "motions past the bodies from rest to rest"
-            yield Proposal(name, Trajectory(position, parts[-1].model), len(parts))
+            yield legs
+
+
+def _joined(parts: list[Trajectory]) -> Trajectory:
+    position = parts[0].position
+    for part in parts[1:]:
+        position = position.then(part.position)
+    return Trajectory(position, parts[0].model)

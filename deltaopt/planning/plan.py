@@ -263,7 +263,7 @@ def quicker(one: Plan, other: Plan) -> Plan:
     least = worse.cost / (1 + worse.gap)
     return replace(
         best,
-        gap=min(best.gap, best.cost / least - 1) if least <= best.cost else best.gap,
+        gap=min(best.gap, best.cost / least - 1) if 0 < least <= best.cost else best.gap,
         iterations=one.iterations + other.iterations,
         solve_seconds=one.solve_seconds + other.solve_seconds,
     )

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import cache, reduce
 from itertools import chain, islice
 from math import inf, isfinite
 
@@ -47,7 +48,7 @@ from deltaopt.planning.first_motions.through_gates import through_gates
 from deltaopt.planning.formulations.choice import Flat
 from deltaopt.planning.in_flight import finished_first
 from deltaopt.planning.journal import Journal
-from deltaopt.planning.legs_past_bodies import legs_past_bodies
+from deltaopt.planning.legs_past_bodies import plan_in_legs, proposed_in_legs
 from deltaopt.planning.links_clear import keeping_links_clear
 from deltaopt.planning.on_path import plan_of, planned_on_path
 from deltaopt.planning.path.path_along import fastest_along, near_corners, through_corners
@@ -74,6 +75,8 @@ motion's fault, and planning again seldom changes them."""
 _NEARBY, _NEARLY = 2, 1e-2
 """How many times finer the first mesh from a motion near the best is, and the gap up to which what
 it leads to is taken."""
+_SLOWER = (1.5, 1.0)
+"""By what factors legs past bodies are slowed, one after the other."""
 _SHORTEST_WAY = 1e-11
 """Least way of a motion with moving ends, m: a hundred thousand times the rounding of coordinates.
 Of a shorter one, as 1e-7 s before the end of another, verification cannot tell speeds."""
@@ -219,20 +222,25 @@ class Run:
 
     def _past_or_through(self, scene: Scene, proposals: Iterator[Proposal]) -> Plan | DeltaOptError:
         """From first motions in phases or where an end moves, and from legs past bodies: these come
-        first where bodies are in the way of the others."""
-        if limits_of(scene).constraints.has_convex:
-            first, legs = next(proposals, None), legs_past_bodies(scene, self._leg)
-            if first is None or not is_clear(scene, first.motion):
-                proposals = chain(legs, [first] if first else [], proposals)
-            else:
-                proposals = chain([first], proposals, legs)
-        return self._until_good(scene, proposals)
+        first where bodies are in the way of the others, and are the plan where none is found."""
+        if not limits_of(scene).constraints.has_convex:
+            return self._until_good(scene, proposals)
+        leg, first = cache(self._leg), next(proposals, None)
+        legs = chain.from_iterable(proposed_in_legs(scene, leg, each) for each in _SLOWER)
+        if first is None or not is_clear(scene, first.motion):
+            proposals = chain(legs, [first] if first else [], proposals)
+        else:
+            proposals = chain([first], proposals, legs)
+        found = self._until_good(scene, proposals)
+        return found if isinstance(found, Plan) else plan_in_legs(scene, leg) or found
 
-    def _leg(self, scene: Scene) -> Trajectory | None:
-        """The best motion of a scene from rest to rest, roughly; None where none is found."""
+    def _leg(self, scene: Scene) -> Plan | None:
+        """The plan of a leg past bodies, roughly; None where none is found."""
         rough = replace(self, optimiser=replace(self.optimiser, tolerance=NEARLY))
-        found = if_possible((*NO_PLAN, SceneError), rough._past_bodies, scene)
-        return None if found is None else found.trajectory
+        if scene.task.is_at_rest:
+            return if_possible((*NO_PLAN, SceneError), rough._past_bodies, scene)
+        found = rough._until_good(scene, first_moving_motions(scene, None))
+        return found if isinstance(found, Plan) and is_clear(scene, found.trajectory) else None
 
     def _from_starts(
         self, scene: Scene, starts: int, seed: int, usual: Callable[[Scene], Plan]
@@ -275,22 +283,28 @@ class Run:
 
     def _onto_belt(self, scene: Scene, found: Plan | DeltaOptError) -> Plan | DeltaOptError:
         """What was ``found``, if it is good enough or no goal on a belt is met from rest; otherwise
-        the better of it and a plan by way of places that the belt passes."""
-        if isinstance(found, Plan) and found.gap <= self._good_gap:
+        the better of it and a plan by way of places that the belt passes. Past bodies and through
+        points, where that takes long, only if nothing was found."""
+        slow = limits_of(scene).constraints.has_convex or bool(scene.task.gates)
+        if isinstance(found, Plan) and (slow or found.gap <= self._good_gap):
             return found
 
         def planned(passed: Scene) -> Plan | DeltaOptError:
-            return self._until_good(passed, first_moving_motions(passed, None))
+            gates = bool(passed.task.gates)
+            simple = through_gates(passed) if gates else first_moving_motions(passed, None)
+            return self._past_or_through(passed, simple)
 
         places = PlacesOnBelt.of(scene, planned)
         if places is None:
             return found
         self.journal.note("once more, by way of places that the belt passes:")
-        waiting = (Proposal("waiting, then to a place on the belt", m) for m in places.motions())
-        other = self._until_good(scene, waiting)
-        if isinstance(found, Plan):
-            return quicker(found, other) if isinstance(other, Plan) else found
-        return other if isinstance(other, Plan) else places.told(found)
+        waiting = places.plan()
+        if waiting is None:
+            return found if isinstance(found, Plan) else places.told(found)
+        first = Proposal("waiting, then to a place on the belt", waiting.trajectory)
+        other = self._until_good(scene, iter([first]))
+        plans = [each for each in (found, other, waiting) if isinstance(each, Plan)]
+        return reduce(quicker, plans)
 
     def _roughly(self, scene: Scene) -> float:
         """The duration of the motion on the first mesh of a scene from rest to rest, as if there

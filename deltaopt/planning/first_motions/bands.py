@@ -139,7 +139,7 @@ class Bodies:
         room = distance - self.kept
         ends = np.stack([places[..., :-1, :], places[..., 1:, :]], axis=-2).reshape(-1, 2, 3)
         rooms = np.stack([room[..., :-1, :], room[..., 1:, :]], axis=-2)
-        rooms = rooms.reshape(len(ends), 2, -1)
+        rooms = rooms.reshape(len(ends), 2, room.shape[-1])
         found, piece = np.full(len(ends), -1), np.arange(len(ends))
         for _ in range(_HALVINGS):
             lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
@@ -153,7 +153,7 @@ class Bodies:
             found[piece[inside]] = between[inside].argmin(axis=1)
             piece = np.concatenate([piece, piece])
             ends, rooms = _halves(ends, middle), _halves(rooms, between)
-        return np.asarray(found.reshape((*room.shape[:-2], -1)))
+        return np.asarray(found.reshape((*room.shape[:-2], room.shape[-2] - 1)))
 
     def bent(self, band: Array, body: int, first: int, last: int) -> Iterator[Array]:
         """A band bent around a body that it is inside of from one sample to another, to the four
