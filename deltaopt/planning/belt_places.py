@@ -87,9 +87,11 @@ class PlacesOnBelt:
             f"{error}; the fastest motions found to places on its way take {times:.3g} times as "
             f"long as the belt, or more, {times * when:.3g} instead of {when:.3g} s"
         )
+        found: DeltaOptError = Infeasible(told)
         if isinstance(error, NotConverged):
-            return NotConverged(told, error.status, error.iterate)
-        return Infeasible(told)
+            found = NotConverged(told, error.status, error.iterate)
+        found.__cause__ = error.__cause__
+        return found
 
     def _plan(self, time: float) -> Plan | None:
         """The plan that waits and meets the belt at a time, s; None if none is found."""

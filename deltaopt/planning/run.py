@@ -18,6 +18,7 @@ from deltaopt.errors import (
     NO_PLAN,
     DeltaOptError,
     Infeasible,
+    NotConverged,
     SceneError,
     if_possible,
 )
@@ -248,10 +249,12 @@ class Run:
         """From so many first motions beside the ``usual`` plan, with all local minima. Raises the
         first error if none leads to a plan."""
         motions, so_far = first_motions(scene, starts, seed), self._outcomes(scene)
-        if limits_of(scene).constraints.has_convex:
+        past_bodies = limits_of(scene).constraints.has_convex
+        if past_bodies:
             motions = clear_motions(scene, motions, starts)
         self.make(all_of(scene, self.optimiser.intervals, motions), so_far)
-        so_far.add(_outcome(usual, scene))
+        if past_bodies or not so_far.is_good:  # otherwise the first of them is the usual one
+            so_far.add(_outcome(usual, scene))
         return so_far.best_known()
 
     def _from(self, attempt: Attempt) -> Plan:
@@ -338,12 +341,20 @@ class Run:
         if scene.tube is not None:  # no way around a body but in it
             return self._by_merit(scene)
 
+        why: DeltaOptError = NotConverged("the best way misses its tolerance by far", "", None)
+        known: Plan | None = None
         try:
-            found, taken = self._fastest_way(scene, first_motion(scene), motion, NEARLY)
+            known, taken = self._fastest_way(scene, first_motion(scene), motion, NEARLY)
+            if known.gap <= NEARLY:
+                return replace(known, scene=scene, ways=taken)
         except ENDS_AN_ATTEMPT as error:
-            found = self._through_passages(scene, error)
-            taken = (TakenWay(name_of_way(scene, found.trajectory), found.duration, True),)
-        return replace(found, scene=scene, ways=taken)
+            why = error
+        other = _outcome(lambda each: self._through_passages(each, why), scene)
+        if known is not None and not (isinstance(other, Plan) and other.cost < known.cost):
+            return replace(known, scene=scene, ways=taken)
+        found = _or_raise(other)
+        own = TakenWay(name_of_way(scene, found.trajectory), found.duration, True)
+        return replace(found, scene=scene, ways=(own,))
 
     def _moving_past_bodies(self, scene: Scene) -> Plan | None:
         """The best plan of the ways past keep-out bodies where an end moves; None where none is in

@@ -92,8 +92,9 @@ MOVING = ("start state", "goal state", "belt")
 @pytest.mark.parametrize("moving", MOVING)
 def test_ways_past_bodies_where_an_end_moves(moving):
     found = plan(together("bodies", moving))
-    assert [way.name for way in found.ways] == ["above keep_out[0]"]
-    assert found.ways[0].duration == found.duration
+    best, *others = found.ways
+    assert (best.name, best.duration) == ("above keep_out[0]", found.duration)
+    assert all(way.duration > found.duration for way in others)
 
 
 def test_a_belt_that_hardly_moves_past_bodies_is_a_fixed_goal():

@@ -43,6 +43,11 @@ _FARTHEST = 2.0
 """Of the way from start to goal, how far a path is bent aside at most."""
 _HALVINGS = 8
 """How often the piece between two samples is halved to see whether it leads through a thin body."""
+_LITTLE = 2 * MARGIN
+"""Of the way: a shift that leaves a path about where it is."""
+_SHARES, _BESIDE = (0.25, 0.5, 1.0), 4
+"""Of that shift, which are tried, and of how many samples to both sides: of so many that a path
+which leads through a plate at an angle still does when they are shifted."""
 _NEAR = 0.1
 """Of the way: bodies that a path comes nearer to are named."""
 
@@ -169,6 +174,28 @@ class Bodies:
                     break
                 gain = np.maximum(slope.reshape(len(x), -1, 3)[:, body] @ side, 0.2)
                 shift += float((np.maximum(short, 0.0) / gain).max())
+
+    def is_nearly_clear(self, band: Array) -> bool:
+        """Whether a band leads through no body, however thin, though it may cut corners: whether
+        where it runs into one a little shift to a side makes it clear of that."""
+        distance, _ = self.distances(band)
+        room = distance - self.kept
+        pierced = self.pierced(band, distance)
+        inside = {(k + 1, body) for k, body in np.argwhere(room[1:-1] < 0).tolist()}
+        inside |= {(k, body) for k, body in enumerate(pierced.tolist()) if body >= 0}
+        shifts = self.way * _LITTLE * sides_of(band[-1] - band[0])
+        for k, body in inside:
+            piece = band[max(0, k - _BESIDE) : k + 1 + _BESIDE]
+            shifted = (piece + share * shift for shift in shifts for share in _SHARES)
+            if not any(self._leads_past(each, body) for each in shifted):
+                return False
+        return True
+
+    def _leads_past(self, piece: Array, body: int) -> bool:
+        distance, _ = self.distances(piece)
+        if (distance[:, body] < self.kept[body]).any():
+            return False
+        return not (self.pierced(piece, distance) == body).any()
 
     def sides(self, band: Array) -> tuple[str, ...]:
         """On which sides a band passes the bodies that it comes near, in order of time."""
