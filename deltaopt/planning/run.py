@@ -25,11 +25,8 @@ from deltaopt.errors import (
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.attempts import (
     Attempt,
-    Outcomes,
     all_of,
-    by_merit,
     on_its_mesh,
-    until_good,
 )
 from deltaopt.planning.belt_places import PlacesOnBelt
 from deltaopt.planning.first_motions.around_bodies import (
@@ -38,8 +35,6 @@ from deltaopt.planning.first_motions.around_bodies import (
     is_clear,
     name_of_way,
 )
-from deltaopt.planning.first_motions.belt import not_met
-from deltaopt.planning.first_motions.initial_motion import has_time_to_wait
 from deltaopt.planning.first_motions.moving_ends import first_moving_motions, from_state_to_state
 from deltaopt.planning.first_motions.multistart import first_motions
 from deltaopt.planning.first_motions.order_of_merit import first_motion
@@ -48,15 +43,13 @@ from deltaopt.planning.first_motions.proposal import Proposal
 from deltaopt.planning.first_motions.through_gates import through_gates
 from deltaopt.planning.formulations.choice import Flat
 from deltaopt.planning.in_flight import finished_first
-from deltaopt.planning.journal import Journal
-from deltaopt.planning.legs_past_bodies import plan_in_legs, proposed_in_legs
 from deltaopt.planning.links_clear import keeping_links_clear
+from deltaopt.planning.loop import Loop, or_raise
 from deltaopt.planning.on_path import plan_of, planned_on_path
+from deltaopt.planning.past_bodies.legs import plan_in_legs, proposed_in_legs
+from deltaopt.planning.past_bodies.ways import NEARLY, fastest_way
 from deltaopt.planning.path.path_along import fastest_along, near_corners, through_corners
 from deltaopt.planning.plan import Plan, TakenWay, quicker
-from deltaopt.planning.remedies import REMEDIES, better
-from deltaopt.planning.trajectory_optimiser import TrajectoryOptimiser
-from deltaopt.planning.ways import NEARLY, fastest_way
 from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.objective import Time
@@ -69,10 +62,6 @@ and over more of them. Each takes a second or two."""
 _IMPROVED, _SHORTER = 4, 1e-4
 """How many plans at most then begin with the motion found, each with that of the one before; and by
 what share each must be shorter, or else tell a smaller gap."""
-_USUAL, _ANOTHER_WAY_ABOVE = 1e-3, 3e-3
-"""Tolerances of at least the first are to be met, or planning starts again from another first
-motion. Where a tighter one is missed it does so above the second: smaller gaps are not the first
-motion's fault, and planning again seldom changes them."""
 _NEARBY, _NEARLY = 2, 1e-2
 """How many times finer the first mesh from a motion near the best is, and the gap up to which what
 it leads to is taken."""
@@ -84,14 +73,8 @@ Of a shorter one, as 1e-7 s before the end of another, verification cannot tell 
 
 
 @dataclass(frozen=True)
-class Run:
-    """Plans one scene.
-
-    ``optimiser``: what plans from one first motion. ``journal``: what was attempted so far.
-    """
-
-    optimiser: TrajectoryOptimiser
-    journal: Journal
+class Run(Loop):
+    """Plans one scene."""
 
     def plan(
         self,
@@ -145,94 +128,23 @@ class Run:
         if isinstance(task, MovingEnds):
             return _resolvable(self._plan_moving(scene, under_way))
         if task.gates:
-            return _resolvable(_or_raise(self._past_or_through(scene, through_gates(scene))))
+            return _resolvable(or_raise(self._past_or_through(scene, through_gates(scene))))
         past_bodies = limits_of(scene).constraints.has_convex
-        usual = self._past_bodies if past_bodies else self._by_merit
+        usual = self._past_bodies if past_bodies else self.by_merit
         return usual(scene) if starts == 1 else self._from_starts(scene, starts, seed, usual)
-
-    # The loop
-
-    def make(self, attempts: Iterator[Attempt], so_far: Outcomes) -> None:
-        """Make all attempts of a source, which sees what came of those before."""
-        for attempt in attempts:
-            so_far.add(self.remedied(attempt))
-            if self.journal.is_spent:
-                self.journal.note(f"no more attempts after {self.journal.solves} meshes")
-                return
-
-    def remedied(self, attempt: Attempt) -> Plan | DeltaOptError:
-        """What comes of an attempt and of the remedies that may help after it: the best plan, or
-        the first error."""
-        first = outcome = self.made(attempt)
-        for remedy in REMEDIES:
-            changed = remedy(self.optimiser, attempt, outcome)
-            if changed is not None:
-                attempt, outcome = changed, better(outcome, self.made(changed))
-        return outcome if isinstance(outcome, Plan) else first
-
-    def made(self, attempt: Attempt) -> Plan | DeltaOptError:
-        """What comes of an attempt alone."""
-        self.journal.begin(attempt.proposal, str(attempt))
-        try:
-            found = self.optimiser.plan(attempt, self.journal.mesh)
-        except ENDS_AN_ATTEMPT as error:
-            self.journal.end(str(error))
-            return error
-        self.journal.end(f"{found.duration:.6g} s, gap {found.gap:.1e}", found.duration)
-        return found
-
-    def on_first_mesh(self, attempt: Attempt) -> Trajectory:
-        """The motion that is best on the first mesh of an attempt. Raises what ends an attempt."""
-        self.journal.begin(attempt.proposal, f"{attempt}, the first mesh alone")
-        try:
-            found = self.optimiser.on_first_mesh(attempt)
-        except ENDS_AN_ATTEMPT as error:
-            self.journal.end(str(error))
-            raise
-        self.journal.mesh(f"{found.duration:.6g} s")
-        self.journal.end(f"about {found.duration:.4g} s", found.duration)
-        return found
-
-    @property
-    def _good_gap(self) -> float:
-        """Gap up to which a plan is good enough; above it planning starts again from another first
-        motion."""
-        tolerance = self.optimiser.tolerance
-        return tolerance if tolerance >= _USUAL else _ANOTHER_WAY_ABOVE
-
-    def _outcomes(self, scene: Scene) -> Outcomes:
-        return Outcomes(scene, inf if has_time_to_wait(scene) else self._good_gap)
-
-    # Sources of first motions, by the kind of scene
-
-    def _by_merit(self, scene: Scene) -> Plan:
-        """From first motions in order of merit. Raises Unreachable if there is none, NotConverged
-        if none leads to a plan."""
-        so_far = self._outcomes(scene)
-        self.make(by_merit(so_far, self.optimiser.intervals), so_far)
-        return so_far.best_known()
-
-    def _until_good(self, scene: Scene, proposals: Iterator[Proposal]) -> Plan | DeltaOptError:
-        """From first motions in phases or where an end moves: the best plan, or the first error."""
-        so_far = Outcomes(scene, self._good_gap)
-        self.make(until_good(so_far, self.optimiser.intervals, proposals), so_far)
-        if so_far.plans:
-            return so_far.best_known()
-        none = Infeasible("no simple motion through all given points stays within reach")
-        return not_met(scene, so_far.tried, so_far.failures[0]) if so_far.failures else none
 
     def _past_or_through(self, scene: Scene, proposals: Iterator[Proposal]) -> Plan | DeltaOptError:
         """From first motions in phases or where an end moves, and from legs past bodies: these come
         first where bodies are in the way of the others, and are the plan where none is found."""
         if not limits_of(scene).constraints.has_convex:
-            return self._until_good(scene, proposals)
+            return self.until_good(scene, proposals)
         leg, first = cache(self._leg), next(proposals, None)
         legs = chain.from_iterable(proposed_in_legs(scene, leg, each) for each in _SLOWER)
         if first is None or not is_clear(scene, first.motion):
             proposals = chain(legs, [first] if first else [], proposals)
         else:
             proposals = chain([first], proposals, legs)
-        found = self._until_good(scene, proposals)
+        found = self.until_good(scene, proposals)
         return found if isinstance(found, Plan) else plan_in_legs(scene, leg) or found
 
     def _leg(self, scene: Scene) -> Plan | None:
@@ -240,7 +152,7 @@ class Run:
         rough = replace(self, optimiser=replace(self.optimiser, tolerance=NEARLY))
         if scene.task.is_at_rest:
             return if_possible((*NO_PLAN, SceneError), rough._past_bodies, scene)
-        found = rough._until_good(scene, first_moving_motions(scene, None))
+        found = rough.until_good(scene, first_moving_motions(scene, None))
         return found if isinstance(found, Plan) and is_clear(scene, found.trajectory) else None
 
     def _from_starts(
@@ -248,7 +160,7 @@ class Run:
     ) -> Plan:
         """From so many first motions beside the ``usual`` plan, with all local minima. Raises the
         first error if none leads to a plan."""
-        motions, so_far = first_motions(scene, starts, seed), self._outcomes(scene)
+        motions, so_far = first_motions(scene, starts, seed), self.outcomes(scene)
         past_bodies = limits_of(scene).constraints.has_convex
         if past_bodies:
             motions = clear_motions(scene, motions, starts)
@@ -256,12 +168,6 @@ class Run:
         if past_bodies or not so_far.is_good:  # otherwise the first of them is the usual one
             so_far.add(_outcome(usual, scene))
         return so_far.best_known()
-
-    def _from(self, attempt: Attempt) -> Plan:
-        """From one attempt. Raises what ends it."""
-        so_far = Outcomes(attempt.scene, self._good_gap)
-        self.make(iter([attempt]), so_far)
-        return so_far.best()
 
     def _plan_moving(self, scene: Scene, under_way: PiecewisePolynomial | None) -> Plan:
         """Plan the fastest motion where an end moves, from the first guess that leads to one."""
@@ -273,7 +179,7 @@ class Run:
             )
         found = self._onto_belt(scene, found)
         if under_way is None:
-            return _or_raise(found)
+            return or_raise(found)
         finished = finished_first(
             scene,
             under_way,
@@ -282,14 +188,14 @@ class Run:
             planned=lambda rest: self._plan_by_limits(rest, None, 1, 1),
             roughly=self._roughly,
         )
-        return _or_raise(finished or found)
+        return or_raise(finished or found)
 
     def _onto_belt(self, scene: Scene, found: Plan | DeltaOptError) -> Plan | DeltaOptError:
         """What was ``found``, if it is good enough or no goal on a belt is met from rest; otherwise
         the better of it and a plan by way of places that the belt passes. Past bodies and through
         points, where that takes long, only if nothing was found."""
         slow = limits_of(scene).constraints.has_convex or bool(scene.task.gates)
-        if isinstance(found, Plan) and (slow or found.gap <= self._good_gap):
+        if isinstance(found, Plan) and (slow or found.gap <= self.good_gap):
             return found
 
         def planned(passed: Scene) -> Plan | DeltaOptError:
@@ -305,7 +211,7 @@ class Run:
         if waiting is None:
             return found if isinstance(found, Plan) else places.told(found)
         first = Proposal("waiting, then to a place on the belt", waiting.trajectory)
-        other = self._until_good(scene, iter([first]))
+        other = self.until_good(scene, iter([first]))
         plans = [each for each in (found, other, waiting) if isinstance(each, Plan)]
         return reduce(quicker, plans)
 
@@ -331,7 +237,7 @@ class Run:
         motion: Trajectory | None = None
         try:
             without = {"keep_out": None, "planned_links": ()}
-            free = self._by_merit(scene.model_copy(update=without))
+            free = self.by_merit(scene.model_copy(update=without))
             motion = free.trajectory
             if is_clear(scene, motion):
                 return replace(free, scene=scene, ways=(TakenWay(CLEAR, free.duration, True),))
@@ -339,7 +245,7 @@ class Run:
         except ENDS_AN_ATTEMPT as error:
             self.journal.note(str(error))
         if scene.tube is not None:  # no way around a body but in it
-            return self._by_merit(scene)
+            return self.by_merit(scene)
 
         why: DeltaOptError = NotConverged("the best way misses its tolerance by far", "", None)
         known: Plan | None = None
@@ -352,7 +258,7 @@ class Run:
         other = _outcome(lambda each: self._through_passages(each, why), scene)
         if known is not None and not (isinstance(other, Plan) and other.cost < known.cost):
             return replace(known, scene=scene, ways=taken)
-        found = _or_raise(other)
+        found = or_raise(other)
         own = TakenWay(name_of_way(scene, found.trajectory), found.duration, True)
         return replace(found, scene=scene, ways=(own,))
 
@@ -363,7 +269,7 @@ class Run:
         if first is None or is_clear(scene, first):
             return None
         try:
-            found, taken = self._fastest_way(scene, first, None, self._good_gap)
+            found, taken = self._fastest_way(scene, first, None, self.good_gap)
         except (Infeasible, *ENDS_AN_ATTEMPT) as error:  # other first motions may lead to a plan
             self.journal.note(str(error))
             return None
@@ -374,7 +280,7 @@ class Run:
     ) -> tuple[Plan, tuple[TakenWay, ...]]:
         """The best plan of all ways past bodies from a first motion, and the ways."""
         way = Attempt(scene, first, self.optimiser.intervals)
-        return fastest_way(way, free, self._from, self.on_first_mesh, enough)
+        return fastest_way(way, free, self.from_, self.on_first_mesh, enough)
 
     def _through_passages(self, scene: Scene, error: DeltaOptError) -> Plan:
         """Plan along short paths of straight lines past bodies, where no mesh finds its way: near
@@ -391,7 +297,7 @@ class Run:
         for corners in islice(paths_of_lines(scene), _PATHS) if usual else ():
             self.journal.note("near the corners of a path of straight lines:")
             for gates in (near_corners(scene, corners), through_corners(scene, corners)):
-                through = self._until_good(gates, through_gates(gates))
+                through = self.until_good(gates, through_gates(gates))
                 if isinstance(through, Plan) and is_clear(scene, through.trajectory):
                     found.append(through)
             timed = fastest_along(scene, corners, self.optimiser.tolerance)
@@ -422,7 +328,7 @@ class Run:
             if not is_clear(scene, better.trajectory):
                 break
             found = better
-            if found.gap <= self._good_gap:
+            if found.gap <= self.good_gap:
                 break
         return found
 
@@ -448,10 +354,3 @@ def _resolvable(found: Plan) -> Plan:
             f"resolve; at least {_SHORTEST_WAY:g} m are needed"
         )
     return found
-
-
-def _or_raise(found: Plan | DeltaOptError) -> Plan:
-    """The plan that is found; raises the error that is found instead of one."""
-    if isinstance(found, Plan):
-        return found
-    raise found

@@ -1,6 +1,7 @@
 """Keep-out bodies: clearances, refusals and planted passages, by means of their own.
 
 scenes    random scenes with one to five bodies: clearances measured, refusals held against a grid
+walls     a wall or a thin plate across the way, with points between, ends that move, a belt
 passages  walls that leave 1, 3 and 20 mm beside the tool, or nothing
 ways      whether another way round would have been faster, by multistart
 """
@@ -9,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
+from math import inf
 from pathlib import Path
 
 import numpy as np
@@ -20,11 +22,20 @@ from studies.keep_out.other_ways import OtherWays, other_ways
 from studies.keep_out.passages import CLOSED, KINDS, WIDTHS, planted
 from studies.keep_out.planned import FAILED, PLANNED, REFUSED, Planned, planned
 from studies.keep_out.random_bodies import scene_of
+from studies.keep_out.walls import WALLS, beside_wall
 from studies.kept_rows import kept_rows
 from studies.problems import INDUSTRIAL, add_directory
 
 HELP = "keep-out bodies: clearances measured, refusals held against a grid, planted passages"
-SMALL = {"number": 2, "each": 1, "blocked": 1, "curves": 3, "kinds": KINDS[:1], "spacing": 0.05}
+SMALL = {
+    "number": 2,
+    "each": 1,
+    "walls": 1,
+    "blocked": 1,
+    "curves": 3,
+    "kinds": KINDS[:1],
+    "spacing": 0.05,
+}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -33,10 +44,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="*",
         default=tuple(PARTS),
         metavar="PART",
-        help="of scenes, passages, ways",
+        help="of scenes, walls, passages, ways",
     )
     parser.add_argument("--number", type=one_or_more, default=500, help="random scenes (500)")
     parser.add_argument("--each", type=one_or_more, default=10, help="walls of a kind (10)")
+    parser.add_argument("--walls", type=one_or_more, default=24, help="scenes of a kind (24)")
     parser.add_argument("--blocked", type=one_or_more, default=50, help="scenes of ways (50)")
     parser.add_argument("--curves", type=one_or_more, default=12, help="random curves each (12)")
     parser.add_argument("--spacing", type=positive, default=0.03, help="of the grid, m (0.03)")
@@ -128,6 +140,33 @@ def _passages(arguments: argparse.Namespace) -> bool:
     return failed
 
 
+def _walls(arguments: argparse.Namespace) -> bool:
+    """Print a line for each kind of scene; whether one was refused or is wrong."""
+    robot, failed = deltaopt.load_robot(arguments.robot), False
+    for kind in WALLS:
+        name = f"walls_{kind.replace(' ', '_')}_{robot.name.replace(' ', '_')}_{arguments.seed}"
+
+        def of(i: int, kind: str = kind, name: str = name) -> Planned:
+            scene = beside_wall(robot, kind, arguments.seed, i)
+            return planned(scene, i, arguments.spacing, arguments.directory / name)
+
+        rows = kept_rows(
+            arguments.directory / f"{name}.csv",
+            Planned,
+            range(arguments.walls),
+            lambda row: row.number,
+            of,
+            ProgressBar().counting(arguments.walls, kind),
+        )
+        resting = sum(row.gap == inf for row in rows)
+        print(f"{kind}: {_summary(rows)}; {resting} rest between legs", flush=True)
+        for row in rows:
+            if row.outcome == FAILED:
+                print(f"  {row.number}: {row.reason}")
+                failed = True
+    return failed
+
+
 def has_hull(scene: deltaopt.Scene) -> bool:
     """Whether one of its bodies is a hull."""
     return any(body.hull is not None for body in scene.keep_out or ())
@@ -172,6 +211,7 @@ _GAINS = (0.002, 0.01, 0.03, 0.1)
 
 PARTS: dict[str, Callable[[argparse.Namespace], bool]] = {
     "scenes": _scenes,
+    "walls": _walls,
     "passages": _passages,
     "ways": _ways,
 }

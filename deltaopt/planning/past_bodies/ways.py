@@ -22,7 +22,7 @@ from deltaopt.planning.first_motions.around_bodies import (
     ways_around,
 )
 from deltaopt.planning.first_motions.bands import Bodies, sampled
-from deltaopt.planning.near_bodies import near, past_these, with_those_hit
+from deltaopt.planning.past_bodies.near_bodies import near, past_these, with_those_hit
 from deltaopt.planning.plan import Plan, TakenWay, quicker
 from deltaopt.planning.refinement import Slower
 from deltaopt.scene.objective import Time

@@ -1,0 +1,1 @@
+"""Past keep-out bodies: which ways are planned, leg by leg, and past which bodies."""
