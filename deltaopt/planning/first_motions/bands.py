@@ -141,10 +141,19 @@ class Bodies:
         Distances change by no more than the way: pieces are halved that are longer than the room at
         their ends.
         """
-        room = distance - self.kept
-        ends = np.stack([places[..., :-1, :], places[..., 1:, :]], axis=-2).reshape(-1, 2, 3)
-        rooms = np.stack([room[..., :-1, :], room[..., 1:, :]], axis=-2)
-        rooms = rooms.reshape(len(ends), 2, room.shape[-1])
+        room, steps = distance - self.kept, np.diff(places, axis=-2)
+        apart = np.sqrt((steps**2).sum(axis=-1))[..., None]
+        found = np.full(apart.shape[:-1], -1)
+        unknown = np.nonzero((room[..., :-1, :] + room[..., 1:, :] < apart).any(axis=-1))
+        after = (*unknown[:-1], unknown[-1] + 1)
+        ends = np.stack([places[unknown], places[after]], axis=1)
+        rooms = np.stack([room[unknown], room[after]], axis=1)
+        found[unknown] = self._pierced(ends, rooms)
+        return found
+
+    def _pierced(self, ends: Array, rooms: Array) -> Integers:
+        """The body that each straight piece leads through, -1 for none, from its ends, (n, 2, 3),
+        m, and their room, (n, 2, rows), m."""
         found, piece = np.full(len(ends), -1), np.arange(len(ends))
         for _ in range(_HALVINGS):
             lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
@@ -158,7 +167,7 @@ class Bodies:
             found[piece[inside]] = between[inside].argmin(axis=1)
             piece = np.concatenate([piece, piece])
             ends, rooms = _halves(ends, middle), _halves(rooms, between)
-        return np.asarray(found.reshape((*room.shape[:-2], room.shape[-2] - 1)))
+        return found
 
     def bent(self, band: Array, body: int, first: int, last: int) -> Iterator[Array]:
         """A band bent around a body that it is inside of from one sample to another, to the four
