@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import cache, reduce
+from functools import cache, partial, reduce
 from itertools import chain, islice
 from math import inf, isfinite
 
@@ -21,6 +21,7 @@ from deltaopt.errors import (
     NotConverged,
     SceneError,
     if_possible,
+    in_words,
 )
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.attempts import (
@@ -54,7 +55,7 @@ from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene
-from deltaopt.scene.task import MovingEnds, OnPath
+from deltaopt.scene.task import MovingEnds, OnPath, given_points
 
 _PATHS = 2
 """How many paths of straight lines are planned along where no mesh finds its way: over few places,
@@ -138,20 +139,31 @@ class Run(Loop):
         first where bodies are in the way of the others, and are the plan where none is found."""
         if not limits_of(scene).constraints.has_convex:
             return self.until_good(scene, proposals)
-        leg, first = cache(self._leg), next(proposals, None)
+        none = list[Infeasible]()
+        leg, first = cache(partial(self._leg, none)), next(proposals, None)
         legs = chain.from_iterable(proposed_in_legs(scene, leg, each) for each in _SLOWER)
         if first is None or not is_clear(scene, first.motion):
             proposals = chain(legs, [first] if first else [], proposals)
         else:
             proposals = chain([first], proposals, legs)
         found = self.until_good(scene, proposals)
-        return found if isinstance(found, Plan) else plan_in_legs(scene, leg) or found
+        if isinstance(found, Plan):
+            return found
+        return plan_in_legs(scene, leg) or (none[0] if none else found)
 
-    def _leg(self, scene: Scene) -> Plan | None:
-        """The plan of a leg past bodies, roughly; None where none is found."""
+    def _leg(self, none: list[Infeasible], scene: Scene) -> Plan | None:
+        """The plan of a leg past bodies, roughly; None where none is found. Why there is no way is
+        added to ``none``."""
         rough = replace(self, optimiser=replace(self.optimiser, tolerance=NEARLY))
         if scene.task.is_at_rest:
-            return if_possible((*NO_PLAN, SceneError), rough._past_bodies, scene)
+            try:
+                return rough._past_bodies(scene)
+            except Infeasible as error:
+                ends = " and ".join(in_words(point) for point in given_points(scene.task))
+                none.append(Infeasible(f"from rest to rest between {ends} m: {error}"))
+            except (*NO_PLAN, SceneError) as error:
+                self.journal.note(str(error))
+            return None
         found = rough.until_good(scene, first_moving_motions(scene, None))
         return found if isinstance(found, Plan) and is_clear(scene, found.trajectory) else None
 

@@ -97,7 +97,8 @@ def _scenes(arguments: argparse.Namespace) -> bool:
 def _summary(rows: list[Planned]) -> str:
     counts = {name: sum(row.outcome == name for row in rows) for name in (PLANNED, REFUSED, FAILED)}
     done = [row for row in rows if row.outcome == PLANNED]
-    least = f", least clearance beyond what is asked for {min(row.clearance for row in done):.1e} m"
+    clearance = min((row.clearance for row in done), default=inf)
+    least = f", least clearance beyond what is asked for {clearance:.1e} m"
     missed = sum(row.gap > _GAP for row in done)
     return (
         f"{len(rows)} scenes, {counts[PLANNED]} planned and verified, {counts[REFUSED]} refused as "

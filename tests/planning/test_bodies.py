@@ -167,6 +167,13 @@ def test_a_wall_beside_points_and_moving_ends(keys):
         assert found.duration < 2 * least
 
 
+def test_a_leg_without_a_way_is_named():
+    """A wall that nothing leads around, and a via point before it."""
+    closed = box([-0.5, -0.005, -1.5], [1.6, 0.005, 1.5])
+    with pytest.raises(Infeasible, match=r"from rest to rest between \[.*no way past these is"):
+        plan(with_bodies(closed, **(ACROSS | {"via": [[0.85, -0.08, 0.03]]})))
+
+
 def test_past_a_thin_plate_the_side_is_found_that_multistart_finds():
     """Found by a campaign: 0.2253 s with a gap of 1.4e-3, where six first motions led to 0.1642 s.
     Several starts are beside the usual plan, not instead of it."""
