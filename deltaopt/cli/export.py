@@ -9,10 +9,10 @@ deltaopt export cam PLAN      the same as cams of a PLC (TwinCAT, CODESYS): quin
 deltaopt export schema        the JSON schema of plan.json, which holds the exact polynomials
 
 PLAN is a folder that "deltaopt plan" wrote; tables of a cycle have all of its legs and the waits
-between them. A controller moves between the rows of a table by
-polynomials of its own: cubic ones from angles and speeds, or quintic ones from accelerations too.
-What that asks of the motors is computed and printed. Rows at the plan's own knots keep its limits
-nearly to the last digit; rows at equal steps hide where torques jump.
+between them. A controller moves between the rows of a table by polynomials of its own: cubic ones
+from angles and speeds, or quintic ones from accelerations too. What that asks of the motors is
+computed and printed. Rows at the plan's own knots keep its limits nearly to the last digit; rows at
+equal steps hide where torques jump.
 
 What is written keeps every limit: a motion is slowed by a thousandth at most for that, or nothing
 is written and the remedies are named, each with its price. --keep-limits pays any price, --anyway

@@ -52,7 +52,7 @@ def content_of_cycle(plan: CyclePlan, verification: CycleVerification) -> dict[s
         "parts_per_minute": plan.parts_per_minute,
         "gap": plan.gap,
         "tolerance": plan.tolerance,
-        "rms_torque": plan.rms_torque,
+        "rms_torque": verification.rms_torque,
         "rms_limits": verification.rms_limits,
         "saved_by_rms_torque": plan.prices,
         "legs": list(_legs(plan)),
@@ -110,10 +110,12 @@ def told_of_cycle(plan: CyclePlan, verification: CycleVerification) -> Iterator[
     last = plan.cycle.legs[-1].goal
     if isinstance(last, Belt):
         pitch = 1e3 * plan.period * float(np.linalg.norm(last.belt))
-        yield f"the first parts of two periods are {pitch:.6g} mm apart on the belt"
+        yield f"the parts of two periods are placed {pitch:.6g} mm apart on the belt"
     limits, duty = verification.rms_limits, verification.duty
     allowed = "" if limits is None else f", at most {_in_words(limits)} are allowed"
-    yield f"RMS torques of the motors over a period: {_in_words(plan.rms_torque)} N·m{allowed}"
+    if verification.rms_torque is not None:
+        rms = _in_words(verification.rms_torque)
+        yield f"RMS torques of the motors over a period: {rms} N·m{allowed}"
     for motor, saved in enumerate(plan.prices, 1):
         if saved > 0:
             yield f"  10 % more of motor {motor} would save {saved / 10:.1%} of the period"

@@ -271,8 +271,15 @@ def until_good(so_far: Outcomes, coarsest: int, proposals: Iterator[Proposal]) -
             continue
         intervals = intervals_after_waiting(proposal.motion, coarsest * max(1, proposal.legs))
         intervals = intervals_for(proposal.motion, intervals) or intervals
-        given = so_far.scene, proposal.motion, intervals, proposal.name
-        tried.append(Attempt(*given, is_near=proposal.legs > 0))
+        tried.append(
+            Attempt(
+                so_far.scene,
+                proposal.motion,
+                intervals,
+                proposal.name,
+                is_near=proposal.legs > 0,
+            )
+        )
         yield tried[-1]
         if so_far.is_good:
             return

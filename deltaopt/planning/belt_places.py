@@ -16,8 +16,7 @@ from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.errors import DeltaOptError, Infeasible, NotConverged
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.belt import Meetings
-from deltaopt.planning.past_bodies.legs import plan_of_parts
-from deltaopt.planning.plan import Plan
+from deltaopt.planning.plan import Plan, plan_of_parts
 from deltaopt.robot.model import model_of
 from deltaopt.scene.moving_ends import State
 from deltaopt.scene.scene import Scene

@@ -110,7 +110,7 @@ class Loop:
         none = Infeasible("no simple motion through all given points stays within reach")
         return not_met(scene, so_far.tried, so_far.failures[0]) if so_far.failures else none
 
-    def from_(self, attempt: Attempt) -> Plan:
+    def only_from(self, attempt: Attempt) -> Plan:
         """From one attempt. Raises what ends it."""
         so_far = Outcomes(attempt.scene, self.good_gap)
         self.make(iter([attempt]), so_far)

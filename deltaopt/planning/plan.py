@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from math import isinf
+from math import inf, isinf
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ from deltaopt.motion.limit_sensitivity import (
 )
 from deltaopt.motion.lower_bound import lower_bound
 from deltaopt.motion.running_cost import cost as cost_of
-from deltaopt.motion.trajectory import Trajectory, phase_durations
+from deltaopt.motion.trajectory import Trajectory, moving_on, phase_durations
 from deltaopt.planning.journal import Entry, Note
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.scene import Scene
@@ -250,6 +250,24 @@ class Plan:
     def within_tolerance(self) -> bool:
         """Whether the estimated gap is at most the tolerance that was asked for."""
         return self.gap <= self.tolerance
+
+
+def plan_of_parts(scene: Scene, motion: Trajectory, parts: list[Plan]) -> Plan:
+    """The plan of a motion that is made of those of other plans, whose gap is not known."""
+    return Plan(
+        scene=scene,
+        trajectory=moving_on(problem_of(scene), motion),
+        formulation=parts[0].formulation,
+        transcription=parts[0].transcription,
+        intervals=len(motion.knots) - 1,
+        status="Made_Of_Parts",
+        iterations=sum(part.iterations for part in parts),
+        solve_seconds=sum(part.solve_seconds for part in parts),
+        gap=inf,
+        tolerance=parts[0].tolerance,
+        meshes=(),
+        certificate=None,
+    )
 
 
 def quicker(one: Plan, other: Plan) -> Plan:

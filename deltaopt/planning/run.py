@@ -18,8 +18,6 @@ from deltaopt.errors import (
     NO_PLAN,
     DeltaOptError,
     Infeasible,
-    NotConverged,
-    SceneError,
     if_possible,
     in_words,
 )
@@ -139,8 +137,8 @@ class Run(Loop):
         first where bodies are in the way of the others, and are the plan where none is found."""
         if not limits_of(scene).constraints.has_convex:
             return self.until_good(scene, proposals)
-        none = list[Infeasible]()
-        leg, first = cache(partial(self._leg, none)), next(proposals, None)
+        refused = list[Infeasible]()
+        leg, first = cache(partial(self._leg, refused)), next(proposals, None)
         legs = chain.from_iterable(proposed_in_legs(scene, leg, each) for each in _SLOWER)
         if first is None or not is_clear(scene, first.motion):
             proposals = chain(legs, [first] if first else [], proposals)
@@ -149,22 +147,22 @@ class Run(Loop):
         found = self.until_good(scene, proposals)
         if isinstance(found, Plan):
             return found
-        return plan_in_legs(scene, leg) or (none[0] if none else found)
+        return plan_in_legs(scene, leg) or (refused[0] if refused else found)
 
-    def _leg(self, none: list[Infeasible], scene: Scene) -> Plan | None:
+    def _leg(self, refused: list[Infeasible], scene: Scene) -> Plan | None:
         """The plan of a leg past bodies, roughly; None where none is found. Why there is no way is
-        added to ``none``."""
+        added to ``refused``."""
         rough = replace(self, optimiser=replace(self.optimiser, tolerance=NEARLY))
         if scene.task.is_at_rest:
             try:
                 return rough._past_bodies(scene)
             except Infeasible as error:
                 ends = " and ".join(in_words(point) for point in given_points(scene.task))
-                none.append(Infeasible(f"from rest to rest between {ends} m: {error}"))
-            except (*NO_PLAN, SceneError) as error:
+                refused.append(Infeasible(f"from rest to rest between {ends} m: {error}"))
+            except NO_PLAN as error:
                 self.journal.note(str(error))
             return None
-        found = rough.until_good(scene, first_moving_motions(scene, None))
+        found = rough.until_good(scene, _simply(scene))
         return found if isinstance(found, Plan) and is_clear(scene, found.trajectory) else None
 
     def _from_starts(
@@ -178,7 +176,10 @@ class Run(Loop):
             motions = clear_motions(scene, motions, starts)
         self.make(all_of(scene, self.optimiser.intervals, motions), so_far)
         if past_bodies or not so_far.is_good:  # otherwise the first of them is the usual one
-            so_far.add(_outcome(usual, scene))
+            try:
+                so_far.add(usual(scene))
+            except NO_PLAN as error:
+                so_far.add(error)
         return so_far.best_known()
 
     def _plan_moving(self, scene: Scene, under_way: PiecewisePolynomial | None) -> Plan:
@@ -210,12 +211,7 @@ class Run(Loop):
         if isinstance(found, Plan) and (slow or found.gap <= self.good_gap):
             return found
 
-        def planned(passed: Scene) -> Plan | DeltaOptError:
-            gates = bool(passed.task.gates)
-            simple = through_gates(passed) if gates else first_moving_motions(passed, None)
-            return self._past_or_through(passed, simple)
-
-        places = PlacesOnBelt.of(scene, planned)
+        places = PlacesOnBelt.of(scene, lambda each: self._past_or_through(each, _simply(each)))
         if places is None:
             return found
         self.journal.note("once more, by way of places that the belt passes:")
@@ -259,20 +255,17 @@ class Run(Loop):
         if scene.tube is not None:  # no way around a body but in it
             return self.by_merit(scene)
 
-        why: DeltaOptError = NotConverged("the best way misses its tolerance by far", "", None)
-        known: Plan | None = None
+        found, failure = list[Plan](), None
         try:
-            known, taken = self._fastest_way(scene, first_motion(scene), motion, NEARLY)
-            if known.gap <= NEARLY:
-                return replace(known, scene=scene, ways=taken)
+            plan, ways = self._fastest_way(scene, first_motion(scene), motion, NEARLY)
+            found.append(replace(plan, scene=scene, ways=ways))
         except ENDS_AN_ATTEMPT as error:
-            why = error
-        other = _outcome(lambda each: self._through_passages(each, why), scene)
-        if known is not None and not (isinstance(other, Plan) and other.cost < known.cost):
-            return replace(known, scene=scene, ways=taken)
-        found = or_raise(other)
-        own = TakenWay(name_of_way(scene, found.trajectory), found.duration, True)
-        return replace(found, scene=scene, ways=(own,))
+            failure = error
+        if not found or found[0].gap > NEARLY:
+            found += self._through_passages(scene)
+        if failure and not found:
+            raise failure
+        return min(found, key=_cost)
 
     def _moving_past_bodies(self, scene: Scene) -> Plan | None:
         """The best plan of the ways past keep-out bodies where an end moves; None where none is in
@@ -292,16 +285,15 @@ class Run(Loop):
     ) -> tuple[Plan, tuple[TakenWay, ...]]:
         """The best plan of all ways past bodies from a first motion, and the ways."""
         way = Attempt(scene, first, self.optimiser.intervals)
-        return fastest_way(way, free, self.from_, self.on_first_mesh, enough)
+        return fastest_way(way, free, self.only_from, self.on_first_mesh, enough)
 
-    def _through_passages(self, scene: Scene, error: DeltaOptError) -> Plan:
-        """Plan along short paths of straight lines past bodies, where no mesh finds its way: near
-        their corners, or on a path itself.
+    def _through_passages(self, scene: Scene) -> list[Plan]:
+        """The plan along short paths of straight lines past bodies, where no mesh finds its way:
+        near their corners, or on a path itself. None where there is no motion along them.
 
         Through a passage of a few millimetres a solution on a mesh may lead through a wall between
         two of its points, and never come back. Where that is so from the best motion along these
-        lines too, it is not known how much faster another one is: the gap is infinite. Raises the
-        error where there is no motion along them.
+        lines too, it is not known how much faster another one is: the gap is infinite.
         """
         usual = isinstance(scene.objective, Time) and not scene.planned_links and scene.tube is None
         usual = usual and isinstance(self.optimiser.problem_formulation, Flat)
@@ -309,7 +301,7 @@ class Run(Loop):
         for corners in islice(paths_of_lines(scene), _PATHS) if usual else ():
             self.journal.note("near the corners of a path of straight lines:")
             for gates in (near_corners(scene, corners), through_corners(scene, corners)):
-                through = self.until_good(gates, through_gates(gates))
+                through = if_possible(NO_PLAN, self.until_good, gates, through_gates(gates))
                 if isinstance(through, Plan) and is_clear(scene, through.trajectory):
                     found.append(through)
             timed = fastest_along(scene, corners, self.optimiser.tolerance)
@@ -317,14 +309,16 @@ class Run(Loop):
                 self.journal.note(f"on that path: {timed.trajectory.duration:.6g} s")
                 found.append(plan_of(scene, timed, self.optimiser.tolerance))
         if not found:
-            raise error
+            return found
         found = [
             replace(each, scene=scene, gap=inf, certificate=None, multipliers=None)
-            for each in sorted(found, key=_duration)
+            for each in sorted(found, key=_cost)
         ]
         improved = (self._improved(scene, each) for each in found)
         known = next((each for each in improved if isfinite(each.gap)), found[0])
-        return min(found[0], known, key=_duration)
+        best = min(found[0], known, key=_cost)
+        way = TakenWay(name_of_way(scene, best.trajectory), best.duration, True)
+        return [replace(best, ways=(way,))]
 
     def _improved(self, scene: Scene, found: Plan) -> Plan:
         """A plan that begins with the motion of another, on the mesh of that, as often as this
@@ -345,16 +339,13 @@ class Run(Loop):
         return found
 
 
-def _outcome(planned: Callable[[Scene], Plan], scene: Scene) -> Plan | DeltaOptError:
-    """The plan of a scene, or what is raised instead of it."""
-    try:
-        return planned(scene)
-    except NO_PLAN as error:
-        return error
+def _cost(plan: Plan) -> float:
+    return plan.cost
 
 
-def _duration(plan: Plan) -> float:
-    return plan.duration
+def _simply(scene: Scene) -> Iterator[Proposal]:
+    """First motions in phases or where an end moves, as if nothing followed the start."""
+    return through_gates(scene) if scene.task.gates else first_moving_motions(scene, None)
 
 
 def _resolvable(found: Plan) -> Plan:

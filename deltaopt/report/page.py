@@ -43,7 +43,6 @@ def write_report(file: Path, facts: Facts) -> None:
 def report(facts: Facts) -> str:
     """The text of the page."""
     scene, trajectory, verification = facts.scene, facts.trajectory, facts.verification
-    duty = "" if verification.duty is None else _duty(verification.duty)
     terms = _list(modelled(scene)) + "<p>Not modelled:</p>" + _list(not_modelled(scene))
     parts = [
         _head(facts),
@@ -52,7 +51,7 @@ def report(facts: Facts) -> str:
         _section("What was attempted", _attempts(facts.found)),
         _section("What limits the motion", _list(_limits(facts))),
         _section("Verification", _verification(verification)),
-        _section("Duty of the motors", duty),
+        _section("Duty of the motors", _duty(verification.duty)),
         _section("Distance to singularities", _singularities(verification)),
         _section("What is modelled", terms),
     ]
@@ -72,10 +71,11 @@ def cycle_report(plan: CyclePlan, verification: CycleVerification) -> str:
     parts = [
         f'<header><p class="robot">{escape(robot)}</p><h1>{escape(headline)}</h1></header>',
         _figures([leg.scene for leg in plan.legs]),
-        _section("Legs, motors and verification", _list([*told, *verification.failures()])),
         _section(
-            "Duty of the motors", "" if verification.duty is None else _duty(verification.duty)
+            "Legs, motors and verification",
+            _list(map(str.strip, [*told, *verification.failures()])),
         ),
+        _section("Duty of the motors", _duty(verification.duty)),
     ]
     return _page(f"{headline}, {robot}", parts, moving)
 
@@ -255,7 +255,10 @@ def _verification(verification: Verification) -> str:
     return f"<p>{intro}</p>" + _table(("measure", "value", "at most", "unit", ""), rows)
 
 
-def _duty(duty: Duty) -> str:
+def _duty(duty: Duty | None) -> str:
+    """A table of what the motion asks of each motor; nothing where that was not evaluated."""
+    if duty is None:
+        return ""
     rows = [
         (each.name, *(f"{value:.4g}" for value in each.values), each.unit, each.above)
         for each in motor_facts(duty)

@@ -46,6 +46,15 @@ class CycleVerification:
     given_period: float | None
 
     @property
+    def rms_torque(self) -> Vector3 | None:
+        """The root of the mean square of each motor's torque over the period, N·m; None where it
+        was not evaluated."""
+        if self.duty is None:
+            return None
+        a, b, c = (motor.rms_torque for motor in self.duty.motors)
+        return a, b, c
+
+    @property
     def ok(self) -> bool:
         """Whether the cycle passes."""
         return not self.failures()
@@ -59,13 +68,11 @@ class CycleVerification:
             yield from (f"leg {number}: {sentence}" for sentence in leg.failures())
         for number, dwell in self.dwells.items():
             yield from (f"dwell after leg {number}: {sentence}" for sentence in dwell.failures())
-        motors = () if self.duty is None else self.duty.motors
-        for number, (motor, limit) in enumerate(
-            zip(motors, self.rms_limits or (), strict=False), 1
-        ):
-            if not motor.rms_torque <= (1 + EXCESS) * limit:
-                rms = f"the RMS torque of motor {number} is {motor.rms_torque:.6g} N·m"
-                yield f"{rms}, and may be {limit:.6g}"
+        pairs = zip(self.rms_torque or (), self.rms_limits or (), strict=False)
+        for number, (rms, limit) in enumerate(pairs, 1):
+            if not rms <= (1 + EXCESS) * limit:
+                told = f"the RMS torque of motor {number} is {rms:.6g} N·m"
+                yield f"{told}, and may be {limit:.6g}"
         arm = self.legs[0].arm
         if not self.jump <= len(self.legs) * BOUNDARY_DISTANCE * arm:
             yield f"a leg begins {self.jump:.2e} m from where the one before ends"
@@ -90,17 +97,15 @@ def verify_cycle(
     leg does at once. ``goals``: where each is to end, on belts at the start of the cycle.
     ``rms_limits``: of the motors' RMS torques, N·m.
     """
-    found, dwells = (
-        tuple(verify(scene, motion) for scene, motion in legs),
-        dict[int, Verification](),
-    )
+    found = tuple(verify(scene, motion) for scene, motion in legs)
+    dwells = dict[int, Verification]()
     parts, misses, resting, rest = list[Trajectory](), [0.0], np.zeros(3), 0.0
     for number, ((scene, motion), wait, goal) in enumerate(zip(legs, waits, goals, strict=True), 1):
         parts += [motion] if wait is None else [motion, wait]
         if isinstance(goal, Belt):
             leaves = sum(part.duration for part in parts)
-            at_once = 0.0 if number < len(legs) else leaves  # the next part is met a period later
-            place = np.add(goal.at, np.multiply(leaves - at_once, goal.belt))
+            since = leaves if number < len(legs) else 0.0  # the belt brings a part every period
+            place = np.add(goal.at, np.multiply(since, goal.belt))
             misses.append(float(np.linalg.norm(_state(parts[-1], -1)[0] - place)))
         if wait is not None and isinstance(goal, Belt):
             dwells[number] = verify(_riding(scene, wait), wait)
@@ -113,7 +118,9 @@ def verify_cycle(
     jump, speed_jump = np.max(jumps, axis=0).tolist()
     timed = [(each.duration, each.duty) for each in (*found, *dwells.values())]
     judged = [(seconds, duty) for seconds, duty in timed if duty is not None]
-    duty = one_after_the_other(judged, resting, rest) if len(judged) == len(timed) else None
+    duty = None
+    if len(judged) == len(timed):
+        duty = one_after_the_other(judged, resting, rest, legs[0][0].robot)
     return CycleVerification(
         found, dwells, duty, rms_limits, jump, speed_jump, max(misses), period, given_period
     )

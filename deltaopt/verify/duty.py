@@ -64,9 +64,8 @@ class Duty:
 
     ``motors``: of each. ``peak_power``: the largest of all motors together, W. ``work_drawn``: that
     they do while the power of all together is positive, J: all that is drawn where those that brake
-    feed those that drive. ``rated_torque``:
-    of each motor for its RMS, and ``nominal_torque`` of a gear for its cubic mean, N·m at the arm;
-    None where the robot does not name them.
+    feed those that drive. ``rated_torque``: of each motor for its RMS, and ``nominal_torque`` of a
+    gear for its cubic mean, N·m at the arm; None where the robot does not name them.
     """
 
     motors: tuple[MotorDuty, ...]
@@ -155,29 +154,31 @@ def duty(motors: Curves, cells: Cells, lengths: Array, robot: Machine) -> Duty:
     )
 
 
-def one_after_the_other(parts: Sequence[tuple[float, Duty]], resting: Array, rest: float) -> Duty:
-    """The duty of motions one after the other.
+def one_after_the_other(
+    parts: Sequence[tuple[float, Duty]], resting: Array, rest: float, robot: Machine
+) -> Duty:
+    """The duty of motions of a robot one after the other.
 
     ``parts``: how long each takes, s, and its duty. ``resting``: the integral of each motor's
     squared torque while the robot waits for ``rest`` s beside that, (3,), N²m²s.
     """
+    motor, gear = robot.drive.motor, robot.drive.gear
     duties, period = [each for _, each in parts], rest + sum(seconds for seconds, _ in parts)
     motors = list[MotorDuty]()
-    for k, first in enumerate(duties[0].motors):
+    for k in range(3):
         of = [each.motors[k] for each in duties]
         squares = sum(seconds * each.motors[k].rms_torque ** 2 for seconds, each in parts)
         rms, travel = float(np.sqrt((squares + resting[k]) / period)), sum(m.travel for m in of)
         cubes = sum(m.travel * (m.gear_torque or 0.0) ** 3 for m in of)
-        gain = None if first.motor_rms_torque is None else first.motor_rms_torque / first.rms_torque
         motors.append(
             MotorDuty(
                 rms_torque=rms,
-                motor_rms_torque=gain and gain * rms,
+                motor_rms_torque=rms / gain(gear) if motor else None,
                 work_done=sum(m.work_done for m in of),
                 work_absorbed=sum(m.work_absorbed for m in of),
                 peak_power=max(m.peak_power for m in of),
                 largest_speed=max(m.largest_speed for m in of),
-                gear_torque=first.gear_torque and float(np.cbrt(cubes / travel)),
+                gear_torque=float(np.cbrt(cubes / travel)) if gear and travel > 0 else None,
                 travel=travel,
             )
         )

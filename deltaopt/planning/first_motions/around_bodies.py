@@ -64,8 +64,8 @@ class Way:
 
 def name_of_way(scene: Scene, motion: Trajectory) -> str:
     """The way that a motion takes past the bodies of a scene, in words."""
-    path = sampled(motion)
-    return Way(motion, Bodies(scene, path[[0, -1]]).sides(path)).name
+    bodies, path = Bodies.along(scene, motion)
+    return Way(motion, bodies.sides(path)).name
 
 
 def no_way(scene: Scene) -> str:

@@ -12,19 +12,16 @@ from functools import cached_property, lru_cache
 from math import dist, hypot
 
 import numpy as np
-from numpy.typing import NDArray
 
-from deltaopt.curves.piecewise import Array
+from deltaopt.curves.piecewise import Array, Index, PiecewisePolynomial
 from deltaopt.motion.links import planned_distances
-from deltaopt.motion.sure_bounds import signed_distances
+from deltaopt.motion.sure_bounds import signed_distances, sure_excess
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.known_limits import limits_of
 from deltaopt.scene.links import ROUGH_BISECTIONS, name_of
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.task import given_points
-
-Integers = NDArray[np.intp]
 
 _SAMPLES = 64
 """Pieces of a band. More follow bodies more closely, but are drawn tight more slowly."""
@@ -41,8 +38,8 @@ _DEPTH, _WIDTH = 4, 24
 some 0.1 ms."""
 _FARTHEST = 2.0
 """Of the way from start to goal, how far a path is bent aside at most."""
-_HALVINGS = 8
-"""How often the piece between two samples is halved to see whether it leads through a thin body."""
+_TOUCHED = 1e-6
+"""Share of a limit by which a piece that slides along a body may seem to be inside of it."""
 _LITTLE = 2 * MARGIN
 """Of the way: a shift that leaves a path about where it is."""
 _SHARES, _BESIDE = (0.25, 0.5, 1.0), 4
@@ -65,6 +62,12 @@ class Bodies:
     def of(cls, scene: Scene) -> Bodies:
         """From rest to rest."""
         return cls(scene, np.array(given_points(scene.task)))
+
+    @classmethod
+    def along(cls, scene: Scene, motion: Trajectory) -> tuple[Bodies, Array]:
+        """Between the ends of a motion, and its path, (n, 3), m."""
+        path = sampled(motion)
+        return cls(scene, path[[0, -1]]), path
 
     @cached_property
     def way(self) -> float:
@@ -134,39 +137,23 @@ class Bodies:
             last += 1
         return body, first, last
 
-    def pierced(self, places: Array, distance: Array) -> Integers:
+    def pierced(self, places: Array, distance: Array) -> Index:
         """The body that each piece of paths, (..., n, 3), leads through, -1 for none, (..., n - 1),
         however thin it is; ``distance``: of the places from each body, m, (..., n, rows).
 
-        Distances change by no more than the way: pieces are halved that are longer than the room at
-        their ends.
+        Distances of a point change by no more than its way: pieces are looked at that are longer
+        than the room at their ends. Forearms are thicker than pieces are long.
         """
-        room, steps = distance - self.kept, np.diff(places, axis=-2)
-        apart = np.sqrt((steps**2).sum(axis=-1))[..., None]
-        found = np.full(apart.shape[:-1], -1)
-        unknown = np.nonzero((room[..., :-1, :] + room[..., 1:, :] < apart).any(axis=-1))
-        after = (*unknown[:-1], unknown[-1] + 1)
-        ends = np.stack([places[unknown], places[after]], axis=1)
-        rooms = np.stack([room[unknown], room[after]], axis=1)
-        found[unknown] = self._pierced(ends, rooms)
-        return found
-
-    def _pierced(self, ends: Array, rooms: Array) -> Integers:
-        """The body that each straight piece leads through, -1 for none, from its ends, (n, 2, 3),
-        m, and their room, (n, 2, rows), m."""
-        found, piece = np.full(len(ends), -1), np.arange(len(ends))
-        for _ in range(_HALVINGS):
-            lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-            unknown = (rooms.sum(axis=1) < lengths[:, None]).any(axis=1) & (found[piece] < 0)
-            piece, ends, rooms = piece[unknown], ends[unknown], rooms[unknown]
-            if not len(piece):
-                break
-            middle = ends.mean(axis=1)
-            between = self.distances(middle)[0] - self.kept
-            inside = (between < 0).any(axis=1)
-            found[piece[inside]] = between[inside].argmin(axis=1)
-            piece = np.concatenate([piece, piece])
-            ends, rooms = _halves(ends, middle), _halves(rooms, between)
+        room = (distance - self.kept)[..., : len(least_distances(self.scene))]
+        apart = np.sqrt((np.diff(places, axis=-2) ** 2).sum(axis=-1))
+        found = np.full(apart.shape, -1)
+        unknown = (room[..., :-1, :] + room[..., 1:, :] < apart[..., None]).any(axis=-1)
+        if unknown.any():
+            before, after = places[..., :-1, :][unknown], places[..., 1:, :][unknown]
+            lines = np.stack([before, after - before], axis=1)
+            pieces = PiecewisePolynomial(np.arange(len(lines) + 1.0), lines)
+            excess = sure_excess(problem_of(self.scene), pieces)
+            found[unknown] = np.where(excess.max(axis=1) > _TOUCHED, excess.argmax(axis=1), -1)
         return found
 
     def bent(self, band: Array, body: int, first: int, last: int) -> Iterator[Array]:
@@ -222,13 +209,6 @@ class Bodies:
                 place = int(places[len(places) // 2])
                 found.append((place, name.format(_direction(slope[place, row]))))
         return tuple(dict.fromkeys(name for _, name in sorted(found)))
-
-
-def _halves(ends: Array, middle: Array) -> Array:
-    """The first and then the second halves of pieces, from their ends, (n, 2, k), and middles."""
-    first, second = ends.copy(), ends.copy()
-    first[:, 1], second[:, 0] = middle, middle
-    return np.concatenate([first, second])
 
 
 def least_distances(scene: Scene) -> Array:

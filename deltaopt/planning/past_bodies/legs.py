@@ -10,14 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from itertools import pairwise
-from math import inf
 
 from deltaopt.files.validated_record import Vector3
-from deltaopt.motion.trajectory import Trajectory, moving_on
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.first_motions.moving_ends import end_of, run_up_to, start_of, stopping
 from deltaopt.planning.first_motions.proposal import Proposal
 from deltaopt.planning.first_motions.through_gates import places_of_gates
-from deltaopt.planning.plan import Plan
+from deltaopt.planning.plan import Plan, plan_of_parts
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.moving_ends import Start
 from deltaopt.scene.objective import Time
@@ -49,24 +48,6 @@ def plan_in_legs(scene: Scene, planned: Planned) -> Plan | None:
     if legs is None:
         return None
     return plan_of_parts(scene, _joined([leg.trajectory for leg in legs]), legs)
-
-
-def plan_of_parts(scene: Scene, motion: Trajectory, parts: list[Plan]) -> Plan:
-    """The plan of a motion that is made of those of other plans, whose gap is not known."""
-    return Plan(
-        scene=scene,
-        trajectory=moving_on(problem_of(scene), motion),
-        formulation=parts[0].formulation,
-        transcription=parts[0].transcription,
-        intervals=len(motion.knots) - 1,
-        status="Made_Of_Parts",
-        iterations=sum(part.iterations for part in parts),
-        solve_seconds=sum(part.solve_seconds for part in parts),
-        gap=inf,
-        tolerance=parts[0].tolerance,
-        meshes=(),
-        certificate=None,
-    )
 
 
 def _in_legs(scene: Scene, planned: Planned) -> Iterator[list[Plan]]:

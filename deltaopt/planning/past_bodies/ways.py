@@ -21,7 +21,7 @@ from deltaopt.planning.first_motions.around_bodies import (
     no_way,
     ways_around,
 )
-from deltaopt.planning.first_motions.bands import Bodies, sampled
+from deltaopt.planning.first_motions.bands import Bodies
 from deltaopt.planning.past_bodies.near_bodies import near, past_these, with_those_hit
 from deltaopt.planning.plan import Plan, TakenWay, quicker
 from deltaopt.planning.refinement import Slower
@@ -167,11 +167,13 @@ def _best_of(
 class _Trial:
     """A way that is looked at.
 
-    ``attempt``: from its motion. ``motion``: the best known on this side, on a first mesh if it
-    ``is_solved`` there: then it tells about how fast the way is.
+    ``attempt``: from its motion. ``longest``: how long that takes as it was found, s. ``motion``:
+    the best known on this side, on a first mesh if it ``is_solved`` there: then it tells about how
+    fast the way is.
     """
 
     attempt: Attempt
+    longest: float
     motion: Trajectory
     is_solved: bool = False
 
@@ -182,7 +184,7 @@ class _Trial:
         scene, name = past_these(attempt.scene, bodies), f"the way {way.name}"
         motion = way.motion.slowed(_SLOWER if scene.task.is_at_rest else 1.0)
         begin = replace(attempt, scene=scene, motion=motion, is_near=True, proposal=name)
-        return cls(begin, way.motion)
+        return cls(begin, way.motion.duration, way.motion)
 
     @property
     def on_twice_the_mesh(self) -> _Trial:
@@ -201,23 +203,23 @@ class _Trial:
     def solved(self, scene: Scene, on_first_mesh: Callable[[Attempt], Trajectory]) -> _Trial:
         """This with the motion that is best on the coarsest mesh on which it leads past bodies,
         where there is one; ``scene``: with all bodies. One that leads through a thin body between
-        two points tells nothing about its way, nor does one that is slower than what it began with.
+        two points tells nothing about its way, nor does one that is slower than that was found.
         """
         attempt = self.attempt
         for factor in _FINER:
             attempt = replace(attempt, intervals=factor * self.attempt.intervals)
             attempt, motion = _on_mesh(scene, attempt, on_first_mesh)
-            if motion is None or motion.duration > self.motion.duration:
+            if motion is None or motion.duration > self.longest:
                 continue
             if _is_on_its_side(attempt.scene, motion):
-                return _Trial(attempt, motion, is_solved=True)
+                return replace(self, attempt=attempt, motion=motion, is_solved=True)
         return replace(self, attempt=replace(attempt, intervals=self.attempt.intervals))
 
 
 def _is_on_its_side(scene: Scene, motion: Trajectory) -> bool:
     """Whether a motion leads past bodies, though it may cut corners between points of a mesh."""
-    path = sampled(motion)
-    return Bodies(scene, path[[0, -1]]).is_nearly_clear(path)
+    bodies, path = Bodies.along(scene, motion)
+    return bodies.is_nearly_clear(path)
 
 
 def _on_mesh(
