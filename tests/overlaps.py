@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
-DOTS = 300
+DOTS = 200
 """Per inch, of all charts in the style of the package."""
 _SLACK = 1.5
 """Points of print by which boxes may overlap: a box is a little larger than its ink."""

@@ -49,30 +49,38 @@ def without_rates(scene: Scene) -> Scene:
 
 
 def straight_lines(scene: Scene) -> dict[str, float]:
-    """Durations, s, of the straight line from start to goal, by how it is timed, and past bodies of
-    the rounded path over them: what a plan is compared with, whatever its objective. Those that no
-    motion can have are left out, and all where there are via points, which they do not pass, or an
-    end moves. Those timed optimally have torques that jump."""
-    if scene.via or scene.moves_at_ends:
+    """Durations, s, of motions on one path that keep a scene, by how the path is timed: what a plan
+    is compared with, whatever its objective. The straight line from start to goal, past bodies the
+    rounded path over them, in a tube its middle.
+
+    What no motion can have is left out; so are torques that jump where the scene does not let them.
+    None where the scene gives the path, via points or an approach, which these do not keep, or an
+    end moves.
+    """
+    if scene.via or scene.moves_at_ends or scene.approach or scene.follows_path:
         return {}
-    jumps = ", torques jump" if scene.has_rates else ""
-    timed: dict[str, Callable[[Scene], float]] = {
-        "line, quintic law": lambda scene: baseline(scene).duration,
-        f"line, timed optimally{jumps}": lambda scene: timed_line(scene).duration,
-    }
-    over = rounded_path_over(scene)
-    if over is not None:
-        on_path = {"path": over, "objective": Time()}
-        timed[f"up, across, down,\ntimed optimally{jumps}"] = lambda scene: (
-            plan(without_rates(scene).model_copy(update=on_path)).duration
-        )
     scene = scene.model_copy(update={"objective": Time()})
-    found = {}
-    for name, duration in timed.items():
-        known = if_possible(NO_PLAN, duration, scene)
-        if known is not None:
-            found[name] = known
-    return found
+    timed: dict[str, Callable[[Scene], float]] = {}
+    over = rounded_path_over(scene)
+    if scene.tube is not None:
+        timed["the tube's middle,\ntimed optimally"] = lambda scene: (
+            plan(scene.on_its_path).duration
+        )
+    elif over is not None:
+        on_path = {"path": over}
+        timed["the rounded path,\ntimed optimally"] = lambda scene: (
+            plan(scene.model_copy(update=on_path)).duration
+        )
+    elif not scene.robot_keeps_clear:
+        timed["the line, by a quintic law"] = lambda scene: baseline(scene).duration
+        timed["the line, timed optimally"] = lambda scene: timed_line(scene).duration
+    jumps = ("optimally",) if scene.has_rates else ()
+    found = {
+        name: if_possible(NO_PLAN, duration, scene)
+        for name, duration in timed.items()
+        if not name.endswith(jumps)
+    }
+    return {name: duration for name, duration in found.items() if duration is not None}
 
 
 def beside_free_path(found: Plan) -> Plan:

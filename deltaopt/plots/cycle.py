@@ -11,10 +11,18 @@ from matplotlib.axes import Axes
 from deltaopt.curves.piecewise import Array
 from deltaopt.output.cycle_files import headline_of_cycle
 from deltaopt.planning.cycles.cycle_plan import CyclePlan
-from deltaopt.plots.bodies import draw_bodies, draw_via_points
 from deltaopt.plots.colours import BLACK, GREY, LIGHT_GREY
 from deltaopt.plots.robot_view import View, view_of_move
-from deltaopt.plots.style import LARGE, SMALL, figure, motor_curves, verbatim, without_box
+from deltaopt.plots.style import (
+    LARGE,
+    SMALL,
+    figure,
+    motor_curves,
+    name_lines,
+    verbatim,
+    without_box,
+)
+from deltaopt.plots.surroundings import draw_bodies, draw_moving_ends, draw_via_points
 from deltaopt.scene.known_limits import limits_of
 
 _SAMPLES = 400
@@ -56,6 +64,7 @@ def _paths(axes: Axes, plan: CyclePlan, tilt: float, up: str) -> None:
         at = outwards[_SAMPLES * number // (len(plan.legs) + 1)]
         axes.annotate(f"{number}", at, (0, 4), textcoords="offset points", ha="center")
         draw_via_points(axes, leg.scene, place)
+        draw_moving_ends(axes, leg.scene, leg.trajectory, place)
     axes.set_aspect("equal", adjustable="datalim")
     axes.margins(0.15)
     seen = axes.dataLim.frozen()  # bodies may be much larger
@@ -66,7 +75,7 @@ def _paths(axes: Axes, plan: CyclePlan, tilt: float, up: str) -> None:
     axes.set_xlabel("along (mm)")
     axes.set_ylabel(up)
     without_box(axes)
-    axes.set_title("paths, loaded solid and empty dashed" if tilt == 0 else "the same from above")
+    axes.set_title("side view: loaded solid, empty dashed" if tilt == 0 else "from above")
 
 
 def _torques(axes: Axes, plan: CyclePlan) -> None:
@@ -77,11 +86,14 @@ def _torques(axes: Axes, plan: CyclePlan) -> None:
     assert largest is not None
     motor_curves(axes, 1e3 * t, 100 * plan.trajectory(t).tau / largest)
     limits = plan.cycle.rms_limits
+    warmest = max(np.divide(plan.rms_torque, largest))
+    told = f"torques: RMS up to {100 * warmest:.0f} % of the limit"
     for line, rms, limit in zip(axes.get_lines(), plan.rms_torque, largest, strict=True):
         line.set_label(f"{line.get_label()}, RMS {100 * rms / limit:.0f} %")
     for share in () if limits is None else np.unique(np.divide(limits, largest)):
         name = f"rated RMS {100 * share:.0f} %"
-        axes.axhline(100 * share, color=GREY, linewidth=0.9, linestyle=":", label=name)
+        axes.plot(axes.get_xlim(), [100 * share] * 2, ":", color=GREY, linewidth=0.9, label=name)
+        told += f"; {100 * share:.0f} % are rated"
     ends = 1e3 * np.cumsum(plan.phases)
     for number, (arrives, leaves) in enumerate(zip(ends[::2], ends[1::2], strict=True)):
         axes.axvspan(arrives, leaves, color=LIGHT_GREY, alpha=0.5, linewidth=0, zorder=0)
@@ -89,15 +101,9 @@ def _torques(axes: Axes, plan: CyclePlan) -> None:
         axes.annotate(f"{number + 1}", ((begins + arrives) / 2, 88), ha="center", color=GREY)
     axes.set_ylim(-105, 105)
     axes.set_xlabel("time (ms)")
-    axes.set_ylabel("torque (% of the limit)")
-    axes.legend(
-        loc="lower left",
-        bbox_to_anchor=(0, 1),
-        ncols=5,
-        borderaxespad=0.2,
-        handlelength=2,
-        columnspacing=1.2,
-    )
+    axes.set_ylabel("% of the limit")
+    axes.set_title(told)
+    name_lines(axes, room=0.2, apart=0.14)
 
 
 def _inside() -> Array:

@@ -18,9 +18,9 @@ from deltaopt.motion.certificate import MET
 from deltaopt.motion.limit_curves import LimitCurves, limit_curves
 from deltaopt.motion.trajectory import Trajectory, ends_of
 from deltaopt.output.facts import Facts, together
-from deltaopt.plots.bodies import draw_bodies
 from deltaopt.plots.colours import COLOURS, GREY
 from deltaopt.plots.style import figure, motor_curves, without_box
+from deltaopt.plots.surroundings import draw_bodies
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.scene import Scene
 from deltaopt.verify.duty import exceeding

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from math import pi
 from pathlib import Path
 from textwrap import fill
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -18,14 +17,23 @@ from deltaopt.curves.piecewise import Array
 from deltaopt.motion.limit_curves import limit_curves
 from deltaopt.motion.sure_bounds import signed_distances
 from deltaopt.motion.trajectory import Trajectory, ends_of
-from deltaopt.output.facts import assumption, title, too_warm
-from deltaopt.plots.bodies import draw_bodies, draw_via_points
+from deltaopt.output.facts import assumption, title
 from deltaopt.plots.colours import BLACK, COLOURS, GREY, LIGHT_GREY
 from deltaopt.plots.robot_view import View, draw_robot, view_of_move
-from deltaopt.plots.style import LARGE, SMALL, figure, motor_curves, verbatim, without_box
+from deltaopt.plots.style import (
+    LARGE,
+    SMALL,
+    figure,
+    motor_curves,
+    name_lines,
+    verbatim,
+    without_box,
+)
+from deltaopt.plots.surroundings import Place, draw_bodies_near, draw_surroundings
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.robot import as_delta
 from deltaopt.scene.scene import Scene
+from deltaopt.verify.clearance import link_distances
 from deltaopt.verify.duty import Duty
 
 _INSTANTS = 5
@@ -34,12 +42,13 @@ _FAINTEST = 0.15
 """How opaque the robot is at the start; it grows until the goal."""
 _SAMPLES = 1000
 """Samples of each curve over all intervals."""
-_SHADOWS = "bodies are grey shadows: a path may pass them on this side or beyond"
-_VIA, _SPHERES = "via points are diamonds", "circles the spheres about them"
-"""What is to be known of the path's panels where a scene has bodies or via points."""
 _TORQUE = "torque"
 _LINE = 130
 """Letters of a line of the caption."""
+_AT_LIMIT = 0.999
+"""Share of its limit from which a torque is at it."""
+_ROOM = 0.2
+"""Share of the width of what is drawn over time that the names of its lines take."""
 
 
 def draw(
@@ -54,57 +63,50 @@ def draw(
     ``others``: durations to compare with, s, by what they are of. ``duty``: of the motors; their
     RMS torques are told where it is known. The format follows the file's suffix: png, pdf or svg.
     """
-    has_marks = bool(scene.keep_out or scene.task.via)
-    beside = [1.25, 1.0, 0.9] if has_marks else [1.25, 0.9]  # heights of what is beside the robot
-    below = [1.1, 0.6] if scene.keep_out else [1.1]
-    rows, height = [*beside, *below], 5.5 + 1.2 * has_marks + 0.9 * bool(scene.keep_out)
-    with figure(file, 7.2, height) as page:
-        page.suptitle(title(scene.task, trajectory.duration), fontsize=LARGE)
+    rows = [1.0, 1.0, *([0.7] if others else []), 1.0, *([0.7] if scene.keep_out else [])]
+    with figure(file, 7.2, 1.7 * sum(rows) + 0.8) as page:
+        page.suptitle(headline_of(scene, trajectory, duty), fontsize=LARGE)
         grid = page.add_gridspec(len(rows), 2, width_ratios=[1.2, 1], height_ratios=rows)
-        _robot(page.add_subplot(grid[: len(beside), 0]), scene, trajectory)
-        _path(page.add_subplot(grid[0, 1]), scene, trajectory, _SIDE)
-        if has_marks:
-            _path(page.add_subplot(grid[1, 1]), scene, trajectory, _TOP)
-        bars = page.add_subplot(grid[len(beside) - 1, 1])
-        _bars(bars, {**others, "this plan": trajectory.duration})
-        torques = page.add_subplot(grid[len(beside), :])
-        _torques(torques, scene, trajectory, duty)
+        beside = 3 if others else 2
+        _robot(page.add_subplot(grid[:beside, 0]), scene, trajectory)
+        for row, tilt in enumerate((0.0, pi / 2)):
+            _path(page.add_subplot(grid[row, 1]), scene, trajectory, tilt)
+        if others:
+            _bars(page.add_subplot(grid[2, 1]), {**others, "this plan": trajectory.duration})
+        over_time = [page.add_subplot(grid[row, :]) for row in range(beside, len(rows))]
+        _torques(over_time[0], scene, trajectory, duty)
         if scene.keep_out:
-            _clearance(page.add_subplot(grid[-1, :], sharex=torques), scene, trajectory)
-            torques.set_xlabel("")
+            _clearance(over_time[1], scene, trajectory)
+        over_time[-1].set_xlabel("time (ms)", loc="left")
         told = (
             verbatim(fill(_what(scene, trajectory), _LINE)),
             assumption(scene.task),
-            too_warm(duty),
             _marks(scene),
         )
-        caption = "\n".join(filter(None, told))
-        page.supxlabel(caption, fontsize=SMALL, color=GREY)
+        page.supxlabel("\n".join(filter(None, told)), fontsize=SMALL, color=GREY)
 
 
-@dataclass(frozen=True)
-class _Side:
-    """A panel of the path: the angle it is seen from above, rad, and what its upward axis and its
-    title say."""
-
-    tilt: float
-    up: str
-    title: str
-
-
-_SIDE = _Side(0.0, "above the start (mm)", "path (solid) and straight line (dotted)")
-_TOP = _Side(pi / 2, "beside the start (mm)", "the same from above")
+def headline_of(scene: Scene, trajectory: Trajectory, duty: Duty | None) -> str:
+    """The duration, what it permits, and how far the warmest motor is above its rated torque."""
+    said = title(scene.task, trajectory.duration)
+    if duty is None or duty.rated_torque is None or not any(duty.above_rated or ()):
+        return said
+    pairs = zip(duty.motors, duty.rated_torque, strict=True)
+    most = max(motor.rms_torque / rated for motor, rated in pairs)
+    return f"{said}; RMS torque {most:.2g} times the rated one: needs pauses"
 
 
 def _marks(scene: Scene) -> str:
-    """What the marks in the path's panels are; empty where there are none."""
+    """What the marks about the path are; empty where there are none."""
     has_spheres = any(point.within for point in scene.task.via)
     told = {
-        _SHADOWS: bool(scene.keep_out),
-        _VIA: bool(scene.task.via),
-        _SPHERES: has_spheres,
+        "grey: keep out": bool(scene.keep_out),
+        "blue: stay within": bool(scene.tube or scene.columns),
+        "diamonds: via points": bool(scene.task.via),
+        "circles: pass within": has_spheres,
+        "orange: velocities at the ends": scene.moves_at_ends,
     }
-    return ", ".join(sentence for sentence, holds in told.items() if holds)
+    return "; ".join(sentence for sentence, holds in told.items() if holds)
 
 
 def _what(scene: Scene, trajectory: Trajectory) -> str:
@@ -123,14 +125,15 @@ def _robot(axes: Axes, scene: Scene, trajectory: Trajectory) -> None:
     for x, theta, strength in zip(motion.x, motion.theta, strengths, strict=True):
         draw_robot(axes, as_delta(scene.robot), x, theta, view, strength=float(strength))
     _lines(axes, scene, trajectory, view)
+    path = trajectory(trajectory.instants(_SAMPLES)).x
+    draw_bodies_near(axes, scene, path, view)
+    draw_surroundings(axes, scene.model_copy(update={"keep_out": None}), trajectory, view)
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_axis_off()
     axes.set_title(f"the robot at {_INSTANTS} instants, the last the darkest")
 
 
-def _lines(
-    axes: Axes, scene: Scene, trajectory: Trajectory, view: Callable[[Array], Array]
-) -> None:
+def _lines(axes: Axes, scene: Scene, trajectory: Trajectory, view: Place) -> None:
     """Draw the straight line from start to goal, the path, and where it begins and ends."""
     ends = view(ends_of(problem_of(scene), trajectory))
     path = view(trajectory(trajectory.instants(_SAMPLES)).x)
@@ -140,27 +143,32 @@ def _lines(
     axes.plot(*ends.T, ":", linewidth=1.0, **above)
     axes.plot(*ends[0], "o", markerfacecolor="white", markersize=4, **above)
     axes.plot(*ends[1], "o", markersize=4, **above)
-    draw_via_points(axes, scene, view)
 
 
-def _path(axes: Axes, scene: Scene, trajectory: Trajectory, side: _Side) -> None:
+def _path(axes: Axes, scene: Scene, trajectory: Trajectory, tilt: float) -> None:
     """Draw the path alone, along the move to the right, mm: from the side, where up is up, or from
-    above."""
+    above, which ``tilt`` says as a `View`'s."""
     start, goal = ends_of(problem_of(scene), trajectory)
-    view = View(view_of_move(start, goal, aside=0.0).turn, side.tilt)
+    view = View(view_of_move(start, goal, aside=0.0).turn, tilt)
 
     def place(points: Array) -> Array:
         return 1e3 * (view(points) - view(start))
 
     _lines(axes, scene, trajectory, place)
     dots = place(trajectory(trajectory.instants(_INSTANTS)[1:-1]).x)
-    axes.plot(*dots.T, "o", color=BLACK, markersize=4, zorder=4)
+    axes.plot(*dots.T, "o", color=BLACK, markersize=3, zorder=4)
     axes.set_aspect("equal", adjustable="datalim")
     axes.margins(0.08)
-    draw_bodies(axes, scene, place)
-    axes.set_xlabel("along the move (mm)")
-    axes.set_ylabel(side.up)
-    axes.set_title(side.title)
+    draw_surroundings(axes, scene, trajectory, place)
+    ups = place(trajectory(trajectory.instants(_SAMPLES)).x)[:, 1]
+    farthest = max(ups.max(), -ups.min())
+    if tilt == 0:
+        axes.set_title(f"side view: {ups.max():.0f} mm up at most")
+        axes.set_ylabel("up (mm)")
+    else:
+        axes.set_title(f"from above: {farthest:.0f} mm aside at most")
+        axes.set_ylabel("aside (mm)")
+        axes.set_xlabel("along the move (mm)")
     without_box(axes)
 
 
@@ -171,36 +179,72 @@ def _torques(axes: Axes, scene: Scene, trajectory: Trajectory, duty: Duty | None
     curves = next(
         c for c in limit_curves(problem_of(scene), trajectory, inside) if c.limit.name == _TORQUE
     )
-    motor_curves(axes, t, 100 * curves.values / curves.upper)
+    percent = 100 * curves.values / curves.upper
+    motor_curves(axes, t, percent)
     if duty is not None:
         _name_rms(axes, duty, curves.upper)
+    at_limit = np.abs(percent).max(axis=1) >= 100 * _AT_LIMIT
+    share = np.sum(np.diff(t)[at_limit[1:] & at_limit[:-1]]) / t[-1]
+    axes.set_title(f"torques: one is at its limit {100 * share:.0f} % of the time")
     axes.set_ylim(-105, 105)
     axes.set_yticks([-100, -50, 0, 50, 100])
-    axes.set_xlabel("time (ms)")
-    axes.set_ylabel("torque (% of the limit)")
-    axes.legend(
-        loc="lower left",
-        bbox_to_anchor=(0, 1),
-        ncols=4,
-        borderaxespad=0.2,
-        handlelength=2.2,
-        columnspacing=1.2,
-    )
+    axes.set_ylabel("% of the limit")
+    name_lines(axes, room=_ROOM, apart=0.14)
 
 
 def _clearance(axes: Axes, scene: Scene, trajectory: Trajectory) -> None:
-    """Draw the distance from the tool to the nearest body over time, and the least that is asked
-    for, mm."""
-    t = trajectory.instants(_SAMPLES)
-    distances, _ = signed_distances(problem_of(scene), trajectory(t).x)
-    asked = 1e3 * scene.least_clearance
-    axes.axhline(asked, color=BLACK, linewidth=1.0, linestyle=":")
-    axes.plot(1e3 * (t - t[0]), 1e3 * distances.min(axis=1), color=BLACK)
-    axes.set_ylim(bottom=min(0.0, float(1e3 * distances.min())))
-    axes.set_xlabel("time (ms)")
-    axes.set_ylabel("clearance (mm)")
-    axes.set_title(f"distance from the tool to the nearest body; at least {asked:.3g} mm (dotted)")
+    """Draw the distances of the tool and of the links from the nearest body over time, and the
+    least that is asked for, mm; the title tells the least of those that the scene keeps."""
+    t, asked = trajectory.instants(_SAMPLES), 1e3 * scene.least_clearance
+    coarse = _nearest(_distances(scene, trajectory, t))
+    around = t[max(0, coarse.instant - 1)], t[min(coarse.instant + 1, len(t) - 1)]
+    t = np.sort(np.append(t, np.linspace(*around, _SAMPLES // 5)))  # where a path turns sharply
+    kept = _distances(scene, trajectory, t)
+    for (name, values), colour in zip(kept.items(), (BLACK, GREY), strict=False):
+        axes.plot(1e3 * (t - t[0]), values.min(axis=1), color=colour, label=name)
+    nearest = _nearest(kept)
+    body = (scene.keep_out or ())[nearest.body].kind
+    axes.set_title(
+        f"clearance: from {nearest.of} to a {body} {nearest.distance:.2f} mm at least, "
+        f"{asked:.3g} mm are asked for"
+    )
+    at = 1e3 * (t[nearest.instant] - t[0])
+    axes.plot(at, nearest.distance, "o", color=BLACK, markersize=4, label="_nearest")
+    axes.axhline(asked, color=BLACK, linewidth=1.0, linestyle=":", label="_asked", zorder=1)
+    axes.set_ylim(bottom=min(0.0, nearest.distance))
+    axes.set_xlim(0.0, 1e3 * trajectory.duration)
+    axes.set_ylabel("mm")
+    name_lines(axes, room=_ROOM, apart=0.2)
     without_box(axes)
+
+
+class _Nearest(NamedTuple):
+    """What of the robot is nearest to a body: its name, the distance, mm, and the indices of the
+    instant and of the body."""
+
+    of: str
+    distance: float
+    instant: int
+    body: int
+
+
+def _distances(scene: Scene, trajectory: Trajectory, t: Array) -> dict[str, Array]:
+    """Distances from each body, (N, bodies), mm, at instants t, (N,), s, of what keeps clear."""
+    motion, bodies = trajectory(t), len(scene.keep_out or ())
+    rows, _ = signed_distances(problem_of(scene), motion.x)
+    of_tool = np.full((len(t), bodies), np.inf)
+    for row, (body, _) in zip(rows.T, scene.obstacles, strict=True):
+        of_tool[:, body] = np.minimum(of_tool[:, body], 1e3 * row)
+    if not scene.robot_keeps_clear:
+        return {"the tool": of_tool}
+    links = 1e3 * link_distances(scene, motion.x, motion.theta)
+    return {"the tool": of_tool, "arms, forearms": links.min(axis=1)}
+
+
+def _nearest(distances: Mapping[str, Array]) -> _Nearest:
+    of = min(distances, key=lambda name: float(distances[name].min()))
+    instant, body = np.unravel_index(distances[of].argmin(), distances[of].shape)
+    return _Nearest(of, float(distances[of].min()), int(instant), int(body))
 
 
 def _name_rms(axes: Axes, duty: Duty, limits: Array) -> None:
@@ -212,7 +256,7 @@ def _name_rms(axes: Axes, duty: Duty, limits: Array) -> None:
         return
     for share in np.unique(np.divide(duty.rated_torque, limits)):
         name = f"rated RMS {100 * share:.0f} %"
-        axes.axhline(100 * share, color=GREY, linewidth=0.9, linestyle=":", label=name)
+        axes.plot(axes.get_xlim(), [100 * share] * 2, ":", color=GREY, linewidth=0.9, label=name)
 
 
 def _bars(axes: Axes, durations: Mapping[str, float]) -> None:
@@ -236,4 +280,7 @@ def _bars(axes: Axes, durations: Mapping[str, float]) -> None:
     axes.tick_params(axis="y", length=0)
     axes.grid(False)
     axes.spines[["top", "right", "bottom"]].set_visible(False)
-    axes.set_title("duration")
+    change = 100 * (values[-1] / min(values[:-1]) - 1)
+    how = "less" if change < 0 else "more"
+    best = min(names[:-1], key=lambda name: durations[name]).partition(",")[0]
+    axes.set_title(f"{abs(change):.0f} % {how} time than {best}")

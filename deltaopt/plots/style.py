@@ -5,15 +5,19 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 from warnings import catch_warnings, filterwarnings
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
+from PIL import Image
 
 from deltaopt.curves.piecewise import Array
 from deltaopt.files.atomic_write import atomic_write
@@ -21,17 +25,21 @@ from deltaopt.plots.colours import COLOURS
 
 STROKES = ("-", (0, (5, 1.5)), (0, (5, 1.5, 1, 1.5)))
 """Of the curves of the motors, which are told apart in print without colour too."""
-LARGE, SMALL = 14, 7
-"""Sizes of a picture's title and of remarks, points; all else has 9."""
+LARGE, SMALL = 11, 6.5
+"""Sizes of a picture's title and of remarks, points; all else has 8."""
 
-_DOTS = 300
-"""Per inch: of print."""
+_DOTS = 200
+"""Per inch: a page as wide as a screen."""
+_SHADES = 128
+"""Colours of a PNG: enough for smooth edges, at a third of the size of all colours."""
 _STYLE: Any = {
-    "font.family": ["STIXGeneral", "DejaVu Sans"],  # the latter for what the former lacks
-    "mathtext.fontset": "stix",
-    "font.size": 9,
-    "axes.titlesize": 9,
+    "font.family": ["DejaVu Sans"],
+    "mathtext.fontset": "dejavusans",
+    "font.size": 8,
+    "axes.titlesize": 8,
+    "axes.titleweight": "bold",
     "axes.titlelocation": "left",
+    "figure.titleweight": "bold",
     "axes.linewidth": 0.6,
     "axes.grid": True,
     "axes.axisbelow": True,
@@ -65,6 +73,10 @@ def figure(file: Path, width: float, height: float) -> Iterator[Figure]:
         with catch_warnings():
             filterwarnings("ignore", "Glyph")  # no font has all signs of all names
             drawn.savefig(temporary, dpi="figure")
+        if file.suffix == ".png":
+            with Image.open(temporary) as picture:
+                few = picture.convert("RGB").quantize(_SHADES, dither=Image.Dither.NONE)
+            few.save(temporary, format="png", optimize=True)
 
 
 def verbatim(text: str) -> str:
@@ -78,6 +90,45 @@ def motor_curves(axes: Axes, t: Array, values: Array) -> None:
         axes.plot(t, values[:, k], color=colour, linestyle=stroke, label=f"motor {k + 1}")
     axes.set_xlim(t[0], t[-1])
     without_box(axes)
+
+
+def name_lines(axes: Axes, *, room: float, apart: float = 0.09) -> None:
+    """Write the label of each line behind its last point, in its colour, instead of a legend.
+
+    ``room``: the share of the panel's width that is left free for them on the right. ``apart``: of
+    its height, by how much two names that would overlap are moved apart.
+    """
+    named = [line for line in axes.get_lines() if not str(line.get_label()).startswith("_")]
+    scale = axes.transScale
+    left, right = (float(scale.transform((x, axes.get_ylim()[1]))[0]) for x in axes.get_xlim())
+    wider = (left + (right - left) / (1 - room), scale.transform((1.0, axes.get_ylim()[1]))[1])
+    if axes.get_xscale() == "linear":
+        axes.set_xticks([tick for tick in axes.get_xticks() if left <= tick <= right])
+    axes.set_xlim(right=float(scale.inverted().transform(wider)[0]))
+    places = np.array([axes.transLimits.transform(scale.transform(_last(line))) for line in named])
+    heights = np.clip(places[:, 1], apart / 2, 1 - apart / 2)
+    order = np.argsort(heights, kind="stable")
+    for low, high in pairwise(order):
+        heights[high] = max(heights[high], heights[low] + apart)
+    heights -= max(0.0, float(heights.max()) - (1 - apart / 2))
+    for high, low in pairwise(order[::-1]):
+        heights[low] = min(heights[low], heights[high] - apart)
+    for line, across, up in zip(named, places[:, 0], heights, strict=True):
+        axes.annotate(
+            str(line.get_label()),
+            (across, up),
+            (4, 0),
+            xycoords="axes fraction",
+            textcoords="offset points",
+            va="center",
+            color=line.get_color(),
+        )
+
+
+def _last(line: Line2D) -> Array:
+    """The last point of a line that exists."""
+    points = np.asarray(line.get_xydata(), dtype=float)
+    return np.asarray(points[np.isfinite(points).all(axis=1)][-1])
 
 
 def plain_numbers(axis: Axis, within_decade: tuple[float, ...] = (1, 2, 5)) -> None:

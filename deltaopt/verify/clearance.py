@@ -177,11 +177,17 @@ def robot_clearance(scene: Scene, trajectory: Trajectory) -> float | None:
     one, by samples; None if there are no bodies."""
     if scene.keep_out is None or not scene.robot.has_links:
         return None
-    robot = as_delta(scene.robot)
     motion = trajectory.inside_intervals(_FRACTIONS)
-    begin, end = LinkGeometry.at_angles(robot, motion.x, motion.theta).links
-    of_bodies = (_nearest(body, begin, end - begin)[1] for body in _bodies(scene))
-    return min(float((distance - _radii(robot)).min()) for distance in of_bodies)
+    return float(link_distances(scene, motion.x, motion.theta).min())
+
+
+def link_distances(scene: Scene, x: Array, theta: Array) -> Array:
+    """Distances of arms and forearms from the bodies of a scene, (N, links, bodies), m, with the
+    tool's point at places x, m, and arms at angles θ, rad, (N, 3) each."""
+    robot = as_delta(scene.robot)
+    begin, end = LinkGeometry.at_angles(robot, x, theta).links
+    found = [_nearest(body, begin, end - begin)[1] for body in _bodies(scene)]
+    return np.stack(found, axis=-1) - _radii(robot)[:, None]
 
 
 def sure_robot_clearance(scene: Scene, trajectory: Trajectory) -> float:

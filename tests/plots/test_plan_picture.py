@@ -9,11 +9,24 @@ import deltaopt
 from deltaopt.output.facts import headline
 from deltaopt.planning.comparisons import straight_lines
 from deltaopt.plots import plan as chart
+from deltaopt.plots.colours import ORANGE
 from deltaopt.plots.robot_view import View, chains
 from deltaopt.plots.style import figure
 from studies.problems import PROBLEMS
 
 SCENE = deltaopt.load_scene(PROBLEMS / "pick_and_place.yaml")
+
+
+def pages(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
+    """Every figure that is written from now on."""
+    drawn, write = list[Figure](), Figure.savefig
+
+    def also_kept(page, *arguments, **options):
+        drawn.append(page)
+        write(page, *arguments, **options)
+
+    monkeypatch.setattr(Figure, "savefig", also_kept)
+    return drawn
 
 
 def test_bars_have_their_length_and_elbows_are_where_the_model_has_them():
@@ -45,18 +58,22 @@ def test_pictures_are_not_mirrored(turn):
 
 
 def test_picture_says_what_is_true(tmp_path, monkeypatch):
-    drawn = []
-    monkeypatch.setattr(Figure, "savefig", lambda page, *_, **__: drawn.append(page))
+    drawn = pages(monkeypatch)
     line, others = deltaopt.baseline(SCENE), straight_lines(SCENE)
     duty = deltaopt.verify(SCENE, line).duty
     chart.draw(tmp_path / "plan.png", SCENE, line, others, duty)
     (page,) = drawn
     assert list(others.values()) == [line.duration, deltaopt.timed_line(SCENE).duration]
     assert page.get_suptitle() == "0.197 s, 153 parts per minute"
-    _, path, bars, torques = page.axes
+    _, path, _, bars, torques = page.axes
+    best = min(others.values())
+    assert best < line.duration
+    more = 100 * (line.duration / best - 1)
+    assert bars.get_title(loc="left") == f"{more:.0f} % more time than the line"
+    assert path.get_title(loc="left") == "side view: 0 mm up at most"
     widths = [bar.get_width() for bar in bars.patches]
     assert widths == [*others.values(), line.duration]
-    across, up = path.get_lines()[1].get_data()
+    across, up = path.get_lines()[0].get_data()
     assert (across[0], across[-1]) == pytest.approx((0, 150))
     assert np.abs(up).max() < 1e-9  # mm: a line on one level
     t = torques.get_lines()[0].get_xdata() / 1e3
@@ -71,8 +88,7 @@ VIA = deltaopt.load_scene(PROBLEMS / "via" / "within.yaml")
 
 
 def test_via_points_and_bodies_are_marked_from_the_side_and_from_above(tmp_path, monkeypatch):
-    drawn = []
-    monkeypatch.setattr(Figure, "savefig", lambda page, *_, **__: drawn.append(page))
+    drawn = pages(monkeypatch)
     box = {"box": {"from": (0.84, -0.05, -0.02), "to": (0.9, 0.05, 0.06)}}
     scene = VIA.model_copy(update={"keep_out": [box]})
     chart.draw(tmp_path / "plan.png", scene, deltaopt.baseline(VIA), {}, None)
@@ -92,20 +108,18 @@ def test_via_points_and_bodies_are_marked_from_the_side_and_from_above(tmp_path,
     circles = [patch for patch in robot.patches if isinstance(patch, Circle)]
     assert [circle.radius for circle in circles] == pytest.approx([0.01, 0.025])
     told = page.get_supxlabel()
-    assert "via points are diamonds, circles the spheres about them" in told
-    assert "bodies are grey shadows" in told
+    assert "grey: keep out; diamonds: via points; circles: pass within" in told
 
 
 def test_the_clearance_is_that_from_the_nearest_body(tmp_path, monkeypatch):
-    drawn = []
-    monkeypatch.setattr(Figure, "savefig", lambda page, *_, **__: drawn.append(page))
+    drawn = pages(monkeypatch)
     least, most = np.array([0.84, -0.05, -0.02]), np.array([0.9, 0.05, 0.06])
     box = {"box": {"from": tuple(least), "to": tuple(most)}}
     ball = {"sphere": {"centre": (0.95, 0.0, 0.0), "radius": 0.02}}
     scene = VIA.model_copy(update={"keep_out": [box, ball], "clearance": 0.001})
     line = deltaopt.baseline(VIA)
     chart.draw(tmp_path / "plan.png", scene, line, {}, None)
-    asked, curve = drawn[0].axes[-1].get_lines()
+    curve, _, asked = drawn[0].axes[-1].get_lines()
     t, distance = curve.get_data()
     x = line(t / 1e3).x
     outside = np.linalg.norm(x - np.clip(x, least, most), axis=1)
@@ -115,6 +129,45 @@ def test_the_clearance_is_that_from_the_nearest_body(tmp_path, monkeypatch):
     np.testing.assert_allclose(distance / 1e3, np.minimum(from_box, from_ball), atol=1e-9)
     assert asked.get_ydata()[0] == pytest.approx(1.0)
     assert distance.min() < 0  # the straight line leads through the box
+    told = drawn[0].axes[-1].get_title(loc="left")
+    least = f"{distance.min():.2f} mm at least, 1 mm are asked for"
+    assert told == f"clearance: from the tool to a box {least}"
+
+
+def test_the_clearance_that_binds_is_told(tmp_path, monkeypatch):
+    """Where a forearm passes a column, it is not the tool's."""
+    drawn = pages(monkeypatch)
+    scene = deltaopt.load_scene(PROBLEMS / "keep_out" / "beside_a_column.yaml")
+    line = deltaopt.baseline(scene)
+    chart.draw(tmp_path / "plan.png", scene, line, {}, None)
+    least = 1e3 * (scene.clearance - deltaopt.verify(scene, line).robot_overlap)
+    told = drawn[0].axes[-1].get_title(loc="left")
+    assert told.startswith("clearance: from arms, forearms to a cylinder ")
+    assert float(told.split()[7]) == pytest.approx(least, rel=0.01)  # as closely as it looks
+
+
+def test_what_a_motion_stays_in_and_meets_is_drawn(tmp_path, monkeypatch):
+    drawn = pages(monkeypatch)
+    for number, name in enumerate(("paths/tube", "approach/25_305_25", "moving/belt")):
+        scene = deltaopt.load_scene(PROBLEMS / f"{name}.yaml")
+        at_rest = SCENE.model_copy(update={"robot": scene.robot, "start": scene.start})
+        motion = deltaopt.baseline(at_rest.model_copy(update={"goal": (0.85, 0.1525, 0.0)}))
+        chart.draw(tmp_path / f"{number}.png", scene, motion)
+    tube, approach, belt = (page.axes[1] for page in drawn)
+    allowed = [axes.collections[0].get_paths() for axes in (tube, approach)]
+    boxes = [np.ptp(np.vstack([path.vertices for path in each]), axis=0) for each in allowed]
+    np.testing.assert_allclose(boxes, [(315, 35), (315, 25)], rtol=2e-2)
+    (band,) = (line for line in belt.get_lines() if line.get_linewidth() == 6)
+    assert band.get_color() == ORANGE
+
+
+def test_overload_stands_in_the_headline():
+    scene = deltaopt.load_scene(PROBLEMS / "hornet" / "1_kg.yaml")
+    line = deltaopt.baseline(scene)
+    duty = deltaopt.verify(scene, line).duty
+    most = max(m.rms_torque / r for m, r in zip(duty.motors, duty.rated_torque, strict=True))
+    assert most > 1
+    assert f"RMS torque {most:.2g} times the rated one" in chart.headline_of(scene, line, duty)
 
 
 @pytest.mark.parametrize(
