@@ -19,6 +19,7 @@ from typing import Protocol
 from deltaopt.cli import Command, Parser, describe, exit_code
 from deltaopt.cli.streams import print_any_text
 from studies import (
+    animation,
     attack,
     bench,
     bodies,
@@ -49,6 +50,7 @@ from studies import (
     smooth,
     smoother,
     tables,
+    terms,
     theory,
     tutorial,
 )
@@ -70,6 +72,7 @@ class Study(Command, Protocol):
 
 
 STUDIES: dict[str, Study] = {
+    "animation": animation,
     "attack": attack,
     "bench": bench,
     "bodies": bodies,
@@ -100,6 +103,7 @@ STUDIES: dict[str, Study] = {
     "smooth": smooth,
     "smoother": smoother,
     "tables": tables,
+    "terms": terms,
     "theory": theory,
     "tutorial": tutorial,
 }

@@ -1,18 +1,19 @@
-"""Time against gap: what accuracy costs by default and by Ipopt in every formulation.
+"""Time against gap: what accuracy costs by default, by Ipopt in every formulation, and by others.
 
 Plans of scenes at falling tolerances, timed after one at the coarsest, so that nothing is derived
-or compiled within them; each is verified. The gap is the plan's duration over that of a
-plan with resolved switches (1e-8). By Ipopt with acceleration of degree 1 and 2; of each
-formulation the better one is drawn. Beside it other programs, where they are installed
-(``frontier_peers``). Draws frontier.png, writes frontier.csv and frontier_peers.csv.
+or compiled within them; each is verified. The gap is the plan's duration over that of a plan with
+resolved switches (1e-8), past bodies over that of the finest tolerance. By Ipopt with acceleration
+of degree 1 and 2, of each formulation the better one is drawn; past bodies it is given the problem
+of the default alone, for the others take it a minute a plan. Beside it other programs, where they are
+installed (``frontier_peers``). Writes frontier.csv and draws frontier.png; --drawn-again draws it
+from the file.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from time import thread_time
 
@@ -20,30 +21,39 @@ import numpy as np
 
 import deltaopt
 from deltaopt.cli.arguments import load_fastest
+from deltaopt.errors import DeltaOptError, MissingPackage
 from deltaopt.files.progress_bar import ProgressBar
+from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.planner import Planner
 from deltaopt.scene.scene import Scene
-from studies.frontier_peers import (
-    PEERS,
-    PeerAttempt,
-    peer_attempts,
-    peer_points,
-    peers_table,
-)
-from studies.problems import PICK_AND_PLACE, PROBLEMS, add_directory
-from studies.text_table import csv, paragraph, table
+from studies.frontier_peers import peers_of
+from studies.problems import PICK_AND_PLACE, PROBLEMS, add_directory, add_scenes
+from studies.records import add_drawn_again, read_records, write_records
+from studies.text_table import paragraph, table
 
-HELP = "what accuracy costs: the default beside Ipopt in every formulation"
+HELP = "what accuracy costs: the default beside Ipopt in every formulation, and other programs"
 SCENES = tuple(
     PROBLEMS / f"{name}.yaml"
-    for name in ("pick_and_place", "light_and_fast", "industrial_cross", "long_diagonal")
+    for name in (
+        "pick_and_place",
+        "light_and_fast",
+        "industrial_cross",
+        "long_diagonal",
+        "keep_out/wall_25_305_25",
+        "keep_out/into_a_box",
+    )
 )
 TOLERANCES = (1e-2, 1e-3, 1e-4)
 """Asked of every method; the default is also asked for FINER ones."""
 FINER = (1e-5, 1e-6)
 REFERENCE = 1e-8
 DEFAULT = "default"
-FORMULATIONS = ("flat", "forward", "explicit", "multiplier")
+FORMULATIONS = {
+    "flat": deltaopt.flat,
+    "forward": deltaopt.forward,
+    "explicit": deltaopt.explicit,
+    "multiplier": deltaopt.multiplier,
+}
 SMALL = {
     "scenes": (PICK_AND_PLACE,),
     "tolerances": (1e-2,),
@@ -55,13 +65,18 @@ SMALL = {
 
 @dataclass(frozen=True)
 class Attempt:
-    """A plan: ``seconds`` of the processor, ``gap`` to the reference, both NaN if there is none;
-    ``good``: verified and within its tolerance."""
+    """A plan of ours, or a peer's motion.
+
+    ``setting``: our tolerance, or the peer's number of intervals. ``seconds`` of the processor and
+    ``gap`` to the reference are both NaN if there is none. ``good``: it is verified and within its
+    tolerance, or keeps the torques and arrives.
+    """
 
     scene: str
+    past_bodies: bool
     method: str
     degree: int
-    tolerance: float
+    setting: float
     seconds: float
     gap: float
     good: bool
@@ -69,11 +84,12 @@ class Attempt:
 
 @dataclass(frozen=True)
 class Point:
-    """A method at a tolerance: medians over the scenes, and how many of the plans are good."""
+    """A method at a setting: medians over the scenes, and how many of the motions are good."""
 
+    past_bodies: bool
     method: str
     degree: int
-    tolerance: float
+    setting: float
     seconds: float
     gap: float
     good: int
@@ -82,20 +98,13 @@ class Point:
 
 def settings(method: str, degree: int, tolerance: float) -> dict[str, object]:
     """Return what a planner of this method is given."""
+    found = {"tolerance": tolerance, "resolved_below": 0.0}
     if method == DEFAULT:
-        return {"tolerance": tolerance, "resolved_below": 0.0}
-    forms = {
-        "flat": deltaopt.flat,
-        "forward": deltaopt.forward,
-        "explicit": deltaopt.explicit,
-        "multiplier": deltaopt.multiplier,
-    }
-    return {
-        "tolerance": tolerance,
-        "formulation": forms[method],
+        return found
+    return found | {
+        "formulation": FORMULATIONS[method],
         "solver": deltaopt.ipopt,
         "transcription": deltaopt.PiecewiseAcceleration(degree),
-        "resolved_below": 0.0,
     }
 
 
@@ -106,42 +115,53 @@ def measure(
     finer: tuple[float, ...],
     chosen: tuple[str, ...],
     peer_settings: int | None = None,
-) -> tuple[list[Attempt], list[PeerAttempt]]:
+) -> Iterator[Attempt]:
     """Attempt all scenes by all methods at all tolerances, and by other programs, with so many of
     their settings, from the coarsest, or all."""
-    tries = [(DEFAULT, 1, t) for t in (*tolerances, *finer)]
-    tries += [(method, d, t) for method in chosen for d in (1, 2) for t in tolerances]
-    found, peers = [], []
     for i, file in enumerate(scenes):
         scene = load_fastest(file)
-        reference = deltaopt.plan(scene, tolerance=REFERENCE).trajectory
-        best, share = reference.duration, i / len(scenes)
-        told = partial(progress, share)
-        peers += list(peer_attempts(told, file.stem, scene, reference, peer_settings))
+        past_bodies = bool(scene.keep_out)
+        best = deltaopt.plan(scene, tolerance=1e-6 if past_bodies else REFERENCE).trajectory
+        tries = [(DEFAULT, 1, t) for t in (*tolerances, *(t for t in finer if not past_bodies))]
+        tries += [
+            (method, degree, tolerance)
+            for method in (chosen[:1] if past_bodies else chosen)
+            for degree in (1, 2)
+            for tolerance in tolerances
+        ]
         for k, (method, degree, tolerance) in enumerate(tries):
             progress((i + k / len(tries)) / len(scenes), f"{file.stem}: {method} {tolerance:g}")
             given = settings(method, degree, tolerance)
-            warm = tolerance == tolerances[0]
-            seconds, gap, good = _attempt(scene, given, best, tolerance, warm=warm)
-            found.append(Attempt(file.stem, method, degree, tolerance, seconds, gap, good))
+            found = _attempt(scene, given, best, tolerance, warm=tolerance == tolerances[0])
+            yield Attempt(file.stem, past_bodies, method, degree, tolerance, *found)
+        for program, (attempt, every) in peers_of(scene).items():
+            for setting in every[:peer_settings]:
+                progress((i + 1) / len(scenes), f"{file.stem}: {program} {setting}")
+                try:
+                    duration, seconds, good = attempt(scene, best, setting)
+                except MissingPackage:
+                    break
+                except DeltaOptError:
+                    duration, seconds, good = np.nan, np.nan, False
+                gap = duration / best.duration - 1
+                yield Attempt(file.stem, past_bodies, program, 0, setting, seconds, gap, good)
     progress(1.0, "done")
-    return found, peers
 
 
 def _attempt(
-    scene: Scene, given: dict[str, object], best: float, tolerance: float, *, warm: bool
+    scene: Scene, given: dict[str, object], best: Trajectory, tolerance: float, *, warm: bool
 ) -> tuple[float, float, bool]:
     """Plan, once more before if what it needs is to be made."""
     planner = Planner(scene.robot, scene.payload, **given)  # type: ignore[arg-type]
     try:
         if warm:
-            planner.plan(scene.start, scene.goal)
+            planner.plan_scene(scene)
         begin = thread_time()
-        plan = planner.plan(scene.start, scene.goal)
+        plan = planner.plan_scene(scene)
         seconds = thread_time() - begin
-    except deltaopt.DeltaOptError:
+    except DeltaOptError:
         return np.nan, np.nan, False
-    gap = plan.duration / best - 1
+    gap = plan.duration / best.duration - 1
     verified = deltaopt.verify(scene, plan.trajectory).ok
     return seconds, gap, bool(verified and gap <= tolerance)
 
@@ -149,8 +169,8 @@ def _attempt(
 def points(attempts: list[Attempt]) -> list[Point]:
     """Return the medians over the scenes."""
     found = []
-    for key in dict.fromkeys((a.method, a.degree, a.tolerance) for a in attempts):
-        own = [a for a in attempts if (a.method, a.degree, a.tolerance) == key]
+    for key in dict.fromkeys((a.past_bodies, a.method, a.degree, a.setting) for a in attempts):
+        own = [a for a in attempts if (a.past_bodies, a.method, a.degree, a.setting) == key]
         seconds, gap = (
             float(np.nanmedian(x)) if np.isfinite(x).any() else np.nan
             for x in (np.array([a.seconds for a in own]), np.array([a.gap for a in own]))
@@ -159,25 +179,31 @@ def points(attempts: list[Attempt]) -> list[Point]:
     return found
 
 
-def best_degree(found: list[Point], method: str) -> int:
-    """Return the degree with more good plans, and of equals the quicker at the finest tolerance."""
+def best_degrees(found: list[Point]) -> list[Point]:
+    """The points of each method's degree with more good plans, and of equals of the quicker one at
+    the finest tolerance."""
 
-    def merit(degree: int) -> tuple[int, float]:
-        own = [p for p in found if (p.method, p.degree) == (method, degree)]
-        last = own[-1].seconds if own and np.isfinite(own[-1].seconds) else np.inf
+    def merit(own: list[Point]) -> tuple[int, float]:
+        last = own[-1].seconds if np.isfinite(own[-1].seconds) else np.inf
         return -sum(p.good for p in own), last
 
-    return min({p.degree for p in found if p.method == method}, key=merit)
+    kept = []
+    for kind in dict.fromkeys((p.past_bodies, p.method) for p in found):
+        own = [p for p in found if (p.past_bodies, p.method) == kind]
+        degrees = ([p for p in own if p.degree == d] for d in dict.fromkeys(p.degree for p in own))
+        kept += min(degrees, key=merit)
+    return kept
 
 
 def table_of(found: list[Point]) -> str:
-    """Return every method, degree and tolerance."""
-    rows = [("method", "degree", "tolerance", "ms", "gap", "good plans")]
+    """Return every method, degree and setting."""
+    rows = [("scenes", "method", "degree", "setting", "ms", "gap", "good")]
     rows += [
         (
-            p.method if p.method == DEFAULT else f"{p.method}, Ipopt",
-            str(p.degree),
-            f"{p.tolerance:.0e}",
+            "past bodies" if p.past_bodies else "free",
+            f"{p.method}, Ipopt" if p.method in FORMULATIONS else p.method,
+            str(p.degree or ""),
+            f"{p.setting:g}",
             f"{1e3 * p.seconds:.1f}",
             f"{p.gap:.1e}",
             f"{p.good} of {p.scenes}",
@@ -187,68 +213,50 @@ def table_of(found: list[Point]) -> str:
     return table(rows)
 
 
+def times_longer(found: list[Point], *, past_bodies: bool) -> dict[float, dict[str, float]]:
+    """By how much longer than the default Ipopt takes, by tolerance and formulation."""
+    own = [p for p in best_degrees(found) if p.past_bodies == past_bodies]
+    default = {p.setting: p.seconds for p in own if p.method == DEFAULT}
+    others = [p for p in own if p.method in FORMULATIONS]
+    return {
+        t: {p.method: p.seconds / default[t] for p in others if p.setting == t}
+        for t in dict.fromkeys(p.setting for p in others)
+    }
+
+
 def verdict(found: list[Point]) -> str:
-    """Say how much longer Ipopt takes at the default tolerance and at the finest common one."""
+    """Say how much longer Ipopt takes at each tolerance."""
     told = []
-    own = {p.tolerance: p.seconds for p in found if p.method == DEFAULT}
-    methods = [m for m in dict.fromkeys(p.method for p in found) if m != DEFAULT]
-    for tolerance in dict.fromkeys(p.tolerance for p in found if p.method != DEFAULT):
-        ratios = []
-        for method in methods:
-            degree = best_degree(found, method)
-            (p,) = (
-                p for p in found if (p.method, p.degree, p.tolerance) == (method, degree, tolerance)
-            )
-            ratios.append(
-                f"{method} {p.seconds / own[tolerance]:.0f} times ({p.good} of {p.scenes} good)"
-            )
-        told.append(
-            f"Within {tolerance:g}: the default takes {1e3 * own[tolerance]:.1f} ms, by Ipopt"
-            f" {', '.join(ratios)} that."
-        )
+    for past_bodies in dict.fromkeys(p.past_bodies for p in found):
+        where = "Past bodies" if past_bodies else "On free moves"
+        for tolerance, ratios in times_longer(found, past_bodies=past_bodies).items():
+            each = ", ".join(f"{method} {ratio:.0f} times" for method, ratio in ratios.items())
+            told.append(f"{where} within {tolerance:g} by Ipopt {each} the default's time.")
     return paragraph(*told)
 
 
-def csv_of(attempts: list[Attempt]) -> str:
-    """Return one line an attempt."""
-    return csv(
-        "scene,method,degree,tolerance,seconds,gap,good",
-        (
-            (a.scene, a.method, a.degree, a.tolerance, a.seconds, repr(a.gap), a.good)
-            for a in attempts
-        ),
-    )
-
-
-def peers_csv(attempts: list[PeerAttempt]) -> str:
-    """Return one line an attempt."""
-    return csv(
-        "scene,program,setting,seconds,gap,good",
-        ((a.scene, a.peer, a.setting, a.seconds, repr(float(a.gap)), a.good) for a in attempts),
-    )
-
-
 def add_arguments(parser: argparse.ArgumentParser) -> None:
+    add_scenes(parser, SCENES)
     add_directory(parser, "frontier")
-    parser.set_defaults(scenes=SCENES, tolerances=TOLERANCES, finer=FINER, chosen=FORMULATIONS)
+    add_drawn_again(parser)
+    parser.set_defaults(tolerances=TOLERANCES, finer=FINER, chosen=tuple(FORMULATIONS))
     parser.set_defaults(peer_settings=None)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    from deltaopt.files.atomic_write import atomic_write
     from studies.plots.frontier import draw
 
     a = arguments
-    attempts, theirs = measure(
-        ProgressBar(), a.scenes, a.tolerances, a.finer, a.chosen, a.peer_settings
-    )
-    found, peers = points(attempts), peer_points(theirs)
-    print(table_of(found), verdict(found), peers_table(peers), sep="\n\n")
-    absent = [name for name in PEERS if name not in {p.peer for p in peers}]
+    file = a.directory / "frontier.csv"
+    if not a.drawn_again:
+        sizes = a.scenes, a.tolerances, a.finer, a.chosen, a.peer_settings
+        write_records(file, measure(ProgressBar(), *sizes), Attempt)
+    found = points(read_records(file, Attempt))
+    print(table_of(found), verdict(found), sep="\n\n")
+    absent = {name for p in a.scenes for name in peers_of(load_fastest(p))} - {
+        p.method for p in found
+    }
     if absent:
-        print(f"not installed: {', '.join(absent)}: pip install 'deltaopt[bench]'")
-    for name, text in (("frontier", csv_of(attempts)), ("frontier_peers", peers_csv(theirs))):
-        with atomic_write(a.directory / f"{name}.csv") as temporary:
-            temporary.write_text(text, encoding="utf-8")
-    draw(found, peers, a.directory / "frontier.png")
+        print(f"not installed: {', '.join(sorted(absent))}: pip install 'deltaopt[bench]'")
+    draw(found, file.with_suffix(".png"))
     return 0

@@ -1,25 +1,26 @@
 """Other programs on the scenes of the frontier: what gap they reach, in what time.
 
-rockit answers the same question by multiple shooting and Ipopt on our model, from the timed
-straight line; its torques are integrated anew and must arrive. TOPP-RA and Ruckig answer easier
-ones, and get what an expert would give them: TOPP-RA a path and our dynamics along it in machine
-code, on the straight line or on the path that we planned (whose planning is not counted), its
-motion slowed until it keeps the torques between points of its grid too; Ruckig the largest constant
-acceleration of the motors that keeps them (the search for it is not counted).
+Past bodies TOPP-RA alone has an answer: on the lowest rounded path over them, which is what it
+would be given, and on the path that we planned. Else rockit answers the same question by multiple
+shooting and Ipopt on our model, from the timed straight line; its torques are integrated anew and
+must arrive. TOPP-RA and Ruckig answer easier ones, and get what an expert would give them: TOPP-RA
+a path and our dynamics along it in machine code, on the straight line or on the path that we
+planned (whose planning is not counted), its motion slowed until it keeps the torques between points
+of its grid too; Ruckig the largest constant acceleration of the motors that keeps them (the search
+for it is not counted).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable
 
 import numpy as np
 
 import deltaopt
 from deltaopt.curves.piecewise import Array
-from deltaopt.errors import DeltaOptError, MissingPackage
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.output.controller_c import c_functions
+from deltaopt.planning.path.path_over_bodies import rounded_path_over
 from deltaopt.robot.robot import as_delta
 from deltaopt.scene.scene import Scene
 from studies.bench.fixed_paths import (
@@ -31,7 +32,6 @@ from studies.bench.fixed_paths import (
     toppra_speeds,
 )
 from studies.bench.peers import PeerPlan, rockit_plan
-from studies.text_table import table
 from studies.timed import timed
 
 ARRIVES = 1e-6
@@ -42,54 +42,13 @@ _FINER = 10
 """Places in each interval of TOPP-RA's grid at which torques are looked at."""
 
 
-@dataclass(frozen=True)
-class PeerAttempt:
-    """A peer's motion at a ``setting``: processor ``seconds`` of its solver, ``gap`` to the
-    reference, NaN if it found none; ``good``: it keeps the torques and arrives."""
-
-    scene: str
-    peer: str
-    setting: int
-    seconds: float
-    gap: float
-    good: bool
-
-
-@dataclass(frozen=True)
-class PeerPoint:
-    """A peer at a setting: medians over the scenes, and how many of its motions are good."""
-
-    peer: str
-    setting: int
-    seconds: float
-    gap: float
-    good: int
-    scenes: int
-
-
 Peer = Callable[[Scene, Trajectory, int], tuple[float, float, bool]]
 """(scene, our best plan, setting) -> duration (s), seconds, and whether it is good."""
 
 
-def peer_attempts(
-    progress: Callable[[str], None],
-    name: str,
-    scene: Scene,
-    best: Trajectory,
-    most: int | None = None,
-) -> Iterator[PeerAttempt]:
-    """Attempt a scene by all peers that are installed; ``best``: the reference; ``most``: settings
-    of each, from the coarsest; None: all."""
-    for peer, (attempt, settings) in PEERS.items():
-        for setting in settings[:most]:
-            progress(f"{name}: {peer}, {setting}")
-            try:
-                duration, seconds, good = attempt(scene, best, setting)
-            except MissingPackage:
-                break
-            except DeltaOptError:
-                duration, seconds, good = np.nan, np.nan, False
-            yield PeerAttempt(name, peer, setting, seconds, duration / best.duration - 1, good)
+def peers_of(scene: Scene) -> dict[str, tuple[Peer, tuple[int, ...]]]:
+    """The programs that a scene can fairly be given to, and their settings from coarse to fine."""
+    return PAST_BODIES if scene.keep_out else FREE
 
 
 def rockit(scene: Scene, best: Trajectory, intervals: int) -> tuple[float, float, bool]:
@@ -117,38 +76,16 @@ def miss(scene: Scene, found: PeerPlan) -> float:
     return float(np.linalg.norm(state[:3] - scene.goal))
 
 
-def peer_points(attempts: list[PeerAttempt]) -> list[PeerPoint]:
-    """Return the medians over the scenes."""
-    found = []
-    for key in dict.fromkeys((a.peer, a.setting) for a in attempts):
-        own = [a for a in attempts if (a.peer, a.setting) == key]
-        seconds, gap = (
-            float(np.nanmedian(x)) if np.isfinite(x).any() else np.nan
-            for x in (np.array([a.seconds for a in own]), np.array([a.gap for a in own]))
-        )
-        found.append(PeerPoint(*key, seconds, gap, sum(a.good for a in own), len(own)))
-    return found
-
-
-def peers_table(found: list[PeerPoint]) -> str:
-    """Return every peer at every setting."""
-    rows = [("program", "setting", "ms", "gap", "good motions")]
-    rows += [
-        (
-            p.peer,
-            str(p.setting),
-            f"{1e3 * p.seconds:.1f}",
-            f"{p.gap:.1e}",
-            f"{p.good} of {p.scenes}",
-        )
-        for p in found
-    ]
-    return table(rows)
-
-
 def toppra_on_line(scene: Scene, best: Trajectory, intervals: int) -> tuple[float, float, bool]:
     """On the straight line, with so many intervals."""
     return _slowed(scene, straight(scene, intervals), straight(scene, intervals * _FINER))
+
+
+def toppra_over_bodies(scene: Scene, best: Trajectory, pieces: int) -> tuple[float, float, bool]:
+    """On the lowest rounded path over the bodies, with so many intervals for each of our plan's."""
+    over = rounded_path_over(scene)
+    ours = deltaopt.plan(scene.model_copy(update={"path": over, "keep_out": None})).trajectory
+    return toppra_on_ours(scene, ours, pieces)
 
 
 def toppra_on_ours(scene: Scene, best: Trajectory, pieces: int) -> tuple[float, float, bool]:
@@ -185,16 +122,15 @@ def ruckig(scene: Scene, best: Trajectory, _: int) -> tuple[float, float, bool]:
     return duration, seconds, bool(duration > 0)
 
 
-ROCKIT, LINE, OURS, RUCKIG = (
-    "rockit",
-    "TOPP-RA, straight line",
-    "TOPP-RA, deltaopt's path",
-    "Ruckig, between motor angles",
-)
-PEERS: dict[str, tuple[Peer, tuple[int, ...]]] = {
-    ROCKIT: (rockit, (20, 40, 80)),
-    LINE: (toppra_on_line, (50, 200, 800)),
-    OURS: (toppra_on_ours, (16, 64, 256)),
-    RUCKIG: (ruckig, (1,)),
+_OURS = (toppra_on_ours, (16, 64, 256))
+FREE: dict[str, tuple[Peer, tuple[int, ...]]] = {
+    "rockit": (rockit, (20, 40, 80)),
+    "TOPP-RA, straight line": (toppra_on_line, (50, 200, 800)),
+    "TOPP-RA, our path": _OURS,
+    "Ruckig": (ruckig, (1,)),
+}
+PAST_BODIES: dict[str, tuple[Peer, tuple[int, ...]]] = {
+    "TOPP-RA, rounded path": (toppra_over_bodies, (1, 4, 16)),
+    "TOPP-RA, our path": _OURS,
 }
 """Peers, and from coarse to fine: intervals, intervals, intervals for each of ours, nothing."""

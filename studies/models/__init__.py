@@ -2,7 +2,8 @@
 
 Torques and accelerations of the paper's Delta from a regular state to 1e-12 before its four kinds
 of singularity, against fifty digits; operations, counted, and nanoseconds, interpreted and
-compiled. Draws which_model.png, writes models.csv.
+compiled. Writes models.csv and draws digits.png, the digits that are left a millionth before;
+--drawn-again draws it from the file.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import argparse
 from deltaopt.cli.arguments import one_or_more
 from deltaopt.files.progress_bar import ProgressBar
 from studies.problems import add_directory
+from studies.records import add_drawn_again, read_records, write_records
 
 HELP = "which model of the Delta, when: error towards singularities beside cost"
 SMALL = {"motions": 1, "digits": 30, "states": 2, "rounds": 2, "distances": (1e-1, 1e-4)}
@@ -28,19 +30,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             f"--{name}", type=one_or_more, default=default, help=f"{what} ({default})"
         )
     add_directory(parser, "models")
+    add_drawn_again(parser)
     parser.set_defaults(distances=tuple(10.0**-k for k in range(1, 13)))
 
 
 def run(arguments: argparse.Namespace) -> int:
-    from deltaopt.files.atomic_write import atomic_write
-    from studies.models.measure import csv_of, digits_table, measure, table_of, verdict
-    from studies.plots.models import draw
+    from studies.models.measure import (
+        Error,
+        digits_table,
+        errors_of,
+        measure,
+        table_of,
+        verdict,
+    )
+    from studies.plots.digits import draw
 
     a = arguments
-    sizes = a.motions, a.digits, a.states, a.rounds
-    found = measure(ProgressBar(), *sizes, a.distances)
-    print(table_of(found), digits_table(found), verdict(found), sep="\n\n")
-    with atomic_write(a.directory / "models.csv") as temporary:
-        temporary.write_text(csv_of(found), encoding="utf-8")
-    draw(found, a.directory / "which_model.png")
+    file = a.directory / "models.csv"
+    if not a.drawn_again:
+        sizes = a.motions, a.digits, a.states, a.rounds
+        found = measure(ProgressBar(), *sizes, a.distances)
+        print(table_of(found), digits_table(found), verdict(found), sep="\n\n")
+        write_records(file, errors_of(found), Error)
+    draw(read_records(file, Error), a.directory / "digits.png")
     return 0

@@ -1,56 +1,72 @@
-"""Time against gap: the default beside Ipopt in every formulation, and beside other programs."""
+"""Speed against accuracy: the default beside Ipopt in every formulation, and other programs."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import groupby
 from pathlib import Path
 
-from deltaopt.plots.style import figure
-from studies.frontier import DEFAULT, Point, best_degree
-from studies.frontier_peers import PEERS, PeerPoint
-from studies.plots.work_precision import Line, panel
+import numpy as np
+from matplotlib.axes import Axes
 
-LOOKS = {DEFAULT: 0, "flat": 1, "forward": 2, "explicit": 3, "multiplier": 4}
-PEER_LOOKS = {name: look for look, name in enumerate(PEERS, start=1)}
-TIME = "ms of one processor"
-TITLE = "At every gap below 1 % the default takes the least time"
+from deltaopt.plots.colours import BLUE, GREEN, GREY, VERMILION
+from deltaopt.plots.style import figure, name_lines, without_box
+from studies.frontier import DEFAULT, FORMULATIONS, Point, best_degrees, times_longer
 
 
-def draw(found: list[Point], peers: list[PeerPoint], file: Path) -> None:
-    """Draw medians over the scenes; a cross where not every motion is good. Without other programs
-    one panel."""
-    panels = 2 if peers else 1
-    with figure(file, 1.4 + 3.0 * panels, 3.9) as drawn:
-        every = drawn.subplots(1, panels, sharex=True, sharey=True, squeeze=False)[0]
-        default = _line(found, DEFAULT)
-        methods = [m for m in dict.fromkeys(p.method for p in found) if m != DEFAULT]
-        lines = [default, *(_line(found, method) for method in methods)]
-        panel(every[0], lines, title="the same problem, by Ipopt", x=TIME)
-        if peers:
-            names = dict.fromkeys(p.peer for p in peers)
-            lines = [default, *(_peer_line(peers, name) for name in names)]
-            panel(every[1], lines, title="other programs", x=TIME)
-        every[0].set_ylabel("longer than the optimum, share")
-        drawn.suptitle(TITLE, x=0.01, ha="left", fontsize=10)
-        for axes in every:
-            axes.legend(
-                loc="upper center",
-                bbox_to_anchor=(0.5, -0.2),
-                ncols=2,
-                columnspacing=0.8,
-                fontsize=8,
+def draw(found: list[Point], file: Path) -> None:
+    """Draw medians over the scenes, free moves on the left and past bodies on the right where there
+    are any; a point is hollow where not every motion is good."""
+    kinds = list(dict.fromkeys(p.past_bodies for p in found))
+    with figure(file, 1.0 + 3.2 * len(kinds), 3.4) as page:
+        page.suptitle(title(found), x=0.01, ha="left")
+        every = page.subplots(1, len(kinds), sharey=True, squeeze=False)[0]
+        for axes, kind in zip(every, kinds, strict=True):
+            own = [p for p in best_degrees(found) if p.past_bodies == kind]
+            _panel(axes, own)
+            axes.set_title("past bodies" if kind else "free moves")
+        every[0].set_ylabel("slower than the optimum, %")
+
+
+def title(found: list[Point]) -> str:
+    """The message: by how much sooner the default has the same accuracy than Ipopt, and what is
+    sooner still, less accurately."""
+    ratios = [
+        ratio
+        for kind in dict.fromkeys(p.past_bodies for p in found)
+        for by_method in times_longer(found, past_bodies=kind).values()
+        for ratio in by_method.values()
+    ]
+    told = f"Same accuracy, {min(ratios):.0f} to {max(ratios):.0f} times sooner than by Ipopt"
+    quickest = min((p for p in found if np.isfinite(p.seconds)), key=lambda p: p.seconds)
+    if quickest.method == DEFAULT:
+        return told
+    return f"{told}; {quickest.method} is soonest, {100 * quickest.gap:.0f} % too slow"
+
+
+def _panel(axes: Axes, found: Sequence[Point]) -> None:
+    for method, own in groupby(found, key=lambda p: p.method):
+        reached = [p for p in own if np.isfinite(p.seconds)]
+        x, y = [1e3 * p.seconds for p in reached], [100 * max(p.gap, 1e-8) for p in reached]
+        colour = _colour(method)
+        label = f"{method}, Ipopt" if method in FORMULATIONS else method
+        name = "deltaopt" if method == DEFAULT else label
+        axes.plot(x, y, color=colour, label=name, linewidth=1.8 if method == DEFAULT else 1.1)
+        for p, across, up in zip(reached, x, y, strict=True):
+            face = colour if p.good == p.scenes else "white"
+            axes.plot(
+                across, up, "o", color=colour, markerfacecolor=face, markersize=4, label="_point"
             )
+    axes.set(xscale="log", yscale="log", xlabel="time to plan, ms of one processor")
+    axes.xaxis.set_major_formatter("{x:g}")
+    axes.yaxis.set_major_formatter("{x:g}")
+    name_lines(axes, room=0.34, apart=0.06)
+    without_box(axes)
 
 
-def _line(found: list[Point], method: str) -> Line:
-    degree = best_degree(found, method)
-    own = [p for p in found if (p.method, p.degree) == (method, degree)]
-    name = "deltaopt's default" if method == DEFAULT else f"{method}, Ipopt"
-    failures = [1e3 * p.seconds for p in own if p.good < p.scenes]
-    return Line(name, [1e3 * p.seconds for p in own], [p.gap for p in own], LOOKS[method], failures)
-
-
-def _peer_line(peers: list[PeerPoint], name: str) -> Line:
-    own = [p for p in peers if p.peer == name]
-    failures = [1e3 * p.seconds for p in own if p.good < p.scenes]
-    times, gaps = [1e3 * p.seconds for p in own], [p.gap for p in own]
-    return Line(name, times, gaps, PEER_LOOKS[name], failures)
+def _colour(method: str) -> str:
+    if method == DEFAULT:
+        return BLUE
+    if method in FORMULATIONS:
+        return GREY
+    return VERMILION if method == "rockit" else GREEN

@@ -1,0 +1,70 @@
+"""Where models fail: the digits of each that are left near each singularity, as a table."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import floor, isfinite, log10
+from pathlib import Path
+
+from deltaopt.plots.style import figure
+from studies.models.measure import FAMILIES, ROUNDING, TASKS, Error
+from studies.plots.cells import BAD, GOOD, NONE, POOR, Cell, draw_cells
+
+NEAR = 1e-6
+"""Distance from the singularity at which digits are counted, or the next one that was measured."""
+ALL = 16
+"""Digits of a number: more are none."""
+TRUSTED, LEAST = 9, 3
+"""Digits from which a model is trusted, and below which it fails; what rounding of the state takes
+is no fault of a model."""
+
+
+def draw(errors: Sequence[Error], file: Path) -> None:
+    """Draw a table for torques and one for accelerations."""
+    models, found = list(dict.fromkeys(e.model for e in errors)), digits_of(errors)
+    with figure(file, 7.2, 2.6) as page:
+        page.suptitle(title(errors), x=0.01, ha="left")
+        for axes, (task, what) in zip(page.subplots(1, 2, sharey=True), TASKS.items(), strict=True):
+            names = [what.replace(" ", "\n", 1) for what in FAMILIES.values()]
+            cells = [[_cell(found, family, task, m) for family in FAMILIES] for m in models]
+            draw_cells(axes, models, names, cells)
+            axes.tick_params(axis="x", labelsize=6.5)
+            axes.set_title(what)
+
+
+def digits_of(errors: Sequence[Error]) -> dict[tuple[str, str, str], int]:
+    """Digits that are left, by singularity, task and model; none without a result."""
+    near = min({e.distance for e in errors}, key=lambda distance: abs(log10(distance / NEAR)))
+    return {(e.family, e.task, e.model): _digits(e.error) for e in errors if e.distance == near}
+
+
+def _digits(error: float) -> int:
+    if not isfinite(error):
+        return 0
+    return max(0, min(ALL, floor(-log10(error)))) if error else ALL
+
+
+def fails(found: dict[tuple[str, str, str], int], family: str, task: str, model: str) -> bool:
+    """Whether fewer digits are left than ``LEAST``, though rounding leaves more."""
+    return found[family, task, model] < min(LEAST, found[family, task, ROUNDING])
+
+
+def title(errors: Sequence[Error]) -> str:
+    """The message: which models fail, and which never."""
+    found = digits_of(errors)
+    models = [m for m in dict.fromkeys(e.model for e in errors) if m != ROUNDING]
+    failed = [m for m in models if any(fails(found, f, t, m) for f in FAMILIES for t in TASKS)]
+    places = len(FAMILIES)
+    if not failed:
+        return f"All {len(models)} models keep {LEAST} digits and more at {places} singularities"
+    return f"{' and '.join(failed)} fail: digits left a millionth before {places} singularities"
+
+
+def _cell(found: dict[tuple[str, str, str], int], family: str, task: str, model: str) -> Cell:
+    digits = found[family, task, model]
+    if model == ROUNDING:
+        return Cell(str(digits), NONE)
+    if fails(found, family, task, model):
+        return Cell(str(digits), BAD)
+    least = min(TRUSTED, found[family, task, ROUNDING] - 1)
+    return Cell(str(digits), GOOD if digits >= least else POOR)
