@@ -26,12 +26,13 @@ from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.motion.running_cost import squared_torques
 from deltaopt.output.cycle_files import verified
 from deltaopt.planning.path.path_over_bodies import rounded_path_over
-from deltaopt.plots.colours import COLOURS, GREY
-from deltaopt.plots.style import figure
+from deltaopt.plots.colours import LINE_COLOURS
+from deltaopt.plots.style import figure, name_lines, without_box
 from deltaopt.robot.model import delta_model
 from studies.bench.random_scenes import points_in_workspace
 from studies.cycle import DEPTHS, USUAL_DEPTH, by_law, over_wall, sampled_law
 from studies.problems import INDUSTRIAL, PROBLEMS, add_directory
+from studies.records import add_drawn_again, read_records, write_records
 
 Rate = Callable[[Array], float]
 """Parts a minute by what the RMS of each motor's torque may be, (3,), N·m."""
@@ -189,43 +190,46 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("robots", nargs="*", type=Path, default=files, metavar="ROBOT")
     parser.add_argument("--random", type=int, default=0, metavar="N", help="random cycles instead")
     parser.add_argument("--seed", type=int, default=1, help="of random cycles")
-    add_directory(parser, "parts", "parts.png")
+    add_directory(parser, "parts")
+    add_drawn_again(parser)
     parser.set_defaults(shares=SHARES)
 
 
 def run(arguments: argparse.Namespace) -> int:
     if arguments.random:
         return campaign(arguments.random, arguments.seed)
-    print(_HEAD)
-    found = list[Row]()
-    for file in arguments.robots:
-        for row in rows(file.stem, deltaopt.load_robot(file), arguments.shares):
-            print(row, flush=True)
-            found.append(row)
-    arguments.directory.mkdir(parents=True, exist_ok=True)
-    draw(found, arguments.directory / "parts.png")
+    file = arguments.directory / "parts.csv"
+    if not arguments.drawn_again:
+        named = [(each.stem, deltaopt.load_robot(each)) for each in arguments.robots]
+        found = (row for name, robot in named for row in rows(name, robot, arguments.shares))
+        write_records(file, found, Row)
+    told = read_records(file, Row)
+    print(_HEAD, *told, sep="\n")
+    draw(told, file.with_suffix(".png"))
     return 0
 
 
 def draw(found: Sequence[Row], file: Path) -> None:
-    """Draw parts a minute by what motors are rated for, a panel for each robot."""
-    names = list(dict.fromkeys(row.robot for row in found))
-    columns = min(3, len(names))
-    with figure(file, 7.2, 2.4 * -(-len(names) // columns)) as page:
-        panels = page.subplots(-(-len(names) // columns), columns, sharex=True, squeeze=False)
-        for axes, name in zip(panels.flat, names, strict=False):
+    """Draw how many more parts a minute plans move than the timed path, by what motors are rated
+    for, a line for each robot."""
+    with figure(file, 6.2, 3.2) as page:
+        page.suptitle(title(found), x=0.01, ha="left")
+        axes = page.subplots()
+        for name, colour in zip(dict.fromkeys(row.robot for row in found), LINE_COLOURS):
             own = [row for row in found if row.robot == name]
-            shares = [row.share for row in own]
-            for values, style, colour, label in (
-                ([row.planned for row in own], "o-", COLOURS[0], "deltaopt"),
-                ([row.timed for row in own], "s--", COLOURS[1], "path, timed"),
-                ([row.trapezoid for row in own], "^:", GREY, "path, trapezoid"),
-            ):
-                axes.plot(shares, values, style, color=colour, label=label)
-            axes.set_title(name)
-            axes.set_ylim(bottom=0)
-        panels[0, 0].legend(loc="lower right")
-        for axes in panels[-1]:
-            axes.set_xlabel("rated torque over peak")
-        for line in panels:
-            line[0].set_ylabel("parts a minute")
+            more = [100 * (row.planned / row.timed - 1) for row in own]
+            axes.plot([100 * row.share for row in own], more, "o-", color=colour, label=name)
+        axes.set_ylim(bottom=0)
+        axes.set_xlabel("rated torque, % of its peak")
+        axes.set_ylabel("more parts a minute, %")
+        name_lines(axes, room=0.25)
+        without_box(axes)
+
+
+def title(found: Sequence[Row]) -> str:
+    """The message: how many more parts a minute."""
+    more = [100 * (row.planned / row.timed - 1) for row in found]
+    return (
+        f"{min(more):.0f} to {max(more):.0f} % more parts a minute than the lowest rounded path, "
+        "timed optimally"
+    )

@@ -8,3 +8,5 @@ COLOURS = (BLUE, VERMILION, GREEN)
 """For motors 1 to 3 or axes x, y, z."""
 OF_LIMITS = (SKY_BLUE, ORANGE, PURPLE, YELLOW)
 """For limits in the order of a scene's."""
+LINE_COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY_BLUE, BLACK, GREY)
+"""For lines that are named where they end."""

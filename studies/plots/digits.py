@@ -29,7 +29,7 @@ def draw(errors: Sequence[Error], file: Path) -> None:
             cells = [[_cell(found, family, task, m) for family in FAMILIES] for m in models]
             draw_cells(axes, models, names, cells)
             axes.tick_params(axis="x", labelsize=6.5)
-            axes.set_title(what)
+            axes.set_title(f"{what}: digits left a millionth before")
 
 
 def digits_of(errors: Sequence[Error]) -> dict[tuple[str, str, str], int]:
@@ -50,14 +50,14 @@ def fails(found: dict[tuple[str, str, str], int], family: str, task: str, model:
 
 
 def title(errors: Sequence[Error]) -> str:
-    """The message: which models fail, and which never."""
+    """The message: how many models fail somewhere, and which keep what they can everywhere."""
     found = digits_of(errors)
     models = [m for m in dict.fromkeys(e.model for e in errors) if m != ROUNDING]
-    failed = [m for m in models if any(fails(found, f, t, m) for f in FAMILIES for t in TASKS)]
-    places = len(FAMILIES)
-    if not failed:
-        return f"All {len(models)} models keep {LEAST} digits and more at {places} singularities"
-    return f"{' and '.join(failed)} fail: digits left a millionth before {places} singularities"
+    colours = {m: {_cell(found, f, t, m).colour for f in FAMILIES for t in TASKS} for m in models}
+    failed = sum(BAD in of for of in colours.values())
+    told = f"{failed} of {len(models)} models fail near singularities"
+    sound = " and ".join(m for m, of in colours.items() if of == {GOOD})
+    return f"{told}; {sound} never" if sound else told
 
 
 def _cell(found: dict[tuple[str, str, str], int], family: str, task: str, model: str) -> Cell:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from deltaopt.plots.colours import GREY
 from deltaopt.plots.style import figure
 from studies.plots.cells import BAD, GOOD, NONE, POOR, Cell, draw_cells
 from studies.terms import MATTERS, Effect
@@ -23,18 +24,17 @@ def draw(effects: Sequence[Effect], file: Path) -> None:
         page.suptitle(title(effects), x=0.01, ha="left")
         axes = page.subplots()
         draw_cells(axes, terms, [scene.replace("/", "\n") for scene in scenes], cells)
-        axes.set_title("% by which a limit is exceeded, or time is missed, if it is left out")
+        axes.set_title("% of a limit exceeded, or of time missed, if a term is left out")
+        axes.set_xlabel("grey: the robot's file has no such term", color=GREY)
 
 
 def title(effects: Sequence[Effect]) -> str:
-    """The message: how many of its terms each scene needs."""
-    needs = [
-        sum(effect.size >= MATTERS for effect in effects if effect.scene == scene)
-        for scene in dict.fromkeys(effect.scene for effect in effects)
-    ]
-    every = len({effect.term for effect in effects})
-    several = f"{min(needs)} to {max(needs)}" if min(needs) < max(needs) else f"{needs[0]}"
-    return f"A scene needs {several} of {every} terms; leaving out others costs less than 1 %"
+    """The message: how many terms matter in some scene, and which in none."""
+    terms = dict.fromkeys(effect.term for effect in effects)
+    matter = {effect.term for effect in effects if effect.size >= MATTERS}
+    told = f"{len(matter)} of {len(terms)} terms change a plan by {100 * MATTERS:.0f} % or more"
+    none = [term for term in terms if term not in matter]
+    return told + (f"; {' and '.join(none)} by less" if none else "")
 
 
 def _cell(effect: Effect | None) -> Cell:
@@ -42,4 +42,5 @@ def _cell(effect: Effect | None) -> Cell:
         return Cell("", NONE)
     if effect.size < MATTERS:
         return Cell(f"{100 * effect.size:.1f}", GOOD)
-    return Cell(f"{100 * effect.size:.0f}", POOR if effect.size < 10 * MATTERS else BAD)
+    percent = f"{100 * effect.size:.0f}"
+    return Cell(percent, POOR if float(percent) < 1000 * MATTERS else BAD)
