@@ -212,10 +212,11 @@ def run(arguments: argparse.Namespace) -> int:
 def draw(found: Sequence[Row], file: Path) -> None:
     """Draw how many more parts a minute plans move than the timed path, by what motors are rated
     for, a line for each robot."""
-    with figure(file, 6.2, 3.2) as page:
-        page.suptitle(title(found), x=0.01, ha="left")
+    with figure(file, 6.2, 3.2, title(found)) as page:
         axes = page.subplots()
-        for name, colour in zip(dict.fromkeys(row.robot for row in found), LINE_COLOURS):
+        for name, colour in zip(
+            dict.fromkeys(row.robot for row in found), LINE_COLOURS, strict=False
+        ):
             own = [row for row in found if row.robot == name]
             more = [100 * (row.planned / row.timed - 1) for row in own]
             axes.plot([100 * row.share for row in own], more, "o-", color=colour, label=name)

@@ -23,6 +23,11 @@ def draw_motion(file: Path, trajectory: Trajectory) -> None:
         ("acceleration (m/s²)", motion.a),
     )
     with figure(file, 3.5, 5.0) as page:
+        way, speed = rows[0][1], np.linalg.norm(motion.v, axis=1)
+        page.suptitle(
+            f"{1e3 * np.linalg.norm(way[-1]):.0f} mm in {motion.t[-1] - motion.t[0]:.3g} s, "
+            f"{speed.max():.2g} m/s at most"
+        )
         panels = page.subplots(3, 1, sharex=True)
         for panel, (label, values) in zip(panels, rows, strict=True):
             for i, (colour, stroke) in enumerate(zip(COLOURS, STROKES, strict=True)):
@@ -42,6 +47,8 @@ def draw_torques(file: Path, trajectory: Trajectory) -> None:
     rest = np.zeros_like(motion.x)
     holding = trajectory.model.inverse_dynamics(motion.x, rest, rest)
     with figure(file, 3.5, 2.9) as page:
+        most, least = np.abs(motion.tau).max(), np.abs(holding).max()
+        page.suptitle(f"up to {most:.3g} N·m, {least:.3g} of them to hold it")
         axes = page.subplots()
         motor_curves(axes, motion.t, motion.tau)
         for k, colour in enumerate(COLOURS):

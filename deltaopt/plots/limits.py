@@ -19,7 +19,7 @@ from deltaopt.motion.limit_curves import LimitCurves, limit_curves
 from deltaopt.motion.trajectory import Trajectory, ends_of
 from deltaopt.output.facts import Facts, together
 from deltaopt.plots.colours import COLOURS, GREY
-from deltaopt.plots.style import figure, motor_curves, without_box
+from deltaopt.plots.style import SMALL, figure, motor_curves, without_box
 from deltaopt.plots.surroundings import draw_bodies
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.scene import Scene
@@ -49,6 +49,7 @@ def draw_limits(file: Path, facts: Facts) -> None:
     panels = max(2, len(curves))
     rows = panels + (costates is not None)
     with figure(file, 7.0, 2.05 * rows + 0.15 * len(told.splitlines())) as page:
+        page.suptitle(facts.active[0].sentence if facts.active else "no limit is reached")
         grid = page.add_gridspec(rows, 2, width_ratios=[1.7, 1])
         left = [page.add_subplot(grid[0, 0])]
         left += [page.add_subplot(grid[i, 0], sharex=left[0]) for i in range(1, panels)]
@@ -72,7 +73,7 @@ def draw_limits(file: Path, facts: Facts) -> None:
             _switching(switching, costates)
             _hamiltonian(page.add_subplot(grid[panels, 1]), costates)
         _legend(page, left[0], side)
-        page.supxlabel(told, fontsize=7)
+        page.supxlabel(told, fontsize=SMALL)
 
 
 def _costates(facts: Facts) -> Extremal | None:

@@ -7,10 +7,13 @@ from pathlib import Path
 
 from deltaopt.compare.model_terms import TermEffect
 from deltaopt.plots.colours import COLOURS
-from deltaopt.plots.style import figure, verbatim, without_box
+from deltaopt.plots.style import SMALL, figure, verbatim, without_box
 
 _SMALLEST = 0.01
 """Per cent or mm, of which less is written as nothing: plans are found to about as much."""
+
+_MATTERS = 0.01
+"""Share of a limit or of the duration from which a term is needed."""
 
 
 def draw_terms(file: Path, title: str, effects: Sequence[TermEffect]) -> None:
@@ -21,8 +24,8 @@ def draw_terms(file: Path, title: str, effects: Sequence[TermEffect]) -> None:
         ("limit exceeded by (%)", [100 * bar.excess for bar in bars]),
         ("misses the goal by (mm)", [1e3 * (bar.miss or 0.0) for bar in bars]),
     )
-    with figure(file, 7.2, 1.0 + 0.24 * len(bars)) as page:
-        page.suptitle(verbatim(title), fontsize=9)
+    with figure(file, 7.2, 1.0 + 0.24 * len(bars), message(effects)) as page:
+        page.supxlabel(verbatim(title), fontsize=SMALL)
         axes = page.subplots(1, 3, sharey=True)
         for panel, (label, values), colour in zip(axes, panels, COLOURS, strict=True):
             names = [bar.term.name for bar in bars]
@@ -36,3 +39,10 @@ def draw_terms(file: Path, title: str, effects: Sequence[TermEffect]) -> None:
             panel.grid(False, axis="y")
             without_box(panel)
         axes[0].invert_yaxis()
+
+
+def message(effects: Sequence[TermEffect]) -> str:
+    """How many terms this scene needs, and which one most."""
+    needed = [effect for effect in effects if effect.problem or effect.size >= _MATTERS]
+    most = f", {effects[0].term.name} most" if needed else ""
+    return f"{len(needed)} of {len(effects)} terms change the plan by 1 % or more{most}"

@@ -61,14 +61,18 @@ _DRAWING = threading.RLock()
 
 
 @contextmanager
-def figure(file: Path, width: float, height: float) -> Iterator[Figure]:
+def figure(file: Path, width: float, height: float, message: str = "") -> Iterator[Figure]:
     """A figure of this size (inches) to draw on, which is written to the file at the end.
+
+    ``message``: its title, what a reader is to take from it.
 
     The format follows the file's suffix: png, pdf or svg. If an error is raised in between, the
     file stays as it was.
     """
     with _DRAWING, mpl.rc_context(_STYLE), atomic_write(file) as temporary:
         drawn = Figure(figsize=(width, height), dpi=_DOTS, layout="constrained")
+        if message:
+            drawn.suptitle(verbatim(message), x=0.01, ha="left", fontsize=LARGE)
         yield drawn
         with catch_warnings():
             filterwarnings("ignore", "Glyph")  # no font has all signs of all names

@@ -22,8 +22,7 @@ is no fault of a model."""
 def draw(errors: Sequence[Error], file: Path) -> None:
     """Draw a table for torques and one for accelerations."""
     models, found = list(dict.fromkeys(e.model for e in errors)), digits_of(errors)
-    with figure(file, 7.2, 2.6) as page:
-        page.suptitle(title(errors), x=0.01, ha="left")
+    with figure(file, 7.2, 2.6, title(errors)) as page:
         for axes, (task, what) in zip(page.subplots(1, 2, sharey=True), TASKS.items(), strict=True):
             names = [what.replace(" ", "\n", 1) for what in FAMILIES.values()]
             cells = [[_cell(found, family, task, m) for family in FAMILIES] for m in models]

@@ -18,8 +18,7 @@ def draw(found: list[Point], file: Path) -> None:
     """Draw medians over the scenes, free moves on the left and past bodies on the right where there
     are any; a point is hollow where not every motion is good."""
     kinds = list(dict.fromkeys(p.past_bodies for p in found))
-    with figure(file, 1.0 + 3.2 * len(kinds), 3.4) as page:
-        page.suptitle(title(found), x=0.01, ha="left")
+    with figure(file, 1.0 + 3.2 * len(kinds), 3.4, title(found)) as page:
         every = page.subplots(1, len(kinds), sharey=True, squeeze=False)[0]
         for axes, kind in zip(every, kinds, strict=True):
             own = [p for p in best_degrees(found) if p.past_bodies == kind]

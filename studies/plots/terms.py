@@ -20,8 +20,7 @@ def draw(effects: Sequence[Effect], file: Path) -> None:
     )
     found = {(effect.term, effect.scene): effect for effect in effects}
     cells = [[_cell(found.get((term, scene))) for scene in scenes] for term in terms]
-    with figure(file, 7.2, 1.2 + 0.22 * len(terms)) as page:
-        page.suptitle(title(effects), x=0.01, ha="left")
+    with figure(file, 7.2, 1.2 + 0.22 * len(terms), title(effects)) as page:
         axes = page.subplots()
         draw_cells(axes, terms, [scene.replace("/", "\n") for scene in scenes], cells)
         axes.set_title("% of a limit exceeded, or of time missed, if a term is left out")
