@@ -4,9 +4,9 @@ Plans of scenes at falling tolerances, timed after one at the coarsest, so that 
 or compiled within them; each is verified. The gap is the plan's duration over that of a plan with
 resolved switches (1e-8), past bodies over that of the finest tolerance. By Ipopt with acceleration
 of degree 1 and 2, of each formulation the better one is drawn; past bodies it is given the problem
-of the default alone, for the others take it a minute a plan. Beside it other programs, where they are
-installed (``frontier_peers``). Writes frontier.csv and draws frontier.png; --drawn-again draws it
-from the file.
+of the default alone, for the others take it a minute a plan. Beside it other programs, where they
+are installed (``frontier_peers``). Writes frontier.csv and draws frontier.png; --drawn-again draws
+it from the file.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ class Point:
 
 def settings(method: str, degree: int, tolerance: float) -> dict[str, object]:
     """Return what a planner of this method is given."""
-    found = {"tolerance": tolerance, "resolved_below": 0.0}
+    found: dict[str, object] = {"tolerance": tolerance, "resolved_below": 0.0}
     if method == DEFAULT:
         return found
     return found | {
@@ -190,8 +190,8 @@ def best_degrees(found: list[Point]) -> list[Point]:
     kept = []
     for kind in dict.fromkeys((p.past_bodies, p.method) for p in found):
         own = [p for p in found if (p.past_bodies, p.method) == kind]
-        degrees = ([p for p in own if p.degree == d] for d in dict.fromkeys(p.degree for p in own))
-        kept += min(degrees, key=merit)
+        degrees = [[p for p in own if p.degree == d] for d in dict.fromkeys(p.degree for p in own)]
+        kept += sorted(degrees, key=merit)[0]
     return kept
 
 

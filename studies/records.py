@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import csv
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any, TypeVar
@@ -12,7 +12,12 @@ from typing import Any, TypeVar
 from deltaopt.files.atomic_write import atomic_write
 
 Record = TypeVar("Record")
-_READ = {"str": str, "int": int, "float": float, "bool": lambda text: text == "True"}
+_READ: dict[str, Callable[[str], object]] = {
+    "str": str,
+    "int": int,
+    "float": float,
+    "bool": lambda text: text == "True",
+}
 """How a cell is read, by the annotation of its field."""
 
 
@@ -33,10 +38,9 @@ def write_records(file: Path, records: Iterable[Any], kind: type) -> None:
         writer.writerows(asdict(record) for record in records)
 
 
-def read_records(file: Path, kind: type[Record]) -> list[Record]:
+def read_records(file: Path, kind: Callable[..., Record]) -> list[Record]:
     """The records of a file that ``write_records`` has written. Raises OSError without it."""
     with file.open(newline="", encoding="utf-8") as text:
-        return [
-            kind(**{f.name: _READ[str(f.type)](row[f.name]) for f in fields(kind)})  # type: ignore[arg-type]
-            for row in csv.DictReader(text)
-        ]
+        rows = list(csv.DictReader(text))
+    read = {field.name: _READ[str(field.type)] for field in fields(kind)}  # type: ignore[arg-type]
+    return [kind(**{name: of(row[name]) for name, of in read.items()}) for row in rows]

@@ -28,7 +28,7 @@ from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.limits.torque_curve import TorqueCurve
 from deltaopt.motion.time_scaling import safe_factor
 from deltaopt.plots.colours import COLOURS, GREY
-from deltaopt.plots.style import figure, verbatim
+from deltaopt.plots.style import figure, name_lines, verbatim
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.robot.model import DeltaModel
 from deltaopt.scene.known_limits import limits_of
@@ -245,27 +245,26 @@ def draw(found: dict[str, tuple[Plan, list[Ramped]]], file: Path) -> None:
     robot."""
     columns = min(len(found), 3)
     rows = -(-len(found) // columns)
-    with figure(file, 7.2, 0.6 + 2.1 * rows) as page:
-        page.suptitle(message(found), fontsize=11)
+    with figure(file, 7.2, 0.6 + 2.1 * rows, message(found)) as page:
         parts = page.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
         for axes, (name, (plain, trials)) in zip(parts, found.items(), strict=False):
             ramps = [each.ramp for each in trials]
             for label, style, colour, durations in (
-                ("S-curve on the line", "s:", GREY, [each.s_curve for each in trials]),
-                ("line, timed optimally", "D--", COLOURS[1], [each.line for each in trials]),
+                ("line, S-curve", "s:", GREY, [each.s_curve for each in trials]),
+                ("line, timed", "D--", COLOURS[1], [each.line for each in trials]),
                 ("free path", "o-", COLOURS[0], [each.plan.duration for each in trials]),
             ):
                 longer = [100 * (duration / plain.duration - 1) for duration in durations]
-                axes.plot(ramps, longer, style, color=colour, markersize=4, label=label)
+                axes.plot(ramps, longer, style, color=colour, markersize=3, label=label)
             axes.set_xscale("log", base=2)
             axes.set_xticks(ramps, [f"{ramp:g}" for ramp in ramps])
-            axes.set_title("\n".join(wrap(verbatim(name), 38)), fontsize=8)
+            name_lines(axes, room=0.5, apart=0.14)
+            axes.set_title("\n".join(wrap(verbatim(name), 34)), fontsize=7)
         for axes in parts[len(found) :]:
             axes.remove()
         parts[0].set_ylim(bottom=0)  # of all: they share it
-        parts[0].legend(fontsize=7)
-        page.supxlabel("time from no torque to the peak, ms", fontsize=9)
-        page.supylabel("longer than with jumps on a free path, %", fontsize=9)
+        page.supxlabel("time from no torque to the peak, ms", fontsize=8)
+        page.supylabel("longer than with jumps on a free path, %", fontsize=8)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

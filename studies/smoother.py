@@ -11,15 +11,15 @@ import argparse
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from textwrap import fill
 
 import numpy as np
 
 import deltaopt
 from deltaopt import Plan, Scene, SmoothMotion, SmoothTorque, TimeAndTorqueRate
 from deltaopt.files.progress_bar import ProgressBar
-from deltaopt.plots.colours import COLOURS, GREY
-from deltaopt.plots.style import figure
+from deltaopt.plots.colours import LINE_COLOURS
+from deltaopt.plots.style import figure, name_lines
 from deltaopt.scene.objective import Objective
 from studies.problems import CROSS, add_directory, add_scenes
 from studies.smooth import limited
@@ -104,27 +104,29 @@ def run(arguments: argparse.Namespace) -> int:
 
 def draw(found: Sequence[Smoothed], fastest: float, file: Path) -> None:
     """Draw the largest and the usual torque rate by how much longer motions take."""
-    with figure(file, 7.2, 3.4) as page:
-        at_most, usually = page.subplots(1, 2, sharex=True, sharey=True)
-        for colour, way in zip(
-            (*COLOURS, GREY), dict.fromkeys(each.way for each in found), strict=False
-        ):
-            own = sorted((each for each in found if each.way == way), key=_duration)
-            longer = [100 * (each.plan.duration / fastest - 1) for each in own]
-            style: dict[str, Any] = {"color": colour, "marker": "o", "markersize": 4, "label": way}
-            at_most.plot(longer, [each.at_most for each in own], **style)
-            usually.plot(longer, [each.usually for each in own], **style)
-        at_most.set_title("a limit is best for the largest torque rate")
-        usually.set_title("a cost for the usual one")
-        at_most.set_ylabel("from no torque to the peak, ms")
-        for axes in (at_most, usually):
-            axes.set_xscale("log")
-            axes.set_yscale("log")
+    measures = {"the largest torque rate": "at_most", "the usual torque rate": "usually"}
+    with figure(file, 7.2, 3.2, title(found)) as page:
+        panels = page.subplots(1, 2, sharey=True)
+        for axes, (what, measure) in zip(panels, measures.items(), strict=True):
+            for colour, way in zip(LINE_COLOURS, dict.fromkeys(e.way for e in found), strict=False):
+                own = sorted((each for each in found if each.way == way), key=_duration)
+                longer = [100 * (each.plan.duration / fastest - 1) for each in own]
+                rates = [getattr(each, measure) for each in own]
+                axes.plot(longer, rates, "o-", color=colour, markersize=3, label=fill(way, 18))
+            axes.set(xscale="log", yscale="log", xlabel="longer than the fastest motion, %")
+            axes.set_title(what)
             axes.set_xticks(_TICKS, [f"{tick:g}" for tick in _TICKS])
             axes.set_yticks(_TICKS, [f"{tick:g}" for tick in _TICKS])
             axes.minorticks_off()
-            axes.set_xlabel("longer than the fastest motion, %")
-        at_most.legend(fontsize=7)
+            name_lines(axes, room=0.42, apart=0.13)
+        panels[0].set_ylabel("from no torque to the peak, ms")
+
+
+def title(found: Sequence[Smoothed]) -> str:
+    """The message: which way lengthens most the time from no torque to the peak, where it is
+    shortest and usually."""
+    longest = max(found, key=lambda each: each.at_most), max(found, key=lambda each: each.usually)
+    return f"Longest ramps: by a {longest[0].way} at the least, by a {longest[1].way} usually"
 
 
 def _duration(each: Smoothed) -> float:

@@ -26,7 +26,7 @@ _TURN = 40.0
 def draw(robot: Robot, x: Array, file: Path) -> None:
     """Draw a robot with its platform at x, (3,), m."""
     theta = DeltaModel(robot).inverse_kinematics(x)[[3, 6, 9]]
-    with figure(file, 7.2, 4.0) as page:
+    with figure(file, 7.2, 4.2, title()) as page:
         above, side = page.subplots(1, 2)
         _from_above(above, robot, x, theta)
         _from_the_side(side, robot, x, theta)
@@ -35,9 +35,15 @@ def draw(robot: Robot, x: Array, file: Path) -> None:
             axes.set_axis_off()
 
 
+def title() -> str:
+    """The message, by the azimuths of the model."""
+    turn = np.degrees(AZIMUTHS[1] - AZIMUTHS[0])
+    return f"Motor 2 is {turn:.0f}° on from motor 1, x points down, an arm above level is positive"
+
+
 def _from_above(axes: Axes, robot: Robot, x: Array, theta: Array) -> None:
     """Draw the order of the motors, seen by somebody who looks down on the robot."""
-    axes.set_title("from above: order of the motors")
+    axes.set_title("from above")
     draw_robot(axes, robot, x, theta, _ABOVE)
     reach = robot.base_radius + robot.upper_arm.length
     for k, (azimuth, colour) in enumerate(zip(AZIMUTHS, COLOURS, strict=True)):
@@ -61,7 +67,7 @@ def _from_above(axes: Axes, robot: Robot, x: Array, theta: Array) -> None:
 
 def _from_the_side(axes: Axes, robot: Robot, x: Array, theta: Array) -> None:
     """Draw the plane of motor 1: zero and sign of its angle, and x downward."""
-    axes.set_title("from the side: zero and sign of an arm's angle")
+    axes.set_title("from the side; lengths as in the robot file, mm")
     draw_robot(axes, robot, x, theta, _SIDE, strength=0.3)
     first = chains(robot, x, theta)[0]
     shaft, elbow = _SIDE(first.shaft), _SIDE(first.elbow)
@@ -76,12 +82,33 @@ def _from_the_side(axes: Axes, robot: Robot, x: Array, theta: Array) -> None:
         axes.plot(*arc.T, color=GREY, linewidth=0.9)
         _arrow(axes, arc[-2], arc[-1])
         axes.text(arc[-1][0], arc[-1][1] + 0.06 * sign * arm, name, va=va)
+    platform = np.array([x[0], 0.0, 0.0])
+    for begin, end, key, length in (
+        (first.shaft, np.zeros(3), "base_radius", robot.base_radius),
+        (first.shaft, first.elbow, "upper_arm.length", arm),
+        (first.elbow, first.platform_ends.mean(axis=0), "forearm.length", robot.forearm.length),
+        (platform, first.platform_ends.mean(axis=0), "platform_radius", robot.platform_radius),
+    ):
+        _length(axes, _SIDE(begin), _SIDE(end), f"{key} {1e3 * length:.0f}")
     corner = np.zeros(2)
     _axis(axes, corner, _SIDE, (0.8 * arm, 0.0, 0.0), "x")
     _axis(axes, corner, _SIDE, (0.0, 0.6 * robot.base_radius, 0.0), "y")
     left, right = axes.get_xlim()
     axes.set_xlim(left, right + 0.9 * arm)
     axes.set_ylim(axes.get_ylim()[0], 1.2 * arm)
+
+
+def _length(axes: Axes, begin: Array, end: Array, name: str) -> None:
+    """Draw a length beside its line, with its name."""
+    along = (end - begin) / np.linalg.norm(end - begin)
+    aside = 0.05 * np.array([along[1], -along[0]])
+    points = np.array([begin, end]) + aside
+    style = {"arrowstyle": "<->", "color": GREY, "shrinkA": 0, "shrinkB": 0, "linewidth": 0.8}
+    axes.annotate("", points[1].tolist(), points[0].tolist(), arrowprops=style)
+    across, up = points.mean(axis=0) + aside / 2
+    turn = float(np.degrees(np.arctan2(along[1], along[0])))
+    turn = turn - 180 if turn > 90 else turn + 180 if turn < -90 else turn
+    axes.text(across, up, name, rotation=turn, va="center", ha="center", fontsize=7, color=GREY)
 
 
 def _axis(

@@ -3,35 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from itertools import cycle
 from pathlib import Path
-from typing import Any
+from textwrap import fill
 
 import numpy as np
 from numpy.typing import NDArray
 
-from deltaopt.plots.colours import BLUE, GREEN, PURPLE, VERMILION
-from deltaopt.plots.style import STROKES, figure, without_box
-
-_STYLES: tuple[dict[str, Any], ...] = (
-    {"color": BLUE, "linestyle": STROKES[0]},
-    {"color": VERMILION, "linestyle": STROKES[1]},
-    {"color": GREEN, "linestyle": STROKES[2]},
-    {"color": PURPLE, "linestyle": ":"},
-)
-"""Of the robots, in turn."""
+from deltaopt.plots.colours import LINE_COLOURS
+from deltaopt.plots.style import figure, name_lines, verbatim, without_box
 
 
 def draw(ratios: Mapping[str, NDArray[np.float64]], file: Path) -> None:
     """Draw the share of moves whose ratio of bound to duration is at most so large, by robot."""
-    with figure(file, 5.2, 3.4) as drawn:
+    with figure(file, 6.2, 3.2, title(ratios)) as drawn:
         axes = drawn.subplots()
-        for (name, found), style in zip(ratios.items(), cycle(_STYLES)):
-            share = (np.arange(len(found)) + 1) / len(found)
-            axes.step(np.sort(found), share, where="post", label=name, **style)
-        axes.set_xlim(0, 1)
-        axes.set_ylim(0, 1)
-        axes.set_xlabel("lower bound for every path / duration of the plan")
-        axes.set_ylabel("share of random moves")
-        drawn.legend(*axes.get_legend_handles_labels(), loc="outside lower center")
+        for (name, found), colour in zip(ratios.items(), LINE_COLOURS, strict=False):
+            share = 100 * (np.arange(len(found)) + 1) / len(found)
+            label = fill(verbatim(name), 24)
+            axes.step(100 * np.sort(found), share, where="post", label=label, color=colour)
+        axes.set(xlim=(0, 100), ylim=(0, 103))
+        axes.set_xlabel("lower bound for every path, % of the duration of the plan")
+        axes.set_ylabel("random moves, %")
+        name_lines(axes, room=0.3, apart=0.16)
         without_box(axes)
+
+
+def title(ratios: Mapping[str, NDArray[np.float64]]) -> str:
+    """The message: how near the bound the middle one of the moves is."""
+    medians = sorted(100 * float(np.median(found)) for found in ratios.values())
+    told = " to ".join(f"{median:.0f}" for median in dict.fromkeys((medians[0], medians[-1])))
+    return f"The lower bound is {told} % of the duration for half of the moves"

@@ -6,13 +6,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from deltaopt.plots.colours import BLACK, BLUE, LIGHT_GREY
-from deltaopt.plots.style import figure, motor_curves, without_box
+from deltaopt.plots.style import figure, motor_curves, name_lines, without_box
 from studies.tutorial import AskedTorques
 
 
 def draw_effort(efforts: Mapping[float, float], file: Path) -> None:
     """Draw the effort, by how much longer than the fastest motion one may take (a share)."""
-    with figure(file, 4.6, 2.4) as page:
+    with figure(file, 4.6, 2.4, title_of_effort(efforts)) as page:
         axes = page.subplots()
         names = [f"+{100 * share:.0f} %" if share else "fastest" for share in efforts]
         fastest = next(iter(efforts.values()))
@@ -34,16 +34,29 @@ def draw_effort(efforts: Mapping[float, float], file: Path) -> None:
         without_box(axes)
 
 
+def title_of_effort(efforts: Mapping[float, float]) -> str:
+    """The message: what the least of more time saves."""
+    fastest, (share, effort) = efforts[0.0], list(efforts.items())[1]
+    return f"{100 * share:.0f} % more time saves {100 * (1 - effort / fastest):.0f} % of the effort"
+
+
 def draw_tables(asked: Sequence[AskedTorques], file: Path) -> None:
     """Draw the torques that tables ask for, a panel each."""
-    with figure(file, 7.2, 2.6) as page:
+    with figure(file, 7.2, 2.6, title_of_tables(asked)) as page:
         panels = page.subplots(1, len(asked), sharey=True, squeeze=False)[0]
         for axes, each in zip(panels, asked, strict=True):
             motor_curves(axes, 1e3 * each.t, each.percent)
             for bound in (-100, 100):
-                axes.axhline(bound, color=BLACK, linewidth=0.9, linestyle=(0, (1, 1)), zorder=1)
+                axes.axhline(
+                    bound, color=BLACK, linewidth=0.9, linestyle=":", zorder=1, label="_limit"
+                )
             axes.set_title(each.name)
-            axes.set_xlabel("time (ms)")
-        panels[0].set_ylabel("torque (% of the limit)")
-        handles, labels = panels[0].get_legend_handles_labels()
-        page.legend(handles, labels, loc="outside lower center", ncols=3)
+            axes.set_xlabel("time (ms)", loc="left")
+            name_lines(axes, room=0.25)
+        panels[0].set_ylabel("torque, % of the limit")
+
+
+def title_of_tables(asked: Sequence[AskedTorques]) -> str:
+    """The message: what each asks for at most."""
+    each = (f"{table.name.split(',')[0]} {100 * table.most:.0f} %" for table in asked)
+    return f"What a table asks of the motors at most: {', '.join(each)} of the limit"
