@@ -3,8 +3,9 @@
 A change is written as the header of a column and a value: ``payload`` is replaced by it,
 ``robot.drive.torque times`` multiplied by it, ``robot.upper_arm.length plus`` made larger by it.
 Several keys before the last word get the same change. Places in lists are numbers:
-``cycle.0.payload``, ``goal.2``. ``place`` is no key of a file: it is the middle of all starts and
-goals, and who changes it moves all points and bodies along, or the robot the other way.
+``cycle.0.payload``, ``goal.2``. ``place.x``, ``place.y`` and ``place.z`` are no keys of a file, but
+where the middle of all starts and goals is: all points and bodies are moved along with it, or the
+robot the other way.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from deltaopt.curves.piecewise import Array
 from deltaopt.errors import SceneError
 from deltaopt.files.units import whatever_in_si
 
@@ -67,9 +69,11 @@ def _with(content: Content, key: str, change: Callable[[Any], Any]) -> Content:
     """The content with the value of a key changed. Raises SceneError."""
     if key.split(".")[0] == PLACE:
         middle = middle_of(content)
-        whole = {PLACE: middle.tolist()}
-        _change(whole, key, key, change)
-        return _moved(content, np.array(whole[PLACE]) - middle)
+        place = dict(zip("xyz", middle.tolist(), strict=True))
+        _change({PLACE: place}, key, key, change)
+        if len(place) > len("xyz"):
+            raise SceneError(None, key, None, "place.x, place.y or place.z", "is not a known key")
+        return _moved(content, np.array([*place.values()]) - middle)
     _change(content, key, key, change)
     return content
 
@@ -101,16 +105,21 @@ def _change(node: Any, rest: str, key: str, change: Callable[[Any], Any]) -> Non
     return None
 
 
-def middle_of(content: Content) -> np.ndarray[Any, np.dtype[np.float64]]:
+def middle_of(content: Mapping[str, Any]) -> Array:
     """The middle of all starts and goals of a scene or a cycle, (3,), m."""
+    return np.asarray(ends_of(content).mean(axis=0))
+
+
+def ends_of(content: Mapping[str, Any]) -> Array:
+    """All starts and goals of a scene or a cycle, each once, (N, 3), m."""
     legs = chain([content], content.get("cycle") or ())
     ends = (leg[end] for leg in legs for end in _ENDS if end in leg)
     points = (end["at"] if isinstance(end, dict) else end for end in ends)
     known = [whatever_in_si(point) for point in points if not isinstance(point, str)]
-    return np.asarray(np.mean(np.unique(known, axis=0), axis=0))
+    return np.unique(np.array(known, dtype=float), axis=0)
 
 
-def _moved(content: Content, by: np.ndarray[Any, np.dtype[np.float64]]) -> Content:
+def _moved(content: Content, by: Array) -> Content:
     """A scene or a cycle with all its points, (3,) m, elsewhere."""
 
     def moved(key: str, value: Any) -> Any:

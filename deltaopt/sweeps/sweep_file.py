@@ -134,7 +134,7 @@ class Sweep(Record):
         """All points; files are relative to a folder. Raises SceneError, also where no value of a
         key can be used."""
         bases = [
-            _base(folder, scene, robot)
+            base_of(folder, scene, robot)
             for scene in ([self.scene] if isinstance(self.scene, str) else self.scene)
             for robot in (self.robot if isinstance(self.robot, tuple) else [self.robot])
         ]
@@ -160,7 +160,7 @@ def load_sweep(path: str | Path) -> tuple[Sweep, Points]:
         raise (error if error.file else error.inside(file=file)) from None
 
 
-def _base(folder: Path, scene: str, robot: str | None) -> Base:
+def base_of(folder: Path, scene: str, robot: str | None) -> Base:
     """The content of a scene's file and of that of a robot, its own unless one is named. Raises
     SceneError."""
     file = folder / scene

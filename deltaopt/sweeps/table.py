@@ -17,6 +17,8 @@ from deltaopt.files.csv_table import csv_text
 from deltaopt.files.output_folder import locked
 
 PARQUET = ".parquet"
+Columns = Mapping[str, Sequence[Any]]
+"""Of a table, by name: numbers, nan where there is none, or texts."""
 
 
 class OtherTable(Unusable):
