@@ -68,7 +68,7 @@ def run(arguments: argparse.Namespace) -> int:
     file, table = filled(arguments, arguments.sweep.stem, points)
     names = ["scene", "robot"] if "robot" in table else ["scene"]
     keys, series = varied_keys(table, [*names, *points.keys])
-    print("\n".join(told(table, [*series, *keys], sweep.column)))
+    print("\n".join(told(table, keys, sweep.column, series)))
     values = numbers(table, sweep.column)
     if not np.isfinite(values).any():
         return 1

@@ -12,16 +12,16 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from deltaopt.curves.piecewise import Array
-from deltaopt.plots.colours import BLUE, COLOURS, GREY, LIGHT_GREY, OF_LIMITS, VERMILION
+from deltaopt.plots.colours import BLACK, BLUE, COLOURS, LIGHT_GREY, OF_LIMITS, VERMILION
 from deltaopt.plots.style import LARGE, SMALL, figure, verbatim, without_box
 from deltaopt.sweeps.table import Columns
 
 UNITS = {
     "duration": "duration (s)",
     "parts_per_minute": "parts per minute",
-    "rms_share": "RMS torque of the warmest motor over rated",
+    "rms_share": "RMS torque over rated",
     "torque_share": "largest torque over its limit",
-    "singularity": "least distance to a singularity (of 1)",
+    "singularity": "distance to singularities",
     "gap": "estimated gap",
     "seconds": "time of a processor (s)",
 }
@@ -171,5 +171,7 @@ def _colour_map(drawn: Figure, axes: Axes, x: Array, y: Array, values: Array, la
     shown = _pixels(axes, x, y, values, (float(finite.min()), float(finite.max())))
     drawn.colorbar(shown, ax=axes, label=label)
     if min(values.shape) > 1 and len(np.unique(finite)) > 1:
-        lines = axes.contour(x, y, np.ma.masked_invalid(values), _LEVELS, colors=GREY)
+        lines = axes.contour(
+            x, y, np.ma.masked_invalid(values), _LEVELS, colors=BLACK, linewidths=0.5
+        )
         axes.clabel(lines, fontsize=SMALL)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -45,14 +46,24 @@ def not_dominated(first: Array, second: Array) -> Array:
     return found
 
 
-def told(table: Columns, names: Sequence[str], column: str, worst: bool = False) -> Iterator[str]:
+def told(
+    table: Columns,
+    names: Sequence[str],
+    column: str,
+    series: Sequence[str] = (),
+    worst: bool = False,
+) -> Iterator[str]:
     """Lines on the plans: those with the least of a column, or the most of it for the ``worst``,
-    and why others are none."""
+    and why others are none. The best of each of some ``series``, such as robots, comes first."""
     values, total = numbers(table, column), len(table["point"])
     planned = np.flatnonzero(np.isfinite(values))
     yield f"{len(planned)} of {total} points have a plan"
     order = planned[np.argsort(values[planned], kind="stable")]
-    rows = (order[::-1] if worst else order)[:_SHOWN]
+    names = [*series, *names]
+    ranked, heads = (order[::-1] if worst else order).tolist(), dict[tuple[Any, ...], int]()
+    for k in ranked:
+        heads.setdefault(tuple(table[name][k] for name in series), k)
+    rows = list(dict.fromkeys([*heads.values(), *ranked]))[:_SHOWN]
     best = values[order[0]] if len(order) else 1.0
     shown = [*names, *(each for each in dict.fromkeys([column, *_TOLD]) if each not in names)]
     shown = [name for name in shown if any(_cell(table[name][k]) for k in rows)]
@@ -62,7 +73,7 @@ def told(table: Columns, names: Sequence[str], column: str, worst: bool = False)
             [str(int(table["point"][k])), *(_cell(table[name][k]) for name in shown)] for k in rows
         ]
         for line, k in zip(lines, rows, strict=True):
-            line.append(f"{values[k] / best - 1:+.1%}" if best else "")
+            line.append(f"{100 * (values[k] / best - 1):+.1f} %" if best else "")
         yield from text_table(head + lines, words=0)
     limits = Counter(each for each in table["limited_by"] if isinstance(each, str) and each)
     if limits:
@@ -81,7 +92,9 @@ def message(table: Columns, names: Sequence[str], column: str) -> str:
     best = int(np.nanargmin(values))
     where = ", ".join(f"{name} = {_cell(table[name][best])}" for name in names)
     most = np.nanmax(values) / values[best] - 1
-    return f"{column} is least at {where}: {values[best]:.4g}; elsewhere up to {most:.0%} more"
+    return (
+        f"{column} is least at {where}: {values[best]:.4g}; elsewhere up to {100 * most:.0f} % more"
+    )
 
 
 def quantiles(table: Columns) -> list[str]:

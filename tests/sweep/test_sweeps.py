@@ -11,6 +11,8 @@ from pathlib import Path
 import pytest
 
 import deltaopt
+from deltaopt.sweeps.run import NoCluster, cluster
+from deltaopt.sweeps.sweep import fill
 from deltaopt.sweeps.table import OtherTable
 
 PICK = Path("problems/pick_and_place.yaml").resolve()
@@ -133,3 +135,22 @@ def test_a_worker_that_is_killed_loses_nothing(expected, tmp_path):
     assert [row["point"] for row in found if row["error"]] == ["4"]
     assert found[4]["error"] == "whatever process plans it ends"
     assert all(row["verified"] == "yes" for row in found if not row["error"])
+
+
+def test_a_cluster_plans_the_same(swept, expected, tmp_path):
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=2,
+        threads_per_worker=1,
+        processes=False,
+        dashboard_address=":0",
+        silence_logs="CRITICAL",
+    ) as local:
+        fill(tmp_path / "rows.csv", swept.points_from(Path()), cluster(local.scheduler_address))
+    assert rows(tmp_path / "rows.csv") == expected
+
+
+def test_without_a_cluster_there_is_a_sentence(swept, tmp_path):
+    pytest.importorskip("distributed")
+    with pytest.raises(NoCluster, match="no Dask scheduler answers there"):
+        fill(tmp_path / "rows.csv", swept.points_from(Path()), cluster("nonsense://1"))
