@@ -49,6 +49,7 @@ ORDER = (
     "verify",
     "output",
     "compare",
+    "sweeps",
     "plots",
     "report",
     "cli",
@@ -100,7 +101,7 @@ of Deltas."""
 ONLY_IN = {
     "matplotlib": {"plots"},
     "yaml": {"files"},
-    "pydantic": {"files", "robot", "scene"},
+    "pydantic": {"files", "robot", "scene", "sweeps"},
     "pint": {"files"},
 }
 

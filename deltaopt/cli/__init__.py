@@ -55,6 +55,8 @@ class Command(Protocol):
 COMMANDS = {
     "new": "write a commented robot file and scene file to start from",
     "plan": "find the best motion of a scene, the fastest as a rule, and verify it",
+    "map": "plan a move at many places of the cell: how fast is the robot where",
+    "sweep": "plan many variants of scenes and robots, a row of a table each",
     "check": "check a scene or a robot and say what is modelled",
     "inverse": "compute the torques along a straight line (the paper's Figs. 4 and 5)",
     "compare": "compare formulations, of the dynamics or of plans, as tables and charts",

@@ -28,6 +28,7 @@ import platformdirs
 from deltaopt.codegen.c_compiler import EXTRA, Compiler, compilers
 from deltaopt.codegen.library_file import intact, put
 from deltaopt.codegen.prebuilt import FOLDER, carried, level_of
+from deltaopt.files.output_folder import locked
 
 CACHE = "DELTAOPT_CACHE"
 """Name of the environment variable that gives another folder for the compiled libraries."""
@@ -133,7 +134,11 @@ def _try(found: Compiler, source: str, folder: Path) -> Path | None:
             return kept
         if kept.exists():
             _LOG.warning("%s is damaged and is compiled again", kept)
-        return kept if _build(found, source, kept) and intact(kept) else None
+        lock = kept.with_suffix(".lock")
+        lock.touch()
+        with locked(lock):  # another process may be compiling it: once on a machine is enough
+            built = intact(kept) or _build(found, source, kept)
+            return kept if built and intact(kept) else None
     except subprocess.TimeoutExpired:
         _LOG.warning("%s does not end and is not run again", found.command)
         _HANGING.add(found)
@@ -155,7 +160,8 @@ def _may_hold_programs(folder: Path) -> bool:
 
 
 def _build(found: Compiler, source: str, library: Path) -> bool:
-    """Compile under a temporary name, then rename, since other processes may compile the same."""
+    """Compile under a temporary name, then rename: where there are no locks, other processes may
+    compile the same."""
     _remove_abandoned(library.parent)
     with tempfile.TemporaryDirectory(dir=library.parent, prefix=_BUILDING) as folder:
         text, built = Path(folder) / "a.c", Path(folder) / "a.so"

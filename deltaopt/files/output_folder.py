@@ -97,7 +97,7 @@ def _hidden_folder(directory: Path, undo: ExitStack) -> Path:
         except OSError as error:
             raise OSError(error.errno, error.strerror, str(directory)) from error
         undo.callback(shutil.rmtree, hidden, ignore_errors=True)
-        undo.enter_context(_locked(hidden))
+        undo.enter_context(locked(hidden))
         if hidden.exists():  # else another process took it for abandoned before it was locked
             return hidden
 
@@ -128,7 +128,7 @@ def _appear(hidden: Path, directory: Path) -> None:
         for left in _abandoned(directory.parent):
             shutil.rmtree(left, ignore_errors=True)
         return
-    with _locked(directory):
+    with locked(directory):
         for left in _abandoned(directory):
             _complete(left, directory)
         _replace(sorted(hidden.iterdir()), directory)
@@ -166,7 +166,7 @@ def _replace(files: list[Path], directory: Path) -> None:
 def _abandoned(folder: Path) -> Iterator[Path]:
     """Hidden folders, locked, of processes that were killed: nobody else holds their locks."""
     for hidden in folder.glob(f"{_HIDDEN}*") if fcntl else ():
-        with suppress(OSError), _locked(hidden, wait=False):
+        with suppress(OSError), locked(hidden, wait=False):
             yield hidden
 
 
@@ -180,7 +180,7 @@ def _complete(hidden: Path, directory: Path) -> None:
 
 
 @contextmanager
-def _locked(folder: Path, *, wait: bool = True) -> Iterator[None]:
+def locked(folder: Path, *, wait: bool = True) -> Iterator[None]:
     """Hold the lock of a folder, which the system releases when a process ends in any way.
 
     Raises OSError if ``wait`` is False and another process holds it. Without effect where the

@@ -11,7 +11,7 @@ import numpy as np
 
 from deltaopt.errors import SceneError, shown
 from deltaopt.files.yaml_file import place_of, read_yaml
-from deltaopt.robot.robot import load_robot
+from deltaopt.robot.robot import Robot, load_robot
 from deltaopt.robot.solids import MOST_TRIANGLES
 from deltaopt.scene.convex_hull import NoHull, convex_hull
 from deltaopt.scene.cycle import EXPECTED_LEGS, Cycle, start_after
@@ -31,12 +31,7 @@ def load_scene(path: str | Path) -> Scene:
         (0.45, -0.05, 0.0)
     """
     file = Path(path)
-    content = read_yaml(file)
-    if "cycle" in content:
-        expected = "start and goal; cycles are for deltaopt plan and load_cycle"
-        place = place_of(file, "cycle")
-        raise SceneError(file, "cycle", None, expected, "is no key of a single motion", place)
-    return _scene(file, _with_robot(file, content), lambda key: key)
+    return _single(file, read_yaml(file))
 
 
 def load_cycle(path: str | Path) -> Cycle:
@@ -52,7 +47,47 @@ def load_cycle(path: str | Path) -> Cycle:
         (2, (0.05, 0.05))
     """
     file = Path(path)
-    content = _with_robot(file, read_yaml(file))
+    return _cycle(file, read_yaml(file))
+
+
+def content_with_files(path: str | Path) -> dict[str, object]:
+    """The content of the file of a scene or a cycle, with that of the files that it names in their
+    place: the robot's as a mapping, and points of paths and bodies.
+
+    Raises SceneError, naming file and key, if any of them cannot be read.
+    """
+    file = Path(path)
+    content = read_yaml(file)
+    content["robot"] = read_yaml(_robot_file(file, content.get("robot")))
+    legs = content.get("cycle")
+    for each in [content, *(legs if isinstance(legs, list) else [])]:
+        if isinstance(each, dict):
+            each |= _with_all_points(file, each)
+    return content
+
+
+def made_of(content: Mapping[str, object], file: Path) -> Scene | Cycle:
+    """The scene, or the cycle, of the content of a ``file``, as ``content_with_files`` returns it.
+
+    Raises SceneError, naming file and key, if it cannot be used.
+    """
+    try:
+        robot = Robot.model_validate(content.get("robot"))
+    except SceneError as error:
+        raise error.inside(file=file, key="robot") from None
+    return (_cycle if "cycle" in content else _single)(file, {**content, "robot": robot})
+
+
+def _single(file: Path, content: dict[str, object]) -> Scene:
+    if "cycle" in content:
+        expected = "start and goal; cycles are for deltaopt plan and load_cycle"
+        place = place_of(file, "cycle")
+        raise SceneError(file, "cycle", None, expected, "is no key of a single motion", place)
+    return _scene(file, _with_robot(file, content), lambda key: key)
+
+
+def _cycle(file: Path, content: dict[str, object]) -> Cycle:
+    content = _with_robot(file, content)
     given, period = content.pop("cycle", None), content.pop("period", None)
     start, limits = content.pop("start", None), content.get("limits")
     if not isinstance(given, list) or not all(isinstance(leg, dict) for leg in given):
@@ -94,7 +129,7 @@ def _in_leg(index: int, own: Mapping[str, object], key: str) -> str:
 
 
 def _with_robot(file: Path, content: dict[str, object]) -> dict[str, object]:
-    if "robot" in content:
+    if "robot" in content and not isinstance(content["robot"], Robot):
         content["robot"] = load_robot(_robot_file(file, content["robot"]))
     return content
 
@@ -104,19 +139,23 @@ def _scene(file: Path, content: dict[str, object], named: Callable[[str], str]) 
     for key, expected in NO_KEYS.items():
         if key in content:
             raise SceneError(file, key, None, expected, "is not a known key", place_of(file, key))
-    given = content.get("path")
-    if isinstance(given, dict) and isinstance(given.get("points"), str):
-        content["path"] = {**given, "points": _points(file, given["points"])}
-    bodies = content.get("keep_out")
-    if isinstance(bodies, list):
-        numbered = ((f"keep_out[{index}]", body) for index, body in enumerate(bodies))
-        content["keep_out"] = [_with_points(file, *each) for each in numbered]
     try:
-        return Scene.model_validate(content)
+        return Scene.model_validate(_with_all_points(file, content))
     except SceneError as error:
         key = named(error.key)
         found = SceneError(None, key, error.value, error.expected, error.problem)
         raise found.inside(file=file, place=place_of(file, key)) from None
+
+
+def _with_all_points(file: Path, content: Mapping[str, object]) -> dict[str, object]:
+    """The content of a scene with points instead of the names of files that have them."""
+    found, given, bodies = dict(content), content.get("path"), content.get("keep_out")
+    if isinstance(given, dict) and isinstance(given.get("points"), str):
+        found["path"] = {**given, "points": _points(file, given["points"])}
+    if isinstance(bodies, list):
+        numbered = ((f"keep_out[{index}]", body) for index, body in enumerate(bodies))
+        found["keep_out"] = [_with_points(file, *each) for each in numbered]
+    return found
 
 
 def _with_points(scene_file: Path, key: str, body: object) -> object:

@@ -228,3 +228,16 @@ def test_abandoned_build_folders_are_removed_and_others_kept(folder):
     library(SOURCE + "int other(void) { return 1; }\n")
     assert not old.exists()
     assert new.exists()
+
+
+@needs_compiler
+@pytest.mark.skipif(os.name != "posix", reason="other systems have no such locks")
+def test_processes_that_need_the_same_library_at_once_compile_it_once(tmp_path, monkeypatch):
+    built = tmp_path / "built"
+    slow = f'case "$*" in *-o*) echo >> {built}; sleep 1;; esac; exec {compiler().command} "$@"'
+    script(tmp_path / "gcc", slow)
+    monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
+    code = "from deltaopt.codegen.compile import library; import sys; assert library(sys.argv[1])"
+    several = [subprocess.Popen([sys.executable, "-c", code, SOURCE]) for _ in range(3)]
+    assert [each.wait(60) for each in several] == [0, 0, 0]
+    assert built.read_text() == "\n"

@@ -1,0 +1,97 @@
+"""Plan a move at many places of the cell: how fast is the robot where?
+
+FILE is that of a scene or a cycle, which is planned at all places of a grid, or that of a robot,
+for the usual test cycle of packaging robots: 25 mm up, 305 mm across, 25 mm down, with 1 kg. With
+--moves N it is N random moves instead. --x, --y, --z: where the middle of the move is, m, as one
+number, or FROM TO, or FROM TO STEPS; by default where the robot can be. A map that was stopped goes
+on when it is started again.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from deltaopt.cli.arguments import WrongUsage, large_number, seed
+from deltaopt.cli.streams import present, print_written
+from deltaopt.cli.sweep import add_how, filled
+from deltaopt.sweeps.cell_map import AXES, ENDS, load_cell
+from deltaopt.sweeps.findings import numbers, quantiles, told
+from deltaopt.sweeps.table import Columns
+
+_NEARLY = 1.05
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("scene", type=Path, metavar="FILE", help="scene, cycle or robot file")
+    for axis, what in zip("xyz", ("depth below the base", "across", "across"), strict=True):
+        parser.add_argument(f"--{axis}", type=float, nargs="+", metavar="M", help=f"{what}, m")
+    parser.add_argument("--moves", type=large_number, metavar="N", help="N random moves instead")
+    parser.add_argument("--seed", type=seed, default=1, help="of random moves (default 1)")
+    add_how(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    cell, ranges = load_cell(arguments.scene), dict[str, tuple[float, ...]]()
+    for axis, name in zip("xyz", AXES, strict=True):
+        given = getattr(arguments, axis)
+        if given is not None:
+            ranges[name] = _range(axis, given, is_region=arguments.moves is not None)
+    if arguments.moves is None:
+        name, points = f"{arguments.scene.stem}_map", cell.places(ranges)
+    else:
+        name, points = (
+            f"{arguments.scene.stem}_moves",
+            cell.moves(arguments.moves, ranges, arguments.seed),
+        )
+    file, table = filled(arguments, name, points)
+    durations = numbers(table, "duration")
+    of_moves = arguments.moves is not None
+    print("\n".join(told(table, ENDS if of_moves else AXES, "duration", worst=of_moves)))
+    if not np.isfinite(durations).any():
+        return 1
+    message = _moves_in_words(durations) if of_moves else _places_in_words(table, durations)
+    print("\n".join([*(quantiles(table) if of_moves else ()), message]))
+    picture, before = file.with_suffix(".png"), present(file.parent)
+    if not arguments.no_plot:
+        from deltaopt.plots.sweeps import draw_map, draw_moves
+
+        if of_moves:
+            start, goal = np.split(np.array([numbers(table, name) for name in ENDS]), 2)
+            draw_moves(picture, message, table, np.linalg.norm(goal - start, axis=0))
+        else:
+            shown = ("duration", "rms_share", "singularity")
+            there = [each for each in shown if np.isfinite(numbers(table, each)).any()]
+            draw_map(picture, message, table, there)
+    print_written([file, *([] if arguments.no_plot else [picture])], before - {file})
+    return 0
+
+
+def _range(axis: str, given: list[float], is_region: bool) -> tuple[float, ...]:
+    """Raises WrongUsage for what is no range."""
+    most = 2 if is_region else 3
+    steps = given[2] if len(given) > 2 else 2
+    rises = len(given) < 2 or given[0] < given[1]
+    if not (rises and len(given) <= most and steps in range(2, 1000)) or (
+        is_region and len(given) < 2
+    ):
+        expected = "FROM TO" if is_region else "a number, FROM TO, or FROM TO STEPS"
+        raise WrongUsage(f"--{axis} is {' '.join(map(str, given))}; it must be {expected}, in m")
+    return tuple(given)
+
+
+def _places_in_words(table: Columns, durations: np.ndarray) -> str:
+    best = int(np.nanargmin(durations))
+    x, y, z = (table[name][best] for name in AXES)
+    near = int((durations <= _NEARLY * durations[best]).sum())
+    return (
+        f"Fastest {x:.3g} m below the base at y = {y:.3g}, z = {z:.3g} m: {durations[best]:.3f} s; "
+        f"at most 5 % slower at {near} of {len(durations)} places, white: cannot be done"
+    )
+
+
+def _moves_in_words(durations: np.ndarray) -> str:
+    middle, slow = np.nanpercentile(durations, [50, 90])
+    return f"Half of the moves take less than {middle:.3f} s, nine in ten less than {slow:.3f} s"

@@ -1,0 +1,90 @@
+"""Plan many variants of scenes and robots: a row of a table each, and a picture.
+
+A sweep file names a scene, or several, and what is changed in it and its robot, by key:
+
+  scene: ../pick_and_place.yaml
+  grid: {robot.drive.torque times: {from: 0.8, to: 1.2, steps: 5}}
+
+FILE receives a row for each point as soon as it is planned. A sweep that was stopped goes on where
+it was when it is started again. A point without a plan is a row that says why.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from deltaopt.cli.arguments import folder, one_or_more
+from deltaopt.cli.streams import present, print_written
+from deltaopt.files.progress_bar import ProgressBar
+from deltaopt.sweeps.findings import message, not_dominated, numbers, told, varied_keys
+from deltaopt.sweeps.points import Points
+from deltaopt.sweeps.run import cluster, processes
+from deltaopt.sweeps.sweep import fill
+from deltaopt.sweeps.sweep_file import load_sweep
+from deltaopt.sweeps.table import Columns, csv_of, read
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("sweep", type=Path, metavar="SWEEP", help="sweep file, see problems/sweeps")
+    add_how(parser)
+
+
+def add_how(parser: argparse.ArgumentParser) -> None:
+    """Declare where rows go and what plans them."""
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=folder,
+        metavar="FILE",
+        help="table to add rows to, .csv or .parquet (default: out/ and the name of the file)",
+    )
+    parser.add_argument(
+        "--workers",
+        type=one_or_more,
+        metavar="N",
+        help="processes on this machine (default: one for each processor)",
+    )
+    parser.add_argument(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="of a Dask cluster, such as tcp://host:8786, whose workers plan instead",
+    )
+    parser.add_argument("--no-plot", action="store_true", help="draw no picture")
+
+
+def filled(arguments: argparse.Namespace, name: str, points: Points) -> tuple[Path, Columns]:
+    """The table of all points, planned now where they are not there: its file and its columns."""
+    file = arguments.output or Path("out") / f"{name}.csv"
+    start = cluster(arguments.scheduler) if arguments.scheduler else processes(arguments.workers)
+    fill(file, points, start, ProgressBar())
+    return file, read(csv_of(file))
+
+
+def run(arguments: argparse.Namespace) -> int:
+    sweep, points = load_sweep(arguments.sweep)
+    file, table = filled(arguments, arguments.sweep.stem, points)
+    names = ["scene", "robot"] if "robot" in table else ["scene"]
+    keys, series = varied_keys(table, [*names, *points.keys])
+    print("\n".join(told(table, keys, sweep.column, series)))
+    values = numbers(table, sweep.column)
+    if not np.isfinite(values).any():
+        return 1
+    pictures = list[Path]()
+    before = present(file.parent)
+    if not arguments.no_plot and (keys or sweep.pareto):
+        from deltaopt.plots.sweeps import draw_pareto, draw_sweep
+
+        if keys:
+            pictures.append(file.with_suffix(".png"))
+            title = message(table, [*series, *keys], sweep.column)
+            draw_sweep(pictures[-1], title, table, keys, sweep.column, series)
+        if sweep.pareto:
+            pictures.append(file.with_suffix(".pareto.png"))
+            best = not_dominated(*(numbers(table, each) for each in sweep.pareto))
+            title = f"{best.sum()} of {len(best)} plans are best compromises"
+            draw_pareto(pictures[-1], title, table, sweep.pareto, best)
+    print_written([file, *pictures], before - {file})
+    return 0

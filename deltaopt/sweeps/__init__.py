@@ -1,0 +1,1 @@
+"""Sweeps: many plans of one cell with other numbers in it, a row of a table each."""

@@ -1,0 +1,211 @@
+"""Sweep files: which scenes and robots, and what is changed in them.
+
+scene: ../pick_and_place.yaml          # or a list of files; likewise robot, instead of theirs
+grid:                                  # each value with each of the others
+  payload: [500 g, 1 kg]
+  robot.drive.torque times: {from: 0.8, to: 1.2, steps: 5}
+points:                                # each with all of the grid
+  - {robot.upper_arm.length plus: 20 mm, robot.upper_arm.mass plus: 50 g}
+samples:                               # each with all of the grid and the points
+  number: 1000
+  ranges: {robot.forearm.length: {from: 700 mm, to: 900 mm}}
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from itertools import product
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from deltaopt.errors import SceneError, installed
+from deltaopt.files.units import whatever_in_si
+from deltaopt.files.validated_record import Positive, Record, Text
+from deltaopt.files.yaml_file import read_yaml
+from deltaopt.robot.robot import load_robot
+from deltaopt.scene.scene_file import content_with_files, has_cycle, load_cycle, load_scene, made_of
+from deltaopt.sweeps.keys import changed
+from deltaopt.sweeps.points import Base, Changes, Points
+from deltaopt.sweeps.row import FACTS
+
+MOST_POINTS = 1_000_000
+_NUMBER = f"a whole number from 1 to {MOST_POINTS}"
+_VALUES = "a list of values, or {from, to, steps}"
+_FILES = "the path of a file relative to this one, or a list of them"
+_GRID = f"a mapping of keys, such as robot.drive.torque, each to {_VALUES}"
+_RANGES = "a mapping of keys, such as robot.drive.torque, each to {from, to}"
+_COLUMN = "a key of the sweep, or one of " + ", ".join(FACTS)
+
+_Files = Text | tuple[Text, ...]
+
+
+class Samples(Record):
+    """Points spread evenly over ``ranges`` of keys: so many (``number``), by a ``method`` of
+    ``scipy.stats.qmc``, always the same for a ``seed``."""
+
+    ranges: dict[str, Any] = Field(min_length=1, description=_RANGES)
+    number: Annotated[int, Field(ge=1, le=MOST_POINTS)] = Field(description=_NUMBER)
+    method: Literal["sobol", "latin_hypercube"] = Field(
+        default="sobol", description="sobol or latin_hypercube"
+    )
+    seed: Annotated[int, Field(ge=0)] = Field(default=1, description="a whole number, at least 0")
+
+    @property
+    def ends(self) -> dict[str, tuple[float, float]]:
+        """Of each range. Raises SceneError."""
+        return {key: _ends(f"ranges.{key}", given) for key, given in self.ranges.items()}
+
+    @model_validator(mode="after")
+    def _has_ranges(self) -> Self:
+        assert self.ends
+        return self
+
+    @property
+    def drawn(self) -> list[Changes]:
+        """The points. Raises MissingPackage without scipy."""
+        qmc = installed("scipy.stats", "sweep").qmc
+        least, most = np.array(list(self.ends.values())).T
+        method = qmc.Sobol if self.method == "sobol" else qmc.LatinHypercube
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # best balanced are powers of two
+            shares = method(len(least), rng=self.seed).random(self.number)
+        values = (least + shares * (most - least)).tolist()
+        return [dict(zip(self.ranges, each, strict=True)) for each in values]
+
+
+class Sweep(Record):
+    """A sweep as its file says it: the docstring of this module has an example.
+
+    ``scene``: files of scenes or cycles. ``robot``: files of robots in their place; None for their
+    own. ``grid``, ``points``, ``samples``: what is changed. ``tolerance``: of the plans.
+    ``column``: what is shown, and least in the best plan. ``pareto``: two columns of which less is
+    better, for a picture of the best compromises. Raises SceneError for what cannot be used.
+    """
+
+    scene: _Files = Field(description=_FILES)
+    robot: _Files | None = Field(default=None, description=_FILES)
+    grid: dict[str, Any] = Field(default={}, description=_GRID)
+    points: tuple[dict[str, Any], ...] | None = Field(
+        default=None, min_length=1, description="a list of mappings of keys to values"
+    )
+    samples: Samples | None = Field(
+        default=None, description="a mapping with the keys number, ranges, method, seed"
+    )
+    tolerance: Positive = Field(default=1e-3, description="a number greater than 0")
+    column: Text = Field(default="duration", description=_COLUMN)
+    pareto: tuple[Text, Text] | None = Field(
+        default=None, description=f"two columns, each {_COLUMN}"
+    )
+
+    @model_validator(mode="after")
+    def _has_columns(self) -> Self:
+        known = {*self.headers, *FACTS}
+        for key, given in (("column", [self.column]), ("pareto", self.pareto or ())):
+            unknown = next((each for each in given if each not in known), None)
+            if unknown is not None:
+                raise SceneError(None, key, unknown, f"one of {', '.join(sorted(known))}")
+        return self
+
+    @property
+    def headers(self) -> list[str]:
+        """Of the columns of what is changed. Raises SceneError."""
+        return list(dict.fromkeys(key for axis in self.listed for each in axis for key in each))
+
+    @property
+    def listed(self) -> list[list[Changes]]:
+        """The changes of each key of the grid, of the points, and at the ends of all ranges of the
+        samples. Raises SceneError."""
+        axes: list[list[Changes]] = [
+            [{key: value} for value in _values(f"grid.{key}", given)]
+            for key, given in self.grid.items()
+        ]
+        if self.points:
+            axes.append([{k: whatever_in_si(v) for k, v in each.items()} for each in self.points])
+        if self.samples:
+            ends = self.samples.ends.items()
+            axes.append([{key: pair[which] for key, pair in ends} for which in (0, 1)])
+        return axes
+
+    def points_from(self, folder: Path) -> Points:
+        """All points; files are relative to a folder. Raises SceneError, also where no value of a
+        key can be used."""
+        bases = [
+            base_of(folder, scene, robot)
+            for scene in ([self.scene] if isinstance(self.scene, str) else self.scene)
+            for robot in (self.robot if isinstance(self.robot, tuple) else [self.robot])
+        ]
+        axes = self.listed
+        unchanged: list[Changes] = [{}]
+        for changes in (unchanged, *axes):
+            _require_usable(bases, changes)
+        if self.samples:
+            axes[-1] = self.samples.drawn
+        return Points(bases, axes, self.headers, self.tolerance)
+
+
+def load_sweep(path: str | Path) -> tuple[Sweep, Points]:
+    """The sweep of a file, and its points.
+
+    Raises SceneError, naming file and key, if it or a file that it names cannot be used.
+    """
+    file = Path(path)
+    sweep = Sweep.from_content(read_yaml(file), file)
+    try:
+        return sweep, sweep.points_from(file.parent)
+    except SceneError as error:
+        raise (error if error.file else error.inside(file=file)) from None
+
+
+def base_of(folder: Path, scene: str, robot: str | None) -> Base:
+    """The content of a scene's file and of that of a robot, its own unless one is named. Raises
+    SceneError."""
+    file = folder / scene
+    (load_cycle if has_cycle(file) else load_scene)(file)  # its own errors name lines
+    content = content_with_files(file)
+    if robot is None:
+        return Base({"scene": scene}, file, content)
+    load_robot(folder / robot)
+    content["robot"] = read_yaml(folder / robot)
+    return Base({"scene": scene, "robot": robot}, file, content)
+
+
+def _require_usable(bases: Sequence[Base], changes: Sequence[Changes]) -> None:
+    """Raise SceneError where no base can be used with any of some changes."""
+    wrong = None
+    for base, each in product(bases, changes):
+        try:
+            made_of(changed(base.content, each), base.file)
+        except SceneError as error:
+            wrong = error
+            if error.problem == "is not a known key":
+                break
+        else:
+            return
+    assert wrong is not None
+    raise SceneError(None, wrong.key, wrong.value, wrong.expected, wrong.problem)
+
+
+def _values(key: str, given: Any) -> list[Any]:
+    """The values that stand under a key of the grid. Raises SceneError."""
+    if isinstance(given, list | tuple) and given:
+        return [whatever_in_si(each) for each in given]
+    if isinstance(given, dict) and "steps" in given:
+        steps = given["steps"]
+        if not (isinstance(steps, int | float) and steps in range(2, MOST_POINTS)):
+            raise SceneError(None, f"{key}.steps", steps, "a whole number, at least 2")
+        ends = _ends(key, {name: each for name, each in given.items() if name != "steps"})
+        return [*np.linspace(*ends, int(steps)).tolist()]
+    raise SceneError(None, key, given, _VALUES)
+
+
+def _ends(key: str, given: Any) -> tuple[float, float]:
+    """The ends of a range. Raises SceneError."""
+    if isinstance(given, dict) and set(given) == {"from", "to"}:
+        least, most = whatever_in_si(given["from"]), whatever_in_si(given["to"])
+        if isinstance(least, int | float) and isinstance(most, int | float) and least < most:
+            return least, most
+    raise SceneError(None, key, given, "{from, to}, numbers, the first the lesser")

@@ -1,0 +1,141 @@
+"""The table of a sweep: a CSV file to which rows are added as they come."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from math import nan
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from deltaopt.errors import Unusable, installed, on_one_line
+from deltaopt.files.atomic_write import atomic_write, require_replaceable
+from deltaopt.files.csv_table import csv_text
+from deltaopt.files.output_folder import locked
+
+PARQUET = ".parquet"
+Columns = Mapping[str, Sequence[Any]]
+"""Of a table, by name: numbers, nan where there is none, or texts."""
+
+
+class OtherTable(Unusable):
+    """A file is the table of another sweep, or is being written."""
+
+
+def csv_of(file: Path) -> Path:
+    """The CSV file to which rows are added of the table that is to be ``file`` in the end."""
+    return file.with_suffix(".csv") if file.suffix == PARQUET else file
+
+
+def text(value: object) -> str:
+    """A value as the entry of a table, on one line."""
+    if value is None:
+        return ""
+    return on_one_line(value) if isinstance(value, str) else json.dumps(value)
+
+
+ELSEWHERE = "remove it, or write to another file with -o"
+
+
+class Table:
+    """The CSV file of a sweep with these ``columns``, open for more rows.
+
+    Rows are added whole: what a process that was killed left half written is not there any more.
+    """
+
+    def __init__(self, file: Path, columns: Sequence[str], out: BinaryIO) -> None:
+        self.columns, self._out = columns, out
+        self.done = dict[int, str]()
+        """The hash of the inputs of each point that has a row, by its number."""
+        header = _line(columns)
+        with file.open("rb") as opened:
+            begin = opened.read(len(header))
+        if not header.startswith(begin):
+            raise OtherTable(f"{file} is not a table with the columns of this sweep; {ELSEWHERE}")
+        out.truncate(_whole_lines(file))
+        if begin != header:
+            self._write(columns)
+        with file.open(encoding="utf-8", newline="") as opened_lines:
+            lines = csv.reader(opened_lines)
+            next(lines)
+            self.done |= {int(line[0]): line[1] for line in lines}
+
+    def add(self, row: Mapping[str, object]) -> None:
+        """Add a row of values by the names of their columns."""
+        self._write([text(row.get(name)) for name in self.columns])
+
+    def _write(self, entries: Sequence[str]) -> None:
+        self._out.write(_line(entries))
+        self._out.flush()
+
+
+@contextmanager
+def table(file: Path, columns: Sequence[str]) -> Iterator[Table]:
+    """The table of a file, made if need be, for one process at a time.
+
+    Raises OtherTable for that of another sweep, and OSError.
+    """
+    file.parent.mkdir(parents=True, exist_ok=True)
+    require_replaceable(file)
+    with file.open("ab") as out, ExitStack() as held:
+        try:
+            held.enter_context(locked(file, wait=False))
+        except BlockingIOError:
+            raise OtherTable(f"{file}: another sweep is writing it") from None
+        yield Table(file, columns, out)
+
+
+def _line(entries: Sequence[str]) -> bytes:
+    return csv_text(entries, ()).encode()
+
+
+def _whole_lines(file: Path) -> int:
+    """How many bytes of a file are whole lines."""
+    with file.open("rb") as opened:
+        end = opened.seek(0, os.SEEK_END)
+        while end:
+            begin = max(0, end - 65536)
+            opened.seek(begin)
+            found = opened.read(end - begin).rfind(b"\n")
+            if found >= 0:
+                return begin + found + 1
+            end = begin
+    return 0
+
+
+def columns_of(file: Path) -> Any:
+    """A table in the order of its points: a pandas DataFrame, or a dictionary of lists where pandas
+    is not installed, of numbers, nan where there is none, or of texts."""
+    try:
+        from pandas import read_csv
+    except ImportError:
+        return read(csv_of(file))
+    return read_csv(csv_of(file)).sort_values("point", ignore_index=True)
+
+
+def read(file: Path) -> dict[str, list[Any]]:
+    """The columns of a table in the order of its points: numbers as such, nan where there is none,
+    and everything else as text."""
+    with file.open(encoding="utf-8", newline="") as opened:
+        lines = list(csv.DictReader(opened))
+    lines.sort(key=lambda line: int(line["point"]))
+    return {name: _numbers([line[name] for line in lines]) for name in (lines or [{}])[0]}
+
+
+def _numbers(entries: Sequence[str]) -> list[Any]:
+    """Entries as numbers if all of them are, or are empty; as text otherwise."""
+    try:
+        return [float(each) if each else nan for each in entries] if any(entries) else [*entries]
+    except ValueError:
+        return [*entries]
+
+
+def write_parquet(file: Path) -> None:
+    """Write a table as Parquet too, from its CSV file. Raises MissingPackage."""
+    for package in ("pandas", "pyarrow"):
+        installed(package, "parquet")
+    with atomic_write(file) as temporary:
+        columns_of(file).to_parquet(temporary)

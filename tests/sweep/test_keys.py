@@ -1,0 +1,130 @@
+"""Changes by dotted keys, and how a cell is moved."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import deltaopt
+from deltaopt.errors import SceneError
+from deltaopt.scene.scene_file import content_with_files, made_of
+from deltaopt.sweeps.keys import changed
+from deltaopt.sweeps.sweep_file import load_sweep
+
+MOVED = (0.01, -0.02, 0.03)
+SCENES = [
+    "problems/pick_and_place.yaml",
+    "problems/keep_out/into_a_box.yaml",
+    "problems/keep_out/beside_a_column.yaml",
+    "problems/moving/belt.yaml",
+    "problems/via/within.yaml",
+    "problems/paths/safe_lane.yaml",
+    "problems/cycles/cell.yaml",
+]
+
+
+def elsewhere(scene):
+    """A scene whose robot stands elsewhere: all points of it, (N, 3), m."""
+    content = scene.model_dump(mode="json", exclude={"robot"}, exclude_none=True)
+    found = []
+
+    def look(node, key):
+        if isinstance(node, dict):
+            for name, each in node.items():
+                look(each, name)
+        elif (
+            isinstance(node, list) and len(node) == 3 and key not in ("velocity", "belt", "normal")
+        ):
+            if all(isinstance(each, int | float) for each in node):
+                found.append(node)
+                return
+            for each in node:
+                look(each, key)
+        elif isinstance(node, list) and key not in ("velocity", "belt", "normal"):
+            for each in node:
+                look(each, key)
+
+    look(content, "")
+    return np.array(found)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_who_changes_the_place_moves_all_points_of_the_cell(name):
+    content = content_with_files(name)
+    changes = {f"place.{axis} plus": by for axis, by in zip("xyz", MOVED, strict=True)}
+    before, after = (made_of(each, Path(name)) for each in (content, changed(content, changes)))
+    legs = ([each] if isinstance(each, deltaopt.Scene) else each.legs for each in (before, after))
+    for one, other in zip(*legs, strict=True):
+        assert elsewhere(other) - elsewhere(one) == pytest.approx(
+            np.tile(MOVED, (len(elsewhere(one)), 1))
+        )
+        assert other.robot == one.robot
+        assert other.limits == one.limits
+
+
+def test_a_content_with_files_is_the_scene_of_the_file():
+    for name in SCENES[:-1]:
+        assert made_of(content_with_files(name), Path(name)) == deltaopt.load_scene(name)
+    assert made_of(content_with_files(SCENES[-1]), Path()) == deltaopt.load_cycle(SCENES[-1])
+
+
+def test_units_are_known_and_several_keys_change_together():
+    content = {
+        "a": "315 mm",
+        "b": ["1 kg", {"c": 2.0}],
+        "start": ["10 cm", 0, 0],
+        "goal": [0.3, 0, 0],
+    }
+    found = changed(
+        content, {"a plus": 0.02, "b.0 b.1.c times": 3.0, "d.e": "word", "place.x": 1.0}
+    )
+    assert found["a"] == pytest.approx(0.335)
+    assert found["b"] == [3.0, {"c": 6.0}]
+    assert found["d"] == {"e": "word"}
+    assert np.ravel([found["start"], found["goal"]]) == pytest.approx([0.9, 0, 0, 1.1, 0, 0])
+    assert content["a"] == "315 mm"
+
+
+SCENE = f"scene: {Path('problems/pick_and_place.yaml').resolve()}\n"
+WRONG = [
+    ("grid: {robot.drive.torqe: [1, 2]}", "robot.drive.torqe is not a known key; expected torque"),
+    ("grid: {robot.drive.speed times: [1, 2]}", "robot.drive.speed is not given in the file"),
+    ("grid: {payload: [heavy, light]}", "payload is 'light'; expected a mass in kg"),
+    ("grid: {goal.3: [1]}", "goal.3 has the part 3; expected a place in a list of 3"),
+    ("grid: {payload: 1}", "grid.payload is 1.0; expected a list of values, or {from, to, steps}"),
+    ("grid: {payload: {from: 1, to: 2, steps: 1}}", "grid.payload.steps is 1.0; expected a whole"),
+    ("grid: {payload: {from: 2, to: 1, steps: 3}}", "grid.payload is .*the first the lesser"),
+    ("gird: {payload: [1]}", "gird is not a known key; expected grid"),
+    ("column: durations", "column is 'durations'; expected one of duration"),
+    ("samples: {number: 3}", "samples.ranges is missing; expected a mapping of keys"),
+    (
+        "samples: {number: 0, ranges: {payload: {from: 1, to: 2}}}",
+        "samples.number is 0.0; expected",
+    ),
+    ("robot: nowhere.yaml", "nowhere.yaml"),
+    ("points: [{payload: 1, place.w: 2}]", "place.w is not a known key; expected place.x"),
+]
+
+
+@pytest.mark.parametrize(("text", "told"), WRONG)
+def test_what_a_sweep_cannot_use_is_told_in_a_sentence(text, told, tmp_path):
+    file = tmp_path / "sweep.yaml"
+    file.write_text(SCENE + text + "\n")
+    with pytest.raises(SceneError, match=told) as raised:
+        load_sweep(file)
+    assert "\n" not in str(raised.value)
+    assert raised.value.file is not None
+
+
+def test_samples_are_spread_evenly_and_always_the_same(tmp_path):
+    file = tmp_path / "sweep.yaml"
+    ranges = "{payload: {from: 500 g, to: 1 kg}, robot.drive.torque: {from: 8, to: 12}}"
+    for method in ("sobol", "latin_hypercube"):
+        file.write_text(SCENE + f"samples: {{number: 16, method: {method}, ranges: {ranges}}}\n")
+        points = [[*head.values()][3:] for _, head in load_sweep(file)[1]]
+        assert points == [[*head.values()][3:] for _, head in load_sweep(file)[1]]
+        sixteenths = (np.array(points) - [0.5, 8]) / [0.5, 4] * 16
+        for column in sixteenths.T:
+            assert sorted(column.astype(int)) == list(range(16))
