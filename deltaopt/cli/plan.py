@@ -22,7 +22,7 @@ from __future__ import annotations
 import argparse
 import logging
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from deltaopt.cli.arguments import (
@@ -32,6 +32,7 @@ from deltaopt.cli.arguments import (
     first_intervals,
     one_or_more,
     optimality_gap,
+    output_folders,
     positive,
     seed,
 )
@@ -47,6 +48,7 @@ from deltaopt.output.facts import Facts, StraightLine
 from deltaopt.output.in_words import told
 from deltaopt.output.plan_files import MOST_ROWS, RATE, content, highest_rate
 from deltaopt.planning.comparisons import beside_free_path
+from deltaopt.planning.cycles.cycle_plan import CyclePlan
 from deltaopt.planning.cycles.cycle_planning import plan_cycle
 from deltaopt.planning.first_motions.initial_motion import baseline
 from deltaopt.planning.formulations.choice import Flat, Forward, Redundant
@@ -67,6 +69,7 @@ from deltaopt.scene.cycle import Cycle, there_and_back
 from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.scene_file import has_cycle, load_cycle, load_scene
+from deltaopt.sensitivity.sensitivity import told_of_sensitivity
 from deltaopt.verify.verification import verify
 
 FORMULATIONS: dict[str, Callable[[LoopClosure], ProblemFormulation]] = {
@@ -91,8 +94,9 @@ PLANNING = (
     "transcription",
     "starts",
     "seed",
+    "sensitivity",
 )
-"""Options that say how to optimise; None where they are not given."""
+"""Options that a plan alone has; None where they are not given."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -121,9 +125,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--baseline",
         action="store_true",
-        help="no optimisation: the straight line by a quintic law, slowed until it keeps the "
-        "limits (in problems/pick_and_place.yaml 0.197 s; timed optimally the same line takes "
-        "0.144 s)",
+        help="no optimisation: the straight line by a quintic law, slowed until it keeps limits",
     )
     parser.add_argument(
         "--tolerance",
@@ -169,6 +171,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--seed", type=seed, metavar="N", help="of the random first guesses (default: 1)"
     )
     parser.add_argument(
+        "--sensitivity",
+        action="store_true",
+        default=None,
+        help="say how the duration depends on every number of scene and robot",
+    )
+    parser.add_argument(
         "--rated",
         action="store_true",
         help="there and back without a pause, as fast as the motors' rated torques allow for ever",
@@ -195,7 +203,7 @@ def _run(arguments: argparse.Namespace) -> int:
     name = arguments.formulation or "flat"
     formulation = FORMULATIONS[name](CLOSURES[arguments.closure or "knots"])
     _refuse_contradictions(arguments, name, formulation)
-    folders = _folders(arguments)
+    folders = output_folders(arguments)
     scenes = [_load(file, arguments.rated) for file in folders]
     if any(isinstance(scene, Scene) and scene.follows_path for scene in scenes):
         _refuse_free_paths(arguments)
@@ -235,30 +243,6 @@ def _load(file: Path, is_rated: bool) -> Scene | Cycle:
         raise error.inside(file=file, place=place_of(file, error.key)) from None
 
 
-def _folders(arguments: argparse.Namespace) -> dict[Path, Path]:
-    """The directory to write to of each scene's file, checked before any work.
-
-    Raises WrongUsage where two scenes would share one, and OSError where one cannot be written to.
-    """
-    scenes: list[Path] = arguments.scenes
-    output: Path | None = arguments.output
-    found: dict[Path, Path] = {}
-    for file in scenes:
-        if output is None:
-            directory = Path("out") / file.stem
-            directory = directory / "baseline" if arguments.baseline else directory
-        else:
-            directory = output if len(scenes) == 1 else output / file.stem
-        if directory in found.values():
-            other = next(scene for scene, taken in found.items() if taken == directory)
-            raise WrongUsage(
-                f"{other} and {file} would both be written to {directory}: plan them one by one, "
-                "with --output"
-            )
-        found[file] = directory
-    return found
-
-
 def _plan(
     file: Path,
     directory: Path,
@@ -283,9 +267,9 @@ def _plan(
         report=arguments.report,
     )
     if arguments.json:
-        print_json(_as_dict(file, facts, files))
+        print_json(_as_dict(file, facts, files) | _sensitivity(found, arguments))
     else:
-        print("\n".join(told(facts)))
+        print("\n".join([*told(facts), *_told_sensitivity(found, arguments)]))
         print_written(files, before)
     return say_failures(facts.verification.failures())
 
@@ -303,12 +287,26 @@ def _plan_cycle(file: Path, directory: Path, cycle: Cycle, arguments: argparse.N
     drawn = {"chart": not arguments.no_plot, "report": arguments.report}
     files = save_cycle(directory, found, verification, arguments.rate, **drawn)
     if arguments.json:
-        record = content_of_cycle(found, verification)
+        record = content_of_cycle(found, verification) | _sensitivity(found, arguments)
         print_json({"scene": str(file), **record, "files": [str(each) for each in files]})
     else:
-        print("\n".join(told_of_cycle(found, verification)))
+        lines = [*told_of_cycle(found, verification), *_told_sensitivity(found, arguments)]
+        print("\n".join(lines))
         print_written(files, before)
     return say_failures(verification.failures())
+
+
+def _told_sensitivity(found: object, arguments: argparse.Namespace) -> Iterator[str]:
+    """Lines on how the duration depends on every number, where that is asked for."""
+    if arguments.sensitivity and isinstance(found, Plan | CyclePlan):
+        yield from told_of_sensitivity(found.sensitivity())
+
+
+def _sensitivity(found: object, arguments: argparse.Namespace) -> dict[str, object]:
+    """The same for machines."""
+    if arguments.sensitivity and isinstance(found, Plan | CyclePlan):
+        return {"sensitivity": [each.as_dict() for each in found.sensitivity()]}
+    return {}
 
 
 def _as_dict(file: Path, facts: Facts, files: Sequence[Path]) -> dict[str, object]:
@@ -334,7 +332,7 @@ def _refuse_contradictions(
     """
     given = [option for option in PLANNING if getattr(arguments, option) is not None]
     if arguments.baseline and given:
-        raise WrongUsage(f"--{given[0]} says how to optimise, which --baseline does not do")
+        raise WrongUsage(f"--{given[0]} is for a plan, which --baseline does not make")
     possible = [solver.name for solver in (each() for each in formulation.solvers)]
     if arguments.solver and arguments.solver not in possible:
         raise WrongUsage(
@@ -362,7 +360,7 @@ def _refuse_for_cycles(arguments: argparse.Namespace) -> None:
     given = [name for name in PLANNING if getattr(arguments, name) is not None]
     drawn = ("baseline", "plot_limits")
     given += [name.replace("_", "-") for name in drawn if getattr(arguments, name)]
-    others = [name for name in given if name != "tolerance"]
+    others = [name for name in given if name not in ("tolerance", "sensitivity")]
     if others:
         raise WrongUsage(f"--{others[0]} is for single motions; a cycle does not have it")
 
