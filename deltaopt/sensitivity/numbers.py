@@ -145,8 +145,8 @@ def _unit(path: Path) -> str:
         records = [kind for kind in kinds if isinstance(kind, type) and issubclass(kind, Record)]
         fields = (record.model_fields.get(_FIELDS.get(name, name)) for record in records)
         field = next(filter(None, fields), None)
-        if field is None:
-            return ""
+        if field is None:  # the word that tells a path's kind, as pick_and_place
+            continue
         kinds = [Robot] if name == "robot" else [*_inside(field.annotation), *field.metadata]
     units = [kind.unit for kind in kinds if isinstance(kind, Quantity)]
     of_point = path[-1] if isinstance(path[-1], int) and len(units) > 1 else 0

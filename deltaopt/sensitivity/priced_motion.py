@@ -23,7 +23,7 @@ from math import nan
 import numpy as np
 
 from deltaopt.curves.piecewise import Array, PiecewisePolynomial
-from deltaopt.errors import NotConverged, SceneError
+from deltaopt.errors import NotConverged, SceneError, if_possible
 from deltaopt.limits.limit import OwnMeasure
 from deltaopt.motion.extrema import everywhere
 from deltaopt.motion.loads import LoadsOfMotion
@@ -31,6 +31,7 @@ from deltaopt.motion.running_cost import cost as cost_of
 from deltaopt.motion.trajectory import Trajectory, passes
 from deltaopt.planning.attempts import on_its_mesh
 from deltaopt.planning.effort_planning import cost_to_minimise
+from deltaopt.planning.mesh.constraint_tightening import first_tightening
 from deltaopt.planning.mesh.error_estimate import split
 from deltaopt.planning.nlp.phases import FacePhases, joined
 from deltaopt.planning.nlp.problem import Guess
@@ -42,15 +43,21 @@ from deltaopt.problem.of_scene import problem_of
 from deltaopt.problem.problem import Problem
 from deltaopt.scene.scene import Scene
 
-_FEWEST = 256
-"""Intervals of the finer mesh at least."""
-_ACCURACIES = (1e-9, 1e-7, 1e-5, 1e-3)
-"""Relative tolerances to which meshes are solved: the first that is met. Beside sharp edges, and
-where friction changes its sign between two points, none of the small ones may be."""
+_INTERVALS, _SIZES = 256, (0.5, 0.6, 0.8, 1.0)
+"""Intervals of the finest mesh, or twice those of the plan; and the sizes of all of them, shares of
+it. A mesh errs as an instant of switching lies between its knots: by as much up as down over
+several that divide an interval otherwise."""
+_ACCURACIES = (1e-3, 1e-5, 1e-7, 1e-9)
+"""Relative tolerances to which meshes are solved, one after the other as far as they are met:
+beside sharp edges, and where friction changes its sign between points, small ones may not be."""
+_KNOWN = 1e-3
+"""Accuracy that leaves a mesh out where two others are known better."""
+_SLOWER = 1e-5
+"""By what share a motion is slowed to see whether its prices are right."""
 _JUMP = 1e-3
 """Of the largest acceleration: the least jump at a knot that is an instant of switching."""
 _ANOTHER = 1e-4
-"""Share of a cost by which it is another one, beside the gap that a plan tells."""
+"""Share of a cost by which it is another one, beside twice the gap that a plan tells."""
 _NOT_KNOWN = "is not priced point by point"
 _ANYWHERE = Boundary.passed((None, None, None))
 
@@ -68,7 +75,19 @@ class PricedMotion:
     motion: Trajectory
     fractions: Array
     prices: Array
-    accuracy: float
+    solved: float
+
+    @cached_property
+    def accuracy(self) -> float:
+        """Share of the cost to which its dependence is known: as it was solved, and as the
+        Lagrangian does not change where the motion is slower, which is one change of many."""
+        if not self.problem.is_at_rest:
+            return self.solved
+        both = (
+            self._lagrangian(self.problem, self.motion.slowed(1 + by)) for by in (_SLOWER, -_SLOWER)
+        )
+        slower, faster = both
+        return max(self.solved, abs(slower - faster) / (2 * _SLOWER))
 
     @cached_property
     def cost(self) -> float:
@@ -93,7 +112,9 @@ class PricedMotion:
 
         Not a number where a motion that is led to other ends leaves the workspace.
         """
-        motion = Trajectory(self._led_to(problem), problem.model)
+        return self._lagrangian(problem, Trajectory(self._led_to(problem), problem.model))
+
+    def _lagrangian(self, problem: Problem, motion: Trajectory) -> float:
         return cost_of(problem, motion) / self.cost + float(
             (self.prices * self._rows(problem, motion)).sum()
         )
@@ -161,17 +182,18 @@ def _shift(before: Boundary, after: Boundary, x: Array, t: float) -> Array:
 
 
 def priced_motions(found: Plan) -> list[PricedMotion]:
-    """The best motions near that of a plan on two meshes that divide its own, the second twice as
-    fine.
+    """The best motions near that of a plan, on some meshes that divide its own.
 
     Raises SceneError for a scene whose prices are not known, and NotConverged.
     """
     _require_prices(found)
     shares = joined(found.trajectory.shares, problem_of(found.scene).together)
-    pieces = np.ceil(_FEWEST / 2 * shares).astype(int)
-    each = [_priced(found, split(shares, n * pieces)) for n in (1, 2)]
+    finest = max(_INTERVALS, 2 * len(shares)) * shares
+    each = [_priced(found, split(shares, np.ceil(n * finest).astype(int))) for n in _SIZES]
+    well = [one for one in each if one.accuracy <= _KNOWN]
+    each = well if len(well) > 1 else each
     longer = each[-1].cost / found.cost - 1
-    if abs(longer) > found.gap + _ANOTHER:
+    if abs(longer) > 2 * found.gap + _ANOTHER:
         raise NotConverged(
             f"on finer meshes the cost is {longer:.1e} of itself from the plan's, farther than its "
             f"gap, {found.gap:.1e}: what prices limits would have there is not known",
@@ -201,27 +223,24 @@ def _priced(plan: Plan, mesh: Array) -> PricedMotion:
     scene, motion = plan.scene, plan.trajectory
     attempt = on_its_mesh(scene, motion)
     problem, optimiser = attempt.problem, TrajectoryOptimiser()
+    p = problem.model.parameters
     scaling = attempt.scaling(motion, motion.duration)
     if plan.resolved:
         scaling = _with_switches(scaling, motion)
-    program = optimiser.program(scaling, cost_to_minimise(scene.objective, scaling)).on(
-        split(mesh, problem.together)
-    )
+    mesh = split(mesh, problem.together)
+    scaling = first_tightening(scaling, motion, mesh)
+    program = optimiser.program(scaling, cost_to_minimise(scene.objective, scaling)).on(mesh)
+    found, solved = None, 1.0
     for accuracy in _ACCURACIES:
         guess = Guess(motion, near=True, tolerance=accuracy, on_its_mesh=True)
-        try:
-            found = program.solve(guess, scaling, problem.model.parameters)
+        other = if_possible((NotConverged,), program.solve, guess, scaling, p)
+        if other is None and found is not None:
             break
-        except NotConverged:
-            if accuracy == _ACCURACIES[-1]:
-                raise
-    solved = Trajectory(found.position, problem.model)
-    if not found.all_at_points:
-        known = (
-            "prices of all limits are known of deltaopt's own method alone, which needs a compiler"
-        )
-        raise NotConverged(known, found.status, solved)
-    return PricedMotion(problem, solved, program.points, found.multipliers, accuracy)
+        found, solved = other or found, accuracy if other else solved
+        motion = Trajectory(found.position, problem.model) if found else motion
+    if found is None or not found.all_at_points:
+        raise NotConverged("limits have no prices on a finer mesh", "No_Prices", motion)
+    return PricedMotion(problem, motion, program.points, found.multipliers, solved)
 
 
 def _with_switches(scaling: Scaling, motion: Trajectory) -> Scaling:

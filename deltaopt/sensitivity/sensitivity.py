@@ -1,7 +1,7 @@
 """How the duration of a plan, or the period of a cycle, depends on each number of its files.
 
 By differences of ``PricedMotion.about``, ln of the least cost but for a constant and what is of
-second order. What a mesh has missed shows where it is made twice as fine.
+second order. What meshes have missed shows where they differ.
 """
 
 from __future__ import annotations
@@ -10,6 +10,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import isfinite, nan
 from typing import Any
+
+import numpy as np
 
 from deltaopt.errors import SceneError, if_possible
 from deltaopt.planning.cycles.cycle_plan import CyclePlan
@@ -32,7 +34,7 @@ _STEP, _OF_ZERO = 1e-5, 1e-7
 _KINK = 1e-2
 """Of the larger of two slopes: by what they differ that are not the same."""
 _SURE, _ROUNDING = 2.0, 1e-6
-"""The error that is told, over the difference of both meshes; and what is added to it, a share of
+"""The error that is told, over the range of what meshes tell; and what is added to it, a share of
 the duration for a change by the whole number."""
 _TOLD, _DOUBTFUL = 5e-5, 0.05
 """Share of the duration from which a change is told in words, and of a change from which its error
@@ -133,17 +135,18 @@ def _of_number(
         if_possible((SceneError,), job_of, with_number(content, number.path, number.value + by))
         for by in (-step, 0.0, step)
     ]
-    slopes = list[float]()
-    for mesh in meshes:
-        less, same, more = (nan if job is None else mesh.of_job(job) for job in jobs)
-        below, above = (duration / step * change for change in (same - less, more - same))
-        known = [side for side in (below, above) if isfinite(side)]
-        if not known:
-            return None
-        slopes.append(sum(known) / len(known))
+    of_meshes = np.array(
+        [[nan if job is None else mesh.of_job(job) for job in jobs] for mesh in meshes]
+    )
+    sides = duration / step * np.diff(of_meshes)
+    known = np.isfinite(sides).all(axis=0)
+    if not known.any():
+        return None
+    below, above = sides.mean(axis=0).tolist()
+    slopes = sides[:, known].mean(axis=1)
     sure = _ROUNDING + max(mesh.accuracy for mesh in meshes)
-    error = _SURE * abs(slopes[-1] - slopes[0]) + sure * duration / (abs(number.value) or 1.0)
-    return Sensitivity(number, duration, slopes[-1], error, below, above)
+    error = _SURE * float(np.ptp(slopes)) + sure * duration / (abs(number.value) or 1.0)
+    return Sensitivity(number, duration, float(slopes.mean()), error, below, above)
 
 
 def told_of_sensitivity(each: Sequence[Sensitivity]) -> Iterator[str]:
