@@ -78,6 +78,7 @@ if TYPE_CHECKING:
     from deltaopt.scene.scene import Scene as Scene
     from deltaopt.scene.cycle import Cycle as Cycle
     from deltaopt.scene.scene_file import load_cycle as load_cycle, load_scene as load_scene
+    from deltaopt.sensitivity.sensitivity import Sensitivity as Sensitivity
     from deltaopt.sweeps.sweep import sweep as sweep
     from deltaopt.sweeps.sweep_file import Sweep as Sweep
     from deltaopt.verify.verification import Verification as Verification, verify as verify
@@ -139,6 +140,7 @@ _PUBLIC = {
     "deltaopt.scene.scene": ("Scene",),
     "deltaopt.scene.cycle": ("Cycle",),
     "deltaopt.scene.scene_file": ("load_cycle", "load_scene"),
+    "deltaopt.sensitivity.sensitivity": ("Sensitivity",),
     "deltaopt.sweeps.sweep": ("sweep",),
     "deltaopt.sweeps.sweep_file": ("Sweep",),
     "deltaopt.verify.verification": ("Verification", "verify"),
@@ -149,6 +151,7 @@ _METHODS = {
     "save_plan": "deltaopt.report.plan_folder",
     "frame": "deltaopt.output.plan_files",
     "plot_limit": "deltaopt.plots.limits",
+    "sensitivity": "deltaopt.sensitivity.sensitivity",
 }
 """What a plan offers that is the work of other rooms."""
 

@@ -127,3 +127,27 @@ def _whole(text: str, least: int, most: int) -> int:
     if not (is_short and least <= int(text) <= most):
         raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from {least} to {most}")
     return int(text)
+
+
+def output_folders(arguments: argparse.Namespace) -> dict[Path, Path]:
+    """The directory to write to of each scene's file, checked before any work.
+
+    Raises WrongUsage where two scenes would share one, and OSError where one cannot be written to.
+    """
+    scenes: list[Path] = arguments.scenes
+    output: Path | None = arguments.output
+    found: dict[Path, Path] = {}
+    for file in scenes:
+        if output is None:
+            directory = Path("out") / file.stem
+            directory = directory / "baseline" if arguments.baseline else directory
+        else:
+            directory = output if len(scenes) == 1 else output / file.stem
+        if directory in found.values():
+            other = next(scene for scene, taken in found.items() if taken == directory)
+            raise WrongUsage(
+                f"{other} and {file} would both be written to {directory}: plan them one by one, "
+                "with --output"
+            )
+        found[file] = directory
+    return found

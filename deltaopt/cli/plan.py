@@ -25,7 +25,7 @@ from __future__ import annotations
 
 import argparse
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +36,7 @@ from deltaopt.cli.arguments import (
     first_intervals,
     one_or_more,
     optimality_gap,
+    output_folders,
     positive,
     seed,
 )
@@ -63,6 +64,7 @@ from deltaopt.output.facts import Facts, StraightLine
 from deltaopt.output.in_words import details, surprises, told, verdict
 from deltaopt.output.plan_files import MOST_ROWS, RATE, content, highest_rate
 from deltaopt.planning.comparisons import beside_free_path
+from deltaopt.planning.cycles.cycle_plan import CyclePlan
 from deltaopt.planning.cycles.cycle_planning import plan_cycle
 from deltaopt.planning.first_motions.initial_motion import baseline
 from deltaopt.planning.formulations.choice import Flat, Forward, Redundant
@@ -83,6 +85,7 @@ from deltaopt.scene.cycle import Cycle, there_and_back
 from deltaopt.scene.feasibility import check_feasible
 from deltaopt.scene.scene import Scene
 from deltaopt.scene.scene_file import has_cycle, load_cycle, load_scene
+from deltaopt.sensitivity.sensitivity import told_of_sensitivity
 from deltaopt.verify.verification import verify
 
 FORMULATIONS: dict[str, Callable[[LoopClosure], ProblemFormulation]] = {
@@ -134,9 +137,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--baseline",
         action="store_true",
-        help="no optimisation: the straight line by a quintic law, slowed until it keeps the "
-        "limits (in problems/pick_and_place.yaml 0.197 s; timed optimally the same line takes "
-        "0.144 s)",
+        help="no optimisation: the straight line by a quintic law, slowed until it keeps limits",
     )
     parser.add_argument(
         "--tolerance",
@@ -153,6 +154,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--seed", type=seed, metavar="N", help="of the random first guesses (default: 1)"
+    )
+    parser.add_argument(
+        "--sensitivity",
+        action="store_true",
+        default=None,
+        help="say how the duration depends on every number of scene and robot",
     )
     parser.add_argument(
         "--rated",
@@ -209,10 +216,12 @@ def _run(arguments: argparse.Namespace) -> int:
     name = arguments.formulation or "flat"
     formulation = FORMULATIONS[name](CLOSURES[arguments.closure or "knots"])
     _refuse_contradictions(arguments, name, formulation)
-    folders = _folders(arguments)
+    folders = output_folders(arguments)
     scenes = [_load(file, arguments.rated) for file in folders]
     if any(isinstance(scene, Scene) and scene.follows_path for scene in scenes):
-        _refuse(arguments, ("baseline",), "is for free paths; the scene gives its path")
+        _refuse(
+            arguments, ("baseline", "sensitivity"), "is for free paths; the scene gives its path"
+        )
     if any(isinstance(scene, Cycle) for scene in scenes):
         others = ("baseline", "plot_limits")
         _refuse(arguments, others, "is for single motions; a cycle does not have it")
@@ -250,30 +259,6 @@ def _load(file: Path, is_rated: bool) -> Scene | Cycle:
         raise error.inside(file=file, place=place_of(file, error.key)) from None
 
 
-def _folders(arguments: argparse.Namespace) -> dict[Path, Path]:
-    """The directory to write to of each scene's file, checked before any work.
-
-    Raises WrongUsage where two scenes would share one, and OSError where one cannot be written to.
-    """
-    scenes: list[Path] = arguments.scenes
-    output: Path | None = arguments.output
-    found: dict[Path, Path] = {}
-    for file in scenes:
-        if output is None:
-            directory = Path("out") / file.stem
-            directory = directory / "baseline" if arguments.baseline else directory
-        else:
-            directory = output if len(scenes) == 1 else output / file.stem
-        if directory in found.values():
-            other = next(scene for scene, taken in found.items() if taken == directory)
-            raise WrongUsage(
-                f"{other} and {file} would both be written to {directory}: plan them one by one, "
-                "with --output"
-            )
-        found[file] = directory
-    return found
-
-
 def _plan(
     file: Path,
     directory: Path,
@@ -292,10 +277,11 @@ def _plan(
     drawn = _drawn(arguments) | {"limits": arguments.plot_limits}
     files = save(directory, facts, arguments.rate, **drawn)
     if arguments.json:
-        print_json({"scene": str(file), **_for_machines(facts), "files": list(map(str, files))})
+        printed = {"scene": str(file), **_for_machines(facts), "files": list(map(str, files))}
+        print_json(printed | _sensitivity(found, arguments))
     else:
         more = details(facts) if arguments.details else surprises(facts)
-        print(*told(facts), *more, sep="\n")
+        print(*told(facts), *more, *_told_sensitivity(found, arguments), sep="\n")
         print_written(files, before)
     return say_failures(facts.verification.failures())
 
@@ -309,12 +295,13 @@ def _plan_cycle(file: Path, directory: Path, cycle: Cycle, arguments: argparse.N
     verification, before = verified(found), present(directory)
     files = save_cycle(directory, found, verification, arguments.rate, **_drawn(arguments))
     if arguments.json:
-        record = content_of_cycle(found, verification)
+        record = content_of_cycle(found, verification) | _sensitivity(found, arguments)
         print_json({"scene": str(file), **record, "files": list(map(str, files))})
     else:
         more = details_of_cycle(found, verification) if arguments.details else ()
         print(f"{verdict(verification)}: ", end="")
-        print(*told_of_cycle(found, verification), *more, sep="\n")
+        sensitivity = _told_sensitivity(found, arguments)
+        print(*told_of_cycle(found, verification), *more, *sensitivity, sep="\n")
         print_written(files, before)
     return say_failures(verification.failures())
 
@@ -322,6 +309,19 @@ def _plan_cycle(file: Path, directory: Path, cycle: Cycle, arguments: argparse.N
 def _drawn(arguments: argparse.Namespace) -> dict[str, bool]:
     """What is drawn of plans and of cycles."""
     return {"chart": not arguments.no_plot, "report": arguments.report}
+
+
+def _told_sensitivity(found: object, arguments: argparse.Namespace) -> Iterator[str]:
+    """Lines on how the duration depends on every number, where that is asked for."""
+    if arguments.sensitivity and isinstance(found, Plan | CyclePlan):
+        yield from told_of_sensitivity(found.sensitivity())
+
+
+def _sensitivity(found: object, arguments: argparse.Namespace) -> dict[str, object]:
+    """The same for machines."""
+    if arguments.sensitivity and isinstance(found, Plan | CyclePlan):
+        return {"sensitivity": [each.as_dict() for each in found.sensitivity()]}
+    return {}
 
 
 def _for_machines(facts: Facts) -> dict[str, object]:
@@ -343,8 +343,8 @@ def _refuse_contradictions(
 
     ``name``: of the formulation.
     """
-    for option in _given(arguments, *PLANNING) if arguments.baseline else ():
-        raise WrongUsage(f"--{option} says how to optimise, which --baseline does not do")
+    for option in _given(arguments, *PLANNING, "sensitivity") if arguments.baseline else ():
+        raise WrongUsage(f"--{option} is for a plan, which --baseline does not make")
     possible = [solver.name for solver in (each() for each in formulation.solvers)]
     if arguments.solver and arguments.solver not in possible:
         raise WrongUsage(

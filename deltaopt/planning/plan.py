@@ -199,6 +199,14 @@ class Plan:
             return ()
         return limit_sensitivities(self.multipliers, most_saved)
 
+    def sensitivity(self) -> Any:
+        """How the duration depends on each number of the scene and its robot: a tuple of
+        `Sensitivity`, those first of which a small step changes it most.
+
+        Raises SceneError where that is not known, as on a given path, and NotConverged.
+        """
+        return loaded("sensitivity")(self)
+
     def save(
         self,
         directory: str | Path,

@@ -124,7 +124,7 @@ class TrajectoryOptimiser:
         guess = Guess(attempt.motion, attempt.is_near, self.accuracy, is_trial=True)
         extent = None if attempt.problem.is_at_rest else attempt.motion.extent
         scaling = Scaling(attempt.problem, attempt.motion.duration, extent=extent)
-        program = self._program(scaling, fastest(attempt.problem))
+        program = self.program(scaling, fastest(attempt.problem))
         return motion_on_first_mesh(program, scaling, guess, attempt.intervals)
 
     def fastest(self, attempt: Attempt, accuracy: float, report: Progress) -> Plan:
@@ -147,7 +147,7 @@ class TrajectoryOptimiser:
         moving, in_phases = not problem.is_at_rest, bool(problem.gates)
         is_fastest = not problem.objective.running
         refinement = Refinement(
-            self._program(scaling, cost_to_minimise(scene.objective, scaling)),
+            self.program(scaling, cost_to_minimise(scene.objective, scaling)),
             scaling,
             self.tolerance,
             self._resolver(scaling, report) if is_fastest and not (moving or in_phases) else None,
@@ -242,7 +242,7 @@ class TrajectoryOptimiser:
         if not attempt.problem.is_at_rest:
             guess = led_to_its_ends(attempt.problem, guess)
         scaling = attempt.scaling(guess, given or shortest)
-        program = self._program(scaling, cost_to_minimise(scene.objective, scaling))
+        program = self.program(scaling, cost_to_minimise(scene.objective, scaling))
         intervals = attempt.intervals
         if objective.order == 3 and given is not None:
             intervals = max(intervals, least_for_ramps(given / shortest - 1))
@@ -279,7 +279,7 @@ class TrajectoryOptimiser:
         first = replace(attempt, scene=quickly, intervals=intervals)
         return quick.fastest(first, self.accuracy, lambda _: None)
 
-    def _program(self, scaling: Scaling, cost: Cost) -> Formulated:
+    def program(self, scaling: Scaling, cost: Cost) -> Formulated:
         """The program, built once in a process for all problems with the same terms and limits."""
         return _program(
             self.problem_formulation,

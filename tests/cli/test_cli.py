@@ -227,8 +227,8 @@ def test_output_file_that_is_a_directory(tmp_path, capsys):
         (["--closure", "knots"], "with --formulation flat no loops can drift open"),
         (["--formulation", "forward", "--closure", "knots"], "with --formulation forward no loops"),
         (["--formulation", "explicit", "--solver", "interior-point"], "it may be ipopt"),
-        (["--baseline", "--solver", "ipopt"], "--solver says how to optimise, which --baseline"),
-        (["--baseline", "--starts", "1"], "--starts says how to optimise"),
+        (["--baseline", "--solver", "ipopt"], "--solver is for a plan, which --baseline"),
+        (["--baseline", "--starts", "1"], "--starts is for a plan"),
     ],
 )
 def test_contradictory_options(options, words, tmp_path, capsys):

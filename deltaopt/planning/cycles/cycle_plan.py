@@ -5,11 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from math import inf
+from typing import Any
 
 import numpy as np
 
 from deltaopt.curves.piecewise import Array
 from deltaopt.files.validated_record import Vector3
+from deltaopt.later import loaded
 from deltaopt.motion.motion_sequence import MotionSequence, waiting
 from deltaopt.motion.running_cost import squared_torques
 from deltaopt.motion.trajectory import Trajectory
@@ -114,6 +116,14 @@ class CyclePlan:
         """Period and RMS torques in a sentence."""
         rms = ", ".join(f"{each:.4g}" for each in self.rms_torque)
         return f"{self.period:.6f} s, RMS torques {rms} N·m"
+
+    def sensitivity(self) -> Any:
+        """How the period depends on each number of the cycle and its robot: a tuple of
+        `Sensitivity`, those first of which a small step changes it most.
+
+        Raises SceneError where that is not known, as on belts, and NotConverged.
+        """
+        return loaded("sensitivity")(self)
 
     @property
     def within_tolerance(self) -> bool:

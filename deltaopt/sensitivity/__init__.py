@@ -1,0 +1,1 @@
+"""How the duration of a plan, or the period of a cycle, depends on every number of its files."""
