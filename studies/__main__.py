@@ -51,6 +51,7 @@ from studies import (
     smooth,
     smoother,
     tables,
+    triples,
     tutorial,
     via,
 )
@@ -104,6 +105,7 @@ STUDIES: dict[str, Study] = {
     "smooth": smooth,
     "smoother": smoother,
     "tables": tables,
+    "triples": triples,
     "tutorial": tutorial,
     "via": via,
 }
