@@ -91,6 +91,7 @@ PLANNING = (
     "transcription",
     "starts",
     "seed",
+    "exhaustive",
 )
 """Options that say how to optimise; None where they are not given."""
 
@@ -163,7 +164,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--starts",
         type=one_or_more,
         metavar="N",
-        help="first guesses, distinct ways and then random ones; the best is kept (default: 1)",
+        help="first guesses: the usual one, then other ways and random ones; the best is kept",
+    )
+    parser.add_argument(
+        "--exhaustive",
+        type=positive,
+        metavar="SECONDS",
+        help="for how long other ways and random first guesses are looked at; the best is kept",
     )
     parser.add_argument(
         "--seed", type=seed, metavar="N", help="of the random first guesses (default: 1)"
@@ -391,6 +398,7 @@ def _solve(
         solver=SOLVERS.get(arguments.solver),
         starts=arguments.starts or 1,
         seed=1 if arguments.seed is None else arguments.seed,
+        exhaustive=arguments.exhaustive,
         progress=lambda text: print(text, file=sys.stderr, flush=True),
     )
     if arguments.verbose:

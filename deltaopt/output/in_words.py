@@ -22,6 +22,8 @@ def told(facts: Facts) -> Iterator[str]:
         yield facts.too_warm
     if not isinstance(found, StraightLine):
         yield from _optima(found)
+        if found.searched:
+            yield found.searched
         yield from _ways(found)
         yield from _gap(found)
         if found.free_duration is not None:

@@ -35,7 +35,7 @@ def crude_motion(scene: Scene, rng: Generator) -> Trajectory | None:
 
 
 def _motions(scene: Scene, rng: Generator) -> Iterator[PiecewisePolynomial]:
-    start, goal = scene.given_points
+    start, goal = scene.given_points[0], scene.given_points[-1]
     columns = [(each.level, each.y, each.z) for each in scene.columns]
     between = [np.array(each) for each in (*(p.position for p in scene.task.via), *columns)]
     for first in _ended(scene, scene.start, forward=True):

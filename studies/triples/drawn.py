@@ -13,7 +13,7 @@ from deltaopt.files.validated_record import Vector3
 from deltaopt.robot.robot import as_delta
 from deltaopt.scene.cycle import start_after
 from deltaopt.scene.feasibility import check_feasible
-from deltaopt.scene.moving_ends import State
+from deltaopt.scene.moving_ends import Belt, State
 from studies.bench.changes import (
     Change,
     among_bodies,
@@ -126,7 +126,7 @@ def drawn(seed: int, number: int) -> Scene | Cycle:
 
 def _points(scene: Scene) -> Iterator[Vector3]:
     """The goal, or where it is on a belt at first, and the points between."""
-    yield scene.goal if isinstance(scene.goal, tuple) else scene.goal.at
+    yield scene.goal.at if isinstance(scene.goal, Belt) else scene.given_points[1]
     yield from (point.position for point in scene.task.via)
 
 
@@ -135,5 +135,7 @@ def _there_and_back(scene: Scene) -> Cycle:
     start = scene.start if isinstance(scene.start, State) else scene.given_points[0]
     alone = dict.fromkeys(("via", "approach", "path", "tube"))
     back = scene.model_copy(update={**alone, "start": start_after(scene.goal), "goal": start})
+    if isinstance(scene.goal, Belt):  # which does not wait until motors are cool
+        return Cycle(legs=(scene, back), rms_torque="none")
     a, b, c = (_RATED * np.array(scene.robot.torque_limits)).tolist()
     return Cycle(legs=(scene, back), rms_torque=(a, b, c))
