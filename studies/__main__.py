@@ -53,6 +53,7 @@ from studies import (
     tables,
     terms,
     theory,
+    triples,
     tutorial,
 )
 from studies.problems import PROBLEMS
@@ -107,6 +108,7 @@ STUDIES: dict[str, Study] = {
     "tables": tables,
     "terms": terms,
     "theory": theory,
+    "triples": triples,
     "tutorial": tutorial,
 }
 

@@ -102,7 +102,7 @@ CLOSURES: dict[str, LoopClosure] = {
 }
 SOLVERS: dict[str, Solver] = {each.name: each for each in (InteriorPoint(), Ipopt())}
 RESEARCH = ("intervals", "formulation", "solver", "closure", "transcription")
-PLANNING = ("tolerance", *RESEARCH, "starts", "seed")
+PLANNING = ("tolerance", *RESEARCH, "starts", "seed", "exhaustive")
 """Options that say how to optimise; None where they are not given."""
 
 
@@ -150,7 +150,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--starts",
         type=one_or_more,
         metavar="N",
-        help="first guesses, distinct ways and then random ones; the best is kept (default: 1)",
+        help="first guesses: the usual one, then other ways and random ones; the best is kept",
+    )
+    parser.add_argument(
+        "--exhaustive",
+        type=positive,
+        metavar="SECONDS",
+        help="for how long other ways and random first guesses are looked at; the best is kept",
     )
     parser.add_argument(
         "--seed", type=seed, metavar="N", help="of the random first guesses (default: 1)"
@@ -383,7 +389,7 @@ def _solve(
     with told_meanwhile(arguments.verbose > 0) as progress:
         found = plan(
             scene,
-            **_given(arguments, "tolerance", "intervals", "starts", "seed"),
+            **_given(arguments, "tolerance", "intervals", "starts", "seed", "exhaustive"),
             formulation=None if scene.follows_path else formulation,
             transcription=TRANSCRIPTIONS.get(arguments.transcription),
             solver=SOLVERS.get(arguments.solver),

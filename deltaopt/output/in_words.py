@@ -29,6 +29,8 @@ def told(facts: Facts) -> Iterator[str]:
         yield facts.too_warm
     if not isinstance(found, StraightLine):
         yield _gap(found)
+        if found.searched:
+            yield found.searched
         yield from _comparison(facts, found)
     limits = limits_at_a_glance(facts.active, found.sensitivities)
     yield f"limited by {limits}" if limits else "no limit is reached"

@@ -269,17 +269,7 @@ def until_good(so_far: Outcomes, coarsest: int, proposals: Iterator[Proposal]) -
     for proposal in proposals:
         if any(proposal.motion.position == attempt.motion.position for attempt in tried):
             continue
-        intervals = intervals_after_waiting(proposal.motion, coarsest * max(1, proposal.legs))
-        intervals = intervals_for(proposal.motion, intervals) or intervals
-        tried.append(
-            Attempt(
-                so_far.scene,
-                proposal.motion,
-                intervals,
-                proposal.name,
-                is_near=proposal.legs > 0,
-            )
-        )
+        tried.append(from_motion(so_far.scene, proposal, coarsest))
         yield tried[-1]
         if so_far.is_good:
             return
@@ -289,12 +279,15 @@ def until_good(so_far: Outcomes, coarsest: int, proposals: Iterator[Proposal]) -
             return
 
 
-def all_of(scene: Scene, coarsest: int, motions: Iterator[Trajectory]) -> Iterator[Attempt]:
-    """Attempts from every first motion, told by their number, whatever comes of them."""
-    for which, motion in enumerate(motions, 1):
-        attempt = _attempt(scene, Proposal(f"start {which}", motion), coarsest)
-        if attempt:
-            yield attempt
+def from_motion(scene: Scene, proposal: Proposal, coarsest: int) -> Attempt:
+    """The attempt from a motion in phases or where an end moves, on the coarsest mesh on which it
+    stays in the workspace, or on the coarsest."""
+    motion = proposal.motion
+    intervals = intervals_after_waiting(motion, coarsest * max(1, proposal.legs))
+    intervals = intervals_for(motion, intervals) or intervals
+    if scene.tube is not None:
+        intervals = intervals_in_tube(scene, motion, intervals)
+    return Attempt(scene, motion, intervals, proposal.name, is_near=proposal.legs > 0)
 
 
 def finer(attempts: Iterable[Attempt], factor: int) -> Iterator[Attempt]:

@@ -124,6 +124,7 @@ class Plan:
     ``optima``: the distinct local minima that several first guesses led to, best first; empty
     where one was enough.
     ``ways``: the ways past keep-out bodies that were found, first the one that is taken.
+    ``searched``: in words, what a search for better plans looked at; empty without one.
     ``journal``: what was attempted and decided on the way to it, in order.
     ``free_duration``: where the scene gives a path, the duration (s) of the plan without it, if
     ``beside_free_path`` has found it. ``multipliers``: of the limits; None where they are not
@@ -155,6 +156,7 @@ class Plan:
     resolved: bool = False
     optima: tuple[Optimum, ...] = field(default=(), compare=False)
     ways: tuple[TakenWay, ...] = field(default=(), compare=False)
+    searched: str = field(default="", compare=False)
     journal: tuple[Entry | Note, ...] = field(default=(), compare=False)
     free_duration: float | None = None
     multipliers: Multipliers | None = field(default=None, compare=False)

@@ -22,7 +22,7 @@ from deltaopt.planning.journal import Journal, Progress
 from deltaopt.planning.nlp.problem import ProblemFormulation, Solver
 from deltaopt.planning.nlp.transcription import PiecewiseAcceleration
 from deltaopt.planning.plan import Plan
-from deltaopt.planning.run import Run
+from deltaopt.planning.run import Run, Search
 from deltaopt.planning.trajectory_optimiser import TrajectoryOptimiser
 from deltaopt.robot.machine import Machine
 from deltaopt.scene.known_limits import Limits
@@ -63,6 +63,7 @@ def plan(
     solver: Solver | None = None,
     starts: int = 1,
     seed: int = 1,
+    exhaustive: float | None = None,
     progress: Progress | None = None,
 ) -> Plan:
     """Plan the best motion of a scene: the fastest, unless the scene has another objective.
@@ -74,8 +75,9 @@ def plan(
     for the problem in twelve coordinates, Multiplier by eq. (37) and the others by eq. (39).
     ``transcription``: polynomial degree of the acceleration in an interval.
     ``solver``: `InteriorPoint` or `Ipopt`; the first by default where the formulation has it.
-    ``starts``: number of first guesses, distinct ways and then random ones with ``seed``; the best
-    motion is returned. ``progress``: is called with a line of text after every mesh.
+    ``starts``: number of first guesses; beside the usual plan the best of one less is looked for,
+    from distinct ways and then random ones with ``seed``. ``exhaustive``: for how many seconds more
+    of them are looked at. ``progress``: is called with a line of text after every mesh.
 
     Raises Unreachable, Singular or Infeasible if start or goal rule a motion out, NotConverged if
     the solver finds none, and ValueError or TypeError for settings that make no sense.
@@ -98,7 +100,9 @@ def plan(
         objective=scene.objective,
         solver=solver,
     )
-    return planner.plan_scene(scene, starts=starts, seed=seed, progress=progress)
+    return planner.plan_scene(
+        scene, starts=starts, seed=seed, exhaustive=exhaustive, progress=progress
+    )
 
 
 @dataclass(frozen=True)
@@ -208,6 +212,7 @@ class Planner:
         near: Trajectory | None = None,
         starts: int = 1,
         seed: int = 1,
+        exhaustive: float | None = None,
         progress: Progress | None = None,
     ) -> Plan:
         """Plan the best motion of a scene with this planner's settings.
@@ -216,21 +221,26 @@ class Planner:
         as in ``plan``, but with all that a scene asks for, such as bodies to keep clear of.
         ``near``: a motion that is near the best one, such as that of another objective: if it leads
         to a plan, no other way is looked for.
-        ``starts``, ``seed``, ``progress`` and the errors raised: as of the function ``plan``.
+        ``starts``, ``seed``, ``exhaustive``, ``progress`` and the errors raised: as of the function
+        ``plan``.
         """
         require_whole("starts", starts, 1, most=MOST)
         require_whole("seed", seed, 0)
+        search = Search(starts - 1, seed=seed) if starts > 1 else None
+        if exhaustive is not None:
+            require_positive("exhaustive", exhaustive)
+            search = Search(starts - 1 if starts > 1 else MOST, exhaustive, seed)
         under_way = None
         if start is not None:
             scene = scene.model_copy(update={"start": _state_of(start, scene.has_rates)})
             under_way = _rest_of(start)
-        self._require_settings(scene, starts)
+        self._require_settings(scene, search)
         begin, journal = perf_counter(), Journal(progress or (lambda _: None))
-        found = Run(self._optimiser, journal).plan(scene, under_way, starts, seed, near)
+        found = Run(self._optimiser, journal).plan(scene, under_way, near, search)
         spent = perf_counter() - begin
         return replace(found, journal=tuple(journal.entries), solve_seconds=spent)
 
-    def _require_settings(self, scene: Scene, starts: int) -> None:
+    def _require_settings(self, scene: Scene, search: Search | None) -> None:
         """Raise ValueError for settings that do not go with a scene."""
         task = scene.task
         if isinstance(task, OnPath):
@@ -238,23 +248,13 @@ class Planner:
                 "formulation": self.formulation,
                 "solver": self.solver,
                 "transcription": self.transcription,
-                "starts": starts if starts > 1 else None,
+                "starts or exhaustive": search and "given",
             }
             for name, value in settings.items():
                 if value is not None:
                     raise ValueError(f"{name} is {value}; it has no effect where the path is given")
-        elif not task.is_at_rest:
-            self._require_one_start(starts, "where an end moves")
-        elif task.gates:
-            what = "via points" if task.via else "an approach"
-            self._require_flat(f"without {what}")
-            self._require_one_start(starts, f"where there {'are' if task.via else 'is'} {what}")
-        elif scene.tube is not None:
-            self._require_one_start(starts, "in a tube, where the path timed optimally is first")
-
-    def _require_one_start(self, starts: int, where: str) -> None:
-        if starts > 1:
-            raise ValueError(f"starts is {starts}; it has no effect {where}")
+        elif task.is_at_rest and task.gates:
+            self._require_flat(f"without {'via points' if task.via else 'an approach'}")
 
     def _require_flat(self, others_plan: str) -> None:
         """Raise ValueError where another formulation was asked for, and say what these plan."""

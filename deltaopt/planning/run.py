@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from functools import cache, partial, reduce
 from itertools import chain, islice
 from math import inf, isfinite
+from time import perf_counter
 
 from deltaopt.curves.piecewise import PiecewisePolynomial
 from deltaopt.errors import (
@@ -18,28 +19,29 @@ from deltaopt.errors import (
     NO_PLAN,
     DeltaOptError,
     Infeasible,
+    NotConverged,
     if_possible,
     in_words,
 )
 from deltaopt.motion.trajectory import Trajectory
 from deltaopt.planning.attempts import (
     Attempt,
-    all_of,
+    Outcomes,
+    from_motion,
     on_its_mesh,
 )
 from deltaopt.planning.belt_places import PlacesOnBelt
 from deltaopt.planning.first_motions.around_bodies import (
     CLEAR,
-    clear_motions,
     is_clear,
     name_of_way,
 )
 from deltaopt.planning.first_motions.moving_ends import first_moving_motions, from_state_to_state
-from deltaopt.planning.first_motions.multistart import first_motions
 from deltaopt.planning.first_motions.order_of_merit import first_motion
 from deltaopt.planning.first_motions.passages import paths_of_lines
 from deltaopt.planning.first_motions.proposal import Proposal
 from deltaopt.planning.first_motions.through_gates import through_gates
+from deltaopt.planning.first_motions.variations import other_motions
 from deltaopt.planning.formulations.choice import Flat
 from deltaopt.planning.in_flight import finished_first
 from deltaopt.planning.links_clear import keeping_links_clear
@@ -72,6 +74,16 @@ Of a shorter one, as 1e-7 s before the end of another, verification cannot tell 
 
 
 @dataclass(frozen=True)
+class Search:
+    """A search for better plans than the usual one: from how many other first motions at ``most``,
+    for how many ``seconds``, and the ``seed`` of random ones."""
+
+    most: int
+    seconds: float = inf
+    seed: int = 1
+
+
+@dataclass(frozen=True)
 class Run(Loop):
     """Plans one scene."""
 
@@ -79,30 +91,78 @@ class Run(Loop):
         self,
         scene: Scene,
         under_way: PiecewisePolynomial | None = None,
-        starts: int = 1,
-        seed: int = 1,
         near: Trajectory | None = None,
+        search: Search | None = None,
     ) -> Plan:
         """The best plan of a scene.
 
-        ``under_way``: what would follow the start, if that is known. ``starts``, ``seed``: number
-        of first guesses, and for random ones. ``near``: a motion that is near the best, such as
-        that of another objective: if it leads to a plan, no other is looked for. Raises what rules
-        a plan out, and NotConverged.
+        ``under_way``: what would follow the start, if that is known. ``near``: a motion that is
+        near the best, such as that of another objective: if it leads to a plan, no other is looked
+        for. ``search``: for better plans than the usual one. Raises what rules a plan out, and
+        NotConverged.
         """
         check_feasible(scene)
+        usual = partial(self._usual, under_way, near)
+        if search is None:
+            found = self._links_clear(scene, usual)
+        else:
+            found = self._best_of_others(scene, usual, search)
+        if found.gap == inf and isinstance(scene.objective, Time) and found.lower_bound:
+            found = replace(found, gap=found.duration / found.lower_bound - 1)
+        return found
+
+    def _usual(
+        self, under_way: PiecewisePolynomial | None, near: Trajectory | None, scene: Scene
+    ) -> Plan:
+        """The plan from a motion that is near the best, or from the usual first motions."""
+        return self._nearby(scene, near) or self._plan_by_limits(scene, under_way)
+
+    def _links_clear(self, scene: Scene, planned: Callable[[Scene], Plan]) -> Plan:
+        """The plan of a scene by its limits, with arms and forearms clear of bodies if asked."""
         if not (scene.robot_keeps_clear and scene.keep_out):
-            return self._nearby(scene, near) or self._plan_by_limits(scene, under_way, starts, seed)
+            return planned(scene)
         found, lost = keeping_links_clear(
-            scene,
-            lambda limited: (
-                self._nearby(limited, near)
-                or self._plan_by_limits(limited, under_way, starts, seed)
-            ),
-            self.optimiser.tolerance,
-            self.journal.note,
+            scene, planned, self.optimiser.tolerance, self.journal.note
         )
         return replace(found, scene=scene, gap=found.gap + lost)
+
+    def _best_of_others(self, scene: Scene, usual: Callable[[Scene], Plan], search: Search) -> Plan:
+        """The best of the ``usual`` plan and of those from other first motions, with what was
+        looked at. Raises the first error if none leads to a plan."""
+        so_far, known = Outcomes(scene, self.good_gap), list[Plan]()
+        try:
+            known.append(self._links_clear(scene, usual))
+            so_far.add(known[0])
+        except NO_PLAN as error:
+            so_far.add(error)
+        motion, begin = known[0].trajectory if known else None, perf_counter()
+        others = other_motions(scene, motion, search.most, search.seed)
+        for number, other in enumerate(others, 2):
+            attempt = from_motion(
+                scene, Proposal(f"start {number}", other), self.optimiser.intervals
+            )
+            try:
+                so_far.add(self._links_clear(scene, partial(self._only_from, attempt)))
+            except NO_PLAN as error:
+                so_far.add(error)
+            if perf_counter() - begin > search.seconds:
+                break
+        best, led = so_far.best_known(), len(so_far.plans) - len(known)
+        saved = 1 - best.cost / known[0].cost if known else 0.0
+        searched = (
+            f"beside the usual first motions {so_far.tried - 1} more, other ways and random ones, "
+            f"led to {led} plans, the best of all {saved:.2%} below the usual one; any others "
+            "were not looked at"
+        )
+        ways = best.ways or (known[0].ways if known else ())
+        return replace(best, searched=searched, ways=ways)
+
+    def _only_from(self, attempt: Attempt, scene: Scene) -> Plan:
+        """The plan from a first motion alone, past all bodies of a scene."""
+        found = or_raise(self.remedied(replace(attempt, scene=scene)))
+        if not is_clear(scene, found.trajectory):
+            raise NotConverged("it runs into a body", "Not_Clear", found.trajectory)
+        return found
 
     def _nearby(self, scene: Scene, near: Trajectory | None) -> Plan | None:
         """The plan that a motion near the best leads to; None without one, where it leads to none,
@@ -116,9 +176,7 @@ class Run(Loop):
             return None
         return found if is_clear(scene, found.trajectory) else None
 
-    def _plan_by_limits(
-        self, scene: Scene, under_way: PiecewisePolynomial | None, starts: int, seed: int
-    ) -> Plan:
+    def _plan_by_limits(self, scene: Scene, under_way: PiecewisePolynomial | None) -> Plan:
         """Plan a scene that is feasible, of arms and forearms with those alone clear of bodies that
         are planned to be."""
         task = scene.task
@@ -129,8 +187,7 @@ class Run(Loop):
         if task.gates:
             return _resolvable(or_raise(self._past_or_through(scene, through_gates(scene))))
         past_bodies = limits_of(scene).constraints.has_convex
-        usual = self._past_bodies if past_bodies else self.by_merit
-        return usual(scene) if starts == 1 else self._from_starts(scene, starts, seed, usual)
+        return self._past_bodies(scene) if past_bodies else self.by_merit(scene)
 
     def _past_or_through(self, scene: Scene, proposals: Iterator[Proposal]) -> Plan | DeltaOptError:
         """From first motions in phases or where an end moves, and from legs past bodies: these come
@@ -165,23 +222,6 @@ class Run(Loop):
         found = rough.until_good(scene, _simply(scene))
         return found if isinstance(found, Plan) and is_clear(scene, found.trajectory) else None
 
-    def _from_starts(
-        self, scene: Scene, starts: int, seed: int, usual: Callable[[Scene], Plan]
-    ) -> Plan:
-        """From so many first motions beside the ``usual`` plan, with all local minima. Raises the
-        first error if none leads to a plan."""
-        motions, so_far = first_motions(scene, starts, seed), self.outcomes(scene)
-        past_bodies = limits_of(scene).constraints.has_convex
-        if past_bodies:
-            motions = clear_motions(scene, motions, starts)
-        self.make(all_of(scene, self.optimiser.intervals, motions), so_far)
-        if past_bodies or not so_far.is_good:  # otherwise the first of them is the usual one
-            try:
-                so_far.add(usual(scene))
-            except NO_PLAN as error:
-                so_far.add(error)
-        return so_far.best_known()
-
     def _plan_moving(self, scene: Scene, under_way: PiecewisePolynomial | None) -> Plan:
         """Plan the fastest motion where an end moves, from the first guess that leads to one."""
         if scene.task.gates:
@@ -198,7 +238,7 @@ class Run(Loop):
             under_way,
             found if isinstance(found, Plan) else None,
             self.optimiser.tolerance,
-            planned=lambda rest: self._plan_by_limits(rest, None, 1, 1),
+            planned=lambda rest: self._plan_by_limits(rest, None),
             roughly=self._roughly,
         )
         return or_raise(finished or found)
