@@ -8,7 +8,7 @@ the duration jumps by more than it changes beside, one of the two plans is not t
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any
@@ -20,13 +20,16 @@ from deltaopt.cli.arguments import one_or_more
 from deltaopt.curves.piecewise import Array
 from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.files.yaml_file import read_yaml
+from studies.bodies import scenes as random_bodies
 from studies.kept_rows import kept_rows
-from studies.problems import PROBLEMS, add_directory
+from studies.problems import INDUSTRIAL, PROBLEMS, add_directory
 from studies.text_table import table
 from studies.timed import attempted
 
 HELP = "whether neighbouring problems have neighbouring plans"
 SMALL = {"problems": 4, "lines": ["via x", "payload"]}
+_RANDOM = 12
+"""Lines among random bodies."""
 FLIP = 2e-3
 """Share of the duration by which it jumps, beyond what it changes in the steps beside."""
 _BESIDE = 1.5
@@ -40,32 +43,53 @@ _ACROSS = {"start": [0.85, -0.1525, 0.0], "goal": [0.85, 0.1525, 0.0], "payload"
 
 @dataclass(frozen=True)
 class Line:
-    """Problems between two: a scene of ``problems/`` with other ``changes`` by key, of which the
-    number at ``key`` goes from ``first`` to ``last``."""
+    """Problems in which a number goes from ``first`` to ``last``; ``scene``: that of a number."""
 
     name: str
-    file: str
-    key: Key
+    scene: Callable[[float], deltaopt.Scene]
     first: float
     last: float
-    changes: Mapping[str, Any]
-
-    def scene(self, share: float) -> deltaopt.Scene:
-        """The problem at a share of the line."""
-        file = PROBLEMS / f"{self.file}.yaml"
-        content: dict[str, Any] = read_yaml(file)
-        robot = self.changes.get("robot", content["robot"])
-        content |= deepcopy(dict(self.changes))
-        content["robot"] = deltaopt.load_robot(PROBLEMS / "robots" / robot.split("/")[-1])
-        inner: Any = content
-        for key in self.key[:-1]:
-            inner = inner[key]
-        inner[self.key[-1]] = self.first + share * (self.last - self.first)
-        return deltaopt.Scene(**content)
 
 
 def _line(name: str, file: str, key: Key, first: float, last: float, **changes: Any) -> Line:
-    return Line(name, file, key, first, last, changes)
+    """A scene of ``problems/`` with some changes, of which the number at a key changes."""
+
+    def scene(number: float) -> deltaopt.Scene:
+        content: dict[str, Any] = read_yaml(PROBLEMS / f"{file}.yaml") | deepcopy(changes)
+        robot = content["robot"].split("/")[-1]
+        inner: Any = content
+        for each in key[:-1]:
+            inner = inner[each]
+        inner[key[-1]] = number
+        content["robot"] = deltaopt.load_robot(PROBLEMS / "robots" / robot)
+        return deltaopt.Scene(**content)
+
+    return Line(name, scene, first, last)
+
+
+def _among_bodies() -> Iterator[Line]:
+    """Random moves with one to five bodies about them, whose goals go across; every other one
+    begins at a speed, across too."""
+    robot = deltaopt.load_robot(INDUSTRIAL)
+    for k, move in enumerate(random_bodies(robot, _RANDOM, seed=5)):
+        start, goal = np.array(move.given_points)
+        across = np.cross(goal - start, [1.0, 0.3, -0.2])
+        across *= 0.1 * np.linalg.norm(goal - start) / np.linalg.norm(across)
+
+        def scene(
+            share: float,
+            move: deltaopt.Scene = move,
+            goal: Array = goal,
+            across: Array = across,
+            is_moving: bool = k % 2 == 1,
+        ) -> deltaopt.Scene:
+            given: dict[str, Any] = {"goal": (goal + share * across).tolist()}
+            if is_moving:
+                state = {"at": move.start, "velocity": (10.0 * across).tolist()}
+                given["start"] = deltaopt.State(**state)
+            return move.model_copy(update=given)
+
+        yield Line(f"among bodies {k + 1}", scene, -1.0, 1.0)
 
 
 _CROSS, _BOX, _OVER = "industrial_cross", "keep_out/into_a_box", "keep_out/wall_25_305_25"
@@ -104,7 +128,7 @@ LINES = (
     _line("box start y", _BOX, ("start", 1), -0.25, 0.0),
     _line("sphere radius", _CROSS, ("keep_out", 0, "sphere", "radius"), 0.005, 0.07,
           keep_out=[_SPHERE], **_ACROSS),
-    _line("tool radius", _OVER, ("tool", "radius"), 1e-3, 0.03, tool={"radius": 0.0}),
+    _line("tool radius", _OVER, ("tool", "radius"), 1e-3, 0.02, tool={"radius": 0.0}),
     _line("column z", "keep_out/beside_a_column", ("start", 2), -0.08, 0.08),
     _line("belt speed", _BELT, ("goal", "belt", 2), -0.7, 0.3),
     _line("belt y", _BELT, ("goal", "at", 1), -0.05, 0.15),
@@ -126,16 +150,17 @@ LINES = (
     _line("tube", "paths/tube", ("tube",), 1e-3, 0.02),
     _line("path blend", "paths/industrial_25_305_25", ("path", "pick_and_place", "blend"), 2e-3,
           0.024),
-    _line("torque rate", _CROSS, ("limits", "torque_rate"), 2e3, 4e4, limits={"torque_rate": 1e4}),
+    _line("torque rate", _CROSS, ("limits", "torque_rate"), 1e4, 4e4, limits={"torque_rate": 1e4}),
     _line("effort", "objectives/pick_and_place_gently", ("duration",), 0.16, 0.4),
     _line("friction", "industrial_drive", ("goal", 1), 0.02, 0.16),
     _line("range", "payload/range", ("goal", 1), 0.02, 0.16),
+    *_among_bodies(),
 )  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Row:
-    """A problem: its ``line`` and its place on it, the cost (s; of effort, N²m²s) and the gap of
+    """A problem: its ``line`` and the number there, the cost (s; of effort, N²m²s) and the gap of
     its plan, NaN where there is none, seconds of the processor, and why there is none."""
 
     line: str
@@ -170,7 +195,11 @@ def run(arguments: argparse.Namespace) -> int:
     """Print, for each line with flips, where they are and how large, and how many there are."""
     lines = [each for each in LINES if not arguments.lines or each.name in arguments.lines]
     shares = np.linspace(0.0, 1.0, arguments.problems).tolist()
-    keys = [(line.name, share) for line in lines for share in shares]
+    keys = [
+        (line.name, line.first + share * (line.last - line.first))
+        for line in lines
+        for share in shares
+    ]
     named = {line.name: line for line in lines}
 
     def made(key: tuple[str, float]) -> Row:
@@ -196,10 +225,9 @@ def _told(lines: Sequence[Line], rows: Sequence[Row]) -> str:
         cost = np.array([row.cost for row in own])
         found = flips(cost)
         number += len(found)
-        values = [line.first + row.place * (line.last - line.first) for row in own]
         sizes = np.abs(np.diff(np.log(cost)))[found]
         largest = f"{np.nanmax(sizes):.2%}" if np.isfinite(sizes).any() else ""
-        where = " ".join(f"{values[k]:.4g}" for k in found[:4])
+        where = " ".join(f"{own[k].place:.4g}" for k in found[:4])
         none, gap = str(int(np.isnan(cost).sum())), f"{np.nanmax([row.gap for row in own]):.0e}"
         lines_told.append((line.name, str(len(found)), largest, where, none, gap))
     total = f"{number} flips in {len(rows)} problems on {len(lines)} lines"
