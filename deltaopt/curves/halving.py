@@ -49,13 +49,23 @@ def nearest_on_lines(
     ``gradient``: of the function at places (…, 3). ``begin``, ``way``: of the lines, (…, 3).
     """
 
-    def grows(share: Array) -> Truths:
-        slope = (gradient(begin + share[..., None] * way) * way).sum(axis=-1)
-        return np.asarray(slope > 0)
+    def slopes(share: Array, begin: Array, way: Array) -> Array:
+        return np.asarray((gradient(begin + share[..., None] * way) * way).sum(axis=-1))
 
-    shape = begin.shape[:-1]
-    low, high = bisected(grows, np.zeros(shape), np.ones(shape), bisections)
-    return (low + high) / 2
+    at_begin, at_end = np.zeros(begin.shape[:-1]), np.ones(begin.shape[:-1])
+    falls = slopes(at_begin, begin, way) < 0
+    within = falls & (slopes(at_end, begin, way) > 0)
+    share = np.where(falls, at_end, at_begin)
+    if within.any():
+        own, their_way = begin[within], way[within]
+        low, high = bisected(
+            lambda middle: slopes(middle, own, their_way) > 0,
+            at_begin[within],
+            at_end[within],
+            bisections,
+        )
+        share[within] = (low + high) / 2
+    return share
 
 
 class Halvable(Protocol):

@@ -56,7 +56,9 @@ _TARGET_SHARE = 0.4
 solver leaves, and for the safety factor; a larger share takes more meshes, a smaller one finer."""
 _LARGEST_TARGET = 1e-3
 """Largest relative time loss that a mesh is refined for, even if the gap is infinite because the
-motion cannot be slowed to its limits."""
+motion cannot be slowed to its limits. Meshes that are refined for more have hardly more intervals
+than the ones before, which tells nothing: loose tolerances were missed, though tighter ones were
+met in less time."""
 _SOLVER_MARGIN, _LOOSEST_TOLERANCE = 300.0, 1e-4
 """The solver's relative tolerance on a mesh: the gap of the mesh before divided by the first, at
 most the second; a third of the plan's tolerance if that is looser. A tighter one costs iterations,
@@ -136,7 +138,7 @@ class Refinement:
             last = self.solutions[-1]
             gap = last.own_gap if last.is_softened else self.iterations[-1].gap
             wanted = _TARGET_SHARE * self.tolerance
-            target = max(wanted, _SMALLEST_TARGET, min(gap / _REDUCTION, _LARGEST_TARGET))
+            target = max(min(max(wanted, gap / _REDUCTION), _LARGEST_TARGET), _SMALLEST_TARGET)
             resolve = self._next_resolution(gap)
             if resolve:
                 resolved = resolve(last)

@@ -25,6 +25,7 @@ ORSINO, INDUSTRIAL = (
 PICK = load_scene(PROBLEMS / "pick_and_place.yaml")
 LIGHT = load_scene(PROBLEMS / "light_and_fast.yaml")
 CROSS = load_scene(PROBLEMS / "industrial_cross.yaml")
+DIAGONAL = load_scene(PROBLEMS / "long_diagonal.yaml")
 
 
 @pytest.fixture(scope="module")
@@ -58,6 +59,14 @@ def test_estimated_gap_against_a_finer_plan(scene):
         assert coarse.within_tolerance
         assert true_gap <= 1.5 * coarse.gap
         assert true_gap + reference.gap >= coarse.gap / (2 * SAFETY_FACTOR)
+
+
+@pytest.mark.parametrize("tolerance", [3e-3, 1e-2, 3e-2, 0.1])
+def test_looser_tolerances_take_no_more_meshes_and_are_met(tolerance):
+    loose, usual = plan(DIAGONAL, tolerance=tolerance), plan(DIAGONAL)
+    assert loose.within_tolerance
+    assert sum(entry.solves for entry in loose.journal) <= len(usual.meshes)
+    assert loose.iterations <= usual.iterations
 
 
 def test_a_gap_that_is_not_reached_is_told(monkeypatch):

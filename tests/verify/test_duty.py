@@ -1,4 +1,4 @@
-"""The duty of the motors, against the balance of energy and samples at four thousand instants.
+"""The duty of the motors, against the balance of energy and samples at forty thousand instants.
 
 Integrals by dense samples are by the trapezoidal rule, which is as good as its step squared; the
 balance of energy is to rounding.
@@ -50,10 +50,10 @@ def measured(scene: Scene, trajectory: Trajectory) -> Duty:
 
 
 def sampled(trajectory: Trajectory):
-    """A motion at 4,000 instants and both sides of its knots, and the integral over time of
+    """A motion at 40,000 instants and both sides of its knots, and the integral over time of
     values there, (N, m)."""
     lengths = np.diff(trajectory.knots)
-    fractions = np.linspace(0, 1, 1 + 4_000 // len(lengths))
+    fractions = np.linspace(0, 1, 1 + 40_000 // len(lengths))
     motion = trajectory.inside_intervals(fractions)
 
     def integral(values):

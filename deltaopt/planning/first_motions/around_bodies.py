@@ -128,7 +128,7 @@ def _through_passages(scene: Scene, bodies: Bodies) -> Iterator[Way]:
     band = resampled(corners)
     for margin in _MARGINS:
         drawn = replace(bodies, margin=margin).drawn(band[None], TENSIONS[-_GENTLE:])[0]
-        motion = _driven(scene, drawn) if bodies.hits(drawn) is None else None
+        motion = _driven(scene, drawn) if bodies.hits(drawn[None])[0] is None else None
         if motion is not None:
             yield Way(motion, bodies.sides(drawn))
             return
