@@ -1,5 +1,9 @@
 """Find the best motion of each scene, verify it, and write it down.
 
+Five lines are printed: whether it is verified, duration and parts per minute; how near the best it
+is; how it compares with the straight line, or with the rounded path over bodies; what limits it;
+the files. With --details all else: every measure, the duty of the motors, singularities.
+
 The motion begins and ends at rest and keeps the limits all the way; its path is free, unless the
 scene gives it. The motion is then verified by code that shares the robot's model with the
 planner but no method. DIR receives
@@ -21,9 +25,9 @@ from __future__ import annotations
 
 import argparse
 import logging
-import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 from deltaopt.cli.arguments import (
     WrongUsage,
@@ -35,16 +39,28 @@ from deltaopt.cli.arguments import (
     positive,
     seed,
 )
-from deltaopt.cli.streams import present, print_json, print_written, say, say_failures
+from deltaopt.cli.streams import (
+    present,
+    print_json,
+    print_written,
+    say,
+    say_failures,
+    told_meanwhile,
+)
 from deltaopt.dynamics.lagrange import Explicit, Multiplier
 from deltaopt.errors import DeltaOptError, SceneError
 from deltaopt.files.output_folder import require_writable
 from deltaopt.files.yaml_file import place_of
 from deltaopt.motion.lower_bound import lower_bound
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.output.cycle_files import content_of_cycle, told_of_cycle, verified
+from deltaopt.output.cycle_files import (
+    content_of_cycle,
+    details_of_cycle,
+    told_of_cycle,
+    verified,
+)
 from deltaopt.output.facts import Facts, StraightLine
-from deltaopt.output.in_words import told
+from deltaopt.output.in_words import details, surprises, told, verdict
 from deltaopt.output.plan_files import MOST_ROWS, RATE, content, highest_rate
 from deltaopt.planning.comparisons import beside_free_path
 from deltaopt.planning.cycles.cycle_planning import plan_cycle
@@ -82,16 +98,8 @@ CLOSURES: dict[str, LoopClosure] = {
     "acceleration": AccelerationLevel(),
 }
 SOLVERS: dict[str, Solver] = {each.name: each for each in (InteriorPoint(), Ipopt())}
-PLANNING = (
-    "tolerance",
-    "intervals",
-    "formulation",
-    "solver",
-    "closure",
-    "transcription",
-    "starts",
-    "seed",
-)
+RESEARCH = ("intervals", "formulation", "solver", "closure", "transcription")
+PLANNING = ("tolerance", *RESEARCH, "starts", "seed")
 """Options that say how to optimise; None where they are not given."""
 
 
@@ -111,11 +119,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_json(parser)
     parser.add_argument(
+        "--details",
+        action="store_true",
+        help="print every measure, the duty of the motors, singularities and a lower bound too",
+    )
+    parser.add_argument(
         "-v",
         "--verbose",
         action="count",
         default=0,
-        help="print to stderr what was attempted and what came of it; twice: and every iteration "
+        help="print to stderr what is attempted and what comes of it; twice: and every iteration "
         "of the solver",
     )
     parser.add_argument(
@@ -131,33 +144,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="GAP",
         help="relative optimality gap: how much longer than the optimum the motion may take, or "
         "how much more it may cost (default: 1e-3; at least 1e-9)",
-    )
-    parser.add_argument(
-        "--intervals",
-        type=first_intervals,
-        metavar="N",
-        help=f"intervals of the first mesh (default: {Planner.intervals})",
-    )
-    parser.add_argument(
-        "--formulation",
-        choices=FORMULATIONS,
-        help="coordinates and dynamics of the optimisation (default: flat)",
-    )
-    parser.add_argument(
-        "--solver",
-        choices=SOLVERS,
-        help="interior-point: deltaopt's own, in compiled C, for the flat formulation; ipopt: for "
-        "all (default: the first that the formulation has)",
-    )
-    parser.add_argument(
-        "--closure",
-        choices=CLOSURES,
-        help="how explicit and multiplier keep the loops closed (default: knots)",
-    )
-    parser.add_argument(
-        "--transcription",
-        choices=TRANSCRIPTIONS,
-        help="acceleration in each interval (default: linear; quadratic where effort counts)",
     )
     parser.add_argument(
         "--starts",
@@ -180,6 +166,34 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="HZ",
         help=f"instants per second in trajectory.csv (default: {RATE:g})",
     )
+    research = parser.add_argument_group("research", "how a free motion is posed and solved")
+    research.add_argument(
+        "--intervals",
+        type=first_intervals,
+        metavar="N",
+        help=f"intervals of the first mesh (default: {Planner.intervals})",
+    )
+    research.add_argument(
+        "--formulation",
+        choices=FORMULATIONS,
+        help="coordinates and dynamics of the optimisation (default: flat)",
+    )
+    research.add_argument(
+        "--solver",
+        choices=SOLVERS,
+        help="interior-point: deltaopt's own, in compiled C, for the flat formulation; ipopt: for "
+        "all (default: the first that the formulation has)",
+    )
+    research.add_argument(
+        "--closure",
+        choices=CLOSURES,
+        help="how explicit and multiplier keep the loops closed (default: knots)",
+    )
+    research.add_argument(
+        "--transcription",
+        choices=TRANSCRIPTIONS,
+        help="acceleration in each interval (default: linear; quadratic where effort counts)",
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -198,9 +212,10 @@ def _run(arguments: argparse.Namespace) -> int:
     folders = _folders(arguments)
     scenes = [_load(file, arguments.rated) for file in folders]
     if any(isinstance(scene, Scene) and scene.follows_path for scene in scenes):
-        _refuse_free_paths(arguments)
+        _refuse(arguments, ("baseline",), "is for free paths; the scene gives its path")
     if any(isinstance(scene, Cycle) for scene in scenes):
-        _refuse_for_cycles(arguments)
+        others = ("baseline", "plot_limits")
+        _refuse(arguments, others, "is for single motions; a cycle does not have it")
     codes = []
     for (file, directory), scene in zip(folders.items(), scenes, strict=True):
         if len(folders) > 1:
@@ -274,18 +289,13 @@ def _plan(
     _require_rows(trajectory, arguments.rate)
     facts = Facts(scene, trajectory, found, verify(scene, trajectory))
     before = present(directory)
-    files = save(
-        directory,
-        facts,
-        arguments.rate,
-        chart=not arguments.no_plot,
-        limits=arguments.plot_limits,
-        report=arguments.report,
-    )
+    drawn = _drawn(arguments) | {"limits": arguments.plot_limits}
+    files = save(directory, facts, arguments.rate, **drawn)
     if arguments.json:
-        print_json(_as_dict(file, facts, files))
+        print_json({"scene": str(file), **_for_machines(facts), "files": list(map(str, files))})
     else:
-        print("\n".join(told(facts)))
+        more = details(facts) if arguments.details else surprises(facts)
+        print(*told(facts), *more, sep="\n")
         print_written(files, before)
     return say_failures(facts.verification.failures())
 
@@ -294,34 +304,35 @@ def _plan_cycle(file: Path, directory: Path, cycle: Cycle, arguments: argparse.N
     """Plan the cycle of a file, print what was found, write it into a directory, and return the
     exit code."""
     require_writable(directory)
-    found = plan_cycle(
-        cycle,
-        tolerance=arguments.tolerance or Planner.tolerance,
-        progress=lambda text: print(text, file=sys.stderr, flush=True),
-    )
+    with told_meanwhile(arguments.verbose > 0) as progress:
+        found = plan_cycle(cycle, **_given(arguments, "tolerance"), progress=progress)
     verification, before = verified(found), present(directory)
-    drawn = {"chart": not arguments.no_plot, "report": arguments.report}
-    files = save_cycle(directory, found, verification, arguments.rate, **drawn)
+    files = save_cycle(directory, found, verification, arguments.rate, **_drawn(arguments))
     if arguments.json:
         record = content_of_cycle(found, verification)
-        print_json({"scene": str(file), **record, "files": [str(each) for each in files]})
+        print_json({"scene": str(file), **record, "files": list(map(str, files))})
     else:
-        print("\n".join(told_of_cycle(found, verification)))
+        more = details_of_cycle(found, verification) if arguments.details else ()
+        print(f"{verdict(verification)}: ", end="")
+        print(*told_of_cycle(found, verification), *more, sep="\n")
         print_written(files, before)
     return say_failures(verification.failures())
 
 
-def _as_dict(file: Path, facts: Facts, files: Sequence[Path]) -> dict[str, object]:
+def _drawn(arguments: argparse.Namespace) -> dict[str, bool]:
+    """What is drawn of plans and of cycles."""
+    return {"chart": not arguments.no_plot, "report": arguments.report}
+
+
+def _for_machines(facts: Facts) -> dict[str, object]:
     """What is printed of a plan, for machines: a part of plan.json."""
     record = content(facts)
     same = ("gap", "tolerance", "optima", "ways", "active_limits", "verification")
     return {
-        "scene": str(file),
         "ok": facts.verification.ok,
         "duration": record["duration"],
         "objective": str(facts.scene.objective),
         **{name: record[name] for name in same},
-        "files": [str(each) for each in files],
     }
 
 
@@ -332,9 +343,8 @@ def _refuse_contradictions(
 
     ``name``: of the formulation.
     """
-    given = [option for option in PLANNING if getattr(arguments, option) is not None]
-    if arguments.baseline and given:
-        raise WrongUsage(f"--{given[0]} says how to optimise, which --baseline does not do")
+    for option in _given(arguments, *PLANNING) if arguments.baseline else ():
+        raise WrongUsage(f"--{option} says how to optimise, which --baseline does not do")
     possible = [solver.name for solver in (each() for each in formulation.solvers)]
     if arguments.solver and arguments.solver not in possible:
         raise WrongUsage(
@@ -348,23 +358,11 @@ def _refuse_contradictions(
         )
 
 
-def _refuse_free_paths(arguments: argparse.Namespace) -> None:
-    """Raise WrongUsage for options that have no effect where the scene gives the path."""
-    given = [name for name in PLANNING if getattr(arguments, name) is not None]
-    given += ["baseline"] if arguments.baseline else []
-    useless = [name for name in given if name != "tolerance"]
-    if useless:
-        raise WrongUsage(f"--{useless[0]} is for free paths; the scene gives its path")
-
-
-def _refuse_for_cycles(arguments: argparse.Namespace) -> None:
-    """Raise WrongUsage for options that cycles do not have."""
-    given = [name for name in PLANNING if getattr(arguments, name) is not None]
-    drawn = ("baseline", "plot_limits")
-    given += [name.replace("_", "-") for name in drawn if getattr(arguments, name)]
-    others = [name for name in given if name != "tolerance"]
-    if others:
-        raise WrongUsage(f"--{others[0]} is for single motions; a cycle does not have it")
+def _refuse(arguments: argparse.Namespace, others: Sequence[str], why: str) -> None:
+    """Raise WrongUsage for options that say how to optimise, but for the tolerance, and others."""
+    for name, value in _given(arguments, *PLANNING, *others).items():
+        if name != "tolerance" and value is not False:
+            raise WrongUsage(f"--{name.replace('_', '-')} {why}")
 
 
 def _require_rows(trajectory: Trajectory, rate: float) -> None:
@@ -382,18 +380,20 @@ def _solve(
 ) -> tuple[Trajectory, Plan | StraightLine]:
     if arguments.baseline:
         return baseline(scene), StraightLine(lower_bound(scene))
-    found = plan(
-        scene,
-        tolerance=arguments.tolerance or Planner.tolerance,
-        intervals=arguments.intervals or Planner.intervals,
-        formulation=None if scene.follows_path else formulation,
-        transcription=TRANSCRIPTIONS.get(arguments.transcription),
-        solver=SOLVERS.get(arguments.solver),
-        starts=arguments.starts or 1,
-        seed=1 if arguments.seed is None else arguments.seed,
-        progress=lambda text: print(text, file=sys.stderr, flush=True),
-    )
-    if arguments.verbose:
-        print("what was attempted:", *found.journal, sep="\n  ", file=sys.stderr)
+    with told_meanwhile(arguments.verbose > 0) as progress:
+        found = plan(
+            scene,
+            **_given(arguments, "tolerance", "intervals", "starts", "seed"),
+            formulation=None if scene.follows_path else formulation,
+            transcription=TRANSCRIPTIONS.get(arguments.transcription),
+            solver=SOLVERS.get(arguments.solver),
+            progress=progress,
+        )
     found = beside_free_path(found)
     return found.trajectory, found
+
+
+def _given(arguments: argparse.Namespace, *names: str) -> dict[str, Any]:
+    """The options of these names that are given."""
+    values = {name: getattr(arguments, name) for name in names}
+    return {name: value for name, value in values.items() if value is not None}

@@ -7,7 +7,7 @@ import json
 import os
 import sys
 import unicodedata
-from collections.abc import Container, Iterable, Iterator, Mapping
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TextIO
@@ -79,6 +79,23 @@ def say(sentence: str) -> None:
         print(sentence, file=sys.stderr, flush=True)
     except (OSError, ValueError):
         discard(sys.stderr)
+
+
+@contextmanager
+def told_meanwhile(in_full: bool) -> Iterator[Callable[[str], None]]:
+    """What is to be called with lines on what is being done: ``in_full`` they are printed to
+    standard error, otherwise each shows at a terminal until the next one comes."""
+    if in_full or not sys.stderr.isatty():
+        yield say if in_full else lambda line: None
+        return
+
+    def show(line: str) -> None:
+        print(f"\r{line.strip():<79.79}", end="\r", file=sys.stderr, flush=True)
+
+    try:
+        yield show
+    finally:
+        show("")
 
 
 def print_json(content: Mapping[str, object]) -> None:

@@ -14,7 +14,7 @@ and limits of other orders play no part, T ~ c^(-1/2) if the torques of all moto
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite
 from typing import Protocol
 
@@ -26,6 +26,8 @@ from deltaopt.motion.active_limits import ActiveLimit
 
 MORE = 0.1
 """Share by which words raise a limit: as much as the next size of a motor or gear may well give."""
+_AT_A_GLANCE = 3
+"""Most limits of one line."""
 _TOLD_SHARE, _TOLD_SAVING = 0.005, 0.001
 """Share of the time that a limit is reached, or of the duration that more of it would save, from
 which it is told: less would read as nothing."""
@@ -116,6 +118,28 @@ def limits_in_words(
         elif each.share >= _TOLD_SHARE:
             told.append(each.sentence)
     return told
+
+
+def limits_at_a_glance(
+    active: Iterable[ActiveLimit], sensitivities: Iterable[LimitSensitivity]
+) -> str:
+    """The limits that matter most in a line, each of all motors together: how much of the time one
+    of them is at it, and what more of it for all of them would save. Empty where no limit matters.
+    """
+    shares = {each.limit: each.share for each in sorted(active, key=lambda each: each.share)}
+    of_all = dict[str, LimitSensitivity]()
+    for known in sensitivities:
+        before = of_all.get(known.limit, replace(known, exponent=0.0))
+        of_all[known.limit] = replace(before, exponent=before.exponent + known.exponent)
+    saved = {name: each.saved_by(MORE) for name, each in of_all.items()}
+    told = list[str]()
+    for name in sorted(shares, key=lambda name: (-saved.get(name, 0.0), -shares[name])):
+        share, saving = shares[name], saved.get(name, 0.0)
+        more = f", {100 * MORE:.0f} % more would save {100 * saving:.1f} %"
+        if max(share / _TOLD_SHARE, saving / _TOLD_SAVING) >= 1:
+            more = more if saving >= _TOLD_SAVING else ""
+            told.append(f"{name} ({100 * share:.0f} % of the time{more})")
+    return ", ".join(told[:_AT_A_GLANCE])
 
 
 def as_dicts(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -12,13 +13,13 @@ from deltaopt.files.atomic_write import atomic_write
 from deltaopt.files.csv_table import write_csv
 from deltaopt.motion.motion_sequence import waiting
 from deltaopt.motion.trajectory import Trajectory
-from deltaopt.output.facts import together
+from deltaopt.output.facts import above_nominal
+from deltaopt.output.in_words import duty_table, percent
 from deltaopt.output.plan_files import COLUMNS, FORMAT, RATE, instants, rows_at, versions
 from deltaopt.output.saved_plan import SavedPlan, UnreadablePlan, load_plan, read_record
 from deltaopt.planning.cycles.cycle_plan import CyclePlan
 from deltaopt.scene.moving_ends import Belt
 from deltaopt.verify.cycle import CycleVerification, verify_cycle
-from deltaopt.verify.duty import exceeding
 
 RECORD = "cycle.json"
 """The file that says how a cycle was found."""
@@ -100,41 +101,48 @@ def headline_of_cycle(plan: CyclePlan) -> str:
 
 
 def told_of_cycle(plan: CyclePlan, verification: CycleVerification) -> Iterator[str]:
-    """All lines on a planned cycle."""
+    """The few lines that say what a planned cycle is worth: parts a minute, how near the best it
+    is, its legs, what limits it."""
     yield headline_of_cycle(plan)
-    for index, each in enumerate(_legs(plan)):
-        dwell = f" and a dwell of {each['dwell']:.6f} s" if each["dwell"] else ""
-        then = f", then {each['then']}" if each["then"] else ""
-        load = plan.legs[index].scene.payload_in_words
-        yield f"  leg {index + 1}: {each['duration']:.6f} s{dwell}, {load}{then}"
+    what = "dearer than the least heat" if plan.cycle.period else "longer than the shortest period"
+    missed = "" if plan.within_tolerance else f", not the {percent(plan.tolerance)} asked for"
+    yield f"at most {percent(plan.gap)} {what} near it (estimated){missed}"
+    legs = "; ".join(_leg(plan, index, each) for index, each in enumerate(_legs(plan)))
+    yield f"legs: {legs}"
+    limits, saved = verification.rms_limits, sum(plan.prices) / 10
+    if verification.rms_torque is not None:
+        allowed = "" if limits is None else f", at most {_in_words(limits)} are allowed"
+        more = f"; 10 % more would save {100 * saved:.1f} %" if saved > 0 else ""
+        yield f"RMS torques over a period: {_in_words(verification.rms_torque)} N·m{allowed}{more}"
+    if gears := above_nominal(verification.duty):
+        yield gears
     last = plan.cycle.legs[-1].goal
     if isinstance(last, Belt):
         pitch = 1e3 * plan.period * float(np.linalg.norm(last.belt))
         yield f"the parts of two periods are placed {pitch:.6g} mm apart on the belt"
-    limits, duty = verification.rms_limits, verification.duty
-    allowed = "" if limits is None else f", at most {_in_words(limits)} are allowed"
-    if verification.rms_torque is not None:
-        rms = _in_words(verification.rms_torque)
-        yield f"RMS torques of the motors over a period: {rms} N·m{allowed}"
+
+
+def details_of_cycle(plan: CyclePlan, verification: CycleVerification) -> Iterator[str]:
+    """All else: what more torque of each motor would save, and the duty of the motors."""
     for motor, saved in enumerate(plan.prices, 1):
         if saved > 0:
-            yield f"  10 % more of motor {motor} would save {saved / 10:.1%} of the period"
-    if duty is not None:
-        yield f"motors together: {together(duty)}"
-        if any(duty.above_nominal or ()):
-            above = exceeding(duty.above_nominal)
-            yield f"  the cubic mean of a gear's torque is above its nominal torque: {above}"
-    what = "dearer than the least heat" if plan.cycle.period else "longer than the shortest period"
-    missed = "" if plan.within_tolerance else f", which is not the {plan.tolerance:g} asked for"
-    yield f"estimated to be at most {plan.gap:.1e} {what}{missed}"
-    yield "every leg and the cycle verified" if verification.ok else "verification failed"
+            yield f"10 % more RMS torque of motor {motor} would save {10 * saved:.1f} %"
+    yield from [] if verification.duty is None else duty_table(verification.duty)
+
+
+def _leg(plan: CyclePlan, index: int, each: dict[str, Any]) -> str:
+    """A leg of a cycle in words."""
+    dwell = f" and a dwell of {each['dwell']:.4f} s" if each["dwell"] else ""
+    then = f", then {each['then']}" if each["then"] else ""
+    load = plan.legs[index].scene.payload_in_words
+    return f"{each['duration']:.4f} s {load}{dwell}{then}"
 
 
 def _in_words(torques: tuple[float, ...]) -> str:
     return ", ".join(f"{each:.4g}" for each in torques)
 
 
-def _legs(plan: CyclePlan) -> Iterator[dict[str, object]]:
+def _legs(plan: CyclePlan) -> Iterator[dict[str, Any]]:
     """Of each leg: when it begins, how long it and its dwell take, s, what it carries, kg, and what
     a gripper does when it arrives."""
     begins = 0.0

@@ -10,6 +10,7 @@ from deltaopt.motion.active_limits import ActiveLimit, active_limits
 from deltaopt.motion.certificate import Certificate
 from deltaopt.motion.limit_sensitivity import LimitSensitivity, limits_in_words
 from deltaopt.motion.trajectory import Trajectory
+from deltaopt.planning.comparisons import straight_lines
 from deltaopt.planning.plan import Optimum, Plan, TakenWay
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.scene import Scene
@@ -17,8 +18,8 @@ from deltaopt.scene.task import MovingEnds, Task
 from deltaopt.verify.duty import Duty, exceeding
 from deltaopt.verify.verification import Verification, verify
 
-ASSUMPTION = "a pick is there and back; gripping and letting go take no time"
-"""What the number of picks supposes."""
+ASSUMPTION = "a part is moved and the way back takes as long; gripping and letting go take no time"
+"""What the number of parts supposes."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,7 @@ class StraightLine:
     gap: float | None = None
     tolerance: float | None = None
     certificate: Certificate | None = None
+    resolved: bool = False
     optima: Sequence[Optimum] = ()
     ways: Sequence[TakenWay] = ()
     phases: Sequence[float] = ()
@@ -90,6 +92,11 @@ class Facts:
         """A sentence on each limit that matters: which motor's what, how much of the time, and what
         more of it would save."""
         return limits_in_words(self.active, self.found.sensitivities)
+
+    @cached_property
+    def straight_lines(self) -> dict[str, float]:
+        """Durations, s, of what the motion is compared with, by what they are of."""
+        return straight_lines(self.scene)
 
 
 def facts(plan: Plan) -> Facts:
@@ -149,11 +156,20 @@ def together(duty: Duty) -> str:
     )
 
 
+def above_nominal(duty: Duty | None) -> str:
+    """Which motors' gears are above their nominal torque; empty where none is, or it is not
+    known."""
+    if duty is None or not any(duty.above_nominal or ()):
+        return ""
+    above = exceeding(duty.above_nominal)
+    return f"the cubic mean of a gear's torque is above its nominal torque: {above}"
+
+
 def headline(duration: float) -> str:
-    """A duration in s, and how many picks a minute it permits at most: there and back each."""
+    """A duration in s, and how many parts a minute it permits at most: there and back each."""
     rate = 30 / duration
-    picks = f"{rate:.0f}" if rate >= 10 else f"{rate:.2g}"
-    return f"{_seconds(duration)}, {picks} picks per minute"
+    parts = f"{rate:.0f}" if rate >= 10 else f"{rate:.2g}"
+    return f"{_seconds(duration)}, {parts} parts per minute"
 
 
 def title(task: Task, duration: float) -> str:
@@ -163,7 +179,7 @@ def title(task: Task, duration: float) -> str:
 
 
 def assumption(task: Task) -> str:
-    """What the title supposes; empty where it counts no picks."""
+    """What the title supposes; empty where it counts no parts."""
     return "" if isinstance(task, MovingEnds) else ASSUMPTION
 
 

@@ -5,45 +5,107 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from deltaopt.motion.certificate import MET
-from deltaopt.output.facts import Facts, StraightLine, motor_facts, together
-from deltaopt.planning.plan import Optimum, Plan
+from deltaopt.motion.limit_sensitivity import limits_at_a_glance
+from deltaopt.output.facts import Facts, StraightLine, above_nominal, motor_facts, title, together
+from deltaopt.planning.plan import Optimum, Plan, TakenWay
 from deltaopt.scene.objective import Time
 from deltaopt.scene.scene import Scene
+from deltaopt.scene.task import MovingEnds
 from deltaopt.settings import RESOLVED_BELOW
+from deltaopt.verify.cycle import CycleVerification
 from deltaopt.verify.duty import Duty
 from deltaopt.verify.measures import Distance
 from deltaopt.verify.verification import Verification
 
 
 def told(facts: Facts) -> Iterator[str]:
-    """All lines on a plan, or on the straight line that it is compared with."""
+    """The few lines that say what a motion is worth: whether it is verified, its duration, how near
+    the best it is, what it saves, what limits it."""
     found = facts.found
+    duration = facts.trajectory.duration
+    back = "" if isinstance(facts.scene.task, MovingEnds) else " there and back"
+    yield f"{verdict(facts.verification)}: {title(facts.scene.task, duration)}{back}"
     if facts.too_warm:
         yield facts.too_warm
     if not isinstance(found, StraightLine):
-        yield from _optima(found)
-        yield from _ways(found)
-        yield from _gap(found)
-        if found.free_duration is not None:
-            yield (
-                f"on the given path {found.duration:.6f} s, on a free path "
-                f"{found.free_duration:.6f} s: the path costs "
-                f"{found.duration / found.free_duration - 1:.1%}"
-            )
+        yield _gap(found)
+        yield from _comparison(facts, found)
+    limits = limits_at_a_glance(facts.active, found.sensitivities)
+    yield f"limited by {limits}" if limits else "no limit is reached"
+
+
+def surprises(facts: Facts) -> list[str]:
+    """Lines on what nobody asked for and everybody must know; ``details`` has them too."""
+    found = facts.verification
+    passed = [_distance(each) for each in found.distances if each.least <= 0]
+    unmet = [] if _is_optimal(found) else _optimality(found, facts.found.tolerance)
+    return [*filter(None, [above_nominal(found.duty)]), *_long(found), *passed, *unmet]
+
+
+def details(facts: Facts) -> Iterator[str]:
+    """All else: other ways and optima, every measure, the duty of the motors, singularities, what
+    limits each motor, the lower bound."""
+    found = facts.found
+    yield from _optima(facts.scene, found.optima)
+    yield from _ways(found.ways)
+    if found.certificate:
+        where = "" if found.resolved else " on its mesh"
+        yield f"satisfies Pontryagin's condition to {found.certificate.residual:.0e}{where}"
     if len(found.phases) > 1:
         yield f"phases: {', '.join(f'{each:.6f}' for each in found.phases)} s"
     yield table(facts.verification, asked_for=found.tolerance)
-    yield "what limits the motion:" if facts.limits else "no limit is reached"
-    yield from (f"  {sentence}" for sentence in facts.limits)
+    yield from ("what limits each motor:", *(f"  {sentence}" for sentence in facts.limits))
     yield _lower_bound(found.lower_bound, facts.trajectory.duration)
 
 
-def _optima(found: Plan) -> Iterator[str]:
+def verdict(found: Verification | CycleVerification) -> str:
+    """Whether a motion is verified."""
+    return "verified" if found.ok else "NOT VERIFIED"
+
+
+def _gap(found: Plan) -> str:
+    """How near the best the plan is: estimated, and among which motions."""
+    objective, what = found.scene.objective, "longer than the fastest"
+    least = ""
+    if not isinstance(objective, Time):
+        least, what = f"{objective}: {found.cost:.6g} {objective.unit}, ", "above the least"
+    missed = "" if found.within_tolerance else f", not the {percent(found.tolerance)} asked for"
+    ways, optima = len(found.ways), len(found.optima)
+    among = "" if found.scene.follows_path else "; a local optimum, others may be better"
+    if ways or optima > 1:
+        what_of = f"{ways} ways past the bodies" if ways else f"{optima} local optima"
+        among = f"; the best of {what_of} that were found"
+    if ways == 1:
+        among = "; no other way past the bodies was found"
+    return f"{least}at most {percent(found.gap)} {what} near it (estimated){missed}{among}"
+
+
+def _comparison(facts: Facts, found: Plan) -> Iterator[str]:
+    """Beside the free motion where the path is given, otherwise beside the quickest of the lines;
+    nothing where none of them can be driven, or the objective is not time."""
+    if not isinstance(facts.scene.objective, Time):
+        return
+    if found.free_duration is not None:
+        longer = percent(found.duration / found.free_duration - 1)
+        yield f"{longer} longer than on a free path: {found.free_duration:.4f} s"
+    if facts.scene.path is None and facts.straight_lines:
+        name, other = min(facts.straight_lines.items(), key=lambda item: item[1])
+        saved, name = 1 - found.duration / other, " ".join(name.split())
+        than = "less than" if saved >= 0 else "more than"
+        yield f"{percent(abs(saved))} {than} the {name}: {other:.4f} s"
+
+
+def percent(share: float) -> str:
+    """A share in per cent, to two digits."""
+    return f"{100 * share:.2g} %"
+
+
+def _optima(scene: Scene, optima: Sequence[Optimum]) -> Iterator[str]:
     """The distinct local minima, if there was more than one start."""
-    for i, optimum in enumerate(found.optima, 1):
+    for i, optimum in enumerate(optima, 1):
         x, y, z = optimum.halfway
         yield (
-            f"local optimum {i}: {_outcome(found.scene, optimum)} from {optimum.starts} starts, "
+            f"local optimum {i}: {_outcome(scene, optimum)} from {optimum.starts} starts, "
             f"halfway at ({x:.4f}, {y:.4f}, {z:.4f}) m"
         )
 
@@ -55,26 +117,12 @@ def _outcome(scene: Scene, optimum: Optimum) -> str:
     return f"{optimum.cost:.6g} {scene.objective.unit} in {optimum.duration:.6f} s"
 
 
-def _ways(found: Plan) -> Iterator[str]:
+def _ways(ways: Sequence[TakenWay]) -> Iterator[str]:
     """The ways past bodies, the one that is taken first."""
-    for i, way in enumerate(found.ways):
+    for i, way in enumerate(ways):
         about = "" if way.is_planned else "about "
         taken = "way taken: " if i == 0 else "another way: "
         yield f"{taken}{way.name}, {about}{way.duration:.{6 if way.is_planned else 3}f} s"
-
-
-def _gap(found: Plan) -> Iterator[str]:
-    """The cost, the estimated optimality gap and the certificate of a plan."""
-    objective, above = found.scene.objective, "longer than the optimum"
-    if not isinstance(objective, Time):
-        yield f"{objective}: {found.cost:.9g} {objective.unit}"
-        above = "above the least"
-    missed = "" if found.within_tolerance else f", which is not the {found.tolerance:g} asked for"
-    yield f"estimated to be at most {found.gap:.1e} {above}{missed}"
-    if found.certificate:
-        met = f"satisfies Pontryagin's condition to {found.certificate.residual:.0e}"
-        near = "no motion near it is faster; one far from it may be"
-        yield f"{met}: {near}" if found.resolved else f"{met} on its mesh"
 
 
 def _lower_bound(bound: float, duration: float) -> str:
@@ -94,7 +142,6 @@ def table(verification: Verification, *, asked_for: object = None) -> str:
     rows = [("measure", "value", "at most", "unit", "")]
     rows += [(*check.cells, "ok" if check.ok else "FAILED") for check in verification.checks()]
     width = 1 + max(len(name) for name, *_ in rows)
-    certified = isinstance(asked_for, float) and asked_for <= RESOLVED_BELOW
     return "\n".join(
         [
             f"duration {verification.duration:.6f} s, effort {verification.effort:.6g} N²m²s",
@@ -105,7 +152,7 @@ def table(verification: Verification, *, asked_for: object = None) -> str:
             *([] if verification.duty is None else duty_table(verification.duty)),
             *_long(verification),
             *singularities_table(verification.distances),
-            *_optimality(verification, certified),
+            *_optimality(verification, asked_for),
         ]
     )
 
@@ -139,26 +186,33 @@ def singularities_table(distances: Sequence[Distance]) -> list[str]:
     for the tilt of the platform, of which they know nothing: a motion beyond it is marked, and
     ``limits.tilt_singularity`` keeps motions from it.
     """
-    lines = [
-        f"  {each.name}: {each.formula} = {each.least:.2g}, "
-        + ("" if each.subject == "robot" else f"{each.subject} ")
-        + f"at t = {each.t:.6f} s"
-        + (", PASSED: the motors do not hold the robot there" if each.least <= 0 else "")
-        for each in distances
-    ]
+    lines = [f"  {_distance(each)}" for each in distances]
     return ["least distance to singularities, 0 in one and 1 at best:", *lines] if lines else []
 
 
-def _optimality(verification: Verification, certified: bool) -> list[str]:
+def _distance(each: Distance) -> str:
+    """How near the motion comes to a kind of singularity."""
+    where = f"at t = {each.t:.6f} s"
+    where = where if each.subject == "robot" else f"{each.subject} {where}"
+    passed = ", PASSED: the motors do not hold the robot there" if each.least <= 0 else ""
+    return f"{each.name}: {each.formula} = {each.least:.2g}, {where}{passed}"
+
+
+def _is_optimal(verification: Verification) -> bool:
+    """Whether the motion meets Pontryagin's condition."""
+    numbers = verification.hamiltonian_spread, verification.sign_violation
+    return all(each is not None and each < MET for each in numbers)
+
+
+def _optimality(verification: Verification, asked_for: object) -> list[str]:
     """A line that says how well the motion meets Pontryagin's condition, if it does or is to.
 
     There is no bound on it, for as a rule only motions with resolved switches meet it.
     """
     spread, violation = verification.hamiltonian_spread, verification.sign_violation
-    if spread is None or violation is None:
-        return []
-    met = max(spread, violation) < MET
-    if not (met or certified):
+    met = _is_optimal(verification)
+    certified = isinstance(asked_for, float) and asked_for <= RESOLVED_BELOW
+    if spread is None or not (met or certified):
         return []
     verdict = "; a local statement" if met else f": not met, which would be {MET:g}"
     return [

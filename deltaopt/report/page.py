@@ -114,7 +114,7 @@ def _limits(facts: Facts) -> list[str]:
     ]
 
 
-_PICKS = """ The picks per minute
+_PICKS = """ The parts per minute
 count the way there and one as long back, and no time for gripping."""
 
 

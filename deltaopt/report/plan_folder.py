@@ -7,7 +7,6 @@ from pathlib import Path
 from deltaopt.files.output_folder import all_or_none
 from deltaopt.output.facts import Facts, facts
 from deltaopt.output.plan_files import RATE, RECORD, TABLE, write_json, write_motion
-from deltaopt.planning.comparisons import straight_lines
 from deltaopt.planning.plan import Plan
 
 
@@ -41,7 +40,7 @@ def save(
             from deltaopt.plots.plan import draw  # slow to import
 
             written.append("plan.png")
-            lines, duty = straight_lines(facts.scene), facts.verification.duty
+            lines, duty = facts.straight_lines, facts.verification.duty
             draw(folder / written[-1], facts.scene, facts.trajectory, lines, duty)
         if limits:
             from deltaopt.plots.limits import draw_limits

@@ -153,9 +153,9 @@ def test_the_journal_of_a_hard_scene_is_told_if_asked_for(tmp_path, capsys):
     """Ways past bodies: each with what came of it, and the one that is taken among them."""
     wall = "problems/keep_out/wall_25_305_25.yaml"
     assert plan(wall, "-o", tmp_path) == 0
-    assert "what was attempted" not in capsys.readouterr().err
+    assert capsys.readouterr().err == ""
     assert plan(wall, "-v", "-o", tmp_path) == 0
-    journal = capsys.readouterr().err.split("what was attempted:")[1]
+    journal = capsys.readouterr().err
     assert "a straight line, " in journal
     assert "the way above keep_out[0], " in journal
     assert f"{load_plan(tmp_path).duration:.6g} s, gap " in journal

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -98,10 +99,15 @@ def test_the_command_writes_the_whole_and_each_leg(tmp_path, capsys):
 def test_rated_is_there_and_back_for_ever(tmp_path, capsys):
     scene = str(PROBLEMS / "hornet" / "1_kg.yaml")
     assert main(["plan", scene, "-o", str(tmp_path), "--no-plot"]) == 0
-    assert capsys.readouterr().out.startswith("motors overheat if this goes on there and back")
-    assert main(["plan", scene, "--rated", "-o", str(tmp_path), "--no-plot"]) == 0
-    assert "every leg and the cycle verified" in capsys.readouterr().out
-    content = json.loads((tmp_path / "cycle.json").read_text())
+    assert "\nmotors overheat if this goes on there and back" in capsys.readouterr().out
+    assert main(["plan", scene, "--rated", "-o", str(tmp_path / "rated"), "--no-plot"]) == 0
+    first, gap, legs, torques, files = capsys.readouterr().out.splitlines()
+    assert re.match(r"verified: \d+(\.\d)? parts per minute, ", first)
+    assert gap.startswith("at most ")
+    assert legs.count(" s with 1 kg") == 2
+    assert "may" not in torques
+    assert files.startswith("written: ")
+    content = json.loads((tmp_path / "rated/cycle.json").read_text())
     assert max(content["rms_torque"]) == pytest.approx(content["rms_limits"][0], rel=1e-3)
     assert main(["plan", str(PROBLEMS / "pick_and_place.yaml"), "--rated"]) == 2
     assert "does not say what motors are rated for" in capsys.readouterr().err

@@ -116,7 +116,7 @@ def test_what_a_fourth_axis_takes_is_not_saved():
 
 def test_where_it_is_told(tmp_path, capsys):
     scene = "problems/industrial_cross.yaml"
-    assert main(["plan", scene, "--no-plot", "--report", "-o", str(tmp_path)]) == 0
+    assert main(["plan", scene, "--no-plot", "--report", "--details", "-o", str(tmp_path)]) == 0
     sentence = "otor 1's torque is at its limit 99 % of the time; 10 % more would save 3.6 %"
     assert f"  m{sentence}\n" in capsys.readouterr().out
     page = (tmp_path / "report.html").read_text(encoding="utf-8")

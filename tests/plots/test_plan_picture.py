@@ -52,7 +52,7 @@ def test_picture_says_what_is_true(tmp_path, monkeypatch):
     chart.draw(tmp_path / "plan.png", SCENE, line, others, duty)
     (page,) = drawn
     assert list(others.values()) == [line.duration, deltaopt.timed_line(SCENE).duration]
-    assert page.get_suptitle() == "0.197 s, 153 picks per minute"
+    assert page.get_suptitle() == "0.197 s, 153 parts per minute"
     _, path, bars, torques = page.axes
     widths = [bar.get_width() for bar in bars.patches]
     assert widths == [*others.values(), line.duration]
@@ -120,9 +120,9 @@ def test_the_clearance_is_that_from_the_nearest_body(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("duration", "said"),
     [
-        (0.14091, "0.141 s, 213 picks per minute"),
-        (0.0123, "0.0123 s, 2439 picks per minute"),
-        (12.0, "12.000 s, 2.5 picks per minute"),
+        (0.14091, "0.141 s, 213 parts per minute"),
+        (0.0123, "0.0123 s, 2439 parts per minute"),
+        (12.0, "12.000 s, 2.5 parts per minute"),
     ],
 )
 def test_headline_counts_there_and_back(duration, said):

@@ -152,7 +152,7 @@ def test_the_command_writes_it(tmp_path, capsys):
 def test_it_says_what_was_found(planned, page):
     found, verification = planned
     text = str(Text(page.read_text(encoding="utf-8")))
-    assert f"{found.duration:.3f} s, {30 / found.duration:.0f} picks per minute" in text
+    assert f"{found.duration:.3f} s, {30 / found.duration:.0f} parts per minute" in text
     assert "150 mm from [0.45, -0.05, 0] to [0.45, 0.1, 0] m, with 1 kg" in text
     for check in verification.checks():
         assert check.bound.measure.replace("_", " ") in text

@@ -46,8 +46,11 @@ def test_the_best_is_delivered():
 
 def test_command_tells_the_optima(tmp_path, capsys):
     arguments = ["plan", str(FILE), "--tolerance", "1e-2", "--starts", "2", "-o", str(tmp_path)]
-    assert main(arguments) == 0
-    assert "local optimum 1: 0.14" in capsys.readouterr().out
+    assert main([*arguments, "--details"]) == 0
+    told = capsys.readouterr().out
+    assert "local optimum 1: 0.14" in told
+    optima = told.count("local optimum ")
+    assert optima == 1 or f"the best of {optima} local optima" in told
 
 
 @pytest.mark.parametrize("text", ["0", "-1", "many"])
