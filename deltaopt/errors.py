@@ -53,8 +53,9 @@ class SceneError(Unusable):
 
     def inside(self, *, file: Path | None = None, key: str = "", place: str = "") -> SceneError:
         """This error with its ``file`` and ``place`` in it, or with the ``key`` of the record that
-        contains it."""
+        contains it; a file and a place that it has stay where no others are given."""
         dotted = ".".join(part for part in (key, self.key) if part)
+        file, place = (file, place) if file else (self.file, self.place)
         return SceneError(file, dotted, self.value, self.expected, self.problem, place)
 
 

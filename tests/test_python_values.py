@@ -5,6 +5,7 @@ from __future__ import annotations
 import builtins
 import inspect
 import pickle
+import pydoc
 import re
 from pathlib import Path
 
@@ -89,6 +90,18 @@ def test_a_set_is_no_point(key, value):
     with pytest.raises(deltaopt.SceneError) as caught:
         deltaopt.Scene(**given)
     assert caught.value.key.startswith(key)
+
+
+@pytest.mark.parametrize("record", [deltaopt.Scene, deltaopt.Robot])
+def test_help_on_a_record_is_a_page(record):
+    """Its keys and its own members, without those of all of pydantic's models, which it has."""
+    page = pydoc.render_doc(record, renderer=pydoc.plaintext)
+    assert len(page.splitlines()) <= 110
+    assert "payload=None, " in page if record is deltaopt.Scene else "joints=None, " in page
+    assert "pydantic_" not in page
+    assert "model_copy(self, *, update" in page
+    assert record.model_validate
+    assert list(inspect.signature(record).parameters) == list(record.model_fields)
 
 
 def test_every_name_that_is_written_is_there():

@@ -9,8 +9,9 @@ from __future__ import annotations
 import difflib
 from collections.abc import Callable, Generator, Mapping
 from functools import cached_property, lru_cache
+from inspect import Parameter, Signature, signature
 from pathlib import Path
-from typing import Annotated, Any, Self, get_args, get_origin
+from typing import TYPE_CHECKING, Annotated, Any, Self, get_args, get_origin
 
 import numpy as np
 from pydantic import (
@@ -29,6 +30,11 @@ from deltaopt.errors import SceneError, shown
 from deltaopt.files.units import Misread
 from deltaopt.files.yaml_file import place_of
 from deltaopt.settings import holds_numbers
+
+if TYPE_CHECKING:
+    from pydantic._internal._model_construction import ModelMetaclass
+else:
+    ModelMetaclass = type(BaseModel)
 
 Name = Annotated[str, Field(strict=True, max_length=200, pattern=r"^[^\p{C}\p{Zl}\p{Zp}]+$")]
 """A line of text without control characters, for terminals, pictures, and comments of programs."""
@@ -52,10 +58,25 @@ def per_motor(limit: float | Vector3) -> Vector3:
     return limit if isinstance(limit, tuple) else (limit, limit, limit)
 
 
-class Record(BaseModel):
+class _Listed(ModelMetaclass):
+    """Lists in ``help`` what a record is for, and not all that pydantic's models can do."""
+
+    def __dir__(self) -> list[str]:
+        inherited = {*dir(BaseModel), "fields_hash", "from_content"} - {"model_copy"}
+        return [name for name in super().__dir__() if name not in inherited and name[:2] != "__"]
+
+
+class Record(BaseModel, metaclass=_Listed):
     """A frozen record; a value that cannot be used raises a `SceneError` that names its key."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **_: Any) -> None:
+        """Give names and defaults alone as the signature: types with their units fill a screen."""
+        parameters = signature(cls).parameters.values()
+        plain = [each.replace(annotation=Parameter.empty) for each in parameters]
+        cls.__signature__ = Signature(plain)
 
     @classmethod
     def from_content(cls, content: dict[str, object], file: Path) -> Self:

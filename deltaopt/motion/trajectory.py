@@ -67,6 +67,10 @@ class Trajectory:
     coordinates: PiecewisePolynomial | None = None
     end_velocities: tuple[Vector3, Vector3] = (REST, REST)
 
+    def __repr__(self) -> str:
+        name, intervals = self.model.robot.name, len(self.knots) - 1
+        return f"<Trajectory of {self.duration:.6g} s in {intervals} intervals: {name}>"
+
     @cached_property
     def knots(self) -> Array:
         """Instants where polynomials meet, (K + 1,), s; torques may jump there."""

@@ -53,6 +53,9 @@ class SavedPlan:
     trajectory: Trajectory
     record: Mapping[str, Any]
 
+    def __repr__(self) -> str:
+        return f"<SavedPlan of {self.duration:.6g} s: {self.scene.robot.name}>"
+
     @property
     def duration(self) -> float:
         """Time from start to goal, s."""

@@ -6,18 +6,16 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import inf, isinf
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
-from deltaopt.files.tables import html_table
 from deltaopt.files.validated_record import Vector3
 from deltaopt.later import loaded
-from deltaopt.motion.active_limits import active_limits
 from deltaopt.motion.certificate import Certificate
 from deltaopt.motion.limit_sensitivity import (
     LimitSensitivity,
     Multipliers,
     limit_sensitivities,
-    limits_in_words,
 )
 from deltaopt.motion.lower_bound import lower_bound
 from deltaopt.motion.running_cost import cost as cost_of
@@ -229,22 +227,15 @@ class Plan:
         """
         return loaded("plot_limit")(self.scene, self.trajectory, limit, axes)
 
-    def _repr_html_(self) -> str:
-        """What was found as a table, for notebooks."""
-        unit = self.scene.objective.unit
-        active = active_limits(problem_of(self.scene), self.trajectory)
-        return html_table(
-            (),
-            [
-                ("duration", f"{self.duration:.6f} s"),
-                (str(self.scene.objective), f"{self.cost:.6g} {unit}"),
-                ("estimated gap", f"{self.gap:.1e} (asked for: {self.tolerance:g})"),
-                ("intervals", str(self.intervals)),
-                ("solver", f"{self.status}, {self.iterations} iterations"),
-                ("found in", f"{self.solve_seconds:.3g} s"),
-                *(("limit", sentence) for sentence in limits_in_words(active, self.sensitivities)),
-            ],
-        )
+    def __repr__(self) -> str:
+        robot, load = self.scene.robot.name, self.scene.payload_in_words
+        return f"<Plan of {self.duration:.6g} s, gap {self.gap:.1e}: {robot}, {load}>"
+
+    def _repr_png_(self) -> bytes:
+        """plan.png, for notebooks."""
+        with TemporaryDirectory() as folder:
+            self.save(folder)
+            return (Path(folder) / "plan.png").read_bytes()
 
     @property
     def within_tolerance(self) -> bool:

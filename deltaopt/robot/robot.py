@@ -134,6 +134,12 @@ class Robot(Machine):
         default=None, description="a mapping with some of the keys depth, radius"
     )
 
+    def __repr__(self) -> str:
+        arm, forearm = 1e3 * self.upper_arm.length, 1e3 * self.forearm.length
+        return f"<Robot {self.name}: arms {arm:.6g} mm, forearms {forearm:.6g} mm>"
+
+    __str__ = __repr__
+
     @property
     def gravity_vector(self) -> Vector3:
         """Acceleration of gravity in the base's frame, m/s²."""
@@ -231,7 +237,9 @@ def load_robot(path: str | Path) -> Robot:
 
 
 def _robot_of(content: Any) -> Any:
-    """A robot of any kind as it is; the content of a Delta's file as a Delta."""
+    """A robot of any kind as it is; a Delta's file, or its content, as a Delta."""
+    if isinstance(content, str | Path):
+        return load_robot(content)
     return content if isinstance(content, Machine) else Robot.model_validate(content)
 
 

@@ -74,7 +74,7 @@ from deltaopt.scene.via import (
 
 NO_KEYS = {"least_payload": "payload: [least, largest]", "planned_links": "robot_keeps_clear"}
 """Fields of a scene that no file gives, and what it gives instead."""
-ROBOT_FILE = "the path of a robot file, relative to the scene file"
+ROBOT_FILE = "the path of a robot file, relative to the scene file (in Python to where it runs)"
 
 
 class Scene(Record):
@@ -228,6 +228,12 @@ class Scene(Record):
         at_rest = isinstance(goal, EndState) and goal.velocity == REST
         return not (at_rest and start.velocity == REST)
 
+    def __repr__(self) -> str:
+        ends = f"from {self.start} to {self.goal} m"
+        return f"<Scene: {self.robot.name}, {self.payload_in_words}, {ends}>"
+
+    __str__ = __repr__
+
     def _repr_html_(self) -> str:
         """The scene as a table, for notebooks."""
         content = self.model_dump(mode="json", exclude_none=True, exclude={"robot"})
@@ -252,7 +258,7 @@ class Scene(Record):
         read, least = dict(content), content.get("least_payload")
         if least is not None:
             read["payload"] = least, read.get("payload")
-        if {"robot", "limits"} <= set(read):
+        if "robot" in read and {"limits", "tool"} & set(read):
             read["robot"] = cls._valid("robot", read["robot"])
         read = cls._as_fields(read, read.get("robot"))
         if "tool" in read and isinstance(read.get("robot"), Machine):
@@ -346,6 +352,8 @@ class Scene(Record):
         at_rest, starts_moving = not self.moves_at_ends, self.ends[0].velocity != REST
         stops, is_time = isinstance(self.goal, Anywhere), isinstance(self.objective, Time)
         no_path, follows = self.path is None, self.follows_path
+        is_rated = follows and self.has_rates
+        known = self.robot.has_links or not self.robot_keeps_clear
         rules = (
             ("goal", "a start that moves: {at: …, velocity: …}", starts_moving or not stops),
             ("path", "start and goal at rest beside it", at_rest),
@@ -358,16 +366,8 @@ class Scene(Record):
             ("tube", "a path beside it", not no_path),
             ("tube", "a path through points, not a Curve", not isinstance(self.path, Curve)),
             ("tube", "a path without speeds", self.path is None or not any(self.path.speeds)),
-            (
-                "path",
-                "a tube about it beside limits of jerk or torque rate",
-                not (follows and self.has_rates),
-            ),
-            (
-                "robot_keeps_clear",
-                "false, for the links of this robot are not known",
-                self.robot.has_links or not self.robot_keeps_clear,
-            ),
+            ("path", "a tube about it beside limits of jerk or torque rate", not is_rated),
+            ("robot_keeps_clear", "false, for the links of this robot are not known", known),
         )
         for key, expected, holds in rules:
             if getattr(self, key) is not None and not holds:

@@ -129,6 +129,10 @@ class Verification:
                 return None
         raise AttributeError(f"a verification has no {name}")
 
+    def __repr__(self) -> str:
+        said = "; ".join(self.failures()) or "every bound is kept"
+        return f"<Verification of {self.duration:.6g} s, {'ok' if self.ok else 'FAILED'}: {said}>"
+
     @property
     def ok(self) -> bool:
         """Whether the motion passes."""

@@ -60,7 +60,16 @@ def test_a_terminal_that_has_ascii_only(environment, tmp_path):
     assert (told.returncode, told.stderr) == (0, b"")
     assert "gravity      9.81 m/s^2 downward" in told.stdout.decode("ascii")
     out = tmp_path / "Ausgänge"
-    plan = run("plan", GENTLY, "--baseline", "--no-plot", "--details", "-o", str(out), environment=environment)
+    plan = run(
+        "plan",
+        GENTLY,
+        "--baseline",
+        "--no-plot",
+        "--details",
+        "-o",
+        str(out),
+        environment=environment,
+    )
     assert (plan.returncode, plan.stderr) == (0, b"")
     assert plan.stdout.decode("ascii").count("\n") > 5
     assert "N²m²s" in (out / "plan.json").read_text(encoding="utf-8")

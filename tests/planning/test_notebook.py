@@ -25,9 +25,26 @@ def found():
     return plan(SCENE)
 
 
+def test_a_plan_shows_its_picture(found):
+    assert found._repr_png_().startswith(b"\x89PNG\r\n\x1a\n")
+
+
+def test_all_are_one_short_line(found, tmp_path):
+    verification = verify(SCENE, found.trajectory)
+    failed = verify(SCENE, found.trajectory.slowed(0.9))
+    found.save(tmp_path, chart=False)
+    shown = (found, load_plan(tmp_path), verification, SCENE, found.trajectory, SCENE.robot)
+    for each in shown:
+        assert len(repr(each)) < 150
+        assert "\n" not in repr(each)
+    assert f"{found.duration:.6g} s, gap {found.gap:.1e}" in repr(found)
+    assert "ok: every bound is kept" in repr(verification)
+    assert "FAILED: torque of motor 1 exceeds its limit" in repr(failed)
+    assert "with 1 kg, from (0.85, " in repr(SCENE)
+    assert SCENE.robot.name in repr(SCENE.robot)
+
+
 def test_tables_say_what_was_found(found):
-    assert f"<td>{found.duration:.6f} s</td>" in found._repr_html_()
-    assert "motor 1&#x27;s torque is at its limit" in found._repr_html_()
     verification = verify(SCENE, found.trajectory)
     table = verification._repr_html_()
     assert table.count("<tr>") == 1 + len(verification.checks())

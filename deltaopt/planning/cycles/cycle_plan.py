@@ -37,6 +37,9 @@ class CyclePlan:
     prices: Vector3 = (0.0, 0.0, 0.0)
     rounds: int = 1
 
+    def __repr__(self) -> str:
+        return f"<CyclePlan of {len(self.legs)} legs: {self.in_words}, gap {self.gap:.1e}>"
+
     @cached_property
     def waits(self) -> tuple[Trajectory | None, ...]:
         """What the robot does after each leg; None where the next follows at once."""
