@@ -12,12 +12,16 @@ from deltaopt.later import PLACES, loaded
 if TYPE_CHECKING:
     from deltaopt.errors import (
         DeltaOptError as DeltaOptError,
+        DependentConstraints as DependentConstraints,
+        EndMoves as EndMoves,
+        Inexpressible as Inexpressible,
         Infeasible as Infeasible,
         MissingPackage as MissingPackage,
         NotConverged as NotConverged,
         SceneError as SceneError,
         Singular as Singular,
         Unreachable as Unreachable,
+        Unusable as Unusable,
     )
     from deltaopt.files.progress_bar import ProgressBar as ProgressBar
     from deltaopt.files.version import __version__ as __version__
@@ -31,7 +35,7 @@ if TYPE_CHECKING:
         multiplier as multiplier,
         virtual_work as virtual_work,
     )
-    from deltaopt.motion.trajectory import Trajectory as Trajectory
+    from deltaopt.motion.trajectory import Motion as Motion, Trajectory as Trajectory
     from deltaopt.output.saved_plan import (
         SavedPlan as SavedPlan,
         UnreadablePlan as UnreadablePlan,
@@ -57,6 +61,13 @@ if TYPE_CHECKING:
     from deltaopt.planning.planner import Planner as Planner, plan as plan
     from deltaopt.robot.model import DeltaModel as DeltaModel
     from deltaopt.robot.robot import Robot as Robot, load_robot as load_robot
+    from deltaopt.robot.tool import Box as Box, Sphere as Sphere, Tool as Tool
+    from deltaopt.scene.bodies import (
+        Body as Body,
+        Cylinder as Cylinder,
+        HalfSpace as HalfSpace,
+        Hull as Hull,
+    )
     from deltaopt.scene.moving_ends import Anywhere as Anywhere, Belt as Belt, State as State
     from deltaopt.scene.objective import (
         Effort as Effort,
@@ -83,12 +94,16 @@ if TYPE_CHECKING:
 _PUBLIC = {
     "deltaopt.errors": (
         "DeltaOptError",
+        "DependentConstraints",
+        "EndMoves",
+        "Inexpressible",
         "Infeasible",
         "MissingPackage",
         "NotConverged",
         "SceneError",
         "Singular",
         "Unreachable",
+        "Unusable",
     ),
     "deltaopt.files.progress_bar": ("ProgressBar",),
     "deltaopt.files.version": ("__version__",),
@@ -102,7 +117,7 @@ _PUBLIC = {
         "multiplier",
         "virtual_work",
     ),
-    "deltaopt.motion.trajectory": ("Trajectory",),
+    "deltaopt.motion.trajectory": ("Motion", "Trajectory"),
     "deltaopt.output.saved_plan": ("SavedPlan", "UnreadablePlan", "load_plan"),
     "deltaopt.planning.cycles.cycle_plan": ("CyclePlan",),
     "deltaopt.planning.cycles.cycle_planning": ("plan_cycle",),
@@ -121,6 +136,8 @@ _PUBLIC = {
     "deltaopt.planning.planner": ("Planner", "plan"),
     "deltaopt.robot.model": ("DeltaModel",),
     "deltaopt.robot.robot": ("Robot", "load_robot"),
+    "deltaopt.robot.tool": ("Box", "Sphere", "Tool"),
+    "deltaopt.scene.bodies": ("Body", "Cylinder", "HalfSpace", "Hull"),
     "deltaopt.scene.moving_ends": ("Anywhere", "Belt", "State"),
     "deltaopt.scene.objective": (
         "Effort",

@@ -102,7 +102,7 @@ def interruption(each: Case, number: int, name: Path) -> Interruption:
     planner = deltaopt.Planner(each.scene.robot)
     old = planner.plan_scene(each.scene)
     now = old.trajectory(each.share * old.duration)
-    left = old.duration - float(now.t[0])
+    left = old.duration - float(now.t)
     rest, at_rest = timed(lambda: planner.plan_scene(each.then))
     to_goal, to_rest = (
         each.scene.model_copy(update={"goal": goal})
@@ -112,7 +112,7 @@ def interruption(each: Case, number: int, name: Path) -> Interruption:
     stop = _tried(lambda: planner.plan_scene(to_rest, start=now), left)
     for scene, tried in ((to_goal, new), (to_rest, stop)):
         if tried.failure:
-            state = deltaopt.State(at=tuple(now.x[0].tolist()), velocity=tuple(now.v[0].tolist()))
+            state = deltaopt.State(at=tuple(now.x.tolist()), velocity=tuple(now.v.tolist()))
             what = "stop" if tried is stop else "new_goal"
             file = name.with_name(f"{name.name}_{what}")
             write_scene(file, scene.model_copy(update={"start": state}), tried.failure)

@@ -54,7 +54,7 @@ def moves(robot: deltaopt.Robot, number: int, first: int) -> Iterator[Move]:
         point, elsewhere = given_points(other.task)
         under_way = planner.plan(elsewhere, start).trajectory
         now = under_way(float(rng.uniform(0.1, 0.9)) * under_way.duration)
-        state = deltaopt.State(at=tuple(now.x[0].tolist()), velocity=tuple(now.v[0].tolist()))
+        state = deltaopt.State(at=tuple(now.x.tolist()), velocity=tuple(now.v.tolist()))
         apart = min(float(np.linalg.norm(np.subtract(point, end))) for end in (start, goal))
         radius = min(float(np.exp(rng.uniform(*np.log(_RADII)))), 0.9 * apart)
         given = (
