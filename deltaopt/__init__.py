@@ -12,26 +12,20 @@ from deltaopt.later import PLACES, loaded
 if TYPE_CHECKING:
     from deltaopt.errors import (
         DeltaOptError as DeltaOptError,
+        DependentConstraints as DependentConstraints,
+        EndMoves as EndMoves,
+        Inexpressible as Inexpressible,
         Infeasible as Infeasible,
         MissingPackage as MissingPackage,
         NotConverged as NotConverged,
         SceneError as SceneError,
         Singular as Singular,
         Unreachable as Unreachable,
+        Unusable as Unusable,
     )
     from deltaopt.files.progress_bar import ProgressBar as ProgressBar
     from deltaopt.files.version import __version__ as __version__
-    from deltaopt.methods import (
-        explicit as explicit,
-        flat as flat,
-        forward as forward,
-        interior_point as interior_point,
-        ipopt as ipopt,
-        kane as kane,
-        multiplier as multiplier,
-        virtual_work as virtual_work,
-    )
-    from deltaopt.motion.trajectory import Trajectory as Trajectory
+    from deltaopt.motion.trajectory import Motion as Motion, Trajectory as Trajectory
     from deltaopt.output.saved_plan import (
         SavedPlan as SavedPlan,
         UnreadablePlan as UnreadablePlan,
@@ -44,19 +38,35 @@ if TYPE_CHECKING:
         timed_line as timed_line,
     )
     from deltaopt.planning.first_motions.initial_motion import baseline as baseline
-    from deltaopt.planning.formulations.choice import Redundant as Redundant
-    from deltaopt.planning.formulations.loop_closure import (
-        AccelerationLevel as AccelerationLevel,
-        Baumgarte as Baumgarte,
-        KnotConstraints as KnotConstraints,
-        Projection as Projection,
-    )
-    from deltaopt.planning.nlp.problem import InteriorPoint as InteriorPoint, Ipopt as Ipopt
-    from deltaopt.planning.nlp.transcription import PiecewiseAcceleration as PiecewiseAcceleration
     from deltaopt.planning.plan import Plan as Plan
     from deltaopt.planning.planner import Planner as Planner, plan as plan
+    from deltaopt.research import (
+        AccelerationLevel as AccelerationLevel,
+        Baumgarte as Baumgarte,
+        InteriorPoint as InteriorPoint,
+        Ipopt as Ipopt,
+        KnotConstraints as KnotConstraints,
+        PiecewiseAcceleration as PiecewiseAcceleration,
+        Projection as Projection,
+        Redundant as Redundant,
+        explicit as explicit,
+        flat as flat,
+        forward as forward,
+        interior_point as interior_point,
+        ipopt as ipopt,
+        kane as kane,
+        multiplier as multiplier,
+        virtual_work as virtual_work,
+    )
     from deltaopt.robot.model import DeltaModel as DeltaModel
     from deltaopt.robot.robot import Robot as Robot, load_robot as load_robot
+    from deltaopt.robot.tool import Box as Box, Sphere as Sphere, Tool as Tool
+    from deltaopt.scene.bodies import (
+        Body as Body,
+        Cylinder as Cylinder,
+        HalfSpace as HalfSpace,
+        Hull as Hull,
+    )
     from deltaopt.scene.moving_ends import Anywhere as Anywhere, Belt as Belt, State as State
     from deltaopt.scene.objective import (
         Effort as Effort,
@@ -86,44 +96,31 @@ if TYPE_CHECKING:
 _PUBLIC = {
     "deltaopt.errors": (
         "DeltaOptError",
+        "DependentConstraints",
+        "EndMoves",
+        "Inexpressible",
         "Infeasible",
         "MissingPackage",
         "NotConverged",
         "SceneError",
         "Singular",
         "Unreachable",
+        "Unusable",
     ),
     "deltaopt.files.progress_bar": ("ProgressBar",),
     "deltaopt.files.version": ("__version__",),
-    "deltaopt.methods": (
-        "explicit",
-        "flat",
-        "forward",
-        "interior_point",
-        "ipopt",
-        "kane",
-        "multiplier",
-        "virtual_work",
-    ),
-    "deltaopt.motion.trajectory": ("Trajectory",),
+    "deltaopt.motion.trajectory": ("Motion", "Trajectory"),
     "deltaopt.output.saved_plan": ("SavedPlan", "UnreadablePlan", "load_plan"),
     "deltaopt.planning.cycles.cycle_plan": ("CyclePlan",),
     "deltaopt.planning.cycles.cycle_planning": ("plan_cycle",),
     "deltaopt.planning.comparisons": ("beside_free_path", "timed_line"),
     "deltaopt.planning.first_motions.initial_motion": ("baseline",),
-    "deltaopt.planning.formulations.choice": ("Redundant",),
-    "deltaopt.planning.formulations.loop_closure": (
-        "AccelerationLevel",
-        "Baumgarte",
-        "KnotConstraints",
-        "Projection",
-    ),
-    "deltaopt.planning.nlp.problem": ("InteriorPoint", "Ipopt"),
-    "deltaopt.planning.nlp.transcription": ("PiecewiseAcceleration",),
     "deltaopt.planning.plan": ("Plan",),
     "deltaopt.planning.planner": ("Planner", "plan"),
     "deltaopt.robot.model": ("DeltaModel",),
     "deltaopt.robot.robot": ("Robot", "load_robot"),
+    "deltaopt.robot.tool": ("Box", "Sphere", "Tool"),
+    "deltaopt.scene.bodies": ("Body", "Cylinder", "HalfSpace", "Hull"),
     "deltaopt.scene.moving_ends": ("Anywhere", "Belt", "State"),
     "deltaopt.scene.objective": (
         "Effort",
@@ -147,6 +144,12 @@ _PUBLIC = {
 }
 """Public names by their module, which is read when one of them is first used: ``import deltaopt``
 takes no longer than Python itself. The imports above say the same to type checkers."""
+_RESEARCH = (
+    *("AccelerationLevel", "Baumgarte", "InteriorPoint", "Ipopt", "KnotConstraints"),
+    *("PiecewiseAcceleration", "Projection", "Redundant", "explicit", "flat", "forward"),
+    *("interior_point", "ipopt", "kane", "multiplier", "virtual_work"),
+)
+"""Names of ``deltaopt.research`` that are found here too, though not listed."""
 _METHODS = {
     "save_plan": "deltaopt.report.plan_folder",
     "frame": "deltaopt.output.plan_files",
@@ -156,6 +159,7 @@ _METHODS = {
 """What a plan offers that is the work of other rooms."""
 
 PLACES |= {name: module for module, names in _PUBLIC.items() for name in names} | _METHODS
+PLACES |= dict.fromkeys(_RESEARCH, "deltaopt.research")
 __all__ = sorted(name for names in _PUBLIC.values() for name in names)
 
 import_module("deltaopt.verify")  # now, for Python then names the room in this one's namespace
@@ -164,7 +168,7 @@ del globals()["verify"]  # in which the function is to be found
 
 def __getattr__(name: str) -> Any:
     """A public name, or a room such as ``deltaopt.errors``: found without this from then on."""
-    if name in __all__:
+    if name in __all__ or name in _RESEARCH:
         globals()[name] = found = loaded(name)
         return found
     room = f"{__name__}.{name}"

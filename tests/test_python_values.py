@@ -104,6 +104,19 @@ def test_help_on_a_record_is_a_page(record):
     assert list(inspect.signature(record).parameters) == list(record.model_fields)
 
 
+def test_a_scene_takes_the_name_of_a_robots_file(monkeypatch):
+    """As a scene's file does, relative to where Python runs."""
+    monkeypatch.chdir(ROOT / "problems")
+    ends = {"payload": 1.0, "start": SCENE.start, "goal": SCENE.goal}
+    named = deltaopt.Scene(robot="robots/orsino.yaml", **ends)
+    assert named == SCENE
+    assert deltaopt.Scene(robot=SCENE.robot.model_dump(), **ends) == SCENE
+    shares = deltaopt.Scene(robot=Path("robots/orsino.yaml"), limits={"torque": "50 %"}, **ends)
+    assert shares.given("torque") == 5.0
+    with pytest.raises(deltaopt.SceneError, match=r"^none\.yaml: robot cannot be read"):
+        deltaopt.Scene(robot="none.yaml", **ends)
+
+
 def test_every_name_that_is_written_is_there():
     """deltaopt.NAME in docs, README, examples and docstrings, but for modules."""
     files = [ROOT / "README.md", *ROOT.glob("docs/**/*.md"), *ROOT.glob("examples/*")]

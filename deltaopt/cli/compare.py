@@ -49,7 +49,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _plans(arguments: argparse.Namespace) -> int:
     """Solve the scenes in every formulation, print tables and save charts."""
     from deltaopt.compare.plans.cases import FiveBarTask, delta_case
-    from deltaopt.compare.plans.report import csv, tables, verdict
+    from deltaopt.compare.plans.report import answer, csv, tables, verdict
     from deltaopt.compare.plans.study import compare_plans
     from deltaopt.plots.plans import draw
 
@@ -64,7 +64,7 @@ def _plans(arguments: argparse.Namespace) -> int:
         (folder / "plans.csv").write_text(csv(study), encoding="utf-8", newline="\n")
         for case in cases:
             draw(study, case.name, folder / f"{case.name}.png")
-        print(tables(study), verdict(study), sep="\n\n")
+        print(answer(study), tables(study), verdict(study), sep="\n\n")
         print(f"\n{study.seconds:.0f} s in all")
     return 0
 
@@ -72,7 +72,7 @@ def _plans(arguments: argparse.Namespace) -> int:
 def _dynamics(arguments: argparse.Namespace) -> int:
     """Measure the formulations of the dynamics, print tables and save a chart."""
     from deltaopt.codegen.c_compiler import compiler
-    from deltaopt.compare.dynamics.report import csv, notes, table, verdict
+    from deltaopt.compare.dynamics.report import answer, csv, notes, table, verdict
     from deltaopt.compare.dynamics.study import compare_dynamics
     from deltaopt.plots.dynamics import draw
 
@@ -82,6 +82,6 @@ def _dynamics(arguments: argparse.Namespace) -> int:
     with new_files(directory, "dynamics.csv", "dynamics.png") as folder:
         (folder / "dynamics.csv").write_text(csv(study), encoding="utf-8", newline="\n")
         draw(study, folder / "dynamics.png")
-        print(table(study), notes(study), verdict(study), sep="\n\n")
+        print(answer(study), table(study), notes(study), verdict(study), sep="\n\n")
         print()
     return 0

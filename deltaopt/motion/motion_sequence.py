@@ -48,8 +48,8 @@ class MotionSequence:
         return np.clip(found, 0, len(self.parts) - 1)
 
     def __call__(self, t: ArrayLike) -> Motion:
-        """The motion at times t, (N,) or a number, s, from 0 to its duration. Where two parts meet
-        it is that just after."""
+        """The motion at times t, (N,), s, from 0 to its duration, or at one, a number, in arrays of
+        shape (3,). Where two parts meet it is that just after."""
         times = np.atleast_1d(np.asarray(t, dtype=float))
         which = self.part_at(times)
         found = Motion(times, *np.zeros((len(_COLUMNS), len(times), 3)))
@@ -59,7 +59,7 @@ class MotionSequence:
                 motion = part(part.knots[0] + times[own] - self.begins[index])
                 for name in _COLUMNS:
                     getattr(found, name)[own] = getattr(motion, name)
-        return found
+        return found if np.ndim(t) else found.first
 
 
 def waiting(model: Model, at: Vector3, velocity: Vector3, duration: float) -> Trajectory:

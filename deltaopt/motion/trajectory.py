@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -28,7 +28,8 @@ number."""
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """A motion at N instants: platform and motors, arrays of shape (N, 3) but for ``t``, (N,).
+    """A motion at N instants: platform and motors, arrays of shape (N, 3) but for ``t``, (N,); at a
+    single instant of shape (3,).
 
     ``t``: s. ``x``, ``v``, ``a``: position, velocity and acceleration of the platform, m, m/s,
     m/s². ``theta``, ``dtheta``, ``ddtheta``: angles, speeds and accelerations of the motors, rad,
@@ -45,6 +46,12 @@ class Motion:
     ddtheta: Array
     tau: Array
     under_way: Trajectory | None = None
+
+    @property
+    def first(self) -> Motion:
+        """The first of its instants alone."""
+        names = (each.name for each in fields(self)[:-1])
+        return replace(self, **{name: getattr(self, name)[0] for name in names})
 
 
 @dataclass(frozen=True)
@@ -89,7 +96,7 @@ class Trajectory:
         return float(self.knots[-1] - self.knots[0])
 
     def __call__(self, t: ArrayLike) -> Motion:
-        """The motion at times t, (N,) or a number, s.
+        """The motion at times t, (N,), s, or at one, a number, in arrays of shape (3,).
 
         At a knot where the torques jump it is the motion just after, and at the end just before.
         Before the start and after the end the platform is at rest there: velocities and
@@ -117,7 +124,8 @@ class Trajectory:
             if velocity != REST:  # it moves on
                 x[outside & beyond] += (times - instants)[outside & beyond, None] * velocity
                 v[outside & beyond] = velocity
-        return self._motion(np.where(outside, times, instants), x, v, a)
+        motion = self._motion(np.where(outside, times, instants), x, v, a)
+        return motion if np.ndim(t) else motion.first
 
     def instants(self, number: int) -> Array:
         """So many times from start to goal, both among them, at equal steps, (N,), s."""

@@ -304,20 +304,20 @@ class Planner:
 
 def _state_of(motion: Motion, with_acceleration: bool = False) -> State:
     """The state of a motion at its only instant. Raises ValueError where it has several."""
-    if len(motion.t) != 1:
-        raise ValueError(f"start has {len(motion.t)} instants; one is needed")
-    trajectory, v = motion.under_way, motion.v[0]
+    if np.ndim(motion.t):
+        raise ValueError(f"start has {len(motion.t)} instants; one is needed: motion.first")
+    trajectory, v = motion.under_way, motion.v
     if trajectory is not None:
         speeds = np.linalg.norm(trajectory.position.derivative().at(trajectory.knots), axis=1)
         v = np.where(np.linalg.norm(v) <= _AT_REST * speeds.max(), 0.0, v)
-    acceleration = tuple(motion.a[0].tolist()) if with_acceleration else None
-    at, velocity = tuple(motion.x[0].tolist()), tuple(v.tolist())
+    acceleration = tuple(motion.a.tolist()) if with_acceleration else None
+    at, velocity = tuple(motion.x.tolist()), tuple(v.tolist())
     return State(at=at, velocity=velocity, acceleration=acceleration)
 
 
 def _rest_of(motion: Motion) -> PiecewisePolynomial | None:
     """What follows an instant of the motion that it belongs to; None where that is not known."""
-    trajectory, t = motion.under_way, float(motion.t[0])
+    trajectory, t = motion.under_way, float(motion.t)
     if trajectory is None or not trajectory.knots[0] <= t < trajectory.knots[-1]:
         return None
     return trajectory.position.after(t)

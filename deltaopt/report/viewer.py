@@ -71,7 +71,7 @@ class Viewer:
         server = viser.ViserServer(host="127.0.0.1", port=port, label="deltaopt", verbose=False)
         server.scene.set_up_direction("+z")
         motion = trajectory(trajectory.knots[0])
-        middle = to_world(motion.x[0]) / 2
+        middle = to_world(motion.x) / 2
         reach = robot.base_radius + robot.upper_arm.length + robot.forearm.length
         server.initial_camera.look_at = tuple(middle.tolist())
         server.initial_camera.position = tuple((middle + reach * _FROM).tolist())
@@ -79,7 +79,7 @@ class Viewer:
             _lines(server, f"/robot/{name}", lines, colour)
             for name, lines, colour in zip(
                 ("chain1", "chain2", "chain3", "platform"),
-                lines_of_robot(robot, motion.x[0], motion.theta[0]),
+                lines_of_robot(robot, motion.x, motion.theta),
                 (*COLOURS, BLACK),
                 strict=True,
             )
@@ -106,10 +106,10 @@ class Viewer:
     def show(self, fraction: float) -> None:
         """Show the robot at a fraction of the duration."""
         motion = self.trajectory(self.trajectory.knots[0] + fraction * self.trajectory.duration)
-        shown = lines_of_robot(self.robot, motion.x[0], motion.theta[0])
+        shown = lines_of_robot(self.robot, motion.x, motion.theta)
         for handle, lines in zip(self.handles, shown, strict=True):
             handle.points = lines.astype(np.float32)
-        self.torques.value = ", ".join(f"{torque:.1f}" for torque in motion.tau[0])
+        self.torques.value = ", ".join(f"{torque:.1f}" for torque in motion.tau)
 
     def advance(self, seconds: float) -> None:
         """Move on by what passes in the motion in so many seconds, if it plays; then begin anew."""

@@ -24,14 +24,14 @@ LINE = baseline(SCENE)
 def test_outside_the_platform_is_held_at_rest(late, place):
     """The torques at rest are those that balance gravity: dV/dθ, here by differences of V."""
     held = LINE(late)
-    assert held.t == [late]
-    np.testing.assert_allclose(held.x[0], place, atol=1e-12)
+    assert held.t == late
+    np.testing.assert_allclose(held.x, place, atol=1e-12)
     for still in (held.v, held.a, held.dtheta, held.ddtheta):
         assert not still.any()
     step = 1e-5
     for motor, change in enumerate(step * np.eye(3)):
-        ahead, behind = (potential_energy(held.theta[0] + way * change) for way in (1, -1))
-        assert held.tau[0, motor] == pytest.approx((ahead - behind) / (2 * step), abs=1e-6)
+        ahead, behind = (potential_energy(held.theta + way * change) for way in (1, -1))
+        assert held.tau[motor] == pytest.approx((ahead - behind) / (2 * step), abs=1e-6)
 
 
 def potential_energy(theta):
@@ -49,6 +49,16 @@ def test_no_times_give_empty_arrays():
     assert nothing.t.shape == (0,)
     assert all(getattr(nothing, each.name).shape == (0, 3) for each in fields(Motion)[1:-1])
     assert nothing.under_way is LINE
+
+
+def test_an_instant_has_vectors_and_instants_have_rows_of_them():
+    t = 0.3 * LINE.duration
+    one, several = LINE(t), LINE([t])
+    for name in ("x", "v", "a", "theta", "dtheta", "ddtheta", "tau"):
+        assert getattr(one, name).shape == (3,)
+        np.testing.assert_array_equal(getattr(several, name), [getattr(one, name)])
+    assert (np.shape(one.t), several.t.shape) == ((), (1,))
+    assert one.under_way is LINE
 
 
 def test_rounding_beyond_the_end_is_the_end():

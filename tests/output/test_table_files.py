@@ -191,7 +191,7 @@ def test_ros2_yaml_and_bag_are_the_same_message(saved_otherwise, tmp_path):
     plan = deltaopt.load_plan(saved_otherwise)
     assert times[0] == 0
     assert times[-1] == pytest.approx(1e9 * plan.duration, rel=1e-4)
-    first = at_controller(plan.trajectory(0.0).theta[0])
+    first = at_controller(plan.trajectory(0.0).theta)
     np.testing.assert_allclose(content["points"][0]["positions"], first, rtol=1e-12)
 
 

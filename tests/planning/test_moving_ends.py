@@ -78,7 +78,7 @@ def test_vertical_stop(move):
     found = plan(now.scene(move, 1.0, Anywhere()))
     assert expected * (1 - 1e-9) <= found.duration <= expected * (1 + found.gap)
     end = found.trajectory(found.duration)
-    assert float(end.x[0, 0]) == pytest.approx(float(move.depth(np.array(near))), abs=1e-4)
+    assert float(end.x[0]) == pytest.approx(float(move.depth(np.array(near))), abs=1e-4)
 
 
 # Laws
@@ -114,7 +114,7 @@ def test_the_rest_of_an_optimal_motion_is_optimal(across, share):
 def test_a_belt_that_moves_away_is_met_as_soon_as_its_place_can_be_reached():
     found = plan(BELT)
     end = found.trajectory(found.duration)
-    x, v = (tuple(each[0].tolist()) for each in (end.x, end.v))
+    x, v = (tuple(each.tolist()) for each in (end.x, end.v))
     np.testing.assert_allclose(v, BELT.goal.belt, atol=1e-9)
     expected = np.array(BELT.goal.at) + found.duration * np.array(BELT.goal.belt)
     np.testing.assert_allclose(x, expected, atol=1e-9)
@@ -218,19 +218,19 @@ def over_the_wall():
 def test_interrupted_beside_a_wall(over_the_wall, share):
     """To a new goal on either side of the wall, past which finishing first is one way."""
     now = over_the_wall.trajectory(share * over_the_wall.duration)
-    left = over_the_wall.duration - float(now.t[0])
+    left = over_the_wall.duration - float(now.t)
     for goal in (WALL.start, (0.82, 0.12, -0.05)):
         new = PLANNER.plan_scene(WALL.model_copy(update={"goal": goal}), start=now)
         rest = plan(WALL.model_copy(update={"start": WALL.goal, "goal": goal}))
         assert verify(new.scene, new.trajectory).failures() == []
         assert new.duration < left + rest.duration
-        np.testing.assert_allclose(new.trajectory(0.0).v[0], now.v[0], atol=1e-12)
+        np.testing.assert_allclose(new.trajectory(0.0).v, now.v, atol=1e-12)
 
 
 def test_a_body_that_appears_on_the_way(across):
     """The motion under way would run into it, so that finishing it first is no motion."""
     now = across.trajectory(0.1 * across.duration)
-    ahead = across.trajectory(0.6 * across.duration).x[0]
+    ahead = across.trajectory(0.6 * across.duration).x
     ball = {"sphere": {"centre": tuple(ahead.tolist()), "radius": 0.02}}
     scene = CROSS.model_copy(update={"keep_out": [ball]})
     assert verify(scene, across.trajectory).failures() != []
@@ -245,7 +245,7 @@ def test_finishing_is_a_plan_where_nothing_is_found(across, goal):
     """The motion under way leads to its own goal, and to rest."""
     share = 0.3 * across.duration
     now, rest = across.trajectory(share), across.trajectory.position.after(share)
-    state = State(at=tuple(now.x[0].tolist()), velocity=tuple(now.v[0].tolist()))
+    state = State(at=tuple(now.x.tolist()), velocity=tuple(now.v.tolist()))
     scene = CROSS.model_copy(update={"start": state, "goal": goal})
     found = finished_first(scene, rest, None, 1e-3, plan, lambda _: 0.0)
     assert verify(found.scene, found.trajectory).failures() == []

@@ -56,7 +56,7 @@ def test_its_parts_are_fastest_motions_of_their_own():
     scene = through((0.80, 0.0, 0.06))
     whole = plan(scene)
     now = whole.trajectory(whole.phases[0])
-    point, velocity = (tuple(each[0].tolist()) for each in (now.x, now.v))
+    point, velocity = (tuple(each.tolist()) for each in (now.x, now.v))
 
     def in_two_parts(velocity):
         state = State(at=point, velocity=velocity)
@@ -180,7 +180,7 @@ def near(within, centre=BENT, **settings):
 def passing_place(found):
     """Where the phases of a motion through one via point meet, and its velocity there."""
     now = found.trajectory(found.phases[0])
-    return now.x[0], now.v[0]
+    return now.x, now.v
 
 
 def least_distance(found, point=BENT):
@@ -258,7 +258,7 @@ def test_verification_sees_spheres_that_are_missed_or_passed_out_of_turn():
     assert missed.via_distance == pytest.approx(away.min() - 0.015, rel=1e-4)
     assert any("misses a via point by" in each for each in missed.failures())
     # A place that the motion passes on its way into a wide sphere, before it is nearest.
-    (early,) = trajectory(0.4 * trajectory.duration).x.tolist()
+    early = trajectory(0.4 * trajectory.duration).x.tolist()
     wide = {"at": BENT, "within": float(np.linalg.norm(np.subtract(early, BENT))) + 0.01}
     assert off_via_points(through(wide, tuple(early)).task, trajectory) < 1e-9
     narrow = {"at": BENT, "within": 0.0201}
@@ -301,7 +301,7 @@ def test_points_on_a_motion_with_moving_ends_leave_its_duration(underway):
 @pytest.mark.parametrize("within", [0.0, 0.005])
 def test_points_beside_a_motion_with_moving_ends_are_passed(underway, within):
     scene, free = underway
-    beside = (free.trajectory(0.5 * free.duration).x[0] + (-0.03, 0.01, 0.03)).tolist()
+    beside = np.add(free.trajectory(0.5 * free.duration).x, (-0.03, 0.01, 0.03)).tolist()
     point = {"at": beside, "within": within} if within else beside
     own = scene.model_copy(update={"via": [point]})
     found = plan(own)

@@ -327,9 +327,9 @@ def test_the_robot_is_drawn_where_it_is(browser, planned, page):
         opened.go_to(frame)
         motion = trajectory(trajectory.duration * frame / 400)
         tool = opened.numbers("#tool", "cx", "cy")
-        np.testing.assert_allclose(tool, 1e3 * motion.x[0, [1, 0]], atol=2e-3)
+        np.testing.assert_allclose(tool, 1e3 * motion.x[[1, 0]], atol=2e-3)
         for k, azimuth in enumerate(np.deg2rad([0, 120, 240])):
-            theta = motion.theta[0, k]
+            theta = motion.theta[k]
             out = robot.base_radius + robot.upper_arm.length * np.cos(theta)
             elbow = 1e3 * np.array([np.cos(azimuth) * out, -robot.upper_arm.length * np.sin(theta)])
             drawn = opened.numbers(f"#arm{k + 1}", "x2", "y2")
@@ -420,7 +420,7 @@ def test_charts_are_linked_to_the_time(browser, planned, page):
         text = opened.page.locator("#curves figcaption").first.inner_text()
         told = [float(n.replace("−", "-")) for n in re.findall(r"(−?\d+) %", text)]
         motion = planned[0].trajectory(planned[0].duration * frame / 400)
-        np.testing.assert_allclose(told, 10 * motion.tau[0], atol=2.0)
+        np.testing.assert_allclose(told, 10 * motion.tau, atol=2.0)
     assert len(found[0]) == 2
     assert all(a != b for a, b in zip(*found, strict=True))
     box = opened.page.locator("#curves svg[role=img]").first.bounding_box()

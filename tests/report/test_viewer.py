@@ -86,10 +86,10 @@ def test_the_slider_shows_an_instant_and_play_moves_on(servers):
     assert len({server.drawn[f"/robot/chain{k}"].colors for k in (1, 2, 3)}) == 3
     viewer.show(1.0)
     end = LINE(LINE.duration)
-    expected = lines_of_robot(SCENE.robot, end.x[0], end.theta[0])
+    expected = lines_of_robot(SCENE.robot, end.x, end.theta)
     for name, lines in zip(("chain1", "chain2", "chain3", "platform"), expected, strict=True):
         np.testing.assert_allclose(server.drawn[f"/robot/{name}"].points, lines, atol=1e-6)
-    assert viewer.torques.value == ", ".join(f"{tau:.1f}" for tau in end.tau[0])
+    assert viewer.torques.value == ", ".join(f"{tau:.1f}" for tau in end.tau)
     viewer.advance(0.1)
     assert viewer.slider.value == 0.0  # it does not play
     viewer.playing.value = True

@@ -90,19 +90,17 @@ def tables(study: PlanStudy) -> str:
     return "\n\n".join(_table(study, case) for case in study.references)
 
 
-def verdict(study: PlanStudy) -> str:
+def answer(study: PlanStudy) -> str:
     """Say which formulation to use when, in the numbers of this study."""
     apart = max(spread(study, case) for case in study.references)
-    sentences = [
-        _convergence(study),
-        _rank(study),
-        f"The best safe durations of the four formulations differ by at most {apart:.0e}.",
-        _speed(study),
-        _drift(study),
-        _degree(study),
-        _advice(study),
-    ]
-    return fill(" ".join(sentences), width=98)
+    same = f"The best safe durations of the four formulations differ by at most {apart:.0e}."
+    return fill(f"{_advice(study)} {same}", width=98)
+
+
+def verdict(study: PlanStudy) -> str:
+    """Say what the numbers of this study rest on."""
+    about = (_convergence, _rank, _speed, _drift, _degree)
+    return fill(" ".join(sentence(study) for sentence in about), width=98)
 
 
 def best(study: PlanStudy, case: str, formulation: str) -> Row | None:

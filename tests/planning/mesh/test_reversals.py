@@ -41,7 +41,7 @@ def test_knots_lie_on_both_sides_of_every_reversal(motion):
     knots = np.cumsum(mesh)[:-1] * motion.duration
 
     def speed(t: float, arm: int) -> float:
-        return float(motion(t).dtheta[0, arm])
+        return float(motion(t).dtheta[arm])
 
     times = np.linspace(0.0, motion.duration, 2000)[1:-1]
     reversals = 0

@@ -250,7 +250,7 @@ def test_speeds_at_the_ends():
     """Cut at its middle, the fastest motion is that of both parts with the speed at the cut."""
     whole = deltaopt.plan(on(PICK, "line"), tolerance=1e-5)
     middle = whole.trajectory(whole.duration / 2)
-    cut, speed = tuple(middle.x[0].tolist()), float(np.linalg.norm(middle.v[0]))
+    cut, speed = tuple(middle.x.tolist()), float(np.linalg.norm(middle.v))
     speed *= 1 - 1e-5  # within reach of both parts
     first = on(PICK, {"speeds": [0.0, speed]}, goal=cut)
     last = on(PICK, {"speeds": [speed, 0.0]}, start=cut)
