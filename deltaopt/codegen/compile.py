@@ -33,7 +33,7 @@ from deltaopt.files.output_folder import locked
 CACHE = "DELTAOPT_CACHE"
 """Name of the environment variable that gives another folder for the compiled libraries."""
 
-SLOWER = "100 to 200 times as slow"
+SLOWER = "some 100 times as slow"
 """What the interpreter costs in a plan (docs/speed.md)."""
 
 _BUILDING = "building-"

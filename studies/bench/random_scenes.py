@@ -26,7 +26,7 @@ from deltaopt.scene.scene import Scene
 
 MARGIN = 0.1
 """Least distance from every singularity, where 1 is the best there is: a tenth leaves out the edge
-of the workspace, which `python -m studies edge` looks at."""
+of the workspace, which tests/planning/test_edge.py looks at."""
 _BATCH = 4096
 _MOST_BATCHES = 1000
 """Batches in a row without a point in the workspace, before the search for points ends."""

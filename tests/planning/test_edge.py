@@ -4,18 +4,15 @@ from math import isfinite
 
 import pytest
 
+from deltaopt.errors import DeltaOptError
 from deltaopt.planning.first_motions.initial_motion import baseline
 from deltaopt.planning.planner import plan
 from deltaopt.scene.scene import Scene
 from deltaopt.verify.verification import verify
-from studies.edge import (
-    MIDDLE,
-    ORSINO,
-    TOLERANCE,
-    attempt,
-    cases,
-)
+from tests.edge_scenes import MIDDLE, ORSINO, cases
 
+TOLERANCE = 1e-2
+"""Of the gap: it is failure that is looked for, not the last per mille."""
 REFUSED = {
     "goal outside": ("Unreachable", "goal: the platform cannot be at [0.75, 0, 0] m"),
     "start, a chain stretched": ("Singular", "start: arm and bars of chain 2 are in line"),
@@ -37,14 +34,17 @@ of all torques to spare it is 1.2 % slower than plans of finer meshes."""
 
 @pytest.mark.parametrize("case", cases(), ids=lambda case: f"{case.family}: {case.name}")
 def test_plan_or_cause(case):
-    found = attempt(case)
-    assert found.seconds < 30
     if case.name in REFUSED:
         error, sentence = REFUSED[case.name]
-        assert (found.error, found.verified) == (error, False)
-        assert sentence in found.sentence
+        with pytest.raises(DeltaOptError) as caught:
+            plan(case.make(), tolerance=TOLERANCE)
+        assert type(caught.value).__name__ == error
+        assert sentence in str(caught.value)
         return
-    assert found.verified, (found.error, found.sentence)
+    scene = case.make()
+    found = plan(scene, tolerance=TOLERANCE)
+    verified = verify(scene, found.trajectory)
+    assert verified.ok, verified.failures()
     assert isfinite(found.duration)
     assert found.gap <= TOLERANCE or case.name.startswith(FAR_FROM_BEST)
 

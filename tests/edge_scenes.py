@@ -1,38 +1,21 @@
-"""Planning at the edge: scenes that lie where a planner may fail, and what becomes of them.
-
-Each must end in a plan that the verifier passes, or in an error that names the cause.
-"""
+"""Scenes at the edge, where a planner may fail: at the end of the workspace, at singularities, with
+torques that hardly hold the robot, with ends that are all but one."""
 
 from __future__ import annotations
 
-import argparse
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
-from math import nan
 
 import numpy as np
 
-from deltaopt.cli.arguments import one_or_more
 from deltaopt.curves.piecewise import Array
-from deltaopt.errors import DeltaOptError
-from deltaopt.files.progress_bar import ProgressBar
 from deltaopt.files.validated_record import Vector3
-from deltaopt.planning.planner import plan
 from deltaopt.robot.drive import Drive
 from deltaopt.robot.model import DeltaModel
 from deltaopt.robot.robot import Forearm, Platform, Robot, UpperArm
 from deltaopt.scene.scene import Scene
-from deltaopt.verify.verification import verify
-from studies.text_table import paragraph, table
 
-HELP = "scenes where a planner may fail: a verified plan, or an error that names the cause"
-SMALL = {"every": 12}
-Progress = Callable[[float, str], None]
-
-TOLERANCE = 1e-2
-"""Of the optimality gap: it is failure that is looked for, not the last per mille."""
 MIDDLE: Vector3 = (0.45, 0.05, 0.0)
 """A good place, m."""
 ASIDE: Vector3 = (0.42, -0.06, 0.05)
@@ -77,49 +60,6 @@ class Case:
     family: str
     name: str
     make: Callable[[], Scene]
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """The outcome of a case.
-
-    ``duration``: of the plan, s; nan if there is none. ``verified``: whether the verifier
-    passes it. ``error``: kind of the error, or empty. ``sentence``: what the error or the
-    verifier says, or empty.
-    """
-
-    family: str
-    name: str
-    seconds: float
-    duration: float
-    gap: float
-    iterations: int
-    verified: bool
-    error: str
-    sentence: str
-
-    @property
-    def safe(self) -> bool:
-        """Whether it ends in a plan that passes, or in an error that says something."""
-        return self.verified or bool(self.error and self.sentence)
-
-
-@dataclass(frozen=True)
-class Edge:
-    """The outcomes of all cases."""
-
-    outcomes: list[Outcome]
-
-
-def measure(progress: Progress = lambda done, what: None, every: int = 1) -> Edge:
-    """Plan each N-th case, N = ``every``."""
-    chosen = cases()[::every]
-    outcomes = []
-    for i, case in enumerate(chosen):
-        progress(i / len(chosen), f"{case.family}, {case.name}")
-        outcomes.append(attempt(case))
-    progress(1.0, "done")
-    return Edge(outcomes)
 
 
 def cases() -> list[Case]:
@@ -249,67 +189,3 @@ def _holding(point: Vector3, payload: float | None) -> Array:
 def _vector(values: Array) -> Vector3:
     x, y, z = values.tolist()
     return x, y, z
-
-
-def attempt(case: Case) -> Outcome:
-    """Plan a case and verify the plan."""
-    begin = time.perf_counter()
-    try:
-        scene = case.make()
-        planned = plan(scene, tolerance=TOLERANCE)
-        found = verify(scene, planned.trajectory)
-    except DeltaOptError as error:
-        seconds = time.perf_counter() - begin
-        name = type(error).__name__
-        return Outcome(case.family, case.name, seconds, nan, nan, 0, False, name, str(error))
-    return Outcome(
-        family=case.family,
-        name=case.name,
-        seconds=time.perf_counter() - begin,
-        duration=planned.duration,
-        gap=planned.gap,
-        iterations=planned.iterations,
-        verified=found.ok,
-        error="",
-        sentence="; ".join(found.failures()),
-    )
-
-
-def edge_table(study: Edge) -> str:
-    """Tabulate all scenes, errors by their kind."""
-    rows: list[tuple[str, ...]] = [("edge", "scene", "seconds", "duration, s", "gap", "")]
-    for o in study.outcomes:
-        numbers = ("-", "-") if o.error else (f"{o.duration:.4g}", f"{o.gap:.0e}")
-        end = o.error or ("verified" if o.verified else "WRONG")
-        rows.append((o.family, o.name, f"{o.seconds:.1f}", *numbers, end))
-    return table(rows)
-
-
-def verdict(study: Edge) -> str:
-    """Say how many ended how, and what fell short of the tolerance."""
-    plans = [o for o in study.outcomes if o.verified]
-    refused = [o for o in study.outcomes if o.error]
-    kinds = sorted({o.error for o in refused})
-    counts = ", ".join(f"{sum(o.error == kind for o in refused)} {kind}" for kind in kinds)
-    short = [f"{o.family}: {o.name}, gap {o.gap:.2f}" for o in plans if o.gap > TOLERANCE]
-    slowest = max(study.outcomes, key=lambda o: o.seconds)
-    return paragraph(
-        f"Of {len(study.outcomes)} scenes at the edge {len(plans)} end in a plan that the verifier"
-        f" passes and {len(refused)} in an error that names the cause ({counts});"
-        f" {sum(not o.safe for o in study.outcomes)} end in anything else.",
-        f"The longest takes {slowest.seconds:.0f} s ({slowest.family}: {slowest.name}).",
-        f"Of the plans {len(short)} miss the tolerance of {TOLERANCE:g} and say so:"
-        f" {'; '.join(short) or 'none'}.",
-    )
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--every", type=one_or_more, default=1, metavar="N", help="plan each N-th scene only (1)"
-    )
-
-
-def run(arguments: argparse.Namespace) -> int:
-    found = measure(ProgressBar(), arguments.every)
-    print(edge_table(found), verdict(found), sep="\n\n")
-    return int(not all(outcome.safe for outcome in found.outcomes))
