@@ -1,0 +1,176 @@
+"""Hold the numbers of the pages against what commands last printed.
+
+What a command printed is kept in docs/outputs/NAME.txt, below three lines: the command, the code
+that its numbers depend on, and the commit that it ran on. A page says where a block is from in the
+line before it, ``<!-- from: NAME -->``, or several names with commas. Every line of a fenced block,
+and every number of a paragraph, list or table but those in `code`, must stand in these outputs;
+prose may round to two digits or more. Told too: outputs that are older than their code, outputs
+that only an earlier commit can print again, and tables of numbers that name no output. With --again
+the commands of some outputs run once more, on code that is committed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import shlex
+import subprocess
+import sys
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from os import getloadavg
+from pathlib import Path
+
+from deltaopt.errors import DeltaOptError
+from deltaopt.files.atomic_write import atomic_write
+
+HELP = "hold the numbers of the pages against what commands last printed"
+SMALL: Mapping[str, object] = {}
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+_BLOCK = re.compile(r"^```[\s\S]*?^```$|(?:^(?!```).+\n?)+", re.MULTILINE)
+_MARK = re.compile(r"^<!-- from: (.+) -->$")
+_NUMBER = re.compile(r"(?<![\w.])\d[\d,]*(?:\.\d+)?(?:e[-+]?\d+)?(?![\w])|(?<![\w.])\d[\d.,]*\d")
+_NOT_A_RESULT = re.compile(r"`[^`]*`|\]\([^)]*\)|eqs?\. \([\d–]+\)")
+"""Parts of prose whose digits nobody measured: code, links and the paper's equations."""
+_TABLE = 6
+"""Numbers in a block from which on it is a table of results rather than a sentence."""
+
+
+@dataclass(frozen=True)
+class Output:
+    """What a command printed, the paths that it depends on, and the commit that it ran on."""
+
+    name: str
+    command: str
+    code: tuple[str, ...]
+    commit: str
+    text: str
+
+    @classmethod
+    def of(cls, file: Path) -> Output:
+        """Raises: DeltaOptError if the file does not begin with the three lines."""
+        lines = file.read_text(encoding="utf-8").split("\n", 3)
+        heads = [line.partition(" ") for line in lines[:3]]
+        if [head for head, *_ in heads] != ["$", "code", "commit"]:
+            raise DeltaOptError(
+                f"{file}: lines '$ COMMAND', 'code PATHS', 'commit HASH' come first"
+            )
+        (command, code, commit) = (rest for *_, rest in heads)
+        return cls(file.stem, command, tuple(code.split()), commit, "\n".join(lines[3:]))
+
+    def age(self) -> int:
+        """How many commits have changed its code since; -1 where Git does not know."""
+        commit = self.commit.split(",")[0]
+        asked = ["git", "rev-list", "--count", f"{commit}..HEAD", "--", *self.code]
+        told = subprocess.run(asked, cwd=ROOT, capture_output=True, text=True, check=False)
+        return -1 if told.returncode else int(told.stdout)
+
+    def lacks(self, block: str) -> list[str]:
+        """What of a block of a page it does not have: lines of a fence, else numbers."""
+        if block.startswith("```"):
+            lines = {" ".join(line.split()) for line in self.text.splitlines()}
+            return [
+                line for line in block.splitlines()[1:-1] if " ".join(line.split()) not in lines
+            ]
+        printed = {_value(number) for number in _NUMBER.findall(self.text)}
+        return [number for number in _numbers(block) if not _among(number, printed)]
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--again", nargs="+", metavar="NAME", help="outputs to print again first")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    outputs = {file.stem: Output.of(file) for file in sorted((DOCS / "outputs").glob("*.txt"))}
+    for name in arguments.again or ():
+        if name not in outputs:
+            raise DeltaOptError(f"no docs/outputs/{name}.txt; there are {', '.join(outputs)}")
+        outputs[name] = _printed_again(outputs[name])
+    pages = [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]
+    wrong: list[str] = []
+    used: set[str] = set()
+    unmarked = 0
+    for page in pages:
+        for names, block in blocks(page.read_text(encoding="utf-8")):
+            unmarked += not names and "|--" in block and len(list(_numbers(block))) >= _TABLE
+            wrong += [
+                f"{page.relative_to(ROOT)}: {what}" for what in lacking(names, block, outputs)
+            ]
+            used.update(names)
+    for output in outputs.values():
+        print(f"{output.name}: {_told(output)}; {'' if output.name in used else 'on no page; '}"
+              f"{output.command}")  # fmt: skip
+    print(f"{unmarked} tables of numbers name no output")
+    print("\n".join(wrong) or "every number of a marked block stands in its output")
+    return 1 if wrong else 0
+
+
+def blocks(page: str) -> Iterator[tuple[tuple[str, ...], str]]:
+    """The blocks of a page, fences and what blank lines divide, with the outputs they name."""
+    names: tuple[str, ...] = ()
+    for block in _BLOCK.findall(page):
+        first, _, rest = block.partition("\n")
+        if mark := _MARK.match(first):
+            names, block = tuple(name.strip() for name in mark[1].split(",")), rest
+        if block.strip():
+            yield names, block
+            names = ()
+
+
+def lacking(names: tuple[str, ...], block: str, outputs: Mapping[str, Output]) -> Iterator[str]:
+    """Sentences about what the outputs that a block names do not have."""
+    yield from (f"there is no docs/outputs/{name}.txt" for name in names if name not in outputs)
+    missing = [outputs[name].lacks(block) for name in names if name in outputs]
+    for each in missing[0] if missing else ():
+        if all(each in others for others in missing):
+            yield f"'{each}' is not printed by {', '.join(names)}"
+
+
+def _told(output: Output) -> str:
+    from studies.__main__ import STUDIES
+
+    words = output.command.split()
+    if "studies" in words and words[words.index("studies") + 1] not in STUDIES:
+        return f"printed by {output.commit}, the study is no longer there"
+    age = output.age()
+    since = "as old as its code" if not age else f"{age} commits to its code since {output.commit}"
+    return since if age >= 0 else f"commit {output.commit} is unknown to Git here"
+
+
+def _printed_again(output: Output) -> Output:
+    """Run the command of an output, keep what it prints, and return that."""
+    asked = ["git", "status", "--porcelain", "--", *output.code]
+    if subprocess.run(asked, cwd=ROOT, capture_output=True, text=True, check=True).stdout:
+        raise DeltaOptError(f"{output.name}: commit changes of {' '.join(output.code)} first")
+    words = shlex.split(output.command)
+    words = words[1:] if words[0] == "python" else ["-m", *words]
+    told = subprocess.run(
+        [sys.executable, *words], cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True
+    ).stdout
+    asked = ["git", "rev-parse", "--short=8", "HEAD"]
+    commit = subprocess.run(asked, cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    heads = f"$ {output.command}", f"code {' '.join(output.code)}"
+    load = f"commit {commit.strip()}, load {getloadavg()[0]:.1f}"
+    file = DOCS / "outputs" / f"{output.name}.txt"
+    with atomic_write(file) as temporary:
+        temporary.write_text("\n".join((*heads, load, told)), encoding="utf-8")
+    return Output.of(file)
+
+
+def _numbers(block: str) -> Iterator[str]:
+    yield from _NUMBER.findall(_NOT_A_RESULT.sub("", block))
+
+
+def _value(number: str) -> float:
+    return float(number.strip(",").replace(",", ""))
+
+
+def _among(number: str, printed: set[float]) -> bool:
+    """Whether a number was printed, or is one that was, rounded to two digits or more."""
+    value = _value(number)
+    if value in printed:
+        return True
+    mantissa = number.partition("e")[0].replace(",", "")
+    digits = len(mantissa.replace(".", "").lstrip("0"))
+    return digits > 1 and any(float(f"{each:.{digits - 1}e}") == value for each in printed)
