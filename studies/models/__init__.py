@@ -1,8 +1,8 @@
 """Which model of the Delta, when: errors on the way into singularities beside what each costs.
 
-Torques and accelerations of the paper's Delta from a regular state to 1e-12 before its two kinds of
-singularity, against fifty digits; operations, counted, and nanoseconds, interpreted and compiled.
-Draws which_model.png, writes models.csv.
+Torques and accelerations of the paper's Delta from a regular state to 1e-12 before its four kinds
+of singularity, against fifty digits; operations, counted, and nanoseconds, interpreted and
+compiled. Draws which_model.png, writes models.csv.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     from deltaopt.files.atomic_write import atomic_write
-    from studies.models.measure import condition_table, csv_of, measure, table_of, verdict
+    from studies.models.measure import csv_of, digits_table, measure, table_of, verdict
     from studies.plots.models import draw
 
     a = arguments
     sizes = a.motions, a.digits, a.states, a.rounds
     found = measure(ProgressBar(), *sizes, a.distances)
-    print(table_of(found), condition_table(found), verdict(found), sep="\n\n")
+    print(table_of(found), digits_table(found), verdict(found), sep="\n\n")
     with atomic_write(a.directory / "models.csv") as temporary:
         temporary.write_text(csv_of(found), encoding="utf-8")
     draw(found, a.directory / "which_model.png")

@@ -25,8 +25,15 @@ from studies.models import singularities as s
 from studies.models.families import delta_families
 from studies.text_table import csv, paragraph, table
 
-FAMILIES = {"stretched": "arm and bars in line", "coplanar": "bars in one plane"}
-"""A serial singularity and a parallel one."""
+FAMILIES = {
+    "stretched": "arm and bars in line",
+    "sideways": "bars sideways",
+    "coplanar": "bars in one plane",
+    "upright": "bars upright",
+}
+"""Two serial singularities and two parallel ones."""
+TOLD = (1e-2, 1e-4, 1e-6, 1e-8, 1e-12)
+"""Distances at which the digits that are left are told."""
 TASKS = {"inverse": "torques", "forward": "accelerations"}
 CHOSEN = (
     ("L_E", "closed form", "L_E, eq. (55)"),
@@ -52,13 +59,11 @@ class Cost:
 @dataclass(frozen=True)
 class Models:
     """``errors``: by (family, task, name), over the ``distances``. ``floors``: what rounding the
-    state alone makes, by (family, task). ``condition``: of C in eq. (55) and of L_I's matrix for
-    torques, by family. ``costs``: by (task, name)."""
+    state alone makes, by (family, task). ``costs``: by (task, name)."""
 
     distances: Array
     errors: dict[tuple[str, str, str], Array]
     floors: dict[tuple[str, str], Array]
-    condition: dict[str, tuple[Array, Array]]
     costs: dict[tuple[str, str], Cost]
 
     def trusted_to(self, family: str, task: str, name: str) -> float:
@@ -82,12 +87,10 @@ def measure(
     exact = ManyDigits(digits)
     families = [f for f in delta_families() if f.name in FAMILIES]
     functions = s.Functions(families[0].mechanism)
-    errors, floors, condition = {}, {}, {}
+    errors, floors = {}, {}
     for i, family in enumerate(families):
         progress(0.7 * i / len(families), family.title)
         at = s.States.make(family, functions, exact, motions, distances)
-        conditions = {c.matrix: c.numbers for c in s.condition_numbers(at)}
-        condition[family.name] = (conditions["C in closed form"], conditions["L_I, inverse"])
         for problem in s.PROBLEMS[1:]:
             truth = s.Truth.of(at, problem, exact)
             floors[family.name, problem.name] = truth.conditioning()
@@ -97,7 +100,7 @@ def measure(
     progress(0.7, "cost")
     costs = _costs(families[0].mechanism, exact_samples(delta(PAPER), states, exact), rounds)
     progress(1.0, "done")
-    return Models(np.array(distances), errors, floors, condition, costs)
+    return Models(np.array(distances), errors, floors, costs)
 
 
 def _costs(m: Mechanism, samples: Samples, rounds: int) -> dict[tuple[str, str], Cost]:
@@ -150,13 +153,23 @@ def table_of(found: Models) -> str:
     return table(rows)
 
 
-def condition_table(found: Models) -> str:
-    """Return condition numbers over the distance."""
-    rows = [("ε", *(f"{f}: cond. of {m}" for f in FAMILIES for m in ("C, eq. (55)", "L_I")))]
-    for k, distance in enumerate(found.distances):
-        numbers = (f"{c[k]:.0e}" for f in FAMILIES for c in found.condition[f])
-        rows.append((f"{distance:.0e}", *numbers))
+def digits_table(found: Models) -> str:
+    """Return the correct digits of each model on the way into each singularity; ``-`` for none."""
+    told = [k for k, distance in enumerate(found.distances) if distance in TOLD]
+    rows = [("digits of", "towards", "model", *(f"{found.distances[k]:.0e}" for k in told))]
+    for task, what in TASKS.items():
+        for family, title in FAMILIES.items():
+            curves = {name: found.errors[family, task, name] for *_, name in CHOSEN}
+            curves["(rounding of the state)"] = found.floors[family, task]
+            for name, errors in curves.items():
+                digits = [digits_of(float(errors[k])) for k in told]
+                rows.append((what, title, name, *(f"{d}" if d else "-" for d in digits)))
     return table(rows)
+
+
+def digits_of(error: float) -> int:
+    """Return how many digits a relative error leaves, 16 at most; none without a result."""
+    return int(np.clip(np.nan_to_num(-np.log10(max(error, 1e-16))), 0, 16))
 
 
 def verdict(found: Models) -> str:

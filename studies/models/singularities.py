@@ -9,7 +9,7 @@ conditioning of the problem, which no method can undo; it is reported beside.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -71,15 +71,6 @@ METHODS = (
 def lapack_lu(A: ca.MX, b: ca.MX) -> ca.MX:
     """Return x with A x = b, by LU with partial pivoting."""
     return ca.solve(A, b, "lapacklu")
-
-
-@dataclass(frozen=True)
-class Conditions:
-    """Condition numbers of one matrix at the ``DISTANCES``; infinite where it does not exist."""
-
-    family: str
-    matrix: str
-    numbers: Array
 
 
 class Functions:
@@ -219,27 +210,3 @@ def _inputs(motion: Motion, task: Task) -> tuple[list[Matrix], int]:
     if task is INVERSE:
         return [motion.q, motion.dq, motion.ddq], motion.tau.rows
     return [motion.q, motion.dq, motion.tau], motion.q.rows
-
-
-def condition_numbers(states: States) -> Iterator[Conditions]:
-    """Of J, of the paper's C, and of model L_I's matrices at rest."""
-    m, p = states.family.mechanism, states.family.parameters
-    C = ClosedForm().function(m)
-    f = states.functions
-    inverse, forward = (f.system(task) for task in (INVERSE, FORWARD))
-    still, no_torque = np.zeros(m.q.numel()), np.zeros(m.controls.numel())
-    matrices: dict[str, Callable[[Array], ca.DM]] = {
-        "J": lambda q: f.jacobian(0.0, q, p),
-        "C in closed form": lambda q: C(0.0, q, p)[0],
-        "L_I, inverse": lambda q: inverse(0.0, q, still, still, p)[0],
-        "L_I, forward": lambda q: forward(0.0, q, still, no_torque, p)[0],
-    }
-    for name, matrix in matrices.items():
-        numbers = np.array([condition(np.asarray(ca.densify(matrix(q)))) for q in states.q])
-        yield Conditions(states.family.name, name, numbers)
-
-
-def condition(A: Array) -> float:
-    """Return the largest over the smallest singular value; infinite for a matrix that does not
-    exist."""
-    return float(np.linalg.cond(A)) if np.isfinite(A).all() else float("inf")

@@ -14,6 +14,8 @@ from studies.plots.work_precision import LINES
 
 FLOOR, CEILING = 1e-17, 1e2
 """Errors are drawn between these."""
+DRAWN = ("stretched", "coplanar")
+"""A serial singularity and a parallel one."""
 NAMES = tuple(name for *_, name in CHOSEN)
 
 
@@ -22,9 +24,9 @@ def draw(found: Models, file: Path) -> None:
     with figure(file, 7.4, 7.0) as drawn:
         panels = drawn.subplots(3, 2, sharex="row", sharey="row", height_ratios=(3, 3, 2.2))
         for column, (task, what) in enumerate(TASKS.items()):
-            for row, (family, title) in enumerate(FAMILIES.items()):
+            for row, family in enumerate(DRAWN):
                 _errors(panels[row, column], found, family, task)
-                panels[row, column].set_title(f"{what}, towards {title}")
+                panels[row, column].set_title(f"{what}, towards {FAMILIES[family]}")
             _costs(panels[2, column], found, task)
             panels[2, column].set_title(f"cost of {what}: • compiled, ○ interpreted; operations")
             panels[1, column].set_xlabel("distance ε from the singularity")
