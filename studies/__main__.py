@@ -30,9 +30,6 @@ from studies import (
     frontier,
     frozen,
     gap,
-    given_paths,
-    interruptions,
-    inverse,
     keep_out,
     limits,
     line,
@@ -45,15 +42,14 @@ from studies import (
     objectives,
     parts,
     processors,
-    proportions,
     reference,
     sanitize,
     size,
     smooth,
     smoother,
     tables,
+    theory,
     tutorial,
-    via,
 )
 from studies.problems import PROBLEMS
 
@@ -84,9 +80,6 @@ STUDIES: dict[str, Study] = {
     "frontier": frontier,
     "frozen": frozen,
     "gap": gap,
-    "given_paths": given_paths,
-    "interruptions": interruptions,
-    "inverse": inverse,
     "keep_out": keep_out,
     "limits": limits,
     "line": line,
@@ -99,15 +92,14 @@ STUDIES: dict[str, Study] = {
     "objectives": objectives,
     "parts": parts,
     "processors": processors,
-    "proportions": proportions,
     "reference": reference,
     "sanitize": sanitize,
     "size": size,
     "smooth": smooth,
     "smoother": smoother,
     "tables": tables,
+    "theory": theory,
     "tutorial": tutorial,
-    "via": via,
 }
 
 

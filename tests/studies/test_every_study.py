@@ -19,8 +19,6 @@ SAYS = {
     "frontier": "Within 0.01: the default takes",
     "frozen": "cases agree to 1e-09",
     "gap": "0 refused or not converged, 0 without a truth",
-    "interruptions": "3 of 3 planned and verified",
-    "inverse": "inverse dynamics",
     "keep_out": "slot, 1 mm beside the tool: 1 of 1 planned",
     "limits": "workspace radius     1 of 1",
     "line": "pick_and_place: line by a quintic law 0.1966 s",
@@ -29,17 +27,17 @@ SAYS = {
     "mujoco": "planned with terms left out, steps of 500 µs",
     "multistart": "Of 1 moves inside 2 first guesses make faster",
     "mutations": "test_jumping_velocity",
+    "numbers": "every number of a marked block stands in its output",
     "objectives": "least effort ∫ τᵀτ dt in",
     "smooth": "with torques that jump",
     "parts": "| industrial | 0.60 |",
     "smoother": "cost of torque rates",
     "processors": "| OpenBLAS for Haswell |",
-    "proportions": "2 have a plan that is verified",
     "reference": "| `peak_torque` | a torque in N·m, greater than 0 | required | `3.82 N*m` |",
     "sanitize": "0 findings",
     "tables": "| pick_and_place | quintic |",
+    "theory": "intervals: gap told",
     "tutorial": "cubic, rows each ms: asks for 1.50 of a limit",
-    "via": "4 of 4 planned and verified",
 }
 
 
@@ -57,18 +55,12 @@ def test_study_in_small(name, capsys):
     assert SAYS[name] in capsys.readouterr().out
 
 
-def test_given_paths_in_small(capsys):
-    pytest.importorskip("toppra")
-    assert main(["given_paths", "--small"]) == 0
-    assert "ours: found 2 of 2, 2 within 0.001" in capsys.readouterr().out
-
-
 def test_all_is_unattended(monkeypatch, capsys, tmp_path):
     """A study that ends in an unforeseen error is named, the others go on; --after leaves out those
     before; --into copies what was drawn."""
 
     def run(arguments):
-        if arguments.study == "via":
+        if arguments.study == "smoother":
             raise RuntimeError("nobody expected this")
         (Path("out/tutorial")).mkdir(parents=True, exist_ok=True)
         (Path("out/tutorial") / "tutorial_table.png").write_bytes(b"drawn")
@@ -76,12 +68,12 @@ def test_all_is_unattended(monkeypatch, capsys, tmp_path):
 
     for study in STUDIES.values():
         monkeypatch.setattr(study, "run", run)
-    assert main(["all", "--small", "--after", "tables", "--into", str(tmp_path)]) == 1
+    assert main(["all", "--small", "--after", "size", "--into", str(tmp_path)]) == 1
     printed = capsys.readouterr()
     copied = tmp_path / "tutorial_table.png"
-    names = list(STUDIES)[list(STUDIES).index("tables") + 1 :]
+    names = list(STUDIES)[list(STUDIES).index("size") + 1 :]
     expected = {name: f"{name}: 0 s, exit code 0" for name in names}
-    expected["via"] = "via: 0 s, exit code 1"
+    expected["smoother"] = "smoother: 0 s, exit code 1"
     expected["tutorial"] += f", {copied}"
     assert printed.out.splitlines()[-len(names) :] == list(expected.values())
     assert "nobody expected this" in printed.err

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ from deltaopt.planning.path.path_rows import PathRows
 from deltaopt.planning.plan import Plan
 from deltaopt.problem.of_scene import problem_of
 from deltaopt.scene.scene import Scene
-from studies.given_paths import random_paths
+from studies.bench.random_scenes import random_scenes
 from tests.oracles.path_arcs import two_arcs
 from tests.oracles.path_by_ipopt import duration_by_ipopt, torque_coefficients
 
@@ -24,6 +25,31 @@ PROBLEMS = Path(__file__).parents[3] / "problems"
 PICK = deltaopt.load_scene(PROBLEMS / "pick_and_place.yaml")
 CROSS = deltaopt.load_scene(PROBLEMS / "industrial_cross.yaml")
 ROUNDED = {"pick_and_place": {"height": 0.025, "blend": 0.02}}
+
+
+def random_paths(
+    robot: deltaopt.Robot, payload: float | None, number: int, seed: int
+) -> Iterator[deltaopt.Scene]:
+    """Random moves on lines, through corners and on pick-and-place paths by turns, of which some
+    lead out of the workspace."""
+    rng = np.random.default_rng(seed)
+    for i, scene in enumerate(random_scenes(robot, payload, number, seed)):
+        start, goal = np.array(scene.start), np.array(scene.goal)
+        way = float(np.linalg.norm(goal - start))
+        path: deltaopt.Line | deltaopt.Corners | deltaopt.PickAndPlace = deltaopt.Line()
+        if i % 3 == 1:
+            shares = np.sort(rng.uniform(0.15, 0.85, size=rng.integers(1, 4)))
+            points = start + shares[:, None] * (goal - start)
+            points += 0.2 * way * rng.uniform(-1, 1, size=points.shape)
+            shortest = np.linalg.norm(np.diff([start, *points, goal], axis=0), axis=1).min()
+            blend = float(rng.uniform(0.1, 0.5) * shortest)
+            path = deltaopt.Corners.model_validate({"points": points.tolist(), "blend": blend})
+        elif i % 3 == 2:
+            height = float(rng.uniform(0.05, 0.3) * way)
+            across = float(np.linalg.norm((goal - start)[1:]))
+            blend = float(rng.uniform(0.1, 0.5) * min(height, across))
+            path = deltaopt.PickAndPlace(height=height, blend=blend)
+        yield scene.model_copy(update={"path": path})
 
 
 def on(scene: Scene, path: object, **changes: object) -> Scene:
