@@ -13,12 +13,11 @@ from __future__ import annotations
 
 import argparse
 import re
-import shlex
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from os import getloadavg
+from os import environ, getloadavg, pathsep
 from pathlib import Path
 
 from deltaopt.errors import DeltaOptError
@@ -57,12 +56,13 @@ class Output:
                 f"{file}: lines '$ COMMAND', 'code PATHS', 'commit HASH' come first"
             )
         (command, code, commit) = (rest for *_, rest in heads)
-        return cls(file.stem, command, tuple(code.split()), commit, "\n".join(lines[3:]))
+        return cls(
+            file.stem, command, tuple(code.split()), commit.split(",")[0], "\n".join(lines[3:])
+        )
 
     def age(self) -> int:
         """How many commits have changed its code since; -1 where Git does not know."""
-        commit = self.commit.split(",")[0]
-        asked = ["git", "rev-list", "--count", f"{commit}..HEAD", "--", *self.code]
+        asked = ["git", "rev-list", "--count", f"{self.commit}..HEAD", "--", *self.code]
         told = subprocess.run(asked, cwd=ROOT, capture_output=True, text=True, check=False)
         return -1 if told.returncode else int(told.stdout)
 
@@ -130,12 +130,12 @@ def lacking(names: tuple[str, ...], block: str, outputs: Mapping[str, Output]) -
 def _told(output: Output) -> str:
     from studies.__main__ import STUDIES
 
-    words = output.command.split()
-    if "studies" in words and words[words.index("studies") + 1] not in STUDIES:
-        return f"printed by {output.commit}, the study is no longer there"
     age = output.age()
-    since = "as old as its code" if not age else f"{age} commits to its code since {output.commit}"
-    return since if age >= 0 else f"commit {output.commit} is unknown to Git here"
+    if age < 0:
+        return f"commit {output.commit} is unknown to Git here"
+    since = f"{age} commits to its code since {output.commit}" if age else "as old as its code"
+    study = re.search(r"-m studies (\w+)", output.command)
+    return since if not study or study[1] in STUDIES else f"{since}, which has the study"
 
 
 def _printed_again(output: Output) -> Output:
@@ -143,18 +143,25 @@ def _printed_again(output: Output) -> Output:
     asked = ["git", "status", "--porcelain", "--", *output.code]
     if subprocess.run(asked, cwd=ROOT, capture_output=True, text=True, check=True).stdout:
         raise DeltaOptError(f"{output.name}: commit changes of {' '.join(output.code)} first")
-    words = shlex.split(output.command)
-    words = words[1:] if words[0] == "python" else ["-m", *words]
+    path = f"{Path(sys.executable).parent}{pathsep}{environ['PATH']}"
     told = subprocess.run(
-        [sys.executable, *words], cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True
-    ).stdout
+        output.command,
+        shell=True,
+        cwd=ROOT,
+        env={**environ, "PATH": path},
+        stdout=subprocess.PIPE,
+        text=True,
+        check=False,
+    )
+    if told.returncode:
+        raise DeltaOptError(f"{output.name}: exit code {told.returncode} of {output.command}")
     asked = ["git", "rev-parse", "--short=8", "HEAD"]
     commit = subprocess.run(asked, cwd=ROOT, capture_output=True, text=True, check=True).stdout
     heads = f"$ {output.command}", f"code {' '.join(output.code)}"
     load = f"commit {commit.strip()}, load {getloadavg()[0]:.1f}"
     file = DOCS / "outputs" / f"{output.name}.txt"
     with atomic_write(file) as temporary:
-        temporary.write_text("\n".join((*heads, load, told)), encoding="utf-8")
+        temporary.write_text("\n".join((*heads, load, told.stdout)), encoding="utf-8")
     return Output.of(file)
 
 

@@ -1,4 +1,4 @@
-"""docs/equations.md: every equation of the paper once, and every name there."""
+"""docs/dev/equations.md: every equation of the paper once, and every name there."""
 
 import ast
 import re
@@ -8,7 +8,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 ROWS = re.findall(
-    r"^\| ([\d–]+) \| .+? \| (.+) \|$", (ROOT / "docs/equations.md").read_text(), re.M
+    r"^\| ([\d–]+) \| .+? \| (.+) \|$", (ROOT / "docs/dev/equations.md").read_text(), re.M
 )
 NAMES = sorted({name for _, where in ROWS for name in re.findall(r"`([^`]+)`", where)})
 

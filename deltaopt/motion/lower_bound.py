@@ -1,10 +1,10 @@
 """A lower bound on the duration of every motion from start to goal, on whatever path.
 
 It holds for the whole problem, not near one motion: no other local minimum, found or not, is
-shorter. It rests on work and energy alone; docs/lower_bound.md has the proofs. It is evaluated in
-closed form, without sampling paths or configurations, for the terms of the robot's model and the
-limits on torque, speed and acceleration. Other limits make motions slower, so it holds with them
-too.
+shorter. It rests on work and energy alone; docs/dev/lower-bound.md has the proofs. It is
+evaluated in closed form, without sampling paths or configurations, for the terms of the robot's
+model and the limits on torque, speed and acceleration. Other limits make motions slower, so it
+holds with them too.
 """
 
 from __future__ import annotations

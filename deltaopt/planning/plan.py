@@ -177,7 +177,7 @@ class Plan:
     @cached_property
     def lower_bound(self) -> float:
         """A duration in s that no motion of the scene undercuts, on whatever path: proven in
-        docs/lower_bound.md. Beside ``gap``, which is an estimate and knows only motions nearby."""
+        docs/how-good.md. Beside ``gap``, which is an estimate and knows only motions nearby."""
         return lower_bound(self.scene)
 
     @cached_property

@@ -21,8 +21,8 @@ from deltaopt.mechanisms.delta.singularities import (
 NEAR = 1e-2
 """Distance ε from a serial singularity, cos q_{k,3} or sin (q_{k,1} - q_{k,2}), below which other
 equations than eq. (55) are used, because its error grows as ε⁻⁵ in accelerations and as ε⁻¹ in
-torques at rest (docs/stability.md), and faster in moving torques of the short form for slender
-bars: model L_I for accelerations, motor angles as independent coordinates for torques."""
+torques at rest (docs/where-methods-fail.md), and faster in moving torques of the short form for
+slender bars: model L_I for accelerations, motor angles as independent coordinates for torques."""
 SERIAL_LIMIT = 1e-6
 """Distance from a serial singularity below which a moving platform raises Singular. Torques have
 three correct digits there at best, for the platform's position determines only the square of the

@@ -189,6 +189,6 @@ def extremal(work, progress, steps):
 
 @pytest.mark.parametrize("angle", [0.0, 0.4, 1.2, np.pi / 2, 2.4])
 def test_the_inequality_behind_it(angle):
-    """At most c |p| sin φ / (2 φ), φ the angle between c and p (docs/lower_bound.md)."""
+    """At most c |p| sin φ / (2 φ), φ the angle between c and p (docs/dev/lower-bound.md)."""
     work, progress = np.array([1.7, 0.0]), np.array([np.cos(angle), np.sin(angle)])
     assert_allclose(extremal(work, progress, 150), 1.7 * np.sinc(angle / np.pi) / 2, rtol=1e-4)

@@ -14,7 +14,7 @@ MKDOCS = yaml.safe_load((ROOT / "mkdocs.yml").read_text(encoding="utf-8"))
 @pytest.mark.parametrize(
     ("folder", "link", "in_site"),
     [
-        (".", "[a](docs/gap.md#part)", "[a](gap.md#part)"),
+        (".", "[a](docs/theory.md#part)", "[a](theory.md#part)"),
         (".", "![a](docs/gap.png)", "![a](gap.png)"),
         (".", "[a](CHANGELOG.md)", "[a](changelog.md)"),
         ("docs", "[a](../README.md#install)", "[a](index.md#install)"),

@@ -20,7 +20,7 @@ AZIMUTHS = (0.0, 2 * pi / 3, -2 * pi / 3)
 
 MOTOR_ANGLES = Partition((3, 6, 9))
 """The constraint matrix with the motor angles as independent coordinates. It keeps torques exact in
-serial singularities and does not exist in parallel ones (docs/stability.md)."""
+serial singularities and does not exist in parallel ones (docs/where-methods-fail.md)."""
 
 
 @dataclass(frozen=True)

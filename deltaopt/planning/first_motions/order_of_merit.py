@@ -36,8 +36,8 @@ from deltaopt.scene.task import OnPath, distance
 
 SLOW = 20.0
 """How many times the lower bound a straight line, of the platform or in motor angles, may take
-before others are compared with it. Hardly any takes so long (docs/first-motions.md says how long
-they take): a smaller one would compare curves, at half the time of a plan, for nothing."""
+before others are compared with it. Hardly any takes so long (docs/dev/first-motions.md says how
+long they take): a smaller one would compare curves, at half the time of a plan, for nothing."""
 _USUAL = 10.0
 """Below how many times √(distance · mass / force of the motors) a motion is not slow, which is
 known at once, without the lower bound."""
