@@ -4,17 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from studies.__main__ import main
 from studies.numbers import Output, blocks, lacking
 
 OUTPUT = Output(
     "a", "python -m studies line", ("deltaopt",), "0", "x  0.1409 s\ny 1,234 of 1e-03\n"
 )
-
-
-def test_pages_say_what_was_printed(capsys):
-    assert main(["numbers"]) == 0
-    assert "every number of a marked block stands in its output" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
