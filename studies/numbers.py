@@ -1,12 +1,13 @@
 """Hold the numbers of the pages against what commands last printed.
 
-What a command printed is kept in docs/outputs/NAME.txt, below three lines: the command, the code
-that its numbers depend on, and the commit that it ran on. A page says where a block is from in the
-line before it, ``<!-- from: NAME -->``, or several names with commas. Every line of a fenced block,
-and every number of a paragraph, list or table but those in `code`, must stand in these outputs;
-prose may round to two digits or more. Told too: outputs that are older than their code, outputs
-that only an earlier commit can print again, and tables of numbers that name no output. With --again
-the commands of some outputs run once more, on code that is committed.
+What a command printed is kept in docs/outputs/NAME.txt, below lines of its own: the command, the
+code that its numbers depend on (all of deltaopt/ where that is left out), and the commit that it ran
+on. A page says where a block is from in the line before it, ``<!-- from: outputs/NAME.txt -->``, or
+several with commas. Every line of a fenced block, and every number of a paragraph, list or table but
+those in `code`, must stand in these outputs; prose may round to two digits or more. Told too:
+outputs that are older than their code, those that only an earlier commit can print again, and
+tables of numbers that name no output. With --again the commands of some outputs run once more, on
+code that is committed.
 """
 
 from __future__ import annotations
@@ -29,6 +30,8 @@ ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 _BLOCK = re.compile(r"^```[\s\S]*?^```$|(?:^(?!```).+\n?)+", re.MULTILINE)
 _MARK = re.compile(r"^<!-- from: (.+) -->$")
+_NAME = re.compile(r"(?:outputs/)?(\w+)(?:\.txt)?")
+_HEAD = re.compile(r"\$ (.+)\n(?:code (.+)\n)?commit (\w+).*\n([\s\S]*)")
 _NUMBER = re.compile(r"(?<![\w.])\d[\d,]*(?:\.\d+)?(?:e[-+]?\d+)?(?![\w])|(?<![\w.])\d[\d.,]*\d")
 _NOT_A_RESULT = re.compile(r"`[^`]*`|\]\([^)]*\)|eqs?\. \([\d–]+\)")
 """Parts of prose whose digits nobody measured: code, links and the paper's equations."""
@@ -48,17 +51,12 @@ class Output:
 
     @classmethod
     def of(cls, file: Path) -> Output:
-        """Raises: DeltaOptError if the file does not begin with the three lines."""
-        lines = file.read_text(encoding="utf-8").split("\n", 3)
-        heads = [line.partition(" ") for line in lines[:3]]
-        if [head for head, *_ in heads] != ["$", "code", "commit"]:
-            raise DeltaOptError(
-                f"{file}: lines '$ COMMAND', 'code PATHS', 'commit HASH' come first"
-            )
-        (command, code, commit) = (rest for *_, rest in heads)
-        return cls(
-            file.stem, command, tuple(code.split()), commit.split(",")[0], "\n".join(lines[3:])
-        )
+        """Raises: DeltaOptError if the file does not begin with a command and a commit."""
+        found = _HEAD.match(file.read_text(encoding="utf-8"))
+        if not found:
+            raise DeltaOptError(f"{file}: '$ COMMAND', 'code PATHS' and 'commit HASH' come first")
+        command, code, commit, text = found.groups()
+        return cls(file.stem, command, tuple((code or "deltaopt").split()), commit, text)
 
     def age(self) -> int:
         """How many commits have changed its code since; -1 where Git does not know."""
@@ -112,7 +110,7 @@ def blocks(page: str) -> Iterator[tuple[tuple[str, ...], str]]:
     for block in _BLOCK.findall(page):
         first, _, rest = block.partition("\n")
         if mark := _MARK.match(first):
-            names, block = tuple(name.strip() for name in mark[1].split(",")), rest
+            names, block = tuple(_NAME.findall(mark[1])), rest
         if block.strip():
             yield names, block
             names = ()

@@ -23,7 +23,7 @@ OUTPUT = Output(
     ],
 )
 def test_what_was_not_printed_is_named(block, missing):
-    ((names, found),) = blocks(f"<!-- from: a -->\n{block}\n\n")
+    ((names, found),) = blocks(f"<!-- from: outputs/a.txt -->\n{block}\n\n")
     expected = [f"'{missing}' is not printed by a"] if missing else []
     assert list(lacking(names, found, {"a": OUTPUT})) == expected
 
