@@ -1,13 +1,13 @@
 """Hold the numbers of the pages against what commands last printed.
 
 What a command printed is kept in docs/outputs/NAME.txt, below lines of its own: the command, the
-code that its numbers depend on (all of deltaopt/ where that is left out), and the commit that it ran
-on. A page says where a block is from in the line before it, ``<!-- from: outputs/NAME.txt -->``, or
-several with commas. Every line of a fenced block, and every number of a paragraph, list or table but
-those in `code`, must stand in these outputs; prose may round to two digits or more. Told too:
-outputs that are older than their code, those that only an earlier commit can print again, and
-tables of numbers that name no output. With --again the commands of some outputs run once more, on
-code that is committed.
+code that its numbers depend on (all of deltaopt/ where that is left out), and the commit that it
+ran on. A page says where a block is from in the line before it, ``<!-- from: outputs/NAME.txt
+-->``, or several with commas. Every line of a fenced block, and every number of a paragraph, list
+or table but those in `code`, must stand in these outputs; prose may round to two digits or more.
+Told too: outputs that are older than their code, those that only an earlier commit can print again,
+and tables of numbers that name no output. With --again the commands of some outputs run once more,
+on code that is committed.
 """
 
 from __future__ import annotations
