@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-SCRIPT = Path(__file__).parents[2] / "examples" / "03_own_mechanism.py"
+SCRIPT = Path(__file__).parents[2] / "examples" / "11_own_mechanism.py"
 
 
 @pytest.fixture(scope="module")
