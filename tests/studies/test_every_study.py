@@ -42,7 +42,7 @@ SAYS = {
 }
 
 
-CHARTS = (DOCS / "charts.md").read_text(encoding="utf-8")
+CHARTS = (DOCS / "dev/charts.md").read_text(encoding="utf-8")
 
 
 @pytest.fixture(autouse=True)
@@ -83,7 +83,7 @@ def test_all_is_unattended(monkeypatch, capsys, tmp_path):
 
 def test_every_picture_of_the_documentation_is_listed_with_its_command():
     """A study that is still there, a command of the package, or a commit that has the study."""
-    listed = re.findall(r"^\| \[\w+\]\((.+)\) \| `(.+)`( of \w+)? \|", CHARTS, re.MULTILINE)
+    listed = re.findall(r"^\| \[\w+\]\(\.\./(.+)\) \| `(.+)`( of \w+)? \|", CHARTS, re.MULTILINE)
     assert [file for file, *_ in listed] == sorted(file.name for file in DOCS.glob("*.png"))
     studies = [command.split()[3] for _, command, of in listed if "studies" in command and not of]
     assert studies
