@@ -1,4 +1,4 @@
-"""docs/tutorial.md: its commands run, and print what it says they print."""
+"""The manual: its commands run, and print what its pages say they print."""
 
 from __future__ import annotations
 
@@ -6,11 +6,17 @@ import re
 import shlex
 from pathlib import Path
 
+import pytest
+
 from deltaopt.cli import main
 from deltaopt.files.yaml_file import read_yaml
 
-PAGE = (Path(__file__).parents[1] / "docs/tutorial.md").read_text(encoding="utf-8")
-BLOCKS = re.findall(r"^```console\n\$ deltaopt (.*)\n((?:.*\n)*?)```$", PAGE, re.M)
+ROOT = Path(__file__).parents[1]
+PAGE = (ROOT / "docs/tutorial.md").read_text(encoding="utf-8")
+_BLOCK = re.compile(r"^```console\n\$ deltaopt (.*)\n((?:.*\n)*?)```$", re.M)
+BLOCKS = _BLOCK.findall(PAGE)
+BY_JOB = ("approach", "bodies", "cycles", "limits", "moving", "paths", "report", "smooth")
+"""Pages that show a scene and what planning it prints."""
 NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e-?\d+)?")
 TOLERANCE = 0.01
 """Of a number. Those below a thousandth are roundings and gaps, of which any will do."""
@@ -51,3 +57,20 @@ def test_files_are_those_of_the_page(tmp_path, monkeypatch):
         file = tmp_path / "shown.yaml"
         file.write_text(text, encoding="utf-8")
         assert read_yaml(file) == read_yaml(tmp_path / name)
+
+
+@pytest.mark.parametrize("page", BY_JOB)
+def test_a_page_by_job_shows_its_scene_and_what_is_printed(page, tmp_path, capsys, monkeypatch):
+    (tmp_path / "problems").symlink_to(ROOT / "problems")
+    monkeypatch.chdir(tmp_path)
+    text = (ROOT / f"docs/{page}.md").read_text(encoding="utf-8")
+    command, told = _BLOCK.findall(text)[0]
+    assert main([*shlex.split(command), "--no-plot"]) == 0
+    printed = capsys.readouterr().out
+    for line in told.splitlines():
+        assert said(line, printed), f"{line}\n{printed}"
+    for file, shown in re.findall(r"^```yaml\n# (problems/.+\.yaml)\n(.*?)```$", text, re.M | re.S):
+        copy = tmp_path / "shown.yaml"
+        copy.write_text(shown, encoding="utf-8")
+        planned = {"objective": "time", **read_yaml(copy)}
+        assert planned == {"objective": "time", **read_yaml(ROOT / file)}
