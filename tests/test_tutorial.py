@@ -69,7 +69,7 @@ def test_a_page_by_job_shows_its_scene_and_what_is_printed(page, tmp_path, capsy
     printed = capsys.readouterr().out
     for line in told.splitlines():
         assert said(line, printed), f"{line}\n{printed}"
-    for file, shown in re.findall(r"^```yaml\n# (problems/.+\.yaml)\n(.*?)```$", text, re.M | re.S):
+    for file, shown in re.findall(r"^```yaml\n# (problems/[\w/]+\.yaml)\n(.*?)```$", text, re.M | re.S):
         copy = tmp_path / "shown.yaml"
         copy.write_text(shown, encoding="utf-8")
         planned = {"objective": "time", **read_yaml(copy)}
