@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from posixpath import relpath
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:  # the tests of this module do without MkDocs
@@ -16,6 +17,7 @@ if TYPE_CHECKING:  # the tests of this module do without MkDocs
     from mkdocs.structure.pages import Page
 
 ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
 PAGES = {"README.md": "index.md", "CHANGELOG.md": "changelog.md"}
 """Pages outside of docs/, and their names in the site."""
 FOLDERS = ("problems", "examples")
@@ -32,7 +34,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
         files.append(File.generated(config, name, content=with_site_links(text, folder=ROOT)))
     for folder in FOLDERS:
         for file in sorted((ROOT / folder).rglob("*.*")):
-            if file.suffix in (".yaml", ".csv", ".py"):
+            if file.suffix in (".yaml", ".csv", ".py", ".ipynb"):
                 name = file.relative_to(ROOT).as_posix()
                 files.append(File.generated(config, name, abs_src_path=str(file)))
     return files
@@ -42,17 +44,19 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     """Replace links of a page of docs/ that lead out of that folder."""
     if page.file.src_uri in PAGES.values():
         return markdown
-    return with_site_links(markdown, folder=ROOT / "docs")
+    return with_site_links(markdown, folder=(DOCS / page.file.src_uri).parent)
 
 
 def with_site_links(markdown: str, *, folder: Path) -> str:
     """A page's text with links to files as the site has them; ``folder``: where the page is."""
+    inside = folder.relative_to(DOCS).as_posix() if folder.is_relative_to(DOCS) else "."
 
     def as_in_site(link: re.Match[str]) -> str:
         target = (folder / link[2]).resolve()
         if not target.is_relative_to(ROOT):
             return link[0]
         name = target.relative_to(ROOT).as_posix()
-        return link[1] + PAGES.get(name, name.removeprefix("docs/")) + link[3]
+        place = PAGES.get(name, name.removeprefix("docs/"))
+        return link[1] + relpath(place, inside) + link[3]
 
     return _LINK.sub(as_in_site, markdown)

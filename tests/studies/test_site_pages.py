@@ -19,6 +19,8 @@ MKDOCS = yaml.safe_load((ROOT / "mkdocs.yml").read_text(encoding="utf-8"))
         (".", "[a](CHANGELOG.md)", "[a](changelog.md)"),
         ("docs", "[a](../README.md#install)", "[a](index.md#install)"),
         ("docs", "[a](../problems/pick_and_place.yaml)", "[a](problems/pick_and_place.yaml)"),
+        ("docs/dev", "![a](../gap.png)", "![a](../gap.png)"),
+        ("docs/dev", "[a](../../README.md)", "[a](../index.md)"),
         ("docs", "[a](https://keepachangelog.com)", "[a](https://keepachangelog.com)"),
         ("docs", "[a](#part)", "[a](#part)"),
     ],
